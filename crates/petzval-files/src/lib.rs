@@ -1,6 +1,7 @@
 //! File formats: bytes in, values out, and every error with its place in the file.
 
 pub mod agf;
+pub mod coco;
 mod decimal;
 mod draft;
 mod encoding;
@@ -22,6 +23,7 @@ pub mod seq;
 pub mod spectral_file;
 mod tolerance_toml;
 mod toml_number;
+mod yaml;
 mod ycbcr_file;
 pub mod zmx;
 
@@ -36,7 +38,8 @@ pub use lens_toml::{Expect, Expected, ExpectedSpots, LensFile, lens_schema, pars
 pub use loss::{Effect, Loss};
 pub(crate) use picture_file::undecoded;
 pub use picture_file::{
-    ImageError, Picture, encoded_png_bytes, load_image, load_image_bytes, png_bytes, save_png, save_png16,
+    ImageError, Picture, encoded_png_bytes, load_image, load_image_bytes, picture_size, png_bytes, save_png,
+    save_png16,
 };
 pub use quantum_efficiency::{parse_quantum_efficiency, parse_quantum_efficiency_toml};
 pub use rii::parse_rii;

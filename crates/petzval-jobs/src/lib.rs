@@ -12,6 +12,7 @@ pub mod bench;
 mod built_in;
 pub mod compare;
 mod context;
+pub mod data;
 pub mod design;
 mod device;
 pub mod doctor;

@@ -9,7 +9,7 @@
 //! | [`loss`] | losses: the distance between a picture and the photograph |
 //! | [`objective`] | what a camera is optimised for: a named loss of what it took |
 //! | [`proxy_isp`] | a network in place of an image signal processor |
-//! | [`score`] | how good a picture is, in the numbers of the literature |
+//! | [`score`] | how good a picture is, and how well objects are detected in it, in the numbers of the literature |
 //! | [`dataset`] | photographs, split into training and held-out pictures |
 //!
 //! Pictures are tensors of shape `[batch, channel, row, column]`, sRGB-encoded, about 0..1. Networks and losses take and

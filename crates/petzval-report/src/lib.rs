@@ -11,6 +11,7 @@
 //! | [`comparison`] | several runs |
 //! | [`isp_strip`] | the stages of an ISP |
 //! | [`chart_sheet`] | a developed test chart: colours, noise, sharpness |
+//! | [`data_sheet`] | a data set for object detection: classes, defects, samples with their boxes |
 //! | [`optics_proxy_sheet`] | PSFs of a network beside exact ones |
 //! | [`mod@psf_sheet`] | PSFs as a picture |
 //! | [`layout`] | a lens to scale |
@@ -18,6 +19,7 @@
 
 pub mod chart_sheet;
 pub mod comparison;
+pub mod data_sheet;
 pub mod design_report;
 pub mod isp_strip;
 pub mod layout;

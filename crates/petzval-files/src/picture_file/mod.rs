@@ -2,6 +2,7 @@
 
 mod exr_file;
 mod ignored;
+mod size;
 
 use std::error::Error;
 use std::io::Cursor;
@@ -15,6 +16,7 @@ use petzval_base::write_whole;
 use petzval_camera::image::{CHANNELS, LinearImage, srgb_decode};
 
 use self::ignored::{hdr_notes, png_notes, profile_note, tiff_notes};
+pub use self::size::picture_size;
 
 /// Why a picture could not be read or written.
 #[derive(Debug, thiserror::Error)]

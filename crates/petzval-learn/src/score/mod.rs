@@ -1,4 +1,4 @@
-//! How good a picture is, in the numbers that results are published in.
+//! How good a picture is, and how well objects are [detected](detection) in it, in the numbers that results are published in.
 //!
 //! A new score touches two files: its own, and the list in `standard.rs`. Runs, tables and reports show whatever
 //! scores an experiment names in `scoring.scores`.

@@ -10,7 +10,7 @@ use petzval::jobs::{Fault, JobError, text_of_file};
 /// The job failed.
 const EXIT_JOB: u8 = 1;
 /// Bad usage or bad input.
-const EXIT_INPUT: u8 = 2;
+pub const EXIT_INPUT: u8 = 2;
 
 /// Turns off the wrapping of lines, so that a path in a message can be copied and searched for.
 pub fn keep_lines_whole() {

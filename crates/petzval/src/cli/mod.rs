@@ -4,6 +4,7 @@
 
 mod bench;
 mod compare;
+mod data;
 mod design;
 mod doctor;
 mod evaluate;
@@ -92,6 +93,9 @@ enum Verb {
     /// Show image signal processors, develop raw frames, tune parameters
     #[command(subcommand)]
     Isp(isp::IspVerb),
+    /// Convert data sets for object detection, and check them
+    #[command(subcommand)]
+    Data(data::DataVerb),
     /// Train networks that stand in for what has no gradient
     #[command(subcommand)]
     Train(train::TrainVerb),
@@ -139,6 +143,7 @@ pub fn run(cli: Cli) -> Result<ExitCode, Failure> {
         Verb::Simulate(args) => simulate::run(args, &terminal),
         Verb::Raw(verb) => raw::run(verb, &terminal),
         Verb::Isp(verb) => isp::run(verb, &terminal),
+        Verb::Data(verb) => data::run(verb, &terminal),
         Verb::Train(verb) => train::run(verb, &terminal),
         Verb::Bench(args) => bench::run(args),
         Verb::Doctor(args) => doctor::run(args, &terminal),

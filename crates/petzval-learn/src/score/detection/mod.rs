@@ -4,7 +4,7 @@
 //! Picture (objects, detections) -> Ranking (hits and misses by score) -> precision over recall -> average precision -> interval
 //! ```
 //!
-//! [`coco_summary`] gives the twelve numbers of COCO, to the last bit those of pycocotools. [`Ranking`] holds what all of them are
+//! [`coco_summary`] gives the twelve numbers of COCO as pycocotools computes them. [`Ranking`] holds what all of them are
 //! made of; its average precision over pictures that are drawn with repetition ([`bootstrap`]) takes no second matching. A [`Group`]
 //! restricts everything to some objects, such as those far from the optical axis: all others are ignored.
 //!
@@ -14,6 +14,7 @@ mod bootstrap;
 mod curve;
 mod group;
 mod matching;
+mod of_data_set;
 mod overlap;
 mod picture;
 mod protocol;
@@ -24,9 +25,10 @@ mod summary;
 pub use bootstrap::{Bootstrap, Interval, bootstrap};
 pub use curve::{Interpolation, PrecisionRecall};
 pub use group::Group;
+pub use of_data_set::{clusters_of_data_set, pictures_of_data_set};
 pub use overlap::overlap;
 pub use picture::{FoundObject, Picture, TrueObject, Xywh};
 pub use protocol::Protocol;
 pub use ranking::{ClassRanking, Ranking};
-pub use state::{LIGHT_STATES, StateConfusion, StateOf};
+pub use state::{LIGHT_STATES, StateConfusion, StateOf, light_state};
 pub use summary::{COCO_LARGE_PX2, COCO_SMALL_PX2, CocoSummary, coco_summary, voc_average_precision};

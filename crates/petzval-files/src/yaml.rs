@@ -7,13 +7,13 @@ use petzval_base::FileError;
 use petzval_base::quote;
 
 /// A node of the tree.
-pub(super) struct Node {
+pub(crate) struct Node {
     /// Line of the node, from 1.
     pub line: usize,
     pub value: Value,
 }
 
-pub(super) enum Value {
+pub(crate) enum Value {
     Text(String),
     List(Vec<Node>),
     /// Keys and values in the order of the file.
@@ -50,7 +50,7 @@ impl Node {
     }
 }
 
-pub(super) fn error(line: usize, key: &str, value: &str, message: impl Into<String>) -> FileError {
+pub(crate) fn error(line: usize, key: &str, value: &str, message: impl Into<String>) -> FileError {
     FileError {
         line: u32::try_from(line).ok(),
         column: None,
@@ -69,7 +69,7 @@ enum Open {
 }
 
 /// Parses the first document of a text.
-pub(super) fn parse(text: &str) -> Result<Node, FileError> {
+pub(crate) fn parse(text: &str) -> Result<Node, FileError> {
     // Pages have 6 levels.
     const DEEPEST: usize = 32;
     let mut open: Vec<(usize, Open)> = Vec::new();

@@ -20,12 +20,10 @@
 //! and some crystals; no page states this in a machine-readable way, so they are read unchanged. `glass_status` is left out,
 //! because it differs from the status in the makers' own files.
 
-mod yaml;
-
-use super::glass_file::{GlassFile, shifted};
+use crate::glass_file::{GlassFile, shifted};
+use crate::yaml::{self, Node};
 use petzval_base::FileError;
 use petzval_optics::glass::{Absorption, Dispersion, Expansion, Glass, Printed, Thermal};
-use yaml::Node;
 
 /// Reads the one material of a page. Pages state neither its name nor its maker, so the caller gives them; `maker` may be
 /// empty.

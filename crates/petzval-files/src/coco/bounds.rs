@@ -1,0 +1,85 @@
+//! The bounds of an object in a picture.
+
+use serde::{Deserialize, Serialize};
+
+/// An axis-parallel rectangle in pixels. Place (0, 0) is the upper left corner of the picture, so that the first pixel covers 0..1.
+/// Files hold it as `[x, y, width, height]`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(from = "[f64; 4]", into = "[f64; 4]")]
+pub struct Bounds {
+    /// Left edge, px.
+    pub x: f64,
+    /// Upper edge, px.
+    pub y: f64,
+    /// Width, px.
+    pub width: f64,
+    /// Height, px.
+    pub height: f64,
+}
+
+impl Bounds {
+    /// The rectangle between two corners.
+    pub fn between(left: f64, top: f64, right: f64, bottom: f64) -> Self {
+        Self { x: left, y: top, width: right - left, height: bottom - top }
+    }
+
+    /// Area, px^2.
+    pub fn area(&self) -> f64 {
+        self.width * self.height
+    }
+
+    /// The part inside a picture; `None` if none is.
+    pub fn clipped(&self, width: f64, height: f64) -> Option<Self> {
+        let (left, right) = (self.x.max(0.0), (self.x + self.width).min(width));
+        let (top, bottom) = (self.y.max(0.0), (self.y + self.height).min(height));
+        // A rectangle that is inside keeps its numbers to the last bit.
+        let inside = Self {
+            x: left,
+            y: top,
+            width: if left == self.x && right < width { self.width } else { right - left },
+            height: if top == self.y && bottom < height { self.height } else { bottom - top },
+        };
+        (inside.width > 0.0 && inside.height > 0.0).then_some(inside)
+    }
+
+    /// How far the rectangle reaches out of a picture, px; 0 if it is inside.
+    pub fn overhang(&self, width: f64, height: f64) -> f64 {
+        let right = self.x + self.width - width;
+        let bottom = self.y + self.height - height;
+        (-self.x).max(-self.y).max(right).max(bottom).max(0.0)
+    }
+}
+
+impl From<[f64; 4]> for Bounds {
+    fn from([x, y, width, height]: [f64; 4]) -> Self {
+        Self { x, y, width, height }
+    }
+}
+
+impl From<Bounds> for [f64; 4] {
+    fn from(b: Bounds) -> Self {
+        [b.x, b.y, b.width, b.height]
+    }
+}
+
+impl std::fmt::Display for Bounds {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "[{}, {}, {}, {}]", self.x, self.y, self.width, self.height)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn clipping_keeps_what_is_inside() {
+        let inside = Bounds::from([0.1, 0.2, 0.3, 0.7]);
+        assert_eq!(inside.clipped(10.0, 10.0), Some(inside));
+        assert_eq!(inside.overhang(10.0, 10.0), 0.0);
+        let over = Bounds::from([-2.0, 8.0, 5.0, 5.0]);
+        assert_eq!(over.clipped(10.0, 10.0), Some(Bounds::from([0.0, 8.0, 3.0, 2.0])));
+        assert_eq!(over.overhang(10.0, 10.0), 3.0);
+        assert_eq!(Bounds::from([10.0, 0.0, 5.0, 5.0]).clipped(10.0, 10.0), None);
+    }
+}

@@ -1,0 +1,198 @@
+//! Checks the values of a data set: ids, references and boxes.
+
+use std::collections::{HashMap, HashSet};
+
+use super::data_set::{Annotation, DataSet, Image};
+use super::defect::{DefectKind, Defects};
+
+/// More boxes than this in one picture are noted.
+pub const MANY_BOXES: usize = 1000;
+
+/// Areas may exceed their box by this share, which is rounding.
+const AREA_SLACK: f64 = 1.01;
+
+/// Checks ids, references and boxes. What cannot be used is taken out, what can be corrected is corrected, and all of it is noted.
+///
+/// Boxes are clipped to the stated size of their picture; a picture without one, of size 0, is not clipped.
+pub fn check_values(data: &mut DataSet, defects: &mut Defects) {
+    check_images(data, defects);
+    check_categories(data, defects);
+    check_annotations(data, defects);
+    count_boxes(data, defects);
+}
+
+fn check_images(data: &mut DataSet, defects: &mut Defects) {
+    let mut ids = HashSet::new();
+    data.images.retain(|image| {
+        let is_new = ids.insert(image.id);
+        if !is_new {
+            defects.add(DefectKind::RepeatedImageId, || format!("image {}: {}", image.id, image.file_name));
+        }
+        is_new
+    });
+    let mut files = HashMap::new();
+    for image in &data.images {
+        if let Some(first) = files.insert(image.file_name.as_str(), image.id) {
+            defects.add(DefectKind::RepeatedFile, || {
+                format!("images {first} and {}: {}", image.id, image.file_name)
+            });
+        }
+    }
+}
+
+fn check_categories(data: &mut DataSet, defects: &mut Defects) {
+    let mut ids = HashSet::new();
+    data.categories.retain(|category| {
+        let is_new = ids.insert(category.id);
+        if !is_new {
+            defects.add(DefectKind::RepeatedCategoryId, || {
+                format!("category {}: {:?}", category.id, category.name)
+            });
+        }
+        is_new
+    });
+    let mut names = HashSet::new();
+    for category in &data.categories {
+        let name = category.name.trim();
+        if name.is_empty() || !names.insert(name) {
+            defects.add(DefectKind::RepeatedClassName, || format!("category {}: {name:?}", category.id));
+        }
+    }
+}
+
+fn check_annotations(data: &mut DataSet, defects: &mut Defects) {
+    let images: HashMap<u64, &Image> = data.images.iter().map(|image| (image.id, image)).collect();
+    let categories: HashSet<u64> = data.categories.iter().map(|category| category.id).collect();
+    let mut free = data.annotations.iter().map(|a| a.id).max().map_or(1, |id| id.wrapping_add(1));
+    let mut ids = HashSet::with_capacity(data.annotations.len());
+    let mut boxes = HashSet::with_capacity(data.annotations.len());
+    data.annotations.retain_mut(|annotation| {
+        let said = |a: &Annotation| format!("annotation {} of image {}: {}", a.id, a.image_id, a.bounds);
+        let Some(image) = images.get(&annotation.image_id) else {
+            defects.add(DefectKind::UnknownImage, || said(annotation));
+            return false;
+        };
+        if !categories.contains(&annotation.category_id) {
+            defects.add(DefectKind::UnknownCategory, || {
+                format!(
+                    "annotation {} of image {}: category {}",
+                    annotation.id, image.id, annotation.category_id
+                )
+            });
+            return false;
+        }
+        if !check_bounds(annotation, image, defects) {
+            return false;
+        }
+        check_area(annotation, defects);
+        if annotation.id == 0 {
+            defects.add(DefectKind::ZeroId, || said(annotation));
+        }
+        if !ids.insert(annotation.id) {
+            defects.add(DefectKind::RepeatedAnnotationId, || said(annotation));
+            // Ids may be used up to the largest number; search from 1 then.
+            while !ids.insert(free) {
+                free = free.wrapping_add(1);
+            }
+            annotation.id = free;
+        }
+        let bits = <[f64; 4]>::from(annotation.bounds).map(f64::to_bits);
+        if !boxes.insert((annotation.image_id, annotation.category_id, annotation.crowd, bits)) {
+            defects.add(DefectKind::RepeatedBox, || said(annotation));
+        }
+        if annotation.crowd {
+            defects.add(DefectKind::CrowdBox, || said(annotation));
+        } else if annotation.ignore {
+            defects.add(DefectKind::IgnoredBox, || said(annotation));
+        }
+        true
+    });
+}
+
+/// Clips a box to its picture; false if it cannot be used.
+fn check_bounds(annotation: &mut Annotation, image: &Image, defects: &mut Defects) -> bool {
+    let bounds = annotation.bounds;
+    let said = || {
+        let size = format!("{} x {} px", image.width, image.height);
+        format!("annotation {} of {} ({size}): {bounds}", annotation.id, image.file_name)
+    };
+    let values = <[f64; 4]>::from(bounds);
+    // A finite box may still have an edge or an area beyond the largest number.
+    let is_finite = values.iter().all(|v| v.is_finite())
+        && bounds.area().is_finite()
+        && (bounds.x + bounds.width).is_finite()
+        && (bounds.y + bounds.height).is_finite();
+    if !is_finite {
+        defects.add(DefectKind::NotFinite, said);
+        return false;
+    }
+    if bounds.width < 0.0 || bounds.height < 0.0 {
+        defects.add_measured(DefectKind::NegativeSize, -bounds.width.min(bounds.height), said);
+        return false;
+    }
+    if bounds.area() <= 0.0 {
+        defects.add(DefectKind::ZeroSize, said);
+        return false;
+    }
+    if image.width == 0 || image.height == 0 {
+        return true;
+    }
+    let (width, height) = (f64::from(image.width), f64::from(image.height));
+    let Some(clipped) = bounds.clipped(width, height) else {
+        defects.add_measured(DefectKind::OutsidePicture, bounds.overhang(width, height), said);
+        return false;
+    };
+    let overhang = bounds.overhang(width, height);
+    if overhang > 0.0 {
+        defects
+            .add_measured(DefectKind::ClippedBox, overhang, || format!("{}, {overhang:.1} px over", said()));
+        // The area of an outline inside the picture does not change; that of a box does.
+        if annotation.area > clipped.area() {
+            annotation.area = clipped.area();
+        }
+        annotation.bounds = clipped;
+    }
+    true
+}
+
+fn check_area(annotation: &mut Annotation, defects: &mut Defects) {
+    let (area, of_box) = (annotation.area, annotation.bounds.area());
+    let said = || {
+        format!(
+            "annotation {} of image {}: {area} px^2, box {of_box} px^2",
+            annotation.id, annotation.image_id
+        )
+    };
+    if !(area.is_finite() && area > 0.0) {
+        defects.add(DefectKind::AreaNotStated, said);
+    } else if area > AREA_SLACK * of_box + 1.0 {
+        defects.add_measured(DefectKind::AreaBeyondBox, area / of_box, said);
+    } else {
+        return;
+    }
+    annotation.area = of_box;
+}
+
+/// Notes pictures and classes without boxes, and pictures with very many.
+fn count_boxes(data: &DataSet, defects: &mut Defects) {
+    let mut by_image: HashMap<u64, usize> = HashMap::new();
+    let mut by_category: HashMap<u64, usize> = HashMap::new();
+    for annotation in &data.annotations {
+        *by_image.entry(annotation.image_id).or_default() += 1;
+        *by_category.entry(annotation.category_id).or_default() += 1;
+    }
+    for image in &data.images {
+        match by_image.get(&image.id).copied().unwrap_or(0) {
+            0 => defects.add(DefectKind::PictureWithoutBoxes, || image.file_name.clone()),
+            n if n > MANY_BOXES => {
+                let said = || format!("{}: {n} boxes", image.file_name);
+                defects.add_measured(DefectKind::ManyBoxes, n as f64, said);
+            }
+            _ => {}
+        }
+    }
+    for category in data.categories.iter().filter(|category| !by_category.contains_key(&category.id)) {
+        defects
+            .add(DefectKind::ClassWithoutBoxes, || format!("category {}: {:?}", category.id, category.name));
+    }
+}

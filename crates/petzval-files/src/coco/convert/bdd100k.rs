@@ -1,0 +1,234 @@
+//! BDD100K: JSON files with a list of pictures, each with `labels[].box2d`; also the older files of one picture each.
+//!
+//! <https://doc.bdd100k.com/format.html>. Labels without `box2d`, such as lanes, are left out. The colour of a traffic light becomes the attribute `state`:
+//! red, yellow, green, or off where the file has `none`.
+
+use std::collections::BTreeMap;
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+
+use petzval_base::FileError;
+use serde::Deserialize;
+
+use super::builder::{Builder, Converted, Label};
+use super::tree::{ends_with, files_below, pictures_by, split_of};
+use crate::coco::bounded::read_bounded;
+use crate::coco::bounds::Bounds;
+use crate::coco::data_set::Attribute;
+use crate::coco::defect::DefectKind;
+use crate::coco::error::CocoError;
+use crate::coco::folder::LARGEST_ANNOTATIONS;
+use crate::coco::loose::{Loose, Record, Wrong};
+use crate::coco::numbers::mark_numbers;
+use crate::coco::read::json_error;
+
+/// A file: a list of pictures, or a table with one (`frames`).
+enum Contents {
+    List(Vec<Record<Picture>>),
+    Table(Table),
+}
+
+#[derive(Deserialize)]
+struct Table {
+    /// In older files, the picture to which the frames belong.
+    name: Option<String>,
+    frames: Vec<Record<Picture>>,
+}
+
+#[derive(Deserialize)]
+struct Picture {
+    #[serde(default)]
+    name: Loose,
+    #[serde(default, alias = "videoName", alias = "video_name")]
+    video: Loose,
+    /// `objects` in older files.
+    #[serde(default, alias = "objects")]
+    labels: Option<Vec<Record<Object>>>,
+}
+
+#[derive(Deserialize)]
+struct Object {
+    #[serde(default)]
+    category: Loose,
+    box2d: Option<Record<Corners>>,
+    #[serde(default)]
+    attributes: Option<BTreeMap<String, Loose>>,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(default)]
+struct Corners {
+    x1: Loose,
+    y1: Loose,
+    x2: Loose,
+    y2: Loose,
+}
+
+/// Reads a JSON file, or all of those below a folder. Pictures are looked for by name below the folder.
+pub(super) fn convert_bdd100k(root: &Path) -> Result<Converted, CocoError> {
+    // A single file has its pictures beside it or in the folders around.
+    let (labels, base) = match root.is_dir() {
+        true => (files_below(root)?.into_iter().filter(|p| ends_with(p, "json")).collect(), root.to_owned()),
+        false => (vec![root.to_owned()], folder_around(root)),
+    };
+    if labels.is_empty() {
+        return Err(CocoError::content(
+            root,
+            "there is no JSON file",
+            "name the folder that holds `labels` and `images`",
+        ));
+    }
+    let files = files_below(&base)?;
+    let by_name = pictures_by(&files, Path::file_name);
+    let by_stem = pictures_by(&files, Path::file_stem);
+    let mut builder = Builder::default();
+    for path in &labels {
+        for picture in pictures_of(path)? {
+            let picture = match picture {
+                Record::Table(picture) => picture,
+                Record::Other(other) => {
+                    builder.wrong(path, no_table("frames", &other));
+                    continue;
+                }
+            };
+            let name = match picture.name.text() {
+                Ok(name) => name.to_owned(),
+                Err(wrong) => {
+                    builder.wrong(path, wrong_value("name", &wrong, "the name of the file of the picture"));
+                    continue;
+                }
+            };
+            // Older files leave the ending out.
+            let short = Path::new(&name).file_name().unwrap_or(OsStr::new(""));
+            let Some(file) = by_name.get(short).or_else(|| by_stem.get(short)) else {
+                builder.defects.add(DefectKind::MissingPicture, || name.clone());
+                continue;
+            };
+            let split = split_of(file.strip_prefix(&base).unwrap_or(file));
+            let Some(image) = builder.picture(&base, file, split) else { continue };
+            image.sequence = picture.video.name().unwrap_or(None);
+            let id = image.id;
+            for (i, object) in picture.labels.iter().flatten().enumerate() {
+                match label(object) {
+                    Ok(Some(label)) => builder.object(id, label),
+                    Ok(None) => {}
+                    Err(mut error) => {
+                        error.key = format!("{name}: labels[{i}].{}", error.key);
+                        builder.wrong(path, error);
+                    }
+                }
+            }
+        }
+    }
+    builder.finish("BDD100K")
+}
+
+/// The folder in which the pictures of a file of labels are: the one above `labels`, or the file's own.
+fn folder_around(file: &Path) -> PathBuf {
+    let is_labels = |folder: &&Path| folder.file_name() == Some(OsStr::new("labels"));
+    let own = file.parent().unwrap_or(Path::new(""));
+    let above = file.ancestors().skip(1).find(is_labels).and_then(Path::parent);
+    let folder = above.unwrap_or(own);
+    if folder.as_os_str().is_empty() { PathBuf::from(".") } else { folder.to_owned() }
+}
+
+fn pictures_of(path: &Path) -> Result<Vec<Record<Picture>>, CocoError> {
+    let hint = "lanes and areas (`poly2d`) are not used and may be left out; or split the file";
+    let mut bytes = read_bounded(path, LARGEST_ANNOTATIONS, hint)?;
+    mark_numbers(&mut bytes);
+    let start = bytes.iter().find(|b| !b.is_ascii_whitespace());
+    // Choose by the first character: an error then has its place.
+    let contents = match start {
+        Some(b'{') => serde_json::from_slice(&bytes).map(Contents::Table),
+        _ => serde_json::from_slice(&bytes).map(Contents::List),
+    };
+    let contents = contents.map_err(|e| {
+        let error = json_error(&bytes, &e);
+        CocoError::file(
+            path,
+            match e.is_data() {
+                true => error.hint(
+                    "a BDD100K file is a list of {name, labels: [{category, box2d: {x1, y1, x2, y2}}]}",
+                ),
+                false => error,
+            },
+        )
+    })?;
+    Ok(match contents {
+        Contents::List(pictures) => pictures,
+        Contents::Table(Table { name, mut frames }) => {
+            for frame in &mut frames {
+                if let Record::Table(Picture { name: missing @ Loose::Absent, .. }) = frame {
+                    *missing = name.clone().map_or(Loose::Absent, Loose::Text);
+                }
+            }
+            frames
+        }
+    })
+}
+
+/// The label of an object; `None` if it has no box.
+fn label(object: &Record<Object>) -> Result<Option<Label<'_>>, FileError> {
+    let object = match object {
+        Record::Table(object) => object,
+        Record::Other(other) => return Err(no_table("", other)),
+    };
+    let corners = match &object.box2d {
+        None => return Ok(None),
+        Some(Record::Table(corners)) => corners,
+        Some(Record::Other(other)) => return Err(no_table("box2d", other)),
+    };
+    let class =
+        object.category.text().map_err(|wrong| wrong_value("category", &wrong, "the name of the class"))?;
+    let value = |value: &Loose, name: &str| {
+        value.number().map_err(|wrong| wrong_value(&format!("box2d.{name}"), &wrong, "a number of pixels"))
+    };
+    let [left, top] = [value(&corners.x1, "x1")?, value(&corners.y1, "y1")?];
+    let [right, bottom] = [value(&corners.x2, "x2")?, value(&corners.y2, "y2")?];
+    let mut label = Label::new(class, Bounds::between(left, top, right, bottom));
+    for (name, value) in object.attributes.iter().flatten() {
+        let value = match (name.as_str(), value) {
+            ("trafficLightColor", Loose::Text(colour)) => {
+                let colour = colour.to_lowercase();
+                let state = match colour.as_str() {
+                    "red" | "yellow" | "green" => colour,
+                    "none" if class == "traffic light" => "off".to_owned(),
+                    // Files give `none` or `NA` to everything that is no traffic light.
+                    _ => continue,
+                };
+                label.attributes.insert("state".to_owned(), Attribute::Text(state));
+                continue;
+            }
+            (_, Loose::Flag(flag)) => Attribute::Flag(*flag),
+            (_, Loose::Text(text)) => Attribute::Text(text.clone()),
+            (_, value) => match value.number() {
+                Ok(number) => Attribute::Number(number),
+                Err(_) => continue,
+            },
+        };
+        // Files of tracks mark crowds.
+        label.crowd |= name == "crowd" && value == Attribute::Flag(true);
+        label.attributes.insert(name.clone(), value);
+    }
+    Ok(Some(label))
+}
+
+fn no_table(key: &str, found: &Loose) -> FileError {
+    wrong_value(key, &Wrong::Type(found.to_string()), "a table")
+}
+
+fn wrong_value(key: &str, wrong: &Wrong, wanted: &str) -> FileError {
+    let (value, message) = match wrong {
+        Wrong::Absent => ("", "the value is missing"),
+        Wrong::Type(value) => (value.as_str(), "this is of the wrong type"),
+        Wrong::NotFinite(value) => (value.as_str(), "this is no finite number"),
+    };
+    FileError {
+        line: None,
+        column: None,
+        key: key.to_owned(),
+        value: value.to_owned(),
+        message: message.to_owned(),
+        hint: Some(format!("write {wanted}")),
+    }
+}

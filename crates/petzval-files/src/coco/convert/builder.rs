@@ -1,0 +1,147 @@
+//! Collects what a converter reads.
+
+use std::collections::{BTreeMap, HashMap, HashSet};
+use std::path::{Component, Path, PathBuf};
+
+use petzval_base::FileError;
+
+use crate::coco::bounds::Bounds;
+use crate::coco::check::check_values;
+use crate::coco::data_set::{Annotation, Attribute, Category, DataSet, Image};
+use crate::coco::defect::{DefectKind, Defects};
+use crate::coco::error::CocoError;
+use crate::picture_file::picture_size;
+
+/// Folders that say nothing about a picture but that it is one.
+const PLAIN_FOLDERS: [&str; 5] = ["images", "JPEGImages", "image_2", "data", "."];
+
+/// A converted data set.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Converted {
+    /// The data set. Pictures are named as they are to lie in its folder: `images/...`.
+    pub data: DataSet,
+    /// The file of each picture, in the order of `data.images`.
+    pub sources: Vec<PathBuf>,
+    /// What was found wrong. What cannot be used is not in `data`.
+    pub defects: Defects,
+}
+
+/// An object as a converter reads it.
+pub(super) struct Label<'a> {
+    pub class: &'a str,
+    pub bounds: Bounds,
+    pub crowd: bool,
+    pub ignore: bool,
+    pub attributes: BTreeMap<String, Attribute>,
+}
+
+impl<'a> Label<'a> {
+    pub fn new(class: &'a str, bounds: Bounds) -> Self {
+        Self { class, bounds, crowd: false, ignore: false, attributes: BTreeMap::new() }
+    }
+}
+
+/// Collects pictures, classes and objects, and places that cannot be understood.
+#[derive(Default)]
+pub(super) struct Builder {
+    data: DataSet,
+    sources: HashMap<u64, PathBuf>,
+    names: HashSet<String>,
+    categories: HashMap<String, u64>,
+    pub defects: Defects,
+    first_error: Option<(PathBuf, FileError)>,
+    errors: usize,
+}
+
+impl Builder {
+    /// Notes a place that cannot be understood.
+    pub fn wrong(&mut self, path: &Path, error: FileError) {
+        self.errors += 1;
+        self.first_error.get_or_insert_with(|| (path.to_owned(), error));
+    }
+
+    /// Adds a class, if it is new; its number.
+    pub fn category(&mut self, name: &str) -> u64 {
+        if let Some(id) = self.categories.get(name) {
+            return *id;
+        }
+        let id = self.data.categories.len() as u64 + 1;
+        self.data.categories.push(Category { id, name: name.to_owned(), supercategory: String::new() });
+        self.categories.insert(name.to_owned(), id);
+        id
+    }
+
+    /// Adds a picture; `None` if its file cannot be decoded, which is noted. Its name in the data set is its path below `root`.
+    pub fn picture(&mut self, root: &Path, path: &Path, split: Option<String>) -> Option<&mut Image> {
+        let (width, height) = match picture_size(path) {
+            Ok(size) => size,
+            Err(error) => {
+                self.defects.add(DefectKind::UnreadablePicture, || error.to_string());
+                return None;
+            }
+        };
+        let id = self.sources.len() as u64 + 1;
+        let file_name = self.free_name(root, path);
+        self.sources.insert(id, path.to_owned());
+        self.data.images.push(Image { id, file_name, width, height, split, sequence: None });
+        self.data.images.last_mut()
+    }
+
+    /// Takes a picture out again.
+    pub fn drop_picture(&mut self, id: u64) {
+        self.data.images.retain(|image| image.id != id);
+    }
+
+    /// The place of a picture in the folder of the data set: `images/` and its path below the root, without folders that say nothing.
+    fn free_name(&mut self, root: &Path, path: &Path) -> String {
+        let below = path.strip_prefix(root).unwrap_or(path);
+        let parts = below.components().filter_map(|part| match part {
+            Component::Normal(part) => Some(part.to_string_lossy()),
+            _ => None,
+        });
+        let kept: Vec<_> = parts.filter(|part| !PLAIN_FOLDERS.contains(&part.as_ref())).collect();
+        let name = format!("images/{}", kept.join("/"));
+        let mut free = name.clone();
+        for n in 2.. {
+            // Some systems take two spellings for one name.
+            if self.names.insert(free.to_lowercase()) {
+                break;
+            }
+            let (stem, ending) = name.rsplit_once('.').unwrap_or((&name, ""));
+            free = format!("{stem}-{n}.{ending}");
+        }
+        free
+    }
+
+    /// Adds an object of a picture.
+    pub fn object(&mut self, image_id: u64, label: Label) {
+        let category_id = self.category(label.class);
+        self.data.annotations.push(Annotation {
+            id: self.data.annotations.len() as u64 + 1,
+            image_id,
+            category_id,
+            area: label.bounds.area(),
+            bounds: label.bounds,
+            crowd: label.crowd,
+            ignore: label.ignore,
+            attributes: label.attributes,
+        });
+    }
+
+    /// Classes added so far.
+    pub fn class_names(&self) -> Vec<String> {
+        self.data.categories.iter().map(|category| category.name.clone()).collect()
+    }
+
+    /// The data set once its values are checked, or the first place that cannot be understood.
+    pub fn finish(mut self, format: &str) -> Result<Converted, CocoError> {
+        if let Some((path, error)) = self.first_error {
+            return Err(CocoError::File { path, error: Box::new(error), more: self.errors - 1 });
+        }
+        self.data.info.insert("description".to_owned(), format!("converted from {format}").into());
+        check_values(&mut self.data, &mut self.defects);
+        let sources = self.data.images.iter().map(|image| self.sources.remove(&image.id).unwrap_or_default());
+        let sources = sources.collect();
+        Ok(Converted { data: self.data, sources, defects: self.defects })
+    }
+}

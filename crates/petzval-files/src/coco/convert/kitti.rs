@@ -1,0 +1,129 @@
+//! KITTI object detection: a text file of labels for each picture.
+//!
+//! A line is `type truncated occluded alpha left top right bottom height width length x y z rotation_y`, of which the first eight values are used,
+//! in pixels from 0. <https://www.cvlibs.net/datasets/kitti/eval_object.php>
+//!
+//! `DontCare` is a region whose objects have no labels. COCO knows such regions class by class: it becomes a crowd of every class.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use petzval_base::FileError;
+
+use super::builder::{Builder, Converted, Label};
+use super::tree::{ends_with, files_below, labels_text, pictures_by, split_of};
+use crate::coco::bounds::Bounds;
+use crate::coco::data_set::Attribute;
+use crate::coco::defect::DefectKind;
+use crate::coco::error::CocoError;
+
+/// Values of a line; detections have one more, the score.
+const VALUES: [usize; 2] = [15, 16];
+
+/// The class of regions without labels.
+const REGION: &str = "DontCare";
+
+/// A line of a file of labels.
+#[derive(Clone, Debug, PartialEq)]
+struct Line {
+    class: String,
+    truncated: f64,
+    occluded: f64,
+    bounds: Bounds,
+}
+
+/// Reads a folder with `label_2/*.txt` and `image_2/`, or the folder `training` around it.
+pub(super) fn convert_kitti(root: &Path) -> Result<Converted, CocoError> {
+    let base =
+        [root.to_owned(), root.join("training")].into_iter().find(|base| base.join("label_2").is_dir());
+    let Some(base) = base else {
+        let hint = "name the folder that holds `label_2` and `image_2`, or the one that holds `training`";
+        return Err(CocoError::content(root, "there is no folder `label_2`", hint));
+    };
+    let labels: Vec<PathBuf> =
+        files_below(&base.join("label_2"))?.into_iter().filter(|p| ends_with(p, "txt")).collect();
+    let pictures = match base.join("image_2") {
+        folder if folder.is_dir() => files_below(&folder)?,
+        folder => {
+            return Err(CocoError::content(&folder, "there is no such folder", "put the pictures there"));
+        }
+    };
+    let pictures = pictures_by(&pictures, |path| path.file_stem());
+
+    let split = base.file_name().and_then(|name| split_of(Path::new(name)));
+    let mut builder = Builder::default();
+    let mut regions: Vec<(u64, Bounds)> = Vec::new();
+    for path in &labels {
+        let text = labels_text(path)?;
+        let Some(picture) = path.file_stem().and_then(|stem| pictures.get(stem)) else {
+            builder.defects.add(DefectKind::MissingPicture, || format!("no picture for {}", path.display()));
+            continue;
+        };
+        let Some(image) = builder.picture(&base, picture, split.clone()) else { continue };
+        let id = image.id;
+        for (number, line) in (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty()) {
+            match parse_line(number, line) {
+                Err(error) => builder.wrong(path, error),
+                Ok(line) if line.class == REGION => regions.push((id, line.bounds)),
+                Ok(line) => {
+                    let mut label = Label::new(&line.class, line.bounds);
+                    label.attributes = BTreeMap::from([
+                        ("truncated".to_owned(), Attribute::Number(line.truncated)),
+                        ("occluded".to_owned(), Attribute::Number(line.occluded)),
+                    ]);
+                    builder.object(id, label);
+                }
+            }
+        }
+    }
+    let attributes = BTreeMap::from([("region".to_owned(), Attribute::Text(REGION.to_owned()))]);
+    for class in builder.class_names() {
+        for (id, bounds) in &regions {
+            let attributes = attributes.clone();
+            builder
+                .object(*id, Label { crowd: true, ignore: true, attributes, ..Label::new(&class, *bounds) });
+        }
+    }
+    builder.finish("KITTI")
+}
+
+fn parse_line(number: u32, line: &str) -> Result<Line, FileError> {
+    let words: Vec<&str> = line.split_whitespace().collect();
+    if !VALUES.contains(&words.len()) {
+        let message = format!("the line has {} values", words.len());
+        return Err(FileError::at_line(number, line, message)
+            .hint("give 15: type truncated occluded alpha left top right bottom height width length x y z rotation_y"));
+    }
+    let value = |i: usize, name: &str| -> Result<f64, FileError> {
+        words[i].parse().ok().filter(|v: &f64| v.is_finite()).ok_or_else(|| {
+            let message = format!("`{name}` is no number");
+            FileError::at_line(number, words[i], message).hint("write a finite number, with a point")
+        })
+    };
+    let [truncated, occluded] = [value(1, "truncated")?, value(2, "occluded")?];
+    let corners = [value(4, "left")?, value(5, "top")?, value(6, "right")?, value(7, "bottom")?];
+    let bounds = Bounds::between(corners[0], corners[1], corners[2], corners[3]);
+    Ok(Line { class: words[0].to_owned(), truncated, occluded, bounds })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_gives_class_and_corners() {
+        let line = "Car 0.25 1 -1.57 10.5 20 110.5 70 1.5 1.6 3.9 1 2 30 -1.5";
+        let found = parse_line(3, line).unwrap();
+        assert_eq!(found.bounds, Bounds::from([10.5, 20.0, 100.0, 50.0]));
+        assert_eq!((found.class.as_str(), found.truncated, found.occluded), ("Car", 0.25, 1.0));
+        for (line, value, needle) in [
+            ("Car 0.25 1 -1.57 10.5 20", "Car 0.25 1 -1.57 10.5 20", "has 6 values"),
+            ("Car 0.25 1 -1.57 10,5 20 110.5 70 1.5 1.6 3.9 1 2 30 -1.5", "10,5", "`left` is no number"),
+            ("Car 0.25 1 -1.57 10.5 20 nan 70 1.5 1.6 3.9 1 2 30 -1.5", "nan", "`right` is no number"),
+        ] {
+            let error = parse_line(3, line).unwrap_err();
+            assert_eq!((error.line, error.value.as_str()), (Some(3), value));
+            assert!(error.message.contains(needle) && error.hint.is_some(), "{error}");
+        }
+    }
+}

@@ -1,0 +1,42 @@
+//! Brings other formats of labelled pictures into the one of [`coco`](super).
+//!
+//! Every converter reads labels and the heads of the pictures, and returns a [`Converted`] data set with the file of each picture.
+//! A line that cannot be understood is an error that names the file, the line, the value and what to write instead; all of them are counted.
+//! Values that are understood and make no sense, such as boxes outside the picture, are defects, as in a file in COCO format.
+
+mod bdd100k;
+mod builder;
+mod kitti;
+mod tree;
+mod voc;
+mod yolo;
+
+use std::path::Path;
+
+pub use builder::Converted;
+
+use super::error::CocoError;
+
+/// A format that can be converted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum SourceFormat {
+    /// KITTI object detection: `label_2/*.txt` and `image_2/`.
+    Kitti,
+    /// BDD100K: JSON with `labels[].box2d`.
+    Bdd100k,
+    /// YOLO: `data.yaml` and `labels/*.txt`, also as Roboflow and Ultralytics lay them out.
+    Yolo,
+    /// Pascal VOC: `Annotations/*.xml` and `JPEGImages/`.
+    Voc,
+}
+
+/// Reads a folder in another format.
+pub fn convert(format: SourceFormat, root: &Path) -> Result<Converted, CocoError> {
+    match format {
+        SourceFormat::Kitti => kitti::convert_kitti(root),
+        SourceFormat::Bdd100k => bdd100k::convert_bdd100k(root),
+        SourceFormat::Yolo => yolo::convert_yolo(root),
+        SourceFormat::Voc => voc::convert_voc(root),
+    }
+}

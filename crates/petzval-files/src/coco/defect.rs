@@ -1,0 +1,210 @@
+//! Defects of a data set: each kind with a count, the first cases and the worst one.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+/// Examples of a kind that are kept.
+const EXAMPLES: usize = 3;
+
+/// Whether what is defective can be used.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Severity {
+    /// It cannot be used, and is left out.
+    Error,
+    /// It is used, after a correction if the kind names one.
+    Warning,
+}
+
+macro_rules! kinds {
+    ($($kind:ident $severity:ident $sentence:literal $hint:literal;)*) => {
+        /// A kind of defect.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+        #[serde(rename_all = "snake_case")]
+        pub enum DefectKind {
+            $(#[doc = $sentence] $kind,)*
+        }
+
+        impl DefectKind {
+            /// Every kind, errors first.
+            pub const ALL: &[Self] = &[$(Self::$kind),*];
+
+            /// Whether what is defective can be used.
+            pub fn severity(self) -> Severity {
+                match self { $(Self::$kind => Severity::$severity,)* }
+            }
+
+            /// What is wrong, and what becomes of it.
+            pub fn sentence(self) -> &'static str {
+                match self { $(Self::$kind => $sentence,)* }
+            }
+
+            /// What to do about it.
+            pub fn hint(self) -> &'static str {
+                match self { $(Self::$kind => $hint,)* }
+            }
+        }
+    };
+}
+
+kinds! {
+    MissingField Error "A record lacks a value that it needs; it is left out."
+        "images need id and file_name, categories id and name, annotations image_id, category_id and bbox";
+    WrongType Error "A value is of the wrong type; its record is left out."
+        "ids are whole numbers from 0, sizes numbers, names texts, a bbox is [x, y, width, height]";
+    NotFinite Error "A box holds NaN, infinity or no number; it is left out."
+        "find the program that wrote it; a division by zero is the usual cause";
+    NegativeSize Error "A box has a negative width or height; it is left out."
+        "COCO boxes are [x, y, width, height], not two corners";
+    ZeroSize Error "A box has no width or no height; it is left out."
+        "take it out of the file";
+    OutsidePicture Error "A box lies outside its picture; it is left out."
+        "check that boxes are in pixels of this picture, not of one of another size";
+    UnknownImage Error "An annotation names a picture that is not listed; it is left out."
+        "add the picture to `images`";
+    UnknownCategory Error "An annotation names a class that is not listed; it is left out."
+        "add the class to `categories`";
+    RepeatedImageId Error "Two pictures have one id; the second is left out."
+        "give every picture its own id";
+    RepeatedCategoryId Error "Two classes have one id; the second is left out."
+        "give every class its own id";
+    MissingPicture Error "The file of a picture does not exist; picture and boxes are left out."
+        "put the pictures beside the annotations, or into a folder `images` there";
+    UnreadablePicture Error "The file of a picture cannot be decoded; picture and boxes are left out."
+        "replace it by an undamaged PNG, JPEG, TIFF or OpenEXR file";
+    OtherPictureSize Error "A picture has another size than stated, so that its boxes are of other pixels; both are left out."
+        "write the size of the file, or restore the picture to which the boxes belong";
+    ClippedBox Warning "A box reaches out of its picture; it is clipped."
+        "overhangs of a pixel are rounding; longer ones are boxes of another picture";
+    RepeatedAnnotationId Warning "Two annotations have one id; the second gets a new one."
+        "give every annotation its own id";
+    ZeroId Warning "An annotation has the id 0, which pycocotools takes for `not detected`; ids here count from it."
+        "count ids from 1 if other programs score this data set";
+    SizeNotStated Warning "A picture has no stated size; that of its file is taken."
+        "write width and height";
+    AreaNotStated Warning "An annotation has no usable area; that of its box is taken."
+        "write the area, by which scores tell small from large objects";
+    AreaBeyondBox Warning "An annotation has more area than its box; that of its box is taken."
+        "check whether the boxes were scaled and the areas not";
+    RepeatedFile Warning "Two entries are of one picture file."
+        "keep one, or a picture may be both learned from and judged on";
+    RepeatedBox Warning "Two annotations of a picture have the same class and the same box."
+        "keep one: a detector cannot find both";
+    RepeatedClassName Warning "Two classes have one name, or a class has none."
+        "give every class its own name";
+    LooseAttribute Warning "An attribute is a list or a table; it is left out."
+        "attributes are texts, numbers, true or false";
+    PictureWithoutBoxes Warning "A picture has no boxes; it is kept as background."
+        "fine if it shows none of the classes";
+    ClassWithoutBoxes Warning "A class has no boxes; it has no score."
+        "take it out of `categories`";
+    CrowdBox Warning "A box holds a crowd; no detection in it is a mistake."
+        "fine: pycocotools does the same";
+    IgnoredBox Warning "A box is to be ignored; whether it is detected does not count."
+        "fine; pycocotools honours only iscrowd";
+    ManyBoxes Warning "A picture has more than 1000 boxes; scores count its 100 best detections."
+        "cut the picture into tiles";
+}
+
+/// The defects of one kind.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Defect {
+    /// The kind.
+    pub kind: DefectKind,
+    /// Whether what is defective can be used.
+    pub severity: Severity,
+    /// Cases.
+    pub count: usize,
+    /// The first cases, each with its place in the data set.
+    pub first: Vec<String>,
+    /// The worst case, where cases can be compared.
+    pub worst: Option<String>,
+}
+
+/// All defects of a data set.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Defects {
+    by_kind: BTreeMap<DefectKind, (Defect, f64)>,
+}
+
+impl Defects {
+    /// Adds a case.
+    pub fn add(&mut self, kind: DefectKind, example: impl FnOnce() -> String) {
+        self.add_measured(kind, f64::NEG_INFINITY, example);
+    }
+
+    /// Adds a case that is as bad as `extent`; the case of the largest extent is the worst.
+    pub fn add_measured(&mut self, kind: DefectKind, extent: f64, example: impl FnOnce() -> String) {
+        let none = || Defect { kind, severity: kind.severity(), count: 0, first: Vec::new(), worst: None };
+        let (defect, worst) = self.by_kind.entry(kind).or_insert_with(|| (none(), f64::NEG_INFINITY));
+        defect.count += 1;
+        let (is_early, is_worse) = (defect.first.len() < EXAMPLES, extent > *worst);
+        if is_early || is_worse {
+            let text = example();
+            if is_worse {
+                (*worst, defect.worst) = (extent, Some(text.clone()));
+            }
+            if is_early {
+                defect.first.push(text);
+            }
+        }
+    }
+
+    /// Adds the cases of some kinds that another check found.
+    pub(super) fn add_kinds(&mut self, other: Self, kinds: &[DefectKind]) {
+        for (kind, (found, extent)) in other.by_kind.into_iter().filter(|(kind, _)| kinds.contains(kind)) {
+            let (defect, worst) = self.by_kind.entry(kind).or_insert_with(|| {
+                let defect = Defect { count: 0, first: Vec::new(), worst: None, ..found.clone() };
+                (defect, f64::NEG_INFINITY)
+            });
+            defect.count += found.count;
+            defect.first.extend(found.first);
+            defect.first.truncate(EXAMPLES);
+            if extent > *worst {
+                (*worst, defect.worst) = (extent, found.worst);
+            }
+        }
+    }
+
+    /// Cases of a kind.
+    pub fn count(&self, kind: DefectKind) -> usize {
+        self.by_kind.get(&kind).map_or(0, |(defect, _)| defect.count)
+    }
+
+    /// Cases that cannot be used.
+    pub fn errors(&self) -> usize {
+        let is_error = |defect: &&Defect| defect.severity == Severity::Error;
+        self.iter().filter(is_error).map(|defect| defect.count).sum()
+    }
+
+    /// The kinds that occur, errors first.
+    pub fn iter(&self) -> impl Iterator<Item = &Defect> {
+        self.by_kind.values().map(|(defect, _)| defect)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_cases_and_the_worst_are_kept() {
+        let mut defects = Defects::default();
+        for i in 0..1000 {
+            let extent = f64::from((i * 37) % 1000);
+            defects.add_measured(DefectKind::ClippedBox, extent, || format!("box {i}: {extent} px"));
+            defects.add(DefectKind::ZeroSize, || format!("box {i}"));
+        }
+        let all: Vec<&Defect> = defects.iter().collect();
+        assert_eq!(
+            all.iter().map(|d| d.kind).collect::<Vec<_>>(),
+            [DefectKind::ZeroSize, DefectKind::ClippedBox]
+        );
+        assert_eq!((all[0].count, all[0].worst.as_deref()), (1000, None));
+        assert_eq!(all[1].first, ["box 0: 0 px", "box 1: 37 px", "box 2: 74 px"]);
+        assert_eq!(all[1].worst.as_deref(), Some("box 27: 999 px"));
+        assert_eq!(defects.errors(), 1000);
+        assert!(DefectKind::ALL.is_sorted_by_key(|kind| kind.severity()));
+    }
+}

@@ -1,0 +1,275 @@
+//! A JSON value of any type, so that a wrong one is a defect of its record and not the end of the file.
+
+use std::fmt;
+use std::marker::PhantomData;
+
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{Deserialize, Deserializer, IgnoredAny, MapAccess, SeqAccess, Visitor};
+
+use super::numbers::NO_NUMBER;
+
+/// Values of a list that are kept: one more than a box has.
+const MOST: usize = 5;
+
+/// Characters of a text that an error quotes.
+const LONGEST: usize = 40;
+
+/// A value of any type.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) enum Loose {
+    /// The key is missing, or its value is `null`.
+    #[default]
+    Absent,
+    Flag(bool),
+    /// A whole number from 0.
+    Whole(u64),
+    Number(f64),
+    Text(String),
+    /// The first values of a list.
+    List(Vec<Loose>),
+    Table,
+}
+
+/// Why a value cannot be used.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Wrong {
+    Absent,
+    /// The value, as a message shows it.
+    Type(String),
+    NotFinite(String),
+}
+
+impl Loose {
+    /// A whole number from 0. A floating-point number without a fraction counts, because some programs write `1.0`.
+    pub fn whole(&self) -> Result<u64, Wrong> {
+        match self {
+            Self::Whole(n) => Ok(*n),
+            Self::Number(v) if *v >= 0.0 && v.fract() == 0.0 && *v < 2f64.powi(53) => Ok(*v as u64),
+            other => Err(other.wrong()),
+        }
+    }
+
+    /// A finite number.
+    pub fn number(&self) -> Result<f64, Wrong> {
+        match self {
+            Self::Whole(n) => Ok(*n as f64),
+            Self::Number(v) if v.is_finite() => Ok(*v),
+            Self::Number(_) => Err(Wrong::NotFinite(self.to_string())),
+            Self::Text(text) if text == NO_NUMBER => Err(Wrong::NotFinite("NaN or infinity".to_owned())),
+            other => Err(other.wrong()),
+        }
+    }
+
+    /// A text.
+    pub fn text(&self) -> Result<&str, Wrong> {
+        match self {
+            Self::Text(text) => Ok(text),
+            other => Err(other.wrong()),
+        }
+    }
+
+    /// A text, or a number as text.
+    pub fn name(&self) -> Result<Option<String>, Wrong> {
+        match self {
+            Self::Absent => Ok(None),
+            Self::Text(text) => Ok(Some(text.clone())),
+            Self::Whole(n) => Ok(Some(n.to_string())),
+            other => Err(other.wrong()),
+        }
+    }
+
+    /// True or false, or 1 or 0; absent is false.
+    pub fn flag(&self) -> Result<bool, Wrong> {
+        match self {
+            Self::Absent => Ok(false),
+            Self::Flag(flag) => Ok(*flag),
+            Self::Whole(n @ 0..=1) => Ok(*n == 1),
+            Self::Number(v) if *v == 0.0 || *v == 1.0 => Ok(*v == 1.0),
+            other => Err(other.wrong()),
+        }
+    }
+
+    /// Four finite numbers.
+    pub fn four(&self) -> Result<[f64; 4], Wrong> {
+        match self {
+            Self::List(values) if values.len() == 4 => {
+                let mut four = [0.0; 4];
+                for (number, value) in four.iter_mut().zip(values) {
+                    *number = value.number().map_err(|wrong| match wrong {
+                        Wrong::Type(_) => Wrong::Type(self.to_string()),
+                        // `null` in place of a number is how JSON writers without NaN write it.
+                        Wrong::NotFinite(_) | Wrong::Absent => Wrong::NotFinite(self.to_string()),
+                    })?;
+                }
+                Ok(four)
+            }
+            other => Err(other.wrong()),
+        }
+    }
+
+    fn wrong(&self) -> Wrong {
+        match self {
+            Self::Absent => Wrong::Absent,
+            other => Wrong::Type(other.to_string()),
+        }
+    }
+}
+
+impl fmt::Display for Loose {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Absent => f.write_str("null"),
+            Self::Flag(flag) => write!(f, "{flag}"),
+            Self::Whole(n) => write!(f, "{n}"),
+            Self::Number(v) => write!(f, "{v}"),
+            Self::Text(text) if text == NO_NUMBER => f.write_str("NaN or infinity"),
+            Self::Text(text) => write!(f, "{:?}", text.chars().take(LONGEST).collect::<String>()),
+            Self::List(values) => {
+                f.write_str("[")?;
+                for (i, value) in values.iter().enumerate() {
+                    write!(f, "{}{value}", if i > 0 { ", " } else { "" })?;
+                }
+                f.write_str(if values.len() == MOST { ", ...]" } else { "]" })
+            }
+            Self::Table => f.write_str("{...}"),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Loose {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(LooseVisitor)
+    }
+}
+
+fn whole_or_number(n: i64) -> Loose {
+    u64::try_from(n).map_or(Loose::Number(n as f64), Loose::Whole)
+}
+
+struct LooseVisitor;
+
+impl<'de> Visitor<'de> for LooseVisitor {
+    type Value = Loose;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a value")
+    }
+
+    fn visit_unit<E>(self) -> Result<Loose, E> {
+        Ok(Loose::Absent)
+    }
+
+    fn visit_bool<E>(self, flag: bool) -> Result<Loose, E> {
+        Ok(Loose::Flag(flag))
+    }
+
+    fn visit_u64<E>(self, n: u64) -> Result<Loose, E> {
+        Ok(Loose::Whole(n))
+    }
+
+    fn visit_i64<E>(self, n: i64) -> Result<Loose, E> {
+        Ok(whole_or_number(n))
+    }
+
+    fn visit_f64<E>(self, v: f64) -> Result<Loose, E> {
+        Ok(Loose::Number(v))
+    }
+
+    fn visit_str<E>(self, text: &str) -> Result<Loose, E> {
+        Ok(Loose::Text(text.to_owned()))
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Loose, A::Error> {
+        let mut values = Vec::new();
+        while values.len() < MOST {
+            match list.next_element()? {
+                Some(value) => values.push(value),
+                None => return Ok(Loose::List(values)),
+            }
+        }
+        while list.next_element::<IgnoredAny>()?.is_some() {}
+        Ok(Loose::List(values))
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut table: A) -> Result<Loose, A::Error> {
+        while table.next_entry::<IgnoredAny, IgnoredAny>()?.is_some() {}
+        Ok(Loose::Table)
+    }
+}
+
+/// A record of a list, or what is there in its place. A derived reader would take a list for a record.
+pub(super) enum Record<T> {
+    Table(T),
+    Other(Loose),
+}
+
+impl<'de, T: Deserialize<'de>> Deserialize<'de> for Record<T> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(RecordVisitor(PhantomData))
+    }
+}
+
+struct RecordVisitor<T>(PhantomData<T>);
+
+impl<'de, T: Deserialize<'de>> Visitor<'de> for RecordVisitor<T> {
+    type Value = Record<T>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a table")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, table: A) -> Result<Record<T>, A::Error> {
+        T::deserialize(MapAccessDeserializer::new(table)).map(Record::Table)
+    }
+
+    fn visit_unit<E>(self) -> Result<Record<T>, E> {
+        Ok(Record::Other(Loose::Absent))
+    }
+
+    fn visit_bool<E>(self, flag: bool) -> Result<Record<T>, E> {
+        Ok(Record::Other(Loose::Flag(flag)))
+    }
+
+    fn visit_u64<E>(self, n: u64) -> Result<Record<T>, E> {
+        Ok(Record::Other(Loose::Whole(n)))
+    }
+
+    fn visit_i64<E>(self, n: i64) -> Result<Record<T>, E> {
+        Ok(Record::Other(whole_or_number(n)))
+    }
+
+    fn visit_f64<E>(self, v: f64) -> Result<Record<T>, E> {
+        Ok(Record::Other(Loose::Number(v)))
+    }
+
+    fn visit_str<E>(self, text: &str) -> Result<Record<T>, E> {
+        Ok(Record::Other(Loose::Text(text.to_owned())))
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<Record<T>, A::Error> {
+        LooseVisitor.visit_seq(list).map(Record::Other)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_of_other_types_are_told_apart() {
+        let of = |text: &str| serde_json::from_str::<Loose>(text).unwrap();
+        assert_eq!(of("7").whole(), Ok(7));
+        assert_eq!(of("7.0").whole(), Ok(7));
+        assert_eq!(of("-7").whole(), Err(Wrong::Type("-7".into())));
+        assert_eq!(of("null").whole(), Err(Wrong::Absent));
+        assert_eq!(of("\"7\"").whole(), Err(Wrong::Type("\"7\"".into())));
+        assert_eq!(of("\"?\"").number(), Err(Wrong::NotFinite("NaN or infinity".into())));
+        assert_eq!(of("[1, 2, 3.5, -4]").four(), Ok([1.0, 2.0, 3.5, -4.0]));
+        assert_eq!(of("[1, 2, null, 4]").four(), Err(Wrong::NotFinite("[1, 2, null, 4]".into())));
+        assert_eq!(of("[1, 2, \"a\", 4]").four(), Err(Wrong::Type("[1, 2, \"a\", 4]".into())));
+        assert_eq!(of("[1, 2, 3, 4, 5, 6]").four(), Err(Wrong::Type("[1, 2, 3, 4, 5, ...]".into())));
+        assert_eq!(of("{\"a\": [1, {}]}").flag(), Err(Wrong::Type("{...}".into())));
+        assert_eq!((of("1").flag(), of("null").flag()), (Ok(true), Ok(false)));
+        assert_eq!(of("12").name(), Ok(Some("12".into())));
+    }
+}

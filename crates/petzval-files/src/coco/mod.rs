@@ -1,0 +1,36 @@
+//! Data sets for object detection in the format of COCO: pictures, classes, boxes; and detections.
+//!
+//! This is the one format in which Petzval takes such data; [`convert`] brings other formats into it. [`load_coco`] reads a data set
+//! and checks its values, [`check_pictures`] checks its pictures. What cannot be used is left out, and every defect is listed with a count, the first
+//! cases and the worst.
+//!
+//! <https://cocodataset.org/#format-data>. Beyond it, a picture may name its film (`sequence` or `video_id`) and its part of the data
+//! set (`split`), and an annotation may have `ignore` and `attributes`, such as the `state` of a traffic light.
+
+mod bounded;
+mod bounds;
+mod check;
+pub mod convert;
+mod data_set;
+mod defect;
+mod error;
+mod folder;
+mod loose;
+mod numbers;
+mod pictures;
+mod read;
+mod results;
+mod statistics;
+mod write;
+
+pub use bounds::Bounds;
+pub use check::{MANY_BOXES, check_values};
+pub use data_set::{Annotation, Attribute, Category, DataSet, Image};
+pub use defect::{Defect, DefectKind, Defects, Severity};
+pub use error::CocoError;
+pub use folder::{ANNOTATIONS, LARGEST_ANNOTATIONS, Loaded, load_coco, save_coco};
+pub use pictures::check_pictures;
+pub use read::parse_coco;
+pub use results::{Detection, LARGEST_RESULTS, load_results, parse_results, results_bytes, save_results};
+pub use statistics::{ClassStatistics, LARGE_PX2, SMALL_PX2, Statistics};
+pub use write::coco_bytes;

@@ -1,0 +1,50 @@
+//! Checks the picture files of a data set.
+
+use std::collections::HashSet;
+
+use super::check::check_values;
+use super::defect::{DefectKind, Defects};
+use super::folder::Loaded;
+use crate::picture_file::picture_size;
+
+/// Checks that the file of every picture exists, can be decoded and has the stated size. Only the head of a file is read.
+///
+/// Pictures for which this is not so are taken out with their boxes, and noted. A picture without a stated size gets that of its file.
+pub fn check_pictures(loaded: &mut Loaded) {
+    let mut unusable = HashSet::new();
+    let mut is_clipping_due = false;
+    let mut images = std::mem::take(&mut loaded.data.images);
+    for image in &mut images {
+        let name = image.file_name.clone();
+        let stated = (image.width, image.height);
+        let fault = match loaded.picture(&name).map(|path| picture_size(&path)) {
+            None => Some((DefectKind::MissingPicture, name)),
+            Some(Err(error)) => Some((DefectKind::UnreadablePicture, error.to_string())),
+            Some(Ok(found)) if stated.0 == 0 || stated.1 == 0 => {
+                (image.width, image.height) = found;
+                is_clipping_due = true;
+                loaded.defects.add(DefectKind::SizeNotStated, || name);
+                None
+            }
+            Some(Ok(found)) if found != stated => {
+                let text =
+                    format!("{name}: {} x {} px, stated {} x {}", found.0, found.1, stated.0, stated.1);
+                Some((DefectKind::OtherPictureSize, text))
+            }
+            Some(Ok(_)) => None,
+        };
+        if let Some((kind, text)) = fault {
+            unusable.insert(image.id);
+            loaded.defects.add(kind, || text);
+        }
+    }
+    images.retain(|image| !unusable.contains(&image.id));
+    loaded.data.images = images;
+    loaded.data.annotations.retain(|annotation| !unusable.contains(&annotation.image_id));
+    // Boxes of pictures without a stated size were not clipped. A second check notes only what the first could not see.
+    if is_clipping_due {
+        let mut again = Defects::default();
+        check_values(&mut loaded.data, &mut again);
+        loaded.defects.add_kinds(again, &[DefectKind::OutsidePicture, DefectKind::ClippedBox]);
+    }
+}

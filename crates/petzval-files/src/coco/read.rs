@@ -1,0 +1,262 @@
+//! Reads annotations in COCO format.
+
+use std::collections::BTreeMap;
+
+use petzval_base::FileError;
+use serde::Deserialize;
+use serde::de::{Deserializer, IgnoredAny, MapAccess, Visitor};
+
+use super::bounds::Bounds;
+use super::data_set::{Annotation, Attribute, Category, DataSet, Image};
+use super::defect::{DefectKind, Defects};
+use super::loose::{Loose, Record, Wrong};
+use super::numbers::mark_numbers;
+
+#[derive(Deserialize)]
+struct FileRecord {
+    #[serde(default)]
+    info: serde_json::Value,
+    #[serde(default)]
+    licenses: serde_json::Value,
+    images: Vec<Record<ImageRecord>>,
+    annotations: Vec<Record<AnnotationRecord>>,
+    categories: Vec<Record<CategoryRecord>>,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(default)]
+struct ImageRecord {
+    id: Loose,
+    file_name: Loose,
+    width: Loose,
+    height: Loose,
+    sequence: Loose,
+    video_id: Loose,
+    split: Loose,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(default)]
+struct CategoryRecord {
+    id: Loose,
+    name: Loose,
+    supercategory: Loose,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(default)]
+struct AnnotationRecord {
+    id: Loose,
+    image_id: Loose,
+    category_id: Loose,
+    bbox: Loose,
+    area: Loose,
+    iscrowd: Loose,
+    ignore: Loose,
+    state: Loose,
+    attributes: Attributes,
+}
+
+/// The values of `attributes`, whatever their types.
+#[derive(Default)]
+struct Attributes(Vec<(String, Loose)>);
+
+impl<'de> Deserialize<'de> for Attributes {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Entries;
+        impl<'de> Visitor<'de> for Entries {
+            type Value = Attributes;
+
+            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str("a table of attributes")
+            }
+
+            fn visit_unit<E>(self) -> Result<Attributes, E> {
+                Ok(Attributes::default())
+            }
+
+            // Some programs write an empty list in place of an empty table.
+            fn visit_seq<A: serde::de::SeqAccess<'de>>(self, mut list: A) -> Result<Attributes, A::Error> {
+                while list.next_element::<IgnoredAny>()?.is_some() {}
+                Ok(Attributes::default())
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, mut table: A) -> Result<Attributes, A::Error> {
+                let mut entries = Vec::new();
+                while let Some(entry) = table.next_entry()? {
+                    entries.push(entry);
+                }
+                Ok(Attributes(entries))
+            }
+        }
+        deserializer.deserialize_any(Entries)
+    }
+}
+
+/// Reads annotations in COCO format. Records that lack a value or hold one of a wrong type are defects and left out; ids and boxes are
+/// as written, see [`check_values`](super::check_values). Text that is not JSON, or not of this format, is an error.
+pub fn parse_coco(mut bytes: Vec<u8>, defects: &mut Defects) -> Result<DataSet, FileError> {
+    // A byte order mark is not JSON.
+    if bytes.starts_with(b"\xef\xbb\xbf") {
+        bytes[..3].fill(b' ');
+    }
+    mark_numbers(&mut bytes);
+    let file: FileRecord = match serde_json::from_slice(&bytes).map_err(|e| json_error(&bytes, &e))? {
+        Record::Table(file) => file,
+        Record::Other(other) => {
+            let hint =
+                "a COCO detection file is a table with the lists `images`, `annotations` and `categories`";
+            let message = "this is not the format: the file holds no table";
+            return Err(FileError::at_line(1, &other.to_string(), message).hint(hint));
+        }
+    };
+    let info = match file.info {
+        serde_json::Value::Object(info) => info,
+        _ => serde_json::Map::new(),
+    };
+    let licenses = match file.licenses {
+        serde_json::Value::Array(licenses) => licenses,
+        _ => Vec::new(),
+    };
+    let mut data = DataSet { info, licenses, ..DataSet::default() };
+    for (i, record) in file.images.into_iter().enumerate() {
+        data.images.extend(usable(with(record, image), || format!("images[{i}]"), defects));
+    }
+    for (i, record) in file.categories.into_iter().enumerate() {
+        data.categories.extend(usable(with(record, category), || format!("categories[{i}]"), defects));
+    }
+    for (i, record) in file.annotations.into_iter().enumerate() {
+        let place = || format!("annotations[{i}]");
+        let mut warn = |kind, what| defects.add(kind, || format!("{}: {what}", place()));
+        let found = with(record, |record| annotation(record, i, &mut warn));
+        data.annotations.extend(usable(found, place, defects));
+    }
+    Ok(data)
+}
+
+/// What a record holds, unless it is no table.
+fn with<T, U>(
+    record: Record<T>,
+    read: impl FnOnce(T) -> Result<U, (&'static str, Wrong)>,
+) -> Result<U, (&'static str, Wrong)> {
+    match record {
+        Record::Table(record) => read(record),
+        Record::Other(other) => Err(("the record", Wrong::Type(other.to_string()))),
+    }
+}
+
+/// The record, or `None` after a note of what is wrong with it.
+fn usable<T>(
+    record: Result<T, (&'static str, Wrong)>,
+    place: impl Fn() -> String,
+    defects: &mut Defects,
+) -> Option<T> {
+    let (key, wrong) = match record {
+        Ok(record) => return Some(record),
+        Err(wrong) => wrong,
+    };
+    let (kind, what) = match wrong {
+        Wrong::Absent => (DefectKind::MissingField, format!("{key} is missing")),
+        Wrong::Type(value) => (DefectKind::WrongType, format!("{key} is {value}")),
+        Wrong::NotFinite(value) => (DefectKind::NotFinite, format!("{key} is {value}")),
+    };
+    defects.add(kind, || format!("{}: {what}", place()));
+    None
+}
+
+fn image(record: ImageRecord) -> Result<Image, (&'static str, Wrong)> {
+    // Many files state no size, or 0; the file of the picture then tells.
+    let side = |value: &Loose, key| match value {
+        Loose::Absent => Ok(0),
+        value => {
+            let whole = value.whole().map_err(|wrong| (key, wrong))?;
+            u32::try_from(whole).map_err(|_| (key, Wrong::Type(value.to_string())))
+        }
+    };
+    let sequence = record.sequence.name().map_err(|wrong| ("sequence", wrong))?;
+    let video = record.video_id.name().map_err(|wrong| ("video_id", wrong))?;
+    Ok(Image {
+        id: record.id.whole().map_err(|wrong| ("id", wrong))?,
+        file_name: record.file_name.text().map_err(|wrong| ("file_name", wrong))?.to_owned(),
+        width: side(&record.width, "width")?,
+        height: side(&record.height, "height")?,
+        sequence: sequence.or(video),
+        split: record.split.name().map_err(|wrong| ("split", wrong))?,
+    })
+}
+
+fn category(record: CategoryRecord) -> Result<Category, (&'static str, Wrong)> {
+    Ok(Category {
+        id: record.id.whole().map_err(|wrong| ("id", wrong))?,
+        name: record.name.text().map_err(|wrong| ("name", wrong))?.to_owned(),
+        supercategory: record.supercategory.text().unwrap_or("").to_owned(),
+    })
+}
+
+fn annotation(
+    record: AnnotationRecord,
+    place: usize,
+    warn: &mut impl FnMut(DefectKind, String),
+) -> Result<Annotation, (&'static str, Wrong)> {
+    let bounds = Bounds::from(record.bbox.four().map_err(|wrong| ("bbox", wrong))?);
+    let id = match record.id {
+        // An annotation without id is usual in files made by hand; its place is one.
+        Loose::Absent => place as u64 + 1,
+        id => id.whole().map_err(|wrong| ("id", wrong))?,
+    };
+    let mut attributes = BTreeMap::new();
+    for (name, value) in record.attributes.0.into_iter().chain([("state".to_owned(), record.state)]) {
+        let value = match value {
+            Loose::Absent => continue,
+            Loose::Flag(flag) => Attribute::Flag(flag),
+            Loose::Text(text) => Attribute::Text(text),
+            Loose::Whole(n) => Attribute::Number(n as f64),
+            Loose::Number(v) if v.is_finite() => Attribute::Number(v),
+            other => {
+                warn(DefectKind::LooseAttribute, format!("{name} is {other}"));
+                continue;
+            }
+        };
+        attributes.insert(name, value);
+    }
+    Ok(Annotation {
+        id,
+        image_id: record.image_id.whole().map_err(|wrong| ("image_id", wrong))?,
+        category_id: record.category_id.whole().map_err(|wrong| ("category_id", wrong))?,
+        bounds,
+        // An area that is no number is that of the box, which the check of values notes.
+        area: record.area.number().unwrap_or(f64::NAN),
+        crowd: record.iscrowd.flag().map_err(|wrong| ("iscrowd", wrong))?,
+        ignore: record.ignore.flag().map_err(|wrong| ("ignore", wrong))?,
+        attributes,
+    })
+}
+
+/// An error of the JSON reader with its place, and the line there.
+pub(super) fn json_error(bytes: &[u8], error: &serde_json::Error) -> FileError {
+    let line = u32::try_from(error.line()).ok().filter(|line| *line > 0);
+    let text = error.to_string();
+    let message = text.split(" at line ").next().unwrap_or(&text).to_owned();
+    let is_format = error.is_data();
+    let hint = match is_format {
+        true => "a COCO detection file is a table with the lists `images`, `annotations` and `categories`",
+        false if error.is_eof() => "the file is cut off; copy or export it again",
+        false => "correct the JSON there, or export the file again",
+    };
+    let message = match is_format {
+        true => format!("this is not the format: {message}"),
+        false => format!("this is not JSON: {message}"),
+    };
+    let near = bytes.split(|b| *b == b'\n').nth(error.line().saturating_sub(1)).unwrap_or(b"");
+    // Files in one line have it up to the place.
+    let from = error.column().saturating_sub(30).min(near.len());
+    let to = (error.column() + 10).min(near.len());
+    FileError {
+        line,
+        column: line.and(u32::try_from(error.column()).ok()),
+        key: String::new(),
+        value: petzval_base::quote(&String::from_utf8_lossy(&near[from..to.max(from)])),
+        message,
+        hint: Some(hint.to_owned()),
+    }
+}

@@ -1,0 +1,137 @@
+//! Detections in the format of COCO results: a list of `{image_id, category_id, bbox, score}`.
+
+use std::collections::HashSet;
+use std::path::Path;
+
+use petzval_base::{FileError, write_whole};
+use serde::{Deserialize, Serialize};
+
+use super::bounded::read_bounded;
+use super::bounds::Bounds;
+use super::data_set::DataSet;
+use super::defect::{DefectKind, Defects};
+use super::error::CocoError;
+use super::loose::{Loose, Record, Wrong};
+use super::numbers::mark_numbers;
+use super::read::json_error;
+use super::write::append_records;
+
+/// Largest file of detections that is read.
+pub const LARGEST_RESULTS: u64 = 1 << 30;
+
+/// An object that a detector reports.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Detection {
+    /// Number of the picture.
+    pub image_id: u64,
+    /// Number of the class.
+    pub category_id: u64,
+    /// Its bounds.
+    #[serde(rename = "bbox")]
+    pub bounds: Bounds,
+    /// How sure the detector is; only the order counts.
+    pub score: f64,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(default)]
+struct ResultRecord {
+    image_id: Loose,
+    category_id: Loose,
+    bbox: Loose,
+    score: Loose,
+}
+
+/// Reads detections. Records that cannot be used are noted and left out. With a data set, so are detections in pictures or of
+/// classes that it does not have.
+pub fn parse_results(
+    mut bytes: Vec<u8>,
+    data: Option<&DataSet>,
+    defects: &mut Defects,
+) -> Result<Vec<Detection>, FileError> {
+    mark_numbers(&mut bytes);
+    let records: Vec<Record<ResultRecord>> = serde_json::from_slice(&bytes).map_err(|e| {
+        let error = json_error(&bytes, &e);
+        match e.is_data() {
+            true => error.hint("COCO results are a list of {image_id, category_id, bbox, score}"),
+            false => error,
+        }
+    })?;
+    let known = data.map(|data| {
+        let images: HashSet<u64> = data.images.iter().map(|image| image.id).collect();
+        let categories: HashSet<u64> = data.categories.iter().map(|category| category.id).collect();
+        (images, categories)
+    });
+    let mut detections = Vec::with_capacity(records.len());
+    for (i, record) in records.iter().enumerate() {
+        let fault = match detection(record) {
+            Err((key, Wrong::Absent)) => Some((DefectKind::MissingField, format!("{key} is missing"))),
+            Err((key, Wrong::Type(value))) => Some((DefectKind::WrongType, format!("{key} is {value}"))),
+            Err((key, Wrong::NotFinite(value))) => Some((DefectKind::NotFinite, format!("{key} is {value}"))),
+            Ok(found) => {
+                let fault = fault(&found, known.as_ref());
+                if fault.is_none() {
+                    detections.push(found);
+                }
+                fault
+            }
+        };
+        if let Some((kind, what)) = fault {
+            defects.add(kind, || format!("result [{i}]: {what}"));
+        }
+    }
+    Ok(detections)
+}
+
+fn detection(record: &Record<ResultRecord>) -> Result<Detection, (&'static str, Wrong)> {
+    let record = match record {
+        Record::Table(record) => record,
+        Record::Other(other) => return Err(("the record", Wrong::Type(other.to_string()))),
+    };
+    Ok(Detection {
+        image_id: record.image_id.whole().map_err(|wrong| ("image_id", wrong))?,
+        category_id: record.category_id.whole().map_err(|wrong| ("category_id", wrong))?,
+        bounds: Bounds::from(record.bbox.four().map_err(|wrong| ("bbox", wrong))?),
+        score: record.score.number().map_err(|wrong| ("score", wrong))?,
+    })
+}
+
+/// Why a detection cannot be scored. A detection without area overlaps nothing and stays: it is a mistake of the detector.
+fn fault(found: &Detection, known: Option<&(HashSet<u64>, HashSet<u64>)>) -> Option<(DefectKind, String)> {
+    let Bounds { x, y, width, height } = found.bounds;
+    if !(found.bounds.area().is_finite() && (x + width).is_finite() && (y + height).is_finite()) {
+        return Some((DefectKind::NotFinite, format!("bbox is {}", found.bounds)));
+    }
+    if width < 0.0 || height < 0.0 {
+        return Some((DefectKind::NegativeSize, format!("bbox is {}", found.bounds)));
+    }
+    let (images, categories) = known?;
+    if !images.contains(&found.image_id) {
+        return Some((DefectKind::UnknownImage, format!("image_id is {}", found.image_id)));
+    }
+    let is_known = categories.contains(&found.category_id);
+    (!is_known).then(|| (DefectKind::UnknownCategory, format!("category_id is {}", found.category_id)))
+}
+
+/// Reads a file of detections as [`parse_results`] does.
+pub fn load_results(
+    path: &Path,
+    data: Option<&DataSet>,
+    defects: &mut Defects,
+) -> Result<Vec<Detection>, CocoError> {
+    let bytes = read_bounded(path, LARGEST_RESULTS, "keep the 100 best detections of each picture")?;
+    parse_results(bytes, data, defects).map_err(|error| CocoError::file(path, error))
+}
+
+/// The bytes of a file of detections, one in a line.
+pub fn results_bytes(detections: &[Detection]) -> Vec<u8> {
+    let mut out = Vec::new();
+    append_records(&mut out, detections);
+    out.push(b'\n');
+    out
+}
+
+/// Writes a file of detections, completely or not at all.
+pub fn save_results(detections: &[Detection], path: &Path) -> Result<(), CocoError> {
+    write_whole(path, &results_bytes(detections)).map_err(CocoError::io(path))
+}

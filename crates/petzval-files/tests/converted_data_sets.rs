@@ -1,0 +1,247 @@
+//! Data sets in other formats: what is read, and what is wrong with damaged ones.
+
+use std::path::Path;
+
+use petzval_files::coco::convert::{Converted, SourceFormat, convert};
+use petzval_files::coco::{Bounds, CocoError, DefectKind};
+
+fn write(root: &Path, name: &str, text: &str) {
+    let path = root.join(name);
+    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+    std::fs::write(path, text).unwrap();
+}
+
+fn write_png(root: &Path, name: &str, width: u32, height: u32) {
+    let path = root.join(name);
+    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+    image::RgbImage::from_pixel(width, height, image::Rgb([90, 120, 60])).save(path).unwrap();
+}
+
+/// Name of the picture, class and bounds of each object that counts.
+fn objects(converted: &Converted) -> Vec<(&str, &str, [f64; 4])> {
+    let data = &converted.data;
+    let named = data.annotations.iter().filter(|a| !a.crowd).map(|a| {
+        let image = data.images.iter().find(|image| image.id == a.image_id).unwrap();
+        (image.file_name.as_str(), data.category(a.category_id).unwrap().name.as_str(), a.bounds.into())
+    });
+    named.collect()
+}
+
+/// The error of a folder that cannot be read: its message.
+fn fails(format: SourceFormat, root: &Path, needles: &[&str]) {
+    let error = convert(format, root).unwrap_err();
+    let text = error.to_string();
+    assert!(
+        needles.iter().all(|needle| text.contains(needle)) && text.contains("hint"),
+        "{needles:?}: {text}"
+    );
+    if let CocoError::File { error, .. } = error {
+        assert!(error.hint.is_some(), "{error}");
+    }
+}
+
+const KITTI: &str = "Car 0.25 1 -1.57 10.5 20.0 40.5 32.0 1.5 1.6 3.9 1 2 30 -1.5\n\
+                     Pedestrian 0 0 0.2 50 5 60 35 1.7 0.5 0.8 4 2 20 0.1\n\
+                     DontCare -1 -1 -10 70 1 90 8 -1 -1 -1 -1000 -1000 -1000 -10\n";
+
+#[test]
+fn kitti_regions_are_crowds_of_every_class() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    write(root, "training/label_2/000001.txt", KITTI);
+    write(root, "training/label_2/000002.txt", "\n");
+    write(root, "training/label_2/000003.txt", KITTI);
+    write_png(root, "training/image_2/000001.png", 100, 40);
+    write_png(root, "training/image_2/000002.png", 100, 40);
+    let converted = convert(SourceFormat::Kitti, root).unwrap();
+    assert_eq!(converted, convert(SourceFormat::Kitti, &root.join("training")).unwrap());
+    let (car, pedestrian) = ([10.5, 20.0, 30.0, 12.0], [50.0, 5.0, 10.0, 30.0]);
+    let name = "images/000001.png";
+    assert_eq!(objects(&converted), [(name, "Car", car), (name, "Pedestrian", pedestrian)]);
+    let crowds: Vec<_> = converted.data.annotations.iter().filter(|a| a.crowd).collect();
+    assert_eq!(crowds.len(), 2);
+    assert!(crowds.iter().all(|a| a.ignore && a.bounds == Bounds::from([70.0, 1.0, 20.0, 7.0])));
+    assert_eq!(converted.sources[0], root.join("training/image_2/000001.png"));
+    assert_eq!(converted.data.images.len(), 2);
+    assert_eq!(converted.data.images[0].split.as_deref(), Some("train"));
+    let count = |kind| converted.defects.count(kind);
+    assert_eq!((count(DefectKind::MissingPicture), count(DefectKind::PictureWithoutBoxes)), (1, 1));
+
+    write(root, "training/label_2/000002.txt", &format!("{KITTI}Car 0.25 one -1.57\n{KITTI}Car x"));
+    let needles = ["000002.txt: line 4: `Car 0.25 one -1.57`", "has 4 values", "1 more places are wrong"];
+    fails(SourceFormat::Kitti, root, &needles);
+    fails(SourceFormat::Kitti, &root.join("training/label_2"), &["no folder `label_2`"]);
+    assert!(convert(SourceFormat::Kitti, &root.join("nowhere")).is_err());
+}
+
+const BDD: &str = r#"[
+{"name": "a.jpg", "videoName": "v1", "attributes": {"timeofday": "night"}, "labels": [
+  {"id": "0", "category": "traffic light", "attributes": {"occluded": false, "trafficLightColor": "Red"},
+   "box2d": {"x1": 10, "y1": 5, "x2": 14.5, "y2": 15}},
+  {"id": "1", "category": "traffic light", "attributes": {"trafficLightColor": "none"}, "box2d": {"x1": 20, "y1": 5, "x2": 24, "y2": 15}},
+  {"id": "2", "category": "car", "attributes": {"trafficLightColor": "none"}, "box2d": {"x1": 30, "y1": 5, "x2": 70, "y2": 35}},
+  {"id": "3", "category": "drivable area", "poly2d": [{"vertices": [[1, 2]], "closed": true}]}]},
+{"name": "b.jpg", "labels": null},
+{"name": "gone.jpg"}]"#;
+
+#[test]
+fn bdd100k_colours_become_states() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    write(root, "labels/det_val.json", BDD);
+    write_png(root, "images/100k/val/a.png", 100, 40);
+    std::fs::rename(root.join("images/100k/val/a.png"), root.join("images/100k/val/a.jpg")).unwrap();
+    write_png(root, "images/100k/val/b.png", 100, 40);
+    for place in [root.to_owned(), root.join("labels/det_val.json")] {
+        let converted = convert(SourceFormat::Bdd100k, &place).unwrap();
+        let name = "images/100k/val/a.jpg";
+        assert_eq!(
+            objects(&converted),
+            [
+                (name, "traffic light", [10.0, 5.0, 4.5, 10.0]),
+                (name, "traffic light", [20.0, 5.0, 4.0, 10.0]),
+                (name, "car", [30.0, 5.0, 40.0, 30.0])
+            ]
+        );
+        let states =
+            converted.data.annotations.iter().map(|a| a.attributes.get("state").and_then(|s| s.text()));
+        assert_eq!(states.collect::<Vec<_>>(), [Some("red"), Some("off"), None]);
+        let image = &converted.data.images[0];
+        assert_eq!((image.sequence.as_deref(), image.split.as_deref()), (Some("v1"), Some("valid")));
+        // `b.jpg` is there as b.png only, and gone.jpg not at all.
+        assert_eq!(converted.defects.count(DefectKind::MissingPicture), 2);
+    }
+
+    // Files of one picture each, with its name outside and without ending.
+    let old = r#"{"name": "b", "frames": [{"timestamp": 1, "objects": [{"category": "car", "id": 3, "attributes": {},
+                 "box2d": {"x1": 1, "y1": 2, "x2": 3, "y2": 5}}]}]}"#;
+    write(root, "labels/det_val.json", old);
+    let converted = convert(SourceFormat::Bdd100k, root).unwrap();
+    assert_eq!(objects(&converted), [("images/100k/val/b.png", "car", [1.0, 2.0, 2.0, 3.0])]);
+
+    for (from, to, needles) in [
+        ("\"x1\": 10,", "\"x1\": NaN,", ["a.jpg: labels[0].box2d.x1", "no finite number"]),
+        ("\"x1\": 10,", "", ["labels[0].box2d.x1", "missing"]),
+        ("\"category\": \"car\"", "\"category\": 3", ["labels[2].category = 3", "wrong type"]),
+        ("{\"name\": \"b.jpg\",", "{", ["`name`", "missing"]),
+        ("{\"name\": \"b.jpg\",", "{\"name\" \"b.jpg\",", ["line 8, column", "not JSON"]),
+    ] {
+        write(root, "labels/det_val.json", &BDD.replacen(from, to, 1));
+        fails(SourceFormat::Bdd100k, root, &needles);
+    }
+    write(root, "labels/det_val.json", "{\"images\": []}");
+    fails(SourceFormat::Bdd100k, root, &["missing field `frames`", "a BDD100K file is a list"]);
+}
+
+#[test]
+fn yolo_is_read_in_every_layout() {
+    let label = "1 0.5 0.25 0.2 0.1\n0 0.5 0.5 1.0 1.002\n";
+    let layouts = [
+        ("train/images/a.png", "train/labels/a.txt", "images/train/a.png"),
+        ("images/train/a.png", "labels/train/a.txt", "images/train/a.png"),
+        ("obj/a.png", "obj/a.txt", "images/obj/a.png"),
+        ("images/a.png", "labels/a.txt", "images/a.png"),
+    ];
+    for (picture, labels, name) in layouts {
+        let folder = tempfile::tempdir().unwrap();
+        let root = folder.path();
+        write_png(root, picture, 100, 40);
+        write(root, labels, label);
+        write(
+            root,
+            "data.yaml",
+            "train: ../train/images\nval: ../valid/images\nnc: 2\nnames: ['green', 'red']\n",
+        );
+        let converted = convert(SourceFormat::Yolo, root).unwrap();
+        assert_eq!(
+            objects(&converted),
+            [(name, "red", [40.0, 8.0, 20.0, 4.0]), (name, "green", [0.0, 0.0, 100.0, 40.0])]
+        );
+        // The second box is higher than its picture by rounding.
+        assert_eq!(converted.defects.count(DefectKind::ClippedBox), 1);
+        assert_eq!(converted.data.categories[0].name, "green");
+        assert_eq!(converted.data.images[0].split.is_some(), name.contains("train"));
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    for part in ["train", "valid", "test"] {
+        write_png(root, &format!("{part}/images/a.png"), 100, 40);
+        write(root, &format!("{part}/labels/a.txt"), label);
+    }
+    write(root, "test/labels/lost.txt", label);
+    fails(SourceFormat::Yolo, root, &["no file names the classes"]);
+    write(root, "classes.txt", "green\nred\n");
+    write(root, "README.txt", "a text that is no label");
+    let converted = convert(SourceFormat::Yolo, root).unwrap();
+    let names: Vec<&str> = converted.data.images.iter().map(|image| image.file_name.as_str()).collect();
+    assert_eq!(names, ["images/test/a.png", "images/train/a.png", "images/valid/a.png"]);
+    assert_eq!(converted.defects.count(DefectKind::MissingPicture), 1);
+
+    write(root, "valid/labels/a.txt", "0 0.5 0.5 0.1 0.1\n\n1 0.5 120 0.1 0.1\n7 0.5 0.5 0.1 0.1\n");
+    fails(SourceFormat::Yolo, root, &["valid/labels/a.txt: line 3: `120`", "no share", "1 more places"]);
+    write(root, "data.yaml", "names: [a, b\n");
+    fails(SourceFormat::Yolo, root, &["data.yaml", "not YAML"]);
+    write(root, "data.yaml", "nc: 2\nnames: [a]\n");
+    fails(SourceFormat::Yolo, root, &["data.yaml: line 1: `nc = 2`", "`names` lists 1"]);
+
+    // Pictures alone, as they lie beside a file in COCO format.
+    let bare = tempfile::tempdir().unwrap();
+    write_png(bare.path(), "test_0001.png", 10, 10);
+    write(bare.path(), "data.yaml", "names: [a]\n");
+    fails(SourceFormat::Yolo, bare.path(), &["no picture here has a file of labels", "petzval data check"]);
+}
+
+const VOC: &str = "<annotation>
+<filename>a.png</filename>
+<size><width>100</width><height>40</height><depth>3</depth></size>
+<object><name>person</name><pose>Left</pose><truncated>1</truncated><difficult>0</difficult>
+<bndbox><xmin>11</xmin><ymin>6</ymin><xmax>30</xmax><ymax>40</ymax></bndbox>
+<part><name>head</name><bndbox><xmin>1</xmin><ymin>1</ymin><xmax>2</xmax><ymax>2</ymax></bndbox></part></object>
+<object><name>car</name><difficult>1</difficult>
+<bndbox><xmin>1</xmin><ymin>1</ymin><xmax>100</xmax><ymax>40</ymax></bndbox></object>
+</annotation>
+";
+
+#[test]
+fn voc_boxes_count_from_one_and_difficult_objects_are_ignored() {
+    for (labels, picture) in [("Annotations/a.xml", "JPEGImages/a.png"), ("train/a.xml", "train/a.png")] {
+        let folder = tempfile::tempdir().unwrap();
+        let root = folder.path();
+        write(root, labels, VOC);
+        write_png(root, picture, 100, 40);
+        let converted = convert(SourceFormat::Voc, root).unwrap();
+        let name = if labels.starts_with("train") { "images/train/a.png" } else { "images/a.png" };
+        let (person, car) = ([10.0, 5.0, 20.0, 35.0], [0.0, 0.0, 100.0, 40.0]);
+        assert_eq!(objects(&converted), [(name, "person", person), (name, "car", car)]);
+        let ignored: Vec<bool> = converted.data.annotations.iter().map(|a| a.ignore).collect();
+        assert_eq!(ignored, [false, true]);
+        assert_eq!(converted.data.annotations[0].attributes["pose"].text(), Some("Left"));
+        assert_eq!(converted.defects.errors(), 0);
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    write_png(root, "JPEGImages/a.png", 100, 40);
+    write(root, "ImageSets/Main/val.txt", "a\n");
+    write(root, "ImageSets/Main/car_train.txt", "a -1\n");
+    write(root, "Annotations/a.xml", VOC);
+    let converted = convert(SourceFormat::Voc, root).unwrap();
+    assert_eq!(converted.data.images[0].split.as_deref(), Some("valid"));
+    for (from, to, needles) in [
+        ("<xmin>11</xmin>", "<xmin>left</xmin>", ["a.xml: line 5, column 9: `xmin = left`", "no number"]),
+        ("<xmin>11</xmin>", "", ["line 5, column 1", "`xmin` is missing"]),
+        ("<name>person</name>", "", ["line 4", "no `name`"]),
+        ("</annotation>", "", ["a.xml: line", "not XML"]),
+        ("<annotation>", "<!DOCTYPE a [<!ENTITY b \"c\">]><annotation>", ["a.xml: line 1", "not XML"]),
+    ] {
+        write(root, "Annotations/a.xml", &VOC.replacen(from, to, 1));
+        fails(SourceFormat::Voc, root, &needles);
+    }
+    write(root, "Annotations/a.xml", "<svg/>");
+    fails(SourceFormat::Voc, root, &["line 1", "not `annotation`"]);
+    write(root, "Annotations/a.xml", &VOC.replacen("<width>100<", "<width>99<", 1));
+    let converted = convert(SourceFormat::Voc, root).unwrap();
+    assert_eq!((converted.data.images.len(), converted.defects.count(DefectKind::OtherPictureSize)), (0, 1));
+    // Deep nesting ends in an error, not in an overflow of the stack.
+    write(root, "Annotations/a.xml", &"<annotation>".repeat(200_000));
+    assert!(convert(SourceFormat::Voc, root).is_err());
+}

@@ -1,0 +1,397 @@
+//! Data sets in COCO format: every defect is found, and what is read is written again.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use petzval_files::coco::{
+    Annotation, Attribute, Bounds, Category, CocoError, DataSet, DefectKind, Defects, Detection, Image,
+    Loaded, Severity, Statistics, check_pictures, check_values, coco_bytes, load_coco, load_results,
+    parse_coco, parse_results, results_bytes, save_coco, save_results,
+};
+
+const GOOD: &str = r#"{
+"info": {"description": "two lights"},
+"licenses": [{"id": 1, "name": "CC BY 4.0"}],
+"images": [
+{"id": 1, "file_name": "a.png", "width": 40, "height": 30, "video_id": 7, "split": "train"},
+{"id": 2, "file_name": "b.png", "width": 40, "height": 30, "sequence": "night"}],
+"categories": [{"id": 1, "name": "light", "supercategory": "road"}],
+"annotations": [
+{"id": 1, "image_id": 1, "category_id": 1, "bbox": [1.5, 2, 10, 20], "area": 200, "iscrowd": 0, "segmentation": [[1, 2, 3]],
+ "attributes": {"state": "red", "occluded": true, "distance_m": 31.5}},
+{"id": 2, "image_id": 2, "category_id": 1, "bbox": [0, 0, 40, 30], "area": 1100.25, "iscrowd": 1, "ignore": 1, "state": "off"}]}"#;
+
+fn read(text: &str) -> (DataSet, Defects) {
+    let mut defects = Defects::default();
+    let mut data = parse_coco(text.as_bytes().to_vec(), &mut defects).unwrap();
+    check_values(&mut data, &mut defects);
+    (data, defects)
+}
+
+/// The good file with one piece of its text replaced.
+fn with(from: &str, to: &str) -> (DataSet, Defects) {
+    assert!(GOOD.contains(from), "{from}");
+    read(&GOOD.replacen(from, to, 1))
+}
+
+fn write_png(path: &Path, width: u32, height: u32) {
+    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+    image::RgbImage::from_pixel(width, height, image::Rgb([90, 120, 60])).save(path).unwrap();
+}
+
+#[test]
+fn everything_that_is_read_is_written_again() {
+    let (data, defects) = read(GOOD);
+    assert_eq!(data.images[0].sequence.as_deref(), Some("7"));
+    assert_eq!(
+        (data.images[1].sequence.as_deref(), data.images[0].split.as_deref()),
+        (Some("night"), Some("train"))
+    );
+    let first = &data.annotations[0];
+    assert_eq!(first.bounds, Bounds { x: 1.5, y: 2.0, width: 10.0, height: 20.0 });
+    assert_eq!(first.attributes["state"], Attribute::Text("red".into()));
+    assert_eq!(first.attributes["occluded"], Attribute::Flag(true));
+    assert_eq!(first.attributes["distance_m"], Attribute::Number(31.5));
+    let second = &data.annotations[1];
+    assert!(second.crowd && second.ignore && second.attributes["state"].text() == Some("off"));
+    assert_eq!(defects.iter().map(|d| d.kind).collect::<Vec<_>>(), [DefectKind::CrowdBox]);
+
+    let (again, _) = read(&String::from_utf8(coco_bytes(&data)).unwrap());
+    assert_eq!(again, data);
+    // One record in a line.
+    assert_eq!(String::from_utf8(coco_bytes(&data)).unwrap().lines().count(), 13);
+    let empty = DataSet::default();
+    assert_eq!(read(&String::from_utf8(coco_bytes(&empty)).unwrap()).0, empty);
+}
+
+#[test]
+fn every_defect_of_a_value_is_found_and_named() {
+    let first = r#""bbox": [1.5, 2, 10, 20]"#;
+    let boxed = |numbers: &str| with(first, &format!("\"bbox\": [{numbers}]"));
+    for ((data, defects), kind, left, example) in [
+        (
+            boxed("NaN, 2, 10, 20"),
+            DefectKind::NotFinite,
+            1,
+            "annotations[0]: bbox is [NaN or infinity, 2, 10, 20]",
+        ),
+        (boxed("1, 2, Infinity, 20"), DefectKind::NotFinite, 1, "NaN or infinity, 20]"),
+        (boxed("1, 2, 1e999, 20"), DefectKind::NotFinite, 1, "NaN or infinity, 20]"),
+        (boxed("1, null, 3, 20"), DefectKind::NotFinite, 1, "[1, null, 3, 20]"),
+        (boxed("1, 2, 1e200, 1e200"), DefectKind::NotFinite, 1, "annotation 1 of a.png (40 x 30 px)"),
+        (boxed("1, 2, 3"), DefectKind::WrongType, 1, "bbox is [1, 2, 3]"),
+        (boxed("1, 2, 3, \"4\""), DefectKind::WrongType, 1, "bbox is [1, 2, 3, \"4\"]"),
+        (boxed("1, 2, -3, 4"), DefectKind::NegativeSize, 1, "[1, 2, -3, 4]"),
+        (boxed("1, 2, 0, 4"), DefectKind::ZeroSize, 1, "[1, 2, 0, 4]"),
+        (boxed("40, 2, 5, 4"), DefectKind::OutsidePicture, 1, "[40, 2, 5, 4]"),
+        (boxed("-9, 2, 5, 4"), DefectKind::OutsidePicture, 1, "a.png (40 x 30 px): [-9, 2, 5, 4]"),
+        (boxed("38, 2, 5, 4"), DefectKind::ClippedBox, 2, "[38, 2, 5, 4], 3.0 px over"),
+        (boxed("1, 2, 3, 4"), DefectKind::AreaBeyondBox, 2, "200 px^2, box 12 px^2"),
+        (
+            with("\"bbox\": [1.5, 2, 10, 20],", ""),
+            DefectKind::MissingField,
+            1,
+            "annotations[0]: bbox is missing",
+        ),
+        (with("\"area\": 200", "\"area\": -3"), DefectKind::AreaNotStated, 2, "-3 px^2"),
+        (with("\"area\": 200", "\"area\": NaN"), DefectKind::AreaNotStated, 2, "NaN px^2"),
+        (with("\"area\": 200,", ""), DefectKind::AreaNotStated, 2, "annotation 1 of image 1"),
+        (
+            with("{\"id\": 2, \"image_id\": 2", "{\"id\": 1, \"image_id\": 2"),
+            DefectKind::RepeatedAnnotationId,
+            2,
+            "annotation 1 of image 2",
+        ),
+        (
+            with("{\"id\": 2, \"image_id\": 2", "{\"id\": 0, \"image_id\": 2"),
+            DefectKind::ZeroId,
+            2,
+            "annotation 0 of image 2",
+        ),
+        (
+            with("{\"id\": 2, \"image_id\": 2", "{\"id\": -2, \"image_id\": 2"),
+            DefectKind::WrongType,
+            1,
+            "annotations[1]: id is -2",
+        ),
+        (
+            with("\"image_id\": 1", "\"image_id\": 99"),
+            DefectKind::UnknownImage,
+            1,
+            "annotation 1 of image 99",
+        ),
+        (with("\"category_id\": 1", "\"category_id\": 5"), DefectKind::UnknownCategory, 1, "category 5"),
+        (with("\"image_id\": 1", "\"image_id\": \"a\""), DefectKind::WrongType, 1, "image_id is \"a\""),
+        (with("\"iscrowd\": 0", "\"iscrowd\": 7"), DefectKind::WrongType, 1, "iscrowd is 7"),
+        (
+            with("\"id\": 2, \"file_name\"", "\"id\": 1, \"file_name\""),
+            DefectKind::RepeatedImageId,
+            1,
+            "image 1: b.png",
+        ),
+        (with("b.png", "a.png"), DefectKind::RepeatedFile, 2, "images 1 and 2: a.png"),
+        (
+            with("\"file_name\": \"a.png\", ", ""),
+            DefectKind::MissingField,
+            1,
+            "images[0]: file_name is missing",
+        ),
+        (with("\"width\": 40", "\"width\": \"40\""), DefectKind::WrongType, 1, "images[0]: width is \"40\""),
+        (with("\"width\": 40", "\"width\": 1e30"), DefectKind::WrongType, 1, "images[0]: width is 1"),
+        (with("\"name\": \"light\"", "\"name\": \"\""), DefectKind::RepeatedClassName, 2, "category 1"),
+        (
+            with("\"categories\": [", "\"categories\": [{\"id\": 1, \"name\": \"x\"}, "),
+            DefectKind::RepeatedCategoryId,
+            2,
+            "category 1: \"light\"",
+        ),
+        (
+            with("\"categories\": [", "\"categories\": [{\"id\": 3, \"name\": \"x\"}, "),
+            DefectKind::ClassWithoutBoxes,
+            2,
+            "category 3: \"x\"",
+        ),
+        (
+            with("\"categories\": [", "\"categories\": [{\"id\": 3, \"name\": 4}, "),
+            DefectKind::WrongType,
+            2,
+            "categories[0]: name is 4",
+        ),
+        (
+            with(
+                "\"annotations\": [",
+                "\"annotations\": [{\"id\": 8, \"image_id\": 1, \"category_id\": 1, \"bbox\": [1.5, 2, 10, 20]}, ",
+            ),
+            DefectKind::RepeatedBox,
+            3,
+            "annotation 1 of image 1",
+        ),
+        (
+            with("\"occluded\": true", "\"occluded\": [1, 2]"),
+            DefectKind::LooseAttribute,
+            2,
+            "occluded is [1, 2]",
+        ),
+        (with("\"image_id\": 2", "\"image_id\": 1"), DefectKind::PictureWithoutBoxes, 2, "b.png"),
+        (with("\"iscrowd\": 0", "\"iscrowd\": 0, \"ignore\": 1"), DefectKind::IgnoredBox, 2, "annotation 1"),
+    ] {
+        let found = defects.iter().find(|defect| defect.kind == kind);
+        let found = found.unwrap_or_else(|| panic!("{kind:?} is not found: {defects:?}"));
+        assert_eq!(found.count, 1, "{found:?}");
+        assert!(found.first[0].contains(example), "{example}: {found:?}");
+        assert_eq!(data.annotations.len(), left, "{found:?}");
+        assert_eq!(defects.errors() > 0, found.severity == Severity::Error, "{defects:?}");
+        assert!(!kind.sentence().is_empty() && !kind.hint().is_empty());
+        // What is left is without errors.
+        let (again, later) = read(&String::from_utf8(coco_bytes(&data)).unwrap());
+        assert_eq!((again, later.errors()), (data, 0));
+    }
+    // A clipped box has the area of what is left; ids stay unique.
+    let (clipped, _) = boxed("38, 2, 5, 4");
+    assert_eq!(clipped.annotations[0].bounds, Bounds::from([38.0, 2.0, 2.0, 4.0]));
+    assert_eq!(clipped.annotations[0].area, 8.0);
+    let (renumbered, _) = with("{\"id\": 2, \"image_id\": 2", "{\"id\": 1, \"image_id\": 2");
+    assert_eq!(renumbered.annotations.iter().map(|a| a.id).collect::<Vec<_>>(), [1, 2]);
+}
+
+#[test]
+fn text_that_is_not_the_format_has_a_line_and_a_hint() {
+    for (text, line, column, needle) in [
+        ("{\"images\": [\n{\"id\": 1,}\n]}", 2, 10, "not JSON"),
+        ("{\"images\": [", 1, 12, "cut off"),
+        ("", 1, 0, "cut off"),
+        ("{\"images\": [], \"annotations\": []}", 1, 33, "missing field `categories`"),
+        ("{\"images\": 3}", 1, 12, "expected a sequence"),
+        ("\u{1}", 1, 1, "not JSON"),
+    ] {
+        let error = parse_coco(text.as_bytes().to_vec(), &mut Defects::default()).unwrap_err();
+        assert_eq!(error.line, Some(line), "{text}: {error}");
+        assert!(error.column.unwrap().abs_diff(column) <= 1, "{text}: {error}");
+        assert!(error.to_string().contains(needle) && error.hint.is_some(), "{text}: {error}");
+    }
+    for text in ["[]", "[[], [], []]", "3", "null", "[[{}], [], [], [], []]"] {
+        let error = parse_coco(text.into(), &mut Defects::default()).unwrap_err();
+        assert!(error.line == Some(1) && error.message.contains("no table"), "{error}");
+    }
+    // A byte order mark is no error.
+    assert!(parse_coco(format!("\u{feff}{GOOD}").into_bytes(), &mut Defects::default()).is_ok());
+}
+
+#[test]
+fn very_many_boxes_are_read_soon() {
+    let data = DataSet {
+        images: vec![Image {
+            id: 1,
+            file_name: "a.png".into(),
+            width: 4000,
+            height: 3000,
+            ..Image::default()
+        }],
+        categories: vec![Category { id: 1, name: "light".into(), ..Category::default() }],
+        annotations: (0..200_000)
+            .map(|i| Annotation {
+                id: i + 1,
+                image_id: 1,
+                category_id: 1,
+                bounds: Bounds::from([(i % 3900) as f64, (i / 3900) as f64, 8.0, 12.5]),
+                area: 100.0,
+                crowd: false,
+                ignore: false,
+                attributes: BTreeMap::new(),
+            })
+            .collect(),
+        ..DataSet::default()
+    };
+    let bytes = coco_bytes(&data);
+    let start = Instant::now();
+    let (read, defects) = read(std::str::from_utf8(&bytes).unwrap());
+    let elapsed = start.elapsed();
+    println!("{} MB, 200 000 boxes in one picture: {elapsed:?}", bytes.len() / 1_000_000);
+    assert_eq!(read, data);
+    let many: Vec<_> = defects.iter().collect();
+    assert_eq!((many.len(), many[0].kind), (1, DefectKind::ManyBoxes));
+    assert_eq!(many[0].worst.as_deref(), Some("a.png: 200000 boxes"));
+    assert_eq!(Statistics::of(&read).most_boxes, 200_000);
+    assert!(elapsed < Duration::from_secs(10));
+}
+
+#[test]
+fn the_files_of_pictures_are_checked() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    let names = ["good.png", "missing.png", "broken.png", "other.png", "none.png"];
+    let data = DataSet {
+        images: (1..)
+            .zip(names)
+            .map(|(id, name)| Image { id, file_name: name.into(), width: 40, height: 30, ..Image::default() })
+            .collect(),
+        categories: vec![Category { id: 1, name: "light".into(), ..Category::default() }],
+        annotations: (1..=5)
+            .map(|id| Annotation {
+                id,
+                image_id: id,
+                category_id: 1,
+                bounds: Bounds::from([10.0, 20.0, 10.0, 10.0]),
+                area: 100.0,
+                crowd: false,
+                ignore: false,
+                attributes: BTreeMap::new(),
+            })
+            .collect(),
+        ..DataSet::default()
+    };
+    let mut unsized_image = data.clone();
+    (unsized_image.images[4].width, unsized_image.images[4].height) = (0, 0);
+    save_coco(&unsized_image, &root.join("annotations.json")).unwrap();
+    write_png(&root.join("good.png"), 40, 30);
+    write_png(&root.join("images/other.png"), 30, 40);
+    write_png(&root.join("images/none.png"), 40, 25);
+    std::fs::write(root.join("broken.png"), b"no picture").unwrap();
+
+    let mut loaded = load_coco(root).unwrap();
+    assert_eq!(loaded.data, unsized_image);
+    check_pictures(&mut loaded);
+    let left: Vec<&str> = loaded.data.images.iter().map(|image| image.file_name.as_str()).collect();
+    assert_eq!(left, ["good.png", "none.png"]);
+    assert_eq!((loaded.data.images[1].width, loaded.data.images[1].height), (40, 25));
+    // The box of the picture without a size is clipped now.
+    assert_eq!(loaded.data.annotations[1].bounds, Bounds::from([10.0, 20.0, 10.0, 5.0]));
+    let example = |kind| {
+        let found = loaded.defects.iter().find(|d| d.kind == kind).unwrap_or_else(|| panic!("{kind:?}"));
+        assert_eq!(found.count, 1);
+        found.first[0].clone()
+    };
+    assert_eq!(example(DefectKind::MissingPicture), "missing.png");
+    assert!(example(DefectKind::UnreadablePicture).contains("broken.png: cannot decode"));
+    assert_eq!(example(DefectKind::OtherPictureSize), "other.png: 30 x 40 px, stated 40 x 30");
+    assert_eq!(example(DefectKind::SizeNotStated), "none.png");
+    assert!(example(DefectKind::ClippedBox).contains("5.0 px over"));
+}
+
+#[test]
+fn annotations_are_found_where_programs_put_them() {
+    let layouts: [(&str, &str); 5] = [
+        ("annotations.json", "a.png"),
+        ("_annotations.coco.json", "a.png"),
+        ("annotations/instances_val2017.json", "val2017/a.png"),
+        ("annotations/instances_train.json", "images/train/a.png"),
+        ("mine.JSON", "images/a.png"),
+    ];
+    let load = |root: &Path| -> Result<Loaded, CocoError> { load_coco(root) };
+    for (file, picture) in layouts {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join(file);
+        std::fs::create_dir_all(file.parent().unwrap()).unwrap();
+        std::fs::write(&file, GOOD).unwrap();
+        write_png(&folder.path().join(picture), 40, 30);
+        for loaded in [load(folder.path()).unwrap(), load(&file).unwrap()] {
+            assert_eq!(loaded.file, file);
+            assert_eq!(loaded.picture("a.png").unwrap(), folder.path().join(picture));
+        }
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let fails = |needles: &[&str]| {
+        let error = load(folder.path()).unwrap_err().to_string();
+        assert!(needles.iter().all(|needle| error.contains(needle)), "{error}");
+    };
+    fails(&["no annotations in COCO format", "petzval data convert"]);
+    std::fs::create_dir(folder.path().join("valid")).unwrap();
+    std::fs::write(folder.path().join("valid/_annotations.coco.json"), GOOD).unwrap();
+    fails(&["name one of its parts", "valid"]);
+    for name in ["a.json", "b.json"] {
+        std::fs::write(folder.path().join(name), GOOD).unwrap();
+    }
+    fails(&["2 files could be the annotations", "a.json", "b.json"]);
+    std::fs::write(folder.path().join("annotations.json"), "{\"images\": [}").unwrap();
+    fails(&["annotations.json: line 1, column 13", "not JSON"]);
+    assert!(load(&folder.path().join("nowhere")).is_err());
+}
+
+#[test]
+fn detections_are_read_checked_and_written() {
+    let (data, _) = read(GOOD);
+    let detections = [
+        Detection { image_id: 1, category_id: 1, bounds: Bounds::from([1.0, 2.5, 3.0, 4.0]), score: 0.75 },
+        Detection { image_id: 2, category_id: 1, bounds: Bounds::from([0.0, 0.0, 0.0, 4.0]), score: -1.5 },
+    ];
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("found.json");
+    save_results(&detections, &path).unwrap();
+    let mut defects = Defects::default();
+    assert_eq!(load_results(&path, Some(&data), &mut defects).unwrap(), detections);
+    assert_eq!(defects.iter().count(), 0);
+
+    let line = String::from_utf8(results_bytes(&detections[..1])).unwrap();
+    assert_eq!(line, "[\n{\"image_id\":1,\"category_id\":1,\"bbox\":[1.0,2.5,3.0,4.0],\"score\":0.75}]\n");
+    for (from, to, kind) in [
+        ("0.75", "NaN", DefectKind::NotFinite),
+        ("0.75", "\"high\"", DefectKind::WrongType),
+        (",\"score\":0.75", "", DefectKind::MissingField),
+        ("\"image_id\":1", "\"image_id\":3", DefectKind::UnknownImage),
+        ("\"category_id\":1", "\"category_id\":0", DefectKind::UnknownCategory),
+        ("3.0", "-3.0", DefectKind::NegativeSize),
+        ("3.0,4.0", "1e300,1e300", DefectKind::NotFinite),
+    ] {
+        let mut defects = Defects::default();
+        let read = parse_results(line.replacen(from, to, 1).into_bytes(), Some(&data), &mut defects).unwrap();
+        assert_eq!((read.len(), defects.count(kind)), (0, 1), "{defects:?}");
+        assert!(defects.iter().next().unwrap().first[0].starts_with("result [0]: "));
+    }
+    let error = parse_results(GOOD.into(), None, &mut Defects::default()).unwrap_err();
+    assert!(error.hint.unwrap().contains("list of {image_id"));
+}
+
+#[test]
+fn figures_count_classes_and_sizes() {
+    let (data, _) = read(GOOD);
+    let figures = Statistics::of(&data);
+    assert_eq!((figures.images, figures.boxes, figures.sequences, figures.most_boxes), (2, 2, 2, 1));
+    assert_eq!(figures.sizes, [(40, 30, 2)]);
+    assert_eq!(figures.images_by_split, BTreeMap::from([("train".to_owned(), 1)]));
+    let class = &figures.classes[0];
+    assert_eq!((class.boxes, class.ignored, class.small, class.medium, class.large), (2, 1, 1, 1, 0));
+    assert_eq!(class.states, BTreeMap::from([("off".to_owned(), 1), ("red".to_owned(), 1)]));
+    assert!((class.side_px[0] - 200f64.sqrt()).abs() < 1e-12);
+    assert!(Statistics::of(&DataSet::default()).classes.is_empty());
+}

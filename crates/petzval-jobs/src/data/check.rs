@@ -1,0 +1,167 @@
+//! `data check`: what a data set holds, and what is wrong with it.
+
+use std::path::{Path, PathBuf};
+
+use petzval_base::write_whole;
+use petzval_design::error::DesignError;
+use petzval_files::coco::{
+    Annotation, Attribute, Defect, Loaded, Severity, Statistics, check_pictures, load_coco,
+};
+use petzval_files::load_image;
+use petzval_report::data_sheet::{DataSheet, DefectRow, Sample, SampleBox, page};
+use serde::{Deserialize, Serialize};
+
+use crate::context::Context;
+use crate::error::{JobError, make_folder};
+
+/// A data set to check. What is left out has the default of the command.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Request {
+    /// Its folder, or its file of annotations.
+    pub data: PathBuf,
+    /// Folder for a page with samples; none is written without.
+    pub out: Option<PathBuf>,
+    /// Pictures on the page.
+    pub samples: usize,
+}
+
+impl Default for Request {
+    fn default() -> Self {
+        Self { data: PathBuf::from("."), out: None, samples: 12 }
+    }
+}
+
+/// What a data set holds, and what is wrong with it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Response {
+    /// The file of annotations.
+    pub annotations: PathBuf,
+    /// What can be used.
+    pub statistics: Statistics,
+    /// What was found wrong, errors first.
+    pub defects: Vec<Defect>,
+    /// Cases that cannot be used.
+    pub errors: usize,
+    /// The page.
+    pub page: Option<PathBuf>,
+}
+
+/// Most pictures on a page.
+const MOST_SAMPLES: usize = 200;
+
+/// Reads and checks annotations and pictures. The folder `out` gets `data.json` (the response) and `data.html`.
+pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+    if request.samples > MOST_SAMPLES {
+        let message = format!("more than {MOST_SAMPLES}");
+        return Err(JobError::setting("samples", request.samples, message, "the page holds its pictures"));
+    }
+    let mut loaded = load_coco(&request.data)?;
+    check_pictures(&mut loaded);
+    let mut response = Response {
+        annotations: loaded.file.clone(),
+        statistics: Statistics::of(&loaded.data),
+        defects: loaded.defects.iter().cloned().collect(),
+        errors: loaded.defects.errors(),
+        page: None,
+    };
+    let Some(out) = &request.out else { return Ok(response) };
+    make_folder(out)?;
+    let path = out.join("data.html");
+    response.page = Some(path.clone());
+    let samples = samples(&loaded, request.samples, context)?;
+    write(&path, page(&sheet(&response, samples)).as_bytes())?;
+    let json = serde_json::to_string_pretty(&response).map_err(|e| JobError::failed(e.to_string()))?;
+    write(&out.join("data.json"), json.as_bytes())?;
+    Ok(response)
+}
+
+/// Pictures with boxes, evenly over the data set; the last is the one with the most.
+fn samples(loaded: &Loaded, most: usize, context: &Context) -> Result<Vec<Sample>, JobError> {
+    let data = &loaded.data;
+    let objects = data.objects_of_images();
+    let with_boxes: Vec<usize> = (0..data.images.len()).filter(|i| !objects[*i].is_empty()).collect();
+    let mut chosen: Vec<usize> = match with_boxes.len() {
+        n if n <= most => with_boxes,
+        n => (0..most).map(|k| with_boxes[k * n / most]).collect(),
+    };
+    let fullest = (0..objects.len()).max_by_key(|i| objects[*i].len());
+    if let (Some(fullest), Some(last)) = (fullest, chosen.last_mut())
+        && *last != fullest
+    {
+        *last = fullest;
+        chosen.sort_unstable();
+        chosen.dedup();
+    }
+    let mut samples = Vec::new();
+    for (k, &i) in chosen.iter().enumerate() {
+        let image = &data.images[i];
+        context.progress(k as u64 + 1, chosen.len() as u64, "samples");
+        let Some(path) = loaded.picture(&image.file_name) else { continue };
+        // The head of the file was fine; its pixels may not be.
+        let light = match load_image(&path) {
+            Ok(picture) => picture.light,
+            Err(error) => {
+                context.warning(error.to_string());
+                continue;
+            }
+        };
+        let class_of =
+            |a: &Annotation| data.categories.iter().position(|c| c.id == a.category_id).unwrap_or(0);
+        let boxes = objects[i].iter().map(|&k| &data.annotations[k]).map(|a| SampleBox {
+            class: class_of(a),
+            bounds: a.bounds.into(),
+            counts: !(a.crowd || a.ignore),
+            note: a.attributes.get("state").and_then(Attribute::text).unwrap_or("").to_owned(),
+        });
+        samples.push(Sample::new(
+            image.file_name.clone(),
+            &light.to_srgb(),
+            light.height,
+            light.width,
+            boxes.collect(),
+        ));
+    }
+    Ok(samples)
+}
+
+fn sheet(response: &Response, samples: Vec<Sample>) -> DataSheet {
+    let statistics = &response.statistics;
+    let list = |pairs: Vec<String>| (!pairs.is_empty()).then(|| pairs.join(", "));
+    let splits = statistics.images_by_split.iter().map(|(name, n)| format!("{name} {n}")).collect();
+    let sizes = statistics.sizes.iter().map(|(w, h, n)| format!("{w} x {h} ({n})")).collect();
+    let facts = vec![
+        ("annotations", Some(response.annotations.display().to_string())),
+        ("pictures", Some(statistics.images.to_string())),
+        ("parts", list(splits)),
+        ("sequences", (statistics.sequences > 0).then(|| statistics.sequences.to_string())),
+        ("sizes, px", list(sizes)),
+        ("boxes", Some(statistics.boxes.to_string())),
+        ("most boxes in a picture", Some(statistics.most_boxes.to_string())),
+    ];
+    let classes = statistics.classes.iter().map(|class| {
+        let states: Vec<String> = class.states.iter().map(|(state, n)| format!("{state} {n}")).collect();
+        let [low, middle, high] = class.side_px.map(|side| format!("{side:.0}"));
+        let numbers = [class.boxes, class.images, class.ignored, class.small, class.medium, class.large];
+        let mut cells: Vec<String> = numbers.iter().map(usize::to_string).collect();
+        cells.extend([low, middle, high, states.join(", ")]);
+        (class.name.clone(), cells)
+    });
+    let defects = response.defects.iter().map(|defect| DefectRow {
+        is_error: defect.severity == Severity::Error,
+        sentence: defect.kind.sentence(),
+        hint: defect.kind.hint(),
+        count: defect.count,
+        examples: defect
+            .worst
+            .iter()
+            .map(|worst| format!("worst: {worst}"))
+            .chain(defect.first.clone())
+            .collect(),
+    });
+    DataSheet { facts, classes: classes.collect(), defects: defects.collect(), samples }
+}
+
+fn write(path: &Path, bytes: &[u8]) -> Result<(), JobError> {
+    write_whole(path, bytes).map_err(|e| DesignError::io(path)(e).into())
+}

@@ -1,0 +1,104 @@
+//! `data convert`: a data set of another format in COCO format.
+
+use std::path::{Component, Path, PathBuf};
+
+use petzval_files::coco::convert::{SourceFormat, convert};
+use petzval_files::coco::{ANNOTATIONS, Defect, Statistics, save_coco};
+use serde::{Deserialize, Serialize};
+
+use crate::context::Context;
+use crate::error::{JobError, make_folder};
+
+/// A data set to convert.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Request {
+    /// Its format.
+    pub format: SourceFormat,
+    /// Its folder; of BDD100K also a file.
+    pub input: PathBuf,
+    /// Folder for the data set; it must be new or empty.
+    pub out: PathBuf,
+    /// Copy pictures. Otherwise they are hard links to the given files, which take no space, where the file system allows.
+    #[serde(default)]
+    pub copy: bool,
+}
+
+/// The converted data set.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Response {
+    /// The file of annotations.
+    pub annotations: PathBuf,
+    /// Pictures that are hard links.
+    pub linked: usize,
+    /// Pictures that are copies.
+    pub copied: usize,
+    /// What the data set holds.
+    pub statistics: Statistics,
+    /// What was found wrong; what cannot be used is not in the data set.
+    pub defects: Vec<Defect>,
+}
+
+/// Converts a data set. The annotations are written last: a folder that has them is complete.
+pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+    let out = &request.out;
+    let is_used = out.is_dir() && std::fs::read_dir(out).is_ok_and(|mut entries| entries.next().is_some());
+    if is_used {
+        let hint = "give a new folder, or empty this one";
+        return Err(JobError::input(format!("{}: the folder is not empty", out.display()), hint));
+    }
+    let converted = convert(request.format, &request.input)?;
+    if converted.data.images.is_empty() {
+        let first = converted.defects.iter().next().and_then(|defect| defect.first.first());
+        let because = first.map_or(String::new(), |text| format!(": {text}"));
+        let message = format!("{}: no picture can be used{because}", request.input.display());
+        return Err(JobError::input(message, "name the folder that holds both pictures and labels"));
+    }
+    make_folder(out)?;
+    let total = converted.data.images.len();
+    let (mut linked, mut copied) = (0, 0);
+    for (i, (image, source)) in converted.data.images.iter().zip(&converted.sources).enumerate() {
+        if context.is_cancelled() {
+            return Err(JobError::failed(format!("stopped after {i} of {total} pictures")));
+        }
+        let target = inside(out, &image.file_name)?;
+        match place(source, &target, request.copy)? {
+            true => linked += 1,
+            false => copied += 1,
+        }
+        context.progress(i as u64 + 1, total as u64, "pictures");
+    }
+    let annotations = out.join(ANNOTATIONS);
+    save_coco(&converted.data, &annotations)?;
+    Ok(Response {
+        annotations,
+        linked,
+        copied,
+        statistics: Statistics::of(&converted.data),
+        defects: converted.defects.iter().cloned().collect(),
+    })
+}
+
+/// A place inside the folder.
+fn inside(folder: &Path, name: &str) -> Result<PathBuf, JobError> {
+    let is_plain = Path::new(name).components().all(|part| matches!(part, Component::Normal(_)));
+    match is_plain {
+        true => Ok(folder.join(name)),
+        false => Err(JobError::failed(format!("{name}: this is not a place inside the folder"))),
+    }
+}
+
+/// Links a picture, or copies it where it cannot be linked; true if it is a link.
+fn place(source: &Path, target: &Path, copy: bool) -> Result<bool, JobError> {
+    let failed = |e: std::io::Error| JobError::failed(format!("{}: {e}", target.display()));
+    if let Some(folder) = target.parent() {
+        std::fs::create_dir_all(folder).map_err(failed)?;
+    }
+    // A link to a symbolic link would be one to a file that may go.
+    let source = source.canonicalize().map_err(failed)?;
+    if !copy && std::fs::hard_link(&source, target).is_ok() {
+        return Ok(true);
+    }
+    std::fs::copy(&source, target).map_err(failed)?;
+    Ok(false)
+}

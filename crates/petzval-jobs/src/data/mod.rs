@@ -1,0 +1,41 @@
+//! `data`: data sets for object detection.
+
+pub mod check;
+pub mod convert;
+
+use petzval_files::coco::CocoError;
+
+use crate::error::JobError;
+
+pub use petzval_files::coco::convert::SourceFormat;
+pub use petzval_files::coco::{ClassStatistics, Defect, Severity, Statistics};
+
+/// Largest file of which an error shows the line, bytes.
+const LARGEST_SHOWN: u64 = 20_000;
+
+impl From<CocoError> for JobError {
+    fn from(error: CocoError) -> Self {
+        match error {
+            CocoError::File { path, mut error, more } => {
+                if more > 0 {
+                    error.message += &format!("; {more} more places are wrong");
+                }
+                // The line is shown beside the error, but not one that fills the screen: programs write JSON in one line.
+                match path.metadata() {
+                    Ok(about) if about.len() > LARGEST_SHOWN => {
+                        let hint = error.hint.take().unwrap_or_default();
+                        Self::input(format!("{}: {error}", path.display()), hint)
+                    }
+                    _ => Self::File { path, error },
+                }
+            }
+            CocoError::Content { path, reason, hint } => {
+                Self::input(format!("{}: {reason}", path.display()), hint)
+            }
+            CocoError::Io { .. } => Self::input(
+                error.to_string(),
+                "give a file or folder that can be read, or a place that can be written",
+            ),
+        }
+    }
+}

@@ -1,0 +1,47 @@
+//! `petzval data check`: what a data set holds and what is wrong with it.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use petzval::jobs::data::check::{self, Request};
+
+use super::defects::table;
+use crate::cli::failure::{EXIT_INPUT, Failure};
+use crate::cli::terminal::{Terminal, print_json};
+
+/// Show what a data set in COCO format holds: pictures, boxes by class and size, and everything that is wrong with it.
+///
+/// In a folder, annotations.json, _annotations.coco.json, annotations/instances_*.json or the one JSON file is read; pictures are beside it or in
+/// images/. Annotations and the heads of all pictures are checked.
+///
+/// Exit code 2 if something cannot be used; notes alone give 0.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Folder of the data set, or its file of annotations
+    #[arg(value_name = "DATA")]
+    data: PathBuf,
+    /// Folder for data.html, a page with sample pictures and their boxes, and data.json
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Pictures on the page
+    #[arg(long, default_value_t = 12, value_name = "N")]
+    samples: usize,
+    /// Print figures and defects as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the verb.
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+    let request = Request { data: args.data, out: args.out, samples: args.samples };
+    let response = check::run(&request, &terminal.context())?;
+    if args.json {
+        print_json(&response)?;
+    } else {
+        print!("{}", table(&response.statistics, &response.defects));
+        if let Some(page) = &response.page {
+            println!("\n{}", page.display());
+        }
+    }
+    Ok(if response.errors > 0 { ExitCode::from(EXIT_INPUT) } else { ExitCode::SUCCESS })
+}

@@ -1,0 +1,73 @@
+//! `petzval data convert`: a data set of another format in COCO format.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::ValueEnum;
+use petzval::jobs::data::SourceFormat;
+use petzval::jobs::data::convert::{self, Request};
+
+use super::defects::table;
+use crate::cli::failure::Failure;
+use crate::cli::terminal::{Terminal, print_json};
+
+/// Format of a data set.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Format {
+    /// label_2/*.txt and image_2/.
+    Kitti,
+    /// JSON with labels[].box2d, and the pictures.
+    Bdd100k,
+    /// data.yaml and labels/*.txt, also as Roboflow and Ultralytics lay them out.
+    Yolo,
+    /// Annotations/*.xml and JPEGImages/.
+    Voc,
+}
+
+/// Convert a data set for object detection to the format of COCO, which all verbs read.
+///
+/// OUT gets annotations.json and the pictures in images/. Pictures are hard links to those of IN: they take no space, and stay when IN is
+/// deleted. Where the file system does not allow links they are copies. Nothing in IN changes.
+///
+/// A line that cannot be understood ends the conversion. Boxes that make no sense are left out and listed.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Format of IN
+    #[arg(value_enum)]
+    format: Format,
+    /// Folder of the data set; for bdd100k also its JSON file
+    #[arg(value_name = "IN")]
+    input: PathBuf,
+    /// Folder for the converted data set; it must be new or empty
+    #[arg(value_name = "OUT")]
+    out: PathBuf,
+    /// Copy pictures in place of links, so that changes of the ones do not reach the others
+    #[arg(long)]
+    copy: bool,
+    /// Print what was written as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the verb.
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+    let format = match args.format {
+        Format::Kitti => SourceFormat::Kitti,
+        Format::Bdd100k => SourceFormat::Bdd100k,
+        Format::Yolo => SourceFormat::Yolo,
+        Format::Voc => SourceFormat::Voc,
+    };
+    let request = Request { format, input: args.input, out: args.out, copy: args.copy };
+    let response = convert::run(&request, &terminal.context())?;
+    if args.json {
+        return print_json(&response);
+    }
+    print!("{}", table(&response.statistics, &response.defects));
+    println!(
+        "\n{} ({} pictures linked, {} copied)",
+        response.annotations.display(),
+        response.linked,
+        response.copied
+    );
+    Ok(ExitCode::SUCCESS)
+}
