@@ -11,7 +11,7 @@ use petzval_files::{Import, LensFile, decode, parse_lens, parse_seq, parse_zmx};
 use petzval_optics::glass::Catalog;
 
 use crate::error::DesignError;
-use crate::experiment::{BUILT_IN_PHOTOS, Experiment, NO_ISP, is_derived_lens};
+use crate::experiment::{BUILT_IN_PHOTOS, Experiment, NO_ISP, STREET, is_derived_lens};
 use crate::glass_warnings::glass_warnings;
 use crate::run::{RunFolder, RunRecord, read_config};
 
@@ -215,6 +215,7 @@ impl Assets {
             (vec!["lens".to_owned()], &mut experiment.lens),
             (vec!["sensor".to_owned()], &mut experiment.sensor),
             (vec!["photos".to_owned()], &mut experiment.photos),
+            (vec!["data".to_owned()], &mut experiment.data),
         ];
         let preset = Some(&mut experiment.isp.preset).filter(|preset| *preset != NO_ISP);
         let preset = preset.map(|preset| (vec!["isp".to_owned(), "preset".to_owned()], preset));
@@ -243,6 +244,10 @@ impl Assets {
             "optics_proxy" => {
                 let hint = "the proxy.toml of a folder that `petzval train optics-proxy` made";
                 return (!Path::new(name).is_file()).then(|| hint.to_owned());
+            }
+            "data" => {
+                let is_there = name == STREET || Path::new(name).exists();
+                return (!is_there).then(|| "a folder in COCO format, or \"street\"".to_owned());
             }
             _ => {
                 let is_there = name == BUILT_IN_PHOTOS || Path::new(name).exists();

@@ -40,7 +40,7 @@ pub enum DesignError {
     },
     /// A street that cannot be seen.
     #[error("the streets: {0}")]
-    Street(petzval_street::StreetError),
+    Street(#[from] petzval_street::StreetError),
     /// A lens whose light does not reach the PSF's grid.
     #[error(
         "no light reaches the image at {field_deg:.2} degrees within the PSF's grid: rays miss a surface, are vignetted, or \

@@ -90,12 +90,10 @@ pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Resu
     Ok(Report {
         title: e.name.clone(),
         subtitle: format!(
-            "{} with the same exposure ({} e- of white) and the same order of the data. Scored on {} held-out photographs, \
-             each at {} places of the sensor.",
+            "{} with the same exposure ({} e- of white) and the same order of the data. Scored on {}.",
             cameras_in_words(&setup.variants, &events),
             e.exposure.white_e,
-            metrics.held_out_images,
-            metrics.held_out_places
+            metrics.scored_on()
         ),
         command_line: command_line.to_owned(),
         scores: metrics.scores.iter().map(score).collect(),

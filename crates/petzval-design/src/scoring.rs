@@ -107,6 +107,7 @@ impl Scorer {
         let metrics = CameraMetrics {
             psf_errors: camera.psf_errors(),
             restored_error_percent: Some(percent(limit)),
+            intervals: self.intervals(&pictures),
             ..metrics
         };
         Ok((metrics, pictures))
@@ -132,14 +133,23 @@ impl Scorer {
                 scores.iter().map(|score| (score.name().to_owned(), mean(score.name()))).collect()
             }
             Judge::Objects(scores) => {
-                let windows: Vec<Picture> = pictures.iter().filter_map(|p| p.objects.clone()).collect();
-                let classes = self.setup.experiment.task.classes().len();
-                let value = |score: &ObjectScore| {
-                    score.of(&windows, classes, self.setup.field(), None).unwrap_or(0.0)
-                };
+                let (windows, classes) = (windows_of(pictures), self.setup.experiment.task.classes().len());
+                let value =
+                    |score: &ObjectScore| score.of(&windows, classes, self.setup.field()).unwrap_or(0.0);
                 scores.iter().map(|score| (score.about.name.clone(), value(score))).collect()
             }
         }
+    }
+
+    /// The ranges in which the scores of a camera lie if other windows had been drawn; none for scores of single pictures.
+    fn intervals(&self, pictures: &[ScoredPicture]) -> BTreeMap<String, [f64; 2]> {
+        let Judge::Objects(scores) = &self.judge else { return BTreeMap::new() };
+        let (windows, classes) = (windows_of(pictures), self.setup.experiment.task.classes().len());
+        let interval = |score: &ObjectScore| {
+            let range = score.interval(&windows, classes, self.setup.field())?;
+            Some((score.about.name.clone(), range))
+        };
+        scores.iter().filter_map(interval).collect()
     }
 
     /// Takes and scores those of the held-out pictures that are chosen by their number.
@@ -199,6 +209,11 @@ impl Scorer {
     }
 }
 
+/// The objects and detections of all windows.
+fn windows_of(pictures: &[ScoredPicture]) -> Vec<Picture> {
+    pictures.iter().filter_map(|picture| picture.objects.clone()).collect()
+}
+
 /// Those of the known scores that are named, in that order.
 fn named<S>(names: &[String], known: Vec<S>, name_of: impl Fn(&S) -> &str) -> Result<Vec<S>, DesignError> {
     let mut known: Vec<Option<S>> = known.into_iter().map(Some).collect();
@@ -251,6 +266,7 @@ fn camera_metrics(
         camera: name.to_owned(),
         is_ceiling: false,
         restored_error_percent: None,
+        intervals: BTreeMap::new(),
         scores,
         rms_spot_um: rms_spot_by_field_um.iter().sum::<f64>() / rms_spot_by_field_um.len() as f64,
         efl_mm: order.efl_mm,

@@ -30,8 +30,8 @@ use crate::experiment::{
 };
 use crate::optics_proxy::{ProxyOptics, read_proxy_optics};
 use crate::psf_plan::PsfPlan;
+use crate::scenes::Scenes;
 use crate::start::Start;
-use crate::streets::Streets;
 use crate::study::Study;
 use crate::variant::Variant;
 
@@ -59,8 +59,8 @@ pub struct Setup {
     pub limit: Arc<LinearLimit>,
     /// Training and held-out photographs, and those of validations where there are any.
     pub photos: PhotoSet,
-    /// The streets in which objects are to be found, in place of photographs.
-    pub streets: Option<Streets>,
+    /// The scenes in which objects are to be found, in place of photographs.
+    pub scenes: Option<Scenes>,
     /// Pictures of the folder that cannot be used, each with the reason.
     pub skipped_photos: Vec<(String, DatasetError)>,
     /// What picture files say that was not obeyed, such as a colour profile, each with the name of the picture.
@@ -80,7 +80,7 @@ impl Setup {
     pub fn new(experiment: Experiment, assets: &Assets, device: Device) -> Result<Self, DesignError> {
         let mut setup = Self::without_photos(experiment, assets, device)?;
         if setup.experiment.task.finds_objects() {
-            setup.streets = Some(Streets::new(&setup));
+            setup.scenes = Some(Scenes::new(&setup)?);
             return Ok(setup);
         }
         let window = setup.training_crops.window().max(setup.scoring_crops.window());
@@ -163,7 +163,7 @@ impl Setup {
             fixed_plan,
             limit,
             photos: PhotoSet::default(),
-            streets: None,
+            scenes: None,
             skipped_photos: Vec::new(),
             photo_notes: Vec::new(),
             training_crops,
@@ -223,7 +223,7 @@ impl Setup {
 
     /// Held-out pictures, and places of the sensor at which each of them is scored.
     pub fn held_out_pictures(&self) -> [usize; 2] {
-        match self.streets {
+        match self.scenes {
             Some(_) => [self.experiment.street.held_out, 1],
             None => [self.photos.held_out().len(), self.experiment.scoring.places_per_side.pow(2)],
         }

@@ -6,8 +6,8 @@ use petzval_learn::detection::Truth;
 
 use crate::camera::{Camera, Shot, crop_window};
 use crate::error::DesignError;
+use crate::scenes::List;
 use crate::setup::Setup;
-use crate::streets::List;
 
 /// The number of the first validation window: beyond those of all steps, and of all that blocks learn besides.
 const FIRST_VALIDATION: u64 = 1 << 42;
@@ -15,10 +15,10 @@ const FIRST_VALIDATION: u64 = 1 << 42;
 /// The training windows of a step: the same for every variant, but that streets are seen through the chief rays of the camera's lens.
 pub fn training_shots(setup: &Setup, camera: &Camera, step: u64) -> Result<Vec<Shot>, DesignError> {
     let training = &setup.experiment.training;
-    if let Some(streets) = &setup.streets {
+    if let Some(scenes) = &setup.scenes {
         let first = step * training.batch as u64;
         return (first..first + training.batch as u64)
-            .map(|item| streets.training_shot(camera, item))
+            .map(|item| scenes.training_shot(camera, item))
             .collect();
     }
     (0..training.batch as u32)
@@ -37,8 +37,8 @@ pub fn training_shots(setup: &Setup, camera: &Camera, step: u64) -> Result<Vec<S
 pub fn validation_shots(setup: &Setup, camera: &Camera) -> Result<Vec<Vec<Shot>>, DesignError> {
     let (batch, windows) = (setup.experiment.training.batch, setup.experiment.validation.windows);
     let shot = |i: usize| {
-        if let Some(streets) = &setup.streets {
-            return streets.shot(camera, List::Validation, i as u64);
+        if let Some(scenes) = &setup.scenes {
+            return scenes.shot(camera, List::Validation, i as u64);
         }
         let (step, item) = (FIRST_VALIDATION + (i / batch) as u64, (i % batch) as u32);
         shot_of(setup, setup.photos.validation(), step, item)
@@ -69,10 +69,10 @@ fn shot_of(setup: &Setup, photos: &[NamedPhoto], step: u64, item: u32) -> Result
 /// The held-out windows, every photograph at every place, or each of a street of its own: name of the photograph or street, distance of the
 /// window from the axis over that of the sensor's corner, and the shot.
 pub fn held_out_shots(setup: &Setup, camera: &Camera) -> Result<Vec<(String, f64, Shot)>, DesignError> {
-    if let Some(streets) = &setup.streets {
+    if let Some(scenes) = &setup.scenes {
         let shot = |i: usize| {
-            let shot = streets.shot(camera, List::HeldOut, i as u64)?;
-            Ok((format!("street {}", i + 1), relative_field(setup, camera, &shot), shot))
+            let shot = scenes.shot(camera, List::HeldOut, i as u64)?;
+            Ok((format!("scene {}", i + 1), relative_field(setup, camera, &shot), shot))
         };
         return (0..setup.experiment.street.held_out).map(shot).collect();
     }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use petzval_design::design_loop::{DesignLoop, Ending, Observer};
-use petzval_design::experiment::{BUILT_IN_PHOTOS, Experiment, PsfConfig};
+use petzval_design::experiment::{BUILT_IN_PHOTOS, Experiment, PsfConfig, STREET};
 use petzval_design::inputs::{check_inputs, keep_inputs};
 use petzval_design::plausible::check;
 use petzval_design::run::{
@@ -78,6 +78,8 @@ pub struct Changes {
     pub seed: Option<u64>,
     /// Folder of pictures in place of the experiment's.
     pub photos: Option<PathBuf>,
+    /// Folder of pictures with boxes in COCO format, in which objects are to be found, in place of the experiment's scenes.
+    pub data: Option<PathBuf>,
     /// Network steps of each variant in place of `training.steps`, or of `isp.steps` where a hardware ISP stands; lens steps in
     /// proportion. At least 1.
     pub steps: Option<usize>,
@@ -178,6 +180,11 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 
 /// Lists the training, held-out and skipped pictures, and what their files say that is not obeyed.
 fn report_pictures(setup: &Setup, context: &Context) {
+    if let Some(scenes) = &setup.scenes {
+        context.note(scenes.in_words());
+        scenes.notes.iter().for_each(|note| context.warning(note.clone()));
+        return;
+    }
     let (training, held_out) = (setup.photos.training(), setup.photos.held_out());
     let list = |what: &str, names: Vec<&str>| {
         context.note(format!("{what} pictures ({}): {}", names.len(), names.join(", ")));
@@ -255,6 +262,13 @@ pub fn resolved(new: &NewRun, context: &Context) -> Result<Experiment, JobError>
     if let Some(photos) = &changes.photos {
         experiment.photos = absolute(photos)?;
     }
+    if let Some(data) = &changes.data {
+        if !experiment.task.finds_objects() {
+            let hint = "it is for experiments that look for objects, such as pedestrian-vehicle; pictures without boxes are `photos`";
+            return Err(JobError::setting("data", data.display(), "the experiment makes pictures", hint));
+        }
+        experiment.data = absolute(data)?;
+    }
     let own = experiment.variant.iter_mut().flat_map(|v| v.lens.iter_mut().chain(v.optics_proxy.as_mut()));
     let shared = [&mut experiment.lens, &mut experiment.sensor, &mut experiment.isp.preset];
     for name in shared.into_iter().chain(own) {
@@ -262,8 +276,10 @@ pub fn resolved(new: &NewRun, context: &Context) -> Result<Experiment, JobError>
             *name = absolute(Path::new(name.as_str()))?;
         }
     }
-    if experiment.photos != BUILT_IN_PHOTOS && Path::new(&experiment.photos).is_dir() {
-        experiment.photos = absolute(Path::new(&experiment.photos))?;
+    for folder in [&mut experiment.photos, &mut experiment.data] {
+        if ![BUILT_IN_PHOTOS, STREET].contains(&folder.as_str()) && Path::new(folder.as_str()).exists() {
+            *folder = absolute(Path::new(folder.as_str()))?;
+        }
     }
     if changes.is_full {
         if let Some(steps) = changes.steps {

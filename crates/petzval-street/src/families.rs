@@ -7,7 +7,18 @@ use rand_chacha::ChaCha8Rng;
 
 /// Which families of shapes and textures a street is made of. A network that learns on one half and is scored on the other
 /// cannot succeed by knowing the generator.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(
+    Clone,
+    Copy,
+    Debug,
+    Default,
+    PartialEq,
+    Eq,
+    Hash,
+    serde::Serialize,
+    serde::Deserialize,
+    schemars::JsonSchema,
+)]
 #[serde(rename_all = "kebab-case")]
 pub enum Families {
     /// All families.

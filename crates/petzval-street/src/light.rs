@@ -4,7 +4,9 @@ use crate::colour::{Rgb, scaled};
 use crate::vector::Vec3;
 
 /// The time of day.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
 #[serde(rename_all = "kebab-case")]
 pub enum Light {
     /// Sun and sky, or an overcast sky: 8,000 to 110,000 lx on level ground.

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
+use burn::grad_clipping::GradientClippingConfig;
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
 use burn::prelude::*;
@@ -27,7 +28,7 @@ pub struct NetworkBlock {
 impl NetworkBlock {
     /// A network at the start of its training.
     pub fn new(network: Network) -> Self {
-        Self { anchor: network.clone(), network, optimizer: AdamConfig::new().init() }
+        Self { anchor: network.clone(), optimizer: optimizer(&network), network }
     }
 
     /// The network with its weights held: no gradient goes to them.
@@ -46,7 +47,7 @@ impl Block for NetworkBlock {
     }
 
     fn begin_stage(&mut self, _is_moving: bool) {
-        self.optimizer = AdamConfig::new().init();
+        self.optimizer = optimizer(&self.network);
         self.anchor = self.network.clone();
     }
 
@@ -84,12 +85,23 @@ impl Block for NetworkBlock {
     fn load_progress(&mut self, state: &BlockState) -> Result<(), String> {
         self.anchor = with_bytes(&self.anchor, state, ANCHOR)?;
         let optimizer = Bytes::from_bytes_vec(part(state, OPTIMIZER)?.to_vec());
-        self.optimizer = AdamConfig::new()
-            .init()
+        self.optimizer = self::optimizer(&self.network)
             .from_bytes(optimizer)
             .map_err(|e| format!("{OPTIMIZER}: not the state of this optimiser: {e}"))?;
         Ok(())
     }
+}
+
+/// Largest norm of the gradient of a weight of a detector: few boxes of a batch may say very much.
+const DETECTOR_GRADIENT: f32 = 1.0;
+
+/// Adam, which has not seen a gradient yet.
+fn optimizer(network: &Network) -> ModuleOptimizer {
+    let clipping = match network {
+        Network::Detector(_) => Some(GradientClippingConfig::Norm(DETECTOR_GRADIENT)),
+        _ => None,
+    };
+    AdamConfig::new().with_grad_clipping(clipping).init()
 }
 
 fn unwritable(problem: &dyn std::fmt::Display) -> DesignError {

@@ -31,6 +31,9 @@ use crate::variant::Variant;
 /// The name of the built-in photographs in [`Experiment::photos`].
 pub const BUILT_IN_PHOTOS: &str = "built-in";
 
+/// The name of the generated streets in [`Experiment::data`].
+pub const STREET: &str = "street";
+
 /// Steps of the network, or of the hardware ISP, in the full size of an experiment, see [`Experiment::to_full_size`].
 pub const FULL_STEPS: usize = 40_000;
 
@@ -71,6 +74,8 @@ pub struct Experiment {
     pub sensor: String,
     /// `built-in`, or a folder of pictures.
     pub photos: String,
+    /// Scenes in which objects are to be found: `street`, or a folder of pictures with boxes in COCO format.
+    pub data: String,
     /// Seed of everything random.
     pub seed: u64,
     /// How the picture is exposed, the same for every camera.
@@ -145,6 +150,7 @@ impl Default for Experiment {
             lens: "cooke-triplet-nominal".to_owned(),
             sensor: "imx249-fitted".to_owned(),
             photos: BUILT_IN_PHOTOS.to_owned(),
+            data: STREET.to_owned(),
             seed: 1,
             exposure: ExposureConfig::default(),
             psf: PsfConfig::default(),

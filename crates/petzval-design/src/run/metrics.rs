@@ -25,6 +25,24 @@ pub struct Metrics {
     pub version: String,
 }
 
+impl Metrics {
+    /// Whether the scores are those of objects in all pictures, and not of single pictures.
+    pub fn is_of_objects(&self) -> bool {
+        self.rows.iter().flat_map(|row| &row.pictures).all(|picture| picture.scores.is_empty())
+    }
+
+    /// What the cameras are scored on: `4 held-out photographs at 16 places each`.
+    pub fn scored_on(&self) -> String {
+        match self.is_of_objects() {
+            true => format!("{} windows of held-out scenes", self.held_out_images),
+            false => format!(
+                "{} held-out photographs at {} places each",
+                self.held_out_images, self.held_out_places
+            ),
+        }
+    }
+}
+
 /// One camera.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CameraMetrics {
@@ -33,6 +51,9 @@ pub struct CameraMetrics {
     /// Means of the experiment's scores over all pictures, by name.
     #[serde(flatten)]
     pub scores: BTreeMap<String, f64>,
+    /// Ranges, low and high, in which scores over all windows lie in 95 % of draws of the windows; none for means over pictures.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub intervals: BTreeMap<String, [f64; 2]>,
     /// Whether its lens has no aberrations: then it is the ceiling of the others.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub is_ceiling: bool,

@@ -18,6 +18,17 @@ pub enum DatasetError {
         /// The error of the system.
         source: std::io::Error,
     },
+    /// A folder in COCO format cannot be read.
+    #[error(transparent)]
+    Coco(#[from] petzval_files::coco::CocoError),
+    /// The boxes of a folder are not enough to train and to score a detector.
+    #[error("{}: {problem}; `petzval data check` lists what it holds", path.display())]
+    Labels {
+        /// The folder.
+        path: PathBuf,
+        /// What is missing.
+        problem: String,
+    },
     /// A folder holds no pictures.
     #[error("{}: no .png, .jpg, .jpeg, .tif or .tiff file in this folder; name the folder that holds the pictures", path.display())]
     EmptyFolder {

@@ -6,11 +6,15 @@
 mod crop;
 mod dead_leaves;
 mod error;
+mod labelled_pictures;
+mod labelled_window;
 mod photo_set;
-mod street_window;
+mod street_plan;
 
 pub use crop::{CropPlan, HeldOutPlacement, TrainingCrop, held_out_placements, training_crop};
 pub use dead_leaves::dead_leaves;
 pub use error::DatasetError;
+pub use labelled_pictures::{LabelledPictures, PictureWindows};
+pub use labelled_window::{LabelledWindow, List, Wanted};
 pub use photo_set::{Folder, NamedPhoto, PhotoSet, PhotoSplit, load_folder};
-pub use street_window::{List, StreetPlan, StreetView, StreetWindow, Wanted};
+pub use street_plan::{StreetPlan, StreetView};

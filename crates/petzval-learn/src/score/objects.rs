@@ -2,8 +2,8 @@
 
 use super::ScoreDescription;
 use super::detection::{
-    COCO_LARGE_PX2, COCO_SMALL_PX2, FoundObject, Group, Interpolation, LIGHT_STATES, Picture, Protocol,
-    Ranking, StateConfusion, StateOf, TrueObject, Xywh,
+    Bootstrap, COCO_LARGE_PX2, COCO_SMALL_PX2, FoundObject, Group, Interpolation, LIGHT_STATES, Picture,
+    Protocol, Ranking, StateConfusion, StateOf, TrueObject, Xywh, bootstrap,
 };
 use crate::detection::{BBox, Detection, Truth};
 
@@ -65,6 +65,9 @@ enum Kind {
     /// Share of the lights found whose state is right.
     States,
 }
+
+/// Draws of windows for an interval.
+const DRAWS: usize = 500;
 
 /// Score from which a detection counts for the accuracy of states.
 const SURE: f64 = 0.5;
@@ -128,41 +131,105 @@ pub fn object_scores(classes: &[&str]) -> Vec<ObjectScore> {
 }
 
 impl ObjectScore {
-    /// The figure over windows, how often each counts (once where `counts` is none); none where there is nothing to find.
-    pub fn of(
-        &self,
-        windows: &[Picture],
-        classes: usize,
-        field: Field,
-        counts: Option<&[u32]>,
-    ) -> Option<f64> {
-        const AREA: Interpolation = Interpolation::Points101;
+    /// The figure over windows; none where there is nothing to find.
+    pub fn of(&self, windows: &[Picture], classes: usize, field: Field) -> Option<f64> {
+        match self.ranking(windows, classes, field) {
+            Some(ranking) => self.area(&ranking, None),
+            None => states(windows, classes).accuracy(),
+        }
+    }
+
+    /// The range, low and high, in which the figure lies in 95 % of draws of as many windows with repetition; none for the accuracy of states.
+    pub fn interval(&self, windows: &[Picture], classes: usize, field: Field) -> Option<[f64; 2]> {
+        let ranking = self.ranking(windows, classes, field)?;
+        let how = Bootstrap { draws: DRAWS, ..Bootstrap::of_pictures(windows.len(), 1) };
+        let found = bootstrap(&how, |counts| self.area(&ranking, Some(counts)))?;
+        Some([found.low, found.high])
+    }
+
+    /// The detections of all windows, matched and in the order of their scores; none for the accuracy of states.
+    fn ranking(&self, windows: &[Picture], classes: usize, field: Field) -> Option<Ranking> {
         let half = Protocol::coco_at(0.5);
-        let in_group =
-            |group: &Group| Ranking::new(windows, classes, &half, group).average_precision(AREA, counts);
-        match self.kind {
-            Kind::Ap => Ranking::new(windows, classes, &Protocol::coco(), &Group::all())
-                .average_precision(AREA, counts),
-            Kind::ApAt(overlap) => {
-                let protocol = Protocol::coco_at(overlap);
-                Ranking::new(windows, classes, &protocol, &Group::all()).average_precision(AREA, counts)
-            }
-            Kind::OfClass(class) => {
-                let ranking = Ranking::new(windows, classes, &half, &Group::all());
-                ranking.classes.get(class)?.curve(0, counts).map(|curve| curve.area(AREA))
-            }
-            Kind::OfArea(low, high) => in_group(&Group::of_area(low, high)),
+        let ranking = |protocol: &Protocol, group: &Group| Ranking::new(windows, classes, protocol, group);
+        Some(match self.kind {
+            Kind::Ap => ranking(&Protocol::coco(), &Group::all()),
+            Kind::ApAt(overlap) => ranking(&Protocol::coco_at(overlap), &Group::all()),
+            Kind::OfClass(_) => ranking(&half, &Group::all()),
+            Kind::OfArea(low, high) => ranking(&half, &Group::of_area(low, high)),
             Kind::OfField(low, high) => {
                 let radius = |share: f64| share * field.corner_px;
-                in_group(&Group::of_distance(field.axis, radius(low), radius(high)))
+                ranking(&half, &Group::of_distance(field.axis, radius(low), radius(high)))
             }
-            Kind::States => {
-                let of = StateOf {
-                    object: &|p, i| Some(windows[p].objects[i].class),
-                    detection: &|p, d| Some(windows[p].detections[d].class),
-                };
-                StateConfusion::new(windows, classes, SURE, &of).accuracy()
+            Kind::States => return None,
+        })
+    }
+
+    /// The area below precision over recall, where each window counts as often as `counts` says.
+    fn area(&self, ranking: &Ranking, counts: Option<&[u32]>) -> Option<f64> {
+        const AREA: Interpolation = Interpolation::Points101;
+        match self.kind {
+            Kind::OfClass(class) => {
+                ranking.classes.get(class)?.curve(0, counts).map(|curve| curve.area(AREA))
             }
+            _ => ranking.average_precision(AREA, counts),
         }
+    }
+}
+
+/// The states of lights against those that were found.
+fn states(windows: &[Picture], classes: usize) -> StateConfusion {
+    let of = StateOf {
+        object: &|p, i| Some(windows[p].objects[i].class),
+        detection: &|p, d| Some(windows[p].detections[d].class),
+    };
+    StateConfusion::new(windows, classes, SURE, &of)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::detection::Object;
+
+    /// Twelve windows with one object each; the detector finds every second one, and none in the last four.
+    fn windows() -> Vec<Picture> {
+        let bbox = |x: f32| BBox::new(x, 10.0, x + 20.0, 40.0);
+        (0..12)
+            .map(|i| {
+                let truth = Truth {
+                    objects: vec![Object { bbox: bbox(5.0), class: i % 2 }],
+                    ignored: vec![bbox(60.0)],
+                };
+                let x = if i % 3 == 0 || i >= 8 { 100.0 } else { 6.0 };
+                let found = |x, score| Detection { bbox: bbox(x), class: i % 2, score };
+                // What is found in a region that is not judged counts as nothing.
+                judged(&truth, &[found(x, 0.5 + 0.03 * i as f32), found(61.0, 0.99)], [100 * i, 50])
+            })
+            .collect()
+    }
+
+    #[test]
+    fn figures_follow_their_groups_and_their_intervals_hold_them() {
+        let field = Field { axis: [0.0, 0.0], corner_px: 2000.0 };
+        let all = object_scores(&["a", "b"]);
+        let of = |name: &str| {
+            let score = all.iter().find(|s| s.about.name == name).unwrap();
+            (score.of(&windows(), 2, field), score.interval(&windows(), 2, field))
+        };
+        let (half, interval) = of("ap50");
+        let (half, [low, high]) = (half.unwrap(), interval.unwrap());
+        assert!(low < half && half < high && low >= 0.0 && high <= 1.0, "{low} {half} {high}");
+        // Objects of 600 square pixels are small, and all windows lie within two thirds of the way to the corner.
+        assert_eq!(of("ap50_small").0, Some(half));
+        assert_eq!(of("ap50_large"), (None, None));
+        assert_eq!(of("ap50_edge"), (None, None));
+        let by_class = [of("ap50_a").0.unwrap(), of("ap50_b").0.unwrap()];
+        assert!((0.5 * (by_class[0] + by_class[1]) - half).abs() < 1e-12);
+        assert!(all.iter().all(|s| s.about.name != "state_accuracy"));
+        let lights = object_scores(&LIGHT_STATES);
+        let states = lights.iter().find(|s| s.about.name == "state_accuracy").unwrap();
+        assert_eq!(
+            (states.of(&windows(), 4, field), states.interval(&windows(), 4, field)),
+            (Some(1.0), None)
+        );
     }
 }

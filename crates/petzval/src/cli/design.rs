@@ -28,11 +28,11 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Continue the run in this folder
-    #[arg(long, value_name = "RUN", conflicts_with_all = ["experiment", "out", "seed", "photos", "steps", "full", "variant"])]
+    #[arg(long, value_name = "RUN", conflicts_with_all = ["experiment", "out", "seed", "photos", "data", "steps", "full", "variant"])]
     resume: Option<PathBuf>,
     /// Make every camera of the resumed run longer, so that its network takes N steps in all; the lens steps in proportion.
     /// The further steps are a stage of their own, with learning rates that begin and fall again
-    #[arg(long, value_name = "N", requires = "resume", conflicts_with_all = ["experiment", "out", "seed", "photos", "steps", "full", "variant"])]
+    #[arg(long, value_name = "N", requires = "resume", conflicts_with_all = ["experiment", "out", "seed", "photos", "data", "steps", "full", "variant"])]
     extend_to: Option<usize>,
     /// Seed of everything random
     #[arg(long)]
@@ -40,6 +40,9 @@ pub struct Args {
     /// Folder of pictures to use in place of the built-in photographs; every fourth, by name, is held out
     #[arg(long, value_name = "DIR")]
     photos: Option<PathBuf>,
+    /// Folder of pictures with boxes in COCO format, in which objects are to be found in place of generated streets; see `petzval data`
+    #[arg(long, value_name = "DIR", conflicts_with = "photos")]
+    data: Option<PathBuf>,
     /// Network steps of each camera, or steps of its hardware ISP, in place of the experiment's; lens steps are scaled in
     /// proportion
     #[arg(long, value_name = "N")]
@@ -69,6 +72,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         changes: design::Changes {
             seed: args.seed,
             photos: args.photos,
+            data: args.data,
             steps: args.steps,
             is_full: args.full,
             variant: args.variant,

@@ -29,9 +29,9 @@ pub fn print(metrics: &Metrics) {
         );
     }
     println!(
-        "means over {} held-out photographs at {} places each; exposure {} e- of white",
-        metrics.held_out_images,
-        metrics.held_out_places,
+        "{} {}; exposure {} e- of white",
+        if metrics.is_of_objects() { "over" } else { "means over" },
+        metrics.scored_on(),
         metrics.rows.first().map_or(0.0, |r| r.white_e),
     );
 }

@@ -1,31 +1,78 @@
 //! A backbone that trains on two processor cores.
 
-use burn::module::Module;
+use burn::module::{Module, Param};
 use burn::prelude::*;
 
 use crate::detection::layers::{Conv, ConvShape};
 use crate::detection::parameters::{Parameters, Start};
-use crate::network::NetworkError;
+use crate::network::{NetworkError, depthwise, gated_pointwise, normalized_pointwise};
 
 /// Channels at a quarter of the resolution, an eighth, and so on.
-pub(super) const WIDTHS: [usize; 4] = [32, 64, 64, 96];
+pub(super) const WIDTHS: [usize; 4] = [32, 64, 96, 128];
+
+/// Blocks at each of them.
+const BLOCKS: [usize; 4] = [1, 2, 2, 2];
 
 /// Channels at half the resolution.
-const STEM: usize = 16;
+const STEM: usize = 24;
+
+/// Side of the kernels that look around.
+const KERNEL: usize = 5;
 
 /// Slope of the rectifiers for negative values.
 const SLOPE: f32 = 0.1;
 
-/// A convolution that halves the picture, then a residual block: `x + conv(leaky(conv(x)))`, rectified.
+/// `x + mix(gate(spread(normalised(around(x)))))`: a kernel per channel looks around, two 1x1 convolutions mix the channels. The
+/// normalisation keeps the training stable without the statistics of a batch.
+#[derive(Module, Debug)]
+struct Block {
+    around: Param<Tensor<3>>,
+    around_bias: Param<Tensor<1>>,
+    spread: Param<Tensor<2>>,
+    spread_bias: Param<Tensor<1>>,
+    mix: Param<Tensor<2>>,
+    mix_bias: Param<Tensor<1>>,
+}
+
+impl Block {
+    fn new(from: &Parameters, name: &str, width: usize) -> Result<Self, NetworkError> {
+        let deviation = |inputs: usize| Start::Normal((1.0 / inputs as f32).sqrt());
+        let bias = |part: &str, count: usize| {
+            from.trained(&format!("{name}.{part}.bias"), [count], Start::Constant(0.0))
+        };
+        let matrix = |part: &str, shape: [usize; 2], start: Start| {
+            from.trained(&format!("{name}.{part}.weight"), shape, start)
+        };
+        Ok(Self {
+            around: from.trained(
+                &format!("{name}.around.weight"),
+                [width, KERNEL, KERNEL],
+                deviation(KERNEL * KERNEL),
+            )?,
+            around_bias: bias("around", width)?,
+            spread: matrix("spread", [4 * width, width], deviation(width))?,
+            spread_bias: bias("spread", 4 * width)?,
+            // A block starts as the identity.
+            mix: matrix("mix", [width, 2 * width], Start::Constant(0.0))?,
+            mix_bias: bias("mix", width)?,
+        })
+    }
+
+    fn forward(&self, x: Tensor<4>) -> Tensor<4> {
+        let y = depthwise(x.clone(), self.around.val(), self.around_bias.val());
+        let y = normalized_pointwise(y, self.spread.val(), self.spread_bias.val());
+        x + gated_pointwise(y, self.mix.val(), self.mix_bias.val())
+    }
+}
+
+/// A convolution that halves the picture, then blocks.
 #[derive(Module, Debug)]
 struct Stage {
     down: Conv,
-    first: Conv,
-    second: Conv,
+    blocks: Vec<Block>,
 }
 
-/// Four stages behind a stem. There is no normalisation: the second convolution of a residual block starts at 0, so that each stage starts
-/// as its first convolution.
+/// Four stages behind a stem.
 #[derive(Module, Debug)]
 pub(crate) struct Small {
     stem: Conv,
@@ -34,22 +81,19 @@ pub(crate) struct Small {
 
 impl Small {
     pub fn new(from: &Parameters, name: &str) -> Result<Self, NetworkError> {
-        let conv = |part: &str, shape: ConvShape, start: Start| {
-            Conv::new(from, &format!("{name}.{part}"), shape, start, 0.0)
+        let conv = |part: &str, shape: ConvShape| {
+            Conv::new(from, &format!("{name}.{part}"), shape, shape.rectified(), 0.0)
         };
-        let stem = ConvShape::new(3, STEM, 3).halving();
         let mut stages = Vec::new();
         for (i, width) in WIDTHS.into_iter().enumerate() {
             let inputs = if i == 0 { STEM } else { WIDTHS[i - 1] };
-            let down = ConvShape::new(inputs, width, 3).halving();
-            let same = ConvShape::new(width, width, 3);
+            let block = |k: usize| Block::new(from, &format!("{name}.stages.{i}.blocks.{k}"), width);
             stages.push(Stage {
-                down: conv(&format!("stages.{i}.down"), down, down.rectified())?,
-                first: conv(&format!("stages.{i}.first"), same, same.rectified())?,
-                second: conv(&format!("stages.{i}.second"), same, Start::Constant(0.0))?,
+                down: conv(&format!("stages.{i}.down"), ConvShape::new(inputs, width, 3).halving())?,
+                blocks: (0..BLOCKS[i]).map(block).collect::<Result<_, _>>()?,
             });
         }
-        Ok(Self { stem: conv("stem", stem, stem.rectified())?, stages })
+        Ok(Self { stem: conv("stem", ConvShape::new(3, STEM, 3).halving())?, stages })
     }
 
     pub fn features(&self, pictures: Tensor<4>) -> Vec<Tensor<4>> {
@@ -57,7 +101,7 @@ impl Small {
         let mut features = Vec::new();
         for stage in &self.stages {
             x = stage.down.leaky(x, SLOPE);
-            x = x.clone() + stage.second.forward(stage.first.leaky(x, SLOPE));
+            x = stage.blocks.iter().fold(x, |x, block| block.forward(x));
             features.push(x.clone());
         }
         features

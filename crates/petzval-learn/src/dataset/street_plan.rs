@@ -1,7 +1,8 @@
 //! Windows of generated streets: the light of a scene as a lens projects it, and the objects that are to be found in it.
 
-use half::f16;
-use petzval_camera::image::{CHANNELS, LinearImage};
+use std::collections::BTreeMap;
+
+use petzval_camera::image::CHANNELS;
 use petzval_street::{
     Families, LampColours, LampState, Light, NearObject, ObjectKind, Projection, SeenObject, Street,
     StreetError, StreetSettings, Window,
@@ -9,11 +10,8 @@ use petzval_street::{
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::CropPlan;
+use super::{CropPlan, LabelledWindow, List, Wanted};
 use crate::detection::{BBox, Object, Truth};
-
-/// Brightest light that is kept, in units of white; sensors are full long before.
-const BRIGHTEST: f32 = 6e4;
 
 /// Least share of an object inside the window for it to be asked for.
 const LEAST_INSIDE: f64 = 0.4;
@@ -71,44 +69,6 @@ impl StreetView {
 /// Moments of a sequence from which a window may be taken.
 const MOMENTS: u32 = 12;
 
-/// Which streets windows are taken from; streets of different lists have nothing in common.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum List {
-    /// Those that blocks are trained on.
-    Training,
-    /// Those of validations.
-    Validation,
-    /// Those in which cameras are scored.
-    HeldOut,
-}
-
-/// What is looked for in a street.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Wanted {
-    /// Pedestrians (class 0) and vehicles (class 1).
-    PeopleAndVehicles,
-    /// Traffic lights for the camera's lane, by what they show: red, yellow, green, off (classes 0 to 3). Lights for people on foot and
-    /// for other lanes are not among them, and finding them is a mistake.
-    TrafficLights,
-}
-
-impl Wanted {
-    /// The class of an object; none for what is not looked for.
-    pub fn class(self, kind: ObjectKind, lamp: Option<LampState>) -> Option<usize> {
-        match (self, kind, lamp) {
-            (Self::PeopleAndVehicles, ObjectKind::Pedestrian, _) => Some(0),
-            (Self::PeopleAndVehicles, ObjectKind::Vehicle, _) => Some(1),
-            (Self::TrafficLights, ObjectKind::TrafficLight, Some(lamp)) => Some(match lamp {
-                LampState::Red => 0,
-                LampState::Yellow => 1,
-                LampState::Green => 2,
-                LampState::Off => 3,
-            }),
-            _ => None,
-        }
-    }
-}
-
 /// How windows of streets are chosen and labelled.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StreetPlan {
@@ -130,18 +90,6 @@ pub struct StreetPlan {
     pub least_visible: f64,
 }
 
-/// A window of a street.
-#[derive(Clone, Debug, PartialEq)]
-pub struct StreetWindow {
-    side: usize,
-    /// The light, three planes, with the border of the plan; half precision keeps hundreds of windows in memory.
-    planes: Vec<f16>,
-    /// First sensor row and column of the crop, without border.
-    pub at: [usize; 2],
-    /// The objects, in pixels of the crop.
-    pub truth: Truth,
-}
-
 impl StreetPlan {
     /// Window `number` of a list as a lens of this projection sees it: a street of its own, at a place of the sensor that lies on an object or
     /// anywhere. It depends on the arguments alone.
@@ -152,7 +100,7 @@ impl StreetPlan {
         number: u64,
         view: &StreetView,
         crops: &CropPlan,
-    ) -> Result<StreetWindow, StreetError> {
+    ) -> Result<LabelledWindow, StreetError> {
         let projection = &view.sensor;
         let mut random = ChaCha8Rng::seed_from_u64(self.seed ^ 0x5743_1e7a_90b2_6d15);
         random.set_stream(match list {
@@ -175,17 +123,25 @@ impl StreetPlan {
             let [x1, y1, x2, y2] = o.whole;
             let (x, y) = (0.5 * (x1 + x2), 0.5 * (y1 + y2));
             let is_on_sensor = (0.0..sensor[1] as f64).contains(&x) && (0.0..sensor[0] as f64).contains(&y);
-            self.wanted.class(o.kind, o.lamp).is_some()
+            class_of(self.wanted, o.kind, o.lamp).is_some()
                 && (self.least_side_px..LARGEST_SHARE * crops.crop as f64).contains(&longer_side(o.whole))
                 && is_on_sensor
         };
         let wanted: Vec<&NearObject> = near.iter().filter(counts).collect();
+        // Rare classes are looked at as often as others.
+        let mut by_class: BTreeMap<usize, Vec<&NearObject>> = BTreeMap::new();
+        for object in &wanted {
+            let class = class_of(self.wanted, object.kind, object.lamp);
+            by_class.entry(class.unwrap_or(0)).or_default().push(object);
+        }
+        let by_class: Vec<Vec<&NearObject>> = by_class.into_values().collect();
         let on_object = random.random_bool(self.on_objects) && !wanted.is_empty();
         let mut place = || {
-            let (pick, within): (f64, [f64; 2]) = (random.random(), random.random());
+            let (pick, within): ([f64; 2], [f64; 2]) = (random.random(), random.random());
             let middle = match on_object {
                 true => {
-                    let [x1, y1, x2, y2] = wanted[(pick * wanted.len() as f64) as usize].whole;
+                    let of_class = &by_class[(pick[0] * by_class.len() as f64) as usize];
+                    let [x1, y1, x2, y2] = of_class[(pick[1] * of_class.len() as f64) as usize].whole;
                     // The object's middle lies in the middle half of the crop.
                     let off = within.map(|share| (share - 0.5) * 0.5 * crops.crop as f64);
                     [0.5 * (y1 + y2) + off[0], 0.5 * (x1 + x2) + off[1]]
@@ -228,15 +184,15 @@ impl StreetPlan {
             self.samples,
         )?;
         let white = self.white_cd_m2.max(view.luminance(&street)? / MIDDLE_GRAY) as f32;
-        let planes = seen.planes.iter().map(|v| f16::from_f32((v / white).min(BRIGHTEST))).collect();
-        Ok(StreetWindow { side, planes, at, truth: self.truth(&seen.objects, at, crops.crop) })
+        let light = seen.planes.iter().map(|v| v / white);
+        Ok(LabelledWindow::new(side, light, at, self.truth(&seen.objects, at, crops.crop)))
     }
 
     /// The objects of a crop in its own pixels. Objects of a class that are too small, too hidden or cut off too much are ignored.
     fn truth(&self, objects: &[SeenObject], at: [usize; 2], crop: usize) -> Truth {
         let mut truth = Truth::default();
         for object in objects {
-            let Some(class) = self.wanted.class(object.kind, object.lamp) else { continue };
+            let Some(class) = class_of(self.wanted, object.kind, object.lamp) else { continue };
             let [x1, y1, x2, y2] = object.whole;
             let whole = BBox::new(x1 as f32, y1 as f32, x2 as f32, y2 as f32);
             let bbox = whole.moved([-(at[1] as f32), -(at[0] as f32)]).clipped([crop, crop]);
@@ -258,26 +214,21 @@ impl StreetPlan {
     }
 }
 
-fn longer_side([x1, y1, x2, y2]: [f64; 4]) -> f64 {
-    (x2 - x1).max(y2 - y1)
+/// The class of an object; none for what is not looked for.
+fn class_of(wanted: Wanted, kind: ObjectKind, lamp: Option<LampState>) -> Option<usize> {
+    match (wanted, kind, lamp) {
+        (Wanted::PeopleAndVehicles, ObjectKind::Pedestrian, _) => Some(0),
+        (Wanted::PeopleAndVehicles, ObjectKind::Vehicle, _) => Some(1),
+        (Wanted::TrafficLights, ObjectKind::TrafficLight, Some(lamp)) => Some(match lamp {
+            LampState::Red => 0,
+            LampState::Yellow => 1,
+            LampState::Green => 2,
+            LampState::Off => 3,
+        }),
+        _ => None,
+    }
 }
 
-impl StreetWindow {
-    /// The light of the scene, three planes.
-    pub fn scene(&self) -> LinearImage {
-        let data = self.planes.iter().map(|v| v.to_f32()).collect();
-        LinearImage { channels: CHANNELS, height: self.side, width: self.side, data }
-    }
-
-    /// The window as a mirror shows it, at the mirrored place of a sensor of so many columns. A lens is symmetric, so it sees this as well.
-    pub fn mirrored(&self, crop: usize, sensor_columns: usize) -> Self {
-        let mut planes = self.planes.clone();
-        planes.chunks_exact_mut(self.side).for_each(<[f16]>::reverse);
-        let width = crop as f32;
-        let flip = |b: BBox| BBox::new(width - b.x2, b.y1, width - b.x1, b.y2);
-        let objects = self.truth.objects.iter().map(|o| Object { bbox: flip(o.bbox), ..*o }).collect();
-        let ignored = self.truth.ignored.iter().map(|b| flip(*b)).collect();
-        let at = [self.at[0], sensor_columns - crop - self.at[1]];
-        Self { side: self.side, planes, at, truth: Truth { objects, ignored } }
-    }
+fn longer_side([x1, y1, x2, y2]: [f64; 4]) -> f64 {
+    (x2 - x1).max(y2 - y1)
 }

@@ -1,19 +1,22 @@
-//! The streets of an experiment: what cameras take of them. A window is made when it is first needed, for the chief rays of the lens that
-//! looks, and kept as long as that lens does.
+//! The scenes in which an experiment looks for objects: generated streets, or the pictures of a folder. A window is made when it is first
+//! needed, streets for the chief rays of the lens that looks, and kept as long as that lens does.
 
 use std::collections::HashMap;
+use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use petzval_camera::render::Placement;
 use petzval_camera::sensor::SensorModel;
-use petzval_learn::dataset::{CropPlan, StreetPlan, StreetView, StreetWindow, Wanted};
+use petzval_learn::dataset::{
+    CropPlan, LabelledPictures, LabelledWindow, PictureWindows, StreetPlan, StreetView, Wanted,
+};
 use petzval_optics::lens::Lens;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use crate::camera::{Camera, Shot, crop_window};
 use crate::error::DesignError;
-use crate::experiment::{StreetConfig, TaskKind};
+use crate::experiment::{STREET, StreetConfig, TaskKind};
 use crate::psf_plan::PsfPlan;
 use crate::setup::Setup;
 
@@ -22,9 +25,19 @@ pub use petzval_learn::dataset::List;
 /// Frames of validations and scores are numbered apart from those of training.
 const FIRST_FRAME: [u64; 3] = [0, 1 << 42, 0];
 
-/// Windows of streets, by the projection of the lens that sees them.
-pub struct Streets {
-    plan: StreetPlan,
+/// Where windows come from.
+enum Source {
+    /// Streets that are made by seed.
+    Streets(StreetPlan),
+    /// The pictures of a folder, whose geometry is that of the camera that took them.
+    Pictures(LabelledPictures, PictureWindows),
+}
+
+/// Windows of scenes, by the projection of the lens that sees them.
+pub struct Scenes {
+    source: Source,
+    /// What of a folder cannot be used, in sentences.
+    pub notes: Vec<String>,
     config: StreetConfig,
     seed: u64,
     training_crops: CropPlan,
@@ -49,31 +62,45 @@ struct Kept {
     /// Its field angles at the radii of the plan.
     angles_rad: Vec<f64>,
     view: Option<Arc<StreetView>>,
-    windows: HashMap<(List, u64), Arc<StreetWindow>>,
+    windows: HashMap<(List, u64), Arc<LabelledWindow>>,
 }
 
-impl Streets {
-    /// The streets of an experiment.
-    pub fn new(setup: &Setup) -> Self {
+impl Scenes {
+    /// The scenes of an experiment. Fails on a folder that cannot be read, or in which a class has no boxes.
+    pub fn new(setup: &Setup) -> Result<Self, DesignError> {
         let experiment = &setup.experiment;
         let config = experiment.street.clone();
-        let plan = StreetPlan {
-            // Streets are the same for every seed of a run, as photographs are.
-            seed: 1,
-            light: config.light,
-            wanted: match experiment.task {
-                TaskKind::TrafficLight => Wanted::TrafficLights,
-                _ => Wanted::PeopleAndVehicles,
-            },
-            white_cd_m2: config.white_cd_m2,
-            samples: config.samples,
-            on_objects: config.on_objects,
-            least_side_px: config.least_side_px,
-            least_visible: config.least_visible,
+        let wanted = match experiment.task {
+            TaskKind::TrafficLight => Wanted::TrafficLights,
+            _ => Wanted::PeopleAndVehicles,
+        };
+        // Scenes are the same for every seed of a run, as photographs are.
+        let seed = 1;
+        let mut notes = Vec::new();
+        let source = match experiment.data.as_str() {
+            STREET => Source::Streets(StreetPlan {
+                seed,
+                light: config.light,
+                wanted,
+                white_cd_m2: config.white_cd_m2,
+                samples: config.samples,
+                on_objects: config.on_objects,
+                least_side_px: config.least_side_px,
+                least_visible: config.least_visible,
+            }),
+            folder => {
+                let crop = experiment.training.crop.max(experiment.scoring.crop);
+                let classes = experiment.task.classes();
+                let (pictures, defects) = LabelledPictures::load(Path::new(folder), wanted, classes, crop)?;
+                notes = defects;
+                let (on_objects, least_side_px) = (config.on_objects, config.least_side_px);
+                Source::Pictures(pictures, PictureWindows { seed, on_objects, least_side_px })
+            }
         };
         let SensorModel { pixel_um, .. } = setup.body.sensor;
-        Self {
-            plan,
+        Ok(Self {
+            source,
+            notes,
             config,
             seed: experiment.seed,
             training_crops: setup.training_crops,
@@ -82,6 +109,23 @@ impl Streets {
             pixel_mm: 1e-3 * pixel_um,
             moving: Mutex::default(),
             scored: Mutex::default(),
+        })
+    }
+
+    /// The scenes in words: `384 windows of streets in training, 96 in scores`.
+    pub fn in_words(&self) -> String {
+        let StreetConfig { windows, held_out, .. } = self.config;
+        match &self.source {
+            Source::Streets(plan) => {
+                let light = format!("{:?}", plan.light).to_lowercase();
+                format!("streets ({light}): {windows} windows in training, {held_out} in scores")
+            }
+            Source::Pictures(pictures, _) => {
+                let [training, scored] = [List::Training, List::HeldOut].map(|list| pictures.count(list));
+                format!(
+                    "{windows} windows of {training} pictures in training, {held_out} windows of {scored} in scores"
+                )
+            }
         }
     }
 
@@ -110,23 +154,34 @@ impl Streets {
         if list == List::HeldOut { &self.scoring_crops } else { &self.training_crops }
     }
 
-    fn window(&self, camera: &Camera, list: List, number: u64) -> Result<Arc<StreetWindow>, DesignError> {
-        let lens = camera.psfs().lens().ok_or(DesignError::NoLens)?;
+    fn window(&self, camera: &Camera, list: List, number: u64) -> Result<Arc<LabelledWindow>, DesignError> {
         let (kept, drift_px) = match list {
             List::HeldOut => (&self.scored, 0.0),
             List::Training | List::Validation => (&self.moving, DRIFT_PX),
         };
         let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
-        let view = self.view(lens, drift_px, &mut kept)?;
-        if let Some(window) = kept.windows.get(&(list, number)) {
-            return Ok(window.clone());
-        }
-        let families = match list {
-            List::HeldOut => self.config.held_out_families,
-            _ => self.config.families,
+        let crops = self.crops(list);
+        let window = match &self.source {
+            Source::Streets(plan) => {
+                let lens = camera.psfs().lens().ok_or(DesignError::NoLens)?;
+                let view = self.view(lens, drift_px, &mut kept)?;
+                if let Some(window) = kept.windows.get(&(list, number)) {
+                    return Ok(window.clone());
+                }
+                let families = match list {
+                    List::HeldOut => self.config.held_out_families,
+                    _ => self.config.families,
+                };
+                plan.window(list, families, number, &view, crops)?
+            }
+            Source::Pictures(pictures, how) => {
+                if let Some(window) = kept.windows.get(&(list, number)) {
+                    return Ok(window.clone());
+                }
+                pictures.window(how, list, number, crops)?
+            }
         };
-        let window = self.plan.window(list, families, number, &view, self.crops(list));
-        let window = Arc::new(window.map_err(DesignError::Street)?);
+        let window = Arc::new(window);
         kept.windows.insert((list, number), window.clone());
         Ok(window)
     }
@@ -146,7 +201,7 @@ impl Streets {
             return Ok(view.clone());
         }
         let sensor = [self.scoring_crops.sensor_rows, self.scoring_crops.sensor_columns];
-        let view = Arc::new(StreetView::new(&radius_px, &angles_rad, sensor).map_err(DesignError::Street)?);
+        let view = Arc::new(StreetView::new(&radius_px, &angles_rad, sensor)?);
         kept.windows.clear();
         (kept.angles_rad, kept.view) = (angles_rad, Some(view.clone()));
         Ok(view)
@@ -164,7 +219,7 @@ fn moved_px(radius_px: &[f64], from_rad: &[f64], to_rad: &[f64]) -> f64 {
 }
 
 /// A window as a camera takes it.
-fn shot(window: &StreetWindow, crops: &CropPlan, frame: u64) -> Shot {
+fn shot(window: &LabelledWindow, crops: &CropPlan, frame: u64) -> Shot {
     let [row, column] = window.at;
     let exposed = crops.exposed_at(row, column);
     Shot {

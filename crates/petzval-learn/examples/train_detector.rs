@@ -1,0 +1,108 @@
+//! Trains a small detector on streets seen by perfect optics without noise, and scores it on streets that it has not seen.
+//!
+//! `cargo run --release -p petzval-learn --example train_detector -- [KIND] [TASK] [STEPS] [WINDOWS] [RATE] [BATCH]`, such as
+//! `faster-rcnn pedestrian-vehicle 2500 600 1e-3 4`.
+
+use std::time::Instant;
+
+use burn::grad_clipping::GradientClippingConfig;
+use burn::optim::{AdamConfig, GradientsParams};
+use burn::prelude::*;
+use burn::tensor::TensorData;
+use petzval_learn::dataset::{CropPlan, LabelledWindow, List, StreetPlan, StreetView, Wanted};
+use petzval_learn::detection::{BackboneKind, Detector, DetectorKind, Truth};
+use petzval_learn::score::{Field, judged, object_scores};
+use petzval_street::{Families, Light};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+
+fn main() {
+    let args: Vec<String> = std::env::args().skip(1).collect();
+    let arg = |i: usize, default: &str| args.get(i).cloned().unwrap_or_else(|| default.to_owned());
+    let kind = if arg(0, "faster-rcnn") == "fcos" { DetectorKind::Fcos } else { DetectorKind::FasterRcnn };
+    let (wanted, classes): (Wanted, &[&str]) = match arg(1, "pedestrian-vehicle").as_str() {
+        "traffic-light" => (Wanted::TrafficLights, &["red", "yellow", "green", "off"]),
+        _ => (Wanted::PeopleAndVehicles, &["pedestrian", "vehicle"]),
+    };
+    let number = |i: usize, default: &str| arg(i, default).parse::<f64>().expect("a number");
+    let (steps, windows) = (number(2, "2500") as usize, number(3, "600") as u64);
+    let (rate, batch) = (number(4, "1e-3"), number(5, "4") as usize);
+
+    // A lens of 25 mm on a sensor of 1920 x 1200 pixels of 5.86 um.
+    let radius_px: Vec<f64> = (0..200).map(|i| 8.0 * f64::from(i)).collect();
+    let angle_rad: Vec<f64> = radius_px.iter().map(|r| (r * 5.86e-3 / 25.0).atan()).collect();
+    let view = StreetView::new(&radius_px, &angle_rad, [1200, 1920]).unwrap();
+    let plan = StreetPlan {
+        seed: 1,
+        light: Light::Day,
+        wanted,
+        white_cd_m2: 3.0,
+        samples: 2,
+        on_objects: 0.9,
+        least_side_px: 14.0,
+        least_visible: 0.5,
+    };
+    let crops = |crop| CropPlan::on_1920x1200(crop, 0);
+    let look = |list, count: u64, crop| -> Vec<LabelledWindow> {
+        let window = |i| plan.window(list, Families::All, i, &view, &crops(crop)).unwrap();
+        (0..count).into_par_iter().map(window).collect()
+    };
+    let started = Instant::now();
+    let training = look(List::Training, windows, 192);
+    let held_out = look(List::HeldOut, 192, 256);
+    println!("{windows} + 192 windows in {:.1} s", started.elapsed().as_secs_f64());
+
+    let device = Device::flex().autodiff();
+    let picture = |window: &LabelledWindow| {
+        let scene = window.scene();
+        TensorData::new(scene.to_srgb(), [1, 3, scene.height, scene.width])
+    };
+    let mut detector = kind.init(BackboneKind::Small, classes.len(), 1, &device).unwrap();
+    println!("{} weights", detector.num_params());
+    let mut optimizer = AdamConfig::new().with_grad_clipping(Some(GradientClippingConfig::Norm(1.0))).init();
+    let mut random = ChaCha8Rng::seed_from_u64(1);
+    let (started, mut sum) = (Instant::now(), 0.0);
+    for step in 0..steps {
+        let (mut pictures, mut truths): (Vec<Tensor<4>>, Vec<Truth>) = (Vec::new(), Vec::new());
+        for _ in 0..batch {
+            let window = &training[random.random_range(0..training.len())];
+            let window = if random.random() { window.mirrored(192, 1920) } else { window.clone() };
+            pictures.push(Tensor::from_data(picture(&window), &device));
+            truths.push(window.truth);
+        }
+        let loss = detector.loss(Tensor::cat(pictures, 0), &truths, step as u64).unwrap();
+        sum += loss.parts.last().unwrap().1;
+        let gradients = GradientsParams::from_grads(loss.total.backward(), &detector);
+        let share = step as f64 / steps as f64;
+        let warm = ((step + 1) as f64 / 100.0).min(1.0);
+        let rate = rate * warm * (0.02 + 0.98 * 0.5 * (1.0 + (std::f64::consts::PI * share).cos()));
+        detector = optimizer.step(rate, detector, gradients);
+        if (step + 1) % 100 == 0 {
+            let seconds = started.elapsed().as_secs_f64();
+            println!("{:5} loss {:.4}, {:.3} s a step", step + 1, sum / 100.0, seconds / (step + 1) as f64);
+            sum = 0.0;
+        }
+        if (step + 1) % (steps / 4).max(1) == 0 {
+            let score = |windows: &[LabelledWindow]| -> String {
+                let judge = |window: &LabelledWindow| {
+                    let seen = Tensor::from_data(picture(window), &Device::flex().autodiff());
+                    let found = detector.detect(seen).unwrap().remove(0);
+                    judged(&window.truth, &found, window.at)
+                };
+                let pictures: Vec<_> = windows.iter().map(judge).collect();
+                let field = Field { axis: [960.0, 600.0], corner_px: 1132.0 };
+                let figure = |s: &petzval_learn::score::ObjectScore| {
+                    let value = s.of(&pictures, classes.len(), field);
+                    format!("{} {:.3}", s.about.name, value.unwrap_or(f64::NAN))
+                };
+                object_scores(classes).iter().map(figure).collect::<Vec<_>>().join("  ")
+            };
+            println!("held out: {}", score(&held_out));
+            println!("training: {}", score(&training[..96.min(training.len())]));
+        }
+    }
+}

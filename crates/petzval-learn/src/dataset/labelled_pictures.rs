@@ -1,0 +1,262 @@
+//! Windows of the pictures of a folder in COCO format, with the objects that are to be found in them.
+//!
+//! Pictures are decoded to linear light, and one of their pixels becomes one of the sensor. Their own noise and blur stay: a scene from a
+//! photograph is a scene with that noise.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use petzval_camera::image::{CHANNELS, LinearImage};
+use petzval_files::coco::{Annotation, Attribute, DataSet, Image, check_pictures, load_coco};
+use petzval_files::load_image;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::{CropPlan, DatasetError, LabelledWindow, List, Wanted};
+use crate::detection::{BBox, Object, Truth};
+use crate::score::detection::light_state;
+
+/// Where a data set says nothing of its parts: of every so many sequences, the last is held out and the one before it is for validation.
+const PART: usize = 5;
+
+/// Least share of an object inside the window for it to be asked for.
+const LEAST_INSIDE: f32 = 0.4;
+
+/// A picture of the folder.
+#[derive(Clone, Debug, PartialEq)]
+struct LabelledPicture {
+    path: PathBuf,
+    /// Rows and columns.
+    size: [usize; 2],
+    truth: Truth,
+}
+
+/// The pictures of a folder, in three lists that share no sequence.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LabelledPictures {
+    training: Vec<LabelledPicture>,
+    validation: Vec<LabelledPicture>,
+    held_out: Vec<LabelledPicture>,
+}
+
+/// How windows of pictures are chosen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PictureWindows {
+    /// Seed of the places.
+    pub seed: u64,
+    /// Share of the windows that lie on an object.
+    pub on_objects: f64,
+    /// Least longer side of an object that counts, pixels.
+    pub least_side_px: f64,
+}
+
+/// The class of an annotation, by the name of its category or its attribute `state`; none for what is not looked for.
+fn class_of(wanted: Wanted, category: &str, annotation: &Annotation) -> Option<usize> {
+    let words: BTreeSet<String> =
+        category.split(|c: char| !c.is_alphanumeric()).map(str::to_lowercase).collect();
+    let has = |names: &[&str]| names.iter().any(|name| words.contains(*name));
+    match wanted {
+        Wanted::PeopleAndVehicles if has(&["person", "pedestrian", "people", "rider"]) => Some(0),
+        Wanted::PeopleAndVehicles if has(&["vehicle", "car", "truck", "bus", "van", "tram"]) => Some(1),
+        Wanted::PeopleAndVehicles => None,
+        Wanted::TrafficLights => {
+            let state = annotation.attributes.get("state").and_then(Attribute::text);
+            state.and_then(light_state).or_else(|| light_state(category))
+        }
+    }
+}
+
+impl LabelledPictures {
+    /// Reads the annotations of a folder and checks its pictures. Returned with sentences on what of it cannot be used. Fails where a list of
+    /// pictures or a class would be empty.
+    ///
+    /// The parts of the data set (`split`) decide what is held out: everything that is not for training. Without them every fifth sequence is,
+    /// by name; a picture that names no sequence is one by itself.
+    pub fn load(
+        folder: &Path,
+        wanted: Wanted,
+        classes: &[&str],
+        crop: usize,
+    ) -> Result<(Self, Vec<String>), DatasetError> {
+        let mut loaded = load_coco(folder)?;
+        check_pictures(&mut loaded);
+        let mut notes: Vec<String> = (loaded.defects.iter())
+            .map(|defect| format!("{}: {} {}", folder.display(), defect.count, defect.kind.sentence()))
+            .collect();
+        let data = &loaded.data;
+        let objects = data.objects_of_images();
+        let sequences: Vec<&str> = {
+            let all: BTreeSet<&str> = data.images.iter().map(sequence).collect();
+            all.into_iter().collect()
+        };
+        let mut found = Self::default();
+        let (mut small, mut per_class) = (0, vec![[0_usize; 2]; classes.len()]);
+        for (image, objects) in data.images.iter().zip(&objects) {
+            let size = [image.height as usize, image.width as usize];
+            let Some(path) = loaded.picture(&image.file_name) else { continue };
+            if size[0].min(size[1]) < crop {
+                small += 1;
+                continue;
+            }
+            let list = list_of(image, &sequences);
+            let truth = truth(data, objects, wanted);
+            for object in &truth.objects {
+                per_class[object.class][usize::from(list == List::HeldOut)] += 1;
+            }
+            found.list_mut(list).push(LabelledPicture { path, size, truth });
+        }
+        if small > 0 {
+            notes.push(format!(
+                "{}: {small} pictures are smaller than a window of {crop} pixels",
+                folder.display()
+            ));
+        }
+        let misfit = |problem: String| DatasetError::Labels { path: folder.to_path_buf(), problem };
+        if found.validation.is_empty() {
+            found.validation = found.training.clone();
+        }
+        for (name, list) in [("training", &found.training), ("scoring", &found.held_out)] {
+            if list.is_empty() {
+                return Err(misfit(format!("no picture is left for {name}")));
+            }
+        }
+        let missing = classes.iter().zip(&per_class).find(|(_, counts)| counts.contains(&0));
+        if let Some((class, [training, held_out])) = missing {
+            return Err(misfit(format!(
+                "the class `{class}` has {training} boxes for training and {held_out} for scoring"
+            )));
+        }
+        Ok((found, notes))
+    }
+
+    fn list_mut(&mut self, list: List) -> &mut Vec<LabelledPicture> {
+        match list {
+            List::Training => &mut self.training,
+            List::Validation => &mut self.validation,
+            List::HeldOut => &mut self.held_out,
+        }
+    }
+
+    fn list(&self, list: List) -> &[LabelledPicture] {
+        match list {
+            List::Training => &self.training,
+            List::Validation => &self.validation,
+            List::HeldOut => &self.held_out,
+        }
+    }
+
+    /// Number of pictures of a list.
+    pub fn count(&self, list: List) -> usize {
+        self.list(list).len()
+    }
+
+    /// Window `number` of a list: of the pictures in turn, at a place that depends on the number alone, anywhere on the sensor.
+    pub fn window(
+        &self,
+        how: &PictureWindows,
+        list: List,
+        number: u64,
+        crops: &CropPlan,
+    ) -> Result<LabelledWindow, DatasetError> {
+        let pictures = self.list(list);
+        let picture = &pictures[(number % pictures.len() as u64) as usize];
+        let light = load_image(&picture.path)?.light;
+        let mut random = ChaCha8Rng::seed_from_u64(how.seed ^ 0x91c2_77e0_53aa_8b1d);
+        random.set_stream(3 * number + list as u64);
+        let size = [light.height, light.width];
+        let large = |o: &&Object| f64::from(o.bbox.width().max(o.bbox.height())) >= how.least_side_px;
+        let wanted: Vec<&Object> = picture.truth.objects.iter().filter(large).collect();
+        let on_object = random.random_bool(how.on_objects) && !wanted.is_empty();
+        let (pick, within): (f64, [f64; 2]) = (random.random(), random.random());
+        let middle = match on_object {
+            true => {
+                let [x, y] = wanted[(pick * wanted.len() as f64) as usize].bbox.centre().map(f64::from);
+                let off = within.map(|share| (share - 0.5) * 0.5 * crops.crop as f64);
+                [y + off[0], x + off[1]]
+            }
+            false => [within[0] * size[0] as f64, within[1] * size[1] as f64],
+        };
+        let first: [usize; 2] = std::array::from_fn(|i| {
+            let most = size[i].saturating_sub(crops.crop) as f64;
+            (middle[i] - 0.5 * crops.crop as f64).clamp(0.0, most) as usize
+        });
+        let sensor = [crops.sensor_rows, crops.sensor_columns];
+        let at: [usize; 2] = std::array::from_fn(|i| random.random_range(0..=sensor[i] - crops.crop));
+        let exposed = crops.exposed_at(at[0], at[1]);
+        // The first pixel of the window, with its border, in the picture; beyond the picture its edge is repeated.
+        let corner = [at[0] - exposed.0, at[1] - exposed.1].map(|inset| inset + crops.margin);
+        let start: [i64; 2] = std::array::from_fn(|i| first[i] as i64 - corner[i] as i64);
+        let scene = repeated(&light, start, crops.window());
+        Ok(LabelledWindow::new(crops.window(), scene, at, picture.window_truth(first, crops.crop, how)))
+    }
+}
+
+impl LabelledPicture {
+    /// The objects of a crop in its own pixels.
+    fn window_truth(&self, first: [usize; 2], crop: usize, how: &PictureWindows) -> Truth {
+        let inside = |bbox: &BBox| {
+            let moved = bbox.moved([-(first[1] as f32), -(first[0] as f32)]).clipped([crop, crop]);
+            (moved.is_at_least(1.0)).then(|| (moved, moved.area() / bbox.area().max(1e-6)))
+        };
+        let mut truth = Truth::default();
+        for object in &self.truth.objects {
+            let Some((bbox, share)) = inside(&object.bbox) else { continue };
+            let side = f64::from(object.bbox.width().max(object.bbox.height()));
+            match share >= LEAST_INSIDE && side >= how.least_side_px {
+                true => truth.objects.push(Object { bbox, class: object.class }),
+                false => truth.ignored.push(bbox),
+            }
+        }
+        truth.ignored.extend(self.truth.ignored.iter().filter_map(|bbox| Some(inside(bbox)?.0)));
+        truth
+    }
+}
+
+/// What groups a picture with others of the same film.
+fn sequence(image: &Image) -> &str {
+    image.sequence.as_deref().unwrap_or(&image.file_name)
+}
+
+fn list_of(image: &Image, sequences: &[&str]) -> List {
+    match image.split.as_deref() {
+        Some("train" | "training") => List::Training,
+        Some(_) => List::HeldOut,
+        None => match sequences.binary_search(&sequence(image)).unwrap_or(0) % PART {
+            k if k + 1 == PART => List::HeldOut,
+            k if k + 2 == PART => List::Validation,
+            _ => List::Training,
+        },
+    }
+}
+
+/// The objects of a picture. Crowds, and objects that are to be ignored, are regions that are not judged.
+fn truth(data: &DataSet, objects: &[usize], wanted: Wanted) -> Truth {
+    let mut truth = Truth::default();
+    for annotation in objects.iter().map(|k| &data.annotations[*k]) {
+        let Some(category) = data.category(annotation.category_id) else { continue };
+        let Some(class) = class_of(wanted, &category.name, annotation) else { continue };
+        let b = &annotation.bounds;
+        let [x1, y1, x2, y2] = [b.x, b.y, b.x + b.width, b.y + b.height].map(|v| v as f32);
+        let bbox = BBox::new(x1, y1, x2, y2);
+        match annotation.crowd || annotation.ignore {
+            true => truth.ignored.push(bbox),
+            false => truth.objects.push(Object { bbox, class }),
+        }
+    }
+    truth
+}
+
+/// `side` x `side` pixels of a picture from a row and a column on, which may lie outside; there the edge is repeated.
+fn repeated(light: &LinearImage, start: [i64; 2], side: usize) -> impl Iterator<Item = f32> {
+    let within = |at: i64, size: usize| at.clamp(0, size as i64 - 1) as usize;
+    let (height, width) = (light.height, light.width);
+    (0..CHANNELS).flat_map(move |channel| {
+        (0..side).flat_map(move |row| {
+            let row = within(start[0] + row as i64, height);
+            (0..side).map(move |column| {
+                let column = within(start[1] + column as i64, width);
+                light.data[(channel * height + row) * width + column]
+            })
+        })
+    })
+}
