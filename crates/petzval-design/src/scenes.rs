@@ -6,7 +6,6 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use petzval_camera::render::Placement;
-use petzval_camera::sensor::SensorModel;
 use petzval_learn::dataset::{
     CropPlan, LabelledPictures, LabelledWindow, PictureWindows, StreetPlan, StreetView, Wanted,
 };
@@ -16,9 +15,8 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::camera::{Camera, Shot, crop_window};
 use crate::error::DesignError;
-use crate::experiment::{STREET, StreetConfig, TaskKind};
+use crate::experiment::{Experiment, STREET, StreetConfig, TaskKind};
 use crate::psf_plan::PsfPlan;
-use crate::setup::Setup;
 
 pub use petzval_learn::dataset::List;
 
@@ -66,9 +64,14 @@ struct Kept {
 }
 
 impl Scenes {
-    /// The scenes of an experiment. Fails on a folder that cannot be read, or in which a class has no boxes.
-    pub fn new(setup: &Setup) -> Result<Self, DesignError> {
-        let experiment = &setup.experiment;
+    /// The scenes of an experiment on a sensor of these pixels. `crops` are those of training and of scores, and `plan` has the corner of the
+    /// sensor. Fails on a folder that cannot be read, or in which a class has no boxes.
+    pub fn new(
+        experiment: &Experiment,
+        crops: [CropPlan; 2],
+        plan: &PsfPlan,
+        pixel_um: f64,
+    ) -> Result<Self, DesignError> {
         let config = experiment.street.clone();
         let wanted = match experiment.task {
             TaskKind::TrafficLight => Wanted::TrafficLights,
@@ -97,15 +100,15 @@ impl Scenes {
                 Source::Pictures(pictures, PictureWindows { seed, on_objects, least_side_px })
             }
         };
-        let SensorModel { pixel_um, .. } = setup.body.sensor;
+        let [training_crops, scoring_crops] = crops;
         Ok(Self {
             source,
             notes,
             config,
             seed: experiment.seed,
-            training_crops: setup.training_crops,
-            scoring_crops: setup.scoring_crops,
-            fields: setup.fixed_plan.with_fields(experiment.psf.scoring_fields),
+            training_crops,
+            scoring_crops,
+            fields: plan.with_fields(experiment.psf.scoring_fields),
             pixel_mm: 1e-3 * pixel_um,
             moving: Mutex::default(),
             scored: Mutex::default(),

@@ -80,7 +80,9 @@ impl Setup {
     pub fn new(experiment: Experiment, assets: &Assets, device: Device) -> Result<Self, DesignError> {
         let mut setup = Self::without_photos(experiment, assets, device)?;
         if setup.experiment.task.finds_objects() {
-            setup.scenes = Some(Scenes::new(&setup)?);
+            let crops = [setup.training_crops, setup.scoring_crops];
+            let pixel_um = setup.body.sensor.pixel_um;
+            setup.scenes = Some(Scenes::new(&setup.experiment, crops, &setup.fixed_plan, pixel_um)?);
             return Ok(setup);
         }
         let window = setup.training_crops.window().max(setup.scoring_crops.window());

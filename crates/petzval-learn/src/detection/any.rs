@@ -8,9 +8,8 @@ use serde::{Deserialize, Serialize};
 
 use super::parameters::Parameters;
 use super::{BackboneKind, Detection, Detector, FasterRcnn, FasterRcnnConfig, Fcos, FcosConfig, Truth};
-use crate::loss::LossError;
+use crate::loss::{LossError, NamedLoss};
 use crate::network::NetworkError;
-use crate::objective::NamedLoss;
 
 /// A kind of detector.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]

@@ -12,9 +12,8 @@ use super::proposals::{ProposalConfig, ProposalNetwork, Proposed};
 use super::pyramid::Pyramid;
 use super::roi_align::RoiAlign;
 use super::{BBox, Detection, Detector, Truth, normalized};
-use crate::loss::LossError;
+use crate::loss::{LossError, NamedLoss};
 use crate::network::NetworkError;
-use crate::objective::NamedLoss;
 
 /// The parts of a Faster R-CNN and their settings.
 #[derive(Clone, Debug, PartialEq)]
@@ -78,8 +77,9 @@ impl FasterRcnnConfig {
             },
             boxes: BoxHeadConfig {
                 hidden: 128,
-                roi_align: RoiAlign { size: [5, 5], samples: Some(2), is_aligned: true },
-                level: LevelOfBox { canonical_size: 64.0, ..base.boxes.level },
+                roi_align: RoiAlign { size: [7, 7], samples: Some(2), is_aligned: true },
+                // As many places of a map across an object as with the sizes of torchvision.
+                level: LevelOfBox { canonical_size: 160.0, ..base.boxes.level },
                 sampled: 64,
                 ..base.boxes
             },

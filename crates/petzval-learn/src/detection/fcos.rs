@@ -12,9 +12,8 @@ use super::loss::{binary_cross_entropy, focal, generalised_iou};
 use super::parameters::{Parameters, Start, tensor};
 use super::pyramid::Pyramid;
 use super::{BBox, Detection, Detector, Truth, host, normalized};
-use crate::loss::LossError;
+use crate::loss::{LossError, NamedLoss};
 use crate::network::NetworkError;
-use crate::objective::NamedLoss;
 
 /// The parts of the detector and their settings.
 #[derive(Clone, Debug, PartialEq)]

@@ -44,8 +44,7 @@ pub use matcher::Match;
 use burn::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::loss::LossError;
-use crate::objective::NamedLoss;
+use crate::loss::{LossError, NamedLoss};
 
 /// An object that is to be found.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

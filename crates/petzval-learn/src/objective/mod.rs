@@ -13,7 +13,9 @@ use burn::prelude::*;
 use petzval_camera::tape::Frames;
 
 use crate::detection::{Detector, Truth};
-use crate::loss::{LossError, image_loss::read_back};
+use crate::loss::LossError;
+
+pub use crate::loss::NamedLoss;
 
 /// What is known of the scenes of a batch: the truth that an objective compares with.
 #[derive(Clone)]
@@ -41,28 +43,6 @@ pub struct Taken<'a> {
     pub detector: Option<&'a dyn Detector>,
     /// Decides what is drawn at random in a loss: the same for the same batch.
     pub seed: u64,
-}
-
-/// A loss with its graph, and its parts by name.
-pub struct NamedLoss {
-    /// The loss, one value, with its graph.
-    pub total: Tensor<1>,
-    /// The loss as `total`, and its unweighted parts, by name.
-    pub parts: Vec<(&'static str, f64)>,
-}
-
-impl NamedLoss {
-    /// The sum of parts of weight 1.
-    pub fn sum(parts: Vec<(&'static str, Tensor<1>)>) -> Result<Self, LossError> {
-        let mut named = Vec::with_capacity(parts.len() + 1);
-        for (name, part) in &parts {
-            named.push((*name, f64::from(read_back(part)?)));
-        }
-        named.push(("total", named.iter().map(|(_, value)| value).sum()));
-        let total = parts.into_iter().map(|(_, part)| part).reduce(|sum, part| sum + part);
-        let total = total.ok_or_else(|| LossError::ReadBack("a loss without parts".to_owned()))?;
-        Ok(Self { total, parts: named })
-    }
 }
 
 /// A loss of what a camera took.

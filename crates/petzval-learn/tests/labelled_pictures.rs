@@ -1,0 +1,94 @@
+//! Windows of a folder of pictures with boxes.
+
+use std::path::Path;
+
+use petzval_learn::dataset::{CropPlan, LabelledPictures, List, PictureWindows, Wanted};
+
+const CROP: usize = 64;
+
+/// A folder of `count` pictures of 120 x 100 pixels with a white person and a black car in each, and a crowd.
+fn folder(path: &Path, count: usize, category: &str) {
+    let mut pictures = Vec::new();
+    let mut annotations = Vec::new();
+    for i in 1..=count {
+        let name = format!("{i:02}.png");
+        let [x, y] = [5 * (i % 10) as u32, 3 * (i % 10) as u32];
+        let picture = image::RgbImage::from_fn(120, 100, |column, row| {
+            let is_in = |left: u32, top: u32, width: u32, height: u32| {
+                (left..left + width).contains(&column) && (top..top + height).contains(&row)
+            };
+            image::Rgb(if is_in(x, y, 16, 40) {
+                [255; 3]
+            } else if is_in(x + 40, y + 20, 30, 20) {
+                [0; 3]
+            } else {
+                [128; 3]
+            })
+        });
+        picture.save(path.join(&name)).unwrap();
+        pictures.push(format!(r#"{{"id": {i}, "file_name": "{name}", "width": 120, "height": 100}}"#));
+        let boxes = [(x, y, 16, 40, 1, 0), (x + 40, y + 20, 30, 20, 2, 0), (0, 80, 20, 20, 1, 1)];
+        for (k, (x, y, width, height, class, crowd)) in boxes.into_iter().enumerate() {
+            let (id, area) = (10 * i + k, width * height);
+            annotations.push(format!(
+                r#"{{"id": {id}, "image_id": {i}, "category_id": {class}, "bbox": [{x}, {y}, {width}, {height}], "area": {area}, "iscrowd": {crowd}}}"#
+            ));
+        }
+    }
+    let text = format!(
+        r#"{{"images": [{}], "annotations": [{}], "categories": [{{"id": 1, "name": "{category}"}}, {{"id": 2, "name": "car"}}]}}"#,
+        pictures.join(","),
+        annotations.join(",")
+    );
+    std::fs::write(path.join("annotations.json"), text).unwrap();
+}
+
+fn load(path: &Path, crop: usize) -> Result<(LabelledPictures, Vec<String>), String> {
+    let classes = ["pedestrian", "vehicle"];
+    LabelledPictures::load(path, Wanted::PeopleAndVehicles, &classes, crop).map_err(|e| e.to_string())
+}
+
+#[test]
+fn windows_hold_the_light_and_the_boxes_of_their_pictures() {
+    let folder_path = tempfile::tempdir().unwrap();
+    folder(folder_path.path(), 15, "person");
+    let (pictures, notes) = load(folder_path.path(), CROP).unwrap();
+    assert!(notes.is_empty(), "{notes:?}");
+    assert_eq!([List::Training, List::Validation, List::HeldOut].map(|list| pictures.count(list)), [9, 3, 3]);
+    let crops = CropPlan { surround: 4, ..CropPlan::on_1920x1200(CROP, 10) };
+    let how = PictureWindows { seed: 1, on_objects: 1.0, least_side_px: 8.0 };
+    let mut found = [0, 0];
+    for number in 0..30 {
+        let window = pictures.window(&how, List::Training, number, &crops).unwrap();
+        assert_eq!(window, pictures.window(&how, List::Training, number, &crops).unwrap());
+        let scene = window.scene();
+        assert_eq!([scene.height, scene.width], [crops.window(); 2]);
+        let exposed = crops.exposed_at(window.at[0], window.at[1]);
+        let inset = [window.at[0] - exposed.0 + crops.margin, window.at[1] - exposed.1 + crops.margin];
+        for object in &window.truth.objects {
+            // The middle of a person is white, that of a car black.
+            let [x, y] = object.bbox.centre().map(|v| v as usize);
+            let light = scene.data[(y + inset[0]) * scene.width + x + inset[1]];
+            assert_eq!(light > 0.9, object.class == 0, "{number}: {light}");
+            found[object.class] += 1;
+        }
+    }
+    assert!(found.iter().all(|count| *count > 10), "{found:?}");
+}
+
+#[test]
+fn folders_that_cannot_train_or_score_a_detector_are_refused() {
+    let few = tempfile::tempdir().unwrap();
+    folder(few.path(), 3, "person");
+    let error = load(few.path(), CROP).unwrap_err();
+    assert!(error.contains("no picture is left for scoring"), "{error}");
+    let other = tempfile::tempdir().unwrap();
+    folder(other.path(), 15, "cow");
+    let error = load(other.path(), CROP).unwrap_err();
+    assert!(error.contains("`pedestrian` has 0 boxes"), "{error}");
+    let large = load(other.path(), 110).unwrap_err();
+    assert!(large.contains("no picture is left"), "{large}");
+    std::fs::write(other.path().join("annotations.json"), "{\"images\": [").unwrap();
+    assert!(load(other.path(), CROP).unwrap_err().contains("annotations.json"));
+    assert!(load(&other.path().join("nowhere"), CROP).is_err());
+}
