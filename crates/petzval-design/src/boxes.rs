@@ -39,6 +39,16 @@ pub fn with_detections(picture: &LinearImage, truth: &Truth, found: &[Detection]
     drawn
 }
 
+/// A picture with boxes, each in the colour of its class.
+pub fn with_boxes(picture: &LinearImage, boxes: &[(BBox, usize)]) -> LinearImage {
+    const COLOURS: [[f32; 3]; 4] = [RIGHT, OBJECT, OTHER_CLASS, [1.0, 0.3, 0.9]];
+    let mut drawn = picture.clone();
+    for (bbox, class) in boxes.iter().rev() {
+        outline(&mut drawn, bbox, COLOURS[class % COLOURS.len()]);
+    }
+    drawn
+}
+
 /// Draws the outline of a box, one pixel wide.
 fn outline(picture: &mut LinearImage, bbox: &BBox, colour: [f32; 3]) {
     let (height, width) = (picture.height, picture.width);

@@ -42,6 +42,9 @@ fn fingerprint(setup: &Setup) -> Result<String, DesignError> {
             }
         }
     }
+    if let Some(scenes) = &setup.scenes {
+        hash.update(scenes.fingerprint());
+    }
     Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
 }
 

@@ -13,7 +13,7 @@ pub mod adam;
 pub mod assets;
 mod attribution;
 pub mod block;
-mod boxes;
+pub mod boxes;
 pub mod camera;
 pub mod comparison;
 pub mod design_loop;

@@ -115,6 +115,14 @@ impl Scenes {
         })
     }
 
+    /// What identifies the scenes: of a folder all pictures by name and size, and all boxes; generated streets are known by their experiment.
+    pub fn fingerprint(&self) -> String {
+        match &self.source {
+            Source::Streets(_) => String::new(),
+            Source::Pictures(pictures, _) => format!("{pictures:?}"),
+        }
+    }
+
     /// The scenes in words: `384 windows of streets in training, 96 in scores`.
     pub fn in_words(&self) -> String {
         let StreetConfig { windows, held_out, .. } = self.config;

@@ -14,6 +14,7 @@ pub mod compare;
 mod context;
 pub mod data;
 pub mod design;
+pub mod detect;
 mod device;
 pub mod doctor;
 mod error;

@@ -31,6 +31,11 @@ impl NetworkBlock {
         Self { anchor: network.clone(), optimizer: optimizer(&network), network }
     }
 
+    /// The network.
+    pub fn network(&self) -> Network {
+        self.network.clone()
+    }
+
     /// The network with its weights held: no gradient goes to them.
     pub fn held(&self) -> Rc<dyn PictureNetwork> {
         Rc::new(self.network.clone().no_grad())

@@ -3,7 +3,7 @@
 //! Pictures are decoded to linear light, and one of their pixels becomes one of the sensor. Their own noise and blur stay: a scene from a
 //! photograph is a scene with that noise.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use petzval_camera::image::{CHANNELS, LinearImage};
@@ -67,11 +67,11 @@ fn class_of(wanted: Wanted, category: &str, annotation: &Annotation) -> Option<u
 }
 
 impl LabelledPictures {
-    /// Reads the annotations of a folder and checks its pictures. Returned with sentences on what of it cannot be used. Fails where a list of
-    /// pictures or a class would be empty.
+    /// Reads the annotations of a folder and checks its pictures. Returned with sentences on what of it cannot be used. Fails where nothing is
+    /// left to train on or to score with.
     ///
-    /// The parts of the data set (`split`) decide what is held out: everything that is not for training. Without them every fifth sequence is,
-    /// by name; a picture that names no sequence is one by itself.
+    /// The parts of the data set (`split`) decide what is held out: everything outside the part `train`, or outside the largest one if none is
+    /// called so. Without parts every fifth sequence is, by name; a picture that names no sequence is one by itself.
     pub fn load(
         folder: &Path,
         wanted: Wanted,
@@ -89,6 +89,7 @@ impl LabelledPictures {
             let all: BTreeSet<&str> = data.images.iter().map(sequence).collect();
             all.into_iter().collect()
         };
+        let training_part = training_part(&data.images);
         let mut found = Self::default();
         let (mut small, mut per_class) = (0, vec![[0_usize; 2]; classes.len()]);
         for (image, objects) in data.images.iter().zip(&objects) {
@@ -98,7 +99,7 @@ impl LabelledPictures {
                 small += 1;
                 continue;
             }
-            let list = list_of(image, &sequences);
+            let list = list_of(image, training_part, &sequences);
             let truth = truth(data, objects, wanted);
             for object in &truth.objects {
                 per_class[object.class][usize::from(list == List::HeldOut)] += 1;
@@ -120,11 +121,19 @@ impl LabelledPictures {
                 return Err(misfit(format!("no picture is left for {name}")));
             }
         }
-        let missing = classes.iter().zip(&per_class).find(|(_, counts)| counts.contains(&0));
-        if let Some((class, [training, held_out])) = missing {
-            return Err(misfit(format!(
-                "the class `{class}` has {training} boxes for training and {held_out} for scoring"
-            )));
+        for (k, purpose) in ["training", "scoring"].into_iter().enumerate() {
+            if per_class.iter().all(|counts| counts[k] == 0) {
+                let problem = format!("no box of {} is left for {purpose}", classes.join(", "));
+                return Err(misfit(problem));
+            }
+        }
+        for (class, [training, held_out]) in classes.iter().zip(&per_class) {
+            if *training == 0 || *held_out == 0 {
+                notes.push(format!(
+                    "{}: the class `{class}` has {training} boxes for training and {held_out} for scoring",
+                    folder.display()
+                ));
+            }
         }
         Ok((found, notes))
     }
@@ -217,9 +226,19 @@ fn sequence(image: &Image) -> &str {
     image.sequence.as_deref().unwrap_or(&image.file_name)
 }
 
-fn list_of(image: &Image, sequences: &[&str]) -> List {
+/// The part that is for training, if pictures name parts: `train`, or the one of the most pictures.
+fn training_part(images: &[Image]) -> Option<&str> {
+    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+    for part in images.iter().filter_map(|image| image.split.as_deref()) {
+        *counts.entry(part).or_default() += 1;
+    }
+    let named = counts.keys().copied().find(|part| ["train", "training"].contains(part));
+    named.or_else(|| counts.iter().max_by_key(|(_, count)| **count).map(|(part, _)| *part))
+}
+
+fn list_of(image: &Image, training_part: Option<&str>, sequences: &[&str]) -> List {
     match image.split.as_deref() {
-        Some("train" | "training") => List::Training,
+        Some(part) if Some(part) == training_part => List::Training,
         Some(_) => List::HeldOut,
         None => match sequences.binary_search(&sequence(image)).unwrap_or(0) % PART {
             k if k + 1 == PART => List::HeldOut,

@@ -42,6 +42,7 @@ pub use fcos::{Fcos, FcosConfig};
 pub use matcher::Match;
 
 use burn::prelude::*;
+use petzval_camera::image::LinearImage;
 use serde::{Deserialize, Serialize};
 
 use crate::loss::{LossError, NamedLoss};
@@ -83,6 +84,17 @@ pub trait Detector {
 
     /// What is found in each picture, best first.
     fn detect(&self, pictures: Tensor<4>) -> Result<Vec<Vec<Detection>>, LossError>;
+}
+
+/// What a detector finds in one picture of the host, three planes, sRGB-encoded, 0..1; best first.
+pub fn detect_in(
+    detector: &dyn Detector,
+    encoded: &LinearImage,
+    device: &Device,
+) -> Result<Vec<Detection>, LossError> {
+    let shape = [1, encoded.channels, encoded.height, encoded.width];
+    let picture = parameters::tensor(encoded.data.clone(), shape, device);
+    Ok(detector.detect(picture)?.swap_remove(0))
 }
 
 /// Mean and standard deviation of the pictures on which backbones of torchvision were trained (R, G, B).

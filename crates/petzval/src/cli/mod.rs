@@ -6,6 +6,7 @@ mod bench;
 mod compare;
 mod data;
 mod design;
+mod detect;
 mod doctor;
 mod evaluate;
 mod experiment;
@@ -93,6 +94,8 @@ enum Verb {
     /// Show image signal processors, develop raw frames, tune parameters
     #[command(subcommand)]
     Isp(isp::IspVerb),
+    #[command(about = "Find objects in pictures by the detector of a camera, or by weights of torchvision")]
+    Detect(detect::Args),
     /// Convert data sets for object detection, and check them
     #[command(subcommand)]
     Data(data::DataVerb),
@@ -143,6 +146,7 @@ pub fn run(cli: Cli) -> Result<ExitCode, Failure> {
         Verb::Simulate(args) => simulate::run(args, &terminal),
         Verb::Raw(verb) => raw::run(verb, &terminal),
         Verb::Isp(verb) => isp::run(verb, &terminal),
+        Verb::Detect(args) => detect::run(args, &terminal),
         Verb::Data(verb) => data::run(verb, &terminal),
         Verb::Train(verb) => train::run(verb, &terminal),
         Verb::Bench(args) => bench::run(args),

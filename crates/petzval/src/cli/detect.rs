@@ -1,0 +1,95 @@
+//! `petzval detect`: what a detector finds in pictures.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::ValueEnum;
+use petzval::jobs::detect::{self, Request, Source};
+use petzval::learn::detection::BackboneKind;
+
+use super::failure::Failure;
+use super::terminal::{Terminal, print_json};
+
+/// Find objects in pictures: by the detector of a finished camera, or by weights of torchvision.
+///
+/// Pictures are PNG, JPEG or TIFF files, or folders of them, and are looked at in their own size. Prints one line per detection: file, class, score, left
+/// edge, upper edge, width, height, in pixels.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Pictures, or folders of pictures
+    #[arg(required = true, value_name = "IMAGE")]
+    images: Vec<PathBuf>,
+    /// Run whose detector looks; see --camera
+    #[arg(long, value_name = "RUN", required_unless_present = "weights")]
+    run: Option<PathBuf>,
+    /// Camera of the run [default: its last]
+    #[arg(long, value_name = "NAME", requires = "run")]
+    camera: Option<String>,
+    /// Weights of a Faster R-CNN of torchvision, as a safetensors file
+    #[arg(long, value_name = "FILE", conflicts_with = "run")]
+    weights: Option<PathBuf>,
+    /// Backbone of the weights
+    #[arg(long, value_enum, default_value_t = Backbone::Resnet50, requires = "weights")]
+    backbone: Backbone,
+    /// Classes of the weights, without the background
+    #[arg(long, default_value_t = 90, value_name = "N", requires = "weights")]
+    classes: usize,
+    /// Least score of a detection
+    #[arg(long, default_value_t = 0.5, value_name = "SCORE")]
+    least_score: f32,
+    /// Folder for detections.json (COCO results), annotations.json (pictures and classes) and pictures with boxes
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Print everything as JSON
+    #[arg(long)]
+    json: bool,
+    /// Device for tensors; `petzval doctor` lists them
+    #[arg(long, default_value = "cpu")]
+    device: String,
+}
+
+/// Backbones whose weights can be read.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Backbone {
+    Resnet18,
+    Resnet50,
+}
+
+impl From<Backbone> for BackboneKind {
+    fn from(backbone: Backbone) -> Self {
+        match backbone {
+            Backbone::Resnet18 => Self::Resnet18,
+            Backbone::Resnet50 => Self::Resnet50,
+        }
+    }
+}
+
+/// Runs the verb.
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+    let detector = match (args.run, args.weights) {
+        (Some(run), _) => Source::Run { run, camera: args.camera },
+        (None, Some(file)) => Source::Weights { file, backbone: args.backbone.into(), classes: args.classes },
+        (None, None) => return Err(Failure::input("no detector", "name a run, or a file of weights")),
+    };
+    let request = Request {
+        images: args.images,
+        detector,
+        least_score: args.least_score,
+        out: args.out,
+        device: args.device,
+    };
+    let response = detect::run(&request, &terminal.context())?;
+    if args.json {
+        print_json(&response)?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    println!("file,class,score,x,y,width,height");
+    for seen in &response.pictures {
+        for found in &seen.found {
+            let [x, y, width, height] = found.bbox;
+            let file = seen.file.display().to_string().replace('"', "\"\"");
+            println!("\"{file}\",{},{:.3},{x:.1},{y:.1},{width:.1},{height:.1}", found.class, found.score);
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}

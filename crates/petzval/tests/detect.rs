@@ -1,0 +1,136 @@
+//! `petzval design` for a task of detection, and `petzval detect` with the detector that it trained.
+
+mod common;
+
+use std::path::Path;
+
+use common::{read, read_json, run_fails, run_ok};
+
+/// An experiment that runs in seconds.
+const TINY: &str = r#"
+name = "tiny lights"
+task = "traffic-light"
+[psf]
+fields = 3
+grid = 64
+patches = [2, 2]
+pupil_cells = 16
+scoring_pupil_cells = 16
+scoring_pupil_error = 2.0
+[street]
+windows = 3
+held_out = 3
+samples = 1
+[training]
+steps = 2
+batch = 1
+crop = 96
+[scoring]
+crop = 96
+scores = ["ap50", "state_accuracy"]
+[[variant]]
+name = "nominal"
+[[variant.stage]]
+moves = ["network"]
+[[variant]]
+name = "perfect"
+from = "nominal"
+lens = "perfect"
+[[variant.stage]]
+moves = ["network"]
+"#;
+
+/// A data set of gray pictures with a red and a green light in each.
+fn write_lights(folder: &Path) {
+    let (mut images, mut annotations) = (Vec::new(), Vec::new());
+    for i in 1..=10 {
+        let picture = image::RgbImage::from_fn(140, 120, |x, y| match (x, y) {
+            (20..40, 20..60) => image::Rgb([220, 20, 20]),
+            (80..100, 30..70) => image::Rgb([20, 220, 60]),
+            _ => image::Rgb([90 + i; 3]),
+        });
+        picture.save(folder.join(format!("{i:02}.png"))).unwrap();
+        images.push(format!(r#"{{"id": {i}, "file_name": "{i:02}.png", "width": 140, "height": 120}}"#));
+        for (k, x, y) in [(1, 20, 20), (2, 80, 30)] {
+            annotations.push(format!(
+                r#"{{"id": {}, "image_id": {i}, "category_id": {k}, "bbox": [{x}, {y}, 20, 40], "area": 800, "iscrowd": 0}}"#,
+                2 * u32::from(i) + k
+            ));
+        }
+    }
+    let text = format!(
+        r#"{{"images": [{}], "annotations": [{}], "categories": [{{"id": 1, "name": "light red"}}, {{"id": 2, "name": "light green"}}]}}"#,
+        images.join(","),
+        annotations.join(",")
+    );
+    std::fs::write(folder.join("annotations.json"), text).unwrap();
+}
+
+#[test]
+fn a_run_that_looks_for_objects_is_scored_again_reported_and_lends_its_detector() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    std::fs::write(root.join("tiny.toml"), TINY).unwrap();
+    let said = run_ok(root, &["design", "tiny.toml", "--out", "run"]);
+    assert!(said.stdout.contains("over 3 windows of held-out scenes"), "{}", said.stdout);
+    assert!(said.says("streets (day): 3 windows in training, 3 in scores"), "{}", said.stderr);
+    let rows = read_json(&root.join("run/metrics.json"))["rows"].clone();
+    assert_eq!([&rows[0]["network_steps"], &rows[1]["network_steps"]], [2, 4]);
+    assert_eq!(rows[1]["is_ceiling"], true);
+    assert!(rows[0]["ap50"].as_f64().is_some_and(|v| (0.0..=1.0).contains(&v)));
+    assert!(read(&root.join("run/report.html")).contains("windows of held-out scenes"));
+    let again = run_ok(root, &["evaluate", "run"]);
+    assert!(again.stdout.contains("own figures: 0.000e0"), "{}", again.stdout);
+
+    // Its detector looks at pictures of any size.
+    std::fs::create_dir(root.join("in")).unwrap();
+    write_lights(&root.join("in"));
+    let args = ["detect", "in", "--run", "run", "--camera", "nominal", "--least-score", "0"];
+    let lines = run_ok(root, &args).stdout;
+    assert!(lines.starts_with("file,class,score,x,y,width,height\n"), "{lines}");
+    let found = run_ok(root, &[&args[..], &["--json", "--out", "out"]].concat()).json();
+    let pictures = found["pictures"].as_array().unwrap();
+    assert_eq!(pictures.len(), 10);
+    let count: usize = pictures.iter().map(|p| p["found"].as_array().unwrap().len()).sum();
+    assert_eq!(lines.lines().count(), count + 1);
+    let results = read_json(&root.join("out/detections.json"));
+    assert_eq!(results.as_array().unwrap().len(), count);
+    let data = read_json(&root.join("out/annotations.json"));
+    assert_eq!(data["images"].as_array().unwrap().len(), 10);
+    assert_eq!(data["categories"][2]["name"], "green");
+    assert!(root.join("out/0010-10.png").is_file());
+
+    // What does not fit is refused, and nothing is written.
+    let fails = |args: &[&str], says: &str| run_fails(root, args, 2, &[says]);
+    fails(&["detect", "in", "--run", "run", "--camera", "other"], "the run has nominal, perfect");
+    fails(&["detect", "in", "--run", "run", "--least-score", "2"], "between 0 and 1");
+    fails(&["detect", "run", "--run", "run"], "no picture in this folder");
+    fails(&["detect", "in", "--weights", "tiny.toml"], "not a safetensors file");
+    fails(&["detect", "in"], "--weights");
+}
+
+#[test]
+fn a_folder_with_boxes_takes_the_place_of_the_streets() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    std::fs::write(root.join("tiny.toml"), TINY).unwrap();
+    std::fs::create_dir(root.join("in")).unwrap();
+    write_lights(&root.join("in"));
+    let said = run_ok(root, &["design", "tiny.toml", "--data", "in", "--variant", "nominal", "--out", "run"]);
+    assert!(said.says("the class `yellow` has 0 boxes"), "{}", said.stderr);
+    assert!(said.says("3 windows of 6 pictures in training, 3 windows of 2 in scores"), "{}", said.stderr);
+    assert!(read(&root.join("run/config.toml")).contains("data = "));
+    run_ok(root, &["evaluate", "run"]);
+    // A run goes on with the pictures that it began with, or not at all.
+    let text = read(&root.join("in/annotations.json"));
+    std::fs::write(root.join("in/annotations.json"), text.replace("[20, 20, 20, 40]", "[21, 20, 20, 40]"))
+        .unwrap();
+    run_fails(root, &["evaluate", "run"], 2, &["not those that this run began with"]);
+    // Mistakes of the data are named.
+    std::fs::write(root.join("in/annotations.json"), "{\"images\": [}").unwrap();
+    run_fails(root, &["design", "tiny.toml", "--data", "in", "--out", "b"], 2, &["annotations.json"]);
+    run_fails(root, &["design", "--data", "in", "--out", "b"], 2, &["the experiment makes pictures"]);
+    let nowhere = format!("data = \"nowhere\"\n{TINY}");
+    std::fs::write(root.join("nowhere.toml"), nowhere).unwrap();
+    run_fails(root, &["design", "nowhere.toml", "--out", "b"], 2, &["a folder in COCO format"]);
+}
