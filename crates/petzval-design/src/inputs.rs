@@ -111,7 +111,7 @@ pub fn check_inputs(setup: &Setup, run: &RunFolder) -> Result<(), DesignError> {
         return Ok(());
     }
     let problem =
-"lens, glasses, sensor, ISP, networks in place of tracing or photographs are not those that this run began with; put \
+"lens, glasses, sensor, ISP, networks in place of tracing, photographs or labelled pictures are not those that this run began with; put \
              them back, or start a new run"
             .to_owned();
     Err(DesignError::Run { path, problem })

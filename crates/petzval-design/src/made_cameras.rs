@@ -96,13 +96,13 @@ impl MadeCameras {
     pub fn row(self, camera: &str, scores: &[ScoreDescription], limits: &BTreeMap<String, f64>) -> MadeRow {
         let figures = |score: &ScoreDescription| {
             let trial = |trial: &Option<BTreeMap<String, f64>>| Trial {
-                value: trial.as_ref().map(|scores| scores[&score.name]),
+                value: trial.as_ref().and_then(|scores| scores.get(&score.name).copied()),
                 compensators: Vec::new(),
             };
             let better = if score.higher_is_better { Better::Higher } else { Better::Lower };
             let made = MonteCarlo { seed: 0, trials: self.trials.iter().map(trial).collect(), better };
             let figures = MadeFigures {
-                drawn: self.drawn[&score.name],
+                drawn: self.drawn.get(&score.name).copied().unwrap_or(0.0),
                 mean: Some(made.mean_and_deviation().0).filter(|mean| mean.is_finite()),
                 of_90_percent: made.percentile(90.0),
                 share: made.yield_at(limits[&score.name]),

@@ -169,9 +169,14 @@ fn notes(metrics: &Metrics) -> Vec<String> {
             "Least share of a PSF's light that its grid holds: {}.",
             by_camera(&|m| format!("{:.1} %", 100.0 * m.psf_captured))
         ),
-        "Lenses are traced exactly; the noise of scored pictures is exact Poisson and the same for every camera. \
-         Distortion is not rendered: each place gets the PSF of the field whose ideal image it is."
-            .to_owned(),
+        format!(
+            "Lenses are traced exactly; the noise of scored pictures is exact Poisson and the same for every camera. {}",
+            match metrics.is_of_objects() {
+                true => "Streets are seen through the chief rays of each lens, distortion included.",
+                false =>
+                    "Distortion is not rendered: each place gets the PSF of the field whose ideal image it is.",
+            }
+        ),
     ]
 }
 

@@ -20,8 +20,8 @@ use crate::psf_plan::PsfPlan;
 
 pub use petzval_learn::dataset::List;
 
-/// Frames of validations and scores are numbered apart from those of training.
-const FIRST_FRAME: [u64; 3] = [0, 1 << 42, 0];
+/// The first frame of validations, beyond those of all steps. Scores have a noise of their own.
+const FIRST_VALIDATION: u64 = 1 << 62;
 
 /// Where windows come from.
 enum Source {
@@ -42,6 +42,9 @@ pub struct Scenes {
     scoring_crops: CropPlan,
     /// Field angles of the projection, as those of scores.
     fields: PsfPlan,
+    /// The view of the experiment's lens, in which places of windows are chosen.
+    reference: StreetView,
+    validation_windows: usize,
     pixel_mm: f64,
     /// The windows that blocks are trained and validated on.
     moving: Mutex<Kept>,
@@ -49,28 +52,24 @@ pub struct Scenes {
     scored: Mutex<Kept>,
 }
 
-/// How far a place of the image may have moved since windows were made, for training to go on with them, pixels. Windows of scores are made for
-/// the lens that is scored.
-const DRIFT_PX: f64 = 0.25;
-
 /// The windows of one projection.
 #[derive(Default)]
 struct Kept {
     lens: Option<Lens>,
-    /// Its field angles at the radii of the plan.
-    angles_rad: Vec<f64>,
     view: Option<Arc<StreetView>>,
     windows: HashMap<(List, u64), Arc<LabelledWindow>>,
 }
 
 impl Scenes {
     /// The scenes of an experiment on a sensor of these pixels. `crops` are those of training and of scores, and `plan` has the corner of the
-    /// sensor. Fails on a folder that cannot be read, or in which a class has no boxes.
+    /// sensor. Fails on a folder that cannot be read, or in which nothing is
+    /// left to train on or to score with. Places of windows in streets are chosen in the view of the `nominal` lens.
     pub fn new(
         experiment: &Experiment,
         crops: [CropPlan; 2],
         plan: &PsfPlan,
         pixel_um: f64,
+        nominal: &Lens,
     ) -> Result<Self, DesignError> {
         let config = experiment.street.clone();
         let wanted = match experiment.task {
@@ -101,25 +100,29 @@ impl Scenes {
             }
         };
         let [training_crops, scoring_crops] = crops;
+        crops.iter().try_for_each(CropPlan::check_sensor)?;
+        let (fields, pixel_mm) = (plan.with_fields(experiment.psf.scoring_fields), 1e-3 * pixel_um);
         Ok(Self {
+            reference: view_of(nominal, &fields, &scoring_crops, pixel_mm)?,
+            validation_windows: experiment.validation.windows,
             source,
             notes,
             config,
             seed: experiment.seed,
             training_crops,
             scoring_crops,
-            fields: plan.with_fields(experiment.psf.scoring_fields),
-            pixel_mm: 1e-3 * pixel_um,
+            fields,
+            pixel_mm,
             moving: Mutex::default(),
             scored: Mutex::default(),
         })
     }
 
-    /// What identifies the scenes: of a folder all pictures by name and size, and all boxes; generated streets are known by their experiment.
+    /// What identifies the scenes: of a folder its pictures and boxes; streets follow from the experiment and the version of the program.
     pub fn fingerprint(&self) -> String {
         match &self.source {
             Source::Streets(_) => String::new(),
-            Source::Pictures(pictures, _) => format!("{pictures:?}"),
+            Source::Pictures(pictures, _) => pictures.fingerprint(),
         }
     }
 
@@ -157,7 +160,7 @@ impl Scenes {
     /// Window `number` of a list.
     pub fn shot(&self, camera: &Camera, list: List, number: u64) -> Result<Shot, DesignError> {
         let window = self.window(camera, list, number)?;
-        let frame = FIRST_FRAME[usize::from(list == List::Validation)] + number;
+        let frame = if list == List::Validation { FIRST_VALIDATION + number } else { number };
         Ok(shot(&window, self.crops(list), frame))
     }
 
@@ -166,16 +169,13 @@ impl Scenes {
     }
 
     fn window(&self, camera: &Camera, list: List, number: u64) -> Result<Arc<LabelledWindow>, DesignError> {
-        let (kept, drift_px) = match list {
-            List::HeldOut => (&self.scored, 0.0),
-            List::Training | List::Validation => (&self.moving, DRIFT_PX),
-        };
+        let kept = if list == List::HeldOut { &self.scored } else { &self.moving };
         let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
         let crops = self.crops(list);
         let window = match &self.source {
             Source::Streets(plan) => {
                 let lens = camera.psfs().lens().ok_or(DesignError::NoLens)?;
-                let view = self.view(lens, drift_px, &mut kept)?;
+                let view = self.view(lens, &mut kept)?;
                 if let Some(window) = kept.windows.get(&(list, number)) {
                     return Ok(window.clone());
                 }
@@ -183,13 +183,13 @@ impl Scenes {
                     List::HeldOut => self.config.held_out_families,
                     _ => self.config.families,
                 };
-                plan.window(list, families, number, &view, crops)?
+                plan.window(list, families, number, [&view, &self.reference], crops)?
             }
             Source::Pictures(pictures, how) => {
                 if let Some(window) = kept.windows.get(&(list, number)) {
                     return Ok(window.clone());
                 }
-                pictures.window(how, list, number, crops)?
+                pictures.window(how, list, [number, self.windows_of(list)], crops)?
             }
         };
         let window = Arc::new(window);
@@ -197,36 +197,37 @@ impl Scenes {
         Ok(window)
     }
 
-    /// How a lens sees by its chief rays, or the view for which windows are kept if no place of the image has moved further since.
-    /// Otherwise the windows are forgotten.
-    fn view(&self, lens: &Lens, drift_px: f64, kept: &mut Kept) -> Result<Arc<StreetView>, DesignError> {
+    /// Windows that a run takes of a list.
+    fn windows_of(&self, list: List) -> u64 {
+        let count = match list {
+            List::Training => self.config.windows,
+            List::Validation => self.validation_windows,
+            List::HeldOut => self.config.held_out,
+        };
+        count as u64
+    }
+
+    /// How a lens sees by its chief rays. Windows of another lens are forgotten.
+    fn view(&self, lens: &Lens, kept: &mut Kept) -> Result<Arc<StreetView>, DesignError> {
         if let Some(view) = kept.view.as_ref().filter(|_| kept.lens.as_ref() == Some(lens)) {
             return Ok(view.clone());
         }
-        let angles_rad = self.fields.field_angles(lens)?;
-        let radius_px: Vec<f64> = self.fields.field_radius_mm.iter().map(|r| r / self.pixel_mm).collect();
-        kept.lens = Some(lens.clone());
-        if let Some(view) = &kept.view
-            && moved_px(&radius_px, &kept.angles_rad, &angles_rad) <= drift_px
-        {
-            return Ok(view.clone());
-        }
-        let sensor = [self.scoring_crops.sensor_rows, self.scoring_crops.sensor_columns];
-        let view = Arc::new(StreetView::new(&radius_px, &angles_rad, sensor)?);
-        kept.windows.clear();
-        (kept.angles_rad, kept.view) = (angles_rad, Some(view.clone()));
+        let view = Arc::new(view_of(lens, &self.fields, &self.scoring_crops, self.pixel_mm)?);
+        *kept = Kept { lens: Some(lens.clone()), view: Some(view.clone()), windows: HashMap::new() };
         Ok(view)
     }
 }
 
-/// How far the farthest of the fields that land at some radii moves from one projection to another, pixels.
-fn moved_px(radius_px: &[f64], from_rad: &[f64], to_rad: &[f64]) -> f64 {
-    let place = |i: usize| {
-        let (low, high) = (i.max(1) - 1, i.max(1));
-        let px_per_rad = (radius_px[high] - radius_px[low]) / (to_rad[high] - to_rad[low]);
-        (px_per_rad * (to_rad[i] - from_rad[i])).abs()
-    };
-    (0..radius_px.len()).map(place).fold(0.0, f64::max)
+/// The view of a lens: the field angles whose chief rays land at the radii of a plan.
+fn view_of(
+    lens: &Lens,
+    fields: &PsfPlan,
+    crops: &CropPlan,
+    pixel_mm: f64,
+) -> Result<StreetView, DesignError> {
+    let radius_px: Vec<f64> = fields.field_radius_mm.iter().map(|r| r / pixel_mm).collect();
+    let sensor = [crops.sensor_rows, crops.sensor_columns];
+    Ok(StreetView::new(&radius_px, &fields.field_angles(lens)?, sensor)?)
 }
 
 /// A window as a camera takes it.

@@ -122,7 +122,7 @@ impl Scorer {
         Ok(self.over_all(&self.pictures(camera, is_chosen)?))
     }
 
-    /// The scores of a camera from its pictures. Where there is nothing to find, the score is 0.
+    /// The scores of a camera from its pictures, without those for which there is nothing to find.
     fn over_all(&self, pictures: &[ScoredPicture]) -> BTreeMap<String, f64> {
         match &self.judge {
             Judge::Pictures(scores) => {
@@ -134,9 +134,10 @@ impl Scorer {
             }
             Judge::Objects(scores) => {
                 let (windows, classes) = (windows_of(pictures), self.setup.experiment.task.classes().len());
-                let value =
-                    |score: &ObjectScore| score.of(&windows, classes, self.setup.field()).unwrap_or(0.0);
-                scores.iter().map(|score| (score.about.name.clone(), value(score))).collect()
+                let value = |score: &ObjectScore| {
+                    Some((score.about.name.clone(), score.of(&windows, classes, self.setup.field())?))
+                };
+                scores.iter().filter_map(value).collect()
             }
         }
     }

@@ -81,8 +81,8 @@ impl Setup {
         let mut setup = Self::without_photos(experiment, assets, device)?;
         if setup.experiment.task.finds_objects() {
             let crops = [setup.training_crops, setup.scoring_crops];
-            let pixel_um = setup.body.sensor.pixel_um;
-            setup.scenes = Some(Scenes::new(&setup.experiment, crops, &setup.fixed_plan, pixel_um)?);
+            let (pixel_um, nominal) = (setup.body.sensor.pixel_um, &setup.nominal().lens_file.lens);
+            setup.scenes = Some(Scenes::new(&setup.experiment, crops, &setup.fixed_plan, pixel_um, nominal)?);
             return Ok(setup);
         }
         let window = setup.training_crops.window().max(setup.scoring_crops.window());

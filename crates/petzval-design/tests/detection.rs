@@ -88,13 +88,17 @@ fn windows_are_seen_through_the_chief_rays_of_the_lens() {
         let corners = shot.truth.objects.iter().flat_map(|o| [o.bbox.x1, o.bbox.y1, o.bbox.x2, o.bbox.y2]);
         assert!(corners.into_iter().all(inside));
     }
-    // A lens that moves the image by a hundredth of a pixel is trained on the same windows, but scored on its own.
-    let nearly = lens.with_image_distance(lens.image_distance_mm() + 1e-4);
+    // A lens that moves the image by a fraction of a pixel sees the same objects, at nearly the same places.
+    let nearly = lens.with_image_distance(lens.image_distance_mm() + 1e-3);
     let nearly = setup.camera(nearly, true).unwrap();
-    let kept = training_shots(&setup, &nearly, 0).unwrap();
-    assert!(shots.iter().zip(&kept).all(|(a, b)| a.scene == b.scene));
     let [own, others] = [&camera, &nearly].map(|camera| held_out_shots(&setup, camera).unwrap());
     assert!(own.iter().zip(&others).any(|(a, b)| a.2.scene != b.2.scene));
+    for ((.., a), (.., b)) in own.iter().zip(&others) {
+        assert_eq!(a.truth.objects.len(), b.truth.objects.len());
+        for (a, b) in a.truth.objects.iter().zip(&b.truth.objects) {
+            assert!(a.class == b.class && a.bbox.iou(&b.bbox) > 0.8, "{a:?} {b:?}");
+        }
+    }
     // A lens of a longer focal length sees other windows.
     let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
     let long = assets.import("cooke-triplet-image-quality-software-isp").unwrap().file.lens;

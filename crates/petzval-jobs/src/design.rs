@@ -260,6 +260,11 @@ pub fn resolved(new: &NewRun, context: &Context) -> Result<Experiment, JobError>
         experiment.seed = seed;
     }
     if let Some(photos) = &changes.photos {
+        if experiment.task.finds_objects() {
+            let hint = "pictures with boxes in COCO format are `data`";
+            let message = "the experiment looks for objects, and photographs have none";
+            return Err(JobError::setting("photos", photos.display(), message, hint));
+        }
         experiment.photos = absolute(photos)?;
     }
     if let Some(data) = &changes.data {

@@ -11,9 +11,11 @@ use petzval_design::run::{Kept, RunFolder, load_blocks};
 use petzval_files::coco::{self, Bounds, Category, DataSet, Image, save_coco, save_results};
 use petzval_files::{encoded_png_bytes, load_image};
 use petzval_learn::Device;
-use petzval_learn::detection::{AnyDetector, BackboneKind, Detection, detect_in};
+use petzval_learn::detection::{AnyDetector, Detection, detect_in};
 use petzval_learn::network::{Network, PictureNetwork};
 use serde::{Deserialize, Serialize};
+
+pub use petzval_learn::detection::BackboneKind;
 
 use crate::context::Context;
 use crate::error::{JobError, make_folder, write_file};

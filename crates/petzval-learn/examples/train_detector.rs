@@ -48,7 +48,7 @@ fn main() {
     };
     let crops = |crop| CropPlan::on_1920x1200(crop, 0);
     let look = |list, count: u64, crop| -> Vec<LabelledWindow> {
-        let window = |i| plan.window(list, Families::All, i, &view, &crops(crop)).unwrap();
+        let window = |i| plan.window(list, Families::All, i, [&view, &view], &crops(crop)).unwrap();
         (0..count).into_par_iter().map(window).collect()
     };
     let started = Instant::now();

@@ -106,7 +106,7 @@ fn pictures_without_objects_and_regions_that_are_ignored_give_finite_losses() {
         let loss = detector.loss(seen.clone(), &truths, 9).unwrap();
         assert!(loss.parts.iter().all(|(_, value)| value.is_finite()), "{:?}", loss.parts);
         loss.total.backward();
-        // Pictures whose sides are no multiple of the coarsest step.
+        // Pictures whose sides are no multiple of the coarsest step; where their boxes lie is tested with the anchors.
         let odd = Tensor::<4>::zeros([1, 3, 37, 50], &device) + 0.5;
         detector.loss(odd.clone(), &truths[..1], 9).unwrap();
         assert_eq!(detector.detect(odd).unwrap().len(), 1);

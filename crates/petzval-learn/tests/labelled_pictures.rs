@@ -59,8 +59,8 @@ fn windows_hold_the_light_and_the_boxes_of_their_pictures() {
     let how = PictureWindows { seed: 1, on_objects: 1.0, least_side_px: 8.0 };
     let mut found = [0, 0];
     for number in 0..30 {
-        let window = pictures.window(&how, List::Training, number, &crops).unwrap();
-        assert_eq!(window, pictures.window(&how, List::Training, number, &crops).unwrap());
+        let window = pictures.window(&how, List::Training, [number, 30], &crops).unwrap();
+        assert_eq!(window, pictures.window(&how, List::Training, [number, 30], &crops).unwrap());
         let scene = window.scene();
         assert_eq!([scene.height, scene.width], [crops.window(); 2]);
         let exposed = crops.exposed_at(window.at[0], window.at[1]);

@@ -21,6 +21,7 @@ use petzval_base::{FileError, quote};
 use petzval_camera::sensor::NoiseMode;
 use petzval_learn::loss::ImageLoss;
 use petzval_learn::network::NetworkKind;
+use petzval_learn::score::object_scores;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -263,6 +264,15 @@ impl Experiment {
             return Err(error.hint("give at least one part a positive weight"));
         }
         let scores = &self.scoring.scores;
+        if self.task.finds_objects() {
+            let known: Vec<String> =
+                object_scores(self.task.classes()).into_iter().map(|score| score.about.name).collect();
+            if let Some(unknown) = scores.iter().find(|name| !known.contains(name)) {
+                let message = format!("`{unknown}` is no score of objects");
+                let error = FileError::at_key(text, &["scoring", "scores"], message);
+                return Err(error.hint(format!("for example [\"ap50\"]; there are {}", known.join(", "))));
+            }
+        }
         let twice = scores.iter().enumerate().find(|(i, name)| scores[..*i].contains(name));
         let wrong = match twice {
             Some((_, name)) => Some((format!("`{name}` is named twice"), "name each score once")),

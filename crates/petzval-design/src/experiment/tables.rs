@@ -81,7 +81,7 @@ pub struct DetectorConfig {
 parameters! {
     /// The streets in which objects are to be found: made by seed, seen through the chief rays of each lens.
     pub struct StreetConfig {
-        /// Training windows, each a place of a street of its own; steps take them in turn, half of the time mirrored.
+        /// Training windows, each a place of a street of its own; steps draw from them, half of the time mirrored.
         windows: usize = 384, "", 1..1e6, Log, "a few hundred on a CPU";
         /// Windows in streets that nothing is trained on, in which cameras are scored.
         held_out: usize = 96, "", 1..1e6, Log, "96 for a figure, 400 for a claim";

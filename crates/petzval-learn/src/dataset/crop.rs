@@ -49,8 +49,8 @@ impl CropPlan {
         (start(sensor_row, self.sensor_rows), start(sensor_column, self.sensor_columns))
     }
 
-    /// Checks that the sensor and every photograph can hold the crop. Fails on an empty list.
-    pub fn check(&self, photos: &[NamedPhoto]) -> Result<(), DatasetError> {
+    /// Checks that the sensor can hold the crop.
+    pub fn check_sensor(&self) -> Result<(), DatasetError> {
         if self.crop == 0 || self.exposed() > self.sensor_rows.min(self.sensor_columns) {
             return Err(DatasetError::SensorTooSmall {
                 rows: self.sensor_rows,
@@ -58,6 +58,12 @@ impl CropPlan {
                 crop: self.exposed(),
             });
         }
+        Ok(())
+    }
+
+    /// Checks that the sensor and every photograph can hold the crop. Fails on an empty list.
+    pub fn check(&self, photos: &[NamedPhoto]) -> Result<(), DatasetError> {
+        self.check_sensor()?;
         if photos.is_empty() {
             return Err(DatasetError::EmptyList { list: "training" });
         }
@@ -137,13 +143,7 @@ pub struct HeldOutPlacement {
 /// Successive grid places are mirrored into the four quadrants in turn, so that they also differ in direction. `per_side` 1
 /// gives the centre, 0 an empty list. Fails if the sensor cannot hold the crop.
 pub fn held_out_placements(plan: &CropPlan, per_side: usize) -> Result<Vec<HeldOutPlacement>, DatasetError> {
-    if plan.crop == 0 || plan.exposed() > plan.sensor_rows.min(plan.sensor_columns) {
-        return Err(DatasetError::SensorTooSmall {
-            rows: plan.sensor_rows,
-            columns: plan.sensor_columns,
-            crop: plan.exposed(),
-        });
-    }
+    plan.check_sensor()?;
     let quadrants = [(1.0, 1.0), (-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0)];
     let reach_rows = (plan.sensor_rows - plan.crop) as f64 / 2.0;
     let reach_columns = (plan.sensor_columns - plan.crop) as f64 / 2.0;

@@ -50,18 +50,37 @@ pub struct PictureWindows {
     pub least_side_px: f64,
 }
 
-/// The class of an annotation, by the name of its category or its attribute `state`; none for what is not looked for.
-fn class_of(wanted: Wanted, category: &str, annotation: &Annotation) -> Option<usize> {
+/// What the name of an annotation says.
+enum Named {
+    /// It is of this class.
+    Class(usize),
+    /// It is of a class that is looked for, but of which one it is not known: it is not judged.
+    Unknown,
+    /// It is something else.
+    Other,
+}
+
+/// The class of an annotation, by the words of the name of its category and its attribute `state`.
+fn class_of(wanted: Wanted, category: &str, annotation: &Annotation) -> Named {
     let words: BTreeSet<String> =
         category.split(|c: char| !c.is_alphanumeric()).map(str::to_lowercase).collect();
     let has = |names: &[&str]| names.iter().any(|name| words.contains(*name));
     match wanted {
-        Wanted::PeopleAndVehicles if has(&["person", "pedestrian", "people", "rider"]) => Some(0),
-        Wanted::PeopleAndVehicles if has(&["vehicle", "car", "truck", "bus", "van", "tram"]) => Some(1),
-        Wanted::PeopleAndVehicles => None,
+        Wanted::PeopleAndVehicles if has(&["person", "pedestrian", "people", "rider"]) => Named::Class(0),
+        Wanted::PeopleAndVehicles if has(&["vehicle", "car", "truck", "bus", "van", "tram"]) => {
+            Named::Class(1)
+        }
+        Wanted::PeopleAndVehicles => Named::Other,
+        Wanted::TrafficLights if has(&["pedestrian", "walk", "crosswalk"]) => Named::Other,
         Wanted::TrafficLights => {
             let state = annotation.attributes.get("state").and_then(Attribute::text);
-            state.and_then(light_state).or_else(|| light_state(category))
+            // A category is a light by its name, or if it is the name of a state alone.
+            let is_light = has(&["light", "lights", "signal", "trafficlight"]) || words.len() == 1;
+            match state.and_then(light_state).or_else(|| light_state(category)) {
+                Some(state) if is_light => Named::Class(state),
+                None if has(&["light", "lights", "signal", "trafficlight"]) => Named::Unknown,
+                _ => Named::Other,
+            }
         }
     }
 }
@@ -154,21 +173,45 @@ impl LabelledPictures {
         }
     }
 
+    /// What identifies the pictures: of each its list, its name, the length of its file and its boxes.
+    pub fn fingerprint(&self) -> String {
+        let mut text = String::new();
+        for list in [List::Training, List::Validation, List::HeldOut] {
+            for picture in self.list(list) {
+                let name = picture.path.file_name().unwrap_or_default().to_string_lossy();
+                let bytes = std::fs::metadata(&picture.path).map_or(0, |file| file.len());
+                text += &format!("{list:?} {name} {bytes}");
+                for object in &picture.truth.objects {
+                    let BBox { x1, y1, x2, y2 } = object.bbox;
+                    text += &format!(" {} {x1} {y1} {x2} {y2}", object.class);
+                }
+                for BBox { x1, y1, x2, y2 } in &picture.truth.ignored {
+                    text += &format!(" - {x1} {y1} {x2} {y2}");
+                }
+                text.push('\n');
+            }
+        }
+        text
+    }
+
     /// Number of pictures of a list.
     pub fn count(&self, list: List) -> usize {
         self.list(list).len()
     }
 
-    /// Window `number` of a list: of the pictures in turn, at a place that depends on the number alone, anywhere on the sensor.
+    /// Window `number` of `of` of a list: of the pictures in turn, at a place that depends on the number alone, anywhere on the sensor.
     pub fn window(
         &self,
         how: &PictureWindows,
         list: List,
-        number: u64,
+        [number, of]: [u64; 2],
         crops: &CropPlan,
     ) -> Result<LabelledWindow, DatasetError> {
         let pictures = self.list(list);
-        let picture = &pictures[(number % pictures.len() as u64) as usize];
+        // Fewer windows than pictures are spread over all of them; more take them in turn.
+        let count = pictures.len() as u64;
+        let place = if of < count { number * count / of.max(1) } else { number };
+        let picture = &pictures[(place % count) as usize];
         let light = load_image(&picture.path)?.light;
         let mut random = ChaCha8Rng::seed_from_u64(how.seed ^ 0x91c2_77e0_53aa_8b1d);
         random.set_stream(3 * number + list as u64);
@@ -238,7 +281,12 @@ fn training_part(images: &[Image]) -> Option<&str> {
 
 fn list_of(image: &Image, training_part: Option<&str>, sequences: &[&str]) -> List {
     match image.split.as_deref() {
-        Some(part) if Some(part) == training_part => List::Training,
+        Some(part) if Some(part) == training_part => {
+            match sequences.binary_search(&sequence(image)).unwrap_or(0) % PART {
+                k if k + 1 == PART => List::Validation,
+                _ => List::Training,
+            }
+        }
         Some(_) => List::HeldOut,
         None => match sequences.binary_search(&sequence(image)).unwrap_or(0) % PART {
             k if k + 1 == PART => List::HeldOut,
@@ -253,13 +301,17 @@ fn truth(data: &DataSet, objects: &[usize], wanted: Wanted) -> Truth {
     let mut truth = Truth::default();
     for annotation in objects.iter().map(|k| &data.annotations[*k]) {
         let Some(category) = data.category(annotation.category_id) else { continue };
-        let Some(class) = class_of(wanted, &category.name, annotation) else { continue };
+        let class = match class_of(wanted, &category.name, annotation) {
+            Named::Class(class) => Some(class),
+            Named::Unknown => None,
+            Named::Other => continue,
+        };
         let b = &annotation.bounds;
         let [x1, y1, x2, y2] = [b.x, b.y, b.x + b.width, b.y + b.height].map(|v| v as f32);
         let bbox = BBox::new(x1, y1, x2, y2);
-        match annotation.crowd || annotation.ignore {
-            true => truth.ignored.push(bbox),
-            false => truth.objects.push(Object { bbox, class }),
+        match class.filter(|_| !annotation.crowd && !annotation.ignore) {
+            Some(class) => truth.objects.push(Object { bbox, class }),
+            None => truth.ignored.push(bbox),
         }
     }
     truth

@@ -91,17 +91,17 @@ pub struct StreetPlan {
 }
 
 impl StreetPlan {
-    /// Window `number` of a list as a lens of this projection sees it: a street of its own, at a place of the sensor that lies on an object or
-    /// anywhere. It depends on the arguments alone.
+    /// Window `number` of a list as a lens sees it: a street of its own, at a place of the sensor that lies on an object or anywhere. It depends
+    /// on the arguments alone. The object, and where it lies in the window, are chosen in the view of a `reference` lens, so that cameras that
+    /// are compared look at the same objects.
     pub fn window(
         &self,
         list: List,
         families: Families,
         number: u64,
-        view: &StreetView,
+        [view, reference]: [&StreetView; 2],
         crops: &CropPlan,
     ) -> Result<LabelledWindow, StreetError> {
-        let projection = &view.sensor;
         let mut random = ChaCha8Rng::seed_from_u64(self.seed ^ 0x5743_1e7a_90b2_6d15);
         random.set_stream(match list {
             List::Training => 3 * number,
@@ -117,7 +117,7 @@ impl StreetPlan {
         });
 
         // Place the crop on an object of interest, somewhere inside, or anywhere.
-        let near = street.objects_near(projection, &street.pose())?;
+        let near = street.objects_near(&reference.sensor, &street.pose())?;
         let sensor = [crops.sensor_rows, crops.sensor_columns];
         let counts = |o: &&NearObject| {
             let [x1, y1, x2, y2] = o.whole;
@@ -136,44 +136,54 @@ impl StreetPlan {
         }
         let by_class: Vec<Vec<&NearObject>> = by_class.into_values().collect();
         let on_object = random.random_bool(self.on_objects) && !wanted.is_empty();
-        let mut place = || {
-            let (pick, within): ([f64; 2], [f64; 2]) = (random.random(), random.random());
-            let middle = match on_object {
-                true => {
-                    let of_class = &by_class[(pick[0] * by_class.len() as f64) as usize];
-                    let [x1, y1, x2, y2] = of_class[(pick[1] * of_class.len() as f64) as usize].whole;
-                    // The object's middle lies in the middle half of the crop.
-                    let off = within.map(|share| (share - 0.5) * 0.5 * crops.crop as f64);
-                    [0.5 * (y1 + y2) + off[0], 0.5 * (x1 + x2) + off[1]]
-                }
-                false => [within[0] * sensor[0] as f64, within[1] * sensor[1] as f64],
-            };
-            let first = |i: usize| {
+        let first = |middle: [f64; 2]| -> [usize; 2] {
+            std::array::from_fn(|i| {
                 let first = middle[i] - 0.5 * crops.crop as f64;
                 first.clamp(0.0, (sensor[i] - crops.crop) as f64) as usize
-            };
-            [first(0), first(1)]
+            })
         };
-        let mut at = place();
+        let around = |[x1, y1, x2, y2]: [f64; 4], off: [f64; 2]| {
+            first([0.5 * (y1 + y2) + off[0], 0.5 * (x1 + x2) + off[1]])
+        };
+        // A window's place, and for one on an object its number and how far its middle is from that of the window.
+        let mut place = || -> ([usize; 2], Option<(u64, [f64; 2])>) {
+            let (pick, within): ([f64; 2], [f64; 2]) = (random.random(), random.random());
+            if !on_object {
+                return (first([within[0] * sensor[0] as f64, within[1] * sensor[1] as f64]), None);
+            }
+            let of_class = &by_class[(pick[0] * by_class.len() as f64) as usize];
+            let object = of_class[(pick[1] * of_class.len() as f64) as usize];
+            // The object's middle lies in the middle half of the crop.
+            let off = within.map(|share| (share - 0.5) * 0.5 * crops.crop as f64);
+            (around(object.whole, off), Some((object.id, off)))
+        };
+        let (mut at, mut on) = place();
         // An object may be hidden: look with few samples before the picture is made.
         for _ in 1..ATTEMPTS {
             let window =
                 Window { row: at[0] as i64, col: at[1] as i64, height: crops.crop, width: crops.crop };
-            if !on_object {
+            if on.is_none() {
                 break;
             }
-            let seen = street.see(projection, &street.pose(), window, 1)?;
+            let seen = street.see(&reference.sensor, &street.pose(), window, 1)?;
             if !self.truth(&seen.objects, at, crops.crop).objects.is_empty() {
                 break;
             }
-            at = place();
+            (at, on) = place();
+        }
+        // The same object through the lens that looks, unless it sees it no more.
+        if let Some((id, off)) = on {
+            let own = street.objects_near(&view.sensor, &street.pose())?;
+            if let Some(object) = own.iter().find(|object| object.id == id) {
+                at = around(object.whole, off);
+            }
         }
 
         // See it with the border that the lens blurs light from.
         let (row, column) = crops.exposed_at(at[0], at[1]);
         let side = crops.window();
         let seen = street.see(
-            projection,
+            &view.sensor,
             &street.pose(),
             Window {
                 row: row as i64 - crops.margin as i64,

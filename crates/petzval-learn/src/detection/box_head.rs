@@ -182,8 +182,13 @@ impl BoxHead {
     }
 }
 
+/// Most detections that are compared with each other: a detector that has learnt little finds something everywhere.
+const MOST_COMPARED: usize = 2000;
+
 /// The best detections of a picture: none of a class covers another of it.
-pub(crate) fn best(found: Vec<Detection>, most_overlap: f32, most: usize) -> Vec<Detection> {
+pub(crate) fn best(mut found: Vec<Detection>, most_overlap: f32, most: usize) -> Vec<Detection> {
+    found.sort_by(|a, b| b.score.total_cmp(&a.score));
+    found.truncate(MOST_COMPARED);
     let boxes: Vec<BBox> = found.iter().map(|d| d.bbox).collect();
     let scores: Vec<f32> = found.iter().map(|d| d.score).collect();
     let classes: Vec<usize> = found.iter().map(|d| d.class).collect();

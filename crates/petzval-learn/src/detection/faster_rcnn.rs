@@ -78,7 +78,7 @@ impl FasterRcnnConfig {
             boxes: BoxHeadConfig {
                 hidden: 128,
                 roi_align: RoiAlign { size: [7, 7], samples: Some(2), is_aligned: true },
-                // As many places of a map across an object as with the sizes of torchvision.
+                // Ten places of a map across an object: it is smaller than the pictures of torchvision.
                 level: LevelOfBox { canonical_size: 160.0, ..base.boxes.level },
                 sampled: 64,
                 ..base.boxes

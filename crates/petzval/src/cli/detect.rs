@@ -4,8 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::ValueEnum;
-use petzval::jobs::detect::{self, Request, Source};
-use petzval::learn::detection::BackboneKind;
+use petzval::jobs::detect::{self, BackboneKind, Request, Source};
 
 use super::failure::Failure;
 use super::terminal::{Terminal, print_json};

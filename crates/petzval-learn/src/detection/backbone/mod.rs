@@ -19,7 +19,7 @@ use small::Small;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum BackboneKind {
-    /// Residual blocks of 16 to 64 channels without normalisation, which train on two processor cores.
+    /// Blocks of 32 to 128 channels, each normalised over the channels of a pixel, which train on two processor cores.
     #[default]
     Small,
     /// ResNet-18 (He 2016) with frozen batch normalisation.
