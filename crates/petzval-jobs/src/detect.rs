@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use petzval_camera::image::LinearImage;
-use petzval_design::block::{BlockName, NetworkBlock};
+use petzval_design::block::NetworkBlock;
 use petzval_design::boxes::with_boxes;
 use petzval_design::error::DesignError;
 use petzval_design::experiment::DetectorConfig;
@@ -216,7 +216,7 @@ fn network(source: &Source, device: &Device, context: &Context) -> Result<(Netwo
             }
             let names: Vec<&str> = experiment.variant.iter().map(|v| v.name.as_str()).collect();
             let name = camera.as_deref().or(names.last().copied()).unwrap_or_default();
-            if !folder.camera(name).join(BlockName::Network.name()).is_dir() {
+            if !names.contains(&name) || !folder.camera(name).is_dir() {
                 let message = "there is no finished camera of this name";
                 return Err(JobError::setting(
                     "camera",
