@@ -87,6 +87,13 @@ pub struct Found {
     pub bbox: [f32; 4],
 }
 
+/// A picture with its boxes, as a file.
+struct Drawn {
+    /// Rows and columns.
+    size: [usize; 2],
+    png: Vec<u8>,
+}
+
 /// Endings of the files that are taken from a folder.
 const PICTURES: [&str; 5] = ["png", "jpg", "jpeg", "tif", "tiff"];
 
@@ -118,8 +125,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         pictures.push(Seen { file: file.clone(), found: sure.iter().map(in_words).collect() });
         if request.out.is_some() {
             let boxes: Vec<_> = sure.iter().map(|d| (d.bbox, d.class)).collect();
-            let size = [encoded.height, encoded.width];
-            drawn.push((size, encoded_png_bytes(&with_boxes(&encoded, &boxes)).map_err(DesignError::from)?));
+            let png = encoded_png_bytes(&with_boxes(&encoded, &boxes)).map_err(DesignError::from)?;
+            drawn.push(Drawn { size: [encoded.height, encoded.width], png });
         }
         context.progress(i as u64 + 1, files.len() as u64, "pictures");
     }
@@ -130,12 +137,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 }
 
 /// Writes results, pictures and classes, and the drawn pictures.
-fn write(
-    out: &Path,
-    pictures: &[Seen],
-    classes: &[String],
-    drawn: &[([usize; 2], Vec<u8>)],
-) -> Result<(), JobError> {
+fn write(out: &Path, pictures: &[Seen], classes: &[String], drawn: &[Drawn]) -> Result<(), JobError> {
     make_folder(out)?;
     let id = |i: usize| i as u64 + 1;
     let category = |class: &str| classes.iter().position(|c| c == class).map_or(0, id);
@@ -152,11 +154,11 @@ fn write(
         })
         .collect();
     save_results(&results, &out.join("detections.json"))?;
-    let image = |(i, (seen, (size, _))): (usize, (&Seen, &([usize; 2], Vec<u8>)))| Image {
+    let image = |(i, (seen, drawn)): (usize, (&Seen, &Drawn))| Image {
         id: id(i),
         file_name: seen.file.display().to_string(),
-        width: size[1] as u32,
-        height: size[0] as u32,
+        width: drawn.size[1] as u32,
+        height: drawn.size[0] as u32,
         ..Image::default()
     };
     let data = DataSet {
@@ -167,9 +169,9 @@ fn write(
         ..DataSet::default()
     };
     save_coco(&data, &out.join("annotations.json"))?;
-    for (i, (seen, (_, png))) in pictures.iter().zip(drawn).enumerate() {
+    for (i, (seen, drawn)) in pictures.iter().zip(drawn).enumerate() {
         let stem = seen.file.file_stem().unwrap_or_default().to_string_lossy();
-        write_file(&out.join(format!("{:04}-{stem}.png", i + 1)), png)?;
+        write_file(&out.join(format!("{:04}-{stem}.png", i + 1)), &drawn.png)?;
     }
     Ok(())
 }

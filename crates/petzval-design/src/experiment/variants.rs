@@ -201,16 +201,16 @@ fn check_origin(
         let message = format!("two variants are called `{name}`");
         return Err(("name", message, "give each a name of its own".to_owned()));
     }
-    if let Some(from) = &variant.from {
-        if !earlier.iter().any(|v| v.name == *from) {
-            let message = format!("`{name}` starts from `{from}`, which is no earlier variant");
-            let names: Vec<&str> = earlier.iter().map(|v| v.name.as_str()).collect();
-            let hint = match names.is_empty() {
-                true => "the first variant starts from a lens".to_owned(),
-                false => format!("earlier variants: {}", names.join(", ")),
-            };
-            return Err(("from", message, hint));
-        }
+    if let Some(from) = &variant.from
+        && !earlier.iter().any(|v| v.name == *from)
+    {
+        let message = format!("`{name}` starts from `{from}`, which is no earlier variant");
+        let names: Vec<&str> = earlier.iter().map(|v| v.name.as_str()).collect();
+        let hint = match names.is_empty() {
+            true => "the first variant starts from a lens".to_owned(),
+            false => format!("earlier variants: {}", names.join(", ")),
+        };
+        return Err(("from", message, hint));
     }
     let moves_for_task = |s: &StageConfig| s.goal == Goal::Task && s.moves.contains(&BlockName::Optics);
     if variant.optics_proxy.is_some() && !variant.stage.iter().any(moves_for_task) {

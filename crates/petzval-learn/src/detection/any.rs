@@ -24,6 +24,7 @@ pub enum DetectorKind {
 
 /// A detector of one of the kinds.
 #[derive(Module, Debug)]
+#[expect(clippy::large_enum_variant, reason = "there is one, which is hardly ever moved")]
 pub enum AnyDetector {
     /// See [`FasterRcnn`].
     FasterRcnn(FasterRcnn),

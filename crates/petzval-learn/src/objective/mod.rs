@@ -19,6 +19,7 @@ pub use crate::loss::NamedLoss;
 
 /// What is known of the scenes of a batch: the truth that an objective compares with.
 #[derive(Clone)]
+#[expect(clippy::large_enum_variant, reason = "there is one, which is hardly ever moved")]
 pub enum Labels {
     /// The scenes as a perfect camera would show them, `[batch, 3, height, width]`, sRGB-encoded, 0..1.
     Pictures(Tensor<4>),

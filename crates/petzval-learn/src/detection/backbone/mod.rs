@@ -32,6 +32,7 @@ pub enum BackboneKind {
 
 /// A backbone of one of the kinds.
 #[derive(Module, Debug)]
+#[expect(clippy::large_enum_variant, reason = "there is one, which is hardly ever moved")]
 pub(crate) enum Backbone {
     Small(Small),
     ResNet(ResNet),
