@@ -22,5 +22,6 @@ pub mod network;
 pub mod objective;
 pub mod proxy_isp;
 pub mod score;
+mod weight_file;
 
 pub use burn::prelude::Device;

@@ -12,15 +12,13 @@ use petzval_files::load_image;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use super::labelled_window::{LEAST_INSIDE, inside};
 use super::{CropPlan, DatasetError, LabelledWindow, List, Wanted};
 use crate::detection::{BBox, Object, Truth};
 use crate::score::detection::light_state;
 
 /// Where a data set says nothing of its parts: of every so many sequences, the last is held out and the one before it is for validation.
 const PART: usize = 5;
-
-/// Least share of an object inside the window for it to be asked for.
-const LEAST_INSIDE: f32 = 0.4;
 
 /// A picture of the folder.
 #[derive(Clone, Debug, PartialEq)]
@@ -246,10 +244,7 @@ impl LabelledPictures {
 impl LabelledPicture {
     /// The objects of a crop in its own pixels.
     fn window_truth(&self, first: [usize; 2], crop: usize, how: &PictureWindows) -> Truth {
-        let inside = |bbox: &BBox| {
-            let moved = bbox.moved([-(first[1] as f32), -(first[0] as f32)]).clipped([crop, crop]);
-            (moved.is_at_least(1.0)).then(|| (moved, moved.area() / bbox.area().max(1e-6)))
-        };
+        let inside = |bbox: &BBox| inside(bbox, first, crop);
         let mut truth = Truth::default();
         for object in &self.truth.objects {
             let Some((bbox, share)) = inside(&object.bbox) else { continue };

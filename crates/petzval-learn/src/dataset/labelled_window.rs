@@ -8,6 +8,16 @@ use crate::detection::{BBox, Object, Truth};
 /// Brightest light that is kept, in units of white; sensors are full long before.
 const BRIGHTEST: f32 = 6e4;
 
+/// Least share of an object inside a window for it to be asked for.
+pub(super) const LEAST_INSIDE: f64 = 0.4;
+
+/// The part of a box inside a crop whose first pixel is at `first`, row and column, in pixels of the crop, and its share of the box; none where
+/// less than a pixel is left.
+pub(super) fn inside(whole: &BBox, first: [usize; 2], crop: usize) -> Option<(BBox, f64)> {
+    let bbox = whole.moved([-(first[1] as f32), -(first[0] as f32)]).clipped([crop, crop]);
+    bbox.is_at_least(1.0).then(|| (bbox, f64::from(bbox.area() / whole.area().max(1e-6))))
+}
+
 /// Which scenes windows are taken from; those of different lists have nothing in common.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum List {

@@ -10,11 +10,9 @@ use petzval_street::{
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use super::labelled_window::{LEAST_INSIDE, inside};
 use super::{CropPlan, LabelledWindow, List, Wanted};
 use crate::detection::{BBox, Object, Truth};
-
-/// Least share of an object inside the window for it to be asked for.
-const LEAST_INSIDE: f64 = 0.4;
 
 /// A window is placed on objects whose longer side is at most this share of its own.
 const LARGEST_SHARE: f64 = 0.7;
@@ -205,14 +203,10 @@ impl StreetPlan {
             let Some(class) = class_of(self.wanted, object.kind, object.lamp) else { continue };
             let [x1, y1, x2, y2] = object.whole;
             let whole = BBox::new(x1 as f32, y1 as f32, x2 as f32, y2 as f32);
-            let bbox = whole.moved([-(at[1] as f32), -(at[0] as f32)]).clipped([crop, crop]);
-            if !bbox.is_at_least(1.0) {
-                continue;
-            }
-            let inside = f64::from(bbox.area() / whole.area().max(1e-6));
+            let Some((bbox, share)) = inside(&whole, at, crop) else { continue };
             let counts = longer_side(object.whole) >= self.least_side_px
                 && object.visible_share >= self.least_visible
-                && inside >= LEAST_INSIDE;
+                && share >= LEAST_INSIDE;
             match counts {
                 true => truth.objects.push(Object { bbox, class }),
                 // What cannot be seen at all is not there.

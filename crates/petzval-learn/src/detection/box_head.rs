@@ -16,8 +16,8 @@ use super::parameters::{Parameters, Start, tensor};
 use super::proposals::BETA;
 use super::roi_align::{Region, RoiAlign};
 use super::sampler::sample;
-use super::{BBox, Detection, Truth, host};
-use crate::loss::LossError;
+use super::{BBox, Detection, Truth};
+use crate::loss::{LossError, image_loss::read_values};
 use crate::network::NetworkError;
 
 /// Smallest side of a detected box, pixels.
@@ -163,7 +163,7 @@ impl BoxHead {
             return Ok(found);
         }
         let ([logits, offsets], order) = self.look(maps, &regions, picture);
-        let (scores, offsets) = (host(softmax(logits, 1))?, host(offsets)?);
+        let (scores, offsets) = (read_values(softmax(logits, 1))?, read_values(offsets)?);
         let outputs = self.config.classes + 1;
         for (row, region) in order.iter().enumerate() {
             let Region { picture: item, bbox: proposal } = regions[*region];

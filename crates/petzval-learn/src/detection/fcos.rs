@@ -11,7 +11,8 @@ use super::layers::{Conv, ConvShape};
 use super::loss::{binary_cross_entropy, focal, generalised_iou};
 use super::parameters::{Parameters, Start, tensor};
 use super::pyramid::Pyramid;
-use super::{BBox, Detection, Detector, Truth, host, normalized};
+use super::{BBox, Detection, Detector, Truth, normalized};
+use crate::loss::image_loss::read_values;
 use crate::loss::{LossError, NamedLoss};
 use crate::network::NetworkError;
 
@@ -266,8 +267,8 @@ impl Detector for Fcos {
         let [batch, _, height, width] = pictures.dims();
         let seen = self.look(pictures);
         let [_, count, classes] = seen.logits.dims();
-        let scores = host((sigmoid(seen.logits) * sigmoid(seen.centredness)).sqrt())?;
-        let distances = host(seen.distances.exp())?;
+        let scores = read_values((sigmoid(seen.logits) * sigmoid(seen.centredness)).sqrt())?;
+        let distances = read_values(seen.distances.exp())?;
         let of_picture = |item: usize| {
             let mut found = Vec::new();
             for (i, place) in seen.places.iter().enumerate() {

@@ -107,9 +107,3 @@ fn normalized(pictures: Tensor<4>) -> Tensor<4> {
     let by_channel = |v: [f32; 3]| parameters::tensor(v.to_vec(), [1, 3, 1, 1], &device);
     (pictures - by_channel(MEAN)) * by_channel(DEVIATION.map(|d| 1.0 / d))
 }
-
-/// Values of a tensor.
-fn host<const D: usize>(tensor: Tensor<D>) -> Result<Vec<f32>, LossError> {
-    let values = tensor.detach().into_data().try_to_vec::<f32>();
-    values.map_err(|error| LossError::ReadBack(format!("{error:?}")))
-}

@@ -5,10 +5,10 @@ use std::cell::RefCell;
 use burn::module::Param;
 use burn::prelude::*;
 use burn::tensor::TensorData;
-use half::f16;
-use safetensors::{Dtype, SafeTensors};
+use safetensors::SafeTensors;
 
 use crate::network::{Initializer, NetworkError};
+use crate::weight_file::read_weights;
 
 /// How a weight starts that is not read.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -76,19 +76,7 @@ fn values(file: &SafeTensors, name: &str, shape: &[usize]) -> Result<Vec<f32>, N
     let refuse = |found: String| {
         NetworkError::BadWeights(format!("`{name}` is {found}, expected F32 or F16 of shape {shape:?}"))
     };
-    let view = file.tensor(name).map_err(|_| refuse("missing".to_owned()))?;
-    if view.shape() != shape {
-        return Err(refuse(format!("of shape {:?}", view.shape())));
-    }
-    let values: Vec<f32> = match view.dtype() {
-        Dtype::F32 => {
-            view.data().chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect()
-        }
-        Dtype::F16 => {
-            view.data().chunks_exact(2).map(|b| f16::from_le_bytes([b[0], b[1]]).to_f32()).collect()
-        }
-        other => return Err(refuse(format!("of type {other:?}"))),
-    };
+    let values = read_weights(file, name, shape).map_err(refuse)?;
     match values.iter().all(|v| v.is_finite()) {
         true => Ok(values),
         false => Err(refuse("not finite everywhere".to_owned())),

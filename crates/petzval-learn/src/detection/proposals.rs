@@ -14,8 +14,8 @@ use super::matcher::Matcher;
 use super::nms::suppress;
 use super::parameters::{Parameters, Start, tensor};
 use super::sampler::sample;
-use super::{BBox, Truth, host};
-use crate::loss::LossError;
+use super::{BBox, Truth};
+use crate::loss::{LossError, image_loss::read_values};
 use crate::network::NetworkError;
 
 /// Distance below which the loss of boxes is quadratic, for the proposals and for the boxes.
@@ -120,8 +120,8 @@ impl ProposalNetwork {
         is_training: bool,
     ) -> Result<Vec<Vec<BBox>>, LossError> {
         let [batch, all] = seen.logits.dims();
-        let scores = host(sigmoid(seen.logits.clone()))?;
-        let offsets = host(seen.offsets.clone())?;
+        let scores = read_values(sigmoid(seen.logits.clone()))?;
+        let offsets = read_values(seen.offsets.clone())?;
         let mode = usize::from(!is_training);
         let of_picture = |item: usize| {
             let (mut boxes, mut kept_scores, mut levels) = (Vec::new(), Vec::new(), Vec::new());

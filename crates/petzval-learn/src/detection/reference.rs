@@ -17,7 +17,9 @@ use super::nms::suppress;
 use super::parameters::Parameters;
 use super::proposals::{ProposalConfig, tests::proposals_of};
 use super::roi_align::{Region, RoiAlign};
-use super::{AnyDetector, BBox, BackboneKind, DetectorKind, FasterRcnnConfig, host};
+use super::{AnyDetector, BBox, BackboneKind, DetectorKind, FasterRcnnConfig};
+
+use crate::loss::image_loss::read_values;
 
 fn reference() -> Value {
     serde_json::from_str(include_str!("reference.json")).unwrap()
@@ -75,7 +77,7 @@ fn overlaps_of_boxes() {
         Tensor::from_data(TensorData::new(values, [first.len() * second.len(), 4]), &device)
     };
     let loss = generalised_iou(pairs(&|i| first[i / second.len()]), pairs(&|i| second[i % second.len()]));
-    let ours: Vec<f32> = host(loss).unwrap().iter().map(|v| 1.0 - v).collect();
+    let ours: Vec<f32> = read_values(loss).unwrap().iter().map(|v| 1.0 - v).collect();
     assert_near(&ours, &numbers(&all["giou"]));
 }
 
@@ -155,7 +157,7 @@ fn regions_of_features_and_their_gradient() {
         let x: Tensor<4> = tensor(&reference["roi_align_input"]["x"], &device);
         let x = x.require_grad();
         let pooled = align.pool(x.clone(), &regions, case["spatial_scale"].as_f64().unwrap() as f32);
-        assert_near(&host(pooled.clone()).unwrap(), &numbers(&case["out"]));
+        assert_near(&read_values(pooled.clone()).unwrap(), &numbers(&case["out"]));
         let count = pooled.dims().iter().product::<usize>();
         let upstream = (0..count).map(|i| -1.0 + 2.0 * i as f32 / (count - 1) as f32).collect::<Vec<_>>();
         let upstream = Tensor::<4>::from_data(TensorData::new(upstream, pooled.dims()), &device);
@@ -195,7 +197,7 @@ fn levels_clipping_and_suppression() {
 fn losses() {
     let reference = reference();
     let device = Device::flex();
-    let value = |loss: Tensor<1>| host(loss).unwrap();
+    let value = |loss: Tensor<1>| read_values(loss).unwrap();
     let of = |case: &Value, key: &str| vec![case[key].as_f64().unwrap() as f32];
 
     let case = &reference["smooth_l1"];
@@ -217,7 +219,7 @@ fn losses() {
     let case = &reference["sigmoid_focal"];
     let pair = || [&case["logits"], &case["targets"]].map(|v| tensor::<2>(v, &device));
     let [logits, targets] = pair();
-    assert_near(&host(focal(logits, targets, 0.25, 2)).unwrap(), &numbers(&case["none"]));
+    assert_near(&read_values(focal(logits, targets, 0.25, 2)).unwrap(), &numbers(&case["none"]));
     let [logits, targets] = pair();
     let entropy = binary_cross_entropy(logits, targets).mean();
     assert_near(&value(entropy), &of(&reference["bce_with_logits"], "mean"));

@@ -88,7 +88,7 @@ pub(crate) fn read_back(value: &Tensor<1>) -> Result<f32, LossError> {
     values.first().copied().ok_or_else(|| LossError::ReadBack("no value".to_string()))
 }
 
-/// Reads a vector back from the device.
-pub(crate) fn read_values(values: Tensor<1>) -> Result<Vec<f32>, LossError> {
+/// Reads the values of a tensor back from the device.
+pub(crate) fn read_values<const D: usize>(values: Tensor<D>) -> Result<Vec<f32>, LossError> {
     values.detach().into_data().try_to_vec::<f32>().map_err(|error| LossError::ReadBack(format!("{error:?}")))
 }

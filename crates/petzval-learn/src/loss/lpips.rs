@@ -8,10 +8,10 @@ use burn::{
         ops::{ConvOptions, MaxPoolOptions},
     },
 };
-use half::f16;
-use safetensors::{Dtype, SafeTensors};
+use safetensors::SafeTensors;
 
 use super::{LossError, same_shape};
+use crate::weight_file::read_weights;
 
 /// Least side of a picture, pixels: the last pooling needs one whole window.
 pub const LEAST_SIDE: usize = 31;
@@ -167,18 +167,6 @@ fn read<const D: usize>(
         found,
         expected: format!("F16 or F32 of shape {shape:?}"),
     };
-    let view = file.tensor(name).map_err(|_| bad("missing".to_string()))?;
-    if view.shape() != shape {
-        return Err(bad(format!("of shape {:?}", view.shape())));
-    }
-    let values: Vec<f32> = match view.dtype() {
-        Dtype::F16 => {
-            view.data().chunks_exact(2).map(|b| f16::from_le_bytes([b[0], b[1]]).to_f32()).collect()
-        }
-        Dtype::F32 => {
-            view.data().chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect()
-        }
-        other => return Err(bad(format!("{other:?}"))),
-    };
+    let values = read_weights(file, name, &shape).map_err(bad)?;
     Ok(Tensor::from_data(TensorData::new(values, shape), device))
 }
