@@ -25,6 +25,7 @@ use crate::run::{
     latest_checkpoint, load_blocks, save_blocks, save_checkpoint, write_file,
 };
 use crate::scoring::{Scorer, collect_metrics};
+use crate::seen_windows::{self, SeenWindow};
 use crate::setup::Setup;
 use crate::shots::{training_shots, validation_shots};
 use crate::validation::{Course, VALIDATION, Validations, validation_loss};
@@ -553,6 +554,10 @@ impl DesignLoop {
         let text = DesignError::json("the figures of the run", &metrics)?;
         write_file(&folder.join("metrics.json"), text.as_bytes())?;
         crate::pictures::save(&self.run, &variant.name, &pictures)?;
+        let windows: Vec<SeenWindow> = pictures.into_iter().filter_map(|picture| picture.objects).collect();
+        if !windows.is_empty() {
+            seen_windows::save(&folder, &windows)?;
+        }
         observer.camera(&metrics);
         self.position.finished.insert(variant.name.clone(), variant.stages.len());
         self.begin_next()?;

@@ -133,11 +133,16 @@ fn unlike_starts(setup: &Setup) -> Vec<String> {
     others.iter().filter_map(warning).collect()
 }
 
-/// Variants that get other numbers of network steps than the first.
+/// Variants that get different numbers of network steps. One that only gives its network to others is not among those that are compared.
 fn unlike_steps(setup: &Setup) -> Option<String> {
+    let gives = |v: &Variant| {
+        let takes = |other: &Variant| other.from.as_ref() == Some(&v.name) && !other.keeps_lens;
+        setup.variants.iter().any(takes)
+    };
+    let compared: Vec<&Variant> = setup.variants.iter().filter(|v| !gives(v)).collect();
     let steps = |v: &Variant| setup.task_steps(v, BlockName::Network);
-    let is_unlike = setup.variants.windows(2).any(|pair| steps(&pair[0]) != steps(&pair[1]));
-    let list = || setup.variants.iter().map(|v| format!("{} {}", v.name, steps(v))).collect::<Vec<_>>();
+    let is_unlike = compared.windows(2).any(|pair| steps(pair[0]) != steps(pair[1]));
+    let list = || compared.iter().map(|v| format!("{} {}", v.name, steps(v))).collect::<Vec<_>>();
     is_unlike.then(|| {
         format!(
             "not like for like: the variants get different numbers of network steps ({})",

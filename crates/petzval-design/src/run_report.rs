@@ -14,6 +14,7 @@ use petzval_optics::psf::FieldPsf;
 
 use crate::attribution::attribution;
 use crate::block::BlockName;
+use crate::detection_view::detection_view;
 use crate::error::DesignError;
 use crate::lens_numbers::{full_name, unit_of};
 use crate::lens_view;
@@ -107,6 +108,7 @@ pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Resu
         has_isp: setup.body.chip.is_some(),
         pictures_in_all: metrics.held_out_images * metrics.held_out_places,
         study: (metrics.seeds.len() == 1).then(|| setup.study.in_scores(&metrics.scores)),
+        detection: detection_view(setup, run, &metrics)?,
         made: MadeMetrics::read(run)?.map(|made| made_view(&metrics.scores, made)),
         losses: loss_curves(events),
         config_toml: match &record {

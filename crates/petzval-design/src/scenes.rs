@@ -83,6 +83,7 @@ impl Scenes {
             STREET => Source::Streets(StreetPlan {
                 seed,
                 light: config.light,
+                busy: config.busy,
                 wanted,
                 white_cd_m2: config.white_cd_m2,
                 samples: config.samples,

@@ -10,7 +10,7 @@ use petzval_camera::tape::srgb_encode_op;
 use petzval_learn::loss::LossError;
 use petzval_learn::score::detection::Picture;
 use petzval_learn::score::{
-    ObjectScore, Score, ScoreDescription, ScoredPair, judged, object_scores, standard_scores,
+    ObjectScore, Score, ScoreDescription, ScoredPair, object_scores, standard_scores,
 };
 use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::first_order;
@@ -22,6 +22,7 @@ use crate::camera::{Camera, to_host};
 use crate::error::DesignError;
 use crate::restored::percent;
 use crate::run::{CameraMetrics, Metrics, PictureScore, RunFolder, VERSION};
+use crate::seen_windows::SeenWindow;
 use crate::setup::Setup;
 use crate::shots::held_out_shots;
 
@@ -38,8 +39,8 @@ pub struct ScoredPicture {
     pub developed: LinearImage,
     /// The network's picture; where objects are found, with their boxes.
     pub output: LinearImage,
-    /// The objects of the window and what was found, in pixels of the sensor, where objects are looked for.
-    pub objects: Option<Picture>,
+    /// The objects of the window and what was found, where objects are looked for.
+    pub objects: Option<SeenWindow>,
 }
 
 /// Scores cameras by what an experiment names.
@@ -54,6 +55,15 @@ enum Judge {
     Pictures(Vec<Box<dyn Score>>),
     /// What its detector finds in all of them.
     Objects(Vec<ObjectScore>),
+}
+
+/// In which pictures objects are looked for.
+#[derive(Clone, Copy)]
+enum Depth {
+    /// In those of all of [`Stage::ALL`](crate::seen_windows::Stage::ALL).
+    EveryStage,
+    /// In the finished one, for scores alone.
+    Finished,
 }
 
 impl Scorer {
@@ -99,7 +109,7 @@ impl Scorer {
         let (Some(lens), Some(captured)) = (camera.psfs().lens(), camera.psfs().captured()) else {
             return Err(DesignError::NoLens);
         };
-        let pictures = self.pictures(camera, &|_| true)?;
+        let pictures = self.pictures(camera, &|_| true, Depth::EveryStage)?;
         let scored = pictures.iter().map(|p| p.score.clone()).collect();
         let scores = self.over_all(&pictures);
         let metrics = camera_metrics(&self.setup, name, lens, captured, scores, scored)?;
@@ -119,7 +129,7 @@ impl Scorer {
         camera: &Camera,
         is_chosen: &dyn Fn(usize) -> bool,
     ) -> Result<BTreeMap<String, f64>, DesignError> {
-        Ok(self.over_all(&self.pictures(camera, is_chosen)?))
+        Ok(self.over_all(&self.pictures(camera, is_chosen, Depth::Finished)?))
     }
 
     /// The scores of a camera from its pictures, without those for which there is nothing to find.
@@ -158,6 +168,7 @@ impl Scorer {
         &self,
         camera: &Camera,
         is_chosen: &dyn Fn(usize) -> bool,
+        how: Depth,
     ) -> Result<Vec<ScoredPicture>, DesignError> {
         let noise = Noise { mode: NoiseMode::Exact, seed: SCORING_SEED };
         let mut pictures = Vec::new();
@@ -168,7 +179,7 @@ impl Scorer {
             let frames = camera.take(&shots, &noise)?;
             // As a stored picture would be.
             let finished = frames.finished.clone().clamp(0.0, 1.0);
-            let developed = host_image(srgb_encode_op(frames.developed))?;
+            let developed = host_image(srgb_encode_op(frames.developed.clone()))?;
             pictures.push(match &self.judge {
                 Judge::Pictures(scores) => {
                     let truth_tensor = camera.truths(&shots)?;
@@ -192,16 +203,27 @@ impl Scorer {
                 }
                 Judge::Objects(_) => {
                     let detector = camera.detector().ok_or(LossError::NoDetector)?;
-                    let found = detector.detect(finished.clone())?.swap_remove(0);
+                    let found =
+                        |picture: Tensor<4>| Ok::<_, DesignError>(detector.detect(picture)?.swap_remove(0));
+                    let found = match how {
+                        Depth::EveryStage => [
+                            found(camera.truths(&shots)?.clamp(0.0, 1.0))?,
+                            found(encoded_light(frames.irradiance))?,
+                            found(encoded_light(frames.developed))?,
+                            found(finished.clone())?,
+                        ],
+                        Depth::Finished => [vec![], vec![], vec![], found(finished.clone())?],
+                    };
                     let truth = &shots[0].truth;
+                    let window = SeenWindow { at: [at.row, at.col], truth: truth.clone(), found };
                     let mut scene = camera.scenes(&shots)?.swap_remove(0);
                     scene.data = scene.to_srgb();
                     ScoredPicture {
                         score: PictureScore { photo, relative_field, scores: BTreeMap::new() },
                         developed,
                         truth: with_truth(&scene, truth),
-                        output: with_detections(&host_image(finished)?, truth, &found),
-                        objects: Some(judged(truth, &found, [at.row, at.col])),
+                        output: with_detections(&host_image(finished)?, truth, window.finished()),
+                        objects: Some(window),
                     }
                 }
             });
@@ -210,9 +232,14 @@ impl Scorer {
     }
 }
 
+/// Linear light as a display shows it, within the range of a picture.
+fn encoded_light(light: Tensor<4>) -> Tensor<4> {
+    srgb_encode_op(light).clamp(0.0, 1.0)
+}
+
 /// The objects and detections of all windows.
 fn windows_of(pictures: &[ScoredPicture]) -> Vec<Picture> {
-    pictures.iter().filter_map(|picture| picture.objects.clone()).collect()
+    pictures.iter().filter_map(|picture| picture.objects.as_ref().map(SeenWindow::judged)).collect()
 }
 
 /// Those of the known scores that are named, in that order.

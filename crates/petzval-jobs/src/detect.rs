@@ -1,6 +1,7 @@
 //! `detect`: what a detector finds in pictures.
 
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 
 use petzval_camera::image::LinearImage;
 use petzval_design::block::NetworkBlock;
@@ -203,8 +204,11 @@ fn files(images: &[PathBuf]) -> Result<Vec<PathBuf>, JobError> {
     Ok(files)
 }
 
-/// The detector as a network, and the names of its classes.
-fn network(source: &Source, device: &Device, context: &Context) -> Result<(Network, Vec<String>), JobError> {
+/// A network that finds objects, and the names of its classes.
+type Finder = (Rc<dyn PictureNetwork>, Vec<String>);
+
+/// The detector with its weights held, so that no picture leaves anything in memory for a gradient.
+fn network(source: &Source, device: &Device, context: &Context) -> Result<Finder, JobError> {
     match source {
         Source::Run { run, camera } => {
             let folder = RunFolder::open(run)?;
@@ -232,7 +236,7 @@ fn network(source: &Source, device: &Device, context: &Context) -> Result<(Netwo
             let detector = kind.init(backbone, classes.len(), 1, device).map_err(DesignError::from)?;
             let mut block = NetworkBlock::new(Network::Detector(detector));
             load_blocks(&folder.camera(name), [&mut block as _], Kept::Numbers)?;
-            Ok((block.network(), classes.iter().map(|class| (*class).to_owned()).collect()))
+            Ok((block.held(), classes.iter().map(|class| (*class).to_owned()).collect()))
         }
         Source::Weights { file, backbone, classes } => {
             let bytes = std::fs::read(file).map_err(DesignError::io(file))?;
@@ -240,7 +244,8 @@ fn network(source: &Source, device: &Device, context: &Context) -> Result<(Netwo
                 let hint = "a file of `fasterrcnn_resnet50_fpn` in the format safetensors; --backbone and --classes say what it holds";
                 JobError::input(format!("{}: {e}", file.display()), hint)
             })?;
-            Ok((Network::Detector(detector), (1..=*classes).map(|class| class.to_string()).collect()))
+            let held = NetworkBlock::new(Network::Detector(detector)).held();
+            Ok((held, (1..=*classes).map(|class| class.to_string()).collect()))
         }
     }
 }

@@ -39,12 +39,13 @@ fn main() {
     let plan = StreetPlan {
         seed: 1,
         light: Light::Day,
+        busy: 0.4,
         wanted,
         white_cd_m2: 3.0,
         samples: 2,
         on_objects: 0.9,
-        least_side_px: 14.0,
-        least_visible: 0.5,
+        least_side_px: 24.0,
+        least_visible: 0.6,
     };
     let crops = |crop| CropPlan::on_1920x1200(crop, 0);
     let look = |list, count: u64, crop| -> Vec<LabelledWindow> {
@@ -87,10 +88,12 @@ fn main() {
             sum = 0.0;
         }
         if (step + 1) % (steps / 4).max(1) == 0 {
+            // With its weights held: what a gradient could need is not kept.
+            let held = detector.clone().no_grad();
             let score = |windows: &[LabelledWindow]| -> String {
                 let judge = |window: &LabelledWindow| {
-                    let seen = Tensor::from_data(picture(window), &Device::flex().autodiff());
-                    let found = detector.detect(seen).unwrap().remove(0);
+                    let seen = Tensor::from_data(picture(window), &device);
+                    let found = held.detect(seen).unwrap().remove(0);
                     judged(&window.truth, &found, window.at)
                 };
                 let pictures: Vec<_> = windows.iter().map(judge).collect();

@@ -235,6 +235,7 @@ pub(crate) fn report() -> Report {
         has_isp: false,
         pictures_in_all: 2,
         study: None,
+        detection: None,
         made: None,
         losses: vec![curve(0), curve(2)],
         config_toml: "seed = 1".into(),

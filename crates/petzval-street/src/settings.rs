@@ -12,6 +12,8 @@ pub struct StreetSettings {
     pub moment: u32,
     /// The time of day.
     pub light: Light,
+    /// Traffic and people, of those in a busy town, 0..1: the density of cars in the lanes and at the kerbs, and of people.
+    pub busy: f64,
     /// Which families of shapes and textures it is made of.
     pub families: Families,
     /// The colours of signal lamps in the camera's channels.
@@ -19,8 +21,15 @@ pub struct StreetSettings {
 }
 
 impl StreetSettings {
-    /// The first moment of a sequence, of all families, with the default lamp colours.
+    /// The first moment of a busy sequence, of all families, with the default lamp colours.
     pub fn new(sequence: u64, light: Light) -> Self {
-        Self { sequence, moment: 0, light, families: Families::All, lamp_colours: LampColours::default() }
+        Self {
+            sequence,
+            moment: 0,
+            light,
+            busy: 1.0,
+            families: Families::All,
+            lamp_colours: LampColours::default(),
+        }
     }
 }

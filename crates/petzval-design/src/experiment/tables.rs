@@ -90,12 +90,14 @@ parameters! {
         /// Luminance that gives `exposure.white_e` at the longest exposure; in brighter streets the automatic exposure takes less, until the
         /// geometric mean of the luminance is 18 % of white.
         white_cd_m2: f64 = 3.0, "cd/m^2", 1e-4..1e7, Log, "a lit road at night has 1, a white wall in sunshine 20000";
+        /// Traffic and people, of those in a busy town. The more there are, the more they hide each other.
+        busy: f64 = 0.4, "", 0..1, Linear, "0.4; 1 for a town at noon";
         /// Share of the windows that are placed on an object; the others lie anywhere.
         on_objects: f64 = 0.9, "", 0..1, Linear, "0.9";
         /// Least longer side of an object that counts; smaller ones are neither asked for nor held against the detector.
-        least_side_px: f64 = 14.0, "pixels", 1..1e4, Log, "14 pixels";
+        least_side_px: f64 = 24.0, "pixels", 1..1e4, Log, "24 pixels";
         /// Least share of an object that must be seen for it to count.
-        least_visible: f64 = 0.5, "", 0..1, Linear, "0.5";
+        least_visible: f64 = 0.6, "", 0..1, Linear, "0.6";
     } also {
         /// Time of day.
         light: Light = Light::Day;

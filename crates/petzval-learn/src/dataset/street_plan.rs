@@ -17,23 +17,32 @@ use crate::detection::{BBox, Object, Truth};
 /// A window is placed on objects whose longer side is at most this share of its own.
 const LARGEST_SHARE: f64 = 0.7;
 
-/// Windows that are looked at before one is taken in which there is nothing to find, although it was to lie on an object.
-const ATTEMPTS: usize = 4;
-
 /// The automatic exposure makes the geometric mean of a street's luminance this share of white.
 const MIDDLE_GRAY: f64 = 0.18;
 
-/// Sensor pixels along a side of a pixel of the light meter.
-const METERED_PX: f64 = 40.0;
+/// Sensor pixels along a side of a pixel of the finder.
+const FINDER_PX: f64 = 8.0;
 
 /// Least luminance that the light meter counts, cd/m^2.
 const DARKEST_CD_M2: f64 = 1e-4;
 
-/// How a lens sees streets: the projection on its sensor, and on the few pixels of a light meter.
+/// Moments of a sequence from which a window may be taken.
+const MOMENTS: u32 = 12;
+
+/// How a lens sees streets: the projection on its sensor, and on the few pixels of a finder, which shows what is where before a picture is
+/// made.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StreetView {
     sensor: Projection,
-    meter: Projection,
+    finder: Projection,
+}
+
+/// What the finder shows of a street.
+struct Found {
+    /// The geometric mean of the luminance of everything on the sensor, cd/m^2.
+    luminance_cd_m2: f64,
+    /// Share 0..1 of each object on the sensor that nothing hides, by the object's number.
+    visible_shares: BTreeMap<u64, f64>,
 }
 
 impl StreetView {
@@ -43,29 +52,28 @@ impl StreetView {
         angle_rad: &[f64],
         [rows, columns]: [usize; 2],
     ) -> Result<Self, StreetError> {
-        let coarse = |side: usize| (side as f64 / METERED_PX).ceil() as usize;
-        let meter_px = radius_px.iter().map(|r| r / METERED_PX).collect();
+        let coarse = |side: usize| (side as f64 / FINDER_PX).ceil() as usize;
+        let finder_px = radius_px.iter().map(|r| r / FINDER_PX).collect();
         Ok(Self {
             sensor: Projection::new(radius_px.to_vec(), angle_rad.to_vec(), rows, columns)?,
-            meter: Projection::new(meter_px, angle_rad.to_vec(), coarse(rows), coarse(columns))?,
+            finder: Projection::new(finder_px, angle_rad.to_vec(), coarse(rows), coarse(columns))?,
         })
     }
 
-    /// The geometric mean of the luminance of everything on the sensor, cd/m^2.
-    fn luminance(&self, street: &Street) -> Result<f64, StreetError> {
-        let (height, width) = (self.meter.rows(), self.meter.columns());
-        let seen = street.see(&self.meter, &street.pose(), Window { row: 0, col: 0, height, width }, 1)?;
+    fn look_through_finder(&self, street: &Street) -> Result<Found, StreetError> {
+        let (height, width) = (self.finder.rows(), self.finder.columns());
+        let seen = street.see(&self.finder, &street.pose(), Window { row: 0, col: 0, height, width }, 1)?;
         let pixels = height * width;
         let log = |i: usize| {
             let sum: f32 = (0..CHANNELS).map(|c| seen.planes[c * pixels + i]).sum();
             f64::from(sum / CHANNELS as f32).max(DARKEST_CD_M2).ln()
         };
-        Ok(((0..pixels).map(log).sum::<f64>() / pixels as f64).exp())
+        Ok(Found {
+            luminance_cd_m2: ((0..pixels).map(log).sum::<f64>() / pixels as f64).exp(),
+            visible_shares: seen.objects.iter().map(|o| (o.id, o.visible_share)).collect(),
+        })
     }
 }
-
-/// Moments of a sequence from which a window may be taken.
-const MOMENTS: u32 = 12;
 
 /// How windows of streets are chosen and labelled.
 #[derive(Clone, Debug, PartialEq)]
@@ -74,6 +82,8 @@ pub struct StreetPlan {
     pub seed: u64,
     /// Time of day.
     pub light: Light,
+    /// Traffic and people, of those in a busy town, 0..1.
+    pub busy: f64,
     /// What is looked for.
     pub wanted: Wanted,
     /// Luminance that becomes 1 at the longest exposure, cd/m^2. Brighter streets are exposed for less.
@@ -84,14 +94,22 @@ pub struct StreetPlan {
     pub on_objects: f64,
     /// Least longer side of an object that counts, pixels.
     pub least_side_px: f64,
-    /// Least share of an object that must be seen for it to count, 0..1.
+    /// Least share of an object that must be seen for it to count.
     pub least_visible: f64,
+}
+
+/// Where a window lies.
+enum Place {
+    /// Its middle is so far (rows and columns, pixels) from that of the object with this number.
+    OnObject { id: u64, off: [f64; 2] },
+    /// Its middle, as shares of the sensor's rows and columns.
+    Anywhere([f64; 2]),
 }
 
 impl StreetPlan {
     /// Window `number` of a list as a lens sees it: a street of its own, at a place of the sensor that lies on an object or anywhere. It depends
-    /// on the arguments alone. The object, and where it lies in the window, are chosen in the view of a `reference` lens, so that cameras that
-    /// are compared look at the same objects.
+    /// on the arguments alone. The exposure, the object, and where it lies in the window are chosen in the view of a `reference` lens, so that
+    /// cameras that are compared look at the same objects in the same light.
     pub fn window(
         &self,
         list: List,
@@ -110,72 +128,25 @@ impl StreetPlan {
             sequence: random.next_u64(),
             moment: random.random_range(0..MOMENTS),
             light: self.light,
+            busy: self.busy,
             families,
             lamp_colours: LampColours::default(),
         });
-
-        // Place the crop on an object of interest, somewhere inside, or anywhere.
+        let found = reference.look_through_finder(&street)?;
         let near = street.objects_near(&reference.sensor, &street.pose())?;
-        let sensor = [crops.sensor_rows, crops.sensor_columns];
-        let counts = |o: &&NearObject| {
-            let [x1, y1, x2, y2] = o.whole;
-            let (x, y) = (0.5 * (x1 + x2), 0.5 * (y1 + y2));
-            let is_on_sensor = (0.0..sensor[1] as f64).contains(&x) && (0.0..sensor[0] as f64).contains(&y);
-            class_of(self.wanted, o.kind, o.lamp).is_some()
-                && (self.least_side_px..LARGEST_SHARE * crops.crop as f64).contains(&longer_side(o.whole))
-                && is_on_sensor
-        };
-        let wanted: Vec<&NearObject> = near.iter().filter(counts).collect();
-        // Rare classes are looked at as often as others.
-        let mut by_class: BTreeMap<usize, Vec<&NearObject>> = BTreeMap::new();
-        for object in &wanted {
-            let class = class_of(self.wanted, object.kind, object.lamp);
-            by_class.entry(class.unwrap_or(0)).or_default().push(object);
-        }
-        let by_class: Vec<Vec<&NearObject>> = by_class.into_values().collect();
-        let on_object = random.random_bool(self.on_objects) && !wanted.is_empty();
-        let first = |middle: [f64; 2]| -> [usize; 2] {
-            std::array::from_fn(|i| {
-                let first = middle[i] - 0.5 * crops.crop as f64;
-                first.clamp(0.0, (sensor[i] - crops.crop) as f64) as usize
-            })
-        };
-        let around = |[x1, y1, x2, y2]: [f64; 4], off: [f64; 2]| {
-            first([0.5 * (y1 + y2) + off[0], 0.5 * (x1 + x2) + off[1]])
-        };
-        // A window's place, and for one on an object its number and how far its middle is from that of the window.
-        let mut place = || -> ([usize; 2], Option<(u64, [f64; 2])>) {
-            let (pick, within): ([f64; 2], [f64; 2]) = (random.random(), random.random());
-            if !on_object {
-                return (first([within[0] * sensor[0] as f64, within[1] * sensor[1] as f64]), None);
+        let place = self.place(&near, &found, crops, &mut random);
+        let at = match place {
+            Place::Anywhere(shares) => {
+                crop_around(crops, [0, 1].map(|i| shares[i] * sensor(crops)[i] as f64))
             }
-            let of_class = &by_class[(pick[0] * by_class.len() as f64) as usize];
-            let object = of_class[(pick[1] * of_class.len() as f64) as usize];
-            // The object's middle lies in the middle half of the crop.
-            let off = within.map(|share| (share - 0.5) * 0.5 * crops.crop as f64);
-            (around(object.whole, off), Some((object.id, off)))
+            Place::OnObject { id, off } => {
+                // Through the lens that looks the object lies elsewhere, unless that lens sees it no more.
+                let own = street.objects_near(&view.sensor, &street.pose())?;
+                let object = own.iter().chain(&near).find(|object| object.id == id);
+                let [row, column] = object.map_or([0.0; 2], |object| middle(object.whole));
+                crop_around(crops, [row + off[0], column + off[1]])
+            }
         };
-        let (mut at, mut on) = place();
-        // An object may be hidden: look with few samples before the picture is made.
-        for _ in 1..ATTEMPTS {
-            let window =
-                Window { row: at[0] as i64, col: at[1] as i64, height: crops.crop, width: crops.crop };
-            if on.is_none() {
-                break;
-            }
-            let seen = street.see(&reference.sensor, &street.pose(), window, 1)?;
-            if !self.truth(&seen.objects, at, crops.crop).objects.is_empty() {
-                break;
-            }
-            (at, on) = place();
-        }
-        // The same object through the lens that looks, unless it sees it no more.
-        if let Some((id, off)) = on {
-            let own = street.objects_near(&view.sensor, &street.pose())?;
-            if let Some(object) = own.iter().find(|object| object.id == id) {
-                at = around(object.whole, off);
-            }
-        }
 
         // See it with the border that the lens blurs light from.
         let (row, column) = crops.exposed_at(at[0], at[1]);
@@ -191,9 +162,37 @@ impl StreetPlan {
             },
             self.samples,
         )?;
-        let white = self.white_cd_m2.max(view.luminance(&street)? / MIDDLE_GRAY) as f32;
+        let white = self.white_cd_m2.max(found.luminance_cd_m2 / MIDDLE_GRAY) as f32;
         let light = seen.planes.iter().map(|v| v / white);
         Ok(LabelledWindow::new(side, light, at, self.truth(&seen.objects, at, crops.crop)))
+    }
+
+    /// Draws a place on an object that counts, of every class as often as of the others, or anywhere.
+    fn place(&self, near: &[NearObject], found: &Found, crops: &CropPlan, random: &mut ChaCha8Rng) -> Place {
+        let sides = self.least_side_px..LARGEST_SHARE * crops.crop as f64;
+        let counts = |object: &NearObject| {
+            let middle = middle(object.whole);
+            let is_on_sensor = (0..2).all(|i| (0.0..sensor(crops)[i] as f64).contains(&middle[i]));
+            let share = found.visible_shares.get(&object.id);
+            is_on_sensor
+                && sides.contains(&longer_side(object.whole))
+                && share.is_some_and(|share| *share >= self.least_visible)
+        };
+        let mut by_class: BTreeMap<usize, Vec<&NearObject>> = BTreeMap::new();
+        for object in near.iter().filter(|object| counts(object)) {
+            if let Some(class) = class_of(self.wanted, object.kind, object.lamp) {
+                by_class.entry(class).or_default().push(object);
+            }
+        }
+        let by_class: Vec<Vec<&NearObject>> = by_class.into_values().collect();
+        if !random.random_bool(self.on_objects) || by_class.is_empty() {
+            return Place::Anywhere(random.random());
+        }
+        let of_class = &by_class[random.random_range(0..by_class.len())];
+        let object = of_class[random.random_range(0..of_class.len())];
+        // The object's middle lies in the middle half of the crop.
+        let within: [f64; 2] = random.random();
+        Place::OnObject { id: object.id, off: within.map(|share| (share - 0.5) * 0.5 * crops.crop as f64) }
     }
 
     /// The objects of a crop in its own pixels. Objects of a class that are too small, too hidden or cut off too much are ignored.
@@ -231,6 +230,24 @@ fn class_of(wanted: Wanted, kind: ObjectKind, lamp: Option<LampState>) -> Option
         }),
         _ => None,
     }
+}
+
+/// Rows and columns of the sensor.
+fn sensor(crops: &CropPlan) -> [usize; 2] {
+    [crops.sensor_rows, crops.sensor_columns]
+}
+
+/// First row and column of the crop around a place of the sensor that lies on the sensor.
+fn crop_around(crops: &CropPlan, middle: [f64; 2]) -> [usize; 2] {
+    std::array::from_fn(|i| {
+        let first = middle[i] - 0.5 * crops.crop as f64;
+        first.clamp(0.0, (sensor(crops)[i] - crops.crop) as f64) as usize
+    })
+}
+
+/// Row and column of the middle of a box.
+fn middle([x1, y1, x2, y2]: [f64; 4]) -> [f64; 2] {
+    [0.5 * (y1 + y2), 0.5 * (x1 + x2)]
 }
 
 fn longer_side([x1, y1, x2, y2]: [f64; 4]) -> f64 {

@@ -57,7 +57,7 @@ pub struct Object {
 }
 
 /// What is known of a picture.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Truth {
     /// The objects that are to be found.
     pub objects: Vec<Object>,

@@ -5,6 +5,7 @@
 
 mod attribution;
 mod change;
+mod detection;
 mod made;
 mod page;
 mod picture;
@@ -17,8 +18,9 @@ mod view;
 pub(crate) use page::{lenses, over_the_field, over_the_run};
 pub(crate) use picture::pictures;
 pub use view::{
-    Attribution, CameraPicture, CameraView, Change, FieldPoint, LossCurve, MadeCamera, MadeCameras,
-    MadeScore, PictureView, PsfView, Report, Score, SeedDifference, SeedStudy, Spread, SurfaceView, TableRow,
+    Attribution, CameraDetection, CameraPicture, CameraView, Change, DetectionView, FieldPoint, GroupFigure,
+    LossCurve, LostObjects, MadeCamera, MadeCameras, MadeScore, Mistake, PictureView, PrecisionCurve,
+    PsfView, Range, Report, Score, SeedDifference, SeedStudy, Spread, SurfaceView, TableRow,
 };
 
 /// The result in sentences, as the page has it. Empty if there are no cameras to compare.

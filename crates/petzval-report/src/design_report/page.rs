@@ -4,6 +4,7 @@ use maud::{Markup, html};
 
 use super::attribution::{attribution, has_attribution};
 use super::change::change_table;
+use super::detection::detection;
 use super::made::made_table;
 use super::picture::pictures;
 use super::prescription::{first_order_line, prescription};
@@ -25,6 +26,7 @@ pub(super) fn page(report: &Report) -> String {
     let main = html! {
         (result(report))
         (section_of("Pictures", !report.pictures.is_empty(), || pictures(report)))
+        (section_of("Detection", report.detection.is_some(), || detection(report)))
         (section_of("As made", report.made.is_some(), || made_table(report)))
         (section_of("Lenses", !report.cameras.is_empty(), || lenses(report)))
         (section_of("Image signal processor", report.cameras.iter().any(|c| !c.isp_changes.is_empty()), || isps(report)))

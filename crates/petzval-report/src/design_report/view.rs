@@ -36,6 +36,8 @@ pub struct Report {
     pub has_isp: bool,
     /// A study of several seeds, to judge the differences of this run, which has one.
     pub study: Option<SeedStudy>,
+    /// What is found in the held-out pictures, if objects are looked for.
+    pub detection: Option<DetectionView>,
     /// Cameras as they are made, if the run was evaluated with tolerances.
     pub made: Option<MadeCameras>,
     /// Losses over the run; curves of the same block and label share a chart.
@@ -187,6 +189,93 @@ pub struct MadeScore {
     pub of_90_percent: f64,
     /// Share that reaches the limit, 0..1.
     pub share: f64,
+}
+
+/// What the cameras find.
+#[derive(Clone, Debug)]
+pub struct DetectionView {
+    /// The camera that the others are compared with.
+    pub baseline: String,
+    /// Number of held-out windows.
+    pub windows: usize,
+    /// Each camera.
+    pub cameras: Vec<CameraDetection>,
+}
+
+/// What a camera finds.
+#[derive(Clone, Debug)]
+pub struct CameraDetection {
+    /// Name of the camera.
+    pub camera: String,
+    /// Precision over recall of each class that has objects, at an overlap of 0.5.
+    pub curves: Vec<PrecisionCurve>,
+    /// Average precision of all objects, and of groups of them.
+    pub groups: Vec<GroupFigure>,
+    /// Its AP50 less that of the baseline over the same windows; none for the baseline.
+    pub against_baseline: Option<Range>,
+    /// Where objects are lost.
+    pub lost: LostObjects,
+    /// The largest objects that it misses.
+    pub misses: Vec<Mistake>,
+    /// What it surely finds where nothing is.
+    pub false_alarms: Vec<Mistake>,
+}
+
+/// Precision over recall of a class.
+#[derive(Clone, Debug)]
+pub struct PrecisionCurve {
+    /// The class.
+    pub class: String,
+    /// Recall and precision, 0..1, in ascending recall.
+    pub points: Vec<(f64, f64)>,
+}
+
+/// A figure of a group of objects.
+#[derive(Clone, Debug)]
+pub struct GroupFigure {
+    /// Name of the group.
+    pub name: String,
+    /// Its average precision.
+    pub range: Range,
+}
+
+/// A figure, and the range that it has in 95 % of draws of the windows.
+#[derive(Clone, Copy, Debug)]
+pub struct Range {
+    /// The figure.
+    pub value: f64,
+    /// Lower end of the range.
+    pub low: f64,
+    /// Upper end of the range.
+    pub high: f64,
+}
+
+/// How many objects are found, and at which stage the others are lost.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct LostObjects {
+    /// All objects.
+    pub objects: usize,
+    /// Found in the finished picture.
+    pub found: usize,
+    /// Not found even in the picture of perfect optics without noise.
+    pub in_scene: usize,
+    /// Found there, but no more in the light behind the lens.
+    pub by_lens: usize,
+    /// Found there, but no more in the raw frame.
+    pub by_sensor: usize,
+    /// Found there, but no more in the finished picture.
+    pub by_isp: usize,
+}
+
+/// A miss or a false alarm.
+#[derive(Clone, Debug)]
+pub struct Mistake {
+    /// The whole picture, PNG.
+    pub picture_png: Vec<u8>,
+    /// Where it is: left, upper, right and lower edge, pixels of the picture.
+    pub bbox: [f32; 4],
+    /// What was missed, or thought to be there.
+    pub title: String,
 }
 
 /// A surface as a line of a prescription.

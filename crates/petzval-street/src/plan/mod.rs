@@ -85,6 +85,7 @@ struct Layout {
     own_lane: usize,
     time_s: f64,
     camera_z: f64,
+    /// Density of traffic and people, 0..1.6.
     busy: f64,
 }
 
@@ -185,7 +186,7 @@ fn lay_out(rng: &mut ChaCha8Rng, settings: &StreetSettings) -> (Road, Layout) {
         own_lane: rng.random_range(0..lanes),
         time_s,
         camera_z: (speed_m_s * time_s).min(FARTHEST_CAMERA),
-        busy: rng.random_range(0.4..1.6),
+        busy: settings.busy.clamp(0.0, 1.0) * rng.random_range(0.4..1.6),
     };
     (road, layout)
 }

@@ -46,7 +46,7 @@ impl Filler<'_> {
             let x = side * layout.lane_m * (lane as f64 + 0.5);
             // Cars ahead keep their distance; those in another lane of the same direction drift.
             let rng = &mut self.stream(Purpose::Layout, 10 + lane as u64);
-            let gap = Exp::new(1.0 / (22.0 / layout.busy)).expect("the rate is positive");
+            let gap = Exp::new(layout.busy / 22.0).expect("the rate is not negative");
             let own = lane == layout.own_lane;
             let drift = if own { 0.0 } else { rng.random_range(-3.0..3.0) * time };
             let mut z = if own { rng.random_range(9.0..16.0) } else { rng.random_range(-4.0..10.0) };
@@ -99,7 +99,7 @@ impl Filler<'_> {
         let layout = self.layout;
         for (row, x) in [-1.0, 1.0].into_iter().enumerate().filter(|(row, _)| layout.parking[*row]) {
             let rng = &mut self.stream(Purpose::Layout, 70 + row as u64);
-            let full = rng.random_range(0.45..0.95);
+            let full = self.settings.busy.clamp(0.0, 1.0) * rng.random_range(0.45..0.95);
             let mut z = START + rng.random_range(0.0..6.0);
             for index in 0..80u64 {
                 z += rng.random_range(5.1..6.6);

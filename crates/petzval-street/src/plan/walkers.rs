@@ -14,7 +14,7 @@ impl Filler<'_> {
         let layout = self.layout;
         let rng = &mut self.stream(Purpose::Layout, 90);
         let mean = 60.0 * layout.busy * if self.settings.light == Light::Night { 0.7 } else { 1.0 };
-        let count = Poisson::new(mean).expect("the mean is positive").sample(rng) as u64;
+        let count = Poisson::new(mean).map_or(0, |people| people.sample(rng) as u64);
         for index in 0..count {
             let rng = &mut self.stream(Purpose::Walker, index);
             let half = self.plan.road.half_m;

@@ -65,11 +65,41 @@ impl Block {
     }
 }
 
-/// A convolution that halves the picture, then blocks.
+/// A convolution that halves the picture, then blocks. What a detector sees of it is normalised over the channels of each pixel: without that,
+/// and without weights trained on millions of pictures, small objects are learnt several times more slowly.
 #[derive(Module, Debug)]
 struct Stage {
     down: Conv,
     blocks: Vec<Block>,
+    shown: Param<Tensor<2>>,
+    shown_bias: Param<Tensor<1>>,
+}
+
+impl Stage {
+    /// Stage `i` behind features of `inputs` channels.
+    fn new(from: &Parameters, name: &str, i: usize, inputs: usize) -> Result<Self, NetworkError> {
+        let (name, width) = (format!("{name}.stages.{i}"), WIDTHS[i]);
+        let down = ConvShape::new(inputs, width, 3).halving();
+        let block = |k: usize| Block::new(from, &format!("{name}.blocks.{k}"), width);
+        let shown = Start::Normal((1.0 / width as f32).sqrt());
+        Ok(Self {
+            down: Conv::new(from, &format!("{name}.down"), down, down.rectified(), 0.0)?,
+            blocks: (0..BLOCKS[i]).map(block).collect::<Result<_, _>>()?,
+            shown: from.trained(&format!("{name}.shown.weight"), [width, width], shown)?,
+            shown_bias: from.trained(&format!("{name}.shown.bias"), [width], Start::Constant(0.0))?,
+        })
+    }
+
+    /// What goes on to the next stage.
+    fn forward(&self, x: Tensor<4>) -> Tensor<4> {
+        let x = self.down.leaky(x, SLOPE);
+        self.blocks.iter().fold(x, |x, block| block.forward(x))
+    }
+
+    /// What a detector sees of it.
+    fn show(&self, x: Tensor<4>) -> Tensor<4> {
+        normalized_pointwise(x, self.shown.val(), self.shown_bias.val())
+    }
 }
 
 /// Four stages behind a stem.
@@ -81,28 +111,21 @@ pub(crate) struct Small {
 
 impl Small {
     pub fn new(from: &Parameters, name: &str) -> Result<Self, NetworkError> {
-        let conv = |part: &str, shape: ConvShape| {
-            Conv::new(from, &format!("{name}.{part}"), shape, shape.rectified(), 0.0)
-        };
-        let mut stages = Vec::new();
-        for (i, width) in WIDTHS.into_iter().enumerate() {
-            let inputs = if i == 0 { STEM } else { WIDTHS[i - 1] };
-            let block = |k: usize| Block::new(from, &format!("{name}.stages.{i}.blocks.{k}"), width);
-            stages.push(Stage {
-                down: conv(&format!("stages.{i}.down"), ConvShape::new(inputs, width, 3).halving())?,
-                blocks: (0..BLOCKS[i]).map(block).collect::<Result<_, _>>()?,
-            });
-        }
-        Ok(Self { stem: conv("stem", ConvShape::new(3, STEM, 3).halving())?, stages })
+        let stem = ConvShape::new(3, STEM, 3).halving();
+        let inputs = |i: usize| if i == 0 { STEM } else { WIDTHS[i - 1] };
+        let stages = (0..WIDTHS.len()).map(|i| Stage::new(from, name, i, inputs(i)));
+        Ok(Self {
+            stem: Conv::new(from, &format!("{name}.stem"), stem, stem.rectified(), 0.0)?,
+            stages: stages.collect::<Result<_, _>>()?,
+        })
     }
 
     pub fn features(&self, pictures: Tensor<4>) -> Vec<Tensor<4>> {
         let mut x = self.stem.leaky(pictures, SLOPE);
         let mut features = Vec::new();
         for stage in &self.stages {
-            x = stage.down.leaky(x, SLOPE);
-            x = stage.blocks.iter().fold(x, |x, block| block.forward(x));
-            features.push(x.clone());
+            x = stage.forward(x);
+            features.push(stage.show(x.clone()));
         }
         features
     }

@@ -1,0 +1,165 @@
+//! What the report of a run shows of detection: precision over recall, figures by group, where objects are lost, and mistakes.
+
+use std::fs;
+
+use petzval_learn::detection::BBox;
+use petzval_learn::score::detection::{
+    Bootstrap, Group, Interpolation, Picture, Protocol, Ranking, bootstrap,
+};
+use petzval_learn::score::{ObjectScore, object_scores};
+use petzval_report::design_report::{
+    CameraDetection, DetectionView, GroupFigure, LostObjects, Mistake, PrecisionCurve, Range,
+};
+use rayon::prelude::*;
+
+use crate::error::DesignError;
+use crate::pictures::file_name;
+use crate::run::{Metrics, RunFolder};
+use crate::seen_windows::{self, SeenWindow, Stage};
+use crate::setup::Setup;
+
+/// Most misses and most false alarms that are shown of a camera.
+const MOST_MISTAKES: usize = 8;
+
+/// Groups of objects that are shown beside each other: all, each class, sizes and places.
+const FIRST: &str = "ap50";
+
+/// What the cameras of a run find; none if they look for no objects, or if an earlier version scored one of them.
+pub(crate) fn detection_view(
+    setup: &Setup,
+    run: &RunFolder,
+    metrics: &Metrics,
+) -> Result<Option<DetectionView>, DesignError> {
+    let mut cameras: Vec<Seen> = Vec::new();
+    for row in &metrics.rows {
+        let Some(windows) = seen_windows::read(run, &row.camera)? else { return Ok(None) };
+        let judged = windows.iter().map(SeenWindow::judged).collect();
+        cameras.push(Seen { camera: &row.camera, is_ceiling: row.is_ceiling, windows, judged });
+    }
+    let classes = setup.experiment.task.classes();
+    // The ceiling is no baseline.
+    let Some(baseline) = cameras.iter().find(|c| !c.is_ceiling).or(cameras.first()) else { return Ok(None) };
+    let groups: Vec<ObjectScore> =
+        object_scores(classes).into_iter().filter(|score| score.about.name.starts_with(FIRST)).collect();
+    let view = |seen: &Seen| -> Result<CameraDetection, DesignError> {
+        let ranking = seen.ranking(classes.len());
+        let curve = |i: usize| {
+            let curve = ranking.classes[i].curve(0, None)?;
+            let points = curve.recall.iter().copied().zip(curve.precision.iter().copied()).collect();
+            Some(PrecisionCurve { class: classes[i].to_owned(), points })
+        };
+        let group = |score: &ObjectScore| {
+            let value = score.of(&seen.judged, classes.len(), setup.field())?;
+            let [low, high] = score.interval(&seen.judged, classes.len(), setup.field())?;
+            Some(GroupFigure { name: score.about.title.clone(), range: Range { value, low, high } })
+        };
+        Ok(CameraDetection {
+            camera: seen.camera.to_owned(),
+            curves: (0..classes.len()).filter_map(curve).collect(),
+            groups: groups.par_iter().filter_map(group).collect(),
+            against_baseline: match seen.camera == baseline.camera {
+                true => None,
+                false => difference(baseline, seen, classes.len()),
+            },
+            lost: seen.lost(),
+            misses: seen.misses(run, classes)?,
+            false_alarms: seen.false_alarms(run, classes)?,
+        })
+    };
+    Ok(Some(DetectionView {
+        baseline: baseline.camera.to_owned(),
+        windows: baseline.windows.len(),
+        cameras: cameras.iter().map(view).collect::<Result<_, _>>()?,
+    }))
+}
+
+/// What a camera finds.
+struct Seen<'a> {
+    camera: &'a str,
+    is_ceiling: bool,
+    windows: Vec<SeenWindow>,
+    judged: Vec<Picture>,
+}
+
+impl Seen<'_> {
+    fn ranking(&self, classes: usize) -> Ranking {
+        Ranking::new(&self.judged, classes, &Protocol::coco_at(0.5), &Group::all())
+    }
+
+    fn lost(&self) -> LostObjects {
+        let mut lost = LostObjects::default();
+        for window in &self.windows {
+            for object in &window.truth.objects {
+                lost.objects += 1;
+                match window.lost_at(object) {
+                    None => lost.found += 1,
+                    Some(Stage::Scene) => lost.in_scene += 1,
+                    Some(Stage::Light) => lost.by_lens += 1,
+                    Some(Stage::Raw) => lost.by_sensor += 1,
+                    Some(Stage::Finished) => lost.by_isp += 1,
+                }
+            }
+        }
+        lost
+    }
+
+    /// The largest objects that are not found.
+    fn misses(&self, run: &RunFolder, classes: &[&str]) -> Result<Vec<Mistake>, DesignError> {
+        let mut all: Vec<(f32, usize, BBox, usize)> = Vec::new();
+        for (number, window) in self.windows.iter().enumerate() {
+            let missed = window.truth.objects.iter().filter(|o| window.lost_at(o).is_some());
+            all.extend(missed.map(|o| (o.bbox.area(), number, o.bbox, o.class)));
+        }
+        self.mistakes(run, all, |class, _| classes[class].to_owned())
+    }
+
+    /// The surest false alarms.
+    fn false_alarms(&self, run: &RunFolder, classes: &[&str]) -> Result<Vec<Mistake>, DesignError> {
+        let mut all: Vec<(f32, usize, BBox, usize)> = Vec::new();
+        for (number, window) in self.windows.iter().enumerate() {
+            all.extend(window.false_alarms().map(|d| (d.score, number, d.bbox, d.class)));
+        }
+        self.mistakes(run, all, |class, score| format!("{} {score:.2}", classes[class]))
+    }
+
+    /// The first of these by their rank, one of a window, with the pictures in which they are.
+    fn mistakes(
+        &self,
+        run: &RunFolder,
+        mut all: Vec<(f32, usize, BBox, usize)>,
+        title: impl Fn(usize, f32) -> String,
+    ) -> Result<Vec<Mistake>, DesignError> {
+        all.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let mut shown: Vec<Mistake> = Vec::new();
+        let mut windows: Vec<usize> = Vec::new();
+        for (rank, window, bbox, class) in all {
+            if shown.len() == MOST_MISTAKES {
+                break;
+            }
+            if windows.contains(&window) {
+                continue;
+            }
+            windows.push(window);
+            let path = run.picture(&file_name(window, "output", Some(self.camera)));
+            shown.push(Mistake {
+                picture_png: fs::read(&path).map_err(DesignError::io(&path))?,
+                bbox: [bbox.x1, bbox.y1, bbox.x2, bbox.y2],
+                title: title(class, rank),
+            });
+        }
+        Ok(shown)
+    }
+}
+
+/// The AP50 of a camera less that of the baseline; both see the same draws of the windows.
+fn difference(baseline: &Seen, camera: &Seen, classes: usize) -> Option<Range> {
+    if baseline.windows.len() != camera.windows.len() {
+        return None;
+    }
+    let rankings = [baseline, camera].map(|seen| seen.ranking(classes));
+    let area =
+        |ranking: &Ranking, counts: &[u32]| ranking.average_precision(Interpolation::Points101, Some(counts));
+    let how = Bootstrap::of_pictures(baseline.windows.len(), 1);
+    let found = bootstrap(&how, |counts| Some(area(&rankings[1], counts)? - area(&rankings[0], counts)?))?;
+    Some(Range { value: found.value, low: found.low, high: found.high })
+}

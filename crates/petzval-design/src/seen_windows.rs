@@ -1,0 +1,134 @@
+//! What the detector of a camera finds in every held-out window, and at which stage of the camera it loses what: `objects.json`.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use petzval_learn::detection::{Detection, Object, Truth};
+use petzval_learn::score::detection::Picture;
+use petzval_learn::score::judged;
+use serde::{Deserialize, Serialize};
+
+use crate::error::DesignError;
+use crate::run::{RunFolder, write_file};
+
+/// A state of a picture in which the detector of a camera looks for objects.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Stage {
+    /// What the camera would make of the scene with perfect optics and without noise.
+    Scene,
+    /// The light on the pixels, sRGB-encoded: what the lens leaves.
+    Light,
+    /// The raw frame in a plain development, sRGB-encoded: what the sensor leaves.
+    Raw,
+    /// The finished picture.
+    Finished,
+}
+
+impl Stage {
+    /// All, in the order of the light.
+    pub const ALL: [Self; 4] = [Self::Scene, Self::Light, Self::Raw, Self::Finished];
+}
+
+/// A held-out window, its objects, and what is found of them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SeenWindow {
+    /// First row and column on the sensor.
+    pub at: [usize; 2],
+    /// The objects, in pixels of the window.
+    pub truth: Truth,
+    /// What is found at each of [`Stage::ALL`], best first.
+    pub found: [Vec<Detection>; 4],
+}
+
+/// Detections below this score do not count as found.
+const LEAST_SCORE: f32 = 0.5;
+
+/// Overlap from which a detection is of an object.
+const OVERLAP: f32 = 0.5;
+
+impl SeenWindow {
+    /// What is found in the finished picture, best first.
+    pub fn finished(&self) -> &[Detection] {
+        &self.found[Stage::Finished as usize]
+    }
+
+    /// Objects and detections of the finished picture for scores, in pixels of the sensor.
+    pub fn judged(&self) -> Picture {
+        judged(&self.truth, self.finished(), self.at)
+    }
+
+    /// Whether an object is surely found at a stage, as what it is.
+    pub fn is_found(&self, object: &Object, stage: Stage) -> bool {
+        let is_it = |d: &&Detection| d.class == object.class && d.bbox.iou(&object.bbox) >= OVERLAP;
+        self.found[stage as usize].iter().filter(is_it).any(|d| d.score >= LEAST_SCORE)
+    }
+
+    /// The stage at which an object is lost: the first in whose picture it is not found. None if it is found in the finished picture.
+    pub fn lost_at(&self, object: &Object) -> Option<Stage> {
+        let is_lost = !self.is_found(object, Stage::Finished);
+        is_lost.then(|| Stage::ALL.into_iter().find(|stage| !self.is_found(object, *stage)))?
+    }
+
+    /// Sure detections in the finished picture where nothing of their class is, and nothing that is not judged.
+    pub fn false_alarms(&self) -> impl Iterator<Item = &Detection> {
+        let is_of = |d: &Detection, o: &Object| o.class == d.class && o.bbox.iou(&d.bbox) >= OVERLAP;
+        self.finished().iter().filter(move |d| {
+            let on_ignored = |region| d.bbox.intersection(region) >= OVERLAP * d.bbox.area();
+            d.score >= LEAST_SCORE
+                && !self.truth.objects.iter().any(|o| is_of(d, o))
+                && !self.truth.ignored.iter().any(on_ignored)
+        })
+    }
+}
+
+/// Writes the windows of a finished camera.
+pub fn save(folder: &Path, windows: &[SeenWindow]) -> Result<(), DesignError> {
+    write_file(&path(folder), DesignError::json("the objects of the run", &windows)?.as_bytes())
+}
+
+/// The windows of a finished camera; none where an earlier version did not write them, or no objects are looked for.
+pub fn read(run: &RunFolder, camera: &str) -> Result<Option<Vec<SeenWindow>>, DesignError> {
+    let path = path(&run.camera(camera));
+    if !path.is_file() {
+        return Ok(None);
+    }
+    let text = fs::read_to_string(&path).map_err(DesignError::io(&path))?;
+    serde_json::from_str(&text).map_err(|e| DesignError::Run { path, problem: e.to_string() })
+}
+
+fn path(folder: &Path) -> PathBuf {
+    folder.join("objects.json")
+}
+
+#[cfg(test)]
+mod tests {
+    use petzval_learn::detection::BBox;
+
+    use super::*;
+
+    #[test]
+    fn an_object_is_lost_where_it_is_first_not_found() {
+        let object = |x: f32, class| Object { bbox: BBox::new(x, 0.0, x + 10.0, 20.0), class };
+        let found =
+            |x: f32, class, score| Detection { bbox: BBox::new(x, 1.0, x + 10.0, 21.0), class, score };
+        let window = SeenWindow {
+            at: [0, 0],
+            truth: Truth {
+                objects: vec![object(0.0, 0), object(20.0, 1), object(40.0, 0), object(60.0, 1)],
+                ignored: vec![BBox::new(100.0, 0.0, 200.0, 100.0)],
+            },
+            found: [
+                vec![found(0.0, 0, 0.9), found(20.0, 1, 0.9), found(40.0, 0, 0.9)],
+                vec![found(0.0, 0, 0.9), found(20.0, 1, 0.9)],
+                // Neither unsure detections nor those of another class count.
+                vec![found(20.0, 0, 0.9), found(20.0, 1, 0.4), found(40.0, 0, 0.9)],
+                vec![found(0.0, 0, 0.9), found(60.0, 1, 0.3), found(80.0, 0, 0.8), found(120.0, 0, 0.9)],
+            ],
+        };
+        let lost: Vec<Option<Stage>> = window.truth.objects.iter().map(|o| window.lost_at(o)).collect();
+        assert_eq!(lost, [None, Some(Stage::Raw), Some(Stage::Light), Some(Stage::Scene)]);
+        let alarms: Vec<f32> = window.false_alarms().map(|d| d.bbox.x1).collect();
+        assert_eq!(alarms, [80.0], "what is found in a region that is not judged is no false alarm");
+    }
+}

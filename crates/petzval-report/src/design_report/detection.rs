@@ -1,0 +1,226 @@
+//! What is found: precision over recall, average precision by size and place, where objects are lost, misses and false alarms.
+
+use std::collections::BTreeSet;
+use std::io::Cursor;
+
+use image::{ImageFormat, Rgba};
+use maud::{Markup, html};
+
+use super::view::{CameraDetection, DetectionView, Mistake, Range, Report, camera_colour};
+use crate::number;
+use crate::page::{caption, figure};
+use crate::plot::{Chart, Series, chart_svg};
+use crate::png;
+use crate::table::{Column, Row, Table};
+
+/// Decimals of average precisions.
+const DECIMALS: usize = 3;
+
+/// The section; nothing where no objects are looked for.
+pub(super) fn detection(report: &Report) -> Markup {
+    let Some(view) = &report.detection else { return html! {} };
+    html! {
+        (by_group(report, view))
+        (caption(format!(
+            "Average precision at an overlap of 0.5, with the range that it has in 95 % of draws of the {} windows with repetition. The ranges of \
+             cameras overlap more than their differences are uncertain, because all see the same windows: the last column is the difference to {} \
+             over the same draws.",
+            view.windows, view.baseline
+        )))
+        div.charts { @for class in classes(view) { (figure(&chart_svg(&precision_recall(report, view, class)))) } }
+        (lost(report, view))
+        (caption(
+            "The detector of each camera looks at four pictures of every window: what the camera would make of the scene with perfect optics and \
+             without noise; the light on the pixels; the raw frame in a plain development; the finished picture. An object that is not found in the \
+             last (score 0.5, overlap 0.5) is counted at the first in which it is not found. The detector was trained on finished pictures: the \
+             tones of the second and third are not those that it knows, so that losses there are upper bounds.",
+        ))
+        @for (i, camera) in view.cameras.iter().enumerate() { (mistakes(report, camera, i)) }
+        (caption("Misses: the largest objects that are not found (blue). False alarms: the surest detections where no object of their class is (red). At \
+             most one of a window; other boxes as in the pictures above."))
+    }
+}
+
+fn classes(view: &DetectionView) -> BTreeSet<&str> {
+    view.cameras.iter().flat_map(|c| c.curves.iter().map(|curve| curve.class.as_str())).collect()
+}
+
+/// A row a camera, a column a group.
+fn by_group(report: &Report, view: &DetectionView) -> Markup {
+    let mut names: Vec<&str> = Vec::new();
+    for figure in view.cameras.iter().flat_map(|c| &c.groups) {
+        if !names.contains(&figure.name.as_str()) {
+            names.push(&figure.name);
+        }
+    }
+    let against = format!("AP50 against {}", view.baseline);
+    let columns =
+        ["camera"].into_iter().chain(names.iter().copied()).chain([against.as_str()]).map(Column::new);
+    let cell = |range: Option<Range>, sign: bool| {
+        html! {
+            @if let Some(Range { value, low, high }) = range {
+                @if sign && value > 0.0 { "+" }
+                (number::fixed(value, DECIMALS))
+                span.delta { (number::fixed(low, DECIMALS)) " … " (number::fixed(high, DECIMALS)) }
+            } @else { "–" }
+        }
+    };
+    let row = |(i, camera): (usize, &CameraDetection)| {
+        let of_group =
+            |name: &&str| cell(camera.groups.iter().find(|g| g.name == **name).map(|g| g.range), false);
+        let cells: Vec<Markup> =
+            names.iter().map(of_group).chain([cell(camera.against_baseline, true)]).collect();
+        Row::new(&camera.camera, cells).of_camera(camera_colour(&report.cameras, &camera.camera, i))
+    };
+    Table::new(columns).class("scores").rows(view.cameras.iter().enumerate().map(row)).html()
+}
+
+/// Precision over recall of a class, one curve a camera.
+fn precision_recall(report: &Report, view: &DetectionView, class: &str) -> Chart {
+    let series = |(i, camera): (usize, &CameraDetection)| {
+        let curve = camera.curves.iter().find(|curve| curve.class == class)?;
+        Some(Series {
+            name: camera.camera.clone(),
+            colour: camera_colour(&report.cameras, &camera.camera, i).to_owned(),
+            points: curve.points.clone(),
+        })
+    };
+    Chart {
+        alt: format!("Precision over recall of the class {class}, one curve per camera"),
+        x_axis: format!("recall, {class}"),
+        y_axis: "precision".to_owned(),
+        series: view.cameras.iter().enumerate().filter_map(series).collect(),
+        smooth: false,
+        from_zero: true,
+    }
+}
+
+/// How many objects are found, and where the others are lost.
+fn lost(report: &Report, view: &DetectionView) -> Markup {
+    let columns = [
+        Column::new("camera"),
+        Column::new("objects"),
+        Column::new("found"),
+        Column::new("not found in the scene"),
+        Column::new("lost by the lens"),
+        Column::new("by the sensor"),
+        Column::new("by the ISP"),
+    ];
+    let row = |(i, camera): (usize, &CameraDetection)| {
+        let l = &camera.lost;
+        let counts = [l.objects, l.found, l.in_scene, l.by_lens, l.by_sensor, l.by_isp];
+        let cells = counts.map(|count| html! { (count) });
+        Row::new(&camera.camera, cells).of_camera(camera_colour(&report.cameras, &camera.camera, i))
+    };
+    Table::new(columns).class("scores").rows(view.cameras.iter().enumerate().map(row)).html()
+}
+
+/// Misses and false alarms of a camera.
+fn mistakes(report: &Report, camera: &CameraDetection, i: usize) -> Markup {
+    const MISSED: [u8; 3] = [26, 230, 255];
+    const ALARM: [u8; 3] = [255, 51, 51];
+    let colour = camera_colour(&report.cameras, &camera.camera, i);
+    let strip = |name: &str, all: &[Mistake], colour: [u8; 3]| {
+        html! {
+            @if !all.is_empty() {
+                p.muted { (name) }
+                div.mistakes {
+                    @for mistake in all {
+                        @if let Some(png) = crop(mistake, colour) {
+                            div { img src=(png::address(&png)) alt=(format!("{name}: {}", mistake.title)); div.shot-note { (mistake.title) } }
+                        }
+                    }
+                }
+            }
+        }
+    };
+    html! {
+        details open[i + 1 == report.cameras.len()] {
+            summary { span.shot-name style=(format!("--camera:{colour}")) { (camera.camera) } ": misses and false alarms" }
+            (strip("Misses", &camera.misses, MISSED))
+            (strip("False alarms", &camera.false_alarms, ALARM))
+        }
+    }
+}
+
+/// The surroundings of a mistake, with its box; nothing if the picture cannot be decoded.
+fn crop(mistake: &Mistake, colour: [u8; 3]) -> Option<Vec<u8>> {
+    let mut picture =
+        image::load_from_memory_with_format(&mistake.picture_png, ImageFormat::Png).ok()?.to_rgba8();
+    let (width, height) = picture.dimensions();
+    let [x1, y1, x2, y2] = mistake.bbox;
+    let within = |v: f32, size: u32| (v.round().max(0.0) as u32).min(size - 1);
+    let (left, right) = (within(x1, width), within(x2 - 1.0, width));
+    let (top, bottom) = (within(y1, height), within(y2 - 1.0, height));
+    let paint = Rgba([colour[0], colour[1], colour[2], 255]);
+    (left..=right).for_each(|x| [top, bottom].into_iter().for_each(|y| picture.put_pixel(x, y, paint)));
+    (top..=bottom).for_each(|y| [left, right].into_iter().for_each(|x| picture.put_pixel(x, y, paint)));
+    // A square twice as large as the longer side, within the picture.
+    let side = (2 * (right - left).max(bottom - top)).clamp(48, width.min(height));
+    let first = |low: u32, high: u32, size: u32| {
+        ((low + high) / 2).saturating_sub(side / 2).min(size.saturating_sub(side))
+    };
+    let (x, y) = (first(left, right, width), first(top, bottom, height));
+    let mut out = Cursor::new(Vec::new());
+    image::imageops::crop_imm(&picture, x, y, side, side)
+        .to_image()
+        .write_to(&mut out, ImageFormat::Png)
+        .ok()?;
+    Some(out.into_inner())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::design_report::{GroupFigure, LostObjects, PrecisionCurve};
+    use crate::sample;
+
+    #[test]
+    fn the_section_shows_figures_losses_and_mistakes() {
+        let mut report = sample::report();
+        assert!(detection(&report).into_string().is_empty());
+        let range = Range { value: 0.7126, low: 0.651, high: 0.774 };
+        let mistake = Mistake {
+            picture_png: sample::picture_png(64, 32, 0),
+            bbox: [40.0, 10.0, 70.0, 30.0],
+            title: "a <person>".into(),
+        };
+        let camera = |name: &str, against| CameraDetection {
+            camera: name.to_owned(),
+            curves: vec![PrecisionCurve { class: "person".into(), points: vec![(0.1, 1.0), (0.8, 0.5)] }],
+            groups: vec![GroupFigure { name: "AP50".into(), range }],
+            against_baseline: against,
+            lost: LostObjects { objects: 90, found: 61, in_scene: 11, by_lens: 12, by_sensor: 4, by_isp: 2 },
+            misses: vec![mistake.clone(), Mistake { picture_png: vec![1, 2], ..mistake.clone() }],
+            false_alarms: Vec::new(),
+        };
+        let better = Range { value: 0.0214, low: -0.003, high: 0.041 };
+        report.detection = Some(DetectionView {
+            baseline: "nominal".into(),
+            windows: 192,
+            cameras: vec![camera("nominal", None), camera("end-to-end", Some(better))],
+        });
+        let page = detection(&report).into_string();
+        for text in
+            ["0.713", "0.651", "+0.021", "0.041", ">61<", ">12<", "recall, person", "a &lt;person&gt;"]
+        {
+            assert!(page.contains(text), "{text}: {page}");
+        }
+        // The picture that cannot be decoded is left out.
+        assert_eq!(page.matches("<img").count(), 2);
+    }
+
+    #[test]
+    fn a_crop_holds_the_box_and_stays_in_the_picture() {
+        let mistake = Mistake {
+            picture_png: sample::picture_png(128, 96, 0),
+            bbox: [110.0, 4.0, 140.0, 30.0],
+            title: String::new(),
+        };
+        let cut = image::load_from_memory(&crop(&mistake, [255, 0, 0]).unwrap()).unwrap().to_rgb8();
+        assert_eq!(cut.dimensions(), (50, 50));
+        // Its right edge is the picture's, in red.
+        assert_eq!(cut.get_pixel(49, 10).0, [255, 0, 0]);
+        assert_eq!(cut.get_pixel(32, 10).0, [255, 0, 0]);
+    }
+}
