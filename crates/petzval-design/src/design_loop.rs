@@ -13,7 +13,9 @@ use petzval_camera::sensor::Noise;
 use petzval_camera::tape::Frames;
 use petzval_files::{LensFile, write_lens};
 use petzval_learn::objective::{LabelKind, Labels, NamedLoss, Objective, Taken};
+use petzval_optics::design_space::EflSolve;
 use petzval_optics::lens::{Lens, validate};
+use petzval_optics::number::Number;
 use serde::{Deserialize, Serialize};
 
 use crate::block::{Batch, BlockName, Blocks, IspBlock, NetworkBlock, StepMethod};
@@ -526,9 +528,17 @@ impl DesignLoop {
         Ok(())
     }
 
+    /// The file of a variant's lens. The bounds of a solved radius are a limit with a price, which a step may pass by a little: they are
+    /// widened to the radius then, because a lens outside its bounds cannot be read again.
     fn lens_text(&self, variant: &Variant, lens: &Lens) -> String {
         let file = self.setup.start(variant).lens_file.clone();
-        write_lens(&LensFile { lens: lens.clone(), expect: None, ..file })
+        let widened = |solve: EflSolve| {
+            let radius = Number::Curvature.read_stated(lens, solve.surface);
+            let radius_mm = solve.radius_mm.map(|[min, max]| [min.min(radius), max.max(radius)]);
+            EflSolve { radius_mm, ..solve }
+        };
+        let efl_solve = file.efl_solve.map(widened);
+        write_lens(&LensFile { lens: lens.clone(), expect: None, efl_solve, ..file })
     }
 
     /// Scores a variant, keeps its lens, network and pictures, and makes room for the next.

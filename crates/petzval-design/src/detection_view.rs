@@ -24,7 +24,7 @@ const MOST_MISTAKES: usize = 8;
 /// Groups of objects that are shown beside each other: all, each class, sizes and places.
 const FIRST: &str = "ap50";
 
-/// What the cameras of a run find; none if they look for no objects, or if an earlier version scored one of them.
+/// What the cameras of a run find, without those that an earlier version scored; none if none looks for objects.
 pub(crate) fn detection_view(
     setup: &Setup,
     run: &RunFolder,
@@ -32,7 +32,7 @@ pub(crate) fn detection_view(
 ) -> Result<Option<DetectionView>, DesignError> {
     let mut cameras: Vec<Seen> = Vec::new();
     for row in &metrics.rows {
-        let Some(windows) = seen_windows::read(run, &row.camera)? else { return Ok(None) };
+        let Some(windows) = seen_windows::read(run, &row.camera)? else { continue };
         let judged = windows.iter().map(SeenWindow::judged).collect();
         cameras.push(Seen { camera: &row.camera, is_ceiling: row.is_ceiling, windows, judged });
     }

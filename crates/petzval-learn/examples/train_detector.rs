@@ -1,7 +1,7 @@
 //! Trains a small detector on streets seen by perfect optics without noise, and scores it on streets that it has not seen.
 //!
 //! `cargo run --release -p petzval-learn --example train_detector -- [KIND] [TASK] [STEPS] [WINDOWS] [RATE] [BATCH]`, such as
-//! `faster-rcnn pedestrian-vehicle 2500 600 1e-3 4`.
+//! `faster-rcnn pedestrian-vehicle 3600 2500 1.2e-3 4`, which are the defaults.
 
 use std::time::Instant;
 
@@ -29,8 +29,8 @@ fn main() {
         _ => (Wanted::PeopleAndVehicles, &["pedestrian", "vehicle"]),
     };
     let number = |i: usize, default: &str| arg(i, default).parse::<f64>().expect("a number");
-    let (steps, windows) = (number(2, "2500") as usize, number(3, "600") as u64);
-    let (rate, batch) = (number(4, "1e-3"), number(5, "4") as usize);
+    let (steps, windows) = (number(2, "3600") as usize, number(3, "2500") as u64);
+    let (rate, batch) = (number(4, "1.2e-3"), number(5, "4") as usize);
 
     // A lens of 25 mm on a sensor of 1920 x 1200 pixels of 5.86 um.
     let radius_px: Vec<f64> = (0..200).map(|i| 8.0 * f64::from(i)).collect();

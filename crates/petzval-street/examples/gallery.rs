@@ -1,29 +1,43 @@
-//! Writes PNG pictures of streets, with and without boxes, to a folder:
-//! `cargo run --release -p petzval-street --example gallery -- FOLDER [STREETS] [FOCAL_MM] [FIRST_SEQUENCE]`.
+//! Writes PNG pictures of streets, with and without boxes, to a folder, and all of them on one sheet, `sheet.jpg`:
+//! `cargo run --release -p petzval-street --example gallery -- FOLDER [STREETS] [FOCAL_MM] [FIRST_SEQUENCE] [SHRINK]`.
+//!
+//! Frames have 1920 x 1200 pixels, or SHRINK times fewer along each side, with as many samples in all.
 
 use std::path::Path;
 use std::time::Instant;
 
+use image::RgbImage;
 use petzval_street::{Light, ObjectKind, Projection, Seen, Street, StreetSettings, Window};
 
 const ROWS: usize = 1200;
 const COLUMNS: usize = 1920;
 const PIXEL_UM: f64 = 5.86;
 
+/// Traffic and people, as in the experiments.
+const BUSY: f64 = 0.4;
+
+/// Frames beside each other on the sheet, and pixels between them.
+const SHEET_COLUMNS: u32 = 4;
+const GAP: u32 = 4;
+
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let folder = arguments.first().ok_or("the first argument is the folder of the pictures")?;
     let number = |place: usize, default: f64| arguments.get(place).map_or(Ok(default), |text| text.parse());
     let (streets, focal_mm, first) = (number(1, 2.0)? as u64, number(2, 25.0)?, number(3, 0.0)? as u64);
+    let shrink = (number(4, 1.0)? as usize).max(1);
     std::fs::create_dir_all(folder)?;
-    let projection = Projection::rectilinear(focal_mm * 1000.0 / PIXEL_UM, 1400.0, ROWS, COLUMNS)?;
-    let window = Window { row: 0, col: 0, height: ROWS, width: COLUMNS };
+    let (rows, columns) = (ROWS / shrink, COLUMNS / shrink);
+    let focal_px = focal_mm * 1000.0 / PIXEL_UM / shrink as f64;
+    let projection = Projection::rectilinear(focal_px, 1400.0 / shrink as f64, rows, columns)?;
+    let window = Window { row: 0, col: 0, height: rows, width: columns };
+    let mut frames: Vec<RgbImage> = Vec::new();
     for (name, light) in [("day", Light::Day), ("dusk", Light::Dusk), ("night", Light::Night)] {
         for sequence in first..first + streets {
-            let settings = StreetSettings { moment: 3, ..StreetSettings::new(sequence, light) };
+            let settings = StreetSettings { moment: 3, busy: BUSY, ..StreetSettings::new(sequence, light) };
             let street = Street::new(&settings);
             let start = Instant::now();
-            let seen = street.see(&projection, &street.pose(), window, 2)?;
+            let seen = street.see(&projection, &street.pose(), window, (2 * shrink).min(16))?;
             let seconds = start.elapsed().as_secs_f64();
             let labelled = seen.objects.iter().filter(|object| worth_a_box(object)).count();
             println!("{name} {sequence}: {seconds:.2} s, {labelled} objects");
@@ -31,11 +45,31 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 |kind: &str| Path::new(folder).join(format!("{name}-{sequence}-{focal_mm}mm{kind}.png"));
             let mut picture = developed(&seen);
             picture.save(path(""))?;
+            frames.push(picture.clone());
             draw_boxes(&mut picture, &seen);
             picture.save(path("-boxes"))?;
         }
     }
+    sheet(&frames).save(Path::new(folder).join("sheet.jpg"))?;
     Ok(())
+}
+
+/// All frames in rows.
+fn sheet(frames: &[RgbImage]) -> RgbImage {
+    let (width, height) = frames.first().map_or((1, 1), RgbImage::dimensions);
+    let rows = (frames.len() as u32).div_ceil(SHEET_COLUMNS);
+    let mut sheet =
+        RgbImage::new(SHEET_COLUMNS * (width + GAP) - GAP, (rows * (height + GAP)).max(GAP + 1) - GAP);
+    for (i, frame) in frames.iter().enumerate() {
+        let (row, column) = (i as u32 / SHEET_COLUMNS, i as u32 % SHEET_COLUMNS);
+        image::imageops::replace(
+            &mut sheet,
+            frame,
+            (column * (width + GAP)).into(),
+            (row * (height + GAP)).into(),
+        );
+    }
+    sheet
 }
 
 /// Whether a detector should find an object: of the three tasks, visible, larger than 12 pixels.
@@ -46,13 +80,13 @@ fn worth_a_box(object: &petzval_street::SeenObject) -> bool {
 }
 
 /// Exposes for the mean of the logarithm, compresses highlights, and encodes as sRGB.
-fn developed(seen: &Seen) -> image::RgbImage {
+fn developed(seen: &Seen) -> RgbImage {
     let area = seen.height * seen.width;
     let logs: f64 = seen.planes[area..2 * area].iter().map(|l| f64::from(l.max(1e-4)).ln()).sum();
     // A dark picture is shown darker than a bright one.
     let mean = (logs / area as f64).exp() as f32;
     let gain = 0.18 / mean * (mean / 1000.0).powf(0.08);
-    image::RgbImage::from_fn(seen.width as u32, seen.height as u32, |x, y| {
+    RgbImage::from_fn(seen.width as u32, seen.height as u32, |x, y| {
         let place = y as usize * seen.width + x as usize;
         image::Rgb([0, 1, 2].map(|channel| {
             let light = gain * seen.planes[channel * area + place];
@@ -64,7 +98,7 @@ fn developed(seen: &Seen) -> image::RgbImage {
     })
 }
 
-fn draw_boxes(picture: &mut image::RgbImage, seen: &Seen) {
+fn draw_boxes(picture: &mut RgbImage, seen: &Seen) {
     for object in seen.objects.iter().filter(|object| object.visible_share > 0.25) {
         let colour = image::Rgb(match object.kind {
             ObjectKind::Pedestrian => [255, 220, 0],

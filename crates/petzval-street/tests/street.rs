@@ -310,6 +310,25 @@ fn people_walk_and_the_camera_drives_from_moment_to_moment() {
 }
 
 #[test]
+fn a_less_busy_street_has_fewer_cars_and_people() {
+    let lens = lens(FOCAL_PX);
+    let count = |busy: f64, kind: ObjectKind| {
+        let of_street = |sequence| {
+            let street = Street::new(&StreetSettings { busy, ..StreetSettings::new(sequence, Light::Day) });
+            let near = street.objects_near(&lens, &street.pose()).expect("a valid pose");
+            near.iter().filter(|o| o.kind == kind).count()
+        };
+        (0..20).map(of_street).sum::<usize>()
+    };
+    for kind in [ObjectKind::Pedestrian, ObjectKind::Vehicle] {
+        let [none, some, all] = [0.0, 0.4, 1.0].map(|busy| count(busy, kind));
+        assert!(none < some / 2 && 3 * some < 2 * all, "{kind:?}: {none}, {some}, {all}");
+    }
+    // Cars on streets that cross stay; nobody walks in an empty street.
+    assert_eq!(count(0.0, ObjectKind::Pedestrian), 0);
+}
+
+#[test]
 fn wrong_windows_and_samples_are_refused() {
     let street = street(1, Light::Day);
     let see = |height, width, row, samples| {

@@ -31,7 +31,7 @@ fn doctor_describes_the_machine() {
 }
 
 /// Every workload name that programs may rely on; they arrive with their stages.
-const WORKLOADS: [&str; 22] = [
+const WORKLOADS: [&str; 24] = [
     "psf_rgb",
     "psf_rgb_gradient",
     "psf_13_fields",
@@ -54,6 +54,8 @@ const WORKLOADS: [&str; 22] = [
     "unet_step",
     "isp_step",
     "joint_step",
+    "detector_step",
+    "detector_lens_step",
 ];
 
 #[test]

@@ -1,4 +1,4 @@
-//! Workloads of joint optimisation: a network step and a lens step of the built-in experiment.
+//! Workloads of joint optimisation: steps of networks, of the hardware ISP and of lenses in the built-in experiments.
 
 use petzval_base::simd::widest;
 use petzval_design::block::BlockName;
@@ -13,36 +13,76 @@ use crate::design::scorer;
 use crate::device::device;
 use crate::error::JobError;
 
+const PICTURES: &str = "cooke-triplet-image-quality";
+const HARDWARE_ISP: &str = "cooke-triplet-image-quality-hardware-isp";
+const OBJECTS: &str = "pedestrian-vehicle";
+
+/// Windows of streets from which the steps of a detector draw: after a few steps all of them are made.
+const WINDOWS: usize = 8;
+
 pub(super) fn workloads() -> Vec<Workload> {
     vec![
-        Workload { name: "unet_step", simd: widest, prepare: || step(BlockName::Network) },
-        Workload { name: "isp_step", simd: widest, prepare: || step(BlockName::Isp) },
-        Workload { name: "joint_step", simd: widest, prepare: || step(BlockName::Optics) },
+        Workload {
+            name: "unet_step",
+            simd: widest,
+            prepare: || {
+                let what = "render, expose, develop, U-Net forward and back, LPIPS, Adam";
+                step(PICTURES, BlockName::Network, what)
+            },
+        },
+        Workload {
+            name: "isp_step",
+            simd: widest,
+            prepare: || {
+                let what = "render, expose, automotive ISP in floating point forward and back, LPIPS, Adam";
+                step(HARDWARE_ISP, BlockName::Isp, what)
+            },
+        },
+        Workload {
+            name: "joint_step",
+            simd: widest,
+            prepare: || {
+                let what = "13 x 3 PSFs, the same chain held, back to every number of the lens, Adam";
+                step(PICTURES, BlockName::Optics, what)
+            },
+        },
+        Workload {
+            name: "detector_step",
+            simd: widest,
+            prepare: || {
+                let what =
+                    "render, expose, automotive ISP in whole numbers, Faster R-CNN forward and back, Adam";
+                step(OBJECTS, BlockName::Network, what)
+            },
+        },
+        Workload {
+            name: "detector_lens_step",
+            simd: widest,
+            prepare: || {
+                let what = "streets anew through the chief rays of the lens, 13 x 3 PSFs, sensor, ISP and Faster R-CNN held, back to the lens, Adam";
+                step(OBJECTS, BlockName::Optics, what)
+            },
+        },
     ]
 }
 
-fn step(kind: BlockName) -> Result<Prepared, JobError> {
+/// Steps of a block of a built-in experiment.
+fn step(experiment: &str, kind: BlockName, what: &str) -> Result<Prepared, JobError> {
     let assets = built_in_assets();
-    let experiment = assets.experiment(match kind {
-        BlockName::Isp => "cooke-triplet-image-quality-hardware-isp",
-        BlockName::Optics | BlockName::Network => "cooke-triplet-image-quality",
-    })?;
+    let has_unet = experiment == PICTURES;
+    let mut experiment = assets.experiment(experiment)?;
+    experiment.street.windows = WINDOWS;
     let training = experiment.training.clone();
-    let network = experiment.network.clone();
+    let network = &experiment.network;
+    let size = match has_unet {
+        true => format!(", {} channels, {} levels", network.base_channels, network.levels),
+        false => String::new(),
+    };
     let setup = Setup::new(experiment, &assets, device("cpu")?)?;
     let scratch = std::env::temp_dir().join(format!("petzval-bench-{}", std::process::id()));
     let mut design = DesignLoop::new(RunFolder::create(&scratch)?, scorer(setup)?)?;
     // Single steps write nothing.
     std::fs::remove_dir_all(&scratch).map_err(DesignError::io(&scratch))?;
-    let what = match kind {
-        BlockName::Network => "render, expose, develop, U-Net forward and back, LPIPS, Adam",
-        BlockName::Isp => "render, expose, automotive ISP in floating point forward and back, LPIPS, Adam",
-        BlockName::Optics => "13 x 3 PSFs, the same chain held, back to every number of the lens, Adam",
-    };
-    let size = match kind {
-        BlockName::Isp => String::new(),
-        _ => format!(", {} channels, {} levels", network.base_channels, network.levels),
-    };
     Ok(Prepared {
         work: format!("{what}; batch {} of {}^2{size}", training.batch, training.crop),
         units: None,

@@ -201,7 +201,7 @@ mod tests {
         };
         let (_, gradient, proposals) = run(&values, None);
         let square: f64 = gradient.iter().map(|g| f64::from(*g).powi(2)).sum();
-        let step = 0.3 / square.sqrt();
+        let step = 0.05 / square.sqrt();
         let moved = |sign: f64| -> Vec<f32> {
             values.iter().zip(&gradient).map(|(v, g)| v + (sign * step * f64::from(*g)) as f32).collect()
         };

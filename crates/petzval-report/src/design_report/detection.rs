@@ -156,7 +156,7 @@ fn crop(mistake: &Mistake, colour: [u8; 3]) -> Option<Vec<u8>> {
     (left..=right).for_each(|x| [top, bottom].into_iter().for_each(|y| picture.put_pixel(x, y, paint)));
     (top..=bottom).for_each(|y| [left, right].into_iter().for_each(|x| picture.put_pixel(x, y, paint)));
     // A square twice as large as the longer side, within the picture.
-    let side = (2 * (right - left).max(bottom - top)).clamp(48, width.min(height));
+    let side = (2 * (right - left).max(bottom - top)).max(48).min(width.min(height));
     let first = |low: u32, high: u32, size: u32| {
         ((low + high) / 2).saturating_sub(side / 2).min(size.saturating_sub(side))
     };

@@ -1,0 +1,101 @@
+//! Windows of generated streets: what they depend on, and what is to be found in them.
+
+use petzval_learn::dataset::{CropPlan, LabelledWindow, List, StreetPlan, StreetView, Wanted};
+use petzval_street::{Families, Light};
+
+const CROP: usize = 192;
+
+fn view(efl_mm: f64) -> StreetView {
+    let radius_px: Vec<f64> = (0..160).map(|i| 8.0 * f64::from(i)).collect();
+    let angle_rad: Vec<f64> = radius_px.iter().map(|r| (r * 5.86e-3 / efl_mm).atan()).collect();
+    StreetView::new(&radius_px, &angle_rad, [1200, 1920]).unwrap()
+}
+
+fn plan() -> StreetPlan {
+    StreetPlan {
+        seed: 1,
+        light: Light::Day,
+        busy: 0.4,
+        wanted: Wanted::PeopleAndVehicles,
+        white_cd_m2: 3.0,
+        samples: 1,
+        on_objects: 1.0,
+        least_side_px: 24.0,
+        least_visible: 0.6,
+    }
+}
+
+fn window(plan: &StreetPlan, list: List, number: u64, view: &StreetView) -> LabelledWindow {
+    let crops = CropPlan::on_1920x1200(CROP, 0);
+    plan.window(list, Families::All, number, [view, &self::view(25.0)], &crops).unwrap()
+}
+
+#[test]
+fn a_window_depends_on_its_number_and_its_list_alone() {
+    let (plan, view) = (plan(), view(25.0));
+    let first = window(&plan, List::Training, 3, &view);
+    assert_eq!(first, window(&plan, List::Training, 3, &view));
+    for other in [
+        window(&plan, List::Training, 4, &view),
+        window(&plan, List::Validation, 3, &view),
+        window(&plan, List::HeldOut, 3, &view),
+        window(&StreetPlan { seed: 2, ..plan.clone() }, List::Training, 3, &view),
+    ] {
+        assert_ne!(first.scene(), other.scene());
+    }
+}
+
+#[test]
+fn windows_on_objects_hold_objects_that_count() {
+    let (plan, view) = (plan(), view(25.0));
+    let windows: Vec<LabelledWindow> = (0..24).map(|i| window(&plan, List::Training, i, &view)).collect();
+    let with = windows.iter().filter(|w| !w.truth.objects.is_empty()).count();
+    // The finder is coarse, and a street may be empty.
+    assert!(with >= 18, "{with} of 24 windows have something to find");
+    let classes = |class| windows.iter().filter(|w| w.truth.objects.iter().any(|o| o.class == class)).count();
+    assert!(classes(0) >= 5 && classes(1) >= 5, "{} with people, {} with vehicles", classes(0), classes(1));
+    for object in windows.iter().flat_map(|w| &w.truth.objects) {
+        let b = &object.bbox;
+        assert!(b.x1 >= 0.0 && b.y1 >= 0.0 && b.x2 <= CROP as f32 && b.y2 <= CROP as f32, "{b:?}");
+        assert!(b.is_at_least(1.0));
+    }
+}
+
+/// A shorter lens makes the same object smaller, at a place nearer to the axis, in the same light.
+#[test]
+fn another_lens_looks_at_the_same_object() {
+    let plan = plan();
+    let mut compared = 0;
+    for number in 0..10 {
+        let [long, short] = [25.0, 18.0].map(|efl| window(&plan, List::HeldOut, number, &view(efl)));
+        let largest = |w: &LabelledWindow| {
+            let areas = w.truth.objects.iter().map(|o| o.bbox.area());
+            areas.fold(0.0, f32::max)
+        };
+        // Objects that reach beyond the window do not tell their size.
+        if long.truth.objects.len() == 1 && short.truth.objects.len() == 1 && largest(&long) < 8000.0 {
+            assert!(largest(&short) < 0.8 * largest(&long), "{} {}", largest(&short), largest(&long));
+            compared += 1;
+        }
+        let axis = [600.0 - 96.0, 960.0 - 96.0];
+        let off = |w: &LabelledWindow| (w.at[0] as f64 - axis[0]).hypot(w.at[1] as f64 - axis[1]);
+        assert!(off(&short) <= off(&long) + 40.0, "{:?} {:?}", short.at, long.at);
+    }
+    assert!(compared > 0, "no window of which sizes can be compared");
+}
+
+#[test]
+fn a_mirror_swaps_left_and_right() {
+    let (plan, view) = (plan(), view(25.0));
+    let window = (0..).map(|i| window(&plan, List::Training, i, &view)).find(|w| !w.truth.objects.is_empty());
+    let window = window.unwrap();
+    let mirrored = window.mirrored(CROP, 1920);
+    assert_ne!(mirrored, window);
+    let (before, after) = (window.truth.objects[0].bbox, mirrored.truth.objects[0].bbox);
+    assert_eq!([after.x1, after.x2], [CROP as f32 - before.x2, CROP as f32 - before.x1]);
+    assert_eq!([after.y1, after.y2], [before.y1, before.y2]);
+    assert_eq!(mirrored.at[1] + CROP + window.at[1], 1920);
+    let (a, b) = (window.scene(), mirrored.scene());
+    assert_eq!(a.data[..CROP].iter().rev().copied().collect::<Vec<_>>(), b.data[..CROP]);
+    assert_eq!(mirrored.mirrored(CROP, 1920).scene(), a);
+}
