@@ -302,14 +302,15 @@ impl DesignLoop {
         Ok(Ending::Finished(Box::new(metrics)))
     }
 
-    /// Takes one step of a block, out of turn, for the first variant in which several blocks move by their gradients: for measuring
-    /// its cost.
+    /// Takes one step of a block, out of turn, for the first variant in which it and others move by their gradients: for measuring its cost.
     pub fn one_step(&mut self, block: BlockName) -> Result<(), DesignError> {
         let by_gradient = |schedule: &Schedule| schedule.method == StepMethod::Gradient;
         let setup = self.setup.clone();
         let together = setup.variants.iter().find_map(|variant| {
             let moves = variant.stages.iter().find_map(|stage| match stage {
-                Stage::Task(moves) if moves.len() > 1 && moves.values().all(by_gradient) => Some(moves),
+                Stage::Task(moves) if moves.len() > 1 && moves.contains_key(&block) => {
+                    moves.values().all(by_gradient).then_some(moves)
+                }
                 _ => None,
             });
             moves.map(|moves| (variant, moves))
