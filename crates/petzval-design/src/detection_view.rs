@@ -21,8 +21,8 @@ use crate::setup::Setup;
 /// Most misses and most false alarms that are shown of a camera.
 const MOST_MISTAKES: usize = 8;
 
-/// Groups of objects that are shown beside each other: all, each class, sizes and places.
-const FIRST: &str = "ap50";
+/// First letters of the scores that are shown beside each other: all objects, each class, sizes and places.
+const SHOWN: &str = "ap50";
 
 /// What the cameras of a run find, without those that an earlier version scored; none if none looks for objects.
 pub(crate) fn detection_view(
@@ -40,7 +40,7 @@ pub(crate) fn detection_view(
     // The ceiling is no baseline.
     let Some(baseline) = cameras.iter().find(|c| !c.is_ceiling).or(cameras.first()) else { return Ok(None) };
     let groups: Vec<ObjectScore> =
-        object_scores(classes).into_iter().filter(|score| score.about.name.starts_with(FIRST)).collect();
+        object_scores(classes).into_iter().filter(|score| score.about.name.starts_with(SHOWN)).collect();
     let view = |seen: &Seen| -> Result<CameraDetection, DesignError> {
         let ranking = seen.ranking(classes.len());
         let curve = |i: usize| {
@@ -51,7 +51,9 @@ pub(crate) fn detection_view(
         let group = |score: &ObjectScore| {
             let value = score.of(&seen.judged, classes.len(), setup.field())?;
             let [low, high] = score.interval(&seen.judged, classes.len(), setup.field())?;
-            Some(GroupFigure { name: score.about.title.clone(), range: Range { value, low, high } })
+            // All objects are headed `AP50`, a group of them by its name alone.
+            let name = score.about.title.trim_start_matches("AP50 ").to_owned();
+            Some(GroupFigure { name, range: Range { value, low, high } })
         };
         Ok(CameraDetection {
             camera: seen.camera.to_owned(),
