@@ -3,18 +3,14 @@
 use petzval_camera::image::LinearImage;
 use petzval_learn::detection::{BBox, Detection, Truth};
 
+use crate::seen_windows::{LEAST_SCORE, OVERLAP};
+
 /// Colours of boxes, sRGB-encoded: objects, right detections, detections of the wrong class, false alarms, regions that are not judged.
 const OBJECT: [f32; 3] = [0.1, 0.9, 1.0];
 const RIGHT: [f32; 3] = [0.2, 0.95, 0.2];
 const OTHER_CLASS: [f32; 3] = [1.0, 0.75, 0.1];
 const FALSE_ALARM: [f32; 3] = [1.0, 0.2, 0.2];
 const UNJUDGED: [f32; 3] = [0.6, 0.6, 0.6];
-
-/// Detections below this score are not drawn.
-const LEAST_SCORE: f32 = 0.5;
-
-/// Overlap from which a detection is of an object.
-const OVERLAP: f32 = 0.5;
 
 /// A picture with the boxes of its objects, and of regions that are not judged in gray.
 pub fn with_truth(picture: &LinearImage, truth: &Truth) -> LinearImage {

@@ -107,51 +107,47 @@ impl Seen<'_> {
 
     /// The largest objects that are not found.
     fn misses(&self, run: &RunFolder, classes: &[&str]) -> Result<Vec<Mistake>, DesignError> {
-        let mut all: Vec<(f32, usize, BBox, usize)> = Vec::new();
-        for (number, window) in self.windows.iter().enumerate() {
+        let missed = |window: &SeenWindow| -> Vec<Ranked> {
             let missed = window.truth.objects.iter().filter(|o| window.lost_at(o).is_some());
-            all.extend(missed.map(|o| (o.bbox.area(), number, o.bbox, o.class)));
-        }
-        self.mistakes(run, all, |class, _| classes[class].to_owned())
+            missed.map(|o| (o.bbox.area(), o.bbox, o.class)).collect()
+        };
+        self.mistakes(run, missed, |class, _| classes[class].to_owned())
     }
 
     /// The surest false alarms.
     fn false_alarms(&self, run: &RunFolder, classes: &[&str]) -> Result<Vec<Mistake>, DesignError> {
-        let mut all: Vec<(f32, usize, BBox, usize)> = Vec::new();
-        for (number, window) in self.windows.iter().enumerate() {
-            all.extend(window.false_alarms().map(|d| (d.score, number, d.bbox, d.class)));
-        }
-        self.mistakes(run, all, |class, score| format!("{} {score:.2}", classes[class]))
+        let alarms =
+            |window: &SeenWindow| window.false_alarms().map(|d| (d.score, d.bbox, d.class)).collect();
+        self.mistakes(run, alarms, |class, score| format!("{} {score:.2}", classes[class]))
     }
 
-    /// The first of these by their rank, one of a window, with the pictures in which they are.
+    /// The mistakes of the highest rank, one of a window, with the pictures in which they are.
     fn mistakes(
         &self,
         run: &RunFolder,
-        mut all: Vec<(f32, usize, BBox, usize)>,
+        of_window: impl Fn(&SeenWindow) -> Vec<Ranked>,
         title: impl Fn(usize, f32) -> String,
     ) -> Result<Vec<Mistake>, DesignError> {
-        all.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let mut shown: Vec<Mistake> = Vec::new();
-        let mut windows: Vec<usize> = Vec::new();
-        for (rank, window, bbox, class) in all {
-            if shown.len() == MOST_MISTAKES {
-                break;
-            }
-            if windows.contains(&window) {
-                continue;
-            }
-            windows.push(window);
-            let path = run.picture(&file_name(window, "output", Some(self.camera)));
-            shown.push(Mistake {
+        let first = |(number, window)| {
+            let first = of_window(window).into_iter().rev().max_by(|a, b| a.0.total_cmp(&b.0))?;
+            Some((number, first))
+        };
+        let mut firsts: Vec<(usize, Ranked)> = self.windows.iter().enumerate().filter_map(first).collect();
+        firsts.sort_by(|(_, a), (_, b)| b.0.total_cmp(&a.0));
+        let mistake = |(number, (rank, bbox, class)): (usize, Ranked)| {
+            let path = run.picture(&file_name(number, "output", Some(self.camera)));
+            Ok(Mistake {
                 picture_png: fs::read(&path).map_err(DesignError::io(&path))?,
                 bbox: [bbox.x1, bbox.y1, bbox.x2, bbox.y2],
                 title: title(class, rank),
-            });
-        }
-        Ok(shown)
+            })
+        };
+        firsts.into_iter().take(MOST_MISTAKES).map(mistake).collect()
     }
 }
+
+/// A mistake: what it is ranked by, its box and its class.
+type Ranked = (f32, BBox, usize);
 
 /// The AP50 of a camera less that of the baseline; both see the same draws of the windows.
 fn difference(baseline: &Seen, camera: &Seen, classes: usize) -> Option<Range> {

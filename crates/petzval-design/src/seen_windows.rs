@@ -41,11 +41,11 @@ pub struct SeenWindow {
     pub found: [Vec<Detection>; 4],
 }
 
-/// Detections below this score do not count as found.
-const LEAST_SCORE: f32 = 0.5;
+/// Detections below this score do not count as found, and are not drawn.
+pub(crate) const LEAST_SCORE: f32 = 0.5;
 
 /// Overlap from which a detection is of an object.
-const OVERLAP: f32 = 0.5;
+pub(crate) const OVERLAP: f32 = 0.5;
 
 impl SeenWindow {
     /// What is found in the finished picture, best first.

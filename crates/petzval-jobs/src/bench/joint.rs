@@ -21,48 +21,27 @@ const OBJECTS: &str = "pedestrian-vehicle";
 const WINDOWS: usize = 8;
 
 pub(super) fn workloads() -> Vec<Workload> {
+    let workload = |name, prepare| Workload { name, simd: widest, prepare };
     vec![
-        Workload {
-            name: "unet_step",
-            simd: widest,
-            prepare: || {
-                let what = "render, expose, develop, U-Net forward and back, LPIPS, Adam";
-                step(PICTURES, BlockName::Network, what)
-            },
-        },
-        Workload {
-            name: "isp_step",
-            simd: widest,
-            prepare: || {
-                let what = "render, expose, automotive ISP in floating point forward and back, LPIPS, Adam";
-                step(HARDWARE_ISP, BlockName::Isp, what)
-            },
-        },
-        Workload {
-            name: "joint_step",
-            simd: widest,
-            prepare: || {
-                let what = "13 x 3 PSFs, the same chain held, back to every number of the lens, Adam";
-                step(PICTURES, BlockName::Optics, what)
-            },
-        },
-        Workload {
-            name: "detector_step",
-            simd: widest,
-            prepare: || {
-                let what =
-                    "render, expose, automotive ISP in whole numbers, Faster R-CNN forward and back, Adam";
-                step(OBJECTS, BlockName::Network, what)
-            },
-        },
-        Workload {
-            name: "detector_lens_step",
-            simd: widest,
-            prepare: || {
-                let what = "streets anew through the chief rays of the lens, 13 x 3 PSFs, sensor, ISP and Faster R-CNN held, back to the lens, Adam";
-                step(OBJECTS, BlockName::Optics, what)
-            },
-        },
+        workload("unet_step", || {
+            step(PICTURES, BlockName::Network, "render, expose, develop, U-Net forward and back, LPIPS, Adam")
+        }),
+        workload("isp_step", || {
+            let what = "render, expose, automotive ISP in floating point forward and back, LPIPS, Adam";
+            step(HARDWARE_ISP, BlockName::Isp, what)
+        }),
+        workload("joint_step", || {
+            let what = "13 x 3 PSFs, the same chain held, back to every number of the lens, Adam";
+            step(PICTURES, BlockName::Optics, what)
+        }),
+        workload("detector_step", || {
+            let what = "render, expose, automotive ISP in whole numbers, Faster R-CNN forward and back, Adam";
+            step(OBJECTS, BlockName::Network, what)
+        }),
+        workload("detector_lens_step", || {
+            let what = "streets anew through the chief rays of the lens, 13 x 3 PSFs, sensor, ISP and Faster R-CNN held, back to the lens, Adam";
+            step(OBJECTS, BlockName::Optics, what)
+        }),
     ]
 }
 
