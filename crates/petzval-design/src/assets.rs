@@ -219,7 +219,9 @@ impl Assets {
         ];
         let preset = Some(&mut experiment.isp.preset).filter(|preset| *preset != NO_ISP);
         let preset = preset.map(|preset| (vec!["isp".to_owned(), "preset".to_owned()], preset));
-        for (key, input) in shared.into_iter().chain(preset).chain(own) {
+        let weights = experiment.detector.weights.as_mut();
+        let weights = weights.map(|weights| (vec!["detector".to_owned(), "weights".to_owned()], weights));
+        for (key, input) in shared.into_iter().chain(preset).chain(weights).chain(own) {
             let beside = folder.join(input.as_str());
             if beside.exists() {
                 *input = beside.display().to_string();
@@ -243,6 +245,11 @@ impl Assets {
             "preset" => "isp",
             "optics_proxy" => {
                 let hint = "the proxy.toml of a folder that `petzval train optics-proxy` made";
+                return (!Path::new(name).is_file()).then(|| hint.to_owned());
+            }
+            "weights" => {
+                let hint =
+                    "cameras/NAME/blocks/network/weights.bin in the folder of a run that looks for objects";
                 return (!Path::new(name).is_file()).then(|| hint.to_owned());
             }
             "data" => {

@@ -13,7 +13,8 @@ use crate::optics_proxy::FILES;
 use crate::run::{RunFolder, RunRecord, write_file};
 use crate::setup::Setup;
 
-/// SHA-256 of the lens with its glasses, the sensor, the hardware ISP and the networks in place of tracing if there are any, and every photograph by name and content.
+/// SHA-256 of the lens with its glasses, the sensor, the hardware ISP, the networks in place of tracing and
+/// the weights of a detector if there are any, and every photograph by name and content.
 fn fingerprint(setup: &Setup) -> Result<String, DesignError> {
     let mut hash = Sha256::new();
     for variant in &setup.variants {
@@ -25,8 +26,11 @@ fn fingerprint(setup: &Setup) -> Result<String, DesignError> {
     }
     for path in setup.variants.iter().filter_map(|v| v.optics_proxy.as_ref()) {
         for file in proxy_files(Path::new(path)) {
-            hash.update(std::fs::read(&file).map_err(DesignError::io(&file))?);
+            hash.update(read(&file)?);
         }
+    }
+    if let Some(weights) = &setup.experiment.detector.weights {
+        hash.update(read(Path::new(weights))?);
     }
     let photos = &setup.photos;
     let lists = [
@@ -68,6 +72,10 @@ pub fn keep_inputs(setup: &Setup, assets: &Assets, run: &RunFolder) -> Result<()
         write_file(&run.input("isp.toml"), preset.text.as_bytes())?;
         kept.isp.preset = "inputs/isp.toml".to_owned();
     }
+    if let Some(weights) = &mut kept.detector.weights {
+        write_file(&run.input("detector-weights.bin"), &read(Path::new(weights.as_str()))?)?;
+        *weights = "inputs/detector-weights.bin".to_owned();
+    }
     for variant in &mut kept.variant {
         if let Some(name) = variant.lens.as_mut().filter(|name| !is_derived_lens(name)) {
             let file = format!("{}-lens.toml", variant.name);
@@ -78,7 +86,7 @@ pub fn keep_inputs(setup: &Setup, assets: &Assets, run: &RunFolder) -> Result<()
         if let Some(proxy) = &mut variant.optics_proxy {
             let folder = format!("{}-optics-proxy", variant.name);
             for file in proxy_files(Path::new(proxy.as_str())) {
-                let bytes = std::fs::read(&file).map_err(DesignError::io(&file))?;
+                let bytes = read(&file)?;
                 let name = file.file_name().unwrap_or_default().to_string_lossy();
                 let kept = run.input(&folder).join(&*name);
                 make_parent(&kept)?;
@@ -90,6 +98,10 @@ pub fn keep_inputs(setup: &Setup, assets: &Assets, run: &RunFolder) -> Result<()
     let text = kept.to_toml()?;
     RunRecord::begin(kept).write(run)?;
     write_file(&run.config(), text.as_bytes())
+}
+
+fn read(path: &Path) -> Result<Vec<u8>, DesignError> {
+    std::fs::read(path).map_err(DesignError::io(path))
 }
 
 /// The files of a network whose description lies here.
@@ -111,7 +123,7 @@ pub fn check_inputs(setup: &Setup, run: &RunFolder) -> Result<(), DesignError> {
         return Ok(());
     }
     let problem =
-"lens, glasses, sensor, ISP, networks in place of tracing, photographs or labelled pictures are not those that this run began with; put \
+"lens, glasses, sensor, ISP, networks in place of tracing, weights of the detector, photographs or labelled pictures are not those that this run began with; put \
              them back, or start a new run"
             .to_owned();
     Err(DesignError::Run { path, problem })

@@ -150,11 +150,15 @@ impl Scenes {
         random.set_stream(item);
         let number = random.random_range(0..self.config.windows as u64);
         let window = self.window(camera, List::Training, number)?;
-        let crops = &self.training_crops;
-        let window = match random.random() {
-            true => Arc::new(window.mirrored(crops.crop, crops.sensor_columns)),
-            false => window,
+        let (own, crops) = (self.crops(List::Training), &self.training_crops);
+        let is_mirrored = random.random();
+        let mut window = match own == *crops {
+            true => window,
+            false => Arc::new(window.part(&own, crops, &mut random)),
         };
+        if is_mirrored {
+            window = Arc::new(window.mirrored(crops.crop, crops.sensor_columns));
+        }
         Ok(shot(&window, crops, item))
     }
 
@@ -162,11 +166,22 @@ impl Scenes {
     pub fn shot(&self, camera: &Camera, list: List, number: u64) -> Result<Shot, DesignError> {
         let window = self.window(camera, list, number)?;
         let frame = if list == List::Validation { FIRST_VALIDATION + number } else { number };
-        Ok(shot(&window, self.crops(list), frame))
+        Ok(shot(&window, &self.crops(list), frame))
     }
 
-    fn crops(&self, list: List) -> &CropPlan {
-        if list == List::HeldOut { &self.scoring_crops } else { &self.training_crops }
+    /// How the windows of a list are cut. Training windows of streets are larger than a crop: a street costs much more than its pixels, and
+    /// every step takes another part of it.
+    fn crops(&self, list: List) -> CropPlan {
+        let crops = self.training_crops;
+        match (list, &self.source) {
+            (List::HeldOut, _) => self.scoring_crops,
+            (List::Training, Source::Streets(_)) => {
+                let most = crops.sensor_rows.min(crops.sensor_columns) - 2 * crops.surround;
+                let crop = ((1.0 + self.config.spare) * crops.crop as f64) as usize;
+                CropPlan { crop: crop.min(most), ..crops }
+            }
+            _ => crops,
+        }
     }
 
     fn window(&self, camera: &Camera, list: List, number: u64) -> Result<Arc<LabelledWindow>, DesignError> {
@@ -184,13 +199,13 @@ impl Scenes {
                     List::HeldOut => self.config.held_out_families,
                     _ => self.config.families,
                 };
-                plan.window(list, families, number, [&view, &self.reference], crops)?
+                plan.window(list, families, number, [&view, &self.reference], &crops)?
             }
             Source::Pictures(pictures, how) => {
                 if let Some(window) = kept.windows.get(&(list, number)) {
                     return Ok(window.clone());
                 }
-                pictures.window(how, list, [number, self.windows_of(list)], crops)?
+                pictures.window(how, list, [number, self.windows_of(list)], &crops)?
             }
         };
         let window = Arc::new(window);

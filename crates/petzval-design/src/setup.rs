@@ -80,6 +80,8 @@ impl Setup {
     pub fn new(experiment: Experiment, assets: &Assets, device: Device) -> Result<Self, DesignError> {
         let mut setup = Self::without_photos(experiment, assets, device)?;
         if setup.experiment.task.finds_objects() {
+            // Weights that do not fit are told of before anything is written.
+            setup.network()?;
             let crops = [setup.training_crops, setup.scoring_crops];
             let (pixel_um, nominal) = (setup.body.sensor.pixel_um, &setup.nominal().lens_file.lens);
             setup.scenes = Some(Scenes::new(&setup.experiment, crops, &setup.fixed_plan, pixel_um, nominal)?);
@@ -243,14 +245,18 @@ impl Setup {
         Ok(Lpips::from_safetensors(&self.lpips_weights, &self.body.device)?)
     }
 
-    /// An untrained network: the same bits for every variant of a run.
+    /// A network as a variant starts with it, untrained or a detector with given weights: the same bits for every variant of a run.
     pub fn network(&self) -> Result<NetworkBlock, DesignError> {
         let (experiment, device) = (&self.experiment, &self.body.device);
         if experiment.task.finds_objects() {
-            let DetectorConfig { kind, backbone } = experiment.detector;
+            let DetectorConfig { kind, backbone, weights } = &experiment.detector;
             let classes = experiment.task.classes().len();
-            let detector = kind.init(backbone, classes, experiment.seed, device)?;
-            return Ok(NetworkBlock::new(Network::Detector(detector)));
+            let detector = kind.init(*backbone, classes, experiment.seed, device)?;
+            let block = NetworkBlock::new(Network::Detector(detector));
+            return match weights {
+                None => Ok(block),
+                Some(path) => block.with_weights(Path::new(path)),
+            };
         }
         let NetworkConfig { kind, base_channels, levels } = experiment.network;
         Ok(NetworkBlock::new(kind.init(base_channels, levels, experiment.seed, device)?))

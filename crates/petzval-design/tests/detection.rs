@@ -11,7 +11,7 @@ use petzval_camera::render::Placement;
 use petzval_camera::sensor::{Noise, NoiseMode};
 use petzval_camera::tape::Frames;
 use petzval_design::assets::Assets;
-use petzval_design::block::{Batch, OpticsBlock};
+use petzval_design::block::{Batch, Block, OpticsBlock};
 use petzval_design::camera::{Camera, PsfSource, Shot};
 use petzval_design::design_loop::{DesignLoop, Ending, Observer};
 use petzval_design::error::DesignError;
@@ -138,6 +138,11 @@ fn a_run_trains_a_detector_behind_a_moving_lens_and_scores_what_it_finds() {
     let moved = lens.surfaces.iter().zip(&spot.surfaces).any(|(a, b)| a.shape != b.shape);
     let away = (joint.efl_mm - trained.efl_mm).abs() / trained.efl_mm;
     assert!(moved && away < 0.02, "{away}");
+    // A run that names the weights starts with them.
+    let weights = run.camera("trained").join("blocks/network/weights.bin");
+    let next = setup_of(&format!("{TINY}{more}[detector]\nweights = {weights:?}\n"));
+    let start = next.network().unwrap().save_numbers().unwrap();
+    assert!(start["weights.bin"] == std::fs::read(&weights).unwrap());
     for state in ["00-truth.png", "00-end-to-end-output.png"] {
         assert!(run.picture(state).is_file(), "{state}");
     }

@@ -231,7 +231,7 @@ fn network(source: &Source, device: &Device, context: &Context) -> Result<Finder
                     format!("the run has {}", names.join(", ")),
                 ));
             }
-            let DetectorConfig { kind, backbone } = experiment.detector;
+            let DetectorConfig { kind, backbone, .. } = experiment.detector;
             let classes = experiment.task.classes();
             let detector = kind.init(backbone, classes.len(), 1, device).map_err(DesignError::from)?;
             let mut block = NetworkBlock::new(Network::Detector(detector));

@@ -82,6 +82,24 @@ fn a_run_that_looks_for_objects_is_scored_again_reported_and_lends_its_detector(
     let again = run_ok(root, &["evaluate", "run"]);
     assert!(again.stdout.contains("own figures: 0.000e0"), "{}", again.stdout);
 
+    // Another run starts with its detector, and keeps a copy.
+    let file = "run/cameras/nominal/blocks/network/weights.bin";
+    let next = |weights: &str| {
+        let text =
+            TINY.replacen("[[variant]]", &format!("[detector]\nweights = \"{weights}\"\n[[variant]]"), 1);
+        std::fs::write(root.join("next.toml"), text).unwrap();
+    };
+    next(file);
+    run_ok(root, &["design", "next.toml", "--variant", "nominal", "--out", "next"]);
+    let bytes = |name: &str| std::fs::read(root.join(name)).unwrap();
+    assert!(bytes("next/inputs/detector-weights.bin") == bytes(file));
+    assert!(read(&root.join("next/config.toml")).contains("inputs/detector-weights.bin"));
+    run_ok(root, &["evaluate", "next"]);
+    for (weights, says) in [("nowhere.bin", "blocks/network/weights.bin"), ("tiny.toml", "the same kind")] {
+        next(weights);
+        run_fails(root, &["design", "next.toml", "--out", "b"], 2, &[says]);
+    }
+
     // Its detector looks at pictures of any size.
     std::fs::create_dir(root.join("in")).unwrap();
     write_lights(&root.join("in"));

@@ -1,13 +1,14 @@
-//! The network as a block: its weights, moved by Adam.
+//! The network as a block: its weights, moved by Adam, or by the optimiser of detectors.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 use std::rc::Rc;
 
-use burn::grad_clipping::GradientClippingConfig;
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
 use burn::prelude::*;
 use burn::tensor::Bytes;
+use petzval_learn::detection;
 use petzval_learn::network::{Network, PictureNetwork};
 
 use super::{Batch, Block, BlockName, BlockState, StepRule, backward, named, part};
@@ -29,6 +30,16 @@ impl NetworkBlock {
     /// A network at the start of its training.
     pub fn new(network: Network) -> Self {
         Self { anchor: network.clone(), optimizer: optimizer(&network), network }
+    }
+
+    /// The same with the weights of a file that a network of the same kind wrote.
+    pub fn with_weights(mut self, path: &Path) -> Result<Self, DesignError> {
+        let bytes = std::fs::read(path).map_err(DesignError::io(path))?;
+        self.load_numbers(&BTreeMap::from([(WEIGHTS.to_owned(), bytes)])).map_err(|problem| {
+            let hint = "weights of the same kind of network, backbone and number of classes are needed";
+            DesignError::misfit(path, &problem, hint)
+        })?;
+        Ok(Self::new(self.network))
     }
 
     /// The network.
@@ -97,16 +108,12 @@ impl Block for NetworkBlock {
     }
 }
 
-/// Largest norm of the gradient of a weight of a detector: few boxes of a batch may say very much.
-const DETECTOR_GRADIENT: f32 = 1.0;
-
-/// Adam, which has not seen a gradient yet.
+/// An optimiser that has not seen a gradient yet.
 fn optimizer(network: &Network) -> ModuleOptimizer {
-    let clipping = match network {
-        Network::Detector(_) => Some(GradientClippingConfig::Norm(DETECTOR_GRADIENT)),
-        _ => None,
-    };
-    AdamConfig::new().with_grad_clipping(clipping).init()
+    match network {
+        Network::Detector(detector) => detection::optimizer(detector),
+        _ => AdamConfig::new().init(),
+    }
 }
 
 fn unwritable(problem: &dyn std::fmt::Display) -> DesignError {

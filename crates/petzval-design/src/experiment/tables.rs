@@ -69,13 +69,17 @@ parameters! {
 }
 
 /// What looks for objects in the finished pictures.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct DetectorConfig {
     /// Two stages, or one.
     pub kind: DetectorKind,
     /// What turns pictures into features.
     pub backbone: BackboneKind,
+    /// The file of weights from which the detector starts, in place of drawn ones: `cameras/NAME/blocks/network/weights.bin` of a run with the
+    /// same detector and classes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub weights: Option<String>,
 }
 
 parameters! {
@@ -94,6 +98,9 @@ parameters! {
         busy: f64 = 0.4, "", 0..1, Linear, "0.4; 1 for a town at noon";
         /// Share of the windows that are placed on an object; the others lie anywhere.
         on_objects: f64 = 0.9, "", 0..1, Linear, "0.9";
+        /// By how much training windows are larger than `training.crop`, as a share of it: every step takes another part of a window, on one of its
+        /// objects.
+        spare: f64 = 0.5, "", 0..3, Linear, "0.5";
         /// Least longer side of an object that counts; smaller ones are neither asked for nor held against the detector.
         least_side_px: f64 = 24.0, "pixels", 1..1e4, Log, "24 pixels";
         /// Least share of an object that must be seen for it to count.

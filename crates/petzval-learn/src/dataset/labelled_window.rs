@@ -1,8 +1,13 @@
 //! A window of a scene with the objects that are to be found in it.
 
+use std::collections::BTreeMap;
+
 use half::f16;
 use petzval_camera::image::{CHANNELS, LinearImage};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
 
+use super::CropPlan;
 use crate::detection::{BBox, Object, Truth};
 
 /// Brightest light that is kept, in units of white; sensors are full long before.
@@ -65,6 +70,50 @@ impl LabelledWindow {
         LinearImage { channels: CHANNELS, height: self.side, width: self.side, data }
     }
 
+    /// A smaller crop out of this one, which was cut by the plan `own`: on an object, of every class as often as of the others, or anywhere if
+    /// there is none. The two plans differ in their crop alone.
+    ///
+    /// # Panics
+    /// Panics if the crop of `plan` is the larger one.
+    pub fn part(&self, own: &CropPlan, plan: &CropPlan, random: &mut ChaCha8Rng) -> Self {
+        let spare = own.crop.checked_sub(plan.crop).expect("a part is no larger than the whole");
+        let mut by_class: BTreeMap<usize, Vec<&Object>> = BTreeMap::new();
+        for object in &self.truth.objects {
+            by_class.entry(object.class).or_default().push(object);
+        }
+        let by_class: Vec<Vec<&Object>> = by_class.into_values().collect();
+        let middle: [f32; 2] = match by_class.len() {
+            0 => std::array::from_fn(|_| random.random::<f32>() * own.crop as f32),
+            classes => {
+                let of_class = &by_class[random.random_range(0..classes)];
+                let [x, y] = of_class[random.random_range(0..of_class.len())].bbox.centre();
+                // The object's middle lies in the middle half of the crop.
+                [y, x].map(|at| at + (random.random::<f32>() - 0.5) * 0.5 * plan.crop as f32)
+            }
+        };
+        let first = middle.map(|at| (at - 0.5 * plan.crop as f32).clamp(0.0, spare as f32) as usize);
+        let at = [0, 1].map(|i| self.at[i] + first[i]);
+        // Where its border begins in this window: at the edge of the sensor the border is on the other side.
+        let [whole, part] = [own.exposed_at(self.at[0], self.at[1]), plan.exposed_at(at[0], at[1])];
+        let (top, left, side) = (part.0 - whole.0, part.1 - whole.1, plan.window());
+        let planes = self.planes.chunks_exact(self.side * self.side);
+        let rows = planes.flat_map(|plane| plane.chunks_exact(self.side).skip(top).take(side));
+        let planes = rows.flat_map(|row| &row[left..left + side]).copied().collect();
+        let mut truth = Truth::default();
+        for object in &self.truth.objects {
+            match inside(&object.bbox, first, plan.crop) {
+                Some((bbox, share)) if share >= LEAST_INSIDE => {
+                    truth.objects.push(Object { bbox, ..*object })
+                }
+                Some((bbox, _)) => truth.ignored.push(bbox),
+                None => {}
+            }
+        }
+        let ignored = self.truth.ignored.iter();
+        truth.ignored.extend(ignored.filter_map(|bbox| Some(inside(bbox, first, plan.crop)?.0)));
+        Self { side, planes, at, truth }
+    }
+
     /// The window as a mirror shows it, at the mirrored place of a sensor of so many columns. A lens is symmetric, so it sees this as well.
     pub fn mirrored(&self, crop: usize, sensor_columns: usize) -> Self {
         let mut planes = self.planes.clone();
@@ -75,5 +124,51 @@ impl LabelledWindow {
         let ignored = self.truth.ignored.iter().map(|b| flip(*b)).collect();
         let at = [self.at[0], sensor_columns - crop - self.at[1]];
         Self { side: self.side, planes, at, truth: Truth { objects, ignored } }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::SeedableRng;
+
+    use super::*;
+
+    /// Every pixel of the light says where on the sensor it is.
+    #[test]
+    fn a_part_shows_the_same_places_of_the_sensor_and_an_object() {
+        let plan = |crop| CropPlan { crop, margin: 3, surround: 5, sensor_rows: 90, sensor_columns: 120 };
+        let (own, small) = (plan(48), plan(20));
+        let mut random = ChaCha8Rng::seed_from_u64(1);
+        for at in [[0, 0], [2, 70], [42, 72], [20, 33]] {
+            let side = own.window();
+            let exposed = own.exposed_at(at[0], at[1]);
+            let place = |origin: (usize, usize), i: usize, side: usize| {
+                let (row, column) = (i / side % side, i % side);
+                ((origin.0 + row) * 1000 + origin.1 + column) as f32
+            };
+            // Half precision holds integers up to 2048.
+            let short = |v: f32| v % 2039.0;
+            let light = (0..CHANNELS * side * side).map(|i| short(place(exposed, i, side)));
+            let bbox = BBox::new(30.0, 8.0, 36.0, 14.0);
+            let far = Object { bbox, class: 1 };
+            let truth = Truth { objects: vec![far], ignored: vec![BBox::new(0.0, 0.0, 48.0, 48.0)] };
+            let window = LabelledWindow::new(side, light, at, truth);
+            for _ in 0..20 {
+                let part = window.part(&own, &small, &mut random);
+                let origin = small.exposed_at(part.at[0], part.at[1]);
+                let side = small.window();
+                let light = part.scene();
+                assert_eq!([light.height, light.width], [side; 2]);
+                assert!((0..light.data.len()).all(|i| light.data[i] == short(place(origin, i, side))));
+                // The object is where it was on the sensor, and wholly in the part as far as the offset allows.
+                let object = part.truth.objects[0];
+                let moved = [1, 0].map(|i| part.at[i] as f32 - at[i] as f32);
+                assert_eq!(
+                    object,
+                    Object { bbox: bbox.moved(moved.map(|v| -v)).clipped([20, 20]), class: 1 }
+                );
+                assert_eq!(part.truth.ignored, [BBox::new(0.0, 0.0, 20.0, 20.0)]);
+            }
+        }
     }
 }

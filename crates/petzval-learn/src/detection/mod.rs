@@ -25,6 +25,7 @@ mod levels;
 mod loss;
 mod matcher;
 mod nms;
+mod optimizer;
 mod parameters;
 mod proposals;
 mod pyramid;
@@ -40,6 +41,7 @@ pub use boxes::BBox;
 pub use faster_rcnn::{FasterRcnn, FasterRcnnConfig};
 pub use fcos::{Fcos, FcosConfig};
 pub use matcher::Match;
+pub use optimizer::optimizer;
 
 use burn::prelude::*;
 use petzval_camera::image::LinearImage;

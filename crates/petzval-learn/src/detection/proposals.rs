@@ -35,8 +35,12 @@ pub struct ProposalConfig {
     pub after_suppression: [usize; 2],
     /// Overlap above which the better of two proposals of a level suppresses the other.
     pub most_overlap: f32,
+    /// Which anchors have an object, and which have none.
+    pub matcher: Matcher,
     /// Anchors of a picture of which the loss is computed.
     pub sampled: usize,
+    /// Factor of the loss of boxes: it is divided by the number of all sampled anchors, of which few have an object.
+    pub box_weight: f32,
 }
 
 /// The network: a 3x3 convolution over every level of the pyramid, then for each anchor one logit and four offsets.
@@ -152,13 +156,12 @@ impl ProposalNetwork {
 
     /// The losses of logits and of offsets, over sampled anchors of all pictures.
     pub fn losses(&self, seen: &Proposed, truths: &[Truth], seed: u64) -> [Tensor<1>; 2] {
-        let matcher = Matcher { high: 0.7, low: 0.3, keep_best: true };
         let (device, all) = (seen.logits.device(), seen.anchors.len());
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let (mut with, mut without, mut targets) = (Vec::new(), Vec::new(), Vec::new());
         for (item, truth) in truths.iter().enumerate() {
             let boxes: Vec<BBox> = truth.objects.iter().map(|o| o.bbox).collect();
-            let matches = matcher.matches(&boxes, &truth.ignored, &seen.anchors);
+            let matches = self.config.matcher.matches(&boxes, &truth.ignored, &seen.anchors);
             let drawn = sample(&matches, self.config.sampled, 0.5, &mut random);
             for (anchor, object) in drawn.positive {
                 with.push((item * all + anchor) as i64);
@@ -180,7 +183,8 @@ impl ProposalNetwork {
             0 => Tensor::zeros([1], &device),
             _ => {
                 let offsets = seen.offsets.clone().reshape([batch * all, 4]).select(0, index(with.clone()));
-                smooth_l1(offsets, tensor(targets, [positive, 4], &device), BETA) / count as f32
+                let weight = self.config.box_weight / count as f32;
+                smooth_l1(offsets, tensor(targets, [positive, 4], &device), BETA) * weight
             }
         };
         // Logits: of both.

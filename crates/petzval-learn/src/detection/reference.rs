@@ -254,7 +254,7 @@ fn proposals_from_features_to_boxes() {
         before_suppression: [count("pre_nms_top_n"); 2],
         after_suppression: [count("post_nms_top_n"); 2],
         most_overlap: case["nms_thresh"].as_f64().unwrap() as f32,
-        sampled: 256,
+        ..FasterRcnnConfig::torchvision(BackboneKind::Resnet50, 90).proposals
     };
     let maps: Vec<Tensor<4>> = ["0", "1"].map(|level| tensor(&case["features"][level], &device)).to_vec();
     let ours = proposals_of(&Parameters::read(&file, 1, &device), &maps, config, [64, 96]);
