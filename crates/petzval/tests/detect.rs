@@ -152,3 +152,29 @@ fn a_folder_with_boxes_takes_the_place_of_the_streets() {
     std::fs::write(root.join("nowhere.toml"), nowhere).unwrap();
     run_fails(root, &["design", "nowhere.toml", "--out", "b"], 2, &["a folder in COCO format"]);
 }
+
+/// Muon's momentum and Adam's moments of a detector are in a checkpoint, each with its weight.
+#[test]
+fn a_detector_that_is_trained_in_two_sittings_has_the_same_weights() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    let text = TINY.replace("steps = 2", "steps = 4").replacen(
+        "[[variant]]",
+        "[checkpoint]\nevery = 1\nkeep = 10\n[[variant]]",
+        1,
+    );
+    std::fs::write(root.join("tiny.toml"), text).unwrap();
+    run_ok(root, &["design", "tiny.toml", "--variant", "nominal", "--out", "run"]);
+    let weights = root.join("run/cameras/nominal/blocks/network/weights.bin");
+    let results = || (read(&root.join("run/metrics.json")), std::fs::read(&weights).unwrap());
+    let whole = results();
+    // As it was after its second step.
+    std::fs::remove_file(root.join("run/metrics.json")).unwrap();
+    std::fs::remove_dir_all(root.join("run/cameras")).unwrap();
+    for later in 3..=5 {
+        std::fs::remove_dir_all(root.join(format!("run/checkpoints/step-{later:06}"))).unwrap();
+    }
+    assert!(root.join("run/checkpoints/step-000002").is_dir());
+    run_ok(root, &["design", "--resume", "run"]);
+    assert!(results() == whole);
+}

@@ -35,7 +35,8 @@ pub(super) fn workloads() -> Vec<Workload> {
             step(PICTURES, BlockName::Optics, what)
         }),
         workload("detector_step", || {
-            let what = "render, expose, automotive ISP in whole numbers, Faster R-CNN forward and back, Adam";
+            let what =
+                "render, expose, automotive ISP in whole numbers, Faster R-CNN forward and back, optimiser";
             step(OBJECTS, BlockName::Network, what)
         }),
         workload("detector_lens_step", || {
