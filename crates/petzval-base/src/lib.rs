@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`FileError`] | an error in a file: line, key, value, and a hint |
 //! | [`parameter`] | the description of a number that a user may set: unit, range, scale, default, sentence |
+//! | [`read_whole`], [`read_text`], [`open_file`] | read files, and refuse what may have no end |
 //! | [`write_whole`] | writes a file completely or not at all |
 //! | [`simd`] | chooses the instruction set of the vector kernels |
 //! | [`random`] | random numbers as a function of seed, frame, stage and place |
@@ -17,4 +18,4 @@ pub mod statistics;
 mod whole_file;
 
 pub use file_error::{FileError, quote};
-pub use whole_file::write_whole;
+pub use whole_file::{open_file, read_at_most, read_text, read_whole, write_whole};

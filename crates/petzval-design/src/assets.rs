@@ -30,8 +30,8 @@ pub struct Assets {
 pub type WarningSink = Arc<dyn Fn(&str) + Send + Sync>;
 
 /// Built-in glass files: where several know a name, the first counts.
-const GLASS_FILES: [&str; 8] =
-    ["crystals", "polymers", "schott", "ohara", "hoya", "hikari", "sumita", "cdgm"];
+const GLASS_FILES: [&str; 9] =
+    ["crystals", "polymers", "materials", "schott", "ohara", "hoya", "hikari", "sumita", "cdgm"];
 
 /// A text with the place it came from, for messages.
 pub struct Text {
@@ -67,7 +67,7 @@ impl Assets {
                 if path.is_dir() {
                     open.push(path);
                 } else if let Ok(below) = path.strip_prefix(root) {
-                    let bytes = std::fs::read(&path).map_err(DesignError::io(&path))?;
+                    let bytes = petzval_base::read_whole(&path).map_err(DesignError::io(&path))?;
                     files.push((below.to_string_lossy().replace('\\', "/"), Cow::Owned(bytes)));
                 }
             }
@@ -99,8 +99,8 @@ impl Assets {
     /// A text by path or by built-in name: a file that exists wins.
     pub fn text(&self, kind: &'static str, folder: &str, name: &str) -> Result<Text, DesignError> {
         let path = Path::new(name);
-        if path.is_file() {
-            let text = std::fs::read_to_string(path).map_err(|e| unreadable(path, &e))?;
+        if path.exists() && !path.is_dir() {
+            let text = petzval_base::read_text(path).map_err(|e| unreadable(path, &e))?;
             return Ok(Text { path: path.to_path_buf(), text });
         }
         // `data/lenses/x.toml` names the built-in x also where no such folder exists.
@@ -165,7 +165,7 @@ impl Assets {
                 return Ok(Import { file, losses: Vec::new() });
             }
         };
-        let bytes = std::fs::read(path).map_err(|e| unreadable(path, &e))?;
+        let bytes = petzval_base::read_whole(path).map_err(|e| unreadable(path, &e))?;
         let mut import = parse(&decode(&bytes), &catalog).map_err(DesignError::input(path))?;
         if import.file.lens.name.is_empty() {
             import.file.lens.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();

@@ -148,7 +148,7 @@ fn finished(root: &Path) -> Result<Finished, DesignError> {
         None => read_config(&run)?,
     };
     let path = run.fingerprint();
-    let fingerprint = std::fs::read_to_string(&path).map_err(DesignError::io(&path))?;
+    let fingerprint = petzval_base::read_text(&path).map_err(DesignError::io(&path))?;
     Ok(Finished { root: root.to_owned(), fingerprint, config, record, metrics })
 }
 

@@ -16,6 +16,7 @@ use petzval_learn::objective::{LabelKind, Labels, NamedLoss, Objective, Taken};
 use petzval_optics::design_space::EflSolve;
 use petzval_optics::lens::{Lens, validate};
 use petzval_optics::number::Number;
+use petzval_optics::paraxial::image_height_per_tangent;
 use serde::{Deserialize, Serialize};
 
 use crate::block::{Batch, BlockName, Blocks, IspBlock, NetworkBlock, StepMethod};
@@ -26,6 +27,7 @@ use crate::run::{
     CameraMetrics, Event, EventLog, Kept, Metrics, RunFolder, RunRecord, forget_most_memory,
     latest_checkpoint, load_blocks, save_blocks, save_checkpoint, write_file,
 };
+use crate::run_report::camera_lens;
 use crate::scoring::{Scorer, collect_metrics};
 use crate::seen_windows::{self, SeenWindow};
 use crate::setup::Setup;
@@ -69,6 +71,33 @@ fn finished(camera: &Camera, isp: &IspBlock, network: &NetworkBlock) -> Camera {
         true => camera.with_chip(ChipValues::Exact(isp.values())),
         false => camera,
     }
+}
+
+/// The lens of a variant as its blocks stand.
+fn lens_of(setup: &Setup, variant: &Variant, blocks: &Blocks) -> Result<Lens, DesignError> {
+    let file = &setup.start(variant).lens_file;
+    if !variant.moves_lens() {
+        return Ok(file.lens.clone());
+    }
+    Ok(Lens { name: format!("{}, {}", file.lens.name, variant.name), ..blocks.optics.lens()? })
+}
+
+/// Puts the digital zoom of a variant in front of its detector, once its blocks have their lens.
+fn zoom_network(
+    blocks: &mut Blocks,
+    setup: &Setup,
+    run: &RunFolder,
+    variant: &Variant,
+) -> Result<(), DesignError> {
+    blocks.network.set_zoom(zoom_of(run, variant, &lens_of(setup, variant, blocks)?)?);
+    Ok(())
+}
+
+/// By how much pictures of a variant with this lens are enlarged for its detector, in a run whose earlier variants are finished.
+pub fn zoom_of(run: &RunFolder, variant: &Variant, lens: &Lens) -> Result<f64, DesignError> {
+    let Some(other) = &variant.zoomed_like else { return Ok(1.0) };
+    let scale = |lens: &Lens| image_height_per_tangent(&lens.at_wavelength(lens.reference_um));
+    Ok(scale(&camera_lens(run, other)?.lens) / scale(lens))
 }
 
 /// Where a run stands: what a checkpoint holds apart from its blocks.
@@ -214,7 +243,7 @@ impl DesignLoop {
             |path: &std::path::Path, problem: String| DesignError::Run { path: path.to_path_buf(), problem };
         if let Some((step, folder)) = &checkpoint {
             let path = folder.join(POSITION_FILE);
-            let text = std::fs::read_to_string(&path).map_err(DesignError::io(&path))?;
+            let text = petzval_base::read_text(&path).map_err(DesignError::io(&path))?;
             position = serde_json::from_str(&text).map_err(|e| damaged(&path, e.to_string()))?;
             position.check(&setup, *step).map_err(|problem| damaged(&path, problem.to_owned()))?;
         }
@@ -226,6 +255,7 @@ impl DesignLoop {
         let mut validations = Validations::default();
         if let Some((_, folder)) = &checkpoint {
             load_blocks(folder, blocks.all_mut(), Kept::NumbersAndProgress)?;
+            zoom_network(&mut blocks, &setup, &run, variant)?;
             let keep = setup.experiment.validation.keep;
             validations = Validations::load(folder, position.validation, keep, &blocks)?;
         }
@@ -297,6 +327,9 @@ impl DesignLoop {
         }
         let metrics = collect_metrics(&self.setup, &self.run, self.scorer.scores())?;
         let text = DesignError::json("the figures of the run", &metrics)?;
+        write_file(&self.run.metrics_csv(), metrics.csv().as_bytes())?;
+        write_file(&self.run.pictures_csv(), metrics.pictures_csv().as_bytes())?;
+        // Last: a run that has it is complete.
         write_file(&self.run.metrics(), text.as_bytes())?;
         RunRecord::finish(&self.run, self.position.seconds)?;
         Ok(Ending::Finished(Box::new(metrics)))
@@ -464,11 +497,7 @@ impl DesignLoop {
 
     /// The lens of a variant as it stands.
     fn lens(&self, variant: &Variant) -> Result<Lens, DesignError> {
-        let file = &self.setup.start(variant).lens_file;
-        if !variant.moves_lens() {
-            return Ok(file.lens.clone());
-        }
-        Ok(Lens { name: format!("{}, {}", file.lens.name, variant.name), ..self.blocks.optics.lens()? })
+        lens_of(&self.setup, variant, &self.blocks)
     }
 
     /// Whether the lens has steps to come in a stage.
@@ -604,6 +633,6 @@ impl DesignLoop {
             let first = next.stages.get(stage);
             self.blocks.begin_stage(|block| first.map_or(0, |stage| stage.task_steps_of(block)));
         }
-        Ok(())
+        zoom_network(&mut self.blocks, &setup, &self.run, next)
     }
 }

@@ -1,7 +1,5 @@
 //! What the report of a run shows of detection: precision over recall, figures by group, where objects are lost, and mistakes.
 
-use std::fs;
-
 use petzval_learn::detection::BBox;
 use petzval_learn::score::detection::{
     Bootstrap, Group, Interpolation, Picture, Protocol, Ranking, bootstrap,
@@ -137,7 +135,7 @@ impl Seen<'_> {
         let mistake = |(number, (rank, bbox, class)): (usize, Ranked)| {
             let path = run.picture(&file_name(number, "output", Some(self.camera)));
             Ok(Mistake {
-                picture_png: fs::read(&path).map_err(DesignError::io(&path))?,
+                picture_png: petzval_base::read_whole(&path).map_err(DesignError::io(&path))?,
                 bbox: [bbox.x1, bbox.y1, bbox.x2, bbox.y2],
                 title: title(class, rank),
             })

@@ -94,8 +94,10 @@ pub enum DesignError {
         /// The share that was asked for, %.
         percent: f64,
     },
-    /// The lens file has no variables.
-    #[error("the lens `{0}` has no variables: add [[variable]] entries with bounds to its file")]
+    /// The lens file has no variables, and the lens no curved surface.
+    #[error(
+        "the lens `{0}` has no variables, and no curved surface that could be one: add [[variable]] entries with bounds to its file"
+    )]
     NothingToMove(String),
     /// Variables or solves that do not fit the lens.
     #[error(transparent)]

@@ -101,7 +101,7 @@ pub fn keep_inputs(setup: &Setup, assets: &Assets, run: &RunFolder) -> Result<()
 }
 
 fn read(path: &Path) -> Result<Vec<u8>, DesignError> {
-    std::fs::read(path).map_err(DesignError::io(path))
+    petzval_base::read_whole(path).map_err(DesignError::io(path))
 }
 
 /// The files of a network whose description lies here.
@@ -118,7 +118,7 @@ fn make_parent(path: &Path) -> Result<(), DesignError> {
 /// Refuses to go on with a run, or to score it again, from other inputs than it was made from.
 pub fn check_inputs(setup: &Setup, run: &RunFolder) -> Result<(), DesignError> {
     let path = run.fingerprint();
-    let noted = std::fs::read_to_string(&path).map_err(DesignError::io(&path))?;
+    let noted = petzval_base::read_text(&path).map_err(DesignError::io(&path))?;
     if noted.trim() == fingerprint(setup)? {
         return Ok(());
     }

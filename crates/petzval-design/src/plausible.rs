@@ -12,6 +12,7 @@ use petzval_optics::paraxial::first_order;
 use crate::assets::Text;
 use crate::block::BlockName;
 use crate::error::DesignError;
+use crate::requirements::FieldOfView;
 use crate::setup::Setup;
 use crate::variant::Variant;
 
@@ -26,6 +27,7 @@ pub fn check(setup: &Setup, source: &Text) -> Result<Vec<String>, DesignError> {
     check_colour(setup)?;
     let mut warnings = check_exposure(setup, source)?;
     warnings.extend(drifting_lenses(setup));
+    warnings.extend(usual_variables(setup));
     warnings.extend(unlike_starts(setup));
     warnings.extend(unlike_steps(setup));
     Ok(warnings)
@@ -86,8 +88,11 @@ fn check_exposure(setup: &Setup, source: &Text) -> Result<Vec<String>, DesignErr
 
 /// Lenses that are free to change their focal length.
 fn drifting_lenses(setup: &Setup) -> Vec<String> {
-    let mut moving: Vec<&Variant> =
-        setup.variants.iter().filter(|v| v.steps_of(BlockName::Optics) > 0).collect();
+    let mut moving: Vec<&Variant> = setup
+        .variants
+        .iter()
+        .filter(|v| v.steps_of(BlockName::Optics) > 0 && v.field == FieldOfView::Held)
+        .collect();
     moving.dedup_by(|a, b| a.lens == b.lens);
     let drifts = |v: &&Variant| {
         let file = &setup.start(v).lens_file;
@@ -110,6 +115,21 @@ fn drifting_lenses(setup: &Setup) -> Vec<String> {
         )
     };
     moving.into_iter().filter(drifts).map(warning).collect()
+}
+
+/// Lenses that move and whose files name no variables.
+fn usual_variables(setup: &Setup) -> Vec<String> {
+    let moved = setup.variants.iter().filter(|v| v.steps_of(BlockName::Optics) > 0);
+    let mut names: Vec<&String> =
+        moved.filter(|v| !setup.start(v).names_variables).map(|v| &v.lens).collect();
+    names.dedup();
+    let warning = |name: &String| {
+        format!(
+            "{name}: the file names no variables: radii move within a fifth of their curvature and gaps of air by a quarter, and the last radius \
+             holds the focal length (hint: `petzval init --lens {name}` writes them into a file to edit)"
+        )
+    };
+    names.into_iter().map(warning).collect()
 }
 
 /// Variants that start from a lens of another focal length or f-number than the first.

@@ -5,9 +5,22 @@ use petzval_optics::constraint::{Constraint, penalty};
 use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::Lens;
 use petzval_optics::pupil::chief_ray;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use crate::error::DesignError;
 use crate::experiment::ConstraintConfig;
+
+/// Whether a lens that moves for the task keeps its field of view, and so its focal length.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum FieldOfView {
+    /// That of the lens from which it starts, as far as `constraints.distortion_tolerance` allows.
+    #[default]
+    Held,
+    /// It takes the one that is best for the task.
+    Free,
+}
 
 /// Requirements of the moving lenses of an experiment, the same for the control and for end to end.
 #[derive(Clone, Debug)]
@@ -45,9 +58,12 @@ impl Requirements {
         &self.constraints
     }
 
-    /// The sum of squared violations, mm^2, and its gradient.
-    pub fn penalty(&self, lens: &Lens) -> Result<(f64, LensGradient), DesignError> {
-        penalty(&self.constraints, lens)
+    /// The sum of squared violations, mm^2, and its gradient; with a free field of view without that of the corner.
+    pub fn penalty(&self, lens: &Lens, field: FieldOfView) -> Result<(f64, LensGradient), DesignError> {
+        let counts =
+            |c: &&Constraint| field == FieldOfView::Held || !matches!(c, Constraint::ChiefHeight { .. });
+        let constraints: Vec<Constraint> = self.constraints.iter().filter(counts).cloned().collect();
+        penalty(&constraints, lens)
             .ok_or(DesignError::NoLight { field_deg: self.corner_field_rad.to_degrees() })
     }
 }

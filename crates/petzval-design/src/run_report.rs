@@ -1,7 +1,6 @@
 //! From a run folder to its report: what was written during the run is gathered, and each lens traced again.
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::Path;
 
 use petzval_camera::isp::IspParameter;
@@ -41,7 +40,7 @@ const LAYOUT_SHARES: [f64; 3] = [0.0, 0.5, 1.0];
 /// The lens of a finished camera.
 pub fn camera_lens(run: &RunFolder, camera: &str) -> Result<LensFile, DesignError> {
     let path = run.camera(camera).join("lens.toml");
-    let text = fs::read_to_string(&path).map_err(DesignError::io(&path))?;
+    let text = petzval_base::read_text(&path).map_err(DesignError::io(&path))?;
     // A lens that we wrote carries its glasses with it.
     parse_lens(&text, &Catalog::default()).map_err(DesignError::input(&path))
 }
@@ -54,7 +53,7 @@ pub fn read_metrics(run: &RunFolder) -> Result<Metrics, DesignError> {
             format!("the run is not finished; go on with `petzval design --resume {}`", run.root().display());
         return Err(DesignError::Run { path, problem });
     }
-    let text = fs::read_to_string(&path).map_err(DesignError::io(&path))?;
+    let text = petzval_base::read_text(&path).map_err(DesignError::io(&path))?;
     serde_json::from_str(&text).map_err(|e| DesignError::Run { path, problem: e.to_string() })
 }
 
@@ -113,7 +112,7 @@ pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Resu
         losses: loss_curves(events),
         config_toml: match &record {
             Some(record) => record.config.to_toml()?,
-            None => fs::read_to_string(run.config()).map_err(DesignError::io(&run.config()))?,
+            None => petzval_base::read_text(run.config()).map_err(DesignError::io(&run.config()))?,
         },
         environment: [record.map_or_else(Vec::new, |r| r.facts()), environment(&run.environment())?].concat(),
         notes: notes(&metrics),
@@ -300,7 +299,7 @@ fn changes(nominal: &LensFile, after: &Lens) -> Vec<Change> {
 fn pictures(run: &RunFolder, metrics: &Metrics) -> Result<Vec<PictureView>, DesignError> {
     let read = |file: String| {
         let path = run.picture(&file);
-        fs::read(&path).map_err(DesignError::io(&path))
+        petzval_base::read_whole(&path).map_err(DesignError::io(&path))
     };
     let Some(first) = metrics.rows.first() else { return Ok(Vec::new()) };
     // First every photograph in the corner and in the middle of the field, then the other places.
@@ -365,7 +364,7 @@ fn loss_curves(events: Vec<Event>) -> Vec<LossCurve> {
 }
 
 fn environment(path: &Path) -> Result<Vec<(String, String)>, DesignError> {
-    let text = fs::read_to_string(path).map_err(DesignError::io(path))?;
+    let text = petzval_base::read_text(path).map_err(DesignError::io(path))?;
     let values: BTreeMap<String, serde_json::Value> = serde_json::from_str(&text)
         .map_err(|e| DesignError::Run { path: path.to_path_buf(), problem: e.to_string() })?;
     let plain = |v: serde_json::Value| match v {

@@ -191,7 +191,7 @@ impl Scenes {
         let window = match &self.source {
             Source::Streets(plan) => {
                 let lens = camera.psfs().lens().ok_or(DesignError::NoLens)?;
-                let view = self.view(lens, &mut kept)?;
+                let view = self.view(lens, camera.light(), &mut kept)?;
                 if let Some(window) = kept.windows.get(&(list, number)) {
                     return Ok(window.clone());
                 }
@@ -223,12 +223,13 @@ impl Scenes {
         count as u64
     }
 
-    /// How a lens sees by its chief rays. Windows of another lens are forgotten.
-    fn view(&self, lens: &Lens, kept: &mut Kept) -> Result<Arc<StreetView>, DesignError> {
+    /// How a lens whose image has such a brightness sees by its chief rays. Windows of another lens are forgotten.
+    fn view(&self, lens: &Lens, light: f64, kept: &mut Kept) -> Result<Arc<StreetView>, DesignError> {
         if let Some(view) = kept.view.as_ref().filter(|_| kept.lens.as_ref() == Some(lens)) {
             return Ok(view.clone());
         }
-        let view = Arc::new(view_of(lens, &self.fields, &self.scoring_crops, self.pixel_mm)?);
+        let view = view_of(lens, &self.fields, &self.scoring_crops, self.pixel_mm)?.with_light(light);
+        let view = Arc::new(view);
         *kept = Kept { lens: Some(lens.clone()), view: Some(view.clone()), windows: HashMap::new() };
         Ok(view)
     }
@@ -256,5 +257,6 @@ fn shot(window: &LabelledWindow, crops: &CropPlan, frame: u64) -> Shot {
         kept: Some(crop_window(crops, row, column)),
         frame,
         truth: window.truth.clone(),
+        follows_light: window.follows_light,
     }
 }

@@ -18,7 +18,7 @@ use petzval_optics::spot::spot;
 use rayon::prelude::*;
 
 use crate::boxes::{with_detections, with_truth};
-use crate::camera::{Camera, to_host};
+use crate::camera::{Camera, host_image};
 use crate::error::DesignError;
 use crate::restored::percent;
 use crate::run::{CameraMetrics, Metrics, PictureScore, RunFolder, VERSION};
@@ -118,6 +118,7 @@ impl Scorer {
             psf_errors: camera.psf_errors(),
             restored_error_percent: Some(percent(limit)),
             intervals: self.intervals(&pictures),
+            white_e: metrics.white_e * camera.light(),
             ..metrics
         };
         Ok((metrics, pictures))
@@ -259,11 +260,6 @@ fn named<S>(names: &[String], known: Vec<S>, name_of: impl Fn(&S) -> &str) -> Re
     Ok(scores)
 }
 
-fn host_image(tensor: Tensor<4>) -> Result<LinearImage, DesignError> {
-    let [_, channels, height, width] = tensor.dims();
-    Ok(LinearImage { channels, height, width, data: to_host(tensor)? })
-}
-
 fn camera_metrics(
     setup: &Setup,
     name: &str,
@@ -320,7 +316,7 @@ pub fn collect_metrics(
     let rows: Vec<CameraMetrics> = (setup.variants.iter())
         .map(|variant| {
             let path = run.camera(&variant.name).join("metrics.json");
-            let text = std::fs::read_to_string(&path).map_err(DesignError::io(&path))?;
+            let text = petzval_base::read_text(&path).map_err(DesignError::io(&path))?;
             serde_json::from_str(&text).map_err(|e| DesignError::Run { path, problem: e.to_string() })
         })
         .collect::<Result<_, _>>()?;

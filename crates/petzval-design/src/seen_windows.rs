@@ -1,6 +1,5 @@
 //! What the detector of a camera finds in every held-out window, and at which stage of the camera it loses what: `objects.json`.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use petzval_learn::detection::{Detection, Object, Truth};
@@ -93,7 +92,7 @@ pub fn read(run: &RunFolder, camera: &str) -> Result<Option<Vec<SeenWindow>>, De
     if !path.is_file() {
         return Ok(None);
     }
-    let text = fs::read_to_string(&path).map_err(DesignError::io(&path))?;
+    let text = petzval_base::read_text(&path).map_err(DesignError::io(&path))?;
     serde_json::from_str(&text).map_err(|e| DesignError::Run { path, problem: e.to_string() })
 }
 

@@ -19,19 +19,22 @@ use petzval_learn::network::Network;
 use petzval_learn::objective::{FindObjects, ImageQuality, Objective};
 use petzval_learn::score::Field;
 use petzval_optics::lens::Lens;
+use petzval_optics::paraxial::image_brightness;
 use serde::Deserialize;
 
 use crate::assets::Assets;
 use crate::block::{BlockName, Blocks, ImitationPlan, IspBlock, NetworkBlock, OpticsBlock};
-use crate::camera::{Body, Camera, PsfErrors, PsfSource, Psfs};
+use crate::camera::{Body, Camera, PsfErrors, PsfSource, Psfs, SameTime};
 use crate::error::DesignError;
 use crate::experiment::{
-    BUILT_IN_PHOTOS, DetectorConfig, Experiment, NetworkConfig, OF_THE_WHOLE_FRAME, TaskKind, places_of,
+    BUILT_IN_PHOTOS, DetectorConfig, Experiment, NetworkConfig, OF_THE_WHOLE_FRAME, SameOf, TaskKind,
+    places_of,
 };
 use crate::optics_proxy::{ProxyOptics, read_proxy_optics};
 use crate::psf_plan::PsfPlan;
+use crate::requirements::FieldOfView;
 use crate::scenes::Scenes;
-use crate::start::Start;
+use crate::start::{Start, StartOf};
 use crate::study::Study;
 use crate::variant::Variant;
 
@@ -45,8 +48,9 @@ pub struct Setup {
     pub experiment: Experiment,
     /// The cameras that are made and compared.
     pub variants: Vec<Variant>,
-    /// Lenses from which variants start, by the name that variants give them; the experiment's is always among them.
-    pub starts: BTreeMap<String, Arc<Start>>,
+    /// Lenses from which variants start, by the name that variants give them and whether their field of view is held; the experiment's own,
+    /// held, is always among them.
+    starts: BTreeMap<(String, FieldOfView), Arc<Start>>,
     /// Networks that take the place of tracing while lenses move, by the path that variants give.
     pub optics_proxies: BTreeMap<String, Arc<ProxyOptics>>,
     /// Sensor, exposure and device of every camera.
@@ -80,7 +84,7 @@ impl Setup {
     pub fn new(experiment: Experiment, assets: &Assets, device: Device) -> Result<Self, DesignError> {
         let mut setup = Self::without_photos(experiment, assets, device)?;
         if setup.experiment.task.finds_objects() {
-            // Weights that do not fit are told of before anything is written.
+            // Fails now, while there is no run folder yet, if `detector.weights` does not fit the detector.
             setup.network()?;
             let crops = [setup.training_crops, setup.scoring_crops];
             let (pixel_um, nominal) = (setup.body.sensor.pixel_um, &setup.nominal().lens_file.lens);
@@ -112,22 +116,27 @@ impl Setup {
         let exposure = experiment.exposure.exposure();
         let limit = Arc::new(LinearLimit::new(&sensor, &exposure, NaturalScenes::default()));
         let variants = experiment.variants();
-        let mut starts: BTreeMap<String, Arc<Start>> = BTreeMap::new();
-        for name in [&experiment.lens].into_iter().chain(variants.iter().map(|v| &v.lens)) {
-            if !starts.contains_key(name) {
-                let start = Start::new(name, &experiment, assets, &sensor, &moving_plan, &limit)?;
-                starts.insert(name.clone(), Arc::new(start));
+        let mut starts: BTreeMap<(String, FieldOfView), Arc<Start>> = BTreeMap::new();
+        let own = (experiment.lens.clone(), FieldOfView::Held);
+        for key in [own.clone()].into_iter().chain(variants.iter().map(start_key)) {
+            if !starts.contains_key(&key) {
+                let is_it = |v: &&Variant| start_key(v) == key;
+                let moves = variants.iter().filter(is_it).any(|v| v.steps_of(BlockName::Optics) > 0);
+                let of = StartOf { lens: &key.0, field: key.1, moves };
+                let start = Start::new(of, &experiment, assets, &sensor, &moving_plan, &limit)?;
+                starts.insert(key, Arc::new(start));
             }
         }
         for variant in variants.iter().filter(|v| v.steps_of(BlockName::Optics) > 0) {
-            if starts[&variant.lens].lens_file.variables.is_empty() {
+            if starts[&start_key(variant)].lens_file.variables.is_empty() {
                 return Err(DesignError::NothingToMove(variant.lens.clone()));
             }
         }
         let mut optics_proxies: BTreeMap<String, Arc<ProxyOptics>> = BTreeMap::new();
         for variant in &variants {
             let Some(path) = &variant.optics_proxy else { continue };
-            let proxy = read_proxy_optics(Path::new(path), &starts[&variant.lens], &moving_plan, &device)?;
+            let proxy =
+                read_proxy_optics(Path::new(path), &starts[&start_key(variant)], &moving_plan, &device)?;
             optics_proxies.insert(path.clone(), Arc::new(proxy));
         }
         let layout = PsfLayout {
@@ -157,12 +166,19 @@ impl Setup {
         // Behind a hardware ISP the linear development is for readers of the report alone.
         let restores = development.restore && chip.is_none();
         let restoration = restores.then(|| Wiener::of_exposure(&sensor, &exposure));
+        let own = &starts[&own].lens_file.lens;
+        let same_time = (experiment.exposure.same == SameOf::Time).then(|| SameTime {
+            white_e: exposure.white_e,
+            brightness: image_brightness(&own.at_wavelength(own.reference_um)),
+            // The automatic exposure of a street at night is as long as it may be: what it does not gather stays dark.
+            is_normalised: !experiment.finds_in_streets(),
+        });
         Ok(Self {
             experiment,
             variants,
             starts,
             optics_proxies,
-            body: Arc::new(Body { sensor, geometry, exposure, isp, restoration, chip, device }),
+            body: Arc::new(Body { sensor, geometry, exposure, same_time, isp, restoration, chip, device }),
             moving_plan,
             fixed_plan,
             limit,
@@ -178,13 +194,13 @@ impl Setup {
     }
 
     /// The start of the experiment's own lens.
-    pub fn nominal(&self) -> &Start {
-        &self.starts[&self.experiment.lens]
+    pub fn nominal(&self) -> &Arc<Start> {
+        &self.starts[&(self.experiment.lens.clone(), FieldOfView::Held)]
     }
 
     /// The lens from which a variant starts.
     pub fn start(&self, variant: &Variant) -> &Arc<Start> {
-        &self.starts[&variant.lens]
+        &self.starts[&start_key(variant)]
     }
 
     /// The camera of a lens, without a network. A lens on its way is sampled as its gradient is; one at rest finely, with
@@ -285,7 +301,8 @@ impl Setup {
 
     /// The blocks as a variant finds them before its first stage, at the numbers of its lens file and of an untrained network.
     pub fn blocks(&self, variant: &Variant) -> Result<Blocks, DesignError> {
-        let optics = OpticsBlock::new(self.start(variant).clone(), self.experiment.constraints.weight);
+        let weight = self.experiment.constraints.weight;
+        let optics = OpticsBlock::new(self.start(variant).clone(), weight).with_field(variant.field);
         Ok(Blocks { optics, isp: self.isp(), network: self.network()? })
     }
 
@@ -305,6 +322,11 @@ impl Setup {
     pub fn corner_mm(&self) -> f64 {
         self.fixed_plan.field_radius_mm.last().copied().unwrap_or(0.0)
     }
+}
+
+/// By what the start of a variant is found.
+fn start_key(variant: &Variant) -> (String, FieldOfView) {
+    (variant.lens.clone(), variant.field)
 }
 
 /// The settings of the experiment's hardware ISP at the gain of its exposure, if it names one.

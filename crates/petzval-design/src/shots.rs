@@ -63,6 +63,7 @@ fn shot_of(setup: &Setup, photos: &[NamedPhoto], step: u64, item: u32) -> Result
         kept: Some(crop_window(crops, c.sensor_row, c.sensor_column)),
         frame: step * setup.experiment.training.batch as u64 + u64::from(item),
         truth: Truth::default(),
+        follows_light: true,
     })
 }
 
@@ -92,7 +93,14 @@ pub fn held_out_shots(setup: &Setup, camera: &Camera) -> Result<Vec<(String, f64
             let scene = photo.image.crop(from_row, from_column, window, window)?;
             let kept = crop_window(crops, place.sensor_row, place.sensor_column);
             let frame = shots.len() as u64;
-            let shot = Shot { scene, placement, kept: Some(kept), frame, truth: Truth::default() };
+            let shot = Shot {
+                scene,
+                placement,
+                kept: Some(kept),
+                frame,
+                truth: Truth::default(),
+                follows_light: true,
+            };
             shots.push((photo.name.clone(), relative_field(setup, camera, &shot), shot));
         }
     }

@@ -6,9 +6,12 @@ use std::sync::Arc;
 use petzval_camera::linear_limit::LinearLimit;
 use petzval_camera::sensor::SensorModel;
 use petzval_files::LensFile;
-use petzval_optics::design_space::{DesignSpace, DesignSpaceError, EflSolve, Focus, SmoothSpace, Solves};
+use petzval_optics::design_space::{
+    DesignSpace, DesignSpaceError, EflSolve, Focus, SmoothSpace, Solves, Variable, near_variables,
+};
 use petzval_optics::lens::{Lens, ObjectDistance};
 use petzval_optics::merit::SpotResiduals;
+use petzval_optics::number::Number;
 use petzval_optics::optimize::{Apertures, Goal, Problem};
 use petzval_optics::pupil::PupilSampling;
 use petzval_optics::solve::thin_equivalent;
@@ -17,7 +20,7 @@ use crate::assets::Assets;
 use crate::error::DesignError;
 use crate::experiment::{BOX_CENTRE_LENS, Experiment, PERFECT_LENS};
 use crate::psf_plan::PsfPlan;
-use crate::requirements::Requirements;
+use crate::requirements::{FieldOfView, Requirements};
 use crate::restored::RestoredError;
 use crate::variant::LensGoal;
 
@@ -25,6 +28,8 @@ use crate::variant::LensGoal;
 pub struct Start {
     /// Its file.
     pub lens_file: LensFile,
+    /// Whether the file names variables of its own; they are [`near_variables`] if not.
+    pub names_variables: bool,
     /// Where it may go.
     pub space: SmoothSpace,
     /// What every lens of that space must keep.
@@ -37,10 +42,23 @@ pub struct Start {
     limit: Arc<LinearLimit>,
 }
 
+/// Which lens, and what variants do with it.
+#[derive(Clone, Copy, Debug)]
+pub struct StartOf<'a> {
+    /// File, built-in name, [`PERFECT_LENS`] or [`BOX_CENTRE_LENS`].
+    pub lens: &'a str,
+    /// Whether it keeps its field of view.
+    pub field: FieldOfView,
+    /// Whether some variant moves it.
+    pub moves: bool,
+}
+
 impl Start {
-    /// Reads a lens, or makes the [`PERFECT_LENS`] or the [`BOX_CENTRE_LENS`], and its design space.
+    /// Reads a lens, or makes the [`PERFECT_LENS`] or the [`BOX_CENTRE_LENS`], and its design space. With a free field of view the radius that
+    /// its file solves for the focal length is a variable within the bounds of the solve. A lens that `moves` and whose file names no variables
+    /// gets the usual ones near its own numbers, and a solve that holds its focal length.
     pub fn new(
-        name: &str,
+        StartOf { lens: name, field, moves }: StartOf,
         experiment: &Experiment,
         assets: &Assets,
         sensor: &SensorModel,
@@ -60,6 +78,23 @@ impl Start {
             BOX_CENTRE_LENS => assets.lens(&experiment.lens)?,
             _ => assets.lens(name)?,
         };
+        let names_variables = !lens_file.variables.is_empty();
+        let solves = Solves { efl: lens_file.efl_solve, length: lens_file.length_solve };
+        if moves
+            && !names_variables
+            && let Some((variables, solve)) = near_variables(&lens_file.lens, &solves)
+        {
+            lens_file.variables = variables;
+            lens_file.efl_solve = Some(solve);
+        }
+        if let Some(solve) = lens_file.efl_solve.take_if(|_| field == FieldOfView::Free) {
+            let [min, max] = solve.radius_mm.ok_or_else(|| {
+                let message = "the radius that is solved for has no bounds, within which it could be free";
+                DesignError::misfit(Path::new(name), &message, "add radius_mm = [min, max] to its efl solve")
+            })?;
+            let (surface, number) = (solve.surface, Number::Curvature);
+            lens_file.variables.push(Variable { surface, number, min, max });
+        }
         // Spots and pictures are scored in the same colours.
         let mut colours = experiment.psf.wavelengths_um.to_vec();
         colours.sort_by(f64::total_cmp);
@@ -93,7 +128,15 @@ impl Start {
             };
             DesignError::misfit(Path::new(name), &e, hint)
         })?;
-        Ok(Self { lens_file, space, requirements, spot_fields_rad, plan: plan.clone(), limit: limit.clone() })
+        Ok(Self {
+            lens_file,
+            names_variables,
+            space,
+            requirements,
+            spot_fields_rad,
+            plan: plan.clone(),
+            limit: limit.clone(),
+        })
     }
 
     /// The spots of a lens, over fields of equal area.

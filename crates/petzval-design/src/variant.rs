@@ -8,6 +8,7 @@ use petzval_camera::sensor::NoiseMode;
 
 use crate::adam::cosine_rate;
 use crate::block::{BlockName, StepMethod, StepRule};
+use crate::requirements::FieldOfView;
 
 /// A camera of the comparison.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,6 +25,10 @@ pub struct Variant {
     pub optics_proxy: Option<String>,
     /// How noise is sampled while it is made.
     pub noise: NoiseMode,
+    /// Whether its lens keeps its field of view while it moves for the task.
+    pub field: FieldOfView,
+    /// The variant whose magnification its detector sees by a digital zoom.
+    pub zoomed_like: Option<String>,
     /// Whether a variant of the chain from which it starts moves the lens.
     pub starts_moved: bool,
     /// What is done with it, in this order.

@@ -13,7 +13,7 @@ use petzval_camera::tape::Frames;
 use petzval_design::assets::Assets;
 use petzval_design::block::{Batch, Block, OpticsBlock};
 use petzval_design::camera::{Camera, PsfSource, Shot};
-use petzval_design::design_loop::{DesignLoop, Ending, Observer};
+use petzval_design::design_loop::{DesignLoop, Ending, Observer, zoom_of};
 use petzval_design::error::DesignError;
 use petzval_design::experiment::Experiment;
 use petzval_design::inputs::keep_inputs;
@@ -117,7 +117,7 @@ fn a_run_trains_a_detector_behind_a_moving_lens_and_scores_what_it_finds() {
     let folder = tempfile::tempdir().unwrap();
     let run = RunFolder::create(&folder.path().join("run")).unwrap();
     keep_inputs(&setup, &assets, &run).unwrap();
-    let spot = setup.starts["cooke-triplet-spot"].lens_file.lens.clone();
+    let spot = setup.start(&setup.variants[1]).lens_file.lens.clone();
     let design = DesignLoop::new(run.clone(), Scorer::new(Arc::new(setup)).unwrap()).unwrap();
     let Ending::Finished(metrics) = design.run(&mut Silent, &AtomicBool::new(false)).unwrap() else {
         panic!("nothing stops it");
@@ -148,6 +148,59 @@ fn a_run_trains_a_detector_behind_a_moving_lens_and_scores_what_it_finds() {
     }
 }
 
+/// A lens whose field of view is free takes another focal length, with other light at the same exposure time; its control sees enlarged pictures
+/// through a lens that stays.
+#[test]
+fn a_lens_with_a_free_field_has_a_control_that_is_zoomed_like_it() {
+    let more = "[exposure]\nsame = \"time\"\n\
+        [[variant]]\nname = \"nominal\"\n[[variant.stage]]\nmoves = [\"network\"]\n\
+        [[variant]]\nname = \"free\"\nfrom = \"nominal\"\nlens = \"cooke-triplet-nominal\"\nfield = \"free\"\n\
+        [[variant.stage]]\nmoves = [\"optics\", \"network\"]\n\
+        schedule = { optics = { learning_rate = 0.2 } }\n\
+        [[variant]]\nname = \"zoomed\"\nfrom = \"nominal\"\nzoomed_like = \"free\"\n\
+        [[variant.stage]]\nmoves = [\"network\"]\nschedule = { network = { steps = 1 } }\n";
+    let setup = Arc::new(setup(more));
+    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let run = RunFolder::create(&folder.path().join("run")).unwrap();
+    keep_inputs(&setup, &assets, &run).unwrap();
+    let design = DesignLoop::new(run.clone(), Scorer::new(setup.clone()).unwrap()).unwrap();
+    let Ending::Finished(metrics) = design.run(&mut Silent, &AtomicBool::new(false)).unwrap() else {
+        panic!("nothing stops it");
+    };
+    let [nominal, free, zoomed] = &metrics.rows[..] else { panic!("three cameras") };
+    let ratio = free.efl_mm / nominal.efl_mm;
+    assert!((ratio - 1.0).abs() > 0.005, "the focal length is free: {ratio}");
+    // White has the electrons of the image's brightness.
+    assert!((free.white_e / nominal.white_e * ratio * ratio - 1.0).abs() < 1e-6, "{}", free.white_e);
+    assert_eq!(zoomed.efl_mm, nominal.efl_mm);
+    let lens = petzval_design::run_report::camera_lens(&run, "zoomed").unwrap().lens;
+    let zoom = zoom_of(&run, &setup.variants[2], &lens).unwrap();
+    assert!((zoom / ratio - 1.0).abs() < 1e-9, "{zoom} {ratio}");
+    assert_eq!(zoom_of(&run, &setup.variants[0], &lens).unwrap(), 1.0);
+}
+
+/// Variants that contradict themselves are refused where they stand.
+#[test]
+fn a_free_field_and_a_zoom_have_their_conditions() {
+    let one = "[[variant]]\nname = \"a\"\n[[variant.stage]]\nmoves = [\"optics\", \"network\"]\n";
+    let refused = |more: &str| Experiment::parse(&format!("{TINY}{one}{more}")).unwrap_err().to_string();
+    let stays = "[[variant.stage]]\nmoves = [\"network\"]\n";
+    for (variant, stages, wanted) in [
+        ("field = \"free\"", stays, "does not move for the task"),
+        (
+            "field = \"free\"\nfrom = \"a\"",
+            "[[variant.stage]]\nmoves = [\"optics\"]\n",
+            "differ in what the lens keeps",
+        ),
+        ("zoomed_like = \"c\"", stays, "which is no earlier variant"),
+        ("zoomed_like = \"a\"", "[[variant.stage]]\nmoves = [\"optics\"]\n", "the lens of `b` moves"),
+    ] {
+        let said = refused(&format!("[[variant]]\nname = \"b\"\n{variant}\n{stages}"));
+        assert!(said.contains(wanted) && said.contains("hint: "), "{said}");
+    }
+}
+
 #[test]
 fn a_detectors_loss_has_its_gradient_by_the_lens() {
     let more = "[development]\ndemosaic = \"bilinear\"\ndomain = \"linear\"\nrestore = false\n\
@@ -155,7 +208,7 @@ fn a_detectors_loss_has_its_gradient_by_the_lens() {
         [[variant]]\nname = \"a\"\n[[variant.stage]]\nmoves = [\"optics\", \"network\"]\n";
     let text = TINY.replace("fields = 3", "fields = 5").replace("pupil_cells = 16", "pupil_cells = 32");
     let setup = setup_of(&format!("{text}{more}"));
-    let nominal = setup.starts[&setup.experiment.lens].clone();
+    let nominal = setup.nominal().clone();
     let lens_at = |x: &[f64]| nominal.space.lens_at(x).unwrap();
     let x = nominal.space.start().to_vec();
     // The gradient is that at fixed fields.
@@ -188,6 +241,7 @@ fn a_detectors_loss_has_its_gradient_by_the_lens() {
         kept: None,
         frame: 0,
         truth: Truth { objects: objects.to_vec(), ignored: Vec::new() },
+        follows_light: true,
     };
     let shots = [shot(100, 200), shot(1000, 1700)];
     let noise = Noise { mode: NoiseMode::Off, seed: 1 };

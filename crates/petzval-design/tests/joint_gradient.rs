@@ -11,14 +11,17 @@ use petzval_camera::sensor::{Noise, NoiseMode};
 use petzval_camera::tape::Frames;
 use petzval_design::assets::Assets;
 use petzval_design::block::{Batch, Block, OpticsBlock, StepMethod, StepRule};
-use petzval_design::camera::{Camera, PsfSource, Shot};
-use petzval_design::experiment::DevelopmentConfig;
+use petzval_design::camera::{Camera, PsfSource, SameTime, Shot};
+use petzval_design::experiment::{DevelopmentConfig, VariantConfig};
 use petzval_design::psf_plan::PsfPlan;
+use petzval_design::requirements::FieldOfView;
 use petzval_design::setup::Setup;
+use petzval_design::start::Start;
 use petzval_learn::Device;
 use petzval_learn::detection::Truth;
 use petzval_learn::network::NetworkKind;
 use petzval_learn::objective::{Labels, NamedLoss, Objective, Taken};
+use petzval_optics::paraxial::image_brightness;
 
 fn setup() -> Setup {
     setup_with(false)
@@ -38,6 +41,8 @@ fn setup_with(restore: bool) -> Setup {
     experiment.network.base_channels = 8;
     experiment.network.levels = 2;
     experiment.loss.lpips_weight = 0.2;
+    let end_to_end = experiment.variant.last().unwrap().clone();
+    experiment.variant.push(VariantConfig { name: "free".into(), field: FieldOfView::Free, ..end_to_end });
     Setup::new(experiment, &assets, Device::flex().autodiff()).unwrap()
 }
 
@@ -63,17 +68,22 @@ fn shots(setup: &Setup) -> Vec<Shot> {
             kept: None,
             frame: i as u64,
             truth: Truth::default(),
+            follows_light: i != 1,
         })
         .collect()
 }
 
 /// A camera of the nominal lens at some coordinates, with an untrained network behind it.
 fn camera(setup: &Setup, x: &[f64]) -> Camera {
+    camera_from(setup, setup.nominal(), x)
+}
+
+/// The same of another lens.
+fn camera_from(setup: &Setup, start: &Start, x: &[f64]) -> Camera {
     // The gradient is that at fixed fields.
-    let nominal = setup.nominal();
-    let lens_at = |x: &[f64]| nominal.space.lens_at(x).unwrap();
+    let lens_at = |x: &[f64]| start.space.lens_at(x).unwrap();
     let moving = &setup.moving_plan;
-    let fields = moving.field_angles(&lens_at(nominal.space.start())).unwrap();
+    let fields = moving.field_angles(&lens_at(start.space.start())).unwrap();
     let plan = PsfPlan { held_fields_rad: Some(fields), ..moving.clone() };
     let psfs = PsfSource::Traced { lens: Box::new(lens_at(x)), plan }.psfs().unwrap();
     Camera::new(setup.body.clone(), Arc::new(psfs)).unwrap().with_network(setup.network().unwrap().held())
@@ -91,7 +101,7 @@ fn loss(setup: &Setup, objective: &dyn Objective, x: &[f64], shots: &[Shot]) -> 
 /// Losses and gradient at the start of the design space.
 fn gradient_at_start(setup: &Setup, shots: &[Shot], noise: Noise) -> (f64, Vec<f64>) {
     let objective = setup.objective().unwrap();
-    let start = setup.starts[&setup.experiment.lens].clone();
+    let start = setup.nominal().clone();
     let camera = camera(setup, start.space.start());
     let loss = |camera: &Camera, frames: &Frames, shots: &[Shot]| {
         let taken = Taken { frames, detector: None, seed: 0 };
@@ -157,33 +167,68 @@ fn smooth_loss(frames: &Frames) -> NamedLoss {
 
 #[test]
 fn a_loss_without_kinks_has_the_gradient_of_its_differences() {
-    smooth_gradient(&setup(), 5e-4);
+    let setup = setup();
+    smooth_gradient(&setup, setup.nominal(), 5e-4);
 }
 
 #[test]
 fn the_gradient_goes_through_blur_and_filter() {
     // The gradient is smaller than without the filter, and the rounding of differences larger beside it.
-    smooth_gradient(&setup_with(true), 4e-3);
+    let setup = setup_with(true);
+    smooth_gradient(&setup, setup.nominal(), 4e-3);
 }
 
-fn smooth_gradient(setup: &Setup, tolerance: f64) {
+/// Where cameras have the same time, a lens of another focal length has more or less light. A picture of a street is then brighter, unless the
+/// automatic exposure shortens its time; a photograph is as bright, with less noise.
+#[test]
+fn the_gradient_goes_through_the_light_that_a_lens_gathers() {
+    let mut setup = setup();
+    let start = setup.start(setup.variants.last().unwrap()).clone();
+    assert!(start.lens_file.efl_solve.is_none());
+    let same_electrons = smooth_gradient(&setup, &start, 5e-4);
+    let own = &setup.nominal().lens_file.lens;
+    let brightness = image_brightness(&own.at_wavelength(own.reference_um));
+    let mut body = (*setup.body).clone();
+    let mut with = |is_normalised| {
+        let white_e = body.exposure.white_e;
+        body.same_time = Some(SameTime { white_e, brightness, is_normalised });
+        setup.body = Arc::new(body.clone());
+        smooth_gradient(&setup, &start, 5e-4)
+    };
+    let (street, photograph) = (with(false), with(true));
+    assert!((photograph / same_electrons - 1.0).abs() < 1e-3, "without noise nothing shows: {photograph}");
+    assert!((street / same_electrons - 1.0).abs() > 0.05, "{street} {same_electrons}");
+}
+
+/// The length of the gradient, after a comparison with differences along it.
+fn smooth_gradient(setup: &Setup, start: &Arc<Start>, tolerance: f64) -> f64 {
     let shots = shots(setup);
     let noise = || Noise { mode: NoiseMode::Off, seed: 1 };
-    let start = setup.starts[&setup.experiment.lens].clone();
     let x = start.space.start().to_vec();
-    let from = camera(setup, &x);
+    let from = camera_from(setup, start, &x);
     let loss = |_: &Camera, frames: &Frames, _: &[Shot]| Ok(smooth_loss(frames));
     let batch =
         Batch { camera: &from, shots: &shots, noise: noise(), loss: &loss, further: &|_| Ok(Vec::new()) };
     // The penalty of the requirements has its own test.
-    let (_, by_x) = OpticsBlock::new(start, 0.0).gradient(&batch).unwrap();
+    let (_, by_x) = OpticsBlock::new(start.clone(), 0.0).gradient(&batch).unwrap();
     let norm = by_x.iter().map(|g| g * g).sum::<f64>().sqrt();
     let at = |step: f64| {
         let moved: Vec<f64> = x.iter().zip(&by_x).map(|(x, g)| x + step * g / norm).collect();
-        smooth_loss(&camera(setup, &moved).take(&shots, &noise()).unwrap()).parts[0].1
+        let camera = camera_from(setup, start, &moved);
+        // Streets are made for the light of the lens.
+        let is_street = setup.body.same_time.is_some_and(|same| !same.is_normalised);
+        let seen = |shot: &Shot| {
+            let mut shot = shot.clone();
+            let light = if is_street && shot.follows_light { camera.light() as f32 } else { 1.0 };
+            shot.scene.data.iter_mut().for_each(|v| *v *= light);
+            shot
+        };
+        let shots: Vec<Shot> = shots.iter().map(seen).collect();
+        smooth_loss(&camera.take(&shots, &noise()).unwrap()).parts[0].1
     };
     let numeric = (at(3e-4) - at(-3e-4)) / 6e-4;
     assert!((numeric - norm).abs() < tolerance * norm, "{norm} against {numeric}");
+    norm
 }
 
 #[test]
@@ -211,7 +256,7 @@ fn steps_by_the_lifted_curvature_lower_the_loss_and_continue_with_the_same_bits(
         let frames = camera.take(&shots, &noise()).unwrap();
         squared(&frames, camera, &shots).parts[0].1
     };
-    let block = || OpticsBlock::new(setup.starts[&setup.experiment.lens].clone(), 1.0);
+    let block = || OpticsBlock::new(setup.nominal().clone(), 1.0);
     let camera_of =
         |block: &OpticsBlock| setup.camera(block.lens().unwrap(), true).unwrap().with_network(network.held());
     let step = |block: &mut OpticsBlock, method: StepMethod, rate: f64| {

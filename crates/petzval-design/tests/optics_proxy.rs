@@ -1,7 +1,6 @@
 //! The network in place of ray tracing: what it learns, its gradient, and its place in a camera.
 
 use std::path::Path;
-use std::sync::Arc;
 
 use burn::prelude::*;
 use petzval_design::assets::Assets;
@@ -21,7 +20,7 @@ fn setup() -> Setup {
 }
 
 fn sampler(setup: &Setup, seed: u64) -> LensSampler {
-    LensSampler::new(setup.starts[&setup.experiment.lens].clone(), setup.moving_plan.clone(), seed)
+    LensSampler::new(setup.nominal().clone(), setup.moving_plan.clone(), seed)
 }
 
 fn trainer(setup: &Setup, seed: u64) -> ProxyOpticsTrainer {
@@ -88,7 +87,7 @@ fn the_psfs_of_some_lenses_are_learnt_by_heart() {
 #[test]
 fn its_gradient_by_the_coordinates_is_that_of_differences() {
     let setup = setup();
-    let start = Arc::clone(&setup.starts[&setup.experiment.lens]);
+    let start = setup.nominal().clone();
     let trainer = trainer(&setup, 1);
     let (proxy, radii) = (trainer.proxy(), &setup.moving_plan.field_radius_mm);
     let x = start.space.start().to_vec();

@@ -11,6 +11,7 @@ use petzval_design::design_loop::{DesignLoop, Ending, Observer};
 use petzval_design::experiment::Experiment;
 use petzval_design::inputs::keep_inputs;
 use petzval_design::psf_plan::PsfPlan;
+use petzval_design::requirements::FieldOfView;
 use petzval_design::run::{CameraMetrics, Event, Metrics, RunFolder, read_events};
 use petzval_design::scoring::Scorer;
 use petzval_design::setup::Setup;
@@ -207,7 +208,7 @@ fn spots_are_minimised_to_convergence_under_the_requirements() {
     assert_eq!(minimised(), (losses.clone(), iterations, lens.clone()));
     // The coordinates of the block say the same lens.
     let requirements = &setup.nominal().requirements;
-    assert!(requirements.penalty(&lens).unwrap().0 < 1e-12);
+    assert!(requirements.penalty(&lens, FieldOfView::Held).unwrap().0 < 1e-12);
     let (square_um2, _) = mean_square_spot(&lens, &setup.nominal().spot_fields_rad).unwrap();
     assert!((square_um2.sqrt() / losses["rms_spot_um"] - 1.0).abs() < 0.02, "{}", square_um2.sqrt());
 }
@@ -274,15 +275,24 @@ fn a_variant_that_starts_from_another_has_its_lens_and_counts_its_steps() {
 }
 
 #[test]
-fn a_lens_without_variables_can_be_a_control_and_cannot_move() {
-    let lens = "lens = \"eight-element-achromat\"\n";
+fn a_lens_without_variables_stays_in_a_control_and_moves_near_its_own_numbers() {
     let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
-    let setup = |stage: &str| {
-        let text = format!("{TINY}{}", variant("a", &format!("{lens}{stage}")));
+    let setup = |lens: &str, stage: &str| {
+        let text = format!("{TINY}{}", variant("a", &format!("lens = \"{lens}\"\n{stage}")));
         Setup::new(Experiment::parse(&text).unwrap(), &assets, Device::flex().autodiff())
     };
-    assert!(setup(NETWORK).is_ok());
-    let refused = setup(JOINT).err().unwrap().to_string();
+    let [stays, moves] = [NETWORK, JOINT].map(|stage| setup("eight-element-achromat", stage).unwrap());
+    let file = |setup: &Setup| setup.start(&setup.variants[0]).lens_file.clone();
+    assert!(file(&stays).variables.is_empty() && file(&stays).efl_solve.is_none());
+    let (before, after) = (file(&stays), file(&moves));
+    assert_eq!(before.lens.surfaces, after.lens.surfaces);
+    assert!(after.efl_solve.is_some() && after.variables.len() > 8, "{:?}", after.variables);
+    for v in &after.variables {
+        let value = v.number.read_stated(&after.lens, v.surface);
+        assert!(v.min < value && value < v.max, "{v:?} {value}");
+    }
+    // A thin lens has nothing that could move.
+    let refused = setup("perfect", JOINT).err().unwrap().to_string();
     assert!(refused.contains("no variables"), "{refused}");
 }
 

@@ -13,6 +13,8 @@ mod glass_toml;
 pub mod isp_file;
 pub mod lens_toml;
 mod loss;
+mod old_glass;
+mod operand_toml;
 pub mod optics_proxy_file;
 mod picture_file;
 pub mod quantum_efficiency;
@@ -36,6 +38,7 @@ pub use glass_file::GlassFile;
 pub use glass_toml::{is_meant_as_catalog, parse_catalog, write_catalog};
 pub use lens_toml::{Expect, Expected, ExpectedSpots, LensFile, lens_schema, parse_lens, write_lens};
 pub use loss::{Effect, Loss};
+pub use operand_toml::{Figure, Operand, OperandFile, parse_operands};
 pub(crate) use picture_file::undecoded;
 pub use picture_file::{
     ImageError, Picture, encoded_png_bytes, load_image, load_image_bytes, picture_size, png_bytes, save_png,

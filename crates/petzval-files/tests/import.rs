@@ -529,7 +529,11 @@ fn records_that_cannot_be_traced_are_refused_with_their_line() {
         (standard, "  TYPE TOROIDAL\n  XDAT 1 3", &["line 15: `XDAT 1 3`", "extra terms"]),
         (standard, "  TYPE DGRATING\n  PARM 1 .1\n  PARM 2 0.5", &["line 16", "whole number"]),
         (standard, "  TYPE COORDBRK\n  PARM 3 95", &["line 14", "90 degrees"]),
-        ("  GLAS N-BK7", "  GLAS N-BK8", &["line 17", "no glass is called `N-BK8`", "N-BK7"]),
+        (
+            "  GLAS N-BK7 0 0 1.5168 64.17",
+            "  GLAS N-BK8",
+            &["line 17", "no glass is called `N-BK8`", "N-BK7"],
+        ),
         ("DISZ 4", "DISZ INFINITY", &["line 16: `DISZ INFINITY`", "only the object"]),
         ("DISZ 4", "DISZ -4", &["line 14", "goes against the light"]),
         ("DISZ 4", "DISZ four", &["line 16: `DISZ four`", "not a finite number"]),

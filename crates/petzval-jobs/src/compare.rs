@@ -15,6 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
 use crate::error::JobError;
+use crate::results::check_file;
 
 /// Runs to compare.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -43,6 +44,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         return Err(JobError::input("there is no run to compare", "name folders of finished runs"));
     }
     let comparisons = compare(&request.runs, &context.assets)?;
+    check_file(&request.out, context)?;
     let mut groups = Vec::new();
     for (i, comparison) in comparisons.iter().enumerate() {
         context.progress(i as u64, comparisons.len() as u64, &comparison.title);

@@ -54,6 +54,7 @@ pub struct Context {
     watcher: Arc<dyn Watcher>,
     cancelled: Arc<AtomicBool>,
     command: String,
+    overwrites: bool,
 }
 
 impl Context {
@@ -61,7 +62,8 @@ impl Context {
     pub fn new(assets: Assets, watcher: Arc<dyn Watcher>) -> Self {
         let sink = watcher.clone();
         let assets = assets.reporting_warnings(Arc::new(move |text: &str| sink.warning(text)));
-        Self { assets, watcher, cancelled: Arc::new(AtomicBool::new(false)), command: String::new() }
+        let cancelled = Arc::new(AtomicBool::new(false));
+        Self { assets, watcher, cancelled, command: String::new(), overwrites: false }
     }
 
     /// The same context with a flag that stops its jobs once it is set.
@@ -72,6 +74,16 @@ impl Context {
     /// The same context with the command line that its jobs keep beside their results.
     pub fn with_command(self, command: String) -> Self {
         Self { command, ..self }
+    }
+
+    /// The same context, whose jobs may overwrite results that are there.
+    pub fn overwriting(self, overwrites: bool) -> Self {
+        Self { overwrites, ..self }
+    }
+
+    /// Whether jobs may overwrite results that are there.
+    pub fn overwrites(&self) -> bool {
+        self.overwrites
     }
 
     /// The same context, whose reports nobody sees.

@@ -6,9 +6,11 @@ use std::rc::Rc;
 use petzval_camera::image::LinearImage;
 use petzval_design::block::NetworkBlock;
 use petzval_design::boxes::with_boxes;
+use petzval_design::design_loop::zoom_of;
 use petzval_design::error::DesignError;
 use petzval_design::experiment::DetectorConfig;
 use petzval_design::run::{Kept, RunFolder, load_blocks};
+use petzval_design::run_report::camera_lens;
 use petzval_files::coco::{self, Bounds, Category, DataSet, Image, save_coco, save_results};
 use petzval_files::{encoded_png_bytes, load_image};
 use petzval_learn::Device;
@@ -20,6 +22,7 @@ pub use petzval_learn::detection::BackboneKind;
 
 use crate::context::Context;
 use crate::error::{JobError, make_folder, write_file};
+use crate::results::check_folder;
 
 /// Pictures to look at, and the detector.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -106,6 +109,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     }
     let device = context.device(&request.device)?;
     let files = files(&request.images)?;
+    if let Some(out) = &request.out {
+        check_folder(out, ["detections.json", "annotations.json"], context)?;
+    }
     let (network, classes) = network(&request.detector, &device, context)?;
     let detector = network.detector().ok_or_else(|| JobError::failed("the network is no detector"))?;
     let mut pictures = Vec::new();
@@ -236,10 +242,13 @@ fn network(source: &Source, device: &Device, context: &Context) -> Result<Finder
             let detector = kind.init(backbone, classes.len(), 1, device).map_err(DesignError::from)?;
             let mut block = NetworkBlock::new(Network::Detector(detector));
             load_blocks(&folder.camera(name), [&mut block as _], Kept::Numbers)?;
+            if let Some(variant) = experiment.variants().iter().find(|variant| variant.name == name) {
+                block.set_zoom(zoom_of(&folder, variant, &camera_lens(&folder, name)?.lens)?);
+            }
             Ok((block.held(), classes.iter().map(|class| (*class).to_owned()).collect()))
         }
         Source::Weights { file, backbone, classes } => {
-            let bytes = std::fs::read(file).map_err(DesignError::io(file))?;
+            let bytes = petzval_base::read_whole(file).map_err(DesignError::io(file))?;
             let detector = AnyDetector::from_torchvision(*backbone, *classes, &bytes, device).map_err(|e| {
                 let hint = "a file of `fasterrcnn_resnet50_fpn` in the format safetensors; --backbone and --classes say what it holds";
                 JobError::input(format!("{}: {e}", file.display()), hint)

@@ -1,5 +1,6 @@
 //! Why a job ends without a response.
 
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use petzval_base::{FileError, write_whole};
@@ -73,6 +74,14 @@ impl JobError {
         Self::Failed(message.into())
     }
 
+    /// A file that could not be read or written. A full disk is nobody's mistake; everything else is one of the request.
+    pub fn system(message: impl Into<String>, error: &std::io::Error, hint: &str) -> Self {
+        match error.kind() {
+            ErrorKind::StorageFull | ErrorKind::QuotaExceeded => Self::failed(message),
+            _ => Self::input(message, hint),
+        }
+    }
+
     /// Who has to change something.
     pub fn fault(&self) -> Fault {
         match self {
@@ -86,8 +95,14 @@ impl From<DesignError> for JobError {
     fn from(error: DesignError) -> Self {
         match error {
             DesignError::Input { path, error } => Self::File { path, error },
-            DesignError::Image(ImageError::Io { .. }) => {
-                Self::input(error.to_string(), "give a PNG, JPEG or TIFF file that exists")
+            DesignError::Image(ImageError::Io { ref source, .. }) => {
+                Self::system(error.to_string(), source, "give a PNG, JPEG or TIFF file that exists")
+            }
+            // What has no end, or is far too large, was named by the request.
+            DesignError::Io { error: ref why, .. }
+                if matches!(why.kind(), ErrorKind::InvalidInput | ErrorKind::FileTooLarge) =>
+            {
+                Self::input(error.to_string(), "")
             }
             _ if error.is_input() => Self::input(error.to_string(), ""),
             _ => Self::failed(error.to_string()),
@@ -102,8 +117,9 @@ impl From<RawFileError> for JobError {
             RawFileError::Content { path, reason, hint } => {
                 Self::input(format!("{}: {reason}", path.display()), hint)
             }
-            RawFileError::Io { .. } => {
-                Self::input(error.to_string(), "give a file that can be read, or a place that can be written")
+            RawFileError::Io { ref source, .. } => {
+                let hint = "give a file that can be read, or a place that can be written";
+                Self::system(error.to_string(), source, hint)
             }
         }
     }
@@ -111,7 +127,7 @@ impl From<RawFileError> for JobError {
 
 /// The text of a file that an error names, to show the line; `None` if it cannot be read.
 pub fn text_of_file(path: &Path) -> Option<String> {
-    std::fs::read(path).ok().map(|bytes| decode(&bytes).into_owned())
+    petzval_base::read_whole(path).ok().map(|bytes| decode(&bytes).into_owned())
 }
 
 /// Writes a file wholly or not at all.

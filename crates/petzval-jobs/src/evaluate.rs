@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use petzval_design::block::Block;
 use petzval_design::camera::Camera;
-use petzval_design::design_loop::finished_camera;
+use petzval_design::design_loop::{finished_camera, zoom_of};
 use petzval_design::error::DesignError;
 use petzval_design::inputs::check_inputs;
 use petzval_design::made_cameras::{MadeError, TrialPlan, made_cameras, symmetric};
@@ -129,11 +129,15 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 }
 
 /// A camera of a run as it was finished.
-fn camera_of(setup: &Setup, folder: &RunFolder, name: &str) -> Result<Camera, JobError> {
+pub(crate) fn camera_of(setup: &Setup, folder: &RunFolder, name: &str) -> Result<Camera, JobError> {
     let (mut isp, mut network) = (setup.isp(), setup.network()?);
     let blocks: [&mut dyn Block; 2] = [&mut isp, &mut network];
     load_blocks(&folder.camera(name), blocks, Kept::Numbers)?;
-    Ok(finished_camera(setup, camera_lens(folder, name)?.lens, &isp, &network)?)
+    let lens = camera_lens(folder, name)?.lens;
+    if let Some(variant) = setup.variants.iter().find(|variant| variant.name == name) {
+        network.set_zoom(zoom_of(folder, variant, &lens)?);
+    }
+    Ok(finished_camera(setup, lens, &isp, &network)?)
 }
 
 /// Makes cameras from every design whose lens can be made, and writes their figures into the run's folder and its report.

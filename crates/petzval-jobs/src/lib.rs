@@ -8,6 +8,7 @@
 //! Two equal requests give equal results to the last bit: budgets count steps or rounds, and a limit in seconds is only
 //! an additional stop.
 
+pub mod apply;
 pub mod bench;
 mod built_in;
 pub mod compare;
@@ -23,6 +24,7 @@ pub mod experiment;
 mod finite;
 mod frames;
 pub mod glass;
+pub mod init;
 pub mod isp;
 pub mod lens;
 pub mod machine;
@@ -32,6 +34,7 @@ pub mod psf_calibrate;
 pub mod psf_capture;
 pub mod raw;
 pub mod report;
+mod results;
 pub mod run_all;
 pub mod sensor;
 pub mod simulate;

@@ -13,7 +13,8 @@ use petzval_report::psf_sheet::psf_sheet;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
-use crate::error::{JobError, json, make_folder};
+use crate::error::{JobError, json, make_folder, write_file};
+use crate::results::check_folder;
 
 pub use petzval_optics::psf::PsfKind;
 
@@ -151,6 +152,9 @@ impl Request {
     }
 }
 
+/// The files of the results.
+const FILES: [&str; 4] = ["psf.npy", "illumination.npy", "psf.png", "psf.json"];
+
 /// Computes and writes the PSFs.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let lens = context.assets.lens(&request.lens)?.lens;
@@ -164,6 +168,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         ));
     }
     let plan = request.plan()?;
+    check_folder(&request.out, FILES, context)?;
     let no_light = |error: DesignError| match error {
         DesignError::NoLight { .. } => JobError::input(
             error.to_string(),
@@ -200,13 +205,10 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         method: psfs.iter().map(|p| p.method.iter().map(Method::from).collect()).collect(),
     };
     let (fields, grid) = (request.fields as u64, request.grid as u64);
-    let [psf, light, sheet, text] =
-        ["psf.npy", "illumination.npy", "psf.png", "psf.json"].map(|name| request.out.join(name));
+    let [psf, light, sheet, text] = FILES.map(|name| request.out.join(name));
     write_npy(&psf, &[fields, 3, grid, grid], &values)?;
     write_npy(&light, &[fields, 3], &illumination)?;
-    psf_sheet(&psfs, request.grid)
-        .save(&sheet)
-        .map_err(|e| JobError::failed(format!("{}: {e}", sheet.display())))?;
+    write_file(&sheet, psf_sheet(&psfs, request.grid))?;
     write_whole(&text, json(&axes)?.as_bytes()).map_err(DesignError::io(&text))?;
     Ok(Response { files: vec![psf, light, sheet, text], axes })
 }

@@ -216,7 +216,7 @@ fn sensor_name(request: &Request) -> Result<String, JobError> {
     if !path.is_file() {
         return Ok(request.sensor.clone());
     }
-    let text = std::fs::read(path).map_err(DesignError::io(path))?;
+    let text = petzval_base::read_whole(path).map_err(DesignError::io(path))?;
     let copy = request.out.join("sensor.toml");
     write_whole(&copy, &text).map_err(DesignError::io(&copy))?;
     Ok("sensor.toml".to_owned())

@@ -94,7 +94,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         true => None,
         false => {
             let out = request.out.join("comparison.html");
-            match compare::run(&compare::Request { runs: finished, out: out.clone() }, context) {
+            // The page is made anew with every run that was added.
+            let context = context.clone().overwriting(true);
+            match compare::run(&compare::Request { runs: finished, out: out.clone() }, &context) {
                 Ok(compared) => Some(compared),
                 Err(error) => {
                     failed.push((out, error.to_string()));

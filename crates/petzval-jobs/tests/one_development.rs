@@ -59,7 +59,14 @@ fn simulate_and_training_develop_a_raw_frame_to_the_same_bits() {
         let window = Window::middle((sensor.height, sensor.width), (2, 2), SIDE, SIDE).unwrap();
         let side = SIDE + 2 * camera.border();
         let scene = LinearImage::filled(3, side, side, 0.5);
-        let shot = Shot { scene, placement: window.placement, kept: None, frame: 0, truth: Truth::default() };
+        let shot = Shot {
+            scene,
+            placement: window.placement,
+            kept: None,
+            frame: 0,
+            truth: Truth::default(),
+            follows_light: true,
+        };
         let off = Noise { mode: NoiseMode::Off, seed: 0 };
         let light = camera.take(std::slice::from_ref(&shot), &off).unwrap().illumination;
         let dn: Vec<f32> = raw.into_iter().map(f32::from).collect();

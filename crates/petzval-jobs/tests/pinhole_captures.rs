@@ -222,7 +222,7 @@ fn the_bank_predicts_new_captures_and_renders_a_point_as_well_as_it_says() {
     };
     let fitted = captured(&[0.0, 0.56, FRAC_PI_2], 1);
     let places: Vec<Place> = fitted.iter().map(place).collect();
-    let (bank, fields) = estimate_bank(&places, sensor.pixel_um).unwrap();
+    let (bank, fields) = estimate_bank(&places, sensor.pixel_um, &|_, _| {}).unwrap();
     let held_out = &fields[0].held_out.score;
 
     // New captures: other azimuths, phases and noise. The figure is that of a mean over few positions: half as much again is far out.

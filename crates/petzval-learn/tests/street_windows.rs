@@ -1,6 +1,8 @@
 //! Windows of generated streets: what they depend on, and what is to be found in them.
 
+use petzval_base::statistics::median;
 use petzval_learn::dataset::{CropPlan, LabelledWindow, List, StreetPlan, StreetView, Wanted};
+use petzval_learn::detection::Object;
 use petzval_street::{Families, Light};
 
 const CROP: usize = 192;
@@ -82,6 +84,39 @@ fn another_lens_looks_at_the_same_object() {
         assert!(off(&short) <= off(&long) + 40.0, "{:?} {:?}", short.at, long.at);
     }
     assert!(compared > 0, "no window of which sizes can be compared");
+}
+
+/// A brighter lens makes the picture of a dark street brighter; by day the automatic exposure takes that back.
+#[test]
+fn light_shows_where_the_exposure_is_at_its_longest() {
+    for (light, shows) in [(Light::Day, false), (Light::Night, true)] {
+        let plan = StreetPlan { light, ..plan() };
+        let [own, bright] =
+            [1.0, 2.0].map(|light| window(&plan, List::HeldOut, 1, &view(25.0).with_light(light)));
+        assert_eq!([own.follows_light, bright.follows_light], [shows; 2]);
+        // Lamps are brighter than what is kept.
+        let middle = |w: &LabelledWindow| median(w.scene().data.iter().map(|v| f64::from(*v)));
+        let ratio = middle(&bright) / middle(&own);
+        assert!((ratio - if shows { 2.0 } else { 1.0 }).abs() < 1e-2, "{light:?}: {ratio}");
+    }
+}
+
+/// A longer lens makes more objects large enough to see and fewer visible: it is asked for the same ones, also for those that it shows no more.
+#[test]
+fn a_longer_lens_is_asked_for_the_same_objects() {
+    let plan = plan();
+    let (mut beyond, mut small) = (0, 0);
+    for number in 0..40 {
+        let [own, long] = [25.0, 50.0].map(|efl| window(&plan, List::HeldOut, number, &view(efl)));
+        let is_beyond = |o: &Object| o.bbox.x1 >= CROP as f32 && o.bbox.y1 >= CROP as f32;
+        assert!(!own.truth.objects.iter().any(is_beyond));
+        beyond += long.truth.objects.iter().filter(|o| is_beyond(o)).count();
+        // Twice as large as through the lens in whose view they count.
+        let side = |o: &Object| (o.bbox.x2 - o.bbox.x1).max(o.bbox.y2 - o.bbox.y1);
+        small += long.truth.objects.iter().filter(|o| side(o) < 1.5 * 24.0).count();
+    }
+    assert!(beyond > 0, "the longer lens sees every object");
+    assert!(small <= 4, "{small} small objects, but for those that are cut off");
 }
 
 #[test]

@@ -55,6 +55,11 @@ pub enum Constraint {
         /// Bounds, mm.
         radius_mm: [f64; 2],
     },
+    /// Least and greatest effective focal length.
+    FocalLength {
+        /// Bounds, mm.
+        between_mm: [f64; 2],
+    },
     /// Least and greatest paraxial back focal length.
     BackFocal {
         /// Bounds, mm.
@@ -214,6 +219,15 @@ impl Constraint {
                 }
                 Some(excess)
             }
+            Self::FocalLength { between_mm: [min, max] } => {
+                let sequence = sequence();
+                let found = first_order(&sequence).efl_mm;
+                if let Some((bar, g)) = pull {
+                    let efl = if found > max { bar } else { -bar };
+                    pull_back_first_order(&sequence, FirstOrderCotangent { efl, ..Default::default() }, g);
+                }
+                Some((found - max).max(min - found))
+            }
             Self::BackFocal { between_mm: [min, max] } => {
                 let (sequence, direction) = (sequence(), direction_of_light(lens, last));
                 let found = direction * first_order(&sequence).bfl_mm;
@@ -328,6 +342,7 @@ impl fmt::Display for Constraint {
                 write!(f, "bounds of the radius that holds the focal length, as a sag")
             }
             Self::Radius { surface, .. } => write!(f, "radius of surface {}", surface + 1),
+            Self::FocalLength { .. } => write!(f, "focal length"),
             Self::BackFocal { .. } => write!(f, "back focal length"),
             Self::ImageDistance { .. } => write!(f, "distance from the last vertex to the image"),
             Self::Track { .. } => write!(f, "track"),

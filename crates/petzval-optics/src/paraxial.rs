@@ -226,6 +226,30 @@ pub fn pull_back_entrance_pupil(sequence: &Sequence, bar: f64, gradient: &mut Le
     pull_back_ray(sequence, &parallel, at_stop(-bar * at / a), gradient);
 }
 
+/// Brightness of the image on the axis, by which lenses in front of one scene are compared: the square of the entrance pupil's diameter over
+/// the focal length, `1 / N^2`. For a near object at D, with the pupil at z: the diameter is multiplied by `D / (D + z)`, and
+/// [`image_height_per_tangent`] takes the place of the focal length. Irradiance is `pi / 4` of the radiance times this. It is that
+/// of a paraxial pupil, to which relative illuminations refer.
+pub fn image_brightness(sequence: &Sequence) -> f64 {
+    let nearness = match sequence.object {
+        ObjectDistance::Infinity => 1.0,
+        ObjectDistance::Finite(distance) => {
+            distance / (distance + first_order(sequence).entrance_pupil_at_mm)
+        }
+    };
+    (sequence.entrance_pupil_mm * nearness / image_height_per_tangent(sequence)).powi(2)
+}
+
+/// Adds the gradient of a loss that depends on the logarithm of [`image_brightness`], by which its derivative is `bar`.
+pub fn pull_back_log_brightness(sequence: &Sequence, bar: f64, gradient: &mut LensGradient) {
+    gradient.entrance_pupil += 2.0 * bar / sequence.entrance_pupil_mm;
+    pull_back_image_height(sequence, -2.0 * bar / image_height_per_tangent(sequence), gradient);
+    if let ObjectDistance::Finite(distance) = sequence.object {
+        let at = first_order(sequence).entrance_pupil_at_mm;
+        pull_back_entrance_pupil(sequence, -2.0 * bar / (distance + at), gradient);
+    }
+}
+
 /// Cotangents of a paraxial ray.
 #[derive(Clone, Copy, Default)]
 struct RayCotangent {

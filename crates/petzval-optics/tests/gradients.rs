@@ -12,8 +12,8 @@ use petzval_optics::merit::{Merit, SpotResiduals};
 use petzval_optics::number::Number;
 use petzval_optics::optimize::Limits;
 use petzval_optics::paraxial::{
-    FirstOrderCotangent, first_order, image_height_per_tangent, pull_back_first_order,
-    pull_back_image_distance, pull_back_image_height,
+    FirstOrderCotangent, first_order, image_brightness, image_height_per_tangent, pull_back_first_order,
+    pull_back_image_distance, pull_back_image_height, pull_back_log_brightness,
 };
 use petzval_optics::psf::{
     FieldPsf, PsfCotangent, PsfKind, PsfOptions, PsfTape, psf_traced_with_tape, psf_with_tape,
@@ -479,7 +479,10 @@ fn first_order_properties() {
         let loss = |l: &Lens| {
             let sequence = l.at_wavelength(l.reference_um);
             let order = first_order(&sequence);
-            order.image_distance_mm + 3.0 * order.stop_radius_mm + 2.0 * image_height_per_tangent(&sequence)
+            order.image_distance_mm
+                + 3.0 * order.stop_radius_mm
+                + 2.0 * image_height_per_tangent(&sequence)
+                + 5.0 * image_brightness(&sequence).ln()
         };
         let mut gradient = LensGradient::zero(lens.surfaces.len());
         pull_back_image_distance(&sequence, 1.0, &mut gradient);
@@ -489,6 +492,7 @@ fn first_order_properties() {
             &mut gradient,
         );
         pull_back_image_height(&sequence, 2.0, &mut gradient);
+        pull_back_log_brightness(&sequence, 5.0, &mut gradient);
         check(&lens, &gradient, &loss, &[1.0, 10.0], 1e-6);
         // A field close to the axis is imaged where first-order optics says, on the paraxial image plane.
         let focused = with_paraxial_focus(&lens, 0.0);

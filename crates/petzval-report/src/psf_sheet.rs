@@ -3,12 +3,14 @@
 use image::{Rgb, RgbImage};
 use petzval_optics::psf::FieldPsf;
 
+use crate::png;
+
 /// Pixels between two PSFs.
 const GAP: usize = 4;
 
-/// Draws PSFs on one sheet: rows are colour, red, green, blue; brightness is the square root of the
+/// Draws PSFs on one sheet, a PNG: rows are colour, red, green, blue; brightness is the square root of the
 /// value relative to the largest of its field, so that cores and tails are both visible.
-pub fn psf_sheet(psfs: &[FieldPsf], grid: usize) -> RgbImage {
+pub fn psf_sheet(psfs: &[FieldPsf], grid: usize) -> Vec<u8> {
     let step = grid + GAP;
     let mut sheet =
         RgbImage::from_pixel((psfs.len() * step + GAP) as u32, (4 * step + GAP) as u32, Rgb([32, 32, 32]));
@@ -34,5 +36,5 @@ pub fn psf_sheet(psfs: &[FieldPsf], grid: usize) -> RgbImage {
             }
         }
     }
-    sheet
+    png::encode(&sheet)
 }

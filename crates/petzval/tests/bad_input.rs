@@ -116,7 +116,6 @@ fn experiments_that_do_not_fit_together() {
             "\"nowhere\"",
             &["`photos = \"nowhere\"`", "neither a file nor built in", "a folder of pictures"],
         ),
-        case("\"cooke-triplet-nominal\"", "\"eight-element-achromat\"", &["no variables", "[[variable]]"]),
         case("crop = 64", "crop = 1000", &[".png", "cannot hold a window", "smaller crop"]),
         case("grid = 64\n", "grid = 1024\n", &["cannot hold a window"]),
         case(
@@ -258,13 +257,19 @@ fn missing_files_and_folders() {
             &["lens", "show", "nowhere.toml"][..],
             &["no lens called `nowhere.toml`", "cooke-triplet-nominal"][..],
         ),
-        (&["lens", "show", "noise.toml"], &["noise.toml: cannot be read: stream did not", "help:"]),
+        (
+            &["lens", "show", "noise.toml"],
+            &["noise.toml: cannot be read: this is not text in UTF-8", "help:"],
+        ),
         (&["lens", "show", "empty"], &["no lens called `empty`"]),
         (
             &["design", "nowhere.toml", "--out", "run"],
             &["no experiment called `nowhere.toml`", "cooke-triplet-image-quality"],
         ),
-        (&["design", "noise.toml", "--out", "run"], &["noise.toml: cannot be read: stream did not", "help:"]),
+        (
+            &["design", "noise.toml", "--out", "run"],
+            &["noise.toml: cannot be read: this is not text in UTF-8", "help:"],
+        ),
         (
             &["design", "tiny.toml", "--photos", "nowhere", "--out", "run"],
             &["nowhere: No such file", "help:"],

@@ -333,7 +333,7 @@ fn corrupt_and_incomplete_captures_are_named() {
     assert!(there("results.json") && there("report.html") && !there("sensor.toml"));
     // A sensor file of an earlier run is removed.
     std::fs::write(folder.path().join("lone/sensor.toml"), "# of another run").unwrap();
-    run_ok(folder.path(), &["sensor", "characterize", "whole", "--out", "lone"]);
+    run_ok(folder.path(), &["sensor", "characterize", "whole", "--out", "lone", "--force"]);
     assert!(!there("sensor.toml"));
 }
 

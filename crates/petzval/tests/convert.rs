@@ -126,7 +126,7 @@ fn a_refused_conversion_leaves_no_file() {
         "b.zemax",
         &["b.zemax: no lens format has this ending", "help: write .toml, .zmx or .seq"],
     );
-    run_fails(folder.path(), &["lens", "convert", "a.zmx", "no/such/b.seq"], 1, &["no/such/b.seq"]);
+    run_fails(folder.path(), &["lens", "convert", "a.zmx", "no/such/b.seq"], 2, &["no/such/b.seq"]);
     run_fails(
         folder.path(),
         &["lens", "convert", "missing.zmx", "b.seq"],

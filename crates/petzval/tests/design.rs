@@ -51,7 +51,9 @@ fn a_run_writes_all_its_files() {
         "events.jsonl",
         "inputs",
         "lens",
+        "metrics.csv",
         "metrics.json",
+        "pictures.csv",
         "report.html",
         "run.json",
     ] {

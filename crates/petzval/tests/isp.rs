@@ -345,7 +345,7 @@ fn a_proxy_is_trained_described_and_developed_with() {
     let develop = ["isp", "develop", "raws/left.tiff", "--isp", "proxy/proxy.toml", "--out", "out"];
     run_ok(folder.path(), &[&develop[..], &["--set", "gain.stops=0.5"]].concat());
     assert_eq!(image::open(folder.path().join("out/left.png")).unwrap().width(), 48);
-    let unknown = [&develop[..], &["--set", "sharpen.amount=0.7"]].concat();
+    let unknown = [&develop[..], &["--set", "sharpen.amount=0.7", "--force"]].concat();
     run_fails(folder.path(), &unknown, 2, &["sharpen.amount"]);
 
     // A finished training stays as it is, and another does not overwrite it.

@@ -4,7 +4,7 @@ mod common;
 
 use std::path::Path;
 
-use common::{read, read_json, run_fails, run_ok};
+use common::{data, read, read_json, run_fails, run_ok};
 
 const LENS: &str = "cooke-triplet-nominal";
 
@@ -58,6 +58,27 @@ fn a_descent_makes_the_spots_smaller_and_keeps_every_step() {
     run_ok(folder.path(), &["lens", "optimize", "--resume", "run"]);
     let last = self::steps(&run).last().unwrap()["merit_um"].as_f64().unwrap();
     assert!(last < 1.02 * merits.last().unwrap(), "{last} {merits:?}");
+}
+
+#[test]
+fn the_focal_length_is_held_unless_it_is_freed() {
+    let folder = tempfile::tempdir().unwrap();
+    // The nominal lens without its solve.
+    let whole = read(&data("lenses/cooke-triplet-nominal.toml"));
+    let lines = whole.lines().filter(|line| *line != "[solve]" && !line.starts_with("efl = { surface"));
+    std::fs::write(folder.path().join("lens.toml"), lines.collect::<Vec<_>>().join("\n")).unwrap();
+    let best = |out: &str, more: &[&str]| {
+        let args = ["lens", "optimize", "lens.toml", "--iterations", "40", "--out", out, "--json"];
+        let done = run_ok(folder.path(), &[&args[..], more].concat());
+        (done.json()["best"]["focal_length_mm"].as_f64().unwrap(), done)
+    };
+    let (held_mm, done) = best("held", &[]);
+    assert!((held_mm - 25.04).abs() < 1e-3, "{held_mm}");
+    assert!(done.says("holds the focal length of 25.0400 mm") && done.says("--efl free"), "{}", done.stderr);
+    let (free_mm, _) = best("free", &["--efl", "free"]);
+    assert!((free_mm - 25.04).abs() > 0.5, "{free_mm}");
+    let other = ["lens", "optimize", "lens.toml", "--efl", "-25", "--out", "other"];
+    run_fails(folder.path(), &other, 2, &["another sign is another kind of lens", "--efl 25"]);
 }
 
 #[test]

@@ -85,7 +85,7 @@ fn what_cannot_be_read_or_written_is_named_and_nothing_is_written() {
     for (args, needles) in [
         (&["show", "notes.tiff"][..], ["notes.tiff: ", "gray TIFF or PNG"]),
         (&["show", "nowhere.tiff"], ["nowhere.tiff", "No such file"]),
-        (&["show", "."], [".: ", "directory"]),
+        (&["show", "."], [".: ", "this is a folder"]),
         (&["show", &colour], ["coffee.png: a picture of Rgb8", "gray TIFF or PNG"]),
         (&["show", "lonely.raw"], ["no sidecar lonely.raw.toml", "packing = \"mipi\""]),
         (&["show", "short.raw"], ["short.raw: the file has 35 bytes", "take 36"]),

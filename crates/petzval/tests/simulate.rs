@@ -21,7 +21,8 @@ fn a_photograph_becomes_a_raw_frame_and_a_picture() {
     let photo = data("photos/coffee.png").display().to_string();
     let take = |out: &str, more: &[&str]| {
         let written =
-            run_ok(folder.path(), &[&["simulate", &photo, "--out", out, "--json"], more].concat()).json();
+            run_ok(folder.path(), &[&["simulate", "--force", &photo, "--out", out, "--json"], more].concat())
+                .json();
         assert_eq!(written.as_array().unwrap().len(), 1);
         assert_eq!(written[0]["image"], "coffee");
         assert_eq!(written[0]["raw"], format!("{out}/coffee-raw.tiff"));
@@ -87,7 +88,7 @@ fn what_cannot_be_read_is_named_and_nothing_is_written() {
         (&[&good, "--psfs", "done"], ["--psfs done: these are captures", "are in done/psf-calibration"]),
         (&[&good, "--psfs", "none"], ["none", "results of `petzval psf-calibrate`"]),
         (&["nowhere.png"], ["nowhere.png", "No such file"]),
-        (&["twin"], ["twin", "directory"]),
+        (&["twin"], ["twin", "folder"]),
         (&[&good, "twin/coffee.png"], ["twin/coffee.png: another image is called `coffee`", "--out"]),
         (&[&good, "--lens", "no-such"], ["no lens called `no-such`", "cooke-triplet-nominal"]),
         (&[&good, "--sensor", "no-such"], ["no sensor called `no-such`", "imx249-fitted"]),
@@ -98,7 +99,7 @@ fn what_cannot_be_read_is_named_and_nothing_is_written() {
         (&[&good, "--gain", "nan"], ["--gain", "positive"]),
         (&[], ["IMAGE", "Usage"]),
     ] {
-        run_fails(folder.path(), &[&["simulate", "--out", "out"], args].concat(), 2, &needles);
+        run_fails(folder.path(), &[&["simulate", "--force", "--out", "out"], args].concat(), 2, &needles);
     }
 }
 
@@ -106,7 +107,7 @@ fn what_cannot_be_read_is_named_and_nothing_is_written() {
 fn a_result_that_cannot_be_written_leaves_no_others() {
     let folder = tempfile::tempdir().unwrap();
     let photo = data("photos/coffee.png").display().to_string();
-    let args = ["simulate", photo.as_str(), "--out", "out", "--picture-format", "npy"];
+    let args = ["simulate", "--force", photo.as_str(), "--out", "out", "--picture-format", "npy"];
     for blocked in ["coffee-raw.tiff", "coffee-raw.tiff.toml", "coffee-developed.npy"] {
         let folder_there = folder.path().join("out").join(blocked);
         std::fs::create_dir_all(&folder_there).unwrap();
@@ -140,7 +141,8 @@ fn overexposed_white_stays_white_and_is_reported() {
         .save(folder.path().join("bright.png"))
         .unwrap();
     let take = |more: &[&str]| {
-        let args = ["simulate", "bright.png", "--json", "--size", "160x240", "--picture-format", "png16"];
+        let args =
+            ["simulate", "--force", "bright.png", "--json", "--size", "160x240", "--picture-format", "png16"];
         run_ok(folder.path(), &[&args[..], more].concat())
     };
     let over = take(&["--white-e", "16000", "--gain", "4"]);
@@ -167,7 +169,7 @@ fn overexposed_white_stays_white_and_is_reported() {
         assert!(!held.stderr.contains("saturated"), "{}", held.stderr);
     }
     assert_eq!(take(&["--gain", "4"]).json()[0]["white_e"], 4000.0);
-    let args = ["simulate", "bright.png", "--out", "out", "--time-s", "9000"];
+    let args = ["simulate", "--force", "bright.png", "--out", "out", "--time-s", "9000"];
     run_fails(folder.path(), &args, 2, &["--time-s 9000", "dark current alone", "less time"]);
 }
 
@@ -179,6 +181,7 @@ fn a_full_well_below_the_end_of_the_converter_is_the_white_level() {
     image::RgbImage::from_pixel(32, 24, image::Rgb([255; 3])).save(folder.path().join("white.png")).unwrap();
     let args = [
         "simulate",
+        "--force",
         "white.png",
         "--sensor",
         "small.toml",
@@ -195,7 +198,7 @@ fn a_full_well_below_the_end_of_the_converter_is_the_white_level() {
     let shown = run_ok(folder.path(), &["raw", "show", "white-raw.tiff", "--json"]).json();
     let text = shown.to_string();
     assert!(text.contains("\"saturated\":192") && text.contains("\"saturated\":384"), "{text}");
-    assert_eq!(run_ok(folder.path(), &[&args[..6], &["--json"]].concat()).json()[0]["white_e"], 5000.0);
+    assert_eq!(run_ok(folder.path(), &[&args[..7], &["--json"]].concat()).json()[0]["white_e"], 5000.0);
 }
 
 #[test]
@@ -203,7 +206,7 @@ fn a_window_of_the_sensor_equals_its_part_of_a_whole_frame() {
     let folder = tempfile::tempdir().unwrap();
     let photo = data("photos/coffee.png").display().to_string();
     let take = |out: &str, more: &[&str]| {
-        let args = ["simulate", photo.as_str(), "--out", out, "--no-noise"];
+        let args = ["simulate", "--force", photo.as_str(), "--out", out, "--no-noise"];
         run_ok(folder.path(), &[&args[..], more].concat());
         let picture = image::open(folder.path().join(out).join("coffee-raw.tiff")).unwrap();
         picture.into_luma16()
@@ -217,7 +220,7 @@ fn a_window_of_the_sensor_equals_its_part_of_a_whole_frame() {
     let sidecar = std::fs::read_to_string(folder.path().join("part/coffee-raw.tiff.toml")).unwrap();
     assert!(sidecar.contains("cfa = \"RGGB\""), "{sidecar}");
     for size in ["9x9999", "1x9", "90", "ax9"] {
-        run_fails(folder.path(), &["simulate", &photo, "--size", size], 2, &["--size"]);
+        run_fails(folder.path(), &["simulate", "--force", &photo, "--size", size], 2, &["--size"]);
     }
 }
 
@@ -227,7 +230,7 @@ fn a_long_thin_picture_is_laid_on_the_sensor() {
     image::RgbImage::from_fn(200_000, 2, |x, _| image::Rgb([if x < 100_000 { 40 } else { 200 }; 3]))
         .save(folder.path().join("thin.png"))
         .unwrap();
-    run_ok(folder.path(), &["simulate", "thin.png", "--no-noise"]);
+    run_ok(folder.path(), &["simulate", "--force", "thin.png", "--no-noise"]);
     // Its middle: dark on the left, bright on the right.
     let dn = raw(&folder.path().join("thin-raw.tiff"));
     let mean = |columns: std::ops::Range<usize>| {
@@ -258,7 +261,7 @@ fn an_exr_picture_is_linear_light_and_what_files_say_beyond_it_is_reported() {
     petzval::files::save_exr(&light, &folder.path().join("light.exr")).unwrap();
     let options =
         ["--place", "centre", "--size", "120x192", "--no-noise", "--picture-format", "npy", "--json"];
-    let taken = run_ok(folder.path(), &[&["simulate", "light.exr"], &options[..]].concat());
+    let taken = run_ok(folder.path(), &[&["simulate", "--force", "light.exr"], &options[..]].concat());
     assert!(taken.stderr.contains("the scene is brighter than white there"), "{}", taken.stderr);
     let developed = red(&folder.path().join("light-developed.npy"));
     let even: f32 = developed[10 * width + 20..][..40].iter().sum::<f32>() / 40.0;
@@ -272,7 +275,7 @@ fn an_exr_picture_is_linear_light_and_what_files_say_beyond_it_is_reported() {
     encoder.set_source_gamma(png::ScaledFloat::new(1.0));
     encoder.write_header().unwrap().write_image_data(&[90; 64 * 48 * 3]).unwrap();
     for more in [&[][..], &["--qe", "imx219"]] {
-        let args = ["simulate", "gamma.png", "--size", "32x32"];
+        let args = ["simulate", "--force", "gamma.png", "--size", "32x32"];
         let said = run_ok(folder.path(), &[&args[..], more].concat()).stderr;
         let note = "warning: gamma.png: its gamma of 1.0000 (gAMA) is ignored: values are taken as sRGB";
         assert_eq!(said.matches(note).count(), 1, "{said}");
@@ -299,7 +302,7 @@ fn detail_finer_than_the_pixels_aliases() {
     .unwrap();
     let take = |more: &[&str]| {
         let options = ["--no-distortion", "--no-noise", "--sensor", "small.toml"];
-        run_ok(folder.path(), &[&["simulate", "grating.exr"], &options[..], more].concat());
+        run_ok(folder.path(), &[&["simulate", "--force", "grating.exr"], &options[..], more].concat());
         let raw = image::open(folder.path().join("grating-raw.tiff")).unwrap().into_luma16();
         // Green pixels of a row in the middle: every second column. 0.8 cycles a pixel are 1.6 between them, which
         // is seen as 0.4.
@@ -330,7 +333,18 @@ fn menon_leaves_less_false_colour_than_bilinear() {
     let photo = data("photos/china.png").display().to_string();
     let take = |out: &str, more: &[&str]| {
         // The same blur, no noise: the pictures differ by the demosaic alone.
-        let args = ["simulate", &photo, "--out", out, "--no-noise", "--place", "centre", "--size", "300x400"];
+        let args = [
+            "simulate",
+            "--force",
+            &photo,
+            "--out",
+            out,
+            "--no-noise",
+            "--place",
+            "centre",
+            "--size",
+            "300x400",
+        ];
         run_ok(folder.path(), &[&args[..], more].concat());
         image::open(folder.path().join(out).join("china-developed.png")).unwrap().to_rgb8()
     };
@@ -351,7 +365,8 @@ fn menon_leaves_less_false_colour_than_bilinear() {
             .sum::<f64>()
     };
     assert!(colour_noise(&menon) < 0.9 * colour_noise(&default));
-    let wrong = ["simulate", &photo, "--sensor", "imx250-mono", "--demosaic", "menon", "--out", "x"];
+    let wrong =
+        ["simulate", "--force", &photo, "--sensor", "imx250-mono", "--demosaic", "menon", "--out", "x"];
     run_fails(folder.path(), &wrong, 2, &["--demosaic menon", "Bayer", "bilinear"]);
 }
 
@@ -366,7 +381,7 @@ fn restoration_brings_back_detail_that_the_lens_blurs() {
     std::fs::write(folder.path().join("soft.toml"), soft).unwrap();
     let photo = data("photos/china.png").display().to_string();
     let take = |out: &str, more: &[&str]| {
-        let args = ["simulate", &photo, "--out", out, "--place", "centre", "--size", "200x300"];
+        let args = ["simulate", "--force", &photo, "--out", out, "--place", "centre", "--size", "200x300"];
         let lens =
             ["--lens", "soft.toml", "--no-distortion", "--demosaic", "menon", "--domain", "stabilised"];
         run_ok(folder.path(), &[&args[..], &lens, more].concat());
@@ -385,7 +400,7 @@ fn restoration_brings_back_detail_that_the_lens_blurs() {
     };
     let (blurred, restored) = (take("blurred", &[]), take("restored", &["--restore"]));
     assert!(squares(&restored) < 0.9 * squares(&blurred), "{} {}", squares(&restored), squares(&blurred));
-    let wrong = ["simulate", &photo, "--restore=-1", "--out", "x"];
+    let wrong = ["simulate", "--force", &photo, "--restore=-1", "--out", "x"];
     run_fails(folder.path(), &wrong, 2, &["--restore", "0.003"]);
 }
 
@@ -398,7 +413,7 @@ fn an_image_signal_processor_undoes_shading_and_distortion_of_the_lens() {
     });
     line.save(folder.path().join("line.png")).unwrap();
     let take = |more: &[&str]| {
-        let args = ["simulate", "line.png", "--no-noise", "--isp", "neutral", "--out", "out"];
+        let args = ["simulate", "--force", "line.png", "--no-noise", "--isp", "neutral", "--out", "out"];
         run_ok(folder.path(), &[&args, more].concat());
         image::open(folder.path().join("out/line-isp.png")).unwrap().to_luma8()
     };
@@ -422,7 +437,7 @@ fn an_image_signal_processor_undoes_shading_and_distortion_of_the_lens() {
         mean / 400.0
     };
     assert!((gray(30, 30) - gray(950, 590)).abs() < 3.0, "{} {}", gray(30, 30), gray(950, 590));
-    let wrong = ["simulate", "line.png", "--isp", "nowhere", "--out", "x"];
+    let wrong = ["simulate", "--force", "line.png", "--isp", "nowhere", "--out", "x"];
     run_fails(folder.path(), &wrong, 2, &["nowhere", "automotive"]);
     assert!(!folder.path().join("x").exists());
 }

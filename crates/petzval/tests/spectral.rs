@@ -49,6 +49,7 @@ fn the_colour_checker_has_its_colours_under_any_light() {
     for (light, matrix_mean) in [("D65", 3.70), ("A", 5.38), ("daylight:5000", 3.82)] {
         let args = [
             "simulate",
+            "--force",
             "scene:colorchecker",
             "--sensor",
             &sensor,
@@ -95,6 +96,7 @@ fn twice_the_light_gives_twice_the_electrons_and_noise_is_keyed_by_the_seed() {
     let take = |out: &str, lux: &str, more: &[&str]| {
         let args = [
             "simulate",
+            "--force",
             "scene:flat",
             "--sensor",
             &sensor,
@@ -163,7 +165,7 @@ fn the_colour_errors_of_developed_patches_equal_the_printed_ones() {
     let runs: [(&str, &[&str]); 4] =
         [("D65", &[]), ("A", &[]), ("D65", &["--transmission", "yellow.csv"]), ("FL11", &["--bands", "31"])];
     for (light, more) in runs {
-        let args = ["simulate", "scene:colorchecker", "--sensor", &sensor, "--illuminant", light];
+        let args = ["simulate", "--force", "scene:colorchecker", "--sensor", &sensor, "--illuminant", light];
         let rest = ["--illuminance-lux", "1000", "--no-noise", "--picture-format", "npy", "--json"];
         let out = run_ok(folder.path(), &[&args[..], &rest, more].concat()).json();
         let said = &out[0]["colour_matrix"];
@@ -195,7 +197,7 @@ fn a_spectral_file_is_exposed_as_the_scene_that_it_holds() {
     let sensor = small_sensor(folder.path(), "");
     // Two bands, bright on the right.
     write_cube(folder.path(), "cube", 2, |i| if i % 19 > 9 { 0.002 } else { 0.0002 });
-    let args = ["simulate", "cube.npy", "--sensor", &sensor, "--json", "--no-noise"];
+    let args = ["simulate", "--force", "cube.npy", "--sensor", &sensor, "--json", "--no-noise"];
     run_fails(folder.path(), &args, 2, &["cube.toml", "wavelength_um"]);
     std::fs::write(folder.path().join("cube.toml"), "wavelength_um = [0.45, 0.65]\n").unwrap();
     let outcome = run_ok(folder.path(), &args);
@@ -247,14 +249,14 @@ fn bands_without_response_are_named_or_left_out() {
     cube("heat", "[5.0, 7.5, 10.0]");
     run_fails(
         folder.path(),
-        &["simulate", "heat.npy", "--sensor", &sensor],
+        &["simulate", "--force", "heat.npy", "--sensor", &sensor],
         2,
         &["heat.npy", "5000 to 10000 nm"],
     );
     // In the last band no pixel responds and no ray passes.
     cube("far", "[0.5, 0.7, 20.0]");
-    run_ok(folder.path(), &["simulate", "far.npy", "--sensor", &sensor, "--no-noise"]);
-    let args = ["simulate", "far.npy", "--sensor", &sensor, "--bands", "8"];
+    run_ok(folder.path(), &["simulate", "--force", "far.npy", "--sensor", &sensor, "--no-noise"]);
+    let args = ["simulate", "--force", "far.npy", "--sensor", &sensor, "--bands", "8"];
     run_fails(folder.path(), &args, 2, &["--bands 8", "far.npy has bands of its own"]);
 }
 
@@ -264,7 +266,8 @@ fn three_bands_are_the_integral_of_many() {
     let sensor = small_sensor(folder.path(), "");
     image::RgbImage::from_pixel(192, 120, Rgb([220, 90, 40])).save(folder.path().join("rust.png")).unwrap();
     let take = |out: &str, more: &[&str]| {
-        let args = ["simulate", "rust.png", "--sensor", &sensor, "--no-noise", "--json", "--out", out];
+        let args =
+            ["simulate", "--force", "rust.png", "--sensor", &sensor, "--no-noise", "--json", "--out", out];
         let facts = run_ok(folder.path(), &[&args[..], more].concat()).json()[0].clone();
         let raw = image::open(folder.path().join(out).join("rust-raw.tiff")).unwrap().to_luma16();
         let dn = |x, y| f64::from(raw.get_pixel(x, y)[0]) - 120.6;
@@ -284,7 +287,7 @@ fn three_bands_are_the_integral_of_many() {
     assert!(fast[2] > 1.3 * plain[2] / 1.25 * many["relative_qe"][2].as_f64().unwrap(), "{fast:?} {plain:?}");
     run_fails(
         folder.path(),
-        &["simulate", "scene:flat", "--sensor", &sensor, "--three-band"],
+        &["simulate", "--force", "scene:flat", "--sensor", &sensor, "--three-band"],
         2,
         &["--three-band"],
     );
@@ -307,7 +310,17 @@ fn a_near_object_gives_the_light_of_the_working_f_number() {
     let solve = text.find("[[variable]]").unwrap();
     std::fs::write(folder.path().join("near.toml"), &text[..solve.min(expect)]).unwrap();
     let take = |lens: &str| {
-        let args = ["simulate", "scene:flat", "--sensor", &sensor, "--lens", lens, "--json", "--no-noise"];
+        let args = [
+            "simulate",
+            "--force",
+            "scene:flat",
+            "--sensor",
+            &sensor,
+            "--lens",
+            lens,
+            "--json",
+            "--no-noise",
+        ];
         let out = run_ok(folder.path(), &args).json();
         (out[0]["f_number"].as_f64().unwrap(), out[0]["white_e"].as_f64().unwrap())
     };
@@ -325,7 +338,7 @@ fn infrared_counts_where_the_pixels_respond() {
     let text = std::fs::read_to_string(folder.path().join("small.toml")).unwrap();
     let text = &text[..text.find("[quantum_efficiency]").unwrap()];
     std::fs::write(folder.path().join("mono.toml"), text.replace("\"RGGB\"", "\"mono\"")).unwrap();
-    let args = ["simulate", "scene:flat", "--sensor", &sensor, "--no-noise"];
+    let args = ["simulate", "--force", "scene:flat", "--sensor", &sensor, "--no-noise"];
     // There is no built-in curve for clear pixels, and the hint does not suggest one.
     let outcome = run_fails(folder.path(), &args, 2, &["no quantum efficiency curves", "flat:0.6"]);
     assert!(!outcome.says("imx219"), "{}", outcome.stderr);
@@ -423,12 +436,12 @@ fn what_cannot_be_simulated_is_named() {
         (&[chart, "--qe", "no-such"], ["no quantum efficiency called `no-such`", "imx219"]),
         (&[chart, chart, "--sensor", &sensor], ["another image is called `colorchecker`", "--out"]),
     ] {
-        run_fails(folder.path(), &[&["simulate"], args].concat(), 2, &needles);
+        run_fails(folder.path(), &[&["simulate", "--force"], args].concat(), 2, &needles);
     }
     let wrong = small_sensor(folder.path(), "alpha = 0\n");
     run_fails(
         folder.path(),
-        &["simulate", chart, "--sensor", &wrong],
+        &["simulate", "--force", chart, "--sensor", &wrong],
         2,
         &["small.toml", "alpha", "a factor"],
     );
@@ -442,7 +455,8 @@ fn built_in_names_come_before_files() {
     std::fs::write(folder.path().join("A"), "nm,power\n400,1\n700,0.01\n").unwrap();
     std::fs::write(folder.path().join("blue"), "nm,power\n400,1\n700,0.01\n").unwrap();
     let relative = |light: &str| {
-        let args = ["simulate", "scene:flat", "--sensor", &sensor, "--illuminant", light, "--json"];
+        let args =
+            ["simulate", "--force", "scene:flat", "--sensor", &sensor, "--illuminant", light, "--json"];
         run_ok(folder.path(), &args).json()[0]["relative_qe"][2].as_f64().unwrap()
     };
     let (bulb, blue) = (relative("A"), relative("blue"));
@@ -453,7 +467,7 @@ fn built_in_names_come_before_files() {
 fn pixels_that_do_not_distinguish_colours_give_a_picture_without_a_matrix() {
     let folder = tempfile::tempdir().unwrap();
     let sensor = small_sensor(folder.path(), "");
-    let args = ["simulate", "scene:flat", "--sensor", &sensor, "--qe", "flat:0.5", "--no-noise"];
+    let args = ["simulate", "--force", "scene:flat", "--sensor", &sensor, "--qe", "flat:0.5", "--no-noise"];
     let outcome = run_ok(folder.path(), &args);
     assert!(outcome.says("there is no colour matrix"), "{}", outcome.stderr);
     let picture = developed(&folder.path().join("flat-developed.png"));
@@ -466,7 +480,7 @@ fn electrons_of_white_set_the_illuminance() {
     let folder = tempfile::tempdir().unwrap();
     let sensor = small_sensor(folder.path(), "");
     let take = |more: &[&str]| {
-        let args = ["simulate", "scene:flat", "--sensor", &sensor, "--no-noise", "--json"];
+        let args = ["simulate", "--force", "scene:flat", "--sensor", &sensor, "--no-noise", "--json"];
         run_ok(folder.path(), &[&args[..], more].concat()).json()[0].clone()
     };
     let number = |facts: &serde_json::Value, key: &str| facts[key].as_f64().unwrap();
@@ -490,7 +504,7 @@ fn curves_in_a_table_are_those_of_the_toml_file() {
     let table = format!("wavelength_nm,red,green,blue\n{}", lines.collect::<String>());
     std::fs::write(folder.path().join("curves.csv"), table).unwrap();
     let white = |qe: &str| {
-        let args = ["simulate", "scene:flat", "--sensor", &sensor, "--qe", qe, "--json"];
+        let args = ["simulate", "--force", "scene:flat", "--sensor", &sensor, "--qe", qe, "--json"];
         run_ok(folder.path(), &args).json()[0]["white_e"].as_f64().unwrap()
     };
     assert!((white("curves.csv") / white("imx219") - 1.0).abs() < 1e-9);

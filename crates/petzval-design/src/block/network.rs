@@ -8,7 +8,7 @@ use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
 use burn::prelude::*;
 use burn::tensor::Bytes;
-use petzval_learn::detection;
+use petzval_learn::detection::{self, Zoomed};
 use petzval_learn::network::{Network, PictureNetwork};
 
 use super::{Batch, Block, BlockName, BlockState, StepRule, backward, named, part};
@@ -24,17 +24,24 @@ pub struct NetworkBlock {
     optimizer: ModuleOptimizer,
     /// The weights at the start of the stage: the centre of the proximal term.
     anchor: Network,
+    /// By how much pictures are enlarged for its detector.
+    zoom: f64,
 }
 
 impl NetworkBlock {
     /// A network at the start of its training.
     pub fn new(network: Network) -> Self {
-        Self { anchor: network.clone(), optimizer: optimizer(&network), network }
+        Self { anchor: network.clone(), optimizer: optimizer(&network), network, zoom: 1.0 }
+    }
+
+    /// Puts a digital zoom in front of its detector: pictures are enlarged so many times.
+    pub fn set_zoom(&mut self, zoom: f64) {
+        self.zoom = zoom;
     }
 
     /// The same with the weights of a file that a network of the same kind wrote.
     pub fn with_weights(mut self, path: &Path) -> Result<Self, DesignError> {
-        let bytes = std::fs::read(path).map_err(DesignError::io(path))?;
+        let bytes = petzval_base::read_whole(path).map_err(DesignError::io(path))?;
         self.load_numbers(&BTreeMap::from([(WEIGHTS.to_owned(), bytes)])).map_err(|problem| {
             let hint = "weights of the same kind of network, backbone and number of classes are needed";
             DesignError::misfit(path, &problem, hint)
@@ -49,7 +56,14 @@ impl NetworkBlock {
 
     /// The network with its weights held: no gradient goes to them.
     pub fn held(&self) -> Rc<dyn PictureNetwork> {
-        Rc::new(self.network.clone().no_grad())
+        self.behind_zoom(self.network.clone().no_grad())
+    }
+
+    fn behind_zoom(&self, network: Network) -> Rc<dyn PictureNetwork> {
+        match self.zoom {
+            1.0 => Rc::new(network),
+            zoom => Rc::new(Zoomed::new(network, zoom)),
+        }
     }
 }
 
@@ -68,7 +82,7 @@ impl Block for NetworkBlock {
     }
 
     fn step(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>, DesignError> {
-        let camera = batch.camera.with_network(Rc::new(self.network.clone()));
+        let camera = batch.camera.with_network(self.behind_zoom(self.network.clone()));
         let frames = camera.take(batch.shots, &batch.noise)?;
         let loss = (batch.loss)(&camera, &frames, batch.shots)?;
         let losses = named(&loss);

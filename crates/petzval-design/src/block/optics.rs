@@ -7,6 +7,7 @@ use petzval_base::random::{Stage, Stream};
 use petzval_optics::lens::Lens;
 use petzval_optics::merit::lifted_normal_equations;
 use petzval_optics::optimize::{Analysis, LevenbergOptions, Search, SearchOptions, descend};
+use petzval_optics::paraxial::pull_back_log_brightness;
 use serde::{Deserialize, Serialize};
 
 use super::lifted::Lifted;
@@ -14,6 +15,7 @@ use super::{Batch, Block, BlockName, BlockState, StepMethod, StepRule, backward,
 use crate::adam::Adam;
 use crate::camera::{ByLens, to_host};
 use crate::error::DesignError;
+use crate::requirements::FieldOfView;
 use crate::start::Start;
 use crate::variant::{LensGoal, LensSearch};
 
@@ -45,6 +47,8 @@ pub struct OpticsBlock {
     start: Arc<Start>,
     /// Weight of the requirements' penalty in the loss, 1/mm^2.
     constraint_weight: f64,
+    /// Whether a lens that moves for the task keeps its field of view.
+    field: FieldOfView,
     /// Free coordinates.
     x: Vec<f64>,
     progress: Progress,
@@ -71,7 +75,13 @@ impl OpticsBlock {
     pub fn new(start: Arc<Start>, constraint_weight: f64) -> Self {
         let x = start.space.start().to_vec();
         let progress = Progress { anchor: x.clone(), ..Progress::default() };
-        Self { start, constraint_weight, progress, x, errors: Vec::new(), lowered: Vec::new() }
+        let (field, errors, lowered) = (FieldOfView::Held, Vec::new(), Vec::new());
+        Self { start, constraint_weight, field, progress, x, errors, lowered }
+    }
+
+    /// The same, which keeps its field of view while it moves for the task, or not.
+    pub fn with_field(self, field: FieldOfView) -> Self {
+        Self { field, ..self }
     }
 
     /// The lens as it stands.
@@ -131,20 +141,23 @@ impl OpticsBlock {
         let by_lens = batch.camera.psfs().pull_back(&by_values, &by_illumination, &by_radius)?;
 
         let (lens, space) = (self.lens_in_step()?, &self.start.space);
-        let (penalty_mm2, by_penalty) = self.start.requirements.penalty(&lens)?;
-        let by_penalty = by_penalty.scaled(self.constraint_weight);
+        let (penalty_mm2, by_penalty) = self.start.requirements.penalty(&lens, self.field)?;
+        // What depends on the lens by another way than its PSFs: the requirements, and the light that it gathers.
+        let mut directly = by_penalty.scaled(self.constraint_weight);
+        if let Some(by_light) = psfs.light.grad(&gradients) {
+            let by_light = f64::from(to_host(by_light)?[0]);
+            pull_back_log_brightness(&lens.at_wavelength(lens.reference_um), by_light, &mut directly);
+        }
         losses.insert(PENALTY.to_owned(), penalty_mm2);
         let by_lens = match by_lens {
             ByLens::Numbers(mut gradient) => {
-                gradient += &by_penalty;
+                gradient += &directly;
                 ByLens::Numbers(gradient)
             }
             ByLens::Coordinates(by) => {
-                let penalties = space.pull_back_off(&self.x, &self.errors, &lens, &by_penalty);
-                let losses = space.pull_back_coordinates_off(&self.x, &self.errors, &by);
-                ByLens::Coordinates(
-                    losses.iter().zip(penalties).map(|(loss, penalty)| loss + penalty).collect(),
-                )
+                let directly = space.pull_back_off(&self.x, &self.errors, &lens, &directly);
+                let by_psfs = space.pull_back_coordinates_off(&self.x, &self.errors, &by);
+                ByLens::Coordinates(by_psfs.iter().zip(directly).map(|(a, b)| a + b).collect())
             }
         };
         Ok((losses, by_lens))

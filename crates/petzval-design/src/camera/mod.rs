@@ -28,12 +28,13 @@ use petzval_learn::dataset::CropPlan;
 use petzval_learn::detection::{Detector, Truth};
 use petzval_learn::network::{NetworkInput, PictureNetwork};
 use petzval_optics::lens::Lens;
+use petzval_optics::paraxial::image_brightness;
 use serde::{Deserialize, Serialize};
 
 use crate::error::DesignError;
 
 pub use chip::{ChipValues, ideal_input, raw_inputs};
-pub use host::to_host;
+pub use host::{host_image, to_host};
 pub use psf_source::{ByLens, PsfSource, Psfs};
 
 /// Most values of the kernels of a camera that are kept: 64 MB.
@@ -52,6 +53,21 @@ pub struct Shot {
     pub frame: u64,
     /// What is to be found in the window that is kept, in its pixels; nothing where pictures alone count.
     pub truth: Truth,
+    /// Whether it is exposed for as long behind every lens, if cameras have the [`SameTime`]: not where an automatic exposure takes back what a
+    /// lens brings.
+    pub follows_light: bool,
+}
+
+/// Cameras that are exposed for the same time, so that a lens which gathers more light gives more electrons.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SameTime {
+    /// Electrons of white behind a lens of that brightness.
+    pub white_e: f32,
+    /// Brightness of the image of a lens, see [`image_brightness`].
+    pub brightness: f64,
+    /// Whether a digital gain makes pictures as bright as behind that lens, so that more light shows as less noise alone; if not, they are
+    /// brighter.
+    pub is_normalised: bool,
 }
 
 /// Everything of a camera except its optics and its network.
@@ -63,6 +79,8 @@ pub struct Body {
     pub geometry: RenderGeometry,
     /// Exposure of every frame.
     pub exposure: Exposure,
+    /// How the electrons follow the light of the lens; none where the time does, and every camera has the same electrons.
+    pub same_time: Option<SameTime>,
     /// Development.
     pub isp: LinearIsp,
     /// Restoration of developed pictures with the PSFs of the camera; none leaves their blur.
@@ -88,12 +106,24 @@ pub struct PsfErrors {
 pub struct Camera {
     body: Arc<Body>,
     psfs: Arc<Psfs>,
+    /// Brightness of the image, in units of that of [`SameTime`]; 1 without it.
+    light: f64,
     border: usize,
     /// The kernels of all patches, made when the first picture is taken.
     kernels: Arc<OnceLock<Option<Arc<PatchKernels>>>>,
     network: Option<Rc<dyn PictureNetwork>>,
     chip: Option<ChipValues>,
     psf_errors: Option<PsfErrors>,
+}
+
+/// What a camera makes of raw frames.
+struct Processed {
+    /// Linear light, `[batch, 3, height, width]`.
+    developed: Tensor<4>,
+    /// The same with the blur of the lens divided out, where the camera does.
+    restored: Option<Tensor<4>>,
+    /// The picture, sRGB-encoded.
+    finished: Tensor<4>,
 }
 
 /// The PSFs of a camera as tensors that the frames depend on.
@@ -104,6 +134,9 @@ pub struct PsfLeaves {
     pub illumination: Tensor<2>,
     /// Image radius of each field, mm.
     pub radius_mm: Tensor<1>,
+    /// Brightness of the image in units of itself, `[1]`: its gradient is that by the logarithm of [`image_brightness`]. Frames depend on it
+    /// where cameras have the [`SameTime`].
+    pub light: Tensor<1>,
 }
 
 impl PsfLeaves {
@@ -116,6 +149,7 @@ impl PsfLeaves {
             values: Tensor::from_data(values, device),
             illumination: Tensor::from_data(illumination, device),
             radius_mm: Tensor::from_data(TensorData::new(radius_mm, [fields]), device),
+            light: Tensor::ones([1], device),
         }
     }
 
@@ -124,6 +158,7 @@ impl PsfLeaves {
             values: self.values.require_grad(),
             illumination: self.illumination.require_grad(),
             radius_mm: self.radius_mm.require_grad(),
+            light: self.light.require_grad(),
         }
     }
 }
@@ -132,7 +167,14 @@ impl Camera {
     /// A camera without a network.
     pub fn new(body: Arc<Body>, psfs: Arc<Psfs>) -> Result<Self, DesignError> {
         let border = kernel_radius(&body.geometry, &psfs.bank().layout())?;
-        Ok(Self { body, psfs, border, kernels: Arc::default(), network: None, chip: None, psf_errors: None })
+        let (kernels, network, chip, psf_errors) = (Arc::default(), None, None, None);
+        let camera = Self { body, psfs, light: 1.0, border, kernels, network, chip, psf_errors };
+        let Some(same) = camera.body.same_time else { return Ok(camera) };
+        let lens = camera.psfs.lens().ok_or(DesignError::NoLens)?;
+        let light = image_brightness(&lens.at_wavelength(lens.reference_um)) / same.brightness;
+        let white_e = same.white_e * if same.is_normalised { light as f32 } else { 1.0 };
+        let exposed = camera.with_exposure(Exposure { white_e, ..camera.body.exposure });
+        Ok(Self { light, ..exposed })
     }
 
     /// The same camera with another lens, whose PSFs are traced as those of this one; how exact they are is not known.
@@ -154,6 +196,11 @@ impl Camera {
         // The regularisation follows the noise.
         body.restoration = body.restoration.map(|_| Wiener::of_exposure(&body.sensor, &exposure));
         Self { body: Arc::new(body), ..self.clone() }
+    }
+
+    /// Brightness of the image, in units of that of [`SameTime`]; 1 where every camera has the same electrons.
+    pub fn light(&self) -> f64 {
+        self.light
     }
 
     /// The errors of the PSFs, if they were measured.
@@ -262,12 +309,50 @@ impl Camera {
     ) -> Result<Frames, DesignError> {
         // The sensor turns light into digital numbers behind its colour filters.
         let raw = expose_op(irradiance.clone(), &self.body.sensor, captures, noise)?;
+        let Processed { developed, restored, finished } =
+            self.process(psfs, &raw, &illumination, captures, kept)?;
+        let cut = |frames: Tensor<4>| cut(frames, captures, kept);
+        let (irradiance, illumination, raw) = (cut(irradiance), cut(illumination), cut(raw));
+        Ok(Frames { irradiance, illumination, raw, developed, restored, finished })
+    }
+
+    /// The finished picture of one shot, sRGB-encoded, 0 to 1.
+    pub fn finished(&self, shot: Shot, noise: &Noise) -> Result<LinearImage, DesignError> {
+        host_image(self.take(&[shot], noise)?.finished.clamp(0.0, 1.0))
+    }
+
+    /// The finished picture of a raw frame of the whole sensor or a window of it, sRGB-encoded, 0 to 1: digital numbers row by row, as
+    /// this camera or a real one with the same sensor and lens took them. The exposure of `capture` says what is white.
+    pub fn finished_raw(
+        &self,
+        dn: Vec<f32>,
+        [height, width]: [usize; 2],
+        capture: Capture,
+    ) -> Result<LinearImage, DesignError> {
+        let device = &self.body.device;
+        let psfs = PsfLeaves::new(self.psfs.bank(), device);
+        let illumination = self.illumination(&psfs, &[capture.placement], [height, width])?;
+        let raw = Tensor::from_data(TensorData::new(dn, [1, 1, height, width]), device);
+        let whole = Window { placement: capture.placement, height, width };
+        let finished = self.process(&psfs, &raw, &illumination, &[capture], &[whole])?.finished;
+        host_image(finished.clamp(0.0, 1.0))
+    }
+
+    /// From raw frames to finished pictures of the windows that are kept.
+    fn process(
+        &self,
+        psfs: &PsfLeaves,
+        raw: &Tensor<4>,
+        illumination: &Tensor<4>,
+        captures: &[Capture],
+        kept: &[Window],
+    ) -> Result<Processed, DesignError> {
         // Development turns them back into light, balances white and lifts the dim corners.
         let developed = self.develop(raw.clone(), illumination.clone(), captures)?;
         // The camera's own PSFs tell what the lens has blurred, and restoration divides it out.
         let restored = self.restore(psfs, developed.clone(), captures)?;
         // A hardware ISP makes its picture of the raw frame.
-        let by_chip = self.by_chip(&raw, &illumination, captures)?;
+        let by_chip = self.by_chip(raw, illumination, captures)?;
         // Pixels around the windows have served their neighbours.
         let cut = |frames: Tensor<4>| cut(frames, captures, kept);
         let (developed, restored) = (cut(developed), restored.map(cut));
@@ -276,8 +361,7 @@ impl Camera {
             Some(picture) => cut(picture),
             None => self.finish(developed.clone(), restored.clone(), kept),
         };
-        let (irradiance, illumination, raw) = (cut(irradiance), cut(illumination), cut(raw));
-        Ok(Frames { irradiance, illumination, raw, developed, restored, finished })
+        Ok(Processed { developed, restored, finished })
     }
 
     /// Irradiance and relative illumination of a batch of shots.
@@ -290,7 +374,15 @@ impl Camera {
         let (values, radius_mm) = (psfs.values.clone(), psfs.radius_mm.clone());
         let blurred = render_op(values, radius_mm, &layout, geometry, self.kernels()?, scenes)?;
         let illumination = self.illumination(psfs, &placements, [height, width])?;
-        Ok((blurred * illumination.clone(), illumination))
+        let irradiance = blurred * illumination.clone();
+        let Some(same) = self.body.same_time else { return Ok((irradiance, illumination)) };
+        // Where the time is the same, a lens that moves changes the light of all pixels; development knows that if it normalises.
+        let follows: Vec<f32> = shots.iter().map(|s| f32::from(u8::from(s.follows_light))).collect();
+        let follows = TensorData::new(follows, [shots.len(), 1, 1, 1]);
+        let follows: Tensor<4> = Tensor::from_data(follows, &self.body.device);
+        let light = (psfs.light.clone() - 1.0).reshape([1, 1, 1, 1]) * follows + 1.0;
+        let calibration = if same.is_normalised { illumination * light.clone() } else { illumination };
+        Ok((irradiance * light, calibration))
     }
 
     /// Relative illumination of the pixels of windows.

@@ -8,8 +8,8 @@ mod variants;
 pub use commented::{commented_toml, reference_markdown};
 pub use tables::{
     CheckpointConfig, ConstraintConfig, DetectorConfig, DevelopmentConfig, ExposureConfig, IspConfig, Keep,
-    NO_ISP, NetworkConfig, OpticsConfig, PsfConfig, ScoringConfig, SpotConfig, StreetConfig, TrainingConfig,
-    ValidationConfig,
+    NO_ISP, NetworkConfig, OpticsConfig, PsfConfig, SameOf, ScoringConfig, SpotConfig, StreetConfig,
+    TrainingConfig, ValidationConfig,
 };
 pub(crate) use tables::{OF_THE_WHOLE_FRAME, places_of};
 pub use variants::{Goal, ScheduleConfig, StageConfig, VariantConfig, standard_variants};
@@ -320,6 +320,11 @@ impl Experiment {
             }
         }
         Ok(())
+    }
+
+    /// Whether objects are to be found in generated streets.
+    pub fn finds_in_streets(&self) -> bool {
+        self.task.finds_objects() && self.data == STREET
     }
 
     /// The blocks that a camera of the experiment has: a hardware ISP takes the place of a network for pictures, but stands before a detector.

@@ -14,6 +14,8 @@ impl Experiment {
             from: v.from.clone(),
             optics_proxy: v.optics_proxy.clone(),
             noise: v.noise.unwrap_or(self.training.noise),
+            field: v.field,
+            zoomed_like: v.zoomed_like.clone(),
             starts_moved: v.lens.is_none() && self.parent(v).is_some_and(|parent| self.moves_lens(parent)),
             stages: v.stage.iter().map(|s| stage(self, s)).collect(),
         };

@@ -16,13 +16,27 @@ use serde::{Deserialize, Serialize};
 parameters! {
     /// Exposure of every camera of the experiment.
     pub struct ExposureConfig {
-        /// Photoelectrons that white gives in a green pixel on the axis.
+        /// Photoelectrons that white gives in a green pixel on the axis, behind the experiment's lens.
         white_e: f32 = 16000.0, "e-", 1..1e7, Log, "photoelectrons of white in green";
         /// Exposure time.
         time_s: f32 = 0.005, "s", 1e-6..1e4, Log, "seconds; 5 ms is 0.005";
         /// Linear analogue gain.
         linear_gain: f32 = 1.0, "", 0.1..1e3, Log, "1 is 0 dB, 31.62 is 30 dB";
+    } also {
+        /// What every camera of the experiment has the same amount of.
+        same: SameOf = SameOf::Electrons;
     }
+}
+
+/// What cameras with different lenses have the same amount of.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum SameOf {
+    /// Photoelectrons: behind a lens that gathers less light, a camera is exposed for longer.
+    #[default]
+    Electrons,
+    /// Exposure time: a camera whose lens gathers more light has more electrons.
+    Time,
 }
 
 parameters! {

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::OpticsConfig;
 use crate::block::{BlockName, StepMethod};
+use crate::requirements::FieldOfView;
 use crate::variant::LensGoal;
 
 /// A camera of the comparison.
@@ -33,9 +34,20 @@ pub struct VariantConfig {
     /// scored. Scores have exact noise in any case.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise: Option<NoiseMode>,
+    /// Whether its lens keeps its field of view and focal length while it moves for the task. Stages with another goal keep them in any case.
+    #[serde(default, skip_serializing_if = "is_held")]
+    pub field: FieldOfView,
+    /// The variant, earlier in the file, whose magnification its detector sees: finished pictures are enlarged by the ratio of the focal
+    /// lengths, for a lens that stays. The control for a lens whose field of view is free.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub zoomed_like: Option<String>,
     /// What is done with it, in this order.
     #[schemars(length(min = 1))]
     pub stage: Vec<StageConfig>,
+}
+
+fn is_held(field: &FieldOfView) -> bool {
+    *field == FieldOfView::Held
 }
 
 /// What a stage improves.
@@ -121,6 +133,8 @@ pub fn standard_variants() -> Vec<VariantConfig> {
         from: None,
         optics_proxy: None,
         noise: None,
+        field: FieldOfView::Held,
+        zoomed_like: None,
         stage,
     };
     let network = stage(Goal::Task, &[BlockName::Network]);
@@ -217,6 +231,36 @@ fn check_origin(
         let message =
             format!("the lens of `{name}` does not move for the task, so nothing would use the network");
         return Err(("optics_proxy", message, "leave it out, or add \"optics\" to a stage".to_owned()));
+    }
+    if variant.field == FieldOfView::Free && !variant.stage.iter().any(moves_for_task) {
+        let message =
+            format!("the lens of `{name}` does not move for the task, so its field of view is held");
+        return Err(("field", message, "leave it out, or add \"optics\" to a stage".to_owned()));
+    }
+    let parent = earlier.iter().find(|v| Some(&v.name) == variant.from.as_ref());
+    if variant.lens.is_none() && parent.is_some_and(|parent| parent.field != variant.field) {
+        let message =
+            format!("`{name}` and the variant from which it takes its lens differ in what the lens keeps");
+        let hint = "name the lens from which it starts, or give both the same field";
+        return Err(("field", message, hint.to_owned()));
+    }
+    if let Some(other) = &variant.zoomed_like {
+        let (message, hint) = if !earlier.iter().any(|v| v.name == *other) {
+            (
+                format!("`{name}` is zoomed like `{other}`, which is no earlier variant"),
+                "name an earlier variant",
+            )
+        } else if variant.stage.iter().any(|s| s.moves.contains(&BlockName::Optics)) {
+            (
+                format!("the lens of `{name}` moves, and has no magnification of its own yet"),
+                "leave \"optics\" out of its stages, and start from a variant that has the lens",
+            )
+        } else {
+            (String::new(), "")
+        };
+        if !message.is_empty() {
+            return Err(("zoomed_like", message, hint.to_owned()));
+        }
     }
     if variant.stage.is_empty() {
         let hint = "add a [[variant.stage]] with `moves = [\"network\"]`".to_owned();

@@ -26,13 +26,13 @@ pub fn read_proxy_optics(
     plan: &PsfPlan,
     device: &Device,
 ) -> Result<ProxyOptics, DesignError> {
-    let text = std::fs::read_to_string(path).map_err(DesignError::io(path))?;
+    let text = petzval_base::read_text(path).map_err(DesignError::io(path))?;
     let file = OpticsProxyFile::parse(&text).map_err(DesignError::input(path))?;
     let beside = |name: &str| path.parent().unwrap_or(Path::new("")).join(name);
     let misfit = |message: &str| DesignError::misfit(path, &message, TRAIN);
 
     let lens = beside(&file.lens);
-    let lens = std::fs::read_to_string(&lens).map_err(DesignError::io(&lens))?;
+    let lens = petzval_base::read_text(&lens).map_err(DesignError::io(&lens))?;
     if lens != write_lens(&start.lens_file) {
         return Err(misfit("was trained for another lens, or for other bounds of its variables"));
     }
@@ -54,7 +54,7 @@ pub fn read_proxy_optics(
     let config =
         OpticsProxyConfig { hidden: file.hidden, channels: file.channels, ..OpticsProxyConfig::default() };
     let weights = beside(&file.weights);
-    let bytes = std::fs::read(&weights).map_err(DesignError::io(&weights))?;
+    let bytes = petzval_base::read_whole(&weights).map_err(DesignError::io(&weights))?;
     let proxy = ProxyOptics::new(space.clone(), domain, scale, config, 0, device)?;
     proxy.with_weights(bytes).map_err(|e| DesignError::misfit(&weights, &e, TRAIN))
 }

@@ -104,7 +104,7 @@ pub fn load_state(folder: &Path, block: BlockName) -> Result<BlockState, DesignE
     for entry in fs::read_dir(&folder).map_err(DesignError::io(&folder))? {
         let path = entry.map_err(DesignError::io(&folder))?.path();
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        state.insert(name, fs::read(&path).map_err(DesignError::io(&path))?);
+        state.insert(name, petzval_base::read_whole(&path).map_err(DesignError::io(&path))?);
     }
     Ok(state)
 }

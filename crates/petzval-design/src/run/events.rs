@@ -67,7 +67,7 @@ fn line_of(event: &Event) -> Result<String, DesignError> {
 
 /// Reads a log; a last line that a crash cut short is left out.
 pub fn read_events(path: &Path) -> Result<Vec<Event>, DesignError> {
-    let file = fs::File::open(path).map_err(DesignError::io(path))?;
+    let file = petzval_base::open_file(path).map_err(DesignError::io(path))?;
     let mut events = Vec::new();
     for line in BufReader::new(file).lines() {
         let line = line.map_err(DesignError::io(path))?;

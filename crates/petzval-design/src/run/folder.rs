@@ -116,6 +116,16 @@ impl RunFolder {
         self.root.join("metrics.json")
     }
 
+    /// Final figures of the cameras as comma-separated values.
+    pub fn metrics_csv(&self) -> PathBuf {
+        self.root.join("metrics.csv")
+    }
+
+    /// Scores of every picture as comma-separated values.
+    pub fn pictures_csv(&self) -> PathBuf {
+        self.root.join("pictures.csv")
+    }
+
     /// Figures of cameras as they are made.
     pub fn tolerance(&self) -> PathBuf {
         self.root.join("tolerance.json")

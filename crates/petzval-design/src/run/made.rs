@@ -62,7 +62,7 @@ impl MadeMetrics {
         if !path.is_file() {
             return Ok(None);
         }
-        let text = std::fs::read_to_string(&path).map_err(DesignError::io(&path))?;
+        let text = petzval_base::read_text(&path).map_err(DesignError::io(&path))?;
         let found = serde_json::from_str(&text);
         found.map(Some).map_err(|e| DesignError::Run { path, problem: e.to_string() })
     }

@@ -43,6 +43,81 @@ impl Metrics {
     }
 }
 
+impl Metrics {
+    /// The figures of the cameras as comma-separated values, a line each, with the unit in the name of each column. A figure that a camera
+    /// does not have is left empty.
+    pub fn csv(&self) -> String {
+        let names = || self.scores.iter().map(|score| &score.name);
+        let mut lines = vec![
+            ["camera".to_owned()]
+                .into_iter()
+                .chain(names().flat_map(|name| [name.clone(), format!("{name}_low"), format!("{name}_high")]))
+                .chain(LENS_COLUMNS.map(str::to_owned))
+                .collect::<Vec<_>>()
+                .join(","),
+        ];
+        let number = |value: Option<f64>| value.map_or_else(String::new, |v| v.to_string());
+        for row in &self.rows {
+            let scores = names().flat_map(|name| {
+                let interval = row.intervals.get(name);
+                [row.scores.get(name).copied(), interval.map(|i| i[0]), interval.map(|i| i[1])].map(number)
+            });
+            let lens = [
+                row.restored_error_percent,
+                Some(row.rms_spot_um),
+                Some(row.efl_mm),
+                Some(row.f_number),
+                Some(row.fov_deg),
+                Some(row.corner_distortion_percent),
+                Some(row.white_e),
+                Some(row.isp_steps as f64),
+                Some(row.network_steps as f64),
+            ];
+            let fields = [quoted(&row.camera)].into_iter().chain(scores).chain(lens.map(number));
+            lines.push(fields.collect::<Vec<_>>().join(","));
+        }
+        lines.join("\n") + "\n"
+    }
+
+    /// The scores of every picture as comma-separated values; only the heading where objects are looked for in all of them.
+    pub fn pictures_csv(&self) -> String {
+        let names: Vec<&str> = self.scores.iter().map(|score| score.name.as_str()).collect();
+        let mut text = format!("camera,photo,relative_field,{}\n", names.join(","));
+        for row in &self.rows {
+            for picture in row.pictures.iter().filter(|picture| !picture.scores.is_empty()) {
+                let scores = names
+                    .iter()
+                    .map(|name| picture.scores.get(*name).map_or_else(String::new, f64::to_string));
+                let about = [quoted(&row.camera), quoted(&picture.photo), picture.relative_field.to_string()];
+                text += &about.into_iter().chain(scores).collect::<Vec<_>>().join(",");
+                text.push('\n');
+            }
+        }
+        text
+    }
+}
+
+/// Columns of [`Metrics::csv`] behind the scores.
+const LENS_COLUMNS: [&str; 9] = [
+    "linear_limit_percent",
+    "rms_spot_um",
+    "efl_mm",
+    "f_number",
+    "fov_deg",
+    "corner_distortion_percent",
+    "white_e",
+    "isp_steps",
+    "network_steps",
+];
+
+/// A text as a field of comma-separated values (RFC 4180).
+fn quoted(text: &str) -> String {
+    match text.contains([',', '"', '\n', '\r']) {
+        true => format!("\"{}\"", text.replace('"', "\"\"")),
+        false => text.to_owned(),
+    }
+}
+
 /// One camera.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CameraMetrics {
@@ -102,4 +177,33 @@ pub struct PictureScore {
 
 fn is_zero(steps: &usize) -> bool {
     *steps == 0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn figures_are_comma_separated() {
+        let metrics: Metrics = serde_json::from_value(serde_json::json!({
+            "rows": [{
+                "camera": "wide, fast", "psnr_db": 30.5, "intervals": {"psnr_db": [29.0, 31.0]}, "rms_spot_um": 7.25, "efl_mm": 25.0,
+                "f_number": 2.8, "fov_deg": 40.0, "corner_distortion_percent": -1.5, "psf_captured": 1.0, "white_e": 16000.0,
+                "network_steps": 3, "rms_spot_by_field_um": [],
+                "pictures": [{"photo": "a \"b\"", "relative_field": 0.5, "psnr_db": 30.5}]
+            }],
+            "seeds": [1], "held_out_images": 1, "held_out_places": 1,
+            "scores": [{"name": "psnr_db", "title": "PSNR", "unit": "dB", "definition": "", "decimals": 2, "higher_is_better": true}]
+        }))
+        .unwrap();
+        assert_eq!(
+            metrics.csv(),
+            "camera,psnr_db,psnr_db_low,psnr_db_high,linear_limit_percent,rms_spot_um,efl_mm,f_number,fov_deg,\
+             corner_distortion_percent,white_e,isp_steps,network_steps\n\"wide, fast\",30.5,29,31,,7.25,25,2.8,40,-1.5,16000,0,3\n"
+        );
+        assert_eq!(
+            metrics.pictures_csv(),
+            "camera,photo,relative_field,psnr_db\n\"wide, fast\",\"a \"\"b\"\"\",0.5,30.5\n"
+        );
+    }
 }

@@ -52,7 +52,7 @@ impl RunRecord {
         if !path.exists() {
             return Ok(None);
         }
-        let text = std::fs::read_to_string(&path).map_err(DesignError::io(&path))?;
+        let text = petzval_base::read_text(&path).map_err(DesignError::io(&path))?;
         let record = serde_json::from_str(&text);
         record.map(Some).map_err(|e| DesignError::Run { path, problem: e.to_string() })
     }
@@ -118,7 +118,7 @@ pub fn read_config(run: &RunFolder) -> Result<Experiment, DesignError> {
 /// The record of a run as it is written.
 fn json_record(run: &RunFolder) -> Result<serde_json::Value, DesignError> {
     let path = run.record();
-    let text = std::fs::read_to_string(&path).map_err(DesignError::io(&path))?;
+    let text = petzval_base::read_text(&path).map_err(DesignError::io(&path))?;
     serde_json::from_str(&text).map_err(|e| DesignError::Run { path, problem: e.to_string() })
 }
 
@@ -136,7 +136,7 @@ pub fn changed_config(record: &RunRecord, run: &RunFolder) -> Result<Option<File
 ///
 /// The record is written last. Where this is cut short, `config.toml` differs from the record; the same extension then completes it.
 pub fn extend_run(run: &RunFolder, record: RunRecord, longer: Experiment) -> Result<(), DesignError> {
-    for stale in [run.metrics(), run.tolerance(), run.report()] {
+    for stale in [run.metrics(), run.metrics_csv(), run.pictures_csv(), run.tolerance(), run.report()] {
         if stale.exists() {
             std::fs::remove_file(&stale).map_err(DesignError::io(&stale))?;
         }
@@ -147,5 +147,5 @@ pub fn extend_run(run: &RunFolder, record: RunRecord, longer: Experiment) -> Res
 
 fn config_text(run: &RunFolder) -> Result<String, DesignError> {
     let path = run.config();
-    std::fs::read_to_string(&path).map_err(DesignError::io(&path))
+    petzval_base::read_text(&path).map_err(DesignError::io(&path))
 }

@@ -1,36 +1,16 @@
 //! Reads files of limited size.
 
-use std::fs::File;
-use std::io::Read;
+use std::io::ErrorKind;
 use std::path::Path;
 
 use super::error::CocoError;
 
 /// The bytes of a file that may have at most `most` bytes.
 pub(super) fn read_bounded(path: &Path, most: u64, hint: &str) -> Result<Vec<u8>, CocoError> {
-    let file = File::open(path).map_err(CocoError::io(path))?;
-    let length = file.metadata().map_err(CocoError::io(path))?.len();
-    let too_large = |length: String| {
-        let (length, most) = (length, megabytes(most));
-        CocoError::content(path, format!("the file has {length}; at most {most} are read"), hint)
-    };
-    if length > most {
-        return Err(too_large(megabytes(length)));
-    }
-    let mut bytes = Vec::new();
-    // A file may grow while it is read, and a pipe has no length.
-    file.take(most + 1).read_to_end(&mut bytes).map_err(CocoError::io(path))?;
-    if bytes.len() as u64 > most {
-        return Err(too_large("more".to_owned()));
-    }
-    Ok(bytes)
-}
-
-fn megabytes(bytes: u64) -> String {
-    match bytes {
-        ..10_000_000 => format!("{bytes} bytes"),
-        _ => format!("{} MB", bytes / 1_000_000),
-    }
+    petzval_base::read_at_most(path, most).map_err(|error| match error.kind() {
+        ErrorKind::FileTooLarge => CocoError::content(path, error.to_string(), hint),
+        _ => CocoError::io(path)(error),
+    })
 }
 
 #[cfg(test)]
@@ -38,7 +18,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn files_above_the_limit_are_refused() {
+    fn files_above_the_limit_are_refused_with_a_hint() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.json");
         std::fs::write(&path, b"12345").unwrap();

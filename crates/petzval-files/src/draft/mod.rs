@@ -6,6 +6,7 @@
 mod aperture;
 mod clear;
 mod field;
+mod idle;
 mod item;
 mod place;
 mod power;
@@ -72,12 +73,14 @@ impl Draft {
     /// Converts the draft to a lens. Errors name the record at fault.
     pub fn finish(self, mut losses: Losses) -> Result<Import, FileError> {
         // Turn coordinate breaks into placements, and collect surfaces, wavelengths and object.
-        let (drafted, stop) = place::lower(self.items, self.stop)?;
+        let (mut drafted, stop) = place::lower(self.items, self.stop)?;
+        let mut object_mm = self.object.0;
+        let stop = idle::without_idle_planes(&mut drafted, stop, &mut object_mm, &mut losses);
         if drafted.is_empty() {
             return Err(Record::default().error("there is no surface between object and image"));
         }
         let (wavelengths_um, reference_um) = wavelengths(&self.wavelengths, self.reference, &mut losses)?;
-        let object = match self.object.0 {
+        let object = match object_mm {
             far if far >= FAR_MM => ObjectDistance::Infinity,
             near if near > 0.0 => ObjectDistance::Finite(near),
             _ => {

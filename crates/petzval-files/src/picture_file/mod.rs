@@ -89,7 +89,8 @@ pub struct Picture {
 /// is composited over black in linear light. Of a file with several pages or layers one is read. The orientation of EXIF and TIFF is
 /// obeyed, colour profiles and other statements about colour are not; the notes name them.
 pub fn load_image(path: &Path) -> Result<Picture, ImageError> {
-    let bytes = std::fs::read(path).map_err(|source| ImageError::Io { path: path.to_owned(), source })?;
+    let bytes =
+        petzval_base::read_whole(path).map_err(|source| ImageError::Io { path: path.to_owned(), source })?;
     load_image_bytes(&bytes, &path.display().to_string())
 }
 

@@ -1,6 +1,5 @@
 //! The size of a picture, from the head of its file.
 
-use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
@@ -14,7 +13,7 @@ use super::{ImageError, load_image, undecoded};
 pub fn picture_size(path: &Path) -> Result<(u32, u32), ImageError> {
     let io = |source| ImageError::Io { path: path.to_owned(), source };
     let name = || path.display().to_string();
-    let file = File::open(path).map_err(io)?;
+    let file = petzval_base::open_file(path).map_err(io)?;
     let reader = ImageReader::new(BufReader::new(file)).with_guessed_format().map_err(io)?;
     let mut decoder = match reader.format() {
         None | Some(::image::ImageFormat::OpenExr | ::image::ImageFormat::Hdr) => {

@@ -26,7 +26,6 @@ mod picture;
 mod sidecar;
 mod statistics;
 
-use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 
@@ -44,7 +43,7 @@ use petzval_base::write_whole;
 /// Reads a frame of digital numbers. The file's first bytes or its extension determine the format; a packed frame needs a
 /// sidecar.
 pub fn load_raw(path: &Path) -> Result<RawFrame, RawFileError> {
-    let bytes = std::fs::read(path).map_err(RawFileError::io(path))?;
+    let bytes = petzval_base::read_whole(path).map_err(RawFileError::io(path))?;
     let sidecar = Sidecar::beside(path)?;
     let said = |frame: RawFrame| match &sidecar {
         Some(sidecar) => sidecar.apply(path, frame),
@@ -73,7 +72,7 @@ pub fn load_raw(path: &Path) -> Result<RawFrame, RawFileError> {
 
 /// Number of frames in a file: for a TIFF its pages without thumbnails and masks, for every other file 1.
 pub fn page_count(path: &Path) -> Result<usize, RawFileError> {
-    let mut file = BufReader::new(File::open(path).map_err(RawFileError::io(path))?);
+    let mut file = BufReader::new(petzval_base::open_file(path).map_err(RawFileError::io(path))?);
     let head = file.fill_buf().map_err(RawFileError::io(path))?;
     // A DNG looks like a TIFF, but has its own reader.
     if !pages::is_tiff(head) || RawFormat::of(path, head) == Some(RawFormat::Dng) {
@@ -86,7 +85,7 @@ pub fn page_count(path: &Path) -> Result<usize, RawFileError> {
 /// Reads one page, counted from 0, of a TIFF file. The sidecar of the file applies to every page.
 pub fn load_raw_page(path: &Path, page: usize) -> Result<RawFrame, RawFileError> {
     let content = |error: Unreadable| RawFileError::content(path, error.reason, error.hint);
-    let open = || Ok(BufReader::new(File::open(path).map_err(RawFileError::io(path))?));
+    let open = || Ok(BufReader::new(petzval_base::open_file(path).map_err(RawFileError::io(path))?));
     let places = pages::pages(open()?).map_err(content)?;
     let Some(place) = places.get(page) else {
         let reason = format!("the file has {} pages, and page {} was requested", places.len(), page + 1);

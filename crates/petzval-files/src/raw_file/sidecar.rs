@@ -77,7 +77,7 @@ impl Sidecar {
     /// Reads the sidecar of a raw file, if there is one.
     pub fn beside(raw: &Path) -> Result<Option<Self>, RawFileError> {
         let path = sidecar_path(raw);
-        let bytes = match std::fs::read(&path) {
+        let bytes = match petzval_base::read_whole(&path) {
             Ok(bytes) => bytes,
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
             Err(error) => return Err(RawFileError::io(&path)(error)),

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use super::command::{Command, Word};
 use crate::decimal::{shifted, shown};
 use crate::draft::{MOST_VALUES, Record};
+use crate::old_glass::unknown_glass;
 use petzval_base::FileError;
 use petzval_optics::glass::{Catalog, Dispersion, Glass};
 
@@ -169,8 +170,10 @@ fn by_name(name: &str, catalog: &Catalog, record: &Record) -> Result<Arc<Glass>,
             };
             // If another maker has the name, look for names near the whole text.
             let nearest = catalog.get(asked).err().or_else(|| catalog.get(&name.replace('_', "-")).err());
-            let nearest = nearest.map(|unknown| unknown.nearest.join(", ")).unwrap_or_default();
-            Err(record.error(message).hint(format!("the nearest names are {nearest}")))
+            Err(match nearest {
+                Some(unknown) => FileError { message, ..unknown_glass(record, &unknown) },
+                None => record.error(message),
+            })
         }
         _ => {
             let message = format!("several glasses are called `{name}` without punctuation");

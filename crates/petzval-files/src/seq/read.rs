@@ -257,6 +257,10 @@ impl Reader {
             }
             let is_stop = std::ptr::eq(raw, &self.surfaces[stop_surface]);
             let made = raw.make(mm, radii, &front, &self.private, catalog)?;
+            if let Some(said) = &made.substituted {
+                let at = &made.drafted.record;
+                self.losses.add(at.line, &at.text, Effect::Approximated, said);
+            }
             add_to_last(&mut items, &mut object_mm, made.along_mm);
             front = made.drafted.surface.glass.clone();
             let is_plain = made.does_nothing && last_thickness(&items) == Some(0.0) && !is_stop;

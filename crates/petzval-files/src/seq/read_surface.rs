@@ -7,6 +7,7 @@ use super::command::{Command, Word};
 use super::glass::PrivateGlasses;
 use crate::draft::{Break, Clear, Drafted, Record, check_angles, in_mm, is_bend, set_powers};
 use crate::loss::{Effect, Losses};
+use crate::old_glass::substitute;
 use petzval_base::FileError;
 use petzval_optics::glass::{Catalog, Glass};
 use petzval_optics::lens::{Action, Axis, Departure, Placement, Surface, SurfaceShape, XY_TERMS};
@@ -93,6 +94,8 @@ pub(super) struct Made {
     pub along_mm: f64,
     /// The break of the axis behind it.
     pub behind: Option<Break>,
+    /// What is said of a glass that stands in for the one of the file.
+    pub substituted: Option<String>,
     /// Whether it is a plane without edge, placement and change of medium, so that only its break matters.
     pub does_nothing: bool,
 }
@@ -391,10 +394,20 @@ impl RawSurface {
         private: &PrivateGlasses,
         catalog: &Catalog,
     ) -> Result<Made, FileError> {
+        let mut substituted = None;
         let glass = match &self.glass {
             _ if self.mirror => front.clone(),
             None => Glass::air(),
-            Some((word, record)) => private.medium(word, catalog, record)?,
+            Some((word, record)) => match private.medium(word, catalog, record) {
+                Ok(glass) => glass,
+                Err(error) => {
+                    let (upper, of_maker) = (word.text.to_uppercase(), "_SCHOTT");
+                    let name = upper.strip_suffix(of_maker).unwrap_or(&upper);
+                    let (glass, said) = substitute(name, None, catalog).ok_or(error)?;
+                    substituted = Some(said);
+                    glass
+                }
+            },
         };
         let shape = self.shape(mm, radii)?;
         let Decenter { placement, along_mm, behind, back_mm } = self.decenter(mm)?;
@@ -422,6 +435,7 @@ impl RawSurface {
             drafted: Drafted { surface, clear, record: self.record.clone() },
             along_mm,
             behind: behind.map(|b| Break { thickness_mm, ..b }),
+            substituted,
             does_nothing,
         })
     }

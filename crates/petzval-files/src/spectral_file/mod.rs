@@ -110,7 +110,7 @@ pub fn is_spectral(path: &Path) -> bool {
 
 /// Reads and checks a spectral image.
 pub fn load_spectral(path: &Path) -> Result<SpectralImage, SpectralFileError> {
-    let bytes = std::fs::read(path).map_err(io(path))?;
+    let bytes = petzval_base::read_whole(path).map_err(io(path))?;
     let content = |(reason, hint): (String, &'static str)| SpectralFileError::Content {
         path: path.to_owned(),
         reason,
@@ -171,7 +171,7 @@ fn sidecar_as<T>(
     parse: impl FnOnce(&str) -> Result<T, FileError>,
 ) -> Result<Option<T>, SpectralFileError> {
     let path = sidecar_path(image);
-    let text = match std::fs::read_to_string(&path) {
+    let text = match petzval_base::read_text(&path) {
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
         other => other.map_err(io(&path))?,
     };

@@ -7,6 +7,7 @@ use super::record::{Line, SOLVES, SURFACE_BOOKKEEPING, SURFACE_LOST};
 use crate::decimal::shown;
 use crate::draft::{Break, Clear, Drafted};
 use crate::loss::{Effect, Losses};
+use crate::old_glass::{substitute, unknown_glass};
 use petzval_base::FileError;
 use petzval_optics::glass::{Catalog, Dispersion, Glass};
 use petzval_optics::lens::{Action, Surface, SurfaceShape};
@@ -307,7 +308,13 @@ impl<'a> RawSurface<'a> {
         losses: &mut Losses,
     ) -> Result<Arc<Glass>, FileError> {
         let Some(name) = line.word(0) else { return Err(line.error("the glass has no name")) };
-        match line.number(1)?.unwrap_or(0.0) {
+        let state = line.number(1)?.unwrap_or(0.0);
+        // A model glass whose numbers a solve sets keeps the numbers.
+        let is_model = name == MODEL_GLASS && state != 4.0;
+        if is_model && state != 1.0 {
+            report_solve(line, losses);
+        }
+        match if is_model { 1.0 } else { state } {
             // A model glass: its index and Abbe number.
             1.0 => {
                 let [nd, vd] = [line.needed(3)?, line.number(4)?.unwrap_or(0.0)];
@@ -324,8 +331,11 @@ impl<'a> RawSurface<'a> {
                         Dispersion::NdVd { nd, vd }
                     }
                 };
-                let name =
-                    if name == "___BLANK" { format!("{}:{}", shown(nd), shown(vd)) } else { name.to_owned() };
+                let name = if name == MODEL_GLASS {
+                    format!("{}:{}", shown(nd), shown(vd))
+                } else {
+                    name.to_owned()
+                };
                 return Ok(Arc::new(Glass::new(&name, dispersion)));
             }
             0.0 | 3.0 => {}
@@ -341,10 +351,18 @@ impl<'a> RawSurface<'a> {
         if let Some(glass) = shapes.catalog.all(name).iter().rfind(of_file) {
             return Ok(glass.clone());
         }
-        let glass = shapes.catalog.get(name).map_err(|unknown| {
-            let message = format!("no glass is called `{}`", unknown.name);
-            line.error(message).hint(format!("the nearest names are {}", unknown.nearest.join(", ")))
-        })?;
+        let glass = match shapes.catalog.get(name) {
+            Ok(glass) => glass,
+            Err(unknown) => {
+                let stated = [line.number(3)?.unwrap_or(0.0), line.number(4)?.unwrap_or(0.0)];
+                let is_said = stated != NOT_STATED && stated[0] > 1.0 && stated[1] >= 0.0;
+                let Some((glass, said)) = substitute(name, is_said.then_some(stated), shapes.catalog) else {
+                    return Err(unknown_glass(&line.record(), &unknown));
+                };
+                losses.add(line.number, line.text, Effect::Approximated, said);
+                return Ok(glass);
+            }
+        };
         let maker = &glass.maker;
         if !maker.is_empty() && !shapes.catalogs.is_empty() {
             let message = format!("the glass is that of {maker}, which the file's GCAT does not name");
@@ -353,6 +371,12 @@ impl<'a> RawSurface<'a> {
         Ok(glass)
     }
 }
+
+/// The name of a model glass.
+const MODEL_GLASS: &str = "___BLANK";
+
+/// Index and Abbe number that the program writes beside a name of which it knows neither.
+const NOT_STATED: [f64; 2] = [1.5, 40.0];
 
 /// Whether a catalogue of the program holds glasses of a maker. Generic materials are in several catalogues.
 fn is_of(catalog: &str, maker: &str) -> bool {

@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
 use crate::error::{JobError, make_folder};
+use crate::results::check_folder;
 
 /// A data set to check. What is left out has the default of the command.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -55,6 +56,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     if request.samples > MOST_SAMPLES {
         let message = format!("more than {MOST_SAMPLES}");
         return Err(JobError::setting("samples", request.samples, message, "the page holds its pictures"));
+    }
+    if let Some(out) = &request.out {
+        check_folder(out, ["data.html", "data.json"], context)?;
     }
     let mut loaded = load_coco(&request.data)?;
     check_pictures(&mut loaded);

@@ -32,10 +32,10 @@ impl From<CocoError> for JobError {
             CocoError::Content { path, reason, hint } => {
                 Self::input(format!("{}: {reason}", path.display()), hint)
             }
-            CocoError::Io { .. } => Self::input(
-                error.to_string(),
-                "give a file or folder that can be read, or a place that can be written",
-            ),
+            CocoError::Io { ref source, .. } => {
+                let hint = "give a file or folder that can be read, or a place that can be written";
+                Self::system(error.to_string(), source, hint)
+            }
         }
     }
 }

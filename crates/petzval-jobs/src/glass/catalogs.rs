@@ -85,7 +85,7 @@ fn glass_files(root: &Path) -> Result<Vec<PathBuf>, JobError> {
 /// Whether a file that could not be read is a glass catalogue in TOML with a mistake in it, which its author has to correct.
 /// Other TOML files in the same folder, such as lenses, are left out.
 fn is_broken_catalogue(path: &Path) -> bool {
-    let Ok(bytes) = std::fs::read(path) else { return true };
+    let Ok(bytes) = petzval_base::read_whole(path) else { return true };
     ending(path) == "toml" && is_meant_as_catalog(&decode(&bytes))
 }
 
@@ -112,7 +112,7 @@ fn read_file(path: &Path, chosen: &mut ChosenGlasses) -> Result<(), JobError> {
     if path.exists() && !known {
         return Err(wrong(path, "this is no glass catalogue", format!("glass files end in {ENDINGS}")));
     }
-    let bytes = std::fs::read(path).map_err(DesignError::io(path))?;
+    let bytes = petzval_base::read_whole(path).map_err(DesignError::io(path))?;
     let text = decode(&bytes);
     let file = match ending(path).as_str() {
         "agf" => parse_agf(&text, &stem(path)),

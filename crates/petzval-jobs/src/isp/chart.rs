@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 use super::named::isp_by_name;
 use crate::context::Context;
 use crate::error::{JobError, make_folder, write_file};
+use crate::results::check_folder;
 use crate::simulate;
 use crate::simulate::spectral::scene_frame;
 
@@ -80,6 +81,7 @@ pub struct Response {
 
 /// Takes, develops and measures the chart. The folder `out` gets `chart.json` (the response), `chart.png` and `chart.html`.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+    check_folder(&request.out, ["chart.png", "chart.html", "chart.json"], context)?;
     let mut isp = isp_by_name(&request.isp, &context.assets)?;
     isp.set(&request.set)?;
     isp.set_bits(BITS);

@@ -15,6 +15,7 @@ use super::frame::{FrameOptions, Merge, read_frame, read_merged};
 use super::named::{NamedIsp, about_frame, isp_by_name};
 use crate::context::Context;
 use crate::error::{JobError, make_folder, write_file};
+use crate::results::check_folder;
 
 /// Bits of the picture that luma and colour differences are computed from, so that they are rounded once.
 const BITS_OF_YCBCR: u32 = 16;
@@ -112,6 +113,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     for (_, raws) in &shots {
         read(request, raws, &quiet)?;
     }
+    let named_as = |(name, _): &(String, Vec<PathBuf>)| format!("{name}.{}", extension(request));
+    check_folder(&request.out, shots.iter().map(named_as), context)?;
     make_folder(&request.out)?;
 
     let mut pictures = Vec::new();
@@ -123,8 +126,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         let start = Instant::now();
         let picture = named.isp().develop(&frame, &values).map_err(about_frame(raw))?;
         let seconds = start.elapsed().as_secs_f64();
-        let (extension, bytes) = encoded(request, &picture)?;
-        let path = request.out.join(format!("{name}.{extension}"));
+        let bytes = encoded(request, &picture)?;
+        let path = request.out.join(format!("{name}.{}", extension(request)));
         write_file(&path, &bytes)?;
         let strip = match request.strip {
             true => {
@@ -161,16 +164,25 @@ fn shots(request: &Request) -> Result<Vec<(String, Vec<PathBuf>)>, JobError> {
 }
 
 /// The ending and the bytes of a picture's file.
-fn encoded(request: &Request, picture: &RgbPicture) -> Result<(&'static str, Vec<u8>), JobError> {
+fn encoded(request: &Request, picture: &RgbPicture) -> Result<Vec<u8>, JobError> {
     let Some(YcbcrFile { container, standard, range, chroma }) = request.ycbcr else {
-        return Ok(("png", picture_png_bytes(picture, request.bits).map_err(JobError::failed)?));
+        return picture_png_bytes(picture, request.bits).map_err(JobError::failed);
     };
     let format = YcbcrFormat { standard, range, chroma, bits: request.bits };
     let planes = picture.to_ycbcr(format).map_err(|e| JobError::failed(e.to_string()))?;
-    Ok(match container {
-        Container::Y4m => ("y4m", y4m_bytes(&planes).map_err(|e| JobError::failed(e.to_string()))?),
-        Container::Yuv => ("yuv", yuv_bytes(&planes)),
-    })
+    match container {
+        Container::Y4m => y4m_bytes(&planes).map_err(|e| JobError::failed(e.to_string())),
+        Container::Yuv => Ok(yuv_bytes(&planes)),
+    }
+}
+
+/// The ending of the pictures.
+fn extension(request: &Request) -> &'static str {
+    match request.ycbcr.map(|file| file.container) {
+        None => "png",
+        Some(Container::Y4m) => "y4m",
+        Some(Container::Yuv) => "yuv",
+    }
 }
 
 /// The page of all stages. A stage without a picture of its own counts to the next one that has one.

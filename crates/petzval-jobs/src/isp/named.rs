@@ -61,7 +61,7 @@ pub fn isp_by_name(name: &str, assets: &Assets) -> Result<NamedIsp, JobError> {
             "give the path of the description of an external ISP, from the folder of the settings",
         )
     };
-    let text = std::fs::read_to_string(&path).map_err(|e| wrong(e.to_string()))?;
+    let text = petzval_base::read_text(&path).map_err(|e| wrong(e.to_string()))?;
     let IspFile::External(about) = parse_isp_file(&text).map_err(DesignError::input(&path))? else {
         return Err(wrong("no description, which has the key `command`".to_owned()));
     };
@@ -115,7 +115,8 @@ impl NamedIsp {
             |name: &String| of.place(name).map_err(|_| wrong(format!("no parameter is called {name}")));
         let varied: Vec<usize> = about.varied.iter().map(place).collect::<Result<_, _>>()?;
         let weights = path.parent().unwrap_or(Path::new("")).join(&about.weights);
-        let bytes = std::fs::read(&weights).map_err(|e| wrong(format!("{}: {e}", weights.display())))?;
+        let bytes =
+            petzval_base::read_whole(&weights).map_err(|e| wrong(format!("{}: {e}", weights.display())))?;
         let config = IspProxyConfig {
             parameters: varied.len() + FRAME_NUMBERS,
             base_channels: about.base_channels,

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::focus::{FocusAt, focused};
 use crate::context::Context;
 use crate::error::{JobError, make_folder, write_file};
+use crate::results::check_folder;
 
 pub use petzval_optics::analysis::Analysis;
 
@@ -108,6 +109,13 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         focus_frequency_per_mm: request.frequency,
         ..AnalysisOptions::default()
     };
+    let folder = request.folder();
+    let wanted: Vec<&Picture> = PICTURES.iter().filter(|picture| request.is_wanted(picture.name)).collect();
+    let pictures = wanted.iter().map(|picture| format!("{}.svg", picture.name));
+    let others = [(PAGE, "analysis.html"), (DATA, "analysis.json")];
+    let others =
+        others.into_iter().filter(|(name, _)| request.is_wanted(name)).map(|(_, file)| file.to_owned());
+    check_folder(&folder, pictures.chain(others), context)?;
     let analysis = analyze(&lens, &options).map_err(|error| {
         JobError::input(
             format!("{}: {error}", request.lens),
@@ -116,10 +124,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     })?;
     let data = serde_json::to_string(&analysis).map_err(|e| JobError::failed(e.to_string()))?;
 
-    let folder = request.folder();
     make_folder(&folder)?;
     let mut files = Vec::new();
-    let wanted: Vec<&Picture> = PICTURES.iter().filter(|picture| request.is_wanted(picture.name)).collect();
     for picture in &wanted {
         let path = folder.join(format!("{}.svg", picture.name));
         write_file(&path, picture.svg(&analysis))?;

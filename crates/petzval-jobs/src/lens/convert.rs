@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use crate::context::Context;
 use crate::error::{JobError, write_file};
 use crate::finite::finite;
+use crate::results::check_file;
 
 /// A lens to be written in Petzval's format (`.toml`), Zemax's (`.zmx`) or CODE V's (`.seq`).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -53,6 +54,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         }
     };
     let export = export.map_err(|error| not_writable(&request.to, &error))?;
+    check_file(&request.to, context)?;
     write_file(&request.to, encoded(&request.to, &export.text))?;
     let lens = import.file.lens;
     Ok(Response {

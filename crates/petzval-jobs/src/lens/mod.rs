@@ -3,6 +3,7 @@
 pub mod analyze;
 pub mod convert;
 mod focus;
+pub mod list;
 pub mod optimize;
 pub mod show;
 pub mod tolerance;

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::FrameSummary;
 use crate::context::Context;
 use crate::error::JobError;
+use crate::results::check_file;
 
 pub use petzval_camera::sensor::CfaPattern;
 pub use petzval_files::raw_file::Packing;
@@ -52,11 +53,12 @@ pub struct Response {
 }
 
 /// Reads the frame and writes it, with its sidecar.
-pub fn run(request: &Request, _context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let mut frame = load_raw(&request.input)?;
     frame.info = request.info()?.or(frame.info);
     let bits = frame.info.bits.unwrap_or(16);
     check_bits(request, &frame, bits)?;
+    check_file(&request.output, context)?;
     save_raw(&frame, &request.output, request.format(bits)?)?;
     Ok(Response { frame: FrameSummary::new(&request.output, &frame), sidecar: sidecar_path(&request.output) })
 }

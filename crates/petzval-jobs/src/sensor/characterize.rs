@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 use crate::context::Context;
 use crate::error::{JobError, make_folder};
 use crate::frames::Frames;
+use crate::results::check_folder;
 
 pub use petzval_camera::sensor::Colour;
 pub use petzval_lab::emva::joint::GAINS;
@@ -51,10 +52,16 @@ pub struct Response {
     pub files: Vec<PathBuf>,
 }
 
+/// Files of every measurement; pages and XML files stand beside them.
+const RESULTS: [&str; 3] = ["results.json", "sensor.toml", "histograms.csv"];
+
 /// Reads the captures, measures the sensor, and writes the results.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     if let Some(pitch) = request.pixel_um.filter(|p| !(0.1..=1000.0).contains(p)) {
         return Err(JobError::setting("pixel_um", pitch, "not between 0.1 and 1000", "the pitch in um"));
+    }
+    if let Some(out) = &request.out {
+        check_folder(out, RESULTS, context)?;
     }
     let mut captures = Captures::open(&request.dir)?;
     captures.sensor.pixel_um = captures.sensor.pixel_um.or(request.pixel_um);

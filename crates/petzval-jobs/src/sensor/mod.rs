@@ -33,7 +33,13 @@ impl From<CaptureError> for JobError {
                 "run the same `petzval sensor capture` again: it goes on where it stopped"
             }
             CaptureError::NoFolder(_) => "give the folder of the captures, or its captures.toml",
-            CaptureError::Io { .. } => "give a folder that exists and may be read and written",
+            CaptureError::Io { source, .. } => {
+                return Self::system(
+                    message,
+                    &source,
+                    "give a folder that exists and may be read and written",
+                );
+            }
             CaptureError::Frame(_) => "replace the frame, or remove its point from the list",
             CaptureError::Size { .. } => "all frames of a series have one size",
             CaptureError::Contradiction { .. } => {

@@ -16,6 +16,7 @@ use self::request::{is_over_spectrum, result_name};
 use self::rig::check_numbers;
 use crate::context::Context;
 use crate::error::JobError;
+use crate::results::check_folder;
 
 pub use output::Facts;
 pub use request::{PictureAs, Place, RawAs, Request, Restore, Spectral};
@@ -38,6 +39,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             "results are named by their image; simulate the two into different folders with --out",
         ));
     }
+    let developed = |name: &String| format!("{name}-developed.{}", request.picture_format.extension());
+    check_folder(&request.out, names.iter().map(developed), context)?;
     let images = match is_over_spectrum(request) {
         true => spectral::run(request, context)?,
         false => photographs::run(request, context)?,

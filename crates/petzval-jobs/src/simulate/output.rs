@@ -1,5 +1,6 @@
 //! What a simulation writes: the raw frame with its sidecar, and the developed picture.
 
+use std::io::{Error, ErrorKind};
 use std::path::{Path, PathBuf};
 
 use petzval_camera::image::LinearImage;
@@ -40,12 +41,13 @@ pub fn write(
     by_chip: Option<&[u8]>,
 ) -> Result<Facts, JobError> {
     let format = file_format(raw_format, sensor.bits);
-    let (extension, save, white): (_, SavePicture, _) = match picture_format {
-        PictureAs::Png => ("png", save_png, display_white),
-        PictureAs::Png16 => ("png", save_png16, display_white),
-        PictureAs::Exr => ("exr", save_exr, 1.0),
-        PictureAs::Npy => ("npy", save_npy, 1.0),
+    let (save, white): (SavePicture, _) = match picture_format {
+        PictureAs::Png => (save_png, display_white),
+        PictureAs::Png16 => (save_png16, display_white),
+        PictureAs::Exr => (save_exr, 1.0),
+        PictureAs::Npy => (save_npy, 1.0),
     };
+    let extension = picture_format.extension();
     let raw_path = folder.join(format!("{name}-raw.{}", format.extension()));
     let developed_path = folder.join(format!("{name}-developed.{extension}"));
     let chip_path = folder.join(format!("{name}-isp.png"));
@@ -53,7 +55,7 @@ pub fn write(
     files.extend(by_chip.map(|_| chip_path.clone()));
     for path in &files {
         if path.is_dir() {
-            return Err(not_written(path, "this is a folder"));
+            return Err(not_written(path, &Error::new(ErrorKind::IsADirectory, "this is a folder")));
         }
     }
 
@@ -61,19 +63,19 @@ pub fn write(
     let unfinished = Unfinished::new(folder, name)?;
     let [raw_part, developed_part] = [&raw_path, &developed_path].map(|path| unfinished.part(path));
     save_raw(&RawFrame::from_raw(raw, sensor), &raw_part, format).map_err(|error| match error {
-        RawFileError::Io { source, .. } => not_written(&raw_path, source),
+        RawFileError::Io { source, .. } => not_written(&raw_path, &source),
         other => other.into(),
     })?;
     let shown = developed.data.iter().map(|value| value / white).collect();
     save(&LinearImage { data: shown, ..*developed }, &developed_part).map_err(|error| match error {
-        ImageError::Io { source, .. } => not_written(&developed_path, source),
+        ImageError::Io { source, .. } => not_written(&developed_path, &source),
         other => DesignError::from(other).into(),
     })?;
     if let Some(png) = by_chip {
-        std::fs::write(unfinished.part(&chip_path), png).map_err(|error| not_written(&chip_path, error))?;
+        std::fs::write(unfinished.part(&chip_path), png).map_err(|error| not_written(&chip_path, &error))?;
     }
     for path in &files {
-        std::fs::rename(unfinished.part(path), path).map_err(|error| not_written(path, error))?;
+        std::fs::rename(unfinished.part(path), path).map_err(|error| not_written(path, &error))?;
     }
     let facts = [
         ("image", json!(name)),
@@ -87,9 +89,10 @@ pub fn write(
     Ok(facts.into_iter().chain(by_chip).map(|(key, value)| (key.to_owned(), value)).collect())
 }
 
-fn not_written(path: &Path, reason: impl std::fmt::Display) -> JobError {
-    JobError::input(
-        format!("{}: cannot be written: {reason}", path.display()),
+fn not_written(path: &Path, error: &std::io::Error) -> JobError {
+    JobError::system(
+        format!("{}: cannot be written: {error}", path.display()),
+        error,
         "choose a folder with --out that can be written, has room, and holds nothing else of that name",
     )
 }
@@ -100,7 +103,7 @@ struct Unfinished(PathBuf);
 impl Unfinished {
     fn new(folder: &Path, name: &str) -> Result<Self, JobError> {
         let path = folder.join(format!(".{name}-{}.part", std::process::id()));
-        std::fs::create_dir_all(&path).map_err(|error| not_written(folder, error))?;
+        std::fs::create_dir_all(&path).map_err(|error| not_written(folder, &error))?;
         Ok(Self(path))
     }
 

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use petzval_camera::image::LinearImage;
 use petzval_camera::isp::Interpolation;
 use petzval_camera::render::Wiener;
 use petzval_camera::sensor::{Exposure, SensorModel};
@@ -20,6 +21,17 @@ pub enum Place {
     Fill,
     /// One photograph pixel per sensor pixel, or per sample of one, around the axis.
     Centre,
+}
+
+impl Place {
+    /// A picture laid on a frame of so many rows and columns.
+    pub fn lay(self, picture: &LinearImage, (height, width): (usize, usize)) -> LinearImage {
+        match self {
+            _ if (picture.height, picture.width) == (height, width) => picture.clone(),
+            Self::Fill => picture.cover(height, width),
+            Self::Centre => picture.centred(height, width),
+        }
+    }
 }
 
 /// Photographs and scenes to take. What is left out has the default of the command.
@@ -141,6 +153,17 @@ pub enum PictureAs {
     Exr,
     /// NumPy array, float32 [plane, row, column], linear light.
     Npy,
+}
+
+impl PictureAs {
+    /// The ending of such a file.
+    pub fn extension(self) -> &'static str {
+        match self {
+            Self::Png | Self::Png16 => "png",
+            Self::Exr => "exr",
+            Self::Npy => "npy",
+        }
+    }
 }
 
 /// The light, and how finely its spectrum is sampled. Any of these makes a simulation one over the spectrum.

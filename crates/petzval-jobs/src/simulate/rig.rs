@@ -178,7 +178,7 @@ impl Rig {
         let exposure = Exposure { white_e, time_s: request.time_s, linear_gain: request.gain };
         let (geometry, device) = (self.geometry.clone(), Device::flex());
         let restoration = request.restore.map(|restore| restore.filter(&sensor, &exposure));
-        let body = Body { sensor, geometry, exposure, isp, restoration, chip: None, device };
+        let body = Body { sensor, geometry, exposure, same_time: None, isp, restoration, chip: None, device };
         Camera::new(Arc::new(body), self.psfs.clone())
     }
 
@@ -194,7 +194,14 @@ impl Rig {
             Some(distortion) => distortion.project(&self.geometry, picture, &self.window, self.border)?,
             None => self.window.scene(picture, self.border),
         };
-        Ok(Shot { scene, placement: self.window.placement, kept: None, frame, truth: Truth::default() })
+        Ok(Shot {
+            scene,
+            placement: self.window.placement,
+            kept: None,
+            frame,
+            truth: Truth::default(),
+            follows_light: true,
+        })
     }
 }
 

@@ -14,7 +14,7 @@ use serde_json::json;
 use super::chip;
 use super::highlights::Saturation;
 use super::output::{self, Facts};
-use super::request::{Place, Request};
+use super::request::Request;
 use super::rig::Rig;
 use crate::context::Context;
 use crate::error::JobError;
@@ -35,14 +35,8 @@ pub fn photograph(path: &Path, context: &Context) -> Result<LinearImage, JobErro
 }
 
 /// A picture laid on a frame of so many rows and columns.
-pub fn placed(request: &Request, picture: &LinearImage, (height, width): (usize, usize)) -> LinearImage {
-    if (picture.height, picture.width) == (height, width) {
-        return picture.clone();
-    }
-    match request.place {
-        Place::Fill => picture.cover(height, width),
-        Place::Centre => picture.centred(height, width),
-    }
+pub fn placed(request: &Request, picture: &LinearImage, frame: (usize, usize)) -> LinearImage {
+    request.place.lay(picture, frame)
 }
 
 /// One frame and what was developed from it, on the host.

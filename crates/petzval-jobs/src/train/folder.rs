@@ -126,7 +126,7 @@ impl TrainingFolder {
             let hint = "--resume takes the --out folder of an earlier training of the same kind";
             JobError::input(format!("{}: {message}", path.display()), hint)
         };
-        let text = std::fs::read_to_string(&path).map_err(|e| wrong(e.to_string()))?;
+        let text = petzval_base::read_text(&path).map_err(|e| wrong(e.to_string()))?;
         let kept = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
         Ok((folder, kept))
     }
@@ -153,7 +153,7 @@ impl TrainingFolder {
     /// Weights and optimiser after a step.
     pub fn state(&self, step: usize) -> Result<[Vec<u8>; 2], JobError> {
         let [weights, optimizer] = self.parts(step);
-        let read = |path: PathBuf| std::fs::read(&path).map_err(DesignError::io(&path));
+        let read = |path: PathBuf| petzval_base::read_whole(&path).map_err(DesignError::io(&path));
         Ok([read(weights)?, read(optimizer)?])
     }
 

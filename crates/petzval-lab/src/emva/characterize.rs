@@ -158,6 +158,7 @@ fn input(gain: &GainResult) -> GainInput<'_> {
         linear_gain: gain.linear_gain,
         gains: gain.channels.iter().map(|c| c.transfer.gain_dn_per_e).collect(),
         dark: &gain.dark,
+        line_noise: gain.line_noise,
         pixels: gain.pixel_dark_currents.as_ref().ok_or(Unresolved::TooFewExposures { got: 1, need: 2 }),
         points: gain.channels.iter().map(|c| (c.colour, &c.points[..c.transfer.used])).collect(),
     }

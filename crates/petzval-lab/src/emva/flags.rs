@@ -14,7 +14,7 @@
 //! | darker | the point has more light than another and is darker | is used |
 
 use super::captures::{Captures, Kind, Point};
-use super::point::PointStatistics;
+use super::point::{BLOCKS, PointStatistics};
 use petzval_base::statistics::median;
 
 /// The frames of one point with their moments and flags.
@@ -134,13 +134,14 @@ impl FrameFlags {
             Kind::Flat => 1e-3 * (found.all.mean_dn - black_dn).abs(),
             Kind::Dark => 0.05,
         };
-        let whole_dn = whole_frame_deviations(found);
+        let deviations: Vec<Deviations> =
+            found.block_deviations_dn.iter().map(|d| Deviations::of(d, &found.block_pixels)).collect();
         let is_mono = captures.sensor.cfa.rows() * captures.sensor.cfa.cols() == 1;
         Self {
             label: point.label(),
             clipped_at_zero: found.all.is_clipped_at_zero().then_some(found.all.share_at_zero),
-            flicker: flicker(found, &whole_dn, drift_dn),
-            moved: movement(found, &whole_dn, drift_dn),
+            flicker: flicker(found, &deviations, drift_dn),
+            moved: movement(found, &deviations, drift_dn),
             light_leak_dn: light_leak_dn(found).filter(|_| point.kind == Kind::Dark),
             uneven_percent: uneven_percent(found, black_dn).filter(|_| point.kind == Kind::Flat && is_mono),
         }
@@ -163,66 +164,103 @@ impl GainFlags {
 /// thousand series.
 const NOT_NOISE_SIGMAS: f64 = 6.0;
 
-/// Brightness of each frame relative to the others, DN. It is the median over blocks, so that an object that moves
-/// through a few blocks does not count.
-fn whole_frame_deviations(found: &PointStatistics) -> Vec<f64> {
-    let filled = |blocks: &[f64]| -> Vec<f64> {
-        blocks.iter().zip(&found.block_pixels).filter(|(_, n)| **n > 0).map(|(d, _)| *d).collect()
-    };
-    found.block_deviations_dn.iter().map(|blocks| median(filled(blocks))).collect()
+/// How one frame differs from the others of its point, DN: as a whole, along rows and columns of blocks, and block by block.
+struct Deviations {
+    /// Of the whole frame.
+    whole_dn: f64,
+    /// Of each row of blocks, beyond the whole frame.
+    rows_dn: Vec<f64>,
+    /// Of each column of blocks, beyond the whole frame.
+    columns_dn: Vec<f64>,
+    /// Of each block beyond all of these; `None` of a block without pixels.
+    blocks_dn: Vec<Option<f64>>,
+}
+
+impl Deviations {
+    /// Splits the deviations of the blocks by medians, so that an object that moves through a few blocks does not count as a change
+    /// of the whole frame.
+    fn of(deviations_dn: &[f64], pixels: &[usize]) -> Self {
+        let mut blocks_dn: Vec<Option<f64>> =
+            deviations_dn.iter().zip(pixels).map(|(d, n)| (*n > 0).then_some(*d)).collect();
+        let mut subtract_median = |places: &dyn Fn(usize) -> bool| {
+            let of_places = || (0..BLOCKS * BLOCKS).filter(|i| places(*i));
+            let known: Vec<f64> = of_places().filter_map(|i| blocks_dn[i]).collect();
+            let middle = if known.is_empty() { 0.0 } else { median(known) };
+            of_places().for_each(|i| blocks_dn[i] = blocks_dn[i].map(|d| d - middle));
+            middle
+        };
+        let whole_dn = subtract_median(&|_| true);
+        let rows_dn = (0..BLOCKS).map(|row| subtract_median(&|i| i / BLOCKS == row)).collect();
+        let columns_dn = (0..BLOCKS).map(|column| subtract_median(&|i| i % BLOCKS == column)).collect();
+        Self { whole_dn, rows_dn, columns_dn, blocks_dn }
+    }
 }
 
 /// Finds frames of one setting whose means differ by more than noise and a small drift.
-fn flicker(found: &PointStatistics, whole_dn: &[f64], drift_dn: f64) -> Option<Flicker> {
+fn flicker(found: &PointStatistics, deviations: &[Deviations], drift_dn: f64) -> Option<Flicker> {
     let frames = found.frames as f64;
-    let range =
-        |v: &[f64]| v.iter().copied().fold(f64::MIN, f64::max) - v.iter().copied().fold(f64::MAX, f64::min);
-    let difference_dn = range(whole_dn) * (frames - 1.0) / frames;
-    let variance = found.all.variance_dn2.max(0.0);
-    // The variance of a median is pi/2 times that of the mean.
-    let standard_error_dn = (std::f64::consts::PI * variance / found.all.pixels as f64).sqrt();
+    let whole = || deviations.iter().map(|d| d.whole_dn);
+    let range = whole().fold(f64::MIN, f64::max) - whole().fold(f64::MAX, f64::min);
+    let difference_dn = range * (frames - 1.0) / frames;
+    let of_pixels = found.all.variance_dn2.max(0.0) / found.all.pixels as f64;
+    let of_lines = found.all.line_noise.of_mean_dn2([found.height as f64, found.width as f64]);
+    // Two frames are compared. The variance of a median is pi/2 times that of the mean.
+    let standard_error_dn = (std::f64::consts::PI * (of_pixels + of_lines)).sqrt();
     (difference_dn > NOT_NOISE_SIGMAS * standard_error_dn + drift_dn)
         .then_some(Flicker { difference_dn, standard_error_dn })
 }
 
-/// Finds the block of a frame that differs most from the other frames, beyond noise and the difference of the whole frame.
-/// Clipped frames have none.
-fn movement(found: &PointStatistics, whole_dn: &[f64], drift_dn: f64) -> Option<Movement> {
+/// Finds the part of a frame that differs most from the other frames, beyond noise and the difference of the whole frame: a block
+/// that differs from its row and its column of blocks, or a whole row or column of blocks that differs by more than the noise that
+/// neighbouring rows have. Clipped frames have none.
+fn movement(found: &PointStatistics, deviations: &[Deviations], drift_dn: f64) -> Option<Movement> {
     if found.all.is_clipped_at_max() {
         return None;
     }
-    let frames = found.frames as f64;
-    let variance = found.all.variance_dn2.max(0.0);
-    let of_frame = |(k, (blocks, whole)): (usize, (&Vec<f64>, &f64))| {
-        let (whole, factor) = (*whole, frames / (frames - 1.0));
-        blocks
-            .iter()
-            .zip(&found.block_pixels)
-            .filter(|(_, n)| **n > 0)
-            .map(|(d, n)| Movement {
-                frame: k + 1,
-                difference_dn: (d - whole).abs(),
-                standard_error_dn: (factor * variance / *n as f64).sqrt(),
-            })
-            .filter(|m| m.difference_dn > NOT_NOISE_SIGMAS * m.standard_error_dn + drift_dn)
-            .max_by(|a, b| a.difference_dn.total_cmp(&b.difference_dn))
+    let (frames, blocks) = (found.frames as f64, BLOCKS as f64);
+    let of_others = frames / (frames - 1.0);
+    let [row_dn2, column_dn2] = found.all.line_noise.certain_dn2();
+    let pixel_dn2 = (found.all.variance_dn2 - row_dn2 - column_dn2).max(0.0);
+    let beyond_noise = |frame: usize, difference_dn: f64, variance_dn2: f64| {
+        let found = Movement {
+            frame,
+            difference_dn: difference_dn.abs(),
+            standard_error_dn: (of_others * variance_dn2).sqrt(),
+        };
+        (found.difference_dn > NOT_NOISE_SIGMAS * found.standard_error_dn + drift_dn).then_some(found)
     };
-    found
-        .block_deviations_dn
+    // A row of blocks has the noise of its rows of pixels; it is the median of its blocks.
+    let of_line = |line_dn2: f64, lines: usize| {
+        let pixels = found.all.pixels as f64 / blocks;
+        std::f64::consts::FRAC_PI_2 * (pixel_dn2 / pixels + line_dn2 * blocks / lines as f64)
+    };
+    let of_rows = of_line(row_dn2, found.height);
+    let of_columns = of_line(column_dn2, found.width);
+    let of_frame = |(k, deviations): (usize, &Deviations)| {
+        let block = |(d, n): (&Option<f64>, &usize)| beyond_noise(k + 1, (*d)?, pixel_dn2 / *n as f64);
+        let line = |variance_dn2: f64| move |d: &f64| beyond_noise(k + 1, *d, variance_dn2);
+        let of_blocks = deviations.blocks_dn.iter().zip(&found.block_pixels).filter_map(block);
+        let of_rows = deviations.rows_dn.iter().filter_map(line(of_rows));
+        let of_columns = deviations.columns_dn.iter().filter_map(line(of_columns));
+        of_blocks.chain(of_rows).chain(of_columns).max_by(|a, b| a.difference_dn.total_cmp(&b.difference_dn))
+    };
+    deviations
         .iter()
-        .zip(whole_dn)
         .enumerate()
         .filter_map(of_frame)
         .max_by(|a, b| a.difference_dn.total_cmp(&b.difference_dn).then(b.frame.cmp(&a.frame)))
 }
 
-/// Largest difference between two blocks of the mean frame, and its standard error from the spread of all samples, DN.
+/// Largest difference between two blocks of the mean frame, and its standard error from the spread of all samples and the noise of
+/// rows and columns, DN.
 fn block_difference(found: &PointStatistics) -> (f64, f64) {
     let blocks =
         || found.block_means_dn.iter().zip(&found.block_pixels).filter(|(_, n)| **n > 0).map(|(m, _)| *m);
     let difference_dn = blocks().fold(f64::NEG_INFINITY, f64::max) - blocks().fold(f64::INFINITY, f64::min);
     let fewest = found.block_pixels.iter().filter(|n| **n > 0).min().copied().unwrap_or(1) as f64;
-    (difference_dn, (found.all.total_variance_dn2() / fewest).sqrt())
+    let lines = [found.height, found.width].map(|lines| (found.frames * lines) as f64 / BLOCKS as f64);
+    let variance_dn2 = found.all.total_variance_dn2() / fewest + found.all.line_noise.of_mean_dn2(lines);
+    (difference_dn, variance_dn2.sqrt())
 }
 
 /// Largest difference between blocks of dark frames, DN, if it exceeds noise and 1 DN.

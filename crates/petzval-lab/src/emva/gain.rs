@@ -5,7 +5,9 @@ use super::dark::{DarkPoint, dark_series};
 use super::figures::{Basis, figures};
 use super::flags::{FlaggedPoint, FlatFlags, GainFlags, Signal, StackFlags, StackUse};
 use super::hot_pixels::of_dark_ends;
-use super::point::{PointStatistics, Stack};
+use super::line_noise::LineNoise;
+use super::measured::{Measured, Unresolved};
+use super::point::PointStatistics;
 use super::result::{ChannelResult, GainResult, Options};
 use super::spatial::spatial;
 use super::transfer::photon_transfer;
@@ -34,6 +36,7 @@ pub fn evaluate_gain(
     let dark_point =
         |p: &&FlaggedPoint<'_>| DarkPoint::new(p.point.exposure_s, &p.found.all, mean_difference);
     let dark = dark_series(darks.iter().map(dark_point).collect());
+    let line_noise = mean_line_noise(&darks);
 
     // Pair each flat point with the dark point of its exposure time, and leave out points without signal.
     let dark_of = |flat: &FlaggedPoint<'_>| {
@@ -71,9 +74,25 @@ pub fn evaluate_gain(
     let pixel_dark_currents = of_dark_ends(dark_ends, max_dn);
     let frames = points.iter().map(|p| p.flags.clone()).collect();
     (
-        GainResult { linear_gain, dark, pixel_dark_currents, channels },
+        GainResult { linear_gain, dark, line_noise, pixel_dark_currents, channels },
         GainFlags { frames, flats: flat_flags, stacks: stack_flags },
     )
+}
+
+/// Temporal noise of rows and columns over all dark frames of a gain, each point with the weight of its frames but one.
+fn mean_line_noise(darks: &[&FlaggedPoint<'_>]) -> LineNoise {
+    let mean = |of: fn(&LineNoise) -> Measured| {
+        let weight = |p: &FlaggedPoint<'_>| p.found.frames as f64 - 1.0;
+        let total: f64 = darks.iter().map(|p| weight(p)).sum();
+        if total == 0.0 {
+            return Measured::none(Unresolved::NoFlat);
+        }
+        let parts = darks.iter().map(|p| (weight(p) / total, of(&p.found.all.line_noise)));
+        let value = parts.clone().map(|(w, m)| w * m.value().unwrap_or(0.0)).sum();
+        let error = parts.map(|(w, m)| (w * m.error_or_zero()).powi(2)).sum::<f64>().sqrt();
+        Measured::new(value, error)
+    };
+    LineNoise { row_dn2: mean(|n| n.row_dn2), column_dn2: mean(|n| n.column_dn2) }
 }
 
 /// Points for the photon transfer: pairs, and stacks if there is no pair of their setting.
@@ -130,8 +149,8 @@ struct Pair<'a> {
 
 /// A flat and a dark stack of one exposure time.
 struct Stacks<'a> {
-    flat: &'a Stack,
-    dark: &'a Stack,
+    flat: &'a PointStatistics,
+    dark: &'a PointStatistics,
     exposure_s: f64,
 }
 
@@ -140,11 +159,9 @@ fn stacks<'p>(points: &'p [FlaggedPoint<'_>]) -> (Option<Stacks<'p>>, Vec<StackF
     let (mut chosen, mut flags) = (None, Vec::new());
     let of_kind = |kind| points.iter().filter(move |p| p.point.kind == kind && p.point.is_stack());
     for flat_point in of_kind(Kind::Flat) {
-        let Some(flat) = &flat_point.found.stack else { continue };
+        let flat = &flat_point.found;
         let exposure_s = flat_point.point.exposure_s;
-        let dark = of_kind(Kind::Dark)
-            .filter(|p| p.point.exposure_s == exposure_s)
-            .find_map(|p| p.found.stack.as_ref());
+        let dark = of_kind(Kind::Dark).find(|p| p.point.exposure_s == exposure_s).map(|p| &p.found);
         let stack_use = match (dark, &chosen) {
             (None, _) => StackUse::NoDarkStack,
             (Some(_), Some(_)) => StackUse::Surplus,

@@ -8,7 +8,8 @@
 //! M_g = mu_r K_g + (BL + mu_el)                      intercept of the dark mean     [DN]
 //! ```
 //!
-//! Each is a line with weights `1/s^2`, where `s` includes the errors of the intercept, of `K_g` and of rounding.
+//! The temporal noise of rows and columns grows with the gain as the read noise does, of which it is a part: its variance over `K_g^2`
+//! is averaged over the gains. Each of the two is a line with weights `1/s^2`, where `s` includes the errors of the intercept, of `K_g` and of rounding.
 //! (Rounding adds 1/12 only to noise that spreads over several digital numbers, see [`super::rounding`].) Averages over
 //! single gains (Tseng et al. 2021, supplement 2.3.2) cannot separate them. Captures show only the sum of BL and mu_el:
 //! BL is taken from the setting of the camera.
@@ -18,6 +19,7 @@ use serde::Serialize;
 use super::dark::DarkSeries;
 use super::fit::{Line, line, through_origin, weighted_mean};
 use super::hot_pixels::PixelDarkCurrents;
+use super::line_noise::LineNoise;
 use super::measured::{Measured, Unresolved};
 use super::rounding::{QUANTISATION_DN2, RoundingError};
 use super::transfer_point::TransferPoint;
@@ -77,6 +79,10 @@ pub struct JointFit {
     pub read_variance_e2: Measured,
     /// sigma_r, e-.
     pub read_noise_e: Measured,
+    /// Temporal noise that the pixels of a row have in common, e-; a part of sigma_r.
+    pub row_noise_e: Measured,
+    /// Temporal noise that the pixels of a column have in common, e-; a part of sigma_r.
+    pub column_noise_e: Measured,
     /// mu_r, e-.
     pub read_noise_mean_e: Measured,
     /// sigma_el, DN.
@@ -101,6 +107,8 @@ pub struct GainInput<'a> {
     pub gains: Vec<Measured>,
     /// Dark series over all pixels.
     pub dark: &'a DarkSeries,
+    /// Temporal noise of rows and columns in its dark frames.
+    pub line_noise: LineNoise,
     /// Dark currents of the pixels, or why they are not known.
     pub pixels: Result<&'a PixelDarkCurrents, Unresolved>,
     /// Points of each colour within its photon transfer: none of them is clipped or near saturation.
@@ -127,6 +135,12 @@ pub fn joint_fit(inputs: &[GainInput<'_>], black_level_dn: Option<f64>) -> Joint
     );
     let read_variance_e2 = variance_line.slope.if_above_noise();
     let electronics = variance_line.intercept.map(|v| v - QUANTISATION_DN2, |_| 1.0).if_above_noise();
+    let of_lines = |of: fn(&LineNoise) -> Measured| {
+        let of_gain = |(input, row): (&GainInput<'_>, &GainRow)| {
+            of(&input.line_noise).over(row.gain_dn_per_e.squared())
+        };
+        weighted_mean(inputs.iter().zip(&rows).map(of_gain)).if_above_noise().root()
+    };
     let dark_offset_dn = mean_line.intercept;
     let electronics_mean_dn = match black_level_dn {
         Some(black) => dark_offset_dn.map(|v| v - black, |_| 1.0),
@@ -146,6 +160,8 @@ pub fn joint_fit(inputs: &[GainInput<'_>], black_level_dn: Option<f64>) -> Joint
         mean_line,
         read_variance_e2,
         read_noise_e: read_variance_e2.root(),
+        row_noise_e: of_lines(|n| n.row_dn2),
+        column_noise_e: of_lines(|n| n.column_dn2),
         read_noise_mean_e: mean_line.slope,
         electronics_noise_dn: electronics.root(),
         dark_offset_dn,

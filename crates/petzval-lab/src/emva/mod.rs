@@ -5,6 +5,7 @@
 //! | the list of captures: its values, its two formats, wildcards in names | [`captures`], [`manifest`], [`descriptor`], `frame_names` |
 //! | open a folder of captures | `open` |
 //! | reduce the frames of a point to sums | [`point`], [`counts`] |
+//! | temporal noise of rows and columns | [`line_noise`] |
 //! | flags: what the captures show about the use of each point | `flags` |
 //! | find where the converter clips, from all samples | [`samples`] |
 //! | select the points of one gain by their flags, and evaluate them | `gain` |
@@ -12,6 +13,7 @@
 //! | find where the signal ends | [`mod@saturation`] |
 //! | dark frames over exposure time, and pixel by pixel | [`dark`], [`hot_pixels`] |
 //! | non-uniformity, spectrograms, profiles, histograms of defects | [`spatial`], [`high_pass`], [`spectrogram`], [`histogram`] |
+//! | pixels that do not answer light | [`mod@defects`] |
 //! | figures under the names of the EMVA 1288 Python library | [`figures`] |
 //! | all gains together | [`joint`] |
 //! | histograms: the exact distribution, and the fit to it | [`pmf`], [`histogram_fit`] |
@@ -30,6 +32,7 @@ pub mod characterize;
 mod colour_name;
 pub mod counts;
 pub mod dark;
+pub mod defects;
 pub mod derived;
 pub mod descriptor;
 pub mod figures;
@@ -42,6 +45,7 @@ pub mod histogram;
 pub mod histogram_fit;
 pub mod hot_pixels;
 pub mod joint;
+pub mod line_noise;
 pub mod manifest;
 pub mod measured;
 mod open;

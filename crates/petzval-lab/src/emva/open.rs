@@ -33,7 +33,8 @@ impl Captures {
             }
             (false, false) => return Err(CaptureError::NoList(folder.to_owned())),
         };
-        let bytes = std::fs::read(&list).map_err(|source| CaptureError::Io { path: list.clone(), source })?;
+        let bytes = petzval_base::read_whole(&list)
+            .map_err(|source| CaptureError::Io { path: list.clone(), source })?;
         let wrong = |error: FileError| CaptureError::List { path: list.clone(), error: Box::new(error) };
         let text = decode(&bytes);
         let parsed = if ours { manifest::parse(&text, folder) } else { descriptor::parse(&text, folder) };

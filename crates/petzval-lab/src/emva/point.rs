@@ -17,6 +17,7 @@ use serde::Serialize;
 
 use super::captures::{CaptureError, Captures, FrameFile, Point};
 use super::counts::Counts;
+use super::line_noise::{LineNoise, LineSums};
 use petzval_camera::sensor::{CfaPattern, Colour};
 use petzval_files::raw_file::{RawFrame, RawInfo};
 
@@ -33,15 +34,17 @@ pub struct Moments {
     pub pixels: usize,
     /// Mean, DN.
     pub mean_dn: f64,
-    /// Standard error of the mean from temporal noise, DN: the pixels are the same in flat and dark frames, so that their
-    /// non-uniformity is no error of a difference.
+    /// Standard error of the mean from temporal noise of pixels, rows and columns, DN: the pixels are the same in flat and dark
+    /// frames, so that their non-uniformity is no error of a difference.
     pub mean_se_dn: f64,
     /// Temporal variance with the variance of the frames' means taken away, DN^2.
     pub variance_dn2: f64,
     /// Temporal variance without that correction, DN^2.
     pub variance_uncorrected_dn2: f64,
-    /// Standard error of the variance, from its spread over the pixels, DN^2.
+    /// Standard error of the variance, from its spread over the pixels and from the noise of few rows and columns, DN^2.
     pub variance_se_dn2: f64,
+    /// The parts of the variance that pixels of a row, and of a column, have in common.
+    pub line_noise: LineNoise,
     /// Mean of each frame, DN.
     pub frame_means_dn: Vec<f64>,
     /// Share of the samples at digital number 0.
@@ -135,24 +138,34 @@ struct Class {
     table: Vec<u64>,
     variance: f64,
     variance_squared: f64,
+    lines: LineSums,
 }
 
 impl Class {
-    fn moments(&self, frames: usize) -> Moments {
+    /// The moments of frames whose colour filter array repeats after `tile` rows and columns.
+    fn moments(&self, frames: usize, tile: [usize; 2]) -> Moments {
         let (n, l) = (self.pixels as f64, frames as f64);
         let frame_means_dn: Vec<f64> = self.frame_sums.iter().map(|s| *s as f64 / n).collect();
         let mean_dn = self.frame_sums.iter().sum::<u64>() as f64 / (n * l);
         let spread = frame_means_dn.iter().map(|m| (m - mean_dn).powi(2)).sum::<f64>() / (l - 1.0);
         let mean_variance = self.variance / n;
         let samples = n * l;
+        let of_pixels_dn2 = (self.variance_squared / n - mean_variance * mean_variance).max(0.0) / n;
+        let line_noise = self.lines.noise(tile, mean_variance - spread, of_pixels_dn2.sqrt());
+        // Rows and columns are few: their mean and their variance scatter more than those of the pixels.
+        let counted = |pixels: &[usize]| pixels.iter().filter(|n| **n > 0).count() as f64;
+        let lines = [counted(&self.lines.row_pixels), counted(&self.lines.column_pixels)];
+        let mean_variance_of_lines = line_noise.of_mean_dn2(lines.map(|n| n * l));
+        let of_lines = line_noise.certain_dn2().into_iter().zip(lines);
+        let of_lines_dn2: f64 = of_lines.map(|(v, n)| 2.0 * v * v / (n * (l - 1.0))).sum();
         Moments {
             pixels: self.pixels,
             mean_dn,
-            mean_se_dn: (mean_variance / samples).sqrt(),
+            mean_se_dn: (mean_variance / samples + mean_variance_of_lines).sqrt(),
             variance_dn2: mean_variance - spread,
             variance_uncorrected_dn2: mean_variance,
-            variance_se_dn2: ((self.variance_squared / n - mean_variance * mean_variance).max(0.0) / n)
-                .sqrt(),
+            variance_se_dn2: (of_pixels_dn2 + of_lines_dn2).sqrt(),
+            line_noise,
             frame_means_dn,
             share_at_zero: self.table[0] as f64 / samples,
             share_at_max: self.table[self.table.len() - 1] as f64 / samples,
@@ -181,7 +194,9 @@ pub fn reduce(
         table: vec![0; 1 << bits],
         variance: 0.0,
         variance_squared: 0.0,
+        lines: LineSums::new(frames, size),
     };
+    let tile = [cfa.rows(), cfa.cols()];
     let mut class = vec![empty; colours.len()];
     let (mut sum, mut squares) = (vec![0u32; pixels], vec![0u64; pixels]);
     let mut block_sums = vec![[0u64; BLOCKS * BLOCKS]; frames];
@@ -200,6 +215,8 @@ pub fn reduce(
                 let c = &mut class[kinds[col % cfa.cols()]];
                 c.frame_sums[k] += u64::from(*dn);
                 c.table[usize::from(*dn)] += 1;
+                c.lines.rows[k][row] += u64::from(*dn);
+                c.lines.columns[k][col] += u64::from(*dn);
                 let block = block_of(row, col);
                 block_totals[block] += u64::from(*dn);
                 block_sums[k][block] += u64::from(*dn);
@@ -228,6 +245,8 @@ pub fn reduce(
             let variance = (l * squares[i] - s * s) as f64 * scale;
             let c = &mut class[kinds[col % cfa.cols()]];
             c.pixels += 1;
+            c.lines.row_pixels[row] += 1;
+            c.lines.column_pixels[col] += 1;
             c.variance += variance;
             c.variance_squared += variance * variance;
             block_pixels[block_of(row, col)] += 1;
@@ -243,6 +262,7 @@ pub fn reduce(
         all.variance += c.variance;
         all.variance_squared += c.variance_squared;
         all.frame_sums.iter_mut().zip(&c.frame_sums).for_each(|(a, b)| *a += b);
+        all.lines.add(&c.lines);
         all.table.iter_mut().zip(&c.table).for_each(|(a, b)| *a += b);
     }
     let mean_of = |sum: u64, pixels: usize| sum as f64 / pixels.max(1) as f64;
@@ -251,12 +271,12 @@ pub fn reduce(
         height,
         width,
         frames,
-        all: all.moments(frames),
+        all: all.moments(frames, tile),
         colours: colours
             .iter()
             .zip(&class)
             .filter(|(_, c)| c.pixels > 0)
-            .map(|(colour, c)| (*colour, c.moments(frames)))
+            .map(|(colour, c)| (*colour, c.moments(frames, tile)))
             .collect(),
         block_means_dn: blocks().map(|(b, n)| mean_of(block_totals[b], n * frames)).collect(),
         block_deviations_dn: block_sums

@@ -10,6 +10,7 @@ use super::high_pass::HighPass;
 use super::histogram_fit::HistogramFit;
 use super::hot_pixels::PixelDarkCurrents;
 use super::joint::JointFit;
+use super::line_noise::LineNoise;
 use super::spatial::Spatial;
 use super::transfer::PhotonTransfer;
 use super::transfer_point::TransferPoint;
@@ -65,6 +66,8 @@ pub struct GainResult {
     pub linear_gain: f64,
     /// Dark series over all pixels.
     pub dark: DarkSeries,
+    /// Temporal noise of rows and columns in the dark frames.
+    pub line_noise: LineNoise,
     /// Dark currents pixel by pixel, if there are two different dark exposure times.
     pub pixel_dark_currents: Option<PixelDarkCurrents>,
     /// Each colour; mono sensors have the one colour `clear`. Empty if the gain has no flat points.

@@ -33,6 +33,20 @@ impl RoundingError {
     }
 }
 
+/// Standard errors by rounding of a variance over pixels that is `spatial_dn2`, of frames with this temporal variance after rounding:
+/// a share of the variance, and a variance that adds to it, DN^2.
+///
+/// The mean `x` of a pixel becomes `x + b(x)` with the sum `b` of the mean's harmonics above. Over pixels of the variance `v` that are
+/// normally distributed, the first harmonic adds `2 cov(x, b) = -4 v h cos(2 pi m)` with `h = exp(-2 pi^2 (s^2 + v))`: pixels that lie
+/// between the same two numbers move together or apart. And `b` has a variance of its own, up to half the square of its amplitude,
+/// which pixels that differ by little do not reach.
+pub fn of_spatial(temporal_dn2: f64, spatial_dn2: f64) -> [f64; 2] {
+    let (noise_dn2, spatial_dn2) = (least_noise_dn2(temporal_dn2), spatial_dn2.max(0.0));
+    let share = of_random_phase(|k| if k == 1.0 { 4.0 * harmonic(k, noise_dn2 + spatial_dn2) } else { 0.0 });
+    let reached = 1.0 - harmonic(1.0, 2.0 * spatial_dn2);
+    [share, reached * of_mean_dn(noise_dn2).powi(2)]
+}
+
 /// Number of harmonics in the sums: without noise the neglected rest is 3 %.
 const HARMONICS: i32 = 20;
 

@@ -47,12 +47,13 @@ impl<'a> Model<'a> {
         self.best(|f| f.dark_current_e_per_s, joint)
     }
 
-    /// Dark noise without DSNU.
+    /// Dark noise of single pixels: without DSNU, and without the noise of rows and columns, which has lines of its own.
     fn read_noise(&self) -> Measured {
-        match self.fit.and_then(|f| f.dsnu_e.value()) {
+        let whole = match self.fit.and_then(|f| f.dsnu_e.value()) {
             Some(_) => self.joint.read_noise_e,
             None => self.best(|f| f.dark_noise_e, self.joint.read_noise_e),
-        }
+        };
+        without_lines(whole, self.joint)
     }
 
     /// BL + mu_el.
@@ -69,6 +70,16 @@ impl<'a> Model<'a> {
     }
 }
 
+/// A noise in electrons less that of rows and columns, where these are resolved.
+fn without_lines(noise_e: Measured, joint: &JointFit) -> Measured {
+    let lines = [joint.row_noise_e, joint.column_noise_e];
+    let less = |noise: Measured, line: &Measured| match line.value() {
+        Some(_) => noise.squared().minus(line.squared()).root(),
+        None => noise,
+    };
+    lines.iter().fold(noise_e, less)
+}
+
 /// Text of a sensor file: numbers at linear gain 1 with their standard errors as comments. Where a number is not resolved, the
 /// file holds a stand-in, and a comment gives the reason. K has no stand-in, because all numbers in electrons follow from it:
 /// without K the reason is returned instead of a file.
@@ -83,6 +94,8 @@ pub fn sensor_toml(found: &Characterization) -> Result<String, Unresolved> {
     let figure = |name: &str| channel.and_then(|c| c.figure(name)).map(|f| f.best());
     let single_gain = joint.read_noise_e.value().is_none();
     let dark_noise = figure("sigma_d").unwrap_or(Measured::none(Unresolved::FollowsFrom("K")));
+    let dark_noise =
+        if dark_noise.standard_error().is_some() { without_lines(dark_noise, joint) } else { dark_noise };
     let dark_mean = joint.rows.first().map_or(Measured::none(Unresolved::NoStack), |r| r.dark_mean_dn);
     let any_dark = lowest.and_then(|g| g.dark.points.first()).map_or(0.0, |p| p.mean_dn);
     let black_stand_in = dark_mean.value().unwrap_or(any_dark).clamp(0.0, max_dn);
@@ -132,7 +145,7 @@ pub fn sensor_toml(found: &Characterization) -> Result<String, Unresolved> {
             value: model.read_noise(),
             stand_in: dark_noise.value().unwrap_or(0.0),
             stand_in_is: match dark_noise.standard_error() {
-                Some(_) => "all of the temporal dark noise at the lowest gain",
+                Some(_) => "the temporal dark noise at the lowest gain, without that of rows and columns",
                 None => "an upper limit of the temporal dark noise at the lowest gain",
             },
         },
@@ -221,7 +234,9 @@ fn non_uniformity(found: &Characterization, text: &mut String) {
     let hot = joint.hot_pixel_share.value().is_some();
     let fit = Model::of(found).fit.filter(|f| f.dark_noise_e.standard_error().is_some());
     let _ = writeln!(text);
-    if stacks.is_some() || hot || fit.is_some() {
+    let lines = [("row_noise_e", joint.row_noise_e), ("column_noise_e", joint.column_noise_e)];
+    let has_lines = lines.iter().any(|(_, noise)| noise.value().is_some());
+    if stacks.is_some() || hot || fit.is_some() || has_lines {
         let _ = writeln!(text, "[nonuniformity]");
     }
     match stacks {
@@ -237,6 +252,9 @@ fn non_uniformity(found: &Characterization, text: &mut String) {
             let _ = writeln!(text, "# DSNU, PRNU: not resolved: {}", Unresolved::NoStack);
         }
         Some(gain) => stack_non_uniformity(joint, gain, text),
+    }
+    for (key, noise) in lines {
+        line(text, key, noise, "e-, from frame to frame");
     }
     if let (true, Some(mean)) = (hot, joint.dark_current_e_per_s.value()) {
         let _ = writeln!(
@@ -278,6 +296,14 @@ fn stack_non_uniformity(joint: &JointFit, gain: &GainResult, text: &mut String) 
             measured = squared.if_above_noise().root();
         }
         line(text, key, measured, unit);
+    }
+    let defects: usize =
+        gain.channels.iter().filter_map(|c| c.spatial.as_ref()).map(|s| s.defects.len()).sum();
+    if defects > 0 {
+        let _ = writeln!(
+            text,
+            "# {defects} pixels that do not answer light are left out of DSNU and PRNU; results.json lists them"
+        );
     }
 }
 

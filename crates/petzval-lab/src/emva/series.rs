@@ -110,7 +110,7 @@ pub fn write_series(
 /// A series is written into a folder without captures, or into one that holds the beginning of the same series.
 fn check_folder(folder: &Path, identity: &str) -> Result<(), CaptureError> {
     let path = folder.join(SERIES);
-    match std::fs::read_to_string(&path) {
+    match petzval_base::read_text(&path) {
         Ok(there) if there == identity => Ok(()),
         Ok(there) => {
             let line = there.lines().zip(identity.lines()).find(|(a, b)| a != b);

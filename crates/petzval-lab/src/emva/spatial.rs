@@ -13,13 +13,19 @@
 //! After a high-pass the three parts count with their remaining shares (`g_p`, `g_l`, [`HighPass::passed`]):
 //! `C = Ac/g_l - P/M`, `R = Ar/g_l - P/N`, `P = (V - Ac - Ar) / (g_p - g_l/M - g_l/N)`. With `g = 1` these are the formulas
 //! of EMVA 1288 release 4.
+//!
+//! Before this split the temporal variance is freed of flicker, as it is for pairs, and the [noise of rows and
+//! columns](super::line_noise), of which `1/L` remains as well, is subtracted from `C` and `R`. Pixels that do not answer light
+//! ([`super::defects`]) take the mean of their neighbours. The plain variances without a high-pass have none of these corrections.
 
 use serde::Serialize;
 
+use super::defects::{Defect, defects, without};
 use super::high_pass::{HighPass, Plane, high_pass_5x5_times_25};
 use super::histogram::{Histogram, MOST_BINS, accumulated, histogram};
 use super::measured::{Measured, Unresolved};
-use super::point::Stack;
+use super::point::{Moments, PointStatistics, Stack};
+use super::rounding::of_spatial;
 use super::spectrogram::{column_spectrogram, row_spectrogram};
 use petzval_camera::sensor::{CfaPattern, Colour};
 
@@ -127,6 +133,11 @@ pub struct Spatial {
     pub flat_components: Components,
     /// Dark stack after the filter.
     pub dark_components: Components,
+    /// Pixels that do not answer light as others do; the components leave them out.
+    pub defects: Vec<Defect>,
+    /// Components of the flat and of the dark stack with these pixels, if there are any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub components_with_defects: Option<[Components; 2]>,
     /// Plots of the flat stack minus the dark one (PRNU).
     pub prnu: StackPlots,
     /// Plots of the dark stack (DSNU).
@@ -134,10 +145,10 @@ pub struct Spatial {
 }
 
 /// Evaluates two stacks of the same size for the pixels of one colour. Each place of the colour in the tile is a picture of
-/// its own; variances are their means.
+/// its own; variances are their means. None if a point is not a stack, or is too small.
 pub fn spatial(
-    flat: &Stack,
-    dark: &Stack,
+    flat: &PointStatistics,
+    dark: &PointStatistics,
     exposure_s: f64,
     cfa: &CfaPattern,
     colour: Colour,
@@ -147,25 +158,50 @@ pub fn spatial(
         .flat_map(|row| (0..cfa.cols()).map(move |col| (row, col)))
         .filter(|(row, col)| cfa.colour(*row, *col) == colour && *row < flat.height && *col < flat.width)
         .collect();
-    let sub = |stack: &Stack| places.iter().map(|place| Sub::of(stack, cfa, *place)).collect::<Vec<_>>();
-    let (flat, dark) = (sub(flat), sub(dark));
+    let sub = |point: &PointStatistics| -> Option<Vec<Sub>> {
+        let (stack, moments) = (point.stack.as_ref()?, point.colour(colour)?);
+        Some(places.iter().map(|place| Sub::of(stack, moments, cfa, *place)).collect())
+    };
+    let (flat, dark) = (sub(flat)?, sub(dark)?);
     let smallest = flat.iter().map(|s| s.height.min(s.width)).min()?;
     if smallest < 3 {
         return None;
     }
+
+    // Find the defect pixels of each place, and name them by their row and column of the frame.
+    let (mut found, mut clean) = (Vec::new(), [flat.clone(), dark.clone()]);
+    for (i, (row, col)) in places.iter().enumerate() {
+        let (light, dark) = (flat[i].mean(), dark[i].mean());
+        let of_place = defects(&light, &dark);
+        for stack in &mut clean {
+            stack[i].sum_dn = without(&stack[i].sum_dn, stack[i].width, &of_place);
+        }
+        found.extend(of_place.iter().map(|at| Defect {
+            row: row + at / light.width * cfa.rows(),
+            column: col + at % light.width * cfa.cols(),
+            flat_dn: light.values[*at],
+            dark_dn: dark.values[*at],
+        }));
+    }
+    found.sort_by_key(|defect| (defect.row, defect.column));
+    let [clean_flat, clean_dark] = clean;
     Some(Spatial {
         exposure_s,
         high_pass,
         flat: mean_of(&flat),
         dark: mean_of(&dark),
-        flat_components: components(&flat, high_pass),
-        dark_components: components(&dark, high_pass),
+        flat_components: components(&clean_flat, high_pass),
+        dark_components: components(&clean_dark, high_pass),
+        components_with_defects: (!found.is_empty())
+            .then(|| [components(&flat, high_pass), components(&dark, high_pass)]),
+        defects: found,
         prnu: prnu_plots(&flat, &dark),
         dsnu: dsnu_plots(&dark),
     })
 }
 
 /// One place of the tile over the whole stack.
+#[derive(Clone)]
 struct Sub {
     height: usize,
     width: usize,
@@ -173,10 +209,19 @@ struct Sub {
     sum_dn: Vec<i64>,
     temporal: f64,
     temporal_se: f64,
+    /// Part of the temporal variance by which whole frames differ, DN^2.
+    flicker: f64,
+    /// Temporal variances of rows and of columns, DN^2.
+    lines: [f64; 2],
 }
 
 impl Sub {
-    fn of(stack: &Stack, cfa: &CfaPattern, (first_row, first_col): (usize, usize)) -> Self {
+    fn of(
+        stack: &Stack,
+        moments: &Moments,
+        cfa: &CfaPattern,
+        (first_row, first_col): (usize, usize),
+    ) -> Self {
         let rows = (first_row..stack.height).step_by(cfa.rows());
         let cols = (first_col..stack.width).step_by(cfa.cols());
         let (height, width) = (rows.len(), cols.len());
@@ -191,6 +236,8 @@ impl Sub {
             sum_dn: pixels().map(|i| i64::from(stack.sum_dn[i])).collect(),
             temporal,
             temporal_se: squares.sqrt() / n,
+            flicker: moments.variance_uncorrected_dn2 - moments.variance_dn2,
+            lines: moments.line_noise.found_dn2(),
         }
     }
 
@@ -333,11 +380,24 @@ fn components(subs: &[Sub], high_pass: HighPass) -> Components {
         let (ac_se, ar_se) = (ac * of_lines(n), ar * of_lines(m));
         let p = (found.variance - ac - ar) / shares;
         let p_se = found.pixel_se * passed.pixel_correlation.sqrt() / shares;
-        let (pixel, pixel_se) = (p - sub.temporal / l, p_se.hypot(sub.temporal_se / l));
-        let (column, column_se) = (ac / passed.line - p / m, (ac_se / passed.line).hypot(p_se / m));
-        let (row, row_se) = (ar / passed.line - p / n, (ar_se / passed.line).hypot(p_se / n));
+        // Of the temporal variance of rows, columns and pixels 1/L remains in the mean frame.
+        let [rows, columns] = sub.lines;
+        let pixels = sub.temporal - sub.flicker - rows - columns;
+        let (pixel, pixel_se) = (p - pixels / l, p_se.hypot(sub.temporal_se / l));
+        let (column, column_se) =
+            (ac / passed.line - p / m - columns / l, (ac_se / passed.line).hypot(p_se / m));
+        let (row, row_se) = (ar / passed.line - p / n - rows / l, (ar_se / passed.line).hypot(p_se / n));
+        let total = pixel + column + row;
         let total_se = pixel_se.hypot(column_se).hypot(row_se);
-        parts.push([(pixel + column + row, total_se), (row, row_se), (column, column_se), (pixel, pixel_se)]);
+        // Noise too small to smooth the steps of the converter stretches or shrinks the differences of pixels.
+        let [share, of_pixels] = of_spatial(sub.temporal - sub.flicker, total);
+        let rounded = |value: f64, se: f64, added: f64| (value, se.hypot(share * value).hypot(added));
+        parts.push([
+            rounded(total, total_se, of_pixels),
+            rounded(row, row_se, 0.0),
+            rounded(column, column_se, 0.0),
+            rounded(pixel, pixel_se, of_pixels),
+        ]);
     }
     let count = parts.len() as f64;
     let of = |k: usize| {
@@ -450,12 +510,28 @@ mod tests {
         Stack { height, width, frames: 2, sum_dn, variance_dn2 }
     }
 
+    /// A stack of a mono sensor without flicker, whose rows and columns have no temporal noise.
+    fn whole(stack: &Stack) -> Sub {
+        let rows = (0..stack.height).flat_map(|row| (0..stack.width).map(move |col| row * stack.width + col));
+        let temporal = stack.variance_dn2.iter().sum::<f64>() / stack.variance_dn2.len() as f64;
+        let squares = stack.variance_dn2.iter().map(|v| (v - temporal).powi(2)).sum::<f64>();
+        Sub {
+            height: stack.height,
+            width: stack.width,
+            frames: stack.frames,
+            sum_dn: rows.map(|i| i64::from(stack.sum_dn[i])).collect(),
+            temporal,
+            temporal_se: squares.sqrt() / stack.variance_dn2.len() as f64,
+            flicker: 0.0,
+            lines: [0.0; 2],
+        }
+    }
+
     #[test]
     fn standard_errors_match_the_scatter_over_specimens() {
         const SPECIMENS: usize = 150;
         let mut normal = Normal(1);
-        let specimens: Vec<Sub> =
-            (0..SPECIMENS).map(|_| Sub::of(&specimen(&mut normal), &CfaPattern::MONO, (0, 0))).collect();
+        let specimens: Vec<Sub> = (0..SPECIMENS).map(|_| whole(&specimen(&mut normal))).collect();
         let filtered = |high_pass| {
             move |sub: &Sub| {
                 let c = components(std::slice::from_ref(sub), high_pass);

@@ -30,6 +30,8 @@
 //! show its chief ray. Lateral colour between channels is kept; the distance between chief ray and centroid is lost, as
 //! distortion is.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use rayon::prelude::*;
 
 use super::ascent::{Ascent, landing, pixels};
@@ -125,8 +127,13 @@ impl FieldEstimate {
 
 /// The bank of measured PSFs, and how each field was fitted.
 ///
-/// The field nearest to the axis also stands for the axis if no position is on it.
-pub fn estimate_bank(places: &[Place], pixel_um: f64) -> Result<(PsfBank, Vec<FieldEstimate>), PsfError> {
+/// The field nearest to the axis also stands for the axis if no position is on it. Calls `progress` with the number of fields
+/// that are fitted and that of all, at the start and after each, from any thread.
+pub fn estimate_bank(
+    places: &[Place],
+    pixel_um: f64,
+    progress: &(dyn Fn(usize, usize) + Sync),
+) -> Result<(PsfBank, Vec<FieldEstimate>), PsfError> {
     let mut order: Vec<usize> = (0..places.len()).collect();
     order.sort_by(|a, b| places[*a].field_radius_mm.total_cmp(&places[*b].field_radius_mm));
     let mut fields: Vec<Vec<usize>> = Vec::new();
@@ -148,7 +155,14 @@ pub fn estimate_bank(places: &[Place], pixel_um: f64) -> Result<(PsfBank, Vec<Fi
         values: Vec::new(),
         illumination: Vec::new(),
     };
-    let fitted: Vec<Fitted> = fields.par_iter().map(|members| fit_field(places, members, pixel_um)).collect();
+    let done = AtomicUsize::new(0);
+    progress(0, fields.len());
+    let fit = |members: &Vec<usize>| {
+        let field = fit_field(places, members, pixel_um);
+        progress(done.fetch_add(1, Ordering::Relaxed) + 1, fields.len());
+        field
+    };
+    let fitted: Vec<Fitted> = fields.par_iter().map(fit).collect();
     // Use green for all colours: half of the pixels measure it, and lenses dim all colours nearly alike.
     let axis_light = fitted[0].green_light;
     let mut estimates = Vec::new();

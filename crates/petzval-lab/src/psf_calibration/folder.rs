@@ -51,7 +51,7 @@ pub struct CalibratedPosition {
 /// Reads the manifest of a folder; with its text and path.
 pub fn read_manifest(folder: &Path) -> Result<(Manifest, String, PathBuf), PsfCalibrationError> {
     let path = folder.join(MANIFEST_FILE);
-    let bytes = std::fs::read(&path).map_err(PsfCalibrationError::io(&path))?;
+    let bytes = petzval_base::read_whole(&path).map_err(PsfCalibrationError::io(&path))?;
     let text = String::from_utf8(bytes).map_err(|error| {
         let text = String::from_utf8_lossy(error.as_bytes());
         let at = error.utf8_error().valid_up_to();

@@ -66,7 +66,7 @@ pub fn save_psfs(bank: &PsfBank, source: &str, folder: &Path) -> Result<PathBuf,
 /// Reads a bank from its `psfs.toml`, or from the folder that holds one.
 pub fn load_psfs(path: &Path) -> Result<PsfBank, PsfCalibrationError> {
     let path = if path.is_dir() { path.join(AXES_FILE) } else { path.to_owned() };
-    let bytes = std::fs::read(&path).map_err(PsfCalibrationError::io(&path))?;
+    let bytes = petzval_base::read_whole(&path).map_err(PsfCalibrationError::io(&path))?;
     let text = String::from_utf8(bytes).map_err(|_| PsfCalibrationError::Values {
         path: path.clone(),
         reason: "the file is not UTF-8 text; hint: `petzval psf-calibrate` writes such files".to_owned(),
@@ -102,7 +102,7 @@ pub fn load_psfs(path: &Path) -> Result<PsfBank, PsfCalibrationError> {
     // Read the values from the folder of the axes.
     let values_path = path.parent().unwrap_or(Path::new("")).join(&axes.values);
     let values_wrong = |reason: String| PsfCalibrationError::Values { path: values_path.clone(), reason };
-    let bytes = std::fs::read(&values_path).map_err(PsfCalibrationError::io(&values_path))?;
+    let bytes = petzval_base::read_whole(&values_path).map_err(PsfCalibrationError::io(&values_path))?;
     let npy = npyz::NpyFile::new(&bytes[..]).map_err(|e| values_wrong(e.to_string()))?;
     let shape = [fields as u64, CHANNELS as u64, axes.grid as u64, axes.grid as u64];
     if npy.shape() != shape || npy.order() != npyz::Order::C {

@@ -23,6 +23,25 @@ pub(super) fn inside(whole: &BBox, first: [usize; 2], crop: usize) -> Option<(BB
     bbox.is_at_least(1.0).then(|| (bbox, f64::from(bbox.area() / whole.area().max(1e-6))))
 }
 
+/// One of these objects, each with its class: first a class is drawn, then one of its objects, so that rare classes are drawn as often as frequent
+/// ones. None if there is no object.
+pub(super) fn drawn_by_class<T>(
+    objects: impl Iterator<Item = (usize, T)>,
+    random: &mut ChaCha8Rng,
+) -> Option<T> {
+    let mut by_class: BTreeMap<usize, Vec<T>> = BTreeMap::new();
+    for (class, object) in objects {
+        by_class.entry(class).or_default().push(object);
+    }
+    if by_class.is_empty() {
+        return None;
+    }
+    let class = random.random_range(0..by_class.len());
+    let mut of_class = by_class.into_values().nth(class)?;
+    let place = random.random_range(0..of_class.len());
+    Some(of_class.swap_remove(place))
+}
+
 /// Which scenes windows are taken from; those of different lists have nothing in common.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum List {
@@ -54,6 +73,9 @@ pub struct LabelledWindow {
     pub at: [usize; 2],
     /// The objects, in pixels of the crop.
     pub truth: Truth,
+    /// Whether it is exposed for as long behind every lens, so that a lens which gathers more light shows. In a bright street the automatic
+    /// exposure takes back what the lens brings.
+    pub follows_light: bool,
 }
 
 impl LabelledWindow {
@@ -61,7 +83,12 @@ impl LabelledWindow {
     pub fn new(side: usize, light: impl Iterator<Item = f32>, at: [usize; 2], truth: Truth) -> Self {
         let planes: Vec<f16> = light.map(|v| f16::from_f32(v.min(BRIGHTEST))).collect();
         assert_eq!(planes.len(), CHANNELS * side * side, "a window has three planes");
-        Self { side, planes, at, truth }
+        Self { side, planes, at, truth, follows_light: true }
+    }
+
+    /// The same window, with [`LabelledWindow::follows_light`], which a new one does.
+    pub fn following_light(self, follows_light: bool) -> Self {
+        Self { follows_light, ..self }
     }
 
     /// The light of the scene, three planes.
@@ -77,16 +104,11 @@ impl LabelledWindow {
     /// Panics if the crop of `plan` is the larger one.
     pub fn part(&self, own: &CropPlan, plan: &CropPlan, random: &mut ChaCha8Rng) -> Self {
         let spare = own.crop.checked_sub(plan.crop).expect("a part is no larger than the whole");
-        let mut by_class: BTreeMap<usize, Vec<&Object>> = BTreeMap::new();
-        for object in &self.truth.objects {
-            by_class.entry(object.class).or_default().push(object);
-        }
-        let by_class: Vec<Vec<&Object>> = by_class.into_values().collect();
-        let middle: [f32; 2] = match by_class.len() {
-            0 => std::array::from_fn(|_| random.random::<f32>() * own.crop as f32),
-            classes => {
-                let of_class = &by_class[random.random_range(0..classes)];
-                let [x, y] = of_class[random.random_range(0..of_class.len())].bbox.centre();
+        let objects = self.truth.objects.iter().map(|object| (object.class, object));
+        let middle: [f32; 2] = match drawn_by_class(objects, random) {
+            None => std::array::from_fn(|_| random.random::<f32>() * own.crop as f32),
+            Some(object) => {
+                let [x, y] = object.bbox.centre();
                 // The object's middle lies in the middle half of the crop.
                 [y, x].map(|at| at + (random.random::<f32>() - 0.5) * 0.5 * plan.crop as f32)
             }
@@ -111,7 +133,7 @@ impl LabelledWindow {
         }
         let ignored = self.truth.ignored.iter();
         truth.ignored.extend(ignored.filter_map(|bbox| Some(inside(bbox, first, plan.crop)?.0)));
-        Self { side, planes, at, truth }
+        Self { side, planes, at, truth, follows_light: self.follows_light }
     }
 
     /// The window as a mirror shows it, at the mirrored place of a sensor of so many columns. A lens is symmetric, so it sees this as well.
@@ -123,7 +145,13 @@ impl LabelledWindow {
         let objects = self.truth.objects.iter().map(|o| Object { bbox: flip(o.bbox), ..*o }).collect();
         let ignored = self.truth.ignored.iter().map(|b| flip(*b)).collect();
         let at = [self.at[0], sensor_columns - crop - self.at[1]];
-        Self { side: self.side, planes, at, truth: Truth { objects, ignored } }
+        Self {
+            side: self.side,
+            planes,
+            at,
+            truth: Truth { objects, ignored },
+            follows_light: self.follows_light,
+        }
     }
 }
 

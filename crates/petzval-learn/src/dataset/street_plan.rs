@@ -10,7 +10,7 @@ use petzval_street::{
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::labelled_window::{LEAST_INSIDE, inside};
+use super::labelled_window::{LEAST_INSIDE, drawn_by_class, inside};
 use super::{CropPlan, LabelledWindow, List, Wanted};
 use crate::detection::{BBox, Object, Truth};
 
@@ -30,11 +30,12 @@ const DARKEST_CD_M2: f64 = 1e-4;
 const MOMENTS: u32 = 12;
 
 /// How a lens sees streets: the projection on its sensor, and on the few pixels of a finder, which shows what is where before a picture is
-/// made.
+/// made; and how bright its image is.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StreetView {
     sensor: Projection,
     finder: Projection,
+    light: f64,
 }
 
 /// What the finder shows of a street.
@@ -57,7 +58,13 @@ impl StreetView {
         Ok(Self {
             sensor: Projection::new(radius_px.to_vec(), angle_rad.to_vec(), rows, columns)?,
             finder: Projection::new(finder_px, angle_rad.to_vec(), coarse(rows), coarse(columns))?,
+            light: 1.0,
         })
+    }
+
+    /// The same view through a lens whose image has this brightness, in units of that of the lens for which [`StreetPlan::white_cd_m2`] holds.
+    pub fn with_light(self, light: f64) -> Self {
+        Self { light, ..self }
     }
 
     fn look_through_finder(&self, street: &Street) -> Result<Found, StreetError> {
@@ -109,7 +116,9 @@ enum Place {
 impl StreetPlan {
     /// Window `number` of a list as a lens sees it: a street of its own, at a place of the sensor that lies on an object or anywhere. It depends
     /// on the arguments alone. The exposure, the object, and where it lies in the window are chosen in the view of a `reference` lens, so that
-    /// cameras that are compared look at the same objects in the same light.
+    /// cameras that are compared look at the same objects in the same light. It is also in that view that objects are large enough to count, so
+    /// that a lens of another focal length is asked for the same objects. If such a lens sees the chosen object of a held-out window no more, it
+    /// is asked for all the same, beyond the picture: a narrower field misses what it does not show.
     pub fn window(
         &self,
         list: List,
@@ -162,9 +171,25 @@ impl StreetPlan {
             },
             self.samples,
         )?;
-        let white = self.white_cd_m2.max(found.luminance_cd_m2 / MIDDLE_GRAY) as f32;
+        let [longest, automatic] = [self.white_cd_m2 / view.light, found.luminance_cd_m2 / MIDDLE_GRAY];
+        let white = longest.max(automatic) as f32;
         let light = seen.planes.iter().map(|v| v / white);
-        Ok(LabelledWindow::new(side, light, at, self.truth(&seen.objects, at, crops.crop)))
+        let shows = |object: &SeenObject| {
+            let [x1, y1, x2, y2] = object.whole.map(|v| v as f32);
+            inside(&BBox::new(x1, y1, x2, y2), at, crops.crop).is_some()
+        };
+        let mut truth = self.truth(&seen.objects, &near, at, crops.crop);
+        if let (List::HeldOut, Place::OnObject { id, .. }) = (list, place)
+            && !seen.objects.iter().any(|object| object.id == id && shows(object))
+        {
+            truth.objects.extend(near.iter().find(|object| object.id == id).and_then(|lost| {
+                let class = class_of(self.wanted, lost.kind, lost.lamp)?;
+                let [x1, y1, x2, y2] = lost.whole.map(|v| v as f32);
+                let beyond = 2.0 * crops.crop as f32;
+                Some(Object { bbox: BBox::new(beyond, beyond, beyond + x2 - x1, beyond + y2 - y1), class })
+            }));
+        }
+        Ok(LabelledWindow::new(side, light, at, truth).following_light(longest >= automatic))
     }
 
     /// Draws a place on an object that counts, of every class as often as of the others, or anywhere.
@@ -178,32 +203,28 @@ impl StreetPlan {
                 && sides.contains(&longer_side(object.whole))
                 && share.is_some_and(|share| *share >= self.least_visible)
         };
-        let mut by_class: BTreeMap<usize, Vec<&NearObject>> = BTreeMap::new();
-        for object in near.iter().filter(|object| counts(object)) {
-            if let Some(class) = class_of(self.wanted, object.kind, object.lamp) {
-                by_class.entry(class).or_default().push(object);
-            }
-        }
-        let by_class: Vec<Vec<&NearObject>> = by_class.into_values().collect();
-        if !random.random_bool(self.on_objects) || by_class.is_empty() {
-            return Place::Anywhere(random.random());
-        }
-        let of_class = &by_class[random.random_range(0..by_class.len())];
-        let object = of_class[random.random_range(0..of_class.len())];
+        let with_class =
+            |object: &NearObject| Some((class_of(self.wanted, object.kind, object.lamp)?, object.id));
+        let counted = near.iter().filter(|object| counts(object)).filter_map(with_class);
+        let is_on_object = random.random_bool(self.on_objects);
+        let drawn = if is_on_object { drawn_by_class(counted, random) } else { None };
+        let Some(id) = drawn else { return Place::Anywhere(random.random()) };
         // The object's middle lies in the middle half of the crop.
         let within: [f64; 2] = random.random();
-        Place::OnObject { id: object.id, off: within.map(|share| (share - 0.5) * 0.5 * crops.crop as f64) }
+        Place::OnObject { id, off: within.map(|share| (share - 0.5) * 0.5 * crops.crop as f64) }
     }
 
-    /// The objects of a crop in its own pixels. Objects of a class that are too small, too hidden or cut off too much are ignored.
-    fn truth(&self, objects: &[SeenObject], at: [usize; 2], crop: usize) -> Truth {
+    /// The objects of a crop in its own pixels. Objects of a class that are too small, too hidden or cut off too much are ignored; how large
+    /// they are is measured in the `reference` view, unless they are beside it.
+    fn truth(&self, objects: &[SeenObject], reference: &[NearObject], at: [usize; 2], crop: usize) -> Truth {
         let mut truth = Truth::default();
         for object in objects {
             let Some(class) = class_of(self.wanted, object.kind, object.lamp) else { continue };
             let [x1, y1, x2, y2] = object.whole;
             let whole = BBox::new(x1 as f32, y1 as f32, x2 as f32, y2 as f32);
             let Some((bbox, share)) = inside(&whole, at, crop) else { continue };
-            let counts = longer_side(object.whole) >= self.least_side_px
+            let there = reference.iter().find(|near| near.id == object.id);
+            let counts = longer_side(there.map_or(object.whole, |near| near.whole)) >= self.least_side_px
                 && object.visible_share >= self.least_visible
                 && share >= LEAST_INSIDE;
             match counts {

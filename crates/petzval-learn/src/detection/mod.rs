@@ -9,6 +9,7 @@
 //! | `backbone`, `pyramid` | pictures to features |
 //! | `proposals`, `box_head`, `faster_rcnn` | the two stages of Faster R-CNN |
 //! | `fcos` | a detector of one stage, without anchors |
+//! | `zoomed` | a digital zoom in front of a detector |
 //!
 //! Names and defaults are torchvision's (0.29), whose trained weights can be read.
 
@@ -31,6 +32,7 @@ mod proposals;
 mod pyramid;
 mod roi_align;
 mod sampler;
+mod zoomed;
 
 #[cfg(test)]
 mod reference;
@@ -42,6 +44,7 @@ pub use faster_rcnn::{FasterRcnn, FasterRcnnConfig};
 pub use fcos::{Fcos, FcosConfig};
 pub use matcher::Match;
 pub use optimizer::optimizer;
+pub use zoomed::Zoomed;
 
 use burn::prelude::*;
 use petzval_camera::image::LinearImage;

@@ -7,10 +7,12 @@
 mod error;
 mod smooth;
 mod space;
+mod usual;
 
 pub use error::DesignSpaceError;
 pub use smooth::SmoothSpace;
 pub use space::{DesignSpace, Mapped};
+pub use usual::{near_variables, powered, wide_variables};
 
 use crate::number::Number;
 

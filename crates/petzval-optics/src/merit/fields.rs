@@ -39,6 +39,15 @@ impl FieldSet {
         Self { fields: one_side.fields.iter().flat_map(both).collect(), both_sides: true, ..one_side }
     }
 
+    /// `, 10 deg` for a single field, nothing for several.
+    pub(super) fn in_name(&self) -> String {
+        match self.fields[..] {
+            // Without the rounding of radians.
+            [(field_deg, _)] => format!(", {} deg", (1e9 * field_deg).round() / 1e9),
+            _ => String::new(),
+        }
+    }
+
     /// Mean over the fields of a function of the field (rad) and its gradient, in parallel; `None` if one has none. The bits do
     /// not depend on the number of threads.
     pub(super) fn mean(

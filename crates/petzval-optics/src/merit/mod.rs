@@ -8,6 +8,7 @@ mod lifted;
 mod mtf;
 mod residuals;
 mod spot;
+mod violation;
 
 pub use fields::FieldSet;
 pub use lifted::lifted_normal_equations;
@@ -15,6 +16,7 @@ pub use mtf::Mtf;
 pub use residuals::SpotResiduals;
 pub(crate) use residuals::{Beams, Landings, MOUNT_MM, Reach};
 pub use spot::RmsSpot;
+pub use violation::Violation;
 
 use nalgebra::DMatrix;
 

@@ -135,7 +135,7 @@ impl Mtf {
 
 impl Merit for Mtf {
     fn name(&self) -> String {
-        format!("MTF at {}/mm", self.frequency_per_mm)
+        format!("MTF at {}/mm{}", self.frequency_per_mm, self.fields.in_name())
     }
 
     fn unit(&self) -> &str {

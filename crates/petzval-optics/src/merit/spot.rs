@@ -42,7 +42,10 @@ impl RmsSpot {
 
 impl Merit for RmsSpot {
     fn name(&self) -> String {
-        "RMS spot".into()
+        match self.fields.in_name() {
+            several if several.is_empty() => "RMS spot over the fields".to_owned(),
+            one => format!("RMS spot{one}"),
+        }
     }
 
     fn unit(&self) -> &str {

@@ -143,6 +143,8 @@ pub(super) fn model(all: &Characterization) -> Markup {
             fitted(|f| f.read_noise_e.squared()),
             ["", "σ: 16", "16"],
         ),
+        ("", "temporal noise of rows", "e⁻", measured(&joint.row_noise_e), None, ["", "", ""]),
+        ("", "temporal noise of columns", "e⁻", measured(&joint.column_noise_e), None, ["", "", ""]),
         (
             "σ_el",
             "electronics noise",

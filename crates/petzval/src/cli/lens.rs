@@ -3,6 +3,7 @@
 mod analyze;
 mod convert;
 mod focus;
+mod list;
 mod optimize;
 mod show;
 mod tolerance;
@@ -18,6 +19,8 @@ use super::terminal::Terminal;
 /// Verbs about a lens.
 #[derive(Debug, Subcommand)]
 pub enum LensVerb {
+    #[command(about = "List the built-in lenses")]
+    List(list::Args),
     #[command(about = "Show prescription, first-order properties, Seidel sums and RMS spots")]
     Show(show::Args),
     #[command(about = "Write layout, spots, fans, MTF and further analyses, as pictures and data")]
@@ -35,6 +38,7 @@ pub enum LensVerb {
 /// Runs a verb.
 pub fn run(verb: LensVerb, terminal: &Terminal) -> Result<ExitCode, Failure> {
     match verb {
+        LensVerb::List(args) => list::run(args, terminal),
         LensVerb::Show(args) => show::run(args, terminal),
         LensVerb::Analyze(args) => analyze::run(args, terminal),
         LensVerb::Convert(args) => convert::run(args, terminal),

@@ -2,6 +2,7 @@
 //!
 //! Exit codes: 0 ok, 1 the job failed, 2 bad usage or bad input, 75 stopped by a signal after a checkpoint.
 
+mod apply;
 mod bench;
 mod compare;
 mod data;
@@ -12,6 +13,7 @@ mod evaluate;
 mod experiment;
 mod failure;
 mod glass;
+mod init;
 mod isp;
 mod lens;
 mod number;
@@ -52,6 +54,10 @@ pub struct Cli {
     /// lists further ones, which are read first
     #[arg(long, global = true, value_name = "PATH")]
     glasses: Vec<PathBuf>,
+    /// Overwrite results that are there already. Folders of runs, optimisations, trainings and captures are never overwritten: they are
+    /// resumed, or new ones are begun elsewhere
+    #[arg(long, global = true)]
+    force: bool,
     #[command(subcommand)]
     verb: Verb,
 }
@@ -60,6 +66,8 @@ pub struct Cli {
 enum Verb {
     #[command(about = "Design lens and network together, and compare with two controls")]
     Design(design::Args),
+    #[command(about = "Write an experiment with its lens and sensor as files to edit")]
+    Init(init::Args),
     /// List the built-in experiments, print one, or run them all
     #[command(subcommand)]
     Experiment(experiment::ExperimentVerb),
@@ -94,6 +102,8 @@ enum Verb {
     /// Show image signal processors, develop raw frames, tune parameters
     #[command(subcommand)]
     Isp(isp::IspVerb),
+    #[command(about = "Take pictures of your own with the cameras of a run: whole frames, network included")]
+    Apply(apply::Args),
     #[command(about = "Find objects in pictures by the detector of a camera, or by weights of torchvision")]
     Detect(detect::Args),
     /// Convert data sets for object detection, and check them
@@ -129,9 +139,11 @@ pub fn run(cli: Cli) -> Result<ExitCode, Failure> {
             .build_global()
             .map_err(|e| Failure::job(format!("{} threads: {e}", cli.threads)))?;
     }
-    let terminal = Terminal { assets: glass::chosen(&cli.glasses, matches!(cli.verb, Verb::Glass(_)))? };
+    let assets = glass::chosen(&cli.glasses, matches!(cli.verb, Verb::Glass(_)))?;
+    let terminal = Terminal { assets, overwrites: cli.force };
     match cli.verb {
         Verb::Design(args) => design::run(args, &terminal),
+        Verb::Init(args) => init::run(args, &terminal),
         Verb::Experiment(verb) => experiment::run(verb, &terminal),
         Verb::Schema(args) => experiment::schema(args),
         Verb::Report(args) => report::run(args, &terminal),
@@ -146,6 +158,7 @@ pub fn run(cli: Cli) -> Result<ExitCode, Failure> {
         Verb::Simulate(args) => simulate::run(args, &terminal),
         Verb::Raw(verb) => raw::run(verb, &terminal),
         Verb::Isp(verb) => isp::run(verb, &terminal),
+        Verb::Apply(args) => apply::run(args, &terminal),
         Verb::Detect(args) => detect::run(args, &terminal),
         Verb::Data(verb) => data::run(verb, &terminal),
         Verb::Train(verb) => train::run(verb, &terminal),

@@ -11,11 +11,20 @@ use super::terminal::{Terminal, print_json};
 
 /// Position and scale of a photograph on the sensor.
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum Place {
+pub enum Place {
     /// Scaled to cover the sensor, the rest cut off.
     Fill,
     /// One photograph pixel per sensor pixel, or per sample of one, around the axis.
     Centre,
+}
+
+impl From<Place> for simulate::Place {
+    fn from(place: Place) -> Self {
+        match place {
+            Place::Fill => Self::Fill,
+            Place::Centre => Self::Centre,
+        }
+    }
 }
 
 /// Format of the raw frame.
@@ -205,10 +214,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         lens: args.lens,
         psfs: args.psfs,
         sensor: args.sensor,
-        place: match args.place {
-            Place::Fill => simulate::Place::Fill,
-            Place::Centre => simulate::Place::Centre,
-        },
+        place: args.place.into(),
         samples: args.samples,
         restore: args.restore.map(|noise| simulate::Restore { noise }),
         isp: args.isp,

@@ -15,12 +15,14 @@ pub const EXIT_STOPPED: u8 = 75;
 pub struct Terminal {
     /// The built-in library; the user's glasses take precedence.
     pub assets: Assets,
+    /// Whether results that are there are overwritten.
+    pub overwrites: bool,
 }
 
 impl Terminal {
     /// The context of one job. Its reports go to stderr; its progress bar disappears with the context.
     pub fn context(&self) -> Context {
-        Context::new(self.assets.clone(), Arc::new(Stderr::new()))
+        Context::new(self.assets.clone(), Arc::new(Stderr::new())).overwriting(self.overwrites)
     }
 }
 

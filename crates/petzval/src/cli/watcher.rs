@@ -1,7 +1,7 @@
 //! Output of a command while its job runs: warnings, notes, and a bar with the time left.
 
 use std::sync::Mutex;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use petzval::jobs::{Progress, Watcher};
@@ -9,12 +9,24 @@ use petzval::jobs::{Progress, Watcher};
 /// Units of work between two plain lines if stderr is not a terminal.
 const PLAIN_EVERY: u64 = 50;
 
+/// Time after which a plain line comes earlier.
+const PLAIN_AFTER: Duration = Duration::from_secs(15);
+
 /// Shows the reports of a job on stderr: a bar on a terminal, plain lines elsewhere.
 pub struct Stderr {
     bar: ProgressBar,
     is_plain: bool,
-    /// The phase of the job: start time, units done at the start, and total.
-    phase: Mutex<Option<(Instant, u64, u64)>>,
+    phase: Mutex<Option<Phase>>,
+}
+
+/// Part of a job whose units of work are counted together.
+struct Phase {
+    start: Instant,
+    /// Units done at the start.
+    first: u64,
+    total: u64,
+    /// When the last plain line was written.
+    told: Instant,
 }
 
 impl Stderr {
@@ -49,10 +61,11 @@ impl Watcher for Stderr {
         let Progress { done, total, text } = progress;
         // The numbers stay valid if a thread panics while it holds the lock.
         let mut phase = self.phase.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-        let (start, first) = match *phase {
-            Some((start, first, same)) if same == *total => (start, first),
+        let phase = match &mut *phase {
+            Some(phase) if phase.total == *total => phase,
             _ => {
-                *phase = Some((Instant::now(), *done, *total));
+                let now = Instant::now();
+                *phase = Some(Phase { start: now, first: *done, total: *total, told: now });
                 self.bar.set_length(*total);
                 self.bar.set_position(*done);
                 self.bar.set_message(text.clone());
@@ -63,10 +76,13 @@ impl Watcher for Stderr {
         if !self.is_plain {
             self.bar.set_message(text.clone());
             self.bar.set_position(*done);
-        } else if done.is_multiple_of(PLAIN_EVERY) && done > &first {
-            let taken = (done - first) as f64;
-            let left = start.elapsed().as_secs_f64() * total.saturating_sub(*done) as f64 / taken;
+        } else if *done > phase.first
+            && (done.is_multiple_of(PLAIN_EVERY) || phase.told.elapsed() > PLAIN_AFTER)
+        {
+            let taken = (done - phase.first) as f64;
+            let left = phase.start.elapsed().as_secs_f64() * total.saturating_sub(*done) as f64 / taken;
             eprintln!("{done}/{total}, about {left:.0} s left: {text}");
+            phase.told = Instant::now();
         }
     }
 }

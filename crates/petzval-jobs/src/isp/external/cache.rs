@@ -38,7 +38,7 @@ impl Cache {
     /// A picture that was kept. A file that does not hold one counts as none.
     pub fn find(&self, key: &str, size: (usize, usize)) -> Option<RgbPicture> {
         PICTURE_FILES.into_iter().find_map(|name| {
-            let bytes = std::fs::read(self.path(key, name)).ok()?;
+            let bytes = petzval_base::read_whole(self.path(key, name)).ok()?;
             decode_picture(name, &bytes, size).ok()
         })
     }

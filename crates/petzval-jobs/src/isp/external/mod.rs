@@ -96,7 +96,7 @@ impl ExternalIsp {
         if length > most {
             return Err(format!("{name} has {length} bytes, more than any picture of the frame"));
         }
-        let bytes = std::fs::read(&path).map_err(|e| system(name, e))?;
+        let bytes = petzval_base::read_whole(&path).map_err(|e| system(name, e))?;
         let picture = decode_picture(name, &bytes, (frame.height, frame.width))
             .map_err(|reason| format!("{name}: {reason}{}", ended.said()))?;
         Ok((name, bytes, picture))

@@ -76,7 +76,7 @@ fn stop(child: &mut Child) {
 /// The end of a text file on one line; empty if it cannot be read.
 fn tail(path: &Path) -> String {
     let read = || -> std::io::Result<Vec<u8>> {
-        let mut file = File::open(path)?;
+        let mut file = petzval_base::open_file(path)?;
         let length = file.seek(SeekFrom::End(0))?;
         file.seek(SeekFrom::Start(length.saturating_sub(SHOWN_BYTES)))?;
         let mut bytes = Vec::new();

@@ -97,10 +97,11 @@ pub(super) fn fingerprint(named: &NamedIsp, base: &[f64], cases: &[Case]) -> Res
     }
     for case in cases {
         for path in [&case.raw, &case.reference] {
-            add(&fs::read(path).map_err(|e| JobError::input(format!("{}: {e}", path.display()), ""))?);
+            add(&petzval_base::read_whole(path)
+                .map_err(|e| JobError::input(format!("{}: {e}", path.display()), ""))?);
         }
         // A frame may have no sidecar.
-        add(&fs::read(sidecar_path(&case.raw)).unwrap_or_default());
+        add(&petzval_base::read_whole(sidecar_path(&case.raw)).unwrap_or_default());
     }
     Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
 }

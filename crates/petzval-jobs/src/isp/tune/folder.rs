@@ -82,7 +82,7 @@ impl TuneFolder {
                 "--resume takes the --out folder of an earlier `isp tune`",
             )
         };
-        let text = std::fs::read_to_string(&path).map_err(|e| wrong(e.to_string()))?;
+        let text = petzval_base::read_text(&path).map_err(|e| wrong(e.to_string()))?;
         let kept = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
         Ok((folder, kept))
     }

@@ -8,14 +8,16 @@ use petzval_camera::sensor::Exposure;
 use petzval_design::assets::Assets;
 use petzval_design::experiment::{ExposureConfig, PsfConfig};
 use petzval_design::restored::RestoredError;
-use petzval_files::LensFile;
-use petzval_optics::design_space::{EflSolve, Focus, Solves, Variable};
+use petzval_files::{Figure, LensFile, Operand, OperandFile};
+use petzval_optics::constraint::Constraint;
+use petzval_optics::design_space::{EflSolve, Focus, Solves, Variable, powered, wide_variables};
 use petzval_optics::glass::{Catalog, Glass, Status, map_distance};
 use petzval_optics::lens::{Action, Lens};
-use petzval_optics::merit::SpotResiduals;
+use petzval_optics::merit::{FieldSet, Merit, Mtf, RmsSpot, SpotResiduals, Violation};
 use petzval_optics::number::Number;
 use petzval_optics::optimize::{GlassChoice, Goal as MeritGoal, Limits, Problem};
 use petzval_optics::paraxial::first_order;
+use petzval_optics::psf::PsfKind;
 use petzval_optics::pupil::PupilSampling;
 use serde::{Deserialize, Serialize};
 
@@ -38,13 +40,16 @@ pub struct Goal {
     /// The error of the best linear restoration of the frames of a camera is minimised in place of the spots.
     #[serde(default)]
     pub restored: Option<Restored>,
+    /// Further figures, each with a bound and a weight, and the weight of the spots beside them.
+    #[serde(default)]
+    pub operands: Option<OperandFile>,
     /// Wavelengths, um, all of the same weight; those of the lens if empty.
     pub wavelengths: Vec<f64>,
     /// Field angles, degrees; those of the lens if empty.
     pub fields: Vec<f64>,
     /// The mean over the fields of `RMS^power` is minimised: 1 the mean spot, 2 the mean square, 8 nearly the worst; 0.5 to 64.
     pub power: f64,
-    /// Focal length to hold, mm, or `free`; what the lens file solves for if left out.
+    /// Focal length to hold, mm, or `free`; if left out what the lens file solves for, else that of the lens at the start.
     pub efl: Option<String>,
     /// Glasses that a search may exchange, each as `SURFACE` or `SURFACE=NAME,...`: the surface in front of the glass, and the
     /// names that it may get, the whole catalogue if none.
@@ -76,6 +81,7 @@ impl Default for Goal {
     fn default() -> Self {
         Self {
             restored: None,
+            operands: None,
             wavelengths: Vec::new(),
             fields: Vec::new(),
             power: 1.0,
@@ -100,7 +106,7 @@ impl Goal {
     pub(super) fn problem(&self, file: &LensFile, assets: &Assets) -> Result<Problem, JobError> {
         let mut problem = Problem::new(file.lens.clone());
         problem.variables =
-            if file.variables.is_empty() { usual_variables(&file.lens)? } else { file.variables.clone() };
+            if file.variables.is_empty() { wide(&file.lens)? } else { file.variables.clone() };
         if !self.wavelengths.is_empty() {
             check("wavelengths", &self.wavelengths, |w| (0.2..20.0).contains(&w), "um: 550 nm is 0.55")?;
             problem.merit.wavelengths_um.clone_from(&self.wavelengths);
@@ -174,6 +180,13 @@ impl Goal {
             (problem.spot_weight, problem.goals) =
                 (0.0, vec![MeritGoal { merit, target: 0.0, weight_um: 1.0 }]);
         }
+        if let Some(OperandFile { spot_weight, operand }) = &self.operands {
+            problem.spot_weight *= spot_weight;
+            for operand in operand {
+                let goals = goals_of(operand, &problem)?;
+                problem.goals.extend(goals);
+            }
+        }
         Ok(problem)
     }
 
@@ -245,7 +258,12 @@ impl Goal {
     }
 
     fn efl_solve(&self, file: &LensFile) -> Result<Option<EflSolve>, JobError> {
-        let Some(wanted) = self.efl.as_deref() else { return Ok(file.efl_solve) };
+        let own_mm = first_order(&file.lens.at_wavelength(file.lens.reference_um)).efl_mm;
+        let Some(wanted) = self.efl.as_deref() else {
+            // A lens that only got longer would look better. One that is afocal, or has no surface for it, is left free.
+            let held = || own_mm.is_finite().then(|| holding(file, own_mm)).flatten();
+            return Ok(file.efl_solve.or_else(held));
+        };
         if wanted == "free" {
             return Ok(None);
         }
@@ -254,27 +272,44 @@ impl Goal {
             .ok()
             .filter(|f: &f64| f.is_finite() && *f != 0.0)
             .ok_or_else(|| JobError::setting("efl", wanted, "neither a length nor `free`", "in mm"))?;
+        if own_mm.is_finite() && own_mm * efl_mm < 0.0 {
+            let message = format!(
+                "the lens has a focal length of {own_mm:.3} mm, and another sign is another kind of lens"
+            );
+            let hint = format!("--efl {}, or start from another lens", efl_mm.abs().copysign(own_mm));
+            return Err(JobError::setting("efl", wanted, message, hint));
+        }
         if let Some(solve) = file.efl_solve {
             return Ok(Some(EflSolve { efl_mm, ..solve }));
         }
-        // Solve for the last radius that does not vary; if all do, for the last, within its bounds.
-        let of_radius =
-            |s: usize| file.variables.iter().position(|v| (v.surface, v.number) == (s, Number::Curvature));
-        let follows = |s: usize| {
-            let is_radius = |v: usize| file.variables[v].number == Number::Curvature;
-            file.pickups.iter().any(|p| p.surface == s && is_radius(p.variable))
-        };
-        let is_followed =
-            |s: usize| of_radius(s).is_some_and(|v| file.pickups.iter().any(|p| p.variable == v));
-        let eligible: Vec<usize> = powered(&file.lens).filter(|s| !follows(*s) && !is_followed(*s)).collect();
-        let free = eligible.iter().rev().find(|s| of_radius(**s).is_none());
-        let surface = free.or(eligible.last()).copied().ok_or_else(|| {
+        let held = holding(file, efl_mm).ok_or_else(|| {
             let hint = "it takes a curved surface between two media, or a curved mirror, without pickups from or to it";
             JobError::setting("efl", wanted, "no surface can hold the focal length", hint)
         })?;
-        let bounds = of_radius(surface).map(|v| [file.variables[v].min, file.variables[v].max]);
-        Ok(Some(EflSolve { surface, efl_mm, radius_mm: bounds }))
+        Ok(Some(held))
     }
+}
+
+/// A solve that holds the focal length by the last radius that the file lets vary, within its bounds; if the file names no variables, by the
+/// last curved surface. None if no radius can.
+fn holding(file: &LensFile, efl_mm: f64) -> Option<EflSolve> {
+    let of_radius =
+        |s: usize| file.variables.iter().position(|v| (v.surface, v.number) == (s, Number::Curvature));
+    let follows = |s: usize| {
+        let is_radius = |v: usize| file.variables[v].number == Number::Curvature;
+        file.pickups.iter().any(|p| p.surface == s && is_radius(p.variable))
+    };
+    let is_followed = |s: usize| of_radius(s).is_some_and(|v| file.pickups.iter().any(|p| p.variable == v));
+    let eligible: Vec<usize> = powered(&file.lens).filter(|s| !follows(*s) && !is_followed(*s)).collect();
+    // A file that names variables says what may move: what it leaves out stays, such as a filter or a test plate's radius.
+    let is_curved = |s: &&usize| file.lens.surfaces[**s].shape.curvature != 0.0;
+    let surface = match file.variables.is_empty() {
+        true => eligible.iter().rev().find(is_curved),
+        false => eligible.iter().rev().find(|s| of_radius(**s).is_some()),
+    };
+    let surface = *surface?;
+    let radius_mm = of_radius(surface).map(|v| [file.variables[v].min, file.variables[v].max]);
+    Some(EflSolve { surface, efl_mm, radius_mm })
 }
 
 impl Restored {
@@ -343,42 +378,62 @@ fn list(values: &[f64]) -> String {
     values.iter().map(f64::to_string).collect::<Vec<_>>().join(",")
 }
 
-/// Surfaces between two media, and mirrors that are not flat.
-fn powered(lens: &Lens) -> impl Iterator<Item = usize> {
-    let sequence = lens.at_wavelength(lens.reference_um);
-    let bends = |i: &usize| {
-        let s = &lens.surfaces[*i];
-        match s.action {
-            Action::Refract => sequence.surfaces[*i].n_before != sequence.surfaces[*i].n_after,
-            Action::Reflect => s.shape.curvature != 0.0,
-            Action::ThinLens { .. } => false,
-        }
+/// The variables of a lens whose file names none.
+fn wide(lens: &Lens) -> Result<Vec<Variable>, JobError> {
+    let none = || {
+        JobError::input("the lens has no curved surface between two media", "give it [[variable]] entries")
     };
-    (0..lens.surfaces.len()).filter(bends).collect::<Vec<_>>().into_iter()
+    wide_variables(lens).ok_or_else(none)
 }
 
-/// The variables of a lens whose file names none: every curvature between two media, up to one and a half times the strongest,
-/// and every gap of air but the last, from a tenth to twice its length.
-fn usual_variables(lens: &Lens) -> Result<Vec<Variable>, JobError> {
-    let curvature = |i: usize| lens.surfaces[i].shape.curvature.abs();
-    let strongest = powered(lens).map(curvature).fold(0.0, f64::max);
-    if strongest == 0.0 {
-        return Err(JobError::input(
-            "the lens has no curved surface between two media",
-            "give it [[variable]] entries",
-        ));
+/// What an operand adds to what is minimised: contrast and spots at every field that it means, each as a figure of its own, which descents can
+/// tell apart. Its wavelengths are those of the problem.
+fn goals_of(operand: &Operand, problem: &Problem) -> Result<Vec<MeritGoal>, JobError> {
+    let mut lens = problem.base.clone();
+    lens.wavelengths_um.clone_from(&problem.merit.wavelengths_um);
+    let limit_deg = lens.object.field_limit_deg();
+    let own = problem.merit.fields_rad.iter().map(|field| field.to_degrees());
+    let fields_deg: Vec<f64> = operand.field_deg.map_or_else(|| own.collect(), |deg| vec![deg]);
+    if let Some(deg) = fields_deg.iter().find(|deg| deg.abs() >= limit_deg) {
+        let message = format!("the lens has no field of {deg} degrees");
+        return Err(JobError::input(message, format!("field_deg of an operand is less than {limit_deg}")));
     }
-    let radius = 1.0 / (1.5 * strongest);
-    let radii = powered(lens).map(|surface| Variable {
-        surface,
-        number: Number::Curvature,
-        min: -radius,
-        max: radius,
-    });
-    let gaps = (0..lens.surfaces.len() - 1).filter(|i| lens.surfaces[*i].glass.is_air()).map(|surface| {
-        let gap = lens.surfaces[surface].thickness_mm;
-        let (near, far) = (0.1 * gap, 2.0 * gap + if lens.light_goes_forwards(surface) { 0.1 } else { -0.1 });
-        Variable { surface, number: Number::Thickness, min: near.min(far), max: near.max(far) }
-    });
-    Ok(radii.chain(gaps).collect())
+    let goal = |merit, target| MeritGoal { merit, target, weight_um: operand.weight_um };
+    let at_each = |merit: &dyn Fn(FieldSet) -> Arc<dyn Merit>, target: f64| -> Vec<MeritGoal> {
+        fields_deg.iter().map(|deg| goal(merit(FieldSet::new(&lens, &[*deg])), target)).collect()
+    };
+    let kept = |constraint| vec![goal(Arc::new(Violation(constraint)) as Arc<dyn Merit>, 0.0)];
+    let field_rad = operand.field_deg.map_or(problem.merit.outermost_field_rad(), f64::to_radians);
+    let between_mm = [operand.at_least.unwrap_or(-FAR_MM), operand.at_most.unwrap_or(FAR_MM)];
+    let [least, most] = between_mm;
+    let goals = match operand.of {
+        Figure::Mtf => {
+            let kind = if operand.waves { PsfKind::Diffraction } else { PsfKind::Geometric };
+            let mtf = Mtf::new(&lens, operand.frequency_per_mm.unwrap_or_default(), kind);
+            at_each(&|fields| Arc::new(mtf.clone().with_fields(fields)), least)
+        }
+        Figure::Spot => {
+            let spot = RmsSpot::new(&lens);
+            at_each(&|fields| Arc::new(RmsSpot { fields, ..spot.clone() }), most)
+        }
+        Figure::FocalLength => kept(Constraint::FocalLength { between_mm }),
+        Figure::BackFocalLength => kept(Constraint::BackFocal { between_mm }),
+        Figure::Track => kept(Constraint::Track { most_mm: most }),
+        Figure::Distortion => kept(Constraint::Distortion { field_rad, share: most }),
+        Figure::ChiefRayAngle => {
+            kept(Constraint::ChiefRayAngle { field_rad, greatest_rad: most.to_radians() })
+        }
+        Figure::ImageHeight => {
+            let (wanted_mm, tolerance_mm) = (0.5 * (least + most), 0.5 * (most - least));
+            kept(Constraint::ChiefHeight { field_rad, wanted_mm, tolerance_mm })
+        }
+    };
+    if let Some(lost) = goals.iter().find(|goal| goal.merit.value(&lens).is_none()) {
+        let message = format!("{}: the lens to start from has no such figure", lost.merit.name());
+        return Err(JobError::input(message, "improve its spots first, or leave the operand out"));
+    }
+    Ok(goals)
 }
+
+/// A bound that no lens meets.
+const FAR_MM: f64 = 1e6;

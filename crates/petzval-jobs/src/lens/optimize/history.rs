@@ -77,7 +77,7 @@ impl History {
     /// Opens a folder, back to step `rewind` if given: later steps are forgotten.
     pub fn open(root: &Path, rewind: Option<usize>, context: &Context) -> Result<(Self, Config), JobError> {
         let read = |name: &str| {
-            fs::read_to_string(root.join(name)).map_err(|e| {
+            petzval_base::read_text(root.join(name)).map_err(|e| {
                 let what = format!("{}: {e}", root.join(name).display());
                 JobError::input(what, "give the folder of an optimisation, as --out named it")
             })
@@ -106,7 +106,7 @@ impl History {
         let history = Self { root: root.to_path_buf(), steps, file };
         if let (Some(_), Some(last)) = (rewind, history.steps.last()) {
             let path = root.join(lens_name(last.step));
-            let lens = fs::read_to_string(&path)
+            let lens = petzval_base::read_text(&path)
                 .map_err(|e| JobError::input(format!("{}: {e}", path.display()), "rewind to another step"))?;
             let kept = Kept { at: last.at.clone(), glasses: last.glasses.clone(), round: last.round };
             history.keep_state(&SearchState { round: last.round, kept: vec![kept] })?;
@@ -149,7 +149,7 @@ impl History {
     /// The state from which a search continues, if one was kept.
     pub fn state(&self) -> Result<Option<SearchState>, JobError> {
         let path = self.root.join("search.json");
-        let Ok(text) = fs::read_to_string(&path) else { return Ok(None) };
+        let Ok(text) = petzval_base::read_text(&path) else { return Ok(None) };
         let state = serde_json::from_str(&text).map_err(|e| {
             JobError::input(format!("{}: {e}", path.display()), "it was changed since it was written")
         })?;

@@ -3,15 +3,19 @@
 mod goal;
 mod history;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use petzval_design::assets::Assets;
-use petzval_files::LensFile;
+use petzval_design::error::DesignError;
+use petzval_files::{LensFile, OperandFile, parse_operands};
+use petzval_optics::analysis::first_order_table;
 use petzval_optics::design_space::{DesignSpaceError, Solves};
 use petzval_optics::lens::Lens;
 use petzval_optics::merit::SpotResiduals;
-use petzval_optics::optimize::{Analysis, LevenbergOptions, Problem, Search, SearchOptions, Stop, descend};
+use petzval_optics::optimize::{
+    Analysis, Goal as MeritGoal, LevenbergOptions, Problem, Search, SearchOptions, Stop, descend,
+};
 use petzval_optics::paraxial::{first_order, image_height_per_tangent, rectilinear_tangent};
 use petzval_optics::pupil::{PupilSampling, chief_ray};
 use serde::{Deserialize, Serialize};
@@ -97,6 +101,9 @@ pub struct Figures {
     /// Root of the expected squared error after the best linear restoration, % of white; `None` unless that is the goal.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub restored_error_percent: Option<f64>,
+    /// Operands: what each is, its value, its target and its unit.
+    #[serde(default)]
+    pub operands: Vec<OperandFigure>,
     /// Mean over the fields of the RMS spot radius, um.
     pub mean_rms_spot_um: f64,
     /// RMS spot radius by field, um.
@@ -107,6 +114,9 @@ pub struct Figures {
     pub back_focal_length_mm: Option<f64>,
     /// Focal length over entrance pupil diameter.
     pub f_number: Option<f64>,
+    /// Height of the image over that of the object; `None` for an object at infinity.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub magnification: Option<f64>,
     /// From the first vertex to the image plane, mm.
     pub track_to_the_image_mm: f64,
     /// Largest diameter of a surface that the beams need, mm.
@@ -116,6 +126,31 @@ pub struct Figures {
     pub distortion_percent: Option<f64>,
     /// Limits that are violated, and by how much, mm.
     pub violations_mm: Vec<(String, f64)>,
+}
+
+/// Whether a goal is the error after restoration, and no operand.
+fn is_restored(goal: &MeritGoal) -> bool {
+    goal.merit.unit() == "% of white"
+}
+
+/// What a lens reaches of an operand. Of a figure that is bounded on both sides this is by how much it is beyond its bounds, and the target 0.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OperandFigure {
+    /// The figure.
+    pub of: String,
+    /// Its value.
+    pub value: f64,
+    /// Its bound.
+    pub target: f64,
+    /// The unit of both.
+    pub unit: String,
+}
+
+/// Reads an operand file.
+pub fn read_operands(path: &Path) -> Result<OperandFile, JobError> {
+    let text = petzval_base::read_text(path).map_err(DesignError::io(path))?;
+    Ok(parse_operands(&text).map_err(DesignError::input(path))?)
 }
 
 /// The best lens of a search with a further requirement.
@@ -177,9 +212,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         }
     };
     check_trade(request, &config)?;
-    note_held_radius(&problem, history.start(), context);
+    note_held_radius(&problem, history.start(), &config.goal, context);
 
-    let start = with_more_rays(&problem, &problem.base);
+    let start = at_the_start(&problem);
     let best = if config.global {
         search(&problem, &mut history, config.seed, request, context)?
     } else {
@@ -232,16 +267,21 @@ fn check_trade(request: &Request, config: &Config) -> Result<(), JobError> {
     }
 }
 
-/// Says which radius of the lens file's variables does not vary, because the goal has it hold the focal length.
-fn note_held_radius(problem: &Problem, file: &LensFile, context: &Context) {
-    if file.efl_solve.is_none()
-        && let Some(solve) = &problem.solves.efl
-        && solve.radius_mm.is_some()
-    {
-        context.note(format!(
-            "the radius of surface {} holds the focal length and does not vary; its bounds still count",
-            solve.surface + 1
-        ));
+/// Says which radius holds the focal length where the lens file does not, or that nothing does.
+fn note_held_radius(problem: &Problem, file: &LensFile, goal: &Goal, context: &Context) {
+    match &problem.solves.efl {
+        Some(solve) if file.efl_solve.is_none() => {
+            let bounds = if solve.radius_mm.is_some() { "; its bounds still count" } else { "" };
+            context.note(format!(
+                "the radius of surface {} holds the focal length of {:.4} mm and does not vary{bounds}; --efl free lets it vary",
+                solve.surface + 1,
+                solve.efl_mm
+            ));
+        }
+        None if goal.efl.is_none() => {
+            context.note("the focal length is not held: the lens is afocal, or no radius can hold it");
+        }
+        _ => {}
     }
 }
 
@@ -273,7 +313,7 @@ fn descent(
             return Ok(());
         }
         let seconds = clock.seconds();
-        context.note(line(&format!("iteration {iteration}"), seconds, analysis));
+        context.note(line(&format!("iteration {iteration}"), seconds, problem, analysis));
         history.add(problem, 0, seconds, analysis, at, &[])
     };
     let mut failure = None;
@@ -323,7 +363,7 @@ fn search(
             if let Some(fine) = with_more_rays(problem, &found.analysis.lens) {
                 if history.is_better(&fine, STEP_SHARE) {
                     let (round, seconds) = (search.progress().0, clock.seconds());
-                    context.note(line(&format!("round {round}"), seconds, &fine));
+                    context.note(line(&format!("round {round}"), seconds, problem, &fine));
                     history.add(problem, round, seconds, &fine, &found.at, &found.glasses)?;
                     history.keep_state(&search.state())?;
                 }
@@ -367,16 +407,32 @@ impl Clock {
 /// A lens traced with more rays than an optimisation traces, its image plane where they are best; `None` if they do not reach
 /// the image.
 fn with_more_rays(problem: &Problem, lens: &Lens) -> Option<Analysis> {
-    let only_image_plane = Problem {
-        base: lens.clone(),
+    let only_image_plane = Problem { base: lens.clone(), ..only_image_plane(problem) };
+    descend(&only_image_plane, &LevenbergOptions::default(), &mut |_, _, _| true).ok().map(|d| d.best)
+}
+
+/// The problem with more rays, in which the image plane alone moves.
+fn only_image_plane(problem: &Problem) -> Problem {
+    Problem {
         merit: SpotResiduals { sampling: PupilSampling::Degree(10), ..problem.merit.clone() },
         variables: Vec::new(),
         pickups: Vec::new(),
         glasses: Vec::new(),
         solves: Solves::default(),
         ..problem.clone()
-    };
-    descend(&only_image_plane, &LevenbergOptions::default(), &mut |_, _, _| true).ok().map(|d| d.best)
+    }
+}
+
+/// The lens at the start with more rays, its image plane where the spots are least, or the error after restoration: an operand such as a short
+/// track would only defocus it.
+fn at_the_start(problem: &Problem) -> Option<Analysis> {
+    let of_the_picture = problem.goals.iter().filter(|goal| is_restored(goal)).cloned().collect();
+    let without_operands = Problem { goals: of_the_picture, ..only_image_plane(problem) };
+    let options = LevenbergOptions::default();
+    let focused = descend(&without_operands, &options, &mut |_, _, _| true).ok()?.best.lens;
+    let as_it_is = Problem { base: focused, merit: without_operands.merit, ..only_image_plane(problem) };
+    let no_step = LevenbergOptions { iterations: 0, ..LevenbergOptions::default() };
+    descend(&as_it_is, &no_step, &mut |_, _, _| true).ok().map(|d| d.best)
 }
 
 fn violations(analysis: &Analysis) -> usize {
@@ -384,15 +440,16 @@ fn violations(analysis: &Analysis) -> usize {
 }
 
 /// A line about a better lens.
-fn line(what: &str, seconds: f64, analysis: &Analysis) -> String {
+fn line(what: &str, seconds: f64, problem: &Problem, analysis: &Analysis) -> String {
     let fields: Vec<String> = analysis.rms_um.iter().map(|r| format!("{r:.2}")).collect();
     let violated = match violations(analysis) {
         0 => String::new(),
         n => format!("; {n} limits violated"),
     };
-    let merit = match analysis.goals.first() {
-        Some(percent) => format!("error {percent:8.4} %"),
-        None => format!("merit {:8.3} um", analysis.merit.sqrt()),
+    let is_restored = problem.goals.first().is_some_and(is_restored);
+    let merit = match (is_restored, analysis.goals.first()) {
+        (true, Some(percent)) => format!("error {percent:8.4} %"),
+        _ => format!("merit {:8.3} um", analysis.merit.sqrt()),
     };
     format!(
         "{seconds:8.2} s  {what:<14} {merit}  spots {:.3} um ({}){violated}",
@@ -449,7 +506,7 @@ fn trades(
         }
         let Some(best) = search.best() else { continue };
         let Some(best) = with_more_rays(&problem, &best.analysis.lens) else { continue };
-        context.note(line(asked, began.elapsed().as_secs_f64(), &best));
+        context.note(line(asked, began.elapsed().as_secs_f64(), &problem, &best));
         trades.push(Trade {
             asked: asked.to_owned(),
             mean_rms_um: best.mean_rms_um(),
@@ -470,15 +527,24 @@ impl Figures {
         let chief = (outermost != 0.0 && lens.is_rotationally_symmetric())
             .then(|| chief_ray(&sequence, outermost))
             .flatten();
+        let goals = || problem.goals.iter().zip(analysis.goals.iter().copied());
+        let figure = |(goal, value): (&MeritGoal, f64)| OperandFigure {
+            of: goal.merit.name(),
+            value,
+            target: goal.target,
+            unit: goal.merit.unit().to_owned(),
+        };
         let distortion = chief
             .map(|c| c.y_mm / (image_height_per_tangent(&sequence) * rectilinear_tangent(outermost)) - 1.0);
         Self {
-            restored_error_percent: analysis.goals.first().copied(),
+            restored_error_percent: goals().find(|(goal, _)| is_restored(goal)).map(|(_, percent)| percent),
+            operands: goals().filter(|(goal, _)| !is_restored(goal)).map(figure).collect(),
             mean_rms_spot_um: analysis.mean_rms_um(),
             rms_spot_um: analysis.rms_um.clone(),
             focal_length_mm: finite(order.efl_mm),
             back_focal_length_mm: finite(order.bfl_mm),
             f_number: finite(order.f_number),
+            magnification: first_order_table(lens).magnification,
             track_to_the_image_mm: lens.total_track_mm(),
             largest_clear_diameter_mm: widest,
             distortion_percent: distortion.map(|share| 100.0 * share).and_then(finite),

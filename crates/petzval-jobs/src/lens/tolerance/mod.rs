@@ -18,6 +18,7 @@ use serde::{Deserialize, Serialize};
 use self::findings::Findings;
 use crate::context::Context;
 use crate::error::{JobError, make_folder};
+use crate::results::check_folder;
 
 pub use files::three_digits;
 pub use report::{
@@ -175,7 +176,7 @@ impl Request {
 }
 
 pub(crate) fn read(path: &Path, lens: &Lens) -> Result<ToleranceFile, JobError> {
-    let text = std::fs::read_to_string(path)
+    let text = petzval_base::read_text(path)
         .map_err(|e| JobError::input(format!("{}: {e}", path.display()), "--tolerances takes a TOML file"))?;
     Ok(parse_tolerances(&text, lens).map_err(DesignError::input(path))?)
 }
@@ -214,6 +215,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         JobError::input(format!("{}: {error}", request.lens), hint)
     })?;
     if let Some(out) = &request.out {
+        check_folder(out, ["tolerance.json", "tolerances.toml", "sensitivities.csv", "trials.csv"], context)?;
         make_folder(out)?;
     }
     let count = tolerances.perturbations.len() as u64;

@@ -169,7 +169,7 @@ fn curve(option: &str, path: &str) -> Result<Spectrum, JobError> {
 /// A file that is named on the command line, as text.
 fn read(path: &str) -> Result<(PathBuf, String), JobError> {
     let path = PathBuf::from(path);
-    let text = std::fs::read_to_string(&path)
+    let text = petzval_base::read_text(&path)
         .map_err(|e| JobError::input(format!("{}: {e}", path.display()), "give a CSV file that exists"))?;
     Ok((path, text))
 }

@@ -131,7 +131,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let device = context.device("cpu")?;
     let experiment = context.assets.experiment(&plan.experiment)?;
     let setup = Setup::without_photos(experiment, &context.assets, device.clone())?;
-    let start = setup.starts[&setup.experiment.lens].clone();
+    let start = setup.nominal().clone();
     if start.space.space().variables().is_empty() {
         let hint = "add [[variable]] entries with bounds to its file, or name another experiment";
         return Err(JobError::setting("lens", &setup.experiment.lens, "has no variables", hint));

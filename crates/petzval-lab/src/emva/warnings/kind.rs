@@ -47,6 +47,21 @@ pub enum Warning {
         /// Its standard error from noise alone, DN.
         standard_error_dn: f64,
     },
+    /// Pixels do not answer light; DSNU and PRNU leave them out.
+    DefectPixels {
+        /// Linear gain.
+        linear_gain: f64,
+        /// Colour.
+        colour: Colour,
+        /// How many.
+        pixels: usize,
+        /// Row and column of the first, from 0.
+        first: [usize; 2],
+        /// Spatial variance of the dark stack without and with them, DN^2.
+        dark_dn2: [f64; 2],
+        /// Spatial variance of the flat stack without and with them, DN^2.
+        flat_dn2: [f64; 2],
+    },
     /// Dark frames are brighter in places: light leaks in, or the sensor glows.
     LightLeak {
         /// The point.
@@ -261,6 +276,7 @@ impl Warning {
             Self::ClippedAtZero { .. } => "clipped-at-zero",
             Self::Flicker { .. } => "flicker",
             Self::Moved { .. } => "moved",
+            Self::DefectPixels { .. } => "defect-pixels",
             Self::LightLeak { .. } => "light-leak",
             Self::DarkNotLinear { .. } => "dark-not-linear",
             Self::DarkCurrentDisagrees { .. } => "dark-current-disagrees",
@@ -314,6 +330,20 @@ impl fmt::Display for Warning {
                 f,
                 "{point}: the means of the frames differ by {difference_dn:.3} DN, noise explains {standard_error_dn:.3}"
             ),
+            Self::DefectPixels { linear_gain, colour, pixels, first: [row, column], dark_dn2, flat_dn2 } => {
+                let spread = |[without, with]: &[f64; 2]| {
+                    let [without, with] = [without, with].map(|v| v.max(0.0).sqrt());
+                    format!("by {without:.3} DN without them and by {with:.3} with them")
+                };
+                write!(
+                    f,
+                    "at gain {linear_gain} {pixels} {} pixels do not answer light, the first in row {row}, column {column}; results.json \
+                     lists them. DSNU and PRNU leave them out: pixels differ in the dark {}, in the light {}",
+                    colour_name(*colour),
+                    spread(dark_dn2),
+                    spread(flat_dn2)
+                )
+            }
             Self::Moved { point, frame, difference_dn, standard_error_dn } => write!(
                 f,
                 "{point}: frame {frame} differs from the others by {difference_dn:.2} DN in a part of the picture, noise \
@@ -370,7 +400,7 @@ impl fmt::Display for Warning {
             Self::Rounding { linear_gain, noise_dn, error_dn2 } => write!(
                 f,
                 "at gain {linear_gain} dark noise is {noise_dn:.2} DN: rounding to whole digital numbers dominates the error of its \
-                 variance, {error_dn2:.4} DN^2, which counts in the errors of K, dark current, read noise and electronics noise"
+                 variance, {error_dn2:.4} DN^2, which counts in the errors of K, dark current, read noise, electronics noise, DSNU and PRNU"
             ),
             Self::DarkNoiseLimit { linear_gain } => write!(
                 f,

@@ -6,6 +6,7 @@ use crate::emva::joint::{GainRow, JointFit};
 use crate::emva::result::{ChannelResult, GainResult};
 use crate::emva::rounding::LEAST_DARK_VARIANCE_DN2;
 use crate::emva::samples::ConverterFlags;
+use crate::emva::spatial::Components;
 use crate::emva::transfer_point::TransferPoint;
 use petzval_base::statistics::median;
 
@@ -26,6 +27,7 @@ pub fn series_warnings(
     warnings.extend(gains.iter().flat_map(not_linear));
     warnings.extend(full_well_differs(sensor, gains));
     warnings.extend(hot_pixels(joint));
+    warnings.extend(gains.iter().flat_map(defect_pixels));
     warnings
 }
 
@@ -165,4 +167,24 @@ fn hot_pixels(joint: &JointFit) -> Option<Warning> {
         ordinary_e_per_s: joint.dark_current_ordinary_e_per_s.value()?,
         mean_e_per_s: joint.dark_current_e_per_s.value()?,
     })
+}
+
+/// Pixels of each colour that do not answer light.
+fn defect_pixels(gain: &GainResult) -> Vec<Warning> {
+    let of = |c: &ChannelResult| {
+        let spatial = c.spatial.as_ref()?;
+        let (first, [flat, dark]) = (spatial.defects.first()?, spatial.components_with_defects.as_ref()?);
+        let pair = |clean: &Components, whole: &Components| {
+            [clean, whole].map(|components| components.total.value().unwrap_or(0.0))
+        };
+        Some(Warning::DefectPixels {
+            linear_gain: gain.linear_gain,
+            colour: c.colour,
+            pixels: spatial.defects.len(),
+            first: [first.row, first.column],
+            dark_dn2: pair(&spatial.dark_components, dark),
+            flat_dn2: pair(&spatial.flat_components, flat),
+        })
+    };
+    gain.channels.iter().filter_map(of).collect()
 }

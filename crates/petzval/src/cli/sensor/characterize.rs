@@ -133,6 +133,8 @@ fn table(found: &Characterization, values: Values) -> String {
         ("hot pixels", j.hot_pixel_share.scale(100.0), "% of the pixels"),
         ("hot pixels, mean excess", j.hot_pixel_e_per_s, "e-/s"),
         ("read noise sigma_r^2", j.read_variance_e2, "e-^2"),
+        ("temporal noise of rows", j.row_noise_e, "e-"),
+        ("temporal noise of columns", j.column_noise_e, "e-"),
         ("read noise mean mu_r", j.read_noise_mean_e, "e-"),
         ("electronics noise sigma_el", j.electronics_noise_dn, "DN"),
         ("BL + mu_el", j.dark_offset_dn, "DN"),

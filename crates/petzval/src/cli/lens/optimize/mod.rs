@@ -35,6 +35,10 @@ pub struct Args {
     /// Sensor of the goal restored, by file or built-in name [default: imx249-fitted]
     #[arg(long, value_name = "SENSOR")]
     sensor: Option<String>,
+    /// File of operands: figures such as the MTF at a frequency, the focal length or the distortion, each with a bound and a weight; the book
+    /// says what it may hold
+    #[arg(long, value_name = "FILE")]
+    operands: Option<PathBuf>,
     /// Photoelectrons of white in a green pixel, for the goal restored [default: 16000]
     #[arg(long, value_name = "E")]
     white_e: Option<f32>,
@@ -97,7 +101,8 @@ impl Args {
                 white_e: self.white_e.unwrap_or(16_000.0),
             }),
         };
-        let goal = Goal { restored, ..Goal::from(self.limits) };
+        let operands = self.operands.as_deref().map(optimize::read_operands).transpose()?;
+        let goal = Goal { restored, operands, ..Goal::from(self.limits) };
         let start = match (self.resume, self.lens, self.out) {
             (Some(_), ..) if goal != Goal::default() => {
                 return Err(Failure::input(
@@ -150,6 +155,10 @@ fn print(response: &Response) {
         let start = start.as_ref().map_or_else(String::new, |rows| figure(rows[i].1));
         println!("{name:<26} {start:>12} {:>12} {unit}", figure(best));
     }
+    println!(
+        "RMS spots: all wavelengths together, through the real stop, on the image plane where they are least; the mean is that of \
+         the fields"
+    );
     for (what, amount) in response.found.best.violations_mm.iter().filter(|(_, mm)| *mm > 1e-4) {
         println!("not met: {what}, by {amount:.4} mm");
     }
@@ -160,6 +169,8 @@ fn rows(fields_deg: &[f64], f: &Figures) -> Vec<(String, Option<f64>, &'static s
     let restored =
         f.restored_error_percent.map(|e| ("error after restoration".to_owned(), Some(e), "% of white"));
     let mut rows: Vec<_> = restored.into_iter().collect();
+    let unit = |unit: &str| ["mm", "um"].into_iter().find(|known| *known == unit).unwrap_or("");
+    rows.extend(f.operands.iter().map(|o| (o.of.clone(), Some(o.value), unit(&o.unit))));
     rows.push(("mean RMS spot".to_owned(), Some(f.mean_rms_spot_um), "um"));
     for (field, rms) in fields_deg.iter().zip(&f.rms_spot_um) {
         rows.push((format!("RMS spot at {field:.1} deg"), Some(*rms), "um"));
@@ -167,6 +178,9 @@ fn rows(fields_deg: &[f64], f: &Figures) -> Vec<(String, Option<f64>, &'static s
     rows.push(("focal length".to_owned(), f.focal_length_mm, "mm"));
     rows.push(("back focal length".to_owned(), f.back_focal_length_mm, "mm"));
     rows.push(("f-number".to_owned(), f.f_number, ""));
+    if let Some(magnification) = f.magnification {
+        rows.push(("magnification".to_owned(), Some(magnification), ""));
+    }
     rows.push(("track to the image".to_owned(), Some(f.track_to_the_image_mm), "mm"));
     rows.push(("largest clear diameter".to_owned(), Some(f.largest_clear_diameter_mm), "mm"));
     rows.push(("distortion".to_owned(), f.distortion_percent, "%"));

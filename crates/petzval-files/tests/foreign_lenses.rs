@@ -1,0 +1,257 @@
+//! Lens files as other programs write them: what is read, what is refused with a reason, and that nothing is read wrongly. Focal lengths are those
+//! of the paraxial formula, computed apart from this program from the indices that makers print.
+
+use std::path::Path;
+
+use petzval_files::{Effect, Import, parse_catalog, parse_seq, parse_zmx};
+use petzval_optics::glass::Catalog;
+use petzval_optics::paraxial::first_order;
+
+fn catalog() -> Catalog {
+    let mut catalog = Catalog::default();
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/glasses");
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_some_and(|e| e == "toml") {
+            catalog.merge(parse_catalog(&std::fs::read_to_string(path).unwrap()).unwrap());
+        }
+    }
+    catalog
+}
+
+/// A cemented doublet behind whose last surface is the stop: curvatures 1/50, -3/200, -1/200, glass of 5 and 3 mm.
+const DOUBLET: &str = "\
+VERS 140124 258 36214
+MODE SEQ
+NAME doublet
+UNIT MM X W X CM MR CPMM
+ENPD 8
+GCAT SCHOTT MISC
+FTYP 0 0 2 3 0 0 0
+XFLN 0 0
+YFLN 0 5
+FWGN 1 1
+WAVM 1 0.4861 1
+WAVM 2 0.5875618 1
+WAVM 3 0.6563 1
+PWAV 2
+SURF 0
+  TYPE STANDARD
+  CURV 0.0 0 0 0 0 \"\"
+  DISZ INFINITY
+SURF 1
+  TYPE STANDARD
+  CURV 0.02 0 0 0 0 \"\"
+  DISZ 5
+  GLAS N-BK7 0 0 1.5168 64.17 0 0 0 0 0 0
+  DIAM 8 0 0 0 1 \"\"
+SURF 2
+  TYPE STANDARD
+  CURV -0.015 0 0 0 0 \"\"
+  DISZ 3
+  GLAS N-SF5 0 0 1.67271 32.25 0 0
+  DIAM 8 0 0 0 1 \"\"
+SURF 3
+  TYPE STANDARD
+  STOP
+  CURV -0.005 0 0 0 0 \"\"
+  DISZ 48
+  DIAM 8 0 0 0 1 \"\"
+SURF 4
+  TYPE STANDARD
+  CURV 0.0 0 0 0 0 \"\"
+  DISZ 0
+  DIAM 5 0 0 0 1 \"\"
+";
+
+const PLANES: &str = "\
+SURF 1
+  TYPE STANDARD
+  CURV 0.0 0 0 0 0 \"\"
+  DISZ 10
+SURF 2
+  TYPE STANDARD
+  CURV 0.0 0 0 0 0 \"\"
+  DISZ -4
+";
+
+fn first_glass(record: &str) -> String {
+    DOUBLET.replace("N-BK7 0 0 1.5168 64.17 0 0 0 0 0 0", record)
+}
+
+/// The doublet behind two planes without effect.
+fn behind_planes() -> String {
+    let mut text = DOUBLET.to_owned();
+    for (from, to) in [(4, 6), (3, 5), (2, 4), (1, 3)] {
+        text = text.replace(&format!("SURF {from}\n"), &format!("SURF {to}\n"));
+    }
+    text.replace("SURF 3\n", &format!("{PLANES}SURF 3\n"))
+}
+
+/// What a file must give: its focal length, mm, and a loss that is reported; or the reason why it is refused.
+enum Wanted {
+    Read(f64, Option<&'static str>),
+    Refused(&'static str),
+}
+use Wanted::{Read, Refused};
+
+fn efl_mm(import: &Import) -> f64 {
+    let lens = &import.file.lens;
+    first_order(&lens.at_wavelength(lens.reference_um)).efl_mm
+}
+
+#[test]
+fn files_in_the_styles_of_other_programs() {
+    let plain = 88.674_060_730_266_43;
+    let successor = Some("its successor");
+    let by_numbers = Some("by Cauchy's formula");
+    let cases: Vec<(&str, String, Wanted)> = vec![
+        ("as written", DOUBLET.to_owned(), Read(plain, None)),
+        ("BK7 with its numbers", first_glass("BK7 0 0 1.5168 64.17 0 0"), Read(plain, successor)),
+        ("BK7 alone", first_glass("BK7"), Read(plain, successor)),
+        ("the program's own numbers", first_glass("BK7 0 0 1.5 40 0 0"), Read(plain, successor)),
+        ("K5", first_glass("K5 0 0 1.52249 59.48"), Read(87.168_482_922_837_5, successor)),
+        ("BAK4", first_glass("BAK4 0 0 1.56883 56.13"), Read(76.587_736_196_284_74, successor)),
+        ("LAK9", first_glass("LAK9"), Read(58.057_557_970_057_64, successor)),
+        ("SK5", first_glass("SK5"), Read(72.724_964_154_881_02, successor)),
+        ("BAF10", first_glass("BAF10"), Read(60.569_323_066_792_53, successor)),
+        ("SSK4, which has no successor", first_glass("SSK4"), Read(67.916_188_819_708_65, by_numbers)),
+        (
+            "a successor that contradicts the file",
+            first_glass("BK7 0 0 1.6 50"),
+            Read(70.813_461_953_364_25, by_numbers),
+        ),
+        ("a melt", first_glass("MELT17 0 0 1.6 50 0 0"), Read(70.813_461_953_364_25, by_numbers)),
+        ("B270", first_glass("B270 0 0 1.523 58.6"), Read(87.036_044_071_610_95, None)),
+        ("water", first_glass("WATER"), Read(201.511_998_2, None)),
+        ("acrylic", first_glass("ACRYLIC"), Read(96.002_032_333_891_22, None)),
+        ("sapphire", first_glass("SAPPHIRE"), Read(50.378_5, None)),
+        ("a model glass", first_glass("___BLANK 1 0 1.489 57.4 0 0"), Read(96.852_153_686_934_2, by_numbers)),
+        (
+            "a model glass with a solve",
+            first_glass("___BLANK 2 1 1.489 57.4 0 0"),
+            Read(96.852_153_686_934_2, by_numbers),
+        ),
+        ("a glass of which nothing is known", first_glass("MELT17 0 0 1.5 40 0 0"), Refused("--glasses")),
+        ("planes in front", behind_planes(), Read(plain, Some("a plane without effect is left out"))),
+        (
+            "an image in front of the last surface",
+            DOUBLET.replace("DISZ 48", "DISZ -5"),
+            Refused("goes against the light"),
+        ),
+        (
+            "a virtual object",
+            DOUBLET.replace("DISZ INFINITY", "DISZ -200"),
+            Refused("a virtual object is not traced"),
+        ),
+        ("telecentric", DOUBLET.replace("FTYP 0 0", "FTYP 1 1"), Refused("telecentric")),
+        (
+            "fields along x",
+            DOUBLET.replace("XFLN 0 0", "XFLN 0 5").replace("YFLN 0 5", "YFLN 0 0"),
+            Read(plain, Some("off the y axis")),
+        ),
+        (
+            "weights of fields",
+            DOUBLET.replace("FWGN 1 1", "FWGN 1 2"),
+            Read(plain, Some("weights of fields")),
+        ),
+        (
+            "vignetting factors",
+            DOUBLET.replace("PWAV 2", "VCYN 0 0.2\nPWAV 2"),
+            Read(plain, Some("vignetting factors")),
+        ),
+        (
+            "a rectangular aperture",
+            DOUBLET.replace("  DISZ 5\n", "  DISZ 5\n  SQAP 7 7 0\n"),
+            Read(plain, Some("circle")),
+        ),
+        (
+            "an obscuration",
+            DOUBLET.replace("  DISZ 5\n", "  DISZ 5\n  OBSC 0 2 0\n"),
+            Read(plain, Some("obscuration")),
+        ),
+        ("the stop's size", DOUBLET.replace("ENPD 8", "FLOA"), Read(plain, None)),
+    ];
+    let catalog = catalog();
+    let (mut read, mut refused, mut wrong) = (0, 0, Vec::new());
+    for (what, text, wanted) in cases {
+        match (parse_zmx(&text, &catalog), wanted) {
+            (Ok(import), Read(efl, loss)) => {
+                read += 1;
+                let losses: Vec<String> = import.losses.iter().map(ToString::to_string).collect();
+                // A changed glass or picture is never silent.
+                let is_said = match loss {
+                    Some(words) => losses.iter().any(|l| l.contains(words)),
+                    None => import.losses.iter().all(|l| l.effect != Effect::Approximated),
+                };
+                if !((efl_mm(&import) / efl - 1.0).abs() < 2e-5 && is_said) {
+                    wrong.push(format!("{what}: {} against {efl}, {losses:?}", efl_mm(&import)));
+                }
+            }
+            (Err(error), Refused(words)) => {
+                refused += 1;
+                if !error.to_string().contains(words) || error.line.is_none() {
+                    wrong.push(format!("{what}: {error}"));
+                }
+            }
+            (Ok(import), Refused(_)) => wrong.push(format!("{what}: read, {} mm", efl_mm(&import))),
+            (Err(error), Read(..)) => wrong.push(format!("{what}: {error}")),
+        }
+    }
+    assert!(wrong.is_empty(), "{read} read, {refused} refused, and these are wrong:\n{}", wrong.join("\n"));
+    assert_eq!((read, refused), (25, 4));
+}
+
+/// Indices as the sources print them; infrared materials have none for visible light.
+#[test]
+fn materials_for_the_infrared_have_the_indices_of_their_sources() {
+    let catalog = catalog();
+    for (name, um, index) in [
+        ("GERMANIUM", 10.6, 4.0036),
+        ("ZNSE", 10.6, 2.4028),
+        ("SILICON", 4.5, 3.4275),
+        ("ZNS", 10.6, 2.1925),
+        ("IRG24", 10.0, 2.6089),
+        ("SAPPHIRE", 0.5875618, 1.76817),
+        ("WATER", 0.5892938, 1.33300),
+        ("B270", 0.54607, 1.5251),
+    ] {
+        let found = catalog.get(name).unwrap().dispersion.index(um);
+        assert!((found - index).abs() < 1e-4, "{name} at {um} um: {found} against {index}");
+    }
+    let text = DOUBLET
+        .replace("0.4861 1", "4.0 1")
+        .replace("0.5875618 1", "4.5 1")
+        .replace("0.6563 1", "5.0 1")
+        .replace("CURV 0.02", "CURV 0.004")
+        .replace("N-BK7 0 0 1.5168 64.17 0 0 0 0 0 0", "GERMANIUM 0 0 0 0 0 0")
+        .replace("N-SF5 0 0 1.67271 32.25 0 0", "ZNSE");
+    assert!(parse_zmx(&text, &catalog).unwrap().losses.is_empty());
+}
+
+#[test]
+fn code_v_names_of_old_glasses() {
+    let catalog = catalog();
+    let file = |glass: &str| {
+        format!(
+            "LEN NEW\nRDM\nDIM M\nEPD 8\nWL 656.3 587.5618 486.1\nREF 2\nYAN 0 5\nSO 0 1e11\n\
+             S 50 5 {glass}\nS -66.666666666666667 3 NSF5_SCHOTT\nS -200 48\nSTO\nSI 0 0\nGO\n"
+        )
+    };
+    for (glass, efl, loss) in [
+        ("NBK7_SCHOTT", 88.674_060_730_266_43, None),
+        ("BK7_SCHOTT", 88.674_060_730_266_43, Some("its successor")),
+        ("SSK4_SCHOTT", 67.916_188_819_708_65, Some("by Cauchy's formula")),
+    ] {
+        let import = parse_seq(&file(glass), &catalog).unwrap_or_else(|e| panic!("{e}"));
+        assert!((efl_mm(&import) / efl - 1.0).abs() < 2e-5, "{glass}: {}", efl_mm(&import));
+        let losses: Vec<String> = import.losses.iter().map(ToString::to_string).collect();
+        assert_eq!(
+            losses.iter().any(|l| loss.is_some_and(|words| l.contains(words))),
+            loss.is_some(),
+            "{losses:?}"
+        );
+    }
+    let unknown = parse_seq(&file("NOSUCH_OHARA"), &catalog).unwrap_err().to_string();
+    assert!(unknown.contains("--glasses"), "{unknown}");
+}

@@ -1,0 +1,251 @@
+//! `apply`: pictures of one's own, whole, through the cameras of a finished run: lens, sensor, development and network.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use petzval_camera::image::LinearImage;
+use petzval_camera::render::Placement;
+use petzval_camera::sensor::{Capture, Noise, NoiseMode};
+use petzval_design::boxes::with_boxes;
+use petzval_design::camera::{Camera, Shot};
+use petzval_design::error::DesignError;
+use petzval_design::run::RunFolder;
+use petzval_design::setup::Setup;
+use petzval_files::raw_file::{RawFrame, load_raw, sidecar_path};
+use petzval_files::{encoded_png_bytes, load_image};
+use petzval_learn::detection::{Truth, detect_in};
+use serde::{Deserialize, Serialize};
+
+use crate::context::Context;
+use crate::error::{JobError, make_folder, write_file};
+use crate::evaluate::camera_of;
+use crate::report::warn_of_changed_config;
+use crate::results::check_folder;
+
+pub use crate::simulate::Place;
+
+/// Pictures, and the cameras that take them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Request {
+    /// Folder of the run.
+    pub run: PathBuf,
+    /// Photographs, which the cameras take; and raw frames, which they develop: DNG files, and files with a sidecar.
+    pub images: Vec<PathBuf>,
+    /// Names of cameras of the run; the last one if empty.
+    pub cameras: Vec<String>,
+    /// How a photograph lands on the sensor.
+    pub place: Place,
+    /// Seed of the noise.
+    pub seed: u64,
+    /// Folder for the pictures.
+    pub out: PathBuf,
+    /// Where tensors live.
+    pub device: String,
+}
+
+/// What was written.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Response {
+    /// Every picture through every camera.
+    pub pictures: Vec<Applied>,
+}
+
+/// A finished picture.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Applied {
+    /// The photograph or raw frame.
+    pub image: PathBuf,
+    /// The camera.
+    pub camera: String,
+    /// The picture.
+    pub picture: PathBuf,
+    /// Rows.
+    pub height: usize,
+    /// Columns.
+    pub width: usize,
+    /// How long it took, s.
+    pub seconds: f64,
+}
+
+/// Least score of a detection whose box is drawn.
+const LEAST_SCORE: f32 = 0.5;
+
+/// What a camera is given.
+enum Subject {
+    /// A photograph that covers the sensor.
+    Photo(LinearImage),
+    /// A frame that a sensor took.
+    Raw(RawFrame),
+}
+
+/// Takes the photographs and develops the raw frames. The folder `out` gets `NAME-CAMERA.png` for each, and `NAME-scene.png` of each
+/// photograph as it lies on the sensor.
+pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+    let folder = RunFolder::open(&request.run)?;
+    warn_of_changed_config(&folder, context)?;
+    let experiment = context.assets.experiment_of_run(&folder)?;
+    let all: Vec<String> = experiment.variants().iter().map(|variant| variant.name.clone()).collect();
+    let names = chosen(request, &folder, &all)?;
+    let stems = stems(&request.images)?;
+    let files = stems.iter().flat_map(|stem| names.iter().map(move |name| format!("{stem}-{name}.png")));
+    check_folder(&request.out, files, context)?;
+
+    // Cameras are made before pictures are read: a run that lacks one is found at once.
+    let setup = Setup::without_photos(experiment, &context.assets, context.device(&request.device)?)?;
+    let cameras = names.iter().map(|name| camera_of(&setup, &folder, name)).collect::<Result<Vec<_>, _>>()?;
+    let subjects = request
+        .images
+        .iter()
+        .map(|path| subject(path, request.place, &setup))
+        .collect::<Result<Vec<_>, _>>()?;
+
+    make_folder(&request.out)?;
+    let mut pictures = Vec::new();
+    let total = (subjects.len() * cameras.len()) as u64;
+    for (i, ((image, stem), subject)) in request.images.iter().zip(&stems).zip(&subjects).enumerate() {
+        if let Subject::Photo(photo) = subject {
+            let encoded = LinearImage { data: photo.to_srgb(), ..photo.clone() };
+            write_png(&request.out.join(format!("{stem}-scene.png")), &encoded)?;
+        }
+        for (name, camera) in names.iter().zip(&cameras) {
+            if context.is_cancelled() {
+                return Err(JobError::failed(format!(
+                    "stopped after {} of {total} pictures",
+                    pictures.len()
+                )));
+            }
+            context.progress(pictures.len() as u64, total, format!("{stem}, {name}"));
+            let start = Instant::now();
+            let finished = match subject {
+                Subject::Photo(photo) => taken(camera, photo, request.seed, i as u64)?,
+                Subject::Raw(frame) => developed(camera, frame)?,
+            };
+            let picture = request.out.join(format!("{stem}-{name}.png"));
+            write_png(&picture, &with_objects(camera, finished.clone())?)?;
+            pictures.push(Applied {
+                image: image.clone(),
+                camera: name.clone(),
+                picture,
+                height: finished.height,
+                width: finished.width,
+                seconds: start.elapsed().as_secs_f64(),
+            });
+        }
+    }
+    Ok(Response { pictures })
+}
+
+/// The cameras that are asked for, which must be finished.
+fn chosen(request: &Request, folder: &RunFolder, all: &[String]) -> Result<Vec<String>, JobError> {
+    let asked = match request.cameras.is_empty() {
+        true => all.last().cloned().into_iter().collect(),
+        false => request.cameras.clone(),
+    };
+    match asked.iter().find(|name| !all.contains(name) || !folder.camera(name).is_dir()) {
+        Some(missing) => {
+            let finished: Vec<&str> =
+                all.iter().filter(|name| folder.camera(name).is_dir()).map(String::as_str).collect();
+            let message = "there is no finished camera of this name";
+            Err(JobError::setting("camera", missing, message, format!("the run has {}", finished.join(", "))))
+        }
+        None => Ok(asked),
+    }
+}
+
+/// The names of the pictures without folder and ending; no two are the same.
+fn stems(images: &[PathBuf]) -> Result<Vec<String>, JobError> {
+    let mut stems: Vec<String> = Vec::new();
+    for path in images {
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        if stems.contains(&stem) {
+            let hint = "results are named by their picture; apply the two into different folders with --out";
+            return Err(JobError::input(
+                format!("{}: another picture has this name too", path.display()),
+                hint,
+            ));
+        }
+        stems.push(stem);
+    }
+    Ok(stems)
+}
+
+/// Reads a photograph, laid on the sensor, or a raw frame that fits the sensor.
+fn subject(path: &Path, place: Place, setup: &Setup) -> Result<Subject, JobError> {
+    let sensor = &setup.body.sensor;
+    let is_dng = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("dng"));
+    if !is_dng && !sidecar_path(path).is_file() {
+        let light = load_image(path).map_err(DesignError::from)?.light;
+        return Ok(Subject::Photo(place.lay(&light, (sensor.height, sensor.width))));
+    }
+    let frame = load_raw(path)?;
+    let wrong = |what: String| {
+        let hint = "a camera develops frames of its own sensor; `raw show` says what a file holds";
+        Err(JobError::input(format!("{}: {what}", path.display()), hint))
+    };
+    if frame.height > sensor.height || frame.width > sensor.width {
+        let (frame, whole) = ([frame.height, frame.width], [sensor.height, sensor.width]);
+        return wrong(format!(
+            "{} x {} pixels, the sensor has {} x {}",
+            frame[0], frame[1], whole[0], whole[1]
+        ));
+    }
+    let Placement { row, col } = centred(sensor.height, sensor.width, &frame);
+    let cfa = sensor.cfa.starting_at(row, col);
+    if frame.info.cfa.is_some_and(|found| found != cfa) {
+        return wrong(format!("its colour filters are not {cfa}, those of the sensor {}", sensor.name));
+    }
+    if frame.info.bits.is_some_and(|bits| bits != sensor.bits) {
+        return wrong(format!("it does not have the {} bits of the sensor {}", sensor.bits, sensor.name));
+    }
+    match frame.info.black_level_dn.filter(|black| (black - sensor.black_level_dn).abs() > 0.5) {
+        Some(black) => {
+            wrong(format!("black level {black} DN, the sensor {} has {}", sensor.name, sensor.black_level_dn))
+        }
+        None => Ok(Subject::Raw(frame)),
+    }
+}
+
+/// Where a frame smaller than the sensor lies on it: in the middle, from the first pixel of a tile of colour filters.
+fn centred(height: usize, width: usize, frame: &RawFrame) -> Placement {
+    Placement { row: (height - frame.height) / 4 * 2, col: (width - frame.width) / 4 * 2 }
+}
+
+/// A photograph through lens, sensor, development and network.
+fn taken(camera: &Camera, photo: &LinearImage, seed: u64, frame: u64) -> Result<LinearImage, JobError> {
+    let mut scene = photo.pad_replicate(camera.border());
+    // A photograph is exposed for as long behind every lens; where cameras of streets have the same time, a brighter lens shows.
+    if camera.body().same_time.is_some_and(|same| !same.is_normalised) {
+        scene.data.iter_mut().for_each(|v| *v *= camera.light() as f32);
+    }
+    let shot = Shot {
+        scene,
+        placement: Placement { row: 0, col: 0 },
+        kept: None,
+        frame,
+        truth: Truth::default(),
+        follows_light: true,
+    };
+    Ok(camera.finished(shot, &Noise { mode: NoiseMode::Exact, seed })?)
+}
+
+/// A raw frame through development and network.
+fn developed(camera: &Camera, frame: &RawFrame) -> Result<LinearImage, JobError> {
+    let body = camera.body();
+    let placement = centred(body.sensor.height, body.sensor.width, frame);
+    let capture = Capture { exposure: body.exposure, placement, frame: 0 };
+    let dn = frame.dn.iter().map(|dn| f32::from(*dn)).collect();
+    Ok(camera.finished_raw(dn, [frame.height, frame.width], capture)?)
+}
+
+/// The picture, with the boxes of what the camera's detector finds in it, if it has one.
+fn with_objects(camera: &Camera, picture: LinearImage) -> Result<LinearImage, JobError> {
+    let Some(detector) = camera.detector() else { return Ok(picture) };
+    let found = detect_in(detector, &picture, &camera.body().device).map_err(DesignError::from)?;
+    let sure = found.iter().filter(|d| d.score >= LEAST_SCORE).map(|d| (d.bbox, d.class));
+    Ok(with_boxes(&picture, &sure.collect::<Vec<_>>()))
+}
+
+fn write_png(path: &Path, encoded: &LinearImage) -> Result<(), JobError> {
+    write_file(path, encoded_png_bytes(encoded).map_err(DesignError::from)?)
+}

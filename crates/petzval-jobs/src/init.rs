@@ -1,0 +1,103 @@
+//! `init`: an experiment with its lens and its sensor as files of one's own.
+
+use std::path::{Path, PathBuf};
+
+use petzval_base::write_whole;
+use petzval_design::error::DesignError;
+use petzval_design::experiment::commented_toml;
+use petzval_files::{parse_lens, write_lens};
+use petzval_optics::design_space::{Solves, near_variables};
+use serde::{Deserialize, Serialize};
+
+use crate::context::Context;
+use crate::error::JobError;
+use crate::results::check_folder;
+
+/// Names of the files.
+const EXPERIMENT: &str = "experiment.toml";
+const LENS: &str = "lens.toml";
+const SENSOR: &str = "sensor.toml";
+
+/// What to start from.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Request {
+    /// The folder of the files; made if it is not there.
+    pub out: PathBuf,
+    /// An experiment, by built-in name or path.
+    pub from: String,
+    /// A lens in place of the experiment's, by built-in name or path, also of another program.
+    pub lens: Option<String>,
+    /// A sensor in place of the experiment's, by built-in name or path.
+    pub sensor: Option<String>,
+}
+
+/// What was written.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Response {
+    /// The experiment.
+    pub experiment: PathBuf,
+    /// The lens.
+    pub lens: PathBuf,
+    /// The sensor.
+    pub sensor: PathBuf,
+    /// Whether the lens was given variables because its file names none.
+    pub gave_variables: bool,
+}
+
+/// Writes the files. A lens that names no variables gets the usual ones, with a solve that holds its focal length.
+pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+    let Request { out, from, lens, sensor } = request;
+    check_folder(out, [EXPERIMENT, LENS, SENSOR], context)?;
+    let mut experiment = context.assets.experiment(from)?;
+    let (own_lens, own_sensor) = (experiment.lens.clone(), experiment.sensor.clone());
+    let lens_name = lens.as_ref().unwrap_or(&own_lens);
+    let sensor_name = sensor.as_ref().unwrap_or(&own_sensor);
+
+    let mut file = context.assets.lens(lens_name)?;
+    let solves = Solves { efl: file.efl_solve, length: file.length_solve };
+    let usual = if file.variables.is_empty() { near_variables(&file.lens, &solves) } else { None };
+    let gave_variables = usual.is_some();
+    // The text of a file that needs no change keeps its comments.
+    let is_ours = Path::new(lens_name).extension().is_none_or(|ending| ending == "toml");
+    let lens_text = match usual {
+        Some((variables, solve)) => {
+            (file.variables, file.efl_solve) = (variables, Some(solve));
+            write_lens(&file)
+        }
+        None if is_ours => context.assets.text("lens", "lenses", lens_name)?.text,
+        None => write_lens(&file),
+    };
+    parse_lens(&lens_text, &context.assets.catalog()?).map_err(DesignError::input(&out.join(LENS)))?;
+    // Checked as a run would, and written as it stands.
+    context.assets.sensor(sensor_name)?;
+    let sensor_text = context.assets.text("sensor", "sensors", sensor_name)?.text;
+
+    experiment.lens = LENS.to_owned();
+    experiment.sensor = SENSOR.to_owned();
+    for named in experiment.variant.iter_mut().filter_map(|variant| variant.lens.as_mut()) {
+        if *named == own_lens {
+            *named = LENS.to_owned();
+        }
+    }
+    // What lies beside another experiment is found from the new folder as well.
+    let of_variants =
+        experiment.variant.iter_mut().flat_map(|v| [v.lens.as_mut(), v.optics_proxy.as_mut()]).flatten();
+    let shared = [&mut experiment.photos, &mut experiment.data, &mut experiment.isp.preset].into_iter();
+    let named = shared.chain(experiment.detector.weights.as_mut()).chain(of_variants);
+    for path in named.filter(|name| Path::new(name.as_str()).exists()) {
+        *path =
+            std::path::absolute(&*path).map_err(DesignError::io(Path::new(&*path)))?.display().to_string();
+    }
+    let text = format!(
+        "# From the experiment `{from}`, with every key, its unit and its range. `petzval design {}` runs it.\n\n{}",
+        out.join(EXPERIMENT).display(),
+        commented_toml(&experiment)?
+    );
+    std::fs::create_dir_all(out).map_err(DesignError::io(out))?;
+    let path = |name: &str| out.join(name);
+    for (name, text) in [(LENS, &lens_text), (SENSOR, &sensor_text), (EXPERIMENT, &text)] {
+        write_whole(&path(name), text.as_bytes()).map_err(DesignError::io(&path(name)))?;
+    }
+    Ok(Response { experiment: path(EXPERIMENT), lens: path(LENS), sensor: path(SENSOR), gave_variables })
+}

@@ -1,0 +1,54 @@
+//! Places of results, looked at before a job's work begins: that a place cannot be written, or holds results already, is told at once and
+//! not after an hour. Nothing is made yet, so that a request that is refused later leaves no empty folder.
+
+use std::path::Path;
+
+use crate::context::Context;
+use crate::error::JobError;
+
+/// Sees that the folder `out`, which need not exist, can take files of these names. Fails if nothing can be written there, and, unless
+/// the context lets results be overwritten, if one of the files is there.
+pub(crate) fn check_folder<N: AsRef<Path>>(
+    out: &Path,
+    names: impl IntoIterator<Item = N>,
+    context: &Context,
+) -> Result<(), JobError> {
+    if out.exists() && !out.is_dir() {
+        return Err(refused(out, "this is a file", "give a folder; it is made if it does not exist"));
+    }
+    // The folder is made with its parents: what counts is the nearest one that is there.
+    let there = out.ancestors().find(|folder| folder.exists()).unwrap_or(Path::new("."));
+    check_writable(there, out)?;
+    names.into_iter().try_for_each(|name| check_unused(&out.join(name), context))
+}
+
+/// Sees that a file can be written; its folder must exist. Fails as [`check_folder`] does.
+pub(crate) fn check_file(path: &Path, context: &Context) -> Result<(), JobError> {
+    if path.is_dir() {
+        return Err(refused(path, "this is a folder", "name a file"));
+    }
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    check_writable(folder, path)?;
+    check_unused(path, context)
+}
+
+/// Fails if a file is there that the context does not let a job overwrite.
+fn check_unused(path: &Path, context: &Context) -> Result<(), JobError> {
+    match path.is_file() && !context.overwrites() {
+        true => Err(refused(path, "exists already", "--force replaces it; or name another place")),
+        false => Ok(()),
+    }
+}
+
+/// Fails if no file can be made in a folder; `named` is what the request names.
+fn check_writable(folder: &Path, named: &Path) -> Result<(), JobError> {
+    let probe = folder.join(format!(".petzval-{}.part", std::process::id()));
+    let made = std::fs::File::create(&probe).and_then(|_| std::fs::remove_file(&probe));
+    made.map_err(|e| {
+        refused(named, &format!("nothing can be written there: {e}"), "name a place that can be written")
+    })
+}
+
+fn refused(path: &Path, message: &str, hint: &str) -> JobError {
+    JobError::input(format!("{}: {message}", path.display()), hint)
+}

@@ -1,0 +1,139 @@
+//! A digital zoom in front of a detector.
+
+use burn::prelude::*;
+use burn::tensor::module::interpolate;
+use burn::tensor::ops::{InterpolateMode, InterpolateOptions};
+
+use super::{Detection, Detector, Object, Truth};
+use crate::loss::{LossError, NamedLoss};
+use crate::network::{NetworkInput, PictureNetwork};
+
+/// A network whose detector looks at enlarged (or reduced) pictures. Objects are as large for it as through a lens of another focal length,
+/// without the detail that such a lens would show: the control for a lens whose focal length is free.
+pub struct Zoomed<N> {
+    network: N,
+    zoom: f64,
+}
+
+impl<N: PictureNetwork> Zoomed<N> {
+    /// A network that sees pictures `zoom` times as large. Boxes are in pixels of the pictures as they were.
+    pub fn new(network: N, zoom: f64) -> Self {
+        Self { network, zoom }
+    }
+
+    fn inner(&self) -> Result<&dyn Detector, LossError> {
+        self.network.detector().ok_or(LossError::NoDetector)
+    }
+
+    /// The enlarged pictures, and by how much they are really enlarged along x and y: their sides are whole pixels.
+    fn enlarged(&self, pictures: Tensor<4>) -> (Tensor<4>, [f32; 2]) {
+        let [_, _, height, width] = pictures.dims();
+        let to = [height, width].map(|side| (self.zoom * side as f64).round().max(1.0) as usize);
+        let options =
+            InterpolateOptions::new(InterpolateMode::Bilinear).with_align_corners(false).with_output_size(to);
+        (interpolate(pictures, options), [to[1] as f32 / width as f32, to[0] as f32 / height as f32])
+    }
+}
+
+impl<N: PictureNetwork> Detector for Zoomed<N> {
+    fn loss(&self, pictures: Tensor<4>, truths: &[Truth], seed: u64) -> Result<NamedLoss, LossError> {
+        let (enlarged, by) = self.enlarged(pictures);
+        let object = |o: &Object| Object { bbox: o.bbox.scaled(by), ..*o };
+        let truth = |t: &Truth| Truth {
+            objects: t.objects.iter().map(object).collect(),
+            ignored: t.ignored.iter().map(|b| b.scaled(by)).collect(),
+        };
+        self.inner()?.loss(enlarged, &truths.iter().map(truth).collect::<Vec<_>>(), seed)
+    }
+
+    fn detect(&self, pictures: Tensor<4>) -> Result<Vec<Vec<Detection>>, LossError> {
+        let (enlarged, by) = self.enlarged(pictures);
+        let back = by.map(|factor| 1.0 / factor);
+        let mut found = self.inner()?.detect(enlarged)?;
+        found.iter_mut().flatten().for_each(|d| d.bbox = d.bbox.scaled(back));
+        Ok(found)
+    }
+}
+
+impl<N: PictureNetwork> PictureNetwork for Zoomed<N> {
+    fn finish(&self, input: &NetworkInput) -> Tensor<4> {
+        self.network.finish(input)
+    }
+
+    fn curves(&self) -> Option<Tensor<2>> {
+        self.network.curves()
+    }
+
+    fn detector(&self) -> Option<&dyn Detector> {
+        self.network.detector().map(|_| self as &dyn Detector)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::detection::BBox;
+    use crate::{Device, detection::parameters};
+
+    /// Finds what is brighter than a half, and knows the sides of the picture it was asked about.
+    struct Bright;
+
+    impl Detector for Bright {
+        fn loss(&self, pictures: Tensor<4>, truths: &[Truth], _: u64) -> Result<NamedLoss, LossError> {
+            let sum = truths.iter().flat_map(|t| &t.objects).map(|o| f64::from(o.bbox.area())).sum();
+            Ok(NamedLoss { total: pictures.mean(), parts: vec![("total", sum)] })
+        }
+
+        fn detect(&self, pictures: Tensor<4>) -> Result<Vec<Vec<Detection>>, LossError> {
+            let [_, _, height, width] = pictures.dims();
+            let data = pictures.into_data().try_to_vec::<f32>().unwrap();
+            let bright: Vec<(f32, f32)> = (0..height * width)
+                .filter(|i| data[*i] > 0.5)
+                .map(|i| ((i % width) as f32, (i / width) as f32))
+                .collect();
+            let end = |of: &dyn Fn(&(f32, f32)) -> f32, fold: fn(f32, f32) -> f32, from| {
+                bright.iter().map(of).fold(from, fold)
+            };
+            let bbox = BBox::new(
+                end(&|p| p.0, f32::min, f32::MAX),
+                end(&|p| p.1, f32::min, f32::MAX),
+                end(&|p| p.0 + 1.0, f32::max, 0.0),
+                end(&|p| p.1 + 1.0, f32::max, 0.0),
+            );
+            Ok(vec![vec![Detection { bbox, class: 0, score: 1.0 }]])
+        }
+    }
+
+    impl PictureNetwork for Bright {
+        fn finish(&self, input: &NetworkInput) -> Tensor<4> {
+            input.picture()
+        }
+
+        fn detector(&self) -> Option<&dyn Detector> {
+            Some(self)
+        }
+    }
+
+    #[test]
+    fn boxes_are_in_pixels_of_the_picture_before_the_zoom() {
+        let device = Device::flex();
+        // A bright rectangle of 12 x 8 pixels at (10, 20) of 40 x 60.
+        let is_bright = |i: usize| (10..22).contains(&(i % 60)) && (20..28).contains(&(i / 60 % 40));
+        let data = (0..3 * 40 * 60).map(|i| f32::from(u8::from(is_bright(i)))).collect::<Vec<f32>>();
+        let picture = parameters::tensor(data, [1, 3, 40, 60], &device);
+        let truth = Truth {
+            objects: vec![Object { bbox: BBox::new(10.0, 20.0, 22.0, 28.0), class: 0 }],
+            ignored: Vec::new(),
+        };
+        for zoom in [0.5, 1.25, 2.0] {
+            let zoomed = Zoomed::new(Bright, zoom);
+            let found = zoomed.detect(picture.clone()).unwrap()[0][0].bbox;
+            for (found, wanted) in [(found.x1, 10.0), (found.y1, 20.0), (found.x2, 22.0), (found.y2, 28.0)] {
+                assert!((found - wanted).abs() <= 0.51 / zoom as f32, "{zoom}: {found} {wanted}");
+            }
+            let loss = zoomed.loss(picture.clone(), std::slice::from_ref(&truth), 0).unwrap();
+            let area = loss.parts[0].1;
+            assert!((area / (96.0 * zoom * zoom) - 1.0).abs() < 0.01, "{zoom}: {area}");
+        }
+    }
+}

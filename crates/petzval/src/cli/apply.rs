@@ -1,0 +1,65 @@
+//! `petzval apply`: pictures of one's own through the cameras of a run.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use petzval::jobs::apply::{self, Request};
+
+use super::failure::Failure;
+use super::signals;
+use super::simulate::Place;
+use super::terminal::{Terminal, print_json};
+
+/// Take pictures of your own with the cameras of a finished run: whole frames through lens, sensor, development and network.
+///
+/// A photograph is laid on the sensor, blurred by the lens, exposed with noise, developed and finished, as the camera would. A raw frame
+/// (DNG, or a file with a sidecar) is developed and finished as if the camera had taken it; it must be of the sensor of the run. Cameras
+/// that look for objects draw the boxes of what they find. Writes NAME-CAMERA.png, and NAME-scene.png of every photograph.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Run folder
+    run: PathBuf,
+    /// Photographs and raw frames
+    #[arg(required = true, value_name = "IMAGE")]
+    images: Vec<PathBuf>,
+    /// Camera of the run; may be repeated [default: its last]
+    #[arg(long, value_name = "NAME")]
+    camera: Vec<String>,
+    /// How a photograph lands on the sensor
+    #[arg(long, value_enum, default_value_t = Place::Fill)]
+    place: Place,
+    /// Seed of the noise
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Folder for the pictures
+    #[arg(long, value_name = "DIR", default_value = "applied")]
+    out: PathBuf,
+    /// Device for tensors; `petzval doctor` lists them
+    #[arg(long, default_value = "cpu")]
+    device: String,
+    /// Print everything as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the verb.
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+    let request = Request {
+        run: args.run,
+        images: args.images,
+        cameras: args.camera,
+        place: args.place.into(),
+        seed: args.seed,
+        out: args.out,
+        device: args.device,
+    };
+    let context = terminal.context().with_cancellation(signals::stop_on_signal()?);
+    let response = apply::run(&request, &context)?;
+    if args.json {
+        return print_json(&response);
+    }
+    for p in &response.pictures {
+        println!("{}  {} x {}, {:.1} s", p.picture.display(), p.width, p.height, p.seconds);
+    }
+    Ok(ExitCode::SUCCESS)
+}

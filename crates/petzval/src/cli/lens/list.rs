@@ -1,0 +1,41 @@
+//! `petzval lens list`: the built-in lenses.
+
+use std::process::ExitCode;
+
+use petzval::jobs::lens::list;
+
+use crate::cli::failure::Failure;
+use crate::cli::terminal::{Terminal, print_json};
+
+/// List the built-in lenses: focal length, f-number, largest field, and where the numbers come from.
+///
+/// Every verb that takes a lens takes these names as well as files.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Machine-readable output
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the verb.
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+    let lenses = list::run(&list::Request {}, &terminal.context())?.lenses;
+    if args.json {
+        return print_json(&lenses);
+    }
+    let names = lenses.iter().map(|l| l.name.len()).fold("lens".len(), usize::max);
+    println!("{:<names$} {:>8} {:>8} {:>7} {:>10}  source", "lens", "surfaces", "EFL mm", "f/", "field deg");
+    for l in &lenses {
+        let number = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |v| format!("{v:.2}"));
+        println!(
+            "{:<names$} {:>8} {:>8} {:>7} {:>10.1}  {}",
+            l.name,
+            l.surfaces,
+            number(l.efl_mm),
+            number(l.f_number),
+            l.field_deg,
+            l.source
+        );
+    }
+    Ok(ExitCode::SUCCESS)
+}
