@@ -79,7 +79,7 @@ impl Start {
             _ => assets.lens(name)?,
         };
         let names_variables = !lens_file.variables.is_empty();
-        let solves = Solves { efl: lens_file.efl_solve, length: lens_file.length_solve };
+        let solves = Solves { efl: lens_file.efl_solve, length: lens_file.length_solve, ..Solves::default() };
         if moves
             && !names_variables
             && let Some((variables, solve)) = near_variables(&lens_file.lens, &solves)
@@ -175,7 +175,7 @@ impl Start {
             goals,
             variables: file.variables.clone(),
             pickups: file.pickups.clone(),
-            solves: Solves { efl, length: file.length_solve },
+            solves: Solves { efl, length: file.length_solve, ..Solves::default() },
             focus: self.space.space().focus(),
             merit,
             further: self.requirements.constraints().to_vec(),
@@ -188,7 +188,7 @@ impl Start {
 
 /// The design space of a lens file.
 fn space_of(file: &LensFile, focus: Focus) -> Result<SmoothSpace, DesignSpaceError> {
-    let solves = Solves { efl: file.efl_solve, length: file.length_solve };
+    let solves = Solves { efl: file.efl_solve, length: file.length_solve, ..Solves::default() };
     let (lens, variables, pickups) = (file.lens.clone(), file.variables.clone(), file.pickups.clone());
     SmoothSpace::new(DesignSpace::new(lens, variables, pickups, solves, focus)?)
 }

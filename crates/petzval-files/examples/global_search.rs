@@ -22,7 +22,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     if how != "efl-free" {
         problem.solves = petzval_optics::design_space::Solves {
             efl: file.efl_solve.map(|s| petzval_optics::design_space::EflSolve { efl_mm: 25.0, ..s }),
-            length: None,
+            ..Default::default()
         };
     }
     if how == "bfl-held" {

@@ -44,7 +44,7 @@ pub struct OperandFile {
 pub struct Operand {
     /// The figure.
     pub of: Figure,
-    /// Field angle, degrees; where it is left out, all fields of the lens for contrast and spots, and the outermost for the others.
+    /// Field angle, degrees; where it is left out, all fields of the lens for contrast, spots and wavefronts, and the outermost for the others.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub field_deg: Option<f64>,
     /// Spatial frequency of contrast, cycles per mm.
@@ -59,7 +59,7 @@ pub struct Operand {
     /// Greatest value.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub at_most: Option<f64>,
-    /// Micrometres of spot that one unit beyond a bound counts as much as: for contrast 1, for a spot 1 um, for other figures 1 mm.
+    /// Micrometres of spot that one unit beyond a bound counts as much as: for contrast 1, for a wavefront 1 wave, for a spot 1 um, for other figures 1 mm.
     #[serde(default = "hundred")]
     pub weight_um: f64,
 }
@@ -80,6 +80,8 @@ pub enum Figure {
     Mtf,
     /// RMS spot radius, um.
     Spot,
+    /// RMS wavefront error about the best sphere of all wavelengths, waves.
+    Wavefront,
     /// Effective focal length, mm.
     FocalLength,
     /// Paraxial back focal length, mm.
@@ -141,7 +143,7 @@ impl Operand {
         }
         let has_wanted = match self.of {
             Figure::Mtf => self.at_least.is_some() && self.at_most.is_none(),
-            Figure::Spot | Figure::Track | Figure::Distortion | Figure::ChiefRayAngle => {
+            Figure::Spot | Figure::Wavefront | Figure::Track | Figure::Distortion | Figure::ChiefRayAngle => {
                 self.at_most.is_some() && self.at_least.is_none()
             }
             Figure::FocalLength | Figure::BackFocalLength | Figure::ImageHeight => {
@@ -149,7 +151,7 @@ impl Operand {
             }
         };
         if !has_wanted {
-            let hint = "at_least for mtf; at_most for spot, track, distortion and chief-ray-angle; one or both for the others";
+            let hint = "at_least for mtf; at_most for spot, wavefront, track, distortion and chief-ray-angle; one or both for the others";
             return Err(("of", "the figure has not the bound that it needs", hint));
         }
         if let (Some(least), Some(most)) = (self.at_least, self.at_most)

@@ -521,6 +521,8 @@ fn impossible_lenses_are_named() {
     assert_eq!(with(&|l| l.entrance_pupil_mm = -1.0), LensDefect::Pupil { diameter_mm: -1.0 });
     let nan = with(&|l| l.surfaces[2].shape.conic = f64::NAN);
     assert!(matches!(nan, LensDefect::NotFinite { surface: 3, .. }), "{nan}");
+    let far = with(&|l| l.surfaces[2].thickness_mm = 1e308);
+    assert!(matches!(far, LensDefect::TooFar { surface: 3, .. }), "{far}");
 
     // A biconcave element is thinnest in the middle, a biconvex one at the edge.
     let thin = with(&|l| l.surfaces[2].thickness_mm = -0.1);

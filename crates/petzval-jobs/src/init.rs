@@ -55,7 +55,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let sensor_name = sensor.as_ref().unwrap_or(&own_sensor);
 
     let mut file = context.assets.lens(lens_name)?;
-    let solves = Solves { efl: file.efl_solve, length: file.length_solve };
+    let solves = Solves { efl: file.efl_solve, length: file.length_solve, ..Solves::default() };
     let usual = if file.variables.is_empty() { near_variables(&file.lens, &solves) } else { None };
     let gave_variables = usual.is_some();
     // The text of a file that needs no change keeps its comments.

@@ -226,6 +226,13 @@ pub fn pull_back_entrance_pupil(sequence: &Sequence, bar: f64, gradient: &mut Le
     pull_back_ray(sequence, &parallel, at_stop(-bar * at / a), gradient);
 }
 
+/// Tangent of the angle between the axis and the paraxial marginal ray of a near object at D: half the entrance pupil over `D + z`, with the pupil
+/// at z; `None` for an object at infinity.
+pub fn marginal_tangent(sequence: &Sequence) -> Option<f64> {
+    let ObjectDistance::Finite(distance) = sequence.object else { return None };
+    Some(0.5 * sequence.entrance_pupil_mm / (distance + first_order(sequence).entrance_pupil_at_mm))
+}
+
 /// Brightness of the image on the axis, by which lenses in front of one scene are compared: the square of the entrance pupil's diameter over
 /// the focal length, `1 / N^2`. For a near object at D, with the pupil at z: the diameter is multiplied by `D / (D + z)`, and
 /// [`image_height_per_tangent`] takes the place of the focal length. Irradiance is `pi / 4` of the radiance times this. It is that

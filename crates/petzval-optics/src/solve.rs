@@ -1,26 +1,53 @@
 //! Algebra before optimisation: focal length and focus are solved, not searched.
 
-use crate::lens::{Action, Lens, Surface};
-use crate::paraxial::first_order;
+use crate::lens::{Action, Lens, ObjectDistance, Surface};
+use crate::paraxial::{first_order, image_height_per_tangent, marginal_tangent};
 use crate::pupil::Quadrature;
 use crate::spot::mean_square_spot_traced;
+use crate::trace::Sequence;
 
 /// The lens with surface `surface`'s curvature solved so that the effective focal length at the reference
 /// wavelength is `efl_mm`; `None` if that surface does not change it.
 ///
 /// The final slope of a parallel ray is linear in any one curvature, so two traces give the solution.
 pub fn with_efl(lens: &Lens, surface: usize, efl_mm: f64) -> Option<Lens> {
+    with_curvature(lens, surface, -1.0 / efl_mm, |sequence| -1.0 / first_order(sequence).efl_mm)
+}
+
+/// The lens with surface `surface`'s curvature solved so that the paraxial magnification of its near object is `magnification`, negative for an
+/// image that is upside down; `None` if that surface does not change it, or the object is at infinity.
+pub fn with_magnification(lens: &Lens, surface: usize, magnification: f64) -> Option<Lens> {
+    let ObjectDistance::Finite(distance_mm) = lens.object else { return None };
+    // The final slope of a ray from the object's foot.
+    let slope = |sequence: &Sequence| -distance_mm / image_height_per_tangent(sequence);
+    with_curvature(lens, surface, 1.0 / magnification, slope)
+}
+
+/// The lens with a curvature for which a slope, linear in it, is as wanted.
+fn with_curvature(
+    lens: &Lens,
+    surface: usize,
+    wanted: f64,
+    slope: impl Fn(&Sequence) -> f64,
+) -> Option<Lens> {
     let mut solved = lens.clone();
     let mut slope_with = |curvature: f64| {
         solved.surfaces[surface].shape.curvature = curvature;
-        -1.0 / first_order(&solved.at_wavelength(solved.reference_um)).efl_mm
+        slope(&solved.at_wavelength(solved.reference_um))
     };
     // Trial curvatures of the usual size keep the subtraction accurate.
     let (a, b) = (-0.1, 0.1);
     let (at_a, at_b) = (slope_with(a), slope_with(b));
-    let curvature = a + (b - a) * (-1.0 / efl_mm - at_a) / (at_b - at_a);
+    let curvature = a + (b - a) * (wanted - at_a) / (at_b - at_a);
     solved.surfaces[surface].shape.curvature = curvature;
     curvature.is_finite().then_some(solved)
+}
+
+/// The lens with the entrance pupil that the marginal ray of a near object needs for the tangent of its angle; unchanged for an object at infinity.
+pub fn with_marginal_tangent(lens: &Lens, tangent: f64) -> Lens {
+    let found = marginal_tangent(&lens.at_wavelength(lens.reference_um));
+    let factor = found.map_or(1.0, |found| tangent / found);
+    Lens { entrance_pupil_mm: factor * lens.entrance_pupil_mm, ..lens.clone() }
 }
 
 /// The lens with a thickness solved for the distance from the first vertex to the last, mm.

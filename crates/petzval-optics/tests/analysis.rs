@@ -12,7 +12,9 @@ use petzval_optics::analysis::{
     through_focus_mtf, wavefront,
 };
 use petzval_optics::lens::{Action, Axis, Lens, ObjectDistance, Placement, Surface};
+use petzval_optics::merit::{FieldSet, Merit, Mtf, RmsWavefront};
 use petzval_optics::paraxial::first_order;
+use petzval_optics::psf::PsfKind;
 use petzval_optics::pupil::Quadrature;
 use petzval_optics::wave::huygens_psf;
 
@@ -148,6 +150,25 @@ fn rays_and_waves_agree_for_aberrations_of_many_waves() {
 }
 
 #[test]
+fn the_contrast_merit_by_waves_is_the_analysed_mtf() {
+    let lens = nominal_triplet();
+    let frequencies = [5.0, 20.0, 60.0, 120.0];
+    let options = AnalysisOptions { max_frequency_per_mm: Some(120.0), frequency_points: 25, ..options() };
+    for field in [0.0, 5.0, 10.0] {
+        let mtf = field_mtf(&lens, field, &options).unwrap();
+        let waves = mtf.diffraction.unwrap();
+        for frequency in frequencies {
+            let k = mtf.frequency_per_mm.iter().position(|f| (f - frequency).abs() < 1e-9).unwrap();
+            let expected = 0.5 * (waves.sagittal[k] + waves.tangential[k]);
+            let fields = FieldSet::new(&lens, &[field]);
+            let merit = Mtf::new(&lens, frequency, PsfKind::Diffraction).with_fields(fields);
+            let found = merit.value(&lens).unwrap();
+            assert!((found - expected).abs() < 3e-3, "{field} {frequency}: {found} {expected}");
+        }
+    }
+}
+
+#[test]
 fn through_focus_is_refocusing() {
     let lens = nominal_triplet();
     let options = AnalysisOptions {
@@ -217,6 +238,34 @@ fn strehl_and_zernikes_of_defocus_equal_the_formula() {
         // RMS of a paraboloid over the disk: W / sqrt(12).
         assert!((found.rms_waves[0] - waves / 12_f64.sqrt()).abs() < 1e-3);
         assert!(found.zernike_residual_waves[0].unwrap() < 1e-5);
+    }
+}
+
+#[test]
+fn the_wavefront_merit_is_the_analysed_wavefront_about_its_best_centre() {
+    // Defocus of W waves at the rim has an RMS of W / sqrt(12).
+    let (f, h, waves) = (400.0, 10.0, 0.5);
+    let mut lens = perfect(20.0);
+    lens.surfaces[0].thickness_mm = -1.0 / (1.0 / f - 2.0 * waves * 0.5e-3 / (h * h));
+    let rms = RmsWavefront::new(&lens).value(&lens).unwrap();
+    assert!((rms / (waves / 12_f64.sqrt()) - 1.0).abs() < 1e-2, "{rms}");
+    // Each field of a real lens, at each wavelength alone: the mean and the tilt are removed.
+    let lens = nominal_triplet();
+    let of_field =
+        |lens: &Lens, field: f64| RmsWavefront { fields: FieldSet::new(lens, &[field]) }.value(lens).unwrap();
+    for field in [0.0, 5.0, 10.0] {
+        let analysed = wavefront(&lens, field).unwrap().rms_centroid_waves;
+        let mut squares = 0.0;
+        for (um, expected) in lens.wavelengths_um.iter().zip(&analysed) {
+            let one = Lens { wavelengths_um: vec![*um], ..lens.clone() };
+            let found = of_field(&one, field);
+            assert!((found / expected - 1.0).abs() < 0.03, "{field} {um}: {found} {expected}");
+            squares += found * found / lens.wavelengths_um.len() as f64;
+        }
+        // All wavelengths together have one centre: lateral colour is an error of the wavefront, and there is none on the axis.
+        let together = of_field(&lens, field) / squares.sqrt();
+        let is_expected = if field == 0.0 { (together - 1.0).abs() < 1e-6 } else { together > 1.01 };
+        assert!(is_expected, "{field}: {together}");
     }
 }
 

@@ -3,8 +3,11 @@
 mod common;
 
 use common::{nominal_triplet, special_lenses};
+use petzval_optics::analysis::first_order_table;
 use petzval_optics::constraint::{Constraint, penalty};
-use petzval_optics::design_space::{DesignSpace, EflSolve, Focus, Pickup, SmoothSpace, Solves, Variable};
+use petzval_optics::design_space::{
+    DesignSpace, EflSolve, Focus, MagnificationSolve, Pickup, SmoothSpace, Solves, Variable,
+};
 use petzval_optics::glass::{Dispersion, Glass};
 use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::{Action, Departure, Lens, ObjectDistance, Pattern, Phase, Surface, SurfaceShape};
@@ -609,7 +612,11 @@ fn free_coordinates_with_pickups_and_a_length() {
             variable(5, Number::Departure(1), -1e-3, 1e-3),
         ],
         vec![Pickup { surface: 3, variable: 0, scale: -1.0, offset: 0.0 }],
-        Solves { efl: Some(EflSolve { surface: 6, efl_mm: 25.0, radius_mm: None }), length: Some((3, 22.0)) },
+        Solves {
+            efl: Some(EflSolve { surface: 6, efl_mm: 25.0, radius_mm: None }),
+            length: Some((3, 22.0)),
+            ..Solves::default()
+        },
         Focus::Paraxial { range_mm: 0.5 },
     )
     .and_then(SmoothSpace::new)
@@ -618,7 +625,7 @@ fn free_coordinates_with_pickups_and_a_length() {
     assert_eq!(at.surfaces[3].shape.curvature, -at.surfaces[2].shape.curvature);
     assert!((at.total_track_mm() - at.image_distance_mm() - 22.0).abs() < 1e-12);
     assert_eq!(check_coordinates(&space), 4);
-    let far = Solves { efl: None, length: Some((9, 1.0)) };
+    let far = Solves { length: Some((9, 1.0)), ..Solves::default() };
     let gone = DesignSpace::new(lens, Vec::new(), Vec::new(), far, Focus::Fixed);
     assert!(gone.is_err());
 }
@@ -637,7 +644,7 @@ fn free_coordinates_with_solves() {
             variable(5, Number::Asphere(4), -2.33e-8, 8.8e-10),
         ],
         Vec::new(),
-        Solves { efl: Some(EflSolve { surface: 6, efl_mm: 25.0, radius_mm: None }), length: None },
+        Solves { efl: Some(EflSolve { surface: 6, efl_mm: 25.0, radius_mm: None }), ..Solves::default() },
         Focus::Paraxial { range_mm: 0.5 },
     )
     .and_then(SmoothSpace::new)
@@ -646,6 +653,32 @@ fn free_coordinates_with_solves() {
     let order = first_order(&at.at_wavelength(at.reference_um));
     assert!((order.efl_mm - 25.0).abs() < 1e-10);
     assert_eq!(check_coordinates(&space), 6);
+}
+
+/// The magnification and the aperture of a near object hold, and everything follows them.
+#[test]
+fn free_coordinates_of_a_near_object() {
+    let lens = Lens { object: ObjectDistance::Finite(120.0), ..nominal_triplet() };
+    let variable = |surface, number, min, max| Variable { surface, number, min, max };
+    let solves = Solves {
+        magnification: Some(MagnificationSolve { surface: 6, magnification: -0.25, radius_mm: None }),
+        marginal_tangent: Some(0.02),
+        ..Solves::default()
+    };
+    let variables = vec![
+        variable(0, Number::Curvature, 9.85, 14.98),
+        variable(1, Number::Thickness, 4.58, 10.11),
+        variable(5, Number::Curvature, 12.0, 20.0),
+    ];
+    let space = DesignSpace::new(lens, variables, Vec::new(), solves, Focus::Paraxial { range_mm: 0.5 })
+        .and_then(SmoothSpace::new)
+        .unwrap();
+    let at = space.lens_at(space.start()).unwrap();
+    let order = first_order(&at.at_wavelength(at.reference_um));
+    assert!((first_order_table(&at).magnification.unwrap() + 0.25).abs() < 1e-12);
+    let tangent = 0.5 * at.entrance_pupil_mm / (120.0 + order.entrance_pupil_at_mm);
+    assert!((tangent / 0.02 - 1.0).abs() < 1e-12);
+    assert_eq!(check_coordinates(&space), 4);
 }
 
 /// Decentres and tilts are coordinates as any other number.
@@ -663,7 +696,8 @@ fn free_coordinates_of_a_placement() {
         around(6, Number::Tilt(1), 0.5),
         around(0, Number::Curvature, 2.0),
     ];
-    let solves = Solves { efl: Some(EflSolve { surface: 6, efl_mm: 25.0, radius_mm: None }), length: None };
+    let solves =
+        Solves { efl: Some(EflSolve { surface: 6, efl_mm: 25.0, radius_mm: None }), ..Solves::default() };
     let pickups = vec![Pickup { surface: 4, variable: 2, scale: 0.3, offset: 0.0 }];
     let space = DesignSpace::new(lens.clone(), variables, pickups, solves, Focus::Paraxial { range_mm: 0.5 })
         .and_then(SmoothSpace::new)
@@ -698,10 +732,18 @@ fn pulling_back_through_a_space_transposes_its_slopes() {
     let efl = Some(EflSolve { surface: 5, efl_mm: 25.5, radius_mm: None });
     for object in [ObjectDistance::Infinity, ObjectDistance::Finite(300.0)] {
         lens.object = object;
-        for efl in [None, efl] {
+        // A near object may have a magnification and an aperture to keep.
+        let is_near = object != ObjectDistance::Infinity;
+        let kept = is_near.then(|| Solves {
+            magnification: Some(MagnificationSolve { surface: 5, magnification: -0.1, radius_mm: None }),
+            marginal_tangent: Some(0.01),
+            ..Solves::default()
+        });
+        let of_focal_length = Solves { efl, ..Solves::default() };
+        for solves in [Some(Solves::default()), Some(of_focal_length), kept].into_iter().flatten() {
             for length in [None, Some((3, 22.0))] {
                 for focus in [Focus::Fixed, Focus::Free, Focus::Paraxial { range_mm: 5.0 }] {
-                    let solves = Solves { efl, length };
+                    let solves = Solves { length, ..solves };
                     let space = (lens.clone(), variables.clone(), pickups.clone());
                     let space = DesignSpace::new(space.0, space.1, space.2, solves, focus).unwrap();
                     let mapped = space.map(&space.start()).unwrap();
@@ -710,6 +752,7 @@ fn pulling_back_through_a_space_transposes_its_slopes() {
                     for (surface, number) in space.numbers() {
                         gradient[(*surface, *number)] = noise.next().unwrap();
                     }
+                    gradient.entrance_pupil = noise.next().unwrap();
                     let found = space.pull_back(&mapped.lens, &gradient);
                     for (c, found) in found.into_iter().enumerate() {
                         // The last thickness may be there twice: as a variable without effect, and as the image distance.
@@ -718,6 +761,8 @@ fn pulling_back_through_a_space_transposes_its_slopes() {
                             .iter()
                             .enumerate()
                             .map(|(row, n)| mapped.slopes[(row, c)] * gradient[*n]);
+                        let by_pupil = mapped.pupil_slopes[c] * gradient.entrance_pupil;
+                        let terms = terms.chain([by_pupil]);
                         let (expected, size) = terms.fold((0.0, 0.0), |(s, a), t| (s + t, a + t.abs()));
                         assert!(
                             (found - expected).abs() < 1e-12 * size.max(1.0),

@@ -6,7 +6,7 @@ mod common;
 use common::{nominal_triplet, special_lenses};
 use petzval_files::{parse_tolerances, write_tolerances};
 use petzval_optics::lens::{Lens, ObjectDistance, Placement, Surface, SurfaceShape};
-use petzval_optics::merit::{Better, FieldSet, Merit, Mtf, RmsSpot};
+use petzval_optics::merit::{Better, FieldSet, Merit, Mtf, RmsSpot, RmsWavefront};
 use petzval_optics::number::Number;
 use petzval_optics::paraxial::first_order;
 use petzval_optics::psf::PsfKind;
@@ -126,6 +126,17 @@ fn derivatives_of_the_mtf_by_diffraction() {
     lens.wavelengths_um = vec![0.55];
     let merit = Mtf::new(&lens, 60.0, PsfKind::Diffraction).with_fields(FieldSet::new(&lens, &[3.0]));
     check_derivatives(&lens, &merit, 0.0, &[3e-3, 1e-2, 3e-2, 1e-1], 2e-11);
+}
+
+#[test]
+fn derivatives_of_the_rms_wavefront_error() {
+    for lens in two_lenses() {
+        for share in [0.0, 1.0] {
+            // The grid of directions grows in steps; these fields are not at one, where differences would see 1e-7 waves of its error.
+            let merit = RmsWavefront { fields: FieldSet::new(&lens, &[3.0, 8.0]) };
+            check_derivatives(&lens, &merit, share, &[3e-3, 1e-2, 3e-2, 1e-1], 2e-11);
+        }
+    }
 }
 
 #[test]

@@ -118,7 +118,7 @@ fn a_refused_conversion_leaves_no_file() {
         "b.toml",
         &["a.zmx:14: `TYPE GRINSUR1`: surfaces of type GRINSUR1 are not traced", "help:"],
     );
-    let folder = folder_with("a.zmx", ZMX.replace("N-SF5", "N-SF55").as_bytes());
+    let folder = folder_with("a.zmx", ZMX.replace("N-SF5 0 0 1.67271 32.25", "N-SF55").as_bytes());
     fails(folder.path(), "b.seq", &["a.zmx:22: `GLAS N-SF55", "no glass is called", "N-SF5"]);
     let folder = folder_with("a.zmx", ZMX.as_bytes());
     fails(

@@ -218,3 +218,33 @@ fn bad_requests_are_explained_and_leave_no_files() {
     let late = ["lens", "optimize", "--resume", "run", "--rewind", "99"];
     run_fails(folder.path(), &late, 2, &["--rewind 99", "the last is"]);
 }
+
+#[test]
+fn a_near_object_keeps_its_magnification_and_aperture() {
+    let folder = tempfile::tempdir().unwrap();
+    let text =
+        read(&data("lenses/cooke-triplet-nominal.toml")).replace("distance_mm = inf", "distance_mm = 120.0");
+    let lens = text.split("[[variable]]").next().unwrap();
+    let lens = lens.split("[expect").next().unwrap();
+    std::fs::write(folder.path().join("near.toml"), lens).unwrap();
+    // The line with the magnification and the working f-number, to four digits, and the diameter of the entrance pupil.
+    let kept = |file: &str| {
+        let shown = run_ok(folder.path(), &["lens", "show", file]).stdout;
+        let line = shown.lines().find(|line| line.contains("magnification")).unwrap().to_owned();
+        assert!(line.contains("working f-number"), "{line}");
+        (line, run_ok(folder.path(), &["lens", "show", file, "--json"]).json()["epd_mm"].as_f64().unwrap())
+    };
+    let before = kept("near.toml");
+    let done = run_ok(folder.path(), &["lens", "optimize", "near.toml", "--out", "run", "--json"]);
+    assert!(done.says("holds the magnification of -0."), "{}", done.stderr);
+    let found = done.json();
+    let spot = |which: &str| found[which]["mean_rms_spot_um"].as_f64().unwrap();
+    assert!(spot("best") < 0.8 * spot("start"), "{found}");
+    let after = kept("run/best.toml");
+    assert_eq!(after.0, before.0);
+    // The entrance pupil followed its distance from the object.
+    assert!((after.1 / before.1 - 1.0).abs() > 1e-4, "{before:?} {after:?}");
+    // What holds the magnification may be let free.
+    run_ok(folder.path(), &["lens", "optimize", "near.toml", "--out", "free", "--efl", "free"]);
+    assert_ne!(kept("free/best.toml").0, before.0);
+}

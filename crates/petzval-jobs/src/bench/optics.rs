@@ -191,7 +191,7 @@ fn around(lens: &Lens, surface: usize, number: Number) -> Variable {
 /// The last curvature keeps the focal length of the nominal lens.
 fn nominal_efl(lens: &Lens) -> Solves {
     let efl_mm = first_order(&lens.at_wavelength(lens.reference_um)).efl_mm;
-    Solves { efl: Some(EflSolve { surface: 6, efl_mm, radius_mm: None }), length: None }
+    Solves { efl: Some(EflSolve { surface: 6, efl_mm, radius_mm: None }), ..Solves::default() }
 }
 
 fn lm_iteration() -> Result<Prepared, JobError> {

@@ -112,6 +112,9 @@ fn square(at: usize, reach: usize, width: usize, pixels: usize) -> impl Iterator
 /// a cluster, those in the smallest square around it that has some. Without a good pixel it stays as it is.
 pub fn without(sum_dn: &[i64], width: usize, defects: &[usize]) -> Vec<i64> {
     let mut clean = sum_dn.to_vec();
+    if defects.len() == sum_dn.len() {
+        return clean;
+    }
     for at in defects {
         let good = |reach: usize| -> Vec<i64> {
             let near = square(*at, reach, width, sum_dn.len());

@@ -72,6 +72,17 @@ pub enum DesignSpaceError {
         /// Wanted EFL, mm.
         efl_mm: f64,
     },
+    /// No curvature of the solved surface gives the magnification: as [`Self::EflUnsolvable`], or the object is at infinity.
+    #[error("no curvature of surface {surface} gives a magnification of {magnification}")]
+    MagnificationUnsolvable {
+        /// Surface.
+        surface: usize,
+        /// Wanted magnification.
+        magnification: f64,
+    },
+    /// Solves for the focal length and for the magnification at once.
+    #[error("the focal length and the magnification cannot both be solved for")]
+    TwoPowers,
     /// The defocus of the lens lies outside the range.
     #[error(
         "the image plane is {value_mm:.4} mm from the paraxial focus, outside +-{range_mm} mm; hint: raise that range (`defocus_mm` of an experiment) or refocus the lens"

@@ -64,6 +64,17 @@ pub struct EflSolve {
     pub radius_mm: Option<[f64; 2]>,
 }
 
+/// Solves one surface's curvature so that the paraxial magnification of a near object holds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MagnificationSolve {
+    /// Surface, from 0.
+    pub surface: usize,
+    /// The wanted magnification at the reference wavelength, negative if the image is upside down.
+    pub magnification: f64,
+    /// Bounds that the solved radius should keep, mm; a solve cannot, a penalty can.
+    pub radius_mm: Option<[f64; 2]>,
+}
+
 /// Numbers that algebra settles, whatever the variables are.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Solves {
@@ -71,6 +82,19 @@ pub struct Solves {
     pub efl: Option<EflSolve>,
     /// The thickness of this surface holds the distance from the first vertex to the last, mm.
     pub length: Option<(usize, f64)>,
+    /// A curvature holds the magnification of a near object. Only one of this and `efl` can be held.
+    pub magnification: Option<MagnificationSolve>,
+    /// The diameter of the entrance pupil holds the tangent of the angle between the axis and the paraxial marginal ray of a near object, and with it the
+    /// numerical aperture: `EPD = 2 tan (D + z)`, with the object at D and the pupil at z.
+    pub marginal_tangent: Option<f64>,
+}
+
+impl Solves {
+    /// The surface of the curvature that is solved for, and the bounds of its radius, mm.
+    pub fn curvature(&self) -> Option<(usize, Option<[f64; 2]>)> {
+        let efl = self.efl.map(|s| (s.surface, s.radius_mm));
+        efl.or(self.magnification.map(|s| (s.surface, s.radius_mm)))
+    }
 }
 
 /// Where the image plane goes.

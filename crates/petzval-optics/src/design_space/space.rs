@@ -6,8 +6,12 @@ use super::{DesignSpaceError, Focus, Pickup, Solves, Variable};
 use crate::gradient::LensGradient;
 use crate::lens::Lens;
 use crate::number::Number;
-use crate::paraxial::{FirstOrderCotangent, first_order, pull_back_first_order, pull_back_image_distance};
-use crate::solve::{with_efl, with_length, with_paraxial_focus};
+use crate::paraxial::{
+    FirstOrderCotangent, first_order, pull_back_entrance_pupil, pull_back_first_order,
+    pull_back_image_distance, pull_back_image_height,
+};
+use crate::solve::{with_efl, with_length, with_magnification, with_marginal_tangent, with_paraxial_focus};
+use crate::trace::Sequence;
 
 /// A lens, and the ways in which it may change.
 ///
@@ -34,6 +38,8 @@ pub struct Mapped {
     /// Derivatives of [`DesignSpace::numbers`], and last of the logarithm of the stop radius, by the coordinates:
     /// `[number][coordinate]`.
     pub slopes: DMatrix<f64>,
+    /// Derivatives of the diameter of the entrance pupil by the coordinates, mm; zero unless a numerical aperture is held.
+    pub pupil_slopes: Vec<f64>,
 }
 
 impl DesignSpace {
@@ -45,6 +51,9 @@ impl DesignSpace {
         solves: Solves,
         focus: Focus,
     ) -> Result<Self, DesignSpaceError> {
+        if solves.efl.is_some() && solves.magnification.is_some() {
+            return Err(DesignSpaceError::TwoPowers);
+        }
         let count = variables.len();
         if let Some(p) = pickups.iter().find(|p| p.variable >= count) {
             return Err(DesignSpaceError::NoSuchVariable { variable: p.variable + 1, count });
@@ -55,7 +64,7 @@ impl DesignSpace {
             numbers.push((p.surface, numbers[p.variable].1));
         }
         let moved = numbers.len();
-        numbers.extend(solves.efl.map(|s| (s.surface, Number::Curvature)));
+        numbers.extend(solves.curvature().map(|(surface, _)| (surface, Number::Curvature)));
         numbers.extend(solves.length.map(|(s, _)| (s, Number::Thickness)));
         let count = base.surfaces.len();
         for (surface, number) in &numbers {
@@ -177,11 +186,34 @@ impl DesignSpace {
             lens = with_efl(&lens, surface, efl_mm)
                 .ok_or(DesignSpaceError::EflUnsolvable { surface: surface + 1, efl_mm })?;
         }
+        if let Some(solve) = &self.solves.magnification {
+            let (surface, magnification) = (solve.surface, solve.magnification);
+            lens = with_magnification(&lens, surface, magnification)
+                .ok_or(DesignSpaceError::MagnificationUnsolvable { surface: surface + 1, magnification })?;
+        }
+        if let Some(tangent) = self.solves.marginal_tangent {
+            lens = with_marginal_tangent(&lens, tangent);
+        }
         Ok(match (self.focus, at.last()) {
             (Focus::Free, Some(distance_mm)) => lens.with_image_distance(*distance_mm),
             (Focus::Paraxial { .. }, Some(defocus_mm)) => with_paraxial_focus(&lens, *defocus_mm),
             _ => lens,
         })
+    }
+
+    /// The surface whose curvature is solved for, and the gradient of what the solve holds.
+    fn held(&self, sequence: &Sequence) -> Option<(usize, LensGradient)> {
+        let (surface, _) = self.solves.curvature()?;
+        let mut held = LensGradient::zero(sequence.surfaces.len());
+        match self.solves.efl {
+            Some(_) => {
+                let bars = FirstOrderCotangent { efl: 1.0, ..Default::default() };
+                pull_back_first_order(sequence, bars, &mut held);
+            }
+            // With the object in its place, the height of the image is in proportion to the magnification.
+            None => pull_back_image_height(sequence, 1.0, &mut held),
+        }
+        Some((surface, held))
     }
 
     /// The lens at some coordinates, and its slopes by them.
@@ -200,8 +232,8 @@ impl DesignSpace {
             slopes[(row, p.variable)] = p.scale;
             row += 1;
         }
-        let efl_row = self.solves.efl.map(|_| row);
-        row += usize::from(efl_row.is_some());
+        let solved_row = self.solves.curvature().map(|_| row);
+        row += usize::from(solved_row.is_some());
         if let Some((solved, _)) = self.solves.length {
             // The other thicknesses between the vertices push it back.
             for other in 0..row {
@@ -220,14 +252,15 @@ impl DesignSpace {
             pull_back(&mut g);
             self.numbers.iter().map(|number| g[*number]).collect::<Vec<f64>>()
         };
-        if let Some(solved) = efl_row {
-            // EFL(numbers) stays, so the solved curvature moves against the others.
-            let bars = FirstOrderCotangent { efl: 1.0, ..Default::default() };
-            let efl = by(&|g| pull_back_first_order(&sequence, bars, g));
+        if let (Some(solved), Some((_, held))) = (solved_row, self.held(&sequence)) {
+            // What is held stays, so the solved curvature moves against the others.
+            let by_number = |n: usize| held[self.numbers[n]];
             for c in 0..coordinates {
-                let others: f64 =
-                    (0..self.numbers.len()).filter(|n| *n != solved).map(|n| efl[n] * slopes[(n, c)]).sum();
-                slopes[(solved, c)] = -others / efl[solved];
+                let others: f64 = (0..self.numbers.len())
+                    .filter(|n| *n != solved)
+                    .map(|n| by_number(n) * slopes[(n, c)])
+                    .sum();
+                slopes[(solved, c)] = -others / by_number(solved);
             }
         }
         // The image plane has its own coordinate, and goes where the paraxial image goes.
@@ -240,14 +273,23 @@ impl DesignSpace {
                 slopes[(row, c)] += (0..row).map(|n| image[n] * slopes[(n, c)]).sum::<f64>();
             }
         }
+        // The entrance pupil follows its distance from a near object.
+        let mut pupil_slopes = vec![0.0; coordinates];
+        if let Some(tangent) = self.solves.marginal_tangent {
+            let pupil = by(&|g| pull_back_entrance_pupil(&sequence, 2.0 * tangent, g));
+            for (c, slope) in pupil_slopes.iter_mut().enumerate() {
+                *slope = (0..self.numbers.len()).map(|n| pupil[n] * slopes[(n, c)]).sum();
+            }
+        }
         // The stop keeps the entrance pupil.
         let radius = first_order(&sequence).stop_radius_mm;
         let bars = FirstOrderCotangent { stop_radius: 1.0 / radius, ..Default::default() };
         let stop = by(&|g| pull_back_first_order(&sequence, bars, g));
         for c in 0..coordinates {
-            slopes[(self.numbers.len(), c)] = (0..self.numbers.len()).map(|n| stop[n] * slopes[(n, c)]).sum();
+            let by_numbers: f64 = (0..self.numbers.len()).map(|n| stop[n] * slopes[(n, c)]).sum();
+            slopes[(self.numbers.len(), c)] = by_numbers + pupil_slopes[c] / lens.entrance_pupil_mm;
         }
-        Ok(Mapped { lens, slopes })
+        Ok(Mapped { lens, slopes, pupil_slopes })
     }
 
     /// Derivatives by the coordinates, from those by the numbers of `lens`, a lens of this space: the transpose of the slopes of
@@ -256,6 +298,11 @@ impl DesignSpace {
         let sequence = lens.at_wavelength(lens.reference_um);
         let mut gradient = gradient.clone();
         let last = lens.surfaces.len() - 1;
+        // The entrance pupil follows its distance from a near object.
+        if let Some(tangent) = self.solves.marginal_tangent {
+            let by_pupil = std::mem::take(&mut gradient.entrance_pupil);
+            pull_back_entrance_pupil(&sequence, 2.0 * tangent * by_pupil, &mut gradient);
+        }
         // The image plane has its own coordinate, and goes where the paraxial image goes.
         let mut by_focus = None;
         if self.focus != Focus::Fixed {
@@ -264,15 +311,12 @@ impl DesignSpace {
         if let (Focus::Paraxial { .. }, Some(by_image_distance)) = (self.focus, by_focus) {
             pull_back_image_distance(&sequence, by_image_distance, &mut gradient);
         }
-        if let Some(solve) = &self.solves.efl {
-            // The solved curvature keeps EFL(lens) constant: subtract the multiple of dEFL that cancels the derivative by that
+        if let Some((surface, held)) = self.held(&sequence) {
+            // The solved curvature keeps what is held constant: subtract the multiple of its gradient that cancels the derivative by that
             // curvature.
-            let mut efl = LensGradient::zero(lens.surfaces.len());
-            let bars = FirstOrderCotangent { efl: 1.0, ..Default::default() };
-            pull_back_first_order(&sequence, bars, &mut efl);
-            let solved = (solve.surface, Number::Curvature);
-            let multiple = -gradient[solved] / efl[solved];
-            gradient += &efl.scaled(multiple);
+            let solved = (surface, Number::Curvature);
+            let multiple = -gradient[solved] / held[solved];
+            gradient += &held.scaled(multiple);
         }
         if let Some((solved, _)) = self.solves.length {
             // The other distances between the vertices push it back.

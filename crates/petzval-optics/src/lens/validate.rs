@@ -10,6 +10,10 @@ const HEIGHTS: usize = 32;
 /// Directions across the axis in which surfaces without symmetry are looked at.
 const AZIMUTHS: usize = 16;
 
+/// Longest length of a lens: over a thousand kilometres a ray is still right to 0.1 um. Far beyond it, squares of lengths overflow and spots are lost
+/// without a word.
+const FARTHEST_MM: f64 = 1e9;
+
 /// Why a lens is impossible. Surfaces are counted from 1; lengths in mm.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[allow(missing_docs, reason = "the messages say what the fields are")]
@@ -26,6 +30,8 @@ pub enum LensDefect {
     Field { field_deg: f64, limit_deg: f64 },
     #[error("surface {surface}: {quantity} is {value}, not a finite number")]
     NotFinite { surface: usize, quantity: &'static str, value: f64 },
+    #[error("surface {surface}: {quantity} is {value_mm:e} mm, beyond {FARTHEST_MM:e} mm")]
+    TooFar { surface: usize, quantity: &'static str, value_mm: f64 },
     #[error("surface {surface}: the clear semi-diameter is {semi_diameter_mm} mm, not positive")]
     SemiDiameter { surface: usize, semi_diameter_mm: f64 },
     #[error("surface {surface}: the thickness of {thickness_mm} mm of {medium} goes against the light")]
@@ -65,6 +71,7 @@ impl LensDefect {
             | Self::Pupil { .. }
             | Self::Field { .. } => None,
             Self::NotFinite { surface, .. }
+            | Self::TooFar { surface, .. }
             | Self::SemiDiameter { surface, .. }
             | Self::CentreThickness { surface, .. }
             | Self::SurfaceEnds { surface, .. }
@@ -144,6 +151,13 @@ fn check_surface(number: usize, surface: &Surface, lens: &Lens) -> Result<(), Le
     ] {
         if !value.is_finite() {
             return Err(not_finite(quantity, value));
+        }
+    }
+    for (quantity, value_mm) in
+        [("the thickness", surface.thickness_mm), ("the clear semi-diameter", surface.semi_diameter_mm)]
+    {
+        if value_mm.abs() > FARTHEST_MM {
+            return Err(LensDefect::TooFar { surface: number, quantity, value_mm });
         }
     }
     if let Some(a) = shape.asphere.iter().find(|a| !a.is_finite()) {

@@ -5,6 +5,9 @@ use rayon::prelude::*;
 use crate::gradient::LensGradient;
 use crate::lens::{Lens, ObjectDistance};
 use crate::number::Number;
+use crate::paraxial::{FirstOrderCotangent, first_order, pull_back_first_order};
+use crate::pupil::{ChiefRay, chief_ray, pull_back_chief};
+use crate::trace::Sequence;
 
 /// Fields of a merit, with their shares.
 #[derive(Clone, Debug, PartialEq)]
@@ -86,5 +89,39 @@ impl FieldSet {
             }
         }
         Some((value, gradient))
+    }
+}
+
+/// The chief ray and the stop of a field at the reference wavelength, to which the waves of all wavelengths refer: lateral colour then counts.
+pub(super) struct FieldRays {
+    reference: Sequence,
+    chief: ChiefRay,
+    /// Radius of the stop, mm.
+    pub stop_radius_mm: f64,
+}
+
+impl FieldRays {
+    /// `None` if the chief ray is lost.
+    pub fn new(lens: &Lens, field_rad: f64) -> Option<Self> {
+        let reference = lens.at_wavelength(lens.reference_um);
+        let chief = chief_ray(&reference, field_rad)?;
+        Some(Self { stop_radius_mm: first_order(&reference).stop_radius_mm, chief, reference })
+    }
+
+    /// Where the chief ray lands, mm.
+    pub fn chief_mm(&self) -> [f64; 2] {
+        [self.chief.x_mm, self.chief.y_mm]
+    }
+
+    /// Adds the gradient of a loss by its derivatives by where the chief ray lands and by the stop radius, per mm, one of each for every beam.
+    pub fn pull_back(&self, bars: impl Iterator<Item = ([f64; 2], f64)>, gradient: &mut LensGradient) {
+        let (mut chief_bar, mut stop_radius) = ([0.0; 2], 0.0);
+        for ([x, y], stop) in bars {
+            chief_bar = [chief_bar[0] + x, chief_bar[1] + y];
+            stop_radius += stop;
+        }
+        pull_back_chief(&self.reference, &self.chief, chief_bar, gradient);
+        let bars = FirstOrderCotangent { stop_radius, ..Default::default() };
+        pull_back_first_order(&self.reference, bars, gradient);
     }
 }

@@ -1,7 +1,7 @@
 //! Merits: scalars that a lens is judged by, with their gradients where they have them.
 //!
-//! Spots ([`RmsSpot`], and by residuals [`SpotResiduals`]) and contrast ([`Mtf`]) are merits alike; a task loss implements
-//! [`Merit`].
+//! Spots ([`RmsSpot`], and by residuals [`SpotResiduals`]), contrast ([`Mtf`]) and wavefronts ([`RmsWavefront`]) are merits alike; a task loss
+//! implements [`Merit`].
 
 mod fields;
 mod lifted;
@@ -9,7 +9,9 @@ mod mtf;
 mod residuals;
 mod spot;
 mod violation;
+mod wavefront;
 
+use fields::FieldRays;
 pub use fields::FieldSet;
 pub use lifted::lifted_normal_equations;
 pub use mtf::Mtf;
@@ -17,6 +19,7 @@ pub use residuals::SpotResiduals;
 pub(crate) use residuals::{Beams, Landings, MOUNT_MM, Reach};
 pub use spot::RmsSpot;
 pub use violation::Violation;
+pub use wavefront::RmsWavefront;
 
 use nalgebra::DMatrix;
 

@@ -1,23 +1,23 @@
-//! Contrast at a spatial frequency, from PSFs.
+//! Contrast at a spatial frequency: by waves from the overlap of the wave with its shifted copy, by rays from PSFs.
 //!
-//! Along x, `O(f) = sum P(x, y) exp(-2 pi i f x)` over the grid, and alike along y; P is the mean PSF of the wavelengths about one
+//! By rays along x, `O(f) = sum P(x, y) exp(-2 pi i f x)` over the grid, and alike along y; P is the mean PSF of the wavelengths about one
 //! point, so that lateral colour counts. The modulus of O is divided by what the grid itself takes away: splatted light is spread
 //! over cells by a quadratic B-spline, whose transform is `sinc(f p)^3` at a pitch p.
 
 use std::f64::consts::{PI, TAU};
 
-use super::{Better, FieldSet, Merit};
-use crate::analysis::image_f_number;
+use rustfft::num_complex::Complex64;
+
+use super::{Better, FieldRays, FieldSet, Merit};
 use crate::gradient::LensGradient;
 use crate::lens::Lens;
 use crate::psf::{PsfCotangent, PsfKind, PsfOptions, psf_with_tape};
 use crate::pupil::Quadrature;
+use crate::trace::Sequence;
+use crate::wave::Overlap;
 
 /// Cells a period of the frequency: by rays the grid then aliases less than 5e-4.
 const CELLS_PER_PERIOD: f64 = 16.0;
-
-/// Pitch of diffraction PSFs as a share of wavelength times f-number; their finest detail is as large as one of these.
-const SHARE_OF_DETAIL: f64 = 0.4;
 
 /// Cells a side.
 const GRID: usize = 128;
@@ -32,6 +32,8 @@ pub struct Mtf {
     frequency_per_mm: f64,
     /// Fields.
     fields: FieldSet,
+    kind: PsfKind,
+    /// The grid by rays.
     options: PsfOptions,
     quadrature: Quadrature,
     /// What the grid takes away.
@@ -45,30 +47,17 @@ fn sinc(x: f64) -> f64 {
 impl Mtf {
     /// Over the fields of a lens, see [`FieldSet::of`]; `frequency_per_mm` is positive, and below the cutoff of the lens.
     ///
-    /// By rays the grid is eight periods wide, by waves 51 times the finest detail of the nominal lens. Light beyond it is not
-    /// counted, neither as contrast nor as light.
+    /// By rays the grid is eight periods wide. Light beyond it is not counted, neither as contrast nor as light.
     pub fn new(lens: &Lens, frequency_per_mm: f64, kind: PsfKind) -> Self {
-        let by_rays = 1e3 / (CELLS_PER_PERIOD * frequency_per_mm);
-        let pitch_um = match kind {
-            PsfKind::Geometric => by_rays,
-            PsfKind::Diffraction => {
-                let shortest = lens.wavelengths_um.iter().fold(f64::INFINITY, |a, b| a.min(*b));
-                let fine = SHARE_OF_DETAIL * shortest * image_f_number(lens);
-                if fine.is_finite() && fine > 0.0 { fine } else { by_rays }
-            }
-        };
-        let loss = match kind {
-            PsfKind::Geometric => sinc(1e-3 * frequency_per_mm * pitch_um).powi(3),
-            // Samples finer than the finest detail: nothing is averaged.
-            PsfKind::Diffraction => 1.0,
-        };
+        let pitch_um = 1e3 / (CELLS_PER_PERIOD * frequency_per_mm);
         Self {
             frequency_per_mm,
             fields: FieldSet::of(lens),
-            options: PsfOptions { grid: GRID, pitch_um, kind },
+            kind,
+            options: PsfOptions { grid: GRID, pitch_um, kind: PsfKind::Geometric },
             quadrature: Quadrature::grid(PUPIL_CELLS)
                 .unwrap_or_else(|_| unreachable!("a grid that is allowed")),
-            loss,
+            loss: sinc(1e-3 * frequency_per_mm * pitch_um).powi(3),
         }
     }
 
@@ -94,6 +83,41 @@ impl Mtf {
     }
 
     fn of_field(&self, lens: &Lens, field_rad: f64, with_gradient: bool) -> Option<(f64, LensGradient)> {
+        match self.kind {
+            PsfKind::Geometric => self.by_rays(lens, field_rad, with_gradient),
+            PsfKind::Diffraction => self.by_waves(lens, field_rad, with_gradient),
+        }
+    }
+
+    fn by_waves(&self, lens: &Lens, field_rad: f64, with_gradient: bool) -> Option<(f64, LensGradient)> {
+        let rays = FieldRays::new(lens, field_rad)?;
+        let mut beams: Vec<(Sequence, Overlap)> = Vec::new();
+        for um in &lens.wavelengths_um {
+            let sequence = lens.at_wavelength(*um);
+            let like = beams.last().map(|(_, overlap)| overlap);
+            let (stop_mm, chief_mm) = (rays.stop_radius_mm, rays.chief_mm());
+            let frequency = self.frequency_per_mm;
+            let overlap = Overlap::new(&sequence, field_rad, stop_mm, chief_mm, frequency, like)?;
+            beams.push((sequence, overlap));
+        }
+        let share = 1.0 / beams.len() as f64;
+        let transfer = [0, 1].map(|k| share * beams.iter().map(|(_, o)| o.transfer[k]).sum::<Complex64>());
+        let value = 0.5 * (transfer[0].norm() + transfer[1].norm());
+        let mut gradient = LensGradient::zero(lens.surfaces.len());
+        if with_gradient {
+            // d|O| = (Re O dRe O + Im O dIm O) / |O|
+            let bars =
+                transfer.map(|o| if o.norm() > 0.0 { 0.5 * share * o / o.norm() } else { Complex64::ZERO });
+            let by_beam: Vec<_> = beams
+                .iter()
+                .map(|(sequence, overlap)| overlap.pull_back(sequence, bars, &mut gradient))
+                .collect();
+            rays.pull_back(by_beam.into_iter(), &mut gradient);
+        }
+        value.is_finite().then_some((value, gradient))
+    }
+
+    fn by_rays(&self, lens: &Lens, field_rad: f64, with_gradient: bool) -> Option<(f64, LensGradient)> {
         let (psf, tape) =
             psf_with_tape(lens, field_rad, &lens.wavelengths_um, &self.quadrature, &self.options)?;
         let (phases, grid) = (self.phases(), self.options.grid);

@@ -150,7 +150,8 @@ pub(super) fn linearise(
         let row = DVector::from_fn(space.numbers().len() + 1, |n, _| {
             space.numbers().get(n).map_or(0.0, |number| g[*number])
         });
-        let row = slopes.transpose() * row;
+        let by_pupil = DVector::from_column_slice(&mapped.pupil_slopes) * g.entrance_pupil;
+        let row = slopes.transpose() * row + by_pupil;
         let stiffness = problem.stiffness_um_per_mm * problem.stiffness_um_per_mm;
         gradient += &row * (stiffness * excess);
         hessian += &row * row.transpose() * stiffness;

@@ -201,7 +201,7 @@ impl Problem {
     pub fn constraints(&self) -> Vec<Constraint> {
         let mut all = self.further.clone();
         all.extend(self.limits.constraints(&self.base, self.merit.outermost_field_rad()));
-        let solved = self.solves.efl.and_then(|s| Some((s.surface, s.radius_mm?)));
+        let solved = self.solves.curvature().and_then(|(surface, radius_mm)| Some((surface, radius_mm?)));
         all.extend(solved.map(|(surface, radius_mm)| Constraint::SolvedRadius { surface, radius_mm }));
         all
     }

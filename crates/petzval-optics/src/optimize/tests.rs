@@ -41,7 +41,7 @@ fn problem() -> Problem {
         ],
         solves: Solves {
             efl: Some(EflSolve { surface: 6, efl_mm: 25.04, radius_mm: Some([-14.0, -13.0]) }),
-            length: None,
+            ..Solves::default()
         },
         ..Problem::new(nominal_triplet())
     }
@@ -324,7 +324,10 @@ fn a_disturbed_triplet_comes_back() {
                 variable(s, Number::Curvature, (0.5 * r).min(2.0 * r), (0.5 * r).max(2.0 * r))
             })
             .to_vec(),
-        solves: Solves { efl: Some(EflSolve { surface: 6, efl_mm: 25.04, radius_mm: None }), length: None },
+        solves: Solves {
+            efl: Some(EflSolve { surface: 6, efl_mm: 25.04, radius_mm: None }),
+            ..Solves::default()
+        },
         ..Problem::new(lens)
     };
     let mut seen = 0;
@@ -563,7 +566,10 @@ fn further_constraints_are_kept_at_drawn_apertures() {
         ],
         apertures: Apertures::Drawn,
         focus: Focus::Paraxial { range_mm: 0.5 },
-        solves: Solves { efl: Some(EflSolve { surface: 6, efl_mm: 25.04, radius_mm: None }), length: None },
+        solves: Solves {
+            efl: Some(EflSolve { surface: 6, efl_mm: 25.04, radius_mm: None }),
+            ..Solves::default()
+        },
         ..problem()
     };
     let loose = Problem { stiffness_um_per_mm: 30.0, ..drawn.clone() };

@@ -49,7 +49,7 @@ pub(crate) struct WaveMap {
 
 /// A wave along one row of q_y.
 pub(crate) struct WaveRow {
-    q_y: f64,
+    pub q_y: f64,
     path: Vec<f64>,
     density: Vec<f64>,
     stop: [Vec<f64>; 2],

@@ -11,10 +11,14 @@ mod map;
 mod matrix;
 mod opd;
 mod otf;
+mod overlap;
 mod psf;
+mod sampled;
 mod strehl;
 
 pub use huygens::huygens_psf;
 pub use opd::{Opd, PupilPlane, opd, opd_about};
 pub(crate) use otf::{LineSpread, PupilWave, Section};
+pub(crate) use overlap::Overlap;
 pub(crate) use psf::{ImageGrid, Shown, WaveChannel};
+pub(crate) use sampled::SampledWave;

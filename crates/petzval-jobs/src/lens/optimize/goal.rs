@@ -9,14 +9,17 @@ use petzval_design::assets::Assets;
 use petzval_design::experiment::{ExposureConfig, PsfConfig};
 use petzval_design::restored::RestoredError;
 use petzval_files::{Figure, LensFile, Operand, OperandFile};
+use petzval_optics::analysis::first_order_table;
 use petzval_optics::constraint::Constraint;
-use petzval_optics::design_space::{EflSolve, Focus, Solves, Variable, powered, wide_variables};
+use petzval_optics::design_space::{
+    EflSolve, Focus, MagnificationSolve, Solves, Variable, powered, wide_variables,
+};
 use petzval_optics::glass::{Catalog, Glass, Status, map_distance};
-use petzval_optics::lens::{Action, Lens};
-use petzval_optics::merit::{FieldSet, Merit, Mtf, RmsSpot, SpotResiduals, Violation};
+use petzval_optics::lens::{Action, Lens, ObjectDistance};
+use petzval_optics::merit::{FieldSet, Merit, Mtf, RmsSpot, RmsWavefront, SpotResiduals, Violation};
 use petzval_optics::number::Number;
 use petzval_optics::optimize::{GlassChoice, Goal as MeritGoal, Limits, Problem};
-use petzval_optics::paraxial::first_order;
+use petzval_optics::paraxial::{first_order, marginal_tangent};
 use petzval_optics::psf::PsfKind;
 use petzval_optics::pupil::PupilSampling;
 use serde::{Deserialize, Serialize};
@@ -49,7 +52,8 @@ pub struct Goal {
     pub fields: Vec<f64>,
     /// The mean over the fields of `RMS^power` is minimised: 1 the mean spot, 2 the mean square, 8 nearly the worst; 0.5 to 64.
     pub power: f64,
-    /// Focal length to hold, mm, or `free`; if left out what the lens file solves for, else that of the lens at the start.
+    /// Focal length to hold, mm, or `free`; if left out what the lens file solves for, else that of the lens at the start, or the magnification
+    /// of a near object.
     pub efl: Option<String>,
     /// Glasses that a search may exchange, each as `SURFACE` or `SURFACE=NAME,...`: the surface in front of the glass, and the
     /// names that it may get, the whole catalogue if none.
@@ -120,20 +124,19 @@ impl Goal {
         }
         check("power", &[self.power], |p| (0.5..=64.0).contains(&p), "0.5 to 64; 1 is the mean spot")?;
         problem.merit.power = self.power;
-        problem.solves = Solves { efl: self.efl_solve(file)?, length: file.length_solve };
+        let efl = self.efl_solve(file)?;
+        let magnification = if efl.is_none() { self.magnification_solve(file) } else { None };
+        problem.solves = Solves { efl, length: file.length_solve, magnification, ..Solves::default() };
         problem.pickups.clone_from(&file.pickups);
-        if let Some(solve) = &problem.solves.efl {
+        if let Some((solved, _)) = problem.solves.curvature() {
             // A radius that is solved for is no variable.
-            let is_solved = |v: &Variable| (v.surface, v.number) == (solve.surface, Number::Curvature);
+            let is_solved = |v: &Variable| (v.surface, v.number) == (solved, Number::Curvature);
             if let Some(at) = problem.variables.iter().position(is_solved) {
                 if problem.pickups.iter().any(|p| p.variable == at) {
                     return Err(JobError::setting(
                         "efl",
                         "",
-                        format!(
-                            "solves for the radius of surface {}, which others follow",
-                            solve.surface + 1
-                        ),
+                        format!("solves for the radius of surface {}, which others follow", solved + 1),
                         "write [solve] efl into the lens file, with another surface",
                     ));
                 }
@@ -153,6 +156,9 @@ impl Goal {
             }
             problem.base.entrance_pupil_mm = efl_mm.abs() / n;
         }
+        // A near object keeps its numerical aperture: otherwise a pupil that moves away from it would make the spots small.
+        let base = &problem.base;
+        problem.solves.marginal_tangent = marginal_tangent(&base.at_wavelength(base.reference_um));
         problem.focus = Focus::Free;
         problem.merit.sampling = PupilSampling::Degree(6);
         problem.limits = self.limits()?;
@@ -260,9 +266,12 @@ impl Goal {
     fn efl_solve(&self, file: &LensFile) -> Result<Option<EflSolve>, JobError> {
         let own_mm = first_order(&file.lens.at_wavelength(file.lens.reference_um)).efl_mm;
         let Some(wanted) = self.efl.as_deref() else {
-            // A lens that only got longer would look better. One that is afocal, or has no surface for it, is left free.
-            let held = || own_mm.is_finite().then(|| holding(file, own_mm)).flatten();
-            return Ok(file.efl_solve.or_else(held));
+            // A lens that only got longer would look better. One that is afocal, or has no surface for it, is left free; one for a near object keeps its
+            // magnification instead.
+            let is_far = file.lens.object == ObjectDistance::Infinity;
+            let held = || (is_far && own_mm.is_finite()).then(|| holding(file)).flatten();
+            let efl_of = |(surface, radius_mm)| EflSolve { surface, efl_mm: own_mm, radius_mm };
+            return Ok(file.efl_solve.or_else(|| held().map(efl_of)));
         };
         if wanted == "free" {
             return Ok(None);
@@ -282,17 +291,25 @@ impl Goal {
         if let Some(solve) = file.efl_solve {
             return Ok(Some(EflSolve { efl_mm, ..solve }));
         }
-        let held = holding(file, efl_mm).ok_or_else(|| {
+        let (surface, radius_mm) = holding(file).ok_or_else(|| {
             let hint = "it takes a curved surface between two media, or a curved mirror, without pickups from or to it";
             JobError::setting("efl", wanted, "no surface can hold the focal length", hint)
         })?;
-        Ok(Some(held))
+        Ok(Some(EflSolve { surface, efl_mm, radius_mm }))
+    }
+
+    /// The solve that holds the magnification of a near object, unless the user lets it vary with the focal length.
+    fn magnification_solve(&self, file: &LensFile) -> Option<MagnificationSolve> {
+        let magnification = first_order_table(&file.lens).magnification?;
+        let is_held = self.efl.is_none() && magnification.is_finite() && magnification != 0.0;
+        let (surface, radius_mm) = is_held.then(|| holding(file)).flatten()?;
+        Some(MagnificationSolve { surface, magnification, radius_mm })
     }
 }
 
-/// A solve that holds the focal length by the last radius that the file lets vary, within its bounds; if the file names no variables, by the
-/// last curved surface. None if no radius can.
-fn holding(file: &LensFile, efl_mm: f64) -> Option<EflSolve> {
+/// The radius that holds the focal length or the magnification, and its bounds: the last that the file lets vary; if the file names no variables, that
+/// of the last curved surface. None if no radius can.
+fn holding(file: &LensFile) -> Option<(usize, Option<[f64; 2]>)> {
     let of_radius =
         |s: usize| file.variables.iter().position(|v| (v.surface, v.number) == (s, Number::Curvature));
     let follows = |s: usize| {
@@ -308,8 +325,7 @@ fn holding(file: &LensFile, efl_mm: f64) -> Option<EflSolve> {
         false => eligible.iter().rev().find(|s| of_radius(**s).is_some()),
     };
     let surface = *surface?;
-    let radius_mm = of_radius(surface).map(|v| [file.variables[v].min, file.variables[v].max]);
-    Some(EflSolve { surface, efl_mm, radius_mm })
+    Some((surface, of_radius(surface).map(|v| [file.variables[v].min, file.variables[v].max])))
 }
 
 impl Restored {
@@ -416,6 +432,7 @@ fn goals_of(operand: &Operand, problem: &Problem) -> Result<Vec<MeritGoal>, JobE
             let spot = RmsSpot::new(&lens);
             at_each(&|fields| Arc::new(RmsSpot { fields, ..spot.clone() }), most)
         }
+        Figure::Wavefront => at_each(&|fields| Arc::new(RmsWavefront { fields }), most),
         Figure::FocalLength => kept(Constraint::FocalLength { between_mm }),
         Figure::BackFocalLength => kept(Constraint::BackFocal { between_mm }),
         Figure::Track => kept(Constraint::Track { most_mm: most }),

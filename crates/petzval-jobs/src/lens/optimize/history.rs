@@ -5,7 +5,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use petzval_files::{LensFile, write_lens};
-use petzval_optics::design_space::EflSolve;
+use petzval_optics::design_space::{EflSolve, Variable};
+use petzval_optics::number::Number;
 use petzval_optics::optimize::{Analysis, Kept, Problem, SearchState};
 use serde::{Deserialize, Serialize};
 
@@ -197,15 +198,27 @@ impl History {
         let mut lens = analysis.fitted_lens(problem);
         lens.source = format!("petzval lens optimize, from {}", self.file.lens.name);
         // Widen the bounds of the solved radius to where it ended: a file must hold its own lens, also while a limit is violated.
+        let radius = |surface: usize| 1.0 / lens.surfaces[surface].shape.curvature;
+        let around = |[min, max]: [f64; 2], to: f64| [min.min(to), max.max(to)];
         let efl_solve = problem.solves.efl.map(|solve| {
-            let radius = 1.0 / lens.surfaces[solve.surface].shape.curvature;
-            let around = |[min, max]: [f64; 2]| [min.min(radius), max.max(radius)];
-            EflSolve { radius_mm: solve.radius_mm.map(around), ..solve }
+            let radius_mm = solve.radius_mm.map(|bounds| around(bounds, radius(solve.surface)));
+            EflSolve { radius_mm, ..solve }
         });
+        let (mut variables, pickups) = match problem.solves.magnification {
+            // A lens file solves for no magnification: there the radius that held it is a variable.
+            Some(_) => (self.file.variables.clone(), self.file.pickups.clone()),
+            None => (problem.variables.clone(), problem.pickups.clone()),
+        };
+        if let Some(solve) = problem.solves.magnification {
+            let is_held = |v: &&mut Variable| (v.surface, v.number) == (solve.surface, Number::Curvature);
+            for v in variables.iter_mut().filter(is_held) {
+                [v.min, v.max] = around([v.min, v.max], radius(solve.surface));
+            }
+        }
         // Leave out variables that the file did not name: they were a guess for this optimisation.
         let (variables, pickups) = match self.file.variables.is_empty() {
             true => (Vec::new(), Vec::new()),
-            false => (problem.variables.clone(), problem.pickups.clone()),
+            false => (variables, pickups),
         };
         let length_solve = problem.solves.length;
         LensFile { lens, expect: None, variables, pickups, efl_solve, length_solve }

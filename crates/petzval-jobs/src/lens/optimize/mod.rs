@@ -267,18 +267,23 @@ fn check_trade(request: &Request, config: &Config) -> Result<(), JobError> {
     }
 }
 
-/// Says which radius holds the focal length where the lens file does not, or that nothing does.
+/// Says which radius holds the focal length or the magnification where the lens file does not, or that nothing does.
 fn note_held_radius(problem: &Problem, file: &LensFile, goal: &Goal, context: &Context) {
-    match &problem.solves.efl {
-        Some(solve) if file.efl_solve.is_none() => {
-            let bounds = if solve.radius_mm.is_some() { "; its bounds still count" } else { "" };
-            context.note(format!(
-                "the radius of surface {} holds the focal length of {:.4} mm and does not vary{bounds}; --efl free lets it vary",
-                solve.surface + 1,
-                solve.efl_mm
-            ));
+    let solves = &problem.solves;
+    let bounds = match solves.curvature() {
+        Some((_, Some(_))) => "; its bounds still count",
+        _ => "",
+    };
+    let held = |surface: usize, what: String| {
+        let radius = format!("the radius of surface {}", surface + 1);
+        context.note(format!("{radius} holds {what} and does not vary{bounds}; --efl free lets it vary"));
+    };
+    match (&solves.efl, &solves.magnification) {
+        (Some(solve), _) if file.efl_solve.is_none() => {
+            held(solve.surface, format!("the focal length of {:.4} mm", solve.efl_mm));
         }
-        None if goal.efl.is_none() => {
+        (_, Some(solve)) => held(solve.surface, format!("the magnification of {:.4}", solve.magnification)),
+        (None, None) if goal.efl.is_none() => {
             context.note("the focal length is not held: the lens is afocal, or no radius can hold it");
         }
         _ => {}

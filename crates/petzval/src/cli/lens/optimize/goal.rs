@@ -15,8 +15,8 @@ pub struct GoalArgs {
     /// field
     #[arg(long, default_value_t = 1.0, value_name = "P")]
     power: f64,
-    /// Focal length to hold, mm, or `free` [default: that of the solve in the lens file, else that
-    /// of the lens]
+    /// Focal length to hold, mm, or `free` [default: that of the solve in the lens file, else that of the lens, or in
+    /// its place the magnification of a near object]
     #[arg(long, value_name = "MM|free", allow_hyphen_values = true)]
     efl: Option<String>,
     /// Glass that a search may exchange: the surface in front of it, and the glasses to choose from [default: the whole
