@@ -469,6 +469,10 @@ impl Reader<'_> {
                 thickness,
                 "it is at least 0; behind an odd number of mirrors it is at most 0, because light travels back",
             ),
+            LensDefect::TooFar { quantity, .. } => {
+                let is_thickness = quantity.contains("thickness");
+                (if is_thickness { thickness } else { semi_diameter }, "lengths are in mm")
+            }
             LensDefect::BendsWithoutMirror { .. } => {
                 let key = surface.placement.as_ref().map_or(thickness.1.clone(), |p| p.span());
                 (("placement", key), "only a mirror bends the axis; let it follow or return")
