@@ -52,7 +52,8 @@ mod tests {
                 let is_inside = (2..2 + CHARACTER_PX).contains(&x) && (2..2 + LINE_PX).contains(&y);
                 assert!(is_inside || *pixel == PAPER);
             }
-            assert!(shape.pixels().any(|p| p[0] > 200));
+            // Thin strokes are blended, but at least half way to the ink.
+            assert!(shape.pixels().any(|p| p[0] > 130));
         }
     }
 
