@@ -1,12 +1,13 @@
 //! What a report shows of a lens: its cross-section, its prescription, its spots and its light over the field, all traced exactly.
 
 use petzval_files::lens_toml::special_lines;
-use petzval_optics::analysis::{AnalysisOptions, Layout, layout};
+use petzval_optics::analysis::{AnalysisOptions, FieldMtf, Layout, field_mtf, layout};
 use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::first_order;
 use petzval_optics::pupil::PupilRefinement;
 use petzval_optics::spot::spot_converged;
-use petzval_report::design_report::{FieldPoint, SurfaceView};
+use petzval_report::design_report::FieldPoint;
+use petzval_report::prescription::SurfaceView;
 use rayon::prelude::*;
 
 /// Rays of a fan in a layout.
@@ -38,6 +39,18 @@ pub fn surfaces(lens: &Lens) -> Vec<SurfaceView> {
         is_stop: i == lens.stop,
     };
     lens.surfaces.iter().enumerate().map(surface).collect()
+}
+
+/// Modulation at given fields up to a frequency, over all wavelengths; a field without an image is left out.
+pub fn modulation(
+    lens: &Lens,
+    fields_deg: &[f64],
+    wavelengths_um: &[f64],
+    most_per_mm: f64,
+) -> Vec<FieldMtf> {
+    let lens = Lens { wavelengths_um: wavelengths_um.to_vec(), ..lens.clone() };
+    let options = AnalysisOptions { max_frequency_per_mm: Some(most_per_mm), ..AnalysisOptions::default() };
+    fields_deg.par_iter().filter_map(|field| field_mtf(&lens, *field, &options).ok()).collect()
 }
 
 /// Spots and light at given fields, over all wavelengths; a field without light is left out.

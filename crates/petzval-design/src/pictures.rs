@@ -1,5 +1,7 @@
 //! Held-out pictures of a run, kept as PNG files for the report, and which of them stand for all.
 
+use std::io::ErrorKind;
+
 use petzval_files::encoded_png_bytes;
 
 use crate::error::DesignError;
@@ -14,8 +16,18 @@ pub fn file_name(index: usize, state: &str, camera: Option<&str>) -> String {
     }
 }
 
-/// Saves the pictures of a camera, and the truth beside them.
+/// File name of a whole frame: that of a camera, or the scene as it lies on the sensor.
+pub fn whole_name(camera: Option<&str>) -> String {
+    camera.map_or_else(|| "whole.png".to_owned(), |camera| format!("whole-{camera}.png"))
+}
+
+/// Saves the pictures of a camera, and the truth beside them. A whole frame of an earlier state of the camera is removed.
 pub fn save(run: &RunFolder, camera: &str, pictures: &[ScoredPicture]) -> Result<(), DesignError> {
+    let whole = run.picture(&whole_name(Some(camera)));
+    match std::fs::remove_file(&whole) {
+        Err(error) if error.kind() != ErrorKind::NotFound => return Err(DesignError::io(&whole)(error)),
+        _ => {}
+    }
     for (index, picture) in pictures.iter().enumerate() {
         for (image, file) in [
             (&picture.truth, file_name(index, "truth", None)),

@@ -17,24 +17,28 @@ use crate::detection_view::detection_view;
 use crate::error::DesignError;
 use crate::lens_numbers::{full_name, unit_of};
 use crate::lens_view;
-use crate::pictures::{file_name, spread_pictures};
+use crate::pictures::{file_name, spread_pictures, whole_name};
 use crate::psf_plan::PsfPlan;
 use crate::run::{
     CameraMetrics, Event, Kept, MadeFigures, MadeMetrics, Metrics, RunFolder, RunRecord, load_blocks,
     read_events,
 };
 use crate::setup::Setup;
+use crate::validation::VALIDATION;
 use crate::variant::{LensGoal, Variant};
 use petzval_learn::score::ScoreDescription;
 use petzval_report::design_report::{
-    CameraPicture, CameraView, Change, LossCurve, MadeCamera, MadeCameras, MadeScore, PictureView, PsfView,
-    Report, Score, TableRow,
+    CameraPicture, CameraView, Change, FrameView, LossCurve, MadeCamera, MadeCameras, MadeScore, PictureView,
+    PsfView, Report, Score, TableRow,
 };
 
 /// Fields whose PSFs the report shows, as indices into the experiment's fields in quarters of the field.
 const SHOWN_QUARTERS: [usize; 5] = [0, 1, 2, 3, 4];
 
-/// Fields of the rays in the layouts, as shares of the full field.
+/// Highest frequency of modulation transfer functions, over half a cycle a pixel.
+const SHOWN_OF_NYQUIST: f64 = 1.2;
+
+/// Fields of the rays in the layouts and of the modulation transfer functions, as shares of the full field.
 const LAYOUT_SHARES: [f64; 3] = [0.0, 0.5, 1.0];
 
 /// The lens of a finished camera.
@@ -65,6 +69,8 @@ pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Resu
     let plan = &setup.fixed_plan;
     let full_rad = plan.field_angles(&setup.nominal().lens_file.lens)?.last().copied().unwrap_or(0.0);
     let layout_fields_deg = LAYOUT_SHARES.map(|share| (share * full_rad).to_degrees());
+    // Half a cycle a pixel.
+    let nyquist_per_mm = 1e3 / (2.0 * setup.body.sensor.pixel_um);
     let mut cameras = Vec::new();
     for variant in &setup.variants {
         let lens = camera_lens(run, &variant.name)?.lens;
@@ -73,6 +79,12 @@ pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Resu
             first_order: first_order_table(&lens),
             surfaces: lens_view::surfaces(&lens),
             layout: lens_view::section(&lens, &layout_fields_deg),
+            mtf: lens_view::modulation(
+                &lens,
+                &layout_fields_deg,
+                &plan.wavelengths_um,
+                SHOWN_OF_NYQUIST * nyquist_per_mm,
+            ),
             over_field: lens_view::to_full_field(&lens, full_rad, &plan.wavelengths_um),
             psfs: psf_views(plan, &lens)?,
             changes: match variant.moves_lens() {
@@ -103,7 +115,9 @@ pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Resu
         reference_um: setup.nominal().lens_file.lens.reference_um,
         wavelengths_um: plan.wavelengths_um.to_vec(),
         half_diagonal_mm: setup.corner_mm(),
+        nyquist_per_mm,
         pictures: pictures(run, &metrics)?,
+        frames: frames(run, &setup.variants)?,
         has_isp: setup.body.chip.is_some(),
         pictures_in_all: metrics.held_out_images * metrics.held_out_places,
         study: (metrics.seeds.len() == 1).then(|| setup.study.in_scores(&metrics.scores)),
@@ -336,6 +350,22 @@ fn pictures(run: &RunFolder, metrics: &Metrics) -> Result<Vec<PictureView>, Desi
     Ok(all)
 }
 
+/// Whole frames of a photograph, if they were made: the scene and those of the cameras.
+fn frames(run: &RunFolder, variants: &[Variant]) -> Result<Vec<FrameView>, DesignError> {
+    if !run.picture(&whole_name(None)).is_file() {
+        return Ok(Vec::new());
+    }
+    let mut all = Vec::new();
+    for camera in [None].into_iter().chain(variants.iter().map(|variant| Some(variant.name.as_str()))) {
+        let path = run.picture(&whole_name(camera));
+        if path.is_file() {
+            let png = petzval_base::read_whole(&path).map_err(DesignError::io(&path))?;
+            all.push(FrameView { name: camera.unwrap_or("the scene").to_owned(), png });
+        }
+    }
+    Ok(all)
+}
+
 /// Most pictures that a page shows: all of three photographs at nine places. Each takes about 0.13 MB.
 const MOST_PICTURES: usize = 27;
 
@@ -359,8 +389,44 @@ fn loss_curves(events: Vec<Event>) -> Vec<LossCurve> {
         .into_iter()
         // A penalty that was never due is no curve.
         .filter(|(_, points)| points.iter().any(|(_, value)| *value != 0.0))
-        .map(|((camera, block, label), points)| LossCurve { camera, block, label, points })
+        .map(|((camera, block, name), points)| LossCurve {
+            camera,
+            block: moved_part(&block).to_owned(),
+            label: loss_in_words(&name),
+            points,
+        })
         .collect()
+}
+
+/// What moves in the steps of an event.
+fn moved_part(block: &str) -> &str {
+    match block {
+        "optics" => "lens",
+        "isp" => "ISP",
+        "spot" => "lens towards least spots",
+        "restored" => "lens towards least error after restoration",
+        other => other,
+    }
+}
+
+/// The name of a loss as an axis has it, with its unit.
+fn loss_in_words(name: &str) -> String {
+    match name {
+        "total" => "loss, sum of all terms".to_owned(),
+        "l1" => "L1 distance".to_owned(),
+        "lpips" => "LPIPS".to_owned(),
+        "class" => "loss of the classes".to_owned(),
+        "box" => "loss of the boxes".to_owned(),
+        "proposal_box" => "loss of the proposed boxes".to_owned(),
+        "objectness" => "loss of the proposals".to_owned(),
+        "centredness" => "loss of the centredness".to_owned(),
+        VALIDATION => "loss of the validation".to_owned(),
+        "penalty_mm2" => "violation of the requirements, mm²".to_owned(),
+        "rms_spot_um" => "RMS spot radius, µm".to_owned(),
+        "restored_error_percent" => "error after restoration, % of white".to_owned(),
+        "imitation_error" => "error of the network that imitates the ISP".to_owned(),
+        other => other.replace('_', " "),
+    }
 }
 
 fn environment(path: &Path) -> Result<Vec<(String, String)>, DesignError> {

@@ -212,7 +212,12 @@ fn centred(height: usize, width: usize, frame: &RawFrame) -> Placement {
 }
 
 /// A photograph through lens, sensor, development and network.
-fn taken(camera: &Camera, photo: &LinearImage, seed: u64, frame: u64) -> Result<LinearImage, JobError> {
+pub(crate) fn taken(
+    camera: &Camera,
+    photo: &LinearImage,
+    seed: u64,
+    frame: u64,
+) -> Result<LinearImage, JobError> {
     let mut scene = photo.pad_replicate(camera.border());
     // A photograph is exposed for as long behind every lens; where cameras of streets have the same time, a brighter lens shows.
     if camera.body().same_time.is_some_and(|same| !same.is_normalised) {

@@ -21,7 +21,7 @@ pub use petzval_optics::psf::PsfKind;
 /// The PSFs of a lens, per field and wavelength, written to a folder.
 ///
 /// Files: `psf.npy`, float64 `[field, wavelength, row, column]`, each of unit sum, centred on the chief ray;
-/// `illumination.npy`, float64 `[field, wavelength]`; `psf.png`, a sheet to look at; `psf.json`, the axes.
+/// `illumination.npy`, float64 `[field, wavelength]`; `psf.png`, a labelled sheet to look at; `psf.json`, the axes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
@@ -208,7 +208,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let [psf, light, sheet, text] = FILES.map(|name| request.out.join(name));
     write_npy(&psf, &[fields, 3, grid, grid], &values)?;
     write_npy(&light, &[fields, 3], &illumination)?;
-    write_file(&sheet, psf_sheet(&psfs, request.grid))?;
+    write_file(&sheet, psf_sheet(&psfs, &plan.options, plan.wavelengths_um))?;
     write_whole(&text, json(&axes)?.as_bytes()).map_err(DesignError::io(&text))?;
     Ok(Response { files: vec![psf, light, sheet, text], axes })
 }

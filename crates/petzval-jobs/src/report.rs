@@ -1,15 +1,25 @@
-//! `report`: the page of a finished run, written again from what its folder holds.
+//! `report`: the page of a finished run, written again from what its folder holds, and whole frames of its cameras.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use petzval_camera::image::LinearImage;
+use petzval_design::error::DesignError;
+use petzval_design::pictures::whole_name;
 use petzval_design::run::{RunFolder, RunRecord, changed_config, write_file};
 use petzval_design::run_report::{read_metrics, report_of_run};
 use petzval_design::setup::Setup;
+use petzval_files::{encoded_png_bytes, load_image};
 use petzval_report::design_report::{html, sentences};
 use serde::{Deserialize, Serialize};
 
+use crate::apply::taken;
 use crate::context::Context;
 use crate::error::JobError;
+use crate::evaluate::camera_of;
+use crate::simulate::Place;
+
+/// Seed of the noise of whole frames.
+const SEED: u64 = 1;
 
 /// A finished run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -17,6 +27,9 @@ use crate::error::JobError;
 pub struct Request {
     /// Its folder.
     pub run: PathBuf,
+    /// A photograph that every camera takes over its whole sensor. The frames stay in the folder, for later reports.
+    #[serde(default)]
+    pub photo: Option<PathBuf>,
 }
 
 /// What was written.
@@ -33,7 +46,37 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     warn_of_changed_config(&folder, context)?;
     let experiment = context.assets.experiment_of_run(&folder)?;
     let setup = Setup::without_photos(experiment, &context.assets, context.device("cpu")?)?;
+    if let Some(photo) = &request.photo {
+        take_whole_frames(&setup, &folder, photo, context)?;
+    }
     Ok(Response { report: write(&setup, &folder)?.0 })
+}
+
+/// Takes a photograph over the whole sensor by every camera, and keeps the scene and the frames in the run folder.
+fn take_whole_frames(
+    setup: &Setup,
+    folder: &RunFolder,
+    photo: &Path,
+    context: &Context,
+) -> Result<(), JobError> {
+    let sensor = &setup.body.sensor;
+    let light = load_image(photo).map_err(DesignError::from)?.light;
+    let scene = Place::Fill.lay(&light, (sensor.height, sensor.width));
+    let encoded = LinearImage { data: scene.to_srgb(), ..scene.clone() };
+    let mut frames = vec![(whole_name(None), encoded)];
+    for (i, variant) in setup.variants.iter().enumerate() {
+        if context.is_cancelled() {
+            return Err(JobError::failed("cancelled before the whole frames were taken"));
+        }
+        context.progress(i as u64, setup.variants.len() as u64, format!("whole frame of {}", variant.name));
+        let camera = camera_of(setup, folder, &variant.name)?;
+        frames.push((whole_name(Some(&variant.name)), taken(&camera, &scene, SEED, 0)?));
+    }
+    for (name, frame) in frames {
+        let png = encoded_png_bytes(&frame).map_err(DesignError::from)?;
+        write_file(&folder.picture(&name), &png)?;
+    }
+    Ok(())
 }
 
 /// Writes the report of a run; returns its path, and the result in sentences.

@@ -7,11 +7,11 @@ use petzval_lab::chart::{ChartFigures, EdgeFigures, PatchFigures};
 use petzval_lab::sfr::FREQUENCY_STEP;
 
 use crate::number::fixed;
-use crate::page::{Page, caption, facts, figure, section};
+use crate::page::{Page, caption, facts, figure, section, with_contents};
 use crate::plot::{Chart, Series, chart_svg, plain};
-use crate::png;
 use crate::rgb_picture::{rgb_picture, shrunk};
 use crate::table::{Column, Row, Table};
+use crate::{palette, png};
 
 /// A measured chart.
 #[derive(Clone, Debug)]
@@ -42,19 +42,20 @@ const MEASURED_PX: f64 = 60.0;
 /// Highest frequency that is drawn, cycles per pixel.
 const HIGHEST: f64 = 0.75;
 
-/// Colours of curves (Okabe and Ito).
-const CURVES: [&str; 5] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00"];
-
 /// The page of a sheet.
 pub fn page(sheet: &ChartSheet) -> String {
     let figures = sheet.figures;
     let shown = shrunk(&rgb_picture(&sheet.encoded, sheet.height, sheet.width), WIDTH);
+    let picture = html! { img.chart src=(png::address(&png::encode(&shown))) alt="the developed chart"; };
+    let sections = [
+        section("Picture", picture),
+        section("Colours", colours(sheet)),
+        section("Noise", noise(sheet)),
+        section("Sharpness", sharpness(&figures.edges)),
+    ];
     let main = html! {
         (facts(sheet.facts.iter().map(|(name, value)| (*name, Some(value.clone())))))
-        (section("Picture", html! { img.chart src=(png::address(&png::encode(&shown))) alt="the developed chart"; }))
-        (section("Colours", colours(sheet)))
-        (section("Noise", noise(sheet)))
-        (section("Sharpness", sharpness(&figures.edges)))
+        (with_contents(&sections))
     };
     Page {
         title: format!("Test chart – {}", plain(&sheet.isp)),
@@ -106,7 +107,8 @@ fn colours(sheet: &ChartSheet) -> Markup {
         Column::new("ΔE00").unit("lightness normalised"),
     ];
     html! {
-        (figure(&svg.into_string()))
+        // Measured colours do not follow the colour scheme.
+        figure.patches { (svg) }
         (caption(html! {
             "Inside each patch as it should be, as it was developed. Colours relative to D65; the lightness is normalised by one factor of the "
             "light, " (fixed(sheet.figures.normalised.factor, 3)) ", for all patches."
@@ -153,8 +155,9 @@ fn sharpness(edges: &[EdgeFigures]) -> Markup {
             let points = modulation.iter().enumerate().map(|(k, v)| (k as f64 * FREQUENCY_STEP, *v));
             curves.push(Series {
                 name: format!("{name}, {side} edges"),
-                colour: CURVES[curves.len() % CURVES.len()].to_owned(),
+                colour: palette::camera(curves.len() + 1).to_owned(),
                 points: points.filter(|(frequency, _)| *frequency <= HIGHEST).collect(),
+                ..Series::default()
             });
         }
     }
@@ -163,6 +166,7 @@ fn sharpness(edges: &[EdgeFigures]) -> Markup {
         x_axis: "frequency, cycles per pixel".to_owned(),
         y_axis: "modulation".to_owned(),
         series: curves,
+        marks: Vec::new(),
         smooth: false,
         from_zero: true,
     };
@@ -207,6 +211,7 @@ mod tests {
     use petzval_lab::chart::{Lightness, PatchNoise};
 
     use super::*;
+    use crate::page::assert_readable;
 
     #[test]
     fn the_page_shows_every_patch_twice_and_both_ends_of_the_field() {
@@ -246,6 +251,7 @@ mod tests {
         });
         // L* = 50 and 60 of gray.
         assert_eq!((page.matches("#777777").count(), page.matches("#919191").count()), (24, 24));
+        assert_readable(&page);
         for words in ["a &lt;chip&gt;", "axis, upright edges", "corner, lying edges", "0.84", "0.310", "31.5"]
         {
             assert!(page.contains(words), "{words}");

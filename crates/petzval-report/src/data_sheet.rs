@@ -151,7 +151,7 @@ fn defects(sheet: &DataSheet) -> Markup {
     };
     let columns = [
         Column::new("defect"),
-        Column::new("").text(),
+        Column::new("kind").text(),
         Column::new("cases"),
         Column::new("what to do, and cases").note(),
     ];
@@ -226,6 +226,7 @@ mod tests {
             }],
             samples: vec![Sample::new("a&b.png".into(), &[0.5; 1800], 20, 30, boxes)],
         });
+        crate::page::assert_readable(&page);
         for words in [
             "light &lt;b&gt;",
             "box &lt;3&gt;",

@@ -6,6 +6,7 @@
 //! |---|---|
 //! | [`design_report`] | a design run: lenses, PSFs, pictures, scores, curves |
 //! | [`lens_sheet`] | the analyses of a lens |
+//! | [`tolerance_sheet`] | what tolerances cost, and lenses made at random |
 //! | [`sensor_sheet`] | the characterisation of a sensor |
 //! | [`psf_calibration_sheet`] | measured PSFs beside simulated ones |
 //! | [`comparison`] | several runs |
@@ -15,6 +16,7 @@
 //! | [`optics_proxy_sheet`] | PSFs of a network beside exact ones |
 //! | [`mod@psf_sheet`] | PSFs as a picture |
 //! | [`layout`] | a lens to scale |
+//! | [`mod@prescription`] | the surfaces of a lens as a table |
 //! | [`plot`] | curves and bars over axes |
 
 pub mod chart_sheet;
@@ -30,10 +32,13 @@ mod page;
 mod palette;
 pub mod plot;
 mod png;
+pub mod prescription;
 pub mod psf_calibration_sheet;
 pub mod psf_sheet;
+mod raster_text;
 mod rgb_picture;
 #[cfg(test)]
 mod sample;
 pub mod sensor_sheet;
 mod table;
+pub mod tolerance_sheet;

@@ -76,6 +76,19 @@ pub(crate) fn superscript(value: i32) -> String {
         .collect()
 }
 
+/// A unit in plain characters, as a reader expects it: `mm^-3` as `mm⁻³`, `um` as `µm`, `deg` as `°`.
+pub(crate) fn unit(plain: &str) -> String {
+    match plain {
+        "um" => return "µm".into(),
+        "deg" => return "°".into(),
+        _ => {}
+    }
+    match plain.split_once('^').map(|(base, power)| (base, power.parse::<i32>())) {
+        Some((base, Ok(power))) => format!("{base}{}", superscript(power)),
+        _ => plain.into(),
+    }
+}
+
 /// Tick positions for an axis from `low` to `high`: about `count` multiples of 1, 2 or 5 times a power
 /// of ten.
 pub(crate) fn ticks(low: f64, high: f64, count: usize) -> Vec<f64> {
@@ -123,6 +136,14 @@ mod tests {
         assert_eq!(significant(0.848), "0.84800");
         assert_eq!(significant(f64::INFINITY), "∞");
         assert_eq!(significant(0.0), "0");
+    }
+
+    #[test]
+    fn powers_of_units_are_raised() {
+        assert_eq!(
+            ["mm^-3", "mm^-11", "um", "deg", "mm", "", "a^b"].map(unit),
+            ["mm⁻³", "mm⁻¹¹", "µm", "°", "mm", "", "a^b"]
+        );
     }
 
     #[test]

@@ -113,6 +113,7 @@ mod tests {
         assert_eq!(network.get_pixel(1, 2), &Rgb([128, 0, 0]));
         assert_eq!(network.get_pixel(9, 2), &Rgb([128, 0, 0]));
         let page = page(&sheet);
+        crate::page::assert_readable(&page);
         assert_eq!(page.matches("<img").count(), 2);
         assert!(
             page.contains("lens 1, network")

@@ -59,13 +59,61 @@ impl Page<'_> {
 }
 
 /// A section under a headline.
-pub(crate) fn section(headline: impl Render, body: Markup) -> Markup {
-    html! { section { h2 { (headline) } (body) } }
+#[derive(Clone, Debug)]
+pub(crate) struct Section {
+    headline: String,
+    body: Markup,
 }
 
-/// A drawing on white paper.
+/// A section under a headline.
+pub(crate) fn section(headline: impl Into<String>, body: Markup) -> Section {
+    Section { headline: headline.into(), body }
+}
+
+impl Section {
+    /// The headline in the form of a name that addresses can have.
+    fn slug(&self) -> String {
+        let words = self.headline.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
+        words.collect::<Vec<_>>().join("-").to_ascii_lowercase()
+    }
+
+    fn html(&self, id: &str) -> Markup {
+        html! { section id=(id) { h2 { (plain(&self.headline)) } (self.body) } }
+    }
+}
+
+impl Render for Section {
+    fn render(&self) -> Markup {
+        self.html(&self.slug())
+    }
+}
+
+/// Sections below a list of their headlines, which lead to them.
+pub(crate) fn with_contents(sections: &[Section]) -> Markup {
+    let mut ids: Vec<String> = Vec::new();
+    for section in sections {
+        let slug = section.slug();
+        let id = match ids.contains(&slug) || slug.is_empty() {
+            true => format!("{slug}-section-{}", ids.len() + 1),
+            false => slug,
+        };
+        ids.push(id);
+    }
+    html! {
+        @if sections.len() > 1 {
+            nav.contents aria-label="Contents" {
+                @for (section, id) in sections.iter().zip(&ids) {
+                    a href=(format!("#{id}")) { (plain(&section.headline)) }
+                }
+            }
+        }
+        @for (section, id) in sections.iter().zip(&ids) { (section.html(id)) }
+    }
+}
+
+/// A drawing in the colours of the page.
 pub(crate) fn figure(svg: &str) -> Markup {
-    html! { figure { (PreEscaped(svg)) } }
+    html! { figure { (PreEscaped(palette::for_page(svg))) } }
 }
 
 /// The explanation of a table or a figure.
@@ -84,6 +132,51 @@ pub(crate) fn facts<'a>(rows: impl IntoIterator<Item = (&'a str, Option<String>)
     }
 }
 
+/// Checks what holds of every page: what is linked exists once, drawings have the colours of the page, and headings and
+/// drawings have words instead of the names of keys.
+#[cfg(test)]
+pub(crate) fn assert_readable(page: &str) {
+    let values = |page: &str, start: &str| -> Vec<String> {
+        page.split(start).skip(1).filter_map(|rest| Some(rest.split_once('"')?.0.to_owned())).collect()
+    };
+    let ids = values(page, " id=\"");
+    for (i, id) in ids.iter().enumerate() {
+        assert!(!id.is_empty() && !ids[..i].contains(id), "{id} is no name, or that of two elements");
+    }
+    for target in values(page, "href=\"#") {
+        assert!(ids.contains(&target), "#{target} leads nowhere");
+    }
+    for name in page.split("var(--").skip(1).filter_map(|rest| rest.split([')', ',']).next()) {
+        assert!(page.contains(&format!("--{name}:")), "--{name} has no value");
+    }
+    // What a test chart measures keeps its colour; glass is tinted by its dispersion.
+    for figure in page.split("<figure>").skip(1).filter_map(|rest| rest.split("</figure>").next()) {
+        for element in figure.split('<').filter(|e| !e.starts_with("path class=\"element\"")) {
+            assert!(!element.contains("=\"#"), "a fixed colour: {element}");
+        }
+    }
+    for tag in ["h1", "h2", "h3", "th", "text", "summary"] {
+        for text in
+            page.split(&format!("<{tag}")).skip(1).filter_map(|rest| rest.split(&format!("</{tag}>")).next())
+        {
+            let text = text.split_once('>').map_or("", |(_, inside)| inside);
+            // Keys of settings stand in code.
+            if text.starts_with("<code>") {
+                continue;
+            }
+            let is_key = |word: &str| {
+                let letter = |c: Option<char>| c.is_some_and(|c| c.is_ascii_lowercase());
+                let mut parts = word.split('_');
+                letter(word.chars().next())
+                    && parts.clone().count() > 1
+                    && parts.all(|p| letter(p.chars().next()))
+            };
+            let words = text.split(|c: char| !(c.is_alphanumeric() || c == '_'));
+            words.for_each(|word| assert!(!is_key(word), "the name of a key in <{tag}>: {text}"));
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -93,17 +186,42 @@ mod tests {
         let page = Page {
             title: "</title><script>".into(),
             headline: "a <b> \u{7}".into(),
-            main: section("x & y", figure("<svg/>")),
+            main: section("x & y", figure("<svg/>")).render(),
             ..Page::default()
         }
         .html();
         assert!(!page.contains("<script") && page.contains("a &lt;b&gt;") && !page.contains('\u{7}'));
-        assert!(page.contains("<h2>x &amp; y</h2><figure><svg/></figure>"));
+        assert!(page.contains("<section id=\"x-y\"><h2>x &amp; y</h2><figure><svg/></figure>"));
         assert!(!page.contains("http") && !page.contains("url(") && !page.contains("@import"));
-        // Every colour that a rule uses has a value.
-        for name in page.split("var(--").skip(1).filter_map(|rest| rest.split([')', ',']).next()) {
-            assert!(page.contains(&format!("--{name}:")), "{name}");
-        }
+        assert_readable(&page);
+    }
+
+    #[test]
+    fn contents_lead_to_every_section_even_if_headlines_are_equal() {
+        let sections = ["Lenses", "Lenses", "Größe", "µ"].map(|headline| section(headline, html! {}));
+        let page = with_contents(&sections).into_string();
+        assert_eq!(page.matches("href=\"#").count(), 4);
+        assert_readable(&page);
+        // A list of one headline is none.
+        assert!(!with_contents(&sections[..1]).into_string().contains("<nav"));
+    }
+
+    #[test]
+    #[should_panic(expected = "the name of a key")]
+    fn the_check_finds_keys_in_headings() {
+        assert_readable("<table><th scope=\"col\">rms_spot</th></table>");
+    }
+
+    #[test]
+    #[should_panic(expected = "leads nowhere")]
+    fn the_check_finds_links_that_lead_nowhere() {
+        assert_readable("<a href=\"#here\">here</a>");
+    }
+
+    #[test]
+    #[should_panic(expected = "a fixed colour")]
+    fn the_check_finds_fixed_colours() {
+        assert_readable("<figure><path stroke=\"#123456\"/></figure>");
     }
 
     #[test]

@@ -1,6 +1,8 @@
 //! Colours of drawings and of pages. Colour-blind readers can distinguish the colours of each set (Okabe and Ito,
-//! "Color Universal Design", 2008). Drawings are on white paper in the dark colour scheme too, so that their colours
-//! keep their meaning.
+//! "Color Universal Design", 2008).
+//!
+//! Drawings have the colours of the light scheme as they are, so that a file with one alone shows in any program. On a
+//! page [`for_page`] turns them into variables, which follow the colour scheme.
 
 use petzval_camera::sensor::Colour;
 
@@ -19,6 +21,21 @@ pub(crate) const LIMIT: &str = "#b3b9c1";
 /// Values that an ideal instrument would have.
 pub(crate) const IDEAL: &str = "#b8860b";
 
+/// Hues of curves and bars.
+const BLUE: &str = "#0072b2";
+const VERMILION: &str = "#d55e00";
+const GREEN: &str = "#009e73";
+const PURPLE: &str = "#aa4499";
+const AMBER: &str = "#b98200";
+const SKY: &str = "#3a9bd0";
+const VIOLET: &str = "#8a3ea6";
+const BROWN: &str = "#8c2d04";
+
+/// Colours of the mosaic of a sensor.
+const FILTER_RED: &str = "#c0392b";
+const FILTER_GREEN: &str = "#238b45";
+const FILTER_BLUE: &str = "#2b62b8";
+
 /// A colour of pages.
 struct PageColour {
     /// Its name in the style sheet.
@@ -32,7 +49,7 @@ struct PageColour {
 }
 
 /// The colours of pages.
-const PAGE: [PageColour; 9] = [
+const PAGE: [PageColour; 8] = [
     PageColour { name: "paper", light: "#fbfbf9", dark: "#14171b", print: "#fff" },
     PageColour { name: "ink", light: "#1d2229", dark: "#e6e8eb", print: "#000" },
     PageColour { name: "muted", light: "#626a75", dark: "#98a1ad", print: "#444" },
@@ -41,13 +58,40 @@ const PAGE: [PageColour; 9] = [
     PageColour { name: "gain", light: "#14703f", dark: "#5cc98d", print: "#14703f" },
     PageColour { name: "loss", light: "#b0341d", dark: "#f08a6f", print: "#b0341d" },
     PageColour { name: "accent", light: "#0b5fa5", dark: "#6cb2f0", print: "#0b5fa5" },
-    PageColour { name: "drawing", light: PAPER, dark: PAPER, print: PAPER },
 ];
 
-/// The colours of pages as rules of a style sheet.
+/// A colour of drawings; on printed paper it is that of the light scheme.
+const fn drawn(name: &'static str, light: &'static str, dark: &'static str) -> PageColour {
+    PageColour { name, light, dark, print: light }
+}
+
+/// The colours of drawings on pages.
+const DRAWN: [PageColour; 18] = [
+    drawn("plot-paper", PAPER, "#1a1e23"),
+    drawn("plot-ink", INK, "#e6e8eb"),
+    drawn("plot-muted", MUTED, "#a3abb5"),
+    drawn("plot-axis", AXIS, "#757d88"),
+    drawn("plot-grid", GRID, "#2c3239"),
+    drawn("plot-limit", LIMIT, "#59616b"),
+    drawn("plot-ideal", IDEAL, "#d9a82e"),
+    drawn("plot-blue", BLUE, "#4aa8e0"),
+    drawn("plot-vermilion", VERMILION, "#f08a3c"),
+    drawn("plot-green", GREEN, "#2cc79a"),
+    drawn("plot-purple", PURPLE, "#d983c9"),
+    drawn("plot-amber", AMBER, "#e0b03c"),
+    drawn("plot-sky", SKY, "#8fd0f5"),
+    drawn("plot-violet", VIOLET, "#bd84d6"),
+    drawn("plot-brown", BROWN, "#c9713f"),
+    drawn("plot-filter-red", FILTER_RED, "#f0776a"),
+    drawn("plot-filter-green", FILTER_GREEN, "#55bf77"),
+    drawn("plot-filter-blue", FILTER_BLUE, "#6f9ff0"),
+];
+
+/// The colours of pages and of their drawings as rules of a style sheet.
 pub(crate) fn page_colours() -> String {
     let rule = |of: fn(&PageColour) -> &'static str| -> String {
-        let colours: String = PAGE.iter().map(|c| format!("--{}:{};", c.name, of(c))).collect();
+        let all = PAGE.iter().chain(&DRAWN);
+        let colours: String = all.map(|c| format!("--{}:{};", c.name, of(c))).collect();
         format!(":root{{{colours}}}")
     };
     format!(
@@ -58,14 +102,34 @@ pub(crate) fn page_colours() -> String {
     )
 }
 
+/// A drawing whose colours follow the colour scheme of the page.
+///
+/// Colours are whole values of attributes; the quotation marks of a text are escaped, so that no text is touched.
+pub(crate) fn for_page(svg: &str) -> String {
+    DRAWN.iter().fold(svg.to_owned(), |svg, colour| {
+        svg.replace(&format!("\"{}\"", colour.light), &format!("\"{}\"", variable(colour.light)))
+    })
+}
+
+/// A colour of drawings as the page has it.
+fn variable(colour: &str) -> String {
+    let known = DRAWN.iter().find(|c| c.light == colour);
+    known.map_or_else(|| colour.to_owned(), |c| format!("var(--{})", c.name))
+}
+
+/// The colour of a camera for the elements of a page that show it.
+pub(crate) fn camera_style(colour: &str) -> String {
+    format!("--camera:{}", variable(colour))
+}
+
 /// Lines of cameras: the baseline is grey, the others are coloured.
-const CAMERAS: [&str; 7] = ["#5f6670", "#0072b2", "#d55e00", "#009e73", "#aa4499", "#b98200", "#3a9bd0"];
+const CAMERAS: [&str; 7] = [MUTED, BLUE, VERMILION, GREEN, PURPLE, AMBER, SKY];
 
 /// Ray fans, from the axis outwards.
-const FIELDS: [&str; 5] = ["#0072b2", "#009e73", "#d55e00", "#aa4499", "#b98200"];
+const FIELDS: [&str; 5] = [BLUE, GREEN, VERMILION, PURPLE, AMBER];
 
 /// Wavelengths from short to long, near their hues; a lens with few wavelengths uses colours that are far apart.
-const WAVELENGTHS: [&str; 7] = ["#8a3ea6", "#0072b2", "#3a9bd0", "#009e73", "#b98200", "#d55e00", "#8c2d04"];
+const WAVELENGTHS: [&str; 7] = [VIOLET, BLUE, SKY, GREEN, AMBER, VERMILION, BROWN];
 
 /// Indices of these colours, by the number of wavelengths.
 const CHOICES: [&[usize]; 7] =
@@ -98,9 +162,9 @@ pub(crate) fn wavelength(i: usize, count: usize) -> &'static str {
 /// A colour of the mosaic of a sensor; dark grey for pixels without a filter and for all pixels together.
 pub(crate) fn mosaic(colour: Option<Colour>) -> &'static str {
     match colour {
-        Some(Colour::Red) => "#c0392b",
-        Some(Colour::Green) => "#238b45",
-        Some(Colour::Blue) => "#2b62b8",
+        Some(Colour::Red) => FILTER_RED,
+        Some(Colour::Green) => FILTER_GREEN,
+        Some(Colour::Blue) => FILTER_BLUE,
         Some(Colour::Clear) | None => INK,
     }
 }
@@ -110,4 +174,24 @@ pub(crate) fn glass(vd: f64) -> String {
     let crown = if vd.is_finite() { ((vd - 25.0) / 30.0).clamp(0.0, 1.0) } else { 1.0 };
     let mix = |i: usize| (FLINT[i] + crown * (CROWN[i] - FLINT[i])).round() as u8;
     format!("#{:02x}{:02x}{:02x}", mix(0), mix(1), mix(2))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_colour_of_a_drawing_is_a_variable_and_texts_stay() {
+        let all: Vec<&str> = (0..7).flat_map(|i| [camera(i), field(i), wavelength(i, 7)]).collect();
+        for colour in all.into_iter().chain([PAPER, INK, MUTED, AXIS, GRID, LIMIT, IDEAL]) {
+            let page = for_page(&format!("<path stroke=\"{colour}\"/><text>{colour}</text>"));
+            assert!(
+                page.starts_with("<path stroke=\"var(--plot-") && page.contains(&format!("<text>{colour}<"))
+            );
+        }
+        // No two colours of the light scheme are equal: each has one name.
+        for (i, a) in DRAWN.iter().enumerate() {
+            assert!(DRAWN[..i].iter().all(|b| b.light != a.light && b.dark != a.dark), "{}", a.name);
+        }
+    }
 }

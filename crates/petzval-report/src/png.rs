@@ -1,4 +1,4 @@
-//! PNG: pictures as bytes, and as data URLs for a page.
+//! Pictures as the bytes of PNG files, and as data URLs for a page.
 
 use std::io::Cursor;
 
@@ -17,4 +17,9 @@ pub(crate) fn encode(picture: &RgbImage) -> Vec<u8> {
 /// A PNG as a data URL, so that the page is self-contained.
 pub(crate) fn address(png: &[u8]) -> String {
     format!("data:image/png;base64,{}", STANDARD.encode(png))
+}
+
+/// A JPEG as a data URL.
+pub(crate) fn jpeg_address(jpeg: &[u8]) -> String {
+    format!("data:image/jpeg;base64,{}", STANDARD.encode(jpeg))
 }

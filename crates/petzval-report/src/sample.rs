@@ -4,16 +4,17 @@ use std::io::Cursor;
 use std::sync::Arc;
 
 use image::{ImageFormat, Rgb, RgbImage};
-use petzval_optics::analysis::{AnalysisOptions, Layout, first_order_table, layout};
+use petzval_optics::analysis::{AnalysisOptions, Layout, field_mtf, first_order_table, layout};
 use petzval_optics::glass::{Dispersion, Glass};
 use petzval_optics::lens::{ASPHERE_TERMS, Lens, ObjectDistance, Surface, SurfaceShape};
 use petzval_optics::psf::{PsfOptions, psf};
 use petzval_optics::pupil::Quadrature;
 
 use crate::design_report::{
-    CameraPicture, CameraView, Change, FieldPoint, LossCurve, PictureView, PsfView, Report, Score,
-    SurfaceView, TableRow,
+    CameraPicture, CameraView, Change, FieldPoint, FrameView, LossCurve, PictureView, PsfView, Report, Score,
+    TableRow,
 };
+use crate::prescription::SurfaceView;
 
 const CAMERAS: [&str; 3] = ["nominal", "spot-optimised", "end-to-end"];
 const LAYOUT_FIELDS_DEG: [f64; 3] = [0.0, 7.5, 15.0];
@@ -182,6 +183,8 @@ fn camera(i: usize) -> CameraView {
         min: 24.4,
         max: 24.6,
     };
+    let coarse = AnalysisOptions { pupil_cells: 16, frequency_points: 9, ..AnalysisOptions::default() };
+    let mtf = LAYOUT_FIELDS_DEG.iter().filter_map(|deg| field_mtf(&lens, *deg, &coarse).ok()).collect();
     let over_field = [0.0, 7.5, 15.0].map(|field_deg| FieldPoint {
         field_deg,
         rms_um: 4.0 + field_deg,
@@ -192,6 +195,7 @@ fn camera(i: usize) -> CameraView {
         first_order: first_order_table(&lens),
         surfaces: surfaces(),
         layout: layout_of(&lens, &LAYOUT_FIELDS_DEG, 9),
+        mtf,
         over_field: over_field.into(),
         psfs,
         changes: if i > 0 { vec![change] } else { Vec::new() },
@@ -214,6 +218,7 @@ pub(crate) fn report() -> Report {
         truth_png: picture_png(64, 64, 0),
         cameras: (0..3).map(shot).collect(),
     };
+    let frame = |name: &str| FrameView { name: name.into(), png: picture_png(160, 100, 1) };
     let curve = |i: usize| LossCurve {
         camera: CAMERAS[i].into(),
         block: "network".into(),
@@ -231,7 +236,9 @@ pub(crate) fn report() -> Report {
         reference_um: 0.5876,
         wavelengths_um: WAVELENGTHS_UM.to_vec(),
         half_diagonal_mm: 6.1,
+        nyquist_per_mm: 85.32,
         pictures: vec![picture("centre"), picture("corner, 14.2°")],
+        frames: ["scene", "nominal", "end-to-end"].map(frame).into(),
         has_isp: false,
         pictures_in_all: 2,
         study: None,

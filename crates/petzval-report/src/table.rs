@@ -2,6 +2,8 @@
 
 use maud::{Markup, Render, html};
 
+use crate::palette;
+
 /// A column.
 #[derive(Clone, Debug)]
 pub(crate) struct Column {
@@ -83,7 +85,7 @@ impl Row {
 
     /// Adds the colour of a camera in front of the head.
     pub fn of_camera(self, colour: &str) -> Self {
-        Self { style: Some(format!("--camera:{colour}")), ..self }
+        Self { style: Some(palette::camera_style(colour)), ..self }
     }
 }
 

@@ -105,12 +105,47 @@ fn everything_is_written_and_well_formed() {
     }
     let page = read(&out.join("analysis.html"));
     assert!(page.len() < 2_000_000 && page.matches("<figure>").count() == 15);
+    assert!(page.contains("<h2>Prescription</h2>") && page.contains(" stop</th>"));
 
     // Four fields in three colours.
     with_svg(&out, "spots", |root| assert_eq!((of_class(root, "spot"), of_class(root, "rays")), (4, 12)));
     with_svg(&out, "ray_fans", |root| assert_eq!(of_class(root, "curve"), 24));
     with_svg(&out, "mtf", |root| assert_eq!(of_class(root, "curve"), 9));
     with_svg(&out, "layout", |root| assert_eq!((of_class(root, "element"), of_class(root, "fan")), (3, 8)));
+}
+
+#[test]
+fn the_nyquist_frequency_of_a_sensor_is_marked() {
+    let folder = tempfile::tempdir().unwrap();
+    let analyze = |more: &[&str]| {
+        let args =
+            [&["lens", "analyze", LENS, "--only", "mtf,html", "--out", "here", "--force", "--json"], more]
+                .concat();
+        run_ok(folder.path(), &args).json()
+    };
+    // Pixels of 5.86 um.
+    let of_sensor = analyze(&["--sensor", "imx249-calibrated"]);
+    assert!((of_sensor["nyquist_per_mm"].as_f64().unwrap() - 85.3242).abs() < 1e-3);
+    with_svg(&folder.path().join("here"), "mtf", |root| {
+        assert!(texts(root).iter().any(|t| t.contains("Nyquist frequency of the pixels, 85.3 cycles/mm")));
+        assert_eq!(of_class(root, "curve"), 10);
+    });
+    assert_eq!(of_sensor, analyze(&["--pixel-um", "5.86"]));
+    // Curves reach beyond the Nyquist frequency of small pixels; over the field they are at it.
+    let fine = analyze(&["--pixel-um", "2"]);
+    let highest = fine["mtf"][0]["frequency_per_mm"].as_array().unwrap().last().unwrap().as_f64().unwrap();
+    assert!(highest > 250.0, "{highest}");
+    assert_eq!(fine["mtf_by_field"]["frequency_per_mm"], serde_json::json!([62.5, 125.0, 250.0]));
+    assert!(analyze(&[])["nyquist_per_mm"].is_null());
+    let args = |more: &'static [&'static str]| [&["lens", "analyze", LENS], more].concat();
+    run_fails(folder.path(), &args(&["--pixel-um", "0"]), 2, &["--pixel-um 0", "out of range"]);
+    run_fails(
+        folder.path(),
+        &args(&["--pixel-um", "2", "--sensor", "imx249-calibrated"]),
+        2,
+        &["cannot be used with"],
+    );
+    run_fails(folder.path(), &args(&["--sensor", "imx24"]), 2, &["imx24"]);
 }
 
 #[test]

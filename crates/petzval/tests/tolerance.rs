@@ -95,6 +95,16 @@ fn the_folder_holds_figures_pictures_and_the_worst_lenses() {
         let svg = read(&out.join(picture));
         assert!(svg.starts_with("<svg") && svg.contains("RMS spot"), "{picture}");
     }
+    // The page has its sections, the figures of the data, and the worst lenses.
+    let page = read(&out.join("tolerance.html"));
+    for part in ["Summary", "Lenses made at random", "What each tolerance costs", "The worst lenses"] {
+        assert!(page.contains(&format!("<h2>{part}</h2>")), "{part}");
+    }
+    assert!(page.contains(&format!("{:.3}\u{a0}µm", number(&figures["nominal"]))));
+    for w in worst {
+        assert!(page.contains(&format!("<th scope=\"row\">{}</th>", w["trial"])), "{w}");
+    }
+    assert_eq!(page.matches("class=\"steps\"").count(), 1, "a histogram");
     // The tolerances as a file give the same lenses.
     let again = [
         "lens",

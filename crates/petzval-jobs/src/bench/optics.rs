@@ -2,6 +2,7 @@
 
 use petzval_base::simd::level;
 use petzval_design::error::DesignError;
+use petzval_design::lens_view::surfaces;
 use petzval_design::psf_plan::PsfPlan;
 use petzval_optics::analysis::{AnalysisOptions, analyze};
 use petzval_optics::design_space::{EflSolve, Solves, Variable};
@@ -291,7 +292,7 @@ fn lens_analyze() -> Result<Prepared, JobError> {
             for picture in PICTURES {
                 std::hint::black_box(picture.svg(&analysis));
             }
-            std::hint::black_box(page(&analysis, PICTURES));
+            std::hint::black_box(page(&analysis, &surfaces(&lens), PICTURES));
             Ok(())
         }),
     })

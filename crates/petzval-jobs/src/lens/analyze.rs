@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use petzval_design::lens_view::surfaces;
 use petzval_optics::analysis::{AnalysisOptions, analyze, first_order_table};
 use petzval_optics::lens::Lens;
 use petzval_report::lens_sheet::{PICTURES, Picture, page};
@@ -39,9 +40,16 @@ pub struct Request {
     pub only: Vec<String>,
     /// Where the image plane goes.
     pub focus: FocusAt,
-    /// Highest frequency of MTF curves, cycles/mm; if left out, 100, or about half of the cutoff if that is less.
+    /// Sensor file, or a built-in name: its pixels' Nyquist frequency is marked in MTF curves.
+    #[serde(default)]
+    pub sensor: Option<String>,
+    /// Pixel pitch, um, 0.1 to 1000, in place of a sensor.
+    #[serde(default)]
+    pub pixel_um: Option<f64>,
+    /// Highest frequency of MTF curves, cycles/mm; if left out, 100, or about half of the cutoff if that is less, but beyond the Nyquist
+    /// frequency.
     pub max_frequency: Option<f64>,
-    /// Frequency of MTF through focus, cycles/mm; half of the highest if left out.
+    /// Frequency of MTF through focus, cycles/mm; half of the highest, or of the Nyquist frequency, if left out.
     pub frequency: Option<f64>,
 }
 
@@ -75,6 +83,17 @@ impl Request {
                 ));
             }
         }
+        match (self.pixel_um, &self.sensor) {
+            (Some(pitch), None) if !(0.1..=1e3).contains(&pitch) => {
+                let hint = "in um, 0.1 to 1000; many sensors have pixels of 2 to 6 um";
+                return Err(JobError::setting("pixel_um", pitch, "out of range", hint));
+            }
+            (Some(pitch), Some(_)) => {
+                let hint = "a sensor has a pixel pitch of its own: leave one of the two out";
+                return Err(JobError::setting("pixel_um", pitch, "there is a sensor too", hint));
+            }
+            _ => {}
+        }
         let names = names();
         match self.only.iter().find(|name| !names.contains(&name.as_str())) {
             Some(name) => {
@@ -104,7 +123,12 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     request.check()?;
     let lens = focused(context.assets.lens(&request.lens)?.lens, request.focus)?;
     check_image(&request.lens, &lens)?;
+    let pixel_pitch_um = match &request.sensor {
+        Some(name) => Some(context.assets.sensor(name)?.pixel_um),
+        None => request.pixel_um,
+    };
     let options = AnalysisOptions {
+        pixel_pitch_um,
         max_frequency_per_mm: request.max_frequency,
         focus_frequency_per_mm: request.frequency,
         ..AnalysisOptions::default()
@@ -136,7 +160,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         // A page that is written without pictures beside it shows all of them.
         let shown = if wanted.is_empty() { PICTURES.iter().collect() } else { wanted };
         let path = folder.join("analysis.html");
-        write_file(&path, page(&analysis, shown))?;
+        write_file(&path, page(&analysis, &surfaces(&lens), shown))?;
         files.push(path.clone());
         page_file = Some(path);
     }

@@ -47,6 +47,8 @@ pub struct Analysis {
     pub reference_um: f64,
     /// Fields, degrees, in the order of every list by field.
     pub fields_deg: Vec<f64>,
+    /// The Nyquist frequency of the sensor, cycles/mm, if its pixel pitch is known.
+    pub nyquist_per_mm: Option<f64>,
     /// First-order properties.
     pub first_order: FirstOrderTable,
     /// Seidel sums, by surface.
@@ -98,6 +100,7 @@ pub fn analyze(lens: &Lens, options: &AnalysisOptions) -> Result<Analysis, Analy
         wavelengths_um: lens.wavelengths_um.clone(),
         reference_um: lens.reference_um,
         fields_deg: lens.fields_deg.clone(),
+        nyquist_per_mm: options.nyquist_per_mm(),
         first_order: first_order_table(lens),
         third_order: third_order(lens),
         layout: layout(lens, options),

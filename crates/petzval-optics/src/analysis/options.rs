@@ -16,13 +16,17 @@ pub struct AnalysisOptions {
     pub layout_rays: usize,
     /// Points over the field.
     pub field_points: usize,
-    /// Highest frequency of MTF curves, cycles/mm; `None`: 100, or about half of the cutoff of the lens if that is less.
+    /// Pixel pitch of the sensor, um, if one is known: its Nyquist frequency takes the place of the highest frequency in the defaults below.
+    pub pixel_pitch_um: Option<f64>,
+    /// Highest frequency of MTF curves, cycles/mm; `None`: 100, or about half of the cutoff of the lens if that is less, but beyond the
+    /// Nyquist frequency.
     pub max_frequency_per_mm: Option<f64>,
     /// Points of an MTF curve.
     pub frequency_points: usize,
-    /// Frequencies of MTF over the field, cycles/mm; empty: a quarter, a half and all of the highest.
+    /// Frequencies of MTF over the field, cycles/mm; empty: a quarter, a half and all of the highest, or of the
+    /// Nyquist frequency.
     pub field_frequencies_per_mm: Vec<f64>,
-    /// Frequency of MTF through focus, cycles/mm; `None`: half of the highest.
+    /// Frequency of MTF through focus, cycles/mm; `None`: half of the highest, or of the Nyquist frequency.
     pub focus_frequency_per_mm: Option<f64>,
     /// Range of through-focus curves to both sides of the image plane, mm; `None`: up to a blur of two periods of the
     /// frequency by the f-number.
@@ -40,13 +44,14 @@ impl Default for AnalysisOptions {
             spot_rings: 10,
             fan_points: 65,
             layout_rays: 7,
-            field_points: 21,
+            field_points: 31,
+            pixel_pitch_um: None,
             max_frequency_per_mm: None,
-            frequency_points: 51,
+            frequency_points: 101,
             field_frequencies_per_mm: Vec::new(),
             focus_frequency_per_mm: None,
             focus_range_mm: None,
-            focus_points: 41,
+            focus_points: 61,
             radius_points: 64,
         }
     }
@@ -55,20 +60,36 @@ impl Default for AnalysisOptions {
 /// Default of the highest frequency, cycles/mm.
 const COMMON_FREQUENCY: f64 = 100.0;
 
+/// Highest frequency over the Nyquist frequency, at least: the mark of that frequency is within the curves.
+const SHOWN_OF_NYQUIST: f64 = 1.1;
+
 /// Default of the highest frequency for a lens with a lower cutoff, as a share of the cutoff.
 const SHOWN_OF_CUTOFF: f64 = 0.5;
 
 impl AnalysisOptions {
     /// Highest frequency of MTF curves, cycles/mm.
     pub fn highest_frequency(&self, lens: &Lens) -> f64 {
-        let shown = || round_up(SHOWN_OF_CUTOFF * cutoff_per_mm(lens)).min(COMMON_FREQUENCY);
+        let shown = || {
+            let of_lens = round_up(SHOWN_OF_CUTOFF * cutoff_per_mm(lens)).min(COMMON_FREQUENCY);
+            self.nyquist_per_mm().map_or(of_lens, |nyquist| of_lens.max(round_up(SHOWN_OF_NYQUIST * nyquist)))
+        };
         self.max_frequency_per_mm.unwrap_or_else(shown)
+    }
+
+    /// The Nyquist frequency of the sensor, half a cycle a pixel, cycles/mm.
+    pub fn nyquist_per_mm(&self) -> Option<f64> {
+        self.pixel_pitch_um.map(|pitch| 1e3 / (2.0 * pitch))
+    }
+
+    /// The Nyquist frequency of the sensor; the highest frequency if no sensor is known.
+    fn finest(&self, lens: &Lens) -> f64 {
+        self.nyquist_per_mm().unwrap_or_else(|| self.highest_frequency(lens))
     }
 
     /// Frequencies of MTF over the field, cycles/mm.
     pub fn frequencies_by_field(&self, lens: &Lens) -> Vec<f64> {
         if self.field_frequencies_per_mm.is_empty() {
-            [0.25, 0.5, 1.0].map(|share| share * self.highest_frequency(lens)).to_vec()
+            [0.25, 0.5, 1.0].map(|share| share * self.finest(lens)).to_vec()
         } else {
             self.field_frequencies_per_mm.clone()
         }
@@ -76,7 +97,7 @@ impl AnalysisOptions {
 
     /// Frequency of MTF through focus, cycles/mm.
     pub fn frequency_through_focus(&self, lens: &Lens) -> f64 {
-        self.focus_frequency_per_mm.unwrap_or_else(|| 0.5 * self.highest_frequency(lens))
+        self.focus_frequency_per_mm.unwrap_or_else(|| 0.5 * self.finest(lens))
     }
 
     /// Shifts of the image plane of a through-focus curve, mm.

@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 
 use crate::design_report::{Report, lenses, over_the_field, over_the_run, pictures};
-use crate::page::{Page, caption, section};
+use crate::page::{Page, Section, caption, section, with_contents};
 use crate::table::{Column, Row, Table};
 
 /// Runs of one experiment.
@@ -59,9 +59,7 @@ impl TextTable {
 
 /// The page.
 pub fn page(groups: &[Group]) -> String {
-    let main = html! {
-        @for group in groups { (section(&group.title, of_group(group))) }
-    };
+    let sections: Vec<Section> = groups.iter().map(|group| section(&group.title, of_group(group))).collect();
     Page {
         title: "Runs compared".to_owned(),
         style: include_str!("../design_report/page.css"),
@@ -70,7 +68,7 @@ pub fn page(groups: &[Group]) -> String {
             "Every score is that of exact optics and the real ISP on held-out pictures. ± is the standard deviation over the seeds; "
             "figures of one seed have none."
         },
-        main,
+        main: with_contents(&sections),
         ..Page::default()
     }
     .html()
@@ -115,6 +113,7 @@ mod tests {
     #[test]
     fn the_page_shows_every_group_with_its_tables_and_pictures() {
         let page = page(&[group(), Group { title: "Other".into(), ..Group::default() }]);
+        crate::page::assert_readable(&page);
         for words in ["<h2>A &lt;test&gt;</h2>", "<h2>Other</h2>", "27.1 ± 0.2", "Lenses", "Over the run"] {
             assert!(page.contains(words), "{words}");
         }

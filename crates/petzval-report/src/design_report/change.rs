@@ -9,8 +9,8 @@ use crate::table::{Column, Row, Table};
 /// Values nearer to a bound than this share of the range count as lying on it.
 const ON_BOUND: f64 = 0.01;
 
-/// The table of changes from the lens at the start; nothing if there are none.
-pub(super) fn change_table(changes: &[Change]) -> Markup {
+/// The table of changes from the start, each under its name as `named` shows it; nothing if there are none.
+pub(super) fn change_table(changes: &[Change], named: fn(&str) -> Markup) -> Markup {
     if changes.is_empty() {
         return html! {};
     }
@@ -27,10 +27,10 @@ pub(super) fn change_table(changes: &[Change]) -> Markup {
             html! { (number::significant(change.from)) },
             html! { (number::significant(change.to)) },
             html! { (percent(change)) },
-            html! { (change.unit) },
+            html! { (number::unit(&change.unit)) },
             range(change),
         ];
-        Row::new(&change.parameter, cells)
+        Row::new(named(&change.parameter), cells)
     });
     Table::new(columns).class("changes").rows(rows).html()
 }
@@ -71,6 +71,10 @@ fn range(change: &Change) -> Markup {
 mod tests {
     use super::*;
 
+    fn change_table(changes: &[Change]) -> Markup {
+        super::change_table(changes, |name| html! { (name) })
+    }
+
     fn change(from: f64, to: f64, min: f64, max: f64) -> Change {
         Change { parameter: "V1 <front>".into(), from, to, unit: "mm".into(), min, max }
     }
@@ -80,6 +84,8 @@ mod tests {
         let table = change_table(&[change(11.34, 12.0, 10.0, 14.0)]).into_string();
         assert!(table.contains("V1 &lt;front&gt;") && table.contains("11.340") && table.contains("+5.8 %"));
         assert!(table.contains("left:50.0%") && !table.contains("on its bound"));
+        let asphere = Change { unit: "mm^-3".into(), ..change(1.0, 2.0, 0.0, 4.0) };
+        assert!(change_table(&[asphere]).into_string().contains("mm⁻³"));
         let bound = change_table(&[change(11.0, 14.0, 10.0, 14.0)]).into_string();
         assert!(bound.contains("on its bound"));
     }

@@ -10,8 +10,8 @@ use super::view::{CameraDetection, DetectionView, Mistake, Range, Report, camera
 use crate::number;
 use crate::page::{caption, figure};
 use crate::plot::{Chart, Series, chart_svg};
-use crate::png;
 use crate::table::{Column, Row, Table};
+use crate::{palette, png};
 
 /// Decimals of average precisions.
 const DECIMALS: usize = 3;
@@ -83,6 +83,7 @@ fn precision_recall(report: &Report, view: &DetectionView, class: &str) -> Chart
             name: camera.camera.clone(),
             colour: camera_colour(&report.cameras, &camera.camera, i).to_owned(),
             points: curve.points.clone(),
+            ..Series::default()
         })
     };
     Chart {
@@ -90,6 +91,7 @@ fn precision_recall(report: &Report, view: &DetectionView, class: &str) -> Chart
         x_axis: format!("recall, {class}"),
         y_axis: "precision".to_owned(),
         series: view.cameras.iter().enumerate().filter_map(series).collect(),
+        marks: Vec::new(),
         smooth: false,
         from_zero: true,
     }
@@ -136,7 +138,7 @@ fn mistakes(report: &Report, camera: &CameraDetection, i: usize) -> Markup {
     };
     html! {
         details open[i + 1 == report.cameras.len()] {
-            summary { span.shot-name style=(format!("--camera:{colour}")) { (camera.camera) } ": misses and false alarms" }
+            summary { span.shot-name style=(palette::camera_style(colour)) { (camera.camera) } ": misses and false alarms" }
             (strip("Misses", &camera.misses, MISSED))
             (strip("False alarms", &camera.false_alarms, ALARM))
         }

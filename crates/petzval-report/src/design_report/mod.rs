@@ -6,10 +6,11 @@
 mod attribution;
 mod change;
 mod detection;
+mod frames;
 mod made;
+mod mtf;
 mod page;
 mod picture;
-mod prescription;
 mod psf_table;
 mod reading;
 mod score_table;
@@ -18,9 +19,9 @@ mod view;
 pub(crate) use page::{lenses, over_the_field, over_the_run};
 pub(crate) use picture::pictures;
 pub use view::{
-    Attribution, CameraDetection, CameraPicture, CameraView, Change, DetectionView, FieldPoint, GroupFigure,
-    LossCurve, LostObjects, MadeCamera, MadeCameras, MadeScore, Mistake, PictureView, PrecisionCurve,
-    PsfView, Range, Report, Score, SeedDifference, SeedStudy, Spread, SurfaceView, TableRow,
+    Attribution, CameraDetection, CameraPicture, CameraView, Change, DetectionView, FieldPoint, FrameView,
+    GroupFigure, LossCurve, LostObjects, MadeCamera, MadeCameras, MadeScore, Mistake, PictureView,
+    PrecisionCurve, PsfView, Range, Report, Score, SeedDifference, SeedStudy, Spread, TableRow,
 };
 
 /// The result in sentences, as the page has it. Empty if there are no cameras to compare.

@@ -5,37 +5,44 @@ use maud::{Markup, html};
 use super::attribution::{attribution, has_attribution};
 use super::change::change_table;
 use super::detection::detection;
+use super::frames::frames;
 use super::made::made_table;
+use super::mtf::{has_mtf, mtf};
 use super::picture::pictures;
-use super::prescription::{first_order_line, prescription};
 use super::psf_table::psf_table;
 use super::reading::reading;
 use super::score_table::score_table;
 use super::view::{CameraView, FieldPoint, LossCurve, Report, camera_colour};
 use crate::layout::{CrossSection, Extent};
 use crate::number;
-use crate::page::{Page, caption, facts, figure, section};
+use crate::page::{Page, Section, caption, facts, figure, section, with_contents};
 use crate::palette;
 use crate::plot::{Chart, Series, chart_svg};
+use crate::prescription::{first_order_line, prescription};
 
 /// Width of a layout drawing, px.
 const LAYOUT_PX: f64 = 1020.0;
 
 /// The whole page.
 pub(super) fn page(report: &Report) -> String {
-    let main = html! {
-        (result(report))
-        (section_of("Pictures", !report.pictures.is_empty(), || pictures(report)))
-        (section_of("Detection", report.detection.is_some(), || detection(report)))
-        (section_of("As made", report.made.is_some(), || made_table(report)))
-        (section_of("Lenses", !report.cameras.is_empty(), || lenses(report)))
-        (section_of("Image signal processor", report.cameras.iter().any(|c| !c.isp_changes.is_empty()), || isps(report)))
-        (section_of("Point-spread functions", has_psfs(report), || psf_table(report)))
-        (section_of("Over the field", !report.cameras.is_empty(), || over_the_field(report)))
-        (section_of("Over the run", !report.losses.is_empty(), || over_the_run(report)))
-        (section_of("What lowered the loss", has_attribution(report), || attribution(report)))
-        (how_it_was_made(report))
-    };
+    let has_cameras = !report.cameras.is_empty();
+    let has_isps = report.cameras.iter().any(|c| !c.isp_changes.is_empty());
+    let sections = [
+        result(report),
+        section_of("Pictures", !report.pictures.is_empty(), || pictures(report)),
+        section_of("Whole frames", !report.frames.is_empty(), || frames(report)),
+        section_of("Detection", report.detection.is_some(), || detection(report)),
+        section_of("As made", report.made.is_some(), || made_table(report)),
+        section_of("Lenses", has_cameras, || lenses(report)),
+        section_of("Image signal processor", has_isps, || isps(report)),
+        section_of("Modulation transfer functions", has_mtf(report), || mtf(report)),
+        section_of("Point-spread functions", has_psfs(report), || psf_table(report)),
+        section_of("Over the field", has_cameras, || over_the_field(report)),
+        section_of("Over the run", !report.losses.is_empty(), || over_the_run(report)),
+        section_of("What lowered the loss", has_attribution(report), || attribution(report)),
+        how_it_was_made(report),
+    ];
+    let main = with_contents(&sections.into_iter().flatten().collect::<Vec<Section>>());
     let command = html! {
         @if !report.command_line.is_empty() { pre.command { code { "$ " (report.command_line) } } }
     };
@@ -52,31 +59,25 @@ pub(super) fn page(report: &Report) -> String {
 }
 
 /// A section under a headline, unless it is empty.
-fn section_of(headline: &str, is_there: bool, body: impl FnOnce() -> Markup) -> Markup {
-    if is_there {
-        section(headline, body())
-    } else {
-        html! {}
-    }
+fn section_of(headline: &str, is_there: bool, body: impl FnOnce() -> Markup) -> Option<Section> {
+    is_there.then(|| section(headline, body()))
 }
 
 /// The reading, the scores, and the remarks.
-fn result(report: &Report) -> Markup {
+fn result(report: &Report) -> Option<Section> {
     let sentences = reading(report);
-    html! {
-        @if !report.table.is_empty() || !report.notes.is_empty() {
-            (section("Result", html! {
-                @if let Some((first, rest)) = sentences.split_first() {
-                    p.lead { (first) }
-                    @for sentence in rest { p.reading { (sentence) } }
-                }
-                (score_table(&report.scores, &report.table, &report.cameras))
-                @if !report.notes.is_empty() {
-                    ul.notes { @for note in &report.notes { li { (note) } } }
-                }
-            }))
+    section_of("Result", !report.table.is_empty() || !report.notes.is_empty(), || {
+        html! {
+            @if let Some((first, rest)) = sentences.split_first() {
+                p.lead { (first) }
+                @for sentence in rest { p.reading { (sentence) } }
+            }
+            (score_table(&report.scores, &report.table, &report.cameras))
+            @if !report.notes.is_empty() {
+                ul.notes { @for note in &report.notes { li { (note) } } }
+            }
         }
-    }
+    })
 }
 
 /// Layouts on one scale, with the changes.
@@ -112,13 +113,13 @@ pub(crate) fn lenses(report: &Report) -> Markup {
 fn lens(camera: &CameraView, i: usize, layout_svg: &str) -> Markup {
     html! {
         article.lens {
-            h3 style=(format!("--camera:{}", palette::camera(i))) { (camera.name) }
+            h3 style=(palette::camera_style(palette::camera(i))) { (camera.name) }
             p.muted { (first_order_line(&camera.first_order)) }
             (figure(layout_svg))
             @if !camera.changes.is_empty() {
                 details open {
                     summary { "What changed (" (camera.changes.len()) ")" }
-                    (change_table(&camera.changes))
+                    (change_table(&camera.changes, |name| html! { (name) }))
                 }
             }
             details {
@@ -134,10 +135,10 @@ fn isps(report: &Report) -> Markup {
     html! {
         @for (i, camera) in report.cameras.iter().enumerate().filter(|(_, c)| !c.isp_changes.is_empty()) {
             article.lens {
-                h3 style=(format!("--camera:{}", palette::camera(i))) { (camera.name) }
+                h3 style=(palette::camera_style(palette::camera(i))) { (camera.name) }
                 details open {
                     summary { "Parameters that moved (" (camera.isp_changes.len()) ")" }
-                    (change_table(&camera.isp_changes))
+                    (change_table(&camera.isp_changes, |key| html! { code { (key) } }))
                 }
             }
         }
@@ -152,12 +153,14 @@ pub(crate) fn over_the_field(report: &Report) -> Markup {
             name: camera.name.clone(),
             colour: palette::camera(i).into(),
             points: camera.over_field.iter().map(|p| (p.field_deg, value(p))).collect(),
+            ..Series::default()
         });
         figure(&chart_svg(&Chart {
             alt: format!("{what} over the field angle, one curve per camera"),
             x_axis: "field angle, degrees".into(),
             y_axis: y_axis.into(),
             series: series.collect(),
+            marks: Vec::new(),
             smooth: false,
             from_zero: true,
         }))
@@ -196,13 +199,15 @@ fn loss_chart(group: &[&LossCurve], report: &Report) -> Chart {
         name: curve.camera.clone(),
         colour: camera_colour(&report.cameras, &curve.camera, i).into(),
         points: curve.points.iter().map(|(step, value)| (*step as f64, *value)).collect(),
+        ..Series::default()
     });
     let (block, label) = (&group[0].block, &group[0].label);
     Chart {
-        alt: format!("{label} of the {block} block over the steps of the run"),
-        x_axis: format!("step of the {block} block"),
+        alt: format!("{label} over the steps of the {block}"),
+        x_axis: format!("step of the {block}"),
         y_axis: label.clone(),
         series: series.collect(),
+        marks: Vec::new(),
         smooth: true,
         from_zero: false,
     }
@@ -213,7 +218,7 @@ fn has_psfs(report: &Report) -> bool {
 }
 
 /// The machine, and the configuration with which to repeat the run.
-fn how_it_was_made(report: &Report) -> Markup {
+fn how_it_was_made(report: &Report) -> Option<Section> {
     let is_there = !report.environment.is_empty() || !report.config_toml.is_empty();
     section_of("How it was made", is_there, || {
         html! {
@@ -248,6 +253,7 @@ fn viewer() -> Markup {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::page::assert_readable;
     use crate::sample;
 
     #[test]
@@ -257,7 +263,9 @@ mod tests {
         assert!(!elsewhere.contains("http://") && !elsewhere.contains("https://"));
         assert!(!page.contains("@import") && !page.contains("url("));
         for source in page.split("src=\"").skip(1) {
-            assert!(source.starts_with("data:image/png;base64,"));
+            assert!(
+                source.starts_with("data:image/png;base64,") || source.starts_with("data:image/jpeg;base64,")
+            );
         }
     }
 
@@ -265,11 +273,21 @@ mod tests {
     fn every_section_exists_and_every_picture_is_described() {
         let report = sample::report();
         let page = page(&report);
-        for headline in
-            ["Result", "Pictures", "Lenses", "Point-spread functions", "Over the field", "Over the run"]
-        {
+        for headline in [
+            "Result",
+            "Pictures",
+            "Whole frames",
+            "Lenses",
+            "Modulation transfer functions",
+            "Point-spread functions",
+            "Over the field",
+            "Over the run",
+            "How it was made",
+        ] {
             assert!(page.contains(&format!("<h2>{headline}</h2>")), "{headline}");
+            assert!(page.contains(&format!("\">{headline}</a>")), "{headline} in the contents");
         }
+        assert_readable(&page);
         assert_eq!(page.matches("class=\"layout\"").count(), 3);
         assert_eq!(page.matches("class=\"psf-picture\"").count(), 15);
         assert!(page.contains("class=\"ghost\""));

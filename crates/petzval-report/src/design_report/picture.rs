@@ -8,7 +8,7 @@ use maud::{Markup, html};
 use super::view::{CameraPicture, PictureView, Report, camera_colour};
 use crate::number;
 use crate::page::caption;
-use crate::png;
+use crate::{palette, png};
 
 /// Side of the enlarged part, as a share of the picture's side.
 const ZOOM: f64 = 0.25;
@@ -71,7 +71,7 @@ fn camera_column(
     let alt = |what: &str| format!("{}: {what} of the {} camera", picture.title, shot.camera);
     html! {
         div.shot {
-            div.shot-name style=(format!("--camera:{}", colour)) { (shot.camera) }
+            div.shot-name style=(palette::camera_style(colour)) { (shot.camera) }
             (framed(&shot.output_png, &alt("finished picture"), &shot.camera, group))
             div.shot-scores {
                 @for (i, (score, value)) in report.scores.iter().zip(&shot.scores).enumerate() {

@@ -32,7 +32,7 @@ pub(super) fn psf_table(report: &Report) -> Markup {
                 }
             }
             @for (row, camera) in report.cameras.iter().enumerate() {
-                div.row-head style=(format!("--camera:{}", palette::camera(row))) { (camera.name) }
+                div.row-head style=(palette::camera_style(palette::camera(row))) { (camera.name) }
                 @for column in &columns {
                     (cell(camera, column.psfs[row], column.peak, window_um, channels))
                 }

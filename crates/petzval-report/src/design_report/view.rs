@@ -1,9 +1,10 @@
 //! The contents of the report, as plain data.
 
-use petzval_optics::analysis::{FirstOrderTable, Layout};
+use petzval_optics::analysis::{FieldMtf, FirstOrderTable, Layout};
 use petzval_optics::psf::{FieldPsf, PsfOptions};
 
 use crate::palette;
+use crate::prescription::SurfaceView;
 
 /// The contents of a report.
 #[derive(Clone, Debug, Default)]
@@ -28,8 +29,12 @@ pub struct Report {
     pub wavelengths_um: Vec<f64>,
     /// Half of the diagonal of the sensor, mm.
     pub half_diagonal_mm: f64,
+    /// The Nyquist frequency of the sensor, half a cycle a pixel, cycles/mm.
+    pub nyquist_per_mm: f64,
     /// Held-out pictures, taken by each camera: all of them, or some.
     pub pictures: Vec<PictureView>,
+    /// Whole frames of one photograph: the scene first, then one of each camera; or none.
+    pub frames: Vec<FrameView>,
     /// Number of all held-out pictures.
     pub pictures_in_all: usize,
     /// Whether a hardware ISP, not a network, finishes the pictures.
@@ -132,6 +137,8 @@ pub struct CameraView {
     pub surfaces: Vec<SurfaceView>,
     /// The lens in cross-section, with rays of [`Report::layout_fields_deg`].
     pub layout: Layout,
+    /// Modulation over frequency at [`Report::layout_fields_deg`], those where the lens has an image.
+    pub mtf: Vec<FieldMtf>,
     /// Spots and light from the axis to the full field.
     pub over_field: Vec<FieldPoint>,
     /// PSFs at some fields; the table shows those nearest to 0, 25, 50, 75 and 100 % of the
@@ -278,27 +285,6 @@ pub struct Mistake {
     pub title: String,
 }
 
-/// A surface as a line of a prescription.
-#[derive(Clone, Debug)]
-pub struct SurfaceView {
-    /// Radius of curvature, mm; infinite for a plane.
-    pub radius_mm: f64,
-    /// Distance to the next surface, mm.
-    pub thickness_mm: f64,
-    /// Name of the glass behind it, empty for air.
-    pub glass: String,
-    /// Clear semi-diameter, mm; that of the stop follows from the entrance pupil.
-    pub semi_diameter_mm: f64,
-    /// Conic constant.
-    pub conic: f64,
-    /// Aspheric coefficients that are not zero: order n and value, mm^(1-n).
-    pub asphere: Vec<(usize, f64)>,
-    /// Further properties of the surface, as lines of a lens file.
-    pub more: Vec<String>,
-    /// Whether it is the stop.
-    pub is_stop: bool,
-}
-
 /// A lens at one field, over all colour channels.
 #[derive(Clone, Copy, Debug)]
 pub struct FieldPoint {
@@ -374,6 +360,15 @@ pub struct PictureView {
     pub truth_png: Vec<u8>,
     /// The picture of each camera, in the order of [`Report::cameras`].
     pub cameras: Vec<CameraPicture>,
+}
+
+/// The whole frame of a camera, or the scene as it lies on the sensor.
+#[derive(Clone, Debug)]
+pub struct FrameView {
+    /// Name of the camera; that of the scene.
+    pub name: String,
+    /// The picture, PNG.
+    pub png: Vec<u8>,
 }
 
 /// A picture taken by one camera.

@@ -4,11 +4,11 @@ use image::RgbImage;
 use image::imageops::{FilterType, crop_imm, resize};
 use maud::{Markup, html};
 
-use crate::page::{Page, caption, section};
+use crate::page::{Page, Section, caption, section, with_contents};
 use crate::plot::plain;
-use crate::png;
 use crate::rgb_picture::{rgb_picture, shrunk};
 use crate::table::{Column, Row, Table};
+use crate::{number, png};
 
 /// A frame and what each stage made of it.
 #[derive(Clone, Debug, PartialEq)]
@@ -60,10 +60,11 @@ const ZOOM: u32 = 3;
 
 /// The page of a strip.
 pub fn page(strip: &Strip) -> String {
+    let name = |i: usize, step: &StripStep| format!("{}. {}", i + 1, step.stage.replace('_', " "));
+    let sections: Vec<Section> =
+        strip.steps.iter().enumerate().map(|(i, step)| section(name(i, step), stage(step))).collect();
     let main = html! {
-        @for (i, step) in strip.steps.iter().enumerate() {
-            (section(format!("{}. {}", i + 1, step.stage), stage(step)))
-        }
+        (with_contents(&sections))
         (caption(html! {
             "Left the whole picture, at most " (WIDTH) " pixels wide; right the " (CROP) " × " (CROP) " pixels at its centre. "
             "Mosaics are shown gray. Values other than the default are marked."
@@ -90,10 +91,17 @@ fn stage(step: &StripStep) -> Markup {
         } else {
             html! { strong { (p.value) } }
         };
-        Row::new(plain(&p.name), [value, html! { (plain(&p.unit)) }, html! { (plain(&p.sentence)) }])
+        Row::new(
+            html! { code { (plain(&p.name)) } },
+            [value, html! { (number::unit(&plain(&p.unit))) }, html! { (plain(&p.sentence)) }],
+        )
     });
-    let columns =
-        [Column::new("parameter"), Column::new("value"), Column::new("unit").units(), Column::new("").note()];
+    let columns = [
+        Column::new("parameter"),
+        Column::new("value"),
+        Column::new("unit").units(),
+        Column::new("meaning").note(),
+    ];
     html! {
         div.stage {
             img src=(png::address(&png::encode(&whole))) alt=(alt);
@@ -139,10 +147,11 @@ mod tests {
             ],
         };
         let page = page(&strip);
+        crate::page::assert_readable(&page);
         for words in [
             "1. black",
             "2. gain",
-            "<th scope=\"row\">gain.red</th>",
+            "<th scope=\"row\"><code>gain.red</code></th>",
             "<strong>1.5</strong>",
             "A &lt;sentence&gt;.",
             "night &lt;1&gt;.tiff",

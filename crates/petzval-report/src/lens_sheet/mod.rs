@@ -36,6 +36,8 @@ pub fn spots_in_boxes(analysis: &Analysis, side_um: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::page::assert_readable;
+    use crate::sample::surfaces;
 
     fn picture(analysis: &Analysis, name: &str) -> String {
         Picture::named(name).unwrap().svg(analysis)
@@ -96,6 +98,21 @@ mod tests {
     }
 
     #[test]
+    fn the_nyquist_frequency_is_marked_where_it_lies() {
+        let mut analysis = sample::analysis();
+        let highest = *analysis.mtf[0].frequency_per_mm.last().unwrap();
+        analysis.nyquist_per_mm = Some(0.5 * highest);
+        for name in ["mtf", "mtf_geometric"] {
+            let svg = picture(&analysis, name);
+            assert!(svg.contains(&format!("Nyquist frequency of the pixels, {} cycles/mm", 0.5 * highest)));
+            // In the middle of the frame, from its lower to its upper edge.
+            assert!(svg.contains("class=\"curve\" d=\"M408 420L408 0\""), "{name}");
+        }
+        analysis.mtf_by_field.frequency_per_mm[2] = 0.5 * highest;
+        assert!(picture(&analysis, "mtf_by_field").contains("cycles/mm, Nyquist"));
+    }
+
+    #[test]
     fn missing_data_are_stated() {
         let mut analysis = sample::analysis();
         analysis.mtf[2].diffraction = None;
@@ -116,9 +133,14 @@ mod tests {
     fn names_are_escaped_and_the_page_is_self_contained() {
         let mut analysis = sample::analysis();
         analysis.name = "</title><script>alert(1)</script>\u{7}".into();
-        let page = page(&analysis, PICTURES.iter());
+        let page = page(&analysis, &surfaces(), PICTURES.iter());
+        assert_readable(&page);
         assert!(!page.contains("<script") && !page.contains('\u{7}'));
         assert_eq!(page.matches("<figure>").count(), PICTURES.len());
+        // Every picture has its headline once, in the contents too, and the prescription is there.
+        assert_eq!(page.matches("href=\"#").count(), 3 + PICTURES.len());
+        assert_eq!(page.matches(">Spot diagrams<").count(), 2);
+        assert!(page.contains("2 stop") && page.contains("mm¹⁻ⁿ"));
         let elsewhere = page.replace("http://www.w3.org/2000/svg", "");
         assert!(!elsewhere.contains("http") && !elsewhere.contains("url(") && !elsewhere.contains("@import"));
     }

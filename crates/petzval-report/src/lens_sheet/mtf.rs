@@ -3,9 +3,9 @@
 use petzval_optics::analysis::{Analysis, MtfCurve};
 
 use super::style::{
-    field_keys, field_keys_with_method, field_pen, foot, method, section_curves, section_keys,
+    field_keys, field_keys_with_method, field_pen, foot, method, section_curves, section_keys, short,
 };
-use crate::palette::LIMIT;
+use crate::palette::{LIMIT, MUTED};
 use crate::plot::{Axis, Curve, Frame, Key, Names, Pen, Sheet, WIDTH_PX};
 
 /// The field between the axes, px.
@@ -50,6 +50,15 @@ fn draw(
     let mut curves: Vec<Curve> = limit.into_iter().collect();
     for (i, (curve, at)) in fields.iter().zip(&analysis.mtf).enumerate() {
         curves.extend(section_curves(&field_pen(i), i, &at.frequency_per_mm, curve));
+    }
+    let mut keys = keys;
+    if let Some(nyquist) = analysis.nyquist_per_mm {
+        let pen = Pen::thin(MUTED).dashed();
+        keys.push(Key::pen(
+            pen.clone(),
+            format!("Nyquist frequency of the pixels, {} cycles/mm", short(nyquist, 1)),
+        ));
+        curves.push(Curve { pen, index: 0, points: [0.0, 1.0].map(|y| Some([nyquist, y])).into() });
     }
     let highest = analysis.mtf.iter().flat_map(|m| &m.frequency_per_mm).copied().fold(0.0, f64::max);
     let frame = modulation_frame(Axis::between(0.0, highest, 8));

@@ -18,7 +18,11 @@ pub(super) fn mtf_by_field(analysis: &Analysis) -> Sheet {
         .frequency_per_mm
         .iter()
         .enumerate()
-        .map(|(i, f)| Key::pen(field_pen(i), format!("{} cycles/mm", short(*f, 2))))
+        .map(|(i, f)| {
+            let is_nyquist = analysis.nyquist_per_mm == Some(*f);
+            let name = if is_nyquist { ", Nyquist" } else { "" };
+            Key::pen(field_pen(i), format!("{} cycles/mm{name}", short(*f, 2)))
+        })
         .collect();
     keys.extend(section_keys());
     let lines: Vec<Curve> = curves

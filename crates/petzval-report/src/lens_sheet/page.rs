@@ -6,25 +6,35 @@ use petzval_optics::analysis::Analysis;
 use super::picture::Picture;
 use super::style::{field_name, short};
 use super::table::{by_field, first_order};
-use crate::page::{Page, figure, section};
+use crate::page::{Page, figure, section, with_contents};
+use crate::prescription::{SurfaceView, prescription};
 
 /// The page with some of the pictures. It is self-contained and suitable for printing.
-pub fn page<'p>(analysis: &Analysis, pictures: impl IntoIterator<Item = &'p Picture>) -> String {
-    let main = html! {
-        (section("First order", first_order(analysis)))
-        (section("By field", by_field(analysis)))
-        section {
-            @for picture in pictures {
-                (figure(&picture.svg(analysis)))
-                @if let Some(table) = picture.below { (table(analysis)) }
-            }
-        }
-    };
+pub fn page<'p>(
+    analysis: &Analysis,
+    surfaces: &[SurfaceView],
+    pictures: impl IntoIterator<Item = &'p Picture>,
+) -> String {
+    let mut sections = vec![
+        section("First order", first_order(analysis)),
+        section("Prescription", prescription(surfaces)),
+        section("By field", by_field(analysis)),
+    ];
+    for picture in pictures {
+        // The headline of the picture becomes that of its section.
+        let mut sheet = picture.sheet(analysis);
+        let headline = std::mem::take(&mut sheet.title);
+        let below = picture.below.map(|table| table(analysis));
+        sections.push(section(
+            headline,
+            html! { (figure(&sheet.svg())) @if let Some(table) = below { (table) } },
+        ));
+    }
     Page {
         title: format!("{} – analysis", analysis.name),
         headline: analysis.name.clone(),
         subtitle: conditions(analysis),
-        main,
+        main: with_contents(&sections),
         ..Page::default()
     }
     .html()
@@ -37,5 +47,6 @@ fn conditions(analysis: &Analysis) -> Markup {
     html! {
         "Fields " (fields.join(", ")) "; wavelengths " (colours.join(", ")) " µm, reference "
         (short(analysis.reference_um, 5)) " µm."
+        @if let Some(nyquist) = analysis.nyquist_per_mm { " Nyquist frequency of the pixels " (short(nyquist, 1)) " cycles/mm." }
     }
 }

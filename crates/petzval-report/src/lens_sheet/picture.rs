@@ -61,6 +61,11 @@ impl Picture {
 
     /// The picture as a stand-alone SVG.
     pub fn svg(&self, analysis: &Analysis) -> String {
-        (self.draw)(analysis).svg()
+        self.sheet(analysis).svg()
+    }
+
+    /// The picture before it is drawn.
+    pub(super) fn sheet(&self, analysis: &Analysis) -> Sheet {
+        (self.draw)(analysis)
     }
 }

@@ -24,14 +24,27 @@ const FAINT: f64 = 0.28;
 const FEWEST_TO_SMOOTH: usize = 24;
 
 /// A named curve.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Series {
+    /// Name in the key; a curve without one has no entry.
+    pub name: String,
+    /// Colour, `#rrggbb`.
+    pub colour: String,
+    /// Whether the line is dashed.
+    pub is_dashed: bool,
+    /// Points in ascending x. A series without points is an entry of the key alone.
+    pub points: Vec<(f64, f64)>,
+}
+
+/// A value of the horizontal axis that is marked by an upright line.
+#[derive(Clone, Debug)]
+pub struct Mark {
     /// Name in the key.
     pub name: String,
     /// Colour, `#rrggbb`.
     pub colour: String,
-    /// Points in ascending x.
-    pub points: Vec<(f64, f64)>,
+    /// The value.
+    pub at: f64,
 }
 
 /// Curves over one pair of axes.
@@ -45,6 +58,8 @@ pub struct Chart {
     pub y_axis: String,
     /// The curves.
     pub series: Vec<Series>,
+    /// Marks on the horizontal axis, which extends to them.
+    pub marks: Vec<Mark>,
     /// Noisy data: a thick smoothed line over the faint data.
     pub smooth: bool,
     /// Whether the vertical axis begins at zero. Otherwise it spans the data, and is logarithmic where they span more than a
@@ -56,7 +71,9 @@ pub struct Chart {
 pub fn chart_svg(chart: &Chart) -> String {
     let series: Vec<Series> = chart.series.iter().map(finite).collect();
     let points = || series.iter().flat_map(|s| s.points.iter());
-    let Some((x, y)) = super::span(points().map(|p| p.0)).zip(super::span(points().map(|p| p.1))) else {
+    let marks: Vec<&Mark> = chart.marks.iter().filter(|mark| mark.at.is_finite()).collect();
+    let across = points().map(|p| p.0).chain(marks.iter().map(|mark| mark.at));
+    let Some((x, y)) = super::span(across).zip(super::span(points().map(|p| p.1))) else {
         return without_data(&chart.alt, WIDTH_PX).svg();
     };
     let y = vertical_axis(chart.from_zero, y);
@@ -73,13 +90,19 @@ pub fn chart_svg(chart: &Chart) -> String {
     let is_logarithmic = frame.y.is_logarithmic();
     let mut curves: Vec<Curve> =
         series.iter().flat_map(|s| curves(s, chart.smooth, is_logarithmic)).collect();
+    curves.extend(marks.iter().map(|mark| Curve {
+        pen: upright(mark),
+        index: 0,
+        points: [frame.y.low, frame.y.high].map(|y| Some([mark.at, y])).into(),
+    }));
     // Faint data lie behind every line.
     curves.sort_by(|a, b| a.pen.opacity.total_cmp(&b.pen.opacity));
+    let keys = series.iter().filter(|s| !s.name.is_empty()).map(|s| Key::pen(line(s), s.name.clone()));
     Sheet {
         class: "chart",
         title: String::new(),
         remark: String::new(),
-        keys: series.iter().map(|s| Key::pen(line(s), s.name.clone())).collect(),
+        keys: keys.chain(marks.iter().map(|mark| Key::pen(upright(mark), mark.name.clone()))).collect(),
         alt: chart.alt.clone(),
         width: WIDTH_PX,
         height: ABOVE_PX + FIELD_PX + BELOW_PX,
@@ -91,7 +114,12 @@ pub fn chart_svg(chart: &Chart) -> String {
 
 /// The pen of a series.
 fn line(series: &Series) -> Pen {
-    Pen { width: LINE_PX, ..Pen::thin(&series.colour) }
+    Pen { width: LINE_PX, is_dashed: series.is_dashed, ..Pen::thin(&series.colour) }
+}
+
+/// The pen of a mark.
+fn upright(mark: &Mark) -> Pen {
+    Pen::thin(&mark.colour).dashed()
 }
 
 /// The line of a series; noisy data lie faintly behind their smoothed line.
@@ -143,7 +171,13 @@ mod tests {
             alt: "a <test>".into(),
             x_axis: "step".into(),
             y_axis: "loss & co".into(),
-            series: vec![Series { name: "nominal <b>".into(), colour: "#0072b2".into(), points }],
+            series: vec![Series {
+                name: "nominal <b>".into(),
+                colour: "#0072b2".into(),
+                points,
+                ..Series::default()
+            }],
+            marks: Vec::new(),
             smooth: true,
             from_zero: false,
         }
@@ -171,6 +205,25 @@ mod tests {
     fn few_points_are_not_smoothed() {
         let svg = chart_svg(&chart(vec![(0.0, 1.0), (1.0, 2.0)]));
         assert_eq!(svg.matches("class=\"curve\"").count(), 1);
+    }
+
+    #[test]
+    fn marks_widen_the_axis_and_a_curve_without_a_name_has_no_entry() {
+        let mut chart = chart(vec![(0.0, 1.0), (10.0, 2.0)]);
+        let entry = |name: &str| Series { name: name.into(), colour: "#22272e".into(), ..Series::default() };
+        chart.series.extend([Series { name: String::new(), ..chart.series[0].clone() }, entry("sagittal")]);
+        chart.marks.push(Mark { name: "limit".into(), colour: "#5f6670".into(), at: 20.0 });
+        let svg = chart_svg(&chart);
+        // Three curves, one of them empty, and the mark; names of two curves and of the mark.
+        assert_eq!(svg.matches("class=\"curve\"").count(), 4);
+        let key = svg.split("class=\"key\"").nth(1).unwrap().split("</g>").next().unwrap();
+        assert_eq!(key.matches("<text").count(), 3, "{key}");
+        // The mark stands at the right end of its axis.
+        let curves = svg.split("class=\"curve\" d=\"").skip(1);
+        let is_mark = |curve: &&str| curve.split('"').nth(2) == Some("#5f6670");
+        let mark = curves.filter(is_mark).last().unwrap();
+        let right = svg.split("class=\"field\" width=\"").nth(1).unwrap().split('"').next().unwrap();
+        assert!(mark.starts_with(&format!("M{right} ")), "{mark}");
     }
 
     #[test]

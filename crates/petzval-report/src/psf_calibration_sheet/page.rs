@@ -1,52 +1,107 @@
-//! The page: PSFs side by side, errors compared with the effects of noise and demosaicing, and warnings. One
-//! self-contained file.
+//! The page: a summary with warnings, PSFs side by side, and errors compared with the effects of noise and demosaicing.
+//! One self-contained file.
 
 use std::collections::BTreeMap;
 
 use maud::{Markup, html};
 use petzval_camera::image::CHANNELS;
+use petzval_lab::psf_calibration::CalibratedPosition;
+use petzval_lab::psf_calibration::compare::Comparison;
+use petzval_lab::psf_calibration::estimate::FieldEstimate;
 use petzval_lab::psf_calibration::held_out::HeldOutBy;
 
 use super::sheet::{DECADES, Tone, kinds, picture};
 use super::{Calibration, by_direction};
 use crate::number::fixed;
-use crate::page::{Page, caption, section};
-use crate::plot::plain;
+use crate::page::{Page, caption, facts, section, with_contents};
+use crate::plot::{plain, span};
 use crate::png;
 use crate::table::{Column, Row, Table};
 
 /// The page. It is self-contained and suitable for printing.
 pub fn page(calibration: &Calibration) -> String {
-    let main = html! {
-        @for (direction, members) in by_direction(calibration) {
-            (section(format!("PSFs, {direction}"), pictures(calibration, &members)))
-        }
-        (caption(html! {
-            "Each picture is 23 × 23 pixels around the green centroid, rows as on the sensor, every channel of unit sum. "
-            "Linear brightness above, below it the logarithm over " (DECADES) " decades. "
-            @if calibration.lens.is_some() {
-                "“Same mosaic”: the simulated PSF at its best-fitting position, sampled by the same mosaic and "
-                "demosaiced. “Ideal pixels”: every colour in every pixel."
-            }
-        }))
-        @if calibration.lens.is_some() {
-            (section("L1 distance from the simulated PSF", distances(calibration)))
-        }
-        (section("Centroids", centroids(calibration)))
-        (section("Light", light(calibration)))
-        (section("Exposures", exposures(calibration)))
-        (section("Bank for the renderer", fields(calibration)))
-        (section("Warnings", warnings(calibration)))
-    };
+    let mut sections = vec![section("Summary", summary(calibration))];
+    let directions = by_direction(calibration);
+    for (i, (direction, members)) in directions.iter().enumerate() {
+        let below = (i + 1 == directions.len()).then(|| how_to_read_pictures(calibration));
+        let body = html! { (pictures(calibration, members)) @if let Some(text) = below { (text) } };
+        sections.push(section(format!("PSFs, {direction}"), body));
+    }
+    if calibration.lens.is_some() {
+        sections.push(section("L1 distance from the simulated PSF", distances(calibration)));
+    }
+    sections.extend([
+        section("Centroids", centroids(calibration)),
+        section("Light", light(calibration)),
+        section("Exposures", exposures(calibration)),
+        section("Bank for the renderer", fields(calibration)),
+    ]);
     Page {
         title: format!("PSF calibration – {}", calibration.captures),
         style: include_str!("page.css"),
         headline: "PSF calibration".into(),
         subtitle: subtitle(calibration),
-        main,
+        main: with_contents(&sections),
         ..Page::default()
     }
     .html()
+}
+
+/// What was measured, how good it is, and where it does not hold.
+fn summary(calibration: &Calibration) -> Markup {
+    let positions = || calibration.positions.iter().map(|(position, _)| position);
+    let exposures = || positions().flat_map(|p| &p.exposures);
+    let (frames, dark) = exposures().fold((0, 0), |(a, b), e| (a + e.frames, b + e.dark_frames));
+    let range = |values: Option<(f64, f64)>, decimals: usize, unit: &str| {
+        let (low, high) = values?;
+        let [low, high] = [low, high].map(|v| fixed(v, decimals));
+        Some(if low == high { format!("{low} {unit}") } else { format!("{low} to {high} {unit}") })
+    };
+    let greatest = |values: &mut dyn Iterator<Item = f64>| span(values).map(|(_, high)| high);
+    let middle = |values: Vec<f64>| petzval_base::statistics::median(values);
+    let compared: Vec<(&CalibratedPosition, &Comparison)> =
+        calibration.positions.iter().filter_map(|(p, c)| Some((p, c.as_ref()?))).collect();
+    let green = |of: fn(&(&CalibratedPosition, &Comparison)) -> f64| -> Option<f64> {
+        (!compared.is_empty()).then(|| middle(compared.iter().map(of).collect()))
+    };
+    let worst = compared.iter().max_by(|a, b| a.1.l1[1].total_cmp(&b.1.l1[1]));
+    let of_bank = |of: fn(&FieldEstimate) -> f64| -> Option<f64> {
+        (!calibration.fields.is_empty()).then(|| middle(calibration.fields.iter().map(of).collect()))
+    };
+    let l1 = |value: Option<f64>| value.map(|v| fixed(v, 3));
+    let radii = span(positions().map(|p| p.field_radius_mm));
+    html! {
+        h3 { "What was measured" }
+        (facts([
+            ("positions", Some(calibration.positions.len().to_string())),
+            ("field radii", range(radii, 2, "mm")),
+            ("exposure times", range(span(exposures().map(|e| e.exposure_ms)), 1, "ms")),
+            ("frames", Some(frames.to_string())),
+            ("dark frames", Some(dark.to_string())),
+            ("fields of the bank", Some(calibration.fields.len().to_string())),
+        ]))
+        h3 { "How good it is" }
+        (facts([
+            (
+                "standard error of a centroid, at most",
+                greatest(&mut positions().flat_map(|p| p.measured.centroid_se_px)).map(|v| format!("{} px", fixed(v, 4))),
+            ),
+            (
+                "standard error of the green light, at most",
+                greatest(&mut positions().map(|p| p.measured.floor.light[1])).map(|v| format!("{} %", fixed(100.0 * v, 2))),
+            ),
+            ("L1 distance from the simulated PSF, green, median", l1(green(|(_, c)| c.l1[1]))),
+            ("the same by noise alone", l1(green(|(p, _)| p.measured.floor.l1[1]))),
+            (
+                "largest distance",
+                worst.map(|(p, c)| format!("{} at {}", fixed(c.l1[1], 3), p.name)),
+            ),
+            ("L1 distance of held-out green pixels from the bank, median", l1(of_bank(|f| f.held_out.score[1].l1()))),
+            ("the same by noise alone", l1(of_bank(|f| f.held_out.score[1].noise_l1()))),
+        ]))
+        h3 { "Where it does not hold" }
+        (warnings(calibration, radii))
+    }
 }
 
 fn subtitle(calibration: &Calibration) -> Markup {
@@ -59,6 +114,18 @@ fn subtitle(calibration: &Calibration) -> Markup {
             " The sensor is monochrome: its one channel is used for red, green and blue."
         }
     }
+}
+
+/// What the pictures are.
+fn how_to_read_pictures(calibration: &Calibration) -> Markup {
+    caption(html! {
+        "Each picture is 23 × 23 pixels around the green centroid, rows as on the sensor, every channel of unit sum. "
+        "Linear brightness above, below it the logarithm over " (DECADES) " decades. "
+        @if calibration.lens.is_some() {
+            "“Same mosaic”: the simulated PSF at its best-fitting position, sampled by the same mosaic and "
+            "demosaiced. “Ideal pixels”: every colour in every pixel."
+        }
+    })
 }
 
 /// The PSFs of one direction: a column for each field radius, a row for each kind of picture.
@@ -264,7 +331,7 @@ fn fields(calibration: &Calibration) -> Markup {
     }
 }
 
-fn warnings(calibration: &Calibration) -> Markup {
+fn warnings(calibration: &Calibration, radii_mm: Option<(f64, f64)>) -> Markup {
     // Print equal warnings about several positions once.
     let mut said: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
     for (position, _) in &calibration.positions {
@@ -279,8 +346,10 @@ fn warnings(calibration: &Calibration) -> Markup {
         .filter(|(_, warnings)| !warnings.is_empty())
         .collect();
     html! {
-        @if said.is_empty() && of_bank.is_empty() { p { "None." } }
         ul.warnings {
+            @if let Some((_, farthest)) = radii_mm {
+                li { "Nothing was measured farther than " (fixed(farthest, 2)) " mm from the axis, nor in other directions than those below." }
+            }
             @for (warning, positions) in said {
                 li {
                     (plain(warning)) " ("

@@ -64,6 +64,20 @@ fn page_and_sheet_show_every_psf() {
     assert_eq!(text.matches("data:image/png").count(), 6);
     assert!(text.contains("bench &amp; &lt;co&gt;") && text.contains("no dark frames"));
     assert!(!text.contains("NaN") && !text.contains("http"), "self-contained, and every number is one");
+    crate::page::assert_readable(&text);
+    // The summary comes first, and says what the measurement does not cover.
+    let (summary, rest) = text.split_once("id=\"psfs-horizontal\"").unwrap();
+    for words in [
+        "<dt>positions</dt><dd>1</dd>",
+        "<dt>frames</dt><dd>2</dd>",
+        "no dark frames",
+        "Nothing was measured farther",
+    ] {
+        assert!(summary.contains(words) && !rest.contains(words), "{words}");
+    }
+    let position = &calibration.positions[0].0;
+    let floor = crate::number::fixed(position.measured.floor.l1[1], 3);
+    assert!(summary.contains(&format!("<dt>the same by noise alone</dt><dd>{floor}</dd>")));
     assert!(text.contains("over the other exposures") && text.contains("“Ideal pixels”"));
     // Without a lens nothing is said of columns that are not there.
     let mut alone = self::calibration();

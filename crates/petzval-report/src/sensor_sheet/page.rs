@@ -7,7 +7,7 @@ use super::sheets::sheets;
 use super::shown::Shown;
 use super::style::gain_name;
 use super::{calibration, table};
-use crate::page::{Page, figure, section};
+use crate::page::{Page, figure, section, with_contents};
 use crate::plot::Sheet;
 
 /// Pictures of all gains.
@@ -18,29 +18,30 @@ pub fn page(characterization: &Characterization) -> String {
     let (of_all, of_one): (Vec<_>, Vec<_>) =
         sheets(characterization).into_iter().partition(|sheet| OF_ALL_GAINS.contains(&sheet.class));
     let pictures = |sheets: &[Sheet]| html! { @for sheet in sheets { (figure(&sheet.svg())) } };
-    let main = html! {
-        (section("Basic data", table::basic_data(characterization)))
-        (section("Warnings", table::warnings(characterization)))
-        @if let Some(shown) = &Shown::choose(characterization) {
-            (section("Operating point", table::operating_point(shown)))
-            (section(
-                format!("EMVA 1288 at linear {}", gain_name(shown.gain.linear_gain)),
-                table::figures(shown),
-            ))
-        }
-        @if !of_one.is_empty() { (section("Plots of EMVA 1288", pictures(&of_one))) }
-        (section("Calibration over all gains", html! {
-            (calibration::model(characterization))
-            (calibration::gains(characterization))
-            (pictures(&of_all))
-        }))
+    let mut sections = vec![
+        section("Basic data", table::basic_data(characterization)),
+        section("Warnings", table::warnings(characterization)),
+    ];
+    if let Some(shown) = &Shown::choose(characterization) {
+        let name = format!("EMVA 1288 at linear {}", gain_name(shown.gain.linear_gain));
+        sections.push(section("Operating point", table::operating_point(shown)));
+        sections.push(section(name, table::figures(shown)));
+    }
+    if !of_one.is_empty() {
+        sections.push(section("Plots of EMVA 1288", pictures(&of_one)));
+    }
+    let of_all_gains = html! {
+        (calibration::model(characterization))
+        (calibration::gains(characterization))
+        (pictures(&of_all))
     };
+    sections.push(section("Calibration over all gains", of_all_gains));
     Page {
         title: format!("{} – characterisation", characterization.sensor.name),
         style: include_str!("page.css"),
         headline: characterization.sensor.name.clone(),
         subtitle: html! { "Characterisation by EMVA 1288 release 4.0 Linear, and calibration over all gains." },
-        main,
+        main: with_contents(&sections),
         ..Page::default()
     }
     .html()

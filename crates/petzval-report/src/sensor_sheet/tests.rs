@@ -88,6 +88,7 @@ fn the_page_is_self_contained_and_states_values_with_their_errors() {
     let folder = tempfile::tempdir().unwrap();
     let found = series(folder.path(), true);
     let page = page(&found);
+    crate::page::assert_readable(&page);
     assert!(page.contains("Sony IMX249 &lt;simulated&gt; &amp; "));
     assert_eq!(page.matches("<figure>").count(), 16);
     let elsewhere = page.replace("http://www.w3.org/2000/svg", "");

@@ -21,7 +21,7 @@ enum Kind {
 /// Write the PSFs of a lens, per field and wavelength.
 ///
 /// Files: psf.npy, float64 [field, wavelength, row, column], each of unit sum, centred on the chief ray;
-/// illumination.npy, float64 [field, wavelength]; psf.png, a picture of all PSFs; psf.json, the axes.
+/// illumination.npy, float64 [field, wavelength]; psf.png, a picture of all PSFs with fields, wavelengths and a scale bar; psf.json, the axes.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Lens file, or a built-in name

@@ -4,16 +4,18 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use petzval_files::{LensFile, write_lens, write_tolerances};
-use petzval_optics::merit::Better;
-use petzval_optics::tolerance::MonteCarlo;
-use petzval_report::plot::{Bar, BarChart, BarKey, Chart, Series, bars_svg, chart_svg};
+use petzval_optics::tolerance::{Freedom, MonteCarlo};
+use petzval_report::tolerance_sheet::{
+    BuiltEstimate, CompensatorTravel, RandomLenses, ToleranceRow, ToleranceSheet, WorstLens, page,
+    sensitivity_svg, yield_svg,
+};
 
 use super::findings::Findings;
-use super::report::Report;
+use super::report::{self, Better, Report, Sensitivity};
 use crate::error::{JobError, json, write_file};
 
-/// Bars of the picture.
-const BARS: usize = 20;
+/// Errors of one of the worst lenses that the page names.
+const HARMFUL: usize = 5;
 
 /// Writes everything into a folder, with so many of the worst lenses; returns the files.
 pub(super) fn write_all(
@@ -32,10 +34,14 @@ pub(super) fn write_all(
     add("tolerance.json", json(&sorted)?)?;
     add("tolerances.toml", write_tolerances(findings.study.tolerances()))?;
     add("sensitivities.csv", sensitivities_csv(findings))?;
-    add("sensitivity.svg", bars_svg(&bars(findings)))?;
+    let sheet = sheet(findings, report);
+    add("tolerance.html", page(&sheet))?;
+    add("sensitivity.svg", sensitivity_svg(&sheet))?;
     if let Some(random) = &findings.random {
         add("trials.csv", trials_csv(findings, random))?;
-        add("yield.svg", chart_svg(&yield_chart(findings, random)))?;
+        if let Some(random) = &sheet.random {
+            add("yield.svg", yield_svg(&sheet, random))?;
+        }
         for number in random.worst(worst) {
             let off = findings.study.draw(random.seed, number as u64);
             // A lens without an image has no focus, and no file.
@@ -108,74 +114,87 @@ fn trials_csv(findings: &Findings, random: &MonteCarlo) -> String {
     out
 }
 
-fn axis(findings: &Findings, what: &str) -> String {
-    let merit = findings.study.merit();
-    let unit = if merit.unit().is_empty() { String::new() } else { format!(", {}", merit.unit()) };
-    format!("{what}{}{unit}", merit.name())
-}
-
-/// The share of lenses over the merit that they reach, with marks at the nominal merit and at those of 50 % and 90 %.
-fn yield_chart(findings: &Findings, random: &MonteCarlo) -> Chart {
-    let unit = findings.study.merit().unit();
-    let mut curve: Vec<(f64, f64)> =
-        random.yield_curve().into_iter().map(|(merit, share)| (merit, 100.0 * share)).collect();
-    if findings.study.better() == Better::Higher {
-        curve.reverse();
-    }
-    let mut series = vec![Series { name: "yield".into(), colour: "#0072b2".into(), points: curve }];
-    let mut mark = |name: String, colour: &str, at: f64, share: f64| {
-        let points = vec![(at, 0.0), (at, share)];
-        series.push(Series { name, colour: colour.into(), points });
+/// The analysis as its page and pictures show it.
+fn sheet(findings: &Findings, report: &Report) -> ToleranceSheet {
+    let row = |s: &Sensitivity| ToleranceRow {
+        name: s.quantity.name.clone(),
+        tolerance: s.tolerance,
+        unit: s.quantity.unit.clone(),
+        distribution: s.distribution.clone(),
+        merit_at: [s.merit_at_minus, s.merit_at_plus],
+        even_share: s.inverse_tolerance.zip(s.inverse_is_free),
     };
-    let nominal = findings.table.nominal;
-    mark(format!("nominal {} {unit}", three_digits(nominal)), "#5f6670", nominal, 100.0);
-    for (percent, colour) in [(50.0, "#009e73"), (90.0, "#d55e00")] {
-        if let Some(at) = random.percentile(percent) {
-            mark(format!("{percent} %: {} {unit}", three_digits(at)), colour, at, percent);
-        }
-    }
-    Chart {
-        alt: format!("Yield of {} lenses over their {}", random.trials.len(), findings.study.merit().name()),
-        x_axis: axis(findings, ""),
-        y_axis: "lenses that reach it, %".into(),
-        series,
-        smooth: false,
-        from_zero: true,
+    let known = |value: Option<f64>| value.unwrap_or(f64::NAN);
+    let compensators = findings.study.tolerances().compensators.iter();
+    ToleranceSheet {
+        lens: report.lens.clone(),
+        merit: report.merit.clone(),
+        unit: report.unit.clone(),
+        higher_is_better: report.better == Better::Higher,
+        nominal: report.nominal,
+        compensators: compensators.map(|(freedom, _)| findings.compensator_name(freedom)).collect(),
+        rows: report.sensitivities.iter().map(row).collect(),
+        estimate: report.estimate.as_ref().map(|e| BuiltEstimate {
+            root_sum_square: known(e.root_sum_square),
+            mean: known(e.mean),
+            standard_deviation: known(e.standard_deviation),
+        }),
+        random: findings
+            .random
+            .as_ref()
+            .zip(report.monte_carlo.as_ref())
+            .map(|(found, r)| random_lenses(findings, found, r)),
     }
 }
 
-/// The greatest effects as bars.
-fn bars(findings: &Findings) -> BarChart {
-    let rows = findings.by_effect();
-    let bar = |i: &usize| {
-        let (row, p) = (&findings.table.rows[*i], &findings.study.tolerances().perturbations[*i]);
-        let loss = |v: Option<f64>| {
-            v.map_or(f64::INFINITY, |v| findings.study.better().loss(v, findings.table.nominal))
+fn random_lenses(findings: &Findings, found: &MonteCarlo, report: &report::RandomLenses) -> RandomLenses {
+    let known = |value: Option<f64>| value.unwrap_or(f64::NAN);
+    let travel = |(t, (freedom, _)): (&report::Travel, &(Freedom, Option<f64>))| CompensatorTravel {
+        name: findings.compensator_name(freedom),
+        unit: t.quantity.unit.clone(),
+        places: [t.mean, t.standard_deviation, t.least, t.greatest].map(known),
+    };
+    let worst = |w: &report::Worst| WorstLens {
+        number: w.trial,
+        merit: w.merit,
+        errors: harmful_errors(findings, &findings.study.draw(found.seed, w.trial as u64)),
+    };
+    RandomLenses {
+        seed: found.seed,
+        trials: found.trials.len(),
+        merits: found.sorted(),
+        mean_and_deviation: [report.mean, report.standard_deviation].map(known),
+        percentiles: report.percentiles.iter().map(|p| (p.percent, p.merit)).collect(),
+        limit: report.limit.zip(report.yield_at_limit),
+        travels: report
+            .compensators
+            .iter()
+            .zip(&findings.study.tolerances().compensators)
+            .map(travel)
+            .collect(),
+        worst: report.worst.iter().map(worst).collect(),
+    }
+}
+
+/// The errors of a lens that alone would cost most, over their tolerances, the most harmful first.
+///
+/// The loss by an error of `x` tolerances is `a x + b x^2`, the parabola through the lens as drawn and those at both ends.
+fn harmful_errors(findings: &Findings, off: &[f64]) -> Vec<(String, f64)> {
+    let better = findings.study.better();
+    let loss = |merit: Option<f64>| merit.map_or(f64::INFINITY, |m| better.loss(m, findings.table.nominal));
+    let mut all: Vec<(f64, String, f64)> = Vec::new();
+    for ((row, p), off) in findings.table.rows.iter().zip(&findings.study.tolerances().perturbations).zip(off)
+    {
+        let (share, plus, minus) = (off / p.tolerance, loss(row.at_plus), loss(row.at_minus));
+        // An end without an image counts as the worst that can be.
+        let cost = match (plus.is_finite(), minus.is_finite()) {
+            (true, true) => 0.5 * (plus - minus) * share + 0.5 * (plus + minus) * share * share,
+            _ => f64::INFINITY,
         };
-        Bar {
-            name: format!(
-                "{}, {} {}",
-                p.freedom.name(),
-                three_digits(p.tolerance),
-                p.freedom.quantity.unit()
-            ),
-            values: vec![loss(row.at_minus), loss(row.at_plus)],
+        if cost > 0.0 {
+            all.push((cost, p.freedom.name(), share));
         }
-    };
-    BarChart {
-        alt: format!("What each tolerance costs of the {}", findings.study.merit().name()),
-        axis: axis(findings, "loss of "),
-        keys: vec![BarKey::nth(0, "at minus the tolerance"), BarKey::nth(1, "at plus")],
-        bars: rows.iter().take(BARS).map(bar).collect(),
     }
-}
-
-/// A number with three significant digits and no trailing zeros.
-pub fn three_digits(value: f64) -> String {
-    if value == 0.0 {
-        return "0".to_owned();
-    }
-    let digits = (2 - value.abs().log10().floor() as i32).clamp(0, 9) as usize;
-    let text = format!("{value:.digits$}");
-    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+    all.sort_by(|a, b| b.0.total_cmp(&a.0));
+    all.into_iter().take(HARMFUL).map(|(_, name, share)| (name, share)).collect()
 }

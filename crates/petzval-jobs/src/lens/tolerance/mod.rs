@@ -20,12 +20,12 @@ use crate::context::Context;
 use crate::error::{JobError, make_folder};
 use crate::results::check_folder;
 
-pub use files::three_digits;
 pub use report::{
     Better, Compensator, Estimate, Percentile, Quantity, RandomLenses, Report, Sensitivity, Travel, Worst,
 };
 
 pub use petzval_optics::psf::PsfKind;
+pub use petzval_report::tolerance_sheet::three_digits;
 
 /// Largest number of lenses made at random.
 const MOST_TRIALS: usize = 1_000_000;
@@ -183,7 +183,7 @@ pub(crate) fn read(path: &Path, lens: &Lens) -> Result<ToleranceFile, JobError> 
 
 /// Finds the sensitivities, makes the random lenses, and writes the results.
 ///
-/// Files in the folder, if the request names one: `tolerance.json` (all figures), `sensitivities.csv`, `trials.csv` (every
+/// Files in the folder, if the request names one: `tolerance.html` (the page), `tolerance.json` (all figures), `sensitivities.csv`, `trials.csv` (every
 /// lens with all its errors), `tolerances.toml` (every tolerance, ready to be edited), `yield.svg`, `sensitivity.svg`, and the
 /// worst lenses.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
@@ -215,7 +215,11 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         JobError::input(format!("{}: {error}", request.lens), hint)
     })?;
     if let Some(out) = &request.out {
-        check_folder(out, ["tolerance.json", "tolerances.toml", "sensitivities.csv", "trials.csv"], context)?;
+        check_folder(
+            out,
+            ["tolerance.html", "tolerance.json", "tolerances.toml", "sensitivities.csv", "trials.csv"],
+            context,
+        )?;
         make_folder(out)?;
     }
     let count = tolerances.perturbations.len() as u64;

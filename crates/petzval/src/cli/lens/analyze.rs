@@ -30,10 +30,16 @@ pub struct Args {
     /// Position of the image plane
     #[arg(long, value_enum, default_value = "file")]
     focus: FocusAt,
-    /// Highest frequency of MTF curves, cycles/mm [default: 100, or about half of the cutoff if that is less]
+    /// Sensor file, or a built-in name: marks its Nyquist frequency in MTF curves
+    #[arg(long, value_name = "NAME")]
+    sensor: Option<String>,
+    /// Pixel pitch in place of a sensor, um
+    #[arg(long, value_name = "UM", conflicts_with = "sensor", allow_negative_numbers = true)]
+    pixel_um: Option<f64>,
+    /// Highest frequency of MTF curves, cycles/mm [default: 100, or about half of the cutoff if that is less; beyond Nyquist]
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     max_frequency: Option<f64>,
-    /// Frequency of MTF through focus, cycles/mm [default: half of the highest]
+    /// Frequency of MTF through focus, cycles/mm [default: half of the highest, or of Nyquist]
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     frequency: Option<f64>,
     /// Print the data as JSON
@@ -48,6 +54,8 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         out: args.out,
         only: args.only,
         focus: args.focus.into(),
+        sensor: args.sensor,
+        pixel_um: args.pixel_um,
         max_frequency: args.max_frequency,
         frequency: args.frequency,
     };

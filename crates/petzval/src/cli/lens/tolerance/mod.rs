@@ -51,7 +51,7 @@ enum Compensate {
 
 /// Compute the sensitivity of a lens to manufacturing errors, and the quality of random lenses with such errors.
 ///
-/// With --out: tolerance.json (all figures), sensitivities.csv, trials.csv (every lens with all its errors), tolerances.toml (every
+/// With --out: tolerance.html (summary, distribution, worst offenders), tolerance.json (all figures), sensitivities.csv, trials.csv (every lens with all its errors), tolerances.toml (every
 /// tolerance, ready to be edited), yield.svg, sensitivity.svg, and the worst lenses as files.
 #[derive(Debug, clap::Args)]
 pub struct Args {

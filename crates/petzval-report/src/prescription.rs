@@ -3,12 +3,32 @@
 use maud::Markup;
 use petzval_optics::analysis::FirstOrderTable;
 
-use super::view::SurfaceView;
 use crate::number::{fixed, significant};
 use crate::table::{Column, Row, Table};
 
+/// A surface as a line of a prescription.
+#[derive(Clone, Debug)]
+pub struct SurfaceView {
+    /// Radius of curvature, mm; infinite for a plane.
+    pub radius_mm: f64,
+    /// Distance to the next surface, mm.
+    pub thickness_mm: f64,
+    /// Name of the glass behind it, empty for air.
+    pub glass: String,
+    /// Clear semi-diameter, mm; that of the stop follows from the entrance pupil.
+    pub semi_diameter_mm: f64,
+    /// Conic constant.
+    pub conic: f64,
+    /// Aspheric coefficients that are not zero: order n and value, mm^(1-n).
+    pub asphere: Vec<(usize, f64)>,
+    /// Further properties of the surface, as lines of a lens file.
+    pub more: Vec<String>,
+    /// Whether it is the stop.
+    pub is_stop: bool,
+}
+
 /// First-order properties in one line.
-pub(super) fn first_order_line(order: &FirstOrderTable) -> String {
+pub(crate) fn first_order_line(order: &FirstOrderTable) -> String {
     let known = |value: Option<f64>| fixed(value.unwrap_or(f64::NAN), 2);
     format!(
         "EFL {} mm, f/{}, entrance pupil {} mm, back focal length {} mm, total track {} mm",
@@ -21,7 +41,7 @@ pub(super) fn first_order_line(order: &FirstOrderTable) -> String {
 }
 
 /// One row a surface.
-pub(super) fn prescription(surfaces: &[SurfaceView]) -> Markup {
+pub(crate) fn prescription(surfaces: &[SurfaceView]) -> Markup {
     let columns = [
         Column::new("surface"),
         Column::new("radius").unit("mm"),
