@@ -18,7 +18,7 @@ fn results_are_overwritten_only_by_force() {
         ),
         (
             &["lens", "tolerance", "cooke-triplet-nominal", "--trials", "2", "--out", "off"],
-            "off/tolerance.json",
+            "off/tolerance.html",
         ),
         (&["psf", "cooke-triplet-nominal", "--fields", "2", "--grid", "32", "--out", "psf"], "psf/psf.npy"),
         (&["simulate", &photo, "--size", "64x96", "--out", "taken"], "taken/coffee-developed.png"),

@@ -92,7 +92,7 @@ fn show_agrees_with_the_data_sheet() {
         2,
         &["no glass is called `NBK7`", "names are N-BK7"],
     );
-    let far = run_fails(folder.path(), &["glass", "show", "VIBRANIUM"], 2, &["glass list"]);
+    let far = run_fails(folder.path(), &["glass", "show", "KRYPTONITE"], 2, &["glass list"]);
     assert!(!far.says("AIR"), "{}", far.stderr);
     let air = run_ok(folder.path(), &["glass", "show", "AIR"]).stdout;
     assert!(air.contains("PgF                -\n") && !air.contains("NaN") && !air.contains("inf"), "{air}");
