@@ -127,8 +127,8 @@ fn requests_and_responses_survive_json() {
     let descent = run(optimize::run, optimize_request(folder.path(), false));
     assert!(descent.found.lens.is_file() && !descent.is_cancelled);
     let made = run(tolerance::run, tolerance_request(folder.path()));
-    // Figures, tolerances, two tables, two pictures, and the worst lens.
-    assert_eq!(made.files.len(), 7);
+    // Figures, tolerances, a page, two tables, two pictures, and the worst lens.
+    assert_eq!(made.files.len(), 8);
     assert!(made.files.iter().all(|file| file.is_file()));
 
     // AIR has no Abbe number.
