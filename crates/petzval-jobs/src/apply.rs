@@ -19,8 +19,8 @@ use serde::{Deserialize, Serialize};
 use crate::context::Context;
 use crate::error::{JobError, make_folder, write_file};
 use crate::evaluate::camera_of;
-use crate::report::warn_of_changed_config;
 use crate::results::check_folder;
+use crate::run_page::warn_of_changed_config;
 
 pub use crate::simulate::Place;
 

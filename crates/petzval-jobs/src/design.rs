@@ -171,7 +171,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let ending = match ending {
         Ending::Stopped(step) => RunEnding::Stopped { step },
         Ending::Finished(metrics) => {
-            let (report, sentences) = crate::report::write(&setup, &folder)?;
+            let (report, sentences) = crate::run_page::write(&setup, &folder)?;
             RunEnding::Finished { metrics, report, sentences }
         }
     };

@@ -23,7 +23,7 @@ use crate::context::Context;
 use crate::design::scorer;
 use crate::error::JobError;
 use crate::lens::tolerance::read as read_tolerances;
-use crate::report::warn_of_changed_config;
+use crate::run_page::warn_of_changed_config;
 
 pub use crate::lens::tolerance::{Compensate, Grade};
 pub use petzval_design::run::MadeMetrics;
@@ -203,7 +203,7 @@ fn make(
         rows,
     };
     found.write(folder)?;
-    crate::report::write(setup, folder)?;
+    crate::run_page::write(setup, folder)?;
     Ok(found)
 }
 

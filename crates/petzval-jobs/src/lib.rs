@@ -36,6 +36,7 @@ pub mod raw;
 pub mod report;
 mod results;
 pub mod run_all;
+mod run_page;
 pub mod sensor;
 pub mod simulate;
 pub mod train;

@@ -5,17 +5,17 @@ use std::path::{Path, PathBuf};
 use petzval_camera::image::LinearImage;
 use petzval_design::error::DesignError;
 use petzval_design::pictures::whole_name;
-use petzval_design::run::{RunFolder, RunRecord, changed_config, write_file};
-use petzval_design::run_report::{read_metrics, report_of_run};
+use petzval_design::run::{RunFolder, write_file};
+use petzval_design::run_report::read_metrics;
 use petzval_design::setup::Setup;
 use petzval_files::{encoded_png_bytes, load_image};
-use petzval_report::design_report::{html, sentences};
 use serde::{Deserialize, Serialize};
 
 use crate::apply::taken;
 use crate::context::Context;
 use crate::error::JobError;
 use crate::evaluate::camera_of;
+use crate::run_page::{warn_of_changed_config, write};
 use crate::simulate::Place;
 
 /// Seed of the noise of whole frames.
@@ -75,24 +75,6 @@ fn take_whole_frames(
     for (name, frame) in frames {
         let png = encoded_png_bytes(&frame).map_err(DesignError::from)?;
         write_file(&folder.picture(&name), &png)?;
-    }
-    Ok(())
-}
-
-/// Writes the report of a run; returns its path, and the result in sentences.
-pub(crate) fn write(setup: &Setup, folder: &RunFolder) -> Result<(PathBuf, Vec<String>), JobError> {
-    let command = format!("petzval design {}", folder.config().display());
-    let report = report_of_run(setup, folder, &command)?;
-    write_file(&folder.report(), html(&report).as_bytes())?;
-    Ok((folder.report(), sentences(&report)))
-}
-
-/// Warns where `config.toml` is no longer what a finished run was made from: its figures are those of its record.
-pub(crate) fn warn_of_changed_config(folder: &RunFolder, context: &Context) -> Result<(), JobError> {
-    if let Some(record) = RunRecord::read(folder)?
-        && let Some(error) = changed_config(&record, folder)?
-    {
-        context.warning(format!("{}; what follows is the run as it was made", error.message));
     }
     Ok(())
 }

@@ -1,0 +1,29 @@
+//! The page of a run, which every verb writes that changes what it shows.
+
+use std::path::PathBuf;
+
+use petzval_design::run::{RunFolder, RunRecord, changed_config, write_file};
+use petzval_design::run_report::report_of_run;
+use petzval_design::setup::Setup;
+use petzval_report::design_report::{html, sentences};
+
+use crate::context::Context;
+use crate::error::JobError;
+
+/// Writes the report of a run; returns its path, and the result in sentences.
+pub(crate) fn write(setup: &Setup, folder: &RunFolder) -> Result<(PathBuf, Vec<String>), JobError> {
+    let command = format!("petzval design {}", folder.config().display());
+    let report = report_of_run(setup, folder, &command)?;
+    write_file(&folder.report(), html(&report).as_bytes())?;
+    Ok((folder.report(), sentences(&report)))
+}
+
+/// Warns where `config.toml` is no longer what a finished run was made from: its figures are those of its record.
+pub(crate) fn warn_of_changed_config(folder: &RunFolder, context: &Context) -> Result<(), JobError> {
+    if let Some(record) = RunRecord::read(folder)?
+        && let Some(error) = changed_config(&record, folder)?
+    {
+        context.warning(format!("{}; what follows is the run as it was made", error.message));
+    }
+    Ok(())
+}
