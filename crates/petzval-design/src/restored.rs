@@ -4,10 +4,12 @@ use std::sync::Arc;
 
 use nalgebra::DMatrix;
 use petzval_camera::linear_limit::{LimitGradient, LinearLimit};
+use petzval_camera::psf::PsfBank;
 use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::Lens;
 use petzval_optics::merit::{Better, Merit, SpotResiduals, lifted_normal_equations};
 use petzval_optics::number::Number;
+use petzval_optics::paraxial::{image_brightness, pull_back_log_brightness};
 
 use crate::error::DesignError;
 use crate::psf_plan::PsfPlan;
@@ -20,6 +22,9 @@ pub struct RestoredError {
     pub plan: PsfPlan,
     /// Sensor, exposure and scenes.
     pub limit: Arc<LinearLimit>,
+    /// Brightness of the image behind which the exposure is stated, see [`image_brightness`], if all lenses are exposed for the same time;
+    /// none where they have the same electrons.
+    pub stated_brightness: Option<f64>,
     /// Rays over which a descent takes the curvature of the error.
     pub rays: SpotResiduals,
 }
@@ -27,21 +32,40 @@ pub struct RestoredError {
 const PERCENT: f64 = 100.0;
 
 impl RestoredError {
+    /// Light of a lens, in units of that for which the exposure is stated.
+    fn light(&self, lens: &Lens) -> f64 {
+        let own = || image_brightness(&lens.at_wavelength(lens.reference_um));
+        self.stated_brightness.map_or(1.0, |stated| own() / stated)
+    }
+
     fn of(&self, lens: &Lens) -> Result<f64, DesignError> {
-        let found = self.limit.mean_square(&self.plan.bank(lens)?)?;
+        let found = self.limit.mean_square(&brightened(self.plan.bank(lens)?, self.light(lens)))?;
         Ok(percent(found))
     }
 
     fn gradient(&self, lens: &Lens) -> Result<(f64, LensGradient), DesignError> {
-        let traced = self.plan.trace(lens)?;
+        let (traced, light) = (self.plan.trace(lens)?, self.light(lens));
+        let bright = brightened(traced.bank.clone(), light);
         let LimitGradient { mean_square, by_values, by_illumination, by_radius } =
-            self.limit.gradient(&traced.bank)?;
+            self.limit.gradient(&bright)?;
         let by_radius: Vec<f32> = by_radius.iter().map(|v| *v as f32).collect();
-        let by_square = self.plan.gradient(&traced, &by_values, &by_illumination, &by_radius);
+        let by_relative: Vec<f32> = by_illumination.iter().map(|by| by * light as f32).collect();
+        let mut by_square = self.plan.gradient(&traced, &by_values, &by_relative, &by_radius);
+        if self.stated_brightness.is_some() {
+            let by_light =
+                bright.illumination.iter().zip(&by_illumination).map(|(i, by)| f64::from(i * by)).sum();
+            pull_back_log_brightness(&lens.at_wavelength(lens.reference_um), by_light, &mut by_square);
+        }
         let value = percent(mean_square);
         // d sqrt(q) = dq / (2 sqrt(q))
         Ok((value, by_square.scaled(0.5 * PERCENT * PERCENT / value)))
     }
+}
+
+/// A bank whose image is brighter by a factor: its illumination is no longer relative.
+pub(crate) fn brightened(mut bank: PsfBank, light: f64) -> PsfBank {
+    bank.illumination.iter_mut().for_each(|i| *i *= light as f32);
+    bank
 }
 
 /// The root of the mean over the colours of expected squared errors, in percent of white.

@@ -20,7 +20,7 @@ use rayon::prelude::*;
 use crate::boxes::{with_detections, with_truth};
 use crate::camera::{Camera, host_image};
 use crate::error::DesignError;
-use crate::restored::percent;
+use crate::restored::{brightened, percent};
 use crate::run::{CameraMetrics, Metrics, PictureScore, RunFolder, VERSION};
 use crate::seen_windows::SeenWindow;
 use crate::setup::Setup;
@@ -113,7 +113,8 @@ impl Scorer {
         let scored = pictures.iter().map(|p| p.score.clone()).collect();
         let scores = self.over_all(&pictures);
         let metrics = camera_metrics(&self.setup, name, lens, captured, scores, scored)?;
-        let limit = self.setup.limit.mean_square(camera.psfs().bank())?;
+        let bright = brightened(camera.psfs().bank().clone(), camera.light());
+        let limit = self.setup.limit.mean_square(&bright)?;
         let metrics = CameraMetrics {
             psf_errors: camera.psf_errors(),
             restored_error_percent: Some(percent(limit)),

@@ -116,13 +116,21 @@ impl Setup {
         let exposure = experiment.exposure.exposure();
         let limit = Arc::new(LinearLimit::new(&sensor, &exposure, NaturalScenes::default()));
         let variants = experiment.variants();
+        // Where cameras are exposed for the same time, the exposure is stated for the experiment's own lens.
+        let stated_brightness = match experiment.exposure.same {
+            SameOf::Electrons => None,
+            SameOf::Time => {
+                let own = assets.lens(&experiment.lens)?.lens;
+                Some(image_brightness(&own.at_wavelength(own.reference_um)))
+            }
+        };
         let mut starts: BTreeMap<(String, FieldOfView), Arc<Start>> = BTreeMap::new();
         let own = (experiment.lens.clone(), FieldOfView::Held);
-        for key in [own.clone()].into_iter().chain(variants.iter().map(start_key)) {
+        for key in [own].into_iter().chain(variants.iter().map(start_key)) {
             if !starts.contains_key(&key) {
                 let is_it = |v: &&Variant| start_key(v) == key;
                 let moves = variants.iter().filter(is_it).any(|v| v.steps_of(BlockName::Optics) > 0);
-                let of = StartOf { lens: &key.0, field: key.1, moves };
+                let of = StartOf { lens: &key.0, field: key.1, moves, stated_brightness };
                 let start = Start::new(of, &experiment, assets, &sensor, &moving_plan, &limit)?;
                 starts.insert(key, Arc::new(start));
             }
@@ -166,10 +174,9 @@ impl Setup {
         // Behind a hardware ISP the linear development is for readers of the report alone.
         let restores = development.restore && chip.is_none();
         let restoration = restores.then(|| Wiener::of_exposure(&sensor, &exposure));
-        let own = &starts[&own].lens_file.lens;
-        let same_time = (experiment.exposure.same == SameOf::Time).then(|| SameTime {
+        let same_time = stated_brightness.map(|brightness| SameTime {
             white_e: exposure.white_e,
-            brightness: image_brightness(&own.at_wavelength(own.reference_um)),
+            brightness,
             // The automatic exposure of a street at night is as long as it may be: what it does not gather stays dark.
             is_normalised: !experiment.finds_in_streets(),
         });

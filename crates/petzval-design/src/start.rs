@@ -40,6 +40,8 @@ pub struct Start {
     plan: PsfPlan,
     /// The error of the best linear restoration.
     limit: Arc<LinearLimit>,
+    /// The brightness for which the exposure is stated, see [`RestoredError`].
+    stated_brightness: Option<f64>,
 }
 
 /// Which lens, and what variants do with it.
@@ -51,6 +53,8 @@ pub struct StartOf<'a> {
     pub field: FieldOfView,
     /// Whether some variant moves it.
     pub moves: bool,
+    /// The brightness for which the exposure is stated, see [`RestoredError`].
+    pub stated_brightness: Option<f64>,
 }
 
 impl Start {
@@ -58,7 +62,7 @@ impl Start {
     /// its file solves for the focal length is a variable within the bounds of the solve. A lens that `moves` and whose file names no variables
     /// gets the usual ones near its own numbers, and a solve that holds its focal length.
     pub fn new(
-        StartOf { lens: name, field, moves }: StartOf,
+        StartOf { lens: name, field, moves, stated_brightness }: StartOf,
         experiment: &Experiment,
         assets: &Assets,
         sensor: &SensorModel,
@@ -136,6 +140,7 @@ impl Start {
             spot_fields_rad,
             plan: plan.clone(),
             limit: limit.clone(),
+            stated_brightness,
         })
     }
 
@@ -153,7 +158,8 @@ impl Start {
     /// The error of the best linear restoration, from PSFs by a plan.
     pub fn restored(&self, plan: &PsfPlan) -> RestoredError {
         let rays = self.spots(&self.lens_file.lens);
-        RestoredError { plan: plan.clone(), limit: self.limit.clone(), rays }
+        let (limit, stated_brightness) = (self.limit.clone(), self.stated_brightness);
+        RestoredError { plan: plan.clone(), limit, stated_brightness, rays }
     }
 
     /// The problem of a goal of the lens alone, within the bounds of the space, with the requirements as limits: a violation costs this many

@@ -12,6 +12,7 @@ use petzval_design::experiment::Experiment;
 use petzval_design::inputs::keep_inputs;
 use petzval_design::psf_plan::PsfPlan;
 use petzval_design::requirements::FieldOfView;
+use petzval_design::restored::RestoredError;
 use petzval_design::run::{CameraMetrics, Event, Metrics, RunFolder, read_events};
 use petzval_design::scoring::Scorer;
 use petzval_design::setup::Setup;
@@ -20,6 +21,7 @@ use petzval_design::variant::{LensGoal, LensSearch, Stage};
 use petzval_learn::Device;
 use petzval_learn::dataset::NamedPhoto;
 use petzval_learn::score::{Score, ScoreError, ScoredPair, standard_scores};
+use petzval_optics::design_space::SmoothSpace;
 use petzval_optics::lens::Lens;
 use petzval_optics::merit::Merit;
 use petzval_optics::paraxial::first_order;
@@ -227,22 +229,7 @@ fn a_lens_is_improved_for_the_restoration_of_its_frames() {
     let fields = setup.moving_plan.field_angles(&lens_at(&x)).unwrap();
     let plan = PsfPlan { held_fields_rad: Some(fields), ..setup.moving_plan.clone() };
     let merit = start.restored(&plan);
-    let (value, gradient) = merit.with_gradient(&lens_at(&x)).unwrap();
-    assert!((merit.value(&lens_at(&x)).unwrap() / value - 1.0).abs() < 1e-12);
-    let gradient = space.pull_back(&x, &lens_at(&x), &gradient.unwrap());
-    let size = gradient.iter().fold(0.0_f64, |m, g| m.max(g.abs()));
-    for (i, analytic) in gradient.iter().enumerate() {
-        let moved = |h: f64| {
-            let mut x = x.clone();
-            x[i] += h;
-            merit.value(&lens_at(&x)).unwrap()
-        };
-        let numeric = (moved(1e-4) - moved(-1e-4)) / 2e-4;
-        assert!(
-            (analytic - numeric).abs() < 0.01 * analytic.abs() + 1e-3 * size,
-            "{i}: {analytic} {numeric}"
-        );
-    }
+    check_gradient(&merit, space, &x);
     let mut block = OpticsBlock::new(start.clone(), 1.0);
     let spot = block.improve(LensGoal::Spot, 100, LensSearch::default(), &mut |_| Ok(())).unwrap();
     let mut course = Vec::new();
@@ -258,6 +245,69 @@ fn a_lens_is_improved_for_the_restoration_of_its_frames() {
     // What no lens can go below.
     let perfect = merit.value(&thin_equivalent(&start.lens_file.lens)).unwrap();
     assert!(perfect < 0.8 * restored["restored_error_percent"], "{perfect}");
+}
+
+/// Compares the gradient of the error after restoration with differences.
+fn check_gradient(merit: &RestoredError, space: &SmoothSpace, x: &[f64]) {
+    let lens_at = |x: &[f64]| space.lens_at(x).unwrap();
+    let (value, gradient) = merit.with_gradient(&lens_at(x)).unwrap();
+    assert!((merit.value(&lens_at(x)).unwrap() / value - 1.0).abs() < 1e-12);
+    let gradient = space.pull_back(x, &lens_at(x), &gradient.unwrap());
+    let size = gradient.iter().fold(0.0_f64, |m, g| m.max(g.abs()));
+    for (i, analytic) in gradient.iter().enumerate() {
+        let moved = |h: f64| {
+            let mut x = x.to_vec();
+            x[i] += h;
+            merit.value(&lens_at(&x)).unwrap()
+        };
+        let numeric = (moved(1e-4) - moved(-1e-4)) / 2e-4;
+        assert!(
+            (analytic - numeric).abs() < 0.01 * analytic.abs() + 1e-3 * size,
+            "{i}: {analytic} {numeric}"
+        );
+    }
+}
+
+/// Where lenses are exposed for the same time, the error after restoration has the electrons that the lens gathers, in a descent and in the
+/// table of scores.
+#[test]
+fn the_error_after_restoration_follows_the_light_of_the_lens() {
+    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let setup = |white_e: f64, same: &str| {
+        let free = format!("field = \"free\"\n{JOINT}");
+        let exposure = format!("[exposure]\nwhite_e = {white_e}\nsame = \"{same}\"\n");
+        let text = format!("{TINY}{exposure}{}", variant("free", &free));
+        Setup::new(Experiment::parse(&text).unwrap(), &assets, Device::flex().autodiff()).unwrap()
+    };
+    // Noise rules the error at 200 electrons.
+    let (same_time, more_electrons) = (setup(200.0, "time"), setup(800.0, "electrons"));
+    let start = |setup: &Setup| setup.start(&setup.variants[0]).clone();
+    let (own, other) = (start(&same_time), start(&more_electrons));
+    let space = &own.space;
+    let x = space.start().to_vec();
+    let lens = space.lens_at(&x).unwrap();
+    let fields = same_time.moving_plan.field_angles(&lens).unwrap();
+    let plan = PsfPlan { held_fields_rad: Some(fields), ..same_time.moving_plan.clone() };
+    check_gradient(&own.restored(&plan), space, &x);
+
+    // A lens that is four times as bright as that for which the exposure is stated has four times its electrons.
+    let merit = own.restored(&plan);
+    let dim = RestoredError { stated_brightness: merit.stated_brightness.map(|b| 0.25 * b), ..merit.clone() };
+    let [stated, bright, wanted] =
+        [&merit, &dim, &other.restored(&plan)].map(|merit| merit.value(&lens).unwrap());
+    assert!((bright / wanted - 1.0).abs() < 1e-5 && bright < 0.9 * stated, "{stated} {bright} {wanted}");
+
+    // The table of scores has the same limit.
+    let mut dim = same_time;
+    let mut body = (*dim.body).clone();
+    body.same_time.as_mut().unwrap().brightness *= 0.25;
+    dim.body = Arc::new(body);
+    let [bright, wanted] = [dim, more_electrons].map(|setup| {
+        let camera = setup.camera(lens.clone(), false).unwrap();
+        let (row, _) = Scorer::new(Arc::new(setup)).unwrap().score("free", &camera).unwrap();
+        row.restored_error_percent.unwrap()
+    });
+    assert!((bright / wanted - 1.0).abs() < 1e-5, "{bright} {wanted}");
 }
 
 #[test]

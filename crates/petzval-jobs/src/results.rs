@@ -1,5 +1,5 @@
-//! Places of results, looked at before a job's work begins: that a place cannot be written, or holds results already, is told at once and
-//! not after an hour. Nothing is made yet, so that a request that is refused later leaves no empty folder.
+//! Places of results, checked before a job's work begins: a place that cannot be written, or that holds results already, is an error at
+//! once and not after an hour. Nothing is made yet, so that a request that is refused later leaves no empty folder.
 
 use std::path::Path;
 

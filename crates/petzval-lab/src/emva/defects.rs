@@ -30,7 +30,7 @@ const ANSWER: f64 = 0.5;
 const SIGMAS: f64 = 6.0;
 
 /// Standard deviation of normal numbers over the median of their distances from the mean.
-const SIGMA_OVER_MEDIAN: f64 = 1.4826;
+pub(super) const SIGMA_OVER_MEDIAN: f64 = 1.4826;
 
 /// Widest group of neighbouring pixels that is a defect, in its narrower direction: a cluster, or a few columns. What is wider both ways is a part of the
 /// picture without light, such as the corners beyond the image circle of a lens.

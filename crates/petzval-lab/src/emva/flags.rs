@@ -8,7 +8,7 @@
 //! | clipped at zero | samples pile up at digital number 0 | is not used for K and the dark series: its mean and noise are biased |
 //! | moved | a part of a frame differs from the other frames | is not used for K and the dark series |
 //! | flicker | whole frames differ from each other | is used: the differences are subtracted from the noise |
-//! | light leak, uneven | parts of the mean frame differ | is used |
+//! | light leak, uneven | parts of the mean frame differ, defect pixels left out | is used |
 //! | no dark, no signal | the dark frames of its exposure time are missing, or equally bright | is not used for K |
 //! | saturated | samples are clipped, or the noise has fallen | is left out by the photon transfer |
 //! | darker | the point has more light than another and is darker | is used |
@@ -220,7 +220,7 @@ fn movement(found: &PointStatistics, deviations: &[Deviations], drift_dn: f64) -
     let (frames, blocks) = (found.frames as f64, BLOCKS as f64);
     let of_others = frames / (frames - 1.0);
     let [row_dn2, column_dn2] = found.all.line_noise.certain_dn2();
-    let pixel_dn2 = (found.all.variance_dn2 - row_dn2 - column_dn2).max(0.0);
+    let pixel_dn2 = found.all.line_noise.pixel_dn2.value().unwrap_or(found.all.variance_dn2).max(0.0);
     let beyond_noise = |frame: usize, difference_dn: f64, variance_dn2: f64| {
         let found = Movement {
             frame,
@@ -251,15 +251,13 @@ fn movement(found: &PointStatistics, deviations: &[Deviations], drift_dn: f64) -
         .max_by(|a, b| a.difference_dn.total_cmp(&b.difference_dn).then(b.frame.cmp(&a.frame)))
 }
 
-/// Largest difference between two blocks of the mean frame, and its standard error from the spread of all samples and the noise of
-/// rows and columns, DN.
+/// Largest difference between two blocks of the mean frame, and the largest standard error of a block from the spread of its pixels and
+/// the noise of rows and columns, DN.
 fn block_difference(found: &PointStatistics) -> (f64, f64) {
-    let blocks =
-        || found.block_means_dn.iter().zip(&found.block_pixels).filter(|(_, n)| **n > 0).map(|(m, _)| *m);
-    let difference_dn = blocks().fold(f64::NEG_INFINITY, f64::max) - blocks().fold(f64::INFINITY, f64::min);
-    let fewest = found.block_pixels.iter().filter(|n| **n > 0).min().copied().unwrap_or(1) as f64;
+    let means = || found.block_means.means_dn.iter().copied();
+    let difference_dn = means().fold(f64::NEG_INFINITY, f64::max) - means().fold(f64::INFINITY, f64::min);
     let lines = [found.height, found.width].map(|lines| (found.frames * lines) as f64 / BLOCKS as f64);
-    let variance_dn2 = found.all.total_variance_dn2() / fewest + found.all.line_noise.of_mean_dn2(lines);
+    let variance_dn2 = found.block_means.variance_dn2 + found.all.line_noise.of_mean_dn2(lines);
     (difference_dn, variance_dn2.sqrt())
 }
 

@@ -9,7 +9,8 @@ use super::line_noise::LineNoise;
 use super::measured::{Measured, Unresolved};
 use super::point::PointStatistics;
 use super::result::{ChannelResult, GainResult, Options};
-use super::spatial::spatial;
+use super::rounding::Steps;
+use super::spatial::{Stacks, spatial};
 use super::transfer::photon_transfer;
 use super::transfer_point::{Rules, TransferPoint};
 use petzval_camera::sensor::Colour;
@@ -54,8 +55,11 @@ pub fn evaluate_gain(
         flat_flags.push(FlatFlags { label, signal, is_saturated: false, is_darker: false });
     }
 
-    // Evaluate each colour: photon transfer, non-uniformity, figures.
-    let (stacks, stack_flags) = stacks(points);
+    // Find the hot pixels. Evaluate each colour: photon transfer, non-uniformity, figures.
+    let max_dn = f64::from((1u32 << captures.sensor.bits) - 1);
+    let pixel_dark_currents = of_dark_ends(dark_ends, max_dn);
+    let hot = pixel_dark_currents.as_ref().map_or(&[][..], |of| &of.outlier_pixels);
+    let (stacks, stack_flags) = stacks(points, hot);
     let channels: Vec<ChannelResult> = captures
         .sensor
         .cfa
@@ -70,8 +74,6 @@ pub fn evaluate_gain(
         flat.is_saturated = channels.iter().any(|c| is_saturated(c, i));
         flat.is_darker = i > 0 && channels.iter().any(|c| is_darker(c, i));
     }
-    let max_dn = f64::from((1u32 << captures.sensor.bits) - 1);
-    let pixel_dark_currents = of_dark_ends(dark_ends, max_dn);
     let frames = points.iter().map(|p| p.flags.clone()).collect();
     (
         GainResult { linear_gain, dark, line_noise, pixel_dark_currents, channels },
@@ -79,20 +81,27 @@ pub fn evaluate_gain(
     )
 }
 
-/// Temporal noise of rows and columns over all dark frames of a gain, each point with the weight of its frames but one.
+/// Temporal noise of rows, columns and pixels over all dark frames of a gain, each point with the weight of its frames but one. The errors
+/// of rows and columns contain that of rounding, which all points have in common.
 fn mean_line_noise(darks: &[&FlaggedPoint<'_>]) -> LineNoise {
+    let weight = |p: &FlaggedPoint<'_>| p.found.frames as f64 - 1.0;
+    let total: f64 = darks.iter().map(|p| weight(p)).sum();
     let mean = |of: fn(&LineNoise) -> Measured| {
-        let weight = |p: &FlaggedPoint<'_>| p.found.frames as f64 - 1.0;
-        let total: f64 = darks.iter().map(|p| weight(p)).sum();
-        if total == 0.0 {
-            return Measured::none(Unresolved::NoFlat);
-        }
+        let none = Measured::none(Unresolved::NoDark);
         let parts = darks.iter().map(|p| (weight(p) / total, of(&p.found.all.line_noise)));
-        let value = parts.clone().map(|(w, m)| w * m.value().unwrap_or(0.0)).sum();
-        let error = parts.map(|(w, m)| (w * m.error_or_zero()).powi(2)).sum::<f64>().sqrt();
-        Measured::new(value, error)
+        parts.map(|(w, m)| m.scale(w)).reduce(Measured::plus).unwrap_or(none)
     };
-    LineNoise { row_dn2: mean(|n| n.row_dn2), column_dn2: mean(|n| n.column_dn2) }
+    let pixel_dn2 = mean(|n| n.pixel_dn2);
+    let steps = Steps::behind(pixel_dn2.value().unwrap_or(0.0));
+    let with_rounding = |lines: Measured| match (lines.value(), lines.standard_error()) {
+        (Some(found), Some(error)) => lines.with_error(steps.error_of_variance(found, error)),
+        _ => lines,
+    };
+    LineNoise {
+        row_dn2: with_rounding(mean(|n| n.row_dn2)),
+        column_dn2: with_rounding(mean(|n| n.column_dn2)),
+        pixel_dn2,
+    }
 }
 
 /// Points for the photon transfer: pairs, and stacks if there is no pair of their setting.
@@ -147,15 +156,11 @@ struct Pair<'a> {
     dark: &'a PointStatistics,
 }
 
-/// A flat and a dark stack of one exposure time.
-struct Stacks<'a> {
-    flat: &'a PointStatistics,
-    dark: &'a PointStatistics,
-    exposure_s: f64,
-}
-
 /// The first flat stack with a dark stack of its exposure time, and the use of each flat stack.
-fn stacks<'p>(points: &'p [FlaggedPoint<'_>]) -> (Option<Stacks<'p>>, Vec<StackFlags>) {
+fn stacks<'p>(
+    points: &'p [FlaggedPoint<'_>],
+    hot_pixels: &'p [usize],
+) -> (Option<Stacks<'p>>, Vec<StackFlags>) {
     let (mut chosen, mut flags) = (None, Vec::new());
     let of_kind = |kind| points.iter().filter(move |p| p.point.kind == kind && p.point.is_stack());
     for flat_point in of_kind(Kind::Flat) {
@@ -166,7 +171,7 @@ fn stacks<'p>(points: &'p [FlaggedPoint<'_>]) -> (Option<Stacks<'p>>, Vec<StackF
             (None, _) => StackUse::NoDarkStack,
             (Some(_), Some(_)) => StackUse::Surplus,
             (Some(dark), None) => {
-                chosen = Some(Stacks { flat, dark, exposure_s });
+                chosen = Some(Stacks { flat, dark, exposure_s, hot_pixels });
                 StackUse::Evaluated
             }
         };
@@ -198,8 +203,7 @@ fn channel(
     let library_transfer = photon_transfer(&points, Rules::Library)?;
 
     // Non-uniformity from the stacks.
-    let spatial = stacks
-        .and_then(|s| spatial(s.flat, s.dark, s.exposure_s, &captures.sensor.cfa, colour, options.high_pass));
+    let spatial = stacks.and_then(|s| spatial(s, &captures.sensor.cfa, colour, options.high_pass));
 
     // Figures, with the dark series of this colour's pixels.
     let dark_point = |p: &&FlaggedPoint<'_>| {

@@ -66,14 +66,15 @@ pub struct PixelDarkCurrents {
     pub threshold_dn_per_s: f64,
     /// Number of outliers.
     pub outliers: usize,
+    /// Their places in the frame, row by row, ascending.
+    #[serde(skip)]
+    pub outlier_pixels: Vec<usize>,
     /// Outliers that are full at the longer exposure: only a lower bound of their dark current is known.
     pub full: usize,
     /// Share of the pixels that are hot, h.
     pub hot_share: Measured,
     /// Mean dark current of hot pixels above that of the ordinary ones, theta, DN/s.
     pub hot_excess_dn_per_s: Measured,
-    /// Contribution of the hot pixels to the variance of the dark currents over all pixels, DN^2/s^2; 0 if there are none.
-    pub hot_variance_dn2_per_s2: f64,
 }
 
 impl PixelDarkCurrents {
@@ -143,11 +144,12 @@ fn pixel_dark_currents(short: &DarkEnd<'_>, long: &DarkEnd<'_>, max_dn: f64) -> 
 
     // Collect the outliers: dark current, and digital number at the longer exposure.
     let long_dn = |sum: u32| f64::from(sum) / long_frames as f64;
-    let outliers: Vec<(f64, f64)> = currents()
+    let (outlier_pixels, outliers): (Vec<usize>, Vec<(f64, f64)>) = currents()
         .zip(&long.stack.sum_dn)
-        .filter(|(x, _)| *x > threshold)
-        .map(|(x, sum)| (x, long_dn(*sum)))
-        .collect();
+        .enumerate()
+        .filter(|(_, (x, _))| *x > threshold)
+        .map(|(pixel, (x, sum))| (pixel, (x, long_dn(*sum))))
+        .unzip();
     // Outliers that pile up at the top are full at the longer exposure: only a lower bound of their dark current is known.
     let n = outliers.len() as f64;
     let excess = |x: f64| x - core_mean;
@@ -169,10 +171,10 @@ fn pixel_dark_currents(short: &DarkEnd<'_>, long: &DarkEnd<'_>, max_dn: f64) -> 
         spread_dn_per_s: spread,
         threshold_dn_per_s: threshold,
         outliers: outliers.len(),
+        outlier_pixels,
         full,
         hot_share: Measured::none(Unresolved::NoHotPixels { outliers: outliers.len() }),
         hot_excess_dn_per_s: Measured::none(Unresolved::NoHotPixels { outliers: outliers.len() }),
-        hot_variance_dn2_per_s2: 0.0,
     };
     // Six standard deviations out, the tail of normal noise falls by 1/e within a sixth of its standard deviation.
     if outliers.len() - full < FEWEST || theta <= spread {
@@ -186,17 +188,13 @@ fn pixel_dark_currents(short: &DarkEnd<'_>, long: &DarkEnd<'_>, max_dn: f64) -> 
     if share_error * RESOLVED_SIGMAS >= 1.0 || share >= 0.5 {
         return found;
     }
-    // Subtract the hot pixels below the threshold from the mean of the ordinary pixels. Compute the variance of all hot
-    // pixels.
+    // Subtract the hot pixels below the threshold from the mean of the ordinary pixels.
     let below_share = (-above / theta).exp();
     let hidden = share * (theta - (theta + above) * below_share) / (1.0 - share * below_share);
-    let mean = outliers.iter().map(|(x, _)| excess(*x)).sum::<f64>() / pixels;
-    let square = outliers.iter().map(|(x, _)| excess(*x).powi(2)).sum::<f64>() / pixels;
     PixelDarkCurrents {
         ordinary_dn_per_s: Measured::new(core_mean - hidden, core_se.hypot(hidden * share_error)),
         hot_share: Measured::new(share, share * share_error),
         hot_excess_dn_per_s: Measured::new(theta, theta / known.sqrt()),
-        hot_variance_dn2_per_s2: square - mean * mean,
         ..found
     }
 }
@@ -286,7 +284,7 @@ mod tests {
     #[test]
     fn noise_alone_has_no_hot_pixels() {
         let f = found(&ends(1, 200_000, 3, 0.0, 1.0, 1e6));
-        assert_eq!((f.outliers, f.full, f.hot_variance_dn2_per_s2), (0, 0, 0.0));
+        assert_eq!((f.outliers, f.full, f.outlier_pixels.len()), (0, 0, 0));
         assert!(f.hot_share.reason().is_some() && f.hot_excess_dn_per_s.reason().is_some());
         let (value, se) =
             (f.ordinary_dn_per_s.value().unwrap(), f.ordinary_dn_per_s.standard_error().unwrap());

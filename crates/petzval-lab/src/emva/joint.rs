@@ -69,8 +69,6 @@ pub struct JointFit {
     pub hot_pixel_share: Measured,
     /// Mean dark current of hot pixels above that of the others, e-/s.
     pub hot_pixel_e_per_s: Measured,
-    /// Contribution of the hot pixels to the variance of the dark currents over all pixels, e-^2/s^2.
-    pub hot_pixel_variance_e2_per_s2: Measured,
     /// Line of dark variance over `K_g^2`: slope e-^2, intercept DN^2.
     pub variance_line: Line,
     /// Line of dark mean over `K_g`: slope e-, intercept DN.
@@ -155,7 +153,6 @@ pub fn joint_fit(inputs: &[GainInput<'_>], black_level_dn: Option<f64>) -> Joint
         dark_current_ordinary_e_per_s: pixels.ordinary.if_above_noise(),
         hot_pixel_share: pixels.hot_share,
         hot_pixel_e_per_s: pixels.hot_excess,
-        hot_pixel_variance_e2_per_s2: pixels.hot_variance,
         variance_line,
         mean_line,
         read_variance_e2,
@@ -179,7 +176,6 @@ struct PixelDarkCurrentsE {
     ordinary: Measured,
     hot_share: Measured,
     hot_excess: Measured,
-    hot_variance: Measured,
 }
 
 /// Converts the dark currents of the pixels to electrons. Noise differs from gain to gain, so median and mean of the ordinary
@@ -190,13 +186,7 @@ fn pixel_dark_currents_e(inputs: &[GainInput<'_>], rows: &[GainRow]) -> PixelDar
     let Some(first) = known.first() else {
         let why = inputs.iter().find_map(|i| i.pixels.err()).unwrap_or(Unresolved::NoStack);
         let none = Measured::none(why);
-        return PixelDarkCurrentsE {
-            median: none,
-            ordinary: none,
-            hot_share: none,
-            hot_excess: none,
-            hot_variance: none,
-        };
+        return PixelDarkCurrentsE { median: none, ordinary: none, hot_share: none, hot_excess: none };
     };
     let error = |p: &PixelDarkCurrents| p.hot_relative_error().unwrap_or(f64::INFINITY);
     let (hot, k) =
@@ -208,10 +198,6 @@ fn pixel_dark_currents_e(inputs: &[GainInput<'_>], rows: &[GainRow]) -> PixelDar
         ordinary: mean(|p| p.ordinary_dn_per_s),
         hot_share: hot.hot_share,
         hot_excess: hot.hot_excess_dn_per_s.over(*k),
-        hot_variance: match hot.hot_share.reason() {
-            Some(why) => Measured::none(why),
-            None => Measured::exact(hot.hot_variance_dn2_per_s2).over(k.squared()),
-        },
     }
 }
 

@@ -40,6 +40,10 @@ pub enum Unresolved {
     AllSaturated,
     /// No flat point has dark frames of its exposure time.
     NoFlat,
+    /// There are no dark frames, or those there are clipped at zero or moved.
+    NoDark,
+    /// The frames have fewer than three rows or columns of a colour.
+    FewLines,
     /// There are too few linear gains.
     TooFewGains {
         /// Gains that were found.
@@ -105,6 +109,8 @@ impl fmt::Display for Unresolved {
             }
             Self::AllSaturated => f.write_str("every flat point is clipped or above 70 % of saturation"),
             Self::NoFlat => f.write_str("no flat frames with dark ones of their exposure time"),
+            Self::NoDark => f.write_str("no usable dark frames"),
+            Self::FewLines => f.write_str("the frames have fewer than three rows or columns of a colour"),
             Self::TooFewGains { got, need } => {
                 write!(f, "{} with K and a dark series, {need} are needed", counted(*got, "linear gain"))
             }
@@ -239,6 +245,11 @@ impl Measured {
             (None, _) => self,
             (_, None) => other,
         }
+    }
+
+    /// `x + y` of independent numbers: variances add.
+    pub fn plus(self, other: Self) -> Self {
+        self.minus(other.scale(-1.0))
     }
 
     /// `x - y` of independent numbers: variances add.

@@ -5,7 +5,8 @@
 //! | the list of captures: its values, its two formats, wildcards in names | [`captures`], [`manifest`], [`descriptor`], `frame_names` |
 //! | open a folder of captures | `open` |
 //! | reduce the frames of a point to sums | [`point`], [`counts`] |
-//! | temporal noise of rows and columns | [`line_noise`] |
+//! | temporal noise of rows, columns and pixels | [`line_noise`] |
+//! | means of parts of a frame without defect pixels | [`mod@block_means`] |
 //! | flags: what the captures show about the use of each point | `flags` |
 //! | find where the converter clips, from all samples | [`samples`] |
 //! | select the points of one gain by their flags, and evaluate them | `gain` |
@@ -27,6 +28,7 @@
 //! Every number is a [`Measured`]: a value with its standard error, or the reason why it cannot be measured from these captures.
 //! Sources: EMVA 1288 release 4.0 Linear; Tseng et al. 2021, supplement sections 1 and 2.
 
+pub mod block_means;
 pub mod captures;
 pub mod characterize;
 mod colour_name;

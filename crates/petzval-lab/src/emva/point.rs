@@ -15,9 +15,10 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 
 use serde::Serialize;
 
+use super::block_means::{BlockMeans, block_means};
 use super::captures::{CaptureError, Captures, FrameFile, Point};
 use super::counts::Counts;
-use super::line_noise::{LineNoise, LineSums};
+use super::line_noise::{LineNoise, LineSums, double_differences};
 use petzval_camera::sensor::{CfaPattern, Colour};
 use petzval_files::raw_file::{RawFrame, RawInfo};
 
@@ -110,8 +111,8 @@ pub struct PointStatistics {
     pub all: Moments,
     /// The pixels of each colour that the sensor has.
     pub colours: Vec<(Colour, Moments)>,
-    /// Mean of each of 8x8 blocks of the mean frame, DN.
-    pub block_means_dn: Vec<f64>,
+    /// Means of 8x8 blocks of the mean frame without its defect pixels.
+    pub block_means: BlockMeans,
     /// By frame, mean of each of 8x8 blocks less that of the other frames, DN.
     pub block_deviations_dn: Vec<Vec<f64>>,
     /// Pixels of each block.
@@ -151,7 +152,7 @@ impl Class {
         let mean_variance = self.variance / n;
         let samples = n * l;
         let of_pixels_dn2 = (self.variance_squared / n - mean_variance * mean_variance).max(0.0) / n;
-        let line_noise = self.lines.noise(tile, mean_variance - spread, of_pixels_dn2.sqrt());
+        let line_noise = self.lines.noise(tile);
         // Rows and columns are few: their mean and their variance scatter more than those of the pixels.
         let counted = |pixels: &[usize]| pixels.iter().filter(|n| **n > 0).count() as f64;
         let lines = [counted(&self.lines.row_pixels), counted(&self.lines.column_pixels)];
@@ -227,6 +228,9 @@ pub fn reduce(
                 *s += u32::from(*dn);
                 *q += u64::from(*dn) * u64::from(*dn);
             }
+            for (col, d) in double_differences(&frame.dn, width, row, tile) {
+                class[kinds[col % cfa.cols()]].lines.doubles[row].squares += (d * d) as f64;
+            }
         }
         read();
     }
@@ -254,6 +258,11 @@ pub fn reduce(
                 *v = variance;
             }
         }
+        for (col, d) in double_differences(&sum, width, row, tile) {
+            let doubles = &mut class[kinds[col % cfa.cols()]].lines.doubles[row];
+            doubles.count += 1;
+            doubles.squares_of_sum += (d as f64).powi(2);
+        }
     }
     // All pixels together are the sum of the colours.
     let mut all = class[0].clone();
@@ -278,7 +287,7 @@ pub fn reduce(
             .filter(|(_, c)| c.pixels > 0)
             .map(|(colour, c)| (*colour, c.moments(frames, tile)))
             .collect(),
-        block_means_dn: blocks().map(|(b, n)| mean_of(block_totals[b], n * frames)).collect(),
+        block_means: block_means(&sum, frames, [height, width]),
         block_deviations_dn: block_sums
             .iter()
             .map(|own| {

@@ -10,6 +10,8 @@
 //! (minus the square of the mean's part, which is smaller): zero at s = 1 DN, up to 0.017 DN^2 at 0.45 DN and 0.044 at
 //! 0.37. The captures do not determine well enough where m lies between two whole numbers, so these are errors of random
 //! phase.
+//!
+//! Rounding also changes by how much pixels or rows seem to differ: [`Steps`].
 
 /// Variance of rounding to whole digital numbers, DN^2.
 pub const QUANTISATION_DN2: f64 = 1.0 / 12.0;
@@ -33,18 +35,97 @@ impl RoundingError {
     }
 }
 
-/// Standard errors by rounding of a variance over pixels that is `spatial_dn2`, of frames with this temporal variance after rounding:
-/// a share of the variance, and a variance that adds to it, DN^2.
+/// The mean reading of a pixel over its level `x`, the steps of the converter smoothed by noise: `x + b(x)` with
+/// `b(x) = sum_k c_k sin(2 pi k x)`, the mean's harmonics above.
 ///
-/// The mean `x` of a pixel becomes `x + b(x)` with the sum `b` of the mean's harmonics above. Over pixels of the variance `v` that are
-/// normally distributed, the first harmonic adds `2 cov(x, b) = -4 v h cos(2 pi m)` with `h = exp(-2 pi^2 (s^2 + v))`: pixels that lie
-/// between the same two numbers move together or apart. And `b` has a variance of its own, up to half the square of its amplitude,
-/// which pixels that differ by little do not reach.
-pub fn of_spatial(temporal_dn2: f64, spatial_dn2: f64) -> [f64; 2] {
-    let (noise_dn2, spatial_dn2) = (least_noise_dn2(temporal_dn2), spatial_dn2.max(0.0));
-    let share = of_random_phase(|k| if k == 1.0 { 4.0 * harmonic(k, noise_dn2 + spatial_dn2) } else { 0.0 });
-    let reached = 1.0 - harmonic(1.0, 2.0 * spatial_dn2);
-    [share, reached * of_mean_dn(noise_dn2).powi(2)]
+/// Levels of the variance `v` that are normally distributed about `m` (those of pixels, or of one row from frame to frame) are read with
+/// the variance
+///
+/// ```text
+/// found(v, m) = v + 2 cov(x, b) + var(b)                 [DN^2]
+/// ```
+///
+/// which is far below `v` where all levels are near one digital number, and far above it where they are half-way between two.
+pub struct Steps {
+    /// Variance of the noise before rounding, DN^2.
+    noise_dn2: f64,
+    /// c_k, DN.
+    amplitudes: Vec<f64>,
+}
+
+/// Phases, evenly over the half of a step that is not a mirror image of the other half.
+const PHASES: usize = 16;
+
+/// Least noise of the model, DN^2: the steps behind 0.05 DN are as sharp as those behind none, and need [`HARMONICS`] terms.
+const SHARPEST_DN2: f64 = 0.05 * 0.05;
+
+impl Steps {
+    /// The steps behind noise that has this variance after rounding, as sharp as they may be, DN^2.
+    pub fn behind(variance_dn2: f64) -> Self {
+        Self::behind_noise(least_noise_dn2(variance_dn2))
+    }
+
+    /// The steps behind noise of this variance before rounding, DN^2.
+    fn behind_noise(noise_dn2: f64) -> Self {
+        let amplitude = |k: i32| {
+            let sign = if k % 2 == 0 { 1.0 } else { -1.0 };
+            let k = f64::from(k);
+            sign * harmonic(k, noise_dn2.max(SHARPEST_DN2)) / (std::f64::consts::PI * k)
+        };
+        let amplitudes = (1..=HARMONICS).map(amplitude).take_while(|c| c.abs() > 1e-9).collect();
+        Self { noise_dn2, amplitudes }
+    }
+
+    /// Standard error by rounding of a variance that is found with another error of its own, DN^2: how far variances at any phase that
+    /// would be found as this one are from it, root mean square.
+    ///
+    /// It is no share of what is found. Between two steps nothing of a small variance is found, and its size stays as unknown as the
+    /// steps are wide.
+    pub fn error_of_variance(&self, found_dn2: f64, standard_error_dn2: f64) -> f64 {
+        let level = found_dn2.max(0.0) + standard_error_dn2;
+        let squares = self.variances_found_as(level).map(|v| (v - level).powi(2)).sum::<f64>();
+        (squares / PHASES as f64).sqrt()
+    }
+
+    /// The same steps for the mean over pixels whose levels have a variance that is found as this one, DN^2: they smooth the steps further,
+    /// by the least variance that agrees.
+    pub fn smoothed_by(&self, found_dn2: f64) -> Self {
+        let least = self.variances_found_as(found_dn2.max(0.0)).fold(f64::INFINITY, f64::min);
+        Self::behind_noise(self.noise_dn2 + least)
+    }
+
+    /// At each phase the variance that is found as this one, DN^2.
+    fn variances_found_as(&self, found_dn2: f64) -> impl Iterator<Item = f64> {
+        let phase = |i: usize| 0.5 * (i as f64 + 0.5) / PHASES as f64;
+        (0..PHASES).map(phase).map(move |phase| {
+            // Readings are within half a step of the levels, and so is one standard deviation of the other.
+            let (mut low, mut high) = (0.0, (found_dn2.sqrt() + 0.5).powi(2));
+            for _ in 0..40 {
+                let middle = 0.5 * (low + high);
+                *(if self.found_dn2(middle, phase) > found_dn2 { &mut high } else { &mut low }) = middle;
+            }
+            0.5 * (low + high)
+        })
+    }
+
+    /// `found(v, m)` of the formula above.
+    fn found_dn2(&self, v: f64, m: f64) -> f64 {
+        let turn = std::f64::consts::TAU;
+        let terms = 2 * self.amplitudes.len() + 1;
+        // The mean of cos(2 pi k x) over the levels.
+        let cosines: Vec<f64> =
+            (0..terms).map(|k| k as f64).map(|k| harmonic(k, v) * (turn * k * m).cos()).collect();
+        let (mut covariance, mut mean, mut square) = (0.0, 0.0, 0.0);
+        for (j, c) in (1..).zip(&self.amplitudes) {
+            let k = f64::from(j as u32);
+            covariance += c * v * turn * k * cosines[j];
+            mean += c * harmonic(k, v) * (turn * k * m).sin();
+            for (l, other) in (1..).zip(&self.amplitudes) {
+                square += 0.5 * c * other * (cosines[j.abs_diff(l)] - cosines[j + l]);
+            }
+        }
+        v + 2.0 * covariance + square - mean * mean
+    }
 }
 
 /// Number of harmonics in the sums: without noise the neglected rest is 3 %.
@@ -93,6 +174,46 @@ mod tests {
         let moments = |f: fn(f64) -> f64| (-20..=20).map(|y| f(f64::from(y)) * p(f64::from(y))).sum::<f64>();
         let first = moments(|y| y);
         (first, moments(|y| y * y) - first * first)
+    }
+
+    #[test]
+    fn the_variance_of_rounded_levels_is_that_of_their_readings() {
+        for (sigma, spread, mean) in [(0.2, 0.1, 0.0), (0.2, 0.1, 0.5), (0.1, 0.3, 0.2), (0.3, 0.6, 0.9)] {
+            // Levels at even quantiles of the normal distribution, by bisection of its distribution function.
+            let below = |z: f64| 0.5 * libm::erfc(-z * std::f64::consts::FRAC_1_SQRT_2);
+            let quantile = |q: f64| {
+                let (mut low, mut high) = (-8.0, 8.0);
+                for _ in 0..50 {
+                    let middle = 0.5 * (low + high);
+                    *(if below(middle) > q { &mut high } else { &mut low }) = middle;
+                }
+                low
+            };
+            let n = 4000;
+            let level = |i: i32| mean + spread * quantile((f64::from(i) + 0.5) / f64::from(n));
+            let readings: Vec<f64> = (0..n).map(|i| rounded(level(i), sigma).0).collect();
+            let middle = readings.iter().sum::<f64>() / f64::from(n);
+            let variance = readings.iter().map(|r| (r - middle).powi(2)).sum::<f64>() / f64::from(n);
+            let found = Steps::behind_noise(sigma * sigma).found_dn2(spread * spread, mean);
+            assert!((found / variance - 1.0).abs() < 0.01, "{sigma} {spread} {mean}: {found} {variance}");
+        }
+    }
+
+    #[test]
+    fn the_error_of_a_variance_covers_every_phase_however_little_is_found() {
+        for sigma in [0.0, 0.1, 0.2, 0.3, 0.4] {
+            for spread in [0.02, 0.1, 0.3, 0.6, 1.0] {
+                let v: f64 = spread * spread;
+                let steps = Steps::behind_noise(sigma * sigma);
+                let found = (0..20).map(|i| steps.found_dn2(v, f64::from(i) / 20.0));
+                for found in found {
+                    let sampling = 0.02 * v;
+                    let error = steps.error_of_variance(found, sampling).hypot(sampling);
+                    assert!((found - v).abs() < 3.0 * error, "{sigma} {spread}: {found} +- {error}");
+                }
+            }
+        }
+        assert!(Steps::behind_noise(1.0).error_of_variance(0.04, 0.001) < 1e-6);
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use super::histogram_fit::HistogramFit;
 use super::joint::JointFit;
 use super::measured::{Measured, Unresolved};
-use super::result::{Characterization, GainResult};
+use super::result::{ChannelResult, Characterization, GainResult};
 
 /// One line of the file.
 struct Entry {
@@ -251,7 +251,7 @@ fn non_uniformity(found: &Characterization, text: &mut String) {
         None => {
             let _ = writeln!(text, "# DSNU, PRNU: not resolved: {}", Unresolved::NoStack);
         }
-        Some(gain) => stack_non_uniformity(joint, gain, text),
+        Some(gain) => stack_non_uniformity(hot, gain, text),
     }
     for (key, noise) in lines {
         line(text, key, noise, "e-, from frame to frame");
@@ -266,9 +266,8 @@ fn non_uniformity(found: &Characterization, text: &mut String) {
     line(text, "hot_pixel_e_per_s", joint.hot_pixel_e_per_s, "e-/s");
 }
 
-/// DSNU and PRNU of one gain. Hot pixels have lines of their own, so their part of the variance of the dark stack is
-/// subtracted from the DSNU of single pixels.
-fn stack_non_uniformity(joint: &JointFit, gain: &GainResult, text: &mut String) {
+/// DSNU and PRNU of one gain. Hot pixels have lines of their own, so the DSNU is that of the other pixels.
+fn stack_non_uniformity(has_hot: bool, gain: &GainResult, text: &mut String) {
     for (key, name, unit) in [
         ("dsnu_pixel_e", "DSNU1288_pixel", "e-"),
         ("dsnu_row_e", "DSNU1288_row", "e-"),
@@ -277,33 +276,34 @@ fn stack_non_uniformity(joint: &JointFit, gain: &GainResult, text: &mut String) 
         ("prnu_row_percent", "PRNU1288_row", "%"),
         ("prnu_column_percent", "PRNU1288_col", "%"),
     ] {
-        let all: Vec<Measured> =
-            gain.channels.iter().filter_map(|c| c.figure(name)).map(|f| f.best()).collect();
+        let of_channel = |c: &ChannelResult| {
+            let not_hot = c.spatial.as_ref()?.dark_components_without_hot.filter(|_| has_hot);
+            let in_electrons = |part: Measured| part.if_above_noise().root().over(c.transfer.gain_dn_per_e);
+            match (key, not_hot) {
+                ("dsnu_pixel_e", Some(parts)) => Some(in_electrons(parts.pixel)),
+                ("dsnu_row_e", Some(parts)) => Some(in_electrons(parts.row)),
+                ("dsnu_column_e", Some(parts)) => Some(in_electrons(parts.column)),
+                _ => c.figure(name).map(|f| f.best()),
+            }
+        };
+        let all: Vec<Measured> = gain.channels.iter().filter_map(of_channel).collect();
         let known: Vec<f64> = all.iter().filter_map(Measured::value).collect();
         let count = known.len() as f64;
-        let mut measured = match known.is_empty() {
+        let measured = match known.is_empty() {
             true => all.first().copied().unwrap_or(Measured::none(Unresolved::NoStack)),
             false => {
                 let se = all.iter().filter_map(Measured::standard_error).map(|s| s * s).sum::<f64>().sqrt();
                 Measured::new(known.iter().sum::<f64>() / count, se / count)
             }
         };
-        let exposure_s = gain.channels.iter().find_map(|c| c.spatial.as_ref()).map(|s| s.exposure_s);
-        if let ("dsnu_pixel_e", Some(hot), Some(t)) =
-            (key, joint.hot_pixel_variance_e2_per_s2.value(), exposure_s)
-        {
-            let squared = measured.map(|v| v * v - hot * t * t, |v| 2.0 * v);
-            measured = squared.if_above_noise().root();
-        }
         line(text, key, measured, unit);
     }
     let defects: usize =
         gain.channels.iter().filter_map(|c| c.spatial.as_ref()).map(|s| s.defects.len()).sum();
     if defects > 0 {
-        let _ = writeln!(
-            text,
-            "# {defects} pixels that do not answer light are left out of DSNU and PRNU; results.json lists them"
-        );
+        let pixels = if defects == 1 { "1 pixel that does" } else { &format!("{defects} pixels that do") };
+        let _ =
+            writeln!(text, "# {pixels} not answer light: left out of DSNU and PRNU; results.json lists them");
     }
 }
 

@@ -18,15 +18,19 @@
 //! columns](super::line_noise), of which `1/L` remains as well, is subtracted from `C` and `R`. Pixels that do not answer light
 //! ([`super::defects`]) take the mean of their neighbours. The plain variances without a high-pass have none of these corrections.
 
+use std::collections::BTreeSet;
+use std::rc::Rc;
+
 use serde::Serialize;
 
-use super::defects::{Defect, defects, without};
+use super::defects::{Defect, SIGMA_OVER_MEDIAN, defects, without};
 use super::high_pass::{HighPass, Plane, high_pass_5x5_times_25};
 use super::histogram::{Histogram, MOST_BINS, accumulated, histogram};
 use super::measured::{Measured, Unresolved};
 use super::point::{Moments, PointStatistics, Stack};
-use super::rounding::of_spatial;
+use super::rounding::Steps;
 use super::spectrogram::{column_spectrogram, row_spectrogram};
+use petzval_base::statistics::median;
 use petzval_camera::sensor::{CfaPattern, Colour};
 
 /// Variances of the mean of a stack, DN^2, or their standard errors.
@@ -138,18 +142,31 @@ pub struct Spatial {
     /// Components of the flat and of the dark stack with these pixels, if there are any.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub components_with_defects: Option<[Components; 2]>,
+    /// Components of the dark stack without the hot pixels either, if there are any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub dark_components_without_hot: Option<Components>,
     /// Plots of the flat stack minus the dark one (PRNU).
     pub prnu: StackPlots,
     /// Plots of the dark stack (DSNU).
     pub dsnu: StackPlots,
 }
 
+/// A flat and a dark stack of one exposure time.
+pub struct Stacks<'a> {
+    /// In the light.
+    pub flat: &'a PointStatistics,
+    /// In the dark.
+    pub dark: &'a PointStatistics,
+    /// Exposure time, s.
+    pub exposure_s: f64,
+    /// Places of the hot pixels in the frame, row by row, ascending.
+    pub hot_pixels: &'a [usize],
+}
+
 /// Evaluates two stacks of the same size for the pixels of one colour. Each place of the colour in the tile is a picture of
 /// its own; variances are their means. None if a point is not a stack, or is too small.
 pub fn spatial(
-    flat: &PointStatistics,
-    dark: &PointStatistics,
-    exposure_s: f64,
+    &Stacks { flat, dark, exposure_s, hot_pixels }: &Stacks<'_>,
     cfa: &CfaPattern,
     colour: Colour,
     high_pass: HighPass,
@@ -162,6 +179,7 @@ pub fn spatial(
         let (stack, moments) = (point.stack.as_ref()?, point.colour(colour)?);
         Some(places.iter().map(|place| Sub::of(stack, moments, cfa, *place)).collect())
     };
+    let frame_width = dark.width;
     let (flat, dark) = (sub(flat)?, sub(dark)?);
     let smallest = flat.iter().map(|s| s.height.min(s.width)).min()?;
     if smallest < 3 {
@@ -169,13 +187,20 @@ pub fn spatial(
     }
 
     // Find the defect pixels of each place, and name them by their row and column of the frame.
-    let (mut found, mut clean) = (Vec::new(), [flat.clone(), dark.clone()]);
+    let (mut found, mut clean, mut not_hot) = (Vec::new(), [flat.clone(), dark.clone()], dark.clone());
     for (i, (row, col)) in places.iter().enumerate() {
         let (light, dark) = (flat[i].mean(), dark[i].mean());
         let of_place = defects(&light, &dark);
         for stack in &mut clean {
-            stack[i].sum_dn = without(&stack[i].sum_dn, stack[i].width, &of_place);
+            stack[i] = stack[i].without(&of_place);
         }
+        let hot = hot_pixels.iter().map(|at| (at / frame_width, at % frame_width));
+        let of_hot = hot
+            .filter(|(r, c)| (r % cfa.rows(), c % cfa.cols()) == (*row, *col))
+            .map(|(r, c)| r / cfa.rows() * light.width + c / cfa.cols());
+        let left_out: BTreeSet<usize> = of_place.iter().copied().chain(of_hot).collect();
+        let left_out: Vec<usize> = left_out.into_iter().collect();
+        not_hot[i] = not_hot[i].without(&left_out);
         found.extend(of_place.iter().map(|at| Defect {
             row: row + at / light.width * cfa.rows(),
             column: col + at % light.width * cfa.cols(),
@@ -192,6 +217,7 @@ pub fn spatial(
         dark: mean_of(&dark),
         flat_components: components(&clean_flat, high_pass),
         dark_components: components(&clean_dark, high_pass),
+        dark_components_without_hot: (!hot_pixels.is_empty()).then(|| components(&not_hot, high_pass)),
         components_with_defects: (!found.is_empty())
             .then(|| [components(&flat, high_pass), components(&dark, high_pass)]),
         defects: found,
@@ -207,12 +233,16 @@ struct Sub {
     width: usize,
     frames: usize,
     sum_dn: Vec<i64>,
+    /// Temporal variance of each pixel, DN^2.
+    variance_dn2: Rc<[f64]>,
     temporal: f64,
     temporal_se: f64,
     /// Part of the temporal variance by which whole frames differ, DN^2.
     flicker: f64,
     /// Temporal variances of rows and of columns, DN^2.
     lines: [f64; 2],
+    /// Temporal variance of single pixels, DN^2.
+    pixel_temporal: Measured,
 }
 
 impl Sub {
@@ -227,17 +257,33 @@ impl Sub {
         let (height, width) = (rows.len(), cols.len());
         let pixels = || rows.clone().flat_map(|row| cols.clone().map(move |col| row * stack.width + col));
         let n = (height * width) as f64;
-        let temporal = pixels().map(|i| stack.variance_dn2[i]).sum::<f64>() / n;
-        let squares = pixels().map(|i| (stack.variance_dn2[i] - temporal).powi(2)).sum::<f64>();
+        let variance_dn2: Rc<[f64]> = pixels().map(|i| stack.variance_dn2[i]).collect();
+        let temporal = variance_dn2.iter().sum::<f64>() / n;
+        let squares = variance_dn2.iter().map(|v| (v - temporal).powi(2)).sum::<f64>();
         Self {
             height,
             width,
             frames: stack.frames,
             sum_dn: pixels().map(|i| i64::from(stack.sum_dn[i])).collect(),
+            variance_dn2,
             temporal,
             temporal_se: squares.sqrt() / n,
             flicker: moments.variance_uncorrected_dn2 - moments.variance_dn2,
             lines: moments.line_noise.found_dn2(),
+            pixel_temporal: moments.line_noise.pixel_dn2,
+        }
+    }
+
+    /// The same with the mean of their neighbours in place of these pixels, ascending, and with the temporal noise of the others.
+    fn without(&self, pixels: &[usize]) -> Self {
+        let kept = (self.variance_dn2.len() - pixels.len()) as f64;
+        let of_pixels = pixels.iter().map(|i| self.variance_dn2[*i] - self.temporal).sum::<f64>();
+        let less = if kept > 0.0 { of_pixels / kept } else { 0.0 };
+        Self {
+            sum_dn: without(&self.sum_dn, self.width, pixels),
+            temporal: self.temporal - less,
+            pixel_temporal: self.pixel_temporal.map(|v| v - less, |_| 1.0),
+            ..self.clone()
         }
     }
 
@@ -255,6 +301,8 @@ struct PlaneMoments {
     mean: f64,
     variance: f64,
     pixel_se: f64,
+    /// Variance of what is left from the median of its size, which a few pixels far off do not change.
+    pixel_core: f64,
     column_means: f64,
     row_means: f64,
 }
@@ -278,11 +326,13 @@ fn moments(plane: &Plane) -> PlaneMoments {
     columns.iter_mut().for_each(|c| *c /= m);
     // Subtract rows and columns, so that their patterns do not count as errors of the pixels.
     let (mut squares, mut fourth) = (0.0, 0.0);
+    let mut sizes = Vec::with_capacity(plane.values.len());
     for (row, of_row) in plane.values.chunks_exact(plane.width).zip(&rows) {
         for (v, of_column) in row.iter().zip(&columns) {
             let d2 = (v - mean - of_row - of_column).powi(2);
             squares += d2;
             fourth += d2 * d2;
+            sizes.push(d2.sqrt());
         }
     }
     let pixels = squares / (m * n);
@@ -291,6 +341,7 @@ fn moments(plane: &Plane) -> PlaneMoments {
         mean,
         variance,
         pixel_se: ((fourth / (m * n) - pixels * pixels).max(0.0) / (m * n)).sqrt(),
+        pixel_core: (SIGMA_OVER_MEDIAN * median(sizes)).powi(2),
         column_means: columns.iter().map(|c| c * c).sum::<f64>() / n,
         row_means: rows.iter().map(|r| r * r).sum::<f64>() / m,
     }
@@ -382,21 +433,25 @@ fn components(subs: &[Sub], high_pass: HighPass) -> Components {
         let p_se = found.pixel_se * passed.pixel_correlation.sqrt() / shares;
         // Of the temporal variance of rows, columns and pixels 1/L remains in the mean frame.
         let [rows, columns] = sub.lines;
-        let pixels = sub.temporal - sub.flicker - rows - columns;
-        let (pixel, pixel_se) = (p - pixels / l, p_se.hypot(sub.temporal_se / l));
+        let pixels = sub.pixel_temporal.value().unwrap_or(sub.temporal - sub.flicker);
+        let pixels_se = sub.pixel_temporal.standard_error().unwrap_or(sub.temporal_se);
+        let (pixel, pixel_se) = (p - pixels / l, p_se.hypot(pixels_se / l));
         let (column, column_se) =
             (ac / passed.line - p / m - columns / l, (ac_se / passed.line).hypot(p_se / m));
         let (row, row_se) = (ar / passed.line - p / n - rows / l, (ar_se / passed.line).hypot(p_se / n));
         let total = pixel + column + row;
         let total_se = pixel_se.hypot(column_se).hypot(row_se);
-        // Noise too small to smooth the steps of the converter stretches or shrinks the differences of pixels.
-        let [share, of_pixels] = of_spatial(sub.temporal - sub.flicker, total);
-        let rounded = |value: f64, se: f64, added: f64| (value, se.hypot(share * value).hypot(added));
+        // Noise too small to smooth the steps of the converter stretches or shrinks the differences of pixels. Those of rows and columns
+        // are smoothed by the pixels as well, whose spread is taken without its tails: a few hot pixels smooth nothing.
+        let steps = Steps::behind(sub.temporal - sub.flicker);
+        let of_lines = steps.smoothed_by(found.pixel_core / shares - pixels / l);
+        let rounded =
+            |steps: &Steps, value: f64, se: f64| (value, se.hypot(steps.error_of_variance(value, se)));
         parts.push([
-            rounded(total, total_se, of_pixels),
-            rounded(row, row_se, 0.0),
-            rounded(column, column_se, 0.0),
-            rounded(pixel, pixel_se, of_pixels),
+            rounded(&steps, total, total_se),
+            rounded(&of_lines, row, row_se),
+            rounded(&of_lines, column, column_se),
+            rounded(&steps, pixel, pixel_se),
         ]);
     }
     let count = parts.len() as f64;
@@ -520,10 +575,12 @@ mod tests {
             width: stack.width,
             frames: stack.frames,
             sum_dn: rows.map(|i| i64::from(stack.sum_dn[i])).collect(),
+            variance_dn2: stack.variance_dn2.as_slice().into(),
             temporal,
             temporal_se: squares.sqrt() / stack.variance_dn2.len() as f64,
             flicker: 0.0,
             lines: [0.0; 2],
+            pixel_temporal: Measured::new(temporal, squares.sqrt() / stack.variance_dn2.len() as f64),
         }
     }
 

@@ -117,8 +117,8 @@ impl StreetPlan {
     /// Window `number` of a list as a lens sees it: a street of its own, at a place of the sensor that lies on an object or anywhere. It depends
     /// on the arguments alone. The exposure, the object, and where it lies in the window are chosen in the view of a `reference` lens, so that
     /// cameras that are compared look at the same objects in the same light. It is also in that view that objects are large enough to count, so
-    /// that a lens of another focal length is asked for the same objects. If such a lens sees the chosen object of a held-out window no more, it
-    /// is asked for all the same, beyond the picture: a narrower field misses what it does not show.
+    /// that the same objects count with a lens of another focal length. If such a lens no longer sees the chosen object of a held-out window,
+    /// the object still counts, beyond the picture: a narrower field misses what it does not show.
     pub fn window(
         &self,
         list: List,

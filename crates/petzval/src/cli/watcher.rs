@@ -26,7 +26,7 @@ struct Phase {
     first: u64,
     total: u64,
     /// When the last plain line was written.
-    told: Instant,
+    last_line: Instant,
 }
 
 impl Stderr {
@@ -65,7 +65,7 @@ impl Watcher for Stderr {
             Some(phase) if phase.total == *total => phase,
             _ => {
                 let now = Instant::now();
-                *phase = Some(Phase { start: now, first: *done, total: *total, told: now });
+                *phase = Some(Phase { start: now, first: *done, total: *total, last_line: now });
                 self.bar.set_length(*total);
                 self.bar.set_position(*done);
                 self.bar.set_message(text.clone());
@@ -77,12 +77,12 @@ impl Watcher for Stderr {
             self.bar.set_message(text.clone());
             self.bar.set_position(*done);
         } else if *done > phase.first
-            && (done.is_multiple_of(PLAIN_EVERY) || phase.told.elapsed() > PLAIN_AFTER)
+            && (done.is_multiple_of(PLAIN_EVERY) || phase.last_line.elapsed() > PLAIN_AFTER)
         {
             let taken = (done - phase.first) as f64;
             let left = phase.start.elapsed().as_secs_f64() * total.saturating_sub(*done) as f64 / taken;
             eprintln!("{done}/{total}, about {left:.0} s left: {text}");
-            phase.told = Instant::now();
+            phase.last_line = Instant::now();
         }
     }
 }

@@ -347,7 +347,8 @@ impl Restored {
         }
         let plan = psf.plan(&sensor, psf.pupil_cells)?;
         let limit = Arc::new(LinearLimit::new(&sensor, &exposure, NaturalScenes::default()));
-        Ok(RestoredError { plan, limit, rays: SpotResiduals { power: 2.0, ..spots.clone() } })
+        let rays = SpotResiduals { power: 2.0, ..spots.clone() };
+        Ok(RestoredError { plan, limit, stated_brightness: None, rays })
     }
 }
 

@@ -5,7 +5,7 @@ use std::fmt;
 use serde::{Serialize, Serializer};
 
 use crate::emva::colour_name::colour_name;
-use crate::emva::measured::Unresolved;
+use crate::emva::measured::{Measured, Unresolved};
 use petzval_camera::sensor::Colour;
 
 /// A warning, by name.
@@ -57,10 +57,10 @@ pub enum Warning {
         pixels: usize,
         /// Row and column of the first, from 0.
         first: [usize; 2],
-        /// Spatial variance of the dark stack without and with them, DN^2.
-        dark_dn2: [f64; 2],
-        /// Spatial variance of the flat stack without and with them, DN^2.
-        flat_dn2: [f64; 2],
+        /// By how much pixels differ in the dark stack, without and with them, DN.
+        dark_dn: [Measured; 2],
+        /// By how much pixels differ in the flat stack, without and with them, DN.
+        flat_dn: [Measured; 2],
     },
     /// Dark frames are brighter in places: light leaks in, or the sensor glows.
     LightLeak {
@@ -330,18 +330,24 @@ impl fmt::Display for Warning {
                 f,
                 "{point}: the means of the frames differ by {difference_dn:.3} DN, noise explains {standard_error_dn:.3}"
             ),
-            Self::DefectPixels { linear_gain, colour, pixels, first: [row, column], dark_dn2, flat_dn2 } => {
-                let spread = |[without, with]: &[f64; 2]| {
-                    let [without, with] = [without, with].map(|v| v.max(0.0).sqrt());
-                    format!("by {without:.3} DN without them and by {with:.3} with them")
+            Self::DefectPixels { linear_gain, colour, pixels, first: [row, column], dark_dn, flat_dn } => {
+                let by = |spread: &Measured| match spread.value() {
+                    Some(dn) => format!("by {dn:.3} DN"),
+                    None => "by less than is resolved".to_owned(),
                 };
+                let spread =
+                    |[without, with]: &[Measured; 2]| format!("{} without them and {} with them", by(without), by(with));
+                let of_colour = match colour {
+                    Colour::Clear => String::new(),
+                    filtered => format!("{} ", filtered.name()),
+                };
+                let (noun, verb) = if *pixels == 1 { ("pixel", "does") } else { ("pixels", "do") };
                 write!(
                     f,
-                    "at gain {linear_gain} {pixels} {} pixels do not answer light, the first in row {row}, column {column}; results.json \
-                     lists them. DSNU and PRNU leave them out: pixels differ in the dark {}, in the light {}",
-                    colour_name(*colour),
-                    spread(dark_dn2),
-                    spread(flat_dn2)
+                    "at gain {linear_gain}, {pixels} {of_colour}{noun} {verb} not answer light, the first in row {row}, column {column}; \
+                     results.json lists them. DSNU and PRNU leave them out: pixels differ in the dark {}, in the light {}",
+                    spread(dark_dn),
+                    spread(flat_dn)
                 )
             }
             Self::Moved { point, frame, difference_dn, standard_error_dn } => write!(
@@ -400,7 +406,8 @@ impl fmt::Display for Warning {
             Self::Rounding { linear_gain, noise_dn, error_dn2 } => write!(
                 f,
                 "at gain {linear_gain} dark noise is {noise_dn:.2} DN: rounding to whole digital numbers dominates the error of its \
-                 variance, {error_dn2:.4} DN^2, which counts in the errors of K, dark current, read noise, electronics noise, DSNU and PRNU"
+                 variance, {error_dn2:.4} DN^2, which counts in the errors of K, dark current, read noise, electronics noise, noise of rows and columns, \
+                 DSNU and PRNU"
             ),
             Self::DarkNoiseLimit { linear_gain } => write!(
                 f,

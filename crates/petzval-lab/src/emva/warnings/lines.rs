@@ -76,6 +76,8 @@ fn severity(warning: &Warning) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::emva::measured::{Measured, Unresolved};
+    use petzval_camera::sensor::Colour;
 
     #[test]
     fn each_kind_has_one_line() {
@@ -96,5 +98,28 @@ mod tests {
         );
         assert!(lines[1].starts_with("no-dark: 2 times, first: flat, 2 ms: no usable dark"), "{}", lines[1]);
         assert!(lines[2].starts_with("histogram-fit-stopped: the fit"), "{}", lines[2]);
+    }
+
+    #[test]
+    fn defects_without_a_resolved_spread_have_no_figure() {
+        let known = |dn| Measured::new(dn, 0.01);
+        let none = Measured::none(Unresolved::NoStack);
+        let defects = |colour, pixels, dark_dn| Warning::DefectPixels {
+            linear_gain: 1.0,
+            colour,
+            pixels,
+            first: [3, 4],
+            dark_dn,
+            flat_dn: [known(0.5), known(7.0)],
+        };
+        let one = defects(Colour::Clear, 1, [none, known(45.0)]).to_string();
+        assert_eq!(
+            one,
+            "defect-pixels: at gain 1, 1 pixel does not answer light, the first in row 3, column 4; results.json lists them. DSNU and \
+             PRNU leave them out: pixels differ in the dark by less than is resolved without them and by 45.000 DN with them, in the \
+             light by 0.500 DN without them and by 7.000 DN with them"
+        );
+        let green = defects(Colour::Green, 2, [known(0.1), known(0.2)]).to_string();
+        assert!(green.contains("gain 1, 2 green pixels do not"), "{green}");
     }
 }

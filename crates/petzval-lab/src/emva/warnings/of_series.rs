@@ -175,15 +175,15 @@ fn defect_pixels(gain: &GainResult) -> Vec<Warning> {
         let spatial = c.spatial.as_ref()?;
         let (first, [flat, dark]) = (spatial.defects.first()?, spatial.components_with_defects.as_ref()?);
         let pair = |clean: &Components, whole: &Components| {
-            [clean, whole].map(|components| components.total.value().unwrap_or(0.0))
+            [clean, whole].map(|components| components.total.if_above_noise().root())
         };
         Some(Warning::DefectPixels {
             linear_gain: gain.linear_gain,
             colour: c.colour,
             pixels: spatial.defects.len(),
             first: [first.row, first.column],
-            dark_dn2: pair(&spatial.dark_components, dark),
-            flat_dn2: pair(&spatial.flat_components, flat),
+            dark_dn: pair(&spatial.dark_components, dark),
+            flat_dn: pair(&spatial.flat_components, flat),
         })
     };
     gain.channels.iter().filter_map(of).collect()
