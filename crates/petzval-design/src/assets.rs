@@ -7,7 +7,7 @@ use std::sync::{Arc, OnceLock};
 
 use petzval_base::FileError;
 use petzval_camera::sensor::SensorModel;
-use petzval_files::{Import, LensFile, decode, parse_lens, parse_seq, parse_zmx};
+use petzval_files::{Import, LensFile, decode, parse_lens, parse_optiland, parse_seq, parse_zmx};
 use petzval_optics::glass::Catalog;
 
 use crate::error::DesignError;
@@ -140,7 +140,8 @@ impl Assets {
         Ok(self.catalog.get_or_init(|| catalog).clone())
     }
 
-    /// A lens by path or built-in name, checked to be possible; the path of a file of Zemax (`.zmx`) or CODE V (`.seq`) will do.
+    /// A lens by path or built-in name, checked to be possible; the path of a file of Zemax (`.zmx`), CODE V
+    /// (`.seq`) or Optiland (`.json`) will do.
     pub fn lens(&self, name: &str) -> Result<LensFile, DesignError> {
         let Import { file, losses } = self.import(name)?;
         if let Some(warn) = &self.warnings {
@@ -159,6 +160,7 @@ impl Assets {
         let parse = match extension(path).as_str() {
             "zmx" => parse_zmx,
             "seq" => parse_seq,
+            "json" => parse_optiland,
             _ => {
                 let source = self.text("lens", "lenses", name)?;
                 let file = parse_lens(&source.text, &catalog).map_err(DesignError::input(&source.path))?;

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::assets::Assets;
 use crate::error::DesignError;
 use crate::experiment::Experiment;
-use crate::run::{CameraMetrics, Metrics, RunFolder, RunRecord, read_config};
+use crate::run::{CameraMetrics, Metrics, RunFolder, RunRecord, quoted, read_config};
 use crate::run_report::read_metrics;
 use crate::study::MeanAndDeviation;
 
@@ -96,6 +96,43 @@ pub struct PaperRow {
 #[serde(deny_unknown_fields)]
 struct PaperFile {
     table: Vec<PaperTable>,
+}
+
+/// The cameras of comparisons as comma-separated values, a line each, with the unit in the name of each column: means and standard deviations
+/// over the seeds. A score that an experiment does not have is left empty, and so is the deviation of a single seed.
+pub fn comparison_csv(comparisons: &[Comparison]) -> String {
+    let mut names: Vec<&str> = Vec::new();
+    for score in comparisons.iter().flat_map(|comparison| &comparison.scores) {
+        if !names.contains(&score.name.as_str()) {
+            names.push(&score.name);
+        }
+    }
+    let columns = names.iter().copied().chain(["rms_spot_um"]);
+    let heads = columns.flat_map(|name| [format!("{name}_mean"), format!("{name}_deviation")]);
+    let first = ["experiment", "seeds", "camera"].map(str::to_owned);
+    let last = ["efl_mm", "f_number"].map(str::to_owned);
+    let mut lines = vec![first.into_iter().chain(heads).chain(last).collect::<Vec<_>>().join(",")];
+    for Comparison { title, seeds, scores, cameras, .. } in comparisons {
+        let is_several = seeds.len() > 1;
+        let cells = |value: Option<MeanAndDeviation>| {
+            let deviation = value.filter(|_| is_several).map(|v| v.deviation);
+            [value.map(|v| v.mean), deviation].map(|v| v.map_or_else(String::new, |v| v.to_string()))
+        };
+        let seeds: Vec<String> = seeds.iter().map(u64::to_string).collect();
+        for camera in cameras {
+            let score = |name: &&str| {
+                let place = scores.iter().position(|score| score.name == *name);
+                place.and_then(|place| camera.scores.get(place).copied())
+            };
+            let values = names.iter().map(score).chain([Some(camera.rms_spot_um)]);
+            let first = [quoted(title), seeds.join(" "), quoted(&camera.name)];
+            let last = [camera.efl_mm.to_string(), camera.f_number.to_string()];
+            lines.push(
+                first.into_iter().chain(values.flat_map(cells)).chain(last).collect::<Vec<_>>().join(","),
+            );
+        }
+    }
+    lines.join("\n") + "\n"
 }
 
 /// A finished run.

@@ -19,7 +19,7 @@ use petzval_optics::number::Number;
 use petzval_optics::paraxial::image_height_per_tangent;
 use serde::{Deserialize, Serialize};
 
-use crate::block::{Batch, BlockName, Blocks, IspBlock, NetworkBlock, StepMethod};
+use crate::block::{Batch, Block, BlockName, Blocks, IspBlock, NetworkBlock, StepMethod};
 use crate::camera::{Camera, ChipValues, Shot};
 use crate::error::DesignError;
 use crate::experiment::PERFECT_LENS;
@@ -591,6 +591,10 @@ impl DesignLoop {
             write_file(&path, self.lens_text(variant, &lens).as_bytes())?;
         }
         save_blocks(&folder, self.blocks.all(), Kept::Numbers)?;
+        if self.blocks.network.free_numbers() > 0 {
+            let weights = self.blocks.network.network().to_safetensors()?;
+            write_file(&folder.join("network.safetensors"), &weights)?;
+        }
         let text = DesignError::json("the figures of the run", &metrics)?;
         write_file(&folder.join("metrics.json"), text.as_bytes())?;
         crate::pictures::save(&self.run, &variant.name, &pictures)?;

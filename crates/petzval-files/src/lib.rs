@@ -16,6 +16,7 @@ mod loss;
 mod old_glass;
 mod operand_toml;
 pub mod optics_proxy_file;
+pub mod optiland;
 mod picture_file;
 pub mod quantum_efficiency;
 pub mod raw_file;
@@ -39,6 +40,7 @@ pub use glass_toml::{is_meant_as_catalog, parse_catalog, write_catalog};
 pub use lens_toml::{Expect, Expected, ExpectedSpots, LensFile, lens_schema, parse_lens, write_lens};
 pub use loss::{Effect, Loss};
 pub use operand_toml::{Figure, Operand, OperandFile, parse_operands};
+pub use optiland::parse_optiland;
 pub(crate) use picture_file::undecoded;
 pub use picture_file::{
     ImageError, Picture, encoded_png_bytes, load_image, load_image_bytes, picture_size, png_bytes, save_png,

@@ -10,7 +10,8 @@ use std::time::{Duration, Instant};
 
 use petzval_base::FileError;
 use petzval_files::{
-    Import, LensFile, decode, parse_lens, parse_seq, parse_zmx, write_lens, write_seq, write_zmx,
+    Import, LensFile, decode, parse_lens, parse_optiland, parse_seq, parse_zmx, write_lens, write_seq,
+    write_zmx,
 };
 use petzval_optics::glass::Catalog;
 use petzval_optics::lens::validate;
@@ -36,6 +37,28 @@ schott = [2.1864582, -0.00024475348, 0.014155787, -0.00044329781, 7.7664259e-05,
 maker = \"Schott\"
 sellmeier = { b = [1.73759695, 0.313747346, 1.89878101], c_um2 = [0.013188707, 0.0623068142, 155.23629] }
 ";
+
+/// A singlet with an even asphere, in Optiland's format.
+const OPTILAND: &str = r#"{
+  "version": 1.0,
+  "aperture": {"type": "EPD", "value": 10},
+  "fields": {"fields": [{"x": 0.0, "y": 0}, {"x": 0.0, "y": 5}], "telecentric": false, "field_type": "angle"},
+  "wavelengths": {"wavelengths": [{"value": 0.55, "is_primary": true, "unit": "um"}], "polarization": "ignore"},
+  "pickups": [],
+  "solves": {"solves": []},
+  "surface_group": {"surfaces": [
+    {"type": "ObjectSurface", "geometry": {"type": "Plane", "cs": {"z": -Infinity}, "radius": Infinity},
+     "material_post": {"type": "IdealMaterial", "index": 1.0}},
+    {"type": "Surface", "geometry": {"type": "EvenAsphere", "cs": {"x": 0.0, "z": 0.0, "rx": 0.0, "reference_cs": null},
+       "radius": 40.0, "conic": -0.5, "coefficients": [0.0, 1e-6]},
+     "material_post": {"type": "Material", "filename": "data-nk/glass/schott/N-SF11.yml", "name": "N-SF11"},
+     "is_stop": true, "aperture": {"type": "RadialAperture", "r_max": 7.0, "r_min": 0}, "coating": null},
+    {"type": "Surface", "geometry": {"type": "StandardGeometry", "cs": {"z": 4.0}, "radius": -80.0},
+     "material_post": {"type": "IdealMaterial", "index": 1.0},
+     "interaction_model": {"type": "RefractiveReflectiveModel", "is_reflective": false}},
+    {"type": "Surface", "geometry": {"type": "Plane", "cs": {"z": 40.0}}, "material_post": {"type": "IdealMaterial", "index": 1.0}}
+  ]}
+}"#;
 
 /// Words that mutations insert, so that many mutated files are still readable.
 const WORDS: &[&str] = &[
@@ -248,6 +271,11 @@ fn zmx_files() {
 #[test]
 fn seq_files() {
     survives(&seeds().1, parse_seq, "seq");
+}
+
+#[test]
+fn optiland_files() {
+    survives(&[OPTILAND.to_owned()], parse_optiland, "json");
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use petzval_base::write_whole;
-use petzval_design::comparison::{Comparison, compare};
+use petzval_design::comparison::{Comparison, compare, comparison_csv};
 use petzval_design::error::DesignError;
 use petzval_design::run::RunFolder;
 use petzval_design::run_report::report_of_run;
@@ -25,6 +25,8 @@ pub struct Request {
     pub runs: Vec<PathBuf>,
     /// The page.
     pub out: PathBuf,
+    /// Comma-separated values of the cameras; not written without a name.
+    pub csv: Option<PathBuf>,
 }
 
 /// The figures.
@@ -45,12 +47,16 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     }
     let comparisons = compare(&request.runs, &context.assets)?;
     check_file(&request.out, context)?;
+    request.csv.iter().try_for_each(|path| check_file(path, context))?;
     let mut groups = Vec::new();
     for (i, comparison) in comparisons.iter().enumerate() {
         context.progress(i as u64, comparisons.len() as u64, &comparison.title);
         groups.push(group(comparison, context)?);
     }
     write_whole(&request.out, page(&groups).as_bytes()).map_err(DesignError::io(&request.out))?;
+    if let Some(path) = &request.csv {
+        write_whole(path, comparison_csv(&comparisons).as_bytes()).map_err(DesignError::io(path))?;
+    }
     let of_group = |group: &Group| {
         let tables: Vec<String> = group.tables.iter().map(TextTable::markdown).collect();
         format!("## {}\n\n{}\n\n{}", group.title, group.subtitle, tables.join("\n"))

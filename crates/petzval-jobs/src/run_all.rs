@@ -96,7 +96,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             let out = request.out.join("comparison.html");
             // The page is made anew with every run that was added.
             let context = context.clone().overwriting(true);
-            match compare::run(&compare::Request { runs: finished, out: out.clone() }, &context) {
+            match compare::run(&compare::Request { runs: finished, out: out.clone(), csv: None }, &context) {
                 Ok(compared) => Some(compared),
                 Err(error) => {
                     failed.push((out, error.to_string()));

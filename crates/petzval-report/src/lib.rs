@@ -12,6 +12,7 @@
 //! | [`comparison`] | several runs |
 //! | [`isp_strip`] | the stages of an ISP |
 //! | [`chart_sheet`] | a developed test chart: colours, noise, sharpness |
+//! | [`mtf_sheet`] | the MTF at slanted edges |
 //! | [`data_sheet`] | a data set for object detection: classes, defects, samples with their boxes |
 //! | [`optics_proxy_sheet`] | PSFs of a network beside exact ones |
 //! | [`mod@psf_sheet`] | PSFs as a picture |
@@ -26,6 +27,7 @@ pub mod design_report;
 pub mod isp_strip;
 pub mod layout;
 pub mod lens_sheet;
+pub mod mtf_sheet;
 mod number;
 pub mod optics_proxy_sheet;
 mod page;

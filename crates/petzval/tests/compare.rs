@@ -43,6 +43,38 @@ fn all_experiments_are_run_with_every_seed_and_compared_and_the_same_command_goe
     let json = run_ok(folder.path(), &["compare", "all/dim-seed-1", "all/dim-seed-2", "--json"]).json();
     assert_eq!(json[0]["seeds"], serde_json::json!([1, 2]));
     assert!(folder.path().join("comparison.html").is_file());
+
+    // The same figures as comma-separated values: of both seeds together, and of one without a deviation.
+    let csv = |runs: &[&str]| -> Vec<Vec<String>> {
+        let args = [&["compare"], runs, &["--csv", "figures.csv", "--force"]].concat();
+        assert!(run_ok(folder.path(), &args).stdout.contains("figures: figures.csv"));
+        // The title holds a comma, and is quoted.
+        let text = read(&folder.path().join("figures.csv"));
+        let text = text.replace("\"Cooke triplet for image quality, with a software ISP\"", "Cooke triplet");
+        text.lines().map(|line| line.split(',').map(str::to_owned).collect()).collect()
+    };
+    let (both, one) = (csv(&["all/tiny-seed-1", "all/tiny-seed-2"]), csv(&["all/tiny-seed-1"]));
+    let at = |table: &[Vec<String>], row: usize, name: &str| {
+        let column =
+            table[0].iter().position(|head| head == name).unwrap_or_else(|| panic!("{name}: {table:?}"));
+        table[row][column].clone()
+    };
+    assert_eq!((both.len(), at(&both, 1, "seeds")), (4, "1 2".to_owned()), "{both:?}");
+    assert!((at(&both, 1, "psnr_db_mean").parse::<f64>().unwrap() - 0.5 * (a + b)).abs() < 1e-9);
+    let deviation = at(&both, 1, "psnr_db_deviation").parse::<f64>().unwrap();
+    assert!((deviation - (a - b).abs() / 2.0_f64.sqrt()).abs() < 1e-9);
+    assert_eq!(
+        (at(&one, 1, "psnr_db_mean"), at(&one, 1, "psnr_db_deviation")),
+        (a.to_string(), String::new())
+    );
+    let rows = read_json(&folder.path().join("all/tiny-seed-1/metrics.json"))["rows"].clone();
+    assert_eq!(at(&one, 1, "efl_mm"), rows[0]["efl_mm"].as_f64().unwrap().to_string());
+    run_fails(
+        folder.path(),
+        &["compare", "all/tiny-seed-1", "--out", "new.html", "--csv", "figures.csv"],
+        2,
+        &["figures.csv: exists already"],
+    );
     run_fails(folder.path(), &["compare", "all"], 2, &["not a run folder"]);
     run_fails(folder.path(), &["experiment", "run-all", "--only", "nowhere", "--out", "x"], 2, &["nowhere"]);
     assert!(!folder.path().join("x").exists());

@@ -124,7 +124,7 @@ fn a_refused_conversion_leaves_no_file() {
     fails(
         folder.path(),
         "b.zemax",
-        &["b.zemax: no lens format has this ending", "help: write .toml, .zmx or .seq"],
+        &["b.zemax: no lens format that is written has this ending", "help: write .toml, .zmx or .seq"],
     );
     run_fails(folder.path(), &["lens", "convert", "a.zmx", "no/such/b.seq"], 2, &["no/such/b.seq"]);
     run_fails(
@@ -145,4 +145,48 @@ fn a_refused_conversion_leaves_no_file() {
             ["nothing is written: `surface 2`: Forbes surfaces are not written", "help: convert to .toml"];
         run_fails(folder.path(), &["lens", "convert", "q.toml", to], 2, &needles);
     }
+}
+
+/// A singlet of N-BK7 with a coated first surface, in Optiland's format.
+const OPTILAND: &str = r#"{
+  "version": 1.0,
+  "aperture": {"type": "imageFNO", "value": 5, "object_space_telecentric": false},
+  "fields": {"fields": [{"x": 0.0, "y": 0}, {"x": 0.0, "y": 3}], "telecentric": false, "field_type": "angle"},
+  "wavelengths": {"wavelengths": [{"value": 0.5876, "is_primary": true, "unit": "um"}], "polarization": "ignore"},
+  "pickups": [],
+  "solves": {"solves": []},
+  "surface_group": {"surfaces": [
+    {"type": "ObjectSurface", "geometry": {"type": "Plane", "cs": {"z": -Infinity}, "radius": Infinity},
+     "material_post": {"type": "IdealMaterial", "index": 1.0}},
+    {"type": "Surface", "geometry": {"type": "StandardGeometry", "cs": {"z": 0.0}, "radius": 50.0, "conic": -0.5},
+     "material_post": {"type": "Material", "filename": "/optiland/database/data-nk/glass/schott/N-BK7.yml", "name": "N-BK7"},
+     "is_stop": true, "is_reflective": false, "coating": {"type": "FresnelCoating"}},
+    {"type": "Surface", "geometry": {"type": "Plane", "cs": {"z": 4.0}, "radius": Infinity},
+     "material_post": {"type": "IdealMaterial", "index": 1.0}, "is_stop": false},
+    {"type": "Surface", "geometry": {"type": "Plane", "cs": {"z": 98.0}, "radius": Infinity},
+     "material_post": {"type": "IdealMaterial", "index": 1.0}, "is_stop": false}
+  ]}
+}"#;
+
+#[test]
+fn a_lens_of_optiland_is_read_by_every_verb() {
+    let folder = folder_with("a.json", OPTILAND.as_bytes());
+    let out = run_ok(folder.path(), &["lens", "convert", "a.json", "b.toml", "--json"]).json();
+    // A plano-convex lens: f = R / (n - 1), with n = 1.51680 of N-BK7 in yellow light.
+    assert!((out["efl_mm"].as_f64().unwrap() - 50.0 / 0.5168).abs() < 0.01, "{out}");
+    assert_eq!(out["losses_of_reading"][0]["message"], "coatings are not read");
+    assert_eq!(out["losses_of_reading"][0]["line"], 13);
+    let shown = |file: &str| run_ok(folder.path(), &["lens", "show", file, "--json"]).json();
+    let (a, b) = (shown("a.json"), shown("b.toml"));
+    assert_eq!((&a["name"], &a["first_order"]), (&b["name"], &b["first_order"]));
+    run_ok(folder.path(), &["lens", "convert", "a.json", "c.zmx"]);
+    assert_eq!(shown("c.zmx")["first_order"], a["first_order"]);
+
+    // What would bend light otherwise is refused with its line, and nothing is written.
+    let mirror = OPTILAND.replace("\"is_reflective\": false", "\"is_reflective\": true");
+    let folder = folder_with("a.json", mirror.as_bytes());
+    let args = ["lens", "convert", "a.json", "b.toml"];
+    run_fails(folder.path(), &args, 2, &["a.json:13", "surface 1: mirrors are not read from this format"]);
+    let args = ["lens", "convert", "cooke-triplet-nominal", "b.json"];
+    run_fails(folder.path(), &args, 2, &["b.json: no lens format that is written has this ending"]);
 }

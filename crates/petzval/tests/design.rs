@@ -113,6 +113,7 @@ fn a_run_writes_all_its_files() {
         for file in ["lens.toml", "metrics.json", "blocks"] {
             assert!(kept.iter().any(|k| k == file), "no {file} of {camera}: {kept:?}");
         }
+        assert_weights_are_readable(&run.join("cameras").join(camera));
     }
     let lenses = names(&run.join("lens"));
     assert!(!lenses.is_empty() && lenses.iter().all(|l| l.starts_with("step-") && l.ends_with(".toml")));
@@ -502,4 +503,26 @@ fn a_run_of_an_earlier_version_lacks_keys_that_are_younger() {
     let config = read(&run.join("config.toml"));
     std::fs::write(run.join("config.toml"), config.replace("iterations = 8\n", "")).unwrap();
     run_fails(folder.path(), &["design", "--resume", "run"], 2, &["spot.iterations", "is missing"]);
+}
+
+/// `network.safetensors` has a header of JSON and, for every tensor, the bytes that the run itself reads its network from.
+fn assert_weights_are_readable(camera: &Path) {
+    let own = std::fs::read(camera.join("blocks/network/weights.bin")).unwrap();
+    let file = std::fs::read(camera.join("network.safetensors")).unwrap();
+    let (length, rest) = file.split_first_chunk::<8>().unwrap();
+    let (header, data) = rest.split_at(u64::from_le_bytes(*length) as usize);
+    let header: serde_json::Value = serde_json::from_slice(header).unwrap();
+    let tensors = header.as_object().unwrap();
+    assert!(tensors.keys().any(|name| name.ends_with("weight")), "{:?}", tensors.keys());
+    let mut read = 0;
+    for (name, tensor) in tensors {
+        let number = |value: &serde_json::Value| value.as_u64().unwrap() as usize;
+        let [start, end] = [0, 1].map(|i| number(&tensor["data_offsets"][i]));
+        let values: usize = tensor["shape"].as_array().unwrap().iter().map(number).product();
+        assert_eq!((end - start, tensor["dtype"].as_str()), (4 * values, Some("F32")), "{name}");
+        let bytes = &data[start..end];
+        assert!(own.windows(bytes.len()).any(|part| part == bytes), "{name} is not in weights.bin");
+        read += bytes.len();
+    }
+    assert_eq!(read, data.len());
 }

@@ -138,3 +138,103 @@ fn a_simulated_photograph_comes_in_every_format() {
     let light = std::fs::read(folder.path().join("packed/coffee-developed.npy")).unwrap();
     assert_eq!(npyz::NpyFile::new(&light[..]).unwrap().shape(), [3, 1200, 1920]);
 }
+
+/// A frame of 120 x 160 pixels with an upright edge, 5 degrees from the columns, of 16 bits: smooth enough for a known response.
+fn write_edge(path: &Path, value: impl Fn(f64) -> u16) {
+    let (sin, cos) = 5f64.to_radians().sin_cos();
+    let at = |x: u32, y: u32| value((f64::from(x) - 79.5) * cos - (f64::from(y) - 59.5) * sin);
+    image::ImageBuffer::from_fn(160, 120, |x, y| image::Luma([at(x, y)])).save(path).unwrap();
+}
+
+/// From 0 to 1 over an edge blurred to a logistic profile of width 0.6 pixel: its modulation is `u / sinh u` with `u = 2 pi^2 0.6 f`.
+fn rise(distance: f64) -> f64 {
+    1.0 / (1.0 + (-distance / 0.6).exp())
+}
+
+#[test]
+fn mtf_of_an_edge_is_printed_and_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let edge = folder.path().join("edge.png");
+    write_edge(&edge, |d| (1000.0 + 20_000.0 * rise(d)).round() as u16);
+    let sidecar = "black_level_dn = 500.0\nwhite_level_dn = 65535.0\npixel_um = 2.0\ncfa = \"mono\"\n";
+    std::fs::write(folder.path().join("edge.png.toml"), sidecar).unwrap();
+    let region = ["--region", "20,40,80,80"];
+    let args = [&["raw", "mtf", "edge.png", "--out", "found"], &region[..]].concat();
+    let text = run_ok(folder.path(), &args).stdout;
+    for words in
+        ["digital numbers above black, linear", "20,40,80,80", "upright 5.0°", "MTF50, 1/mm", "found/mtf.svg"]
+    {
+        assert!(text.contains(words), "{words}\n{text}");
+    }
+    let json: serde_json::Value = serde_json::from_str(&read(&folder.path().join("found/mtf.json"))).unwrap();
+    let channel = &json["edges"][0]["channels"][0];
+    let wanted = |f: f64| {
+        let u = 2.0 * std::f64::consts::PI.powi(2) * 0.6 * f;
+        if u == 0.0 { 1.0 } else { u / u.sinh() }
+    };
+    assert!((channel["mtf_at_half_nyquist"].as_f64().unwrap() - wanted(0.25)).abs() < 0.01, "{channel}");
+    assert!((channel["levels"][0].as_f64().unwrap() - 500.0).abs() < 5.0, "black is subtracted: {channel}");
+    // The curves: a line a frequency, in cycles per pixel and per mm.
+    let csv = read(&folder.path().join("found/mtf.csv"));
+    let mut lines = csv.lines();
+    let head =
+        "row_px,col_px,height_px,width_px,channel,frequency_cycles_per_px,frequency_cycles_per_mm,modulation";
+    assert_eq!(lines.next(), Some(head));
+    assert_eq!(lines.clone().count(), 101);
+    for line in lines.take(50) {
+        let cells: Vec<&str> = line.split(',').collect();
+        let number = |i: usize| cells[i].parse::<f64>().unwrap();
+        assert!(
+            (number(6) - 500.0 * number(5)).abs() < 1e-9 && (number(7) - wanted(number(5))).abs() < 0.01,
+            "{line}"
+        );
+    }
+    // Found without a region; results are not overwritten; as a picture the curve of sRGB is undone, and the response is another.
+    let found = run_ok(folder.path(), &["raw", "mtf", "edge.png", "--json"]).json();
+    let half =
+        |json: &serde_json::Value| json["edges"][0]["channels"][0]["mtf_at_half_nyquist"].as_f64().unwrap();
+    assert!((half(&found) - wanted(0.25)).abs() < 0.01, "{found}");
+    run_fails(folder.path(), &args, 2, &["exists already", "--force"]);
+    let picture =
+        run_ok(folder.path(), &[&["raw", "mtf", "edge.png", "--picture", "--json"], &region[..]].concat())
+            .json();
+    assert_eq!(picture["light"], "srgb-undone");
+    // A gray picture, encoded: undone, it has the response of its light.
+    write_edge(&folder.path().join("shown.png"), |d| {
+        let light = 0.05 + 0.6 * rise(d);
+        (65535.0 * (1.055 * light.powf(1.0 / 2.4) - 0.055)).round() as u16
+    });
+    let picture =
+        run_ok(folder.path(), &[&["raw", "mtf", "shown.png", "--picture", "--json"], &region[..]].concat())
+            .json();
+    assert!((half(&picture) - wanted(0.25)).abs() < 0.01, "{picture}");
+}
+
+#[test]
+fn an_mtf_that_cannot_be_measured_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    write_edge(&folder.path().join("edge.png"), |d| (1000.0 + 20_000.0 * rise(d)).round() as u16);
+    write_edge(&folder.path().join("flat.png"), |_| 1000);
+    for (args, needles) in [
+        (&["flat.png"][..], ["flat.png: no slanted edge was found", "--region ROW,COL,HEIGHT,WIDTH"]),
+        (&["flat.png", "--region", "0,0,60,60"], ["--region 0,0,60,60: clear: no edge", "5 degrees"]),
+        (
+            &["edge.png", "--region", "100,0,60,60"],
+            ["the frame has 120 rows and 160 columns", "counted from 0"],
+        ),
+        (&["edge.png", "--region", "20,40,80"], ["20,40,80", "ROW,COL,HEIGHT,WIDTH"]),
+        (&["edge.png", "--region", "20,40,8,80"], ["--region 20,40,8,80", "at least 16"]),
+        (&["edge.png", "--pixel-um", "0"], ["--pixel-um 0: outside 0.1 to 1000", "um"]),
+        (
+            &["edge.png", "--cfa", "RRGG/RRGG/GGBB/GGBB"],
+            ["the mosaic RRGG/RRGG/GGBB/GGBB is not measured", "develop"],
+        ),
+        (
+            &["edge.png", "--picture", "--cfa", "RGGB"],
+            ["--cfa RGGB: a picture has no mosaic", "leave it out"],
+        ),
+        (&["nowhere.png"], ["nowhere.png", "No such file"]),
+    ] {
+        run_fails(folder.path(), &[&["raw", "mtf"], args].concat(), 2, &needles);
+    }
+}

@@ -114,6 +114,11 @@ impl ProxyOpticsTrainer {
         Ok([self.proxy.network.to_bytes()?, optimizer.to_vec()])
     }
 
+    /// The weights as a safetensors file.
+    pub fn safetensors(&self) -> Result<Vec<u8>, DesignError> {
+        Ok(self.proxy.network.to_safetensors()?)
+    }
+
     /// Takes over what [`ProxyOpticsTrainer::save`] returned.
     pub fn load(&mut self, [weights, optimizer]: [Vec<u8>; 2]) -> Result<(), DesignError> {
         self.proxy.network = self.proxy.network.clone().load_bytes(weights)?;

@@ -111,7 +111,7 @@ const LENS_COLUMNS: [&str; 9] = [
 ];
 
 /// A text as a field of comma-separated values (RFC 4180).
-fn quoted(text: &str) -> String {
+pub(crate) fn quoted(text: &str) -> String {
     match text.contains([',', '"', '\n', '\r']) {
         true => format!("\"{}\"", text.replace('"', "\"\"")),
         false => text.to_owned(),

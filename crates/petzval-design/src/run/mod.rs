@@ -18,5 +18,6 @@ pub use checkpoint::{
 pub use events::{Event, EventLog, read_events};
 pub use folder::{RunFolder, write_file};
 pub use made::{MadeFigures, MadeMetrics, MadeRow};
+pub(crate) use metrics::quoted;
 pub use metrics::{CameraMetrics, Metrics, PictureScore};
 pub use record::{Finish, RunRecord, VERSION, changed_config, extend_run, forget_most_memory, read_config};

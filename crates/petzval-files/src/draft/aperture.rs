@@ -26,6 +26,8 @@ pub(crate) enum Aperture {
     ObjectCone(f64),
     /// Given by the clear semi-diameter of the stop.
     StopSize,
+    /// Height of the marginal ray at the stop, mm.
+    StopRadius(f64),
 }
 
 /// Diameters of the entrance pupil that can be traced, mm. Outside this range squares of ray coordinates lose their meaning
@@ -53,6 +55,8 @@ pub(super) fn entrance_pupil_mm(
         }
     };
     let from_sine = |sine: f64, to_pupil: f64| 2.0 * to_pupil * sine.asin().tan();
+    // The pupil of the provisional lens has a diameter of 1 mm.
+    let from_stop = |semi: f64| semi / order.stop_radius_mm.abs() * lens.entrance_pupil_mm;
     let diameter = match (*aperture, near) {
         (Aperture::EntrancePupil(mm), _) => mm,
         (Aperture::FNumber(f), _) => efl_mm / f,
@@ -73,9 +77,9 @@ pub(super) fn entrance_pupil_mm(
                 let message = "the stop's size is the aperture, but the stop has no semi-diameter";
                 return Err(record.error(message));
             }
-            // The pupil of the provisional lens has a diameter of 1 mm.
-            semi / order.stop_radius_mm.abs() * lens.entrance_pupil_mm
+            from_stop(semi)
         }
+        (Aperture::StopRadius(semi), _) => from_stop(semi),
     };
     match PUPILS_MM.contains(&diameter) {
         true => Ok(diameter),

@@ -78,6 +78,8 @@ pub enum ImageError {
 pub struct Picture {
     /// Linear light, three planes, 1 = white; every value is finite and at least 0.
     pub light: LinearImage,
+    /// Whether the file holds linear light; otherwise the sRGB curve of its integers was undone.
+    pub is_linear: bool,
     /// Statements of the file that are ignored, such as its colour profile; one clause each, without the name of the file.
     pub notes: Vec<String>,
 }
@@ -103,7 +105,7 @@ pub fn load_image_bytes(bytes: &[u8], name: &str) -> Result<Picture, ImageError>
     let mut picture = match reader.format() {
         Some(ImageFormat::OpenExr) => {
             let (light, notes) = exr_file::read(bytes).map_err(decode)?;
-            Picture { light, notes }
+            Picture { light, is_linear: true, notes }
         }
         Some(ImageFormat::Hdr) => read_hdr(bytes).map_err(undecodable)?,
         // The signature of older Radiance files.
@@ -119,7 +121,8 @@ pub fn load_image_bytes(bytes: &[u8], name: &str) -> Result<Picture, ImageError>
                 Ok(profile) => notes.extend(profile.and_then(|profile| profile_note(&profile))),
                 Err(error) => notes.push(format!("its ICC profile cannot be read ({error}) and is ignored")),
             }
-            Picture { light: decoded(decoder).map_err(undecodable)?, notes }
+            let (light, is_linear) = decoded(decoder).map_err(undecodable)?;
+            Picture { light, is_linear, notes }
         }
     };
     let LinearImage { height, width, .. } = picture.light;
@@ -153,11 +156,12 @@ fn read_hdr(bytes: &[u8]) -> ImageResult<Picture> {
     let is_strict = bytes.starts_with(b"#?RADIANCE");
     let decoder = HdrDecoder::with_strictness(Cursor::new(bytes), is_strict)?;
     let notes = hdr_notes(&decoder.metadata());
-    Ok(Picture { light: decoded(decoder)?, notes })
+    let (light, is_linear) = decoded(decoder)?;
+    Ok(Picture { light, is_linear, notes })
 }
 
-/// The light of a picture, turned the right way up.
-fn decoded(mut decoder: impl ImageDecoder) -> ImageResult<LinearImage> {
+/// The light of a picture, turned the right way up, and whether the file holds it as it is.
+fn decoded(mut decoder: impl ImageDecoder) -> ImageResult<(LinearImage, bool)> {
     // Refuse a size in the header that would take too much memory.
     Limits::default().reserve(decoder.total_bytes())?;
     let orientation = decoder.orientation()?;
@@ -185,7 +189,7 @@ fn decoded(mut decoder: impl ImageDecoder) -> ImageResult<LinearImage> {
             }
         }
     }
-    Ok(out)
+    Ok((out, linear_file))
 }
 
 /// The reason of a decoder's error, in terms of the picture.

@@ -126,7 +126,7 @@ fn the_orientation_of_exif_and_tiff_is_obeyed() {
         page.write_data(picture).unwrap();
     });
     for bytes in [png, jpeg, tiff] {
-        let Picture { light, notes } = read(&bytes);
+        let Picture { light, notes, .. } = read(&bytes);
         assert_eq!((light.height, light.width, notes.len()), (32, 16, 0));
         for (row, col, bright) in [(4, 12, true), (4, 4, false), (24, 12, false), (24, 4, false)] {
             assert_eq!(light.get(1, row, col) > 0.5, bright, "{row} {col}");
@@ -235,13 +235,13 @@ const BLUE: (&str, [f32; 6]) = ("B", [0.2; 6]);
 
 #[test]
 fn an_exr_of_red_green_blue_is_linear_light_with_its_highlights() {
-    let Picture { light, notes } = read(&exr_file(&[RED, GREEN, BLUE], |_| {}));
+    let Picture { light, notes, .. } = read(&exr_file(&[RED, GREEN, BLUE], |_| {}));
     assert_eq!((light.channels, light.height, light.width), (3, 2, 3));
     assert!(light.plane(0) == RED.1 && light.plane(1) == GREEN.1 && light.plane(2) == BLUE.1);
     assert_eq!(notes, [""; 0]);
     // Colours are premultiplied by alpha: over black they stay.
     let with_alpha = exr_file(&[RED, GREEN, BLUE, ("A", [0.5; 6])], |_| {});
-    assert_eq!(read(&with_alpha), Picture { light, notes });
+    assert_eq!(read(&with_alpha), Picture { light, is_linear: true, notes });
     // Gray.
     let gray = read(&exr_file(&[("Y", RED.1)], |_| {}));
     assert!((0..3).all(|c| gray.light.plane(c) == RED.1) && gray.notes.is_empty());
@@ -318,7 +318,7 @@ fn hdr_file(lines: &str) -> Vec<u8> {
 
 #[test]
 fn a_radiance_file_is_linear_light_with_its_highlights() {
-    let Picture { light, notes } = read(&hdr_file(""));
+    let Picture { light, notes, .. } = read(&hdr_file(""));
     assert_eq!((light.height, light.width), (1, 2));
     assert_eq!(light.data, [0.25, 64.0, 0.5, 32.0, 1.0, 0.0]);
     assert_eq!(notes, [""; 0]);

@@ -70,6 +70,17 @@ pub fn load_raw(path: &Path) -> Result<RawFrame, RawFileError> {
     }
 }
 
+/// Whether [`load_raw`] is the reader of a file: every raw format, and TIFF and PNG of gray integers. Pictures in colour or of floats are
+/// not digital numbers, and [`load_image`](crate::load_image) reads them.
+pub fn holds_digital_numbers(path: &Path) -> Result<bool, RawFileError> {
+    let bytes = petzval_base::read_whole(path).map_err(RawFileError::io(path))?;
+    Ok(match RawFormat::of(path, &bytes) {
+        Some(RawFormat::Packed(_) | RawFormat::Npy | RawFormat::Dng) => true,
+        Some(RawFormat::Tiff | RawFormat::Png) => picture::is_gray(&bytes),
+        Some(RawFormat::Exr) | None => false,
+    })
+}
+
 /// Number of frames in a file: for a TIFF its pages without thumbnails and masks, for every other file 1.
 pub fn page_count(path: &Path) -> Result<usize, RawFileError> {
     let mut file = BufReader::new(petzval_base::open_file(path).map_err(RawFileError::io(path))?);

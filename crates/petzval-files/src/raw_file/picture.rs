@@ -6,7 +6,7 @@ use super::frame::{MOST_EXPANSION, MOST_PIXELS, RawFrame, Unreadable, WORK_SPACE
 use super::info::RawInfo;
 use super::pages::{decode_page, is_tiff, pages};
 use crate::undecoded;
-use ::image::{DynamicImage, ImageBuffer, ImageFormat, ImageReader, Limits, Luma};
+use ::image::{ColorType, DynamicImage, ImageBuffer, ImageDecoder, ImageFormat, ImageReader, Limits, Luma};
 
 /// Reads the only picture of a file, gray with 8 or 16 bits.
 pub(super) fn decode(bytes: &[u8]) -> Result<RawFrame, Unreadable> {
@@ -42,6 +42,13 @@ pub(super) fn decode(bytes: &[u8]) -> Result<RawFrame, Unreadable> {
         return Err(unreadable("the picture is empty".to_owned()));
     }
     Ok(RawFrame { height, width, dn, info: RawInfo { bits, ..RawInfo::default() } })
+}
+
+/// Whether a TIFF or PNG file holds gray integers, as far as its header says.
+pub(super) fn is_gray(bytes: &[u8]) -> bool {
+    let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format();
+    let decoder = reader.ok().and_then(|reader| reader.into_decoder().ok());
+    decoder.is_some_and(|decoder| matches!(decoder.color_type(), ColorType::L8 | ColorType::L16))
 }
 
 /// Refuses PNG pictures of fewer than 8 bits, which the decoder would spread to 8 bits, and all other formats, such as JPEG.

@@ -49,7 +49,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         "zmx" => write_zmx(&import.file, &catalog),
         "seq" => write_seq(&import.file, &catalog),
         _ => {
-            let message = format!("{}: no lens format has this ending", request.to.display());
+            let message = format!("{}: no lens format that is written has this ending", request.to.display());
             return Err(JobError::input(message, "write .toml, .zmx or .seq"));
         }
     };

@@ -1,6 +1,7 @@
-//! `raw`: look at raw frames, or write them in another format.
+//! `raw`: look at raw frames, measure their sharpness, or write them in another format.
 
 pub mod convert;
+pub mod mtf;
 pub mod show;
 
 use std::path::Path;

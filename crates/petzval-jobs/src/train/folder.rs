@@ -18,6 +18,9 @@ const KEEP_EVERY: usize = 250;
 /// File of the weights.
 pub(super) const WEIGHTS: &str = "weights.bin";
 
+/// File of the weights for other programs.
+const SAFETENSORS: &str = "weights.safetensors";
+
 /// All that a training needs to continue, beside weights and optimiser.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -179,19 +182,20 @@ impl TrainingFolder {
         Ok(())
     }
 
-    /// Writes the finished network, its page and other files by name; the description comes last.
+    /// Writes the finished network, in Burn's format and as safetensors, its page and other files by name; the description comes last.
     pub fn finish(
         &self,
-        weights: &[u8],
+        [weights, safetensors]: [&[u8]; 2],
         page: &str,
         others: &[(&str, &str)],
         description: &impl Serialize,
     ) -> Result<(), JobError> {
         let text = toml::to_string(description).map_err(|e| JobError::failed(e.to_string()))?;
         let others = others.iter().map(|(name, text)| (self.0.join(name), text.as_bytes()));
-        let first = [(self.0.join(WEIGHTS), weights), (self.page(), page.as_bytes())];
+        let weights = [(self.0.join(WEIGHTS), weights), (self.0.join(SAFETENSORS), safetensors)];
+        let first = weights.into_iter().chain([(self.page(), page.as_bytes())]);
         let last = (self.description(), text.as_bytes());
-        for (path, bytes) in first.into_iter().chain(others).chain([last]) {
+        for (path, bytes) in first.chain(others).chain([last]) {
             write_whole(&path, bytes).map_err(DesignError::io(&path))?;
         }
         Ok(())

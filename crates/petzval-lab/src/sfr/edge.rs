@@ -17,6 +17,8 @@ pub struct Rows {
     pub height: usize,
     pub width: usize,
     pub values: Vec<f64>,
+    /// Whether they are rows of the picture; otherwise they are its columns.
+    pub is_upright: bool,
 }
 
 impl Rows {
@@ -48,7 +50,7 @@ impl Rows {
             if is_vertical { at(row, col) } else { at(col, row) }
         };
         let values = (0..height * width).map(|i| value(i / width, i % width)).collect();
-        Ok(Self { height, width, values })
+        Ok(Self { height, width, values, is_upright: is_vertical })
     }
 
     pub fn row(&self, row: usize) -> &[f64] {

@@ -33,10 +33,14 @@ pub use response::{FREQUENCY_STEP, Sfr};
 pub struct EdgeResponse {
     /// Response by frequency, across the edge.
     pub sfr: Sfr,
+    /// Whether the edge stands, nearly along the columns; otherwise it lies, nearly along the rows.
+    pub is_upright: bool,
     /// Inclination of the edge to the nearer axis of the pixels, degrees.
     pub angle_deg: f64,
     /// Root mean square distance of the edge from a straight line, row by row, pixels.
     pub roughness_px: f64,
+    /// Root mean square deviation of the pixels from the profile, of the step: noise, and whatever is in the window beside one straight edge.
+    pub scatter: f64,
     /// Values of the dark and of the bright side.
     pub levels: [f64; 2],
     /// How far the profile rises above the bright level, of the step.
@@ -61,6 +65,8 @@ pub fn slanted_edge(plane: &Plane, window: &Window) -> Result<EdgeResponse, SfrE
         relative.iter().fold((0.0_f64, 1.0_f64), |(low, high), (_, v)| (low.min(*v), high.max(*v)));
     Ok(EdgeResponse {
         sfr,
+        is_upright: rows.is_upright,
+        scatter: profile.scatter / step,
         angle_deg: line.slope.atan().to_degrees(),
         roughness_px: line.roughness_px,
         levels: [dark, bright],

@@ -14,6 +14,8 @@ const LEVEL_SHARE: f64 = 0.2;
 pub struct Profile {
     /// Means of the bins, from the dark side to the bright one; the edge lies between the two in the middle.
     pub bins: Vec<f64>,
+    /// Root mean square deviation of the pixels from the mean of their bin.
+    pub scatter: f64,
 }
 
 impl Profile {
@@ -30,7 +32,7 @@ impl Profile {
             return Err(SfrError::Small { along: rows.height, across: half });
         }
         let count = 2 * half * BINS_PER_PIXEL;
-        let (mut sums, mut weights) = (vec![0.0; count], vec![0.0; count]);
+        let (mut sums, mut weights, mut squares) = (vec![0.0; count], vec![0.0; count], 0.0);
         for row in 0..used {
             let edge = line.at(row as f64);
             for (col, value) in rows.row(row).iter().enumerate() {
@@ -39,10 +41,15 @@ impl Profile {
                 if bin >= 0.0 && (bin as usize) < count {
                     sums[bin as usize] += value;
                     weights[bin as usize] += 1.0;
+                    squares += value * value;
                 }
             }
         }
-        Ok(Self { bins: filled(&sums, &weights) })
+        // The bins take the squares of their means, the rest is scatter.
+        let explained: f64 =
+            sums.iter().zip(&weights).filter(|(_, n)| **n > 0.0).map(|(sum, n)| sum * sum / n).sum();
+        let scatter = ((squares - explained).max(0.0) / weights.iter().sum::<f64>()).sqrt();
+        Ok(Self { bins: filled(&sums, &weights), scatter })
     }
 
     /// Distance from the edge, pixels, and mean of every bin.

@@ -192,7 +192,7 @@ pub fn load_folder(folder: impl AsRef<Path>) -> Result<Folder, DatasetError> {
     for path in paths {
         let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
         match load_image(&path) {
-            Ok(Picture { light, notes }) => {
+            Ok(Picture { light, notes, .. }) => {
                 found.notes.extend(notes.into_iter().map(|note| (name.clone(), note)));
                 found.photos.push(NamedPhoto { name, image: light });
             }

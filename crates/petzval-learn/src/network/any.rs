@@ -5,6 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::detection::{AnyDetector, Detector};
+use crate::weight_file::weights_file;
 
 use super::{NetworkError, NetworkInput, PictureNetwork, RestorationNetwork, UNet, UNetConfig, weights};
 
@@ -66,6 +67,11 @@ impl Network {
     /// All weights as bytes in Burn's format, exact to the bit.
     pub fn to_bytes(&self) -> Result<Vec<u8>, NetworkError> {
         weights::to_bytes(self)
+    }
+
+    /// All weights as a safetensors file, for other programs; its names are the fields of this type and of those in it.
+    pub fn to_safetensors(&self) -> Result<Vec<u8>, NetworkError> {
+        weights_file(self)
     }
 
     /// Loads weights that [`to_bytes`](Self::to_bytes) wrote. Fails if they belong to another configuration.

@@ -14,6 +14,7 @@ use super::{
     trunk::shuffle,
     weights::{self, Initializer, check_sizes},
 };
+use crate::weight_file::weights_file;
 
 /// Colours of a PSF.
 const COLOURS: usize = 3;
@@ -174,6 +175,11 @@ impl OpticsProxy {
     /// All weights as bytes in Burn's format, exact to the bit.
     pub fn to_bytes(&self) -> Result<Vec<u8>, NetworkError> {
         weights::to_bytes(self)
+    }
+
+    /// All weights as a safetensors file, for other programs; its names are the fields of this type and of those in it.
+    pub fn to_safetensors(&self) -> Result<Vec<u8>, NetworkError> {
+        weights_file(self)
     }
 
     /// Loads weights that [`to_bytes`](Self::to_bytes) wrote. Fails if they belong to another configuration.

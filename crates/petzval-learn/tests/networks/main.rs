@@ -4,5 +4,6 @@ mod conv;
 mod isp_proxy;
 mod naf;
 mod pointwise;
+mod stored;
 mod support;
 mod unet;

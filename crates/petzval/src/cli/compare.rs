@@ -20,6 +20,9 @@ pub struct Args {
     /// The page
     #[arg(long, value_name = "FILE", default_value = "comparison.html")]
     out: PathBuf,
+    /// Write means and deviations of the cameras as comma-separated values, too
+    #[arg(long, value_name = "FILE")]
+    csv: Option<PathBuf>,
     /// Machine-readable output
     #[arg(long)]
     json: bool,
@@ -27,11 +30,13 @@ pub struct Args {
 
 /// Runs the verb.
 pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
-    let response = compare::run(&Request { runs: args.runs, out: args.out }, &terminal.context())?;
+    let request = Request { runs: args.runs, out: args.out, csv: args.csv };
+    let response = compare::run(&request, &terminal.context())?;
     if args.json {
         return print_json(&response.comparisons);
     }
     println!("{}", response.markdown);
     println!("page: {}", response.page.display());
+    request.csv.iter().for_each(|path| println!("figures: {}", path.display()));
     Ok(ExitCode::SUCCESS)
 }

@@ -1,6 +1,7 @@
-//! `petzval raw`: shows raw frames, or writes them in another format.
+//! `petzval raw`: shows raw frames, measures their sharpness, or writes them in another format.
 
 mod convert;
+mod mtf;
 mod show;
 
 use std::process::ExitCode;
@@ -17,6 +18,8 @@ pub enum RawVerb {
     Show(show::Args),
     #[command(about = "Write a frame in another format, with its sidecar")]
     Convert(convert::Args),
+    #[command(about = "Measure the MTF at slanted edges of a raw frame or a picture (ISO 12233)")]
+    Mtf(mtf::Args),
 }
 
 /// Runs a verb.
@@ -24,5 +27,6 @@ pub fn run(verb: RawVerb, terminal: &Terminal) -> Result<ExitCode, Failure> {
     match verb {
         RawVerb::Show(args) => show::run(args, terminal),
         RawVerb::Convert(args) => convert::run(args, terminal),
+        RawVerb::Mtf(args) => mtf::run(args, terminal),
     }
 }

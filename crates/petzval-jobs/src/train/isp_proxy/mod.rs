@@ -128,7 +128,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let gap = judge.gap(trainer.proxy(), &values, &device)?;
     let description = description(&plan, &named, &varied, &values, &kept, &gap)?;
     let strip = strip(&named, &frames, &trainer, &values)?;
-    folder.finish(&trainer.save()?[0], &page(&strip), &[], &description)?;
+    let weights = [&trainer.save()?[0][..], &trainer.safetensors()?];
+    folder.finish(weights, &page(&strip), &[], &description)?;
     Ok(Response { gap: Some(gap), ..response })
 }
 

@@ -187,7 +187,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let gap = judge.gap(trainer.proxy(), &watch)?;
     let sheet = sheet(&unseen, trainer.proxy())?;
     let description = description(&plan, &setup, &domain, trainer.proxy(), &kept, &gap)?;
-    folder.finish(&trainer.save()?[0], &page(&sheet), &[(FILES[1], &begun.lens)], &description)?;
+    let weights = [&trainer.save()?[0][..], &trainer.safetensors()?];
+    folder.finish(weights, &page(&sheet), &[(FILES[1], &begun.lens)], &description)?;
     Ok(Response { gap: Some(gap), ..response })
 }
 

@@ -8,8 +8,8 @@ use petzval::jobs::lens::convert;
 use crate::cli::failure::Failure;
 use crate::cli::terminal::{Terminal, print_json};
 
-/// Convert a lens between the formats of Petzval (.toml), Zemax (.zmx) and CODE V (.seq). The endings of the names
-/// choose them.
+/// Convert a lens between the formats of Petzval (.toml), Zemax (.zmx) and CODE V (.seq); files of Optiland (.json) are read, too. The
+/// endings of the names choose them.
 ///
 /// Everything that the new file does not hold is reported. A lens that would bend light differently is refused.
 #[derive(Debug, clap::Args)]

@@ -1,0 +1,116 @@
+//! Aperture, fields and wavelengths.
+
+use petzval_base::FileError;
+
+use super::object::Object;
+use crate::decimal::{shifted, shown};
+use crate::draft::{Aperture, FieldKind, Fields, MOST_VALUES, Record, Wavelengths};
+use crate::loss::{Effect, Losses};
+
+/// The aperture. The program's image-space f-number is the focal length over the entrance pupil, whatever the conjugates; the stop's size is
+/// a diameter.
+pub(super) fn aperture(root: &Object<'_>) -> Result<(Aperture, Record), FileError> {
+    let aperture = root.needed_object("aperture")?;
+    let kind = aperture.needed_text("type")?;
+    let value = aperture.needed_number("value")?;
+    if !(value > 0.0 && value.is_finite()) {
+        return Err(aperture.error("value", "the aperture must be positive"));
+    }
+    let read = match kind {
+        "EPD" => Aperture::EntrancePupil(value),
+        "imageFNO" => Aperture::FNumber(value),
+        "objectNA" => Aperture::ObjectNa(value),
+        "float_by_stop_size" => Aperture::StopRadius(0.5 * value),
+        _ => {
+            let error = aperture.error("type", "apertures of this type are not read");
+            return Err(error.hint("EPD, imageFNO, objectNA and float_by_stop_size are"));
+        }
+    };
+    check_telecentric(&aperture)?;
+    Ok((read, aperture.record(&format!("{kind} {}", shown(value)))))
+}
+
+/// The fields.
+pub(super) fn fields(root: &Object<'_>, losses: &mut Losses) -> Result<Fields, FileError> {
+    let group = root.needed_object("fields")?;
+    check_telecentric(&group)?;
+    // Newer versions name the class, older ones its registered name.
+    let definition = group.object("field_definition")?;
+    let holder = definition.unwrap_or(group);
+    let kind = match holder.needed_text("field_type")? {
+        "angle" | "AngleField" => FieldKind::Angle,
+        "object_height" | "ObjectHeightField" => FieldKind::ObjectHeight,
+        "paraxial_image_height" | "ParaxialImageHeightField" => FieldKind::ParaxialImageHeight,
+        "real_image_height" | "RealImageHeightField" => FieldKind::RealImageHeight,
+        _ => {
+            let error = holder.error("field_type", "fields of this type are not read");
+            return Err(error.hint("angle, object_height, paraxial_image_height and real_image_height are"));
+        }
+    };
+    let listed = group.list("fields")?;
+    if listed.len() > MOST_VALUES {
+        return Err(group.error("fields", format!("a lens with more than {MOST_VALUES} fields is not read")));
+    }
+    let mut points = Vec::new();
+    for node in listed {
+        let field = Object::new(node, "fields")?;
+        let of = |key: &str| field.number(key).map(|value| value.unwrap_or(0.0));
+        let point = [of("x")?, of("y")?];
+        if point.iter().any(|v| !v.is_finite()) {
+            return Err(field.error("y", "a field must be finite"));
+        }
+        if of("vx")? != 0.0 || of("vy")? != 0.0 {
+            let message = "vignetting factors are not read: clear semi-diameters vignette the beam";
+            losses.add(field.line("vx"), "vx, vy", Effect::Approximated, message);
+        }
+        points.push(point);
+    }
+    if points.is_empty() {
+        losses.add(0, "", Effect::Assumed, "the file gives no fields; the axis is the only one");
+        points.push([0.0; 2]);
+    }
+    Ok(Fields { kind, points, record: group.record("fields") })
+}
+
+fn check_telecentric(object: &Object<'_>) -> Result<(), FileError> {
+    for key in ["telecentric", "object_space_telecentric"] {
+        if object.flag(key)? {
+            let message = "chief rays parallel to the axis in front of the lens (telecentric) are not traced";
+            return Err(object.error(key, message));
+        }
+    }
+    Ok(())
+}
+
+/// The wavelengths, and the index of the primary one: the last that is marked, or the first.
+pub(super) fn wavelengths(root: &Object<'_>, losses: &mut Losses) -> Result<(Wavelengths, usize), FileError> {
+    let group = root.needed_object("wavelengths")?;
+    if group.has("polarization") && group.text("polarization").ok().flatten() != Some("ignore") {
+        let message = "polarisation is not traced";
+        losses.add(group.line("polarization"), "polarization", Effect::NoRay, message);
+    }
+    let listed = group.list("wavelengths")?;
+    if listed.is_empty() || listed.len() > MOST_VALUES {
+        let message = format!("a lens has 1 to {MOST_VALUES} wavelengths");
+        return Err(group.error("wavelengths", message));
+    }
+    let (mut list, mut primary) = (Vec::new(), 0);
+    for (i, node) in listed.iter().enumerate() {
+        let wave = Object::new(node, "wavelengths")?;
+        let power = match wave.text("unit")?.unwrap_or("um").to_lowercase().as_str() {
+            "nm" => -3,
+            "um" => 0,
+            "mm" => 3,
+            "cm" => 4,
+            "m" => 6,
+            _ => return Err(wave.error("unit", "no such unit").hint("nm, um, mm, cm and m are known")),
+        };
+        let um = shifted(wave.needed_text("value")?, power)
+            .ok_or_else(|| wave.error("value", "expected a number"))?;
+        list.push((um, wave.number("weight")?.unwrap_or(1.0)));
+        if wave.flag("is_primary")? {
+            primary = i;
+        }
+    }
+    Ok(((list, group.record("wavelengths")), primary))
+}

@@ -1,0 +1,294 @@
+//! `raw mtf`: the MTF at slanted edges of a raw frame or a picture.
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use petzval_camera::sensor::CfaPattern;
+use petzval_files::load_image;
+use petzval_files::raw_file::{RawFrame, holds_digital_numbers, load_raw};
+use petzval_lab::edge_mtf::{Channel, EdgeMtf, edge_mtf, find_edges, picture_channels, raw_channels};
+use petzval_report::mtf_sheet::{EdgePanel, mtf_svg};
+use serde::{Deserialize, Serialize};
+
+use crate::context::Context;
+use crate::error::{JobError, json, make_folder, write_file};
+use crate::results::check_folder;
+
+pub use petzval_lab::edge_mtf::Region;
+
+/// The files in the folder of results.
+const FILES: [&str; 3] = ["mtf.csv", "mtf.json", "mtf.svg"];
+
+/// Pixel pitches that are taken, um.
+const PITCHES_UM: std::ops::RangeInclusive<f64> = 0.1..=1000.0;
+
+/// A frame to measure.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Request {
+    /// A raw frame, as `raw show` reads it, or a picture.
+    pub file: PathBuf,
+    /// Regions with one edge each; if none are given, edges are looked for.
+    pub regions: Vec<Region>,
+    /// Take gray integers as a picture, and undo its sRGB curve; otherwise they are digital numbers.
+    pub is_picture: bool,
+    /// Colour filter array in place of that of the sidecar; of raw frames only.
+    pub cfa: Option<CfaPattern>,
+    /// Pixel pitch in place of that of the sidecar, um.
+    pub pixel_um: Option<f64>,
+    /// Folder for `mtf.csv`, `mtf.json` and `mtf.svg`; nothing is written without it.
+    pub out: Option<PathBuf>,
+}
+
+/// How the values of a file became light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Light {
+    /// Digital numbers, without their black level where it is known.
+    Raw,
+    /// Decoded by the inverse of the sRGB curve.
+    SrgbUndone,
+    /// Floats, which are linear.
+    Linear,
+}
+
+impl Light {
+    /// What was done, in words.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Raw => "digital numbers above black, linear",
+            Self::SrgbUndone => "picture, its sRGB curve undone",
+            Self::Linear => "picture of floats, linear as it is",
+        }
+    }
+}
+
+/// The edges of a frame.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Response {
+    /// The file, as it was named.
+    pub file: String,
+    /// Rows.
+    pub height: usize,
+    /// Columns.
+    pub width: usize,
+    /// How its values became light.
+    pub light: Light,
+    /// Pixel pitch, um.
+    pub pixel_um: Option<f64>,
+    /// The edges, in the order of the request or of the frame.
+    pub edges: Vec<Edge>,
+    /// The files that were written.
+    pub files: Vec<PathBuf>,
+}
+
+/// An edge.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Edge {
+    /// Where it is.
+    pub region: Region,
+    /// The channels that could be measured.
+    pub channels: Vec<EdgeMtf>,
+}
+
+/// A frame as light.
+struct Frame {
+    height: usize,
+    width: usize,
+    channels: Vec<Channel>,
+    light: Light,
+    pixel_um: Option<f64>,
+    /// Digital number of saturation, above black.
+    white: Option<f64>,
+}
+
+/// Reads the frame, measures its edges, and writes the files.
+pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+    if let Some(pixel_um) = request.pixel_um.filter(|um| !PITCHES_UM.contains(um)) {
+        let message = format!("outside {} to {}", PITCHES_UM.start(), PITCHES_UM.end());
+        return Err(JobError::setting("pixel_um", pixel_um, message, "give the pixel pitch in um"));
+    }
+    if let Some(out) = &request.out {
+        check_folder(out, FILES, context)?;
+    }
+    let frame = read(request, context)?;
+    for region in &request.regions {
+        if !region.is_inside(frame.height, frame.width) {
+            let message = format!("the frame has {} rows and {} columns", frame.height, frame.width);
+            let hint = "give ROW,COL,HEIGHT,WIDTH, rows and columns counted from 0";
+            return Err(JobError::setting("region", region, message, hint));
+        }
+    }
+    let edges = match request.regions.is_empty() {
+        true => found(&request.file, &frame)?,
+        false => request
+            .regions
+            .iter()
+            .map(|region| measured(region, &frame, context))
+            .collect::<Result<Vec<_>, _>>()?,
+    };
+    warn_of_saturation(&edges, &frame, context);
+    let mut response = Response {
+        file: request.file.display().to_string(),
+        height: frame.height,
+        width: frame.width,
+        light: frame.light,
+        pixel_um: frame.pixel_um,
+        edges,
+        files: Vec::new(),
+    };
+    if let Some(out) = &request.out {
+        make_folder(out)?;
+        response.files = FILES.iter().map(|name| out.join(name)).collect();
+        let contents = [csv(&response), json(&response)?, plot(&response)];
+        for (path, content) in response.files.iter().zip(contents) {
+            write_file(path, content)?;
+        }
+    }
+    Ok(response)
+}
+
+/// Cycles per mm of a frequency in cycles per pixel.
+pub fn per_mm(per_px: f64, pixel_um: f64) -> f64 {
+    1e3 * per_px / pixel_um
+}
+
+/// Reads the file as light.
+fn read(request: &Request, context: &Context) -> Result<Frame, JobError> {
+    if !request.is_picture && holds_digital_numbers(&request.file)? {
+        return read_raw(request, load_raw(&request.file)?, context);
+    }
+    if let Some(cfa) = request.cfa {
+        let message = "a picture has no mosaic";
+        return Err(JobError::setting("cfa", cfa, message, "leave it out, or give a raw frame"));
+    }
+    let picture = load_image(&request.file).map_err(petzval_design::error::DesignError::from)?;
+    let name = request.file.display();
+    picture.notes.iter().for_each(|note| context.warning(format!("{name}: {note}")));
+    Ok(Frame {
+        height: picture.light.height,
+        width: picture.light.width,
+        channels: picture_channels(&picture.light),
+        light: if picture.is_linear { Light::Linear } else { Light::SrgbUndone },
+        pixel_um: request.pixel_um,
+        white: None,
+    })
+}
+
+fn read_raw(request: &Request, raw: RawFrame, context: &Context) -> Result<Frame, JobError> {
+    let name = request.file.display();
+    let cfa = request.cfa.or(raw.info.cfa).unwrap_or_else(|| {
+        context.warning(format!(
+            "{name}: no sidecar states its mosaic, and all pixels are taken for one colour; --cfa RGGB names one"
+        ));
+        CfaPattern::MONO
+    });
+    // An unknown black level moves the levels and leaves the response.
+    let black = raw.info.black_level_dn.unwrap_or(0.0);
+    let values: Vec<f32> = raw.dn.iter().map(|dn| (f64::from(*dn) - black) as f32).collect();
+    let channels = raw_channels(&values, raw.width, cfa).ok_or_else(|| {
+        JobError::input(
+            format!("{name}: the mosaic {cfa} is not measured: its colours do not repeat after 1 or 2 pixels in rows and columns"),
+            "develop the frame and measure the picture",
+        )
+    })?;
+    let converter = raw.info.bits.map(|bits| 2f64.powi(bits as i32) - 1.0);
+    let white = match (raw.info.white_level_dn, converter) {
+        (Some(white), Some(converter)) => Some(white.min(converter)),
+        (white, converter) => white.or(converter),
+    };
+    Ok(Frame {
+        height: raw.height,
+        width: raw.width,
+        channels,
+        light: Light::Raw,
+        pixel_um: request.pixel_um.or(raw.info.pixel_um),
+        white: white.map(|white| white - black),
+    })
+}
+
+/// The edge in a region that the request names. A channel without a response is warned of; a region without any is refused.
+fn measured(region: &Region, frame: &Frame, context: &Context) -> Result<Edge, JobError> {
+    let (mut channels, mut failures) = (Vec::new(), Vec::new());
+    for channel in &frame.channels {
+        match edge_mtf(channel, region) {
+            Ok(mtf) => channels.push(mtf),
+            Err(error) => failures.push(format!("{}: {error}", channel.name)),
+        }
+    }
+    if channels.is_empty() {
+        let pitch = frame.channels.first().map_or(1, |channel| channel.pitch);
+        let mosaic = if pitch > 1 { " (every second pixel belongs to a colour)" } else { "" };
+        let hint = format!(
+            "name a region that one straight edge crosses, about 5 degrees off the rows or columns{mosaic}"
+        );
+        return Err(JobError::setting("region", region, failures.join("; "), hint));
+    }
+    failures.iter().for_each(|failure| context.warning(format!("region {region}: {failure}")));
+    Ok(Edge { region: *region, channels })
+}
+
+/// The edges that are found in the channel with the most light: green, or the first. A channel in which one of them has no response is left out there.
+fn found(file: &Path, frame: &Frame) -> Result<Vec<Edge>, JobError> {
+    let green = frame.channels.iter().find(|channel| channel.pitch > 1 && channel.name == "green");
+    let searched = green.or(frame.channels.first()).map(find_edges).unwrap_or_default();
+    let edges: Vec<Edge> = searched
+        .into_iter()
+        .map(|region| Edge {
+            region,
+            channels: frame.channels.iter().filter_map(|channel| edge_mtf(channel, &region).ok()).collect(),
+        })
+        .filter(|edge| !edge.channels.is_empty())
+        .collect();
+    match edges.is_empty() {
+        true => Err(JobError::input(
+            format!("{}: no slanted edge was found", file.display()),
+            "name one with --region ROW,COL,HEIGHT,WIDTH: a straight edge, about 5 degrees off the rows or columns, that crosses the region",
+        )),
+        false => Ok(edges),
+    }
+}
+
+/// Warns of edges whose bright side is saturated: the clipped profile is steeper than the light.
+fn warn_of_saturation(edges: &[Edge], frame: &Frame, context: &Context) {
+    /// Share of the white level from which noise begins to be clipped.
+    const NEAR: f64 = 0.98;
+    let Some(white) = frame.white else { return };
+    for edge in edges {
+        for mtf in edge.channels.iter().filter(|mtf| mtf.levels[1] > NEAR * white) {
+            context.warning(format!(
+                "region {}: the bright side is saturated in {}: its response is too high",
+                edge.region, mtf.channel
+            ));
+        }
+    }
+}
+
+/// The curves, a line for every frequency of every channel of every edge.
+fn csv(response: &Response) -> String {
+    let mut text = "row_px,col_px,height_px,width_px,channel,frequency_cycles_per_px".to_owned();
+    text += if response.pixel_um.is_some() { ",frequency_cycles_per_mm" } else { "" };
+    text += ",modulation\n";
+    for Edge { region, channels } in &response.edges {
+        for mtf in channels {
+            for (frequency, modulation) in mtf.frequency_per_px.iter().zip(&mtf.modulation) {
+                let on_sensor =
+                    response.pixel_um.map_or(String::new(), |um| format!(",{}", per_mm(*frequency, um)));
+                let channel = &mtf.channel;
+                let _ = writeln!(text, "{region},{channel},{frequency}{on_sensor},{modulation}");
+            }
+        }
+    }
+    text
+}
+
+fn plot(response: &Response) -> String {
+    let panels: Vec<EdgePanel> = response
+        .edges
+        .iter()
+        .map(|edge| EdgePanel { region: edge.region, channels: edge.channels.iter().collect() })
+        .collect();
+    let name =
+        Path::new(&response.file).file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+    mtf_svg(&format!("{name}: {}", response.light.words()), &panels)
+}
