@@ -1,5 +1,6 @@
 //! An experiment made ready: names turned into values, and everything checked before hours are spent.
 
+use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::Arc;
@@ -127,12 +128,13 @@ impl Setup {
         let mut starts: BTreeMap<(String, FieldOfView), Arc<Start>> = BTreeMap::new();
         let own = (experiment.lens.clone(), FieldOfView::Held);
         for key in [own].into_iter().chain(variants.iter().map(start_key)) {
-            if !starts.contains_key(&key) {
-                let is_it = |v: &&Variant| start_key(v) == key;
+            if let Entry::Vacant(place) = starts.entry(key) {
+                let (lens, field) = place.key();
+                let is_it = |v: &&Variant| start_key(v) == *place.key();
                 let moves = variants.iter().filter(is_it).any(|v| v.steps_of(BlockName::Optics) > 0);
-                let of = StartOf { lens: &key.0, field: key.1, moves, stated_brightness };
+                let of = StartOf { lens, field: *field, moves, stated_brightness };
                 let start = Start::new(of, &experiment, assets, &sensor, &moving_plan, &limit)?;
-                starts.insert(key, Arc::new(start));
+                place.insert(Arc::new(start));
             }
         }
         for variant in variants.iter().filter(|v| v.steps_of(BlockName::Optics) > 0) {

@@ -134,7 +134,7 @@ impl Operand {
         if self.waves && self.of != Figure::Mtf {
             return Err(("waves", "does not go with this figure", "only contrast can include diffraction"));
         }
-        if self.field_deg.is_some_and(|deg| !(deg.abs() < 180.0)) {
+        if self.field_deg.is_some_and(|deg| deg.is_nan() || deg.abs() >= 180.0) {
             return Err(("field_deg", "is no field angle", "degrees from the axis"));
         }
         let bounds = [self.at_least, self.at_most];

@@ -33,7 +33,7 @@ pub(super) fn medium(
             }
             Ok(match index {
                 1.0 => Glass::air(),
-                _ => Arc::new(Glass::new(&shown(index), Dispersion::Constant(index))),
+                _ => Arc::new(Glass::new(shown(index), Dispersion::Constant(index))),
             })
         }
         "Air" => {

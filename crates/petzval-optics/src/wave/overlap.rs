@@ -87,7 +87,7 @@ impl Overlap {
                 }
             }
         }
-        if !(overlap.energy > 0.0) {
+        if overlap.energy.is_nan() || overlap.energy <= 0.0 {
             return None;
         }
         if overlap.is_half() {

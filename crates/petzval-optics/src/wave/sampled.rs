@@ -71,7 +71,7 @@ impl SampledWave {
             }
         }
         let light: f64 = nodes.iter().map(|n| n.light).sum();
-        if !(light > 0.0) {
+        if light.is_nan() || light <= 0.0 {
             return None;
         }
         let mean = |of: &dyn Fn(&Node) -> f64| nodes.iter().map(|n| n.light * of(n)).sum::<f64>() / light;
