@@ -1,5 +1,8 @@
 //! Small statistics that several crates need.
 
+/// Standard deviation of normal numbers over the median of their distances from the mean.
+pub const SIGMA_OVER_MEDIAN: f64 = 1.4826;
+
 /// Median of the values: for an even number of values the mean of the middle two, for none 0.
 ///
 /// Time is linear in the number of values. NaNs are ordered as by [`f64::total_cmp`].

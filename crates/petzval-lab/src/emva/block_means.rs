@@ -2,9 +2,10 @@
 //!
 //! A pixel that is stuck at 4095 raises the mean of a block of 600 pixels by 6.7 DN, as a light leak does.
 
-use super::defects::SIGMA_OVER_MEDIAN;
-use super::point::BLOCKS;
-use petzval_base::statistics::median;
+use petzval_base::statistics::{SIGMA_OVER_MEDIAN, median};
+
+/// Blocks a side into which a frame is divided to look for light that is not uniform or moves.
+pub const BLOCKS: usize = 8;
 
 /// Means of 8x8 blocks of the mean frame of a point.
 #[derive(Debug, Clone, PartialEq)]

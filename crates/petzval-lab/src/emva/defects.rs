@@ -6,9 +6,9 @@
 
 use serde::Serialize;
 
+use super::block_means::BLOCKS;
 use super::high_pass::Plane;
-use super::point::BLOCKS;
-use petzval_base::statistics::median;
+use petzval_base::statistics::{SIGMA_OVER_MEDIAN, median};
 
 /// A pixel that does not answer light as others do.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -28,9 +28,6 @@ const ANSWER: f64 = 0.5;
 
 /// Standard deviations of the ordinary pixels beyond which such a deviation is not noise.
 const SIGMAS: f64 = 6.0;
-
-/// Standard deviation of normal numbers over the median of their distances from the mean.
-pub(super) const SIGMA_OVER_MEDIAN: f64 = 1.4826;
 
 /// Widest group of neighbouring pixels that is a defect, in its narrower direction: a cluster, or a few columns. What is wider both ways is a part of the
 /// picture without light, such as the corners beyond the image circle of a lens.

@@ -13,8 +13,9 @@
 //! | saturated | samples are clipped, or the noise has fallen | is left out by the photon transfer |
 //! | darker | the point has more light than another and is darker | is used |
 
+use super::block_means::BLOCKS;
 use super::captures::{Captures, Kind, Point};
-use super::point::{BLOCKS, PointStatistics};
+use super::point::PointStatistics;
 use petzval_base::statistics::median;
 
 /// The frames of one point with their moments and flags.

@@ -15,15 +15,12 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 
 use serde::Serialize;
 
-use super::block_means::{BlockMeans, block_means};
+use super::block_means::{BLOCKS, BlockMeans, block_means};
 use super::captures::{CaptureError, Captures, FrameFile, Point};
 use super::counts::Counts;
 use super::line_noise::{LineNoise, LineSums, double_differences};
 use petzval_camera::sensor::{CfaPattern, Colour};
 use petzval_files::raw_file::{RawFrame, RawInfo};
-
-/// Blocks a side into which a frame is divided to look for light that is not uniform or moves.
-pub const BLOCKS: usize = 8;
 
 /// Share of samples at an end of the converter's range above which a point counts as clipped there.
 pub const CLIPPED_SHARE: f64 = 1e-4;

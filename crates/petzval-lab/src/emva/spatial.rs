@@ -23,14 +23,14 @@ use std::rc::Rc;
 
 use serde::Serialize;
 
-use super::defects::{Defect, SIGMA_OVER_MEDIAN, defects, without};
+use super::defects::{Defect, defects, without};
 use super::high_pass::{HighPass, Plane, high_pass_5x5_times_25};
 use super::histogram::{Histogram, MOST_BINS, accumulated, histogram};
 use super::measured::{Measured, Unresolved};
 use super::point::{Moments, PointStatistics, Stack};
 use super::rounding::Steps;
 use super::spectrogram::{column_spectrogram, row_spectrogram};
-use petzval_base::statistics::median;
+use petzval_base::statistics::{SIGMA_OVER_MEDIAN, median};
 use petzval_camera::sensor::{CfaPattern, Colour};
 
 /// Variances of the mean of a stack, DN^2, or their standard errors.
