@@ -7,7 +7,9 @@ use std::sync::{Arc, OnceLock};
 
 use petzval_base::FileError;
 use petzval_camera::sensor::SensorModel;
-use petzval_files::{Import, LensFile, decode, parse_lens, parse_optiland, parse_seq, parse_zmx};
+use petzval_files::{
+    Import, LensFile, decode, parse_lens_start, parse_optiland_start, parse_seq_start, parse_zmx_start,
+};
 use petzval_optics::glass::Catalog;
 
 use crate::error::DesignError;
@@ -143,28 +145,54 @@ impl Assets {
     /// A lens by path or built-in name, checked to be possible; the path of a file of Zemax (`.zmx`), CODE V
     /// (`.seq`) or Optiland (`.json`) will do.
     pub fn lens(&self, name: &str) -> Result<LensFile, DesignError> {
-        let Import { file, losses } = self.import(name)?;
+        let import = self.import(name)?;
+        self.warn_of(name, &import)?;
+        Ok(import.file)
+    }
+
+    /// A lens to start an optimisation from, as [`Self::lens`], but it need not be buildable: a warning says why it is not.
+    pub fn start(&self, name: &str) -> Result<LensFile, DesignError> {
+        let import = self.import_start(name)?;
+        self.warn_of(name, &import)?;
+        if let (Some(warn), Some(error)) = (&self.warnings, &import.unbuildable) {
+            warn(&format!("{name}: {}; the optimisation starts from there", error.message));
+        }
+        Ok(import.file)
+    }
+
+    /// Reports the losses of an import, and doubts about its glasses.
+    fn warn_of(&self, name: &str, Import { file, losses, .. }: &Import) -> Result<(), DesignError> {
         if let Some(warn) = &self.warnings {
             losses.iter().for_each(|loss| warn(&loss.in_file(Path::new(name))));
             for warning in glass_warnings(&file.lens, &self.catalog()?) {
                 warn(&format!("{name}: {warning}"));
             }
         }
-        Ok(file)
+        Ok(())
     }
 
     /// A lens by path or built-in name, with what it lost if its file is that of another program. Nothing is reported.
     pub fn import(&self, name: &str) -> Result<Import, DesignError> {
+        let import = self.import_start(name)?;
+        match import.unbuildable {
+            None => Ok(import),
+            Some(error) => Err(DesignError::input(Path::new(name))(error)),
+        }
+    }
+
+    /// As [`Self::import`], but the lens need not be buildable.
+    pub fn import_start(&self, name: &str) -> Result<Import, DesignError> {
         let path = Path::new(name);
         let catalog = self.catalog()?;
         let parse = match extension(path).as_str() {
-            "zmx" => parse_zmx,
-            "seq" => parse_seq,
-            "json" => parse_optiland,
+            "zmx" => parse_zmx_start,
+            "seq" => parse_seq_start,
+            "json" => parse_optiland_start,
             _ => {
                 let source = self.text("lens", "lenses", name)?;
-                let file = parse_lens(&source.text, &catalog).map_err(DesignError::input(&source.path))?;
-                return Ok(Import { file, losses: Vec::new() });
+                let (file, unbuildable) =
+                    parse_lens_start(&source.text, &catalog).map_err(DesignError::input(&source.path))?;
+                return Ok(Import { file, losses: Vec::new(), unbuildable });
             }
         };
         let bytes = petzval_base::read_whole(path).map_err(|e| unreadable(path, &e))?;

@@ -37,10 +37,12 @@ pub use export::Export;
 pub use float_file::{exr_bytes, npy_bytes, save_exr, save_npy};
 pub use glass_file::GlassFile;
 pub use glass_toml::{is_meant_as_catalog, parse_catalog, write_catalog};
-pub use lens_toml::{Expect, Expected, ExpectedSpots, LensFile, lens_schema, parse_lens, write_lens};
+pub use lens_toml::{
+    Expect, Expected, ExpectedSpots, LensFile, lens_schema, parse_lens, parse_lens_start, write_lens,
+};
 pub use loss::{Effect, Loss};
 pub use operand_toml::{Figure, Operand, OperandFile, parse_operands};
-pub use optiland::parse_optiland;
+pub use optiland::{parse_optiland, parse_optiland_start};
 pub(crate) use picture_file::undecoded;
 pub use picture_file::{
     ImageError, Picture, encoded_png_bytes, load_image, load_image_bytes, picture_size, png_bytes, save_png,
@@ -49,7 +51,7 @@ pub use picture_file::{
 pub use quantum_efficiency::{parse_quantum_efficiency, parse_quantum_efficiency_toml};
 pub use rii::parse_rii;
 pub use sensor::parse_sensor;
-pub use seq::{parse_seq, write_seq};
+pub use seq::{parse_seq, parse_seq_start, write_seq};
 pub use tolerance_toml::{ToleranceFile, parse_tolerances, write_tolerances};
 pub use ycbcr_file::{y4m_bytes, yuv_bytes};
-pub use zmx::{parse_zmx, write_zmx};
+pub use zmx::{parse_zmx, parse_zmx_start, write_zmx};

@@ -71,6 +71,9 @@ pub struct Applied {
 /// Least score of a detection whose box is drawn.
 const LEAST_SCORE: f32 = 0.5;
 
+/// Ends the name of the photograph as it lies on the sensor.
+const SCENE: &str = "scene";
+
 /// What a camera is given.
 enum Subject {
     /// A photograph that covers the sensor.
@@ -88,7 +91,10 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let all: Vec<String> = experiment.variants().iter().map(|variant| variant.name.clone()).collect();
     let names = chosen(request, &folder, &all)?;
     let stems = stems(&request.images)?;
-    let files = stems.iter().flat_map(|stem| names.iter().map(move |name| format!("{stem}-{name}.png")));
+    let cameras = names.iter().map(String::as_str);
+    let files = stems
+        .iter()
+        .flat_map(|stem| cameras.clone().chain([SCENE]).map(move |name| format!("{stem}-{name}.png")));
     check_folder(&request.out, files, context)?;
 
     // Cameras are made before pictures are read: a run that lacks one is found at once.
@@ -106,7 +112,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     for (i, ((image, stem), subject)) in request.images.iter().zip(&stems).zip(&subjects).enumerate() {
         if let Subject::Photo(photo) = subject {
             let encoded = LinearImage { data: photo.to_srgb(), ..photo.clone() };
-            write_png(&request.out.join(format!("{stem}-scene.png")), &encoded)?;
+            write_png(&request.out.join(format!("{stem}-{SCENE}.png")), &encoded)?;
         }
         for (name, camera) in names.iter().zip(&cameras) {
             if context.is_cancelled() {

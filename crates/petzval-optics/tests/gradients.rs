@@ -658,7 +658,8 @@ fn free_coordinates_with_solves() {
 /// The magnification and the aperture of a near object hold, and everything follows them.
 #[test]
 fn free_coordinates_of_a_near_object() {
-    let lens = Lens { object: ObjectDistance::Finite(120.0), ..nominal_triplet() };
+    let near = Lens { object: ObjectDistance::Finite(120.0), ..nominal_triplet() };
+    let lens = with_paraxial_focus(&near, 0.0);
     let variable = |surface, number, min, max| Variable { surface, number, min, max };
     let solves = Solves {
         magnification: Some(MagnificationSolve { surface: 6, magnification: -0.25, radius_mm: None }),

@@ -63,7 +63,7 @@ fn main() -> Result<(), Failure> {
     for (triplet, lens) in TRIPLETS.iter().zip(&lenses) {
         seen.push((triplet.name.into(), show(triplet.name, lens, triplet.is_large, out)?));
         let paraxial = with_paraxial_focus(lens, 0.0);
-        at_paraxial_focus.push((triplet.name.into(), analyze(&paraxial, &options())?));
+        at_paraxial_focus.push((triplet.name.into(), analyze(&paraxial, &options(), &|| ())?));
     }
     // The nominal lens at the larger field, its mounts opened: they were sized for 15 degrees.
     let mut wide = Lens { fields_deg: LARGE_DEG.to_vec(), ..lenses[0].clone() };

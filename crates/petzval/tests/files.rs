@@ -41,6 +41,10 @@ fn results_are_overwritten_only_by_force() {
         run_fails(folder.path(), args, 2, &[&name, "exists already", "--force replaces it"]);
         run_ok(folder.path(), &[args, &["--force"]].concat());
     }
+    // What lies beside the named results is kept as well.
+    std::fs::remove_file(folder.path().join("taken/coffee-developed.png")).unwrap();
+    let again = ["simulate", &photo, "--size", "64x96", "--out", "taken"];
+    run_fails(folder.path(), &again, 2, &["coffee-raw.tiff", "exists already"]);
 }
 
 #[test]

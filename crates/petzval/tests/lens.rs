@@ -52,6 +52,10 @@ fn the_json_of_show_has_every_key() {
     assert_eq!(shown["surfaces"][2]["glass"], "N-SF11");
     assert!((shown["surfaces"][0]["radius_mm"].as_f64().unwrap() - 11.34).abs() < 1e-9);
 
+    // Keys of a near object are there for one at infinity, too.
+    assert!(shown["object_distance_mm"].is_null() && shown["magnification"].is_null());
+    assert!((shown["working_f_number"].as_f64().unwrap() / 4.4 - 1.0).abs() < 0.02);
+
     let by_field = shown["rms_spot_um"].as_array().unwrap();
     assert_eq!(by_field.len(), 4);
     for field in by_field {

@@ -248,3 +248,54 @@ fn a_near_object_keeps_its_magnification_and_aperture() {
     run_ok(folder.path(), &["lens", "optimize", "near.toml", "--out", "free", "--efl", "free"]);
     assert_ne!(kept("free/best.toml").0, before.0);
 }
+
+#[test]
+fn an_optimisation_starts_from_a_lens_that_cannot_be_built() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = read(&data("lenses/cooke-triplet-nominal.toml"));
+    let surfaces = text.split("[[variable]]").next().unwrap().split("[expect").next().unwrap();
+    let write = |name: &str, changes: &[(&str, &str)], more: &str| {
+        let mut lens = surfaces.to_owned();
+        for (from, to) in changes {
+            assert!(lens.contains(from), "{from}");
+            lens = lens.replace(from, to);
+        }
+        std::fs::write(folder.path().join(name), lens + more).unwrap();
+    };
+    // The edge of the last element is thinner than nothing; then the element lies in front of the stop.
+    let edge = ("thickness_mm = 2.698", "thickness_mm = 0.8");
+    write("edge.toml", &[edge], "");
+    write("both.toml", &[edge, ("thickness_mm = 0.848", "thickness_mm = -0.3")], "");
+    for (file, why) in [("edge", "edge thickness of PMMA is -"), ("both", "goes against the light")] {
+        let lens = format!("{file}.toml");
+        run_fails(folder.path(), &["lens", "show", &lens], 2, &[why]);
+        let done = run_ok(folder.path(), &["lens", "optimize", &lens, "--out", file, "--json"]);
+        assert!(done.says(why) && done.says("the optimisation starts from there"), "{}", done.stderr);
+        assert_eq!(done.json()["best"]["violations_mm"].as_array().unwrap().len(), 0, "{}", done.stdout);
+        // Every lens of the folder can be read, and the optimisation goes on from its own start.
+        for step in steps(&folder.path().join(file)) {
+            let step = format!("{file}/lens/step-{:05}.toml", step["step"].as_u64().unwrap());
+            run_ok(folder.path(), &["lens", "show", &step]);
+        }
+        run_ok(folder.path(), &["lens", "show", &format!("{file}/best.toml")]);
+        run_ok(folder.path(), &["lens", "optimize", "--resume", file, "--iterations", "2"]);
+    }
+    // Glass that is thinner than nothing needs a variable.
+    let glass = ("thickness_mm = 3.0", "thickness_mm = -1.0");
+    write("glass.toml", &[glass], "");
+    let asked = ["lens", "optimize", "glass.toml", "--out", "glass"];
+    run_fails(folder.path(), &asked, 2, &["surface 3", "goes against the light", "make thickness_mm"]);
+    assert!(!folder.path().join("glass").exists());
+    let free = "[[variable]]\nsurface = 3\nparameter = \"thickness_mm\"\nmin = 1.0\nmax = 6.0\n\n\
+                [[variable]]\nsurface = 7\nparameter = \"radius_mm\"\nmin = -40.0\nmax = -5.0\n";
+    write("glass.toml", &[glass], free);
+    run_ok(folder.path(), &asked);
+    run_ok(folder.path(), &["lens", "show", "glass/best.toml"]);
+    // Where nothing may correct an edge, no file is written that no verb reads.
+    let radius = "[[variable]]\nsurface = 3\nparameter = \"radius_mm\"\nmin = -40.0\nmax = -39.0\n\n\
+                  [[variable]]\nsurface = 4\nparameter = \"radius_mm\"\nmin = 39.0\nmax = 40.0\n";
+    write("stiff.toml", &[edge], radius);
+    let asked = ["lens", "optimize", "stiff.toml", "--out", "stiff"];
+    run_fails(folder.path(), &asked, 1, &["no lens was found that can be built", "edge thickness"]);
+    assert!(!folder.path().join("stiff/best.toml").exists());
+}

@@ -2,7 +2,7 @@
 
 use super::item::{Clear, Drafted};
 use crate::loss::{Effect, Losses};
-use petzval_optics::lens::{Lens, LensDefect, validate};
+use petzval_optics::lens::{Lens, LensDefect, traceable, validate};
 use petzval_optics::paraxial::first_order;
 use petzval_optics::pupil::{aim_one, paraxial_launch};
 use petzval_optics::trace::{SOFT_EDGE_MM, launch, trace_ray};
@@ -25,36 +25,34 @@ const NARROWER: i32 = 60;
 /// The lens with clear semi-diameters everywhere.
 ///
 /// Surfaces without an edge are made large enough for their beams, and as large as the file prints if that lens is possible.
-/// If the surfaces cannot be as large as the beams, the beams are narrowed. Fails if the lens is impossible even then.
+/// If the surfaces cannot be as large as the beams, the beams are narrowed. A lens that cannot be built even then comes with the reason. Fails where a
+/// surface ends within its edge.
 pub(super) fn with_semi_diameters(
     lens: Lens,
     drafted: &[Drafted],
     losses: &mut Losses,
-) -> Result<Lens, LensDefect> {
+) -> Result<(Lens, Option<LensDefect>), LensDefect> {
     if drafted.iter().all(|d| matches!(d.clear, Clear::Edge(_))) {
         let lens = filled(&lens, drafted, |_, _| 0.0);
-        return validate(&lens).map(|()| lens);
+        traceable(&lens)?;
+        let flaw = validate(&lens).err();
+        return Ok((lens, flaw));
     }
     // Try the printed size with room for the beams, then room for the beams, then the beams alone.
     let heights = beam_heights(&lens, drafted);
     let roomy = |i: usize| heights[i] * (1.0 + ROOM) + SOFT_EDGE_MM;
     let open: [&dyn Fn(usize, f64) -> f64; 3] =
         [&|i, printed| printed.max(roomy(i)), &|i, _| roomy(i), &|i, _| heights[i]];
-    let mut outcome = Err(LensDefect::NoSurface);
     for (attempt, semi) in open.iter().enumerate() {
         let lens = filled(&lens, drafted, semi);
-        outcome = validate(&lens).map(|()| lens);
-        if outcome.is_ok() {
+        if validate(&lens).is_ok() {
             if attempt > 0 && drafted.iter().enumerate().any(|(i, d)| is_cut(d, semi(i, 0.0))) {
                 let message = "surfaces end or cross within their printed semi-diameters, which lose no light; \
                                they are made as large as the beams";
                 losses.add(0, "", Effect::Approximated, message);
             }
-            break;
+            return Ok((lens, None));
         }
-    }
-    if outcome.is_ok() {
-        return outcome;
     }
     // Narrow the beams until the surfaces are possible.
     for k in 1..=NARROWER {
@@ -66,10 +64,13 @@ pub(super) fn with_semi_diameters(
                 100.0 * share
             );
             losses.add(0, "", Effect::Approximated, message);
-            return Ok(lens);
+            return Ok((lens, None));
         }
     }
-    outcome
+    let lens = filled(&lens, drafted, |i, _| heights[i]);
+    traceable(&lens)?;
+    let flaw = validate(&lens).err();
+    Ok((lens, flaw))
 }
 
 /// Whether a surface without an edge becomes smaller than the file prints.

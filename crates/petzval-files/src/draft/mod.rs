@@ -24,7 +24,7 @@ use super::loss::{Effect, Loss, Losses};
 use petzval_base::FileError;
 
 use super::LensFile;
-use petzval_optics::lens::{Lens, LensDefect, ObjectDistance, validate};
+use petzval_optics::lens::{Lens, LensDefect, ObjectDistance, traceable};
 
 /// Largest number of surfaces in a file. Real lenses have less than a tenth of it.
 pub(super) const MOST_SURFACES: usize = 500;
@@ -45,6 +45,19 @@ pub struct Import {
     pub file: LensFile,
     /// Everything in the file that the lens does not represent.
     pub losses: Vec<Loss>,
+    /// Why the lens cannot be built, at the place in the file: glass thinner than nothing, or surfaces that cross. An optimisation may start from
+    /// such a lens.
+    pub unbuildable: Option<FileError>,
+}
+
+impl Import {
+    /// The import, if its lens can be built.
+    pub fn buildable(self) -> Result<Self, FileError> {
+        match self.unbuildable {
+            None => Ok(self),
+            Some(error) => Err(error),
+        }
+    }
 }
 
 /// Wavelengths, um, with their weights, in the order of the file.
@@ -100,19 +113,20 @@ impl Draft {
             fields_deg: vec![0.0],
         };
         // Check the lens before first-order optics computes aperture, fields and semi-diameters from it.
-        validate(&opened(&lens)).map_err(|defect| at_fault(&defect, &drafted))?;
+        traceable(&opened(&lens)).map_err(|defect| at_fault(&defect, &drafted))?;
         if self.at_paraxial_focus {
             lens = petzval_optics::solve::with_paraxial_focus(&lens, 0.0);
         }
         lens.entrance_pupil_mm = aperture::entrance_pupil_mm(&lens, &self.aperture, drafted[stop].clear)?;
         lens.fields_deg = field::angles_deg(&lens, &self.fields, &mut losses)?;
-        let lens = clear::with_semi_diameters(lens, &drafted, &mut losses)
+        let (lens, flaw) = clear::with_semi_diameters(lens, &drafted, &mut losses)
             .map_err(|defect| at_fault(&defect, &drafted))?;
-        Ok(Import { file: LensFile::of(lens), losses: losses.into_list() })
+        let unbuildable = flaw.map(|defect| at_fault(&defect, &drafted));
+        Ok(Import { file: LensFile::of(lens), losses: losses.into_list(), unbuildable })
     }
 }
 
-/// The lens with semi-diameters so small that surfaces neither end nor cross.
+/// The lens with semi-diameters so small that surfaces do not end within them.
 fn opened(lens: &Lens) -> Lens {
     let mut open = lens.clone();
     for surface in &mut open.surfaces {

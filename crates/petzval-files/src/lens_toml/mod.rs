@@ -56,7 +56,7 @@ mod write;
 
 pub use parameter::parameter_name;
 pub(super) use read::OPTICAL_UM;
-pub use read::parse_lens;
+pub use read::{parse_lens, parse_lens_start};
 pub use write::{special_lines, write_lens};
 
 use petzval_optics::design_space::{EflSolve, Pickup, Variable};

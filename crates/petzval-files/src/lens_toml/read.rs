@@ -13,7 +13,7 @@ use crate::glass_toml::read_glasses;
 use petzval_base::FileError;
 use petzval_optics::design_space::{EflSolve, Pickup, Variable};
 use petzval_optics::glass::Catalog;
-use petzval_optics::lens::{Lens, LensDefect, ObjectDistance, Surface, validate};
+use petzval_optics::lens::{Lens, LensDefect, ObjectDistance, Surface, traceable, validate};
 use petzval_optics::number::Number;
 use petzval_optics::solve::with_length;
 
@@ -25,6 +25,15 @@ pub(crate) const OPTICAL_UM: RangeInclusive<f64> = 0.2..=20.0;
 
 /// Reads a lens file. Glasses are looked up first in the file's own tables, then in `catalog`.
 pub fn parse_lens(text: &str, catalog: &Catalog) -> Result<LensFile, FileError> {
+    match parse_lens_start(text, catalog)? {
+        (file, None) => Ok(file),
+        (_, Some(unbuildable)) => Err(unbuildable),
+    }
+}
+
+/// Reads a lens file to start an optimisation from. The error beside the lens says why it cannot be built: its glass is thinner than nothing, or its
+/// surfaces cross.
+pub fn parse_lens_start(text: &str, catalog: &Catalog) -> Result<(LensFile, Option<FileError>), FileError> {
     let file: LensText = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
     let reader = Reader { text };
 
@@ -56,17 +65,19 @@ pub fn parse_lens(text: &str, catalog: &Catalog) -> Result<LensFile, FileError> 
         fields_deg: Vec::new(),
     };
     lens.fields_deg = reader.fields(&file.fields.angle_deg, lens.object, lens.is_rotationally_symmetric())?;
-    validate(&lens).map_err(|defect| reader.defect(&defect, &file))?;
+    traceable(&lens).map_err(|defect| reader.defect(&defect, &file))?;
+    let unbuildable = validate(&lens).err().map(|defect| reader.defect(&defect, &file));
 
     let variables = reader.variables(&file.variable, &lens)?;
-    Ok(LensFile {
+    let lens_file = LensFile {
         pickups: reader.pickups(&file, &lens, &variables)?,
         length_solve: reader.length_solve(&file, &lens, &variables)?,
         efl_solve: reader.efl_solve(&file, &lens, &variables)?,
         expect: file.expect.as_ref().map(|e| reader.expect(e, &lens)).transpose()?,
         variables,
         lens,
-    })
+    };
+    Ok((lens_file, unbuildable))
 }
 
 /// The text that is being read, for the places of errors.
@@ -372,6 +383,10 @@ impl Reader<'_> {
         }
         // Allow for rounding: a radius is computed back from its curvature.
         let (value, slack) = (number.read_stated(lens, surface), 1e-9 * (max - min));
+        // A thickness against the light cannot be within its bounds: the lens cannot be built, and a start begins at the bound.
+        if number == Number::Thickness && if forwards { value < 0.0 } else { value > 0.0 } {
+            return Ok(());
+        }
         let (key, place) = if value < min - slack {
             ("min", &text.min)
         } else if value > max + slack {

@@ -43,4 +43,4 @@ mod read;
 mod surface;
 mod system;
 
-pub use read::parse_optiland;
+pub use read::{parse_optiland, parse_optiland_start};

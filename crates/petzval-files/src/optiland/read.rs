@@ -27,6 +27,11 @@ const KEYS: &[&str] = &[
 ///
 /// Errors name the line, and the surface that cannot be traced as it stands.
 pub fn parse_optiland(text: &str, catalog: &Catalog) -> Result<Import, FileError> {
+    parse_optiland_start(text, catalog)?.buildable()
+}
+
+/// Reads a lens file to start an optimisation from: [`Import::unbuildable`] says whether its glass is too thin or its surfaces cross.
+pub fn parse_optiland_start(text: &str, catalog: &Catalog) -> Result<Import, FileError> {
     if text.len() > MOST_BYTES {
         let message = format!("a lens file of more than {} MB is not read", MOST_BYTES >> 20);
         return Err(FileError::at_line(0, "", message));

@@ -68,6 +68,11 @@ const EDIT: &str = "commands that change the lens afterwards are not read; write
 ///
 /// Errors name the first command that cannot be traced as it stands, with its line.
 pub fn parse_seq(text: &str, catalog: &Catalog) -> Result<Import, FileError> {
+    parse_seq_start(text, catalog)?.buildable()
+}
+
+/// Reads a lens file to start an optimisation from: [`Import::unbuildable`] says whether its glass is too thin or its surfaces cross.
+pub fn parse_seq_start(text: &str, catalog: &Catalog) -> Result<Import, FileError> {
     if text.len() > MOST_BYTES {
         let message = format!("a lens file of more than {} MB is not read", MOST_BYTES >> 20);
         return Err(FileError::at_line(0, "", message));

@@ -53,5 +53,5 @@ mod record;
 mod write;
 mod write_shape;
 
-pub use read::parse_zmx;
+pub use read::{parse_zmx, parse_zmx_start};
 pub use write::write_zmx;

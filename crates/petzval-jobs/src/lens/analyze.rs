@@ -1,6 +1,7 @@
 //! `lens analyze`: everything that a designer looks at, as pictures and as data.
 
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use petzval_design::lens_view::surfaces;
 use petzval_optics::analysis::{AnalysisOptions, analyze, first_order_table};
@@ -140,7 +141,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let others =
         others.into_iter().filter(|(name, _)| request.is_wanted(name)).map(|(_, file)| file.to_owned());
     check_folder(&folder, pictures.chain(others), context)?;
-    let analysis = analyze(&lens, &options).map_err(|error| {
+    let (done, fields) = (AtomicU64::new(0), lens.fields_deg.len() as u64);
+    let tick = || context.progress(done.fetch_add(1, Ordering::Relaxed) + 1, fields, "fields");
+    let analysis = analyze(&lens, &options, &tick).map_err(|error| {
         JobError::input(
             format!("{}: {error}", request.lens),
             format!("`petzval lens show {}` says where light is lost; or leave that field out", request.lens),

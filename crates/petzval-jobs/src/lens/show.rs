@@ -37,12 +37,6 @@ pub struct Request {
 pub struct Response {
     /// The figures.
     pub figures: Figures,
-    /// From the object to the first vertex, mm; `None` at infinity.
-    pub object_distance_mm: Option<f64>,
-    /// Lateral magnification of a near object.
-    pub magnification: Option<f64>,
-    /// 1 / (2 NA) of the paraxial cone at the image.
-    pub working_f_number: Option<f64>,
     /// The warnings among those of the figures that were reported to the watcher when the lens was read.
     pub reported_warnings: Vec<String>,
 }
@@ -62,6 +56,12 @@ pub struct Figures {
     pub f_number: Option<f64>,
     /// Entrance pupil diameter, mm.
     pub epd_mm: f64,
+    /// From the object to the first vertex, mm; `None` at infinity.
+    pub object_distance_mm: Option<f64>,
+    /// Lateral magnification of a near object.
+    pub magnification: Option<f64>,
+    /// 1 / (2 NA) of the paraxial cone at the image.
+    pub working_f_number: Option<f64>,
     /// From the first vertex to the paraxial image, as lens tables print it, mm.
     pub total_track_mm: Option<f64>,
     /// From the last vertex to the image plane, mm.
@@ -182,18 +182,18 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let table = first_order_table(&lens);
     let image_distance_mm = lens.image_distance_mm();
     Ok(Response {
-        object_distance_mm: match lens.object {
-            ObjectDistance::Infinity => None,
-            ObjectDistance::Finite(distance) => Some(distance),
-        },
-        magnification: table.magnification,
-        working_f_number: finite(table.working_f_number),
         reported_warnings,
         figures: Figures {
             efl_mm: finite(order.efl_mm),
             bfl_mm: finite(order.bfl_mm),
             f_number: finite(order.f_number),
             epd_mm: lens.entrance_pupil_mm,
+            object_distance_mm: match lens.object {
+                ObjectDistance::Infinity => None,
+                ObjectDistance::Finite(distance) => Some(distance),
+            },
+            magnification: table.magnification,
+            working_f_number: finite(table.working_f_number),
             total_track_mm: finite(lens.total_track_mm() - image_distance_mm + order.image_distance_mm),
             image_distance_mm,
             defocus_mm: finite(image_distance_mm - order.image_distance_mm),

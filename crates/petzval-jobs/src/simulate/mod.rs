@@ -39,8 +39,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             "results are named by their image; simulate the two into different folders with --out",
         ));
     }
-    let developed = |name: &String| format!("{name}-developed.{}", request.picture_format.extension());
-    check_folder(&request.out, names.iter().map(developed), context)?;
+    let formats = (request.raw_format, request.picture_format);
+    let written = names.iter().flat_map(|name| output::names(formats, name, request.isp.is_some()));
+    check_folder(&request.out, written, context)?;
     let images = match is_over_spectrum(request) {
         true => spectral::run(request, context)?,
         false => photographs::run(request, context)?,

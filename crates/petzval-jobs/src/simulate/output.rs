@@ -26,6 +26,26 @@ fn file_format(raw: RawAs, bits: u32) -> RawFormat {
     }
 }
 
+fn raw_name(raw: RawAs, name: &str) -> String {
+    // The ending is the same for any number of bits.
+    format!("{name}-raw.{}", file_format(raw, 12).extension())
+}
+
+fn developed_name(picture: PictureAs, name: &str) -> String {
+    format!("{name}-developed.{}", picture.extension())
+}
+
+fn chip_name(name: &str) -> String {
+    format!("{name}-isp.png")
+}
+
+/// Names of the files of an image: the raw frame, the picture and, with an ISP, that by the ISP.
+pub fn names((raw, picture): (RawAs, PictureAs), name: &str, has_isp: bool) -> Vec<String> {
+    let mut names = vec![developed_name(picture, name), raw_name(raw, name)];
+    names.extend(has_isp.then(|| chip_name(name)));
+    names
+}
+
 /// How a picture becomes a file.
 type SavePicture = fn(&LinearImage, &Path) -> Result<(), ImageError>;
 
@@ -47,10 +67,9 @@ pub fn write(
         PictureAs::Exr => (save_exr, 1.0),
         PictureAs::Npy => (save_npy, 1.0),
     };
-    let extension = picture_format.extension();
-    let raw_path = folder.join(format!("{name}-raw.{}", format.extension()));
-    let developed_path = folder.join(format!("{name}-developed.{extension}"));
-    let chip_path = folder.join(format!("{name}-isp.png"));
+    let raw_path = folder.join(raw_name(raw_format, name));
+    let developed_path = folder.join(developed_name(picture_format, name));
+    let chip_path = folder.join(chip_name(name));
     let mut files = vec![raw_path.clone(), sidecar_path(&raw_path), developed_path.clone()];
     files.extend(by_chip.map(|_| chip_path.clone()));
     for path in &files {

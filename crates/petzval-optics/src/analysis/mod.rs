@@ -77,18 +77,24 @@ pub struct Analysis {
     pub encircled_energy: Vec<EncircledEnergy>,
 }
 
-/// All analyses of a lens.
-pub fn analyze(lens: &Lens, options: &AnalysisOptions) -> Result<Analysis, AnalysisError> {
+/// All analyses of a lens. Calls `tick` after each field of the lens.
+pub fn analyze(
+    lens: &Lens,
+    options: &AnalysisOptions,
+    tick: &(dyn Fn() + Sync),
+) -> Result<Analysis, AnalysisError> {
     let by_field = |i: usize| -> Result<_, AnalysisError> {
         let field = lens.fields_deg[i];
-        Ok((
+        let of_field = (
             spot_diagram(lens, field, options)?,
             fan(lens, field, options)?,
             wavefront(lens, field)?,
             field_mtf(lens, field, options)?,
             through_focus_mtf(lens, field, options)?,
             encircled_energy(lens, field, options)?,
-        ))
+        );
+        tick();
+        Ok(of_field)
     };
     let (per_field, (mtf_by_field, field_curves)) = rayon::join(
         || (0..lens.fields_deg.len()).into_par_iter().map(by_field).collect::<Result<Vec<_>, _>>(),

@@ -14,7 +14,7 @@ use super::{AnalysisError, AnalysisOptions};
 use crate::lens::Lens;
 use crate::pupil::Beam;
 use crate::trace::Sequence;
-use crate::wave::{LineSpread, PupilWave, Section, WaveChannel};
+use crate::wave::{LineSpread, Overlap, PupilWave, Section, WaveChannel};
 
 /// Modulation in two sections.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -137,7 +137,7 @@ impl Landing {
 }
 
 /// Waves of a field by colour; `None` where one of them has no polynomial description.
-fn waves(field: &LensAtField, beyond_mm: f64) -> Option<Vec<WaveChannel>> {
+fn waves(field: &LensAtField) -> Option<Vec<WaveChannel>> {
     let mut channels: Vec<WaveChannel> = Vec::new();
     for colour in &field.colours {
         let channel = WaveChannel::new(
@@ -145,7 +145,7 @@ fn waves(field: &LensAtField, beyond_mm: f64) -> Option<Vec<WaveChannel>> {
             field.field_rad,
             field.stop_radius_mm,
             field.chief_mm,
-            beyond_mm,
+            0.0,
             channels.last(),
         )?;
         channels.push(channel);
@@ -173,7 +173,7 @@ pub fn field_mtf(lens: &Lens, field_deg: f64, options: &AnalysisOptions) -> Resu
     let field = LensAtField::new(lens, field_deg)?;
     let frequency_per_mm = evenly(0.0, options.highest_frequency(lens), options.frequency_points.max(2));
     let landings = Landings::new(&field, options)?;
-    let channels = waves(&field, 0.0);
+    let channels = waves(&field);
     let waves: Option<Vec<PupilWave>> = channels.as_ref().map(|c| c.iter().map(WaveChannel::wave).collect());
     let by_waves = |waves: Option<Vec<PupilWave>>| {
         let spreads = Spreads::new(&waves?);
@@ -198,7 +198,7 @@ pub fn mtf_by_field(lens: &Lens, options: &AnalysisOptions) -> Result<MtfByField
         let field = LensAtField::new(lens, *deg)?;
         let landings = Landings::new(&field, options)?;
         let geometric = MtfCurve::of(&frequency_per_mm, |section, f| landings.modulation(section, f, 0.0));
-        let diffraction = waves(&field, 0.0).map(|channels| {
+        let diffraction = waves(&field).map(|channels| {
             let waves: Vec<PupilWave> = channels.iter().map(WaveChannel::wave).collect();
             let spreads = Spreads::new(&waves);
             MtfCurve::of(&frequency_per_mm, |section, f| spreads.modulation(section, f))
@@ -234,16 +234,16 @@ pub fn through_focus_mtf(
     let frequency_per_mm = options.frequency_through_focus(lens);
     let defocus_mm = options.defocus_mm(lens);
     let landings = Landings::new(&field, options)?;
-    // Estimate the spread of light on a shifted plane from the slopes of the rays.
+    // On a shifted plane rays move apart by the differences of their slopes.
     let range = defocus_mm.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
-    let chief_slope = |axis: usize| {
-        let slopes: Vec<f64> = landings.colours.iter().flat_map(|c| &c.slope[axis]).copied().collect();
-        slopes.iter().fold(0.0_f64, |a, b| a.max(b.abs()))
+    let cone = |axis: usize| {
+        let slopes = landings.colours.iter().flat_map(|c| &c.slope[axis]);
+        let (low, high) = slopes.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), s| (a.min(*s), b.max(*s)));
+        high - low
     };
-    let beyond_mm = range * chief_slope(0).max(chief_slope(1));
-    let diffraction = waves(&field, beyond_mm).map(|channels| {
-        let colours: Vec<Vec<[Complex64; 2]>> =
-            channels.par_iter().map(|c| over_focus(c, &defocus_mm, frequency_per_mm)).collect();
+    let further_mm = range * cone(0).max(cone(1));
+    let diffraction = overlaps(&field, frequency_per_mm, further_mm).map(|colours| {
+        let colours: Vec<Vec<[Complex64; 2]>> = colours.iter().map(|c| c.over_focus(&defocus_mm)).collect();
         let modulation = |axis: usize| {
             let mean =
                 |i: usize| colours.iter().map(|c| c[i][axis]).sum::<Complex64>() / colours.len() as f64;
@@ -262,12 +262,13 @@ pub fn through_focus_mtf(
     })
 }
 
-/// Transfer functions of one colour in both sections, on some image planes.
-fn over_focus(channel: &WaveChannel, defocus_mm: &[f64], frequency_per_mm: f64) -> Vec<[Complex64; 2]> {
-    let wave = channel.wave();
-    let at = |dz: &f64| {
-        let there = wave.defocused(*dz);
-        SECTIONS.map(|section| there.line_spread(section).transfer(frequency_per_mm))
-    };
-    defocus_mm.iter().map(at).collect()
+/// Overlaps of the waves of a field at a frequency, by colour, of light that a shift of the image plane spreads by `further_mm`; `None` where one of
+/// them has none.
+fn overlaps(field: &LensAtField, frequency_per_mm: f64, further_mm: f64) -> Option<Vec<Overlap>> {
+    let mut colours: Vec<Overlap> = Vec::new();
+    for colour in &field.colours {
+        let (stop_mm, range) = (field.stop_radius_mm, (frequency_per_mm, further_mm));
+        colours.push(Overlap::new(colour, field.field_rad, stop_mm, field.chief_mm, range, colours.last())?);
+    }
+    Some(colours)
 }

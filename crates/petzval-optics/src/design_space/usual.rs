@@ -25,13 +25,13 @@ fn strongest(lens: &Lens) -> Option<f64> {
     (greatest > 0.0).then_some(greatest)
 }
 
-/// Gaps of air but the last, from one share of their length to another, at least 0.1 mm wide.
+/// Gaps of air but the last, from one share of their length to another, at least 0.1 mm wide. A gap against the light starts at nothing instead.
 fn gaps(lens: &Lens, shares: [f64; 2]) -> impl Iterator<Item = Variable> + '_ {
     let is_air = |i: &usize| lens.surfaces[*i].glass.is_air();
     (0..lens.surfaces.len() - 1).filter(is_air).map(move |surface| {
-        let gap = lens.surfaces[surface].thickness_mm;
-        let further = if lens.light_goes_forwards(surface) { 0.1 } else { -0.1 };
-        let (near, far) = (shares[0] * gap, shares[1] * gap + further);
+        let light = if lens.light_goes_forwards(surface) { 1.0 } else { -1.0 };
+        let gap = light * lens.surfaces[surface].thickness_mm;
+        let (near, far) = (light * shares[0] * gap.max(0.0), light * (shares[1] * gap.abs() + 0.1));
         Variable { surface, number: Number::Thickness, min: near.min(far), max: near.max(far) }
     })
 }

@@ -16,7 +16,7 @@ pub use placement::{Axis, Placement};
 pub use shape::SurfaceShape;
 pub use surface::Surface;
 pub(crate) use validate::azimuths;
-pub use validate::{LensDefect, validate};
+pub use validate::{LensDefect, traceable, validate};
 
 pub use crate::number::ASPHERE_TERMS;
 

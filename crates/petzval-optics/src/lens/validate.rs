@@ -85,8 +85,25 @@ impl LensDefect {
     }
 }
 
-/// Check that a lens can exist. The first defect from the front is reported.
+/// Checks that a lens can exist. Defects that no ray passes are reported before those that only prevent its manufacture, each kind from the front.
 pub fn validate(lens: &Lens) -> Result<(), LensDefect> {
+    traceable(lens)?;
+    for (i, surface) in lens.surfaces.iter().enumerate() {
+        check_direction(i + 1, surface, lens.light_goes_forwards(i))?;
+    }
+    for (i, pair) in lens.surfaces.windows(2).enumerate() {
+        let [front, back] = pair else { continue };
+        // The distance between surfaces that are turned against each other is no question of their sags.
+        if is_straight(front) && is_straight(back) {
+            check_gap(i + 1, front, back, lens.light_goes_forwards(i))?;
+        }
+    }
+    Ok(())
+}
+
+/// Checks that every number of a lens has a meaning. Its surfaces may still cross and its glass be thinner than nothing, which is enough to begin an
+/// optimisation.
+pub fn traceable(lens: &Lens) -> Result<(), LensDefect> {
     if lens.surfaces.is_empty() {
         return Err(LensDefect::NoSurface);
     }
@@ -114,10 +131,6 @@ pub fn validate(lens: &Lens) -> Result<(), LensDefect> {
         if back.action == Action::Reflect && back.glass != front.glass {
             let glass = back.glass.name.clone();
             return Err(LensDefect::MirrorMedium { surface: i + 2, glass });
-        }
-        // The distance between surfaces that are turned against each other is no question of their sags.
-        if is_straight(front) && is_straight(back) {
-            check_gap(i + 1, front, back, lens.light_goes_forwards(i))?;
         }
     }
     Ok(())
@@ -168,14 +181,6 @@ fn check_surface(number: usize, surface: &Surface, lens: &Lens) -> Result<(), Le
         let semi_diameter_mm = surface.semi_diameter_mm;
         return Err(LensDefect::SemiDiameter { surface: number, semi_diameter_mm });
     }
-    let forwards = lens.light_goes_forwards(number - 1);
-    if (forwards && surface.thickness_mm < 0.0) || (!forwards && surface.thickness_mm > 0.0) {
-        return Err(LensDefect::CentreThickness {
-            surface: number,
-            medium: surface.glass.name.clone(),
-            thickness_mm: surface.thickness_mm,
-        });
-    }
     let semi_diameter_mm = surface.semi_diameter_mm;
     let reach_mm = azimuths(&[surface]).into_iter().map(|d| reach_mm(shape, d, semi_diameter_mm));
     let reach_mm = reach_mm.fold(f64::INFINITY, f64::min);
@@ -188,6 +193,18 @@ fn check_surface(number: usize, surface: &Surface, lens: &Lens) -> Result<(), Le
             let glass = surface.glass.name.clone();
             return Err(LensDefect::Index { surface: number, glass, wavelength_um, index });
         }
+    }
+    Ok(())
+}
+
+/// Refuses a thickness that leads against the light.
+fn check_direction(number: usize, surface: &Surface, forwards: bool) -> Result<(), LensDefect> {
+    if (forwards && surface.thickness_mm < 0.0) || (!forwards && surface.thickness_mm > 0.0) {
+        return Err(LensDefect::CentreThickness {
+            surface: number,
+            medium: surface.glass.name.clone(),
+            thickness_mm: surface.thickness_mm,
+        });
     }
     Ok(())
 }

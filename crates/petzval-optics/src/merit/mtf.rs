@@ -97,7 +97,7 @@ impl Mtf {
             let like = beams.last().map(|(_, overlap)| overlap);
             let (stop_mm, chief_mm) = (rays.stop_radius_mm, rays.chief_mm());
             let frequency = self.frequency_per_mm;
-            let overlap = Overlap::new(&sequence, field_rad, stop_mm, chief_mm, frequency, like)?;
+            let overlap = Overlap::new(&sequence, field_rad, stop_mm, chief_mm, (frequency, 0.0), like)?;
             beams.push((sequence, overlap));
         }
         let share = 1.0 / beams.len() as f64;

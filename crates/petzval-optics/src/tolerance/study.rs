@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::compensator::{Cost, least};
-use super::made::{self, Off, at_fixed_stop, derivative, drawn};
+use super::made::{self, Off, active, at_fixed_stop, derivative, drawn};
 use super::{Freedom, Perturbation, ToleranceError, draw};
 use crate::gradient::LensGradient;
 use crate::lens::Lens;
@@ -161,7 +161,7 @@ impl<'a> Study<'a> {
     /// Derivative of the cost by compensator `k` of the freedoms, by differences if need be.
     fn by_compensator(&self, off: &[f64], made: &Made, k: usize) -> Option<f64> {
         let all = self.off(off, &made.compensators);
-        match made.gradient.as_ref().and_then(|g| derivative(&self.drawn, &all, k, g)) {
+        match made.gradient.as_ref().and_then(|g| derivative(&self.drawn, &active(&all), k, all[k], g)) {
             Some(by) => Some(self.better().slope(made.value) * by),
             None => self.difference(&all, k),
         }
@@ -172,7 +172,8 @@ impl<'a> Study<'a> {
     /// the merit has no gradient.
     pub fn derivatives(&self, off: &[f64], made: &Made) -> Vec<Option<f64>> {
         let all = self.off(off, &made.compensators);
-        let by = |k: usize| derivative(&self.drawn, &all, k, made.gradient.as_ref()?);
+        let active = active(&all);
+        let by = |k: usize| derivative(&self.drawn, &active, k, all[k], made.gradient.as_ref()?);
         (0..off.len()).map(by).collect()
     }
 

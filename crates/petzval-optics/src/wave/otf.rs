@@ -61,7 +61,7 @@ impl LineSpread {
     }
 }
 
-/// The wave on the nodes of the pupil, for one image plane.
+/// The wave on the nodes of the pupil.
 #[derive(Clone)]
 pub(crate) struct PupilWave<'a> {
     channel: &'a WaveChannel,
@@ -69,8 +69,6 @@ pub(crate) struct PupilWave<'a> {
     pub(super) values: Vec<Complex64>,
     /// Energy of all nodes, in units of `|value|^2`.
     energy: f64,
-    /// Shift of the image plane from that of the lens along z, mm.
-    defocus_mm: f64,
     fft: Arc<dyn Fft<f64>>,
 }
 
@@ -83,7 +81,6 @@ impl WaveChannel {
             channel: self,
             values: (0..n).flat_map(|j| (0..n).map(move |i| (j, i))).map(|(j, i)| at(j, i)).collect(),
             energy: nodes.points.iter().map(|p| p.energy).sum(),
-            defocus_mm: 0.0,
             // Pad to twice the length: the autocorrelation of a wave is twice as wide as the wave.
             fft: FftPlanner::new().plan_fft_inverse((2 * n).next_power_of_two()),
         }
@@ -95,27 +92,6 @@ impl PupilWave<'_> {
     pub fn ideal(&self) -> Self {
         let values = self.values.iter().map(|v| Complex64::new(v.norm_sqr().sqrt(), 0.0)).collect();
         Self { values, ..self.clone() }
-    }
-
-    /// The wave for an image plane that is shifted by `defocus_mm` along z: the distance of every wavelet of the
-    /// reference sphere increases accordingly.
-    pub fn defocused(&self, defocus_mm: f64) -> Self {
-        let (channel, n) = (self.channel, self.channel.nodes);
-        let per_mm = channel.wavenumber * channel.map.n_image;
-        let mut values = vec![Complex64::ZERO; n * n];
-        for j in 0..n {
-            for i in channel.columns() {
-                if self.values[j * n + i] == Complex64::ZERO {
-                    continue;
-                }
-                let slant = channel.map.slant(channel.q(j), channel.q(i));
-                let turn = Complex64::cis(per_mm * channel.map.sphere.further(slant, defocus_mm).0);
-                for column in channel.images_of(i) {
-                    values[j * n + column] = self.values[j * n + column] * turn;
-                }
-            }
-        }
-        Self { channel, values, energy: self.energy, defocus_mm, fft: self.fft.clone() }
     }
 
     /// The line-spread function of a section.
@@ -155,9 +131,7 @@ impl PupilWave<'_> {
             Section::Tangential => 1,
         };
         let node = 2.0 * channel.map.scale[axis] / n as f64;
-        // The scale grows with the distance of the image plane from the sphere.
-        let (_, further) = channel.map.sphere.further(channel.map.slant(0.0, 0.0), self.defocus_mm);
-        let per_node_mm = TAU / (channel.wavenumber * channel.map.n_image.abs() * node) * further;
+        let per_node_mm = TAU / (channel.wavenumber * channel.map.n_image.abs() * node);
         LineSpread {
             spacing_mm: per_node_mm / length as f64,
             beyond: (1.0 - values.iter().sum::<f64>()).max(0.0),

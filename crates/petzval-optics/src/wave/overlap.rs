@@ -12,8 +12,12 @@ use crate::gradient::LensGradient;
 use crate::pupil::Sides;
 use crate::trace::Sequence;
 
-/// Least and greatest number of nodes a side. Between them the soft rim of the stop is no wider than a third of the shift.
+/// Least and greatest number of nodes a side. Between them the soft rim of the stop is no wider than a third of the shift, as far as that is possible.
 const NODES: [usize; 2] = [64, 256];
+
+/// Least number of nodes for every period of the structure over which the light of the beam spreads: its phase turns by less than half a cycle
+/// between two nodes.
+const NODES_A_PERIOD: f64 = 2.5;
 
 /// Half-width of the soft rim, in nodes.
 const SOFT_NODES: f64 = 0.7;
@@ -46,14 +50,15 @@ struct Rows {
 }
 
 impl Overlap {
-    /// The wave of a field about a point of the image plane; `None` where [`WaveMap::new`] has none or no light arrives. `like` is the same
-    /// field at another wavelength.
+    /// The wave of a field about a point of the image plane; `None` where [`WaveMap::new`] has none, no light arrives, or the light spreads over more
+    /// periods than the nodes can follow. `further_mm` is by how much a shift of the image plane spreads it beyond that. `like` is the same field at
+    /// another wavelength.
     pub fn new(
         sequence: &Sequence,
         field_rad: f64,
         stop_radius_mm: f64,
         centre_mm: [f64; 2],
-        frequency_per_mm: f64,
+        (frequency_per_mm, further_mm): (f64, f64),
         like: Option<&Self>,
     ) -> Option<Self> {
         let like = like.map(|overlap| &overlap.map);
@@ -62,8 +67,15 @@ impl Overlap {
         let turn = frequency_per_mm * wavelength_mm / map.n_image;
         let shift = map.scale.map(|scale| (turn / scale).abs());
         // The range of q is 2 wide.
-        let needed = 3.0 * 2.0 * SOFT_NODES / shift[0].min(shift[1]);
-        let nodes = (needed as usize).next_multiple_of(16).clamp(NODES[0], NODES[1]);
+        let for_rim = (3.0 * 2.0 * SOFT_NODES / shift[0].min(shift[1])).min(NODES[1] as f64);
+        let spread_mm = [(&map.samples.x, centre_mm[0]), (&map.samples.y, centre_mm[1])]
+            .map(|(at, centre)| at.iter().map(|v| (v - centre).abs()).fold(0.0, f64::max));
+        let periods = 2.0 * frequency_per_mm * (spread_mm[0].max(spread_mm[1]) + further_mm);
+        let for_spread = NODES_A_PERIOD * periods;
+        if for_spread > NODES[1] as f64 {
+            return None;
+        }
+        let nodes = (for_rim.max(for_spread) as usize).next_multiple_of(16).clamp(NODES[0], NODES[1]);
         let soft = 2.0 * SOFT_NODES / nodes as f64;
         let mut overlap = Self {
             wavenumber: std::f64::consts::TAU / wavelength_mm,
@@ -77,12 +89,12 @@ impl Overlap {
             map,
         };
         for j in 0..nodes {
-            let rows = overlap.rows(j);
+            let rows = overlap.rows(j, 1.0);
             for i in overlap.columns() {
                 let point = overlap.map.point(&rows.here, overlap.coordinate(i), overlap.soft());
                 overlap.light += point.amplitude * point.amplitude;
                 overlap.energy += point.energy;
-                for (k, [plus, minus]) in overlap.pairs(&rows, i).into_iter().enumerate() {
+                for (k, [plus, minus]) in overlap.pairs(&rows, i, 1.0).into_iter().enumerate() {
                     overlap.sums[k] += plus.wave * minus.wave.conj();
                 }
             }
@@ -119,8 +131,9 @@ impl Overlap {
         if self.is_half() { self.nodes / 2..self.nodes } else { 0..self.nodes }
     }
 
-    fn rows(&self, j: usize) -> Rows {
-        let (q_y, half) = (self.coordinate(j), self.half_shift[1]);
+    /// The rows of a node, with the shift times `growth`.
+    fn rows(&self, j: usize, growth: f64) -> Rows {
+        let (q_y, half) = (self.coordinate(j), growth * self.half_shift[1]);
         Rows { here: self.map.row(q_y), shifted: [q_y + half, q_y - half].map(|q_y| self.map.row(q_y)) }
     }
 
@@ -133,14 +146,63 @@ impl Overlap {
         Complex64::from_polar(point.amplitude, self.wavenumber * point.path_mm)
     }
 
-    /// The two copies of the wave at a node, for sagittal and for tangential structures.
-    fn pairs<'a>(&self, rows: &'a Rows, i: usize) -> [[Shifted<'a>; 2]; 2] {
-        let (q_x, half) = (self.coordinate(i), self.half_shift[0]);
+    /// The two copies of the wave at a node, for sagittal and for tangential structures, with the shift times `growth`.
+    fn pairs<'a>(&self, rows: &'a Rows, i: usize, growth: f64) -> [[Shifted<'a>; 2]; 2] {
+        let (q_x, half) = (self.coordinate(i), growth * self.half_shift[0]);
         let copy = |row: &'a WaveRow, q_x: f64| Shifted { row, q_x, wave: self.wave(row, q_x) };
         [
             [copy(&rows.here, q_x + half), copy(&rows.here, q_x - half)],
             [copy(&rows.shifted[0], q_x), copy(&rows.shifted[1], q_x)],
         ]
+    }
+
+    /// The transfer functions on image planes that are shifted along z.
+    ///
+    /// The way of every wavelet of the reference sphere grows, and with the distance from the sphere the shift of the copies. Over the range of the
+    /// planes that shift changes by less than a hundredth, so that overlaps at its ends are interpolated.
+    pub fn over_focus(&self, defocus_mm: &[f64]) -> Vec<[Complex64; 2]> {
+        let growth = |dz: f64| self.map.sphere.further(self.map.slant(0.0, 0.0), dz).1;
+        let all = defocus_mm.iter().map(|dz| growth(*dz));
+        let (least, most) = all.fold((1.0_f64, 1.0_f64), |(a, b), g| (a.min(g), b.max(g)));
+        let ends = [least, most].map(|growth| self.products(growth));
+        let per_mm = self.wavenumber * self.map.n_image;
+        let beyond = 1.0 - self.light / self.energy;
+        let at = |dz: &f64| {
+            let towards = if most > least { (growth(*dz) - least) / (most - least) } else { 0.0 };
+            [0, 1].map(|k| {
+                let turn = |cosine: f64| per_mm * self.map.sphere.further(cosine, *dz).0;
+                let sum_of = |pairs: &Vec<Product>| -> Complex64 {
+                    pairs
+                        .iter()
+                        .map(|p| p.value * Complex64::cis(turn(p.cosine[0]) - turn(p.cosine[1])))
+                        .sum()
+                };
+                let mut sum = (1.0 - towards) * sum_of(&ends[0][k]) + towards * sum_of(&ends[1][k]);
+                if k == 0 && self.is_half() {
+                    sum.im = 0.0;
+                }
+                sum / self.energy + beyond * self.far_contrast[k]
+            })
+        };
+        defocus_mm.iter().map(at).collect()
+    }
+
+    /// The products of the copies at every node, for sagittal and for tangential structures, with the shift times `growth`.
+    fn products(&self, growth: f64) -> [Vec<Product>; 2] {
+        let mut products: [Vec<Product>; 2] = Default::default();
+        for j in 0..self.nodes {
+            let rows = self.rows(j, growth);
+            for i in self.columns() {
+                for (list, [plus, minus]) in products.iter_mut().zip(self.pairs(&rows, i, growth)) {
+                    let value = plus.wave * minus.wave.conj();
+                    if value != Complex64::ZERO {
+                        let cosine = [plus, minus].map(|copy| self.map.slant(copy.row.q_y, copy.q_x));
+                        list.push(Product { value, cosine });
+                    }
+                }
+            }
+        }
+        products
     }
 
     /// Adds the gradient of a loss whose derivatives by the real and the imaginary parts of both transfer functions are `bars`; returns the
@@ -163,7 +225,7 @@ impl Overlap {
         }
         let mut sums = self.map.zero_cotangent();
         for j in 0..self.nodes {
-            let rows = self.rows(j);
+            let rows = self.rows(j, 1.0);
             let mut here_bar = self.map.zero_row(&rows.here);
             let mut shifted_bar = rows.shifted.each_ref().map(|row| self.map.zero_row(row));
             for i in self.columns() {
@@ -181,7 +243,7 @@ impl Overlap {
                     };
                     self.map.pull_back_point(copy.row, copy.q_x, self.soft(), bar, row_bar, &mut sums);
                 };
-                let [sagittal, tangential] = self.pairs(&rows, i);
+                let [sagittal, tangential] = self.pairs(&rows, i, 1.0);
                 let wave_bars =
                     |[plus, minus]: &[Shifted; 2], bar: Complex64| [bar * minus.wave, bar.conj() * plus.wave];
                 for (copy, bar) in sagittal.iter().zip(wave_bars(&sagittal, by_sum[0])) {
@@ -206,6 +268,12 @@ impl Overlap {
         let by_stop = self.map.pull_back(sequence, &mut sums, gradient);
         (sums.origin, by_stop)
     }
+}
+
+/// The product of one copy with the conjugate of the other, and the cosines of both to the axis.
+struct Product {
+    value: Complex64,
+    cosine: [f64; 2],
 }
 
 /// A copy of the wave at a node.

@@ -62,11 +62,11 @@ pub struct Goal {
     pub f_number: Option<f64>,
     /// Least and greatest back focal length, mm; empty for none.
     pub bfl: Vec<f64>,
-    /// Least edge thickness of every element, mm.
+    /// Least edge thickness of every element, mm, 0.01 at least.
     pub edge: Option<f64>,
     /// Least centre thickness of every element, mm.
     pub centre: Option<f64>,
-    /// Least air between elements, on the axis and at the edge, mm.
+    /// Least air between elements, on the axis and at the edge, mm, 0.01 at least.
     pub air: Option<f64>,
     /// Greatest track, first vertex to image, mm.
     pub track: Option<f64>,
@@ -251,9 +251,9 @@ impl Goal {
         }
         check("distortion", self.distortion.as_slice(), |d| (0.0..100.0).contains(&d), "percent")?;
         Ok(Limits {
-            element_edge_mm: Some(self.edge.unwrap_or(LEAST_MM)),
+            element_edge_mm: Some(self.edge.unwrap_or(0.0).max(LEAST_MM)),
             element_centre_mm: self.centre,
-            air_gap_mm: Some(self.air.unwrap_or(LEAST_MM)),
+            air_gap_mm: Some(self.air.unwrap_or(0.0).max(LEAST_MM)),
             back_focal_mm,
             track_mm: self.track,
             clear_diameter_mm: self.clear_diameter,
@@ -352,7 +352,7 @@ impl Restored {
     }
 }
 
-/// The least edge thickness and air gap where the goal names none, mm.
+/// The least edge thickness and air gap of every goal, mm: a penalty ends a little beyond its limit, and surfaces must not cross there.
 const LEAST_MM: f64 = 0.01;
 
 /// Whether a search over the whole catalogue may put a glass into a lens: it can be bought, and its formula holds.

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use petzval_files::{LensFile, write_lens};
 use petzval_optics::design_space::{EflSolve, Variable};
+use petzval_optics::lens::{LensDefect, validate};
 use petzval_optics::number::Number;
 use petzval_optics::optimize::{Analysis, Kept, Problem, SearchState};
 use serde::{Deserialize, Serialize};
@@ -92,7 +93,7 @@ impl History {
         let config: Config =
             serde_json::from_str(&read("config.json")?).map_err(|e| bad("config.json", e))?;
         read("start.toml")?;
-        let file = context.assets.lens(&root.join("start.toml").display().to_string())?;
+        let file = context.assets.start(&root.join("start.toml").display().to_string())?;
         let mut steps: Vec<Step> = read("history.jsonl")?
             .lines()
             .map(|line| serde_json::from_str(line).map_err(|e| bad("history.jsonl", e)))
@@ -162,7 +163,7 @@ impl History {
         self.write("search.json", &json(state)?)
     }
 
-    /// Adds a step with its lens.
+    /// Adds a step with its lens, if it can be built: no other verb reads the file of a lens that cannot.
     pub fn add(
         &mut self,
         problem: &Problem,
@@ -172,10 +173,14 @@ impl History {
         at: &[f64],
         glasses: &[usize],
     ) -> Result<(), JobError> {
+        let found = self.found(problem, analysis);
+        if validate(&found.lens).is_err() {
+            return Ok(());
+        }
         let step = self.steps.len();
         let named = problem.glasses.iter().zip(glasses);
         let names = named.map(|(choice, i)| choice.candidates[*i].name.clone());
-        let lens = write_lens(&self.found(problem, analysis));
+        let lens = write_lens(&found);
         self.write(&lens_name(step), &lens)?;
         self.write(BEST, &lens)?;
         self.steps.push(Step {
@@ -190,6 +195,11 @@ impl History {
             round,
         });
         self.write_steps()
+    }
+
+    /// Why a found lens cannot be built.
+    pub fn defect(&self, problem: &Problem, analysis: &Analysis) -> Option<LensDefect> {
+        validate(&self.found(problem, analysis).lens).err()
     }
 
     /// A found lens as a file of its own: with the variables and solves of the problem, clear semi-diameters as its beams need

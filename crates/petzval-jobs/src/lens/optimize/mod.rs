@@ -204,7 +204,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         }
         Start::New { lens, out, goal, global, seed } => {
             let config = Config { goal: Goal::clone(goal), global: *global, seed: *seed };
-            let file = context.assets.lens(lens)?;
+            let file = context.assets.start(lens)?;
             let problem = new_problem(&config, &file, assets)?;
             // Everything is checked before the folder is made.
             check_trade(request, &config)?;
@@ -225,6 +225,12 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             "no lens was found whose rays reach the image; widen the bounds, or search longer",
         ));
     };
+    if history.steps().is_empty() {
+        let why = history.defect(&problem, &best).map_or_else(String::new, |defect| format!(": {defect}"));
+        return Err(JobError::failed(format!(
+            "no lens was found that can be built{why}; let more numbers of the lens vary, widen their bounds, or search longer"
+        )));
+    }
     let trades = match request.trade {
         true => trades(&config, history.start(), request, context)?,
         false => Vec::new(),
@@ -248,6 +254,7 @@ fn new_problem(config: &Config, file: &LensFile, assets: &Assets) -> Result<Prob
         return Err(JobError::setting("glass", "", "a descent leaves glasses as they are", "add --global"));
     }
     let problem = config.goal.problem(file, assets)?;
+    check_directions(&problem)?;
     if config.global {
         Search::new(&problem, SearchOptions::default()).map_err(|e| not_optimisable(&e))?;
     } else {
@@ -255,6 +262,28 @@ fn new_problem(config: &Config, file: &LensFile, assets: &Assets) -> Result<Prob
         descend(&problem, &once, &mut |_, _, _| true).map_err(|e| not_optimisable(&e))?;
     }
     Ok(problem)
+}
+
+/// Refuses a lens one of whose thicknesses leads against the light and stays so where its variables begin.
+fn check_directions(problem: &Problem) -> Result<(), JobError> {
+    let space = problem.space().map_err(|e| not_optimisable(&e))?;
+    let lens = space.lens_at(&space.start()).map_err(|e| not_optimisable(&e))?;
+    let against = |i: &usize| {
+        let thickness_mm = lens.surfaces[*i].thickness_mm;
+        if lens.light_goes_forwards(*i) { thickness_mm < 0.0 } else { thickness_mm > 0.0 }
+    };
+    match (0..lens.surfaces.len()).find(against) {
+        None => Ok(()),
+        Some(i) => {
+            let surface = &lens.surfaces[i];
+            let (number, glass, thickness) = (i + 1, &surface.glass.name, surface.thickness_mm);
+            let message = format!(
+                "surface {number}: the thickness of {thickness} mm of {glass} goes against the light, and no variable corrects it"
+            );
+            let hint = format!("make thickness_mm of surface {number} a [[variable]], or correct it");
+            Err(JobError::input(message, hint))
+        }
+    }
 }
 
 fn check_trade(request: &Request, config: &Config) -> Result<(), JobError> {

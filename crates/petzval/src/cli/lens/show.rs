@@ -84,7 +84,7 @@ fn figure(value: Option<f64>, decimals: usize) -> String {
 fn print(response: &Response) {
     let f = &response.figures;
     print!("{}", prescription(&f.name, &f.surfaces));
-    let object = match response.object_distance_mm {
+    let object = match f.object_distance_mm {
         None => "at infinity".to_owned(),
         Some(distance) => format!("{distance} mm before the first vertex"),
     };
@@ -92,13 +92,13 @@ fn print(response: &Response) {
     println!("  focal length        {:>9} mm at {} um", figure(f.efl_mm, 4), f.reference_um);
     println!("  back focal length   {:>9} mm", figure(f.bfl_mm, 4));
     println!("  f-number            {:>9}    entrance pupil {:.4} mm", figure(f.f_number, 4), f.epd_mm);
-    if let Some(magnification) = response.magnification {
+    if let Some(magnification) = f.magnification {
         println!(
             "  magnification       {magnification:>+9.4}    working f-number {}",
-            figure(response.working_f_number, 4)
+            figure(f.working_f_number, 4)
         );
     }
-    let image = if response.magnification.is_some() { "image" } else { "focus" };
+    let image = if f.magnification.is_some() { "image" } else { "focus" };
     println!("  total track         {:>9} mm to the paraxial {image}", figure(f.total_track_mm, 4));
     let defocus = f.defocus_mm.map_or_else(|| "-".to_owned(), |defocus| format!("{defocus:+.4}"));
     println!("  image plane         {defocus:>9} mm from the paraxial {image}");
