@@ -11,7 +11,9 @@ use std::sync::Arc;
 use built_in::all_lenses;
 use common::{mangin, nominal_triplet, special_lenses, telescope};
 use petzval_base::FileError;
-use petzval_files::{Effect, Import, LensFile, decode, parse_seq, parse_zmx, write_seq, write_zmx};
+use petzval_files::{
+    Effect, Import, LensFile, decode, parse_seq, parse_zmx, parse_zmx_start, write_seq, write_zmx,
+};
 use petzval_optics::glass::{Catalog, Dispersion, Glass};
 use petzval_optics::lens::{
     Action, Axis, Departure, Lens, ObjectDistance, Pattern, Phase, Placement, Surface, xy_index,
@@ -934,4 +936,21 @@ fn parts_that_the_formats_do_not_support_are_reported() {
             assert!(lost.contains(&part), "{lost:?}");
         }
     }
+}
+
+#[test]
+fn a_lens_that_cannot_be_built_is_read_as_a_start_alone() {
+    for (from, to, why) in [
+        ("DISZ 4", "DISZ -4", "goes against the light"),
+        ("DISZ 4", "DISZ 0.1", "edge thickness of N-BK7 is -"),
+    ] {
+        assert_eq!(ZMX.matches(from).count(), 1);
+        let text = ZMX.replace(from, to);
+        let refused = parse_zmx(&text, &catalog()).unwrap_err();
+        assert!(refused.message.contains(why), "{refused}");
+        let start = parse_zmx_start(&text, &catalog()).unwrap();
+        assert_eq!(start.unbuildable, Some(refused));
+        assert_eq!(start.file.lens.surfaces.len(), 2);
+    }
+    assert_eq!(parse_zmx_start(ZMX, &catalog()).unwrap().unbuildable, None);
 }
