@@ -109,7 +109,7 @@ fn options() -> AnalysisOptions {
 
 /// MTF and spots of a lens, figures 27 to 30.
 fn show(name: &str, lens: &Lens, is_large: bool, out: &Path) -> Result<Analysis, Failure> {
-    let analysis = analyze(lens, &options())?;
+    let analysis = analyze(lens, &options(), &|| ())?;
     std::fs::write(
         out.join(format!("mtf-{name}.svg")),
         Picture::named("mtf").ok_or("no such picture")?.svg(&analysis),
