@@ -19,8 +19,8 @@ use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-/// Time limit for reading one file.
-const LONGEST: Duration = Duration::from_secs(5);
+/// Time limit for reading one file: far beyond what any takes, also on a busy machine, so that only a reader that hangs exceeds it.
+const LONGEST: Duration = Duration::from_secs(30);
 
 /// Limit of the peak memory of this test program, kB.
 const MOST_MEMORY_KB: u64 = 1 << 20;
@@ -291,6 +291,6 @@ fn huge_files_are_refused() {
         {
             assert!(parse(&text, &catalog).is_err());
         }
-        assert!(start.elapsed() < 4 * LONGEST, "{:?}", start.elapsed());
+        assert!(start.elapsed() < LONGEST, "{:?}", start.elapsed());
     }
 }

@@ -163,7 +163,7 @@ pub fn by_blocks<const N: usize>(
     }
 }
 
-/// A plane of whole numbers with a mirrored border.
+/// A plane of whole numbers with a mirrored border, and room for a block behind it.
 ///
 /// The memory of a grid that is dropped serves the next one of its size on the same thread: pages that the system must clear first cost
 /// more time than most stages do. [`release_spare_memory`] ends this.
@@ -202,7 +202,7 @@ impl<T: Pixel> Grid<T> {
         fill: impl Fn(usize, [&mut [T]; N]) + Sync,
     ) -> [Self; N] {
         let stride = width + 2 * BORDER;
-        let mut grids = [(); N].map(|()| Self::buffer((height + 2 * BORDER) * stride));
+        let mut grids = [(); N].map(|()| Self::buffer((height + 2 * BORDER) * stride + BLOCK));
         let mut chunks = grids
             .each_mut()
             .map(|data| data[BORDER * stride..(BORDER + height) * stride].chunks_mut(ROWS * stride));
@@ -303,6 +303,15 @@ pub struct Around<'g, T: Pixel> {
 }
 
 impl<'g, T: Pixel> Around<'g, T> {
+    /// [`BLOCK`] pixels from column `start` of the row `down` rows below, moved by `right` columns. Beyond the end of the row they have no
+    /// meaning: there every block is whole, so that loops over it are of a known length.
+    #[inline(always)]
+    pub fn block(self, down: isize, right: isize, start: usize) -> &'g [T; BLOCK] {
+        let line = (self.row + BORDER).wrapping_add_signed(down) * self.grid.stride();
+        let at = line + (start + BORDER).wrapping_add_signed(right);
+        self.grid.data[at..].first_chunk().unwrap_or_else(|| unreachable!("a block behind the last row"))
+    }
+
     /// The row `down` rows below, moved by `right` columns.
     #[inline(always)]
     pub fn at(self, down: isize, right: isize) -> &'g [T] {
@@ -318,16 +327,6 @@ fn mirror_ends<T: Pixel>(line: &mut [T]) {
         line[k] = line[2 * BORDER - k];
         line[end + k] = line[end - 2 - k];
     }
-}
-
-/// Pixels of a row as a block; beyond its end there are zeros.
-#[inline(always)]
-pub fn block_of(row: &[i16], pixels: &Range<usize>) -> [i32; BLOCK] {
-    let mut block = [0; BLOCK];
-    for (out, v) in block.iter_mut().zip(&row[pixels.clone()]) {
-        *out = i32::from(*v);
-    }
-    block
 }
 
 /// A knot of a table: its value in the lower 16 bits, the step to the next knot in the upper. One access fetches both.

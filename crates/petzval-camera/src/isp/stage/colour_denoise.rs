@@ -10,9 +10,7 @@
 
 use burn::prelude::*;
 
-use super::super::fixed::{
-    Around, BLOCK, COLOUR, Grid, Influence, ROOT, WEIGHT, block_of, by_blocks, shift_round,
-};
+use super::super::fixed::{Around, BLOCK, COLOUR, Grid, Influence, ROOT, WEIGHT, by_blocks, shift_round};
 use super::super::tape_grid::{Stencil, Theta, biweight, influence};
 
 petzval_base::parameters! {
@@ -82,25 +80,22 @@ pub fn fixed(luma: &LumaDenoise, chroma: &ChromaDenoise, rgb: [Grid<i16>; 3], si
         #[inline(always)]
         |row, [r, g, b]| {
             let width = r.len();
-            let near = eight(y.around(row, width), 1);
-            let here = [&y, &u, &v].map(|grid| grid.around(row, width).at(0, 0));
+            let [y, u, v] = [&y, &u, &v].map(|grid| grid.around(row, width));
             by_blocks(
                 [r, g, b],
                 #[inline(always)]
                 |pixels, [r, g, b]| {
-                    let y = block_of(here[0], &pixels);
-                    let (u, v) = (block_of(here[1], &pixels), block_of(here[2], &pixels));
-                    let mut sums = [0; BLOCK];
-                    for k in 0..8 {
-                        let (line, doubled) = (block_of(near[k], &pixels), u32::from(k < 4));
-                        for c in 0..BLOCK {
-                            sums[c] += limit.of(line[c] - y[c]) << doubled;
-                        }
-                    }
+                    let near = eight(y, 1, pixels.start);
+                    let [y, u, v] = [y, u, v].map(|plane| plane.block(0, 0, pixels.start));
                     for c in 0..BLOCK {
-                        let change = shift_round(sums[c], 4) * strength;
-                        let cleaned = ROOT.clamp(y[c] + shift_round(change, WEIGHT.fraction));
-                        [r[c], g[c], b[c]] = joined([cleaned, u[c], v[c]]);
+                        let [y, u, v] = [y[c], u[c], v[c]].map(i32::from);
+                        let mut sum = 0;
+                        for k in 0..8 {
+                            sum += limit.of(i32::from(near[k][c]) - y) << u32::from(k < 4);
+                        }
+                        let change = shift_round(sum, 4) * strength;
+                        let cleaned = ROOT.clamp(y + shift_round(change, WEIGHT.fraction));
+                        [r[c], g[c], b[c]] = joined([cleaned, u, v]);
                     }
                 },
             );
@@ -108,18 +103,18 @@ pub fn fixed(luma: &LumaDenoise, chroma: &ChromaDenoise, rgb: [Grid<i16>; 3], si
     )
 }
 
-/// The eight neighbours at a distance, in the order of [`NEAR`].
+/// Blocks of the eight neighbours at a distance, in the order of [`NEAR`].
 #[inline(always)]
-fn eight(near: Around<'_, i16>, step: isize) -> [&[i16]; 8] {
+fn eight(near: Around<'_, i16>, step: isize, start: usize) -> [&[i16; BLOCK]; 8] {
     [
-        near.at(-step, 0),
-        near.at(0, -step),
-        near.at(0, step),
-        near.at(step, 0),
-        near.at(-step, -step),
-        near.at(-step, step),
-        near.at(step, -step),
-        near.at(step, step),
+        near.block(-step, 0, start),
+        near.block(0, -step, start),
+        near.block(0, step, start),
+        near.block(step, 0, start),
+        near.block(-step, -step, start),
+        near.block(-step, step, start),
+        near.block(step, -step, start),
+        near.block(step, step, start),
     ]
 }
 
@@ -139,35 +134,35 @@ impl ChromaDenoise {
                 |row, [to_u, to_v]| {
                     let width = to_u.len();
                     let [y, u, v] = [luma, &planes[0], &planes[1]].map(|grid| grid.around(row, width));
-                    let (near_y, near_u, near_v) = (eight(y, step), eight(u, step), eight(v, step));
-                    let here = [y.at(0, 0), u.at(0, 0), v.at(0, 0)];
                     by_blocks(
                         [to_u, to_v],
                         #[inline(always)]
                         |pixels, [to_u, to_v]| {
-                            let y = block_of(here[0], &pixels);
-                            let (u, v) = (block_of(here[1], &pixels), block_of(here[2], &pixels));
+                            let start = pixels.start;
+                            let (near_y, near_u, near_v) =
+                                (eight(y, step, start), eight(u, step, start), eight(v, step, start));
+                            let [y, u, v] = [y, u, v].map(|plane| plane.block(0, 0, start));
                             let (mut of_u, mut of_v) = ([0; BLOCK], [0; BLOCK]);
                             // One neighbour after the other over the block: each loop is a plain one over pixels.
                             for k in 0..8 {
-                                let line_y = block_of(near_y[k], &pixels);
-                                let (line_u, line_v) =
-                                    (block_of(near_u[k], &pixels), block_of(near_v[k], &pixels));
-                                let doubled = u32::from(k < 4);
+                                let (line_y, line_u, line_v) = (near_y[k], near_u[k], near_v[k]);
                                 for c in 0..BLOCK {
                                     // Weight by the luma, 12 bits.
-                                    let apart = (line_y[c] - y[c]).abs().min(guard);
+                                    let apart = (i32::from(line_y[c]) - i32::from(y[c])).abs().min(guard);
                                     let share = (apart * inverse) >> 12;
                                     let rest = (1 << 12) - ((share * share) >> 12);
-                                    let weight = ((rest * rest) >> 12) << doubled;
-                                    of_u[c] += shift_round(limit.of(line_u[c] - u[c]) * weight, 12);
-                                    of_v[c] += shift_round(limit.of(line_v[c] - v[c]) * weight, 12);
+                                    let weight = ((rest * rest) >> 12) << u32::from(k < 4);
+                                    let [by_u, by_v] = [(line_u[c], u[c]), (line_v[c], v[c])]
+                                        .map(|(near, here)| limit.of(i32::from(near) - i32::from(here)));
+                                    of_u[c] += shift_round(by_u * weight, 12);
+                                    of_v[c] += shift_round(by_v * weight, 12);
                                 }
                             }
-                            for (at, sums, to) in [(&u, &of_u, to_u), (&v, &of_v, to_v)] {
+                            for (at, sums, to) in [(u, &of_u, to_u), (v, &of_v, to_v)] {
                                 for c in 0..BLOCK {
                                     let change = shift_round(sums[c], 4) * strength;
-                                    to[c] = COLOUR.clamp(at[c] + shift_round(change, WEIGHT.fraction));
+                                    let cleaned = i32::from(at[c]) + shift_round(change, WEIGHT.fraction);
+                                    to[c] = COLOUR.clamp(cleaned);
                                 }
                             }
                         },

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use burn::prelude::*;
 
-use super::super::fixed::{ColourPixel, ENCODED, Grid, shift_round};
+use super::super::fixed::{BLOCK, ColourPixel, ENCODED, Grid, by_blocks, shift_round};
 use super::super::mesh::{Axis, spread};
 use super::super::tape_grid::{Theta, constant};
 use crate::isp::Mesh;
@@ -58,6 +58,9 @@ impl Dewarp {
                 whole
             })
             .collect();
+        // Across, a weight counts for the four numbers of its pixel.
+        let across: Vec<[i32; 16]> =
+            table.iter().map(|weights| std::array::from_fn(|k| weights[k / 4])).collect();
         let inside = |at: i32, len: usize| at.max(0).min((len as i32 - 1) << PLACE_BITS);
         // The colours of a pixel side by side: one access fetches all of them.
         let colours = Grid::from_rows(
@@ -78,32 +81,44 @@ impl Dewarp {
             |row, [r, g, b]| {
                 let [down, right] =
                     nodes.each_ref().map(|plane| cols.spread_row(&rows.row_of_nodes(plane, row)));
-                for c in 0..width {
-                    // Places beyond the picture are those of its edge, around which the border mirrors it.
-                    let y = inside(((row as i32) << PLACE_BITS) + down[c], height);
-                    let x = inside(((c as i32) << PLACE_BITS) + right[c], width);
-                    let of_rows = &table[(y & ((1 << PLACE_BITS) - 1)) as usize];
-                    let of_cols = &table[(x & ((1 << PLACE_BITS) - 1)) as usize];
-                    let four = colours.four_by_four(y >> PLACE_BITS, x >> PLACE_BITS);
-                    // Down the four columns, then across.
-                    let mut columns = [[0; 4]; 4];
-                    for (line, weight) in four.iter().zip(of_rows) {
-                        for k in 0..4 {
-                            for colour in 0..4 {
-                                columns[k][colour] += i32::from(line[k][colour]) * weight;
+                by_blocks(
+                    [r, g, b],
+                    #[inline(always)]
+                    |pixels, [r, g, b]| {
+                        // Places beyond the picture are those of its edge, around which the border mirrors it.
+                        let (mut y, mut x) = ([0; BLOCK], [0; BLOCK]);
+                        let (down, right) = (&down[pixels.clone()], &right[pixels.clone()]);
+                        for c in 0..down.len().min(BLOCK) {
+                            y[c] = inside(((row as i32) << PLACE_BITS) + down[c], height);
+                            x[c] = inside((((pixels.start + c) as i32) << PLACE_BITS) + right[c], width);
+                        }
+                        let mut fetched = [[0; 4]; BLOCK];
+                        for c in 0..down.len().min(BLOCK) {
+                            let of_rows = &table[(y[c] & ((1 << PLACE_BITS) - 1)) as usize];
+                            let of_cols = &across[(x[c] & ((1 << PLACE_BITS) - 1)) as usize];
+                            let four = colours.four_by_four(y[c] >> PLACE_BITS, x[c] >> PLACE_BITS);
+                            // Down the four columns, three colours and a gap each, then across: sixteen numbers at a time.
+                            let mut columns = [0; 16];
+                            for (line, weight) in four.iter().zip(of_rows) {
+                                let line = line.as_flattened();
+                                for k in 0..16 {
+                                    columns[k] += i32::from(line[k]) * weight;
+                                }
+                            }
+                            for k in 0..16 {
+                                columns[k] = shift_round(columns[k], 4) * of_cols[k];
+                            }
+                            for k in 0..4 {
+                                fetched[c][k] =
+                                    columns[k] + columns[4 + k] + columns[8 + k] + columns[12 + k];
                             }
                         }
-                    }
-                    let mut sums = [0; 4];
-                    for (column, weight) in columns.iter().zip(of_cols) {
-                        for colour in 0..4 {
-                            sums[colour] += shift_round(column[colour], 4) * weight;
+                        for (c, sums) in fetched.iter().enumerate() {
+                            let of = |k: usize| ENCODED.clamp(shift_round(sums[k], 2 * WEIGHT_BITS - 4));
+                            (r[c], g[c], b[c]) = (of(0), of(1), of(2));
                         }
-                    }
-                    let [red, green, blue, _] =
-                        sums.map(|v| ENCODED.short(shift_round(v, 2 * WEIGHT_BITS - 4)));
-                    (r[c], g[c], b[c]) = (red, green, blue);
-                }
+                    },
+                );
             },
         )
     }
