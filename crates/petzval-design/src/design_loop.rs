@@ -12,6 +12,7 @@ use std::time::Instant;
 use petzval_camera::sensor::Noise;
 use petzval_camera::tape::Frames;
 use petzval_files::{LensFile, write_lens};
+use petzval_learn::detection::Zoom;
 use petzval_learn::objective::{LabelKind, Labels, NamedLoss, Objective, Taken};
 use petzval_optics::design_space::EflSolve;
 use petzval_optics::lens::{Lens, validate};
@@ -27,6 +28,7 @@ use crate::run::{
     CameraMetrics, Event, EventLog, Kept, Metrics, RunFolder, RunRecord, forget_most_memory,
     latest_checkpoint, load_blocks, save_blocks, save_checkpoint, write_file,
 };
+use crate::run_progress::SCORE;
 use crate::run_report::camera_lens;
 use crate::scoring::{Scorer, collect_metrics};
 use crate::seen_windows::{self, SeenWindow};
@@ -89,7 +91,8 @@ fn zoom_network(
     run: &RunFolder,
     variant: &Variant,
 ) -> Result<(), DesignError> {
-    blocks.network.set_zoom(zoom_of(run, variant, &lens_of(setup, variant, blocks)?)?);
+    let zoom = zoom_of(run, variant, &lens_of(setup, variant, blocks)?)?;
+    blocks.network.set_zoom(Zoom::Times(zoom));
     Ok(())
 }
 
@@ -606,7 +609,7 @@ impl DesignLoop {
         self.position.finished.insert(variant.name.clone(), variant.stages.len());
         self.begin_next()?;
         let losses = metrics.scores.clone();
-        Ok(Step::new("score", losses))
+        Ok(Step::new(SCORE, losses))
     }
 
     /// Makes the next variant ready: from its lens with a new network, from the variant that it names, or, if the run was extended,

@@ -34,6 +34,7 @@ pub mod psf_plan;
 pub mod requirements;
 pub mod restored;
 pub mod run;
+mod run_progress;
 pub mod run_report;
 pub mod scenes;
 pub mod scoring;

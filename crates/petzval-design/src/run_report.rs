@@ -23,6 +23,7 @@ use crate::run::{
     CameraMetrics, Event, Kept, MadeFigures, MadeMetrics, Metrics, RunFolder, RunRecord, load_blocks,
     read_events,
 };
+use crate::run_progress::{self, is_scored, moved_part};
 use crate::setup::Setup;
 use crate::validation::VALIDATION;
 use crate::variant::{LensGoal, Variant};
@@ -65,6 +66,52 @@ pub fn read_metrics(run: &RunFolder) -> Result<Metrics, DesignError> {
 pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Result<Report, DesignError> {
     let metrics = read_metrics(run)?;
     let events = read_events(&run.events())?;
+    let mut lenses = Vec::new();
+    for variant in &setup.variants {
+        lenses.push((variant, camera_lens(run, &variant.name)?.lens));
+    }
+    let subtitle = format!(
+        "{} with the same exposure ({} e- of white) and the same order of the data. Scored on {}.",
+        cameras_in_words(&setup.variants, &events),
+        setup.experiment.exposure.white_e,
+        metrics.scored_on()
+    );
+    let report = gathered(setup, run, &metrics, events, &lenses)?;
+    let study = (metrics.seeds.len() == 1).then(|| setup.study.in_scores(&metrics.scores));
+    Ok(Report { subtitle, command_line: command_line.to_owned(), study, ..report })
+}
+
+/// Gathers what there is of a run at work: its finished cameras with their figures, and the lens of the camera at work.
+pub fn report_so_far(setup: &Setup, run: &RunFolder, metrics: Metrics) -> Result<Report, DesignError> {
+    let events = if run.events().is_file() { read_events(&run.events())? } else { Vec::new() };
+    let at_work = run_progress::at_work(setup, &events);
+    // A run that was extended has earlier figures of the camera at work.
+    let is_at_work = |camera: &str| at_work.is_some_and(|variant| variant.name == camera);
+    let rows = metrics.rows.into_iter().filter(|row| !is_at_work(&row.camera)).collect();
+    let metrics = Metrics { rows, ..metrics };
+    let mut lenses = Vec::new();
+    for variant in &setup.variants {
+        if is_scored(&metrics, variant) {
+            lenses.push((variant, camera_lens(run, &variant.name)?.lens));
+        } else if is_at_work(&variant.name) {
+            let lens = run_progress::latest_lens(run, variant, &events)?;
+            lenses.extend(lens.map(|lens| (variant, lens)));
+        }
+    }
+    let progress = run_progress::progress(setup, &metrics, &events);
+    let subtitle = format!("{} of {} cameras are scored.", metrics.rows.len(), setup.variants.len());
+    let report = gathered(setup, run, &metrics, events, &lenses)?;
+    Ok(Report { subtitle, progress: Some(progress), ..report })
+}
+
+/// What a report shows of cameras with these lenses, without what is said above the first section.
+fn gathered(
+    setup: &Setup,
+    run: &RunFolder,
+    metrics: &Metrics,
+    events: Vec<Event>,
+    lenses: &[(&Variant, Lens)],
+) -> Result<Report, DesignError> {
     let record = RunRecord::read(run)?;
     let plan = &setup.fixed_plan;
     let full_rad = plan.field_angles(&setup.nominal().lens_file.lens)?.last().copied().unwrap_or(0.0);
@@ -72,26 +119,28 @@ pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Resu
     // Half a cycle a pixel.
     let nyquist_per_mm = 1e3 / (2.0 * setup.body.sensor.pixel_um);
     let mut cameras = Vec::new();
-    for variant in &setup.variants {
-        let lens = camera_lens(run, &variant.name)?.lens;
+    for (variant, lens) in lenses {
         cameras.push(CameraView {
             name: variant.name.clone(),
-            first_order: first_order_table(&lens),
-            surfaces: lens_view::surfaces(&lens),
-            layout: lens_view::section(&lens, &layout_fields_deg),
+            first_order: first_order_table(lens),
+            surfaces: lens_view::surfaces(lens),
+            layout: lens_view::section(lens, &layout_fields_deg),
             mtf: lens_view::modulation(
-                &lens,
+                lens,
                 &layout_fields_deg,
                 &plan.wavelengths_um,
                 SHOWN_OF_NYQUIST * nyquist_per_mm,
             ),
-            over_field: lens_view::to_full_field(&lens, full_rad, &plan.wavelengths_um),
-            psfs: psf_views(plan, &lens)?,
+            over_field: lens_view::to_full_field(lens, full_rad, &plan.wavelengths_um),
+            psfs: psf_views(plan, lens)?,
             changes: match variant.moves_lens() {
                 false => Vec::new(),
-                true => changes(&setup.start(variant).lens_file, &lens),
+                true => changes(&setup.start(variant).lens_file, lens),
             },
-            isp_changes: isp_changes(setup, variant, run)?,
+            isp_changes: match is_scored(metrics, variant) {
+                true => isp_changes(setup, variant, run)?,
+                false => Vec::new(),
+            },
             attribution: attribution(
                 setup.start(variant),
                 events.iter().filter(|e| e.camera == variant.name),
@@ -101,13 +150,8 @@ pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Resu
     let e = &setup.experiment;
     Ok(Report {
         title: e.name.clone(),
-        subtitle: format!(
-            "{} with the same exposure ({} e- of white) and the same order of the data. Scored on {}.",
-            cameras_in_words(&setup.variants, &events),
-            e.exposure.white_e,
-            metrics.scored_on()
-        ),
-        command_line: command_line.to_owned(),
+        subtitle: String::new(),
+        command_line: String::new(),
         scores: metrics.scores.iter().map(score).collect(),
         table: metrics.rows.iter().map(|m| row(&metrics.scores, m)).collect(),
         cameras,
@@ -116,12 +160,13 @@ pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Resu
         wavelengths_um: plan.wavelengths_um.to_vec(),
         half_diagonal_mm: setup.corner_mm(),
         nyquist_per_mm,
-        pictures: pictures(run, &metrics)?,
+        pictures: pictures(run, metrics)?,
         frames: frames(run, &setup.variants)?,
         has_isp: setup.body.chip.is_some(),
         pictures_in_all: metrics.held_out_images * metrics.held_out_places,
-        study: (metrics.seeds.len() == 1).then(|| setup.study.in_scores(&metrics.scores)),
-        detection: detection_view(setup, run, &metrics)?,
+        study: None,
+        detection: detection_view(setup, run, metrics)?,
+        progress: None,
         made: MadeMetrics::read(run)?.map(|made| made_view(&metrics.scores, made)),
         losses: loss_curves(events),
         config_toml: match &record {
@@ -129,7 +174,7 @@ pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Resu
             None => petzval_base::read_text(run.config()).map_err(DesignError::io(&run.config()))?,
         },
         environment: [record.map_or_else(Vec::new, |r| r.facts()), environment(&run.environment())?].concat(),
-        notes: notes(&metrics),
+        notes: if metrics.rows.is_empty() { Vec::new() } else { notes(metrics) },
     })
 }
 
@@ -374,7 +419,7 @@ fn loss_curves(events: Vec<Event>) -> Vec<LossCurve> {
     let mut curves: BTreeMap<Key, Vec<(u64, f64)>> = BTreeMap::new();
     let mut counts: BTreeMap<(String, String), u64> = BTreeMap::new();
     for event in events {
-        if event.block == "score" {
+        if event.block == run_progress::SCORE {
             continue;
         }
         // Each block counts its own steps, so that cameras can be laid over each other.
@@ -396,17 +441,6 @@ fn loss_curves(events: Vec<Event>) -> Vec<LossCurve> {
             points,
         })
         .collect()
-}
-
-/// What moves in the steps of an event.
-fn moved_part(block: &str) -> &str {
-    match block {
-        "optics" => "lens",
-        "isp" => "ISP",
-        "spot" => "lens towards least spots",
-        "restored" => "lens towards least error after restoration",
-        other => other,
-    }
 }
 
 /// The name of a loss as an axis has it, with its unit.

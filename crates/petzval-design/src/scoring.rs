@@ -1,6 +1,7 @@
 //! Scores on held-out photographs: exact noise, fixed places from the sensor's centre to its corner.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 use std::sync::Arc;
 
 use burn::prelude::*;
@@ -174,8 +175,7 @@ impl Scorer {
     ) -> Result<Vec<ScoredPicture>, DesignError> {
         let noise = Noise { mode: NoiseMode::Exact, seed: SCORING_SEED };
         let mut pictures = Vec::new();
-        let shots = held_out_shots(&self.setup, camera)?.into_iter().enumerate();
-        for (_, (photo, relative_field, shot)) in shots.filter(|(number, _)| is_chosen(*number)) {
+        for (photo, relative_field, shot) in held_out_shots(&self.setup, camera, is_chosen)? {
             let at = camera.kept(&shot).placement;
             let shots = [shot];
             let frames = camera.take(&shots, &noise)?;
@@ -314,9 +314,29 @@ pub fn collect_metrics(
     run: &RunFolder,
     scores: Vec<ScoreDescription>,
 ) -> Result<Metrics, DesignError> {
-    let rows: Vec<CameraMetrics> = (setup.variants.iter())
-        .map(|variant| {
-            let path = run.camera(&variant.name).join("metrics.json");
+    collect(setup, run, scores, |_| true)
+}
+
+/// [`collect_metrics`] for a run at work: of the cameras that are finished so far.
+pub fn collect_so_far(
+    setup: &Setup,
+    run: &RunFolder,
+    scores: Vec<ScoreDescription>,
+) -> Result<Metrics, DesignError> {
+    collect(setup, run, scores, Path::is_file)
+}
+
+/// The figures of the cameras whose file of figures is wanted.
+fn collect(
+    setup: &Setup,
+    run: &RunFolder,
+    scores: Vec<ScoreDescription>,
+    is_wanted: impl Fn(&Path) -> bool,
+) -> Result<Metrics, DesignError> {
+    let figures = setup.variants.iter().map(|variant| run.camera(&variant.name).join("metrics.json"));
+    let rows: Vec<CameraMetrics> = figures
+        .filter(|path| is_wanted(path))
+        .map(|path| {
             let text = petzval_base::read_text(&path).map_err(DesignError::io(&path))?;
             serde_json::from_str(&text).map_err(|e| DesignError::Run { path, problem: e.to_string() })
         })

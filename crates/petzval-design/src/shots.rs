@@ -67,42 +67,40 @@ fn shot_of(setup: &Setup, photos: &[NamedPhoto], step: u64, item: u32) -> Result
     })
 }
 
-/// The held-out windows, every photograph at every place, or each of a street of its own: name of the photograph or street, distance of the
-/// window from the axis over that of the sensor's corner, and the shot.
-pub fn held_out_shots(setup: &Setup, camera: &Camera) -> Result<Vec<(String, f64, Shot)>, DesignError> {
+/// Those of the held-out windows that are chosen by their number. They are every photograph at every place, or each of a street of its own.
+/// Name of the photograph or street, distance of the window from the axis over that of the sensor's corner, and the shot.
+pub fn held_out_shots(
+    setup: &Setup,
+    camera: &Camera,
+    is_chosen: &dyn Fn(usize) -> bool,
+) -> Result<Vec<(String, f64, Shot)>, DesignError> {
     if let Some(scenes) = &setup.scenes {
         let shot = |i: usize| {
             let shot = scenes.shot(camera, List::HeldOut, i as u64)?;
             Ok((format!("scene {}", i + 1), relative_field(setup, camera, &shot), shot))
         };
-        return (0..setup.experiment.street.held_out).map(shot).collect();
+        return (0..setup.experiment.street.held_out).filter(|i| is_chosen(*i)).map(shot).collect();
     }
     let places = held_out_placements(&setup.scoring_crops, setup.experiment.scoring.places_per_side)?;
     let crops = &setup.scoring_crops;
     let mut shots = Vec::new();
-    for photo in setup.photos.held_out() {
-        for place in &places {
-            // The middle of the photograph, wherever it lands on the sensor: places differ by the lens alone.
-            let (row, col) = crops.exposed_at(place.sensor_row, place.sensor_column);
-            let (placement, window) = (Placement { row, col }, crops.window());
-            let start = |whole: usize, inset: usize| {
-                ((whole - crops.crop) / 2).saturating_sub(crops.margin + inset).min(whole - window)
-            };
-            let from_row = start(photo.image.height, place.sensor_row - row);
-            let from_column = start(photo.image.width, place.sensor_column - col);
-            let scene = photo.image.crop(from_row, from_column, window, window)?;
-            let kept = crop_window(crops, place.sensor_row, place.sensor_column);
-            let frame = shots.len() as u64;
-            let shot = Shot {
-                scene,
-                placement,
-                kept: Some(kept),
-                frame,
-                truth: Truth::default(),
-                follows_light: true,
-            };
-            shots.push((photo.name.clone(), relative_field(setup, camera, &shot), shot));
-        }
+    let pictures =
+        setup.photos.held_out().iter().flat_map(|photo| places.iter().map(move |place| (photo, place)));
+    for (number, (photo, place)) in pictures.enumerate().filter(|(number, _)| is_chosen(*number)) {
+        // The middle of the photograph, wherever it lands on the sensor: places differ by the lens alone.
+        let (row, col) = crops.exposed_at(place.sensor_row, place.sensor_column);
+        let (placement, window) = (Placement { row, col }, crops.window());
+        let start = |whole: usize, inset: usize| {
+            ((whole - crops.crop) / 2).saturating_sub(crops.margin + inset).min(whole - window)
+        };
+        let from_row = start(photo.image.height, place.sensor_row - row);
+        let from_column = start(photo.image.width, place.sensor_column - col);
+        let scene = photo.image.crop(from_row, from_column, window, window)?;
+        let kept = crop_window(crops, place.sensor_row, place.sensor_column);
+        let frame = number as u64;
+        let shot =
+            Shot { scene, placement, kept: Some(kept), frame, truth: Truth::default(), follows_light: true };
+        shots.push((photo.name.clone(), relative_field(setup, camera, &shot), shot));
     }
     Ok(shots)
 }

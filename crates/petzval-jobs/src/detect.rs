@@ -14,7 +14,7 @@ use petzval_design::run_report::camera_lens;
 use petzval_files::coco::{self, Bounds, Category, DataSet, Image, save_coco, save_results};
 use petzval_files::{encoded_png_bytes, load_image};
 use petzval_learn::Device;
-use petzval_learn::detection::{AnyDetector, Detection, detect_in};
+use petzval_learn::detection::{AnyDetector, Detection, Zoom, detect_in};
 use petzval_learn::network::{Network, PictureNetwork};
 use serde::{Deserialize, Serialize};
 
@@ -59,6 +59,10 @@ pub enum Source {
         backbone: BackboneKind,
         /// Its classes, without the background.
         classes: usize,
+        /// Pixels that the shorter side of a picture gets before the detector looks, at least 1.
+        shorter: usize,
+        /// Most pixels that the longer side gets, at least 1.
+        longer: usize,
     },
 }
 
@@ -101,7 +105,7 @@ struct Drawn {
 /// Endings of the files that are taken from a folder.
 const PICTURES: [&str; 5] = ["png", "jpg", "jpeg", "tif", "tiff"];
 
-/// Looks for objects in pictures at their own size. Nothing is written before all pictures have been read.
+/// Looks for objects in pictures, for a camera of a run at their own size. Nothing is written before all pictures have been read.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     if !(0.0..=1.0).contains(&request.least_score) {
         let hint = "0 shows everything that the detector keeps, 0.5 what is more likely there than not";
@@ -243,18 +247,26 @@ fn network(source: &Source, device: &Device, context: &Context) -> Result<Finder
             let mut block = NetworkBlock::new(Network::Detector(detector));
             load_blocks(&folder.camera(name), [&mut block as _], Kept::Numbers)?;
             if let Some(variant) = experiment.variants().iter().find(|variant| variant.name == name) {
-                block.set_zoom(zoom_of(&folder, variant, &camera_lens(&folder, name)?.lens)?);
+                let lens = camera_lens(&folder, name)?.lens;
+                block.set_zoom(Zoom::Times(zoom_of(&folder, variant, &lens)?));
             }
             Ok((block.held(), classes.iter().map(|class| (*class).to_owned()).collect()))
         }
-        Source::Weights { file, backbone, classes } => {
+        Source::Weights { file, backbone, classes, shorter, longer } => {
+            for (key, side) in [("shorter_side", *shorter), ("longer_side", *longer)] {
+                if side == 0 {
+                    let hint = "torchvision's detectors have 800 and 1333";
+                    return Err(JobError::setting(key, side, "a picture needs pixels", hint));
+                }
+            }
             let bytes = petzval_base::read_whole(file).map_err(DesignError::io(file))?;
             let detector = AnyDetector::from_torchvision(*backbone, *classes, &bytes, device).map_err(|e| {
                 let hint = "a file of `fasterrcnn_resnet50_fpn` in the format safetensors; --backbone and --classes say what it holds";
                 JobError::input(format!("{}: {e}", file.display()), hint)
             })?;
-            let held = NetworkBlock::new(Network::Detector(detector)).held();
-            Ok((held, (1..=*classes).map(|class| class.to_string()).collect()))
+            let mut block = NetworkBlock::new(Network::Detector(detector));
+            block.set_zoom(Zoom::ToSides { shorter: *shorter, longer: *longer });
+            Ok((block.held(), (1..=*classes).map(|class| class.to_string()).collect()))
         }
     }
 }

@@ -7,7 +7,6 @@ use std::path::PathBuf;
 use petzval_design::block::Block;
 use petzval_design::camera::Camera;
 use petzval_design::design_loop::{finished_camera, zoom_of};
-use petzval_design::error::DesignError;
 use petzval_design::inputs::check_inputs;
 use petzval_design::made_cameras::{MadeError, TrialPlan, made_cameras, symmetric};
 use petzval_design::run::{CameraMetrics, Kept, Metrics, RunFolder, load_blocks};
@@ -15,6 +14,7 @@ use petzval_design::run_report::{camera_lens, read_metrics};
 use petzval_design::scoring::Scorer;
 use petzval_design::setup::Setup;
 use petzval_files::ToleranceFile;
+use petzval_learn::detection::Zoom;
 use petzval_optics::lens::Lens;
 use petzval_optics::tolerance::Tolerances;
 use serde::{Deserialize, Serialize};
@@ -92,6 +92,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     }
     let folder = RunFolder::open(&request.run)?;
     let kept = read_metrics(&folder)?;
+    let designs = request.made.as_ref().map(|made| made.designs(&kept, &folder)).transpose()?;
     warn_of_changed_config(&folder, context)?;
     let experiment = context.assets.experiment_of_run(&folder)?;
     let setup = Setup::new(experiment, &context.assets, context.device(&request.device)?)?;
@@ -123,8 +124,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         off.fold(worst, |worst, off| if worst.is_nan() || off.is_nan() { f64::NAN } else { worst.max(off) })
     });
     let metrics = Metrics { rows, ..kept };
+    let plan = request.made.as_ref().zip(designs.as_deref());
     let made =
-        request.made.as_ref().map(|made| make(made, &metrics, &scorer, &folder, context)).transpose()?;
+        plan.map(|(made, designs)| make(made, designs, &metrics, &scorer, &folder, context)).transpose()?;
     Ok(Response { metrics, largest_difference_from_run: largest, made })
 }
 
@@ -135,44 +137,40 @@ pub(crate) fn camera_of(setup: &Setup, folder: &RunFolder, name: &str) -> Result
     load_blocks(&folder.camera(name), blocks, Kept::Numbers)?;
     let lens = camera_lens(folder, name)?.lens;
     if let Some(variant) = setup.variants.iter().find(|variant| variant.name == name) {
-        network.set_zoom(zoom_of(folder, variant, &lens)?);
+        network.set_zoom(Zoom::Times(zoom_of(folder, variant, &lens)?));
     }
     Ok(finished_camera(setup, lens, &isp, &network)?)
 }
 
-/// Makes cameras from every design whose lens can be made, and writes their figures into the run's folder and its report.
+/// A camera of a run whose lens can be made, and what its lens can be off by.
+struct DesignToMake {
+    camera: String,
+    tolerances: Tolerances,
+    /// Tolerances that are left out, because a lens that is off by them has no symmetry.
+    left_out: usize,
+}
+
+/// Makes cameras from every design, and writes their figures into the run's folder and its report.
 fn make(
     made: &Made,
+    designs: &[DesignToMake],
     metrics: &Metrics,
     scorer: &Scorer,
     folder: &RunFolder,
     context: &Context,
 ) -> Result<MadeMetrics, JobError> {
     let setup = scorer.setup();
-    let names: Vec<&String> =
-        metrics.rows.iter().filter(|row| !row.is_ceiling).map(|row| &row.camera).collect();
-    let total = (names.len() * made.trials) as u64;
+    let total = (designs.len() * made.trials) as u64;
     let plan = TrialPlan { trials: made.trials, seed: made.seed, pictures: made.pictures };
-    let (mut limits, mut rows, mut left_out, mut done) = (BTreeMap::new(), Vec::new(), 0, 0);
-    for name in names {
+    let (mut limits, mut rows, mut done) = (BTreeMap::new(), Vec::new(), 0);
+    for DesignToMake { camera: name, tolerances, .. } in designs {
         let camera = camera_of(setup, folder, name)?;
-        let lens = camera.psfs().lens().ok_or(DesignError::NoLens)?;
-        let tolerances = made.of_lens(lens)?;
-        let (tolerances, others) = symmetric(tolerances, lens);
-        if tolerances.perturbations.is_empty() {
-            let message = "nothing is off: there is no tolerance with which the lens keeps its symmetry";
-            return Err(JobError::input(
-                message,
-                "name a grade, or radii, thicknesses or glasses in the file",
-            ));
-        }
-        left_out = others;
         let mut tick = || {
             done += 1;
             context.progress(done, total, name);
         };
         let found =
-            made_cameras(scorer, &camera, &tolerances, &plan, &mut tick).map_err(|error| match error {
+            made_cameras(scorer, &camera, tolerances, &plan, &mut tick).map_err(|error| match error {
                 MadeError::Tolerance(error) => {
                     JobError::input(format!("{name}: {error}"), "correct the tolerance file")
                 }
@@ -185,6 +183,7 @@ fn make(
         }
         rows.push(found.row(name, &metrics.scores, &limits));
     }
+    let left_out = designs.last().map_or(0, |design| design.left_out);
     if left_out > 0 {
         context.warning(format!(
             "{left_out} of the tolerances are left out, decentres and tilts among them: with them a lens has no symmetry, and its pictures \
@@ -223,6 +222,22 @@ impl Made {
             }
         }
         Ok(())
+    }
+
+    /// The designs whose lenses can be made; a lens without aberrations cannot.
+    fn designs(&self, metrics: &Metrics, folder: &RunFolder) -> Result<Vec<DesignToMake>, JobError> {
+        let mut designs = Vec::new();
+        for row in metrics.rows.iter().filter(|row| !row.is_ceiling) {
+            let lens = camera_lens(folder, &row.camera)?.lens;
+            let (tolerances, left_out) = symmetric(self.of_lens(&lens)?, &lens);
+            if tolerances.perturbations.is_empty() {
+                let message = "nothing is off: there is no tolerance with which the lens keeps its symmetry";
+                let hint = "name a grade, or radii, thicknesses or glasses in the file";
+                return Err(JobError::input(message, hint));
+            }
+            designs.push(DesignToMake { camera: row.camera.clone(), tolerances, left_out });
+        }
+        Ok(designs)
     }
 
     fn of_lens(&self, lens: &Lens) -> Result<Tolerances, JobError> {

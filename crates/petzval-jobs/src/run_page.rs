@@ -5,15 +5,24 @@ use std::path::PathBuf;
 use petzval_design::run::{RunFolder, RunRecord, changed_config, write_file};
 use petzval_design::run_report::report_of_run;
 use petzval_design::setup::Setup;
-use petzval_report::design_report::{html, sentences};
+use petzval_report::design_report::{Report, html, sentences};
 
 use crate::context::Context;
 use crate::error::JobError;
 
+/// The report of a finished run as a page.
+pub(crate) fn page(setup: &Setup, folder: &RunFolder) -> Result<String, JobError> {
+    Ok(html(&report(setup, folder)?))
+}
+
+fn report(setup: &Setup, folder: &RunFolder) -> Result<Report, JobError> {
+    let command = format!("petzval design {}", folder.config().display());
+    Ok(report_of_run(setup, folder, &command)?)
+}
+
 /// Writes the report of a run; returns its path, and the result in sentences.
 pub(crate) fn write(setup: &Setup, folder: &RunFolder) -> Result<(PathBuf, Vec<String>), JobError> {
-    let command = format!("petzval design {}", folder.config().display());
-    let report = report_of_run(setup, folder, &command)?;
+    let report = report(setup, folder)?;
     write_file(&folder.report(), html(&report).as_bytes())?;
     Ok((folder.report(), sentences(&report)))
 }

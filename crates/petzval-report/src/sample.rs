@@ -243,6 +243,7 @@ pub(crate) fn report() -> Report {
         pictures_in_all: 2,
         study: None,
         detection: None,
+        progress: None,
         made: None,
         losses: vec![curve(0), curve(2)],
         config_toml: "seed = 1".into(),

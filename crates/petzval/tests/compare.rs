@@ -102,6 +102,12 @@ fn the_full_size_differs_in_its_budget_alone() {
         }
     }
     assert_eq!(quick, full);
+
+    // A detector is trained once, and then tuned behind each lens: both share the budget.
+    let full = config(&["pedestrian-vehicle", "--full"]);
+    let tuned = full["training"]["steps"].as_integer().unwrap();
+    let trained = &full["variant"][0]["stage"][0]["schedule"]["network"]["steps"];
+    assert_eq!((trained.as_integer(), tuned), (Some(36_370), 3637));
 }
 
 #[test]

@@ -365,6 +365,13 @@ fn cameras_are_made_with_tolerances_and_scored() {
     assert!((psnr(&refocused, 1, "drawn") - psnr(&refocused, 1, "mean")).abs() < 0.01, "{refocused}");
     run_fails(folder.path(), &["evaluate", "run", "--trials", "3"], 2, &["--tolerances"]);
     run_fails(folder.path(), &["evaluate", "run", "--tolerances", "none.toml"], 2, &["none.toml"]);
+    // A wrong file is found before any camera is scored.
+    let scored = |outcome: Outcome| outcome.says("scoring nominal");
+    assert!(scored(run_ok(folder.path(), &["evaluate", "run"])));
+    std::fs::write(folder.path().join("wrong.toml"), "[[tolerance]]\nsurface = 99\nradius_percent = 1.0\n")
+        .unwrap();
+    let wrong = &["evaluate", "run", "--tolerances", "wrong.toml"];
+    assert!(!scored(run_fails(folder.path(), wrong, 2, &["wrong.toml", "99"])));
 }
 
 #[test]

@@ -4,6 +4,8 @@
 
 mod common;
 
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
 use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -306,4 +308,48 @@ fn a_killed_run_with_validations_resumes_to_the_same_files() {
         assert_eq!(read(&run.join("metrics.json")), metrics, "killed after {steps} steps");
         assert_eq!(timeless_events(&run), whole, "killed after {steps} steps");
     }
+}
+
+/// The answer of a server on this machine to a request for a path: its first line, and everything behind the headers.
+fn asked(address: &str, path: &str) -> (String, String) {
+    let mut stream = TcpStream::connect(address).unwrap();
+    write!(stream, "GET {path} HTTP/1.0\r\nHost: {address}\r\n\r\n").unwrap();
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).unwrap();
+    let (head, body) = answer.split_once("\r\n\r\n").unwrap();
+    (head.lines().next().unwrap().to_owned(), body.to_owned())
+}
+
+#[test]
+fn a_run_at_work_is_shown_as_it_grows() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = killed(folder.path(), 7);
+    let mut command = petzval(folder.path());
+    command.args(["report", "run", "--watch", "--port", "0"]).stdout(Stdio::piped());
+    let mut server = command.spawn().unwrap();
+    let mut line = String::new();
+    BufReader::new(server.stdout.take().unwrap()).read_line(&mut line).unwrap();
+    let address = line.split(['/', ' ']).find(|part| part.starts_with("127.0.0.1:")).unwrap().to_owned();
+
+    let (status, page) = asked(&address, "/");
+    assert!(status.ends_with("200 OK"), "{status}");
+    for text in
+        ["http-equiv=\"refresh\"", "<h2>At work</h2>", "scored", "at work", "not begun", "Over the run"]
+    {
+        assert!(page.contains(text), "{text}");
+    }
+    assert!(!page.contains("end-to-end against") && !page.contains("End-to-end against"));
+    assert!(asked(&address, "/elsewhere").0.contains("404"));
+    // Nothing is written for it.
+    assert!(!run.join("report.html").exists());
+
+    let port = address.rsplit_once(':').unwrap().1;
+    run_fails(folder.path(), &["report", "run", "--watch", "--port", port], 2, &[port, "--port"]);
+
+    run_ok(folder.path(), &["design", "--resume", "run"]);
+    let (_, page) = asked(&address, "/");
+    assert!(!page.contains("http-equiv=\"refresh\"") && page.contains("End-to-end against"));
+    assert!(page == read(&run.join("report.html")), "another page than the report");
+    server.kill().unwrap();
+    server.wait().unwrap();
 }

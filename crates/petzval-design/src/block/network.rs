@@ -8,7 +8,7 @@ use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
 use burn::prelude::*;
 use burn::tensor::Bytes;
-use petzval_learn::detection::{self, Zoomed};
+use petzval_learn::detection::{self, Zoom, Zoomed};
 use petzval_learn::network::{Network, PictureNetwork};
 
 use super::{Batch, Block, BlockName, BlockState, StepRule, backward, named, part};
@@ -25,17 +25,17 @@ pub struct NetworkBlock {
     /// The weights at the start of the stage: the centre of the proximal term.
     anchor: Network,
     /// By how much pictures are enlarged for its detector.
-    zoom: f64,
+    zoom: Zoom,
 }
 
 impl NetworkBlock {
     /// A network at the start of its training.
     pub fn new(network: Network) -> Self {
-        Self { anchor: network.clone(), optimizer: optimizer(&network), network, zoom: 1.0 }
+        Self { anchor: network.clone(), optimizer: optimizer(&network), network, zoom: Zoom::Times(1.0) }
     }
 
-    /// Puts a digital zoom in front of its detector: pictures are enlarged so many times.
-    pub fn set_zoom(&mut self, zoom: f64) {
+    /// Puts a digital zoom in front of its detector.
+    pub fn set_zoom(&mut self, zoom: Zoom) {
         self.zoom = zoom;
     }
 
@@ -61,7 +61,7 @@ impl NetworkBlock {
 
     fn behind_zoom(&self, network: Network) -> Rc<dyn PictureNetwork> {
         match self.zoom {
-            1.0 => Rc::new(network),
+            Zoom::Times(1.0) => Rc::new(network),
             zoom => Rc::new(Zoomed::new(network, zoom)),
         }
     }

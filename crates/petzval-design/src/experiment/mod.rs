@@ -35,7 +35,7 @@ pub const BUILT_IN_PHOTOS: &str = "built-in";
 /// The name of the generated streets in [`Experiment::data`].
 pub const STREET: &str = "street";
 
-/// Steps of the network, or of the hardware ISP, in the full size of an experiment, see [`Experiment::to_full_size`].
+/// Most steps of a camera's network, or of its hardware ISP, in the full size of an experiment, see [`Experiment::to_full_size`].
 pub const FULL_STEPS: usize = 40_000;
 
 /// Windows a step in the full size.
@@ -366,12 +366,27 @@ impl Experiment {
     }
 
     /// Gives the experiment the budget of a night on a GPU in place of minutes on two cores: [`FULL_STEPS`] steps of the network or of the
-    /// hardware ISP, lens steps in proportion, batches of [`FULL_BATCH`] windows, twice as wide a network. Nothing else changes.
+    /// hardware ISP for the camera that takes the most, all other steps in proportion, batches of [`FULL_BATCH`] windows, twice as wide a
+    /// network. Nothing else changes.
     pub fn to_full_size(&mut self) {
-        self.scale_steps(FULL_STEPS);
+        let last_block = self.last_block();
+        let own = if last_block == BlockName::Isp { self.isp.steps } else { self.training.steps };
+        self.scale_steps((FULL_STEPS * own).div_ceil(self.most_steps_of(last_block).max(1)));
         self.training.batch = FULL_BATCH;
         self.network.base_channels = (2 * self.network.base_channels).min(MOST_CHANNELS);
         self.checkpoint.every = self.checkpoint.every.max(FULL_CHECKPOINT);
+    }
+
+    /// Steps that a block takes for the task in the variant that takes the most, those of the variants from which it starts among them.
+    fn most_steps_of(&self, block: BlockName) -> usize {
+        let variants = self.variants();
+        let with_parents = |variant: &Variant| {
+            let chain = std::iter::successors(Some(variant), |child| {
+                variants.iter().find(|v| child.from.as_ref() == Some(&v.name))
+            });
+            chain.map(|v| v.task_steps_of(block)).sum()
+        };
+        variants.iter().map(with_parents).max().unwrap_or(0)
     }
 
     /// The experiment with one more stage for each variant, so that its network, or hardware ISP, takes `network_steps` steps in all; the same blocks

@@ -68,7 +68,7 @@ impl FrameSource {
 
     /// Frames of photographs that training never sees: each at every place of the experiment's scoring, by one camera after the other.
     pub fn held_out(&self) -> Result<Vec<Frame>, DesignError> {
-        let shots = held_out_shots(&self.setup, &self.cameras[0])?;
+        let shots = held_out_shots(&self.setup, &self.cameras[0], &|_| true)?;
         let mut frames = Vec::new();
         for (i, (_, _, shot)) in shots.into_iter().enumerate() {
             let camera = &self.cameras[i % self.cameras.len()];

@@ -44,7 +44,7 @@ pub use faster_rcnn::{FasterRcnn, FasterRcnnConfig};
 pub use fcos::{Fcos, FcosConfig};
 pub use matcher::Match;
 pub use optimizer::optimizer;
-pub use zoomed::Zoomed;
+pub use zoomed::{Zoom, Zoomed};
 
 use burn::prelude::*;
 use petzval_camera::image::LinearImage;

@@ -12,12 +12,42 @@ use crate::network::{NetworkInput, PictureNetwork};
 /// without the detail that such a lens would show: the control for a lens whose focal length is free.
 pub struct Zoomed<N> {
     network: N,
-    zoom: f64,
+    zoom: Zoom,
+}
+
+/// By how much pictures are enlarged.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Zoom {
+    /// So many times.
+    Times(f64),
+    /// Until the shorter side has `shorter` pixels, or the longer one `longer` if that is less, rounded down, as the transform of torchvision's
+    /// detectors does (800 and 1333 there).
+    ToSides {
+        /// Pixels of the shorter side.
+        shorter: usize,
+        /// Most pixels of the longer side.
+        longer: usize,
+    },
+}
+
+impl Zoom {
+    /// Rows and columns of an enlarged picture.
+    fn of(self, sides: [usize; 2]) -> [usize; 2] {
+        match self {
+            Self::Times(zoom) => sides.map(|side| (zoom * side as f64).round().max(1.0) as usize),
+            Self::ToSides { shorter, longer } => {
+                let [short, long] = [sides[0].min(sides[1]), sides[0].max(sides[1])].map(|side| side as f64);
+                let zoom = (shorter as f64 / short).min(longer as f64 / long);
+                // A product that is whole but for its rounding is not rounded down.
+                sides.map(|side| (zoom * side as f64 + 1e-6).max(1.0) as usize)
+            }
+        }
+    }
 }
 
 impl<N: PictureNetwork> Zoomed<N> {
-    /// A network that sees pictures `zoom` times as large. Boxes are in pixels of the pictures as they were.
-    pub fn new(network: N, zoom: f64) -> Self {
+    /// A network that sees enlarged pictures. Boxes are in pixels of the pictures as they were.
+    pub fn new(network: N, zoom: Zoom) -> Self {
         Self { network, zoom }
     }
 
@@ -28,7 +58,7 @@ impl<N: PictureNetwork> Zoomed<N> {
     /// The enlarged pictures, and by how much they are really enlarged along x and y: their sides are whole pixels.
     fn enlarged(&self, pictures: Tensor<4>) -> (Tensor<4>, [f32; 2]) {
         let [_, _, height, width] = pictures.dims();
-        let to = [height, width].map(|side| (self.zoom * side as f64).round().max(1.0) as usize);
+        let to = self.zoom.of([height, width]);
         let options =
             InterpolateOptions::new(InterpolateMode::Bilinear).with_align_corners(false).with_output_size(to);
         (interpolate(pictures, options), [to[1] as f32 / width as f32, to[0] as f32 / height as f32])
@@ -126,7 +156,7 @@ mod tests {
             ignored: Vec::new(),
         };
         for zoom in [0.5, 1.25, 2.0] {
-            let zoomed = Zoomed::new(Bright, zoom);
+            let zoomed = Zoomed::new(Bright, Zoom::Times(zoom));
             let found = zoomed.detect(picture.clone()).unwrap()[0][0].bbox;
             for (found, wanted) in [(found.x1, 10.0), (found.y1, 20.0), (found.x2, 22.0), (found.y2, 28.0)] {
                 assert!((found - wanted).abs() <= 0.51 / zoom as f32, "{zoom}: {found} {wanted}");
@@ -134,6 +164,22 @@ mod tests {
             let loss = zoomed.loss(picture.clone(), std::slice::from_ref(&truth), 0).unwrap();
             let area = loss.parts[0].1;
             assert!((area / (96.0 * zoom * zoom) - 1.0).abs() < 0.01, "{zoom}: {area}");
+        }
+    }
+
+    #[test]
+    fn pictures_get_the_sides_that_torchvision_gives_them() {
+        let to_sides = Zoom::ToSides { shorter: 800, longer: 1333 };
+        // Its `GeneralizedRCNNTransform`: 800 over the shorter side, or 1333 over the longer one.
+        for (from, to) in [
+            ([480, 640], [800, 1066]),
+            ([640, 480], [1066, 800]),
+            ([100, 400], [333, 1333]),
+            ([1200, 1920], [800, 1280]),
+            ([1080, 1920], [749, 1333]),
+            ([800, 800], [800, 800]),
+        ] {
+            assert_eq!(to_sides.of(from), to, "{from:?}");
         }
     }
 }

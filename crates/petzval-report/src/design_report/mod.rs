@@ -11,6 +11,7 @@ mod made;
 mod mtf;
 mod page;
 mod picture;
+mod progress;
 mod psf_table;
 mod reading;
 mod score_table;
@@ -18,6 +19,7 @@ mod view;
 
 pub(crate) use page::{lenses, over_the_field, over_the_run};
 pub(crate) use picture::pictures;
+pub use progress::{CameraProgress, CameraState, Progress};
 pub use view::{
     Attribution, CameraDetection, CameraPicture, CameraView, Change, DetectionView, FieldPoint, FrameView,
     GroupFigure, LossCurve, LostObjects, MadeCamera, MadeCameras, MadeScore, Mistake, PictureView,

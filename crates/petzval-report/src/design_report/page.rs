@@ -9,6 +9,7 @@ use super::frames::frames;
 use super::made::made_table;
 use super::mtf::{has_mtf, mtf};
 use super::picture::pictures;
+use super::progress::progress;
 use super::psf_table::psf_table;
 use super::reading::reading;
 use super::score_table::score_table;
@@ -28,6 +29,7 @@ pub(super) fn page(report: &Report) -> String {
     let has_cameras = !report.cameras.is_empty();
     let has_isps = report.cameras.iter().any(|c| !c.isp_changes.is_empty());
     let sections = [
+        section_of("At work", report.progress.is_some(), || progress(report)),
         result(report),
         section_of("Pictures", !report.pictures.is_empty(), || pictures(report)),
         section_of("Whole frames", !report.frames.is_empty(), || frames(report)),
@@ -54,6 +56,7 @@ pub(super) fn page(report: &Report) -> String {
         lead: command,
         main,
         script: Some((viewer(), include_str!("page.js"))),
+        again_s: report.progress.as_ref().map(|progress| progress.again_s),
     }
     .html()
 }

@@ -9,8 +9,11 @@ use crate::number;
 const LIKE_FOR_LIKE: f64 = 0.01;
 
 /// Sentences on the table: the last camera against the baseline, which is the first, and against those between. Empty if there
-/// is nothing to compare.
+/// is nothing to compare, or not yet.
 pub(super) fn reading(report: &Report) -> Vec<String> {
+    if report.progress.is_some() {
+        return Vec::new();
+    }
     let scores = picture_scores(&report.scores);
     let (ceiling, rows): (Vec<TableRow>, Vec<TableRow>) =
         report.table.iter().cloned().partition(|r| r.is_ceiling);

@@ -3,6 +3,7 @@
 use petzval_optics::analysis::{FieldMtf, FirstOrderTable, Layout};
 use petzval_optics::psf::{FieldPsf, PsfOptions};
 
+use super::progress::Progress;
 use crate::palette;
 use crate::prescription::SurfaceView;
 
@@ -43,6 +44,8 @@ pub struct Report {
     pub study: Option<SeedStudy>,
     /// What is found in the held-out pictures, if objects are looked for.
     pub detection: Option<DetectionView>,
+    /// How far the run has come, if it has not ended.
+    pub progress: Option<Progress>,
     /// Cameras as they are made, if the run was evaluated with tolerances.
     pub made: Option<MadeCameras>,
     /// Losses over the run; curves of the same block and label share a chart.

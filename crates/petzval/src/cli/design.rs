@@ -47,8 +47,8 @@ pub struct Args {
     /// proportion
     #[arg(long, value_name = "N")]
     steps: Option<usize>,
-    /// The budget of a night on a GPU in place of minutes on two cores: 40000 network steps of 16 windows, twice as wide a network; take
-    /// --photos with many pictures along
+    /// The budget of a night on a GPU in place of minutes on two cores: 40000 network steps of 16 windows for the camera that takes the
+    /// most, twice as wide a network; take --photos with many pictures along
     #[arg(long, conflicts_with = "steps")]
     full: bool,
     /// Make only this variant of the experiment, and the variants from which it starts

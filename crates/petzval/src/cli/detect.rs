@@ -11,8 +11,9 @@ use super::terminal::{Terminal, print_json};
 
 /// Find objects in pictures: by the detector of a finished camera, or by weights of torchvision.
 ///
-/// Pictures are PNG, JPEG or TIFF files, or folders of them, and are looked at in their own size. Prints one line per detection: file, class, score, left
-/// edge, upper edge, width, height, in pixels.
+/// Pictures are PNG, JPEG or TIFF files, or folders of them. The detector of a camera looks at them in their own size, weights of torchvision
+/// in the size for which torchvision trains. Prints one line per detection: file, class, score, left edge, upper edge, width, height, in pixels
+/// of the file.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Pictures, or folders of pictures
@@ -33,6 +34,12 @@ pub struct Args {
     /// Classes of the weights, without the background
     #[arg(long, default_value_t = 90, value_name = "N", requires = "weights")]
     classes: usize,
+    /// Pixels to which the shorter side of a picture is scaled for the weights
+    #[arg(long, default_value_t = 800, value_name = "PIXELS", requires = "weights")]
+    shorter_side: usize,
+    /// Most pixels of its longer side then
+    #[arg(long, default_value_t = 1333, value_name = "PIXELS", requires = "weights")]
+    longer_side: usize,
     /// Least score of a detection
     #[arg(long, default_value_t = 0.5, value_name = "SCORE")]
     least_score: f32,
@@ -67,7 +74,13 @@ impl From<Backbone> for BackboneKind {
 pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let detector = match (args.run, args.weights) {
         (Some(run), _) => Source::Run { run, camera: args.camera },
-        (None, Some(file)) => Source::Weights { file, backbone: args.backbone.into(), classes: args.classes },
+        (None, Some(file)) => Source::Weights {
+            file,
+            backbone: args.backbone.into(),
+            classes: args.classes,
+            shorter: args.shorter_side,
+            longer: args.longer_side,
+        },
         (None, None) => return Err(Failure::input("no detector", "name a run, or a file of weights")),
     };
     let request = Request {

@@ -24,6 +24,7 @@ mod raw;
 mod report;
 mod score_table;
 mod sensor;
+mod served_page;
 mod signals;
 mod simulate;
 mod terminal;

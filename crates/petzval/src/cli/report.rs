@@ -1,4 +1,4 @@
-//! `petzval report`: write the report of a run again.
+//! `petzval report`: write the report of a run again, or show it while the run is at work.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -6,12 +6,16 @@ use std::process::ExitCode;
 use petzval::jobs::report;
 
 use super::failure::Failure;
+use super::served_page;
 use super::terminal::Terminal;
 
 /// Write report.html of a finished run again, from the contents of its folder.
 ///
 /// With --photo the report also shows a photograph over the whole sensor, as every camera takes it; the frames stay in the folder
 /// pictures of the run, and later reports show them too.
+///
+/// With --watch nothing is written: a browser on this machine shows the run while it is at work, with the cameras that are finished, the
+/// lens of the camera at work, and the losses so far. The page renews itself.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Run folder
@@ -19,11 +23,22 @@ pub struct Args {
     /// Photograph that every camera takes over its whole sensor
     #[arg(long, value_name = "FILE")]
     photo: Option<PathBuf>,
+    /// Show the page of a run at work at an address of this machine, until Ctrl-C; the run itself goes on
+    #[arg(long, conflicts_with = "photo")]
+    watch: bool,
+    /// Port of that address; 0 takes any that is free
+    #[arg(long, value_name = "PORT", requires = "watch", default_value_t = 8700)]
+    port: u16,
 }
 
 /// Runs the verb.
 pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
-    let response = report::run(&report::Request { run: args.run, photo: args.photo }, &terminal.context())?;
+    let context = terminal.context();
+    if args.watch {
+        let watched = report::Watched::open(&args.run, &context)?;
+        return served_page::serve(args.port, || watched.page());
+    }
+    let response = report::run(&report::Request { run: args.run, photo: args.photo }, &context)?;
     println!("{}", response.report.display());
     Ok(ExitCode::SUCCESS)
 }

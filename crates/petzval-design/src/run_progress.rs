@@ -1,0 +1,123 @@
+//! How far a run at work has come, from what its folder holds: its events, its finished cameras and the lenses of its checkpoints.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use petzval_optics::glass::Catalog;
+use petzval_optics::lens::Lens;
+use petzval_report::design_report::{CameraProgress, CameraState, Progress};
+
+use crate::block::BlockName;
+use crate::error::DesignError;
+use crate::run::{Event, Metrics, RunFolder};
+use crate::setup::Setup;
+use crate::variant::{Stage, Variant};
+
+/// The block of the event of a camera that was scored.
+pub(crate) const SCORE: &str = "score";
+
+/// Steps of a block whose mean duration is its pace.
+const PACE_STEPS: usize = 20;
+
+/// Seconds after which a browser asks for the page again.
+const AGAIN_S: u32 = 20;
+
+/// The camera at work: that of the last event, unless this was its score.
+pub(crate) fn at_work<'s>(setup: &'s Setup, events: &[Event]) -> Option<&'s Variant> {
+    let last = events.last().filter(|event| event.block != SCORE)?;
+    setup.variants.iter().find(|variant| variant.name == last.camera)
+}
+
+/// The lens of a camera at work in its latest checkpoint; none before the first.
+pub(crate) fn latest_lens(
+    run: &RunFolder,
+    variant: &Variant,
+    events: &[Event],
+) -> Result<Option<Lens>, DesignError> {
+    let steps = events.iter().rev().filter(|event| event.camera == variant.name).map(|event| event.step);
+    let Some(path) = steps.map(|step| run.lens_at_step(step)).find(|path| path.is_file()) else {
+        return Ok(None);
+    };
+    let text = petzval_base::read_text(&path).map_err(DesignError::io(&path))?;
+    // A lens that we wrote carries its glasses with it.
+    let file = petzval_files::parse_lens(&text, &Catalog::default()).map_err(DesignError::input(&path))?;
+    Ok(Some(file.lens))
+}
+
+/// How far every camera has come, and how long the rest will take.
+pub(crate) fn progress(setup: &Setup, metrics: &Metrics, events: &[Event]) -> Progress {
+    let at_work = at_work(setup, events);
+    let camera = |variant: &Variant| {
+        let state = match at_work {
+            Some(other) if other.name == variant.name => CameraState::AtWork,
+            _ if is_scored(metrics, variant) => CameraState::Finished,
+            _ => CameraState::Waiting,
+        };
+        let own = || events.iter().filter(|event| event.camera == variant.name);
+        let taken = |block: &str| own().filter(|event| event.block == block).count();
+        let lenses = variant.stages.iter().filter_map(|stage| match stage {
+            Stage::Lens { goal, iterations, .. } => Some((goal.event(), *iterations)),
+            Stage::Task(_) => None,
+        });
+        let blocks = BlockName::ALL.map(|block| (block.name(), variant.task_steps_of(block)));
+        let planned = lenses.chain(blocks.into_iter().filter(|(_, steps)| *steps > 0));
+        let latest = own().rev().find_map(|event| event.losses.get("total"));
+        CameraProgress {
+            camera: variant.name.clone(),
+            state,
+            steps: planned.map(|(block, all)| (moved_part(block).to_owned(), taken(block), all)).collect(),
+            loss: latest.copied().unwrap_or(f64::NAN),
+        }
+    };
+    Progress {
+        cameras: setup.variants.iter().map(camera).collect(),
+        time_left: time_left(setup, metrics, events),
+        again_s: AGAIN_S,
+    }
+}
+
+/// What moves in the steps of an event.
+pub(crate) fn moved_part(block: &str) -> &str {
+    match block {
+        "optics" => "lens",
+        "isp" => "ISP",
+        "spot" => "lens towards least spots",
+        "restored" => "lens towards least error after restoration",
+        other => other,
+    }
+}
+
+/// Whether a camera of the run is finished.
+pub(crate) fn is_scored(metrics: &Metrics, variant: &Variant) -> bool {
+    metrics.rows.iter().any(|row| row.camera == variant.name)
+}
+
+/// The steps for the task that are left, at the mean pace of the latest steps of each block, in words. Lenses that are improved without
+/// pictures, scores, and blocks that have not moved yet are not in it.
+fn time_left(setup: &Setup, metrics: &Metrics, events: &[Event]) -> Option<String> {
+    let pace = |block: BlockName| {
+        let latest = events.iter().rev().filter(|event| event.block == block.name()).take(PACE_STEPS);
+        let seconds: Vec<f64> = latest.map(|event| event.seconds).collect();
+        (!seconds.is_empty()).then(|| seconds.iter().sum::<f64>() / seconds.len() as f64)
+    };
+    let mut left: BTreeMap<BlockName, usize> = BTreeMap::new();
+    for variant in setup.variants.iter().filter(|variant| !is_scored(metrics, variant)) {
+        for block in BlockName::ALL {
+            let is_own = |event: &&Event| event.camera == variant.name && event.block == block.name();
+            let taken = events.iter().filter(is_own).count();
+            *left.entry(block).or_default() += variant.task_steps_of(block).saturating_sub(taken);
+        }
+    }
+    left.retain(|_, steps| *steps > 0);
+    let known: Vec<f64> =
+        left.iter().filter_map(|(block, steps)| Some(*steps as f64 * pace(*block)?)).collect();
+    if known.is_empty() {
+        return None;
+    }
+    let least = if known.len() < left.len() { "at least" } else { "about" };
+    // To the minute, unless it is less than one.
+    let seconds = known.iter().sum::<f64>().ceil() as u64;
+    let rounded = if seconds < 60 { seconds } else { seconds.div_ceil(60) * 60 };
+    let time = humantime::format_duration(Duration::from_secs(rounded));
+    Some(format!("The steps that are left take {least} {time} at the pace of the latest ones."))
+}
