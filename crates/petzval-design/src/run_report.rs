@@ -15,6 +15,7 @@ use crate::attribution::attribution;
 use crate::block::BlockName;
 use crate::detection_view::detection_view;
 use crate::error::DesignError;
+use crate::experiment::SameOf;
 use crate::lens_numbers::{full_name, unit_of};
 use crate::lens_view;
 use crate::pictures::{file_name, spread_pictures, whole_name};
@@ -71,9 +72,10 @@ pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Resu
         lenses.push((variant, camera_lens(run, &variant.name)?.lens));
     }
     let subtitle = format!(
-        "{} with the same exposure ({} e- of white) and the same order of the data. Scored on {}.",
+        "{} with the same exposure{} ({} e- of white) and the same order of the data. Scored on {}.",
         cameras_in_words(&setup.variants, &events),
-        setup.experiment.exposure.white_e,
+        if setup.experiment.exposure.same == SameOf::Time { " time" } else { "" },
+        metrics.electrons_of_white(),
         metrics.scored_on()
     );
     let report = gathered(setup, run, &metrics, events, &lenses)?;

@@ -138,6 +138,21 @@ pub fn release_spare_memory() {
     ColourPixel::spare().take();
 }
 
+/// Runs a loop over pixels that fills no grid, compiled for the widest vectors of the machine. It and all that it calls have to be inlined.
+#[inline(always)]
+pub fn in_vectors<R>(of: impl FnOnce() -> R) -> R {
+    struct Loop<F>(F);
+    impl<R, F: FnOnce() -> R> WithSimd for Loop<F> {
+        type Output = R;
+
+        #[inline(always)]
+        fn with_simd<S: Simd>(self, _: S) -> R {
+            (self.0)()
+        }
+    }
+    dispatch(Loop(of))
+}
+
 /// Pixels that are computed on the stack before they are written; see [`by_blocks`].
 pub const BLOCK: usize = 128;
 
@@ -364,8 +379,11 @@ impl OctaveTable {
             to.of(function(at as f64))
         };
         let mut knots = Box::new([0; KNOTS]);
+        let mut next = value(0);
         for i in 0..=count {
-            let (low, step) = (value(i), value(i + 1) - value(i));
+            let low = next;
+            next = value(i + 1);
+            let step = next - low;
             let fits = i16::try_from(low).is_ok() && i16::try_from(step).is_ok();
             assert!(
                 fits && i64::from(step.abs()) << shift(i) <= i64::from(i32::MAX),

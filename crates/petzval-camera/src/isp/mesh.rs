@@ -40,6 +40,7 @@ impl Axis {
     }
 
     /// Whole numbers of the nodes of a row of pixels from those of all nodes, `nodes[row][col]`, along this axis of rows.
+    #[inline(always)]
     pub fn row_of_nodes(&self, nodes: &[i32], pixel: usize) -> Vec<i32> {
         let per_row = nodes.len() / self.nodes;
         let low = self.before[pixel];

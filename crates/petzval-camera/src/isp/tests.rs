@@ -85,7 +85,7 @@ fn distance(a: &RgbPicture, b: &RgbPicture) -> f64 {
 fn whole_numbers_stay_close_to_the_smooth_version() {
     let frame = frame(64, 80, 8000.0);
     for (name, set) in [("defaults", IspSettings { bits: 16, ..IspSettings::default() }), ("busy", busy())] {
-        for demosaic in [Demosaic::Bilinear, Demosaic::Malvar, Demosaic::Menon] {
+        for demosaic in [Demosaic::Bilinear, Demosaic::Malvar, Demosaic::Rcd, Demosaic::Menon] {
             for domain in [Domain::Stabilised, Domain::Linear] {
                 let settings = IspSettings { demosaic, domain, ..set.clone() };
                 let fixed = HardwareIsp { settings: settings.clone() }.develop_as_set(&frame).unwrap();

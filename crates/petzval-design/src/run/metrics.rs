@@ -31,6 +31,13 @@ impl Metrics {
         self.rows.iter().flat_map(|row| &row.pictures).all(|picture| picture.scores.is_empty())
     }
 
+    /// Photoelectrons of white on the axis: `16000` of every camera, or `212 to 310` where a lens that gathers more light has more of them.
+    pub fn electrons_of_white(&self) -> String {
+        let all = || self.rows.iter().map(|row| row.white_e);
+        let (least, most) = (all().fold(f64::INFINITY, f64::min), all().fold(0.0, f64::max));
+        if least < most { format!("{least:.0} to {most:.0}") } else { most.to_string() }
+    }
+
     /// What the cameras are scored on: `4 held-out photographs at 16 places each`.
     pub fn scored_on(&self) -> String {
         match self.is_of_objects() {
@@ -205,5 +212,9 @@ mod tests {
             metrics.pictures_csv(),
             "camera,photo,relative_field,psnr_db\n\"wide, fast\",\"a \"\"b\"\"\",0.5,30.5\n"
         );
+        assert_eq!(metrics.electrons_of_white(), "16000");
+        let brighter = CameraMetrics { white_e: 24_321.7, ..metrics.rows[0].clone() };
+        let metrics = Metrics { rows: vec![brighter, metrics.rows[0].clone()], ..metrics };
+        assert_eq!(metrics.electrons_of_white(), "16000 to 24322");
     }
 }

@@ -32,6 +32,6 @@ pub fn print(metrics: &Metrics) {
         "{} {}; exposure {} e- of white",
         if metrics.is_of_objects() { "over" } else { "means over" },
         metrics.scored_on(),
-        metrics.rows.first().map_or(0.0, |r| r.white_e),
+        metrics.electrons_of_white(),
     );
 }

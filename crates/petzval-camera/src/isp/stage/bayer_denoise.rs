@@ -77,10 +77,12 @@ impl BayerDenoise {
                 for c in 0..out.len() {
                     let v = i32::from(here[c]);
                     let of = |line: &[i16]| influence.of(i32::from(line[c]) - v);
-                    let mut sum = 0;
+                    let (mut of_four, mut of_corners) = (0, 0);
                     for k in 0..4 {
-                        sum += of(four[k]) * beside + of(corners[k]) * diagonal;
+                        of_four += of(four[k]);
+                        of_corners += of(corners[k]);
                     }
+                    let sum = of_four * beside + of_corners * diagonal;
                     let share = if radial == 0 {
                         strength
                     } else {

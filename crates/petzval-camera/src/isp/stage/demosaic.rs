@@ -1,8 +1,8 @@
 //! Demosaicing of the roots of a mosaic, and suppression of false colours.
 //!
 //! The methods are those of [`Demosaic`](crate::isp::Demosaic), in whole numbers: the mean of neighbours, the filters of Malvar, He and
-//! Cutler (ICASSP 2004), and the directional method of Menon, Andriani and Calvagno (2007) with its refinement, in
-//! `demosaic_directional.rs`. The differences of red and blue from green are then pulled towards their median over 3x3 pixels, which takes
+//! Cutler (ICASSP 2004), the directional method of Menon, Andriani and Calvagno (2007) with its refinement, in
+//! `demosaic_directional.rs`, and ratio-corrected demosaicing (2017), in `demosaic_ratio.rs`. The differences of red and blue from green are then pulled towards their median over 3x3 pixels, which takes
 //! single pixels of wrong colour at edges out (W. T. Freeman, US patent 4,724,395, 1988).
 
 use std::sync::Arc;
@@ -12,6 +12,7 @@ use burn::prelude::*;
 use super::super::fixed::{Around, Grid, ROOT, WEIGHT, shift_round};
 use super::super::tape_grid::{Stencil, Theta};
 use super::demosaic_directional::directional;
+use super::demosaic_ratio;
 use crate::image::{CHANNELS, LinearImage};
 use crate::isp::Demosaic;
 use crate::render::Placement;
@@ -26,13 +27,13 @@ petzval_base::parameters! {
     }
 }
 
-/// Roots of the three colours from the roots of a mosaic. The ratio-corrected method divides pixel by pixel, which this chip does not; it
-/// takes the directional one instead.
+/// Roots of the three colours from the roots of a mosaic.
 pub fn fixed(method: Demosaic, mosaic: &Grid<i16>, cfa: CfaPattern) -> [Grid<i16>; 3] {
     match method {
         Demosaic::Bilinear => linear(mosaic, cfa, false),
         Demosaic::Malvar => linear(mosaic, cfa, true),
-        Demosaic::Rcd | Demosaic::Menon => directional(mosaic, cfa),
+        Demosaic::Rcd => demosaic_ratio::fixed(mosaic, cfa),
+        Demosaic::Menon => directional(mosaic, cfa),
     }
 }
 
@@ -177,9 +178,10 @@ impl FalseColour {
 
 /// Demosaicing on the tape: `[1, 1, height, width]` to the three colours, by the methods in floating point. The array is Bayer's.
 pub fn smooth(method: Demosaic, mosaic: Tensor<4>, cfa: CfaPattern) -> [Tensor<4>; 3] {
+    if method == Demosaic::Rcd {
+        return demosaic_ratio::smooth(&mosaic, cfa);
+    }
     let [_, _, height, width] = mosaic.dims();
-    // The ratio-corrected method has no gradient.
-    let method = if method == Demosaic::Rcd { Demosaic::Menon } else { method };
     let rgb: Tensor<4> = apply(Arc::new(DemosaicKernel { method, cfa, height, width }), mosaic);
     [0, 1, 2].map(|c: usize| rgb.clone().slice([0..1, c..c + 1, 0..height, 0..width]))
 }

@@ -7,6 +7,7 @@ pub mod colour_denoise;
 pub mod defects;
 pub mod demosaic;
 mod demosaic_directional;
+mod demosaic_ratio;
 pub mod dewarp;
 pub mod gain;
 pub mod gamma;

@@ -4,7 +4,7 @@
 
 use burn::prelude::*;
 
-use super::super::fixed::{ENCODED, Grid, WEIGHT, shift_round};
+use super::super::fixed::{ENCODED, Grid, WEIGHT, in_vectors, shift_round};
 use super::super::tape_grid::Theta;
 
 petzval_base::parameters! {
@@ -28,12 +28,17 @@ impl Output {
         for (grid, plane) in rgb.iter().zip(data.chunks_exact_mut(height * width)) {
             use rayon::prelude::*;
             plane.par_chunks_exact_mut(width).enumerate().for_each(|(row, out)| {
-                for (out, v) in out.iter_mut().zip(grid.row(row)) {
-                    let v = shift_round((i32::from(*v) - half) * contrast, WEIGHT.fraction) + offset;
-                    // At most 2^14 times 2^16.
-                    let v = v.clamp(0, ENCODED.one());
-                    *out = ((v * white + (1 << (ENCODED.fraction - 1))) >> ENCODED.fraction) as u16;
-                }
+                in_vectors(
+                    #[inline(always)]
+                    || {
+                        for (out, v) in out.iter_mut().zip(grid.row(row)) {
+                            let v = shift_round((i32::from(*v) - half) * contrast, WEIGHT.fraction) + offset;
+                            // At most 2^14 times 2^16.
+                            let v = v.clamp(0, ENCODED.one());
+                            *out = ((v * white + (1 << (ENCODED.fraction - 1))) >> ENCODED.fraction) as u16;
+                        }
+                    },
+                );
             });
         }
         data

@@ -67,6 +67,7 @@ impl Shading {
 
 impl Registers {
     /// The gains of a row of pixels of a colour, [`GAIN`].
+    #[inline(always)]
     pub fn row(&self, plane: usize, row: usize) -> Vec<i32> {
         self.cols.spread_row(&self.rows.row_of_nodes(&self.planes[plane], row))
     }

@@ -9,11 +9,13 @@
 //!
 //! which lifts the dark by `dark` stops and leaves white where it is (the shape of E. Reinhard et al., SIGGRAPH 2002).
 
+use std::ops::Range;
+
 use burn::prelude::*;
 use rayon::prelude::*;
 
 use super::super::fixed::{
-    BLOCK, GAIN, Grid, LINEAR, LOG2, OctaveTable, between, by_blocks, packed, shift_round,
+    BLOCK, GAIN, Grid, LINEAR, LOG2, OctaveTable, between, by_blocks, in_vectors, packed, shift_round,
 };
 use super::super::mesh::{Axis, spread};
 use super::super::tape_grid::{Stencil, Theta, constant};
@@ -46,6 +48,9 @@ const DARKEST_LOG2: i32 = -14;
 const KNOT_BITS: u32 = 3;
 const CURVE_STOPS: std::ops::Range<i32> = DARKEST_LOG2..5;
 
+/// Bits below a power of two in its table, for the step to the next: a step is at most 2^17 (1 - 2^(-1/64)), 1412.
+const POWER_BITS: u32 = 11;
+
 /// What the stage knows about a frame: gain tables and the base's coefficients at the cells.
 pub struct Registers {
     /// Slope a of the base, 12 bits, and its offset (1 - a) m, [`LOG2`]: `b = a l + offset`.
@@ -55,8 +60,8 @@ pub struct Registers {
     cols: Axis,
     /// [`packed`] knots of the curve, [`LOG2`]; as many as a power of two, so that an index of fewer bits needs no check.
     curve: [i32; 256],
-    /// Powers of two of fractions, [`GAIN`] times 16.
-    power: [i32; 128],
+    /// Powers of two of fractions, [`GAIN`] times 16, [`POWER_BITS`] up, and below them the step to the next.
+    power: [i32; 64],
     detail: i32,
 }
 
@@ -102,22 +107,20 @@ impl ToneMap {
         let (rows, cols) = (Axis::cells(light.height, CELL), Axis::cells(light.width, CELL));
         let (m, n) = (rows.nodes(), cols.nodes());
         // Means of cells: of the logarithm, and of its square with 22 bits behind the point.
-        let cell = |row: usize, col: usize| {
-            let (rows, cols) = (
-                row * CELL..light.height.min((row + 1) * CELL),
-                col * CELL..light.width.min((col + 1) * CELL),
+        let of_row = |row: usize| {
+            let rows = row * CELL..light.height.min((row + 1) * CELL);
+            let sums = in_vectors(
+                #[inline(always)]
+                || sums_of_cells(light, rows.clone()),
             );
-            let count = (rows.len() * cols.len()) as i64;
-            let (mut sum, mut squares) = (0_i64, 0_i64);
-            for row in rows {
-                let line = &light.row(row)[cols.clone()];
-                sum += i64::from(line.iter().map(|v| i32::from(*v)).sum::<i32>());
-                squares += line.iter().map(|v| i64::from(i32::from(*v).pow(2))).sum::<i64>();
-            }
-            (sum / count, squares / count)
+            let means = sums.into_iter().map(move |(count, sums)| {
+                let count = (count * rows.len()) as i64;
+                sums.map(|sum| sum / count)
+            });
+            means.collect::<Vec<_>>()
         };
-        let of_row = |row: usize| (0..n).map(|col| cell(row, col)).collect::<Vec<_>>();
-        let (mean, square): (Vec<i64>, Vec<i64>) = (0..m).into_par_iter().flat_map_iter(of_row).unzip();
+        let means: Vec<[i64; 2]> = (0..m).into_par_iter().flat_map_iter(of_row).collect();
+        let [mean, square]: [Vec<i64>; 2] = [0, 1].map(|k| means.iter().map(|of| of[k]).collect());
         let weights = [m, n].map(|nodes| self.weights(nodes));
         let blur = |plane: &[i64]| blurred(plane, (m, n), &weights);
         let (mean, square) = (blur(&mean), blur(&square));
@@ -144,7 +147,7 @@ impl ToneMap {
             rows,
             cols,
             curve: std::array::from_fn(|k| packed(curve(k), curve(k + 1) - curve(k))),
-            power: std::array::from_fn(power),
+            power: std::array::from_fn(|k| (power(k) << POWER_BITS) | (power(k + 1) - power(k))),
             detail: ((self.detail - 1.0) * 4096.0).round() as i32,
         }
     }
@@ -156,13 +159,15 @@ impl ToneMap {
         self.strength * (self.dark - (1.0 + (lift - 1.0) * (power * base).exp2()).log2())
     }
 
-    /// Gaussian weights between the cells of an axis, 16 bits, `[to][from]`.
-    fn weights(&self, nodes: usize) -> Vec<Vec<i64>> {
+    /// Gaussian weights between the cells of an axis, 16 bits: for each cell those of the cells about it that have any.
+    fn weights(&self, nodes: usize) -> Vec<Weights> {
         let sigma = self.reach / CELL as f64;
         let weight = |a: usize, b: usize| (-0.5 * (a.abs_diff(b) as f64 / sigma).powi(2)).exp();
         let line = |to: usize| {
             let sum: f64 = (0..nodes).map(|from| weight(to, from)).sum();
-            (0..nodes).map(|from| (weight(to, from) / sum * 65536.0).round() as i64).collect()
+            let of = |from: usize| (weight(to, from) / sum * 65536.0).round() as i64;
+            let first = (0..nodes).position(|from| of(from) > 0).unwrap_or(to);
+            Weights { first, of: (first..nodes).map(of).take_while(|weight| *weight > 0).collect() }
         };
         (0..nodes).map(line).collect()
     }
@@ -217,27 +222,59 @@ impl ToneMap {
     }
 }
 
+/// Weights of neighbouring cells.
+struct Weights {
+    /// The first of them.
+    first: usize,
+    of: Vec<i64>,
+}
+
 /// A plane of cells, blurred by the weights of its rows and of its columns.
-fn blurred(plane: &[i64], (m, n): (usize, usize), [rows, cols]: &[Vec<Vec<i64>>; 2]) -> Vec<i64> {
+fn blurred(plane: &[i64], (m, n): (usize, usize), [rows, cols]: &[Vec<Weights>; 2]) -> Vec<i64> {
+    let round = |sum: i64| (sum + (1 << 15)) >> 16;
     let mut across = vec![0; m * n];
-    for r in 0..m {
-        for (c, weights) in cols.iter().enumerate() {
-            let sum: i64 = weights.iter().zip(&plane[r * n..]).map(|(w, v)| w * v).sum();
-            across[r * n + c] = (sum + (1 << 15)) >> 16;
+    for (to, from) in across.chunks_exact_mut(n).zip(plane.chunks_exact(n)) {
+        for (to, Weights { first, of }) in to.iter_mut().zip(cols) {
+            *to = round(of.iter().zip(&from[*first..]).map(|(w, v)| w * v).sum());
         }
     }
     let mut out = vec![0; m * n];
-    for (r, weights) in rows.iter().enumerate() {
-        for c in 0..n {
-            let sum: i64 = weights.iter().enumerate().map(|(k, w)| w * across[k * n + c]).sum();
-            out[r * n + c] = (sum + (1 << 15)) >> 16;
+    for (to, Weights { first, of }) in out.chunks_exact_mut(n).zip(rows) {
+        for (weight, from) in of.iter().zip(across[first * n..].chunks_exact(n)) {
+            to.iter_mut().zip(from).for_each(|(sum, v)| *sum += weight * v);
         }
+        to.iter_mut().for_each(|sum| *sum = round(*sum));
     }
     out
 }
 
+/// Columns of each cell of some rows of pixels, and the sums of its values and of their squares.
+#[inline(always)]
+fn sums_of_cells(light: &Grid<i16>, rows: Range<usize>) -> Vec<(usize, [i64; 2])> {
+    let mut cells: Vec<_> = (0..light.width.div_ceil(CELL))
+        .map(|cell| (CELL.min(light.width - cell * CELL), [0_i64; 2]))
+        .collect();
+    for row in rows {
+        let (whole, rest) = light.row(row).as_chunks::<CELL>();
+        let (of_whole, of_rest) = cells.split_at_mut(whole.len());
+        for (pixels, (_, sums)) in whole.iter().zip(of_whole) {
+            add_sums(pixels, sums);
+        }
+        of_rest.iter_mut().for_each(|(_, sums)| add_sums(rest, sums));
+    }
+    cells
+}
+
+/// Adds values and their squares.
+#[inline(always)]
+fn add_sums(pixels: &[i16], sums: &mut [i64; 2]) {
+    sums[0] += i64::from(pixels.iter().map(|v| i32::from(*v)).sum::<i32>());
+    sums[1] += pixels.iter().map(|v| i64::from(i32::from(*v).pow(2))).sum::<i64>();
+}
+
 impl Registers {
     /// Slope and offset of the base at a row of pixels.
+    #[inline(always)]
     pub fn row(&self, row: usize) -> [Vec<i32>; 2] {
         [&self.slope, &self.offset].map(|plane| self.cols.spread_row(&self.rows.row_of_nodes(plane, row)))
     }
@@ -257,7 +294,8 @@ impl Registers {
         let (whole, fraction) = (stops >> LOG2.fraction, stops & (LOG2.one() - 1));
         const FINE: u32 = LOG2.fraction - 6;
         let (knot, rest) = ((fraction >> FINE) as usize % 64, fraction & ((1 << FINE) - 1));
-        let power = self.power[knot] + (((self.power[knot + 1] - self.power[knot]) * rest) >> FINE);
+        let (power, step) = (self.power[knot] >> POWER_BITS, self.power[knot] & ((1 << POWER_BITS) - 1));
+        let power = power + ((step * rest) >> FINE);
         GAIN.clamp(if whole >= 4 { GAIN.max } else { shift_round(power, (4 - whole) as u32) })
     }
 }
