@@ -19,11 +19,11 @@ mod view;
 
 pub(crate) use page::{lenses, over_the_field, over_the_run};
 pub(crate) use picture::pictures;
-pub use progress::{CameraProgress, CameraState, Progress};
 pub use view::{
-    Attribution, CameraDetection, CameraPicture, CameraView, Change, DetectionView, FieldPoint, FrameView,
-    GroupFigure, LossCurve, LostObjects, MadeCamera, MadeCameras, MadeScore, Mistake, PictureView,
-    PrecisionCurve, PsfView, Range, Report, Score, SeedDifference, SeedStudy, Spread, TableRow,
+    Attribution, CameraDetection, CameraPicture, CameraProgress, CameraState, CameraView, Change,
+    DetectionView, FieldPoint, FrameView, GroupFigure, LossCurve, LostObjects, MadeCamera, MadeCameras,
+    MadeScore, Mistake, PictureView, PrecisionCurve, Progress, PsfView, Range, Report, Score, SeedDifference,
+    SeedStudy, Spread, TableRow,
 };
 
 /// The result in sentences, as the page has it. Empty if there are no cameras to compare.

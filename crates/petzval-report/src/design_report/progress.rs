@@ -2,53 +2,17 @@
 
 use maud::{Markup, html};
 
-use super::view::{Report, camera_colour};
+use super::view::{CameraProgress, CameraState, Report, camera_colour};
 use crate::number;
 use crate::page::caption;
 use crate::table::{Column, Row, Table};
 
-/// A run that has not ended.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Progress {
-    /// Every camera of the run, in the order in which they are made.
-    pub cameras: Vec<CameraProgress>,
-    /// Time that the steps that are left will take at the pace of the latest ones, in words; none before the first step.
-    pub time_left: Option<String>,
-    /// Seconds after which a browser asks for the page again.
-    pub again_s: u32,
-}
-
-/// How far a camera has come.
-#[derive(Clone, Debug, PartialEq)]
-pub struct CameraProgress {
-    /// Its name.
-    pub camera: String,
-    /// Where it stands.
-    pub state: CameraState,
-    /// What moves in its steps, the steps that were taken, and those that are planned at most.
-    pub steps: Vec<(String, usize, usize)>,
-    /// The latest sum of all losses; NaN without one.
-    pub loss: f64,
-}
-
-/// Where a camera of a run stands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum CameraState {
-    /// Scored.
-    Finished,
-    /// Being made.
-    AtWork,
-    /// Not begun.
-    Waiting,
-}
-
-impl CameraState {
-    fn in_words(self) -> &'static str {
-        match self {
-            Self::Finished => "scored",
-            Self::AtWork => "at work",
-            Self::Waiting => "not begun",
-        }
+/// Where a camera stands, as the table says it.
+fn in_words(state: CameraState) -> &'static str {
+    match state {
+        CameraState::Finished => "scored",
+        CameraState::AtWork => "at work",
+        CameraState::Waiting => "not begun",
     }
 }
 
@@ -68,7 +32,7 @@ pub(super) fn progress(report: &Report) -> Markup {
             .map(|(part, taken, planned)| format!("{part} {taken} of {planned}"))
             .collect();
         let cells = [
-            html! { (camera.state.in_words()) },
+            html! { (in_words(camera.state)) },
             html! { (steps.join(", ")) },
             html! { (number::fixed(camera.loss, 4)) },
         ];
@@ -87,7 +51,7 @@ pub(super) fn progress(report: &Report) -> Markup {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::design_report::html;
+    use crate::design_report::{Progress, html};
     use crate::page::assert_readable;
     use crate::sample;
 

@@ -3,7 +3,6 @@
 use petzval_optics::analysis::{FieldMtf, FirstOrderTable, Layout};
 use petzval_optics::psf::{FieldPsf, PsfOptions};
 
-use super::progress::Progress;
 use crate::palette;
 use crate::prescription::SurfaceView;
 
@@ -56,6 +55,41 @@ pub struct Report {
     pub environment: Vec<(String, String)>,
     /// Remarks for the interpretation of the numbers.
     pub notes: Vec<String>,
+}
+
+/// A run that has not ended.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Progress {
+    /// Every camera of the run, in the order in which they are made.
+    pub cameras: Vec<CameraProgress>,
+    /// Time that the steps that are left will take at the pace of the latest ones, in words; none before the first step.
+    pub time_left: Option<String>,
+    /// Seconds after which a browser asks for the page again.
+    pub again_s: u32,
+}
+
+/// How far a camera has come.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CameraProgress {
+    /// Its name.
+    pub camera: String,
+    /// Where it stands.
+    pub state: CameraState,
+    /// What moves in its steps, the steps that were taken, and those that are planned at most.
+    pub steps: Vec<(String, usize, usize)>,
+    /// The latest sum of all losses; NaN without one.
+    pub loss: f64,
+}
+
+/// Where a camera of a run stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CameraState {
+    /// Scored.
+    Finished,
+    /// Being made.
+    AtWork,
+    /// Not begun.
+    Waiting,
 }
 
 /// How far differences between cameras scatter with the seed.
