@@ -124,7 +124,10 @@ fn a_run_that_looks_for_objects_is_scored_again_reported_and_lends_its_detector(
     fails(&["detect", "in", "--run", "run", "--least-score", "2"], "between 0 and 1");
     fails(&["detect", "run", "--run", "run"], "no picture in this folder");
     fails(&["detect", "in", "--weights", "tiny.toml"], "not a safetensors file");
-    fails(&["detect", "in", "--weights", "tiny.toml", "--longer-side", "0"], "longer_side");
+    fails(
+        &["detect", "in", "--weights", "tiny.toml", "--longer-side", "0"],
+        "--longer-side 0: a picture needs pixels",
+    );
     fails(&["detect", "in"], "--run");
 }
 
