@@ -3,6 +3,7 @@
 use petzval_camera::render::Placement;
 use petzval_learn::dataset::{NamedPhoto, dead_leaves, held_out_placements, training_crop};
 use petzval_learn::detection::Truth;
+use rayon::prelude::*;
 
 use crate::camera::{Camera, Shot, crop_window};
 use crate::error::DesignError;
@@ -21,7 +22,9 @@ pub fn training_shots(setup: &Setup, camera: &Camera, step: u64) -> Result<Vec<S
             .map(|item| scenes.training_shot(camera, item))
             .collect();
     }
+    // A window depends on its numbers alone, and a generated one takes milliseconds: they are made side by side.
     (0..training.batch as u32)
+        .into_par_iter()
         .map(|item| {
             let shot = shot_of(setup, setup.photos.training(), step, item)?;
             if !is_generated(shot.frame, training.dead_leaves) {

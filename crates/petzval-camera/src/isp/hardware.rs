@@ -254,20 +254,31 @@ impl Balance<'_> {
     /// The balanced light of a row of roots.
     #[inline(always)]
     fn row(&self, mosaic: &Grid<i16>, row: usize, out: &mut [i32]) {
+        // Colours alternate along a row, and blocks are even.
         let planes = [0, 1].map(|col| self.cfa.colour(row, col).plane().unwrap_or(1));
-        for (out, root) in out.iter_mut().zip(mosaic.row(row)) {
-            *out = self.stable.light((*root).into(), self.bias);
-        }
-        if let Some(shading) = &self.shading {
-            let gains = planes.map(|plane| shading.row(plane, row));
-            for (c, out) in out.iter_mut().enumerate() {
-                *out = amplified(*out, if c % 2 == 0 { gains[0][c] } else { gains[1][c] });
-            }
-        }
+        let shades = self.shading.as_ref().map(|shading| planes.map(|plane| shading.row(plane, row)));
         let gains = planes.map(|plane| self.gains[plane]);
-        for (c, out) in out.iter_mut().enumerate() {
-            *out = amplified(*out, if c % 2 == 0 { gains[0] } else { gains[1] }).min(self.highest);
-        }
+        let roots = mosaic.around(row, out.len());
+        by_blocks(
+            [out],
+            #[inline(always)]
+            |pixels, [block]| {
+                let roots = roots.block(0, 0, pixels.start);
+                for c in 0..BLOCK {
+                    block[c] = self.stable.light(roots[c].into(), self.bias);
+                }
+                if let Some([even, odd]) = &shades {
+                    let (even, odd) = (&even[pixels.clone()], &odd[pixels]);
+                    for c in 0..even.len().min(odd.len()).min(BLOCK) {
+                        block[c] = amplified(block[c], if c % 2 == 0 { even[c] } else { odd[c] });
+                    }
+                }
+                for c in 0..BLOCK {
+                    let gain = if c % 2 == 0 { gains[0] } else { gains[1] };
+                    block[c] = amplified(block[c], gain).min(self.highest);
+                }
+            },
+        );
     }
 }
 

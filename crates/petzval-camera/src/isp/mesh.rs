@@ -1,5 +1,7 @@
 //! Bilinear interpolation of values at nodes to pixels, along one axis at a time.
 
+use std::ops::Range;
+
 use burn::prelude::*;
 
 use super::tape_grid::constant;
@@ -14,6 +16,8 @@ pub struct Axis {
     /// The share of the way from it to the next, 12 bits.
     shares: Vec<i32>,
     nodes: usize,
+    /// The pixels behind each node, for the nodes that have any.
+    runs: Vec<(usize, Range<usize>)>,
 }
 
 impl Axis {
@@ -35,8 +39,15 @@ impl Axis {
             let node = (x as usize).min(last);
             (node, ((x - node as f64) * f64::from(1 << PLACE_BITS)).round() as i32)
         };
-        let (before, shares) = (0..len).map(of).unzip();
-        Self { before, shares, nodes }
+        let (before, shares): (Vec<usize>, Vec<i32>) = (0..len).map(of).unzip();
+        let mut runs: Vec<(usize, Range<usize>)> = Vec::new();
+        for (pixel, node) in before.iter().enumerate() {
+            match runs.last_mut() {
+                Some((last, pixels)) if last == node => pixels.end = pixel + 1,
+                _ => runs.push((*node, pixel..pixel + 1)),
+            }
+        }
+        Self { before, shares, nodes, runs }
     }
 
     /// Whole numbers of the nodes of a row of pixels from those of all nodes, `nodes[row][col]`, along this axis of rows.
@@ -52,14 +63,14 @@ impl Axis {
     /// Whole numbers of a row of pixels from those of its nodes.
     #[inline(always)]
     pub fn spread_row(&self, nodes: &[i32]) -> Vec<i32> {
-        let mut out = Vec::with_capacity(self.shares.len());
-        while out.len() < self.shares.len() {
-            // All pixels between two nodes.
-            let node = self.before[out.len()];
-            let count = self.before[out.len()..].partition_point(|before| *before == node);
-            let (low, high) = (nodes[node], nodes[(node + 1).min(self.nodes - 1)]);
-            let start = out.len();
-            out.extend(self.shares[start..start + count].iter().map(|share| between(low, high, *share)));
+        let mut out = vec![0; self.shares.len()];
+        for (node, pixels) in &self.runs {
+            let (low, high) = (nodes[*node], nodes[(node + 1).min(self.nodes - 1)]);
+            let (out, shares) = (&mut out[pixels.clone()], &self.shares[pixels.clone()]);
+            // A loop, because the closure of an iterator is compiled without the vector instructions.
+            for i in 0..out.len().min(shares.len()) {
+                out[i] = between(low, high, shares[i]);
+            }
         }
         out
     }

@@ -4,7 +4,7 @@ use burn::prelude::*;
 use burn::tensor::TensorData;
 use burn::tensor::ops::PadMode;
 
-use super::fixed::BORDER;
+use super::fixed::{BORDER, Biweight};
 use crate::sensor::{CfaPattern, Colour};
 
 /// A plane with a mirrored border, as [`Grid`](super::fixed::Grid) has it.
@@ -80,14 +80,14 @@ pub fn between(x: Tensor<4>, low: Tensor<4>, high: Tensor<4>) -> Tensor<4> {
     least(greatest(x, low.expand(dims)), high.expand(dims))
 }
 
-/// Tukey's influence of differences within a limit; see [`Influence`](super::fixed::Influence).
+/// Tukey's influence of differences within a limit; see [`Biweight`].
 pub fn influence(difference: Tensor<4>, limit: Tensor<4>) -> Tensor<4> {
     difference.clone() * biweight(difference, limit)
 }
 
 /// Tukey's weight of differences within a limit, `(1 - (d / limit)^2)^2`.
 pub fn biweight(difference: Tensor<4>, limit: Tensor<4>) -> Tensor<4> {
-    let share = difference / limit;
+    let share = difference / limit.clamp_max(Biweight::MOST_LIMIT);
     let rest = (-(share.clone() * share) + 1.0).clamp_min(0.0);
     rest.clone() * rest
 }

@@ -11,7 +11,7 @@
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
-use super::planes::{PlaneShape, Planes};
+use super::planes::{PlaneShape, Planes, zeros};
 
 /// Output channels computed together.
 const BLOCK: usize = 8;
@@ -142,7 +142,7 @@ fn input_gradient(conv: ConvShape, weight: &[f32], gradient: &Planes) -> Vec<f32
 
     // Sort the four quarters back into one picture.
     let quarters = [quarter([0, 0]), quarter([0, 1]), quarter([1, 0]), quarter([1, 1])];
-    let mut out = vec![0.0; gradient.batch() * inputs * height * width];
+    let mut out = zeros(gradient.batch() * inputs * height * width);
     out.par_chunks_mut(height * width).enumerate().for_each(|(channel, picture)| {
         for (row, line) in picture.chunks_exact_mut(width).enumerate() {
             let start = channel * plane.pixels() + row / 2 * plane.width;
@@ -175,7 +175,7 @@ fn pack(outputs: usize, lines: usize, weight: impl Fn(usize, usize) -> f32) -> V
 /// Convolves padded planes with packed weights: one task per picture and block of output channels.
 fn correlate(x: &Planes, lines: &[usize], packed: &[f32], bias: &[f32], slope: f32) -> Vec<f32> {
     let shape = x.shape;
-    let mut out = vec![0.0; x.batch() * bias.len() * shape.pixels()];
+    let mut out = zeros(x.batch() * bias.len() * shape.pixels());
     out.par_chunks_mut(bias.len() * shape.pixels()).enumerate().for_each(|(item, picture)| {
         picture.par_chunks_mut(BLOCK * shape.pixels()).enumerate().for_each(|(block, out)| {
             let weights = &packed[block * lines.len() * BLOCK..][..lines.len() * BLOCK];

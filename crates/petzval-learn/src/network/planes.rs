@@ -38,6 +38,11 @@ impl PlaneShape {
     }
 }
 
+/// Zeros, written by all threads: on one they take a twentieth of the time of a training step.
+pub(crate) fn zeros(count: usize) -> Vec<f32> {
+    rayon::iter::repeat_n(0.0, count).collect()
+}
+
 /// Zero-bordered planes `[batch, planes, stored rows, stored columns]`.
 pub(crate) struct Planes {
     pub shape: PlaneShape,
@@ -57,7 +62,7 @@ impl Planes {
         map: impl Fn(f32, usize) -> f32 + Sync,
     ) -> Self {
         let batch = values.len() / (channels * shape.pixels());
-        let mut data = vec![0.0; batch * stored_channels * shape.stored()];
+        let mut data = zeros(batch * stored_channels * shape.stored());
         data.par_chunks_mut(shape.stored()).enumerate().for_each(|(plane, to)| {
             let (item, channel) = (plane / stored_channels, plane % stored_channels);
             if channel < channels {
@@ -80,7 +85,7 @@ impl Planes {
     /// shape of a plane, half the picture.
     pub fn quarters(values: &[f32], channels: usize, [height, width]: [usize; 2], shape: PlaneShape) -> Self {
         let batch = values.len() / (channels * height * width);
-        let mut data = vec![0.0; batch * channels * 4 * shape.stored()];
+        let mut data = zeros(batch * channels * 4 * shape.stored());
         data.par_chunks_mut(shape.stored()).enumerate().for_each(|(plane, to)| {
             let picture = &values[plane / 4 * height * width..][..height * width];
             let (i, j) = (plane % 4 / 2, plane % 2);

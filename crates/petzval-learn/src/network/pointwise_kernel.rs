@@ -8,6 +8,8 @@
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
+use super::planes::zeros;
+
 /// Pixels of a strip.
 const STRIP: usize = 256;
 
@@ -73,7 +75,7 @@ pub(crate) fn forward(shape: PointwiseShape, x: &[f32], weight: &[f32], bias: &[
     let PointwiseShape { inputs, outputs, pixels, .. } = shape;
     let packed = pack(outputs, inputs, |output, input| weight[output * inputs + input]);
     let batch = x.len() / (shape.picture_channels() * pixels);
-    let mut y = vec![0.0; batch * outputs * pixels];
+    let mut y = zeros(batch * outputs * pixels);
     tasks(&mut y, outputs, pixels).into_par_iter().enumerate().for_each(|(task, out)| {
         let (picture, first) = shape.place(x, task);
         Arch::new().dispatch(ForwardSpan { shape, picture, first, packed: &packed, bias, out });
@@ -90,7 +92,7 @@ pub(crate) fn backward(
 ) -> (Vec<f32>, Vec<f32>, Vec<f32>) {
     let PointwiseShape { inputs, outputs, pixels, .. } = shape;
     let transposed = pack(inputs, outputs, |input, output| weight[output * inputs + input]);
-    let mut for_x = vec![0.0; x.len()];
+    let mut for_x = zeros(x.len());
     let parts: Vec<(Vec<f32>, Vec<f32>)> = tasks(&mut for_x, shape.picture_channels(), pixels)
         .into_par_iter()
         .enumerate()

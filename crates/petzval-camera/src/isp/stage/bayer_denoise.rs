@@ -6,7 +6,7 @@
 
 use burn::prelude::*;
 
-use super::super::fixed::{Grid, Influence, ROOT, WEIGHT, shift_round};
+use super::super::fixed::{BLOCK, Biweight, Grid, ROOT, WEIGHT, by_blocks, eight, shift_round};
 use super::super::tape_grid::{Stencil, Theta, constant, influence};
 
 petzval_base::parameters! {
@@ -59,7 +59,7 @@ impl BayerDenoise {
 
     fn scale_fixed(&self, mosaic: &Grid<i16>, step: isize, limit: f64) -> Grid<i16> {
         let (height, width) = (mosaic.height, mosaic.width);
-        let influence = Influence::new(limit);
+        let biweight = Biweight::new(limit);
         let [beside, diagonal] = self.weights().map(|w| WEIGHT.of(w));
         let (strength, radial) = (WEIGHT.of(self.strength), WEIGHT.of(self.radial));
         let corner = ((height * height + width * width) as f64).max(1.0);
@@ -70,29 +70,35 @@ impl BayerDenoise {
             #[inline(always)]
             |row, out| {
                 let near = mosaic.around(row, out.len());
-                let four = [near.at(-step, 0), near.at(0, -step), near.at(0, step), near.at(step, 0)];
-                let corners =
-                    [near.at(-step, -step), near.at(-step, step), near.at(step, -step), near.at(step, step)];
-                let here = near.at(0, 0);
-                for c in 0..out.len() {
-                    let v = i32::from(here[c]);
-                    let of = |line: &[i16]| influence.of(i32::from(line[c]) - v);
-                    let (mut of_four, mut of_corners) = (0, 0);
-                    for k in 0..4 {
-                        of_four += of(four[k]);
-                        of_corners += of(corners[k]);
-                    }
-                    let sum = of_four * beside + of_corners * diagonal;
-                    let share = if radial == 0 {
-                        strength
-                    } else {
-                        let square = radius_squared(row, c, (height, width), scale);
-                        let more = (square * radial) >> WEIGHT.fraction;
-                        (strength + ((strength * more) >> WEIGHT.fraction)).min(WEIGHT.one())
-                    };
-                    let change = shift_round(sum, WEIGHT.fraction) * share;
-                    out[c] = ROOT.short(v + shift_round(change, WEIGHT.fraction));
-                }
+                by_blocks(
+                    [out],
+                    #[inline(always)]
+                    |pixels, [out]| {
+                        let here = near.block(0, 0, pixels.start);
+                        let lines = eight(near, step, pixels.start);
+                        // Beside and diagonally: loops of 16-bit numbers alone. Four influences are rounded up, by two steps together.
+                        let [mut of_four, mut of_corners] = [[-2_i16; BLOCK]; 2];
+                        for k in 0..4 {
+                            let (beside, diagonal) = (lines[k], lines[4 + k]);
+                            for c in 0..BLOCK {
+                                of_four[c] += biweight.influence(beside[c].saturating_sub(here[c]));
+                                of_corners[c] += biweight.influence(diagonal[c].saturating_sub(here[c]));
+                            }
+                        }
+                        for c in 0..BLOCK {
+                            let sum = i32::from(of_four[c]) * beside + i32::from(of_corners[c]) * diagonal;
+                            let share = if radial == 0 {
+                                strength
+                            } else {
+                                let square = radius_squared(row, pixels.start + c, (height, width), scale);
+                                let more = (square * radial) >> WEIGHT.fraction;
+                                (strength + ((strength * more) >> WEIGHT.fraction)).min(WEIGHT.one())
+                            };
+                            let change = shift_round(sum, WEIGHT.fraction) * share;
+                            out[c] = ROOT.clamp(i32::from(here[c]) + shift_round(change, WEIGHT.fraction));
+                        }
+                    },
+                );
             },
         )
     }

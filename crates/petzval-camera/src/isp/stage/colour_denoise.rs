@@ -10,7 +10,9 @@
 
 use burn::prelude::*;
 
-use super::super::fixed::{Around, BLOCK, COLOUR, Grid, Influence, ROOT, WEIGHT, by_blocks, shift_round};
+use super::super::fixed::{
+    BLOCK, Biweight, COLOUR, Grid, ROOT, WEIGHT, by_blocks, doubled, eight, shift_round,
+};
 use super::super::tape_grid::{Stencil, Theta, biweight, influence};
 
 petzval_base::parameters! {
@@ -73,7 +75,7 @@ pub fn fixed(luma: &LumaDenoise, chroma: &ChromaDenoise, rgb: [Grid<i16>; 3], si
     );
     drop(rgb);
     let [u, v] = chroma.fixed(&y, [u, v], sigma);
-    let (strength, limit) = (WEIGHT.of(luma.strength), Influence::new(luma.threshold * sigma));
+    let (strength, limit) = (WEIGHT.of(luma.strength), Biweight::new(luma.threshold * sigma));
     Grid::several_from_rows(
         height,
         width,
@@ -87,13 +89,13 @@ pub fn fixed(luma: &LumaDenoise, chroma: &ChromaDenoise, rgb: [Grid<i16>; 3], si
                 |pixels, [r, g, b]| {
                     let near = eight(y, 1, pixels.start);
                     let [y, u, v] = [y, u, v].map(|plane| plane.block(0, 0, pixels.start));
+                    let sums = sums_over_eight(
+                        #[inline(always)]
+                        |k, c| limit.influence(near[k][c].saturating_sub(y[c])),
+                    );
                     for c in 0..BLOCK {
                         let [y, u, v] = [y[c], u[c], v[c]].map(i32::from);
-                        let mut sum = 0;
-                        for k in 0..8 {
-                            sum += limit.of(i32::from(near[k][c]) - y) << u32::from(k < 4);
-                        }
-                        let change = shift_round(sum, 4) * strength;
+                        let change = shift_round(sums[c].into(), 4) * strength;
                         let cleaned = ROOT.clamp(y + shift_round(change, WEIGHT.fraction));
                         [r[c], g[c], b[c]] = joined([cleaned, u, v]);
                     }
@@ -103,19 +105,22 @@ pub fn fixed(luma: &LumaDenoise, chroma: &ChromaDenoise, rgb: [Grid<i16>; 3], si
     )
 }
 
-/// Blocks of the eight neighbours at a distance, in the order of [`NEAR`].
+/// Sums of `of(neighbour, pixel)` over the eight neighbours of each pixel of a block, twice those beside.
+///
+/// One neighbour after the other over the block: each loop is a plain one over pixels, of 16-bit numbers alone.
 #[inline(always)]
-fn eight(near: Around<'_, i16>, step: isize, start: usize) -> [&[i16; BLOCK]; 8] {
-    [
-        near.block(-step, 0, start),
-        near.block(0, -step, start),
-        near.block(0, step, start),
-        near.block(step, 0, start),
-        near.block(-step, -step, start),
-        near.block(-step, step, start),
-        near.block(step, -step, start),
-        near.block(step, step, start),
-    ]
+fn sums_over_eight(of: impl Fn(usize, usize) -> i16) -> [i16; BLOCK] {
+    // Influences are rounded up, by half a step of each of the twelve.
+    let mut sums = [-6; BLOCK];
+    for k in 0..4 {
+        for c in 0..BLOCK {
+            sums[c] += doubled(of(k, c));
+        }
+        for c in 0..BLOCK {
+            sums[c] += of(k + 4, c);
+        }
+    }
+    sums
 }
 
 impl ChromaDenoise {
@@ -123,9 +128,8 @@ impl ChromaDenoise {
         if self.strength == 0.0 {
             return planes;
         }
-        let (strength, limit) = (WEIGHT.of(self.strength), Influence::new(self.threshold * sigma));
-        let guard = ROOT.of(self.guard * sigma).max(1);
-        let inverse = (1 << 24) / guard;
+        let strength = WEIGHT.of(self.strength);
+        let [limit, guard] = [self.threshold, self.guard].map(|limit| Biweight::new(limit * sigma));
         for step in [2, 4] {
             planes = Grid::several_from_rows(
                 luma.height,
@@ -142,25 +146,22 @@ impl ChromaDenoise {
                             let (near_y, near_u, near_v) =
                                 (eight(y, step, start), eight(u, step, start), eight(v, step, start));
                             let [y, u, v] = [y, u, v].map(|plane| plane.block(0, 0, start));
-                            let (mut of_u, mut of_v) = ([0; BLOCK], [0; BLOCK]);
-                            // One neighbour after the other over the block: each loop is a plain one over pixels.
+                            // Weights by the luma.
+                            let mut by_luma = [[0; BLOCK]; 8];
                             for k in 0..8 {
-                                let (line_y, line_u, line_v) = (near_y[k], near_u[k], near_v[k]);
                                 for c in 0..BLOCK {
-                                    // Weight by the luma, 12 bits.
-                                    let apart = (i32::from(line_y[c]) - i32::from(y[c])).abs().min(guard);
-                                    let share = (apart * inverse) >> 12;
-                                    let rest = (1 << 12) - ((share * share) >> 12);
-                                    let weight = ((rest * rest) >> 12) << u32::from(k < 4);
-                                    let [by_u, by_v] = [(line_u[c], u[c]), (line_v[c], v[c])]
-                                        .map(|(near, here)| limit.of(i32::from(near) - i32::from(here)));
-                                    of_u[c] += shift_round(by_u * weight, 12);
-                                    of_v[c] += shift_round(by_v * weight, 12);
+                                    by_luma[k][c] = guard.weight(near_y[k][c].saturating_sub(y[c]));
                                 }
                             }
-                            for (at, sums, to) in [(u, &of_u, to_u), (v, &of_v, to_v)] {
+                            for (at, near, to) in [(u, near_u, to_u), (v, near_v, to_v)] {
+                                let sums = sums_over_eight(
+                                    #[inline(always)]
+                                    |k, c| {
+                                        limit.influence_by(near[k][c].saturating_sub(at[c]), by_luma[k][c])
+                                    },
+                                );
                                 for c in 0..BLOCK {
-                                    let change = shift_round(sums[c], 4) * strength;
+                                    let change = shift_round(sums[c].into(), 4) * strength;
                                     let cleaned = i32::from(at[c]) + shift_round(change, WEIGHT.fraction);
                                     to[c] = COLOUR.clamp(cleaned);
                                 }

@@ -6,7 +6,7 @@
 
 use burn::prelude::*;
 
-use super::super::fixed::{Grid, Influence, ROOT, WEIGHT, shift_round};
+use super::super::fixed::{Biweight, COLOUR, Grid, ROOT, WEIGHT, shift_round};
 use super::super::tape_grid::{Stencil, Theta, colour_mask, influence};
 use crate::sensor::{CfaPattern, Colour};
 
@@ -26,7 +26,7 @@ impl GreenBalance {
         if self.strength == 0.0 {
             return mosaic;
         }
-        let (influence, half) = (Influence::new(self.threshold * sigma), WEIGHT.of(0.5 * self.strength));
+        let (biweight, half) = (Biweight::new(self.threshold * sigma), WEIGHT.of(0.5 * self.strength));
         Grid::from_rows(
             mosaic.height,
             mosaic.width,
@@ -42,7 +42,8 @@ impl GreenBalance {
                     let sum =
                         |lines: &[&[i16]; 4]| -> i32 { lines.iter().map(|line| i32::from(line[c])).sum() };
                     let (other, own) = (sum(&diagonal), 4 * v + sum(&beside));
-                    let change = influence.of(shift_round(2 * other - own, 3)) * half;
+                    let apart = COLOUR.short(shift_round(2 * other - own, 3));
+                    let change = i32::from(biweight.influence(apart)) * half;
                     let moved = ROOT.short(v + shift_round(change, WEIGHT.fraction));
                     out[c] = if c % 2 == first { moved } else { here[c] };
                 }

@@ -82,7 +82,9 @@ impl Stable {
         let low = self.least_root;
         // Steps of the square have 2^6 in a step of light.
         const SHIFT: u32 = 2 * ROOT.fraction - LINEAR.fraction;
-        let square = if root >= low { root * root } else { low * low + 2 * low * (root - low) };
+        // Below the least root along the tangent.
+        let above = root.max(low);
+        let square = above * above + 2 * low * (root - above);
         LINEAR.clamp(((square + (1 << (SHIFT - 1))) >> SHIFT) - self.whole_offset + bias)
     }
 
