@@ -15,7 +15,7 @@ use crate::setup::Setup;
 
 /// SHA-256 of the lens with its glasses, the sensor, the hardware ISP, the networks in place of tracing and
 /// the weights of a detector if there are any, and every photograph by name and content.
-fn fingerprint(setup: &Setup) -> Result<String, DesignError> {
+pub fn fingerprint(setup: &Setup) -> Result<String, DesignError> {
     let mut hash = Sha256::new();
     for variant in &setup.variants {
         hash.update(write_lens(&setup.start(variant).lens_file));
@@ -122,9 +122,8 @@ pub fn check_inputs(setup: &Setup, run: &RunFolder) -> Result<(), DesignError> {
     if noted.trim() == fingerprint(setup)? {
         return Ok(());
     }
-    let problem =
-"lens, glasses, sensor, ISP, networks in place of tracing, weights of the detector, photographs or labelled pictures are not those that this run began with; put \
-             them back, or start a new run"
-            .to_owned();
+    let problem = "lens, glasses, sensor, ISP, networks in place of tracing, weights of the detector, photographs or labelled pictures \
+                   are not those that this run began with; put them back, or start a new run";
+    let problem = problem.to_owned();
     Err(DesignError::Run { path, problem })
 }

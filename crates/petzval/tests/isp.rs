@@ -320,9 +320,13 @@ fn an_external_isp_is_shown_tuned_and_its_failure_loses_nothing() {
 fn a_proxy_is_trained_described_and_developed_with() {
     let folder = tempfile::tempdir().unwrap();
     write_raws(&folder.path().join("raws"));
+    let settings = folder.path().join("mine.toml");
+    std::fs::write(&settings, "about = \"A preset of one's own.\"\n").unwrap();
     let train = [
         "train",
         "isp-proxy",
+        "--isp",
+        "mine.toml",
         "--vary",
         "gain.stops,gamma",
         "--steps",
@@ -353,4 +357,9 @@ fn a_proxy_is_trained_described_and_developed_with() {
     assert_eq!(again["gap"], done["gap"]);
     run_fails(folder.path(), &[&train[..], &["--out", "proxy"]].concat(), 2, &["already holds a training"]);
     run_fails(folder.path(), &["train", "isp-proxy", "--resume", "raws"], 2, &["training.json"]);
+
+    // The ISP is no longer the one that is imitated.
+    std::fs::write(&settings, "about = \"Brighter.\"\n[settings.gain]\nstops = 0.5\n").unwrap();
+    let changed = ["the ISP, the lens", "no longer those with which this training began"];
+    run_fails(folder.path(), &["train", "isp-proxy", "--resume", "proxy"], 2, &changed);
 }

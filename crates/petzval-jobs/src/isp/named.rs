@@ -139,6 +139,19 @@ impl NamedIsp {
         }
     }
 
+    /// What makes its pictures, in words: name, methods, parameters with their ranges and values.
+    pub fn in_words(&self, values: &[f64]) -> String {
+        let methods = match &self.kind {
+            Kind::BuiltIn { isp, .. } => format!("{:?} {:?}", isp.settings.demosaic, isp.settings.domain),
+            Kind::External { .. } | Kind::Proxy { .. } => String::new(),
+        };
+        let lines = self.parameters.iter().zip(values).map(|(parameter, value)| {
+            let IspParameter { name, about } = parameter;
+            format!("{name} {} {} {value}\n", about.min, about.max)
+        });
+        format!("{} {methods}\n{}", self.isp().name(), lines.collect::<String>())
+    }
+
     /// The values at a gain of the sensor, EV.
     pub fn values(&self, gain_ev: f64) -> Result<Vec<f64>, JobError> {
         let mut values = match &self.kind {

@@ -24,9 +24,11 @@ const SAFETENSORS: &str = "weights.safetensors";
 /// All that a training needs to continue, beside weights and optimiser.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Kept<P, L> {
+pub(super) struct Kept<P, I, L> {
     /// What is imitated, and how.
     pub plan: P,
+    /// What the names in the plan stood for when the training began.
+    pub inputs: I,
     /// Steps that were taken.
     pub step: usize,
     /// Time that they took, s.
@@ -44,10 +46,10 @@ pub struct Record<L> {
     pub losses: L,
 }
 
-impl<P, L> Kept<P, L> {
+impl<P, I, L> Kept<P, I, L> {
     /// A training that has not begun.
-    pub fn new(plan: P) -> Self {
-        Self { plan, step: 0, seconds: 0.0, history: Vec::new() }
+    pub fn new(plan: P, inputs: I) -> Self {
+        Self { plan, inputs, step: 0, seconds: 0.0, history: Vec::new() }
     }
 }
 
@@ -70,11 +72,11 @@ pub(super) trait Training {
 }
 
 /// Goes on until the last step or until the job is cancelled.
-pub(super) fn train<T: Training, P: Serialize>(
+pub(super) fn train<T: Training, P: Serialize, I: Serialize>(
     training: &mut T,
     steps: usize,
     folder: &TrainingFolder,
-    kept: &mut Kept<P, T::Losses>,
+    kept: &mut Kept<P, I, T::Losses>,
     context: &Context,
 ) -> Result<(), JobError> {
     let mut recent = Vec::new();

@@ -3,5 +3,8 @@
 mod folder;
 pub mod isp_proxy;
 pub mod optics_proxy;
+mod request;
 
 pub use folder::Record;
+
+pub use self::request::Request;

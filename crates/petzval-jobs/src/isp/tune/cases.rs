@@ -91,10 +91,7 @@ pub(super) fn fingerprint(named: &NamedIsp, base: &[f64], cases: &[Case]) -> Res
         hash.update((bytes.len() as u64).to_le_bytes());
         hash.update(bytes);
     };
-    add(named.isp().name().as_bytes());
-    for (parameter, value) in named.parameters.iter().zip(base) {
-        add(format!("{} {} {} {value}", parameter.name, parameter.about.min, parameter.about.max).as_bytes());
-    }
+    add(named.in_words(base).as_bytes());
     for case in cases {
         for path in [&case.raw, &case.reference] {
             add(&petzval_base::read_whole(path)

@@ -6,13 +6,15 @@ use std::path::PathBuf;
 
 use petzval_camera::isp::{Demosaic, Domain, Isp, RgbPicture};
 use petzval_design::experiment::DevelopmentConfig;
+use petzval_design::inputs::fingerprint;
 use petzval_design::isp_proxy::{Frame, FrameSource, Judge, ProxyTrainer, StepLosses};
 use petzval_design::setup::Setup;
 use petzval_files::isp_file::IspProxyFile;
 use petzval_report::isp_strip::{Strip, StripStep, page};
 use serde::{Deserialize, Serialize};
 
-use super::folder::{Kept as AnyKept, Training, TrainingFolder, WEIGHTS, train};
+use super::folder::{Kept as AnyKept, Training, WEIGHTS, train};
+use super::request::{Request as AnyRequest, located};
 use crate::context::Context;
 use crate::error::JobError;
 use crate::isp::{NamedIsp, isp_by_name};
@@ -34,26 +36,20 @@ const GENERATED: f64 = 0.5;
 /// Held-out frames on the page.
 const SHOWN: usize = 3;
 
-/// The state of a training.
-type Kept = AnyKept<Plan, StepLosses>;
+/// A training of a proxy.
+pub type Request = AnyRequest<Plan>;
 
-/// A training that begins, or one that is continued.
+/// What the names in a plan stand for.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub enum Request {
-    /// From untrained weights.
-    New {
-        /// What is imitated, and how.
-        plan: Box<Plan>,
-        /// Folder for results and state; it must not hold a training.
-        out: PathBuf,
-    },
-    /// Where the training in a folder ended.
-    Resume {
-        /// The folder.
-        folder: PathBuf,
-    },
+#[serde(deny_unknown_fields)]
+struct Inputs {
+    /// The ISP with its values.
+    isp: String,
+    /// SHA-256 of lens, sensor and photographs.
+    scenes: String,
 }
+
+type Kept = AnyKept<Plan, Inputs, StepLosses>;
 
 /// A trained proxy.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -79,13 +75,8 @@ pub struct Response {
 /// The folder holds the weights, the description with the figures of the imitation (`proxy.toml`), pictures of proxy and ISP side by
 /// side (`proxy.html`), and what is needed to continue (`training.json`).
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
-    let (plan, resumed) = match request {
-        Request::New { plan, .. } => (Plan::clone(plan), None),
-        Request::Resume { folder } => {
-            let (folder, kept): (_, Kept) = TrainingFolder::open(folder)?;
-            (kept.plan.clone(), Some((folder, kept)))
-        }
-    };
+    let plan = request.plan()?;
+    let plan = Plan { isp: located(&plan.isp)?, experiment: located(&plan.experiment)?, ..plan };
     if !(1..=1_000_000).contains(&plan.training.steps) {
         let hint = "4000 take minutes on two cores";
         return Err(JobError::setting("steps", plan.training.steps, "must lie between 1 and 1000000", hint));
@@ -95,17 +86,16 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     named.set_bits(16);
     let varied = named.all_places(&plan.vary)?;
     let device = context.device("cpu")?;
-    let source = FrameSource::new(setup(&plan, context)?)?;
+    let setup = setup(&plan, context)?;
     let values = named.values(0.0)?;
+    let inputs = Inputs { isp: named.in_words(&values), scenes: fingerprint(&setup)? };
+    let source = FrameSource::new(setup)?;
     let mut trainer = ProxyTrainer::new(named.isp(), varied.clone(), values.clone(), plan.training, &device)?;
-    let (folder, mut kept) = match (resumed, request) {
-        (Some((folder, kept)), _) => {
-            trainer.load(folder.state(kept.step)?)?;
-            (folder, kept)
-        }
-        (None, Request::New { out, .. }) => (TrainingFolder::create(out)?, Kept::new(plan.clone())),
-        (None, Request::Resume { .. }) => return Err(JobError::failed("the training was not read")),
-    };
+    let what = "the ISP, the lens, the sensor or the photographs";
+    let (folder, mut kept) = request.open(plan.clone(), inputs, what)?;
+    if kept.step > 0 {
+        trainer.load(folder.state(kept.step)?)?;
+    }
     let mut training = OnFrames { isp: named.isp(), trainer, source };
     train(&mut training, plan.training.steps, &folder, &mut kept, context)?;
     let OnFrames { trainer, source, .. } = training;
@@ -189,11 +179,6 @@ fn description(
     kept: &Kept,
     gap: &Gap,
 ) -> Result<IspProxyFile, JobError> {
-    let path = std::path::Path::new(&plan.isp);
-    let proxy_of = match path.is_file() {
-        true => std::path::absolute(path).map_err(|e| JobError::failed(e.to_string()))?.display().to_string(),
-        false => plan.isp.clone(),
-    };
     let name = |i: &usize| named.parameters[*i].name.clone();
     Ok(IspProxyFile {
         about: format!(
@@ -201,7 +186,7 @@ fn description(
             named.isp().name(),
             kept.step
         ),
-        proxy_of,
+        proxy_of: plan.isp.clone(),
         weights: WEIGHTS.to_owned(),
         base_channels: plan.training.base_channels,
         levels: plan.training.levels,

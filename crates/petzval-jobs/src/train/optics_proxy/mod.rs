@@ -13,7 +13,8 @@ use petzval_files::write_lens;
 use petzval_report::optics_proxy_sheet::{PsfRow, Sheet, page};
 use serde::{Deserialize, Serialize};
 
-use super::folder::{Kept as AnyKept, Training, TrainingFolder, WEIGHTS, train};
+use super::folder::{Kept as AnyKept, Training, WEIGHTS, train};
+use super::request::{Request as AnyRequest, located};
 use crate::context::Context;
 use crate::error::JobError;
 
@@ -39,36 +40,20 @@ pub struct Plan {
 
 pub use petzval_design::optics_proxy::OpticsTraining;
 
-/// A plan with what its experiment meant when the training began.
+/// A training of a network.
+pub type Request = AnyRequest<Plan>;
+
+/// What the experiment of a plan stands for.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Begun {
-    plan: Plan,
+struct Inputs {
     /// The lens file with its bounds.
     lens: String,
     domain: ProxyDomain,
     defocus_mm: f64,
 }
 
-type Kept = AnyKept<Begun, OpticsLosses>;
-
-/// A training that begins, or one that is continued.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub enum Request {
-    /// From untrained weights.
-    New {
-        /// What is imitated, and how.
-        plan: Plan,
-        /// Folder for results and state; it must not hold a training.
-        out: PathBuf,
-    },
-    /// Where the training in a folder ended.
-    Resume {
-        /// The folder.
-        folder: PathBuf,
-    },
-}
+type Kept = AnyKept<Plan, Inputs, OpticsLosses>;
 
 /// A trained network.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -120,13 +105,8 @@ impl Training for ProxyOpticsTrainer {
 /// The folder holds the weights, the lens with the bounds within which lenses are drawn, the description with the figures of the
 /// comparison (`proxy.toml`), PSFs of network and tracing side by side (`proxy.html`), and what is needed to continue (`training.json`).
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
-    let (plan, resumed) = match request {
-        Request::New { plan, .. } => (located(plan)?, None),
-        Request::Resume { folder } => {
-            let (folder, kept): (_, Kept) = TrainingFolder::open(folder)?;
-            (kept.plan.plan.clone(), Some((folder, kept)))
-        }
-    };
+    let plan = request.plan()?;
+    let plan = Plan { experiment: located(&plan.experiment)?, ..plan };
     check(&plan.training)?;
     let device = context.device("cpu")?;
     let experiment = context.assets.experiment(&plan.experiment)?;
@@ -142,28 +122,16 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let sampler = |seed: u64| LensSampler::new(start.clone(), setup.moving_plan.clone(), seed);
     let mut trainer =
         ProxyOpticsTrainer::new(sampler(plan.training.seed), domain.clone(), plan.training, &device)?;
-    let begun = Begun {
-        plan: plan.clone(),
+    let inputs = Inputs {
         lens: write_lens(&start.lens_file),
         domain: domain.clone(),
         defocus_mm: setup.experiment.optics.defocus_mm,
     };
-    let (folder, mut kept) = match (resumed, request) {
-        (Some((folder, kept)), _) => {
-            if kept.plan != begun {
-                let message =
-                    "the lens, its bounds or the PSFs are no longer those with which this training began";
-                return Err(JobError::input(
-                    message,
-                    format!("put {} back, or begin another training", plan.experiment),
-                ));
-            }
-            trainer.load(folder.state(kept.step)?)?;
-            (folder, kept)
-        }
-        (None, Request::New { out, .. }) => (TrainingFolder::create(out)?, Kept::new(begun.clone())),
-        (None, Request::Resume { .. }) => return Err(JobError::failed("the training was not read")),
-    };
+    let what = "the lens, its bounds or the PSFs";
+    let (folder, mut kept) = request.open(plan.clone(), inputs, what)?;
+    if kept.step > 0 {
+        trainer.load(folder.state(kept.step)?)?;
+    }
     train(&mut trainer, plan.training.steps, &folder, &mut kept, context)?;
 
     let response = Response {
@@ -188,18 +156,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let sheet = sheet(&unseen, trainer.proxy())?;
     let description = description(&plan, &setup, &domain, trainer.proxy(), &kept, &gap)?;
     let weights = [&trainer.save()?[0][..], &trainer.safetensors()?];
-    folder.finish(weights, &page(&sheet), &[(FILES[1], &begun.lens)], &description)?;
+    folder.finish(weights, &page(&sheet), &[(FILES[1], &kept.inputs.lens)], &description)?;
     Ok(Response { gap: Some(gap), ..response })
-}
-
-/// The plan with the path of its experiment made absolute, so that the training can be resumed from any folder.
-fn located(plan: &Plan) -> Result<Plan, JobError> {
-    let path = std::path::Path::new(&plan.experiment);
-    if !path.is_file() {
-        return Ok(plan.clone());
-    }
-    let path = std::path::absolute(path).map_err(|e| JobError::failed(e.to_string()))?;
-    Ok(Plan { experiment: path.display().to_string(), ..plan.clone() })
 }
 
 fn check(training: &OpticsTraining) -> Result<(), JobError> {

@@ -69,13 +69,13 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let request = match (args.resume, args.out) {
         (Some(folder), _) => Request::Resume { folder },
         (None, Some(out)) => Request::New {
-            plan: Box::new(Plan {
+            plan: Plan {
                 isp: args.isp.name(),
                 set: args.set,
                 vary: args.vary,
                 experiment: args.experiment,
                 training: ProxyTraining { steps, seed, base_channels, levels },
-            }),
+            },
             out,
         },
         (None, None) => return Err(Failure::input("--out is missing", "give a folder, or --resume")),
