@@ -360,6 +360,6 @@ fn a_proxy_is_trained_described_and_developed_with() {
 
     // The ISP is no longer the one that is imitated.
     std::fs::write(&settings, "about = \"Brighter.\"\n[settings.gain]\nstops = 0.5\n").unwrap();
-    let changed = ["the ISP, the lens", "no longer those with which this training began"];
+    let changed = ["mine.toml", "no longer those with which this training began"];
     run_fails(folder.path(), &["train", "isp-proxy", "--resume", "proxy"], 2, &changed);
 }

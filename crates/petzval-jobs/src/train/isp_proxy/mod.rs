@@ -91,8 +91,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let inputs = Inputs { isp: named.in_words(&values), scenes: fingerprint(&setup)? };
     let source = FrameSource::new(setup)?;
     let mut trainer = ProxyTrainer::new(named.isp(), varied.clone(), values.clone(), plan.training, &device)?;
-    let what = "the ISP, the lens, the sensor or the photographs";
-    let (folder, mut kept) = request.open(plan.clone(), inputs, what)?;
+    let what = format!("the ISP {}, or lens, sensor and photographs of {},", plan.isp, plan.experiment);
+    let (folder, mut kept) = request.open(plan.clone(), inputs, &what)?;
     if kept.step > 0 {
         trainer.load(folder.state(kept.step)?)?;
     }

@@ -127,8 +127,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         domain: domain.clone(),
         defocus_mm: setup.experiment.optics.defocus_mm,
     };
-    let what = "the lens, its bounds or the PSFs";
-    let (folder, mut kept) = request.open(plan.clone(), inputs, what)?;
+    let what = format!("the lens, its bounds or the PSFs of {}", plan.experiment);
+    let (folder, mut kept) = request.open(plan.clone(), inputs, &what)?;
     if kept.step > 0 {
         trainer.load(folder.state(kept.step)?)?;
     }
