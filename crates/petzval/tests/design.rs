@@ -388,21 +388,23 @@ fn a_run_is_never_overwritten() {
 #[test]
 fn a_camera_that_restores_is_designed_and_evaluated() {
     let folder = tempfile::tempdir().unwrap();
-    let with = |restore: bool| {
+    let with = |restore: bool, kind: &str| {
         let mut table: toml::Table = tiny_experiment().parse().unwrap();
         let mut set = |section: &str, key: &str, value: toml::Value| {
             table[section].as_table_mut().unwrap().insert(key.to_owned(), value).unwrap();
         };
         set("development", "restore", toml::Value::Boolean(restore));
-        set("network", "kind", toml::Value::String("restoration".to_owned()));
+        set("network", "kind", toml::Value::String(kind.to_owned()));
         std::fs::write(folder.path().join("restoring.toml"), toml::to_string(&table).unwrap()).unwrap();
     };
-    with(true);
-    run_ok(folder.path(), &["design", "restoring.toml", "--out", "run"]);
-    let again = run_ok(folder.path(), &["evaluate", "run", "--json"]).json();
-    assert_eq!(again["largest_difference_from_run"], 0.0);
+    for kind in ["restoration", "restoration-naf"] {
+        with(true, kind);
+        run_ok(folder.path(), &["design", "restoring.toml", "--out", kind]);
+        let again = run_ok(folder.path(), &["evaluate", kind, "--json"]).json();
+        assert_eq!(again["largest_difference_from_run"], 0.0);
+    }
     // A network that needs a restored picture is not put behind a camera that makes none.
-    with(false);
+    with(false, "restoration-naf");
     run_fails(
         folder.path(),
         &["design", "restoring.toml", "--out", "x"],

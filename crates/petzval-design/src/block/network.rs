@@ -194,7 +194,7 @@ mod tests {
     #[test]
     fn the_proximal_map_moves_weights_towards_the_anchor_by_its_share() {
         let device = Device::flex().autodiff();
-        for kind in [NetworkKind::UNet, NetworkKind::Restoration] {
+        for kind in [NetworkKind::UNet, NetworkKind::Restoration, NetworkKind::RestorationNaf] {
             let [network, anchor] = [1, 2].map(|seed| kind.init(8, 1, seed, &device).unwrap());
             let pulled = weights(&pulled_towards(network.clone(), &anchor, 3.0));
             for ((w, a), p) in weights(&network).iter().zip(weights(&anchor)).zip(pulled) {

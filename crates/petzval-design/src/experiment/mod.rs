@@ -20,7 +20,6 @@ use petzval_base::parameter::Parameters;
 use petzval_base::{FileError, quote};
 use petzval_camera::sensor::NoiseMode;
 use petzval_learn::loss::ImageLoss;
-use petzval_learn::network::NetworkKind;
 use petzval_learn::score::object_scores;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -241,7 +240,7 @@ impl Experiment {
             return Err(error.hint("write \"menon\", \"malvar\" or \"bilinear\", or 0 for optics.steps"));
         }
         if self.task == TaskKind::ImageQuality
-            && self.network.kind == NetworkKind::Restoration
+            && self.network.kind.needs_restoration()
             && !self.development.restore
         {
             let error =

@@ -77,7 +77,7 @@ parameters! {
         /// Levels of halved resolution.
         levels: usize = 3, "", 1..6, Linear, "3 or 4";
     } also {
-        /// A U-Net that sees the picture alone, or one behind a restoration that is trained with it.
+        /// A U-Net that sees the picture alone, or a U-Net or NAF network behind a restoration that is trained with it.
         kind: NetworkKind = NetworkKind::Restoration;
     }
 }

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::detection::{AnyDetector, Detector};
 use crate::weight_file::weights_file;
 
-use super::{NetworkError, NetworkInput, PictureNetwork, RestorationNetwork, UNet, UNetConfig, weights};
+use super::{Naf, NetworkError, NetworkInput, PictureNetwork, RestorationNetwork, UNet, UNetConfig, weights};
 
 /// A kind of network.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -19,6 +19,8 @@ pub enum NetworkKind {
     /// A U-Net behind a restoration whose regularisation is trained with it. It sees the pictures before and after restoration, its place
     /// in the field and the noise.
     Restoration,
+    /// The same with a [`Naf`] in place of the U-Net.
+    RestorationNaf,
 }
 
 /// A network of one of the kinds.
@@ -28,12 +30,22 @@ pub enum Network {
     /// See [`UNet`].
     UNet(UNet),
     /// See [`RestorationNetwork`].
-    Restoration(RestorationNetwork),
+    Restoration(RestorationNetwork<UNet>),
+    /// The same with another network in it.
+    RestorationNaf(RestorationNetwork<Naf>),
     /// A detector, which leaves the picture as it is.
     Detector(AnyDetector),
 }
 
 impl NetworkKind {
+    /// Whether it stands behind a restoration, without which it cannot work.
+    pub const fn needs_restoration(self) -> bool {
+        match self {
+            Self::UNet => false,
+            Self::Restoration | Self::RestorationNaf => true,
+        }
+    }
+
     /// A network of these sizes on `device`, with weights drawn from `seed` alone. Fails on a size that is out of range.
     pub fn init(
         self,
@@ -50,6 +62,9 @@ impl NetworkKind {
             Self::Restoration => {
                 Network::Restoration(RestorationNetwork::init(base_channels, levels, seed, device)?)
             }
+            Self::RestorationNaf => {
+                Network::RestorationNaf(RestorationNetwork::init(base_channels, levels, seed, device)?)
+            }
         })
     }
 }
@@ -60,6 +75,7 @@ impl Network {
         match self {
             Self::UNet(network) => Some(network),
             Self::Restoration(network) => Some(network),
+            Self::RestorationNaf(network) => Some(network),
             Self::Detector(_) => None,
         }
     }
@@ -124,7 +140,7 @@ mod tests {
     fn an_untrained_network_changes_nothing() {
         let device = Device::flex().autodiff();
         let mut seen = input(&device, 20);
-        for kind in [NetworkKind::UNet, NetworkKind::Restoration] {
+        for kind in [NetworkKind::UNet, NetworkKind::Restoration, NetworkKind::RestorationNaf] {
             let network = kind.init(8, 2, 3, &device).unwrap();
             let (finished, picture) = (host(network.finish(&seen)), host(seen.picture()));
             assert!(finished.iter().zip(&picture).all(|(a, b)| (a - b).abs() < 1e-6));
@@ -139,28 +155,30 @@ mod tests {
     fn curves_and_weights_move_by_one_optimiser_and_come_back_from_their_bytes() {
         let device = Device::flex().autodiff();
         let seen = input(&device, 16);
-        let mut network = NetworkKind::Restoration.init(8, 1, 3, &device).unwrap();
-        let mut optimizer = AdamConfig::new().init();
-        let before = host(network.curves().unwrap());
-        assert!(before.iter().all(|v| *v == 0.0));
-        for _ in 0..2 {
-            let of_curves = (network.curves().unwrap() - 1.0).square().sum();
-            let loss = of_curves + (network.finish(&seen) - 0.2).square().mean();
-            let gradients = GradientsParams::from_grads(loss.backward(), &network);
-            network = optimizer.step(1e-2, network, gradients);
+        for kind in [NetworkKind::Restoration, NetworkKind::RestorationNaf] {
+            let mut network = kind.init(8, 1, 3, &device).unwrap();
+            let mut optimizer = AdamConfig::new().init();
+            let before = host(network.curves().unwrap());
+            assert!(before.iter().all(|v| *v == 0.0));
+            for _ in 0..2 {
+                let of_curves = (network.curves().unwrap() - 1.0).square().sum();
+                let loss = of_curves + (network.finish(&seen) - 0.2).square().mean();
+                let gradients = GradientsParams::from_grads(loss.backward(), &network);
+                network = optimizer.step(1e-2, network, gradients);
+            }
+            let moved = host(network.curves().unwrap());
+            assert!(moved.iter().all(|v| *v > 0.01), "{moved:?}");
+            assert!(host(network.finish(&seen)) != host(seen.picture()));
+            let other = kind.init(8, 1, 99, &device).unwrap();
+            let loaded = other.load_bytes(network.to_bytes().unwrap()).unwrap();
+            assert_eq!(host(loaded.finish(&seen)), host(network.finish(&seen)));
+            assert_eq!(host(loaded.curves().unwrap()), moved);
+            // Weights of another kind or size are refused.
+            let of_another = |another: NetworkKind, base| {
+                another.init(base, 1, 3, &device).unwrap().load_bytes(network.to_bytes().unwrap())
+            };
+            assert!(of_another(NetworkKind::UNet, 8).is_err());
+            assert!(of_another(kind, 16).is_err());
         }
-        let moved = host(network.curves().unwrap());
-        assert!(moved.iter().all(|v| *v > 0.01), "{moved:?}");
-        assert!(host(network.finish(&seen)) != host(seen.picture()));
-        let other = NetworkKind::Restoration.init(8, 1, 99, &device).unwrap();
-        let loaded = other.load_bytes(network.to_bytes().unwrap()).unwrap();
-        assert_eq!(host(loaded.finish(&seen)), host(network.finish(&seen)));
-        assert_eq!(host(loaded.curves().unwrap()), moved);
-        // Weights of another kind or size are refused.
-        let of_another = |kind: NetworkKind, base| {
-            kind.init(base, 1, 3, &device).unwrap().load_bytes(network.to_bytes().unwrap())
-        };
-        assert!(of_another(NetworkKind::UNet, 8).is_err());
-        assert!(of_another(NetworkKind::Restoration, 16).is_err());
     }
 }

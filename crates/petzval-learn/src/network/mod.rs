@@ -38,7 +38,7 @@ pub use isp_proxy::{IspProxy, IspProxyConfig};
 pub use naf::{Naf, NafConfig};
 pub use optics_proxy::{OpticsProxy, OpticsProxyConfig, PROXY_GRID, PredictedPsfs};
 pub use pointwise::{gated_pointwise, normalized_pointwise, pointwise};
-pub use restoration::RestorationNetwork;
+pub use restoration::{Correction, RestorationNetwork};
 pub use unet::{UNet, UNetConfig};
 pub(crate) use weights::Initializer;
 

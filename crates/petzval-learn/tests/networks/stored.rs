@@ -41,12 +41,15 @@ fn names<M: Module>(network: &M, file: &[u8]) -> Vec<String> {
 #[test]
 fn every_weight_is_in_the_file_under_its_path() {
     let device = Device::flex();
-    for kind in [NetworkKind::UNet, NetworkKind::Restoration] {
+    for (kind, last) in [
+        (NetworkKind::UNet, "last_weight"),
+        (NetworkKind::Restoration, "correction.last_weight"),
+        (NetworkKind::RestorationNaf, "correction.last.weight"),
+    ] {
         let network = kind.init(8, 2, 3, &device).unwrap();
         let names = names(&network, &network.to_safetensors().unwrap());
-        let last = if kind == NetworkKind::UNet { "last_weight" } else { "correction.last_weight" };
         assert!(names.iter().any(|name| name == last), "{names:?}");
-        assert_eq!(names.iter().any(|name| name == "curves"), kind == NetworkKind::Restoration);
+        assert_eq!(names.iter().any(|name| name == "curves"), kind.needs_restoration());
     }
     let proxy = IspProxyConfig { base_channels: 8, levels: 2, ..IspProxyConfig::default() };
     let proxy = proxy.init(3, &device).unwrap();

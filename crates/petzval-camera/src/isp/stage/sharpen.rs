@@ -128,3 +128,34 @@ impl Sharpen {
         rgb.map(|plane| plane + detail.clone())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use burn::tensor::TensorData;
+
+    use super::*;
+
+    #[test]
+    fn it_is_an_unsharp_mask() {
+        let reference: serde_json::Value =
+            serde_json::from_str(include_str!("../../../tests/fixtures/isp_reference.json")).unwrap();
+        let plane =
+            |value: &serde_json::Value| -> Vec<Vec<f32>> { serde_json::from_value(value.clone()).unwrap() };
+        let (given, wanted) = (plane(&reference["gray_noisy"]), plane(&reference["unsharp_skimage"]["out"]));
+        let (height, width) = (given.len(), given[0].len());
+        let device = Default::default();
+        let parameters = [("amount", 1.5), ("sigma", 1.0), ("coring", 0.0), ("over", 1.0), ("under", 1.0)];
+        let values = Tensor::from_data(TensorData::from(parameters.map(|(_, v)| v)), &device);
+        let theta = Theta::new(values, parameters.map(|(key, _)| format!("sharpen.{key}")).to_vec());
+        let gray = Tensor::<4>::from_data(TensorData::new(given.concat(), [1, 1, height, width]), &device);
+        let [found, _, _] = Sharpen::smooth([gray.clone(), gray.clone(), gray], &theta);
+        let found: Vec<f32> = found.into_data().to_vec().unwrap();
+        // Its Gaussian ends four pixels away, where ours has 1.5e-6 of its weight left.
+        for r in 4..height - 4 {
+            for c in 4..width - 4 {
+                let (found, wanted) = (found[r * width + c].clamp(0.0, 1.0), wanted[r][c]);
+                assert!((found - wanted).abs() < 1e-5, "({r}, {c}): {found} {wanted}");
+            }
+        }
+    }
+}
