@@ -450,7 +450,7 @@ impl Camera {
         let field = Tensor::from_data(TensorData::new(field, [batch, 1, height, width]), &body.device);
         let noise = field.zeros_like() + stabilised_noise(&body.sensor, &body.exposure);
         let encoded = srgb_encode_op(developed);
-        network.finish(&NetworkInput {
+        network.finish_in_tiles(&NetworkInput {
             developed: encoded,
             restored: restored.map(srgb_encode_op),
             field,

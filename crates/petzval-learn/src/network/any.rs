@@ -7,7 +7,9 @@ use serde::{Deserialize, Serialize};
 use crate::detection::{AnyDetector, Detector};
 use crate::weight_file::weights_file;
 
-use super::{Naf, NetworkError, NetworkInput, PictureNetwork, RestorationNetwork, UNet, UNetConfig, weights};
+use super::{
+    Naf, NetworkError, NetworkInput, PictureNetwork, Reach, RestorationNetwork, UNet, UNetConfig, weights,
+};
 
 /// A kind of network.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -99,6 +101,10 @@ impl Network {
 impl PictureNetwork for Network {
     fn finish(&self, input: &NetworkInput) -> Tensor<4> {
         self.of_kind().map_or_else(|| input.picture(), |network| network.finish(input))
+    }
+
+    fn reach(&self) -> Option<Reach> {
+        self.of_kind()?.reach()
     }
 
     fn curves(&self) -> Option<Tensor<2>> {

@@ -1,5 +1,7 @@
 //! What a camera knows about a picture when its network finishes it.
 
+use std::ops::Range;
+
 use burn::prelude::*;
 
 /// Developed pictures and what is known about them, `[batch, channels, height, width]` of one size.
@@ -16,6 +18,20 @@ pub struct NetworkInput {
 }
 
 impl NetworkInput {
+    /// The same of some rows and columns.
+    pub fn window(&self, rows: &Range<usize>, columns: &Range<usize>) -> Self {
+        let cut = |all: &Tensor<4>| {
+            let [batch, channels, ..] = all.dims();
+            all.clone().slice([0..batch, 0..channels, rows.clone(), columns.clone()])
+        };
+        Self {
+            developed: cut(&self.developed),
+            restored: self.restored.as_ref().map(cut),
+            field: cut(&self.field),
+            noise: cut(&self.noise),
+        }
+    }
+
     /// The pictures as far as the camera takes them without a network.
     pub fn picture(&self) -> Tensor<4> {
         self.restored.as_ref().unwrap_or(&self.developed).clone()

@@ -25,6 +25,7 @@ mod planes;
 mod pointwise;
 mod pointwise_kernel;
 mod restoration;
+mod tiles;
 mod trunk;
 mod unet;
 mod weights;
@@ -39,6 +40,7 @@ pub use naf::{Naf, NafConfig};
 pub use optics_proxy::{OpticsProxy, OpticsProxyConfig, PROXY_GRID, PredictedPsfs};
 pub use pointwise::{gated_pointwise, normalized_pointwise, pointwise};
 pub use restoration::{Correction, RestorationNetwork};
+pub use tiles::{Reach, in_tiles};
 pub use unet::{UNet, UNetConfig};
 pub(crate) use weights::Initializer;
 
@@ -46,10 +48,26 @@ use burn::prelude::*;
 
 use crate::detection::Detector;
 
+/// Pixels a side of the tiles of large pictures, a multiple of every network's unit: a network of 16 channels takes half a gigabyte for one.
+pub const TILE: usize = 1024;
+
 /// A network behind the development.
 pub trait PictureNetwork {
     /// The finished pictures `[batch, 3, height, width]`, sRGB-encoded.
     fn finish(&self, input: &NetworkInput) -> Tensor<4>;
+
+    /// How far it looks; none if a pixel depends on no other.
+    fn reach(&self) -> Option<Reach> {
+        None
+    }
+
+    /// The finished pictures, made [in tiles](in_tiles) where they are larger than [`TILE`] a side.
+    fn finish_in_tiles(&self, input: &NetworkInput) -> Tensor<4> {
+        match self.reach() {
+            Some(reach) => in_tiles(input, TILE, reach, |tile| self.finish(tile)),
+            None => self.finish(input),
+        }
+    }
 
     /// The curves `[3, KNOTS]` of the [restoration](petzval_camera::render::Wiener::curves) in front of it, if they are trained with it.
     fn curves(&self) -> Option<Tensor<2>> {

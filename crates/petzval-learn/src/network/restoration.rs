@@ -8,7 +8,7 @@ use petzval_camera::image::CHANNELS;
 use petzval_camera::render::KNOTS;
 
 use super::{
-    Naf, NafConfig, NetworkError, NetworkInput, PictureNetwork, UNet, UNetConfig, weights::Initializer,
+    Naf, NafConfig, NetworkError, NetworkInput, PictureNetwork, Reach, UNet, UNetConfig, weights::Initializer,
 };
 
 /// Channels of the input: restored 3, developed 3, field 1, noise 1.
@@ -43,6 +43,9 @@ pub trait Correction: Module {
     /// What is missing and the share `[batch, 6, height, width]`, from planes `[batch, 8, height, width]` of which the first six are the
     /// pictures.
     fn find(&self, seen: Tensor<4>) -> Tensor<4>;
+
+    /// How far it looks.
+    fn reach(&self) -> Reach;
 }
 
 impl Correction for UNet {
@@ -56,6 +59,10 @@ impl Correction for UNet {
         // It adds what it finds to its first channels.
         let [batch, ..] = seen.dims();
         self.forward(seen.clone()) - seen.slice([0..batch, 0..OUT_CHANNELS])
+    }
+
+    fn reach(&self) -> Reach {
+        self.reach()
     }
 }
 
@@ -73,6 +80,10 @@ impl Correction for Naf {
 
     fn find(&self, seen: Tensor<4>) -> Tensor<4> {
         self.forward(seen)
+    }
+
+    fn reach(&self) -> Reach {
+        self.reach()
     }
 }
 
@@ -101,6 +112,10 @@ impl<N: Correction> PictureNetwork for RestorationNetwork<N> {
         let found = self.correction.find(Tensor::cat(seen, 1)).chunk(2, 1);
         let [missing, share] = found.try_into().expect("two halves");
         restored.clone() + share * (developed - restored) + missing
+    }
+
+    fn reach(&self) -> Option<Reach> {
+        Some(self.correction.reach())
     }
 
     fn curves(&self) -> Option<Tensor<2>> {

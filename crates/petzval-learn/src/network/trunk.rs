@@ -9,7 +9,7 @@ use burn::{
     },
 };
 
-use super::{leaky_conv::LeakyConv, weights::Initializer};
+use super::{Reach, leaky_conv::LeakyConv, weights::Initializer};
 
 /// Two convolutions at one resolution.
 #[derive(Module, Debug)]
@@ -53,6 +53,13 @@ impl Trunk {
             .map(|level| pair(2 * channels(level), channels(level), channels(level.saturating_sub(1))))
             .collect();
         Self { encoder, bottom, decoder }
+    }
+
+    /// How far it looks: each 3x3 convolution reaches one pixel of its resolution, and halving and doubling the picture one each of the
+    /// resolution above.
+    pub fn reach(&self) -> Reach {
+        let (levels, unit) = (self.encoder.len(), self.unit());
+        Reach { pixels: (0..levels).map(|level| 6 << level).sum::<usize>() + 2 * unit, unit }
     }
 
     /// Pixels that one pixel of the lowest resolution covers in each direction.

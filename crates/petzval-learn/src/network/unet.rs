@@ -7,7 +7,7 @@ use burn::{
 use serde::{Deserialize, Serialize};
 
 use super::{
-    NetworkError, NetworkInput, PictureNetwork, pointwise,
+    NetworkError, NetworkInput, PictureNetwork, Reach, pointwise,
     trunk::{Trunk, crop, extend},
     weights::{self, Initializer, check_sizes},
 };
@@ -85,6 +85,11 @@ impl UNet {
         picture.slice([0..batch, 0..out_channels]) + crop(correction, [height, width])
     }
 
+    /// How far it looks.
+    pub fn reach(&self) -> Reach {
+        self.trunk.reach()
+    }
+
     /// All weights as bytes in Burn's format, exact to the bit.
     pub fn to_bytes(&self) -> Result<Vec<u8>, NetworkError> {
         weights::to_bytes(self)
@@ -99,5 +104,9 @@ impl UNet {
 impl PictureNetwork for UNet {
     fn finish(&self, input: &NetworkInput) -> Tensor<4> {
         self.forward(input.picture())
+    }
+
+    fn reach(&self) -> Option<Reach> {
+        Some(self.reach())
     }
 }

@@ -6,4 +6,5 @@ mod naf;
 mod pointwise;
 mod stored;
 mod support;
+mod tiles;
 mod unet;
