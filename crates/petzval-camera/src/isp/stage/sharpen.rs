@@ -149,7 +149,7 @@ mod tests {
         let theta = Theta::new(values, parameters.map(|(key, _)| format!("sharpen.{key}")).to_vec());
         let gray = Tensor::<4>::from_data(TensorData::new(given.concat(), [1, 1, height, width]), &device);
         let [found, _, _] = Sharpen::smooth([gray.clone(), gray.clone(), gray], &theta);
-        let found: Vec<f32> = found.into_data().to_vec().unwrap();
+        let found: Vec<f32> = found.into_data().try_to_vec().unwrap();
         // Its Gaussian ends four pixels away, where ours has 1.5e-6 of its weight left.
         for r in 4..height - 4 {
             for c in 4..width - 4 {
