@@ -32,12 +32,11 @@ impl Anchors {
     }
 
     /// All anchors of a level whose feature map has this height and width, in a picture of this height and width: by row, column and
-    /// anchor. Places are whole multiples of the stride, the power of two by which the map is smaller: sides that are no multiple of it give
-    /// maps that are rounded up.
+    /// anchor. Places are whole multiples of the stride, the quotient of both sizes, rounded down. It is a power of two but on the coarsest level,
+    /// where maps may be rounded up: torchvision puts anchors closer there than the places that see them.
     pub fn of_level(&self, level: usize, map: [usize; 2], picture: [usize; 2]) -> Vec<BBox> {
         let cell = self.around_origin(level);
-        let stride: [f32; 2] =
-            std::array::from_fn(|i| (picture[i] as f32 / map[i] as f32).log2().round().exp2());
+        let stride: [f32; 2] = std::array::from_fn(|i| (picture[i] / map[i].max(1)) as f32);
         let places = (0..map[0]).flat_map(|row| (0..map[1]).map(move |column| [row, column]));
         let at = |[row, column]: [usize; 2]| [column as f32 * stride[1], row as f32 * stride[0]];
         places.flat_map(|place| cell.iter().map(move |anchor| anchor.moved(at(place)))).collect()
@@ -49,11 +48,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn anchors_lie_on_the_places_of_maps_that_were_rounded_up() {
+    fn strides_are_whole_quotients() {
         let anchors = Anchors { sizes: vec![vec![32.0]], aspect_ratios: vec![1.0] };
-        // 1080 rows and 100 columns give maps of 68 and 7 at a sixteenth of the resolution.
-        let all = anchors.of_level(0, [68, 7], [1080, 100]);
-        assert_eq!(all.len(), 68 * 7);
-        assert_eq!(all[67 * 7 + 6].centre(), [96.0, 1072.0]);
+        let all = anchors.of_level(0, [68, 8], [1088, 128]);
+        assert_eq!(all.len(), 68 * 8);
+        assert_eq!(all[67 * 8 + 7].centre(), [112.0, 1072.0]);
+        // 800 rows have 25 places at a 32nd of the resolution, and 13 at half of that: 800 / 13 is 61.5.
+        assert_eq!(anchors.of_level(0, [13, 1], [800, 64])[12].centre(), [0.0, 12.0 * 61.0]);
     }
 }

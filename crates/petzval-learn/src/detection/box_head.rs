@@ -16,7 +16,7 @@ use super::parameters::{Parameters, Start, tensor};
 use super::proposals::BETA;
 use super::roi_align::{Region, RoiAlign};
 use super::sampler::sample;
-use super::{BBox, Detection, Truth};
+use super::{BBox, Detection, Truth, seen_sides};
 use crate::loss::{LossError, image_loss::read_values};
 use crate::network::NetworkError;
 
@@ -97,8 +97,8 @@ impl BoxHead {
             let on_level: Vec<Region> =
                 order.iter().filter(|i| level(i) == number).map(|i| regions[*i]).collect();
             if !on_level.is_empty() {
-                // A map is a power of two smaller than the picture.
-                let scale = (map.dims()[2] as f32 / picture[0] as f32).log2().round().exp2();
+                // A map is a power of two smaller than the picture, as far as sides are not rounded up.
+                let scale = (map.dims()[2] as f32 / seen_sides(picture)[0] as f32).log2().round().exp2();
                 pooled.push(self.config.roi_align.pool(map.clone(), &on_level, scale));
             }
         }

@@ -14,7 +14,7 @@ use super::parameters::Parameters;
 use super::proposals::{ProposalConfig, ProposalNetwork, Proposed};
 use super::pyramid::Pyramid;
 use super::roi_align::RoiAlign;
-use super::{BBox, Detection, Detector, Truth, normalized};
+use super::{BBox, Detection, Detector, Truth, normalized, seen_sides};
 use crate::loss::{LossError, NamedLoss};
 use crate::network::NetworkError;
 
@@ -160,7 +160,7 @@ impl Detector for FasterRcnn {
     fn loss(&self, pictures: Tensor<4>, truths: &[Truth], seed: u64) -> Result<NamedLoss, LossError> {
         let [_, _, height, width] = pictures.dims();
         let maps = self.maps(pictures);
-        let seen = self.proposals.look(&maps, [height, width]);
+        let seen = self.proposals.look(&maps, seen_sides([height, width]));
         let proposals = self.proposals.proposals(&seen, [height, width], true)?;
         self.loss_on(&proposals, &maps, &seen, truths, [height, width], seed)
     }
@@ -168,7 +168,7 @@ impl Detector for FasterRcnn {
     fn detect(&self, pictures: Tensor<4>) -> Result<Vec<Vec<Detection>>, LossError> {
         let [_, _, height, width] = pictures.dims();
         let maps = self.maps(pictures);
-        let seen = self.proposals.look(&maps, [height, width]);
+        let seen = self.proposals.look(&maps, seen_sides([height, width]));
         let proposals = self.proposals.proposals(&seen, [height, width], false)?;
         self.boxes.detect(for_boxes(&maps), &proposals, [height, width])
     }
@@ -179,7 +179,7 @@ mod tests {
     use burn::tensor::TensorData;
 
     use super::*;
-    use crate::detection::Object;
+    use crate::detection::{MEAN, Object};
 
     /// Which boxes are proposed and sampled changes in steps; between them the loss has this gradient.
     #[test]
@@ -216,5 +216,32 @@ mod tests {
         let loss = |sign: f64| run(&moved(sign), Some(&proposals)).0;
         let difference = (loss(1.0) - loss(-1.0)) / (2.0 * step);
         assert!((difference / square - 1.0).abs() < 0.03, "{difference} {square}");
+    }
+
+    #[test]
+    fn pictures_are_seen_in_the_corner_of_larger_ones_with_sides_that_are_multiples_of_32() {
+        let device = Device::flex();
+        let detector = FasterRcnn::new(FasterRcnnConfig::small(2), 3, &device).unwrap();
+        let (height, width) = (70, 100);
+        let picture = |height: usize, width: usize, at: &dyn Fn(usize, usize, usize) -> f32| {
+            let places = (0..3).flat_map(|c| (0..height * width).map(move |i| (c, i / width, i % width)));
+            let values: Vec<f32> = places.map(|(c, row, column)| at(c, row, column)).collect();
+            Tensor::<4>::from_data(TensorData::new(values, [1, 3, height, width]), &device)
+        };
+        let inside =
+            |c: usize, row: usize, column: usize| 0.5 + 0.4 * (0.7 * (c + 3 * row + 5 * column) as f32).sin();
+        let own = detector.maps(picture(height, width, &inside));
+        let extended = detector.maps(picture(96, 128, &|c, row, column| {
+            if row < height && column < width { inside(c, row, column) } else { MEAN[c] }
+        }));
+        assert_eq!(own.len(), extended.len());
+        for (own, extended) in own.into_iter().zip(extended) {
+            assert_eq!(own.dims(), extended.dims());
+            let difference = (own - extended).abs().max().into_scalar::<f32>();
+            assert!(difference < 1e-5, "{difference}");
+        }
+        // Nothing is found outside of the picture.
+        let found = detector.detect(picture(height, width, &inside)).unwrap().remove(0);
+        assert!(found.iter().all(|d| d.bbox.x2 <= width as f32 && d.bbox.y2 <= height as f32));
     }
 }

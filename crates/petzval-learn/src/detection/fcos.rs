@@ -11,7 +11,7 @@ use super::layers::{Conv, ConvShape};
 use super::loss::{binary_cross_entropy, focal, generalised_iou};
 use super::parameters::{Parameters, Start, tensor};
 use super::pyramid::Pyramid;
-use super::{BBox, Detection, Detector, Truth, normalized};
+use super::{BBox, Detection, Detector, Truth, normalized, seen_sides};
 use crate::loss::image_loss::read_values;
 use crate::loss::{LossError, NamedLoss};
 use crate::network::NetworkError;
@@ -140,6 +140,7 @@ impl Fcos {
 
     fn look(&self, pictures: Tensor<4>) -> Seen {
         let [batch, _, height, width] = pictures.dims();
+        let [height, width] = seen_sides([height, width]);
         let maps = self.pyramid.forward(self.body.features(normalized(pictures)));
         let by_place = |x: Tensor<4>| {
             let [_, values, rows, columns] = x.dims();

@@ -47,6 +47,7 @@ pub use optimizer::optimizer;
 pub use zoomed::{Zoom, Zoomed};
 
 use burn::prelude::*;
+use burn::tensor::ops::PadMode;
 use petzval_camera::image::LinearImage;
 use serde::{Deserialize, Serialize};
 
@@ -106,9 +107,21 @@ pub fn detect_in(
 const MEAN: [f32; 3] = [0.485, 0.456, 0.406];
 const DEVIATION: [f32; 3] = [0.229, 0.224, 0.225];
 
-/// Pictures with the mean and the spread that backbones expect.
+/// Sides of the pictures that backbones see are multiples of this, so that no map but the coarsest is rounded up.
+const SIDE_UNIT: usize = 32;
+
+/// Pictures with the mean and the spread that backbones expect, extended at the right and bottom by the mean to sides that are multiples of 32
+/// pixels: torchvision's transform of detectors, but for its scaling.
 fn normalized(pictures: Tensor<4>) -> Tensor<4> {
     let device = pictures.device();
     let by_channel = |v: [f32; 3]| parameters::tensor(v.to_vec(), [1, 3, 1, 1], &device);
-    (pictures - by_channel(MEAN)) * by_channel(DEVIATION.map(|d| 1.0 / d))
+    let normal = (pictures - by_channel(MEAN)) * by_channel(DEVIATION.map(|d| 1.0 / d));
+    let [_, _, height, width] = normal.dims();
+    let [down, right] = [height, width].map(|side| side.next_multiple_of(SIDE_UNIT) - side);
+    if down + right == 0 { normal } else { normal.pad([(0, down), (0, right)], PadMode::Constant(0.0)) }
+}
+
+/// Height and width of the pictures that backbones see, of pictures of this height and width.
+fn seen_sides(picture: [usize; 2]) -> [usize; 2] {
+    picture.map(|side| side.next_multiple_of(SIDE_UNIT))
 }

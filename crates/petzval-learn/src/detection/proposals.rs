@@ -86,7 +86,7 @@ impl ProposalNetwork {
         })
     }
 
-    /// Looks at the maps of the pyramid of pictures of this height and width.
+    /// Looks at the maps of the pyramid of pictures that have this height and width where the backbone sees them.
     pub fn look(&self, maps: &[Tensor<4>], picture: [usize; 2]) -> Proposed {
         let (mut logits, mut offsets) = (Vec::new(), Vec::new());
         let (mut anchors, mut per_level) = (Vec::new(), Vec::new());

@@ -134,8 +134,8 @@ pub struct Args {
     #[arg(long, value_enum, default_value = "linear")]
     domain: Domain,
     /// Undo the blur of the lens in the developed picture by a Wiener filter with the PSF of every place. NOISE is the power of
-    /// noise over that of the picture at a tenth of a cycle per pixel; without it, that of the sensor at this exposure: 0.003 for 16,000
-    /// electrons of white
+    /// noise over that of the picture at a tenth of a cycle per pixel; without it, that of the sensor at this exposure and of demosaicing:
+    /// 0.0037 for 16,000 electrons of white
     #[arg(long, value_name = "NOISE", num_args = 0..=1, require_equals = true)]
     restore: Option<Option<f32>>,
     /// Write the picture of an image signal processor, too, as NAME-isp.png: a preset (automotive, low-light, quality, real-time), neutral, or a
