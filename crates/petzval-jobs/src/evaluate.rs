@@ -16,6 +16,7 @@ use petzval_design::setup::Setup;
 use petzval_files::ToleranceFile;
 use petzval_learn::detection::Zoom;
 use petzval_optics::lens::Lens;
+use petzval_optics::psf::PsfKind;
 use petzval_optics::tolerance::Tolerances;
 use serde::{Deserialize, Serialize};
 
@@ -39,6 +40,9 @@ pub struct Request {
     pub run: PathBuf,
     /// Where tensors live.
     pub device: String,
+    /// PSFs by rays or by waves, in place of those of the run.
+    #[serde(default)]
+    pub psf: Option<PsfKind>,
     /// Also make cameras at random, whose lenses are off by their tolerances, and score them.
     #[serde(default)]
     pub made: Option<Made>,
@@ -94,7 +98,16 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let kept = read_metrics(&folder)?;
     let designs = request.made.as_ref().map(|made| made.designs(&kept, &folder)).transpose()?;
     warn_of_changed_config(&folder, context)?;
-    let experiment = context.assets.experiment_of_run(&folder)?;
+    let mut experiment = context.assets.experiment_of_run(&folder)?;
+    if let Some(kind) = request.psf {
+        // `tolerance.json` stands beside the scores of the run, and is compared with them.
+        if request.made.is_some() && kind != experiment.psf.kind {
+            let name = if kind == PsfKind::Geometric { "geometric" } else { "diffraction" };
+            let hint = "made cameras are scored with the PSFs of the run; leave one of the two out";
+            return Err(JobError::setting("psf", name, "not together with made cameras", hint));
+        }
+        experiment.psf.kind = kind;
+    }
     let setup = Setup::new(experiment, &context.assets, context.device(&request.device)?)?;
     check_inputs(&setup, &folder)?;
     let scorer = scorer(setup)?;

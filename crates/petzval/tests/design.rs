@@ -305,6 +305,21 @@ fn scoring_again_gives_the_same_figures_and_changes_nothing() {
     assert_eq!(again["metrics"]["rows"].as_array().unwrap().len(), 3);
     assert_eq!(again["metrics"], read_json(&run.join("metrics.json")));
     assert!(run_ok(folder.path(), &["evaluate", "run"]).stdout.contains("largest difference"));
+
+    // The same cameras, with PSFs by waves.
+    let by = |kind: &str| run_ok(folder.path(), &["evaluate", "run", "--psf", kind, "--json"]).json();
+    assert_eq!(by("geometric"), again);
+    let waves = by("diffraction");
+    for (row, of_rays) in
+        waves["metrics"]["rows"].as_array().unwrap().iter().zip(again["metrics"]["rows"].as_array().unwrap())
+    {
+        let psnr_db = |row: &serde_json::Value| row["psnr_db"].as_f64().unwrap();
+        let difference = (psnr_db(row) - psnr_db(of_rays)).abs();
+        assert!(difference > 1e-3 && difference < 3.0, "{row}");
+        assert_eq!(row["rms_spot_um"], of_rays["rms_spot_um"]);
+    }
+    assert!(waves["largest_difference_from_run"].as_f64().unwrap() > 1e-3);
+    run_fails(folder.path(), &["evaluate", "run", "--psf", "waves"], 2, &["diffraction"]);
     assert_same_files(&before, &snapshot(&run));
 
     // A changed figure is detected.

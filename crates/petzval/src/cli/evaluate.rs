@@ -7,6 +7,7 @@ use petzval::jobs::evaluate::{self, Compensate, Grade, LensTolerances, Made, Mad
 use serde_json::json;
 
 use super::failure::Failure;
+use super::psf::Kind;
 use super::score_table;
 use super::terminal::{Terminal, print_json};
 
@@ -19,6 +20,9 @@ use super::terminal::{Terminal, print_json};
 pub struct Args {
     /// Run folder
     run: PathBuf,
+    /// Take PSFs by rays (geometric) or by waves (diffraction), in place of those of the run
+    #[arg(long, value_enum, value_name = "KIND", hide_possible_values = true, conflicts_with = "tolerances")]
+    psf: Option<Kind>,
     /// Make cameras at random: a tolerance file, or a grade: default (precision), commercial, precision or high
     #[arg(long, value_name = "FILE|GRADE")]
     tolerances: Option<PathBuf>,
@@ -55,7 +59,8 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         compensate: if args.no_refocus { Compensate::None } else { Compensate::Focus },
         limit: args.limit,
     });
-    let request = evaluate::Request { run: args.run, device: args.device, made };
+    let request =
+        evaluate::Request { run: args.run, device: args.device, psf: args.psf.map(Into::into), made };
     let evaluate::Response { metrics, largest_difference_from_run: largest, made } =
         evaluate::run(&request, &terminal.context())?;
     if args.json {

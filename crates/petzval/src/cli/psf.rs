@@ -11,11 +11,20 @@ use super::terminal::{Terminal, print_json};
 
 /// Rays or waves.
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum Kind {
+pub(super) enum Kind {
     /// Rays.
     Geometric,
     /// Waves.
     Diffraction,
+}
+
+impl From<Kind> for PsfKind {
+    fn from(kind: Kind) -> Self {
+        match kind {
+            Kind::Geometric => Self::Geometric,
+            Kind::Diffraction => Self::Diffraction,
+        }
+    }
 }
 
 /// Write the PSFs of a lens, per field and wavelength.
@@ -70,10 +79,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         pitch_um: args.pitch_um,
         pupil_cells: args.pupil_cells,
         pupil_error: args.pupil_error,
-        kind: match args.kind {
-            Kind::Geometric => PsfKind::Geometric,
-            Kind::Diffraction => PsfKind::Diffraction,
-        },
+        kind: args.kind.into(),
     };
     let response = psf::run(&request, &terminal.context())?;
     eprintln!("{} fields x 3 wavelengths written to {}", request.fields, request.out.display());
