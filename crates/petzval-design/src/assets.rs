@@ -13,7 +13,7 @@ use petzval_files::{
 use petzval_optics::glass::Catalog;
 
 use crate::error::DesignError;
-use crate::experiment::{BUILT_IN_PHOTOS, Experiment, NO_ISP, STREET, is_derived_lens};
+use crate::experiment::{BUILT_IN_PHOTOS, Experiment, STREET};
 use crate::glass_warnings::glass_warnings;
 use crate::run::{RunFolder, RunRecord, read_config};
 
@@ -235,23 +235,7 @@ impl Assets {
     /// An experiment with the paths that it names made those of files beside its own.
     fn located(&self, mut experiment: Experiment, source: &Text) -> Result<Experiment, DesignError> {
         let folder = source.path.parent().unwrap_or(Path::new(""));
-        let variants = experiment.variant.iter_mut().enumerate();
-        let own = variants.flat_map(|(i, v)| {
-            let at = |key: &str| vec!["variant".to_owned(), i.to_string(), key.to_owned()];
-            let lens = v.lens.as_mut().filter(|name| !is_derived_lens(name)).map(|lens| (at("lens"), lens));
-            lens.into_iter().chain(v.optics_proxy.as_mut().map(|proxy| (at("optics_proxy"), proxy)))
-        });
-        let shared = [
-            (vec!["lens".to_owned()], &mut experiment.lens),
-            (vec!["sensor".to_owned()], &mut experiment.sensor),
-            (vec!["photos".to_owned()], &mut experiment.photos),
-            (vec!["data".to_owned()], &mut experiment.data),
-        ];
-        let preset = Some(&mut experiment.isp.preset).filter(|preset| *preset != NO_ISP);
-        let preset = preset.map(|preset| (vec!["isp".to_owned(), "preset".to_owned()], preset));
-        let weights = experiment.detector.weights.as_mut();
-        let weights = weights.map(|weights| (vec!["detector".to_owned(), "weights".to_owned()], weights));
-        for (key, input) in shared.into_iter().chain(preset).chain(weights).chain(own) {
+        for (key, input) in experiment.inputs_mut() {
             let beside = folder.join(input.as_str());
             if beside.exists() {
                 *input = beside.display().to_string();

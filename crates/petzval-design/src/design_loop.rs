@@ -258,10 +258,10 @@ impl DesignLoop {
         let mut validations = Validations::default();
         if let Some((_, folder)) = &checkpoint {
             load_blocks(folder, blocks.all_mut(), Kept::NumbersAndProgress)?;
-            zoom_network(&mut blocks, &setup, &run, variant)?;
             let keep = setup.experiment.validation.keep;
             validations = Validations::load(folder, position.validation, keep, &blocks)?;
         }
+        zoom_network(&mut blocks, &setup, &run, variant)?;
         // Later events go only now that the checkpoint is known to be good.
         let log = EventLog::resume(&run.events(), position.step)?;
         let objective = setup.objective()?;
@@ -367,8 +367,8 @@ impl DesignLoop {
         let taken = self.position.taken(block);
         let rule = moves[&block].rule(taken);
         let before = self.position.before(block);
-        // Each block draws windows of its own, behind those of all blocks after it in the light.
-        // They do not depend on stages to come, which an extension may add.
+        // Within a stage each block draws windows of its own, behind those of all blocks after it in the light. They do not depend on stages
+        // to come, which an extension may add; so a later stage may show a block windows that an earlier one showed to another.
         let later = BlockName::ALL.into_iter().filter(|other| *other > block);
         let at_end = |other| self.position.before(other) + moves.get(&other).map_or(0, |s| s.steps);
         let offset: usize = later.map(at_end).sum();

@@ -41,6 +41,7 @@ pub(crate) fn detection_view(
         object_scores(classes).into_iter().filter(|score| score.about.name.starts_with(SHOWN)).collect();
     let view = |seen: &Seen| -> Result<CameraDetection, DesignError> {
         let ranking = seen.ranking(classes.len());
+        let clusters = seen_windows::clusters(&seen.windows);
         let curve = |i: usize| {
             let curve = ranking.classes[i].curve(0, None)?;
             let points = curve.recall.iter().copied().zip(curve.precision.iter().copied()).collect();
@@ -48,7 +49,7 @@ pub(crate) fn detection_view(
         };
         let group = |score: &ObjectScore| {
             let value = score.of(&seen.judged, classes.len(), setup.field())?;
-            let [low, high] = score.interval(&seen.judged, classes.len(), setup.field())?;
+            let [low, high] = score.interval(&seen.judged, &clusters, classes.len(), setup.field())?;
             // All objects are headed `AP50`, a group of them by its name alone.
             let name = score.about.title.trim_start_matches("AP50 ").to_owned();
             Some(GroupFigure { name, range: Range { value, low, high } })
@@ -147,7 +148,7 @@ impl Seen<'_> {
 /// A mistake: what it is ranked by, its box and its class.
 type Ranked = (f32, BBox, usize);
 
-/// The AP50 of a camera less that of the baseline; both see the same draws of the windows.
+/// The AP50 of a camera less that of the baseline; both see the same draws of the windows, those of one film together.
 fn difference(baseline: &Seen, camera: &Seen, classes: usize) -> Option<Range> {
     if baseline.windows.len() != camera.windows.len() {
         return None;
@@ -155,7 +156,7 @@ fn difference(baseline: &Seen, camera: &Seen, classes: usize) -> Option<Range> {
     let rankings = [baseline, camera].map(|seen| seen.ranking(classes));
     let area =
         |ranking: &Ranking, counts: &[u32]| ranking.average_precision(Interpolation::Points101, Some(counts));
-    let how = Bootstrap::of_pictures(baseline.windows.len(), 1);
+    let how = Bootstrap::of_clusters(seen_windows::clusters(&baseline.windows), 1);
     let found = bootstrap(&how, |counts| Some(area(&rankings[1], counts)? - area(&rankings[0], counts)?))?;
     Some(Range { value: found.value, low: found.low, high: found.high })
 }

@@ -47,7 +47,7 @@ pub fn fingerprint(setup: &Setup) -> Result<String, DesignError> {
         }
     }
     if let Some(scenes) = &setup.scenes {
-        hash.update(scenes.fingerprint());
+        hash.update(scenes.fingerprint()?);
     }
     Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
 }

@@ -92,9 +92,10 @@ pub fn made_cameras(
 }
 
 impl MadeCameras {
-    /// The figures of each score against its limit.
+    /// The figures of each score that has a limit, against it.
     pub fn row(self, camera: &str, scores: &[ScoreDescription], limits: &BTreeMap<String, f64>) -> MadeRow {
         let figures = |score: &ScoreDescription| {
+            let limit = *limits.get(&score.name)?;
             let trial = |trial: &Option<BTreeMap<String, f64>>| Trial {
                 value: trial.as_ref().and_then(|scores| scores.get(&score.name).copied()),
                 compensators: Vec::new(),
@@ -102,16 +103,16 @@ impl MadeCameras {
             let better = if score.higher_is_better { Better::Higher } else { Better::Lower };
             let made = MonteCarlo { seed: 0, trials: self.trials.iter().map(trial).collect(), better };
             let figures = MadeFigures {
-                drawn: self.drawn.get(&score.name).copied().unwrap_or(0.0),
+                drawn: self.drawn.get(&score.name).copied(),
                 mean: Some(made.mean_and_deviation().0).filter(|mean| mean.is_finite()),
                 of_90_percent: made.percentile(90.0),
-                share: made.yield_at(limits[&score.name]),
+                share: made.yield_at(limit),
             };
-            (score.name.clone(), figures)
+            Some((score.name.clone(), figures))
         };
         MadeRow {
             camera: camera.to_owned(),
-            scores: scores.iter().map(figures).collect(),
+            scores: scores.iter().filter_map(figures).collect(),
             trials: self.trials,
         }
     }
@@ -126,17 +127,19 @@ mod tests {
         let scores = |value: f64| BTreeMap::from([("ssim".to_owned(), value)]);
         let made: Vec<_> = (1..=10).map(|i| Some(scores(0.1 * f64::from(i)))).chain([None]).collect();
         let made = MadeCameras { drawn: scores(0.95), trials: made };
-        let ssim = ScoreDescription {
-            name: "ssim".into(),
-            title: "SSIM".into(),
+        let score = |name: &str| ScoreDescription {
+            name: name.into(),
+            title: name.to_uppercase(),
             unit: String::new(),
             definition: String::new(),
             decimals: 4,
             higher_is_better: true,
         };
-        let row = made.row("a", &[ssim], &scores(0.75));
+        let row = made.row("a", &[score("ssim"), score("ap50_small")], &scores(0.75));
+        // In these pictures there was no small object to be found.
+        assert_eq!(row.scores.len(), 1);
         let MadeFigures { drawn, mean, of_90_percent, share } = row.scores["ssim"];
-        assert!((drawn - 0.95).abs() < 1e-15 && (mean.unwrap() - 0.55).abs() < 1e-12);
+        assert!((drawn.unwrap() - 0.95).abs() < 1e-15 && (mean.unwrap() - 0.55).abs() < 1e-12);
         // Ten of eleven have an image, and nine in ten reach the least of these; three reach 0.75.
         assert!((of_90_percent.unwrap() - 0.1).abs() < 1e-12, "{of_90_percent:?}");
         assert!((share - 3.0 / 11.0).abs() < 1e-12);

@@ -7,7 +7,7 @@ use petzval_base::FileError;
 use petzval_camera::sensor::Colour;
 use petzval_learn::dataset::NamedPhoto;
 use petzval_optics::number::Number;
-use petzval_optics::paraxial::first_order;
+use petzval_optics::paraxial::{first_order, image_brightness};
 
 use crate::assets::Text;
 use crate::block::BlockName;
@@ -26,6 +26,7 @@ const COLOUR: f32 = 0.01;
 pub fn check(setup: &Setup, source: &Text) -> Result<Vec<String>, DesignError> {
     check_colour(setup)?;
     let mut warnings = check_exposure(setup, source)?;
+    warnings.extend(brighter_lenses(setup));
     warnings.extend(drifting_lenses(setup));
     warnings.extend(usual_variables(setup));
     warnings.extend(unlike_starts(setup));
@@ -84,6 +85,27 @@ fn check_exposure(setup: &Setup, source: &Text) -> Result<Vec<String>, DesignErr
         )
     };
     Ok(clipped.map(warning).collect())
+}
+
+/// Lenses behind which white clips because they gather more light in the same time than the one for which the exposure is stated.
+fn brighter_lenses(setup: &Setup) -> Vec<String> {
+    let Some(same) = setup.body.same_time.filter(|same| same.is_normalised) else { return Vec::new() };
+    let exposure = &setup.experiment.exposure;
+    let capacity_e =
+        (setup.body.sensor).light_capacity_e(f64::from(exposure.time_s), f64::from(exposure.linear_gain));
+    let stated_e = f64::from(exposure.white_e);
+    let warning = |variant: &Variant| {
+        let lens = &setup.start(variant).lens_file.lens;
+        let white_e = stated_e * image_brightness(&lens.at_wavelength(lens.reference_um)) / same.brightness;
+        (white_e > capacity_e && stated_e <= capacity_e).then(|| {
+            format!(
+                "`{}` starts with a lens that gathers more light in the same time: white is {white_e:.0} e- behind it, and pixels saturate at \
+                 {capacity_e:.0} e- (hint: a lower exposure.white_e, or exposure.same = \"electrons\")",
+                variant.name
+            )
+        })
+    };
+    setup.variants.iter().filter_map(warning).collect()
 }
 
 /// Lenses that are free to change their focal length.

@@ -236,7 +236,7 @@ fn notes(metrics: &Metrics) -> Vec<String> {
             match metrics.is_of_objects() {
                 true => "Streets are seen through the chief rays of each lens, distortion included.",
                 false =>
-                    "Distortion is not rendered: each place gets the PSF of the field whose ideal image it is.",
+                    "Distortion is not rendered: each place gets the PSF of the field whose chief ray lands there.",
             }
         ),
     ]
@@ -244,16 +244,17 @@ fn notes(metrics: &Metrics) -> Vec<String> {
 
 /// The table of cameras as they are made.
 fn made_view(scores: &[ScoreDescription], made: MadeMetrics) -> MadeCameras {
-    let score = |figures: &MadeFigures| MadeScore {
-        drawn: figures.drawn,
-        mean: figures.mean.unwrap_or(f64::NAN),
-        of_90_percent: figures.of_90_percent.unwrap_or(f64::NAN),
-        share: figures.share,
+    // A score of objects of which the pictures hold none has no figures.
+    let score = |figures: Option<&MadeFigures>| MadeScore {
+        drawn: figures.and_then(|f| f.drawn).unwrap_or(f64::NAN),
+        mean: figures.and_then(|f| f.mean).unwrap_or(f64::NAN),
+        of_90_percent: figures.and_then(|f| f.of_90_percent).unwrap_or(f64::NAN),
+        share: figures.map_or(f64::NAN, |f| f.share),
     };
     let rows = made.rows.iter().map(|row| MadeCamera {
         camera: row.camera.clone(),
         failed: row.trials.iter().filter(|trial| trial.is_none()).count(),
-        scores: scores.iter().filter_map(|s| row.scores.get(&s.name)).map(score).collect(),
+        scores: scores.iter().map(|s| score(row.scores.get(&s.name))).collect(),
     });
     let focus = if made.is_refocused { ", focused again" } else { "" };
     let left_out = match made.left_out {

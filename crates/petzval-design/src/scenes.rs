@@ -120,10 +120,18 @@ impl Scenes {
     }
 
     /// What identifies the scenes: of a folder its pictures and boxes; streets follow from the experiment and the version of the program.
-    pub fn fingerprint(&self) -> String {
+    pub fn fingerprint(&self) -> Result<String, DesignError> {
         match &self.source {
-            Source::Streets(_) => String::new(),
-            Source::Pictures(pictures, _) => pictures.fingerprint(),
+            Source::Streets(_) => Ok(String::new()),
+            Source::Pictures(pictures, _) => Ok(pictures.fingerprint()?),
+        }
+    }
+
+    /// The film of a window of a list, of which others resemble it; none of a street, which is seen once.
+    pub fn sequence(&self, list: List, number: u64) -> Option<&str> {
+        match &self.source {
+            Source::Streets(_) => None,
+            Source::Pictures(pictures, _) => Some(pictures.sequence(list, [number, self.windows_of(list)])),
         }
     }
 

@@ -23,9 +23,9 @@ use crate::camera::{Camera, host_image};
 use crate::error::DesignError;
 use crate::restored::{brightened, percent};
 use crate::run::{CameraMetrics, Metrics, PictureScore, RunFolder, VERSION};
-use crate::seen_windows::SeenWindow;
+use crate::seen_windows::{SeenWindow, clusters};
 use crate::setup::Setup;
-use crate::shots::held_out_shots;
+use crate::shots::{HeldOut, held_out_shots};
 
 /// Seed of the noise in scored frames: the same for every camera and every run.
 const SCORING_SEED: u64 = 0x5C0_12E;
@@ -159,8 +159,9 @@ impl Scorer {
     fn intervals(&self, pictures: &[ScoredPicture]) -> BTreeMap<String, [f64; 2]> {
         let Judge::Objects(scores) = &self.judge else { return BTreeMap::new() };
         let (windows, classes) = (windows_of(pictures), self.setup.experiment.task.classes().len());
+        let clusters = clusters(pictures.iter().filter_map(|picture| picture.objects.as_ref()));
         let interval = |score: &ObjectScore| {
-            let range = score.interval(&windows, classes, self.setup.field())?;
+            let range = score.interval(&windows, &clusters, classes, self.setup.field())?;
             Some((score.about.name.clone(), range))
         };
         scores.iter().filter_map(interval).collect()
@@ -175,7 +176,9 @@ impl Scorer {
     ) -> Result<Vec<ScoredPicture>, DesignError> {
         let noise = Noise { mode: NoiseMode::Exact, seed: SCORING_SEED };
         let mut pictures = Vec::new();
-        for (photo, relative_field, shot) in held_out_shots(&self.setup, camera, is_chosen)? {
+        for HeldOut { name: photo, sequence, relative_field, shot } in
+            held_out_shots(&self.setup, camera, is_chosen)?
+        {
             let at = camera.kept(&shot).placement;
             let shots = [shot];
             let frames = camera.take(&shots, &noise)?;
@@ -217,7 +220,7 @@ impl Scorer {
                         Depth::Finished => [vec![], vec![], vec![], found(finished.clone())?],
                     };
                     let truth = &shots[0].truth;
-                    let window = SeenWindow { at: [at.row, at.col], truth: truth.clone(), found };
+                    let window = SeenWindow { at: [at.row, at.col], sequence, truth: truth.clone(), found };
                     let mut scene = camera.scenes(&shots)?.swap_remove(0);
                     scene.data = scene.to_srgb();
                     ScoredPicture {

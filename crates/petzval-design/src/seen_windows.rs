@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use petzval_learn::detection::{Detection, Object, Truth};
-use petzval_learn::score::detection::Picture;
+use petzval_learn::score::detection::{Picture, clusters_of};
 use petzval_learn::score::judged;
 use serde::{Deserialize, Serialize};
 
@@ -34,6 +34,9 @@ impl Stage {
 pub struct SeenWindow {
     /// First row and column on the sensor.
     pub at: [usize; 2],
+    /// The film that the window is of; none of a street, or where an earlier version did not write it.
+    #[serde(default)]
+    pub sequence: Option<String>,
     /// The objects, in pixels of the window.
     pub truth: Truth,
     /// What is found at each of [`Stage::ALL`], best first.
@@ -81,6 +84,11 @@ impl SeenWindow {
     }
 }
 
+/// The cluster of each window for a bootstrap: windows of one film are drawn together.
+pub(crate) fn clusters<'a>(windows: impl IntoIterator<Item = &'a SeenWindow>) -> Vec<usize> {
+    clusters_of(windows.into_iter().map(|window| window.sequence.as_deref()))
+}
+
 /// Writes the windows of a finished camera.
 pub fn save(folder: &Path, windows: &[SeenWindow]) -> Result<(), DesignError> {
     write_file(&path(folder), DesignError::json("the objects of the run", &windows)?.as_bytes())
@@ -113,6 +121,7 @@ mod tests {
             |x: f32, class, score| Detection { bbox: BBox::new(x, 1.0, x + 10.0, 21.0), class, score };
         let window = SeenWindow {
             at: [0, 0],
+            sequence: None,
             truth: Truth {
                 objects: vec![object(0.0, 0), object(20.0, 1), object(40.0, 0), object(60.0, 1)],
                 ignored: vec![BBox::new(100.0, 0.0, 200.0, 100.0)],

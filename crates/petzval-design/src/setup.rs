@@ -295,13 +295,12 @@ impl Setup {
         let named = self.experiment.isp.vary.iter().flat_map(|name| places_of(name));
         let varied: BTreeSet<usize> = named.collect();
         let isp = &self.experiment.isp;
-        let steps = self.variants.iter().map(|variant| variant.steps_of(BlockName::Isp));
         let plan = ImitationPlan {
             settings: settings.clone(),
             device: self.body.device.clone(),
             per_step: isp.proxy_steps,
             warm_up: isp.proxy_warm_up,
-            in_all: isp.proxy_steps * steps.max().unwrap_or(0).max(isp.proxy_warm_up + isp.steps),
+            in_all: isp.proxy_steps * (isp.proxy_warm_up + isp.steps),
             seed: self.experiment.seed,
         };
         let varied = varied.into_iter().collect();

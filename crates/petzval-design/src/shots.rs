@@ -70,17 +70,34 @@ fn shot_of(setup: &Setup, photos: &[NamedPhoto], step: u64, item: u32) -> Result
     })
 }
 
+/// A held-out window.
+#[derive(Clone, Debug)]
+pub struct HeldOut {
+    /// Name of its photograph or scene.
+    pub name: String,
+    /// The film that it is of, if there are others of it.
+    pub sequence: Option<String>,
+    /// Distance of its middle from the axis, over that of the sensor's corner.
+    pub relative_field: f64,
+    /// The window.
+    pub shot: Shot,
+}
+
 /// Those of the held-out windows that are chosen by their number. They are every photograph at every place, or each of a street of its own.
-/// Name of the photograph or street, distance of the window from the axis over that of the sensor's corner, and the shot.
 pub fn held_out_shots(
     setup: &Setup,
     camera: &Camera,
     is_chosen: &dyn Fn(usize) -> bool,
-) -> Result<Vec<(String, f64, Shot)>, DesignError> {
+) -> Result<Vec<HeldOut>, DesignError> {
     if let Some(scenes) = &setup.scenes {
         let shot = |i: usize| {
             let shot = scenes.shot(camera, List::HeldOut, i as u64)?;
-            Ok((format!("scene {}", i + 1), relative_field(setup, camera, &shot), shot))
+            Ok(HeldOut {
+                name: format!("scene {}", i + 1),
+                sequence: scenes.sequence(List::HeldOut, i as u64).map(str::to_owned),
+                relative_field: relative_field(setup, camera, &shot),
+                shot,
+            })
         };
         return (0..setup.experiment.street.held_out).filter(|i| is_chosen(*i)).map(shot).collect();
     }
@@ -103,7 +120,8 @@ pub fn held_out_shots(
         let frame = number as u64;
         let shot =
             Shot { scene, placement, kept: Some(kept), frame, truth: Truth::default(), follows_light: true };
-        shots.push((photo.name.clone(), relative_field(setup, camera, &shot), shot));
+        let relative_field = relative_field(setup, camera, &shot);
+        shots.push(HeldOut { name: photo.name.clone(), sequence: None, relative_field, shot });
     }
     Ok(shots)
 }

@@ -15,13 +15,13 @@ use petzval_design::block::{Batch, Block, OpticsBlock};
 use petzval_design::camera::{Camera, PsfSource, Shot};
 use petzval_design::design_loop::{DesignLoop, Ending, Observer, zoom_of};
 use petzval_design::error::DesignError;
-use petzval_design::experiment::Experiment;
+use petzval_design::experiment::{Experiment, VariantConfig};
 use petzval_design::inputs::keep_inputs;
 use petzval_design::psf_plan::PsfPlan;
 use petzval_design::run::{CameraMetrics, Event, RunFolder};
 use petzval_design::scoring::Scorer;
 use petzval_design::setup::Setup;
-use petzval_design::shots::{held_out_shots, training_shots};
+use petzval_design::shots::{HeldOut, held_out_shots, training_shots};
 use petzval_learn::Device;
 use petzval_learn::detection::{BBox, Object, Truth};
 use petzval_learn::objective::{Labels, NamedLoss, Taken};
@@ -94,9 +94,9 @@ fn windows_are_seen_through_the_chief_rays_of_the_lens() {
     let [own, others] = [&camera, &nearly].map(|camera| held_out_shots(&setup, camera, &|_| true).unwrap());
     // A few of them are the same as among all.
     let few = held_out_shots(&setup, &camera, &|number| number == 1).unwrap();
-    assert!(few.len() == 1 && few[0].0 == own[1].0 && few[0].2.scene == own[1].2.scene);
-    assert!(own.iter().zip(&others).any(|(a, b)| a.2.scene != b.2.scene));
-    for ((.., a), (.., b)) in own.iter().zip(&others) {
+    assert!(few.len() == 1 && few[0].name == own[1].name && few[0].shot.scene == own[1].shot.scene);
+    assert!(own.iter().zip(&others).any(|(a, b)| a.shot.scene != b.shot.scene));
+    for (HeldOut { shot: a, .. }, HeldOut { shot: b, .. }) in own.iter().zip(&others) {
         assert_eq!(a.truth.objects.len(), b.truth.objects.len());
         for (a, b) in a.truth.objects.iter().zip(&b.truth.objects) {
             assert!(a.class == b.class && a.bbox.iou(&b.bbox) > 0.8, "{a:?} {b:?}");
@@ -181,6 +181,16 @@ fn a_lens_with_a_free_field_has_a_control_that_is_zoomed_like_it() {
     let zoom = zoom_of(&run, &setup.variants[2], &lens).unwrap();
     assert!((zoom / ratio - 1.0).abs() < 1e-9, "{zoom} {ratio}");
     assert_eq!(zoom_of(&run, &setup.variants[0], &lens).unwrap(), 1.0);
+    // Alone, it needs the lens like which it is zoomed; and this lens must not move afterwards.
+    let names = |of: &Experiment| of.variant.iter().map(|v| v.name.clone()).collect::<Vec<_>>();
+    assert_eq!(names(&setup.experiment.only("zoomed").unwrap()), ["nominal", "free", "zoomed"]);
+    assert_eq!(names(&setup.experiment.only("free").unwrap()), ["nominal", "free"]);
+    let unchained = |v: &VariantConfig| VariantConfig { from: None, ..v.clone() };
+    let unchained = Experiment {
+        variant: setup.experiment.variant.iter().map(unchained).collect(),
+        ..setup.experiment.clone()
+    };
+    assert!(unchained.extended_to(9).unwrap_err().0.contains("`zoomed` is zoomed like the finished `free`"));
 }
 
 /// Variants that contradict themselves are refused where they stand.

@@ -210,7 +210,9 @@ fn a_network_that_imitates_the_chip_leads_it_and_the_lens_and_continues_with_the
     assert_eq!(isp.values(), start);
     isp.begin_stage(true);
     let judged = step(&mut isp);
-    assert!(judged["imitation_psnr_db"] > first["imitation_psnr_db"] + 2.0, "{first:?} {judged:?}");
+    // It begins with the form of an ISP, and so with slopes that are roughly right.
+    assert!(judged["imitation_psnr_db"] > first["imitation_psnr_db"] + 0.5, "{first:?} {judged:?}");
+    assert!(judged["imitation_gradient_cosine"] > 0.95, "{first:?} {judged:?}");
     assert!(judged.contains_key("total"), "{judged:?}");
     let mut restored = setup.isp();
     restored.load_numbers(&isp.save_numbers().unwrap()).unwrap();

@@ -274,16 +274,12 @@ pub fn resolved(new: &NewRun, context: &Context) -> Result<Experiment, JobError>
         }
         experiment.data = absolute(data)?;
     }
-    let own = experiment.variant.iter_mut().flat_map(|v| v.lens.iter_mut().chain(v.optics_proxy.as_mut()));
-    let shared = [&mut experiment.lens, &mut experiment.sensor, &mut experiment.isp.preset];
-    for name in shared.into_iter().chain(own) {
-        if Path::new(name.as_str()).is_file() {
-            *name = absolute(Path::new(name.as_str()))?;
-        }
-    }
-    for folder in [&mut experiment.photos, &mut experiment.data] {
-        if ![BUILT_IN_PHOTOS, STREET].contains(&folder.as_str()) && Path::new(folder.as_str()).exists() {
-            *folder = absolute(Path::new(folder.as_str()))?;
+    for (key, name) in experiment.inputs_mut() {
+        let is_built_in = [BUILT_IN_PHOTOS, STREET].contains(&name.as_str());
+        let may_be_folder = ["photos", "data"].contains(&key[0].as_str());
+        let path = Path::new(name.as_str());
+        if !is_built_in && (path.is_file() || may_be_folder && path.is_dir()) {
+            *name = absolute(path)?;
         }
     }
     if changes.is_full {

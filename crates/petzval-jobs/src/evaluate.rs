@@ -176,6 +176,7 @@ fn make(
     let total = (designs.len() * made.trials) as u64;
     let plan = TrialPlan { trials: made.trials, seed: made.seed, pictures: made.pictures };
     let (mut limits, mut rows, mut done) = (BTreeMap::new(), Vec::new(), 0);
+    let mut scores = metrics.scores.clone();
     for DesignToMake { camera: name, tolerances, .. } in designs {
         let camera = camera_of(setup, folder, name)?;
         let mut tick = || {
@@ -191,10 +192,21 @@ fn make(
             })?;
         if limits.is_empty() {
             limits = found.drawn.clone();
-            let first = metrics.scores.first().zip(made.limit);
+            let first = scores.first().zip(made.limit);
             limits.extend(first.map(|(score, limit)| (score.name.clone(), limit)));
+            let (with_limit, without) =
+                scores.into_iter().partition::<Vec<_>, _>(|score| limits.contains_key(&score.name));
+            scores = with_limit;
+            if !without.is_empty() {
+                let names: Vec<_> = without.iter().map(|score| score.name.as_str()).collect();
+                context.warning(format!(
+                    "the {} pictures hold no object for {}, which is left out; more pictures (--pictures) may have some",
+                    made.pictures,
+                    names.join(", ")
+                ));
+            }
         }
-        rows.push(found.row(name, &metrics.scores, &limits));
+        rows.push(found.row(name, &scores, &limits));
     }
     let left_out = designs.last().map_or(0, |design| design.left_out);
     if left_out > 0 {
@@ -210,7 +222,7 @@ fn make(
         seed: made.seed,
         trials: made.trials,
         pictures: made.pictures.min(metrics.held_out_images * metrics.held_out_places),
-        scores: metrics.scores.clone(),
+        scores,
         limits,
         rows,
     };

@@ -81,10 +81,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         }
     }
     // What lies beside another experiment is found from the new folder as well.
-    let of_variants =
-        experiment.variant.iter_mut().flat_map(|v| [v.lens.as_mut(), v.optics_proxy.as_mut()]).flatten();
-    let shared = [&mut experiment.photos, &mut experiment.data, &mut experiment.isp.preset].into_iter();
-    let named = shared.chain(experiment.detector.weights.as_mut()).chain(of_variants);
+    let named = experiment.inputs_mut().map(|(_, name)| name);
     for path in named.filter(|name| Path::new(name.as_str()).exists()) {
         *path =
             std::path::absolute(&*path).map_err(DesignError::io(Path::new(&*path)))?.display().to_string();

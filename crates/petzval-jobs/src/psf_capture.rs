@@ -178,6 +178,11 @@ impl Request {
             ("pinhole_um", (0.0..=1e4).contains(&self.pinhole_um), "a diameter in um; 0 for a point"),
             ("fields", (1..=99).contains(&self.fields), "1 to 99 fields"),
             ("radius_mm", self.radius_mm > 0.0 && self.radius_mm < 1e3, "an image radius in mm"),
+            (
+                "fields",
+                self.radius_mm / self.fields as f64 >= 0.01,
+                "so few that they lie 0.01 mm apart or more",
+            ),
             ("axes", !self.axes.is_empty(), "one or more of vertical, horizontal and diagonal"),
             ("frames", (1..=1000).contains(&self.frames), "1 to 1000 frames"),
             ("dark_frames", self.dark_frames <= 1000, "0 to 1000 frames"),

@@ -3,7 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use petzval_design::experiment::Experiment;
+use petzval_design::inputs::check_inputs;
 use petzval_design::run::{RunFolder, RunRecord};
+use petzval_design::setup::Setup;
+use petzval_files::write_lens;
 use serde::{Deserialize, Serialize};
 
 use crate::compare;
@@ -63,7 +66,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
                 "give each experiment another file name, and each seed once",
             ));
         }
-        refuse_other_run(&root, &new_run(request, name, *seed, &root), context)?;
+        refuse_other_run(&root, &new_run(request, name, *seed, &root), request, context)?;
     }
     let (mut finished, mut failed) = (Vec::new(), Vec::new());
     let mut is_stopped = false;
@@ -130,29 +133,33 @@ fn root_of(request: &Request, name: &str, seed: u64) -> PathBuf {
     request.out.join(format!("{}-seed-{seed}", stem(name)))
 }
 
-/// Refuses a folder that holds a run of another experiment, or of the same with another budget: its figures would pass for those that are
-/// asked for. Lens, sensor and other inputs are copies in a run's folder, and so have other names there.
-fn refuse_other_run(root: &Path, new: &NewRun, context: &Context) -> Result<(), JobError> {
+/// Refuses a folder that holds a run of another experiment, or of the same with another budget or from other inputs: its figures would pass
+/// for those that are asked for. Lens, sensor and most other inputs are copies in a run's folder: their names differ, and their content is
+/// compared.
+fn refuse_other_run(root: &Path, new: &NewRun, request: &Request, context: &Context) -> Result<(), JobError> {
     let Ok(run) = RunFolder::open(root) else { return Ok(()) };
     let Some(record) = RunRecord::read(&run)? else { return Ok(()) };
+    let asked = design::resolved(new, context)?;
     let unnamed = |mut experiment: Experiment| {
-        experiment.lens.clear();
-        experiment.sensor.clear();
-        experiment.isp.preset.clear();
-        for variant in &mut experiment.variant {
-            variant.lens = variant.lens.as_ref().map(|_| String::new());
-            variant.optics_proxy = variant.optics_proxy.as_ref().map(|_| String::new());
-        }
+        let inputs =
+            experiment.inputs_mut().filter(|(key, _)| !["photos", "data"].contains(&key[0].as_str()));
+        inputs.for_each(|(_, name)| name.clear());
         experiment
     };
-    let asked = unnamed(design::resolved(new, context)?);
-    match asked.differences(&unnamed(record.config)).first() {
-        None => Ok(()),
-        Some((key, there)) => Err(JobError::input(
-            format!("{}: the run there differs from what is asked for: its {key} is {there}", root.display()),
-            "choose another folder with --out, or ask for the same",
-        )),
+    let hint = "choose another folder with --out, or ask for the same";
+    if let Some((key, there)) = unnamed(asked.clone()).differences(&unnamed(record.config)).first() {
+        let message =
+            format!("{}: the run there differs from what is asked for: its {key} is {there}", root.display());
+        return Err(JobError::input(message, hint));
     }
+    // The lens of the experiment itself may be that of none of its cameras.
+    let lens = write_lens(&context.assets.import(&asked.lens)?.file);
+    if petzval_base::read_text(run.nominal_lens()).is_ok_and(|there| there != lens) {
+        let message = format!("{}: the run there has another lens than {}", root.display(), asked.lens);
+        return Err(JobError::input(message, hint));
+    }
+    let setup = Setup::new(asked, &context.assets, context.device(&request.device)?)?;
+    check_inputs(&setup, &run).map_err(|error| JobError::input(error.to_string(), hint))
 }
 
 fn is_finished(root: &Path) -> bool {

@@ -9,7 +9,8 @@ use burn::prelude::*;
 use burn::tensor::TensorData;
 use clap::Parser;
 use petzval_learn::dataset::{CropPlan, LabelledWindow, List, StreetPlan, StreetView, Wanted};
-use petzval_learn::detection::{self, BackboneKind, Detector, DetectorKind, Truth};
+use petzval_learn::detection::{BackboneKind, Detector, DetectorKind, Truth};
+use petzval_learn::optimizer::muon_and_adam;
 use petzval_learn::score::{Field, judged, object_scores};
 use petzval_street::{Families, Light};
 use rand::{RngExt, SeedableRng};
@@ -101,7 +102,7 @@ fn main() {
     };
     let mut detector = kind.init(BackboneKind::Small, classes.len(), seed, &device).unwrap();
     println!("{} weights", detector.num_params());
-    let mut optimizer = detection::optimizer(&detector);
+    let mut optimizer = muon_and_adam(&detector);
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let (started, mut sum) = (Instant::now(), 0.0);
     for step in 0..steps {

@@ -8,6 +8,7 @@
 //! | [`detection`] | networks that find objects |
 //! | [`loss`] | losses: the distance between a picture and the photograph |
 //! | [`objective`] | what a camera is optimised for: a named loss of what it took |
+//! | [`optimizer`] | how weights are moved where Adam alone is slow |
 //! | [`proxy_isp`] | a network in place of an image signal processor |
 //! | [`score`] | how good a picture is, and how well objects are detected in it, in the numbers of the literature |
 //! | [`dataset`] | photographs, split into training and held-out pictures |
@@ -20,6 +21,7 @@ pub mod detection;
 pub mod loss;
 pub mod network;
 pub mod objective;
+pub mod optimizer;
 pub mod proxy_isp;
 pub mod score;
 mod weight_file;

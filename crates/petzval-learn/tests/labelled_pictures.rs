@@ -96,3 +96,65 @@ fn folders_that_cannot_train_or_score_a_detector_are_refused() {
     assert!(load(other.path(), CROP).unwrap_err().contains("annotations.json"));
     assert!(load(&other.path().join("nowhere"), CROP).is_err());
 }
+
+/// Writes keys into the records of the pictures of a folder: `more` says which, by the picture's number, from 1.
+fn mark(path: &Path, more: impl Fn(usize) -> String) {
+    let file = path.join("annotations.json");
+    let mut text = std::fs::read_to_string(&file).unwrap();
+    for i in 1.. {
+        let (from, next) = (format!("{{\"id\": {i}, \"file_name\""), text.clone());
+        text = text.replacen(&from, &format!("{{{}, \"id\": {i}, \"file_name\"", more(i)), 1);
+        if text == next {
+            break;
+        }
+    }
+    std::fs::write(file, text).unwrap();
+}
+
+#[test]
+fn validation_sees_no_film_that_is_trained_on_if_there_is_a_second_one() {
+    let counts = |pictures: &LabelledPictures| {
+        [List::Training, List::Validation, List::HeldOut].map(|list| pictures.count(list))
+    };
+    let part = |i: usize| if i <= 9 { "train" } else { "test" };
+    // Three films of three pictures each to train on: the last one is for validation, though none of them is a fifth one.
+    let three = tempfile::tempdir().unwrap();
+    folder(three.path(), 12, "person");
+    mark(three.path(), |i| format!("\"split\": \"{}\", \"sequence\": \"film {}\"", part(i), (i - 1) / 3));
+    let (pictures, notes) = load(three.path(), CROP).unwrap();
+    assert_eq!(counts(&pictures), [6, 3, 3]);
+    assert!(notes.iter().all(|note| !note.contains("sequence")), "{notes:?}");
+    assert_eq!(
+        (0..3).map(|k| pictures.sequence(List::Validation, [k, 3])).collect::<Vec<_>>(),
+        ["film 2"; 3]
+    );
+    // One film alone: a note says that validation is worth little, and that scores see it as well.
+    let one = tempfile::tempdir().unwrap();
+    folder(one.path(), 12, "person");
+    mark(one.path(), |i| format!("\"split\": \"{}\", \"sequence\": \"film\"", part(i)));
+    let (pictures, notes) = load(one.path(), CROP).unwrap();
+    assert_eq!(counts(&pictures), [9, 9, 3]);
+    let said = |words: &str| notes.iter().any(|note| note.contains(words));
+    assert!(
+        said("of one sequence") && said("pictures of 1 sequences are in the part for training"),
+        "{notes:?}"
+    );
+}
+
+#[test]
+fn the_fingerprint_is_that_of_the_files_content() {
+    let path = tempfile::tempdir().unwrap();
+    folder(path.path(), 15, "person");
+    let print = || load(path.path(), CROP).unwrap().0.fingerprint();
+    let before = print().unwrap();
+    assert_eq!(before, print().unwrap());
+    // One byte of the same file.
+    let picture = path.path().join("03.png");
+    let mut bytes = std::fs::read(&picture).unwrap();
+    bytes[60] ^= 1;
+    let loaded = load(path.path(), CROP).unwrap().0;
+    std::fs::write(&picture, &bytes).unwrap();
+    assert_ne!(loaded.fingerprint().unwrap(), before);
+    std::fs::remove_file(&picture).unwrap();
+    assert!(loaded.fingerprint().unwrap_err().to_string().contains("03.png"));
+}

@@ -39,6 +39,18 @@ fn all_experiments_are_run_with_every_seed_and_compared_and_the_same_command_goe
 
     // Runs with another budget, or twice the same sample, would be taken for what they are not.
     run_fails(folder.path(), &[&all[..], &["--steps", "3"]].concat(), 2, &["training.steps is 4", "--out"]);
+    // So would runs of a file whose lens or sensor became another since, by name or by content.
+    let dim = read(&folder.path().join("dim.toml"));
+    for (key, other, said) in [
+        ("lens", "cooke-triplet-spot", "another lens than cooke-triplet-spot"),
+        ("sensor", "imx249-calibrated", "not those that this run began with"),
+    ] {
+        let mut changed: toml::Table = dim.parse().unwrap();
+        changed.insert(key.to_owned(), toml::Value::String(other.to_owned()));
+        std::fs::write(folder.path().join("dim.toml"), changed.to_string()).unwrap();
+        run_fails(folder.path(), &all, 2, &["dim-seed-1", said, "--out"]);
+    }
+    std::fs::write(folder.path().join("dim.toml"), &dim).unwrap();
     run_fails(folder.path(), &["compare", "all/dim-seed-1", "all/dim-seed-1"], 2, &["same seed"]);
     let json = run_ok(folder.path(), &["compare", "all/dim-seed-1", "all/dim-seed-2", "--json"]).json();
     assert_eq!(json[0]["seeds"], serde_json::json!([1, 2]));

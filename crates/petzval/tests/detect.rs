@@ -27,7 +27,7 @@ batch = 1
 crop = 96
 [scoring]
 crop = 96
-scores = ["ap50", "state_accuracy"]
+scores = ["ap50", "ap50_large", "state_accuracy"]
 [[variant]]
 name = "nominal"
 [[variant.stage]]
@@ -81,6 +81,16 @@ fn a_run_that_looks_for_objects_is_scored_again_reported_and_lends_its_detector(
     assert!(read(&root.join("run/report.html")).contains("windows of held-out scenes"));
     let again = run_ok(root, &["evaluate", "run"]);
     assert!(again.stdout.contains("own figures: 0.000e0"), "{}", again.stdout);
+
+    // Cameras as they are made: no light of these windows is large, so there is nothing to say of this score.
+    let args = ["evaluate", "run", "--tolerances", "commercial", "--trials", "2", "--pictures", "2"];
+    let made = run_ok(root, &args);
+    assert!(made.says("hold no object for ap50_large"), "{}", made.stderr);
+    let made = read_json(&root.join("run/tolerance.json"));
+    assert_eq!(made["rows"].as_array().unwrap().len(), 1);
+    assert!(made["rows"][0]["scores"]["ap50"]["drawn"].is_f64(), "{made}");
+    assert!(made["rows"][0]["scores"]["ap50_large"].is_null(), "{made}");
+    assert!(read(&root.join("run/report.html")).contains("commercial"));
 
     // Another run starts with its detector, and keeps a copy.
     let file = "run/cameras/nominal/blocks/network/weights.bin";

@@ -129,6 +129,13 @@ fn a_search_beats_the_nominal_lens_and_can_be_resumed() {
     run_ok(folder.path(), &back);
     assert_eq!(steps(&run)[0]["merit_um"].as_f64().unwrap(), merits[0]);
     run_ok(folder.path(), &["lens", "show", "run/best.toml"]);
+
+    // A search that was cut off before it found a lens has a state, and no step yet.
+    for file in ["history.jsonl", "best.toml"] {
+        std::fs::remove_file(folder.path().join("run").join(file)).unwrap();
+    }
+    run_ok(folder.path(), &["lens", "optimize", "--resume", "run", "--rounds", "1"]);
+    assert!(folder.path().join("run/best.toml").is_file());
 }
 
 #[test]

@@ -40,7 +40,8 @@ pub struct ImitationPlan {
     pub per_step: usize,
     /// Steps of the ISP, from the first, in which the network is trained and the parameters rest.
     pub warm_up: usize,
-    /// Training steps over which its learning rate falls.
+    /// Training steps over which its learning rate falls; it learns on at the last rate. They depend on the experiment's budget alone, so that a
+    /// variant is the same with others beside it, and after an extension.
     pub in_all: usize,
     /// Seed of its weights and of the parameters that it learns from.
     pub seed: u64,

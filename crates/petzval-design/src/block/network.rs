@@ -8,8 +8,9 @@ use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
 use burn::prelude::*;
 use burn::tensor::Bytes;
-use petzval_learn::detection::{self, Zoom, Zoomed};
+use petzval_learn::detection::{Zoom, Zoomed};
 use petzval_learn::network::{Network, PictureNetwork};
+use petzval_learn::optimizer::muon_and_adam;
 
 use super::{Batch, Block, BlockName, BlockState, StepRule, backward, named, part};
 use crate::error::DesignError;
@@ -125,7 +126,7 @@ impl Block for NetworkBlock {
 /// An optimiser that has not seen a gradient yet.
 fn optimizer(network: &Network) -> ModuleOptimizer {
     match network {
-        Network::Detector(detector) => detection::optimizer(detector),
+        Network::Detector(detector) => muon_and_adam(detector),
         _ => AdamConfig::new().init(),
     }
 }

@@ -399,6 +399,13 @@ impl Experiment {
                 format!("`{name}` starts from the finished `{from}`, which an extension would change");
             return Err((message, "start a new run with more --steps".to_owned()));
         }
+        if let Some((name, like)) = self.variant.iter().find_map(|v| Some((&v.name, v.zoomed_like.as_ref()?)))
+        {
+            let message = format!(
+                "`{name}` is zoomed like the finished `{like}`, whose lens an extension would change"
+            );
+            return Err((message, "start a new run with more --steps".to_owned()));
+        }
         let network = self.last_block();
         let mut longer = self.clone();
         for (variant, config) in self.variants().iter().zip(&mut longer.variant) {
@@ -434,14 +441,42 @@ impl Experiment {
         found
     }
 
-    /// The experiment with one variant alone, and those from which it starts. `None` if it has none of that name.
+    /// The experiment with one variant alone, and those that it needs: from which it starts, or like whose pictures its own are zoomed.
+    /// `None` if it has none of that name.
     pub fn only(&self, name: &str) -> Option<Self> {
-        let mut wanted = vec![self.variant.iter().find(|v| v.name == name)?];
-        while let Some(from) = wanted.last().and_then(|v| v.from.as_deref()) {
-            wanted.push(self.variant.iter().find(|v| v.name == from)?);
+        let mut wanted = vec![name];
+        let mut variants = Vec::new();
+        // A variant needs earlier ones alone.
+        for variant in self.variant.iter().rev() {
+            if wanted.contains(&variant.name.as_str()) {
+                wanted.extend(variant.from.as_deref());
+                wanted.extend(variant.zoomed_like.as_deref());
+                variants.insert(0, variant.clone());
+            }
         }
-        let is_wanted = |v: &&VariantConfig| wanted.iter().any(|w| w.name == v.name);
-        Some(Self { variant: self.variant.iter().filter(is_wanted).cloned().collect(), ..self.clone() })
+        (!variants.is_empty()).then(|| Self { variant: variants, ..self.clone() })
+    }
+
+    /// Every lens, sensor, ISP, network and data set that the experiment names, each with its key. What is derived from the experiment itself
+    /// (the perfect lens, no ISP) is not among them.
+    pub fn inputs_mut(&mut self) -> impl Iterator<Item = (Vec<String>, &mut String)> {
+        let key = |parts: &[&str]| parts.iter().map(|part| (*part).to_owned()).collect::<Vec<_>>();
+        let of_variants = self.variant.iter_mut().enumerate().flat_map(move |(i, v)| {
+            let key = |name: &str| vec!["variant".to_owned(), i.to_string(), name.to_owned()];
+            let lens = v.lens.as_mut().filter(|name| !is_derived_lens(name)).map(|lens| (key("lens"), lens));
+            lens.into_iter().chain(v.optics_proxy.as_mut().map(|proxy| (key("optics_proxy"), proxy)))
+        });
+        let preset = Some(&mut self.isp.preset).filter(|preset| *preset != NO_ISP);
+        [
+            (key(&["lens"]), &mut self.lens),
+            (key(&["sensor"]), &mut self.sensor),
+            (key(&["photos"]), &mut self.photos),
+            (key(&["data"]), &mut self.data),
+        ]
+        .into_iter()
+        .chain(preset.map(|preset| (key(&["isp", "preset"]), preset)))
+        .chain(self.detector.weights.as_mut().map(|weights| (key(&["detector", "weights"]), weights)))
+        .chain(of_variants)
     }
 }
 

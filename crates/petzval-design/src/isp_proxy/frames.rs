@@ -70,9 +70,9 @@ impl FrameSource {
     pub fn held_out(&self) -> Result<Vec<Frame>, DesignError> {
         let shots = held_out_shots(&self.setup, &self.cameras[0], &|_| true)?;
         let mut frames = Vec::new();
-        for (i, (_, _, shot)) in shots.into_iter().enumerate() {
+        for (i, held_out) in shots.into_iter().enumerate() {
             let camera = &self.cameras[i % self.cameras.len()];
-            frames.extend(take(camera, &[shot], !self.setup.experiment.seed)?);
+            frames.extend(take(camera, &[held_out.shot], !self.setup.experiment.seed)?);
         }
         Ok(frames)
     }

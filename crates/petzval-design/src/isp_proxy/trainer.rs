@@ -1,10 +1,11 @@
 //! A network learns what an ISP makes of raw frames, and how that changes with the parameters.
 
-use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
+use burn::optim::{GradientsParams, ModuleOptimizer};
 use burn::prelude::*;
 use burn::tensor::{Bytes, TensorData};
 use petzval_camera::isp::{Isp, RawInput, RgbPicture};
 use petzval_learn::network::IspProxyConfig;
+use petzval_learn::optimizer::muon_and_adam;
 use petzval_learn::proxy_isp::{FRAME_NUMBERS, ProxyIsp};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -74,7 +75,7 @@ impl ProxyTrainer {
         let config = IspProxyConfig { parameters, base_channels, levels, ..IspProxyConfig::default() };
         let network = config.init(seed, device)?;
         let proxy = ProxyIsp::new(isp, varied, values.clone(), network);
-        let (centre, optimizer) = (proxy.places(&values), AdamConfig::new().init());
+        let (centre, optimizer) = (proxy.places(&values), muon_and_adam(&proxy.network));
         Ok(Self { training, centre, proxy, optimizer, device: device.clone() })
     }
 
@@ -88,8 +89,8 @@ impl ProxyTrainer {
         self.centre = self.proxy.places(values);
     }
 
-    /// One step of Adam on raw frames of one size and what the ISP makes of them. Each is developed with two pairs of neighbouring lists of parameters, drawn for
-    /// this step.
+    /// One step on raw frames of one size and what the ISP makes of them. Each is developed with two pairs of neighbouring lists of
+    /// parameters, drawn for this step.
     pub fn step(&mut self, isp: &dyn Isp, step: usize, frames: &[Frame]) -> Result<StepLosses, DesignError> {
         let pairs: Vec<[Vec<f64>; 2]> = (0..(PAIRS * frames.len()) as u64)
             .map(|item| pair(&self.centre, self.training.seed, step as u64, item))
@@ -163,7 +164,7 @@ impl ProxyTrainer {
     pub fn load(&mut self, [weights, optimizer]: [Vec<u8>; 2]) -> Result<(), DesignError> {
         self.proxy.network = self.proxy.network.clone().load_bytes(weights)?;
         self.optimizer =
-            AdamConfig::new().init().from_bytes(Bytes::from_bytes_vec(optimizer)).map_err(|e| {
+            muon_and_adam(&self.proxy.network).from_bytes(Bytes::from_bytes_vec(optimizer)).map_err(|e| {
                 DesignError::Unwritable { what: "the optimiser of the proxy", problem: e.to_string() }
             })?;
         Ok(())

@@ -52,9 +52,11 @@ impl EventLog {
         Ok(Self { file: file.map_err(DesignError::io(path))?, path: path.to_path_buf() })
     }
 
-    /// Adds an event.
+    /// Adds an event, without losses that are not finite: JSON has no such numbers, and the line could not be read again.
     pub fn write(&mut self, event: &Event) -> Result<(), DesignError> {
-        let line = line_of(event)?;
+        let mut event = event.clone();
+        event.losses.retain(|_, loss| loss.is_finite());
+        let line = line_of(&event)?;
         writeln!(self.file, "{line}").map_err(DesignError::io(&self.path))
     }
 }
@@ -65,16 +67,51 @@ fn line_of(event: &Event) -> Result<String, DesignError> {
         .map_err(|e| DesignError::Unwritable { what: "an event", problem: e.to_string() })
 }
 
-/// Reads a log; a last line that a crash cut short is left out.
+/// Reads a log; a last line that a crash cut short is left out. Any other line that is no event is an error: what follows it must not be lost.
 pub fn read_events(path: &Path) -> Result<Vec<Event>, DesignError> {
     let file = petzval_base::open_file(path).map_err(DesignError::io(path))?;
     let mut events = Vec::new();
-    for line in BufReader::new(file).lines() {
-        let line = line.map_err(DesignError::io(path))?;
-        match serde_json::from_str(&line) {
+    let mut damaged = None;
+    for (i, line) in BufReader::new(file).lines().enumerate() {
+        if let Some(problem) = damaged {
+            return Err(DesignError::Run { path: path.to_path_buf(), problem });
+        }
+        match serde_json::from_str(&line.map_err(DesignError::io(path))?) {
             Ok(event) => events.push(event),
-            Err(_) => break,
+            Err(error) => damaged = Some(format!("line {}: {error}; put it back, or delete it", i + 1)),
         }
     }
     Ok(events)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_last_line_that_is_cut_short_is_left_out_and_any_other_is_an_error() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("events.jsonl");
+        let event = |step: u64| Event {
+            step,
+            camera: "a".to_owned(),
+            block: "network".to_owned(),
+            losses: BTreeMap::from([("loss".to_owned(), 0.5), ("psnr".to_owned(), f64::INFINITY)]),
+            lowered: Vec::new(),
+            learning_rate: 1e-3,
+            seconds: 0.1,
+        };
+        let mut log = EventLog::resume(&path, 0).unwrap();
+        (1..=3).for_each(|step| log.write(&event(step)).unwrap());
+        let steps = |path: &Path| read_events(path).map(|all| all.iter().map(|e| e.step).collect::<Vec<_>>());
+        assert_eq!(steps(&path).unwrap(), [1, 2, 3]);
+        assert_eq!(read_events(&path).unwrap()[0].losses.len(), 1, "an infinite number is not written");
+        let text = fs::read_to_string(&path).unwrap();
+        fs::write(&path, &text[..text.len() - 20]).unwrap();
+        assert_eq!(steps(&path).unwrap(), [1, 2]);
+        fs::write(&path, text.replace("\"step\":2", "\"step\":\"two\"")).unwrap();
+        let said = EventLog::resume(&path, 3).err().unwrap().to_string();
+        assert!(said.contains("events.jsonl") && said.contains("line 2"), "{said}");
+        assert_eq!(fs::read_to_string(&path).unwrap().lines().count(), 3, "nothing is lost");
+    }
 }

@@ -23,7 +23,7 @@ pub struct MadeMetrics {
     pub trials: usize,
     /// Held-out pictures on which each was scored.
     pub pictures: usize,
-    /// The scores.
+    /// The scores; without those of objects of which the pictures hold none.
     pub scores: Vec<ScoreDescription>,
     /// What a camera has to reach in each score.
     pub limits: BTreeMap<String, f64>,
@@ -36,7 +36,7 @@ pub struct MadeMetrics {
 pub struct MadeRow {
     /// Name of the variant.
     pub camera: String,
-    /// Each score.
+    /// Each of [`MadeMetrics::scores`].
     pub scores: BTreeMap<String, MadeFigures>,
     /// The scores of each camera; none for one without an image.
     pub trials: Vec<Option<BTreeMap<String, f64>>>,
@@ -45,8 +45,8 @@ pub struct MadeRow {
 /// A score of random cameras of one design.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MadeFigures {
-    /// That of the camera as drawn, on the same pictures.
-    pub drawn: f64,
+    /// That of the camera as drawn, on the same pictures; none if it sees no object of this kind.
+    pub drawn: Option<f64>,
     /// Mean over the cameras with an image; none if there are none.
     pub mean: Option<f64>,
     /// What nine in ten cameras reach: the 10th percentile of a score of which more is better; none if more than one in ten has no image.

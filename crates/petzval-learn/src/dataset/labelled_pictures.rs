@@ -11,6 +11,8 @@ use petzval_files::coco::{Annotation, Attribute, DataSet, Image, check_pictures,
 use petzval_files::load_image;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use sha2::{Digest, Sha256};
 
 use super::labelled_window::{LEAST_INSIDE, inside};
 use super::{CropPlan, DatasetError, LabelledWindow, List, Wanted};
@@ -24,12 +26,17 @@ const PART: usize = 5;
 #[derive(Clone, Debug, PartialEq)]
 struct LabelledPicture {
     path: PathBuf,
+    /// Its name in the data set.
+    name: String,
+    /// The film that it is of, or its own name.
+    sequence: String,
     /// Rows and columns.
     size: [usize; 2],
     truth: Truth,
 }
 
-/// The pictures of a folder, in three lists that share no sequence.
+/// The pictures of a folder, in three lists. They share no sequence, unless the data set itself has pictures of one in several parts, or no
+/// second one for training; then a note says so.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LabelledPictures {
     training: Vec<LabelledPicture>,
@@ -88,7 +95,8 @@ impl LabelledPictures {
     /// left to train on or to score with.
     ///
     /// The parts of the data set (`split`) decide what is held out: everything outside the part `train`, or outside the largest one if none is
-    /// called so. Without parts every fifth sequence is, by name; a picture that names no sequence is one by itself.
+    /// called so. Without parts every fifth sequence is, by name; a picture that names no sequence is one by itself. Every fifth sequence is for
+    /// validation, or the last of those for training where there are fewer.
     pub fn load(
         folder: &Path,
         wanted: Wanted,
@@ -121,7 +129,8 @@ impl LabelledPictures {
             for object in &truth.objects {
                 per_class[object.class][usize::from(list == List::HeldOut)] += 1;
             }
-            found.list_mut(list).push(LabelledPicture { path, size, truth });
+            let (name, sequence) = (image.file_name.clone(), sequence(image).to_owned());
+            found.list_mut(list).push(LabelledPicture { path, name, sequence, size, truth });
         }
         if small > 0 {
             notes.push(format!(
@@ -130,9 +139,6 @@ impl LabelledPictures {
             ));
         }
         let misfit = |problem: String| DatasetError::Labels { path: folder.to_path_buf(), problem };
-        if found.validation.is_empty() {
-            found.validation = found.training.clone();
-        }
         for (name, list) in [("training", &found.training), ("scoring", &found.held_out)] {
             if list.is_empty() {
                 return Err(misfit(format!("no picture is left for {name}")));
@@ -143,6 +149,21 @@ impl LabelledPictures {
                 let problem = format!("no box of {} is left for {purpose}", classes.join(", "));
                 return Err(misfit(problem));
             }
+        }
+        let shared = found.sequences(List::Training).intersection(&found.sequences(List::HeldOut)).count();
+        if shared > 0 {
+            notes.push(format!(
+                "{}: pictures of {shared} sequences are in the part for training and in another one; scores on pictures of the same film are \
+                 better than on others",
+                folder.display()
+            ));
+        }
+        if found.validation.is_empty() && !found.take_validation() {
+            notes.push(format!(
+                "{}: all pictures for training are of one sequence, so validation sees pictures that are trained on, and says little",
+                folder.display()
+            ));
+            found.validation = found.training.clone();
         }
         for (class, [training, held_out]) in classes.iter().zip(&per_class) {
             if *training == 0 || *held_out == 0 {
@@ -171,14 +192,32 @@ impl LabelledPictures {
         }
     }
 
-    /// What identifies the pictures: of each its list, its name, the length of its file and its boxes.
-    pub fn fingerprint(&self) -> String {
+    /// Moves the last sequence of the training pictures to those for validation. `false` if there is no other sequence.
+    fn take_validation(&mut self) -> bool {
+        let sequences = self.sequences(List::Training);
+        let Some(last) = sequences.last().filter(|_| sequences.len() > 1).map(|last| (*last).to_owned())
+        else {
+            return false;
+        };
+        (self.validation, self.training) =
+            std::mem::take(&mut self.training).into_iter().partition(|picture| picture.sequence == last);
+        true
+    }
+
+    /// The names of the sequences of a list.
+    fn sequences(&self, list: List) -> BTreeSet<&str> {
+        self.list(list).iter().map(|picture| picture.sequence.as_str()).collect()
+    }
+
+    /// What identifies the pictures: of each its list, its name, the SHA-256 of its file and its boxes. Reads every file.
+    pub fn fingerprint(&self) -> Result<String, DatasetError> {
         let mut text = String::new();
         for list in [List::Training, List::Validation, List::HeldOut] {
-            for picture in self.list(list) {
-                let name = picture.path.file_name().unwrap_or_default().to_string_lossy();
-                let bytes = std::fs::metadata(&picture.path).map_or(0, |file| file.len());
-                text += &format!("{list:?} {name} {bytes}");
+            let pictures = self.list(list);
+            let digests: Vec<String> =
+                pictures.par_iter().map(|picture| digest(&picture.path)).collect::<Result<_, _>>()?;
+            for (picture, digest) in pictures.iter().zip(digests) {
+                text += &format!("{list:?} {} {digest}", picture.name);
                 for object in &picture.truth.objects {
                     let BBox { x1, y1, x2, y2 } = object.bbox;
                     text += &format!(" {} {x1} {y1} {x2} {y2}", object.class);
@@ -189,12 +228,25 @@ impl LabelledPictures {
                 text.push('\n');
             }
         }
-        text
+        Ok(text)
     }
 
     /// Number of pictures of a list.
     pub fn count(&self, list: List) -> usize {
         self.list(list).len()
+    }
+
+    /// The picture of window `number` of `of` of a list. Fewer windows than pictures are spread over all of them; more take them in turn.
+    fn picture(&self, list: List, [number, of]: [u64; 2]) -> &LabelledPicture {
+        let pictures = self.list(list);
+        let count = pictures.len() as u64;
+        let place = if of < count { number * count / of.max(1) } else { number };
+        &pictures[(place % count) as usize]
+    }
+
+    /// The sequence of the picture of window `number` of `of` of a list. Windows of one sequence resemble each other.
+    pub fn sequence(&self, list: List, window: [u64; 2]) -> &str {
+        &self.picture(list, window).sequence
     }
 
     /// Window `number` of `of` of a list: of the pictures in turn, at a place that depends on the number alone, anywhere on the sensor.
@@ -205,11 +257,7 @@ impl LabelledPictures {
         [number, of]: [u64; 2],
         crops: &CropPlan,
     ) -> Result<LabelledWindow, DatasetError> {
-        let pictures = self.list(list);
-        // Fewer windows than pictures are spread over all of them; more take them in turn.
-        let count = pictures.len() as u64;
-        let place = if of < count { number * count / of.max(1) } else { number };
-        let picture = &pictures[(place % count) as usize];
+        let picture = self.picture(list, [number, of]);
         let light = load_image(&picture.path)?.light;
         let mut random = ChaCha8Rng::seed_from_u64(how.seed ^ 0x91c2_77e0_53aa_8b1d);
         random.set_stream(3 * number + list as u64);
@@ -289,6 +337,14 @@ fn list_of(image: &Image, training_part: Option<&str>, sequences: &[&str]) -> Li
             _ => List::Training,
         },
     }
+}
+
+/// The SHA-256 of a file, hexadecimal.
+fn digest(path: &Path) -> Result<String, DatasetError> {
+    let unreadable = |source| DatasetError::Io { path: path.to_owned(), source };
+    let mut hash = Sha256::new();
+    std::io::copy(&mut petzval_base::open_file(path).map_err(unreadable)?, &mut hash).map_err(unreadable)?;
+    Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
 /// The objects of a picture. Crowds, and objects that are to be ignored, are regions that are not judged.

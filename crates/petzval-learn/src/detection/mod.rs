@@ -26,7 +26,6 @@ mod levels;
 mod loss;
 mod matcher;
 mod nms;
-mod optimizer;
 mod parameters;
 mod proposals;
 mod pyramid;
@@ -43,7 +42,6 @@ pub use boxes::BBox;
 pub use faster_rcnn::{FasterRcnn, FasterRcnnConfig};
 pub use fcos::{Fcos, FcosConfig};
 pub use matcher::Match;
-pub use optimizer::optimizer;
 pub use zoomed::{Zoom, Zoomed};
 
 use burn::prelude::*;

@@ -29,6 +29,9 @@ const THUMBNAIL: usize = 16;
 const COLOURS: usize = 3;
 const OUT: usize = COLOURS * 4;
 
+/// Straight pieces of the curve of the tones: enough for a gamma curve with a knee, few enough to be learnt.
+const PIECES: usize = 8;
+
 /// Slope of the output beyond 0 and 1, where the ISP clips.
 const LEAK: f32 = 0.02;
 
@@ -79,7 +82,7 @@ impl IspProxyConfig {
         let mut widths = vec![small];
         widths.extend(Trunk::widths(base, self.levels));
         let modulations = 2 * widths.iter().sum::<usize>();
-        let last = COLOURS * (COLOURS + 1) + OUT * (base + COLOURS);
+        let last = last_counts(small, base + COLOURS).iter().sum();
         Ok(IspProxy {
             hidden_weight: draw
                 .normal([self.parameters, self.hidden], (self.parameters as f32).sqrt().recip()),
@@ -105,18 +108,23 @@ impl IspProxyConfig {
 ///
 /// ```text
 /// encode(light) = sqrt(max(light, 0) + 1e-4) - 0.01
-/// encoded = encode(raw)
-/// light   = red, mean of the greens, and blue of raw
-/// colours = encode(A light + b)
-/// far     = the thumbnail of encoded and colours, 16 x 16 means of the whole mosaic, through three convolutions, enlarged
-/// rgb     = clip(colours, repeated 2 x 2, + shuffle(M (U(encoded, colours, far), colours)))
+/// encoded  = encode(raw)
+/// light    = red, mean of the greens, and blue of raw
+/// mixed(x) = encode(x + A x + b)
+/// far      = the thumbnail of encoded and mixed(light), 16 x 16 means of the whole mosaic, through three convolutions, enlarged
+/// bend(x)  = x + sum over k of B_k max(x - k / 8, 0), k = 0..7
+/// colours  = bend(mixed(light exp(c far)))
+/// rgb      = clip(colours, repeated 2 x 2, + shuffle(M (U(encoded, colours, far), colours)))
 /// ```
 ///
-/// The square root spreads the dark values. Local tone mapping looks far across the picture, which the thumbnail covers. Each
-/// pair of convolutions of the U-Net `U`, and the thumbnail, is modulated by the parameters: `x (1 + scale) + shift` per
-/// channel, where a dense network with two hidden layers, and the parameters themselves, give all scales and shifts; they start at 0. It also gives `A`, `b` and
-/// `M`, by which parameters mix and amplify colours; they start as 1, 0 and 0. `shuffle` places 4 channels per colour on 2 x 2 pixels. `clip` leaves a slope of 0.02 beyond 0 and 1,
-/// so that the network may say how far beyond its range the ISP would be, and a gradient remains.
+/// The path of `colours` has the form of what an ISP does to the brightness of a pixel: it amplifies by what lies around
+/// (local tone mapping, which looks far across the picture and for which there is a thumbnail), mixes colours, and bends the tones. What
+/// remains, denoising, demosaicing and sharpening, is for the U-Net `U`. The square root spreads the dark values.
+///
+/// A dense network with two hidden layers turns the parameters into `A`, `b`, `c`, `B_k` and `M`, all 0 at first, so that the network begins as the
+/// square root of the raw, and into a scale and a shift for each channel of the thumbnail and of every pair of convolutions of `U`:
+/// `x (1 + scale) + shift`, also 0 at first. `shuffle` places 4 channels per colour on 2 x 2 pixels. `clip` leaves a slope of 0.02 beyond 0
+/// and 1, so that the network may say how far beyond its range the ISP would be, and a gradient remains.
 ///
 /// Sources: E. Perez et al., "FiLM: Visual Reasoning with a General Conditioning Layer", AAAI 2018, for the modulation; E.
 /// Tseng et al., "Hyperparameter optimization in black-box image processing using differentiable proxies", ACM TOG 2019, for
@@ -141,8 +149,7 @@ impl IspProxy {
     /// Develops raw mosaics with parameters.
     ///
     /// `raw`: `[batch, 4, height / 2, width / 2]`, colours red, green, green, blue of the 2x2 mosaic, linear, black 0 and
-    /// white 1. `theta`: `[batch, parameters]`, each scaled to about -1..1. Returns `[batch, 3, height, width]` on the scale of the
-    /// ISP's output, not clamped. Any even height and width.
+    /// white 1. `theta`: `[batch, parameters]`, each scaled to about -1..1. Returns `[batch, 3, height, width]` on the scale of the ISP's output, not clamped. Any even height and width.
     ///
     /// # Panics
     /// Panics if the number of colours or parameters is wrong, or the batches differ.
@@ -150,54 +157,67 @@ impl IspProxy {
         let ([batch, colours, height, width], [items, parameters]) = (raw.dims(), theta.dims());
         let [expected, _] = self.hidden_weight.dims();
         assert_eq!([colours, items, parameters], [MOSAIC, batch, expected], "IspProxy: shape of the input");
+        let controls = self.controls(theta);
+
+        // The light as the ISP sees it, and without the mosaic.
         let encoded = encode(raw.clone());
-
-        // Turn the parameters into a scale and a shift per channel of every block.
-        let first = theta.clone().matmul(self.hidden_weight.val()) + self.hidden_bias.val().unsqueeze();
-        let first = leaky_relu(first, f64::from(SLOPE));
-        let second = first.clone().matmul(self.second_weight.val()) + self.second_bias.val().unsqueeze();
-        let hidden = Tensor::cat(vec![theta, first + leaky_relu(second, f64::from(SLOPE))], 1);
-        let modulations =
-            hidden.clone().matmul(self.modulation_weight.val()) + self.modulation_bias.val().unsqueeze();
-        let modulate = |block: usize, x: Tensor<4>| {
-            let first = 2 * self.widths[..block].iter().sum::<usize>();
-            let part = |first: usize| {
-                let channels = self.widths[block];
-                modulations
-                    .clone()
-                    .slice([0..batch, first..first + channels])
-                    .reshape([batch, channels, 1, 1])
-            };
-            x * (part(first) + 1.0) + part(first + self.widths[block])
-        };
-
-        // Mix the colours of light as the parameters say, and encode them.
-        let weights = hidden.matmul(self.last_weight.val()) + self.last_bias.val().unsqueeze();
-        let features = self.last_weight.dims()[1] - COLOURS * (COLOURS + 1);
-        let [by_colour, shift, by_feature] = weights
-            .split_with_sizes(vec![COLOURS * COLOURS, COLOURS, features], 1)
-            .try_into()
-            .expect("three parts");
         let colour = |c: usize| raw.clone().slice([0..batch, c..c + 1]);
         let light = Tensor::cat(vec![colour(0), (colour(1) + colour(2)) * 0.5, colour(3)], 1);
-        let mixed = light.clone() + mix(by_colour, light, COLOURS) + shift.reshape([batch, COLOURS, 1, 1]);
-        let colours = encode(mixed);
-        let near = Tensor::cat(vec![encoded, colours.clone()], 1);
+        let mixed = |light: Tensor<4>| {
+            encode(light.clone() + mix(&controls.by_colour, light, COLOURS) + controls.shift.clone())
+        };
 
         // Look at the whole picture through a thumbnail.
-        let small = adaptive_avg_pool2d(near.clone(), [THUMBNAIL; 2]);
-        let small = modulate(0, self.thumbnail[0].forward(small));
+        let near = Tensor::cat(vec![encoded.clone(), mixed(light.clone())], 1);
+        let small =
+            controls.modulated(0, self.thumbnail[0].forward(adaptive_avg_pool2d(near, [THUMBNAIL; 2])));
         let small = self.thumbnail[1..].iter().fold(small, |x, conv| conv.forward(x));
         let options = InterpolateOptions::new(InterpolateMode::Bilinear)
             .with_align_corners(false)
             .with_output_size([height, width]);
-        let near_and_far = Tensor::cat(vec![near, interpolate(small, options)], 1);
+        let far = interpolate(small, options);
+
+        // Amplify by what lies around, mix the colours, and bend the tones.
+        let gain = mix(&controls.by_far, far.clone(), 1).exp();
+        let colours = mixed(light * gain);
+        let above = |k: usize| (colours.clone() - k as f64 / PIECES as f64).clamp_min(0.0);
+        let pieces = Tensor::cat((0..PIECES).map(above).collect(), 1);
+        let colours = colours.clone() + mix(&controls.by_piece, pieces, COLOURS);
 
         // Add what the network finds for each pixel of a cell of the mosaic.
-        let x = extend(near_and_far, self.trunk.unit());
-        let x = crop(self.trunk.forward(x, |pair, x| modulate(pair + 1, x)), [height, width]);
-        let found = mix(by_feature, Tensor::cat(vec![x, colours.clone()], 1), OUT);
+        let x = Tensor::cat(vec![encoded, colours.clone(), far], 1);
+        let x = extend(x, self.trunk.unit());
+        let x = crop(self.trunk.forward(x, |pair, x| controls.modulated(pair + 1, x)), [height, width]);
+        let found = mix(&controls.by_feature, Tensor::cat(vec![x, colours.clone()], 1), OUT);
         leaky_clip(double(colours) + shuffle(found))
+    }
+
+    /// What the dense network makes of the parameters.
+    fn controls(&self, theta: Tensor<2>) -> Controls {
+        let [batch, _] = theta.dims();
+        let first = theta.clone().matmul(self.hidden_weight.val()) + self.hidden_bias.val().unsqueeze();
+        let first = leaky_relu(first, f64::from(SLOPE));
+        let second = first.clone().matmul(self.second_weight.val()) + self.second_bias.val().unsqueeze();
+        let hidden = Tensor::cat(vec![theta, first + leaky_relu(second, f64::from(SLOPE))], 1);
+
+        let modulations =
+            hidden.clone().matmul(self.modulation_weight.val()) + self.modulation_bias.val().unsqueeze();
+        let channels = self.widths.iter().flat_map(|width| [*width; 2]).collect();
+        let modulations = modulations.split_with_sizes(channels, 1);
+        let [_, last] = self.last_weight.dims();
+        let mut counts = last_counts(self.widths[0], 0);
+        counts[4] = last - counts.iter().sum::<usize>();
+        let last = hidden.matmul(self.last_weight.val()) + self.last_bias.val().unsqueeze();
+        let [by_colour, shift, by_far, by_piece, by_feature] =
+            last.split_with_sizes(counts.to_vec(), 1).try_into().expect("five parts");
+        Controls {
+            modulations: modulations.into_iter().map(|m| m.unsqueeze_dims(&[2, 3])).collect(),
+            by_colour,
+            shift: shift.reshape([batch, COLOURS, 1, 1]),
+            by_far,
+            by_piece,
+            by_feature,
+        }
     }
 
     /// All weights as bytes in Burn's format, exact to the bit.
@@ -216,15 +236,44 @@ impl IspProxy {
     }
 }
 
+/// How many numbers the dense network gives for the thumbnail's channels and the features of the last layer: those of
+/// [`Controls::by_colour`], `shift`, `by_far`, `by_piece` and `by_feature`.
+fn last_counts(thumbnail_channels: usize, features: usize) -> [usize; 5] {
+    [COLOURS * COLOURS, COLOURS, thumbnail_channels, COLOURS * COLOURS * PIECES, OUT * features]
+}
+
+/// What the parameters do to each picture of a batch; the letters are those of [`IspProxy`].
+struct Controls {
+    /// Scale and shift of every block, in turns: `[batch, channels, 1, 1]`.
+    modulations: Vec<Tensor<4>>,
+    /// `A`, `[batch, 3 * 3]`.
+    by_colour: Tensor<2>,
+    /// `b`, `[batch, 3, 1, 1]`.
+    shift: Tensor<4>,
+    /// `c`, `[batch, channels of the thumbnail]`.
+    by_far: Tensor<2>,
+    /// `B_k`, `[batch, 3 * 3 * pieces]`.
+    by_piece: Tensor<2>,
+    /// `M`, `[batch, 12 * features]`.
+    by_feature: Tensor<2>,
+}
+
+impl Controls {
+    /// The features of a block, scaled and shifted. The thumbnail is the first block; the pairs of the trunk follow.
+    fn modulated(&self, block: usize, x: Tensor<4>) -> Tensor<4> {
+        x * (self.modulations[2 * block].clone() + 1.0) + self.modulations[2 * block + 1].clone()
+    }
+}
+
 /// The square root of light, with a finite slope at black.
 fn encode(light: Tensor<4>) -> Tensor<4> {
     (light.clamp_min(0.0) + BLACK).sqrt() - BLACK.sqrt()
 }
 
 /// At every pixel, `outputs` sums of its channels, with weights `[batch, outputs * channels]`.
-fn mix(weights: Tensor<2>, x: Tensor<4>, outputs: usize) -> Tensor<4> {
+fn mix(weights: &Tensor<2>, x: Tensor<4>, outputs: usize) -> Tensor<4> {
     let [batch, channels, height, width] = x.dims();
-    let weights = weights.reshape([batch, outputs, channels]);
+    let weights = weights.clone().reshape([batch, outputs, channels]);
     weights.matmul(x.reshape([batch, channels, height * width])).reshape([batch, outputs, height, width])
 }
 

@@ -139,10 +139,17 @@ impl ObjectScore {
         }
     }
 
-    /// The range, low and high, in which the figure lies in 95 % of draws of as many windows with repetition; none for the accuracy of states.
-    pub fn interval(&self, windows: &[Picture], classes: usize, field: Field) -> Option<[f64; 2]> {
+    /// The range, low and high, in which the figure lies in 95 % of draws of as many clusters of windows with repetition; none for the accuracy
+    /// of states. `clusters`: the cluster of each window, see [`Bootstrap::clusters`].
+    pub fn interval(
+        &self,
+        windows: &[Picture],
+        clusters: &[usize],
+        classes: usize,
+        field: Field,
+    ) -> Option<[f64; 2]> {
         let ranking = self.ranking(windows, classes, field)?;
-        let how = Bootstrap { draws: DRAWS, ..Bootstrap::of_pictures(windows.len(), 1) };
+        let how = Bootstrap { draws: DRAWS, ..Bootstrap::of_clusters(clusters.to_vec(), 1) };
         let found = bootstrap(&how, |counts| self.area(&ranking, Some(counts)))?;
         Some([found.low, found.high])
     }
@@ -211,13 +218,19 @@ mod tests {
     fn figures_follow_their_groups_and_their_intervals_hold_them() {
         let field = Field { axis: [0.0, 0.0], corner_px: 2000.0 };
         let all = object_scores(&["a", "b"]);
+        let alone: Vec<usize> = (0..windows().len()).collect();
         let of = |name: &str| {
             let score = all.iter().find(|s| s.about.name == name).unwrap();
-            (score.of(&windows(), 2, field), score.interval(&windows(), 2, field))
+            (score.of(&windows(), 2, field), score.interval(&windows(), &alone, 2, field))
         };
         let (half, interval) = of("ap50");
         let (half, [low, high]) = (half.unwrap(), interval.unwrap());
         assert!(low < half && half < high && low >= 0.0 && high <= 1.0, "{low} {half} {high}");
+        // Windows of one film resemble each other: as if there were fewer.
+        let films: Vec<usize> = (0..windows().len()).map(|i| i / 4).collect();
+        let score = all.iter().find(|s| s.about.name == "ap50").unwrap();
+        let [least, most] = score.interval(&windows(), &films, 2, field).unwrap();
+        assert!(most - least > 1.1 * (high - low), "{least} {most} {low} {high}");
         // Objects of 600 square pixels are small, and all windows lie within two thirds of the way to the corner.
         assert_eq!(of("ap50_small").0, Some(half));
         assert_eq!(of("ap50_large"), (None, None));
@@ -228,7 +241,7 @@ mod tests {
         let lights = object_scores(&LIGHT_STATES);
         let states = lights.iter().find(|s| s.about.name == "state_accuracy").unwrap();
         assert_eq!(
-            (states.of(&windows(), 4, field), states.interval(&windows(), 4, field)),
+            (states.of(&windows(), 4, field), states.interval(&windows(), &alone, 4, field)),
             (Some(1.0), None)
         );
     }

@@ -7,6 +7,9 @@ use super::{Score, ScoreError, ScoredPair};
 /// `-10 log10(mean square difference)` of sRGB-encoded values in 0..1, dB.
 pub struct Psnr;
 
+/// The PSNR of a picture that equals its truth, which the formula makes infinite: a mean over pictures has to be a number.
+const MOST_DB: f64 = 100.0;
+
 impl Score for Psnr {
     fn name(&self) -> &'static str {
         "psnr_db"
@@ -21,7 +24,7 @@ impl Score for Psnr {
     }
 
     fn definition(&self) -> &'static str {
-        "-10 log10 of the mean square difference of sRGB-encoded values in 0..1"
+        "-10 log10 of the mean square difference of sRGB-encoded values in 0..1, at most 100 dB"
     }
 
     fn decimals(&self) -> usize {
@@ -29,6 +32,6 @@ impl Score for Psnr {
     }
 
     fn of(&self, pair: &ScoredPair) -> Result<f64, ScoreError> {
-        Ok(psnr(&pair.truth.data, &pair.finished.data)?)
+        Ok(psnr(&pair.truth.data, &pair.finished.data)?.min(MOST_DB))
     }
 }

@@ -102,7 +102,7 @@ fn print_made(made: &MadeMetrics) {
                 "{:<16} {:<12} {:>9.d$} {:>9.d$} {:>11.d$} {:>9.d$} {:>10.0}",
                 row.camera,
                 score.heading(),
-                figures.drawn,
+                or_nan(figures.drawn),
                 or_nan(figures.mean),
                 or_nan(figures.of_90_percent),
                 made.limits[&score.name],

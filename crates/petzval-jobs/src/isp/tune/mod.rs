@@ -96,9 +96,6 @@ pub struct Tuned {
     pub best: f64,
 }
 
-/// Scores are kept within these limits: the PSNR of equal pictures is infinite.
-const MOST_SCORE: f64 = 1e6;
-
 /// Tunes the ISP.
 ///
 /// The folder holds the best settings (`tuned.toml`), all generations (`history.json`) and what is needed to continue (`search.json`);
@@ -375,8 +372,7 @@ impl Tuner<'_> {
                 let finished = LinearImage { channels: 3, height, width, data: picture.encoded() };
                 let pair = ScoredPair::new(finished, truth.clone(), &self.device);
                 let score = self.score.of(&pair).map_err(|e| JobError::failed(e.to_string()))?;
-                // The mean over frames shall be finite for settings that are perfect on one of them.
-                *sum += score.clamp(-MOST_SCORE, MOST_SCORE) / self.cases.len() as f64;
+                *sum += score / self.cases.len() as f64;
             }
         }
         Ok(Some(sums))

@@ -94,7 +94,9 @@ impl History {
             serde_json::from_str(&read("config.json")?).map_err(|e| bad("config.json", e))?;
         read("start.toml")?;
         let file = context.assets.start(&root.join("start.toml").display().to_string())?;
-        let mut steps: Vec<Step> = read("history.jsonl")?
+        // A search that was cut off before it found a lens has no step yet.
+        let mut steps: Vec<Step> = text_if_there(&root.join("history.jsonl"))?
+            .unwrap_or_default()
             .lines()
             .map(|line| serde_json::from_str(line).map_err(|e| bad("history.jsonl", e)))
             .collect::<Result<_, _>>()?;
@@ -151,7 +153,7 @@ impl History {
     /// The state from which a search continues, if one was kept.
     pub fn state(&self) -> Result<Option<SearchState>, JobError> {
         let path = self.root.join("search.json");
-        let Ok(text) = petzval_base::read_text(&path) else { return Ok(None) };
+        let Some(text) = text_if_there(&path)? else { return Ok(None) };
         let state = serde_json::from_str(&text).map_err(|e| {
             JobError::input(format!("{}: {e}", path.display()), "it was changed since it was written")
         })?;
@@ -245,6 +247,15 @@ impl History {
 
     fn write(&self, name: &str, text: &str) -> Result<(), JobError> {
         write_file(&self.root.join(name), text)
+    }
+}
+
+/// The text of a file; none if there is no such file.
+fn text_if_there(path: &Path) -> Result<Option<String>, JobError> {
+    match petzval_base::read_text(path) {
+        Ok(text) => Ok(Some(text)),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(JobError::failed(format!("{}: {error}", path.display()))),
     }
 }
 

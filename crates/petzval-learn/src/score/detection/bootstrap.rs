@@ -21,7 +21,12 @@ pub struct Bootstrap {
 impl Bootstrap {
     /// 1000 draws of single pictures, 95 %.
     pub fn of_pictures(pictures: usize, seed: u64) -> Self {
-        Self { clusters: (0..pictures).collect(), draws: 1000, seed, confidence: 0.95 }
+        Self::of_clusters((0..pictures).collect(), seed)
+    }
+
+    /// 1000 draws of clusters of pictures, 95 %.
+    pub fn of_clusters(clusters: Vec<usize>, seed: u64) -> Self {
+        Self { clusters, draws: 1000, seed, confidence: 0.95 }
     }
 }
 

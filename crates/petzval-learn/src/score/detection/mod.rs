@@ -25,7 +25,7 @@ mod summary;
 pub use bootstrap::{Bootstrap, Interval, bootstrap};
 pub use curve::{Interpolation, PrecisionRecall};
 pub use group::Group;
-pub use of_data_set::{clusters_of_data_set, pictures_of_data_set};
+pub use of_data_set::{clusters_of, clusters_of_data_set, pictures_of_data_set};
 pub use overlap::overlap;
 pub use picture::{FoundObject, Picture, TrueObject, Xywh};
 pub use protocol::Protocol;

@@ -38,17 +38,23 @@ pub fn pictures_of_data_set(data: &DataSet, detections: &[coco::Detection]) -> (
 pub fn clusters_of_data_set(data: &DataSet) -> Vec<usize> {
     let sequence: HashMap<u64, &str> =
         data.images.iter().filter_map(|image| Some((image.id, image.sequence.as_deref()?))).collect();
+    clusters_of(image_ids(data).into_iter().map(|id| sequence.get(&id).copied()))
+}
+
+/// The cluster of each picture for [`Bootstrap::clusters`](super::Bootstrap::clusters), by the name of its sequence: equal names share one,
+/// each picture without a name has its own.
+pub fn clusters_of<'a>(sequences: impl Iterator<Item = Option<&'a str>>) -> Vec<usize> {
     let mut known: HashMap<&str, usize> = HashMap::new();
     let mut next = 0;
     let mut fresh = || {
         next += 1;
         next - 1
     };
-    let cluster = |id: u64| match sequence.get(&id) {
+    let cluster = |sequence: Option<&'a str>| match sequence {
         Some(name) => *known.entry(name).or_insert_with(&mut fresh),
         None => fresh(),
     };
-    image_ids(data).into_iter().map(cluster).collect()
+    sequences.map(cluster).collect()
 }
 
 /// The ids of the pictures, ascending.

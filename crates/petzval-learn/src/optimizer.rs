@@ -1,11 +1,11 @@
-//! How the weights of a detector are moved.
+//! How the weights of detectors and of the proxy of an image signal processor are moved.
 
 use burn::grad_clipping::GradientClippingConfig;
 use burn::module::{Module, ModuleVisitor, Param, ParamGroup, ParamId};
 use burn::optim::{AdamConfig, AdjustLrFn, ModuleOptimizer, MuonConfig};
 use burn::prelude::*;
 
-/// Largest norm of the gradient of a weight: few boxes of a batch may say very much.
+/// Largest norm of the gradient of a weight: few boxes, or few pixels, of a batch may say very much.
 const LARGEST_GRADIENT: f32 = 1.0;
 
 /// Least rows and columns of a matrix that Muon moves. Layers that give out logits or offsets are smaller.
@@ -14,11 +14,11 @@ const LEAST_SIDE: usize = 16;
 /// An optimiser that has not seen a gradient yet: Muon (Jordan 2024) for the matrices between hidden features, scaled so that it takes steps as
 /// large as Adam's (Liu 2025), and Adam for all other weights.
 ///
-/// Muon turns the gradient of a matrix into the nearest orthogonal matrix: rare objects, which show in few directions of the gradient, are
-/// learnt as fast as frequent ones.
-pub fn optimizer<M: Module>(detector: &M) -> ModuleOptimizer {
+/// Muon turns the gradient of a matrix into the nearest orthogonal matrix: what shows in few or weak directions of the gradient, such as rare
+/// objects or a parameter that changes few pixels, is learnt as fast as the rest.
+pub fn muon_and_adam<M: Module>(network: &M) -> ModuleOptimizer {
     let mut matrices = Matrices(Vec::new());
-    detector.visit(&mut matrices);
+    network.visit(&mut matrices);
     let adam = AdamConfig::new().with_grad_clipping(Some(GradientClippingConfig::Norm(LARGEST_GRADIENT)));
     let muon = MuonConfig::new().with_adjust_lr_fn(AdjustLrFn::MatchRmsAdamW);
     adam.init().with_group(ParamGroup::from_ids(matrices.0), muon.build(), None)
