@@ -20,7 +20,7 @@ use petzval_optics::number::Number;
 use petzval_optics::paraxial::image_height_per_tangent;
 use serde::{Deserialize, Serialize};
 
-use crate::block::{Batch, Block, BlockName, Blocks, IspBlock, NetworkBlock, StepMethod};
+use crate::block::{Batch, Block, BlockName, Blocks, ExposureBlock, IspBlock, NetworkBlock, StepMethod};
 use crate::camera::{Camera, ChipValues, Shot};
 use crate::error::DesignError;
 use crate::experiment::PERFECT_LENS;
@@ -60,15 +60,16 @@ pub enum Ending {
 pub fn finished_camera(
     setup: &Setup,
     lens: Lens,
+    exposure: &ExposureBlock,
     isp: &IspBlock,
     network: &NetworkBlock,
 ) -> Result<Camera, DesignError> {
-    Ok(finished(&setup.camera(lens, false)?, isp, network))
+    Ok(finished(&setup.camera(lens, false)?, exposure, isp, network))
 }
 
-/// A camera with the network, and the hardware ISP in whole numbers.
-fn finished(camera: &Camera, isp: &IspBlock, network: &NetworkBlock) -> Camera {
-    let camera = camera.with_network(network.held());
+/// A camera with its exposure, the network, and the hardware ISP in whole numbers.
+fn finished(camera: &Camera, exposure: &ExposureBlock, isp: &IspBlock, network: &NetworkBlock) -> Camera {
+    let camera = camera.exposed_as(&exposure.exposure()).with_network(network.held());
     match camera.body().chip.is_some() {
         true => camera.with_chip(ChipValues::Exact(isp.values())),
         false => camera,
@@ -417,7 +418,8 @@ impl DesignLoop {
             true => self.setup.camera(self.lens(variant)?, false)?,
             false => self.camera(variant, moves)?,
         };
-        let camera = finished(&at_rest, &self.blocks.isp, &self.blocks.network);
+        let Blocks { exposure, isp, network, .. } = &self.blocks;
+        let camera = finished(&at_rest, exposure, isp, network);
         let noise = self.noise(variant);
         let objective = &self.objective;
         let loss = |camera: &Camera, frames: &Frames, shots: &[Shot]| {
@@ -534,8 +536,9 @@ impl DesignLoop {
         Ok(self.held(&self.setup.moving_camera(variant, lens)?))
     }
 
-    /// A camera with ISP and network as they stand, held.
+    /// A camera with exposure, ISP and network as they stand, held.
     fn held(&self, camera: &Camera) -> Camera {
+        let camera = camera.exposed_as(&self.blocks.exposure.exposure());
         let camera = camera.with_network(self.blocks.network.held());
         match camera.body().chip.is_some() {
             true => camera.with_chip(self.blocks.isp.held(&camera.body().device)),
@@ -582,7 +585,8 @@ impl DesignLoop {
     ) -> Result<Step, DesignError> {
         let lens = self.lens(variant)?;
         validate(&lens).map_err(|defect| DesignError::Unmakeable { camera: variant.name.clone(), defect })?;
-        let camera = finished_camera(&self.setup, lens.clone(), &self.blocks.isp, &self.blocks.network)?;
+        let Blocks { exposure, isp, network, .. } = &self.blocks;
+        let camera = finished_camera(&self.setup, lens.clone(), exposure, isp, network)?;
         let (metrics, pictures) = self.scorer.score(&variant.name, &camera)?;
         let [isp_steps, network_steps] =
             [BlockName::Isp, BlockName::Network].map(|block| self.position.before(block));

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use petzval_camera::isp::IspParameter;
+use petzval_base::parameter::Parameter;
 use petzval_files::{LensFile, parse_lens};
 use petzval_optics::analysis::first_order_table;
 use petzval_optics::glass::Catalog;
@@ -139,8 +139,8 @@ fn gathered(
                 false => Vec::new(),
                 true => changes(&setup.start(variant).lens_file, lens),
             },
-            isp_changes: match is_scored(metrics, variant) {
-                true => isp_changes(setup, variant, run)?,
+            setting_changes: match is_scored(metrics, variant) {
+                true => setting_changes(setup, variant, run)?,
                 false => Vec::new(),
             },
             attribution: attribution(
@@ -301,24 +301,28 @@ fn in_order(scores: &[ScoreDescription], values: &BTreeMap<String, f64>) -> Vec<
     scores.iter().map(|score| values.get(&score.name).copied().unwrap_or(f64::NAN)).collect()
 }
 
-/// The parameters of a camera's hardware ISP that moved, before and after.
-fn isp_changes(setup: &Setup, variant: &Variant, run: &RunFolder) -> Result<Vec<Change>, DesignError> {
-    // Values come back from their places with a rounding error: of an ISP that stays they are not compared.
-    if setup.body.chip.is_none() || setup.task_steps(variant, BlockName::Isp) == 0 {
+/// What moved of a camera's exposure and of its hardware ISP, before and after.
+fn setting_changes(setup: &Setup, variant: &Variant, run: &RunFolder) -> Result<Vec<Change>, DesignError> {
+    // Values come back from their places with a rounding error: of a block that stays they are not compared.
+    let moves = |block: BlockName| setup.task_steps(variant, block) > 0;
+    if ![BlockName::Exposure, BlockName::Isp].into_iter().any(moves) {
         return Ok(Vec::new());
     }
     let mut blocks = setup.blocks(variant)?;
     load_blocks(&run.camera(&variant.name), blocks.all_mut(), Kept::Numbers)?;
-    let moved = blocks.isp.changes().into_iter().filter(|(_, from, to)| from != to);
-    let change = |(parameter, from, to): (&IspParameter, f64, f64)| Change {
-        parameter: parameter.name.clone(),
+    let exposure = blocks.exposure.changes().filter(|_| moves(BlockName::Exposure));
+    let exposure = exposure.map(|(about, from, to)| (about.name, about, from, to));
+    let isp = blocks.isp.changes().into_iter().filter(|_| moves(BlockName::Isp));
+    let isp = isp.map(|(parameter, from, to)| (parameter.name.as_str(), &parameter.about, from, to));
+    let change = |(name, about, from, to): (&str, &Parameter, f64, f64)| Change {
+        parameter: name.to_owned(),
         from,
         to,
-        unit: parameter.about.unit.to_owned(),
-        min: parameter.about.min,
-        max: parameter.about.max,
+        unit: about.unit.to_owned(),
+        min: about.min,
+        max: about.max,
     };
-    Ok(moved.map(change).collect())
+    Ok(exposure.chain(isp).filter(|(_, _, from, to)| from != to).map(change).collect())
 }
 
 /// The variables, before and after, and the radius that keeps the focal length.

@@ -6,7 +6,8 @@ use std::sync::Arc;
 
 use burn::prelude::*;
 use petzval_camera::image::LinearImage;
-use petzval_camera::sensor::{Noise, NoiseMode};
+use petzval_camera::linear_limit::{LinearLimit, NaturalScenes};
+use petzval_camera::sensor::{Exposure, Noise, NoiseMode};
 use petzval_camera::tape::srgb_encode_op;
 use petzval_learn::loss::LossError;
 use petzval_learn::score::detection::Picture;
@@ -113,14 +114,22 @@ impl Scorer {
         let pictures = self.pictures(camera, &|_| true, Depth::EveryStage)?;
         let scored = pictures.iter().map(|p| p.score.clone()).collect();
         let scores = self.over_all(&pictures);
+        // The exposure behind the lens for which it is stated: brightness of the image comes on top.
+        let (stated, own) = (self.setup.body.exposure, camera.body().exposure);
+        let exposed_longer = own.time_s / stated.time_s;
+        let own = Exposure { white_e: stated.white_e * exposed_longer, ..own };
         let metrics = camera_metrics(&self.setup, name, lens, captured, scores, scored)?;
         let bright = brightened(camera.psfs().bank().clone(), camera.light());
-        let limit = self.setup.limit.mean_square(&bright)?;
+        let limit = match own == stated {
+            true => self.setup.limit.mean_square(&bright)?,
+            false => LinearLimit::new(&camera.body().sensor, &own, NaturalScenes::default())
+                .mean_square(&bright)?,
+        };
         let metrics = CameraMetrics {
             psf_errors: camera.psf_errors(),
             restored_error_percent: Some(percent(limit)),
             intervals: self.intervals(&pictures),
-            white_e: metrics.white_e * camera.light(),
+            white_e: metrics.white_e * camera.light() * f64::from(exposed_longer),
             ..metrics
         };
         Ok((metrics, pictures))

@@ -24,12 +24,12 @@ use petzval_optics::paraxial::image_brightness;
 use serde::Deserialize;
 
 use crate::assets::Assets;
-use crate::block::{BlockName, Blocks, ImitationPlan, IspBlock, NetworkBlock, OpticsBlock};
+use crate::block::{BlockName, Blocks, ExposureBlock, ImitationPlan, IspBlock, NetworkBlock, OpticsBlock};
 use crate::camera::{Body, Camera, PsfErrors, PsfSource, Psfs, SameTime};
 use crate::error::DesignError;
 use crate::experiment::{
-    BUILT_IN_PHOTOS, DetectorConfig, Experiment, NetworkConfig, OF_THE_WHOLE_FRAME, SameOf, TaskKind,
-    places_of,
+    BUILT_IN_PHOTOS, DetectorConfig, Experiment, ExposureSetting, NetworkConfig, OF_THE_WHOLE_FRAME, SameOf,
+    TaskKind, places_of,
 };
 use crate::optics_proxy::{ProxyOptics, read_proxy_optics};
 use crate::psf_plan::PsfPlan;
@@ -115,6 +115,11 @@ impl Setup {
         let moving_plan = psf.plan(&sensor, psf.pupil_cells)?;
         let fixed_plan = psf.plan(&sensor, psf.scoring_pupil_cells)?;
         let exposure = experiment.exposure.exposure();
+        if experiment.exposure.vary.contains(&ExposureSetting::Gain) && !sensor.gain_steps.is_empty() {
+            let message = format!("`{}` has gain steps, between which nothing can move", sensor.name);
+            let hint = "leave \"gain\" out of exposure.vary, and compare the steps of exposure.linear_gain";
+            return Err(DesignError::misfit(Path::new(&experiment.sensor), &message, hint));
+        }
         let limit = Arc::new(LinearLimit::new(&sensor, &exposure, NaturalScenes::default()));
         let variants = experiment.variants();
         // Where cameras are exposed for the same time, the exposure is stated for the experiment's own lens.
@@ -187,7 +192,17 @@ impl Setup {
             variants,
             starts,
             optics_proxies,
-            body: Arc::new(Body { sensor, geometry, exposure, same_time, isp, restoration, chip, device }),
+            body: Arc::new(Body {
+                sensor,
+                geometry,
+                exposure,
+                truth_exposure: exposure,
+                same_time,
+                isp,
+                restoration,
+                chip,
+                device,
+            }),
             moving_plan,
             fixed_plan,
             limit,
@@ -287,6 +302,14 @@ impl Setup {
         Ok(NetworkBlock::new(kind.init(base_channels, levels, experiment.seed, device)?))
     }
 
+    /// The exposure at the start, of which the settings that the experiment names may move.
+    pub fn exposure(&self) -> ExposureBlock {
+        let config = &self.experiment.exposure;
+        let settings = [(ExposureSetting::Time, config.times_s), (ExposureSetting::Gain, config.gains)];
+        let varied = settings.into_iter().filter(|(setting, _)| config.vary.contains(setting));
+        ExposureBlock::new(config.exposure(), varied)
+    }
+
     /// The parameters of the hardware ISP at the start, of which those that the experiment names may move.
     pub fn isp(&self) -> IspBlock {
         let Some(settings) = &self.body.chip else {
@@ -311,7 +334,7 @@ impl Setup {
     pub fn blocks(&self, variant: &Variant) -> Result<Blocks, DesignError> {
         let weight = self.experiment.constraints.weight;
         let optics = OpticsBlock::new(self.start(variant).clone(), weight).with_field(variant.field);
-        Ok(Blocks { optics, isp: self.isp(), network: self.network()? })
+        Ok(Blocks { optics, exposure: self.exposure(), isp: self.isp(), network: self.network()? })
     }
 
     /// Steps that a block has taken for the task at the end of a variant, with those of the variants that it starts from.

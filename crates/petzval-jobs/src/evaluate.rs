@@ -145,14 +145,14 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 
 /// A camera of a run as it was finished.
 pub(crate) fn camera_of(setup: &Setup, folder: &RunFolder, name: &str) -> Result<Camera, JobError> {
-    let (mut isp, mut network) = (setup.isp(), setup.network()?);
-    let blocks: [&mut dyn Block; 2] = [&mut isp, &mut network];
+    let (mut exposure, mut isp, mut network) = (setup.exposure(), setup.isp(), setup.network()?);
+    let blocks: [&mut dyn Block; 3] = [&mut exposure, &mut isp, &mut network];
     load_blocks(&folder.camera(name), blocks, Kept::Numbers)?;
     let lens = camera_lens(folder, name)?.lens;
     if let Some(variant) = setup.variants.iter().find(|variant| variant.name == name) {
         network.set_zoom(Zoom::Times(zoom_of(folder, variant, &lens)?));
     }
-    Ok(finished_camera(setup, lens, &isp, &network)?)
+    Ok(finished_camera(setup, lens, &exposure, &isp, &network)?)
 }
 
 /// A camera of a run whose lens can be made, and what its lens can be off by.

@@ -199,7 +199,7 @@ fn camera(i: usize) -> CameraView {
         over_field: over_field.into(),
         psfs,
         changes: if i > 0 { vec![change] } else { Vec::new() },
-        isp_changes: Vec::new(),
+        setting_changes: Vec::new(),
         attribution: Vec::new(),
     }
 }

@@ -1,11 +1,13 @@
 //! The blocks of a camera in work.
 
-use super::{Block, BlockName, IspBlock, NetworkBlock, OpticsBlock};
+use super::{Block, BlockName, ExposureBlock, IspBlock, NetworkBlock, OpticsBlock};
 
 /// The blocks of a variant, each with its present numbers.
 pub struct Blocks {
     /// The lens.
     pub optics: OpticsBlock,
+    /// The exposure.
+    pub exposure: ExposureBlock,
     /// The hardware ISP.
     pub isp: IspBlock,
     /// The network.
@@ -14,19 +16,20 @@ pub struct Blocks {
 
 impl Blocks {
     /// All blocks, in the order of the light.
-    pub fn all(&self) -> [&dyn Block; 3] {
-        [&self.optics, &self.isp, &self.network]
+    pub fn all(&self) -> [&dyn Block; 4] {
+        [&self.optics, &self.exposure, &self.isp, &self.network]
     }
 
     /// All blocks, in the order of the light.
-    pub fn all_mut(&mut self) -> [&mut dyn Block; 3] {
-        [&mut self.optics, &mut self.isp, &mut self.network]
+    pub fn all_mut(&mut self) -> [&mut dyn Block; 4] {
+        [&mut self.optics, &mut self.exposure, &mut self.isp, &mut self.network]
     }
 
     /// A block by its name.
     pub fn get_mut(&mut self, name: BlockName) -> &mut dyn Block {
         match name {
             BlockName::Optics => &mut self.optics,
+            BlockName::Exposure => &mut self.exposure,
             BlockName::Isp => &mut self.isp,
             BlockName::Network => &mut self.network,
         }

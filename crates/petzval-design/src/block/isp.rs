@@ -9,8 +9,7 @@ use petzval_camera::isp::IspParameter;
 use serde::{Deserialize, Serialize};
 
 use super::imitation::{Imitation, ImitationFigures, ImitationPlan};
-use super::{Batch, Block, BlockName, BlockState, StepMethod, StepRule, backward, named, parsed};
-use crate::adam::Adam;
+use super::{Batch, Block, BlockName, BlockState, StepMethod, StepRule, Way, backward, named, parsed};
 use crate::camera::{ChipValues, to_host};
 use crate::error::DesignError;
 use crate::evolution::{Evolution, EvolutionSettings};
@@ -36,9 +35,8 @@ pub struct IspBlock {
 /// How far a stage has come, beside the places.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Progress {
-    adam: Adam,
-    /// The places at the start of the stage: the centre of the proximal term.
-    anchor: Vec<f64>,
+    #[serde(flatten)]
+    way: Way,
     /// The search of a stage without gradient, from its first step on.
     search: Option<Evolution>,
 }
@@ -51,7 +49,7 @@ const NEVER_FLAT: f64 = 0.0;
 
 impl Progress {
     fn at(places: &[f64]) -> Self {
-        Self { adam: Adam::default(), anchor: places.to_vec(), search: None }
+        Self { way: Way::from(places), search: None }
     }
 }
 
@@ -103,7 +101,7 @@ impl IspBlock {
             let camera = batch.camera.with_chip(ChipValues::Exact(self.values_at(point)));
             let frames = camera.take(batch.shots, &batch.noise)?;
             let losses = named(&(batch.loss)(&camera, &frames, batch.shots)?);
-            let away: f64 = point.iter().zip(&self.progress.anchor).map(|(p, a)| (p - a).powi(2)).sum();
+            let away: f64 = point.iter().zip(&self.progress.way.anchor).map(|(p, a)| (p - a).powi(2)).sum();
             values.push(losses["total"] + 0.5 * rule.proximal * away);
             for (name, value) in losses {
                 *sums.entry(name).or_insert(0.0) += value / points.len() as f64;
@@ -218,15 +216,7 @@ impl Block for IspBlock {
         };
         let (mut losses, gradient) = self.gradient(batch)?;
         losses.extend(figures.into_iter().map(|(name, value)| (name.to_owned(), value)));
-        if !gradient.iter().all(|g| g.is_finite()) {
-            self.places[0] = f64::NAN;
-            return Ok(losses);
-        }
-        self.progress.adam.step(&mut self.places, &gradient, rule.rate);
-        let strength = rule.rate * rule.proximal;
-        for (place, anchor) in self.places.iter_mut().zip(&self.progress.anchor) {
-            *place = ((*place + strength * anchor) / (1.0 + strength)).clamp(0.0, 1.0);
-        }
+        self.progress.way.step(&mut self.places, &gradient, rule);
         Ok(losses)
     }
 
@@ -268,8 +258,7 @@ impl Block for IspBlock {
 
     fn load_progress(&mut self, state: &BlockState) -> Result<(), String> {
         let progress: Progress = parsed(state, PROGRESS)?;
-        let free = self.places.len();
-        if progress.anchor.len() != free || !progress.adam.fits(free) {
+        if !progress.way.fits(self.places.len()) {
             return Err(format!("{PROGRESS}: {OTHER_PARAMETERS}"));
         }
         self.progress = progress;

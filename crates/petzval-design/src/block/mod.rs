@@ -5,6 +5,7 @@
 //! alone, which takes one step down its gradient.
 
 mod blocks;
+mod exposure;
 mod imitation;
 mod isp;
 mod lifted;
@@ -20,10 +21,12 @@ use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
+use crate::adam::Adam;
 use crate::camera::{Camera, Shot};
 use crate::error::DesignError;
 
 pub use blocks::Blocks;
+pub use exposure::ExposureBlock;
 pub use imitation::ImitationPlan;
 pub use isp::IspBlock;
 pub use network::NetworkBlock;
@@ -35,6 +38,8 @@ pub use optics::OpticsBlock;
 pub enum BlockName {
     /// The free numbers of the lens.
     Optics,
+    /// Exposure time and gain of the sensor.
+    Exposure,
     /// The parameters of the hardware ISP.
     Isp,
     /// The weights of the network.
@@ -43,7 +48,7 @@ pub enum BlockName {
 
 impl BlockName {
     /// Every block.
-    pub const ALL: [Self; 3] = [Self::Optics, Self::Isp, Self::Network];
+    pub const ALL: [Self; 4] = [Self::Optics, Self::Exposure, Self::Isp, Self::Network];
 
     /// Whether the PSFs of the camera change when the block moves.
     pub fn moves_psfs(self) -> bool {
@@ -54,6 +59,7 @@ impl BlockName {
     pub fn name(self) -> &'static str {
         match self {
             Self::Optics => "optics",
+            Self::Exposure => "exposure",
             Self::Isp => "isp",
             Self::Network => "network",
         }
@@ -67,7 +73,7 @@ pub type BlockState = BTreeMap<String, Vec<u8>>;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum StepMethod {
-    /// Down the gradient of the loss, by Adam.
+    /// Down the gradient of the loss, by Adam. The two settings of the exposure have it by differences.
     #[default]
     Gradient,
     /// Without a gradient, by a generation of CMA-ES: of the hardware ISP as a black box in whole numbers.
@@ -147,6 +153,38 @@ pub trait Block {
 
     /// Takes over what [`Block::save_progress`] returned. The error names the part that is missing or does not fit, and the reason.
     fn load_progress(&mut self, state: &BlockState) -> Result<(), String>;
+}
+
+/// How far places in ranges, 0..1, have come in a stage.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Way {
+    adam: Adam,
+    /// The places at the start of the stage: the centre of the proximal term.
+    anchor: Vec<f64>,
+}
+
+impl Way {
+    fn from(places: &[f64]) -> Self {
+        Self { adam: Adam::default(), anchor: places.to_vec() }
+    }
+
+    /// A step of Adam and of the proximal term, which ends within the ranges. A gradient that is not finite makes the first place so.
+    fn step(&mut self, places: &mut [f64], gradient: &[f64], rule: StepRule) {
+        if !gradient.iter().all(|g| g.is_finite()) {
+            places[0] = f64::NAN;
+            return;
+        }
+        self.adam.step(places, gradient, rule.rate);
+        let strength = rule.rate * rule.proximal;
+        for (place, anchor) in places.iter_mut().zip(&self.anchor) {
+            *place = ((*place + strength * anchor) / (1.0 + strength)).clamp(0.0, 1.0);
+        }
+    }
+
+    /// Whether it is that of so many places.
+    fn fits(&self, places: usize) -> bool {
+        self.anchor.len() == places && self.adam.fits(places)
+    }
 }
 
 /// The parts of a loss by name.

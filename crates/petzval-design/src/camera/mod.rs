@@ -79,6 +79,9 @@ pub struct Body {
     pub geometry: RenderGeometry,
     /// Exposure of every frame.
     pub exposure: Exposure,
+    /// Exposure of the frames that truths behind a hardware ISP are developed from. It stays where [`Body::exposure`] moves: a picture must not
+    /// come nearer to its truth because both saturate.
+    pub truth_exposure: Exposure,
     /// How the electrons follow the light of the lens; none where the time does, and every camera has the same electrons.
     pub same_time: Option<SameTime>,
     /// Development.
@@ -196,6 +199,21 @@ impl Camera {
         // The regularisation follows the noise.
         body.restoration = body.restoration.map(|_| Wiener::of_exposure(&body.sensor, &exposure));
         Self { body: Arc::new(body), ..self.clone() }
+    }
+
+    /// The same camera, exposed for another time and with another gain in the same light. `exposure` is stated as that of the experiment is;
+    /// behind a lens that gathers more light in the same time, white has as many more electrons.
+    pub fn exposed_as(&self, exposure: &Exposure) -> Self {
+        let own = self.body.exposure;
+        if (exposure.time_s, exposure.linear_gain) == (own.time_s, own.linear_gain) {
+            return self.clone();
+        }
+        let Some(same) = self.body.same_time else { return self.with_exposure(*exposure) };
+        let white_e = own.white_e * (exposure.white_e / same.white_e);
+        let exposed = self.with_exposure(Exposure { white_e, ..*exposure });
+        let same_time = Some(SameTime { white_e: exposure.white_e, ..same });
+        let body = Body { same_time, ..(*exposed.body).clone() };
+        Self { body: Arc::new(body), ..exposed }
     }
 
     /// Brightness of the image, in units of that of [`SameTime`]; 1 where every camera has the same electrons.
@@ -480,7 +498,8 @@ impl Camera {
         let size @ [height, width] = self.exposed(shots);
         let ideal = |shot: &Shot| {
             let scene = shot.scene.crop(self.border, self.border, height, width)?;
-            ideal_input(&scene, &self.capture(shot), &self.body.sensor)
+            let capture = Capture { exposure: self.body.truth_exposure, ..self.capture(shot) };
+            ideal_input(&scene, &capture, &self.body.sensor)
         };
         let inputs = shots.iter().map(ideal).collect::<Result<Vec<_>, DesignError>>()?;
         let developed = chip::exact(settings, &settings.values(), &inputs, size, device)?;

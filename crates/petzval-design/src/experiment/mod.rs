@@ -7,9 +7,9 @@ mod variants;
 
 pub use commented::{commented_toml, reference_markdown};
 pub use tables::{
-    CheckpointConfig, ConstraintConfig, DetectorConfig, DevelopmentConfig, ExposureConfig, IspConfig, Keep,
-    NO_ISP, NetworkConfig, OpticsConfig, PsfConfig, SameOf, ScoringConfig, SpotConfig, StreetConfig,
-    TrainingConfig, ValidationConfig,
+    CheckpointConfig, ConstraintConfig, DetectorConfig, DevelopmentConfig, ExposureConfig, ExposureSetting,
+    IspConfig, Keep, NO_ISP, NetworkConfig, OpticsConfig, PsfConfig, SameOf, ScoringConfig, SpotConfig,
+    StreetConfig, TrainingConfig, ValidationConfig,
 };
 pub(crate) use tables::{OF_THE_WHOLE_FRAME, places_of};
 pub use variants::{Goal, ScheduleConfig, StageConfig, VariantConfig, standard_variants};
@@ -250,6 +250,7 @@ impl Experiment {
         if self.isp.is_used() {
             self.check_isp(text)?;
         }
+        self.check_exposure(text)?;
         let waits =
             [("patience", self.validation.patience > 0), ("keep", self.validation.keep == Keep::Best)];
         if let Some((key, _)) = waits.into_iter().find(|(_, waits)| *waits && !self.validation.is_used()) {
@@ -321,6 +322,39 @@ impl Experiment {
         Ok(())
     }
 
+    /// Refuses settings of the exposure that cannot move, and ranges that do not hold what is stated.
+    fn check_exposure(&self, text: &str) -> Result<(), FileError> {
+        let e = &self.exposure;
+        let wrong = |key: &str, message: String, hint: &'static str| {
+            Err(variants::at(text, &["exposure", key], message).hint(hint))
+        };
+        if e.vary.iter().enumerate().any(|(i, setting)| e.vary[..i].contains(setting)) {
+            return wrong("vary", "names a setting twice".to_owned(), "name each once");
+        }
+        if !e.vary.is_empty() && self.finds_in_streets() {
+            let message = "streets are exposed automatically, each for its own light".to_owned();
+            return wrong("vary", message, "leave it out, or give photographs with boxes as `data`");
+        }
+        let ranges = [
+            (ExposureSetting::Time, "times_s", e.times_s, e.time_s),
+            (ExposureSetting::Gain, "gains", e.gains, e.linear_gain),
+        ];
+        for (_, key, [min, max], stated) in ranges.into_iter().filter(|(s, ..)| e.vary.contains(s)) {
+            // A stated value may be a bound in another precision.
+            let stated = f64::from(stated);
+            if !(min < max && stated >= min * (1.0 - 1e-6) && stated <= max * (1.0 + 1e-6)) {
+                let message =
+                    format!("the range {min} to {max} of exposure.{key} does not hold the stated {stated}");
+                return wrong(
+                    key,
+                    message,
+                    "give the smaller bound first, and the stated value between them",
+                );
+            }
+        }
+        Ok(())
+    }
+
     /// Whether objects are to be found in generated streets.
     pub fn finds_in_streets(&self) -> bool {
         self.task.finds_objects() && self.data == STREET
@@ -330,6 +364,7 @@ impl Experiment {
     pub fn blocks(&self) -> Vec<BlockName> {
         let has = |block: &BlockName| match block {
             BlockName::Optics => true,
+            BlockName::Exposure => !self.exposure.vary.is_empty(),
             BlockName::Isp => self.isp.is_used(),
             BlockName::Network => self.task.finds_objects() || !self.isp.is_used(),
         };
@@ -353,6 +388,9 @@ impl Experiment {
         *last = steps;
         let scaled = |steps: usize| (steps as f64 * share).ceil() as usize;
         self.optics.steps = scaled(self.optics.steps);
+        if !self.exposure.vary.is_empty() {
+            self.exposure.steps = scaled(self.exposure.steps);
+        }
         if is_isp {
             self.isp.proxy_warm_up = scaled(self.isp.proxy_warm_up);
             if last_block != BlockName::Isp {

@@ -48,6 +48,7 @@ fn stage(experiment: &Experiment, config: &StageConfig) -> Stage {
         return Stage::Lens { goal, iterations: experiment.spot.iterations, search };
     }
     let (t, o, i) = (&experiment.training, &experiment.optics, &experiment.isp);
+    let e = &experiment.exposure;
     let default = |block: BlockName| match block {
         BlockName::Optics => Schedule {
             steps: o.steps,
@@ -57,6 +58,15 @@ fn stage(experiment: &Experiment, config: &StageConfig) -> Stage {
             proximal: o.proximal,
             method: StepMethod::Gradient,
             error_share: o.error_share,
+        },
+        BlockName::Exposure => Schedule {
+            steps: e.steps,
+            learning_rate: e.learning_rate,
+            final_learning_rate: e.final_learning_rate,
+            share: 1.0,
+            proximal: e.proximal,
+            method: StepMethod::Gradient,
+            error_share: 0.0,
         },
         BlockName::Isp => Schedule {
             steps: i.steps,

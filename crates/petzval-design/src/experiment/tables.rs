@@ -22,10 +22,35 @@ parameters! {
         time_s: f32 = 0.005, "s", 1e-6..1e4, Log, "seconds; 5 ms is 0.005";
         /// Linear analogue gain.
         linear_gain: f32 = 1.0, "", 0.1..1e3, Log, "1 is 0 dB, 31.62 is 30 dB";
+        /// Where the exposure time moves: its shortest and longest. What moves in the scene sets the longest, which no photograph shows.
+        times_s: [f64; 2] = [1e-4, 0.03], "s", 1e-6..1e4, Log, "shortest and longest: [0.0001, 0.03]";
+        /// Where the gain moves: its lowest and highest.
+        gains: [f64; 2] = [1.0, 31.62], "", 0.1..1e3, Log, "lowest and highest: [1.0, 31.62]";
+        /// Exposure steps of a stage that moves the exposure.
+        steps: usize = 100, "", 0..1e8, Log, "a hundred; each takes three frames for each setting that moves";
+        /// First learning rate of Adam, as a share of a setting's range; it falls along a half cosine.
+        learning_rate: f64 = 0.02, "", 1e-8..1, Log, "0.02 of a range of 1";
+        /// Learning rate at the end over that at the start.
+        final_learning_rate: f64 = 0.05, "", 0..1, Linear, "a share of the first";
+        /// Weight of the exposure's proximal term.
+        proximal: f64 = 0.0, "", 0..1e6, Log, "0 leaves the proximal term out";
     } also {
+        /// Settings that stages with the block `exposure` move: "time", "gain", both or none. The light of the scene stays: a camera that is exposed
+        /// for longer has more electrons of white than are stated.
+        vary: Vec<ExposureSetting> = Vec::new();
         /// What every camera of the experiment has the same amount of.
         same: SameOf = SameOf::Electrons;
     }
+}
+
+/// A setting of the exposure.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum ExposureSetting {
+    /// The exposure time.
+    Time,
+    /// The linear analogue gain.
+    Gain,
 }
 
 /// What cameras with different lenses have the same amount of.

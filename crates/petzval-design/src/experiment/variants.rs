@@ -181,6 +181,7 @@ pub(super) fn check_blocks(
                     BlockName::Network => {
                         "a hardware ISP has no network for pictures behind it: write \"isp\", or isp.preset = \"none\""
                     }
+                    BlockName::Exposure => "name what moves in exposure.vary, such as [\"time\"]",
                     _ => "name a preset for isp.preset, or write \"network\"",
                 };
                 let message =
@@ -194,7 +195,7 @@ pub(super) fn check_blocks(
 }
 
 /// An error at a path of keys, or at the nearest place above it that the file has.
-fn at(text: &str, path: &[&str], message: String) -> FileError {
+pub(super) fn at(text: &str, path: &[&str], message: String) -> FileError {
     let mut found = (1..=path.len()).rev().map(|end| FileError::at_key(text, &path[..end], message.clone()));
     let error = found.find(|error| error.line.is_some());
     error.unwrap_or_else(|| FileError::at_key(text, path, message))

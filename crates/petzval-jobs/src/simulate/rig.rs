@@ -178,7 +178,17 @@ impl Rig {
         let exposure = Exposure { white_e, time_s: request.time_s, linear_gain: request.gain };
         let (geometry, device) = (self.geometry.clone(), Device::flex());
         let restoration = request.restore.map(|restore| restore.filter(&sensor, &exposure));
-        let body = Body { sensor, geometry, exposure, same_time: None, isp, restoration, chip: None, device };
+        let body = Body {
+            sensor,
+            geometry,
+            exposure,
+            truth_exposure: exposure,
+            same_time: None,
+            isp,
+            restoration,
+            chip: None,
+            device,
+        };
         Camera::new(Arc::new(body), self.psfs.clone())
     }
 

@@ -27,7 +27,7 @@ const LAYOUT_PX: f64 = 1020.0;
 /// The whole page.
 pub(super) fn page(report: &Report) -> String {
     let has_cameras = !report.cameras.is_empty();
-    let has_isps = report.cameras.iter().any(|c| !c.isp_changes.is_empty());
+    let has_settings = report.cameras.iter().any(|c| !c.setting_changes.is_empty());
     let sections = [
         section_of("At work", report.progress.is_some(), || progress(report)),
         result(report),
@@ -36,7 +36,7 @@ pub(super) fn page(report: &Report) -> String {
         section_of("Detection", report.detection.is_some(), || detection(report)),
         section_of("As made", report.made.is_some(), || made_table(report)),
         section_of("Lenses", has_cameras, || lenses(report)),
-        section_of("Image signal processor", has_isps, || isps(report)),
+        section_of("Exposure and image signal processor", has_settings, || settings(report)),
         section_of("Modulation transfer functions", has_mtf(report), || mtf(report)),
         section_of("Point-spread functions", has_psfs(report), || psf_table(report)),
         section_of("Over the field", has_cameras, || over_the_field(report)),
@@ -133,19 +133,19 @@ fn lens(camera: &CameraView, i: usize, layout_svg: &str) -> Markup {
     }
 }
 
-/// The parameters of every camera's hardware ISP that moved.
-fn isps(report: &Report) -> Markup {
+/// What moved of every camera's exposure and hardware ISP.
+fn settings(report: &Report) -> Markup {
     html! {
-        @for (i, camera) in report.cameras.iter().enumerate().filter(|(_, c)| !c.isp_changes.is_empty()) {
+        @for (i, camera) in report.cameras.iter().enumerate().filter(|(_, c)| !c.setting_changes.is_empty()) {
             article.lens {
                 h3 style=(palette::camera_style(palette::camera(i))) { (camera.name) }
                 details open {
-                    summary { "Parameters that moved (" (camera.isp_changes.len()) ")" }
-                    (change_table(&camera.isp_changes, |key| html! { code { (key) } }))
+                    summary { "Parameters that moved (" (camera.setting_changes.len()) ")" }
+                    (change_table(&camera.setting_changes, |key| html! { code { (key) } }))
                 }
             }
         }
-        (caption("From the values of the preset to those of the finished camera, with which every score was taken in whole numbers."))
+        (caption("From the values of experiment and preset to those of the finished camera, with which every score was taken, the ISP in whole numbers."))
     }
 }
 

@@ -183,8 +183,8 @@ pub struct CameraView {
     pub psfs: Vec<PsfView>,
     /// Its numbers that differ from those of the lens from which the design started.
     pub changes: Vec<Change>,
-    /// The parameters of its hardware ISP that moved.
-    pub isp_changes: Vec<Change>,
+    /// What moved of its exposure and of the parameters of its hardware ISP.
+    pub setting_changes: Vec<Change>,
     /// What each coordinate of its lens did to the loss; empty for a lens that did not move for the task.
     pub attribution: Vec<Attribution>,
 }

@@ -1,0 +1,161 @@
+//! The exposure as a block: time and gain of the sensor, within ranges that the experiment states.
+//!
+//! The scene gives its light at a rate: a camera that is exposed for twice as long collects twice the electrons, and as much more of them as dark
+//! current. What limits the time from above is the range that is stated, because nothing moves in a photograph; and saturation, which the
+//! frames have. Gain lifts the signal above the steps of the converter and saturates it earlier.
+
+use std::collections::BTreeMap;
+
+use super::{Batch, Block, BlockName, BlockState, StepRule, Way, named, parsed};
+use crate::error::DesignError;
+use crate::experiment::ExposureSetting;
+use petzval_base::parameter::{Parameter, Scale};
+use petzval_camera::sensor::Exposure;
+
+const PLACES: &str = "places.json";
+const PROGRESS: &str = "progress.json";
+const OTHER_SETTINGS: &str = "other settings of the exposure move; has the experiment been changed?";
+
+/// Half the distance of the two points of a difference, as a share of a range. The frames of both have the same random numbers, so the
+/// difference is not one of noise.
+const HALF_STEP: f64 = 0.02;
+
+impl ExposureSetting {
+    /// Its value in an exposure.
+    fn read(self, exposure: &Exposure) -> f64 {
+        f64::from(match self {
+            Self::Time => exposure.time_s,
+            Self::Gain => exposure.linear_gain,
+        })
+    }
+
+    /// What it is, with a range.
+    fn about(self, [min, max]: [f64; 2]) -> Parameter {
+        let (name, unit) = match self {
+            Self::Time => ("exposure.time_s", "s"),
+            Self::Gain => ("exposure.linear_gain", ""),
+        };
+        let (scale, default, sentence, hint) = (Scale::Log, Vec::new(), String::new(), "");
+        Parameter { name, unit, min, max, scale, default, sentence, hint }
+    }
+}
+
+/// Time and gain on their way. Without any that moves, the exposure is the stated one.
+pub struct ExposureBlock {
+    stated: Exposure,
+    varied: Vec<(ExposureSetting, Parameter)>,
+    /// Where the varied ones lie in their ranges, by equal ratios, 0..1.
+    places: Vec<f64>,
+    way: Way,
+}
+
+impl ExposureBlock {
+    /// An exposure of which some settings may move, each within a range that holds its stated value.
+    pub fn new(stated: Exposure, varied: impl IntoIterator<Item = (ExposureSetting, [f64; 2])>) -> Self {
+        let varied: Vec<_> =
+            varied.into_iter().map(|(setting, range)| (setting, setting.about(range))).collect();
+        let place = |(setting, about): &(ExposureSetting, Parameter)| about.unit_of(setting.read(&stated));
+        let places: Vec<f64> = varied.iter().map(place).collect();
+        let way = Way::from(&places);
+        Self { stated, varied, places, way }
+    }
+
+    /// The exposure behind the lens for which it is stated.
+    pub fn exposure(&self) -> Exposure {
+        self.at(&self.places)
+    }
+
+    /// The exposure where the varied settings lie at some places. White has as many more electrons as it is exposed for longer.
+    fn at(&self, places: &[f64]) -> Exposure {
+        let mut exposure = self.stated;
+        for ((setting, about), place) in self.varied.iter().zip(places) {
+            let value = about.value_at(*place) as f32;
+            match setting {
+                ExposureSetting::Time => exposure.time_s = value,
+                ExposureSetting::Gain => exposure.linear_gain = value,
+            }
+        }
+        exposure.white_e = self.stated.white_e * (exposure.time_s / self.stated.time_s);
+        exposure
+    }
+
+    /// The settings that may move: each with its stated value, and its value now.
+    pub fn changes(&self) -> impl Iterator<Item = (&Parameter, f64, f64)> {
+        let now = self.exposure();
+        self.varied
+            .iter()
+            .map(move |(setting, about)| (about, setting.read(&self.stated), setting.read(&now)))
+    }
+
+    /// Losses at the present settings, and the derivatives of the batch's loss by the places, from central differences.
+    fn gradient(&self, batch: &Batch) -> Result<(BTreeMap<String, f64>, Vec<f64>), DesignError> {
+        let losses = |places: &[f64]| {
+            let camera = batch.camera.exposed_as(&self.at(places));
+            let frames = camera.take(batch.shots, &batch.noise)?;
+            Ok::<_, DesignError>(named(&(batch.loss)(&camera, &frames, batch.shots)?))
+        };
+        let slope = |k: usize| {
+            let [low, high] = [-HALF_STEP, HALF_STEP].map(|off| (self.places[k] + off).clamp(0.0, 1.0));
+            let total = |place: f64| {
+                let mut places = self.places.clone();
+                places[k] = place;
+                Ok::<_, DesignError>(losses(&places)?["total"])
+            };
+            Ok((total(high)? - total(low)?) / (high - low))
+        };
+        let slopes = (0..self.places.len()).map(slope).collect::<Result<_, DesignError>>()?;
+        Ok((losses(&self.places)?, slopes))
+    }
+}
+
+impl Block for ExposureBlock {
+    fn name(&self) -> BlockName {
+        BlockName::Exposure
+    }
+
+    fn free_numbers(&self) -> usize {
+        self.places.len()
+    }
+
+    fn begin_stage(&mut self, _: bool) {
+        self.way = Way::from(&self.places);
+    }
+
+    fn step(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>, DesignError> {
+        let (losses, gradient) = self.gradient(batch)?;
+        self.way.step(&mut self.places, &gradient, rule);
+        Ok(losses)
+    }
+
+    fn is_finite(&self) -> bool {
+        self.places.iter().all(|p| p.is_finite())
+    }
+
+    fn save_numbers(&self) -> Result<BlockState, DesignError> {
+        let text = DesignError::json("the exposure", &self.places)?;
+        Ok(BTreeMap::from([(PLACES.to_owned(), text.into_bytes())]))
+    }
+
+    fn load_numbers(&mut self, state: &BlockState) -> Result<(), String> {
+        let places: Vec<f64> = parsed(state, PLACES)?;
+        if places.len() != self.places.len() {
+            return Err(format!("{PLACES}: {OTHER_SETTINGS}"));
+        }
+        self.places = places;
+        Ok(())
+    }
+
+    fn save_progress(&self) -> Result<BlockState, DesignError> {
+        let text = DesignError::json("the moments of the exposure", &self.way)?;
+        Ok(BTreeMap::from([(PROGRESS.to_owned(), text.into_bytes())]))
+    }
+
+    fn load_progress(&mut self, state: &BlockState) -> Result<(), String> {
+        let way: Way = parsed(state, PROGRESS)?;
+        if !way.fits(self.places.len()) {
+            return Err(format!("{PROGRESS}: {OTHER_SETTINGS}"));
+        }
+        self.way = way;
+        Ok(())
+    }
+}
