@@ -22,6 +22,9 @@ use crate::machine::environment;
 
 pub use petzval_design::run::Metrics;
 
+/// Most steps of a run: no block may take more than 1e8, and a lens may take several times as many as the network.
+const MOST_STEPS: usize = 10_000_000;
+
 /// The experiment that runs when none is named.
 pub const DEFAULT_EXPERIMENT: &str = "cooke-triplet-image-quality";
 
@@ -293,6 +296,10 @@ pub fn resolved(new: &NewRun, context: &Context) -> Result<Experiment, JobError>
         if steps == 0 {
             let hint = "give at least one network step";
             return Err(JobError::setting("steps", 0, "nothing to do", hint));
+        }
+        if steps > MOST_STEPS {
+            let hint = "a few hundred on a CPU, some ten thousand on a GPU";
+            return Err(JobError::setting("steps", steps, format!("more than {MOST_STEPS}"), hint));
         }
         experiment.scale_steps(steps);
     }

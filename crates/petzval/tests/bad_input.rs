@@ -276,6 +276,10 @@ fn missing_files_and_folders() {
         ),
         (&["design", "tiny.toml", "--steps", "0", "--out", "run"], &["--steps 0: nothing to do", "help:"]),
         (
+            &["design", "tiny.toml", "--steps", "99999999999", "--out", "run"],
+            &["--steps 99999999999", "help:"],
+        ),
+        (
             &["design", "tiny.toml", "--device", "abacus", "--out", "run"],
             &["--device abacus", "this build has cpu"],
         ),
