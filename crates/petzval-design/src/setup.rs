@@ -299,7 +299,8 @@ impl Setup {
             };
         }
         let NetworkConfig { kind, base_channels, levels } = experiment.network;
-        Ok(NetworkBlock::new(kind.init(base_channels, levels, experiment.seed, device)?))
+        let block = NetworkBlock::new(kind.init(base_channels, levels, experiment.seed, device)?);
+        Ok(block.with_largest_gradient(experiment.training.largest_gradient))
     }
 
     /// The exposure at the start, of which the settings that the experiment names may move.

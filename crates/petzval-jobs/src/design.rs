@@ -17,7 +17,7 @@ use petzval_learn::score::ScoreDescription;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
-use crate::error::{JobError, json};
+use crate::error::{JobError, json, make_folder};
 use crate::machine::environment;
 
 pub use petzval_design::run::Metrics;
@@ -153,6 +153,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
                 context.warning(warning);
             }
             let root = new.out.clone().unwrap_or_else(|| default_root(&new.experiment, &setup.experiment));
+            if !root.exists() {
+                make_folder(&root)?;
+            }
             let folder = RunFolder::create(&root)?;
             write_file(&folder.environment(), json(&environment(context))?.as_bytes())?;
             let lock = folder.lock()?;

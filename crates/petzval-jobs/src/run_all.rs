@@ -54,7 +54,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         request.seeds.iter().flat_map(|seed| names.iter().map(move |name| (name, *seed))).collect();
     // What is wrong shows before hours are spent.
     for name in &names {
-        context.assets.experiment(name)?;
+        design::resolved(&new_run(request, name, request.seeds[0], &request.out), context)?;
     }
     for (i, (name, seed)) in pairs.iter().enumerate() {
         let root = root_of(request, name, *seed);

@@ -89,6 +89,8 @@ fn all_experiments_are_run_with_every_seed_and_compared_and_the_same_command_goe
     );
     run_fails(folder.path(), &["compare", "all"], 2, &["not a run folder"]);
     run_fails(folder.path(), &["experiment", "run-all", "--only", "nowhere", "--out", "x"], 2, &["nowhere"]);
+    let none = ["experiment", "run-all", "--only", "tiny.toml", "--steps", "0", "--out", "x"];
+    run_fails(folder.path(), &none, 2, &["--steps 0", "help:"]);
     assert!(!folder.path().join("x").exists());
 }
 
@@ -102,10 +104,14 @@ fn the_full_size_differs_in_its_budget_alone() {
     let (mut quick, mut full) = (config(&[]), config(&["--full"]));
     assert_eq!(full["training"]["steps"].as_integer(), Some(40_000));
     assert_eq!(full["optics"]["steps"].as_integer(), Some(15_000));
+    // A long training has a limit to its gradients.
+    assert_eq!(quick["training"]["largest_gradient"].as_float(), Some(0.0));
+    assert_eq!(full["training"]["largest_gradient"].as_float(), Some(0.05));
     for table in [&mut quick, &mut full] {
         for (section, key) in [
             ("training", "steps"),
             ("training", "batch"),
+            ("training", "largest_gradient"),
             ("optics", "steps"),
             ("network", "base_channels"),
             ("checkpoint", "every"),

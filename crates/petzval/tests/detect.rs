@@ -74,6 +74,7 @@ fn a_run_that_looks_for_objects_is_scored_again_reported_and_lends_its_detector(
     let said = run_ok(root, &["design", "tiny.toml", "--out", "run"]);
     assert!(said.stdout.contains("over 3 windows of held-out scenes"), "{}", said.stdout);
     assert!(said.says("streets (day): 3 windows in training, 3 in scores"), "{}", said.stderr);
+    assert!(!said.stdout.contains("NaN") && !said.stdout.contains("AP50 large"), "{}", said.stdout);
     let rows = read_json(&root.join("run/metrics.json"))["rows"].clone();
     assert_eq!([&rows[0]["network_steps"], &rows[1]["network_steps"]], [2, 4]);
     assert_eq!(rows[1]["is_ceiling"], true);

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::rc::Rc;
 
+use burn::grad_clipping::GradientClippingConfig;
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
 use burn::prelude::*;
@@ -27,12 +28,21 @@ pub struct NetworkBlock {
     anchor: Network,
     /// By how much pictures are enlarged for its detector.
     zoom: Zoom,
+    /// Largest norm of the gradient of a weight tensor, if it is not a detector's.
+    largest_gradient: Option<f32>,
 }
 
 impl NetworkBlock {
     /// A network at the start of its training.
     pub fn new(network: Network) -> Self {
-        Self { anchor: network.clone(), optimizer: optimizer(&network), network, zoom: Zoom::Times(1.0) }
+        let (anchor, optimizer) = (network.clone(), optimizer(&network, None));
+        Self { anchor, optimizer, network, zoom: Zoom::Times(1.0), largest_gradient: None }
+    }
+
+    /// The same, if it is not a detector, with a limit to the norm of the gradient of each weight tensor. 0 is none.
+    pub fn with_largest_gradient(self, limit: f64) -> Self {
+        let largest_gradient = (limit > 0.0).then_some(limit as f32);
+        Self { optimizer: optimizer(&self.network, largest_gradient), largest_gradient, ..self }
     }
 
     /// Puts a digital zoom in front of its detector.
@@ -78,7 +88,7 @@ impl Block for NetworkBlock {
     }
 
     fn begin_stage(&mut self, _is_moving: bool) {
-        self.optimizer = optimizer(&self.network);
+        self.optimizer = optimizer(&self.network, self.largest_gradient);
         self.anchor = self.network.clone();
     }
 
@@ -116,7 +126,7 @@ impl Block for NetworkBlock {
     fn load_progress(&mut self, state: &BlockState) -> Result<(), String> {
         self.anchor = with_bytes(&self.anchor, state, ANCHOR)?;
         let optimizer = Bytes::from_bytes_vec(part(state, OPTIMIZER)?.to_vec());
-        self.optimizer = self::optimizer(&self.network)
+        self.optimizer = self::optimizer(&self.network, self.largest_gradient)
             .from_bytes(optimizer)
             .map_err(|e| format!("{OPTIMIZER}: not the state of this optimiser: {e}"))?;
         Ok(())
@@ -124,10 +134,10 @@ impl Block for NetworkBlock {
 }
 
 /// An optimiser that has not seen a gradient yet.
-fn optimizer(network: &Network) -> ModuleOptimizer {
+fn optimizer(network: &Network, largest_gradient: Option<f32>) -> ModuleOptimizer {
     match network {
         Network::Detector(detector) => muon_and_adam(detector),
-        _ => AdamConfig::new().init(),
+        _ => AdamConfig::new().with_grad_clipping(largest_gradient.map(GradientClippingConfig::Norm)).init(),
     }
 }
 

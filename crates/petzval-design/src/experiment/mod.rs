@@ -377,7 +377,7 @@ impl Experiment {
     }
 
     /// Sets the steps of the network, or of the hardware ISP, in every stage that has no number of its own, and changes all other steps in
-    /// proportion, rounded up.
+    /// proportion, rounded up. A longer training of the network has a limit to its gradients.
     pub fn scale_steps(&mut self, steps: usize) {
         let (is_isp, last_block) = (self.isp.is_used(), self.last_block());
         let last = match last_block {
@@ -386,6 +386,10 @@ impl Experiment {
         };
         let share = steps as f64 / (*last).max(1) as f64;
         *last = steps;
+        // A training that stays near its first rate for longer needs the limit.
+        if share > 1.0 && last_block == BlockName::Network && self.training.largest_gradient == 0.0 {
+            self.training.largest_gradient = TrainingConfig::default().largest_gradient;
+        }
         let scaled = |steps: usize| (steps as f64 * share).ceil() as usize;
         self.optics.steps = scaled(self.optics.steps);
         if !self.exposure.vary.is_empty() {

@@ -254,6 +254,9 @@ parameters! {
         proximal: f64 = 0.0, "", 0..1e6, Log, "0 leaves the proximal term out";
         /// Share of the windows that are generated pictures of dead leaves in place of photographs.
         dead_leaves: f64 = 0.5, "", 0..1, Linear, "0.5 for every other window";
+        /// Largest norm of the gradient of each weight tensor of a network for pictures; a larger gradient is scaled down to it. 0 sets no limit,
+        /// with which a training of more than some 300 steps near the first rate can diverge.
+        largest_gradient: f64 = 0.05, "", 0..1e6, Log, "0.05; 0 for no limit";
     } also {
         /// How noise is sampled and differentiated.
         noise: NoiseMode = NoiseMode::Dequantised;

@@ -4,9 +4,12 @@ use petzval::jobs::design::Metrics;
 
 /// Prints the table at the end of a run.
 pub fn print(metrics: &Metrics) {
-    let columns =
-        metrics.scores.iter().map(|s| (s, s.heading(), s.heading().chars().count().max(s.decimals + 4) + 1));
-    let columns: Vec<_> = columns.collect();
+    // A score for which there is nothing to find has no column.
+    let is_there = |name: &str| metrics.rows.iter().any(|row| row.scores.contains_key(name));
+    let columns: Vec<_> = (metrics.scores.iter())
+        .filter(|s| is_there(&s.name))
+        .map(|s| (s, s.heading(), s.heading().chars().count().max(s.decimals + 4) + 1))
+        .collect();
     print!("\n{:<16}", "camera");
     columns.iter().for_each(|(_, heading, width)| print!(" {heading:>width$}"));
     print!(" {:>14} {:>12} {:>8}", "linear limit %", "RMS spot um", "EFL mm");

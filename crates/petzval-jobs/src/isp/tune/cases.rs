@@ -27,6 +27,9 @@ const PICTURE_ENDINGS: [&str; 7] = ["png", "jpg", "jpeg", "tif", "tiff", "exr", 
 /// Ends of the names of raw files and of references that are no part of the name that both share: those of `simulate` and the like.
 const RAW_SUFFIX: &str = "-raw";
 
+/// Ends of the names of the developed pictures of `simulate`, which are no raw frames.
+const PICTURE_SUFFIXES: [&str; 2] = ["-developed", "-isp"];
+
 impl Case {
     /// The reference, sRGB-encoded, which must have the size of its frame.
     pub fn read_reference(&self, (height, width): (usize, usize)) -> Result<LinearImage, JobError> {
@@ -48,9 +51,15 @@ impl Case {
 
 /// The frames of a plan, by name, each with its reference.
 pub(super) fn cases(plan: &Plan) -> Result<Vec<Case>, JobError> {
-    let raws = files(&plan.raws, "raws", &RAW_ENDINGS)?;
+    let mut raws = files(&plan.raws, "raws", &RAW_ENDINGS)?;
     let references = files(&plan.reference, "reference", &PICTURE_ENDINGS)?;
     let name = |path: &Path| path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    // `simulate` puts its pictures beside its raw frames.
+    raws.retain(|raw| !PICTURE_SUFFIXES.iter().any(|suffix| name(raw).ends_with(suffix)));
+    if raws.is_empty() {
+        let message = format!("{}: holds developed pictures and no raw frame", plan.raws.display());
+        return Err(JobError::input(message, "give the folder of the raw frames"));
+    }
     let mut found = Vec::new();
     for raw in raws {
         let stem = name(&raw);
