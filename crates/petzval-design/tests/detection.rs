@@ -1,10 +1,13 @@
 //! Cameras that look for objects: streets seen through their lenses, the gradient of a detector's loss by the lens, and a run from its start to
 //! its scores.
 
+mod common;
+
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
+use common::Silent;
 use petzval_base::statistics::median;
 use petzval_camera::image::LinearImage;
 use petzval_camera::render::Placement;
@@ -13,12 +16,12 @@ use petzval_camera::tape::Frames;
 use petzval_design::assets::Assets;
 use petzval_design::block::{Batch, Block, OpticsBlock};
 use petzval_design::camera::{Camera, PsfSource, Shot};
-use petzval_design::design_loop::{DesignLoop, Ending, Observer, zoom_of};
+use petzval_design::design_loop::{DesignLoop, Ending, zoom_of};
 use petzval_design::error::DesignError;
 use petzval_design::experiment::{Experiment, VariantConfig};
 use petzval_design::inputs::keep_inputs;
 use petzval_design::psf_plan::PsfPlan;
-use petzval_design::run::{CameraMetrics, Event, RunFolder};
+use petzval_design::run::RunFolder;
 use petzval_design::scoring::Scorer;
 use petzval_design::setup::Setup;
 use petzval_design::shots::{HeldOut, held_out_shots, training_shots};
@@ -60,14 +63,6 @@ fn setup_of(text: &str) -> Setup {
     let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
     let experiment = Experiment::parse(text).unwrap();
     Setup::new(experiment, &assets, Device::flex().autodiff()).unwrap()
-}
-
-struct Silent;
-
-impl Observer for Silent {
-    fn start(&mut self, _: u64, _: u64) {}
-    fn step(&mut self, _: &Event) {}
-    fn camera(&mut self, _: &CameraMetrics) {}
 }
 
 #[test]

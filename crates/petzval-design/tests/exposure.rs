@@ -1,19 +1,22 @@
 //! Exposure time and gain as a block: where they go, what of a camera follows them, and what stays.
 
+mod common;
+
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
+use common::Silent;
 use petzval_camera::sensor::{Noise, NoiseMode};
 use petzval_camera::tape::Frames;
 use petzval_design::assets::Assets;
 use petzval_design::block::{Batch, Block, BlockName, ExposureBlock, StepMethod, StepRule};
 use petzval_design::camera::{Camera, Shot, to_host};
-use petzval_design::design_loop::{DesignLoop, Ending, Observer, finished_camera};
+use petzval_design::design_loop::{DesignLoop, Ending, finished_camera};
 use petzval_design::error::DesignError;
 use petzval_design::experiment::Experiment;
 use petzval_design::inputs::keep_inputs;
-use petzval_design::run::{CameraMetrics, Event, Kept, RunFolder, load_blocks};
+use petzval_design::run::{Kept, RunFolder, load_blocks};
 use petzval_design::run_report::{camera_lens, report_of_run};
 use petzval_design::scoring::Scorer;
 use petzval_design::setup::Setup;
@@ -170,14 +173,6 @@ fn a_lens_that_gathers_more_light_keeps_its_lead_at_another_time_and_the_truth_s
         let truth = |camera: &Camera| to_host(camera.truths(&shots).unwrap()).unwrap();
         assert_eq!(truth(&own), truth(&exposed));
     }
-}
-
-struct Silent;
-
-impl Observer for Silent {
-    fn start(&mut self, _: u64, _: u64) {}
-    fn step(&mut self, _: &Event) {}
-    fn camera(&mut self, _: &CameraMetrics) {}
 }
 
 #[test]

@@ -1,13 +1,16 @@
 //! A fourth variant and a further score take a few lines of TOML and this one file.
 
+mod common;
+
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
+use common::Silent;
 use petzval_camera::sensor::NoiseMode;
 use petzval_design::assets::Assets;
 use petzval_design::block::{BlockName, OpticsBlock};
-use petzval_design::design_loop::{DesignLoop, Ending, Observer};
+use petzval_design::design_loop::{DesignLoop, Ending};
 use petzval_design::experiment::Experiment;
 use petzval_design::inputs::keep_inputs;
 use petzval_design::psf_plan::PsfPlan;
@@ -89,14 +92,6 @@ const JOINT: &str = "[[variant.stage]]\nmoves = [\"optics\", \"network\"]\n";
 
 fn variant(name: &str, more: &str) -> String {
     format!("[[variant]]\nname = \"{name}\"\n{more}")
-}
-
-struct Silent;
-
-impl Observer for Silent {
-    fn start(&mut self, _: u64, _: u64) {}
-    fn step(&mut self, _: &Event) {}
-    fn camera(&mut self, _: &CameraMetrics) {}
 }
 
 /// Runs an experiment to its end with the further score.

@@ -6,11 +6,12 @@
 
 use std::collections::BTreeMap;
 
+use petzval_base::parameter::{Parameter, Scale};
+use petzval_camera::sensor::Exposure;
+
 use super::{Batch, Block, BlockName, BlockState, StepRule, Way, named, parsed};
 use crate::error::DesignError;
 use crate::experiment::ExposureSetting;
-use petzval_base::parameter::{Parameter, Scale};
-use petzval_camera::sensor::Exposure;
 
 const PLACES: &str = "places.json";
 const PROGRESS: &str = "progress.json";
