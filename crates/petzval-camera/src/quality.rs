@@ -39,7 +39,15 @@ pub fn psnr(a: &[f32], b: &[f32]) -> Result<f64, QualityError> {
 }
 
 const RADIUS: usize = 5;
-const WINDOW: usize = 2 * RADIUS + 1;
+
+/// Side of the window of SSIM, pixels.
+pub const SSIM_WINDOW: usize = 2 * RADIUS + 1;
+
+/// The constant `0.01^2` that keeps the luminance part of SSIM finite, for values 0..1.
+pub const SSIM_C1: f64 = 0.01 * 0.01;
+
+/// The constant `0.03^2` that keeps the contrast part of SSIM finite, for values 0..1.
+pub const SSIM_C2: f64 = 0.03 * 0.03;
 
 /// Structural similarity, Gaussian window: mean over the channels of the mean SSIM map.
 ///
@@ -59,7 +67,7 @@ pub fn ssim_gaussian_wang(
     if a.len() != expected || b.len() != expected || channels == 0 {
         return Err(QualityError::Length { a: a.len(), b: b.len(), expected });
     }
-    if height < WINDOW || width < WINDOW {
+    if height < SSIM_WINDOW || width < SSIM_WINDOW {
         return Err(QualityError::TooSmall { height, width });
     }
     let plane = height * width;
@@ -72,8 +80,6 @@ pub fn ssim_gaussian_wang(
 }
 
 fn ssim_plane(a: &[f32], b: &[f32], width: usize) -> f64 {
-    const C1: f64 = 0.01 * 0.01;
-    const C2: f64 = 0.03 * 0.03;
     // Blur the two pictures and their products over the window.
     let product = |a: &[f64], b: &[f64]| -> Vec<f64> { a.iter().zip(b).map(|(x, y)| x * y).collect() };
     let a: Vec<f64> = a.iter().map(|&v| v as f64).collect();
@@ -87,14 +93,15 @@ fn ssim_plane(a: &[f32], b: &[f32], width: usize) -> f64 {
         .map(|i| {
             let (ma, mb) = (mu_a[i], mu_b[i]);
             let (va, vb, vab) = (aa[i] - ma * ma, bb[i] - mb * mb, ab[i] - ma * mb);
-            ((2.0 * ma * mb + C1) * (2.0 * vab + C2)) / ((ma * ma + mb * mb + C1) * (va + vb + C2))
+            ((2.0 * ma * mb + SSIM_C1) * (2.0 * vab + SSIM_C2))
+                / ((ma * ma + mb * mb + SSIM_C1) * (va + vb + SSIM_C2))
         })
         .sum();
     total / mu_a.len() as f64
 }
 
-/// Normalised Gaussian weights of the window, sigma 1.5 pixels.
-fn window() -> [f64; WINDOW] {
+/// Weights of the window of SSIM along one side, Gaussian with sigma 1.5 pixels; their sum is 1.
+pub fn ssim_window() -> [f64; SSIM_WINDOW] {
     let mut w = std::array::from_fn(|i| (-0.5 * ((i as f64 - RADIUS as f64) / 1.5).powi(2)).exp());
     let sum: f64 = w.iter().sum();
     w.iter_mut().for_each(|v| *v /= sum);
@@ -103,7 +110,7 @@ fn window() -> [f64; WINDOW] {
 
 /// Separable blur of the pixels whose whole window lies inside the picture.
 fn blur_valid(plane: &[f64], width: usize) -> Vec<f64> {
-    let (w, inner, height) = (window(), width - 2 * RADIUS, plane.len() / width);
+    let (w, inner, height) = (ssim_window(), width - 2 * RADIUS, plane.len() / width);
     let add = |target: &mut [f64], source: &[f64], weight: f64| {
         target.iter_mut().zip(source).for_each(|(t, s)| *t += weight * s);
     };
@@ -146,7 +153,7 @@ mod tests {
     #[test]
     fn window_weights_match_scipy() {
         // scipy.ndimage gaussian weights, sigma 1.5, radius 5.
-        let w = window();
+        let w = ssim_window();
         assert!((w[0] - 0.00102838008447911).abs() < 1e-15 && (w[2] - 0.03600077212843083).abs() < 1e-15);
     }
 }

@@ -12,6 +12,7 @@ use petzval_files::{
 };
 use petzval_optics::glass::Catalog;
 
+use crate::camera::Chip;
 use crate::error::DesignError;
 use crate::experiment::{BUILT_IN_PHOTOS, Experiment, STREET};
 use crate::glass_warnings::glass_warnings;
@@ -26,7 +27,11 @@ pub struct Assets {
     /// All glasses, once they have been read.
     catalog: OnceLock<Catalog>,
     warnings: Option<WarningSink>,
+    external_isps: Option<ExternalIsps>,
 }
+
+/// Makes the ISP of a file that describes one outside this program.
+pub type ExternalIsps = Arc<dyn Fn(&Path) -> Result<Chip, DesignError> + Send + Sync>;
 
 /// Receives one line per warning.
 pub type WarningSink = Arc<dyn Fn(&str) + Send + Sync>;
@@ -58,6 +63,23 @@ impl Assets {
     /// odd about the glasses of any lens ([`glass_warnings`]).
     pub fn reporting_warnings(self, warnings: WarningSink) -> Self {
         Self { warnings: Some(warnings), ..self }
+    }
+
+    /// The same library, which can make external ISPs.
+    pub fn with_external_isps(self, external_isps: ExternalIsps) -> Self {
+        Self { external_isps: Some(external_isps), ..self }
+    }
+
+    /// The external ISP of a file.
+    pub fn external_chip(&self, path: &Path) -> Result<Chip, DesignError> {
+        match &self.external_isps {
+            Some(make) => make(path),
+            None => Err(DesignError::misfit(
+                path,
+                &"describes an ISP outside this program, which cannot be called here",
+                "name a preset of the built-in ISP",
+            )),
+        }
     }
 
     /// All files below a folder on disk, for tests and for a changed library.

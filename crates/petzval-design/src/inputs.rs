@@ -21,8 +21,20 @@ pub fn fingerprint(setup: &Setup) -> Result<String, DesignError> {
         hash.update(write_lens(&setup.start(variant).lens_file));
     }
     hash.update(DesignError::json("the sensor", &setup.body.sensor)?);
-    if let Some(settings) = &setup.body.chip {
-        hash.update(DesignError::json("the ISP", settings)?);
+    if let Some(chip) = &setup.body.chip {
+        match chip.settings() {
+            Some(settings) => hash.update(DesignError::json("the ISP", settings)?),
+            // Of an ISP outside this program only its name, parameters and values are known.
+            None => {
+                hash.update(chip.isp().name());
+                for (parameter, value) in chip.parameters().iter().zip(chip.values()) {
+                    hash.update(format!(
+                        "{} {} {} {value}",
+                        parameter.name, parameter.about.min, parameter.about.max
+                    ));
+                }
+            }
+        }
     }
     for path in setup.variants.iter().filter_map(|v| v.optics_proxy.as_ref()) {
         for file in proxy_files(Path::new(path)) {
@@ -70,7 +82,14 @@ pub fn keep_inputs(setup: &Setup, assets: &Assets, run: &RunFolder) -> Result<()
     if kept.isp.is_used() {
         let preset = assets.text("ISP", "isp", &kept.isp.preset)?;
         write_file(&run.input("isp.toml"), preset.text.as_bytes())?;
-        kept.isp.preset = "inputs/isp.toml".to_owned();
+        // The command of an external ISP lies where its description does.
+        kept.isp.preset = match setup.body.chip.as_ref().and_then(|chip| chip.settings()) {
+            Some(_) => "inputs/isp.toml".to_owned(),
+            None => std::path::absolute(&preset.path)
+                .map_err(DesignError::io(&preset.path))?
+                .display()
+                .to_string(),
+        };
     }
     if let Some(weights) = &mut kept.detector.weights {
         write_file(&run.input("detector-weights.bin"), &read(Path::new(weights.as_str()))?)?;

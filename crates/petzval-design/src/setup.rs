@@ -3,11 +3,12 @@
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
+use std::rc::Rc;
 use std::sync::Arc;
 
 use burn::prelude::Device;
 use petzval_base::FileError;
-use petzval_camera::isp::{IspSettings, LinearIsp};
+use petzval_camera::isp::{IspParameter, IspSettings, LinearIsp};
 use petzval_camera::linear_limit::{LinearLimit, NaturalScenes};
 use petzval_camera::psf::PsfLayout;
 use petzval_camera::render::{Wiener, kernel_radius, with_patches_for};
@@ -18,18 +19,21 @@ use petzval_learn::dataset::{CropPlan, DatasetError, Folder, NamedPhoto, PhotoSe
 use petzval_learn::loss::Lpips;
 use petzval_learn::network::Network;
 use petzval_learn::objective::{FindObjects, ImageQuality, Objective};
-use petzval_learn::score::Field;
+use petzval_learn::score::{Field, standard_scores};
 use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::image_brightness;
 use serde::Deserialize;
 
 use crate::assets::Assets;
-use crate::block::{BlockName, Blocks, ExposureBlock, ImitationPlan, IspBlock, NetworkBlock, OpticsBlock};
-use crate::camera::{Body, Camera, PsfErrors, PsfSource, Psfs, SameTime};
+use crate::block::{
+    BlockName, Blocks, ExposureBlock, ImitationPlan, IspBlock, Learning, NetworkBlock, OpticsBlock,
+    StepMethod,
+};
+use crate::camera::{Body, Camera, Chip, PsfErrors, PsfSource, Psfs, SameTime};
 use crate::error::DesignError;
 use crate::experiment::{
     BUILT_IN_PHOTOS, DetectorConfig, Experiment, ExposureSetting, NetworkConfig, OF_THE_WHOLE_FRAME, SameOf,
-    TaskKind, places_of,
+    TaskKind, TrainingConfig, places_of,
 };
 use crate::optics_proxy::{ProxyOptics, read_proxy_optics};
 use crate::psf_plan::PsfPlan;
@@ -37,7 +41,7 @@ use crate::requirements::FieldOfView;
 use crate::scenes::Scenes;
 use crate::start::{Start, StartOf};
 use crate::study::Study;
-use crate::variant::Variant;
+use crate::variant::{Stage, Variant};
 
 /// Pixels that are exposed around a window whose picture is restored. The filters reach 31 pixels, but nearly all of their weight lies within
 /// these, so that the window is restored as it would be in the whole frame.
@@ -177,7 +181,7 @@ impl Setup {
             DesignError::misfit(Path::new(&experiment.sensor), &e, hint)
         })?;
         let isp = LinearIsp { interpolation, ..LinearIsp::default() };
-        let chip = chip(&experiment, assets, &sensor)?;
+        let chip = chip(&experiment, &variants, assets, &sensor)?;
         // Behind a hardware ISP the linear development is for readers of the report alone.
         let restores = development.restore && chip.is_none();
         let restoration = restores.then(|| Wiener::of_exposure(&sensor, &exposure));
@@ -300,7 +304,9 @@ impl Setup {
         }
         let NetworkConfig { kind, base_channels, levels } = experiment.network;
         let block = NetworkBlock::new(kind.init(base_channels, levels, experiment.seed, device)?);
-        Ok(block.with_largest_gradient(experiment.training.largest_gradient))
+        let TrainingConfig { beta2, largest_gradient, .. } = experiment.training;
+        let largest_gradient = (largest_gradient > 0.0).then_some(largest_gradient as f32);
+        Ok(block.with_learning(Learning { beta2: beta2 as f32, largest_gradient }))
     }
 
     /// The exposure at the start, of which the settings that the experiment names may move.
@@ -312,15 +318,18 @@ impl Setup {
     }
 
     /// The parameters of the hardware ISP at the start, of which those that the experiment names may move.
-    pub fn isp(&self) -> IspBlock {
-        let Some(settings) = &self.body.chip else {
-            return IspBlock::new(Vec::new(), Vec::new(), Vec::new());
+    pub fn isp(&self) -> Result<IspBlock, DesignError> {
+        let Some(chip) = &self.body.chip else {
+            return Ok(IspBlock::new(Vec::new(), Vec::new(), Vec::new()));
         };
-        let named = self.experiment.isp.vary.iter().flat_map(|name| places_of(name));
-        let varied: BTreeSet<usize> = named.collect();
         let isp = &self.experiment.isp;
+        let parameters = chip.parameters();
+        let named = isp.vary.iter().flat_map(|name| places_of(name, &parameters));
+        let varied: BTreeSet<usize> = named.collect();
         let plan = ImitationPlan {
-            settings: settings.clone(),
+            isp: chip.isp().clone(),
+            values: chip.values().to_vec(),
+            scores: Rc::new(standard_scores(&self.lpips()?)),
             device: self.body.device.clone(),
             per_step: isp.proxy_steps,
             warm_up: isp.proxy_warm_up,
@@ -328,14 +337,15 @@ impl Setup {
             seed: self.experiment.seed,
         };
         let varied = varied.into_iter().collect();
-        IspBlock::new(IspSettings::parameters(), settings.values(), varied).with_imitation(plan)
+        let block = IspBlock::new(parameters, chip.values().to_vec(), varied).with_imitation(plan);
+        Ok(if chip.settings().is_some() { block } else { block.without_gradient() })
     }
 
     /// The blocks as a variant finds them before its first stage, at the numbers of its lens file and of an untrained network.
     pub fn blocks(&self, variant: &Variant) -> Result<Blocks, DesignError> {
         let weight = self.experiment.constraints.weight;
         let optics = OpticsBlock::new(self.start(variant).clone(), weight).with_field(variant.field);
-        Ok(Blocks { optics, exposure: self.exposure(), isp: self.isp(), network: self.network()? })
+        Ok(Blocks { optics, exposure: self.exposure(), isp: self.isp()?, network: self.network()? })
     }
 
     /// Steps that a block has taken for the task at the end of a variant, with those of the variants that it starts from.
@@ -361,34 +371,90 @@ fn start_key(variant: &Variant) -> (String, FieldOfView) {
     (variant.lens.clone(), variant.field)
 }
 
-/// The settings of the experiment's hardware ISP at the gain of its exposure, if it names one.
+/// The experiment's hardware ISP, if it names one: the built-in one at the gain of its exposure, or an external one.
 fn chip(
     experiment: &Experiment,
+    variants: &[Variant],
     assets: &Assets,
     sensor: &SensorModel,
-) -> Result<Option<IspSettings>, DesignError> {
+) -> Result<Option<Chip>, DesignError> {
     if !experiment.isp.is_used() {
         return Ok(None);
     }
     let source = assets.text("ISP", "isp", &experiment.isp.preset)?;
     let misfit = |message: &dyn std::fmt::Display| {
-        let hint = "name a preset of the built-in ISP: automotive, low-light, quality or real-time";
+        let hint = "name a preset of the built-in ISP (automotive, low-light, quality or real-time), or the description of an external one";
         DesignError::misfit(&source.path, message, hint)
     };
-    let IspFile::Preset(preset) = parse_isp_file(&source.text).map_err(DesignError::input(&source.path))?
-    else {
-        return Err(misfit(&"is no preset of the built-in ISP"));
+    let chip = match parse_isp_file(&source.text).map_err(DesignError::input(&source.path))? {
+        IspFile::Preset(preset) => {
+            let gain_ev = f64::from(experiment.exposure.linear_gain).log2();
+            let settings = preset.at_gain(gain_ev).map_err(|e| misfit(&e))?;
+            if settings.bayer_denoise.radial != 0.0 {
+                return Err(misfit(&format!(
+                    "sets {OF_THE_WHOLE_FRAME}, which windows of a frame do not know"
+                )));
+            }
+            // A truth of 8 bits would be coarser than the differences that are learnt.
+            Chip::built_in(IspSettings { bits: 16, ..settings })
+        }
+        IspFile::External(_) | IspFile::Settings(_) => {
+            let chip = assets.external_chip(&source.path)?;
+            variants
+                .iter()
+                .try_for_each(|variant| check_without_gradient(variant, experiment, &source.path))?;
+            chip
+        }
+        IspFile::Proxy(_) => {
+            return Err(misfit(&"is a network that imitates an ISP, by which no camera is scored"));
+        }
     };
-    let gain_ev = f64::from(experiment.exposure.linear_gain).log2();
-    let settings = preset.at_gain(gain_ev).map_err(|e| misfit(&e))?;
-    if settings.bayer_denoise.radial != 0.0 {
-        return Err(misfit(&format!("sets {OF_THE_WHOLE_FRAME}, which windows of a frame do not know")));
-    }
     if !sensor.cfa.is_bayer() {
         return Err(misfit(&format!("needs a Bayer array, not {}", sensor.cfa)));
     }
-    // A truth of 8 bits would be coarser than the differences that are learnt.
-    Ok(Some(IspSettings { bits: 16, ..settings }))
+    let parameters = chip.parameters();
+    if let Some(name) = experiment.isp.vary.iter().find(|name| places_of(name, &parameters).is_empty()) {
+        let known: Vec<&str> = parameters.iter().map(|p: &IspParameter| p.name.as_str()).collect();
+        let message = format!("no parameter or stage of this ISP is called `{name}`, as isp.vary says");
+        let hint = format!("its parameters are {}", known.join(", "));
+        return Err(DesignError::misfit(&source.path, &message, &hint));
+    }
+    Ok(Some(chip))
+}
+
+/// Refuses a variant that needs the gradient of an ISP that has none: such an ISP moves by CMA-ES, or by a network that imitates it, and a
+/// lens behind it moves only with a network that has learnt enough in an earlier stage.
+fn check_without_gradient(
+    variant: &Variant,
+    experiment: &Experiment,
+    path: &Path,
+) -> Result<(), DesignError> {
+    let mut learnt = 0;
+    for (number, stage) in variant.stages.iter().enumerate() {
+        let Stage::Task(moves) = stage else { continue };
+        let refuse = |what: &str, hint: &str| {
+            let message =
+                format!("has no gradient, and stage {} of variant `{}` {what}", number + 1, variant.name);
+            Err(DesignError::misfit(path, &message, hint))
+        };
+        let isp = moves.get(&BlockName::Isp);
+        if isp.is_some_and(|s| !matches!(s.method, StepMethod::Evolution | StepMethod::Proxy)) {
+            let hint = "write schedule.isp.method = \"proxy\" or \"evolution\" in the stage";
+            return refuse("moves its parameters down one", hint);
+        }
+        let by_proxy = isp.filter(|s| s.method == StepMethod::Proxy).map_or(0, |s| s.steps);
+        let is_ready = by_proxy > 0 && learnt > experiment.isp.proxy_warm_up;
+        if moves.contains_key(&BlockName::Optics) && !is_ready {
+            let hint = format!(
+                "let a stage before it move the isp alone by the method \"proxy\", for more than isp.proxy_warm_up = {} steps, and move \
+                 the isp by it in this stage as well",
+                experiment.isp.proxy_warm_up
+            );
+            return refuse("moves the lens without a network that imitates it yet", &hint);
+        }
+        learnt = if by_proxy > 0 { learnt + by_proxy } else { 0 };
+    }
+    Ok(())
 }
 
 /// The list of built-in photographs, `photos/photos.toml`; provenance is for readers.

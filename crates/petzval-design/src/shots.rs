@@ -1,7 +1,9 @@
 //! What cameras take: windows of training and validation pictures, and held-out photographs at fixed places.
 
 use petzval_camera::render::Placement;
-use petzval_learn::dataset::{NamedPhoto, dead_leaves, held_out_placements, training_crop};
+use petzval_learn::dataset::{
+    NamedPhoto, dead_leaves, held_out_placements, light_factors, relight, training_crop,
+};
 use petzval_learn::detection::Truth;
 use rayon::prelude::*;
 
@@ -26,12 +28,15 @@ pub fn training_shots(setup: &Setup, camera: &Camera, step: u64) -> Result<Vec<S
     (0..training.batch as u32)
         .into_par_iter()
         .map(|item| {
-            let shot = shot_of(setup, setup.photos.training(), step, item)?;
-            if !is_generated(shot.frame, training.dead_leaves) {
-                return Ok(shot);
+            let seed = setup.experiment.seed;
+            let mut shot = shot_of(setup, setup.photos.training(), step, item)?;
+            match is_generated(shot.frame, training.dead_leaves) {
+                true => shot.scene = dead_leaves(setup.training_crops.window(), seed, step, item),
+                false => {
+                    relight(&mut shot.scene, light_factors(training.relight_ev, seed, step, item));
+                }
             }
-            let scene = dead_leaves(setup.training_crops.window(), setup.experiment.seed, step, item);
-            Ok(Shot { scene, ..shot })
+            Ok(shot)
         })
         .collect()
 }

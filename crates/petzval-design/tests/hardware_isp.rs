@@ -4,19 +4,20 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use petzval_camera::isp::{HardwareIsp, Isp};
+use petzval_camera::isp::{HardwareIsp, Isp, IspError, IspParameter, RawInput, RgbPicture};
 use petzval_camera::render::{Placement, Window};
 use petzval_camera::sensor::{Noise, NoiseMode};
 use petzval_camera::tape::Frames;
 use petzval_design::assets::Assets;
 use petzval_design::block::{Batch, Block, IspBlock, OpticsBlock, StepMethod, StepRule};
-use petzval_design::camera::{Camera, ChipValues, PsfSource, Shot, ideal_input, to_host};
+use petzval_design::camera::{Camera, Chip, ChipValues, PsfSource, Shot, ideal_input, to_host};
 use petzval_design::design_loop::finished_camera;
 use petzval_design::error::DesignError;
 use petzval_design::experiment::Experiment;
 use petzval_design::psf_plan::PsfPlan;
 use petzval_design::setup::Setup;
 use petzval_design::shots::training_shots;
+use petzval_files::isp_file::parse_external_isp;
 use petzval_learn::Device;
 use petzval_learn::objective::NamedLoss;
 
@@ -56,7 +57,7 @@ fn the_gradient_by_parameters_and_lens_is_that_of_differences() {
     let start = setup.nominal();
     let camera = setup.camera(start.lens_file.lens.clone(), true).unwrap();
     let shots = training_shots(&setup, &camera, 3).unwrap();
-    let isp = setup.isp();
+    let isp = setup.isp().unwrap();
     let held = camera.with_chip(isp.held(&camera.body().device));
     let loss = loss_of;
     let batch =
@@ -124,7 +125,7 @@ fn steps_by_the_smooth_form_improve_the_pictures_of_the_chip() {
     let camera = setup.camera(lens, true).unwrap();
     let shots = training_shots(&setup, &camera, 0).unwrap();
     let loss = loss_of;
-    let mut isp = setup.isp();
+    let mut isp = setup.isp().unwrap();
     let on_chip = |isp: &IspBlock| value(&camera.with_chip(ChipValues::Exact(isp.values())), &shots);
     let smooth = |isp: &IspBlock| value(&camera.with_chip(isp.held(&camera.body().device)), &shots);
     let before = (on_chip(&isp), smooth(&isp));
@@ -140,7 +141,7 @@ fn steps_by_the_smooth_form_improve_the_pictures_of_the_chip() {
     assert!(after.0 < 0.97 * before.0 && after.1 < 0.97 * before.1, "{before:?} {after:?}");
     assert!(isp.changes().iter().any(|(_, from, to)| from != to));
     // A block that is kept and read has the same values.
-    let mut restored = setup.isp();
+    let mut restored = setup.isp().unwrap();
     restored.load_numbers(&isp.save_numbers().unwrap()).unwrap();
     restored.load_progress(&isp.save_progress().unwrap()).unwrap();
     assert_eq!(restored.values(), isp.values());
@@ -160,7 +161,7 @@ fn the_chip_is_improved_without_its_gradient_and_a_search_continues_with_the_sam
     let batch =
         || Batch { camera: &camera, shots: &shots, noise: QUIET, loss: &loss, further: &|_| Ok(Vec::new()) };
     let on_chip = |isp: &IspBlock| value(&camera.with_chip(ChipValues::Exact(isp.values())), &shots);
-    let (mut isp, mut losses) = (setup.isp(), Vec::new());
+    let (mut isp, mut losses) = (setup.isp().unwrap(), Vec::new());
     let before = on_chip(&isp);
     isp.begin_stage(true);
     for _ in 0..12 {
@@ -168,7 +169,7 @@ fn the_chip_is_improved_without_its_gradient_and_a_search_continues_with_the_sam
     }
     assert!(on_chip(&isp) < 0.97 * before, "{before} {losses:?}");
     assert!(losses[11] < losses[0], "{losses:?}");
-    let mut restored = setup.isp();
+    let mut restored = setup.isp().unwrap();
     restored.load_numbers(&isp.save_numbers().unwrap()).unwrap();
     restored.load_progress(&isp.save_progress().unwrap()).unwrap();
     for block in [&mut isp, &mut restored] {
@@ -197,7 +198,7 @@ fn a_network_that_imitates_the_chip_leads_it_and_the_lens_and_continues_with_the
         let camera = camera.with_chip(ChipValues::Exact(isp.values()));
         darkness(&camera.take(&shots, &QUIET).unwrap()).parts[0].1
     };
-    let mut isp = setup.isp();
+    let mut isp = setup.isp().unwrap();
     let (before, start) = (on_chip(&isp), isp.values());
     isp.begin_stage(true);
     let step = |isp: &mut IspBlock| isp.step(&batch(), rule(StepMethod::Proxy)).unwrap();
@@ -214,7 +215,10 @@ fn a_network_that_imitates_the_chip_leads_it_and_the_lens_and_continues_with_the
     assert!(judged["imitation_psnr_db"] > first["imitation_psnr_db"] + 0.5, "{first:?} {judged:?}");
     assert!(judged["imitation_gradient_cosine"] > 0.95, "{first:?} {judged:?}");
     assert!(judged.contains_key("total"), "{judged:?}");
-    let mut restored = setup.isp();
+    // The gap of a score is what the ISP has beyond the network: less than what separates their pictures.
+    assert!(judged["imitation_gap_psnr_db"].abs() < 6.0, "{judged:?}");
+    assert!(judged["imitation_gap_ssim"].abs() < 0.2 && judged.contains_key("imitation_gap_one_minus_lpips"));
+    let mut restored = setup.isp().unwrap();
     restored.load_numbers(&isp.save_numbers().unwrap()).unwrap();
     restored.load_progress(&isp.save_progress().unwrap()).unwrap();
     for _ in 0..2 {
@@ -236,7 +240,7 @@ fn a_network_that_imitates_the_chip_leads_it_and_the_lens_and_continues_with_the
         optics.gradient(&batch).unwrap().1
     };
     let device = &camera.body().device;
-    let mut smooth = setup.isp();
+    let mut smooth = setup.isp().unwrap();
     let mut numbers = isp.save_numbers().unwrap();
     numbers.retain(|part, _| part == "places.json");
     smooth.load_numbers(&numbers).unwrap();
@@ -250,14 +254,14 @@ fn a_network_that_imitates_the_chip_leads_it_and_the_lens_and_continues_with_the
 fn a_scored_camera_develops_in_whole_numbers_and_its_truth_is_the_preset_on_perfect_optics() {
     let setup = setup("").unwrap();
     let lens = setup.nominal().lens_file.lens.clone();
-    let (isp, network) = (setup.isp(), setup.network().unwrap());
+    let (isp, network) = (setup.isp().unwrap(), setup.network().unwrap());
     let camera = finished_camera(&setup, lens, &setup.exposure(), &isp, &network).unwrap();
     let shot = Shot { kept: None, ..training_shots(&setup, &camera, 0).unwrap().remove(0) };
     let shots = [Shot { placement: Placement { row: 300, col: 501 }, ..shot }];
     let finished = to_host(camera.take(&shots, &QUIET).unwrap().finished).unwrap();
     // Numbers of 16 bits.
     assert!(finished.iter().all(|v| (v * 65535.0 - (v * 65535.0).round()).abs() < 0.01));
-    let settings = camera.body().chip.clone().unwrap();
+    let settings = camera.body().chip.as_ref().unwrap().settings().unwrap().clone();
     let scene = camera.scenes(&shots).unwrap().remove(0);
     let ideal = ideal_input(&scene, &camera.capture(&shots[0]), &camera.body().sensor).unwrap();
     let wanted = HardwareIsp { settings: settings.clone() }.develop(&ideal, &settings.values()).unwrap();
@@ -299,4 +303,131 @@ fn not_ready(isp: &str) -> String {
     let text = format!("{isp}[[variant]]\nname = \"a\"\n[[variant.stage]]\nmoves = [\"isp\"]\n");
     let setup = Setup::new(Experiment::parse(&text).unwrap(), &assets, Device::flex().autodiff());
     setup.err().unwrap().to_string()
+}
+
+/// An ISP of which this program knows nothing but its pictures: the green pixel of each block of four, with a gain and a gamma.
+struct Foreign;
+
+impl Isp for Foreign {
+    fn name(&self) -> &str {
+        "a foreign ISP"
+    }
+
+    fn parameters(&self) -> Vec<IspParameter> {
+        let parameter = |name: &str, min, max, default| {
+            let text = format!("name = \"{name}\"\nmin = {min:?}\nmax = {max:?}\ndefault = {default:?}\n");
+            let text = format!("name = \"foreign\"\ncommand = [\"true\"]\n[[parameter]]\n{text}");
+            parse_external_isp(&text).unwrap().parameters.remove(0)
+        };
+        vec![parameter("tone.gain", 0.25, 4.0, 0.6), parameter("tone.gamma", 1.0, 3.0, 1.4)]
+    }
+
+    fn develop(&self, frame: &RawInput, values: &[f64]) -> Result<RgbPicture, IspError> {
+        let (height, width) = (frame.height, frame.width);
+        let light = |i: usize| {
+            let (row, col) = (i / width / 2 * 2, i % width / 2 * 2 + 1);
+            let dn = f64::from(frame.dn[row * width + col.min(width - 1)]);
+            (dn - frame.about.black_dn) / (frame.about.white_dn - frame.about.black_dn)
+        };
+        let tone = |i: usize| (values[0] * light(i)).clamp(0.0, 1.0).powf(1.0 / values[1]);
+        let plane: Vec<u16> = (0..height * width).map(|i| (tone(i) * 65535.0).round() as u16).collect();
+        Ok(RgbPicture { height, width, bits: 16, data: plane.repeat(3) })
+    }
+}
+
+/// A variant that moves the ISP, and then the lens with it, and the description that the experiment names.
+fn foreign_setup(folder: &Path, isp: &str, variant: &str) -> Result<Setup, DesignError> {
+    let description = folder.join("lab.toml");
+    std::fs::write(&description, "name = \"a\"\ncommand = [\"true\"]\n").unwrap();
+    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data"))
+        .unwrap()
+        .with_external_isps(Arc::new(|_| {
+            let defaults = Foreign.defaults();
+            Ok(Chip::external(Arc::new(Foreign), defaults))
+        }));
+    let text = format!(
+        "[psf]\nfields = 5\npupil_cells = 32\nscoring_pupil_cells = 32\nscoring_pupil_error = 2.0\n\
+         [training]\ncrop = 64\nbatch = 2\n[isp]\npreset = {:?}\n{isp}{variant}",
+        description.display().to_string()
+    );
+    Setup::new(Experiment::parse(&text).unwrap(), &assets, Device::flex().autodiff())
+}
+
+const FOREIGN: &str = "vary = [\"tone\"]\nproxy_steps = 2\nproxy_warm_up = 20\n";
+
+#[test]
+fn an_isp_outside_this_program_moves_by_evolution_and_leads_lens_and_itself_by_a_network() {
+    let folder = tempfile::tempdir().unwrap();
+    let stages = "[[variant]]\nname = \"a\"\n\
+        [[variant.stage]]\nmoves = [\"isp\"]\nschedule.isp = { method = \"proxy\", steps = 21 }\n\
+        [[variant.stage]]\nmoves = [\"optics\", \"isp\"]\nschedule.isp = { method = \"proxy\", steps = 3 }\n";
+    let setup = foreign_setup(folder.path(), FOREIGN, stages).unwrap();
+    let camera = setup.camera(setup.nominal().lens_file.lens.clone(), true).unwrap();
+    let shots = training_shots(&setup, &camera, 0).unwrap();
+    // Twice as bright as it is now, so that the gain has somewhere to go.
+    let loss = |_: &Camera, frames: &Frames, _: &[Shot]| {
+        let total = (frames.finished.clone() - 0.8).powi_scalar(2).mean();
+        let value = f64::from(to_host(total.clone())?[0]);
+        Ok(NamedLoss { total, parts: vec![("total", value)] })
+    };
+    let further = |number: u64| training_shots(&setup, &camera, number);
+    let batch = || Batch { camera: &camera, shots: &shots, noise: QUIET, loss: &loss, further: &further };
+    let by_itself = |isp: &IspBlock| {
+        let camera = camera.with_chip(ChipValues::Exact(isp.values()));
+        let frames = camera.take(&shots, &QUIET).unwrap();
+        loss(&camera, &frames, &shots).unwrap().parts[0].1
+    };
+
+    // Without any gradient.
+    let mut evolved = setup.isp().unwrap();
+    evolved.begin_stage(true);
+    let before = by_itself(&evolved);
+    for _ in 0..6 {
+        evolved.step(&batch(), rule(StepMethod::Evolution)).unwrap();
+    }
+    assert!(by_itself(&evolved) < 0.9 * before, "{before} {}", by_itself(&evolved));
+
+    // Nothing leads a lens before a network has learnt.
+    let mut isp = setup.isp().unwrap();
+    let optics = setup.blocks(&setup.variants[0]).unwrap().optics;
+    let device = &camera.body().device;
+    let gradient = |isp: &IspBlock| {
+        let held = camera.with_chip(isp.held(device));
+        optics.gradient(&Batch { camera: &held, ..batch() })
+    };
+    isp.begin_stage(true);
+    assert!(matches!(gradient(&isp), Err(DesignError::NoGradient(_))));
+    assert!(matches!(isp.step(&batch(), rule(StepMethod::Gradient)), Err(DesignError::NoGradient(_))));
+    for _ in 0..21 {
+        isp.step(&batch(), rule(StepMethod::Proxy)).unwrap();
+    }
+    assert_eq!(isp.values(), Foreign.defaults());
+    isp.begin_stage(true);
+    for _ in 0..8 {
+        isp.step(&batch(), rule(StepMethod::Proxy)).unwrap();
+    }
+    assert!(by_itself(&isp) < 0.98 * before, "{before} {}", by_itself(&isp));
+    let slopes = gradient(&isp).unwrap().1;
+    assert!(slopes.iter().all(|s| s.is_finite()) && slopes.iter().any(|s| *s != 0.0), "{slopes:?}");
+}
+
+#[test]
+fn what_an_isp_without_gradient_cannot_do_is_refused_before_anything_runs() {
+    let folder = tempfile::tempdir().unwrap();
+    let refused = |isp: &str, stages: &str| {
+        let variant = format!("[[variant]]\nname = \"a\"\n{stages}");
+        foreign_setup(folder.path(), isp, &variant).err().unwrap().to_string()
+    };
+    let stage = |moves: &str, more: &str| format!("[[variant.stage]]\nmoves = [{moves}]\n{more}\n");
+    let by_proxy = "schedule.isp.method = \"proxy\"";
+    let message = refused(FOREIGN, &stage("\"isp\"", ""));
+    assert!(message.contains("has no gradient") && message.contains("method = \"proxy\""), "{message}");
+    // A network that has learnt nothing must not lead a lens, nor one that has been forgotten.
+    let message = refused(FOREIGN, &stage("\"optics\", \"isp\"", by_proxy));
+    assert!(message.contains("moves the lens") && message.contains("proxy_warm_up = 20"), "{message}");
+    let taught = stage("\"isp\"", "schedule.isp = { method = \"proxy\", steps = 21 }");
+    let message = refused(FOREIGN, &format!("{taught}{}", stage("\"optics\"", "")));
+    assert!(message.contains("stage 2") && message.contains("moves the lens"), "{message}");
+    let message = refused("", &stage("\"isp\"", by_proxy));
+    assert!(message.contains("`bayer_denoise`") && message.contains("tone.gain, tone.gamma"), "{message}");
 }

@@ -10,6 +10,7 @@ use petzval_learn::score::{Score, standard_scores};
 
 use crate::device;
 use crate::error::JobError;
+use crate::isp::external_chip;
 
 /// Receives what a job reports while it works. The command prints it, a studio draws it.
 pub trait Watcher: Send + Sync {
@@ -61,7 +62,9 @@ impl Context {
     /// A context whose library reports its warnings to the same watcher as its jobs.
     pub fn new(assets: Assets, watcher: Arc<dyn Watcher>) -> Self {
         let sink = watcher.clone();
-        let assets = assets.reporting_warnings(Arc::new(move |text: &str| sink.warning(text)));
+        let assets = assets
+            .reporting_warnings(Arc::new(move |text: &str| sink.warning(text)))
+            .with_external_isps(Arc::new(external_chip));
         let cancelled = Arc::new(AtomicBool::new(false));
         Self { assets, watcher, cancelled, command: String::new(), overwrites: false }
     }

@@ -145,7 +145,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 
 /// A camera of a run as it was finished.
 pub(crate) fn camera_of(setup: &Setup, folder: &RunFolder, name: &str) -> Result<Camera, JobError> {
-    let (mut exposure, mut isp, mut network) = (setup.exposure(), setup.isp(), setup.network()?);
+    let (mut exposure, mut isp, mut network) = (setup.exposure(), setup.isp()?, setup.network()?);
     let blocks: [&mut dyn Block; 3] = [&mut exposure, &mut isp, &mut network];
     load_blocks(&folder.camera(name), blocks, Kept::Numbers)?;
     let lens = camera_lens(folder, name)?.lens;

@@ -1,7 +1,7 @@
 //! Compares LPIPS with the reference implementation, and its gradient with finite differences.
 
 use burn::prelude::*;
-use petzval_learn::loss::{ImageLoss, LEAST_SIDE, LossError, Lpips, l1};
+use petzval_learn::loss::{ImageLoss, LEAST_SIDE, LossError, Lpips, l1, l2, ssim};
 
 const WEIGHTS: &[u8] = include_bytes!("../../../data/weights/lpips_alex_f16.safetensors");
 
@@ -146,18 +146,31 @@ fn parts_of_the_loss_add_up() {
     let device = Device::flex().autodiff();
     let lpips = lpips(&device);
     let (reference, image) = (picture("lpips_ex_ref", &device), picture("lpips_ex_p1", &device));
-    let loss = ImageLoss { l1_weight: 0.8, lpips_weight: 0.3 };
+    let loss = ImageLoss { l1_weight: 0.8, l2_weight: 2.0, ssim_weight: 0.4, lpips_weight: 0.3 };
     let target = loss.target(&lpips, reference.clone()).unwrap();
-    let parts = loss.evaluate(&lpips, image.clone(), &target).unwrap();
-    let total: f32 = parts.total.into_scalar();
-    let sum = 0.8 * parts.l1.unwrap() + 0.3 * parts.lpips.unwrap();
+    let found = loss.evaluate(&lpips, image.clone(), &target).unwrap();
+    let names: Vec<&str> = found.parts.iter().map(|part| part.name).collect();
+    assert_eq!(names, ["l1", "l2", "ssim", "lpips"]);
+    // Each part is what it is alone.
+    let alone = [
+        l1(image.clone(), reference.clone()).unwrap(),
+        l2(image.clone(), reference.clone()).unwrap(),
+        ssim(image.clone(), reference.clone()).unwrap().neg() + 1.0,
+        lpips.distance(image.clone(), reference.clone()).unwrap(),
+    ];
+    for (part, alone) in found.parts.iter().zip(alone) {
+        let alone: f32 = alone.into_scalar();
+        assert!((part.value - alone).abs() < 1e-6 && alone > 1e-4, "{part:?} {alone}");
+    }
+    let total: f32 = found.total.into_scalar();
+    let sum: f32 = found.parts.iter().map(|part| part.weight * part.value).sum();
     assert!((total - sum).abs() < 1e-6, "{total} against {sum}");
 
-    let only_l1 = ImageLoss { l1_weight: 1.0, lpips_weight: 0.0 };
+    let only_l1 = ImageLoss { lpips_weight: 0.0, ..ImageLoss::default() };
     let target = only_l1.target(&lpips, reference).unwrap();
-    let parts = only_l1.evaluate(&lpips, image.clone(), &target).unwrap();
-    assert!(parts.lpips.is_none() && parts.l1.is_some());
-    let negative = ImageLoss { l1_weight: -1.0, lpips_weight: 0.0 };
+    let found = only_l1.evaluate(&lpips, image.clone(), &target).unwrap();
+    assert!(found.parts.len() == 1 && found.parts[0].name == "l1");
+    let negative = ImageLoss { ssim_weight: -1.0, ..ImageLoss::default() };
     assert!(negative.evaluate(&lpips, image, &target).is_err());
 }
 

@@ -87,6 +87,7 @@ fn losses() {
     for case in [
         case("l1_weight = 1.0", "l1_weight = -1.0", &["`l1_weight = -1.0`", "help:"]),
         case("lpips_weight = 0.5", "lpips_weight = nan", &["`lpips_weight = nan`", "help:"]),
+        case("lpips_weight = 0.5", "ssim_weight = -0.5", &["`ssim_weight = -0.5`", "help:"]),
         case("l1_weight = 1.0\nlpips_weight = 0.5", "l1_weight = 0.0\nlpips_weight = 0.0", &["l1_weight"]),
     ] {
         let folder = tempfile::tempdir().unwrap();

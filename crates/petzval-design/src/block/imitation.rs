@@ -1,8 +1,12 @@
 //! A network that imitates the hardware ISP while its parameters move: trained on the camera's own raw frames, about the parameters as they
 //! stand, so that it needs to be right only there.
 
+use std::rc::Rc;
+use std::sync::Arc;
+
 use burn::prelude::*;
-use petzval_camera::isp::{HardwareIsp, IspSettings};
+use petzval_camera::isp::Isp;
+use petzval_learn::score::Score;
 use serde::{Deserialize, Serialize};
 
 use super::{Batch, BlockState, part};
@@ -33,7 +37,11 @@ const FIRST_JUDGED: u64 = 1 << 41;
 #[derive(Clone)]
 pub struct ImitationPlan {
     /// The ISP.
-    pub settings: IspSettings,
+    pub isp: Arc<dyn Isp>,
+    /// The values with which it develops truths.
+    pub values: Vec<f64>,
+    /// Scores of pictures whose gap between ISP and network is reported.
+    pub scores: Rc<Vec<Box<dyn Score>>>,
     /// Where the network lives, with automatic differentiation.
     pub device: Device,
     /// Training steps of the network before each step of the ISP.
@@ -50,7 +58,6 @@ pub struct ImitationPlan {
 /// The network at work.
 pub struct Imitation {
     plan: ImitationPlan,
-    isp: HardwareIsp,
     trainer: ProxyTrainer,
     age: Age,
 }
@@ -65,16 +72,15 @@ struct Age {
 }
 
 /// What its training reports: errors of the last step, and now and then what the imitation costs.
-pub type ImitationFigures = Vec<(&'static str, f64)>;
+pub type ImitationFigures = Vec<(String, f64)>;
 
 impl Imitation {
     /// A network that has learnt nothing yet, for an ISP at `values`, whose parameters at the places `varied` move.
     pub fn new(plan: ImitationPlan, varied: &[usize], values: Vec<f64>) -> Result<Self, DesignError> {
         let ImitationPlan { in_all: steps, seed, .. } = plan;
         let training = ProxyTraining { steps, seed, base_channels: BASE_CHANNELS, levels: LEVELS };
-        let isp = HardwareIsp { settings: plan.settings.clone() };
-        let trainer = ProxyTrainer::new(&isp, varied.to_vec(), values, training, &plan.device)?;
-        Ok(Self { plan, isp, trainer, age: Age::default() })
+        let trainer = ProxyTrainer::new(plan.isp.as_ref(), varied.to_vec(), values, training, &plan.device)?;
+        Ok(Self { plan, trainer, age: Age::default() })
     }
 
     /// Whether it is still too young to lead the ISP.
@@ -93,8 +99,8 @@ impl Imitation {
         let mut figures = ImitationFigures::new();
         for _ in 0..self.plan.per_step {
             let frames = self.frames(batch, FIRST_WINDOW + self.age.steps as u64)?;
-            let losses = self.trainer.step(&self.isp, self.age.steps, &frames)?;
-            figures = vec![("imitation_error", losses.picture)];
+            let losses = self.trainer.step(self.plan.isp.as_ref(), self.age.steps, &frames)?;
+            figures = vec![("imitation_error".to_owned(), losses.picture)];
             self.age.steps += 1;
         }
         if self.age.isp_steps.is_multiple_of(JUDGED_EVERY) {
@@ -102,18 +108,22 @@ impl Imitation {
             for number in 0..JUDGED_BATCHES {
                 frames.extend(self.frames(batch, FIRST_JUDGED + number)?);
             }
-            let judge = Judge { isp: &self.isp, frames: &frames, scores: &[] };
+            let judge = Judge { isp: self.plan.isp.as_ref(), frames: &frames, scores: &self.plan.scores };
             let gap = judge.gap(self.trainer.proxy(), values, &batch.camera.body().device)?;
-            figures.push(("imitation_psnr_db", gap.psnr_at_centre_db));
-            figures.push(("imitation_gradient_cosine", gap.gradient_cosine));
+            figures.push(("imitation_psnr_db".to_owned(), gap.psnr_at_centre_db));
+            figures.push(("imitation_gradient_cosine".to_owned(), gap.gradient_cosine));
+            // What a score of the network's pictures promises beyond that of the ISP's, or holds back.
+            let gaps =
+                gap.scores.iter().map(|s| (format!("imitation_gap_{}", s.score.name), s.isp - s.proxy));
+            figures.extend(gaps);
         }
         self.age.isp_steps += 1;
         Ok(figures)
     }
 
     fn frames(&self, batch: &Batch, number: u64) -> Result<Vec<Frame>, DesignError> {
-        // Raw frames are wanted: the ISP in whole numbers makes the picture beside them in the least time.
-        let camera = batch.camera.with_chip(ChipValues::Exact(self.plan.settings.values()));
+        // Raw frames are wanted: the ISP itself makes the picture beside them in the least time.
+        let camera = batch.camera.with_chip(ChipValues::Exact(self.plan.values.clone()));
         take(&camera, &(batch.further)(number)?, batch.noise.seed)
     }
 

@@ -1,5 +1,5 @@
 //! The hardware ISP as a block: the places of its varied parameters in their ranges, moved by Adam down the gradient of the ISP in floating
-//! point or of a network that imitates it, or by CMA-ES on the ISP in whole numbers.
+//! point or of a network that imitates it, or by CMA-ES on the ISP itself.
 
 use std::collections::BTreeMap;
 
@@ -27,6 +27,8 @@ pub struct IspBlock {
     /// Places of the varied ones in their ranges, 0..1.
     places: Vec<f64>,
     progress: Progress,
+    /// Whether the ISP has a form in floating point.
+    is_smooth: bool,
     plan: Option<ImitationPlan>,
     /// The network that leads it, once a step by this method has been taken.
     imitation: Option<Imitation>,
@@ -58,7 +60,13 @@ impl IspBlock {
     pub fn new(parameters: Vec<IspParameter>, values: Vec<f64>, varied: Vec<usize>) -> Self {
         let places: Vec<f64> = varied.iter().map(|i| parameters[*i].about.unit_of(values[*i])).collect();
         let progress = Progress::at(&places);
-        Self { parameters, values, varied, places, progress, plan: None, imitation: None }
+        let (plan, imitation) = (None, None);
+        Self { parameters, values, varied, places, progress, is_smooth: true, plan, imitation }
+    }
+
+    /// The same block of an ISP without a form in floating point: only a network that imitates it has a gradient.
+    pub fn without_gradient(self) -> Self {
+        Self { is_smooth: false, ..self }
     }
 
     /// The same block, which trains a network to imitate its ISP as this plan says if a stage moves it by the method `proxy`.
@@ -80,7 +88,7 @@ impl IspBlock {
         values
     }
 
-    /// A generation of CMA-ES: every point develops the same noisy frames in whole numbers. The block goes to the middle of the search, since
+    /// A generation of CMA-ES: at every point the ISP itself develops the same noisy frames. The block goes to the middle of the search, since
     /// every batch says something else. Returns the mean losses of the generation.
     fn evolve(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>, DesignError> {
         let mut search = match self.progress.search.take() {
@@ -120,16 +128,24 @@ impl IspBlock {
         Tensor::from_data(TensorData::new(values, [count]), device)
     }
 
-    /// The ISP with its values held, on the tape.
+    /// The ISP with its values held, on the tape; itself, without a gradient, if it has no form in floating point and nothing imitates it yet.
     pub fn held(&self, device: &Device) -> ChipValues {
-        self.on_tape(self.tensor(device))
+        match self.is_smooth || self.ready_imitation().is_some() {
+            true => self.on_tape(self.tensor(device)),
+            false => ChipValues::Exact(self.values()),
+        }
+    }
+
+    /// The network that imitates the ISP, once it has learnt enough.
+    fn ready_imitation(&self) -> Option<&Imitation> {
+        self.imitation.as_ref().filter(|imitation| !imitation.is_warming_up())
     }
 
     /// The ISP at values on the tape: the network that imitates it, once it has learnt enough, else the ISP in floating point.
     fn on_tape(&self, values: Tensor<1>) -> ChipValues {
-        match &self.imitation {
-            Some(imitation) if !imitation.is_warming_up() => imitation.chip(values),
-            _ => ChipValues::OnTape(Box::new(values)),
+        match self.ready_imitation() {
+            Some(imitation) => imitation.chip(values),
+            None => ChipValues::OnTape(Box::new(values)),
         }
     }
 
@@ -209,13 +225,13 @@ impl Block for IspBlock {
             StepMethod::Proxy => {
                 let (figures, is_ready) = self.imitate(batch)?;
                 if !is_ready {
-                    return Ok(figures.into_iter().map(|(name, value)| (name.to_owned(), value)).collect());
+                    return Ok(figures.into_iter().collect());
                 }
                 figures
             }
         };
         let (mut losses, gradient) = self.gradient(batch)?;
-        losses.extend(figures.into_iter().map(|(name, value)| (name.to_owned(), value)));
+        losses.extend(figures);
         self.progress.way.step(&mut self.places, &gradient, rule);
         Ok(losses)
     }

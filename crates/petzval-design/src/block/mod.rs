@@ -29,7 +29,7 @@ pub use blocks::Blocks;
 pub use exposure::ExposureBlock;
 pub use imitation::ImitationPlan;
 pub use isp::IspBlock;
-pub use network::NetworkBlock;
+pub use network::{Learning, NetworkBlock};
 pub use optics::OpticsBlock;
 
 /// A block of the camera, by name. The order is that of the light.

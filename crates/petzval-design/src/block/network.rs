@@ -28,21 +28,37 @@ pub struct NetworkBlock {
     anchor: Network,
     /// By how much pictures are enlarged for its detector.
     zoom: Zoom,
-    /// Largest norm of the gradient of a weight tensor, if it is not a detector's.
-    largest_gradient: Option<f32>,
+    /// How it learns, if it is not a detector.
+    learning: Learning,
+}
+
+/// How the weights of a network for pictures follow their gradients, by Adam.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Learning {
+    /// Decay of the mean of squared gradients.
+    pub beta2: f32,
+    /// Largest norm of the gradient of each weight tensor; none for no limit.
+    pub largest_gradient: Option<f32>,
+}
+
+impl Default for Learning {
+    /// Adam as it was published.
+    fn default() -> Self {
+        Self { beta2: 0.999, largest_gradient: None }
+    }
 }
 
 impl NetworkBlock {
     /// A network at the start of its training.
     pub fn new(network: Network) -> Self {
-        let (anchor, optimizer) = (network.clone(), optimizer(&network, None));
-        Self { anchor, optimizer, network, zoom: Zoom::Times(1.0), largest_gradient: None }
+        let learning = Learning::default();
+        let (anchor, optimizer) = (network.clone(), optimizer(&network, learning));
+        Self { anchor, optimizer, network, zoom: Zoom::Times(1.0), learning }
     }
 
-    /// The same, if it is not a detector, with a limit to the norm of the gradient of each weight tensor. 0 is none.
-    pub fn with_largest_gradient(self, limit: f64) -> Self {
-        let largest_gradient = (limit > 0.0).then_some(limit as f32);
-        Self { optimizer: optimizer(&self.network, largest_gradient), largest_gradient, ..self }
+    /// The same, which learns so if it is not a detector.
+    pub fn with_learning(self, learning: Learning) -> Self {
+        Self { optimizer: optimizer(&self.network, learning), learning, ..self }
     }
 
     /// Puts a digital zoom in front of its detector.
@@ -88,7 +104,7 @@ impl Block for NetworkBlock {
     }
 
     fn begin_stage(&mut self, _is_moving: bool) {
-        self.optimizer = optimizer(&self.network, self.largest_gradient);
+        self.optimizer = optimizer(&self.network, self.learning);
         self.anchor = self.network.clone();
     }
 
@@ -126,7 +142,7 @@ impl Block for NetworkBlock {
     fn load_progress(&mut self, state: &BlockState) -> Result<(), String> {
         self.anchor = with_bytes(&self.anchor, state, ANCHOR)?;
         let optimizer = Bytes::from_bytes_vec(part(state, OPTIMIZER)?.to_vec());
-        self.optimizer = self::optimizer(&self.network, self.largest_gradient)
+        self.optimizer = self::optimizer(&self.network, self.learning)
             .from_bytes(optimizer)
             .map_err(|e| format!("{OPTIMIZER}: not the state of this optimiser: {e}"))?;
         Ok(())
@@ -134,10 +150,13 @@ impl Block for NetworkBlock {
 }
 
 /// An optimiser that has not seen a gradient yet.
-fn optimizer(network: &Network, largest_gradient: Option<f32>) -> ModuleOptimizer {
+fn optimizer(network: &Network, learning: Learning) -> ModuleOptimizer {
     match network {
         Network::Detector(detector) => muon_and_adam(detector),
-        _ => AdamConfig::new().with_grad_clipping(largest_gradient.map(GradientClippingConfig::Norm)).init(),
+        _ => {
+            let limit = learning.largest_gradient.map(GradientClippingConfig::Norm);
+            AdamConfig::new().with_beta_2(learning.beta2).with_grad_clipping(limit).init()
+        }
     }
 }
 

@@ -1,10 +1,12 @@
 //! A hardware ISP in a camera: on the tape while something is learnt, in whole numbers where pictures are judged.
 
+use std::sync::Arc;
+
 use burn::prelude::*;
 use burn::tensor::TensorData;
 use petzval_camera::image::LinearImage;
 use petzval_camera::isp::{
-    DifferentiableIsp, HardwareIsp, Isp, IspSettings, Mesh, RawInput, Shading, SmoothIsp,
+    DifferentiableIsp, HardwareIsp, Isp, IspParameter, IspSettings, Mesh, RawInput, Shading, SmoothIsp,
 };
 use petzval_camera::sensor::{Capture, Noise, NoiseMode, Raw, SensorModel, expose};
 use petzval_learn::proxy_isp::{LEAST_SHADE, ProxyIsp};
@@ -16,10 +18,53 @@ use crate::error::DesignError;
 /// Nodes along a side of the mesh by which the shading of a window is corrected.
 const MESH: usize = 5;
 
+/// The hardware ISP of a camera: a black box with parameters, ours or anybody's.
+#[derive(Clone)]
+pub struct Chip {
+    isp: Arc<dyn Isp>,
+    values: Vec<f64>,
+    /// The same in floating point, which only ours has.
+    smooth: Option<Box<SmoothIsp>>,
+}
+
+impl Chip {
+    /// The built-in ISP with these methods and values.
+    pub fn built_in(settings: IspSettings) -> Self {
+        let values = settings.values();
+        let smooth = Some(Box::new(SmoothIsp { settings: settings.clone() }));
+        Self { isp: Arc::new(HardwareIsp { settings }), values, smooth }
+    }
+
+    /// An ISP of which nothing is known but what it makes of raw frames.
+    pub fn external(isp: Arc<dyn Isp>, values: Vec<f64>) -> Self {
+        Self { isp, values, smooth: None }
+    }
+
+    /// The ISP as a black box.
+    pub fn isp(&self) -> &Arc<dyn Isp> {
+        &self.isp
+    }
+
+    /// Its parameters.
+    pub fn parameters(&self) -> Vec<IspParameter> {
+        self.isp.parameters()
+    }
+
+    /// The values with which truths are developed, and that it has unless others are set: one for each parameter.
+    pub fn values(&self) -> &[f64] {
+        &self.values
+    }
+
+    /// The methods of the built-in ISP.
+    pub fn settings(&self) -> Option<&IspSettings> {
+        self.smooth.as_ref().map(|smooth| &smooth.settings)
+    }
+}
+
 /// The values of the parameters of a camera's hardware ISP.
 #[derive(Clone)]
 pub enum ChipValues {
-    /// On the tape, each in its own unit, for the ISP in floating point, whose gradient goes to raw frames and values.
+    /// On the tape, each in its own unit, for the built-in ISP in floating point, whose gradient goes to raw frames and values.
     OnTape(Box<Tensor<1>>),
     /// On the tape, each in its own unit, for a network that imitates the ISP; its gradient goes to raw frames and values.
     Imitated {
@@ -28,7 +73,7 @@ pub enum ChipValues {
         /// The network.
         proxy: Box<ProxyIsp>,
     },
-    /// For the ISP in whole numbers, as the chip runs it. No gradient.
+    /// For the ISP itself, as the chip runs it; the built-in one in whole numbers. No gradient.
     Exact(Vec<f64>),
 }
 
@@ -66,7 +111,7 @@ pub fn ideal_input(
 
 /// Develops a batch of raw frames to sRGB-encoded pictures `[batch, 3, height, width]`.
 pub fn develop(
-    settings: &IspSettings,
+    chip: &Chip,
     values: &ChipValues,
     raw: Tensor<4>,
     illumination: &Tensor<4>,
@@ -74,10 +119,10 @@ pub fn develop(
 ) -> Result<Tensor<4>, DesignError> {
     let [_, _, height, width] = raw.dims();
     match values {
-        ChipValues::Exact(values) => exact(settings, values, inputs, [height, width], &raw.device()),
+        ChipValues::Exact(values) => exact(chip, values, inputs, [height, width], &raw.device()),
         ChipValues::OnTape(values) => {
-            let isp = SmoothIsp { settings: settings.clone() };
-            let now = settings.with_values(&in_range(&to_host(values.as_ref().clone())?))?;
+            let isp = chip.smooth.as_ref().ok_or(DesignError::NoGradient("an ISP outside this program"))?;
+            let now = isp.settings.with_values(&in_range(&to_host(values.as_ref().clone())?))?;
             let one = |(i, input): (usize, &RawInput)| {
                 let dn = raw.clone().slice([i..i + 1, 0..1, 0..height, 0..width]);
                 let shades = illumination.clone().slice([i..i + 1, 0..3, 0..height, 0..width]);
@@ -126,18 +171,17 @@ fn recalibrated(dn: Tensor<4>, shades: Tensor<4>, input: &RawInput, shading: &Sh
     (dn - black) * ratio + black
 }
 
-/// What the ISP in whole numbers makes of frames of one size.
+/// What the ISP itself makes of frames of one size.
 pub fn exact(
-    settings: &IspSettings,
+    chip: &Chip,
     values: &[f64],
     inputs: &[RawInput],
     [height, width]: [usize; 2],
     device: &Device,
 ) -> Result<Tensor<4>, DesignError> {
-    let isp = HardwareIsp { settings: settings.clone() };
     let pictures: Vec<Vec<f32>> = inputs
         .par_iter()
-        .map(|input| Ok(isp.develop(input, values)?.encoded()))
+        .map(|input| Ok(chip.isp.develop(input, values)?.encoded()))
         .collect::<Result<_, DesignError>>()?;
     let data = TensorData::new(pictures.concat(), [inputs.len(), 3, height, width]);
     Ok(Tensor::from_data(data, device))

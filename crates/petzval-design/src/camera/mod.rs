@@ -14,7 +14,7 @@ use std::sync::{Arc, OnceLock};
 use burn::prelude::*;
 use burn::tensor::TensorData;
 use petzval_camera::image::LinearImage;
-use petzval_camera::isp::{IspSettings, LinearIsp, stabilised_noise};
+use petzval_camera::isp::{LinearIsp, stabilised_noise};
 use petzval_camera::psf::PsfBank;
 use petzval_camera::render::{
     KNOTS, PatchKernels, Placement, RenderGeometry, Wiener, Window, kernel_radius, patch_kernels,
@@ -33,7 +33,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::DesignError;
 
-pub use chip::{ChipValues, ideal_input, raw_inputs};
+pub use chip::{Chip, ChipValues, ideal_input, raw_inputs};
 pub use host::{host_image, to_host};
 pub use psf_source::{ByLens, PsfSource, Psfs};
 
@@ -88,9 +88,8 @@ pub struct Body {
     pub isp: LinearIsp,
     /// Restoration of developed pictures with the PSFs of the camera; none leaves their blur.
     pub restoration: Option<Wiener>,
-    /// A hardware ISP that makes the finished pictures in place of restoration and network: its methods, and the values with which truths
-    /// are developed and that it has unless others are set.
-    pub chip: Option<IspSettings>,
+    /// A hardware ISP that makes the finished pictures in place of restoration and network.
+    pub chip: Option<Chip>,
     /// Where the tensors live, with automatic differentiation if gradients are needed.
     pub device: Device,
 }
@@ -483,17 +482,17 @@ impl Camera {
         illumination: &Tensor<4>,
         captures: &[Capture],
     ) -> Result<Option<Tensor<4>>, DesignError> {
-        let Some(settings) = &self.body.chip else { return Ok(None) };
+        let Some(chip) = &self.body.chip else { return Ok(None) };
         let inputs = raw_inputs(raw, illumination, captures, &self.body.sensor)?;
-        let values = self.chip.clone().unwrap_or_else(|| ChipValues::Exact(settings.values()));
-        Ok(Some(chip::develop(settings, &values, raw.clone(), illumination, &inputs)?))
+        let values = self.chip.clone().unwrap_or_else(|| ChipValues::Exact(chip.values().to_vec()));
+        Ok(Some(chip::develop(chip, &values, raw.clone(), illumination, &inputs)?))
     }
 
     /// What finished pictures should be, `[batch, 3, height, width]`, sRGB-encoded: the scenes themselves; behind a hardware ISP what it
     /// makes of them, with its own values, through perfect optics and without noise.
     pub fn truths(&self, shots: &[Shot]) -> Result<Tensor<4>, DesignError> {
         let device = &self.body.device;
-        let Some(settings) = &self.body.chip else { return Ok(encoded(&self.scenes(shots)?, device)) };
+        let Some(chip) = &self.body.chip else { return Ok(encoded(&self.scenes(shots)?, device)) };
         // As the frames: developed with what is exposed around the windows.
         let size @ [height, width] = self.exposed(shots);
         let ideal = |shot: &Shot| {
@@ -502,7 +501,7 @@ impl Camera {
             ideal_input(&scene, &capture, &self.body.sensor)
         };
         let inputs = shots.iter().map(ideal).collect::<Result<Vec<_>, DesignError>>()?;
-        let developed = chip::exact(settings, &settings.values(), &inputs, size, device)?;
+        let developed = chip::exact(chip, chip.values(), &inputs, size, device)?;
         let captures: Vec<Capture> = shots.iter().map(|s| self.capture(s)).collect();
         let kept: Vec<Window> = shots.iter().map(|s| self.kept(s)).collect();
         Ok(cut(developed, &captures, &kept))

@@ -18,6 +18,7 @@ use std::collections::BTreeSet;
 
 use petzval_base::parameter::Parameters;
 use petzval_base::{FileError, quote};
+use petzval_camera::isp::IspSettings;
 use petzval_camera::sensor::NoiseMode;
 use petzval_learn::loss::ImageLoss;
 use petzval_learn::score::object_scores;
@@ -259,7 +260,7 @@ impl Experiment {
         }
         variants::check_variants(&self.variant, text)?;
         variants::check_blocks(&self.variant, &self.blocks(), text)?;
-        if self.loss.l1_weight + self.loss.lpips_weight <= 0.0 {
+        if self.loss.is_empty() {
             let error = FileError::at_key(text, &["loss", "l1_weight"], "all weights of the loss are zero");
             return Err(error.hint("give at least one part a positive weight"));
         }
@@ -309,7 +310,10 @@ impl Experiment {
             );
             return vary(message, "leave it out; the other parameters of its stage may move");
         }
-        if let Some(name) = self.isp.vary.iter().find(|name| places_of(name).is_empty()) {
+        // Those of a file are known when it is read.
+        let parameters = IspSettings::parameters();
+        let is_unknown = |name: &&String| !self.isp.is_in_file() && places_of(name, &parameters).is_empty();
+        if let Some(name) = self.isp.vary.iter().find(is_unknown) {
             let message = format!("no parameter or stage of the ISP is called `{name}`");
             return vary(message, "`petzval isp show` lists them");
         }

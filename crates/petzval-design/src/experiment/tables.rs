@@ -1,7 +1,9 @@
 //! The tables of an experiment: every number with its unit, range, default and sentence.
 
 use petzval_base::parameters;
-use petzval_camera::isp::{Demosaic, Domain, Interpolation, IspParameter, IspSettings};
+use std::path::Path;
+
+use petzval_camera::isp::{Demosaic, Domain, Interpolation, IspParameter};
 use petzval_camera::sensor::{Exposure, NoiseMode};
 use petzval_learn::detection::{BackboneKind, DetectorKind};
 use petzval_learn::network::NetworkKind;
@@ -103,7 +105,7 @@ parameters! {
         levels: usize = 3, "", 1..6, Linear, "3 or 4";
     } also {
         /// A U-Net that sees the picture alone, or a U-Net or NAF network behind a restoration that is trained with it.
-        kind: NetworkKind = NetworkKind::Restoration;
+        kind: NetworkKind = NetworkKind::RestorationNaf;
     }
 }
 
@@ -195,7 +197,8 @@ parameters! {
         /// Steps of the ISP, from the first by the method "proxy", in which the network learns and the parameters rest.
         proxy_warm_up: usize = 150, "", 0..1e6, Log, "with 8 training steps each, 150 are 1200";
     } also {
-        /// Name or file of a preset of the built-in automotive ISP; "none" for linear development and a network.
+        /// Name or file of a preset of the built-in automotive ISP, or the description of an external ISP; "none" for linear development and a
+        /// network.
         preset: String = NO_ISP.to_owned();
         /// Parameters that move, by name or stage.
         vary: Vec<String> = VARIED.map(str::to_owned).to_vec();
@@ -221,19 +224,23 @@ const VARIED: [&str; 8] = [
 /// A parameter that no experiment moves: it grows with the distance from the middle of the frame, and experiments develop windows.
 pub(crate) const OF_THE_WHOLE_FRAME: &str = "bayer_denoise.radial";
 
-/// The places, among the parameters of the automotive ISP, that a name stands for: a parameter, or a stage with all of its own.
-pub(crate) fn places_of(name: &str) -> Vec<usize> {
+/// The places, among the parameters of an ISP, that a name stands for: a parameter, or a stage with all of its own.
+pub(crate) fn places_of(name: &str, parameters: &[IspParameter]) -> Vec<usize> {
     let is_meant = |p: &IspParameter| {
         (p.name == name || p.name.split('.').next() == Some(name)) && p.name != OF_THE_WHOLE_FRAME
     };
-    let all = IspSettings::parameters();
-    (0..all.len()).filter(|i| is_meant(&all[*i])).collect()
+    (0..parameters.len()).filter(|i| is_meant(&parameters[*i])).collect()
 }
 
 impl IspConfig {
     /// Whether there is a hardware ISP.
     pub fn is_used(&self) -> bool {
         self.preset != NO_ISP
+    }
+
+    /// Whether it is in a file, which may describe an ISP with other parameters than the built-in one.
+    pub fn is_in_file(&self) -> bool {
+        Path::new(&self.preset).extension().is_some()
     }
 }
 
@@ -247,11 +254,16 @@ parameters! {
         /// Side of a window.
         crop: usize = 96, "pixels", 32..1200, Linear, "64 to 256 pixels";
         /// First learning rate of Adam; it falls along a half cosine.
-        learning_rate: f64 = 2e-3, "", 1e-8..1, Log, "1e-3 is Adam's usual start";
+        learning_rate: f64 = 4e-3, "", 1e-8..1, Log, "1e-3 is Adam's usual start";
         /// Learning rate at the end over that at the start.
         final_learning_rate: f64 = 0.02, "", 0..1, Linear, "a share of the first";
         /// Weight of the network's proximal term.
         proximal: f64 = 0.0, "", 0..1e6, Log, "0 leaves the proximal term out";
+        /// Decay of Adam's mean of squared gradients, beta 2: a mean over `1 / (1 - beta2)` steps.
+        beta2: f64 = 0.99, "", 0.5..0.9999, Linear, "0.99 for hundreds of steps, 0.999 for many thousands";
+        /// Training photographs are darkened at random, by up to this, and their red and blue changed by up to a quarter of it: other exposures
+        /// and other colours than the few photographs have. 0 leaves them as they are.
+        relight_ev: f64 = 1.0, "EV", 0..4, Linear, "1 EV is half of the light";
         /// Share of the windows that are generated pictures of dead leaves in place of photographs.
         dead_leaves: f64 = 0.5, "", 0..1, Linear, "0.5 for every other window";
         /// Largest norm of the gradient of each weight tensor of a network for pictures; a larger gradient is scaled down to it. 0 sets no limit,

@@ -9,4 +9,5 @@ pub mod show;
 pub mod tune;
 
 pub use frame::{FrameOptions, Merge};
+pub(crate) use named::external_chip;
 pub use named::{NEUTRAL, NamedIsp, isp_by_name};

@@ -1,11 +1,13 @@
 //! ISPs by name: a preset of the built-in ISP, a file of settings, or the description of an external ISP or of a proxy.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use petzval_camera::isp::{
     HardwareIsp, Isp, IspError, IspParameter, IspPreset, IspSettings, RawInput, RgbPicture, check_values,
 };
 use petzval_design::assets::Assets;
+use petzval_design::camera::Chip;
 use petzval_design::error::DesignError;
 use petzval_files::isp_file::{
     ExternalIspFile, IspFile, IspProxyFile, parse_isp_file, preset_toml, settings_toml,
@@ -70,6 +72,18 @@ pub fn isp_by_name(name: &str, assets: &Assets) -> Result<NamedIsp, JobError> {
         *values = settings.values(&named.parameters).map_err(DesignError::input(&source.path))?;
     }
     Ok(named)
+}
+
+/// The external ISP of a description, or of settings for one, in a camera that is designed.
+pub(crate) fn external_chip(path: &Path) -> Result<Chip, DesignError> {
+    let wrong = |e: JobError| DesignError::Device(e.to_string());
+    let named = isp_by_name(&path.display().to_string(), &Assets::default()).map_err(wrong)?;
+    match named.kind {
+        Kind::External { isp, values, .. } => Ok(Chip::external(Arc::from(isp as Box<dyn Isp>), values)),
+        Kind::BuiltIn { .. } | Kind::Proxy { .. } => {
+            Err(DesignError::Device(format!("{}: describes no external ISP", path.display())))
+        }
+    }
 }
 
 impl NamedIsp {

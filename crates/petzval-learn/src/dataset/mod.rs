@@ -1,7 +1,8 @@
 //! Photographs for training and for held-out scores.
 //!
 //! A [`NamedPhoto`] is one picture. A [`PhotoSet`] keeps training and held-out pictures apart. [`training_crop`] draws a
-//! window of a picture and its sensor position for each item of a training step; [`dead_leaves`] generates pictures that may stand in for it.
+//! window of a picture and its sensor position for each item of a training step; [`dead_leaves`] generates pictures that may stand in for it, and
+//! [`relight`] changes its exposure and colour.
 
 mod crop;
 mod dead_leaves;
@@ -9,6 +10,7 @@ mod error;
 mod labelled_pictures;
 mod labelled_window;
 mod photo_set;
+mod relight;
 mod street_plan;
 
 pub use crop::{CropPlan, HeldOutPlacement, TrainingCrop, held_out_placements, training_crop};
@@ -17,4 +19,5 @@ pub use error::DatasetError;
 pub use labelled_pictures::{LabelledPictures, PictureWindows};
 pub use labelled_window::{LabelledWindow, List, Wanted};
 pub use photo_set::{Folder, NamedPhoto, PhotoSet, PhotoSplit, load_folder};
+pub use relight::{light_factors, relight};
 pub use street_plan::{StreetPlan, StreetView};

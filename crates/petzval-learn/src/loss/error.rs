@@ -30,6 +30,16 @@ pub enum LossError {
         /// Least side, pixels.
         least: usize,
     },
+    /// The picture is too small for the window of SSIM.
+    #[error("picture of {height} x {width} pixels; SSIM needs at least {least} x {least}: use a larger crop")]
+    SmallerThanWindow {
+        /// Rows.
+        height: usize,
+        /// Columns.
+        width: usize,
+        /// Side of the window, pixels.
+        least: usize,
+    },
     /// The two pictures differ in shape, or do not have three channels.
     #[error(
         "picture of shape {image:?} against {target:?}; both must be [batch, 3, height, width] of one size"
@@ -43,7 +53,7 @@ pub enum LossError {
     /// A weight of the composite loss is negative or not a number.
     #[error("{name} is {value}; a loss weight must be finite and not negative")]
     BadLossWeight {
-        /// `l1_weight` or `lpips_weight`.
+        /// Name of the weight, such as `l1_weight`.
         name: &'static str,
         /// The value.
         value: f32,

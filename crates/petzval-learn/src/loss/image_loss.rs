@@ -1,14 +1,18 @@
-//! The training loss of a camera for pictures: L1 plus LPIPS.
+//! The training loss of a camera for pictures: differences of pixels, structure and features, each with a weight.
 
 use burn::prelude::*;
 
-use super::{LossError, Lpips, LpipsTarget, l1, same_shape};
+use super::{LossError, Lpips, LpipsTarget, l1, l2, same_shape, ssim};
 
 petzval_base::parameters! {
-    /// `total = l1_weight * mean |image - target| + lpips_weight * mean over the batch of LPIPS(image, target)`.
+    /// `total = l1_weight mean |d| + l2_weight mean d^2 + ssim_weight (1 - SSIM) + lpips_weight LPIPS`, with d = image - target.
     pub struct ImageLoss {
         /// Weight of the mean absolute difference; a part of weight 0 is neither computed nor reported.
         l1_weight: f32 = 1.0, "", 0..1e6, Log, "a weight of 0 leaves the part out";
+        /// Weight of the mean squared difference, the error that PSNR measures; a part of weight 0 is neither computed nor reported.
+        l2_weight: f32 = 0.0, "", 0..1e6, Log, "a weight of 0 leaves the part out";
+        /// Weight of `1 - SSIM`; a part of weight 0 is neither computed nor reported.
+        ssim_weight: f32 = 0.0, "", 0..1e6, Log, "a weight of 0 leaves the part out";
         /// Weight of the LPIPS distance; a part of weight 0 is neither computed nor reported.
         lpips_weight: f32 = 0.5, "", 0..1e6, Log, "a weight of 0 leaves the part out";
     }
@@ -24,16 +28,40 @@ pub struct ImageTarget {
 pub struct ImageLossParts {
     /// The weighted sum, one value, with its graph.
     pub total: Tensor<1>,
-    /// The mean absolute difference, unweighted; none when its weight is 0.
-    pub l1: Option<f32>,
-    /// The mean LPIPS distance, unweighted; none when its weight is 0.
-    pub lpips: Option<f32>,
+    /// Name, weight and unweighted value of every part whose weight is not 0.
+    pub parts: Vec<LossPart>,
+}
+
+/// A part of the loss.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LossPart {
+    /// `l1`, `l2`, `ssim` or `lpips`.
+    pub name: &'static str,
+    /// Its weight.
+    pub weight: f32,
+    /// Its value; `1 - SSIM` for `ssim`.
+    pub value: f32,
 }
 
 impl ImageLoss {
+    /// The weights by the names of their keys.
+    fn weights(&self) -> [(&'static str, f32); 4] {
+        [
+            ("l1_weight", self.l1_weight),
+            ("l2_weight", self.l2_weight),
+            ("ssim_weight", self.ssim_weight),
+            ("lpips_weight", self.lpips_weight),
+        ]
+    }
+
+    /// Whether no part has a weight.
+    pub fn is_empty(&self) -> bool {
+        self.weights().iter().all(|(_, weight)| *weight == 0.0)
+    }
+
     /// Checks that the weights are finite and not negative.
     pub fn check(&self) -> Result<(), LossError> {
-        for (name, value) in [("l1_weight", self.l1_weight), ("lpips_weight", self.lpips_weight)] {
+        for (name, value) in self.weights() {
             if !value.is_finite() || value < 0.0 {
                 return Err(LossError::BadLossWeight { name, value });
             }
@@ -60,25 +88,33 @@ impl ImageLoss {
     ) -> Result<ImageLossParts, LossError> {
         self.check()?;
         same_shape(image.dims(), target.picture.dims())?;
+        let picture = || target.picture.clone();
         let mut total = Tensor::<1>::zeros([1], &image.device());
-        let mut parts = [None, None];
+        let mut parts = Vec::new();
+        let mut add = |name: &'static str, weight: f32, part: Tensor<1>| -> Result<(), LossError> {
+            parts.push(LossPart { name, weight, value: read_back(&part)? });
+            total = total.clone() + part * weight;
+            Ok(())
+        };
 
         if self.l1_weight > 0.0 {
-            let part = l1(image.clone(), target.picture.clone())?;
-            parts[0] = Some(read_back(&part)?);
-            total = total + part * self.l1_weight;
+            add("l1", self.l1_weight, l1(image.clone(), picture())?)?;
+        }
+        if self.l2_weight > 0.0 {
+            add("l2", self.l2_weight, l2(image.clone(), picture())?)?;
+        }
+        if self.ssim_weight > 0.0 {
+            add("ssim", self.ssim_weight, ssim(image.clone(), picture())?.neg() + 1.0)?;
         }
         if self.lpips_weight > 0.0 {
             // Compute the features if the target was prepared by a loss without LPIPS.
             let distance = match &target.features {
                 Some(features) => lpips.distance_to(image, features)?,
-                None => lpips.distance_to(image, &lpips.target(target.picture.clone())?)?,
+                None => lpips.distance_to(image, &lpips.target(picture())?)?,
             };
-            let part = distance.mean();
-            parts[1] = Some(read_back(&part)?);
-            total = total + part * self.lpips_weight;
+            add("lpips", self.lpips_weight, distance.mean())?;
         }
-        Ok(ImageLossParts { total, l1: parts[0], lpips: parts[1] })
+        Ok(ImageLossParts { total, parts })
     }
 }
 

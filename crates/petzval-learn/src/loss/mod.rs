@@ -1,18 +1,21 @@
 //! Losses: the distance between a picture and the photograph that it shows.
 //!
-//! [`l1`] compares pixel values, [`Lpips`] compares features as a viewer perceives them, [`ImageLoss`] adds the two.
+//! [`l1`] and [`l2`] compare pixel values, [`ssim`] the structure of small windows, [`Lpips`] features as a viewer perceives them;
+//! [`ImageLoss`] adds them up.
 
+mod difference;
 mod error;
 pub(crate) mod image_loss;
-mod l1;
 mod lpips;
 mod named;
+mod ssim;
 
+pub use difference::{l1, l2};
 pub use error::LossError;
-pub use image_loss::{ImageLoss, ImageLossParts, ImageTarget};
-pub use l1::l1;
+pub use image_loss::{ImageLoss, ImageLossParts, ImageTarget, LossPart};
 pub use lpips::{LEAST_SIDE, Lpips, LpipsTarget};
 pub use named::NamedLoss;
+pub use ssim::ssim;
 
 /// Checks that two pictures have the same shape, at least one pixel, and three channels.
 fn same_shape(image: [usize; 4], target: [usize; 4]) -> Result<(), LossError> {

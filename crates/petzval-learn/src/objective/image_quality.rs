@@ -1,9 +1,9 @@
-//! A picture for people to look at: pixel differences and LPIPS against the photograph.
+//! A picture for people to look at: differences of pixels, structure and features against the photograph.
 
 use super::{LabelKind, Labels, NamedLoss, Objective, Taken};
 use crate::loss::{ImageLoss, LossError, Lpips};
 
-/// `l1_weight * mean |finished - truth| + lpips_weight * LPIPS(finished, truth)`, see [`ImageLoss`].
+/// The weighted sum of L1, L2, `1 - SSIM` and LPIPS of finished picture and truth, see [`ImageLoss`].
 pub struct ImageQuality {
     loss: ImageLoss,
     lpips: Lpips,
@@ -26,16 +26,10 @@ impl Objective for ImageQuality {
         let Labels::Pictures(pictures) = labels else { return Err(LossError::OtherLabels) };
         let target = self.loss.target(&self.lpips, pictures.clone())?;
         let parts = self.loss.evaluate(&self.lpips, taken.frames.finished.clone(), &target)?;
-        let mut named = Vec::new();
-        let mut total = 0.0;
-        for (name, weight, value) in
-            [("l1", self.loss.l1_weight, parts.l1), ("lpips", self.loss.lpips_weight, parts.lpips)]
-        {
-            if let Some(value) = value {
-                named.push((name, f64::from(value)));
-                total += f64::from(weight) * f64::from(value);
-            }
-        }
+        let weighted = parts.parts.iter().map(|part| f64::from(part.weight) * f64::from(part.value));
+        let total = weighted.sum::<f64>();
+        let mut named: Vec<(&'static str, f64)> =
+            parts.parts.iter().map(|part| (part.name, f64::from(part.value))).collect();
         named.push(("total", total));
         Ok(NamedLoss { total: parts.total, parts: named })
     }

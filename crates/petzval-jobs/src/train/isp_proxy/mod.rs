@@ -133,6 +133,7 @@ fn setup(plan: &Plan, context: &Context) -> Result<Setup, JobError> {
     experiment.training.batch = BATCH;
     experiment.training.crop = SIDE;
     experiment.training.dead_leaves = GENERATED;
+    experiment.training.relight_ev = 0.0;
     experiment.scoring.crop = HELD_OUT_SIDE;
     experiment.scoring.places_per_side = 3;
     Ok(Setup::new(experiment, &context.assets, context.device("cpu")?)?)
