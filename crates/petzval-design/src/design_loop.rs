@@ -341,7 +341,7 @@ impl DesignLoop {
 
     /// Takes one step of a block, out of turn, for the first variant in which it and others move by their gradients: for measuring its cost.
     pub fn one_step(&mut self, block: BlockName) -> Result<(), DesignError> {
-        let by_gradient = |schedule: &Schedule| schedule.method == StepMethod::Gradient;
+        let by_gradient = |s: &Schedule| matches!(s.method, StepMethod::Gradient | StepMethod::Levenberg);
         let setup = self.setup.clone();
         let together = setup.variants.iter().find_map(|variant| {
             let moves = variant.stages.iter().find_map(|stage| match stage {

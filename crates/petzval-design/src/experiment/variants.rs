@@ -139,7 +139,16 @@ pub fn standard_variants() -> Vec<VariantConfig> {
     };
     let network = stage(Goal::Task, &[BlockName::Network]);
     let [spot, restored] = [Goal::Spot, Goal::Restored].map(|goal| stage(goal, &[BlockName::Optics]));
-    let together = stage(Goal::Task, &[BlockName::Optics, BlockName::Network]);
+    // By curvature: what Adam gains on training windows does not carry over to other pictures.
+    let by_curvature = ScheduleConfig {
+        method: Some(StepMethod::Levenberg),
+        learning_rate: Some(0.3),
+        ..ScheduleConfig::default()
+    };
+    let together = StageConfig {
+        schedule: BTreeMap::from([(BlockName::Optics, by_curvature)]),
+        ..stage(Goal::Task, &[BlockName::Optics, BlockName::Network])
+    };
     vec![
         variant("nominal", vec![network.clone()]),
         variant("spot-optimised", vec![spot.clone(), network]),
