@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use petzval_camera::isp::{
     HardwareIsp, Isp, IspError, IspParameter, IspPreset, IspSettings, RawInput, RgbPicture, check_values,
 };
-use petzval_design::assets::Assets;
 use petzval_design::error::DesignError;
 use petzval_files::isp_file::{
     ExternalIspFile, IspFile, IspProxyFile, parse_isp_file, preset_toml, settings_toml,
@@ -15,6 +14,7 @@ use petzval_learn::network::IspProxyConfig;
 use petzval_learn::proxy_isp::{FRAME_NUMBERS, ProxyIsp};
 
 use super::external::ExternalIsp;
+use crate::context::Context;
 use crate::error::JobError;
 
 /// Name of the settings in which every parameter of the built-in ISP has its default.
@@ -39,16 +39,16 @@ enum Kind {
 }
 
 /// The ISP of a name: [`NEUTRAL`], a preset of `data/isp/`, or the path of a preset, of settings, or of the description of an external
-/// ISP or of a proxy.
-pub fn isp_by_name(name: &str, assets: &Assets) -> Result<NamedIsp, JobError> {
+/// ISP or of a proxy. An external ISP stops when the context's jobs are cancelled.
+pub fn isp_by_name(name: &str, context: &Context) -> Result<NamedIsp, JobError> {
     if name == NEUTRAL && !Path::new(name).is_file() {
         return Ok(NamedIsp::built_in(IspPreset::default()));
     }
-    let source = assets.text("ISP", "isp", name)?;
+    let source = context.assets.text("ISP", "isp", name)?;
     let settings = match parse_isp_file(&source.text).map_err(DesignError::input(&source.path))? {
         IspFile::Preset(preset) => return Ok(NamedIsp::built_in(*preset)),
-        IspFile::External(about) => return NamedIsp::external(about, &source.path),
-        IspFile::Proxy(about) => return NamedIsp::proxy(&about, &source.path, assets),
+        IspFile::External(about) => return NamedIsp::external(about, &source.path, context),
+        IspFile::Proxy(about) => return NamedIsp::proxy(&about, &source.path, context),
         IspFile::Settings(settings) => settings,
     };
     // A relative path begins at the file that names it.
@@ -65,7 +65,7 @@ pub fn isp_by_name(name: &str, assets: &Assets) -> Result<NamedIsp, JobError> {
     let IspFile::External(about) = parse_isp_file(&text).map_err(DesignError::input(&path))? else {
         return Err(wrong("no description, which has the key `command`".to_owned()));
     };
-    let mut named = NamedIsp::external(about, &path)?;
+    let mut named = NamedIsp::external(about, &path, context)?;
     if let Kind::External { values, .. } = &mut named.kind {
         *values = settings.values(&named.parameters).map_err(DesignError::input(&source.path))?;
     }
@@ -83,10 +83,10 @@ impl NamedIsp {
         }
     }
 
-    fn external(about: ExternalIspFile, path: &Path) -> Result<Self, JobError> {
+    fn external(about: ExternalIspFile, path: &Path, context: &Context) -> Result<Self, JobError> {
         let home = path.parent().filter(|home| !home.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let cache = about.cache.clone().unwrap_or_default();
-        let isp = ExternalIsp::new(about, home).map_err(|e| {
+        let isp = ExternalIsp::new(about, home, context.cancellation().clone()).map_err(|e| {
             let message = format!("{}: `cache = \"{cache}\"`: {e}", path.display());
             JobError::input(message, "give a folder that can be written")
         })?;
@@ -97,12 +97,12 @@ impl NamedIsp {
         Ok(Self { parameters, kind: Kind::External { isp, values, description }, changes: Vec::new() })
     }
 
-    fn proxy(about: &IspProxyFile, path: &Path, assets: &Assets) -> Result<Self, JobError> {
+    fn proxy(about: &IspProxyFile, path: &Path, context: &Context) -> Result<Self, JobError> {
         let wrong = |message: String| {
             let hint = "the description and the weights of one `petzval train isp-proxy` belong together";
             JobError::input(format!("{}: {message}", path.display()), hint)
         };
-        let of = isp_by_name(&about.proxy_of, assets)?;
+        let of = isp_by_name(&about.proxy_of, context)?;
         if matches!(of.kind, Kind::Proxy { .. }) {
             return Err(wrong(format!("`proxy_of = \"{}\"` is a proxy itself", about.proxy_of)));
         }
@@ -300,6 +300,7 @@ pub(super) fn about_frame(file: &Path) -> impl Fn(IspError) -> JobError {
             JobError::input(format!("{}: {error}", file.display()), "correct the frame or its sidecar")
         }
         IspError::External(_) => JobError::failed(format!("{}: {error}", file.display())),
+        IspError::Stopped(_) => JobError::Stopped(format!("{}: {error}", file.display())),
         IspError::Count { .. } | IspError::Parameter { .. } => JobError::input(error.to_string(), ""),
     }
 }

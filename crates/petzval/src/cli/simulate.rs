@@ -7,6 +7,7 @@ use clap::ValueEnum;
 use petzval::jobs::simulate::{self, Request};
 
 use super::failure::Failure;
+use super::signals;
 use super::terminal::{Terminal, print_json};
 
 /// Position and scale of a photograph on the sensor.
@@ -260,7 +261,9 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         },
         out: args.out,
     };
-    let response = simulate::run(&request, &terminal.context())?;
+    let context = terminal.context().with_cancellation(signals::end_on_signal()?);
+    let response = simulate::run(&request, &context)?;
+    drop(context);
     if args.json {
         return print_json(&response.images);
     }

@@ -9,6 +9,7 @@ use petzval::jobs::isp::develop::{self, Chroma, Container, Range, Standard, Ycbc
 
 use super::inputs::{FrameArgs, IspArgs};
 use crate::cli::failure::Failure;
+use crate::cli::signals;
 use crate::cli::terminal::{Terminal, print_json};
 
 /// Develop raw frames to pictures, NAME.* to NAME.png.
@@ -150,7 +151,9 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         strip: args.strip,
         out: args.out,
     };
-    let response = develop::run(&request, &terminal.context())?;
+    let context = terminal.context().with_cancellation(signals::end_on_signal()?);
+    let response = develop::run(&request, &context)?;
+    drop(context);
     if args.json {
         return print_json(&response.pictures);
     }
