@@ -180,6 +180,56 @@ fn frames_of_up_to_24_bits_and_companded_ones_give_the_same_picture() {
 }
 
 #[test]
+fn a_raw_frame_with_its_calibration_gives_the_picture_of_the_simulation() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::copy(data("photos/coffee.png"), folder.path().join("coffee.png")).unwrap();
+    image::RgbImage::from_pixel(48, 30, image::Rgb([180; 3])).save(folder.path().join("flat.png")).unwrap();
+    let simulate = ["simulate", "coffee.png", "flat.png", "--isp", "quality", "--no-noise", "--out", "taken"];
+    let written = run_ok(folder.path(), &[&simulate[..], &["--json"]].concat()).json();
+    assert_eq!(written[0]["calibration"], "taken/coffee-calibration.toml");
+    let open = |path: &str| image::open(folder.path().join(path)).unwrap().into_rgb8();
+    let develop = |out: &str, more: &[&str]| {
+        let args = ["isp", "develop", "taken/coffee-raw.tiff", "taken/flat-raw.tiff", "--out", out];
+        run_ok(folder.path(), &[&args[..], &["--preset", "quality"], more].concat());
+        ["coffee", "flat"].map(|name| open(&format!("{out}/{name}-raw.png")))
+    };
+    // Shading and distortion of the lens are undone as the simulation undoes them, to the bit.
+    let simulated = ["coffee", "flat"].map(|name| open(&format!("taken/{name}-isp.png")));
+    assert!(develop("calibrated", &[]) == simulated);
+
+    // Without the calibration the corners stay dark, and things where the lens brings them.
+    let sidecar = |name: &str| folder.path().join(format!("taken/{name}-raw.tiff.toml"));
+    let text = read(&sidecar("coffee"));
+    for name in ["coffee", "flat"] {
+        let (text, line) = (read(&sidecar(name)), format!("calibration = \"{name}-calibration.toml\"\n"));
+        assert!(text.contains(&line), "{text}");
+        std::fs::write(sidecar(name), text.replace(&line, "")).unwrap();
+    }
+    let white_dn = (119.0 + 0.14 * written[0]["white_e"].as_f64().unwrap()).to_string();
+    let without = develop("without", &["--white-dn", &white_dn]);
+    assert!(without[0] != simulated[0]);
+    let mean = |picture: &image::RgbImage, at: [u32; 2]| {
+        let part = image::imageops::crop_imm(picture, at[0], at[1], 60, 60).to_image();
+        part.pixels().map(|p| f64::from(p[1])).sum::<f64>() / 3600.0
+    };
+    let centres = [&simulated[1], &without[1]].map(|picture| mean(picture, [930, 570]));
+    assert!((centres[0] - centres[1]).abs() < 2.0, "{centres:?}");
+    for corner in [[0, 0], [1860, 0], [0, 1140], [1860, 1140]] {
+        let [bright, dark] = [&simulated[1], &without[1]].map(|picture| mean(picture, corner));
+        assert!((bright - centres[0]).abs() < 2.0, "{corner:?}: {bright} {centres:?}");
+        assert!(dark < centres[0] - 6.0, "{corner:?}: {dark} {centres:?}");
+    }
+
+    // A calibration that went lost is named.
+    std::fs::write(sidecar("coffee"), &text).unwrap();
+    let lost = folder.path().join("lost.toml");
+    std::fs::rename(folder.path().join("taken/coffee-calibration.toml"), lost).unwrap();
+    let args = ["isp", "develop", "taken/coffee-raw.tiff", "--out", "no"];
+    let says = ["coffee-raw.tiff.toml: `calibration = \"coffee-calibration.toml\"`", "copy the calibration"];
+    run_fails(folder.path(), &args, 2, &says);
+}
+
+#[test]
 fn frames_of_ones_own_camera_are_calibrated_by_hand_and_converted_with_it() {
     let folder = tempfile::tempdir().unwrap();
     let raws = folder.path().join("raws");
