@@ -116,7 +116,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         }
         for (name, camera) in names.iter().zip(&cameras) {
             if context.is_cancelled() {
-                return Err(JobError::failed(format!(
+                return Err(JobError::Stopped(format!(
                     "stopped after {} of {total} pictures",
                     pictures.len()
                 )));

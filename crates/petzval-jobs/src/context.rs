@@ -105,7 +105,7 @@ impl Context {
     }
 
     /// The flag behind [`Context::is_cancelled`].
-    pub fn cancellation(&self) -> &AtomicBool {
+    pub fn cancellation(&self) -> &Arc<AtomicBool> {
         &self.cancelled
     }
 

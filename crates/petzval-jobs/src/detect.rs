@@ -122,7 +122,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let mut drawn = Vec::new();
     for (i, file) in files.iter().enumerate() {
         if context.is_cancelled() {
-            return Err(JobError::failed(format!("stopped after {i} of {} pictures", files.len())));
+            return Err(JobError::Stopped(format!("stopped after {i} of {} pictures", files.len())));
         }
         let light = load_image(file).map_err(DesignError::from)?.light;
         let encoded = LinearImage { data: light.to_srgb(), ..light };

@@ -4,6 +4,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use petzval_base::{FileError, write_whole};
+use petzval_camera::isp::IspError;
 use petzval_design::error::DesignError;
 use petzval_files::raw_file::RawFileError;
 use petzval_files::{ImageError, decode};
@@ -51,6 +52,9 @@ pub enum JobError {
     /// The request was proper, and the job failed.
     #[error("{0}")]
     Failed(String),
+    /// The job was cancelled before it had a result.
+    #[error("{0}")]
+    Stopped(String),
 }
 
 impl JobError {
@@ -85,7 +89,7 @@ impl JobError {
     /// Who has to change something.
     pub fn fault(&self) -> Fault {
         match self {
-            Self::Failed(_) => Fault::Job,
+            Self::Failed(_) | Self::Stopped(_) => Fault::Job,
             Self::Setting { .. } | Self::Input { .. } | Self::File { .. } => Fault::Input,
         }
     }
@@ -95,6 +99,7 @@ impl From<DesignError> for JobError {
     fn from(error: DesignError) -> Self {
         match error {
             DesignError::Input { path, error } => Self::File { path, error },
+            DesignError::Isp(IspError::Stopped(_)) => Self::Stopped(error.to_string()),
             DesignError::Image(ImageError::Io { ref source, .. }) => {
                 Self::system(error.to_string(), source, "give a PNG, JPEG or TIFF file that exists")
             }

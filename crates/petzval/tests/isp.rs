@@ -103,6 +103,165 @@ fn pictures_are_written_as_luma_and_colour_differences() {
     run_fails(folder.path(), &refused, 2, &["--bits 16", "8 or 10"]);
 }
 
+/// Writes a frame of 32-bit numbers as NumPy does, with its sidecar.
+fn write_npy(path: &Path, (height, width): (usize, usize), dn: &[u32], sidecar: &str) {
+    let head = format!("{{'descr': '<u4', 'fortran_order': False, 'shape': ({height}, {width}), }}");
+    let mut bytes = b"\x93NUMPY\x01\x00\x76\x00".to_vec();
+    bytes.extend(format!("{head:<117}\n").bytes());
+    bytes.extend(dn.iter().flat_map(|dn| dn.to_le_bytes()));
+    std::fs::write(path, bytes).unwrap();
+    std::fs::write(format!("{}.toml", path.display()), format!("cfa = \"GRBG\"\n{sidecar}")).unwrap();
+}
+
+#[test]
+fn frames_of_up_to_24_bits_and_companded_ones_give_the_same_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    let raws = folder.path().join("raws");
+    write_raws(&raws);
+    // The frame of 12 bits without its sensor, so that the noise is assumed for all in the same way.
+    let twelve = image::open(raws.join("left.tiff")).unwrap().into_luma16().into_raw();
+    let twelve: Vec<u32> = twelve.into_iter().map(u32::from).collect();
+    let size = (32, 48);
+    let levels = "bits = 12\nblack_level_dn = 119\nwhite_level_dn = 4000\n";
+    write_npy(&raws.join("twelve.npy"), size, &twelve, levels);
+    let twenty: Vec<u32> = twelve.iter().map(|dn| dn * 256).collect();
+    let levels = format!("black_level_dn = {}\nwhite_level_dn = {}\n", 119 * 256, 4000 * 256);
+    write_npy(&raws.join("twenty.npy"), size, &twenty, &format!("bits = 20\n{levels}"));
+    // The sensor sends 12 bits of the 20.
+    let (sent, light) = ([0, 1024, 2048, 4095], [0, 8192, 65_536, 1_048_575]);
+    let companded = |dn: u32| {
+        let k = light.iter().position(|knot| dn <= *knot).unwrap().max(1);
+        let share = f64::from(dn - light[k - 1]) / f64::from(light[k] - light[k - 1]);
+        sent[k - 1] + (share * f64::from(sent[k] - sent[k - 1])).round() as u32
+    };
+    let knots = format!("[companding]\ncompanded_dn = {sent:?}\nlinear_dn = {light:?}\n");
+    let dn: Vec<u32> = twenty.iter().map(|dn| companded(*dn)).collect();
+    write_npy(&raws.join("companded.npy"), size, &dn, &format!("bits = 12\n{levels}{knots}"));
+
+    let names = ["twelve", "twenty", "companded"];
+    let files = names.map(|name| format!("raws/{name}.npy"));
+    let mut args = vec!["isp", "develop", "--out", "out"];
+    args.extend(files.iter().map(String::as_str));
+    run_ok(folder.path(), &args);
+    let picture = |name: &str| {
+        image::open(folder.path().join(format!("out/{name}.png"))).unwrap().into_rgb8().into_raw()
+    };
+    let [twelve, twenty, companded] = names.map(picture);
+    let largest = |a: &[u8], b: &[u8]| a.iter().zip(b).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
+    assert!(twelve.iter().max().unwrap() - twelve.iter().min().unwrap() > 100);
+    assert!(largest(&twelve, &twenty) <= 1, "{}", largest(&twelve, &twenty));
+    // A step of the last part of the curve is 480 of a million.
+    assert!(largest(&twenty, &companded) <= 2, "{}", largest(&twenty, &companded));
+
+    // Nothing but black, and nothing but saturated.
+    let levels = "bits = 24\nblack_level_dn = 4096\nwhite_level_dn = 16777215\n";
+    write_npy(&raws.join("black.npy"), size, &[4096; 32 * 48], levels);
+    write_npy(&raws.join("white.npy"), size, &[16_777_215; 32 * 48], levels);
+    for preset in ["neutral", "real-time"] {
+        let args = ["isp", "develop", "raws/black.npy", "raws/white.npy", "--preset", preset, "--force"];
+        run_ok(folder.path(), &[&args[..], &["--out", "out"]].concat());
+        assert!(picture("black").iter().all(|v| *v <= 1), "{preset}");
+        assert!(picture("white").iter().all(|v| *v >= 254), "{preset}");
+    }
+    let shown = run_ok(folder.path(), &["raw", "show", "raws/companded.npy"]).stdout;
+    assert!(shown.contains("4 knots, expanded to 1048575 DN"), "{shown}");
+
+    // What measures light takes neither.
+    for (file, says) in [("companded", "companded"), ("twenty", "more than 16 bits")] {
+        let file = format!("raws/{file}.npy");
+        run_fails(folder.path(), &["raw", "mtf", &file], 2, &[&file, says, "petzval isp develop"]);
+    }
+    let wrong = "[companding]\ncompanded_dn = [0, 1024, 8191]\nlinear_dn = [0, 1024, 1048575]\n";
+    write_npy(&raws.join("wrong.npy"), size, &dn, &format!("bits = 12\n{wrong}"));
+    let args = ["isp", "develop", "raws/wrong.npy", "--out", "no"];
+    let says =
+        ["wrong.npy.toml:4:16", "companded_dn = [0, 1024, 8191]", "the knot 8191 is above 4095", "last knot"];
+    run_fails(folder.path(), &args, 2, &says);
+}
+
+#[test]
+fn a_raw_frame_with_its_calibration_gives_the_picture_of_the_simulation() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::copy(data("photos/coffee.png"), folder.path().join("coffee.png")).unwrap();
+    image::RgbImage::from_pixel(48, 30, image::Rgb([180; 3])).save(folder.path().join("flat.png")).unwrap();
+    let simulate = ["simulate", "coffee.png", "flat.png", "--isp", "quality", "--no-noise", "--out", "taken"];
+    let written = run_ok(folder.path(), &[&simulate[..], &["--json"]].concat()).json();
+    assert_eq!(written[0]["calibration"], "taken/coffee-calibration.toml");
+    let open = |path: &str| image::open(folder.path().join(path)).unwrap().into_rgb8();
+    let develop = |out: &str, more: &[&str]| {
+        let args = ["isp", "develop", "taken/coffee-raw.tiff", "taken/flat-raw.tiff", "--out", out];
+        run_ok(folder.path(), &[&args[..], &["--preset", "quality"], more].concat());
+        ["coffee", "flat"].map(|name| open(&format!("{out}/{name}-raw.png")))
+    };
+    // Shading and distortion of the lens are undone as the simulation undoes them, to the bit.
+    let simulated = ["coffee", "flat"].map(|name| open(&format!("taken/{name}-isp.png")));
+    assert!(develop("calibrated", &[]) == simulated);
+
+    // Without the calibration the corners stay dark, and things where the lens brings them.
+    let sidecar = |name: &str| folder.path().join(format!("taken/{name}-raw.tiff.toml"));
+    let text = read(&sidecar("coffee"));
+    for name in ["coffee", "flat"] {
+        let (text, line) = (read(&sidecar(name)), format!("calibration = \"{name}-calibration.toml\"\n"));
+        assert!(text.contains(&line), "{text}");
+        std::fs::write(sidecar(name), text.replace(&line, "")).unwrap();
+    }
+    let white_dn = (119.0 + 0.14 * written[0]["white_e"].as_f64().unwrap()).to_string();
+    let without = develop("without", &["--white-dn", &white_dn]);
+    assert!(without[0] != simulated[0]);
+    let mean = |picture: &image::RgbImage, at: [u32; 2]| {
+        let part = image::imageops::crop_imm(picture, at[0], at[1], 60, 60).to_image();
+        part.pixels().map(|p| f64::from(p[1])).sum::<f64>() / 3600.0
+    };
+    let centres = [&simulated[1], &without[1]].map(|picture| mean(picture, [930, 570]));
+    assert!((centres[0] - centres[1]).abs() < 2.0, "{centres:?}");
+    for corner in [[0, 0], [1860, 0], [0, 1140], [1860, 1140]] {
+        let [bright, dark] = [&simulated[1], &without[1]].map(|picture| mean(picture, corner));
+        assert!((bright - centres[0]).abs() < 2.0, "{corner:?}: {bright} {centres:?}");
+        assert!(dark < centres[0] - 6.0, "{corner:?}: {dark} {centres:?}");
+    }
+
+    // A calibration that went lost is named.
+    std::fs::write(sidecar("coffee"), &text).unwrap();
+    let lost = folder.path().join("lost.toml");
+    std::fs::rename(folder.path().join("taken/coffee-calibration.toml"), lost).unwrap();
+    let args = ["isp", "develop", "taken/coffee-raw.tiff", "--out", "no"];
+    let says = ["coffee-raw.tiff.toml: `calibration = \"coffee-calibration.toml\"`", "copy the calibration"];
+    run_fails(folder.path(), &args, 2, &says);
+}
+
+#[test]
+fn frames_of_ones_own_camera_are_calibrated_by_hand_and_converted_with_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let raws = folder.path().join("raws");
+    write_raws(&raws);
+    let develop = |raw: &str, out: &str| {
+        run_ok(folder.path(), &["isp", "develop", raw, "--out", out]);
+        let picture = std::fs::read_dir(folder.path().join(out)).unwrap().next().unwrap().unwrap().path();
+        image::open(picture).unwrap().into_rgb8().into_raw()
+    };
+    let plain = develop("raws/left.tiff", "plain");
+    // A lens that takes half of the light away everywhere.
+    let planes = "[0.5, 0.5, 0.5, 0.5]";
+    let calibration = format!("[shading]\nrows = 2\ncols = 2\nplanes = [{planes}, {planes}, {planes}]\n");
+    std::fs::write(raws.join("lens.toml"), &calibration).unwrap();
+    let sidecar = raws.join("left.tiff.toml");
+    std::fs::write(&sidecar, format!("{}calibration = \"lens.toml\"\n", read(&sidecar))).unwrap();
+    let corrected = develop("raws/left.tiff", "corrected");
+    let sum = |picture: &[u8]| picture.iter().map(|v| f64::from(*v)).sum::<f64>();
+    // Twice the light is 2^(1 / 2.4) of the encoded value, nearly.
+    let ratio = sum(&corrected) / sum(&plain);
+    assert!((1.2..1.5).contains(&ratio), "{ratio}");
+
+    // A converted frame finds it from its own folder.
+    std::fs::create_dir(folder.path().join("elsewhere")).unwrap();
+    run_ok(folder.path(), &["raw", "convert", "raws/left.tiff", "elsewhere/left.npy"]);
+    assert!(develop("elsewhere/left.npy", "again") == corrected);
+
+    std::fs::write(raws.join("lens.toml"), calibration.replace("rows = 2", "rows = 3")).unwrap();
+    let args = ["isp", "develop", "raws/left.tiff", "--out", "no"];
+    run_fails(folder.path(), &args, 2, &["raws/lens.toml", "`shading`", "three planes of rows x cols"]);
+}
+
 /// Simulates the coffee cup at one exposure; white saturates the sensor at about 23,000 electrons.
 fn expose(folder: &Path, name: &str, white_e: &str, time_s: &str) -> String {
     let args = ["simulate", "coffee.png", "--size", "120x160", "--white-e", white_e, "--time-s", time_s];
@@ -314,6 +473,118 @@ fn an_external_isp_is_shown_tuned_and_its_failure_loses_nothing() {
     std::fs::write(lab.join("external-isp.sh"), script).unwrap();
     let more = run_ok(folder.path(), &resume).json();
     assert!(more["evaluations"].as_u64().unwrap() > 31);
+}
+
+/// Writes an external ISP that hangs after so many calls, with a process of its own.
+#[cfg(unix)]
+fn write_hanging(folder: &Path, calls: usize) {
+    let book = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../book/src/examples");
+    let hang = "{ sleep 61 & echo $! > child; sleep 62; }";
+    let script = format!(
+        "echo call >> calls\n[ $(wc -l < calls) -le {calls} ] || {hang}\n{}",
+        read(&book.join("external-isp.sh"))
+    );
+    let about = read(&book.join("external-isp.toml")).replacen(
+        "\n\n",
+        "\ntimeout_s = 60\nretries = 2\nparallel = 2\n\n",
+        1,
+    );
+    std::fs::create_dir_all(folder).unwrap();
+    std::fs::write(folder.join("external-isp.sh"), script).unwrap();
+    std::fs::write(folder.join("external-isp.toml"), about).unwrap();
+}
+
+/// Runs the command until the external ISP in the folder `lab` hangs, and sends a signal. Nothing of the ISP may be left.
+#[cfg(unix)]
+fn signalled(folder: &Path, signal: &str, args: &[&str]) -> common::Outcome {
+    use std::process::{Command, Stdio};
+    use std::time::{Duration, Instant};
+
+    let (temporary, child_file) = (folder.join("temporary"), folder.join("lab/child"));
+    std::fs::create_dir_all(&temporary).unwrap();
+    let mut command = common::petzval(folder);
+    command.args(args).env("TMPDIR", &temporary).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut running = command.spawn().unwrap();
+    let began = Instant::now();
+    while !std::fs::read_to_string(&child_file).is_ok_and(|child| child.ends_with('\n')) {
+        let is_over = running.try_wait().unwrap().is_some() || began.elapsed() > Duration::from_secs(120);
+        if is_over {
+            running.kill().unwrap();
+            panic!(
+                "{args:?}: the ISP never hangs: {:?}",
+                common::outcome(running.wait_with_output().unwrap())
+            );
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    assert!(std::fs::read_dir(&temporary).unwrap().next().is_some());
+    let signalled = Instant::now();
+    assert!(Command::new("kill").args(["-s", signal, &running.id().to_string()]).status().unwrap().success());
+    let outcome = common::outcome(running.wait_with_output().unwrap());
+    assert!(signalled.elapsed() < Duration::from_secs(5), "{args:?}: {:?}", signalled.elapsed());
+    assert_eq!(std::fs::read_dir(&temporary).unwrap().count(), 0, "{args:?}: a folder is left");
+    // A process that was killed may need a moment to disappear.
+    let state = || std::fs::read_to_string(format!("/proc/{}/stat", read(&child_file).trim()));
+    let is_gone = (0..200).any(|_| {
+        std::thread::sleep(Duration::from_millis(10));
+        state().map_or(true, |stat| stat.contains(") Z "))
+    });
+    assert!(is_gone, "{args:?}: {:?}", state());
+    std::fs::remove_file(&child_file).unwrap();
+    std::fs::remove_file(folder.join("lab/calls")).unwrap();
+    outcome
+}
+
+#[cfg(unix)]
+#[test]
+fn a_signal_stops_an_external_isp_that_hangs_and_what_was_finished_stays() {
+    let folder = tempfile::tempdir().unwrap();
+    let lab = folder.path().join("lab");
+    write_raws(&folder.path().join("raws"));
+    std::fs::copy(data("photos/coffee.png"), folder.path().join("coffee.png")).unwrap();
+    write_hanging(&lab, 1);
+    let isp = ["--isp", "lab/external-isp.toml"];
+    let develop = ["isp", "develop", "raws/left.tiff", "raws/right.tiff", "--out", "out"];
+    let stopped = signalled(folder.path(), "INT", &[&develop[..], &isp].concat());
+    assert_eq!(stopped.code, Some(1), "{}", stopped.stderr);
+    assert!(stopped.says("right.tiff: the external ISP Ten-line ISP was stopped"), "{}", stopped.stderr);
+    assert!(folder.path().join("out/left.png").is_file() && !folder.path().join("out/right.png").exists());
+
+    write_hanging(&lab, 0);
+    let simulate = ["simulate", "coffee.png", "--size", "32x48", "--no-distortion", "--out", "simulated"];
+    let stopped = signalled(folder.path(), "TERM", &[&simulate[..], &isp].concat());
+    assert_eq!(stopped.code, Some(1), "{}", stopped.stderr);
+    assert!(stopped.says("Ten-line ISP was stopped"), "{}", stopped.stderr);
+    assert_eq!(std::fs::read_dir(folder.path().join("simulated")).unwrap().count(), 0);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_signal_stops_searches_and_trainings_with_an_isp_that_hangs_and_both_resume() {
+    let folder = tempfile::tempdir().unwrap();
+    let lab = folder.path().join("lab");
+    write_raws(&folder.path().join("raws"));
+    write_references(folder.path());
+    let isp = ["--isp", "lab/external-isp.toml"];
+    // Two frames, and six settings in a generation: the second generation is interrupted.
+    write_hanging(&lab, 2 + 12 + 4);
+    let tune = ["isp", "tune", "raws", "--reference", "reference", "--evaluations", "13", "--out", "search"];
+    let stopped = signalled(folder.path(), "INT", &[&tune[..], &isp].concat());
+    assert_eq!(stopped.code, Some(75), "{}", stopped.stderr);
+    let history = |name: &str| read_json(&folder.path().join(name)).as_array().unwrap().len();
+    assert_eq!(history("search/history.json"), 1);
+    write_hanging(&lab, 1000);
+    run_ok(folder.path(), &["isp", "tune", "--resume", "search", "--evaluations", "13"]);
+    assert_eq!(history("search/history.json"), 2);
+
+    // The second step is interrupted.
+    write_hanging(&lab, 70);
+    let sizes = ["--steps", "3", "--base-channels", "8", "--levels", "2", "--out", "proxy"];
+    let train = [&["train", "isp-proxy"], &isp[..], &sizes].concat();
+    let stopped = signalled(folder.path(), "TERM", &train);
+    assert_eq!(stopped.code, Some(75), "{}", stopped.stderr);
+    let kept = read_json(&folder.path().join("proxy/training.json"))["step"].as_u64().unwrap();
+    assert!(kept < 3 && stopped.says(&format!("stopped after {kept} steps; --resume continues")), "{kept}");
 }
 
 #[test]

@@ -36,4 +36,7 @@ pub enum IspError {
     /// An ISP outside this program failed.
     #[error("the external ISP failed: {0}")]
     External(String),
+    /// An ISP outside this program was stopped, because the job was cancelled.
+    #[error("the external ISP {0} was stopped before it made a picture")]
+    Stopped(String),
 }

@@ -109,7 +109,8 @@ impl Mesh {
         Self { rows, cols, planes: (0..picture.channels).map(plane).collect() }
     }
 
-    fn is_whole(&self, planes: usize) -> bool {
+    /// Whether the mesh has so many planes, each with a finite value for every node.
+    pub fn is_whole(&self, planes: usize) -> bool {
         let size = self.rows.saturating_mul(self.cols);
         self.rows >= 2
             && self.cols >= 2

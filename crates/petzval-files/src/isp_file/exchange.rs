@@ -25,6 +25,14 @@ pub const PICTURE_FILES: [&str; 3] = ["rgb.npy", "rgb.png", "rgb.ppm"];
 /// Longest header of an array that is read, bytes; NumPy writes 128.
 const MOST_HEADER: usize = 1024;
 
+/// Values of floats that are refused: filters overshoot by less.
+const FAR_OUTSIDE: std::ops::RangeInclusive<f64> = -1.0..=2.0;
+
+/// Largest share of floats that may lie outside 0..1 by more than [`ROUNDING`], half a step of 8 bits. Filters overshoot beside edges
+/// only; where more lies outside, the picture has another scale.
+const MOST_OUTSIDE: f64 = 0.05;
+const ROUNDING: f64 = 0.5 / 255.0;
+
 /// The text of [`FRAME_FILE`].
 pub fn frame_toml(frame: &RawInput, parameters: &[IspParameter], values: &[f64]) -> String {
     #[derive(Serialize)]
@@ -53,8 +61,8 @@ pub fn raw_bytes(frame: &RawInput) -> Vec<u8> {
 
 /// Reads the picture that a program has left under one of [`PICTURE_FILES`], and checks that it has the size of the frame.
 ///
-/// `rgb.npy`: an array `(height, width, 3)` of `uint8` or `uint16`, or of floats from 0 to 1; `rgb.png`, `rgb.ppm`: 8 or 16 bits.
-/// Values are sRGB-encoded. A message says what is wrong.
+/// `rgb.npy`: an array `(height, width, 3)` of `uint8` or `uint16`, or of floats from 0 to 1, of which a twentieth may overshoot;
+/// `rgb.png`, `rgb.ppm`: 8 or 16 bits. Values are sRGB-encoded. A message says what is wrong.
 pub fn decode_picture(
     name: &str,
     bytes: &[u8],
@@ -115,8 +123,8 @@ fn decode_npy(bytes: &[u8]) -> Result<RgbPicture, String> {
     let (bits, values) = match kind.as_str() {
         "u1" => (8, array_of::<u8>(bytes)?.into_iter().map(u16::from).collect()),
         "u2" => (16, array_of::<u16>(bytes)?),
-        "f4" => (16, encoded(array_of::<f32>(bytes)?.into_iter().map(f64::from))?),
-        "f8" => (16, encoded(array_of::<f64>(bytes)?.into_iter())?),
+        "f4" => (16, encoded(&array_of::<f32>(bytes)?.into_iter().map(f64::from).collect::<Vec<_>>())?),
+        "f8" => (16, encoded(&array_of::<f64>(bytes)?)?),
         other => return Err(format!("an array of {other}; it must be of uint8, uint16 or floats")),
     };
     let data = (0..3).flat_map(|c| values.iter().skip(c).step_by(3)).copied().collect();
@@ -127,14 +135,23 @@ fn array_of<T: Deserialize>(bytes: &[u8]) -> Result<Vec<T>, String> {
     NpyFile::new(bytes).and_then(|array| array.into_vec()).map_err(|e| e.to_string())
 }
 
-/// Floats as 16 bits; refuses what is no number, and what lies further outside 0..1 than a filter overshoots.
-fn encoded(values: impl Iterator<Item = f64>) -> Result<Vec<u16>, String> {
-    values
-        .map(|v| match (-1.0..=2.0).contains(&v) {
-            true => Ok((v.clamp(0.0, 1.0) * 65535.0).round() as u16),
-            false => Err(format!("a value of {v}; floats lie between 0 and 1")),
-        })
-        .collect()
+/// Floats as 16 bits; refuses what is no number, and what lies further outside 0..1, or more often, than a filter overshoots.
+fn encoded(values: &[f64]) -> Result<Vec<u16>, String> {
+    let hint = "floats lie between 0, black, and 1, white: scale and clip them";
+    if let Some(far) = values.iter().find(|v| !FAR_OUTSIDE.contains(*v)) {
+        return Err(format!("a value of {far}; {hint}"));
+    }
+    let beyond = |v: &f64| (-v).max(v - 1.0);
+    let outside = values.iter().filter(|v| beyond(v) > ROUNDING).count();
+    if outside as f64 > MOST_OUTSIDE * values.len() as f64 {
+        let worst = values.iter().copied().max_by(|a, b| beyond(a).total_cmp(&beyond(b))).unwrap_or(0.0);
+        let share = 100.0 * outside as f64 / values.len() as f64;
+        let most = 100.0 * MOST_OUTSIDE;
+        return Err(format!(
+            "{share:.1} % of the values lie outside 0..1, at worst {worst}; at most {most:.0} % may: {hint}"
+        ));
+    }
+    Ok(values.iter().map(|v| (v.clamp(0.0, 1.0) * 65535.0).round() as u16).collect())
 }
 
 /// A developed picture as the bytes of a PNG of 8 bits, or of 16 if it has more than 8 and `bits` is 16.
@@ -231,7 +248,7 @@ mod tests {
         assert_eq!((deep.bits, deep.encoded()), (16, ppm.encoded()));
         let bytes = npy(&[1, 2, 3], &[255_u8, 0, 51, 0, 102, 255]);
         assert_eq!(decode_picture("rgb.npy", &bytes, (1, 2)).unwrap(), ppm);
-        let floats = npy(&[1, 2, 3], &[1.0_f32, -0.01, 0.2, 0.0, 0.4, 1.3]);
+        let floats = npy(&[1, 2, 3], &[1.0_f32, -0.001, 0.2, 0.0, 0.4, 1.001]);
         let floats = decode_picture("rgb.npy", &floats, (1, 2)).unwrap();
         assert_eq!(floats.encoded(), ppm.encoded());
         let words = npy(&[1, 2, 3], &[65535_u16, 0, 13107, 0, 26214, 65535]);
@@ -261,6 +278,25 @@ mod tests {
             let error = decode_picture(name, &bytes, (1, 2)).unwrap_err();
             assert!(error.contains(says) && !error.is_empty(), "{name}: {error}");
         }
+    }
+
+    #[test]
+    fn a_little_overshoot_is_clipped_and_a_picture_of_another_scale_is_refused() {
+        let picture = |outside: usize, value: f64| {
+            let values: Vec<f64> = (0..1200).map(|i| if i < outside { value } else { 0.5 }).collect();
+            decode_picture("rgb.npy", &npy(&[20, 20, 3], &values), (20, 20))
+        };
+        for (value, clipped) in [(1.5, 65535), (-0.25, 0)] {
+            // A twentieth of 1200 values, and one more.
+            assert_eq!(picture(60, value).unwrap().data[0], clipped);
+            let error = picture(61, value).unwrap_err();
+            let says = format!("5.1 % of the values lie outside 0..1, at worst {value}; at most 5 % may");
+            assert!(error.contains(&says) && error.contains("scale and clip them"), "{error}");
+        }
+        assert!(picture(1200, 1.5).unwrap_err().contains("100.0 %"));
+        // What rounding puts above white is white, and a single value far outside is none of a filter.
+        assert_eq!(picture(1200, 1.0 + 1e-6).unwrap().data[0], 65535);
+        assert!(picture(1, 7.0).unwrap_err().contains("a value of 7;"));
     }
 
     proptest::proptest! {

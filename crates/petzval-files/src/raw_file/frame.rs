@@ -12,15 +12,15 @@ pub(super) const MOST_EXPANSION: u64 = 4096;
 /// Memory that a decoder may use in addition to the picture, bytes.
 pub(super) const WORK_SPACE: u64 = 1 << 20;
 
-/// A frame of digital numbers with its metadata.
+/// A frame of digital numbers with its metadata. Numbers of up to 24 bits are `u32`.
 #[derive(Debug, Clone, PartialEq)]
-pub struct RawFrame {
+pub struct RawFrame<T = u16> {
     /// Rows.
     pub height: usize,
     /// Columns.
     pub width: usize,
     /// Digital numbers, row by row.
-    pub dn: Vec<u16>,
+    pub dn: Vec<T>,
     /// Camera and exposure, from the file and its sidecar.
     pub info: RawInfo,
 }
@@ -46,15 +46,64 @@ impl RawFrame {
                 linear_gain: Some(shortest(exposure.linear_gain)),
                 pixel_um: Some(sensor.pixel_um),
                 temperature_c: None,
+                companding: None,
+                calibration: None,
             },
         }
     }
+}
 
+impl RawFrame<u32> {
+    /// The same frame in numbers of 16 bits, if they fit.
+    pub fn in_16_bits(self) -> Option<RawFrame> {
+        match AnyFrame::of(self) {
+            AnyFrame::Narrow(frame) => Some(frame),
+            AnyFrame::Wide(_) => None,
+        }
+    }
+}
+
+impl<T: Copy + Into<u32>> RawFrame<T> {
     /// The first digital number that `bits` cannot hold: its row, column and value.
-    pub fn beyond(&self, bits: u32) -> Option<(usize, usize, u16)> {
-        let max = largest_dn(bits);
-        let at = self.dn.iter().position(|dn| *dn > max)?;
-        Some((at / self.width, at % self.width, self.dn[at]))
+    pub fn beyond(&self, bits: u32) -> Option<(usize, usize, u32)> {
+        self.first_above(largest_dn(bits))
+    }
+
+    /// The first digital number above another: its row, column and value.
+    pub(super) fn first_above(&self, most: u32) -> Option<(usize, usize, u32)> {
+        let at = self.dn.iter().position(|dn| (*dn).into() > most)?;
+        Some((at / self.width, at % self.width, self.dn[at].into()))
+    }
+}
+
+/// A frame as a file holds it.
+pub(super) enum AnyFrame {
+    /// Every number fits in 16 bits.
+    Narrow(RawFrame),
+    /// Some do not.
+    Wide(RawFrame<u32>),
+}
+
+impl AnyFrame {
+    /// A frame of numbers of any size.
+    pub fn of(RawFrame { height, width, dn, info }: RawFrame<u32>) -> Self {
+        match dn.iter().all(|dn| *dn <= u16::MAX.into()) {
+            true => {
+                let dn = dn.into_iter().map(|dn| dn as u16).collect();
+                Self::Narrow(RawFrame { height, width, dn, info })
+            }
+            false => Self::Wide(RawFrame { height, width, dn, info }),
+        }
+    }
+
+    /// The frame in numbers of 32 bits.
+    pub fn widened(self) -> RawFrame<u32> {
+        match self {
+            Self::Narrow(RawFrame { height, width, dn, info }) => {
+                RawFrame { height, width, dn: dn.into_iter().map(u32::from).collect(), info }
+            }
+            Self::Wide(frame) => frame,
+        }
     }
 }
 

@@ -2,7 +2,14 @@
 
 use serde::{Deserialize, Serialize};
 
+use petzval_camera::isp::Companding;
 use petzval_camera::sensor::{CfaPattern, OutOfRange};
+
+/// Most bits of a digital number.
+pub const MOST_BITS: u32 = 24;
+
+/// Most bits of a digital number in files whose frames are measured.
+pub(super) const MOST_NARROW_BITS: u32 = 16;
 
 /// Camera and exposure of a frame, as far as the file and its sidecar give them.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -10,16 +17,16 @@ pub struct RawInfo {
     /// Name of the sensor or camera.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sensor: Option<String>,
-    /// Bits of the converter: digital numbers are 0..2^bits - 1.
+    /// Bits of the numbers in the file, 0..2^bits - 1: those of the converter, or of a merged frame.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bits: Option<u32>,
     /// Colour filter array, from the frame's first pixel.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cfa: Option<CfaPattern>,
-    /// Digital number without light at the camera's settings, DN.
+    /// Digital number without light at the camera's settings, DN; of a companded frame the expanded one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub black_level_dn: Option<f64>,
-    /// Digital number of saturation, DN.
+    /// Digital number of saturation, DN; of a companded frame the expanded one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub white_level_dn: Option<f64>,
     /// Exposure time, s.
@@ -34,15 +41,29 @@ pub struct RawInfo {
     /// Temperature of the sensor, degrees Celsius.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub temperature_c: Option<f64>,
+    /// Expansion of companded digital numbers; none where they are linear in light.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub companding: Option<Companding>,
+    /// File of the frame's [calibration](super::FrameCalibration), from the folder of the frame.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub calibration: Option<String>,
 }
 
 impl RawInfo {
     /// Checks that every given number is finite and in its physical range.
     pub fn validate(&self) -> Result<(), OutOfRange> {
+        let is_narrow = self.companding.is_none() && self.bits.is_none_or(|bits| bits <= MOST_NARROW_BITS);
+        let most_dn = f64::from(largest_dn(if is_narrow { MOST_NARROW_BITS } else { MOST_BITS }));
         let checks = [
-            ("bits", self.bits.map(f64::from), 1.0, 16.0, "the bits of the converter, 1 to 16"),
-            ("black_level_dn", self.black_level_dn, 0.0, 65535.0, "the black level in DN"),
-            ("white_level_dn", self.white_level_dn, 1.0, 65535.0, "the digital number of saturation"),
+            (
+                "bits",
+                self.bits.map(f64::from),
+                1.0,
+                MOST_BITS.into(),
+                "the bits of a digital number, 1 to 24",
+            ),
+            ("black_level_dn", self.black_level_dn, 0.0, most_dn, "the black level in DN"),
+            ("white_level_dn", self.white_level_dn, 1.0, most_dn, "the digital number of saturation"),
             ("exposure_s", self.exposure_s, 0.0, 1e6, "the exposure time in seconds"),
             ("linear_gain", self.linear_gain, 1e-6, 1e6, "the linear gain, 1 for 0 dB"),
             ("pixel_um", self.pixel_um, 0.1, 1000.0, "the pixel pitch in um"),
@@ -68,11 +89,13 @@ impl RawInfo {
             linear_gain: self.linear_gain.or(other.linear_gain),
             pixel_um: self.pixel_um.or(other.pixel_um),
             temperature_c: self.temperature_c.or(other.temperature_c),
+            companding: self.companding.or(other.companding),
+            calibration: self.calibration.or(other.calibration),
         }
     }
 }
 
-/// Largest digital number of a converter, `2^bits - 1`; 65535 from 16 bits on.
-pub(super) fn largest_dn(bits: u32) -> u16 {
-    if bits >= 16 { u16::MAX } else { (1u16 << bits) - 1 }
+/// Largest digital number of so many bits, `2^bits - 1`.
+pub(super) fn largest_dn(bits: u32) -> u32 {
+    (1 << bits.min(MOST_BITS)) - 1
 }

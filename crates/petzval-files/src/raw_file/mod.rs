@@ -2,7 +2,8 @@
 //!
 //! | file | read | written | metadata in the file |
 //! |---|---|---|---|
-//! | `.tif`, `.tiff`, `.png` | gray, 8 or 16 bits | 16 bits | size |
+//! | `.tif`, `.tiff` | gray, 8, 16 or 32 bits | 16 bits | size |
+//! | `.png` | gray, 8 or 16 bits | 16 bits | size |
 //! | `.raw`, `.bin` | any [`Packing`], with a sidecar | any [`Packing`] | none |
 //! | `.npy` | two axes of whole numbers | `<u2` | size |
 //! | `.exr` | no | one channel `Y` of 32-bit floats | size |
@@ -10,9 +11,13 @@
 //!
 //! Each page of a TIFF file is a frame ([`page_count`], [`load_raw_page`]).
 //!
+//! [`load_raw`] reads frames that are measured: 16 bits, linear in light. [`load_any_raw`] reads those of up to 24 bits and companded
+//! ones, too, which an image signal processor takes.
+//!
 //! All other metadata of a frame ([`RawInfo`]) are in a [`Sidecar`]: a TOML file whose name is that of the frame with `.toml`
 //! appended. The sidecar overrides the file.
 
+mod calibration;
 #[cfg(feature = "dng")]
 mod dng;
 mod error;
@@ -29,30 +34,56 @@ mod statistics;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 
+pub use calibration::FrameCalibration;
 pub use error::RawFileError;
 pub use format::RawFormat;
-use frame::Unreadable;
+use frame::{AnyFrame, Unreadable};
 pub use frame::{RawFrame, shortest};
-pub use info::RawInfo;
+pub use info::{MOST_BITS, RawInfo};
 pub use packing::{PackedLayout, Packing, PackingError};
 pub use sidecar::{Sidecar, sidecar_path};
 pub use statistics::{ColourStatistics, colour_statistics};
 
 use petzval_base::write_whole;
 
-/// Reads a frame of digital numbers. The file's first bytes or its extension determine the format; a packed frame needs a
-/// sidecar.
+/// Reads a frame of digital numbers of at most 16 bits that are linear in light. The file's first bytes or its extension determine the
+/// format; a packed frame needs a sidecar.
 pub fn load_raw(path: &Path) -> Result<RawFrame, RawFileError> {
+    measurable(path, load(path)?)
+}
+
+/// Reads a frame of digital numbers of up to 24 bits, companded or not.
+pub fn load_any_raw(path: &Path) -> Result<RawFrame<u32>, RawFileError> {
+    Ok(load(path)?.widened())
+}
+
+/// Refuses a frame whose numbers are not linear in light, or have more than 16 bits.
+fn measurable(path: &Path, frame: AnyFrame) -> Result<RawFrame, RawFileError> {
+    let hint =
+        "develop it with `petzval isp develop`, or give a frame of up to 16 bits that is linear in light";
+    let refused = |reason: String| Err(RawFileError::content(path, reason, hint));
+    let frame = match frame {
+        AnyFrame::Narrow(frame) => frame,
+        AnyFrame::Wide(frame) => {
+            let (row, col, dn) = frame.first_above(u16::MAX.into()).unwrap_or_default();
+            return refused(format!("the value {dn} at row {row}, column {col} has more than 16 bits"));
+        }
+    };
+    match &frame.info {
+        RawInfo { companding: Some(_), .. } => refused("its digital numbers are companded".to_owned()),
+        RawInfo { bits: Some(bits @ 17..), .. } => refused(format!("digital numbers of {bits} bits")),
+        _ => Ok(frame),
+    }
+}
+
+fn load(path: &Path) -> Result<AnyFrame, RawFileError> {
     let bytes = petzval_base::read_whole(path).map_err(RawFileError::io(path))?;
     let sidecar = Sidecar::beside(path)?;
-    let said = |frame: RawFrame| match &sidecar {
-        Some(sidecar) => sidecar.apply(path, frame),
-        None => Ok(frame),
-    };
+    let said = |frame: AnyFrame| with_sidecar(path, sidecar.as_ref(), frame);
     let content = |error: Unreadable| RawFileError::content(path, error.reason, error.hint);
     match RawFormat::of(path, &bytes) {
         Some(RawFormat::Packed(_)) => match &sidecar {
-            Some(sidecar) => sidecar.unpack(path, &bytes),
+            Some(sidecar) => Ok(AnyFrame::Narrow(sidecar.unpack(path, &bytes)?)),
             None => Err(RawFileError::content(
                 path,
                 format!("no sidecar {} describes how its numbers are packed", sidecar_path(path).display()),
@@ -60,7 +91,7 @@ pub fn load_raw(path: &Path) -> Result<RawFrame, RawFileError> {
             )),
         },
         Some(RawFormat::Npy) => said(npy::decode(&bytes).map_err(content)?),
-        Some(RawFormat::Dng) => said(decode_dng(&bytes).map_err(content)?),
+        Some(RawFormat::Dng) => said(AnyFrame::Narrow(decode_dng(&bytes).map_err(content)?)),
         Some(RawFormat::Exr) => Err(RawFileError::content(
             path,
             "OpenEXR files are written, not read, as raw frames".to_owned(),
@@ -68,6 +99,15 @@ pub fn load_raw(path: &Path) -> Result<RawFrame, RawFileError> {
         )),
         Some(RawFormat::Tiff | RawFormat::Png) | None => said(picture::decode(&bytes).map_err(content)?),
     }
+}
+
+/// A frame with what its sidecar says.
+fn with_sidecar(path: &Path, sidecar: Option<&Sidecar>, frame: AnyFrame) -> Result<AnyFrame, RawFileError> {
+    Ok(match (sidecar, frame) {
+        (Some(sidecar), AnyFrame::Narrow(frame)) => AnyFrame::Narrow(sidecar.apply(path, frame)?),
+        (Some(sidecar), AnyFrame::Wide(frame)) => AnyFrame::Wide(sidecar.apply(path, frame)?),
+        (None, frame) => frame,
+    })
 }
 
 /// Whether [`load_raw`] is the reader of a file: every raw format, and TIFF and PNG of gray integers. Pictures in colour or of floats are
@@ -107,10 +147,7 @@ pub fn load_raw_page(path: &Path, page: usize) -> Result<RawFrame, RawFileError>
         ));
     };
     let frame = pages::decode_page(open()?, *place).map_err(content)?;
-    match Sidecar::beside(path)? {
-        Some(sidecar) => sidecar.apply(path, frame),
-        None => Ok(frame),
-    }
+    measurable(path, with_sidecar(path, Sidecar::beside(path)?.as_ref(), frame)?)
 }
 
 /// Writes a frame and its sidecar. `format` decides the format, not the file's name.

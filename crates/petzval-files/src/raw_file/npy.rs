@@ -2,11 +2,10 @@
 
 use npyz::{Deserialize, NpyFile, Order, WriterBuilder};
 
-use super::frame::{MOST_PIXELS, RawFrame, Unreadable};
-use super::info::RawInfo;
+use super::frame::{AnyFrame, MOST_PIXELS, RawFrame, Unreadable};
+use super::info::{MOST_BITS, RawInfo, largest_dn};
 
-const HINT: &str =
-    "save the frame with numpy.save as a C array of two axes, rows and columns, of dtype uint16";
+const HINT: &str = "save the frame with numpy.save as a C array of two axes, rows and columns, of dtype uint16, or uint32 for more than 16 bits";
 
 /// Longest header that is read, bytes; NumPy writes 128 for two axes.
 const MOST_HEADER: usize = 1024;
@@ -15,8 +14,8 @@ const MOST_HEADER: usize = 1024;
 const MOST_BRACKETS: usize = 4;
 const MOST_DIGITS: usize = 18;
 
-/// Reads an array of whole numbers 0..65535, of any integer or floating-point type of NumPy.
-pub(super) fn decode(bytes: &[u8]) -> Result<RawFrame, Unreadable> {
+/// Reads an array of whole numbers below 2^24, of any integer or floating-point type of NumPy.
+pub(super) fn decode(bytes: &[u8]) -> Result<AnyFrame, Unreadable> {
     let unreadable = |reason: String| Unreadable { reason, hint: HINT };
     check_header(bytes).map_err(unreadable)?;
     let array = NpyFile::new(bytes).map_err(|e| unreadable(e.to_string()))?;
@@ -39,7 +38,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<RawFrame, Unreadable> {
         return Err(unreadable(reason));
     }
     let stored = numbers(bytes, &kind.descr()).map_err(unreadable)?;
-    let (height, width) = (height as usize, width as usize);
+    let (height, width, most) = (height as usize, width as usize, f64::from(largest_dn(MOST_BITS)));
     let mut dn = Vec::with_capacity(stored.len());
     for row in 0..height {
         for col in 0..width {
@@ -47,16 +46,16 @@ pub(super) fn decode(bytes: &[u8]) -> Result<RawFrame, Unreadable> {
                 Order::C => stored[row * width + col],
                 Order::Fortran => stored[col * height + row],
             };
-            if !(0.0..=65535.0).contains(&value) || value.fract() != 0.0 {
+            if !(0.0..=most).contains(&value) || value.fract() != 0.0 {
                 return Err(unreadable(format!(
-                    "the value {value} at row {row}, column {col} is not a whole number from 0 to 65535"
+                    "the value {value} at row {row}, column {col} is not a whole number from 0 to {most}"
                 )));
             }
-            dn.push(value as u16);
+            dn.push(value as u32);
         }
     }
     let bits = (each == 1).then_some(8);
-    Ok(RawFrame { height, width, dn, info: RawInfo { bits, ..RawInfo::default() } })
+    Ok(AnyFrame::of(RawFrame { height, width, dn, info: RawInfo { bits, ..RawInfo::default() } }))
 }
 
 /// All numbers of the array as f64, in the order of the file.

@@ -209,7 +209,7 @@ pub(super) fn unpack(layout: &PackedLayout, bytes: &[u8]) -> Result<Vec<u16>, Pa
         unpack_row(&bytes[start..start + row], width, bits, packing, &mut dn);
         // A number in two bytes may exceed the bits of the converter: the layout is wrong then.
         let line = &dn[r * width..];
-        if let Some(col) = line.iter().position(|v| *v > max) {
+        if let Some(col) = line.iter().position(|v| u32::from(*v) > max) {
             return Err(PackingError::Value { row: r, col, dn: line[col], bits });
         }
     }
@@ -228,7 +228,7 @@ fn unpack_row(row: &[u8], width: usize, bits: u32, packing: Packing, dn: &mut Ve
                     held |= u32::from(*bytes.next().unwrap_or(&0)) << count;
                     count += 8;
                 }
-                dn.push((held & u32::from(largest_dn(bits))) as u16);
+                dn.push((held & largest_dn(bits)) as u16);
                 held >>= bits;
                 count -= bits;
             }
@@ -255,7 +255,7 @@ pub(super) fn pack(layout: &PackedLayout, dn: &[u16]) -> Result<Vec<u8>, Packing
         return Err(PackingError::Size { height, width });
     }
     let max = largest_dn(bits);
-    if let Some(at) = dn.iter().position(|v| *v > max) {
+    if let Some(at) = dn.iter().position(|v| u32::from(*v) > max) {
         return Err(PackingError::Value { row: at / width, col: at % width, dn: dn[at], bits });
     }
     let mut bytes = vec![0u8; length];

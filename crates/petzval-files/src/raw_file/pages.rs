@@ -6,10 +6,10 @@ use tiff::decoder::{Decoder, DecodingResult, Limits};
 use tiff::tags::{PhotometricInterpretation, Tag};
 use tiff::{ColorType, TiffError};
 
-use super::frame::{MOST_EXPANSION, MOST_PIXELS, RawFrame, Unreadable, WORK_SPACE};
-use super::info::RawInfo;
+use super::frame::{AnyFrame, MOST_EXPANSION, MOST_PIXELS, RawFrame, Unreadable, WORK_SPACE};
+use super::info::{MOST_BITS, RawInfo, largest_dn};
 
-const HINT: &str = "a raw frame is a gray TIFF of whole numbers, 8 or 16 bits a sample";
+const HINT: &str = "a raw frame is a gray TIFF of whole numbers, 8, 16 or 32 bits a sample";
 
 /// Bits of `NewSubfileType` that mark a picture as a reduced copy or a mask of another.
 const THUMBNAIL_OR_MASK: u32 = 0b101;
@@ -40,17 +40,18 @@ pub(super) fn pages(file: impl Read + Seek) -> Result<Vec<usize>, Unreadable> {
 }
 
 /// Reads the picture at a place of [`pages`].
-pub(super) fn decode_page(file: impl Read + Seek, place: usize) -> Result<RawFrame, Unreadable> {
+pub(super) fn decode_page(file: impl Read + Seek, place: usize) -> Result<AnyFrame, Unreadable> {
     let mut tiff = open(file)?;
     if place > 0 {
         tiff.decoder.seek_to_image(place).map_err(|error| tiff.unreadable(error))?;
     }
-    tiff.check_kept()?;
+    // Memory for a number; those of 8 bits become 16.
+    let each = u64::from(tiff.kept_bits()?.max(16) / 8);
     let (width, height) = tiff.decoder.dimensions().map_err(|error| tiff.unreadable(error))?;
     let pixels = u64::from(width) * u64::from(height);
     // A damaged header can claim any size: limit the picture to what the file's bytes can expand to.
-    let most = MOST_EXPANSION.saturating_mul(tiff.bytes).min(2 * MOST_PIXELS) + WORK_SPACE;
-    if 2 * pixels > most {
+    let most = MOST_EXPANSION.saturating_mul(tiff.bytes).min(each * MOST_PIXELS) + WORK_SPACE;
+    if each * pixels > most {
         return Err(refused(format!("{height}x{width} pixels do not fit in a file of {} bytes", tiff.bytes)));
     }
     tiff.check_length()?;
@@ -58,17 +59,32 @@ pub(super) fn decode_page(file: impl Read + Seek, place: usize) -> Result<RawFra
     limits.decoding_buffer_size = most as usize;
     limits.intermediate_buffer_size = most as usize;
     tiff.decoder = tiff.decoder.with_limits(limits);
-    let (dn, bits): (Vec<u16>, _) = match tiff.decoder.read_image() {
-        Ok(DecodingResult::U16(dn)) => (dn, None),
-        Ok(DecodingResult::U8(dn)) => (dn.into_iter().map(u16::from).collect(), Some(8)),
-        Ok(_) => return Err(refused("samples that are not whole numbers of 8 or 16 bits".to_owned())),
-        Err(error) => return Err(tiff.unreadable(error)),
-    };
     let (height, width) = (height as usize, width as usize);
-    if dn.is_empty() || dn.len() != height * width {
-        return Err(refused(format!("{} numbers for {height}x{width} pixels", dn.len())));
+    let check_count = |count: usize| match count > 0 && count == height * width {
+        true => Ok(()),
+        false => Err(refused(format!("{count} numbers for {height}x{width} pixels"))),
+    };
+    let narrow = |dn: Vec<u16>, bits| {
+        check_count(dn.len())?;
+        Ok(AnyFrame::Narrow(RawFrame { height, width, dn, info: RawInfo { bits, ..RawInfo::default() } }))
+    };
+    match tiff.decoder.read_image() {
+        Ok(DecodingResult::U16(dn)) => narrow(dn, None),
+        Ok(DecodingResult::U8(dn)) => narrow(dn.into_iter().map(u16::from).collect(), Some(8)),
+        Ok(DecodingResult::U32(dn)) => {
+            check_count(dn.len())?;
+            let frame = RawFrame { height, width, dn, info: RawInfo::default() };
+            match frame.beyond(MOST_BITS) {
+                None => Ok(AnyFrame::of(frame)),
+                Some((row, col, dn)) => Err(refused(format!(
+                    "the value {dn} at row {row}, column {col} is above {}",
+                    largest_dn(MOST_BITS)
+                ))),
+            }
+        }
+        Ok(_) => Err(refused("samples that are not whole numbers of 8, 16 or 32 bits".to_owned())),
+        Err(error) => Err(tiff.unreadable(error)),
     }
-    Ok(RawFrame { height, width, dn, info: RawInfo { bits, ..RawInfo::default() } })
 }
 
 /// A decoder, and the length of its file.
@@ -90,8 +106,8 @@ impl<R: Read + Seek> Tiff<R> {
     }
 
     /// Refuses pictures whose samples the decoder would change: it packs samples of fewer than 8 bits, and inverts those in which
-    /// white is zero. Also refuses samples that are not digital numbers.
-    fn check_kept(&mut self) -> Result<(), Unreadable> {
+    /// white is zero. Also refuses samples that are not digital numbers. Returns the bits of a sample.
+    fn kept_bits(&mut self) -> Result<u8, Unreadable> {
         let mut tag = |tag| self.decoder.find_tag_unsigned_vec::<u16>(tag).ok().flatten();
         let meaning = tag(Tag::PhotometricInterpretation).and_then(|all| all.first().copied());
         let format = tag(Tag::SampleFormat).and_then(|all| all.first().copied());
@@ -105,7 +121,7 @@ impl<R: Read + Seek> Tiff<R> {
         match (format, bits) {
             (Some(2), _) => Err(refused(format!("signed samples of {bits} bits (SampleFormat 2)"))),
             (Some(3), _) => Err(refused(format!("floating-point samples of {bits} bits (SampleFormat 3)"))),
-            (_, 8 | 16) => Ok(()),
+            (_, 8 | 16 | 32) => Ok(bits),
             _ => Err(refused(format!("samples of {bits} bits"))),
         }
     }

@@ -2,14 +2,14 @@
 
 use std::io::Cursor;
 
-use super::frame::{MOST_EXPANSION, MOST_PIXELS, RawFrame, Unreadable, WORK_SPACE};
+use super::frame::{AnyFrame, MOST_EXPANSION, MOST_PIXELS, RawFrame, Unreadable, WORK_SPACE};
 use super::info::RawInfo;
 use super::pages::{decode_page, is_tiff, pages};
 use crate::undecoded;
 use ::image::{ColorType, DynamicImage, ImageBuffer, ImageDecoder, ImageFormat, ImageReader, Limits, Luma};
 
-/// Reads the only picture of a file, gray with 8 or 16 bits.
-pub(super) fn decode(bytes: &[u8]) -> Result<RawFrame, Unreadable> {
+/// Reads the only picture of a file, gray with 8 or 16 bits, or a TIFF with 32.
+pub(super) fn decode(bytes: &[u8]) -> Result<AnyFrame, Unreadable> {
     if is_tiff(bytes) {
         return match pages(Cursor::new(bytes))?[..] {
             [place] => decode_page(Cursor::new(bytes), place),
@@ -41,7 +41,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<RawFrame, Unreadable> {
     if dn.is_empty() {
         return Err(unreadable("the picture is empty".to_owned()));
     }
-    Ok(RawFrame { height, width, dn, info: RawInfo { bits, ..RawInfo::default() } })
+    Ok(AnyFrame::Narrow(RawFrame { height, width, dn, info: RawInfo { bits, ..RawInfo::default() } }))
 }
 
 /// Whether a TIFF or PNG file holds gray integers, as far as its header says.

@@ -5,8 +5,10 @@ use std::path::{Path, PathBuf};
 use petzval_base::FileError;
 use serde::{Deserialize, Serialize};
 
+use super::info::{MOST_BITS, largest_dn};
 use super::packing::unpack;
 use super::{PackedLayout, Packing, RawFileError, RawFrame, RawInfo};
+use petzval_camera::isp::Companding;
 use petzval_camera::sensor::CfaPattern;
 
 /// Hint for a missing sidecar.
@@ -64,6 +66,10 @@ struct Keys {
     pixel_um: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     temperature_c: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    calibration: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    companding: Option<Companding>,
 }
 
 /// Path of the sidecar of a raw file: the same name with `.toml` appended.
@@ -102,7 +108,10 @@ impl Sidecar {
             linear_gain: keys.linear_gain,
             pixel_um: keys.pixel_um,
             temperature_c: keys.temperature_c,
+            companding: keys.companding,
+            calibration: keys.calibration,
         };
+        check_companding(text, &info)?;
         info.validate().map_err(|wrong| {
             FileError::at_key(text, &[wrong.key], wrong.to_string()).hint(format!("give {}", wrong.meaning))
         })?;
@@ -176,6 +185,8 @@ impl Sidecar {
             linear_gain: self.info.linear_gain,
             pixel_um: self.info.pixel_um,
             temperature_c: self.info.temperature_c,
+            calibration: self.info.calibration.clone(),
+            companding: self.info.companding.clone(),
         };
         // A table of numbers and short texts is always TOML.
         toml::to_string(&keys).unwrap_or_default()
@@ -190,12 +201,37 @@ impl Sidecar {
         let hint = "compare height, width, bits, packing, row_stride_bytes, header_bytes and footer_bytes of the sidecar \
                     with what the camera wrote";
         let dn = unpack(layout, bytes).map_err(|e| RawFileError::content(raw, e.to_string(), hint))?;
-        Ok(RawFrame { height: layout.height, width: layout.width, dn, info: self.info.clone() })
+        let frame = RawFrame { height: layout.height, width: layout.width, dn, info: self.info.clone() };
+        self.check_knots(raw, frame)
+    }
+
+    /// Refuses a companded frame with numbers beyond the last knot, whose light is unknown.
+    fn check_knots<T: Copy + Into<u32>>(
+        &self,
+        raw: &Path,
+        frame: RawFrame<T>,
+    ) -> Result<RawFrame<T>, RawFileError> {
+        let last = frame.info.companding.as_ref().and_then(|c| c.companded_dn.last());
+        match last.and_then(|last| frame.first_above(*last)) {
+            None => Ok(frame),
+            Some((row, col, dn)) => {
+                let message = format!("{} has the value {dn} at row {row}, column {col}", raw.display());
+                let error = FileError::at_key(&self.text, &["companding", "companded_dn"], message);
+                Err(RawFileError::sidecar(
+                    &self.path,
+                    error.hint("give knots up to the largest number that the camera sends"),
+                ))
+            }
+        }
     }
 
     /// Adds the metadata of the sidecar to a frame in a format that defines its own layout. The sidecar overrides the file. Fails
     /// if the two contradict each other in size, layout or bits.
-    pub(super) fn apply(&self, raw: &Path, frame: RawFrame) -> Result<RawFrame, RawFileError> {
+    pub(super) fn apply<T: Copy + Into<u32>>(
+        &self,
+        raw: &Path,
+        frame: RawFrame<T>,
+    ) -> Result<RawFrame<T>, RawFileError> {
         let at = |key: &str, message: String, hint: &str| {
             let error = FileError::at_key(&self.text, &[key], message).hint(hint);
             Err(RawFileError::sidecar(&self.path, error))
@@ -219,8 +255,36 @@ impl Sidecar {
             let message = format!("{name} has the value {dn} at row {row}, column {col}");
             return at("bits", message, "give the bits of the numbers in the file; are they shifted up?");
         }
-        Ok(frame)
+        self.check_knots(raw, frame)
     }
+}
+
+/// Refuses knots that are no curve from 0 upwards within the bits of the file and 24 bits of light.
+fn check_companding(text: &str, info: &RawInfo) -> Result<(), FileError> {
+    let Some(Companding { companded_dn, linear_dn }) = &info.companding else { return Ok(()) };
+    let wrong = |key: &str, message: String, hint: &str| {
+        Err(FileError::at_key(text, &["companding", key], message).hint(hint))
+    };
+    for (key, knots, bits) in [
+        ("companded_dn", companded_dn, info.bits.unwrap_or(MOST_BITS).min(MOST_BITS)),
+        ("linear_dn", linear_dn, MOST_BITS),
+    ] {
+        let most = largest_dn(bits);
+        if knots.len() < 2 || knots[0] != 0 || knots.windows(2).any(|pair| pair[0] >= pair[1]) {
+            let hint = "give the knots of the curve as whole numbers, in ascending order from 0";
+            return wrong(key, "is not an ascending list from 0 of at least two numbers".to_owned(), hint);
+        }
+        if let Some(knot) = knots.iter().find(|knot| **knot > most) {
+            let hint = "the last knot is the largest number that the camera sends, and its light";
+            return wrong(key, format!("the knot {knot} is above {most}, the largest of {bits} bits"), hint);
+        }
+    }
+    if companded_dn.len() != linear_dn.len() {
+        let (sent, light) = (companded_dn.len(), linear_dn.len());
+        let hint = "give one number of `linear_dn` for each of `companded_dn`";
+        return wrong("linear_dn", format!("has {light} knots, and `companded_dn` has {sent}"), hint);
+    }
+    Ok(())
 }
 
 /// The error for an impossible layout, at the key that causes it.

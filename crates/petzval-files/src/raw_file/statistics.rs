@@ -14,9 +14,9 @@ pub struct ColourStatistics {
     /// Number of pixels.
     pub pixels: u64,
     /// Least digital number, DN.
-    pub min_dn: u16,
+    pub min_dn: u32,
     /// Largest digital number, DN.
-    pub max_dn: u16,
+    pub max_dn: u32,
     /// Mean, DN.
     pub mean_dn: f64,
     /// Standard deviation over the pixels, DN.
@@ -28,32 +28,37 @@ pub struct ColourStatistics {
 }
 
 /// Statistics of every colour of the frame's mosaic, in the order red, green, blue, clear.
-pub fn colour_statistics(frame: &RawFrame) -> Vec<ColourStatistics> {
+pub fn colour_statistics<T: Copy + Into<u32>>(frame: &RawFrame<T>) -> Vec<ColourStatistics> {
     let cfa = frame.info.cfa.unwrap_or(CfaPattern::MONO);
     let converter = frame.info.bits.map(|bits| f64::from(largest_dn(bits)));
-    let white = match (frame.info.white_level_dn, converter) {
+    // The levels of a companded frame are those of its expanded numbers.
+    let compressed = |white: f64| match &frame.info.companding {
+        Some(companding) => f64::from(companding.compress(white as u32)),
+        None => white,
+    };
+    let white = match (frame.info.white_level_dn.map(compressed), converter) {
         (Some(white), Some(converter)) => Some(white.min(converter)),
         (white, converter) => white.or(converter),
     };
     let of = |colour: Colour| {
         let pixels = || {
-            let is = move |(i, dn): (usize, &u16)| {
-                (cfa.colour(i / frame.width, i % frame.width) == colour).then_some(*dn)
+            let is = move |(i, dn): (usize, &T)| {
+                (cfa.colour(i / frame.width, i % frame.width) == colour).then_some((*dn).into())
             };
             frame.dn.iter().enumerate().filter_map(is)
         };
-        // Sums of whole numbers below 2^16 over at most 2^28 pixels are exact in 64 bits.
-        let (mut count, mut sum, mut squares, mut at_zero, mut saturated) = (0u64, 0u64, 0u64, 0, 0);
-        let (mut min_dn, mut max_dn) = (u16::MAX, 0);
+        // Sums of whole numbers below 2^24 over at most 2^28 pixels are exact in 64 bits, those of their squares in 128.
+        let (mut count, mut sum, mut squares, mut at_zero, mut saturated) = (0u64, 0u64, 0u128, 0, 0);
+        let (mut min_dn, mut max_dn) = (u32::MAX, 0);
         for dn in pixels() {
             let value = u64::from(dn);
-            (count, sum, squares) = (count + 1, sum + value, squares + value * value);
+            (count, sum, squares) = (count + 1, sum + value, squares + u128::from(value * value));
             (min_dn, max_dn) = (min_dn.min(dn), max_dn.max(dn));
             at_zero += u64::from(dn == 0);
             saturated += u64::from(white.is_some_and(|white| f64::from(dn) >= white));
         }
         let mean_dn = sum as f64 / count as f64;
-        let spread = u128::from(count) * u128::from(squares) - u128::from(sum) * u128::from(sum);
+        let spread = u128::from(count) * squares - u128::from(sum) * u128::from(sum);
         let sd_dn = (spread as f64).sqrt() / count as f64;
         let saturated = white.map(|_| saturated);
         (count > 0).then_some(ColourStatistics {
@@ -78,7 +83,7 @@ mod tests {
     #[test]
     fn each_colour_counts_its_own_pixels() {
         let info = RawInfo { bits: Some(12), cfa: Some(CfaPattern::RGGB), ..RawInfo::default() };
-        let frame = RawFrame { height: 2, width: 4, dn: vec![1, 10, 3, 30, 20, 4095, 40, 0], info };
+        let frame = RawFrame { height: 2, width: 4, dn: vec![1_u16, 10, 3, 30, 20, 4095, 40, 0], info };
         let all = colour_statistics(&frame);
         assert_eq!(
             all.iter().map(|s| s.colour).collect::<Vec<_>>(),

@@ -9,7 +9,7 @@ use petzval_camera::render::Placement;
 use petzval_camera::sensor::{Capture, CfaPattern, Exposure, Raw};
 
 fn frame(height: usize, width: usize, bits: u32) -> RawFrame {
-    let max = u32::from(info::largest_dn(bits));
+    let max = info::largest_dn(bits);
     let dn = (0..height * width).map(|i| (i as u32).wrapping_mul(2_654_435_761) >> 7 & max).map(|v| v as u16);
     RawFrame {
         height,
@@ -25,6 +25,8 @@ fn frame(height: usize, width: usize, bits: u32) -> RawFrame {
             linear_gain: Some(31.62),
             pixel_um: Some(5.86),
             temperature_c: Some(-10.0),
+            companding: None,
+            calibration: Some("lens \\ one.toml".to_owned()),
         },
     }
 }
@@ -114,7 +116,7 @@ fn an_eight_bit_picture_keeps_its_numbers_and_has_eight_bits() {
 /// Samples that a picture decoder would spread, invert or round are refused, because the result is not the file's numbers.
 #[test]
 fn pictures_that_would_be_converted_are_refused() {
-    let says = |bytes: &[u8]| picture::decode(bytes).map_err(|e| e.reason);
+    let says = |bytes: &[u8]| picture::decode(bytes).map(AnyFrame::widened).map_err(|e| e.reason);
     // Two gray pixels in one row: bits per sample with the header's checksum, and the compressed row with its checksum.
     let png_of = |bits: u8, check: [u8; 4], row: &[u8]| {
         let mut bytes = b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR\0\0\0\x02\0\0\0\x01".to_vec();
@@ -185,15 +187,99 @@ fn numpy_arrays_of_other_types_and_orders_are_read() {
         writer.finish().unwrap();
         bytes
     }
-    let read = |bytes: &[u8]| npy::decode(bytes).map_err(|e| e.reason);
+    let read = |bytes: &[u8]| npy::decode(bytes).map(AnyFrame::widened).map_err(|e| e.reason);
     let rows = vec![1, 2, 3, 4, 5, 6];
     assert_eq!(read(&array(npyz::Order::C, [1.0f32, 2.0, 3.0, 4.0, 5.0, 6.0])).unwrap().dn, rows);
     assert_eq!(read(&array(npyz::Order::Fortran, [1i64, 4, 2, 5, 3, 6])).unwrap().dn, rows);
     assert_eq!(read(&array(npyz::Order::C, [1u8, 2, 3, 4, 5, 6])).unwrap().info.bits, Some(8));
-    for wrong in [0.5f64, -1.0, 65536.0, f64::NAN] {
+    for wrong in [0.5f64, -1.0, 16_777_216.0, f64::NAN] {
         let error = read(&array(npyz::Order::C, [0.0, 0.0, 0.0, 0.0, wrong, 0.0])).unwrap_err();
         assert!(error.contains("row 1, column 1"), "{error}");
     }
+}
+
+#[test]
+fn frames_of_more_than_16_bits_are_read_for_an_isp_and_not_for_measurements() {
+    use tiff::encoder::{TiffEncoder, colortype};
+    let folder = tempfile::tempdir().unwrap();
+    let (npy, tiff) = (folder.path().join("frame.npy"), folder.path().join("frame.tiff"));
+    let write = |values: [u32; 4]| {
+        std::fs::write(&npy, crate::npy_bytes(&[2, 2], &values).unwrap()).unwrap();
+        let mut encoder = TiffEncoder::new(std::fs::File::create(&tiff).unwrap()).unwrap();
+        encoder.write_image::<colortype::Gray32>(2, 2, &values).unwrap();
+    };
+    let error = |path: &Path| load_raw(path).unwrap_err().to_string();
+    write([0, 65_535, 65_536, 16_777_215]);
+    for path in [&npy, &tiff] {
+        assert_eq!(load_any_raw(path).unwrap().dn, [0, 65_535, 65_536, 16_777_215]);
+        assert!(error(path).contains("the value 65536 at row 1, column 0 has more than 16 bits"));
+        assert!(error(path).contains("petzval isp develop"));
+        // The sidecar applies to wide frames, too.
+        std::fs::write(sidecar_path(path), "bits = 24\nwhite_level_dn = 16777215.0").unwrap();
+        assert_eq!(load_any_raw(path).unwrap().info.white_level_dn, Some(16_777_215.0));
+        std::fs::write(sidecar_path(path), "bits = 20").unwrap();
+        let said = load_any_raw(path).unwrap_err().to_string();
+        assert!(said.contains("the value 16777215 at row 1, column 1"), "{said}");
+    }
+    // Small numbers in 32 bits are a frame like any other, unless its bits say otherwise.
+    write([0, 1, 2, 4095]);
+    for path in [&npy, &tiff] {
+        assert!(error(path).contains("digital numbers of 20 bits"), "{}", error(path));
+        std::fs::remove_file(sidecar_path(path)).unwrap();
+        assert_eq!(load_raw(path).unwrap().dn, [0, 1, 2, 4095]);
+    }
+    write([0, 1, 2, 1 << 24]);
+    for path in [&npy, &tiff] {
+        let said = load_any_raw(path).unwrap_err().to_string();
+        assert!(said.contains("the value 16777216 at row 1, column 1"), "{said}");
+    }
+}
+
+#[test]
+fn knots_of_companding_are_kept_and_checked() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("frame.raw");
+    let knots = "\n[companding]\ncompanded_dn = [0, 1024, 4095]\nlinear_dn = [0, 1024, 1048575]\n";
+    let head = "height = 1\nwidth = 4\nbits = 12\npacking = \"u16le\"\nwhite_level_dn = 1048575.0\n";
+    let dn = [0_u16, 1024, 2048, 4095];
+    let says = |dn: [u16; 4], sidecar: &str| {
+        std::fs::write(&path, dn.map(u16::to_le_bytes).concat()).unwrap();
+        std::fs::write(sidecar_path(&path), sidecar).unwrap();
+        load_any_raw(&path).map_err(|e| e.to_string())
+    };
+    let frame = says(dn, &format!("{head}{knots}")).unwrap();
+    let companding = frame.info.companding.clone().unwrap();
+    assert_eq!(frame.dn.iter().map(|dn| companding.expand(*dn)).collect::<Vec<_>>()[3], 1_048_575);
+    // It is written as it was read, and no measurement takes it for linear.
+    let format = RawFormat::Packed(Packing::U16le);
+    save_raw(&frame.clone().in_16_bits().unwrap(), &path, format).unwrap();
+    assert_eq!(load_any_raw(&path).unwrap(), frame);
+    let error = load_raw(&path).unwrap_err().to_string();
+    assert!(error.contains("companded") && error.contains("isp develop"), "{error}");
+
+    for (from, to, needles) in [
+        (
+            "[0, 1024, 4095]",
+            "[0, 1024, 4096]",
+            ["line 8", "the knot 4096 is above 4095, the largest of 12 bits"],
+        ),
+        ("[0, 1024, 4095]", "[1, 1024, 4095]", ["`companded_dn = [1, 1024, 4095]`", "ascending list from 0"]),
+        ("[0, 1024, 4095]", "[0, 1024, 1024]", ["line 8", "ascending order"]),
+        ("[0, 1024, 4095]", "[0, 2047]", ["line 9", "has 3 knots, and `companded_dn` has 2"]),
+        ("[0, 1024, 1048575]", "[0, 1024, 16777216]", ["line 9", "above 16777215, the largest of 24 bits"]),
+        ("[0, 1024, 1048575]", "[0]", ["`linear_dn = [0]`", "at least two numbers"]),
+        ("[0, 1024, 1048575]", "[0, -4, 9]", ["line 9", "-4"]),
+        ("linear_dn =", "light_dn =", ["line 9", "linear_dn"]),
+        ("[0, 1024, 4095]", "[0, 1024, 4094]", ["line 8", "has the value 4095 at row 0, column 3"]),
+    ] {
+        let error = says(dn, &format!("{head}{knots}").replace(from, to)).unwrap_err();
+        for needle in needles.iter().chain(&["frame.raw.toml"]) {
+            assert!(error.contains(needle), "{to}: {needle}\n{error}");
+        }
+    }
+    // The levels of a linear frame have the numbers of its file.
+    let error = says(dn, head).unwrap_err();
+    assert!(error.contains("white_level_dn") && error.contains("65535"), "{error}");
 }
 
 /// Errors name the file, the line, the key and a hint.
@@ -373,7 +459,7 @@ fn damaged_files_are_errors_or_frames() {
             RawFormat::Npy => npy::decode(&bytes),
             _ => picture::decode(&bytes),
         };
-        match read {
+        match read.map(AnyFrame::widened) {
             Ok(frame) => {
                 assert_eq!(frame.dn.len(), frame.height * frame.width);
                 assert!(frame.dn.len() <= 4096 * bytes.len());

@@ -59,7 +59,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let (mut linked, mut copied) = (0, 0);
     for (i, (image, source)) in converted.data.images.iter().zip(&converted.sources).enumerate() {
         if context.is_cancelled() {
-            return Err(JobError::failed(format!("stopped after {i} of {total} pictures")));
+            return Err(JobError::Stopped(format!("stopped after {i} of {total} pictures")));
         }
         let target = inside(out, &image.file_name)?;
         match place(source, &target, request.copy)? {

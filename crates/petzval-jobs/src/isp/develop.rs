@@ -105,7 +105,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         (None, bits) => return Err(JobError::setting("bits", bits, "out of range", "give 8 or 16")),
         (Some(_), bits) => return Err(JobError::setting("bits", bits, "out of range", "give 8 or 10")),
     }
-    let mut named = isp_by_name(&request.isp, &context.assets)?;
+    let mut named = isp_by_name(&request.isp, context)?;
     named.set(&request.set)?;
     named.set_bits(if request.ycbcr.is_some() { BITS_OF_YCBCR } else { request.bits });
     let shots = shots(request)?;
@@ -119,6 +119,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 
     let mut pictures = Vec::new();
     for (i, (name, raws)) in shots.iter().enumerate() {
+        if context.is_cancelled() {
+            return Err(JobError::Stopped(format!("stopped after {i} of {} pictures", shots.len())));
+        }
         context.progress(i as u64, shots.len() as u64, name);
         let raw = &raws[0];
         let frame = read(request, raws, context)?;

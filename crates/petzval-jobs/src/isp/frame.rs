@@ -1,4 +1,4 @@
-//! Raw files as an ISP takes them: the frame, with the calibration that sidecar and sensor give.
+//! Raw files as an ISP takes them: the frame, with the calibration that its file, its sidecar and the sensor give, the first of them first.
 
 use std::path::{Path, PathBuf};
 
@@ -7,7 +7,7 @@ use petzval_camera::isp::{FrameData, MergeOptions, NoiseProfile, RawInput, Stati
 use petzval_camera::isp::{auto_balance, auto_exposure_ev, merge_exposures};
 use petzval_camera::sensor::{Colour, Exposure, SensorModel};
 use petzval_design::assets::Assets;
-use petzval_files::raw_file::{RawInfo, load_raw};
+use petzval_files::raw_file::{FrameCalibration, RawFileError, RawInfo, load_any_raw, sidecar_path};
 use serde::{Deserialize, Serialize};
 
 use super::named::about_frame;
@@ -20,7 +20,7 @@ use crate::error::JobError;
 pub struct FrameOptions {
     /// Sensor, a file or a built-in name; none means the built-in sensor that the sidecar names, if any.
     pub sensor: Option<String>,
-    /// Digital number of white light in a green pixel; none means the level of saturation.
+    /// Digital number of white light in a green pixel; none means that of the calibration, else the level of saturation.
     pub white_dn: Option<f64>,
     /// Whether to estimate the white balance from the frame.
     pub auto_balance: bool,
@@ -91,7 +91,7 @@ fn read_exposure(
     options: &FrameOptions,
     context: &Context,
 ) -> Result<(RawInput, Option<f64>), JobError> {
-    let raw = load_raw(path)?;
+    let raw = load_any_raw(path)?;
     let info = &raw.info;
     let missing = |key: &str| {
         let message = format!("{}: neither the file nor its sidecar gives `{key}`", path.display());
@@ -99,44 +99,67 @@ fn read_exposure(
     };
     let bits = info.bits.ok_or_else(|| missing("bits"))?;
     let cfa = info.cfa.ok_or_else(|| missing("cfa"))?;
+    let calibration = match &info.calibration {
+        Some(name) => calibration(path, name)?,
+        None => FrameCalibration::default(),
+    };
+    // A sensor that is named is the one that counts.
+    let calibration = match &options.sensor {
+        Some(_) => FrameCalibration { response: None, saturation: None, noise: None, ..calibration },
+        None => calibration,
+    };
     let sensor = sensor_of(info, options, &context.assets)?;
-    if sensor.is_none() {
+    if sensor.is_none() && (calibration.response.is_none() || calibration.noise.is_none()) {
         context.warning(format!(
             "{}: the sensor is unknown: its noise and its answer to white light are assumed; --sensor names it",
             path.display()
         ));
     }
-    let highest = (1_u32 << bits.min(16)) as f64 - 1.0;
-    let black_dn = info.black_level_dn.or(sensor.as_ref().map(|s| s.black_level_dn));
-    let black_dn = black_dn.ok_or_else(|| missing("black_level_dn"))?;
+    let highest = (1_u32 << bits) - 1;
+    let highest =
+        f64::from(info.companding.as_ref().map_or(highest, |companding| companding.expand(highest)));
+    let black_dn = calibration.black_dn.or(info.black_level_dn);
+    let black_dn =
+        black_dn.or(sensor.as_ref().map(|s| s.black_level_dn)).ok_or_else(|| missing("black_level_dn"))?;
     let full_dn = info.white_level_dn.unwrap_or(highest);
-    let white_dn = options.white_dn.unwrap_or(full_dn);
-    if !(white_dn > black_dn + 1.0 && white_dn <= 1e7) {
-        return Err(JobError::setting(
+    let white_dn = calibration.white_dn.unwrap_or(full_dn);
+    let check_white = |white_dn: f64| match white_dn > black_dn + 1.0 && white_dn <= 1e8 {
+        true => Ok(()),
+        false => Err(JobError::setting(
             "white_dn",
             white_dn,
             format!("not above the black level of {black_dn} DN in {}", path.display()),
             "give the digital number of a white surface in a green pixel",
-        ));
-    }
+        )),
+    };
+    check_white(white_dn)?;
+    let range = white_dn - black_dn;
+    let saturation = |response: [f64; 3]| {
+        (full_dn - black_dn) / range / response.into_iter().fold(f64::MIN_POSITIVE, f64::max)
+    };
     let about = match &sensor {
         Some(sensor) => {
             let gain = info.linear_gain.unwrap_or(1.0);
             let green: f64 = sensor.response(Colour::Green).iter().sum();
             let exposure = Exposure {
-                white_e: ((white_dn - black_dn) / (sensor.gain_dn_per_e * gain * green)) as f32,
+                white_e: (range / (sensor.gain_dn_per_e * gain * green)) as f32,
                 time_s: info.exposure_s.unwrap_or(0.005) as f32,
                 linear_gain: gain as f32,
             };
             let about = FrameData::of_sensor(sensor, &exposure)
                 .map_err(|e| JobError::input(format!("{}: {e}", path.display()), ""))?;
-            FrameData { black_dn, white_dn, ..about }
+            // The model of a sensor knows nothing of numbers that its converter does not make.
+            let saturation = match info.companding.is_some() || bits > sensor.bits {
+                true => saturation(about.response),
+                false => about.saturation,
+            };
+            FrameData { black_dn, white_dn, saturation, ..about }
         }
         None => FrameData {
             black_dn,
             white_dn,
             response: [1.0; 3],
-            saturation: (full_dn - black_dn) / (white_dn - black_dn),
+            saturation: saturation(calibration.response.unwrap_or([1.0; 3])),
             noise: UNKNOWN_NOISE,
             gain_ev: info.linear_gain.map_or(0.0, f64::log2),
             colour_matrix: None,
@@ -145,16 +168,36 @@ fn read_exposure(
             warp: None,
         },
     };
+    let is_noise_known = sensor.is_some() || calibration.noise.is_some();
+    let mut about = FrameData { companding: info.companding.clone(), ..calibration.over(about) };
+    if let Some(white_dn) = options.white_dn {
+        check_white(white_dn)?;
+        let noise = about.noise;
+        set_white(&mut about, (white_dn - black_dn) / range);
+        about.white_dn = white_dn;
+        if !is_noise_known {
+            about.noise = noise;
+        }
+    }
     let exposure = info.exposure_s.map(|time_s| time_s * info.linear_gain.unwrap_or(1.0));
-    let frame = RawInput {
-        height: raw.height,
-        width: raw.width,
-        dn: raw.dn.iter().map(|v| u32::from(*v)).collect(),
-        bits: bits.max(8),
-        cfa,
-        about,
-    };
+    let frame = RawInput { height: raw.height, width: raw.width, dn: raw.dn, bits: bits.max(8), cfa, about };
     Ok((frame, exposure))
+}
+
+/// The calibration that the sidecar of a frame names.
+fn calibration(frame: &Path, name: &str) -> Result<FrameCalibration, JobError> {
+    let file = frame.parent().unwrap_or(Path::new("")).join(name);
+    FrameCalibration::load(&file).map_err(|error| match error {
+        RawFileError::Io { source, .. } => JobError::input(
+            format!(
+                "{}: `calibration = \"{name}\"`: {}: {source}",
+                sidecar_path(frame).display(),
+                file.display()
+            ),
+            "copy the calibration beside the frame, or remove the line",
+        ),
+        other => other.into(),
+    })
 }
 
 /// Changes the calibration of a frame to the light that its statistics suggest.
@@ -168,11 +211,7 @@ fn estimate(frame: &mut RawInput, options: &FrameOptions) -> Result<(), petzval_
     if options.auto_exposure {
         // The frame is taken already: another digital number becomes white.
         let ev = auto_exposure_ev(&statistics, about.response, &ExposureOptions::default());
-        let factor = (-ev).exp2();
-        about.white_dn = about.black_dn + (about.white_dn - about.black_dn) * factor;
-        about.saturation /= factor;
-        about.noise.shot /= factor;
-        about.noise.read /= factor * factor;
+        set_white(about, (-ev).exp2());
     }
     if options.auto_balance {
         let gains = auto_balance(&statistics, about.response, &BalanceOptions::default());
@@ -180,6 +219,14 @@ fn estimate(frame: &mut RawInput, options: &FrameOptions) -> Result<(), petzval_
         about.response[2] /= gains.blue;
     }
     Ok(())
+}
+
+/// Makes light white that is so many times as bright as the present one.
+fn set_white(about: &mut FrameData, factor: f64) {
+    about.white_dn = about.black_dn + (about.white_dn - about.black_dn) * factor;
+    about.saturation /= factor;
+    about.noise.shot /= factor;
+    about.noise.read /= factor * factor;
 }
 
 /// The sensor that the options name, or the built-in one with the name that the file gives.

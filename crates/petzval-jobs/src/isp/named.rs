@@ -17,6 +17,7 @@ use petzval_learn::network::IspProxyConfig;
 use petzval_learn::proxy_isp::{FRAME_NUMBERS, ProxyIsp};
 
 use super::external::ExternalIsp;
+use crate::context::{Context, Silent};
 use crate::error::JobError;
 
 /// Name of the settings in which every parameter of the built-in ISP has its default.
@@ -41,16 +42,16 @@ enum Kind {
 }
 
 /// The ISP of a name: [`NEUTRAL`], a preset of `data/isp/`, or the path of a preset, of settings, or of the description of an external
-/// ISP or of a proxy.
-pub fn isp_by_name(name: &str, assets: &Assets) -> Result<NamedIsp, JobError> {
+/// ISP or of a proxy. An external ISP stops when the context's jobs are cancelled.
+pub fn isp_by_name(name: &str, context: &Context) -> Result<NamedIsp, JobError> {
     if name == NEUTRAL && !Path::new(name).is_file() {
         return Ok(NamedIsp::built_in(IspPreset::default()));
     }
-    let source = assets.text("ISP", "isp", name)?;
+    let source = context.assets.text("ISP", "isp", name)?;
     let settings = match parse_isp_file(&source.text).map_err(DesignError::input(&source.path))? {
         IspFile::Preset(preset) => return Ok(NamedIsp::built_in(*preset)),
-        IspFile::External(about) => return NamedIsp::external(about, &source.path),
-        IspFile::Proxy(about) => return NamedIsp::proxy(&about, &source.path, assets),
+        IspFile::External(about) => return NamedIsp::external(about, &source.path, context),
+        IspFile::Proxy(about) => return NamedIsp::proxy(&about, &source.path, context),
         IspFile::Settings(settings) => settings,
     };
     // A relative path begins at the file that names it.
@@ -67,17 +68,19 @@ pub fn isp_by_name(name: &str, assets: &Assets) -> Result<NamedIsp, JobError> {
     let IspFile::External(about) = parse_isp_file(&text).map_err(DesignError::input(&path))? else {
         return Err(wrong("no description, which has the key `command`".to_owned()));
     };
-    let mut named = NamedIsp::external(about, &path)?;
+    let mut named = NamedIsp::external(about, &path, context)?;
     if let Kind::External { values, .. } = &mut named.kind {
         *values = settings.values(&named.parameters).map_err(DesignError::input(&source.path))?;
     }
     Ok(named)
 }
 
-/// The external ISP of a description, or of settings for one, in a camera that is designed.
+/// The external ISP of a description, or of settings for one, in a camera that is designed. A signal does not stop its calls: a design ends
+/// the step in work before it stops.
 pub(crate) fn external_chip(path: &Path) -> Result<Chip, DesignError> {
     let wrong = |e: JobError| DesignError::Device(e.to_string());
-    let named = isp_by_name(&path.display().to_string(), &Assets::default()).map_err(wrong)?;
+    let context = Context::new(Assets::default(), Arc::new(Silent));
+    let named = isp_by_name(&path.display().to_string(), &context).map_err(wrong)?;
     match named.kind {
         Kind::External { isp, values, .. } => Ok(Chip::external(Arc::from(isp as Box<dyn Isp>), values)),
         Kind::BuiltIn { .. } | Kind::Proxy { .. } => {
@@ -97,10 +100,10 @@ impl NamedIsp {
         }
     }
 
-    fn external(about: ExternalIspFile, path: &Path) -> Result<Self, JobError> {
+    fn external(about: ExternalIspFile, path: &Path, context: &Context) -> Result<Self, JobError> {
         let home = path.parent().filter(|home| !home.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let cache = about.cache.clone().unwrap_or_default();
-        let isp = ExternalIsp::new(about, home).map_err(|e| {
+        let isp = ExternalIsp::new(about, home, context.cancellation().clone()).map_err(|e| {
             let message = format!("{}: `cache = \"{cache}\"`: {e}", path.display());
             JobError::input(message, "give a folder that can be written")
         })?;
@@ -111,12 +114,12 @@ impl NamedIsp {
         Ok(Self { parameters, kind: Kind::External { isp, values, description }, changes: Vec::new() })
     }
 
-    fn proxy(about: &IspProxyFile, path: &Path, assets: &Assets) -> Result<Self, JobError> {
+    fn proxy(about: &IspProxyFile, path: &Path, context: &Context) -> Result<Self, JobError> {
         let wrong = |message: String| {
             let hint = "the description and the weights of one `petzval train isp-proxy` belong together";
             JobError::input(format!("{}: {message}", path.display()), hint)
         };
-        let of = isp_by_name(&about.proxy_of, assets)?;
+        let of = isp_by_name(&about.proxy_of, context)?;
         if matches!(of.kind, Kind::Proxy { .. }) {
             return Err(wrong(format!("`proxy_of = \"{}\"` is a proxy itself", about.proxy_of)));
         }
@@ -314,6 +317,7 @@ pub(super) fn about_frame(file: &Path) -> impl Fn(IspError) -> JobError {
             JobError::input(format!("{}: {error}", file.display()), "correct the frame or its sidecar")
         }
         IspError::External(_) => JobError::failed(format!("{}: {error}", file.display())),
+        IspError::Stopped(_) => JobError::Stopped(format!("{}: {error}", file.display())),
         IspError::Count { .. } | IspError::Parameter { .. } => JobError::input(error.to_string(), ""),
     }
 }

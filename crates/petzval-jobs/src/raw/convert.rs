@@ -1,9 +1,9 @@
 //! `raw convert`: a raw frame in another format.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf, absolute};
 
 use petzval_camera::sensor::OutOfRange;
-use petzval_files::raw_file::{RawFormat, RawFrame, RawInfo, load_raw, save_raw, sidecar_path};
+use petzval_files::raw_file::{RawFormat, RawFrame, RawInfo, load_any_raw, save_raw, sidecar_path};
 use serde::{Deserialize, Serialize};
 
 use super::FrameSummary;
@@ -27,7 +27,7 @@ pub struct Request {
     pub output: PathBuf,
     /// Packing of a `.raw`; by default the usual one of its bits.
     pub packing: Option<Packing>,
-    /// Bits of the converter, 1 to 16.
+    /// Bits of the digital numbers.
     pub bits: Option<u32>,
     /// Colour filter array from the first pixel.
     pub cfa: Option<CfaPattern>,
@@ -54,8 +54,22 @@ pub struct Response {
 
 /// Reads the frame and writes it, with its sidecar.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
-    let mut frame = load_raw(&request.input)?;
+    let mut frame = load_any_raw(&request.input)?.in_16_bits().ok_or_else(|| {
+        JobError::input(
+            format!("{}: numbers of more than 16 bits", request.input.display()),
+            "frames of up to 16 bits are written in other formats; `petzval isp develop` takes this one as it is",
+        )
+    })?;
     frame.info = request.info()?.or(frame.info);
+    if let Some(file) = &mut frame.info.calibration {
+        // The file stays where it is.
+        let (from, to) = (request.input.parent(), request.output.parent());
+        if from != to {
+            let path = from.unwrap_or(Path::new("")).join(&*file);
+            let path = absolute(&path).map_err(|e| JobError::failed(format!("{}: {e}", path.display())))?;
+            *file = path.display().to_string();
+        }
+    }
     let bits = frame.info.bits.unwrap_or(16);
     check_bits(request, &frame, bits)?;
     check_file(&request.output, context)?;

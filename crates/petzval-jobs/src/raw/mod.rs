@@ -27,7 +27,7 @@ pub struct FrameSummary {
 }
 
 impl FrameSummary {
-    fn new(file: &Path, frame: &RawFrame) -> Self {
+    fn new<T: Copy + Into<u32>>(file: &Path, frame: &RawFrame<T>) -> Self {
         Self {
             file: file.display().to_string(),
             height: frame.height,

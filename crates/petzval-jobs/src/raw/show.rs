@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use petzval_files::raw_file::load_raw;
+use petzval_files::raw_file::load_any_raw;
 use serde::{Deserialize, Serialize};
 
 use super::FrameSummary;
@@ -23,5 +23,5 @@ pub type Response = FrameSummary;
 
 /// Reads the frame and summarises it.
 pub fn run(request: &Request, _context: &Context) -> Result<Response, JobError> {
-    Ok(FrameSummary::new(&request.file, &load_raw(&request.file)?))
+    Ok(FrameSummary::new(&request.file, &load_any_raw(&request.file)?))
 }

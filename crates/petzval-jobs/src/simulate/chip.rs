@@ -17,16 +17,9 @@ use crate::isp::NamedIsp;
 const MESH: usize = 33;
 
 /// The picture as a PNG.
-pub fn png(
-    isp: &NamedIsp,
-    rig: &Rig,
-    sensor: &SensorModel,
-    taken: (&Raw, &LinearImage),
-    colour_matrix: Option<Matrix3>,
-) -> Result<Vec<u8>, JobError> {
-    let frame = frame(rig, sensor, taken, colour_matrix)?;
+pub fn png(isp: &NamedIsp, frame: &RawInput) -> Result<Vec<u8>, JobError> {
     let values = isp.values(frame.about.gain_ev)?;
-    let picture = isp.isp().develop(&frame, &values).map_err(DesignError::from)?;
+    let picture = isp.isp().develop(frame, &values).map_err(DesignError::from)?;
     picture_png_bytes(&picture, CHIP_BITS).map_err(JobError::failed)
 }
 

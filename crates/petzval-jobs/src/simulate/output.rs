@@ -6,7 +6,9 @@ use std::path::{Path, PathBuf};
 use petzval_camera::image::LinearImage;
 use petzval_camera::sensor::{Raw, SensorModel};
 use petzval_design::error::DesignError;
-use petzval_files::raw_file::{Packing, RawFileError, RawFormat, RawFrame, save_raw, sidecar_path};
+use petzval_files::raw_file::{
+    FrameCalibration, Packing, RawFileError, RawFormat, RawFrame, save_raw, sidecar_path,
+};
 use petzval_files::{ImageError, save_exr, save_npy, save_png, save_png16};
 use serde_json::{Value, json};
 
@@ -35,13 +37,17 @@ fn developed_name(picture: PictureAs, name: &str) -> String {
     format!("{name}-developed.{}", picture.extension())
 }
 
+fn calibration_name(name: &str) -> String {
+    format!("{name}-calibration.toml")
+}
+
 fn chip_name(name: &str) -> String {
     format!("{name}-isp.png")
 }
 
-/// Names of the files of an image: the raw frame, the picture and, with an ISP, that by the ISP.
+/// Names of the files of an image: the raw frame, its calibration, the picture and, with an ISP, that by the ISP.
 pub fn names((raw, picture): (RawAs, PictureAs), name: &str, has_isp: bool) -> Vec<String> {
-    let mut names = vec![developed_name(picture, name), raw_name(raw, name)];
+    let mut names = vec![developed_name(picture, name), raw_name(raw, name), calibration_name(name)];
     names.extend(has_isp.then(|| chip_name(name)));
     names
 }
@@ -49,7 +55,15 @@ pub fn names((raw, picture): (RawAs, PictureAs), name: &str, has_isp: bool) -> V
 /// How a picture becomes a file.
 type SavePicture = fn(&LinearImage, &Path) -> Result<(), ImageError>;
 
-/// Writes the results of one image as NAME-raw.*, NAME-developed.* and, if an ISP made a PNG, NAME-isp.png, and returns their paths. Where one of them cannot be
+/// What is written of an image if there is such.
+pub struct More {
+    /// What an ISP may know of the frame.
+    pub calibration: Option<FrameCalibration>,
+    /// The PNG of an ISP.
+    pub by_chip: Option<Vec<u8>>,
+}
+
+/// Writes the results of one image as NAME-raw.*, NAME-calibration.toml, NAME-developed.* and, if an ISP made a PNG, NAME-isp.png, and returns their paths. Where one of them cannot be
 /// written, none is. Formats for a display show the light `display_white` as white.
 pub fn write(
     (raw_format, picture_format): (RawAs, PictureAs),
@@ -58,7 +72,7 @@ pub fn write(
     raw: &Raw,
     sensor: &SensorModel,
     (developed, display_white): (&LinearImage, f32),
-    by_chip: Option<&[u8]>,
+    more: &More,
 ) -> Result<Facts, JobError> {
     let format = file_format(raw_format, sensor.bits);
     let (save, white): (SavePicture, _) = match picture_format {
@@ -71,7 +85,9 @@ pub fn write(
     let developed_path = folder.join(developed_name(picture_format, name));
     let chip_path = folder.join(chip_name(name));
     let mut files = vec![raw_path.clone(), sidecar_path(&raw_path), developed_path.clone()];
-    files.extend(by_chip.map(|_| chip_path.clone()));
+    let calibration_path = folder.join(calibration_name(name));
+    files.extend(more.calibration.as_ref().map(|_| calibration_path.clone()));
+    files.extend(more.by_chip.as_ref().map(|_| chip_path.clone()));
     for path in &files {
         if path.is_dir() {
             return Err(not_written(path, &Error::new(ErrorKind::IsADirectory, "this is a folder")));
@@ -81,7 +97,9 @@ pub fn write(
     // All files come to be in a folder of their own, and move where they belong when the last is whole.
     let unfinished = Unfinished::new(folder, name)?;
     let [raw_part, developed_part] = [&raw_path, &developed_path].map(|path| unfinished.part(path));
-    save_raw(&RawFrame::from_raw(raw, sensor), &raw_part, format).map_err(|error| match error {
+    let mut frame = RawFrame::from_raw(raw, sensor);
+    frame.info.calibration = more.calibration.as_ref().map(|_| calibration_name(name));
+    save_raw(&frame, &raw_part, format).map_err(|error| match error {
         RawFileError::Io { source, .. } => not_written(&raw_path, &source),
         other => other.into(),
     })?;
@@ -90,8 +108,11 @@ pub fn write(
         ImageError::Io { source, .. } => not_written(&developed_path, &source),
         other => DesignError::from(other).into(),
     })?;
-    if let Some(png) = by_chip {
-        std::fs::write(unfinished.part(&chip_path), png).map_err(|error| not_written(&chip_path, &error))?;
+    let calibration = more.calibration.as_ref().map(|calibration| calibration.to_toml().into_bytes());
+    for (path, bytes) in [(&calibration_path, &calibration), (&chip_path, &more.by_chip)] {
+        if let Some(bytes) = bytes {
+            std::fs::write(unfinished.part(path), bytes).map_err(|error| not_written(path, &error))?;
+        }
     }
     for path in &files {
         std::fs::rename(unfinished.part(path), path).map_err(|error| not_written(path, &error))?;
@@ -104,8 +125,11 @@ pub fn write(
         ("black_level_dn", json!(sensor.black_level_dn)),
         ("cfa", json!(sensor.cfa)),
     ];
-    let by_chip = by_chip.map(|_| ("isp", json!(chip_path.display().to_string())));
-    Ok(facts.into_iter().chain(by_chip).map(|(key, value)| (key.to_owned(), value)).collect())
+    let path = |path: &Path| json!(path.display().to_string());
+    let calibration = calibration.map(|_| ("calibration", path(&calibration_path)));
+    let by_chip = more.by_chip.as_ref().map(|_| ("isp", path(&chip_path)));
+    let facts = facts.into_iter().chain(calibration).chain(by_chip);
+    Ok(facts.map(|(key, value)| (key.to_owned(), value)).collect())
 }
 
 fn not_written(path: &Path, error: &std::io::Error) -> JobError {

@@ -6,7 +6,7 @@ use petzval_design::error::DesignError;
 use super::highlights::default_white_e;
 use super::output::Facts;
 use super::request::{Place, Request, result_name};
-use super::rig::Rig;
+use super::rig::{Rig, check_not_stopped};
 use super::shot::{Taken, noise, photograph, placed, write_shot};
 use crate::context::Context;
 use crate::error::{JobError, make_folder};
@@ -27,6 +27,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Vec<Facts>, JobError>
     make_folder(&request.out)?;
     let mut written = Vec::new();
     for (frame, (name, photo)) in photos.iter().enumerate() {
+        check_not_stopped(frame, request, context)?;
         context.progress(frame as u64, photos.len() as u64, name);
         let (picture, frame) = (placed(request, photo, rig.frame), frame as u64);
         let taken = match rig.samples {

@@ -75,7 +75,7 @@ impl Rig {
                 format!("`height` times `width` of the sensor may be at most {MOST_PIXELS}"),
             ));
         }
-        let mut chip = request.isp.as_ref().map(|name| isp_by_name(name, &context.assets)).transpose()?;
+        let mut chip = request.isp.as_ref().map(|name| isp_by_name(name, context)).transpose()?;
         if let Some(chip) = &mut chip {
             chip.set_bits(CHIP_BITS);
             if !sensor.cfa.is_bayer() {
@@ -212,6 +212,14 @@ impl Rig {
             truth: Truth::default(),
             follows_light: true,
         })
+    }
+}
+
+/// Ends a cancelled job between two pictures; those that were taken before stay.
+pub fn check_not_stopped(taken: usize, request: &Request, context: &Context) -> Result<(), JobError> {
+    match context.is_cancelled() {
+        true => Err(JobError::Stopped(format!("stopped after {taken} of {} pictures", request.images.len()))),
+        false => Ok(()),
     }
 }
 

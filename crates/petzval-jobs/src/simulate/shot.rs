@@ -9,6 +9,7 @@ use petzval_camera::tape::Frames;
 use petzval_design::camera::{Camera, to_host};
 use petzval_design::error::DesignError;
 use petzval_files::load_image;
+use petzval_files::raw_file::FrameCalibration;
 use serde_json::json;
 
 use super::chip;
@@ -91,10 +92,15 @@ pub fn write_shot(
     let formats = (request.raw_format, request.picture_format);
     let picture = (&taken.developed, display_white);
     let colour_matrix = camera.body().isp.colour_matrix;
-    let by_chip = |isp| chip::png(isp, rig, sensor, taken.for_chip(), colour_matrix);
-    let by_chip = rig.chip.as_ref().map(by_chip).transpose()?;
-    let mut facts =
-        output::write(formats, &request.out, name, &taken.raw, sensor, picture, by_chip.as_deref())?;
+    // ISPs take frames of a Bayer array.
+    let frame = sensor.cfa.is_bayer().then(|| chip::frame(rig, sensor, taken.for_chip(), colour_matrix));
+    let frame = frame.transpose()?;
+    let by_chip = rig.chip.as_ref().zip(frame.as_ref()).map(|(isp, frame)| chip::png(isp, frame));
+    let more = output::More {
+        calibration: frame.map(|frame| FrameCalibration::of(&frame.about)),
+        by_chip: by_chip.transpose()?,
+    };
+    let mut facts = output::write(formats, &request.out, name, &taken.raw, sensor, picture, &more)?;
     for (key, value) in [
         ("white_e", json!(white_e)),
         ("saturated_share", json!(saturation.share)),

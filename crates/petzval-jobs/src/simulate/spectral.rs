@@ -19,7 +19,7 @@ use super::chip;
 use super::highlights::default_white_e;
 use super::output::Facts;
 use super::request::{Kind, Request, kind, result_name, scene_name};
-use super::rig::{Rig, check_numbers};
+use super::rig::{Rig, check_not_stopped, check_numbers};
 use super::shot::{Taken, photograph, placed, write_shot};
 use crate::context::Context;
 use crate::error::{JobError, make_folder};
@@ -50,6 +50,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Vec<Facts>, JobError>
     let mut written = Vec::new();
     let mut last_note = String::new();
     for (frame, path) in request.images.iter().enumerate() {
+        check_not_stopped(frame, request, context)?;
         let (opened, own) = match first.take() {
             Some(opened) => opened,
             None => open(request, path, &conditions, &rig, &shared, &silent)?,

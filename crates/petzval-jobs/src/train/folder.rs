@@ -82,9 +82,16 @@ pub(super) fn train<T: Training, P: Serialize, I: Serialize>(
     let mut recent = Vec::new();
     let mut clock = Instant::now();
     while kept.step < steps {
-        recent.push(training.step(kept.step)?);
-        kept.step += 1;
-        if kept.step.is_multiple_of(RECORD_EVERY) || kept.step == steps {
+        match training.step(kept.step) {
+            Ok(losses) => {
+                recent.push(losses);
+                kept.step += 1;
+            }
+            // The network is as it was before the step, which is made again when the training goes on.
+            Err(JobError::Stopped(_)) => {}
+            Err(error) => return Err(error),
+        }
+        if !recent.is_empty() && (kept.step.is_multiple_of(RECORD_EVERY) || kept.step == steps) {
             let losses = T::mean(&recent);
             recent.clear();
             kept.history.push(Record { step: kept.step, losses });

@@ -89,7 +89,7 @@ impl From<JobError> for Failure {
                 (format!("{named}: {message}"), hint)
             }
             JobError::Input { message, hint } => (message, hint),
-            JobError::Failed(message) => (message, String::new()),
+            JobError::Failed(message) | JobError::Stopped(message) => (message, String::new()),
         };
         let mut diagnostic = MietteDiagnostic::new(message);
         if !hint.is_empty() {

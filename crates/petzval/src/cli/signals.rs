@@ -1,7 +1,11 @@
-//! Ctrl-C and SIGTERM stop a run after the current step; a second signal stops it at once.
+//! Ctrl-C and SIGTERM stop a job.
+//!
+//! Jobs that can be continued end after the current step; a second signal stops them at once. All others end at once, except that an
+//! external ISP is stopped first, with its processes and its folder.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
@@ -11,11 +15,13 @@ use crate::cli::failure::Failure;
 /// Exit code of a job that was stopped at once, without a checkpoint.
 const EXIT_AT_ONCE: i32 = 1;
 
-/// A flag that the first signal sets.
+/// How long a job may take to end by itself after a signal.
+const GRACE: Duration = Duration::from_secs(1);
+
+/// A flag that the first signal sets, for jobs that write checkpoints.
 pub fn stop_on_signal() -> Result<Arc<AtomicBool>, Failure> {
     let stop = Arc::new(AtomicBool::new(false));
-    let mut signals =
-        Signals::new([SIGINT, SIGTERM]).map_err(|e| Failure::job(format!("signal handlers: {e}")))?;
+    let mut signals = handled()?;
     let flag = stop.clone();
     std::thread::spawn(move || {
         for _ in signals.forever() {
@@ -28,4 +34,23 @@ pub fn stop_on_signal() -> Result<Arc<AtomicBool>, Failure> {
         }
     });
     Ok(stop)
+}
+
+/// A flag that the first signal sets, for jobs without checkpoints. One that has not ended soon is ended.
+pub fn end_on_signal() -> Result<Arc<AtomicBool>, Failure> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let mut signals = handled()?;
+    let flag = stop.clone();
+    std::thread::spawn(move || {
+        if signals.forever().next().is_some() {
+            flag.store(true, Ordering::Relaxed);
+            std::thread::sleep(GRACE);
+            std::process::exit(EXIT_AT_ONCE);
+        }
+    });
+    Ok(stop)
+}
+
+fn handled() -> Result<Signals, Failure> {
+    Signals::new([SIGINT, SIGTERM]).map_err(|e| Failure::job(format!("signal handlers: {e}")))
 }

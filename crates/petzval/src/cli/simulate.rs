@@ -7,6 +7,7 @@ use clap::ValueEnum;
 use petzval::jobs::simulate::{self, Request};
 
 use super::failure::Failure;
+use super::signals;
 use super::terminal::{Terminal, print_json};
 
 /// Position and scale of a photograph on the sensor.
@@ -86,8 +87,9 @@ struct SpectralArgs {
 
 /// Take photographs and scenes through a lens: scene, raw frame, developed picture.
 ///
-/// For each image NAME three files are written: NAME-raw.tiff, 16 bit, the mosaic in digital numbers; NAME-raw.tiff.toml,
-/// its camera and exposure; and NAME-developed.png, 8 bit sRGB. Networks are trained on pictures with the same development.
+/// For each image NAME four files are written: NAME-raw.tiff, 16 bit, the mosaic in digital numbers; NAME-raw.tiff.toml,
+/// its camera and exposure; NAME-calibration.toml, what an ISP may know of it, shading and distortion of the lens for instance; and
+/// NAME-developed.png, 8 bit sRGB. Networks are trained on pictures with the same development.
 ///
 /// OpenEXR pictures with the channels R, G and B, or Y, and Radiance HDR pictures hold linear light of Rec. 709 colours, 1 for
 /// white; brighter highlights are kept. What a file says about its colours and is not obeyed, such as an ICC profile, is reported.
@@ -260,7 +262,9 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         },
         out: args.out,
     };
-    let response = simulate::run(&request, &terminal.context())?;
+    let context = terminal.context().with_cancellation(signals::end_on_signal()?);
+    let response = simulate::run(&request, &context)?;
+    drop(context);
     if args.json {
         return print_json(&response.images);
     }

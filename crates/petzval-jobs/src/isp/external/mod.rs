@@ -3,13 +3,14 @@
 //! A call writes the frame into a new temporary folder (`frame.toml`, `raw.bin`), runs the command with that folder as its last
 //! argument, and reads the picture that the command leaves there (`rgb.npy`, `rgb.png` or `rgb.ppm`). A call that takes too long, fails,
 //! or leaves no picture of the frame is repeated as often as the description says, then fails with the end of what the command wrote to
-//! standard error. Pictures are kept by the hash of all that they depend on, if the description names a folder for them.
+//! standard error. A job that is cancelled stops the command with all its processes. Pictures are kept by the hash of all that they depend on, if the description names a folder for them.
 
 mod cache;
 mod process;
 
 use std::path::{Path, PathBuf};
-use std::sync::{Condvar, Mutex, PoisonError};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::Duration;
 
 use petzval_camera::isp::{Isp, IspError, IspParameter, RawInput, RgbPicture, check_values};
@@ -31,19 +32,32 @@ pub struct ExternalIsp {
     home: PathBuf,
     cache: Option<Cache>,
     places: Places,
+    /// Set when the job is cancelled.
+    cancelled: Arc<AtomicBool>,
 }
 
 /// Why one attempt gave no picture.
-type Reason = String;
+enum NoPicture {
+    /// The attempt failed; another may succeed.
+    Failed(String),
+    /// The job was cancelled.
+    Cancelled,
+}
+
+impl From<String> for NoPicture {
+    fn from(reason: String) -> Self {
+        Self::Failed(reason)
+    }
+}
 
 impl ExternalIsp {
-    /// The ISP of a description, which lies in the folder `home`. Makes the folder of its cache.
-    pub fn new(about: ExternalIspFile, home: &Path) -> std::io::Result<Self> {
+    /// The ISP of a description, which lies in the folder `home`, until `cancelled` is set. Makes the folder of its cache.
+    pub fn new(about: ExternalIspFile, home: &Path, cancelled: Arc<AtomicBool>) -> std::io::Result<Self> {
         // A command runs in its own folder, where a relative path would have another meaning.
         let home = std::path::absolute(home)?;
         let cache = about.cache.as_ref().map(|folder| Cache::open(&home.join(folder))).transpose()?;
         let places = Places::new(about.parallel);
-        Ok(Self { about, home, cache, places })
+        Ok(Self { about, home, cache, places, cancelled })
     }
 
     /// The program of the command: a path below the folder of the description, or a name that the system looks up.
@@ -61,7 +75,7 @@ impl ExternalIsp {
         frame: &RawInput,
         text: &str,
         raw: &[u8],
-    ) -> Result<(&'static str, Vec<u8>, RgbPicture), Reason> {
+    ) -> Result<(&'static str, Vec<u8>, RgbPicture), NoPicture> {
         let system = |what: &str, error: std::io::Error| format!("{what}: {error}");
         let folder =
             tempfile::Builder::new().prefix("petzval-isp-").tempdir().map_err(|e| system("folder", e))?;
@@ -70,31 +84,37 @@ impl ExternalIsp {
         std::fs::write(folder_path.join(RAW_FILE), raw).map_err(|e| system(RAW_FILE, e))?;
 
         let _place = self.places.take();
+        if self.cancelled.load(Ordering::Relaxed) {
+            return Err(NoPicture::Cancelled);
+        }
         let mut command = std::process::Command::new(self.program());
         command.args(&self.about.command[1..]).arg(folder_path).current_dir(&self.home);
         let limit = Duration::from_secs_f64(self.about.timeout_s);
-        let ended = run_within(command, folder_path, limit)
+        let ended = run_within(command, folder_path, limit, &self.cancelled)
             .map_err(|error| format!("the command {} cannot be run: {error}", self.program().display()))?;
         match ended.end {
             End::TimedOut => {
                 let seconds = self.about.timeout_s;
-                return Err(format!("no picture after {seconds} s; the command was stopped{}", ended.said()));
+                let message =
+                    format!("no picture after {seconds} s; the command was stopped{}", ended.said());
+                return Err(message.into());
             }
+            End::Cancelled => return Err(NoPicture::Cancelled),
             End::Exited(status) if !status.success() => {
-                return Err(format!("the command ended with {status}{}", ended.said()));
+                return Err(format!("the command ended with {status}{}", ended.said()).into());
             }
             End::Exited(_) => {}
         }
 
         let Some(name) = PICTURE_FILES.into_iter().find(|name| folder_path.join(name).is_file()) else {
             let names = PICTURE_FILES.join(", ");
-            return Err(format!("the command left no picture ({names}){}", ended.said()));
+            return Err(format!("the command left no picture ({names}){}", ended.said()).into());
         };
         let path = folder_path.join(name);
         let length = path.metadata().map_err(|e| system(name, e))?.len();
         let most = MOST_BYTES_PER_PIXEL * (frame.height * frame.width) as u64 + MOST_HEADER_BYTES;
         if length > most {
-            return Err(format!("{name} has {length} bytes, more than any picture of the frame"));
+            return Err(format!("{name} has {length} bytes, more than any picture of the frame").into());
         }
         let bytes = petzval_base::read_whole(&path).map_err(|e| system(name, e))?;
         let picture = decode_picture(name, &bytes, (frame.height, frame.width))
@@ -133,7 +153,8 @@ impl Isp for ExternalIsp {
                     }
                     return Ok(picture);
                 }
-                Err(last) => reason = last,
+                Err(NoPicture::Failed(last)) => reason = last,
+                Err(NoPicture::Cancelled) => return Err(IspError::Stopped(self.about.name.clone())),
             }
         }
         let times = if attempts == 1 { String::new() } else { format!(", {attempts} times") };

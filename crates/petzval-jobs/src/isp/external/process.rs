@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// Bytes of the end of standard error that an error shows.
@@ -15,6 +16,8 @@ pub(super) enum End {
     Exited(ExitStatus),
     /// It was stopped after the time limit, with every process that it had started.
     TimedOut,
+    /// The same, because the job was cancelled.
+    Cancelled,
 }
 
 /// How a command has ended, and the last that it wrote to standard error.
@@ -33,15 +36,20 @@ impl Ended {
     }
 }
 
-/// Runs a command, at most for `limit`. Standard output and error go to files in `folder`: a pipe that a forgotten process holds open
+/// Runs a command, at most for `limit` and until `cancelled` is set. Standard output and error go to files in `folder`: a pipe that a forgotten process holds open
 /// would never end.
-pub(super) fn run_within(mut command: Command, folder: &Path, limit: Duration) -> std::io::Result<Ended> {
+pub(super) fn run_within(
+    mut command: Command,
+    folder: &Path,
+    limit: Duration,
+    cancelled: &AtomicBool,
+) -> std::io::Result<Ended> {
     let stderr = folder.join("stderr.txt");
     command
         .stdin(Stdio::null())
         .stdout(File::create(folder.join("stdout.txt"))?)
         .stderr(File::create(&stderr)?);
-    // A group of its own, so that the time limit reaches what the command has started.
+    // A group of its own, so that an end by the time limit or by the job reaches what the command has started.
     #[cfg(unix)]
     std::os::unix::process::CommandExt::process_group(&mut command, 0);
     let start = Instant::now();
@@ -50,6 +58,10 @@ pub(super) fn run_within(mut command: Command, folder: &Path, limit: Duration) -
     let end = loop {
         if let Some(status) = child.try_wait()? {
             break End::Exited(status);
+        }
+        if cancelled.load(Ordering::Relaxed) {
+            stop(&mut child);
+            break End::Cancelled;
         }
         let left = limit.saturating_sub(start.elapsed());
         if left.is_zero() {

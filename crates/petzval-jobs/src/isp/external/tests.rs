@@ -42,7 +42,24 @@ fn isp(folder: &Path, script: &str, settings: &str) -> ExternalIsp {
         .filter(|line| !settings.lines().any(|new| new.split(' ').next() == line.split(' ').next()))
         .collect();
     let text = format!("{}\n{settings}\n\n{rest}", kept.join("\n"));
-    ExternalIsp::new(parse_external_isp(&text).unwrap(), folder).unwrap()
+    ExternalIsp::new(parse_external_isp(&text).unwrap(), folder, Arc::default()).unwrap()
+}
+
+/// A script that starts a process, writes its number and the folder of the call into files, and never ends.
+const HANGING: &str =
+    "echo waiting for the camera >&2\nsleep 61 & echo $! > child\necho $1 > call\nsleep 62\n";
+
+/// Checks that the process which the hanging script started is gone, or waits for its parent to notice, and its folder too.
+fn check_nothing_is_left(folder: &Path) {
+    let written = |name: &str| std::fs::read_to_string(folder.join(name)).unwrap().trim().to_owned();
+    let state = || std::fs::read_to_string(format!("/proc/{}/stat", written("child")));
+    let is_gone = || state().map_or(true, |stat| stat.contains(") Z "));
+    let ended = (0..200).any(|_| {
+        std::thread::sleep(Duration::from_millis(10));
+        is_gone()
+    });
+    assert!(ended || !Path::new("/proc").exists(), "{:?}", state());
+    assert!(!Path::new(&written("call")).exists());
 }
 
 fn message(result: Result<RgbPicture, IspError>) -> String {
@@ -79,23 +96,42 @@ fn the_script_of_the_manual_develops_a_frame() {
 #[test]
 fn one_that_hangs_is_stopped_with_all_its_processes() {
     let folder = tempfile::tempdir().unwrap();
-    let script = "echo waiting for the camera >&2\nsleep 61 & echo $! > child\nsleep 62\n";
-    let isp = isp(folder.path(), script, "timeout_s = 0.5\nretries = 1");
+    let isp = isp(folder.path(), HANGING, "timeout_s = 0.5\nretries = 1");
     let start = Instant::now();
     let text = message(isp.develop(&frame(), &[1.0, 2.2]));
     assert!(start.elapsed().as_secs_f64() < 20.0);
     for words in ["Ten-line ISP, 2 times", "no picture after 0.5 s", "waiting for the camera"] {
         assert!(text.contains(words), "{text}");
     }
-    // The process that the script started is gone, or waits for its parent to notice.
-    let child = std::fs::read_to_string(folder.path().join("child")).unwrap();
-    let state = || std::fs::read_to_string(format!("/proc/{}/stat", child.trim()));
-    let is_gone = || state().map_or(true, |stat| stat.contains(") Z "));
-    let ended = (0..200).any(|_| {
-        std::thread::sleep(std::time::Duration::from_millis(10));
-        is_gone()
+    check_nothing_is_left(folder.path());
+}
+
+#[test]
+fn a_cancelled_job_stops_the_command_at_once_and_those_that_wait() {
+    let folder = tempfile::tempdir().unwrap();
+    let isp = isp(folder.path(), HANGING, "timeout_s = 60.0\nretries = 3\nparallel = 1");
+    std::thread::scope(|scope| {
+        // The second and the third call wait for the first.
+        let calls: Vec<_> = (0..3).map(|_| scope.spawn(|| isp.develop(&frame(), &[1.0, 2.2]))).collect();
+        while !folder.path().join("call").exists() {
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        // The script has written its last file.
+        std::thread::sleep(Duration::from_millis(100));
+        let start = Instant::now();
+        isp.cancelled.store(true, Ordering::Relaxed);
+        for call in calls {
+            let error = call.join().unwrap().unwrap_err();
+            assert_eq!(error, IspError::Stopped("Ten-line ISP".to_owned()));
+            assert!(error.to_string().contains("Ten-line ISP was stopped"), "{error}");
+        }
+        assert!(start.elapsed().as_secs_f64() < 5.0, "{:?}", start.elapsed());
     });
-    assert!(ended || !Path::new("/proc").exists(), "{:?}", state());
+    check_nothing_is_left(folder.path());
+    // A job that was cancelled before starts nothing.
+    std::fs::remove_file(folder.path().join("call")).unwrap();
+    assert!(matches!(isp.develop(&frame(), &[1.0, 2.2]), Err(IspError::Stopped(_))));
+    assert!(!folder.path().join("call").exists());
 }
 
 #[test]
@@ -143,7 +179,7 @@ fn a_failure_is_tried_again_and_a_picture_is_kept() {
     let mut brighter = frame();
     brighter.dn[1] += 1;
     isp.develop(&brighter, &[1.0, 2.2]).unwrap();
-    let mut newer = ExternalIsp::new(isp.about.clone(), folder.path()).unwrap();
+    let mut newer = ExternalIsp::new(isp.about.clone(), folder.path(), Arc::default()).unwrap();
     newer.about.version = "2".to_owned();
     newer.develop(&frame(), &[1.0, 2.2]).unwrap();
     assert_eq!(calls(), 5);

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use petzval_camera::image::LinearImage;
 use petzval_design::error::DesignError;
 use petzval_files::load_image;
-use petzval_files::raw_file::sidecar_path;
+use petzval_files::raw_file::{Sidecar, sidecar_path};
 use sha2::{Digest, Sha256};
 
 use super::super::named::NamedIsp;
@@ -106,8 +106,12 @@ pub(super) fn fingerprint(named: &NamedIsp, base: &[f64], cases: &[Case]) -> Res
             add(&petzval_base::read_whole(path)
                 .map_err(|e| JobError::input(format!("{}: {e}", path.display()), ""))?);
         }
-        // A frame may have no sidecar.
+        // A frame may have no sidecar, and a sidecar no calibration.
         add(&petzval_base::read_whole(sidecar_path(&case.raw)).unwrap_or_default());
+        if let Some(file) = Sidecar::beside(&case.raw)?.and_then(|sidecar| sidecar.info.calibration) {
+            let path = case.raw.parent().unwrap_or(Path::new("")).join(file);
+            add(&petzval_base::read_whole(path).unwrap_or_default());
+        }
     }
     Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
 }

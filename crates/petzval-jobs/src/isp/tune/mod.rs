@@ -10,7 +10,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use petzval_camera::image::LinearImage;
-use petzval_camera::isp::RgbPicture;
+use petzval_camera::isp::{IspError, RgbPicture};
 use petzval_design::evolution::{Evolution, EvolutionSettings};
 use petzval_learn::score::{Score, ScoreDescription, ScoredPair};
 use rayon::prelude::*;
@@ -108,7 +108,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             (kept.plan.clone(), Some((folder, kept)))
         }
     };
-    let mut named = isp_by_name(&plan.isp, &context.assets)?;
+    let mut named = isp_by_name(&plan.isp, context)?;
     named.set(&plan.set)?;
     let places = named.all_places(&plan.vary)?;
     let device = context.device("cpu")?;
@@ -282,7 +282,8 @@ impl Tuner<'_> {
             folder.save(kept, &self.tuned(kept)?)?;
         }
         let Some(start) = kept.start else {
-            return Err(JobError::failed("cancelled before the settings at the start were scored"));
+            let message = "stopped before the settings at the start were scored; nothing is kept";
+            return Err(JobError::Stopped(message.to_owned()));
         };
         self.report(kept, budget, start, sign);
         let (best, values) = self.best(kept);
@@ -357,8 +358,10 @@ impl Tuner<'_> {
             let truth = case.read_reference((frame.height, frame.width))?;
             let isp = self.named.isp();
             let develop = |values: &Vec<f64>| isp.develop(&frame, values);
-            let pictures: Vec<RgbPicture> =
-                points.par_iter().map(develop).collect::<Result<_, _>>().map_err(about_frame(&case.raw))?;
+            let pictures: Vec<RgbPicture> = match points.par_iter().map(develop).collect() {
+                Err(IspError::Stopped(_)) => return Ok(None),
+                pictures => pictures.map_err(about_frame(&case.raw))?,
+            };
             for (sum, picture) in sums.iter_mut().zip(&pictures) {
                 let RgbPicture { height, width, .. } = *picture;
                 if (height, width) != (truth.height, truth.width) {

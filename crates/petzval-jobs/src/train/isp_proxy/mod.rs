@@ -5,6 +5,7 @@ mod plan;
 use std::path::PathBuf;
 
 use petzval_camera::isp::{Demosaic, Domain, Isp, RgbPicture};
+use petzval_design::error::DesignError;
 use petzval_design::experiment::DevelopmentConfig;
 use petzval_design::inputs::fingerprint;
 use petzval_design::isp_proxy::{Frame, FrameSource, Judge, ProxyTrainer, StepLosses};
@@ -81,7 +82,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         let hint = "4000 take minutes on two cores";
         return Err(JobError::setting("steps", plan.training.steps, "must lie between 1 and 1000000", hint));
     }
-    let mut named = isp_by_name(&plan.isp, &context.assets)?;
+    let mut named = isp_by_name(&plan.isp, context)?;
     named.set(&plan.set)?;
     named.set_bits(16);
     let varied = named.all_places(&plan.vary)?;
@@ -115,9 +116,16 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let frames = source.held_out()?;
     context.note(format!("comparing proxy and ISP on {} frames of unseen scenes", frames.len()));
     let judge = Judge { isp: named.isp(), frames: &frames, scores: &context.scores()? };
-    let gap = judge.gap(trainer.proxy(), &values, &device)?;
+    let judged = || {
+        let gap = judge.gap(trainer.proxy(), &values, &device)?;
+        Ok((gap, strip(&named, &frames, &trainer, &values)?))
+    };
+    let (gap, strip) = match judged() {
+        // The training is kept; a resumed one compares again.
+        Err(JobError::Stopped(_)) => return Ok(response),
+        judged => judged?,
+    };
     let description = description(&plan, &named, &varied, &values, &kept, &gap)?;
-    let strip = strip(&named, &frames, &trainer, &values)?;
     let weights = [&trainer.save()?[0][..], &trainer.safetensors()?];
     folder.finish(weights, &page(&strip), &[], &description)?;
     Ok(Response { gap: Some(gap), ..response })
@@ -209,7 +217,6 @@ fn strip(
     trainer: &ProxyTrainer,
     values: &[f64],
 ) -> Result<Strip, JobError> {
-    let failed = |e: petzval_camera::isp::IspError| JobError::failed(e.to_string());
     let step = |who: &str, i: usize, picture: &RgbPicture| StripStep {
         stage: format!("{who}, frame {}", i + 1),
         height: picture.height,
@@ -220,7 +227,7 @@ fn strip(
     let mut steps = Vec::new();
     for (i, frame) in frames.iter().step_by((frames.len() / SHOWN).max(1)).take(SHOWN).enumerate() {
         for (who, isp) in [("ISP", named.isp()), ("proxy", trainer.proxy())] {
-            steps.push(step(who, i, &isp.develop(&frame.raw, values).map_err(failed)?));
+            steps.push(step(who, i, &isp.develop(&frame.raw, values).map_err(DesignError::from)?));
         }
     }
     Ok(Strip {

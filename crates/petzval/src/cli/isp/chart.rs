@@ -8,6 +8,7 @@ use petzval::jobs::simulate;
 
 use super::inputs::IspArgs;
 use crate::cli::failure::Failure;
+use crate::cli::signals;
 use crate::cli::terminal::{Terminal, print_json};
 
 /// Take a test chart through a lens onto a sensor, develop it with an ISP, and measure the picture.
@@ -90,7 +91,9 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         ..simulate::Request::default()
     };
     let request = chart::Request { isp: args.isp.name(), set: args.set, camera, out: args.out };
-    let response = chart::run(&request, &terminal.context())?;
+    let context = terminal.context().with_cancellation(signals::end_on_signal()?);
+    let response = chart::run(&request, &context)?;
+    drop(context);
     if args.json {
         return print_json(&response);
     }

@@ -9,12 +9,14 @@ use petzval::jobs::isp::develop::{self, Chroma, Container, Range, Standard, Ycbc
 
 use super::inputs::{FrameArgs, IspArgs};
 use crate::cli::failure::Failure;
+use crate::cli::signals;
 use crate::cli::terminal::{Terminal, print_json};
 
 /// Develop raw frames to pictures, NAME.* to NAME.png.
 ///
 /// A frame is a raw file with its sidecar, as `petzval simulate` and `petzval raw convert` write them. The sidecar gives bits, mosaic and
-/// levels; the sensor, which it names or --sensor does, gives noise and the answer to white light.
+/// levels; the sensor, which it names or --sensor does, gives noise and the answer to white light; the calibration that it names gives shading
+/// and distortion of the lens and the colour matrix.
 ///
 /// With --merge the frames are exposures of one scene. They are merged into one linear frame of up to 24 bits, which becomes one picture.
 #[derive(Debug, clap::Args)]
@@ -150,7 +152,9 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         strip: args.strip,
         out: args.out,
     };
-    let response = develop::run(&request, &terminal.context())?;
+    let context = terminal.context().with_cancellation(signals::end_on_signal()?);
+    let response = develop::run(&request, &context)?;
+    drop(context);
     if args.json {
         return print_json(&response.pictures);
     }

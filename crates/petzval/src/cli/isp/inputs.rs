@@ -10,7 +10,7 @@ pub struct FrameArgs {
     /// Sensor file, or the name of a built-in one [default: the built-in sensor that the sidecar names]
     #[arg(long)]
     sensor: Option<String>,
-    /// Digital number of white light in a green pixel [default: the level of saturation]
+    /// Digital number of white light in a green pixel [default: that of the calibration, else the level of saturation]
     #[arg(long, value_name = "DN")]
     white_dn: Option<f64>,
     /// Estimate the white balance from each frame

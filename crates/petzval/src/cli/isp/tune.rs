@@ -17,7 +17,7 @@ use crate::cli::terminal::{EXIT_STOPPED, Terminal, print_json};
 /// CMA-ES: it needs no gradient, so that hardware is tuned like the built-in ISP. It starts at the given settings.
 ///
 /// Files: tuned.toml, the best settings so far, for --isp; history.json, every generation; search.json, the state. All are written after
-/// every generation. Ctrl-C stops after the current one and exits with 75; --resume continues with the same bits.
+/// every generation. Ctrl-C stops the current one and exits with 75; --resume makes it again and continues with the same bits.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Folder of raw frames

@@ -60,6 +60,12 @@ fn facts(info: &RawInfo) -> Vec<(&'static str, String)> {
         ("mosaic", info.cfa.map(|cfa| cfa.to_string())),
         ("black level", number(info.black_level_dn, " DN")),
         ("white level", number(info.white_level_dn, " DN")),
+        (
+            "companding",
+            info.companding.as_ref().map(|c| {
+                format!("{} knots, expanded to {} DN", c.linear_dn.len(), c.linear_dn.last().unwrap_or(&0))
+            }),
+        ),
         ("exposure time", number(info.exposure_s, " s")),
         ("linear gain", number(info.linear_gain, "")),
         ("pixel pitch", number(info.pixel_um, " um")),

@@ -1,0 +1,213 @@
+//! The calibration of a frame: what an image signal processor may know of it beside its digital numbers.
+//!
+//! A TOML file that the key `calibration` of a sidecar names. Its keys are those of [`FrameData`], each of which may be missing.
+
+use std::path::Path;
+
+use petzval_base::FileError;
+use petzval_camera::isp::{FrameData, Mesh, NoiseProfile};
+use petzval_camera::spectral::Matrix3;
+use serde::{Deserialize, Serialize};
+
+use super::RawFileError;
+
+/// What is known of a frame; the rest is none.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FrameCalibration {
+    /// Digital number of the dark, after expansion if the frame is companded.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub black_dn: Option<f64>,
+    /// Digital number of white light in a green pixel, after expansion.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub white_dn: Option<f64>,
+    /// Answers of red, green and blue pixels to white light, relative to green.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub response: Option<[f64; 3]>,
+    /// Light, 1 = white, at which the first colour saturates under white light.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub saturation: Option<f64>,
+    /// Analog gain of the sensor, stops above its lowest.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gain_ev: Option<f64>,
+    /// Linear sRGB from white-balanced colours of the camera.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub colour_matrix: Option<Matrix3>,
+    /// Noise of a green pixel.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub noise: Option<NoiseProfile>,
+    /// How much light the lens takes away at each place.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub shading: Option<Mesh>,
+    /// Where to fetch each pixel of a picture without distortion.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub warp: Option<Mesh>,
+}
+
+impl FrameCalibration {
+    /// All that a simulation knows of a frame.
+    pub fn of(about: &FrameData) -> Self {
+        Self {
+            black_dn: Some(about.black_dn),
+            white_dn: Some(about.white_dn),
+            response: Some(about.response),
+            saturation: Some(about.saturation),
+            gain_ev: Some(about.gain_ev),
+            colour_matrix: about.colour_matrix,
+            noise: Some(about.noise),
+            shading: about.shading.clone(),
+            warp: about.warp.clone(),
+        }
+    }
+
+    /// What is known of a frame otherwise, with the values of the calibration in place of it.
+    pub fn over(self, about: FrameData) -> FrameData {
+        FrameData {
+            black_dn: self.black_dn.unwrap_or(about.black_dn),
+            white_dn: self.white_dn.unwrap_or(about.white_dn),
+            response: self.response.unwrap_or(about.response),
+            saturation: self.saturation.unwrap_or(about.saturation),
+            noise: self.noise.unwrap_or(about.noise),
+            gain_ev: self.gain_ev.unwrap_or(about.gain_ev),
+            colour_matrix: self.colour_matrix.or(about.colour_matrix),
+            shading: self.shading.or(about.shading),
+            warp: self.warp.or(about.warp),
+            companding: about.companding,
+        }
+    }
+
+    /// Reads and checks a file.
+    pub fn load(path: &Path) -> Result<Self, RawFileError> {
+        let text = petzval_base::read_text(path).map_err(RawFileError::io(path))?;
+        Self::from_toml(&text).map_err(|error| RawFileError::sidecar(path, error))
+    }
+
+    /// Reads and checks the text of a file.
+    pub fn from_toml(text: &str) -> Result<Self, FileError> {
+        let calibration: Self = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
+        let is_number = |v: Option<f64>, low: f64| v.is_none_or(|v| v.is_finite() && v >= low);
+        let levels = [calibration.black_dn, calibration.white_dn];
+        let black = calibration.black_dn.unwrap_or(0.0);
+        let noise = calibration.noise.map_or([0.0; 2], |noise| [noise.shot, noise.read]);
+        let response = calibration.response.unwrap_or([1.0; 3]);
+        let matrix = calibration.colour_matrix.unwrap_or_default();
+        let is_illumination =
+            |mesh: &Mesh| mesh.is_whole(3) && mesh.planes.iter().flatten().all(|v| *v > 0.0);
+        for (key, is_right, hint) in [
+            ("black_dn", is_number(levels[0], 0.0), "give the digital number without light"),
+            (
+                "white_dn",
+                is_number(levels[1], black + 1.0),
+                "give the digital number of white, above that of black",
+            ),
+            (
+                "response",
+                response.iter().all(|v| (0.01..=100.0).contains(v)),
+                "give red, green and blue, 0.01 to 100",
+            ),
+            (
+                "saturation",
+                is_number(calibration.saturation, 1e-6),
+                "give the light at saturation, 1 for white",
+            ),
+            ("gain_ev", is_number(calibration.gain_ev, f64::MIN), "give the gain in stops, 0 for the lowest"),
+            ("noise", noise.iter().all(|v| v.is_finite() && *v >= 0.0), "give variances, 0 or more"),
+            (
+                "colour_matrix",
+                matrix.iter().flatten().all(|v| v.is_finite()),
+                "give three rows of three numbers",
+            ),
+            (
+                "shading",
+                calibration.shading.as_ref().is_none_or(is_illumination),
+                "give rows and cols, at least 2, and three planes of rows x cols relative illuminations above 0: red, green, blue",
+            ),
+            (
+                "warp",
+                calibration.warp.as_ref().is_none_or(|mesh| mesh.is_whole(2)),
+                "give rows and cols, at least 2, and two planes of rows x cols displacements in pixels: by rows, by columns",
+            ),
+        ] {
+            if !is_right {
+                let message = "is no such calibration";
+                return Err(FileError::at_key(text, &[key], message).without_value().hint(hint));
+            }
+        }
+        Ok(calibration)
+    }
+
+    /// The text of the file.
+    pub fn to_toml(&self) -> String {
+        // A table of numbers is always TOML.
+        toml::to_string(self).unwrap_or_default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn calibration() -> FrameCalibration {
+        let mesh = |planes: usize| Mesh {
+            rows: 2,
+            cols: 3,
+            planes: (0..planes).map(|p| (1..7).map(|i| i as f32 / (7.0 + p as f32)).collect()).collect(),
+        };
+        FrameCalibration {
+            black_dn: Some(119.000_1),
+            white_dn: Some(2360.2),
+            response: Some([0.5, 1.0, 2.0 / 3.0]),
+            saturation: Some(1.4),
+            gain_ev: Some(-0.5),
+            colour_matrix: Some([[1.5, -0.5, 0.0], [0.0, 1.0, 0.0], [0.1, 0.0, 0.9]]),
+            noise: Some(NoiseProfile { shot: 1e-4, read: 1e-7 }),
+            shading: Some(mesh(3)),
+            warp: Some(mesh(2)),
+        }
+    }
+
+    #[test]
+    fn every_bit_is_kept_and_what_is_missing_stays_as_it_is() {
+        let calibration = calibration();
+        let text = calibration.to_toml();
+        assert_eq!(FrameCalibration::from_toml(&text).unwrap(), calibration, "{text}");
+        let about = calibration.clone().over(FrameCalibration::default().over(FrameData {
+            black_dn: 1.0,
+            white_dn: 2.0,
+            response: [1.0; 3],
+            saturation: 1.0,
+            noise: NoiseProfile { shot: 0.0, read: 0.0 },
+            gain_ev: 0.0,
+            colour_matrix: None,
+            companding: None,
+            shading: None,
+            warp: None,
+        }));
+        assert_eq!(FrameCalibration::of(&about), calibration);
+        let own = FrameCalibration { warp: calibration.warp.clone(), ..FrameCalibration::default() };
+        assert_eq!(own.over(about.clone()), about);
+    }
+
+    #[test]
+    fn what_is_no_calibration_is_refused_with_its_key() {
+        let text = calibration().to_toml();
+        for (from, to, key) in [
+            ("white_dn = 2360.2", "white_dn = 119.5", "white_dn"),
+            ("black_dn = 119.0001", "black_dn = -1.0", "black_dn"),
+            ("response = [0.5", "response = [0.0", "response"),
+            ("saturation = 1.4", "saturation = 0.0", "saturation"),
+            ("gain_ev = -0.5", "gain_ev = nan", "gain_ev"),
+            ("[1.5, -0.5, 0.0]", "[inf, -0.5, 0.0]", "colour_matrix"),
+            ("shot = 0.0001", "shot = -0.0001", "noise"),
+            ("[shading]\nrows = 2", "[shading]\nrows = 3", "shading"),
+            ("[warp]\nrows = 2", "[warp]\nrows = 1", "warp"),
+            ("saturation", "saturated", "saturated"),
+        ] {
+            let changed = text.replace(from, to);
+            assert_ne!(changed, text, "{from}\n{text}");
+            let error = FrameCalibration::from_toml(&changed).unwrap_err();
+            assert_eq!(error.key, key, "{error}");
+            assert!(error.hint.is_some() && error.line.is_some(), "{error}");
+        }
+    }
+}
