@@ -187,6 +187,7 @@ pub trait Stored {
 impl Stored for i16 {
     #[inline(always)]
     fn stored(whole: i32) -> Self {
+        debug_assert!(i16::try_from(whole).is_ok(), "{whole} was not cut off at the end of its format");
         whole as i16
     }
 }

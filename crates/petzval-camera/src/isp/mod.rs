@@ -22,6 +22,8 @@ mod statistics;
 mod tape_grid;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod width_tests;
 mod ycbcr_output;
 
 pub use auto_balance::{BalanceGains, BalanceMethod, BalanceOptions, auto_balance};

@@ -22,6 +22,9 @@ petzval_base::parameters! {
 /// Least offset, so that the root has a slope that fixed-point numbers can hold.
 const LEAST_OFFSET: f64 = 1.0 / 8192.0;
 
+/// Greatest offset, the brightest light: of frames with so much noise nothing can be seen.
+const MOST_OFFSET: f64 = LINEAR.max as f64 / LINEAR.one() as f64;
+
 /// The transform of light with a digital gain.
 pub struct Stable {
     /// Offset c, units of light.
@@ -45,7 +48,7 @@ impl Stabilise {
     /// The transform of light of a noise profile after a gain.
     pub fn stable(&self, noise: &NoiseProfile, gain: f64) -> Stable {
         let shot = (noise.shot * gain).max(1e-9);
-        let offset = (noise.read * gain * gain / shot + 0.375 * shot).max(LEAST_OFFSET);
+        let offset = (noise.read * gain * gain / shot + 0.375 * shot).clamp(LEAST_OFFSET, MOST_OFFSET);
         let one = f64::from(LINEAR.one());
         let whole_offset = LINEAR.of(offset);
         // The root of c / 4 has the slope 1 / sqrt(c).
@@ -106,7 +109,7 @@ impl SmoothStable {
         let shot = (gain.clone() * noise.shot).clamp_min(1e-9);
         let offset = gain.clone() * gain * noise.read / shot.clone() + shot.clone() * 0.375;
         let sigma = shot.clone().sqrt() * theta.number("stabilise.noise_scale") * 0.5;
-        Self { offset: offset.clamp_min(LEAST_OFFSET), sigma, shot }
+        Self { offset: offset.clamp(LEAST_OFFSET, MOST_OFFSET), sigma, shot }
     }
 
     pub fn root(&self, light: Tensor<4>) -> Tensor<4> {
