@@ -216,6 +216,16 @@ impl<T: Pixel> Drop for Grid<T> {
 }
 
 impl<T: Pixel> Grid<T> {
+    /// A copy.
+    pub fn copied(&self) -> Self {
+        Self::from_rows(
+            self.height,
+            self.width,
+            #[inline(always)]
+            |row, out| out.copy_from_slice(self.row(row)),
+        )
+    }
+
     fn stride(&self) -> usize {
         self.width + 2 * BORDER
     }

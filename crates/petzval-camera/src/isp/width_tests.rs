@@ -102,7 +102,7 @@ fn settings() -> Vec<IspSettings> {
         }
     }
     let mut rng = ChaCha8Rng::seed_from_u64(7);
-    for _ in 0..50 {
+    for _ in 0..20 {
         lists.push(parameters.iter().map(|p| ends[usize::from(rng.random_bool(0.5))](&p.about)).collect());
     }
     lists.iter().map(|list| IspSettings::default().with_values(list).unwrap()).collect()

@@ -8,7 +8,7 @@
 use burn::prelude::*;
 
 use crate::isp::NoiseProfile;
-use crate::isp::fixed::{LINEAR, OctaveTable, ROOT, scaled, shift_round};
+use crate::isp::fixed::{Grid, LINEAR, OctaveTable, ROOT, by_blocks, scaled, shift_round};
 use crate::isp::tape_grid::Theta;
 
 petzval_base::parameters! {
@@ -95,6 +95,25 @@ impl Stable {
     pub fn bias(&self, averaged: f64) -> i32 {
         LINEAR.of(self.bias * averaged)
     }
+}
+
+/// The roots of the light of a mosaic, each by `root`.
+pub fn rooted(light: &Grid<i32>, root: impl Fn(i32) -> i32 + Sync) -> Grid<i16> {
+    Grid::from_rows(
+        light.height,
+        light.width,
+        #[inline(always)]
+        |row, out| {
+            let light = light.row(row);
+            by_blocks(
+                [out],
+                #[inline(always)]
+                |pixels, [block]| {
+                    block.iter_mut().zip(&light[pixels]).for_each(|(out, v)| *out = root(*v));
+                },
+            );
+        },
+    )
 }
 
 /// The transform on the tape: offset and standard deviation depend on the gain.

@@ -211,6 +211,7 @@ fn strip(
     let failed = |e: petzval_camera::isp::IspError| JobError::failed(e.to_string());
     let step = |who: &str, i: usize, picture: &RgbPicture| StripStep {
         stage: format!("{who}, frame {}", i + 1),
+        shared: Vec::new(),
         height: picture.height,
         width: picture.width,
         encoded: picture.encoded(),
