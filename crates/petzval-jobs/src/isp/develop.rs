@@ -38,7 +38,7 @@ pub struct Request {
     /// Merge the frames, exposures of one scene, into one.
     #[serde(default)]
     pub merge: Option<Merge>,
-    /// Bits of the pictures, 8 or 16; of luma and colour differences, 8 or 10.
+    /// Bits of the pictures, 8, 10 or 16; of luma and colour differences, 8 or 10. A PNG of 10 bits has its codes scaled to 16.
     pub bits: u32,
     /// Luma and colour differences in place of a PNG.
     #[serde(default)]
@@ -101,8 +101,8 @@ pub struct Developed {
 /// Develops every frame. All inputs are read before the first picture is written.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     match (request.ycbcr, request.bits) {
-        (None, 8 | 16) | (Some(_), 8 | 10) => {}
-        (None, bits) => return Err(JobError::setting("bits", bits, "out of range", "give 8 or 16")),
+        (None, 8 | 10 | 16) | (Some(_), 8 | 10) => {}
+        (None, bits) => return Err(JobError::setting("bits", bits, "out of range", "give 8, 10 or 16")),
         (Some(_), bits) => return Err(JobError::setting("bits", bits, "out of range", "give 8 or 10")),
     }
     let mut named = isp_by_name(&request.isp, &context.assets)?;
