@@ -24,11 +24,18 @@ mod tests {
 
     #[test]
     fn matches_colour_science() {
-        // colour-science 0.4.7, cctf_encoding(x, "sRGB").
-        assert!((srgb_encode(0.03125) - 0.193_946_85).abs() < 1e-6);
-        assert!((srgb_encode(0.0625) - 0.277_304_18).abs() < 1e-6);
-        assert_eq!(srgb_encode(0.0), 0.0);
-        assert!((srgb_encode(1.0) - 1.0).abs() < 1e-6);
+        let reference: serde_json::Value =
+            serde_json::from_str(include_str!("../../tests/fixtures/isp_reference.json")).unwrap();
+        let list =
+            |key: &str| -> Vec<f64> { serde_json::from_value(reference["srgb"][key].clone()).unwrap() };
+        let (linear, encoded) = (list("linear"), list("encoded"));
+        assert_eq!(linear.len(), 33);
+        for (linear, encoded) in linear.into_iter().zip(encoded) {
+            let found = f64::from(srgb_encode(linear as f32));
+            assert!((found - encoded).abs() < 1e-6, "{linear}: {found} {encoded}");
+            let found = f64::from(srgb_decode(encoded as f32));
+            assert!((found - linear).abs() < 1e-6, "{encoded}: {found} {linear}");
+        }
     }
 
     #[test]

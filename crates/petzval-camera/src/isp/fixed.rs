@@ -187,6 +187,7 @@ pub trait Stored {
 impl Stored for i16 {
     #[inline(always)]
     fn stored(whole: i32) -> Self {
+        debug_assert!(i16::try_from(whole).is_ok(), "{whole} was not cut off at the end of its format");
         whole as i16
     }
 }
@@ -215,6 +216,16 @@ impl<T: Pixel> Drop for Grid<T> {
 }
 
 impl<T: Pixel> Grid<T> {
+    /// A copy.
+    pub fn copied(&self) -> Self {
+        Self::from_rows(
+            self.height,
+            self.width,
+            #[inline(always)]
+            |row, out| out.copy_from_slice(self.row(row)),
+        )
+    }
+
     fn stride(&self) -> usize {
         self.width + 2 * BORDER
     }

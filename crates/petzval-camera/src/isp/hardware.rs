@@ -6,38 +6,31 @@
 //!     -> purple fringes -> denoise (colours, luma) -> light -> colour matrix -> gamma -> sharpen -> dewarp -> output
 //! ```
 
-use std::time::Instant;
+use petzval_base::statistics::median;
 
-use super::fixed::{BLOCK, GAIN, Grid, LINEAR, ROOT, by_blocks, release_spare_memory};
+use super::fixed::{BLOCK, ENCODED, GAIN, Grid, LINEAR, ROOT, by_blocks, release_spare_memory};
+use super::notes::{Look, Notes, Watch};
 use super::settings::IspSettings;
 use super::stage::black_level::Registers as Levels;
 use super::stage::colour::mixed;
+use super::stage::colour_denoise::LumaDenoise;
 use super::stage::gain::amplified;
+use super::stage::gamma::Gamma;
 use super::stage::shading::Registers as Shades;
-use super::stage::stabilise::Stable;
+use super::stage::stabilise::{Stable, rooted};
 use super::stage::tone_map::ToneMap;
-use super::stage::{colour_denoise, demosaic, gamma, white_balance};
+use super::stage::{colour_denoise, demosaic, white_balance};
 use super::{Domain, Isp, IspError, IspParameter, RawInput, RgbPicture};
 use crate::sensor::CfaPattern;
+
+/// Bits that [`LINEAR`] has behind the point beyond those of [`ENCODED`].
+const TO_ENCODED: u32 = LINEAR.fraction - ENCODED.fraction;
 
 /// The automotive ISP in fixed-point arithmetic.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct HardwareIsp {
     /// Methods and the bits of the picture; its numbers are what [`HardwareIsp::develop_as_set`] develops with.
     pub settings: IspSettings,
-}
-
-/// Someone who looks at the picture after every stage: the stage's name, and the picture as a display would show it.
-pub type Watch<'w> = &'w mut dyn FnMut(&'static str, RgbPicture);
-
-/// What is noted after every stage.
-enum Notes<'w> {
-    /// Nothing.
-    Nothing,
-    /// The picture.
-    Pictures(Watch<'w>),
-    /// The time since the stage before, s.
-    Times { clock: Instant, times: Vec<(&'static str, f64)> },
 }
 
 impl Isp for HardwareIsp {
@@ -55,6 +48,9 @@ impl Isp for HardwareIsp {
 }
 
 impl HardwareIsp {
+    /// Stages without a picture of their own, which change what the numbers stand for; beside each the stage whose picture is theirs too.
+    pub const WITHOUT_PICTURE: [(&'static str, &'static str); 1] = [("stabilise", "gain")];
+
     /// Develops a frame with the settings' own numbers.
     pub fn develop_as_set(&self, frame: &RawInput) -> Result<RgbPicture, IspError> {
         self.run(frame, &mut Notes::Nothing)
@@ -65,14 +61,19 @@ impl HardwareIsp {
         self.run(frame, &mut Notes::Pictures(watch))
     }
 
-    /// How long each stage takes on a frame, s, in their order.
-    pub fn stage_times(&self, frame: &RawInput) -> Result<Vec<(&'static str, f64)>, IspError> {
-        let mut notes = Notes::Times { clock: Instant::now(), times: Vec::new() };
-        self.run(frame, &mut notes)?;
-        Ok(match notes {
-            Notes::Times { times, .. } => times,
-            _ => Vec::new(),
-        })
+    /// How long each stage takes on a frame, s, in their order: medians of `runs`, with memory that an earlier run has left.
+    ///
+    /// Of two stages in one pass over the frame, the first has the time of a pass without the second, and the second the rest. The ways
+    /// from roots back to light count to `shading` and to `colours`, and that to roots between them to `tone_map`.
+    pub fn stage_times(&self, frame: &RawInput, runs: usize) -> Result<Vec<(&'static str, f64)>, IspError> {
+        let once = || {
+            let mut notes = Notes::times();
+            self.run(frame, &mut notes).map(|_| notes.into_times())
+        };
+        let (first, all) = (once()?, (0..runs).map(|_| once()).collect::<Result<Vec<_>, _>>()?);
+        release_spare_memory();
+        let median_of = |k: usize| median(all.iter().map(|times| times[k].1));
+        Ok(first.iter().enumerate().map(|(k, (stage, _))| (*stage, median_of(k))).collect())
     }
 
     fn run(&self, frame: &RawInput, notes: &mut Notes) -> Result<RgbPicture, IspError> {
@@ -85,35 +86,47 @@ impl HardwareIsp {
         }
         let (height, width, about, cfa) = (frame.height, frame.width, &frame.about, frame.cfa);
         let stable = set.stabilise.stable(&about.noise, set.gain.factor());
-        let look = Look { stable: &stable, cfa, set };
+        let look = Look { stable: &stable, cfa, bits: set.bits };
 
-        // The raw frame becomes light, is amplified, and its root taken.
+        // The raw frame becomes light, is amplified, and its root taken. Whoever watches sees passes of two stages in part first.
         let levels = set.black_level.registers(frame);
-        let mut mosaic = expand_and_root(frame, &levels, set.gain.register(), &stable);
-        look.at_mosaic(notes, "gain", &mosaic);
+        if notes.is_watching() {
+            let part = expanded(frame, &levels, GAIN.one());
+            look.at_light(notes, "black_level", &part);
+        }
+        let light = expanded(frame, &levels, set.gain.register());
+        look.at_light(notes, "gain", &light);
+        let mut mosaic = rooted(
+            &light,
+            #[inline(always)]
+            |light| stable.root(light),
+        );
+        drop(light);
+        notes.time("stabilise");
         mosaic = set.green_balance.fixed(mosaic, cfa, stable.sigma);
-        look.at_mosaic(notes, "green_balance", &mosaic);
+        look.at_mosaic(notes, "green_balance", &mosaic, Domain::Stabilised);
         mosaic = set.defects.fixed(mosaic);
-        look.at_mosaic(notes, "defects", &mosaic);
+        look.at_mosaic(notes, "defects", &mosaic, Domain::Stabilised);
         mosaic = set.bayer_denoise.fixed(mosaic, stable.sigma);
-        look.at_mosaic(notes, "bayer_denoise", &mosaic);
+        look.at_mosaic(notes, "bayer_denoise", &mosaic, Domain::Stabilised);
 
         // Back to light; the lens's shading and the sensor's colours are balanced there.
         let averaged = if set.bayer_denoise.strength > 0.0 { set.bayer_denoise.averaged() } else { 0.0 };
-        let balance = Balance {
+        let shading = Balance {
             stable: &stable,
             bias: stable.bias(averaged),
             shading: set.shading.registers(about.shading.as_ref(), (height, width)),
-            gains: set.white_balance.registers(about),
-            highest: LINEAR.of(white_balance::highest(about, set.gain.factor())),
+            white: None,
             cfa,
         };
-        let light = Grid::from_rows(
-            height,
-            width,
-            #[inline(always)]
-            |row, out| balance.row(&mosaic, row, out),
-        );
+        if notes.is_watching() {
+            let part = shading.of(&mosaic);
+            look.at_light(notes, "shading", &part);
+        }
+        let highest = LINEAR.of(white_balance::highest(about, set.gain.factor()));
+        let balance = Balance { white: Some((set.white_balance.registers(about), highest)), ..shading };
+        let light = balance.of(&mosaic);
+        look.at_light(notes, "white_balance", &light);
         // The values that are demosaiced: the root of light, or, for comparison, light itself.
         let roots = Roots { stable: &stable, domain: set.domain };
         let mosaic = if set.tone_map.is_off() {
@@ -148,40 +161,55 @@ impl HardwareIsp {
             )
         };
         drop(light);
-        look.at_mosaic(notes, "tone_map", &mosaic);
+        look.at_mosaic(notes, "tone_map", &mosaic, set.domain);
 
         // Three colours at every pixel, and what demosaicing and noise did to them taken out.
         let mut rgb = demosaic::fixed(set.demosaic, &mosaic, cfa);
         drop(mosaic);
-        look.at_colours(notes, "demosaic", &rgb);
+        look.at_colours(notes, "demosaic", &rgb, set.domain);
         rgb = set.false_colour.fixed(rgb);
-        look.at_colours(notes, "false_colour", &rgb);
+        look.at_colours(notes, "false_colour", &rgb, set.domain);
         rgb = set.purple_fringe.fixed(rgb);
-        look.at_colours(notes, "purple_fringe", &rgb);
+        look.at_colours(notes, "purple_fringe", &rgb, set.domain);
+        if notes.is_watching() {
+            let whole = rgb.each_ref().map(Grid::copied);
+            notes.restart();
+            let none = LumaDenoise { strength: 0.0, ..set.luma_denoise };
+            let part = colour_denoise::fixed(&none, &set.chroma_denoise, whole, stable.sigma);
+            look.at_colours(notes, "chroma_denoise", &part, set.domain);
+        }
         rgb = colour_denoise::fixed(&set.luma_denoise, &set.chroma_denoise, rgb, stable.sigma);
-        look.at_colours(notes, "luma_denoise", &rgb);
+        look.at_colours(notes, "luma_denoise", &rgb, set.domain);
 
         // Light of the display's colours, encoded.
         let (matrix, curve) = (set.colours.registers(about.colour_matrix), set.gamma.table());
-        rgb = Grid::several_from_rows(
-            height,
-            width,
-            #[inline(always)]
-            |row, [r, g, b]| {
-                let from = rgb.each_ref().map(|grid| grid.row(row));
-                by_blocks(
-                    [r, g, b],
+        match notes {
+            Notes::Nothing => {}
+            Notes::Pictures(_) => {
+                let curve = Gamma::default().table();
+                let part = encoded(
+                    &rgb,
+                    &roots,
                     #[inline(always)]
-                    |pixels, [r, g, b]| {
-                        let [from_r, from_g, from_b] = from.map(|row| &row[pixels.clone()]);
-                        for c in 0..from_r.len().min(BLOCK) {
-                            let lights = [from_r[c], from_g[c], from_b[c]].map(|root| roots.light(root));
-                            let encoded = mixed(&matrix, lights).map(|v| curve.at(v.clamp(0, LINEAR.one())));
-                            [r[c], g[c], b[c]] = encoded;
-                        }
-                    },
+                    |light| mixed(&matrix, light).map(|v| curve.at(v.clamp(0, LINEAR.one()))),
                 );
-            },
+                look.at_encoded(notes, "colours", &part);
+            }
+            Notes::Times { .. } => {
+                drop(encoded(
+                    &rgb,
+                    &roots,
+                    #[inline(always)]
+                    |light| mixed(&matrix, light).map(|v| v.clamp(0, LINEAR.one()) >> TO_ENCODED),
+                ));
+                notes.time("colours");
+            }
+        }
+        rgb = encoded(
+            &rgb,
+            &roots,
+            #[inline(always)]
+            |light| mixed(&matrix, light).map(|v| curve.at(v.clamp(0, LINEAR.one()))),
         );
         look.at_encoded(notes, "gamma", &rgb);
         rgb = set.sharpen.fixed(rgb);
@@ -191,14 +219,16 @@ impl HardwareIsp {
         let data = set.output.fixed(&rgb, set.bits);
         notes.time("output");
         drop(rgb);
-        release_spare_memory();
+        if !notes.is_timing() {
+            release_spare_memory();
+        }
         Ok(RgbPicture { height, width, bits: set.bits, data })
     }
 }
 
-/// Roots of the light of a raw frame's pixels.
-fn expand_and_root(frame: &RawInput, levels: &Levels, gain: i32, stable: &Stable) -> Grid<i16> {
-    let light = Grid::from_rows(
+/// The light of a raw frame's pixels, amplified.
+fn expanded(frame: &RawInput, levels: &Levels, gain: i32) -> Grid<i32> {
+    Grid::from_rows(
         frame.height,
         frame.width,
         #[inline(always)]
@@ -212,27 +242,26 @@ fn expand_and_root(frame: &RawInput, levels: &Levels, gain: i32, stable: &Stable
                 out.iter_mut().for_each(|v| *v = amplified(*v, gain));
             }
         },
-    );
-    rooted(
-        &light,
-        #[inline(always)]
-        |light| stable.root(light),
     )
 }
 
-/// What is made of every pixel's light by `root`.
-fn rooted(light: &Grid<i32>, root: impl Fn(i32) -> i32 + Sync) -> Grid<i16> {
-    Grid::from_rows(
-        light.height,
-        light.width,
+/// Encoded values of roots of the three colours: what `of` makes of their light.
+fn encoded(rgb: &[Grid<i16>; 3], roots: &Roots, of: impl Fn([i32; 3]) -> [i32; 3] + Sync) -> [Grid<i16>; 3] {
+    Grid::several_from_rows(
+        rgb[0].height,
+        rgb[0].width,
         #[inline(always)]
-        |row, out| {
-            let light = light.row(row);
+        |row, [r, g, b]| {
+            let from = rgb.each_ref().map(|grid| grid.row(row));
             by_blocks(
-                [out],
+                [r, g, b],
                 #[inline(always)]
-                |pixels, [block]| {
-                    block.iter_mut().zip(&light[pixels]).for_each(|(out, v)| *out = root(*v));
+                |pixels, [r, g, b]| {
+                    let [from_r, from_g, from_b] = from.map(|row| &row[pixels.clone()]);
+                    for c in 0..from_r.len().min(BLOCK) {
+                        let lights = [from_r[c], from_g[c], from_b[c]].map(|root| roots.light(root));
+                        [r[c], g[c], b[c]] = of(lights);
+                    }
                 },
             );
         },
@@ -244,20 +273,29 @@ struct Balance<'a> {
     stable: &'a Stable,
     bias: i32,
     shading: Option<Shades>,
-    /// Gains of red, green and blue.
-    gains: [i32; 3],
-    highest: i32,
+    /// Gains of red, green and blue, and where highlights end.
+    white: Option<([i32; 3], i32)>,
     cfa: CfaPattern,
 }
 
 impl Balance<'_> {
+    /// The balanced light of the roots of a mosaic.
+    fn of(&self, mosaic: &Grid<i16>) -> Grid<i32> {
+        Grid::from_rows(
+            mosaic.height,
+            mosaic.width,
+            #[inline(always)]
+            |row, out| self.row(mosaic, row, out),
+        )
+    }
+
     /// The balanced light of a row of roots.
     #[inline(always)]
     fn row(&self, mosaic: &Grid<i16>, row: usize, out: &mut [i32]) {
         // Colours alternate along a row, and blocks are even.
         let planes = [0, 1].map(|col| self.cfa.colour(row, col).plane().unwrap_or(1));
         let shades = self.shading.as_ref().map(|shading| planes.map(|plane| shading.row(plane, row)));
-        let gains = planes.map(|plane| self.gains[plane]);
+        let white = self.white.map(|(gains, highest)| (planes.map(|plane| gains[plane]), highest));
         let roots = mosaic.around(row, out.len());
         by_blocks(
             [out],
@@ -273,9 +311,11 @@ impl Balance<'_> {
                         block[c] = amplified(block[c], if c % 2 == 0 { even[c] } else { odd[c] });
                     }
                 }
-                for c in 0..BLOCK {
-                    let gain = if c % 2 == 0 { gains[0] } else { gains[1] };
-                    block[c] = amplified(block[c], gain).min(self.highest);
+                if let Some((gains, highest)) = white {
+                    for c in 0..BLOCK {
+                        let gain = if c % 2 == 0 { gains[0] } else { gains[1] };
+                        block[c] = amplified(block[c], gain).min(highest);
+                    }
                 }
             },
         );
@@ -302,71 +342,6 @@ impl Roots<'_> {
         match self.domain {
             Domain::Stabilised => self.stable.light(root.into(), 0),
             Domain::Linear => LINEAR.clamp(i32::from(root) << (LINEAR.fraction - ROOT.fraction)),
-        }
-    }
-}
-
-/// How pictures between stages are shown: the missing steps in their simplest form.
-struct Look<'a> {
-    stable: &'a Stable,
-    cfa: CfaPattern,
-    set: &'a IspSettings,
-}
-
-impl Notes<'_> {
-    /// Notes the time of a stage, if times are noted.
-    fn time(&mut self, stage: &'static str) {
-        if let Self::Times { clock, times } = self {
-            times.push((stage, clock.elapsed().as_secs_f64()));
-            *clock = Instant::now();
-        }
-    }
-}
-
-impl Look<'_> {
-    fn at_mosaic(&self, notes: &mut Notes, stage: &'static str, mosaic: &Grid<i16>) {
-        notes.time(stage);
-        if matches!(notes, Notes::Pictures(_)) {
-            let rgb = demosaic::fixed(crate::isp::Demosaic::Bilinear, mosaic, self.cfa);
-            self.at_colours(notes, stage, &rgb);
-        }
-    }
-
-    fn at_colours(&self, notes: &mut Notes, stage: &'static str, rgb: &[Grid<i16>; 3]) {
-        notes.time(stage);
-        if matches!(notes, Notes::Pictures(_)) {
-            let curve = gamma::Gamma::default().table();
-            let is_light = self.set.domain == Domain::Linear && Self::is_behind_tone_map(stage);
-            let encoded = rgb.each_ref().map(|grid| {
-                Grid::from_rows(
-                    grid.height,
-                    grid.width,
-                    #[inline(always)]
-                    |row, out| {
-                        for (out, root) in out.iter_mut().zip(grid.row(row)) {
-                            let light = match is_light {
-                                true => i32::from(*root) << (LINEAR.fraction - ROOT.fraction),
-                                false => self.stable.light((*root).into(), 0),
-                            };
-                            *out = curve.at(light.clamp(0, LINEAR.one())) as i16;
-                        }
-                    },
-                )
-            });
-            self.at_encoded(notes, stage, &encoded);
-        }
-    }
-
-    fn is_behind_tone_map(stage: &str) -> bool {
-        ["tone_map", "demosaic", "false_colour", "purple_fringe", "luma_denoise"].contains(&stage)
-    }
-
-    fn at_encoded(&self, notes: &mut Notes, stage: &'static str, rgb: &[Grid<i16>; 3]) {
-        notes.time(stage);
-        if let Notes::Pictures(watch) = notes {
-            let (height, width, bits) = (rgb[0].height, rgb[0].width, self.set.bits);
-            let data = super::stage::output::Output::default().fixed(rgb, bits);
-            watch(stage, RgbPicture { height, width, bits, data });
         }
     }
 }

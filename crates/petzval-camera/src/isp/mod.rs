@@ -14,6 +14,7 @@ mod linear;
 mod merge;
 mod mesh;
 mod noise_level;
+mod notes;
 mod settings;
 mod smooth;
 mod stabilise;
@@ -22,6 +23,8 @@ mod statistics;
 mod tape_grid;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod width_tests;
 mod ycbcr_output;
 
 pub use auto_balance::{BalanceGains, BalanceMethod, BalanceOptions, auto_balance};
@@ -29,7 +32,7 @@ pub use auto_exposure::{ExposureOptions, auto_exposure_ev};
 pub use demosaic::Demosaic;
 pub use dewarp_map::DewarpMap;
 pub use error::IspError;
-pub use hardware::{HardwareIsp, Watch};
+pub use hardware::HardwareIsp;
 pub use input::{Companding, FrameData, Mesh, NoiseProfile, RawInput};
 pub use interface::{
     DifferentiableIsp, Isp, IspParameter, RgbPicture, check_values, developed_without_gradient,
@@ -40,6 +43,7 @@ pub use linear::{LinearIsp, SHADING_FLOOR};
 pub use merge::{MergeOptions, merge_exposures};
 pub use noise_level::stabilised_noise;
 pub(crate) use noise_level::{Electrons, MEAN_LIGHT, NATURAL_POWER};
+pub use notes::Watch;
 pub use settings::{GainKnot, IspPreset, IspSettings};
 pub use smooth::SmoothIsp;
 pub use stabilise::Stabiliser;

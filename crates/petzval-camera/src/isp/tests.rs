@@ -207,6 +207,29 @@ fn black_white_and_24_bits_give_pictures() {
 }
 
 #[test]
+fn whoever_watches_sees_every_stage_and_changes_nothing() {
+    let frame = frame(32, 48, 8000.0);
+    let mut isp = HardwareIsp { settings: busy() };
+    // Unlike the curve by which pictures before it are shown.
+    isp.settings.gamma.exponent = 2.2;
+    let mut seen = Vec::new();
+    let watched = isp.develop_steps(&frame, &mut |stage, picture| seen.push((stage, picture))).unwrap();
+    assert_eq!(watched, isp.develop_as_set(&frame).unwrap());
+    seen.push(("output", watched));
+    let mut stages = IspSettings::STAGES.to_vec();
+    // Demosaicing has a method in place of numbers.
+    let demosaic = stages.iter().position(|stage| *stage == "false_colour").unwrap();
+    stages.insert(demosaic, "demosaic");
+    let times = isp.stage_times(&frame, 2).unwrap();
+    assert_eq!(times.iter().map(|(stage, _)| *stage).collect::<Vec<_>>(), stages);
+    stages.retain(|stage| !HardwareIsp::WITHOUT_PICTURE.iter().any(|(without, _)| without == stage));
+    assert_eq!(seen.iter().map(|(stage, _)| *stage).collect::<Vec<_>>(), stages);
+    for pair in seen.windows(2) {
+        assert!(pair[0].1 != pair[1].1, "{} changes nothing", pair[1].0);
+    }
+}
+
+#[test]
 fn a_companded_frame_develops_as_the_linear_one() {
     let linear = frame(32, 48, 8000.0);
     let companding =

@@ -163,4 +163,51 @@ mod tests {
             assert!((delta_e_2000(second, first) - found).abs() < 1e-9);
         }
     }
+
+    /// A fixture of rows of three numbers.
+    fn triples(reference: &serde_json::Value, name: &str, key: &str) -> Vec<[f64; 3]> {
+        serde_json::from_value(reference[name][key].clone()).unwrap()
+    }
+
+    fn reference() -> serde_json::Value {
+        serde_json::from_str(include_str!("../../tests/fixtures/isp_reference.json")).unwrap()
+    }
+
+    #[test]
+    fn lab_is_that_of_scikit_image() {
+        // Its XYZ of linear sRGB, rounded to six digits.
+        const ROUNDED: Matrix3 = [
+            [0.412_453, 0.357_580, 0.180_423],
+            [0.212_671, 0.715_160, 0.072_169],
+            [0.019_334, 0.119_193, 0.950_227],
+        ];
+        let reference = reference();
+        let (srgb, wanted) = (triples(&reference, "lab_d65", "srgb"), triples(&reference, "lab_d65", "lab"));
+        assert_eq!(srgb.len(), 5);
+        for (srgb, wanted) in srgb.into_iter().zip(wanted) {
+            // In f64: what f32 rounds of linear light is 2e-5 of a*.
+            let linear = srgb.map(|s: f64| match s <= 0.04045 {
+                true => s / 12.92,
+                false => ((s + 0.055) / 1.055).powf(2.4),
+            });
+            let found = lab(apply(&ROUNDED, linear), D65);
+            assert!((0..3).all(|i| (found[i] - wanted[i]).abs() < 1e-6), "{found:?} {wanted:?}");
+            // The matrix of the exact chromaticities, and light in f32.
+            let light = srgb.map(|s| f64::from(crate::image::srgb_decode(s as f32)));
+            let found = lab(apply(&xyz_from_srgb(D65), light), D65);
+            assert!(delta_e_1976(found, wanted) < 0.01, "{found:?} {wanted:?}");
+        }
+    }
+
+    #[test]
+    fn ciede2000_is_that_of_scikit_image() {
+        let reference = reference();
+        let [first, second] = ["lab1", "lab2"].map(|key| triples(&reference, "deltaE2000", key));
+        let wanted: Vec<f64> = serde_json::from_value(reference["deltaE2000"]["dE"].clone()).unwrap();
+        assert_eq!(wanted.len(), 5);
+        for ((a, b), wanted) in first.into_iter().zip(second).zip(wanted) {
+            let found = delta_e_2000(a, b);
+            assert!((found - wanted).abs() < 1e-6, "{a:?} {b:?}: {found} {wanted}");
+        }
+    }
 }

@@ -2,7 +2,7 @@
 
 use std::io::Cursor;
 
-use ::image::{DynamicImage, ExtendedColorType, ImageFormat, ImageReader};
+use ::image::{DynamicImage, ImageFormat, ImageReader};
 use npyz::{Deserialize, NpyFile, Order};
 use petzval_camera::isp::{IspParameter, RawInput, RgbPicture};
 use petzval_camera::sensor::CfaPattern;
@@ -154,32 +154,49 @@ fn encoded(values: &[f64]) -> Result<Vec<u16>, String> {
     Ok(values.iter().map(|v| (v.clamp(0.0, 1.0) * 65535.0).round() as u16).collect())
 }
 
-/// A developed picture as the bytes of a PNG of 8 bits, or of 16 if it has more than 8 and `bits` is 16.
+/// A developed picture as the bytes of a PNG of 8, 10 or 16 bits.
+///
+/// PNG has no samples of 10 bits. Codes of 10 are scaled to 16, of which they are the upper ones, and the chunk `sBIT` says that 10 count.
 pub fn picture_png_bytes(picture: &RgbPicture, bits: u32) -> Result<Vec<u8>, String> {
     let RgbPicture { height, width, .. } = *picture;
     let (pixels, white) = (height * width, f64::from((1_u32 << picture.bits) - 1));
     if pixels == 0 || picture.data.len() != 3 * pixels {
         return Err(format!("{} values do not fill {height} x {width} pixels", picture.data.len()));
     }
-    let full = if bits == 16 { 65535.0 } else { 255.0 };
-    let table: Vec<u16> = (0..=white as u32).map(|v| (f64::from(v) / white * full).round() as u16).collect();
+    let (codes, is_deep) = (f64::from((1_u32 << bits) - 1), bits > 8);
+    let full = if is_deep { 65535.0 } else { 255.0 };
+    let sample = |v: u32| ((f64::from(v) / white * codes).round() / codes * full).round() as u16;
+    let table: Vec<u16> = (0..=white as u32).map(sample).collect();
     let highest = table.len() - 1;
-    let sample = |k: usize| table[usize::from(picture.data[k % 3 * pixels + k / 3]).min(highest)];
-    let mut out = Cursor::new(Vec::new());
-    let (bytes, colour): (Vec<u8>, _) = match bits {
-        16 => ((0..3 * pixels).flat_map(|k| sample(k).to_ne_bytes()).collect(), ExtendedColorType::Rgb16),
-        _ => ((0..3 * pixels).map(|k| sample(k) as u8).collect(), ExtendedColorType::Rgb8),
+    let samples =
+        (0..3 * pixels).map(|k| table[usize::from(picture.data[k % 3 * pixels + k / 3]).min(highest)]);
+    let bytes: Vec<u8> = match is_deep {
+        true => samples.flat_map(u16::to_be_bytes).collect(),
+        false => samples.map(|v| v as u8).collect(),
     };
-    ::image::write_buffer_with_format(
-        &mut out,
-        &bytes,
-        width as u32,
-        height as u32,
-        colour,
-        ImageFormat::Png,
-    )
-    .map_err(|e| e.to_string())?;
-    Ok(out.into_inner())
+    encoded_png(&bytes, (height, width), bits).map_err(|e| e.to_string())
+}
+
+/// The file of samples, pixel by pixel.
+fn encoded_png(
+    bytes: &[u8],
+    (height, width): (usize, usize),
+    bits: u32,
+) -> Result<Vec<u8>, png::EncodingError> {
+    let mut out = Vec::new();
+    let mut encoder = png::Encoder::new(&mut out, width as u32, height as u32);
+    let (depth, of_sample) = if bits > 8 { (png::BitDepth::Sixteen, 16) } else { (png::BitDepth::Eight, 8) };
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(depth);
+    encoder.set_compression(png::Compression::Fast);
+    encoder.set_filter(png::Filter::Adaptive);
+    let mut writer = encoder.write_header()?;
+    if bits < of_sample {
+        writer.write_chunk(png::chunk::sBIT, &[bits as u8; 3])?;
+    }
+    writer.write_image_data(bytes)?;
+    writer.finish()?;
+    Ok(out)
 }
 
 #[cfg(test)]
@@ -235,6 +252,26 @@ mod tests {
 
     fn npy<T: npyz::AutoSerialize + Copy>(shape: &[u64], values: &[T]) -> Vec<u8> {
         crate::npy_bytes(shape, values).unwrap()
+    }
+
+    #[test]
+    fn codes_of_ten_bits_are_the_upper_ones_of_sixteen() {
+        let codes: Vec<u16> = (1..=1023).collect();
+        let picture = RgbPicture { height: 1, width: 341, bits: 10, data: codes.clone() };
+        let bytes = picture_png_bytes(&picture, 10).unwrap();
+        let read = decode_picture("rgb.png", &bytes, (1, 341)).unwrap();
+        assert_eq!((read.bits, read.data[0], read.data[1022]), (16, 64, 65535));
+        assert_eq!(read.data.iter().map(|v| v >> 6).collect::<Vec<u16>>(), codes);
+        let significant = |bytes: &[u8]| {
+            let reader = png::Decoder::new(Cursor::new(bytes)).read_info().unwrap();
+            reader.info().sbit.as_ref().map(|bits| bits.to_vec())
+        };
+        assert_eq!(significant(&bytes), Some(vec![10; 3]));
+        assert_eq!(significant(&picture_png_bytes(&picture, 16).unwrap()), None);
+        // Of a picture of 16 bits, too, ten count.
+        let deep = RgbPicture { bits: 16, ..picture };
+        let read = decode_picture("rgb.png", &picture_png_bytes(&deep, 10).unwrap(), (1, 341)).unwrap();
+        assert!(read.data.iter().zip(&codes).all(|(v, code)| *v >> 6 == (code + 31) / 64));
     }
 
     #[test]

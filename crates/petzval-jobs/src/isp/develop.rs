@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 pub use petzval_camera::isp::{Chroma, Range, Standard};
-use petzval_camera::isp::{IspParameter, RawInput, RgbPicture, YcbcrFormat};
+use petzval_camera::isp::{HardwareIsp, RawInput, RgbPicture, YcbcrFormat};
 use petzval_files::isp_file::picture_png_bytes;
 use petzval_files::{y4m_bytes, yuv_bytes};
 use petzval_report::isp_strip::{Strip, StripParameter, StripStep, page};
@@ -38,7 +38,7 @@ pub struct Request {
     /// Merge the frames, exposures of one scene, into one.
     #[serde(default)]
     pub merge: Option<Merge>,
-    /// Bits of the pictures, 8 or 16; of luma and colour differences, 8 or 10.
+    /// Bits of the pictures, 8, 10 or 16; of luma and colour differences, 8 or 10. A PNG of 10 bits has its codes scaled to 16.
     pub bits: u32,
     /// Luma and colour differences in place of a PNG.
     #[serde(default)]
@@ -101,8 +101,8 @@ pub struct Developed {
 /// Develops every frame. All inputs are read before the first picture is written.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     match (request.ycbcr, request.bits) {
-        (None, 8 | 16) | (Some(_), 8 | 10) => {}
-        (None, bits) => return Err(JobError::setting("bits", bits, "out of range", "give 8 or 16")),
+        (None, 8 | 10 | 16) | (Some(_), 8 | 10) => {}
+        (None, bits) => return Err(JobError::setting("bits", bits, "out of range", "give 8, 10 or 16")),
         (Some(_), bits) => return Err(JobError::setting("bits", bits, "out of range", "give 8 or 10")),
     }
     let mut named = isp_by_name(&request.isp, context)?;
@@ -188,24 +188,33 @@ fn extension(request: &Request) -> &'static str {
     }
 }
 
-/// The page of all stages. A stage without a picture of its own counts to the next one that has one.
+/// The page of all stages. The numbers of a stage without a picture stand at the one that is its picture too.
 fn strip(raw: &Path, named: &NamedIsp, values: &[f64], steps: &[(String, RgbPicture)]) -> Strip {
-    let stage_of = |p: &IspParameter| p.name.split_once('.').map_or("", |(stage, _)| stage).to_owned();
+    let place = |stage: &str| steps.iter().position(|(name, _)| name == stage);
     let mut shown = vec![Vec::new(); steps.len()];
-    let mut next = steps.len().saturating_sub(1);
-    for (p, value) in named.parameters.iter().zip(values).rev() {
-        next = steps.iter().position(|(stage, _)| *stage == stage_of(p)).unwrap_or(next);
-        let parameter = StripParameter {
+    let mut shared = vec![Vec::new(); steps.len()];
+    for (p, value) in named.parameters.iter().zip(values) {
+        let stage = p.name.split_once('.').map_or("", |(stage, _)| stage);
+        let of_another = HardwareIsp::WITHOUT_PICTURE.iter().find(|(own, _)| *own == stage);
+        let of_another = of_another.and_then(|(_, picture)| place(picture));
+        if let Some(at) = of_another
+            && !shared[at].iter().any(|name| name == stage)
+        {
+            shared[at].push(stage.to_owned());
+        }
+        // An ISP of someone else's shows one picture for all of its stages.
+        let at = place(stage).or(of_another).unwrap_or(steps.len().saturating_sub(1));
+        shown[at].push(StripParameter {
             name: p.name.clone(),
             value: *value,
             unit: p.about.unit.to_owned(),
             is_default: *value == p.default_value(),
             sentence: p.about.sentence.clone(),
-        };
-        shown[next].insert(0, parameter);
+        });
     }
-    let step = |((stage, picture), parameters): (&(String, RgbPicture), Vec<StripParameter>)| StripStep {
+    let step = |(((stage, picture), parameters), shared): ((&(String, RgbPicture), _), _)| StripStep {
         stage: stage.clone(),
+        shared,
         height: picture.height,
         width: picture.width,
         encoded: picture.encoded(),
@@ -214,7 +223,7 @@ fn strip(raw: &Path, named: &NamedIsp, values: &[f64], steps: &[(String, RgbPict
     Strip {
         raw: raw.file_name().unwrap_or_default().to_string_lossy().into_owned(),
         isp: named.isp().name().to_owned(),
-        steps: steps.iter().zip(shown).map(step).collect(),
+        steps: steps.iter().zip(shown).zip(shared).map(step).collect(),
     }
 }
 

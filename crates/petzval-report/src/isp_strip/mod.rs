@@ -26,6 +26,8 @@ pub struct Strip {
 pub struct StripStep {
     /// Name of the stage.
     pub stage: String,
+    /// Stages behind it that change what the values stand for, light or its root, and not the picture.
+    pub shared: Vec<String>,
     /// Rows.
     pub height: usize,
     /// Columns.
@@ -60,14 +62,14 @@ const ZOOM: u32 = 3;
 
 /// The page of a strip.
 pub fn page(strip: &Strip) -> String {
-    let name = |i: usize, step: &StripStep| format!("{}. {}", i + 1, step.stage.replace('_', " "));
+    let name = |i: usize, step: &StripStep| format!("{}. {}", i + 1, words(&step.stage));
     let sections: Vec<Section> =
         strip.steps.iter().enumerate().map(|(i, step)| section(name(i, step), stage(step))).collect();
     let main = html! {
         (with_contents(&sections))
         (caption(html! {
             "Left the whole picture, at most " (WIDTH) " pixels wide; right the " (CROP) " × " (CROP) " pixels at its centre. "
-            "Mosaics are shown gray. Values other than the default are marked."
+            "A mosaic is shown with the means of neighbouring pixels for the colours that it lacks, and pictures before gamma by the curve of sRGB. Values other than the default are marked."
         }))
     };
     Page {
@@ -81,15 +83,22 @@ pub fn page(strip: &Strip) -> String {
     .html()
 }
 
+/// The name of a stage in words.
+fn words(stage: &str) -> String {
+    plain(&stage.replace('_', " "))
+}
+
 fn stage(step: &StripStep) -> Markup {
     let picture = rgb_picture(&step.encoded, step.height, step.width);
     let (whole, part) = (shrunk(&picture, WIDTH), centre(&picture));
     let alt = format!("after {}", plain(&step.stage));
     let rows = step.parameters.iter().map(|p| {
+        // Values between the knots of a preset have more digits than say anything.
+        let rounded = (p.value * 1e6).round() / 1e6;
         let value = if p.is_default {
-            html! { (p.value) }
+            html! { (rounded) }
         } else {
-            html! { strong { (p.value) } }
+            html! { strong { (rounded) } }
         };
         Row::new(
             html! { code { (plain(&p.name)) } },
@@ -106,6 +115,12 @@ fn stage(step: &StripStep) -> Markup {
         div.stage {
             img src=(png::address(&png::encode(&whole))) alt=(alt);
             img.pixels src=(png::address(&png::encode(&part))) alt=(format!("{alt}, centre"));
+        }
+        @for shared in &step.shared {
+            (caption(html! {
+                "It is also the picture after " (words(shared)) ", which only changes what the values stand for: "
+                "roots of light in place of light. The parameters of both are below."
+            }))
         }
         @if !step.parameters.is_empty() { (Table::new(columns).rows(rows).html()) }
     }
@@ -133,6 +148,7 @@ mod tests {
         };
         let step = |stage: &str, parameters| StripStep {
             stage: stage.into(),
+            shared: if stage == "gain" { vec!["square_root".to_owned()] } else { vec![] },
             height: 20,
             width: 1000,
             encoded: vec![0.5; 60_000],
@@ -151,6 +167,7 @@ mod tests {
         for words in [
             "1. black",
             "2. gain",
+            "also the picture after square root",
             "<th scope=\"row\"><code>gain.red</code></th>",
             "<strong>1.5</strong>",
             "A &lt;sentence&gt;.",

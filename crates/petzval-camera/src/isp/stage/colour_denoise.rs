@@ -89,10 +89,13 @@ pub fn fixed(luma: &LumaDenoise, chroma: &ChromaDenoise, rgb: [Grid<i16>; 3], si
                 |pixels, [r, g, b]| {
                     let near = eight(y, 1, pixels.start);
                     let [y, u, v] = [y, u, v].map(|plane| plane.block(0, 0, pixels.start));
-                    let sums = sums_over_eight(
-                        #[inline(always)]
-                        |k, c| limit.influence(near[k][c].saturating_sub(y[c])),
-                    );
+                    let sums = match strength {
+                        0 => [0; BLOCK],
+                        _ => sums_over_eight(
+                            #[inline(always)]
+                            |k, c| limit.influence(near[k][c].saturating_sub(y[c])),
+                        ),
+                    };
                     for c in 0..BLOCK {
                         let [y, u, v] = [y[c], u[c], v[c]].map(i32::from);
                         let change = shift_round(sums[c].into(), 4) * strength;

@@ -218,3 +218,44 @@ impl HostKernel for DemosaicKernel {
         vec![self.method.adjoint(inputs[0], &d_rgb, self.cfa, origin).expect(CHECKED)]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use burn::tensor::TensorData;
+
+    use super::*;
+
+    #[test]
+    fn false_colours_go_to_the_median_of_other_libraries() {
+        let reference: serde_json::Value =
+            serde_json::from_str(include_str!("../../../tests/fixtures/isp_reference.json")).unwrap();
+        let plane = |key: &str| -> Vec<Vec<f32>> { serde_json::from_value(reference[key].clone()).unwrap() };
+        let (given, wanted) = (plane("gray_noisy"), plane("median3_reflect"));
+        let (height, width) = (given.len(), given[0].len());
+        let device = Default::default();
+        // All of the way, where green is black: the median of red itself.
+        let theta = Theta::new(
+            Tensor::from_data(TensorData::from([1.0_f32]), &device),
+            vec!["false_colour.strength".to_owned()],
+        );
+        let red = Tensor::<4>::from_data(TensorData::new(given.concat(), [1, 1, height, width]), &device);
+        let [smooth, _, _] = FalseColour::smooth([red.clone(), red.zeros_like(), red.clone()], &theta);
+        let smooth: Vec<f32> = smooth.into_data().try_to_vec().unwrap();
+        let whole = |factor: f64| {
+            Grid::from_rows(height, width, |row, out: &mut [i16]| {
+                let roots = given[row].iter().map(|v| ROOT.of(factor * f64::from(*v)) as i16);
+                out.iter_mut().zip(roots).for_each(|(out, v)| *out = v);
+            })
+        };
+        let [fixed, _, _] = FalseColour { strength: 1.0 }.fixed([whole(1.0), whole(0.0), whole(1.0)]);
+        // At the outermost pixels the border rules differ.
+        for r in 1..height - 1 {
+            for c in 1..width - 1 {
+                let (found, wanted) = (smooth[r * width + c], wanted[r][c]);
+                assert!((found - wanted).abs() < 1e-6, "({r}, {c}): {found} {wanted}");
+                // A median commutes with rounding.
+                assert_eq!(i32::from(fixed.row(r)[c]), ROOT.of(wanted.into()), "({r}, {c})");
+            }
+        }
+    }
+}

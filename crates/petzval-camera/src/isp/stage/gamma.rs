@@ -32,16 +32,22 @@ fn toe_end(exponent: f64, toe: f64) -> f64 {
     0.5 * (low + high)
 }
 
+/// The curve at light x in 0..1, whose toe ends at `end` and whose offset is a.
+fn of_pieces(x: f64, exponent: f64, toe: f64, (end, a): (f64, f64)) -> f64 {
+    if x <= end { toe * x } else { (1.0 + a) * x.powf(1.0 / exponent) - a }
+}
+
 impl Gamma {
+    /// Where the toe ends, and the offset a, for which curve and slope are continuous.
+    fn pieces(&self) -> (f64, f64) {
+        let end = toe_end(self.exponent, self.toe);
+        (end, self.toe * end * (self.exponent - 1.0))
+    }
+
     /// The curve from light to encoded values; below 0 and above 1 it has the value of the end.
     pub fn curve(&self) -> impl Fn(f64) -> f64 {
-        let Self { exponent, toe } = *self;
-        let end = toe_end(exponent, toe);
-        let a = toe * end * (exponent - 1.0);
-        move |light: f64| {
-            let x = light.clamp(0.0, 1.0);
-            if x <= end { toe * x } else { (1.0 + a) * x.powf(1.0 / exponent) - a }
-        }
+        let (&Self { exponent, toe }, pieces) = (self, self.pieces());
+        move |light: f64| of_pieces(light.clamp(0.0, 1.0), exponent, toe, pieces)
     }
 
     /// The curve as a table from [`LINEAR`] to [`ENCODED`].
@@ -74,22 +80,40 @@ impl Gamma {
 mod tests {
     use super::*;
 
-    #[test]
-    fn it_is_the_curve_of_the_standards() {
+    const SRGB: Gamma = Gamma { exponent: 2.4, toe: 12.92 };
+    const BT709: Gamma = Gamma { exponent: 1.0 / 0.45, toe: 4.5 };
+
+    /// Light, and its encoded values by sRGB and by BT.709.
+    fn reference() -> [Vec<f64>; 3] {
         let reference: serde_json::Value =
             serde_json::from_str(include_str!("../../../tests/fixtures/isp_reference.json")).unwrap();
-        let list = |value: &serde_json::Value| -> Vec<f64> {
-            value.as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect()
-        };
-        let srgb = Gamma::default();
-        let (linear, encoded) = (list(&reference["srgb"]["linear"]), list(&reference["srgb"]["encoded"]));
-        for (x, wanted) in linear.iter().zip(&encoded) {
-            // The standard rounds its constants so that its two pieces meet within 4e-5 only.
-            assert!((srgb.curve()(*x) - wanted).abs() < 6e-4, "{x}: {} {wanted}", srgb.curve()(*x));
+        [&reference["srgb"]["linear"], &reference["srgb"]["encoded"], &reference["bt709_oetf"]]
+            .map(|value| serde_json::from_value(value.clone()).unwrap())
+    }
+
+    #[test]
+    fn with_the_rounded_constants_of_the_standards_it_is_their_curve() {
+        let [linear, srgb, bt709] = reference();
+        for (gamma, end, a, encoded) in [(SRGB, 0.003_130_8, 0.055, srgb), (BT709, 0.018, 0.099, bt709)] {
+            for (x, wanted) in linear.iter().zip(&encoded) {
+                let found = of_pieces(*x, gamma.exponent, gamma.toe, (end, a));
+                assert!((found - wanted).abs() < 1e-6, "{gamma:?} at {x}: {found} {wanted}");
+            }
         }
-        let bt709 = Gamma { exponent: 1.0 / 0.45, toe: 4.5 };
-        for (x, wanted) in linear.iter().zip(list(&reference["bt709_oetf"])) {
-            assert!((bt709.curve()(*x) - wanted).abs() < 6e-4, "{x}: {} {wanted}", bt709.curve()(*x));
+    }
+
+    #[test]
+    fn its_own_constants_leave_no_step_and_stay_near_the_standards() {
+        // ITU-R BT.2020 gives the constants of its 10-bit and 12-bit curves, those of BT.709 without the rounding.
+        let (end, a) = BT709.pieces();
+        assert!((end - 0.018_053_968_510_807).abs() < 1e-12 && (a - 0.099_296_826_809_44).abs() < 1e-12);
+        // The standards round end and offset, which leaves a step and a kink; most of the difference is the rounded offset, up to 1.1e-5 of
+        // sRGB and 3.0e-4 of BT.709, times what the power lacks to 1.
+        let [linear, srgb, bt709] = reference();
+        for (gamma, tolerance, encoded) in [(SRGB, 1.1e-5, srgb), (BT709, 3e-4, bt709)] {
+            let far = |(x, wanted): (&f64, &f64)| (gamma.curve()(*x) - wanted).abs();
+            let farthest = linear.iter().zip(&encoded).map(far).fold(0.0, f64::max);
+            assert!(farthest < tolerance && farthest > 0.5 * tolerance, "{gamma:?}: {farthest}");
         }
     }
 }

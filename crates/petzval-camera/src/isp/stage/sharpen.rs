@@ -41,12 +41,17 @@ fn blur(near: Around<'_, i16>, (down, right): (isize, isize), weights: &[i32]) -
     out
 }
 
+/// Weights of a Gaussian of standard deviation `sigma`, px, in the middle and at `N - 1` steps to either side, with the sum 1.
+fn gaussian<const N: usize>(sigma: f64) -> [f64; N] {
+    let at = |k: usize| (-0.5 * (k as f64 / sigma).powi(2)).exp();
+    let sum = at(0) + 2.0 * (1..N).map(at).sum::<f64>();
+    std::array::from_fn(|k| at(k) / sum)
+}
+
 impl Sharpen {
     /// Weights of the middle and of each step to the side, [`WEIGHT`]; they add up to exactly 1.
     fn weights(&self) -> [i32; REACH + 1] {
-        let at = |k: usize| (-0.5 * (k as f64 / self.sigma).powi(2)).exp();
-        let sum = at(0) + 2.0 * (1..=REACH).map(at).sum::<f64>();
-        let mut weights: [i32; REACH + 1] = std::array::from_fn(|k| WEIGHT.of(at(k) / sum));
+        let mut weights: [i32; REACH + 1] = gaussian(self.sigma).map(|v| WEIGHT.of(v));
         weights[0] += WEIGHT.one() - weights[0] - 2 * weights[1..].iter().sum::<i32>();
         weights
     }
@@ -135,27 +140,117 @@ mod tests {
 
     use super::*;
 
-    #[test]
-    fn it_is_an_unsharp_mask() {
-        let reference: serde_json::Value =
+    /// Rows of a gray picture.
+    type Plane = Vec<Vec<f64>>;
+
+    /// Which pixel stands for one outside the picture: its mirror image in the outermost pixel, or in the edge of it.
+    #[derive(Clone, Copy)]
+    enum Mirror {
+        Pixel,
+        Edge,
+    }
+
+    impl Mirror {
+        fn place(self, at: isize, len: usize) -> usize {
+            let (len, shift) = (len as isize, if matches!(self, Self::Edge) { 1 } else { 0 });
+            let inside = if at < 0 { -at - shift } else { at };
+            (if inside >= len { 2 * len - 2 + shift - inside } else { inside }) as usize
+        }
+    }
+
+    /// The blur along columns, then rows, in f64: `weights` of the middle and of the steps to either side.
+    fn blurred(plane: &Plane, weights: &[f64], mirror: Mirror) -> Plane {
+        let (height, width) = (plane.len(), plane[0].len());
+        let along = |len: usize, at: usize, of: &dyn Fn(usize) -> f64| -> f64 {
+            let side = |k: usize| {
+                let k = k as isize;
+                of(mirror.place(at as isize - k, len)) + of(mirror.place(at as isize + k, len))
+            };
+            weights[0] * of(at) + (1..weights.len()).map(|k| weights[k] * side(k)).sum::<f64>()
+        };
+        let down: Plane =
+            (0..height).map(|r| (0..width).map(|c| along(height, r, &|r| plane[r][c])).collect()).collect();
+        down.iter().map(|row| (0..width).map(|c| along(width, c, &|c| row[c])).collect()).collect()
+    }
+
+    /// The formula of the stage, of a gray picture in f64.
+    fn sharpened(set: &Sharpen, plane: &Plane, weights: &[f64], mirror: Mirror) -> Plane {
+        let of = |(v, blurred): (&f64, &f64)| {
+            let d = v - blurred;
+            let cored = d.signum() * (d.abs() - set.coring).max(0.0);
+            v + (set.amount * cored).clamp(-set.under, set.over)
+        };
+        let blur = blurred(plane, weights, mirror);
+        plane.iter().zip(&blur).map(|(row, blur)| row.iter().zip(blur).map(of).collect()).collect()
+    }
+
+    fn reference(key: &str) -> serde_json::Value {
+        let all: serde_json::Value =
             serde_json::from_str(include_str!("../../../tests/fixtures/isp_reference.json")).unwrap();
-        let plane =
-            |value: &serde_json::Value| -> Vec<Vec<f32>> { serde_json::from_value(value.clone()).unwrap() };
-        let (given, wanted) = (plane(&reference["gray_noisy"]), plane(&reference["unsharp_skimage"]["out"]));
+        all[key].clone()
+    }
+
+    fn plane(value: &serde_json::Value) -> Plane {
+        serde_json::from_value(value.clone()).unwrap()
+    }
+
+    fn farthest(a: &Plane, b: &Plane) -> f64 {
+        assert_eq!((a.len(), a[0].len()), (b.len(), b[0].len()));
+        a.concat().iter().zip(b.concat()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+    }
+
+    const UNSHARP: Sharpen = Sharpen { amount: 1.5, sigma: 1.0, coring: 0.0, over: 1.0, under: 1.0 };
+
+    #[test]
+    fn the_formula_is_the_gaussian_and_the_unsharp_mask_of_other_libraries() {
+        // They end the Gaussian at four standard deviations: 5 and 4 pixels.
+        let given = plane(&reference("gray_noisy"));
+        let blur = blurred(&given, &gaussian::<6>(1.2), Mirror::Edge);
+        let far = farthest(&blur, &plane(&reference("gaussian_s1.2_reflect")));
+        assert!(far < 1e-6, "{far}");
+        let mut sharp = sharpened(&UNSHARP, &given, &gaussian::<5>(1.0), Mirror::Edge);
+        sharp.iter_mut().flatten().for_each(|v| *v = v.clamp(0.0, 1.0));
+        let far = farthest(&sharp, &plane(&reference("unsharp_skimage")["out"]));
+        assert!(far < 1e-6, "{far}");
+    }
+
+    #[test]
+    fn the_stage_is_the_formula() {
+        let given = plane(&reference("gray_noisy"));
         let (height, width) = (given.len(), given[0].len());
         let device = Default::default();
-        let parameters = [("amount", 1.5), ("sigma", 1.0), ("coring", 0.0), ("over", 1.0), ("under", 1.0)];
-        let values = Tensor::from_data(TensorData::from(parameters.map(|(_, v)| v)), &device);
-        let theta = Theta::new(values, parameters.map(|(key, _)| format!("sharpen.{key}")).to_vec());
-        let gray = Tensor::<4>::from_data(TensorData::new(given.concat(), [1, 1, height, width]), &device);
-        let [found, _, _] = Sharpen::smooth([gray.clone(), gray.clone(), gray], &theta);
-        let found: Vec<f32> = found.into_data().try_to_vec().unwrap();
-        // Its Gaussian ends four pixels away, where ours has 1.5e-6 of its weight left.
-        for r in 4..height - 4 {
-            for c in 4..width - 4 {
-                let (found, wanted) = (found[r * width + c].clamp(0.0, 1.0), wanted[r][c]);
-                assert!((found - wanted).abs() < 1e-5, "({r}, {c}): {found} {wanted}");
-            }
+        let values: Vec<f32> = given.concat().into_iter().map(|v| v as f32).collect();
+        let gray = Tensor::<4>::from_data(TensorData::new(values, [1, 1, height, width]), &device);
+        let cut = Sharpen { coring: 0.01, over: 0.05, under: 0.03, sigma: 1.7, ..UNSHARP };
+        for set in [UNSHARP, cut] {
+            let parameters = [
+                ("amount", set.amount),
+                ("sigma", set.sigma),
+                ("coring", set.coring),
+                ("over", set.over),
+                ("under", set.under),
+            ];
+            let numbers = Tensor::from_data(TensorData::from(parameters.map(|(_, v)| v as f32)), &device);
+            let theta = Theta::new(numbers, parameters.map(|(key, _)| format!("sharpen.{key}")).to_vec());
+            let [smooth, _, _] = Sharpen::smooth([gray.clone(), gray.clone(), gray.clone()], &theta);
+            let smooth: Vec<f32> = smooth.into_data().try_to_vec().unwrap();
+            let smooth: Plane =
+                smooth.chunks(width).map(|row| row.iter().map(|v| f64::from(*v)).collect()).collect();
+            let wanted = sharpened(&set, &given, &gaussian::<{ REACH + 1 }>(set.sigma), Mirror::Pixel);
+            let far = farthest(&smooth, &wanted);
+            assert!(far < 1e-6, "{far}");
+            let whole = || {
+                Grid::from_rows(height, width, |row, out| {
+                    out.iter_mut().zip(&given[row]).for_each(|(out, v)| *out = ENCODED.of(*v) as i16);
+                })
+            };
+            let [fixed, _, _] = set.fixed([whole(), whole(), whole()]);
+            let fixed: Plane = (0..height)
+                .map(|row| fixed.row(row).iter().map(|v| ENCODED.value((*v).into())).collect())
+                .collect();
+            // Weights have 12 bits, and each of the two blurs is rounded to 14.
+            let far = farthest(&fixed, &wanted);
+            assert!(far < 1e-3, "{far}");
         }
     }
 }

@@ -8,7 +8,7 @@
 use burn::prelude::*;
 
 use crate::isp::NoiseProfile;
-use crate::isp::fixed::{LINEAR, OctaveTable, ROOT, scaled, shift_round};
+use crate::isp::fixed::{Grid, LINEAR, OctaveTable, ROOT, by_blocks, scaled, shift_round};
 use crate::isp::tape_grid::Theta;
 
 petzval_base::parameters! {
@@ -21,6 +21,9 @@ petzval_base::parameters! {
 
 /// Least offset, so that the root has a slope that fixed-point numbers can hold.
 const LEAST_OFFSET: f64 = 1.0 / 8192.0;
+
+/// Greatest offset, the brightest light: of frames with so much noise nothing can be seen.
+const MOST_OFFSET: f64 = LINEAR.max as f64 / LINEAR.one() as f64;
 
 /// The transform of light with a digital gain.
 pub struct Stable {
@@ -45,7 +48,7 @@ impl Stabilise {
     /// The transform of light of a noise profile after a gain.
     pub fn stable(&self, noise: &NoiseProfile, gain: f64) -> Stable {
         let shot = (noise.shot * gain).max(1e-9);
-        let offset = (noise.read * gain * gain / shot + 0.375 * shot).max(LEAST_OFFSET);
+        let offset = (noise.read * gain * gain / shot + 0.375 * shot).clamp(LEAST_OFFSET, MOST_OFFSET);
         let one = f64::from(LINEAR.one());
         let whole_offset = LINEAR.of(offset);
         // The root of c / 4 has the slope 1 / sqrt(c).
@@ -94,6 +97,25 @@ impl Stable {
     }
 }
 
+/// The roots of the light of a mosaic, each by `root`.
+pub fn rooted(light: &Grid<i32>, root: impl Fn(i32) -> i32 + Sync) -> Grid<i16> {
+    Grid::from_rows(
+        light.height,
+        light.width,
+        #[inline(always)]
+        |row, out| {
+            let light = light.row(row);
+            by_blocks(
+                [out],
+                #[inline(always)]
+                |pixels, [block]| {
+                    block.iter_mut().zip(&light[pixels]).for_each(|(out, v)| *out = root(*v));
+                },
+            );
+        },
+    )
+}
+
 /// The transform on the tape: offset and standard deviation depend on the gain.
 pub struct SmoothStable {
     pub offset: Tensor<4>,
@@ -106,7 +128,7 @@ impl SmoothStable {
         let shot = (gain.clone() * noise.shot).clamp_min(1e-9);
         let offset = gain.clone() * gain * noise.read / shot.clone() + shot.clone() * 0.375;
         let sigma = shot.clone().sqrt() * theta.number("stabilise.noise_scale") * 0.5;
-        Self { offset: offset.clamp_min(LEAST_OFFSET), sigma, shot }
+        Self { offset: offset.clamp(LEAST_OFFSET, MOST_OFFSET), sigma, shot }
     }
 
     pub fn root(&self, light: Tensor<4>) -> Tensor<4> {

@@ -159,7 +159,8 @@ impl ToneMap {
         self.strength * (self.dark - (1.0 + (lift - 1.0) * (power * base).exp2()).log2())
     }
 
-    /// Gaussian weights between the cells of an axis, 16 bits: for each cell those of the cells about it that have any.
+    /// Gaussian weights between the cells of an axis, 16 bits: for each cell those of the cells about it that have any. They add up to
+    /// exactly 1, so that a mean lies between the values and fits their format.
     fn weights(&self, nodes: usize) -> Vec<Weights> {
         let sigma = self.reach / CELL as f64;
         let weight = |a: usize, b: usize| (-0.5 * (a.abs_diff(b) as f64 / sigma).powi(2)).exp();
@@ -167,7 +168,9 @@ impl ToneMap {
             let sum: f64 = (0..nodes).map(|from| weight(to, from)).sum();
             let of = |from: usize| (weight(to, from) / sum * 65536.0).round() as i64;
             let first = (0..nodes).position(|from| of(from) > 0).unwrap_or(to);
-            Weights { first, of: (first..nodes).map(of).take_while(|weight| *weight > 0).collect() }
+            let mut all: Vec<i64> = (first..nodes).map(of).take_while(|weight| *weight > 0).collect();
+            all[to - first] += 65536 - all.iter().sum::<i64>();
+            Weights { first, of: all }
         };
         (0..nodes).map(line).collect()
     }

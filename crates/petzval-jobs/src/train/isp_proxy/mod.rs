@@ -219,6 +219,7 @@ fn strip(
 ) -> Result<Strip, JobError> {
     let step = |who: &str, i: usize, picture: &RgbPicture| StripStep {
         stage: format!("{who}, frame {}", i + 1),
+        shared: Vec::new(),
         height: picture.height,
         width: picture.width,
         encoded: picture.encoded(),

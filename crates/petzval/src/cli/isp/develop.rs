@@ -40,7 +40,10 @@ pub struct Args {
     /// Merge without looking for motion
     #[arg(long, requires = "merge")]
     no_motion_check: bool,
-    /// Bits of the pictures: 8 or 16, of y4m and yuv 8 or 10
+    /// Bits of the pictures: 8, 10 or 16, of y4m and yuv 8 or 10
+    ///
+    /// PNG has no samples of 10 bits: they are scaled to 16, and the chunk sBIT says that 10 count. The code is the sample shifted right
+    /// by 6 bits.
     #[arg(long, default_value_t = 8)]
     bits: u32,
     #[command(flatten)]
