@@ -550,3 +550,38 @@ fn assert_weights_are_readable(camera: &Path) {
     }
     assert_eq!(read, data.len());
 }
+
+/// The ten-line ISP of the manual, a command outside this program, in a camera that is designed: its parameters move, its pictures are scored, and
+/// the run can be scored again. A description whose command fails loses nothing.
+#[test]
+#[cfg(unix)]
+fn a_command_outside_this_program_is_the_isp_of_a_design() {
+    let folder = tempfile::tempdir().unwrap();
+    let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../book/src/examples");
+    std::fs::create_dir(folder.path().join("lab")).unwrap();
+    for name in ["external-isp.sh", "external-isp.toml"] {
+        std::fs::copy(examples.join(name), folder.path().join("lab").join(name)).unwrap();
+    }
+    let mut table: toml::Table = tiny_experiment().parse().unwrap();
+    let isp: toml::Table =
+        "preset = \"lab/external-isp.toml\"\nvary = [\"tone\"]\nsteps = 2".parse().unwrap();
+    table.insert("isp".to_owned(), isp.into());
+    let variants: toml::Table = "[[variant]]\nname = \"tuned\"\n[[variant.stage]]\nmoves = [\"isp\"]\n\
+                                 schedule.isp.method = \"evolution\"\n"
+        .parse()
+        .unwrap();
+    table.extend(variants);
+    std::fs::write(folder.path().join("lab.toml"), toml::to_string(&table).unwrap()).unwrap();
+    run_ok(folder.path(), &["design", "lab.toml", "--out", "run"]);
+    let run = folder.path().join("run");
+    let row = &read_json(&run.join("metrics.json"))["rows"][0];
+    assert!(row["camera"] == "tuned" && row["psnr_db"].as_f64().unwrap() > 5.0, "{row}");
+    let places = read_json(&run.join("cameras/tuned/blocks/isp/places.json"));
+    assert_eq!(places.as_array().unwrap().len(), 2);
+    run_ok(folder.path(), &["evaluate", "run"]);
+
+    std::fs::write(folder.path().join("lab/external-isp.sh"), "echo no lamp >&2; exit 3\n").unwrap();
+    let needles = ["Ten-line ISP", "no lamp"];
+    run_fails(folder.path(), &["design", "lab.toml", "--out", "broken"], 1, &needles);
+    assert!(!folder.path().join("broken/metrics.json").exists());
+}
