@@ -9,6 +9,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
+use petzval_camera::isp::IspError;
 use petzval_camera::sensor::Noise;
 use petzval_camera::tape::Frames;
 use petzval_files::{LensFile, write_lens};
@@ -302,6 +303,11 @@ impl DesignLoop {
                 }
                 (None, None) => self.finish_variant(variant, observer),
             };
+            if let (Err(DesignError::Isp(IspError::Stopped(_))), true) = (&step, stop.load(Ordering::Relaxed))
+            {
+                // An external ISP was stopped in the middle of the step, which is lost: the run goes on from its last checkpoint.
+                return Ok(Ending::Stopped(latest_checkpoint(&self.run)?.map_or(0, |(step, _)| step)));
+            }
             let Step { block, losses, lowered, learning_rate } = step.map_err(|error| match error {
                 // The lens had light when it started: it is the job that went astray, not the input.
                 DesignError::NoLight { field_deg } => DesignError::LostLight {
@@ -401,7 +407,9 @@ impl DesignLoop {
         // The block that counts the steps of the stage is the last.
         let is_clock = moves.keys().next_back() == Some(&block);
         let validation = &self.setup.experiment.validation;
-        if is_clock && validation.is_due(taken + 1, moves[&block].steps) {
+        // While a network learns to imitate the ISP nothing improves, which would be taken for the end of a stage.
+        let rests = self.blocks.isp.is_warming_up();
+        if is_clock && !rests && validation.is_due(taken + 1, moves[&block].steps) {
             step.losses.insert(VALIDATION.to_owned(), self.validate(variant, moves)?);
         }
         Ok(step)

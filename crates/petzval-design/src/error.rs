@@ -246,7 +246,7 @@ impl DesignError {
     }
 
     /// Input that is well-formed and does not fit the rest.
-    pub(crate) fn misfit(path: &Path, message: &dyn std::fmt::Display, hint: &str) -> Self {
+    pub fn misfit(path: &Path, message: &dyn std::fmt::Display, hint: &str) -> Self {
         Self::input(path)(FileError {
             line: None,
             column: None,

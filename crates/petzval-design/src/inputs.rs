@@ -24,9 +24,9 @@ pub fn fingerprint(setup: &Setup) -> Result<String, DesignError> {
     if let Some(chip) = &setup.body.chip {
         match chip.settings() {
             Some(settings) => hash.update(DesignError::json("the ISP", settings)?),
-            // Of an ISP outside this program only its name, parameters and values are known.
+            // Of an ISP outside this program the description is known, with its command and version, and its values.
             None => {
-                hash.update(chip.isp().name());
+                hash.update(chip.description());
                 for (parameter, value) in chip.parameters().iter().zip(chip.values()) {
                     hash.update(format!(
                         "{} {} {} {value}",

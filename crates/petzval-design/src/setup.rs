@@ -431,7 +431,11 @@ fn check_without_gradient(
 ) -> Result<(), DesignError> {
     let mut learnt = 0;
     for (number, stage) in variant.stages.iter().enumerate() {
-        let Stage::Task(moves) = stage else { continue };
+        let Stage::Task(moves) = stage else {
+            // A stage that does not move the ISP forgets the network.
+            learnt = 0;
+            continue;
+        };
         let refuse = |what: &str, hint: &str| {
             let message =
                 format!("has no gradient, and stage {} of variant `{}` {what}", number + 1, variant.name);

@@ -343,7 +343,7 @@ fn foreign_setup(folder: &Path, isp: &str, variant: &str) -> Result<Setup, Desig
         .unwrap()
         .with_external_isps(Arc::new(|_| {
             let defaults = Foreign.defaults();
-            Ok(Chip::external(Arc::new(Foreign), defaults))
+            Ok(Chip::external(Arc::new(Foreign), defaults, "version 1".to_owned()))
         }));
     let text = format!(
         "[psf]\nfields = 5\npupil_cells = 32\nscoring_pupil_cells = 32\nscoring_pupil_error = 2.0\n\

@@ -62,16 +62,17 @@ impl Context {
     /// A context whose library reports its warnings to the same watcher as its jobs.
     pub fn new(assets: Assets, watcher: Arc<dyn Watcher>) -> Self {
         let sink = watcher.clone();
-        let assets = assets
-            .reporting_warnings(Arc::new(move |text: &str| sink.warning(text)))
-            .with_external_isps(Arc::new(external_chip));
-        let cancelled = Arc::new(AtomicBool::new(false));
-        Self { assets, watcher, cancelled, command: String::new(), overwrites: false }
+        let assets = assets.reporting_warnings(Arc::new(move |text: &str| sink.warning(text)));
+        let cancelled = Arc::default();
+        let context = Self { assets, watcher, cancelled, command: String::new(), overwrites: false };
+        context.with_cancellation(Arc::new(AtomicBool::new(false)))
     }
 
     /// The same context with a flag that stops its jobs once it is set.
     pub fn with_cancellation(self, cancelled: Arc<AtomicBool>) -> Self {
-        Self { cancelled, ..self }
+        let flag = cancelled.clone();
+        let assets = self.assets.with_external_isps(Arc::new(move |path| external_chip(path, &flag)));
+        Self { assets, cancelled, ..self }
     }
 
     /// The same context with the command line that its jobs keep beside their results.

@@ -136,6 +136,11 @@ impl IspBlock {
         }
     }
 
+    /// Whether a network that imitates the ISP learns, and the parameters rest until it has learnt enough.
+    pub fn is_warming_up(&self) -> bool {
+        self.imitation.as_ref().is_some_and(Imitation::is_warming_up)
+    }
+
     /// The network that imitates the ISP, once it has learnt enough.
     fn ready_imitation(&self) -> Option<&Imitation> {
         self.imitation.as_ref().filter(|imitation| !imitation.is_warming_up())

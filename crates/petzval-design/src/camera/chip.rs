@@ -25,6 +25,8 @@ pub struct Chip {
     values: Vec<f64>,
     /// The same in floating point, which only ours has.
     smooth: Option<Box<SmoothIsp>>,
+    /// What describes one that is not ours.
+    description: String,
 }
 
 impl Chip {
@@ -32,12 +34,17 @@ impl Chip {
     pub fn built_in(settings: IspSettings) -> Self {
         let values = settings.values();
         let smooth = Some(Box::new(SmoothIsp { settings: settings.clone() }));
-        Self { isp: Arc::new(HardwareIsp { settings }), values, smooth }
+        Self { isp: Arc::new(HardwareIsp { settings }), values, smooth, description: String::new() }
     }
 
-    /// An ISP of which nothing is known but what it makes of raw frames.
-    pub fn external(isp: Arc<dyn Isp>, values: Vec<f64>) -> Self {
-        Self { isp, values, smooth: None }
+    /// An ISP of which nothing is known but what it makes of raw frames. A run goes on only as long as its description, any text, stays.
+    pub fn external(isp: Arc<dyn Isp>, values: Vec<f64>, description: String) -> Self {
+        Self { isp, values, smooth: None, description }
+    }
+
+    /// The text that describes one that is not ours.
+    pub fn description(&self) -> &str {
+        &self.description
     }
 
     /// The ISP as a black box.

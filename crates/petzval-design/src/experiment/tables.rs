@@ -261,8 +261,9 @@ parameters! {
         proximal: f64 = 0.0, "", 0..1e6, Log, "0 leaves the proximal term out";
         /// Decay of Adam's mean of squared gradients, beta 2: a mean over `1 / (1 - beta2)` steps.
         beta2: f64 = 0.99, "", 0.5..0.9999, Linear, "0.99 for hundreds of steps, 0.999 for many thousands";
-        /// Training photographs are darkened at random, by up to this, and their red and blue changed by up to a quarter of it: other exposures
-        /// and other colours than the few photographs have. 0 leaves them as they are.
+        /// Training photographs are exposed at random, from this much less to as they are, and their red and blue changed by up to a quarter of it
+        /// against green; then all colours are darkened until none is brighter than the exposure. So there are other exposures and colours
+        /// than the few photographs have. 0 leaves them as they are.
         relight_ev: f64 = 1.0, "EV", 0..4, Linear, "1 EV is half of the light";
         /// Share of the windows that are generated pictures of dead leaves in place of photographs.
         dead_leaves: f64 = 0.5, "", 0..1, Linear, "0.5 for every other window";

@@ -242,6 +242,16 @@ fn check_origin(
             format!("the lens of `{name}` does not move for the task, so nothing would use the network");
         return Err(("optics_proxy", message, "leave it out, or add \"optics\" to a stage".to_owned()));
     }
+    let by_curvature = |s: &StageConfig| {
+        s.schedule.get(&BlockName::Optics).is_some_and(|s| s.method == Some(StepMethod::Levenberg))
+    };
+    if variant.optics_proxy.is_some() && variant.stage.iter().any(by_curvature) {
+        let message = format!(
+            "the lens of `{name}` steps by curvature, for which the network in place of tracing has no rays"
+        );
+        let hint = "leave schedule.optics.method = \"levenberg\" and its learning rate out of its stages";
+        return Err(("optics_proxy", message, hint.to_owned()));
+    }
     if variant.field == FieldOfView::Free && !variant.stage.iter().any(moves_for_task) {
         let message =
             format!("the lens of `{name}` does not move for the task, so its field of view is held");

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 use petzval_camera::isp::{
     HardwareIsp, Isp, IspError, IspParameter, IspPreset, IspSettings, RawInput, RgbPicture, check_values,
@@ -78,18 +79,18 @@ pub fn isp_by_name(name: &str, context: &Context) -> Result<NamedIsp, JobError> 
     Ok(named)
 }
 
-/// The external ISP of a description, or of settings for one, in a camera that is designed. A signal does not stop its calls: a design ends
-/// the step in work before it stops.
-pub(crate) fn external_chip(path: &Path) -> Result<Chip, DesignError> {
-    let wrong = |e: JobError| DesignError::Device(e.to_string());
-    let context = Context::new(Assets::default(), Arc::new(Silent));
-    let named = isp_by_name(&path.display().to_string(), &context).map_err(wrong)?;
-    match named.kind {
-        Kind::External { isp, values, .. } => Ok(Chip::external(Arc::from(isp as Box<dyn Isp>), values)),
-        Kind::BuiltIn { .. } | Kind::Proxy { .. } => {
-            Err(DesignError::Device(format!("{}: describes no external ISP", path.display())))
-        }
-    }
+/// The external ISP of a description, or of settings for one, in a camera that is designed. The flag stops its calls.
+pub(crate) fn external_chip(path: &Path, cancelled: &Arc<AtomicBool>) -> Result<Chip, DesignError> {
+    let context = Context::new(Assets::default(), Arc::new(Silent)).with_cancellation(cancelled.clone());
+    let named = isp_by_name(&path.display().to_string(), &context).map_err(|error| match error {
+        JobError::File { path, error } => DesignError::Input { path, error },
+        other => DesignError::misfit(path, &other, "`petzval isp show` reads the same file"),
+    })?;
+    let Kind::External { isp, values, description } = named.kind else {
+        return Err(DesignError::misfit(path, &"describes no external ISP", "give its description"));
+    };
+    let text = petzval_base::read_text(&description).map_err(DesignError::io(&description))?;
+    Ok(Chip::external(Arc::from(isp as Box<dyn Isp>), values, text))
 }
 
 impl NamedIsp {

@@ -9,6 +9,7 @@ use serde_json::json;
 use super::failure::Failure;
 use super::psf::Kind;
 use super::score_table;
+use super::signals;
 use super::terminal::{Terminal, print_json};
 
 /// Score the cameras of a finished run again: lenses by exact tracing, pictures on the held-out photographs.
@@ -62,7 +63,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let request =
         evaluate::Request { run: args.run, device: args.device, psf: args.psf.map(Into::into), made };
     let evaluate::Response { metrics, largest_difference_from_run: largest, made } =
-        evaluate::run(&request, &terminal.context())?;
+        evaluate::run(&request, &terminal.context().with_cancellation(signals::end_on_signal()?))?;
     if args.json {
         let mut all = json!({ "metrics": metrics, "largest_difference_from_run": largest });
         if let Some(made) = made {

@@ -1,7 +1,7 @@
 //! Ctrl-C and SIGTERM stop a job.
 //!
 //! Jobs that can be continued end after the current step; a second signal stops them at once. All others end at once, except that an
-//! external ISP is stopped first, with its processes and its folder.
+//! external ISP is stopped first, with its processes and its folder; a design stops it in the middle of a step.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
