@@ -31,7 +31,7 @@ fn setup_of(preset: &str, more: &str) -> Result<Setup, DesignError> {
     let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
     let text = format!(
         "[psf]\nfields = 5\npupil_cells = 32\nscoring_pupil_cells = 32\nscoring_pupil_error = 2.0\n\
-         [training]\ncrop = 64\nbatch = 3\n[isp]\npreset = \"{preset}\"\n{more}\
+         [training]\ncrop = 64\nbatch = 3\nrelight_ev = 0.0\n[isp]\npreset = \"{preset}\"\n{more}\
          [[variant]]\nname = \"nominal\"\n[[variant.stage]]\nmoves = [\"optics\", \"isp\"]\n"
     );
     Setup::new(Experiment::parse(&text).unwrap(), &assets, Device::flex().autodiff())
@@ -338,7 +338,8 @@ impl Isp for Foreign {
 /// A variant that moves the ISP, and then the lens with it, and the description that the experiment names.
 fn foreign_setup(folder: &Path, isp: &str, variant: &str) -> Result<Setup, DesignError> {
     let description = folder.join("lab.toml");
-    std::fs::write(&description, "name = \"a\"\ncommand = [\"true\"]\n").unwrap();
+    let text = "name = \"a\"\ncommand = [\"true\"]\n[[parameter]]\nname = \"tone.gain\"\nmin = 0\nmax = 1\ndefault = 1\n";
+    std::fs::write(&description, text).unwrap();
     let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data"))
         .unwrap()
         .with_external_isps(Arc::new(|_| {

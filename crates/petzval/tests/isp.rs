@@ -373,7 +373,7 @@ fn what_cannot_be_developed_or_tuned_is_named_and_nothing_is_written() {
         (develop(&["--preset", "nowhere"]), ["nowhere", "neither a file nor"]),
         (develop(&["--isp", "bad.toml"]), ["bad.toml:2:7", "must lie between"]),
         (develop(&["--isp", "lab.toml"]), ["lab.toml:3", "the key `sentence` is missing"]),
-        (develop(&["--bits", "9"]), ["--bits 9", "8 or 16"]),
+        (develop(&["--bits", "9"]), ["--bits 9", "8, 10 or 16"]),
         (develop(&["--white-dn", "50"]), ["--white-dn 50", "black level of 119 DN"]),
         (develop(&["raws/left.tiff.toml"]), ["left.tiff.toml", "gray TIFF or PNG"]),
         (develop(&["--sensor", "imx999"]), ["imx999", "neither a file nor"]),
