@@ -79,7 +79,7 @@ enum Subject {
     /// A photograph that covers the sensor.
     Photo(LinearImage),
     /// A frame that a sensor took.
-    Raw(RawFrame),
+    Raw(Box<RawFrame>),
 }
 
 /// Takes the photographs and develops the raw frames. The folder `out` gets `NAME-CAMERA.png` for each, and `NAME-scene.png` of each
@@ -208,7 +208,7 @@ fn subject(path: &Path, place: Place, setup: &Setup) -> Result<Subject, JobError
         Some(black) => {
             wrong(format!("black level {black} DN, the sensor {} has {}", sensor.name, sensor.black_level_dn))
         }
-        None => Ok(Subject::Raw(frame)),
+        None => Ok(Subject::Raw(Box::new(frame))),
     }
 }
 
