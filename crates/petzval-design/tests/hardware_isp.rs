@@ -315,7 +315,9 @@ impl Isp for Foreign {
 
     fn parameters(&self) -> Vec<IspParameter> {
         let parameter = |name: &str, min, max, default| {
-            let text = format!("name = \"{name}\"\nmin = {min:?}\nmax = {max:?}\ndefault = {default:?}\n");
+            let text = format!(
+                "name = \"{name}\"\nmin = {min:?}\nmax = {max:?}\ndefault = {default:?}\nsentence = \"\"\n"
+            );
             let text = format!("name = \"foreign\"\ncommand = [\"true\"]\n[[parameter]]\n{text}");
             parse_external_isp(&text).unwrap().parameters.remove(0)
         };
@@ -338,7 +340,7 @@ impl Isp for Foreign {
 /// A variant that moves the ISP, and then the lens with it, and the description that the experiment names.
 fn foreign_setup(folder: &Path, isp: &str, variant: &str) -> Result<Setup, DesignError> {
     let description = folder.join("lab.toml");
-    let text = "name = \"a\"\ncommand = [\"true\"]\n[[parameter]]\nname = \"tone.gain\"\nmin = 0\nmax = 1\ndefault = 1\n";
+    let text = "name = \"a\"\ncommand = [\"true\"]\n[[parameter]]\nname = \"tone.gain\"\nmin = 0\nmax = 1\ndefault = 1\nsentence = \"\"\n";
     std::fs::write(&description, text).unwrap();
     let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data"))
         .unwrap()

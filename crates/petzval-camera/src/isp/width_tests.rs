@@ -36,8 +36,11 @@ const PATTERNS: [(&str, Pattern); 9] = [
     ("a dark pixel", |row, col| (row, col) != (9, 130)),
 ];
 
+/// Which extreme red, green and blue take at a place that is marked or not.
+type Colouring = [fn(bool) -> bool; 3];
+
 /// Of a pattern, what the three colours of a picture hold.
-const COLOURINGS: [(&str, [fn(bool) -> bool; 3]); 5] = [
+const COLOURINGS: [(&str, Colouring); 5] = [
     ("gray", [|v| v, |v| v, |v| v]),
     ("green against red and blue", [|v| v, |v| !v, |v| v]),
     ("red alone", [|v| v, |_| false, |_| false]),

@@ -127,6 +127,9 @@ impl OpticsBlock {
 
     /// [`OpticsBlock::gradient`] by the numbers of the lens; or, where a network takes the place of tracing, by the free coordinates.
     fn by_lens(&self, batch: &Batch) -> Result<(BTreeMap<String, f64>, ByLens), DesignError> {
+        if !batch.camera.has_gradient() {
+            return Err(DesignError::NoGradient("an ISP that nothing imitates yet"));
+        }
         let (frames, psfs) = batch.camera.take_tracking_psfs(batch.shots, &batch.noise)?;
         let loss = (batch.loss)(batch.camera, &frames, batch.shots)?;
         let mut losses = named(&loss);

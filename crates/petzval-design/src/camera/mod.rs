@@ -240,6 +240,11 @@ impl Camera {
         Self { chip: Some(values), ..self.clone() }
     }
 
+    /// Whether finished pictures have a gradient by the PSFs: behind a hardware ISP that runs as the chip does they have none.
+    pub fn has_gradient(&self) -> bool {
+        !matches!(self.chip, Some(ChipValues::Exact(_)))
+    }
+
     /// Sensor, exposure and device.
     pub fn body(&self) -> &Body {
         &self.body
