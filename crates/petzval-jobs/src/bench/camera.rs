@@ -18,7 +18,6 @@ use petzval_optics::pupil::Quadrature;
 
 use super::workload::{Prepared, Workload};
 use crate::built_in::built_in_assets;
-use crate::context::{Context, Silent};
 use crate::error::JobError;
 use crate::isp::isp_by_name;
 
@@ -90,7 +89,7 @@ fn chip(preset: &str) -> Result<Prepared, JobError> {
     frame.about.shading = Some(Mesh { rows: 33, cols: 33, planes: vec![dimming; 3] });
     let planes = vec![mesh(|y, x| 4.0 * y * (y * y + x * x)), mesh(|y, x| 6.0 * x * (y * y + x * x))];
     frame.about.warp = Some(Mesh { rows: 33, cols: 33, planes });
-    let isp = isp_by_name(preset, &Context::new(built_in_assets(), Arc::new(Silent)))?;
+    let isp = isp_by_name(preset, &built_in_assets(), &Arc::default())?;
     let values = isp.values(frame.about.gain_ev)?;
     let stages = isp.stage_times(&frame, &values)?;
     let stages: Vec<String> = stages.iter().map(|(stage, s)| format!("{stage} {:.1}", 1e3 * s)).collect();

@@ -82,7 +82,7 @@ pub struct Response {
 /// Takes, develops and measures the chart. The folder `out` gets `chart.json` (the response), `chart.png` and `chart.html`.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     check_folder(&request.out, ["chart.png", "chart.html", "chart.json"], context)?;
-    let mut isp = isp_by_name(&request.isp, context)?;
+    let mut isp = isp_by_name(&request.isp, &context.assets, context.cancellation())?;
     isp.set(&request.set)?;
     isp.set_bits(BITS);
     let sensor = context.assets.sensor(&request.camera.sensor)?;

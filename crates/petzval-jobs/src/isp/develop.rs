@@ -105,7 +105,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         (None, bits) => return Err(JobError::setting("bits", bits, "out of range", "give 8, 10 or 16")),
         (Some(_), bits) => return Err(JobError::setting("bits", bits, "out of range", "give 8 or 10")),
     }
-    let mut named = isp_by_name(&request.isp, context)?;
+    let mut named = isp_by_name(&request.isp, &context.assets, context.cancellation())?;
     named.set(&request.set)?;
     named.set_bits(if request.ycbcr.is_some() { BITS_OF_YCBCR } else { request.bits });
     let shots = shots(request)?;

@@ -18,7 +18,6 @@ use petzval_learn::network::IspProxyConfig;
 use petzval_learn::proxy_isp::{FRAME_NUMBERS, ProxyIsp};
 
 use super::external::ExternalIsp;
-use crate::context::{Context, Silent};
 use crate::error::JobError;
 
 /// Name of the settings in which every parameter of the built-in ISP has its default.
@@ -46,16 +45,16 @@ enum Kind {
 }
 
 /// The ISP of a name: [`NEUTRAL`], a preset of `data/isp/`, or the path of a preset, of settings, or of the description of an external
-/// ISP or of a proxy. An external ISP stops when the context's jobs are cancelled.
-pub fn isp_by_name(name: &str, context: &Context) -> Result<NamedIsp, JobError> {
+/// ISP or of a proxy. The flag stops the calls of an external ISP.
+pub fn isp_by_name(name: &str, assets: &Assets, cancelled: &Arc<AtomicBool>) -> Result<NamedIsp, JobError> {
     if name == NEUTRAL && !Path::new(name).is_file() {
         return Ok(NamedIsp::built_in(IspPreset::default()));
     }
-    let source = context.assets.text("ISP", "isp", name)?;
+    let source = assets.text("ISP", "isp", name)?;
     let settings = match parse_isp_file(&source.text).map_err(DesignError::input(&source.path))? {
         IspFile::Preset(preset) => return Ok(NamedIsp::built_in(*preset)),
-        IspFile::External(about) => return NamedIsp::external(about, &source.path, context),
-        IspFile::Proxy(about) => return NamedIsp::proxy(&about, &source.path, context),
+        IspFile::External(about) => return NamedIsp::external(about, &source.path, cancelled),
+        IspFile::Proxy(about) => return NamedIsp::proxy(&about, &source.path, assets, cancelled),
         IspFile::Settings(settings) => settings,
     };
     // A relative path begins at the file that names it.
@@ -72,7 +71,7 @@ pub fn isp_by_name(name: &str, context: &Context) -> Result<NamedIsp, JobError> 
     let IspFile::External(about) = parse_isp_file(&text).map_err(DesignError::input(&path))? else {
         return Err(wrong("no description, which has the key `command`".to_owned()));
     };
-    let mut named = NamedIsp::external(about, &path, context)?;
+    let mut named = NamedIsp::external(about, &path, cancelled)?;
     if let Kind::External { values, .. } = &mut named.kind {
         *values = settings.values(&named.parameters).map_err(DesignError::input(&source.path))?;
     }
@@ -81,11 +80,13 @@ pub fn isp_by_name(name: &str, context: &Context) -> Result<NamedIsp, JobError> 
 
 /// The external ISP of a description, or of settings for one, in a camera that is designed. The flag stops its calls.
 pub(crate) fn external_chip(path: &Path, cancelled: &Arc<AtomicBool>) -> Result<Chip, DesignError> {
-    let context = Context::new(Assets::default(), Arc::new(Silent)).with_cancellation(cancelled.clone());
-    let named = isp_by_name(&path.display().to_string(), &context).map_err(|error| match error {
-        JobError::File { path, error } => DesignError::Input { path, error },
-        other => DesignError::misfit(path, &other, "`petzval isp show` reads the same file"),
-    })?;
+    let named =
+        isp_by_name(&path.display().to_string(), &Assets::default(), cancelled).map_err(
+            |error| match error {
+                JobError::File { path, error } => DesignError::Input { path, error },
+                other => DesignError::misfit(path, &other, "`petzval isp show` reads the same file"),
+            },
+        )?;
     let Kind::External { isp, values, description } = named.kind else {
         return Err(DesignError::misfit(path, &"describes no external ISP", "give its description"));
     };
@@ -104,10 +105,10 @@ impl NamedIsp {
         }
     }
 
-    fn external(about: ExternalIspFile, path: &Path, context: &Context) -> Result<Self, JobError> {
+    fn external(about: ExternalIspFile, path: &Path, cancelled: &Arc<AtomicBool>) -> Result<Self, JobError> {
         let home = path.parent().filter(|home| !home.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let cache = about.cache.clone().unwrap_or_default();
-        let isp = ExternalIsp::new(about, home, context.cancellation().clone()).map_err(|e| {
+        let isp = ExternalIsp::new(about, home, cancelled.clone()).map_err(|e| {
             let message = format!("{}: `cache = \"{cache}\"`: {e}", path.display());
             JobError::input(message, "give a folder that can be written")
         })?;
@@ -118,12 +119,17 @@ impl NamedIsp {
         Ok(Self { parameters, kind: Kind::External { isp, values, description }, changes: Vec::new() })
     }
 
-    fn proxy(about: &IspProxyFile, path: &Path, context: &Context) -> Result<Self, JobError> {
+    fn proxy(
+        about: &IspProxyFile,
+        path: &Path,
+        assets: &Assets,
+        cancelled: &Arc<AtomicBool>,
+    ) -> Result<Self, JobError> {
         let wrong = |message: String| {
             let hint = "the description and the weights of one `petzval train isp-proxy` belong together";
             JobError::input(format!("{}: {message}", path.display()), hint)
         };
-        let of = isp_by_name(&about.proxy_of, context)?;
+        let of = isp_by_name(&about.proxy_of, assets, cancelled)?;
         if matches!(of.kind, Kind::Proxy { .. }) {
             return Err(wrong(format!("`proxy_of = \"{}\"` is a proxy itself", about.proxy_of)));
         }

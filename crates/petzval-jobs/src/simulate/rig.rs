@@ -75,7 +75,11 @@ impl Rig {
                 format!("`height` times `width` of the sensor may be at most {MOST_PIXELS}"),
             ));
         }
-        let mut chip = request.isp.as_ref().map(|name| isp_by_name(name, context)).transpose()?;
+        let mut chip = request
+            .isp
+            .as_ref()
+            .map(|name| isp_by_name(name, &context.assets, context.cancellation()))
+            .transpose()?;
         if let Some(chip) = &mut chip {
             chip.set_bits(CHIP_BITS);
             if !sensor.cfa.is_bayer() {

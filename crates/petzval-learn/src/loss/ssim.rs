@@ -10,7 +10,7 @@ use super::{LossError, same_shape};
 /// The mean structural similarity of two pictures `[batch, 3, height, width]` of values 0..1, with a gradient to both; 1 for equal
 /// pictures. Returns one value. Sides below 11 pixels are refused.
 ///
-/// It is the score [`Ssim`](crate::score::Ssim) in single precision: per channel and window of 11 x 11 pixels with Gaussian weights w,
+/// It is the score `ssim` of `score` in single precision: per channel and window of 11 x 11 pixels with Gaussian weights w,
 /// sigma 1.5, that lies inside the picture,
 ///
 /// ```text

@@ -108,7 +108,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             (kept.plan.clone(), Some((folder, kept)))
         }
     };
-    let mut named = isp_by_name(&plan.isp, context)?;
+    let mut named = isp_by_name(&plan.isp, &context.assets, context.cancellation())?;
     named.set(&plan.set)?;
     let places = named.all_places(&plan.vary)?;
     let device = context.device("cpu")?;

@@ -82,7 +82,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         let hint = "4000 take minutes on two cores";
         return Err(JobError::setting("steps", plan.training.steps, "must lie between 1 and 1000000", hint));
     }
-    let mut named = isp_by_name(&plan.isp, context)?;
+    let mut named = isp_by_name(&plan.isp, &context.assets, context.cancellation())?;
     named.set(&plan.set)?;
     named.set_bits(16);
     let varied = named.all_places(&plan.vary)?;
