@@ -31,10 +31,9 @@ pub fn ssim(image: Tensor<4>, target: Tensor<4>) -> Result<Tensor<1>, LossError>
     let (a, b) = (planes(image), planes(target));
 
     // Blur the two pictures and their products over the window.
-    let mean = |x: Tensor<4>| blurred(x);
-    let (ma, mb) = (mean(a.clone()), mean(b.clone()));
-    let (aa, bb) = (mean(a.clone().square()), mean(b.clone().square()));
-    let ab = mean(a * b);
+    let (ma, mb) = (blurred(a.clone()), blurred(b.clone()));
+    let (aa, bb) = (blurred(a.clone().square()), blurred(b.clone().square()));
+    let ab = blurred(a * b);
 
     // Compare luminance, contrast and structure in every window.
     let (c1, c2) = (SSIM_C1 as f32, SSIM_C2 as f32);
