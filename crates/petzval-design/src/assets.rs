@@ -263,7 +263,7 @@ impl Assets {
                 *input = beside.display().to_string();
             }
             let path: Vec<&str> = key.iter().map(String::as_str).collect();
-            let Some(hint) = self.missing_input(path[path.len() - 1], input) else { continue };
+            let Some(hint) = self.missing_input(&path, input) else { continue };
             let error = FileError::at_key(&source.text, &path, "neither a file nor built in");
             // A key that the file leaves out has a default that exists.
             if error.line.is_some() {
@@ -274,8 +274,8 @@ impl Assets {
     }
 
     /// What to write in place of an input of an experiment that is neither there nor built in; `None` if it is.
-    fn missing_input(&self, key: &str, name: &str) -> Option<String> {
-        let folder = match key {
+    fn missing_input(&self, key: &[&str], name: &str) -> Option<String> {
+        let folder = match key[key.len() - 1] {
             "lens" => "lenses",
             "sensor" => "sensors",
             "preset" => "isp",
@@ -284,8 +284,10 @@ impl Assets {
                 return (!Path::new(name).is_file()).then(|| hint.to_owned());
             }
             "weights" => {
-                let hint =
-                    "cameras/NAME/blocks/network/weights.bin in the folder of a run that looks for objects";
+                let hint = match key[0] {
+                    "network" => "cameras/NAME/network.safetensors in the folder of a run, \"built-in\" or \"none\"",
+                    _ => "cameras/NAME/blocks/network/weights.bin in the folder of a run that looks for objects",
+                };
                 return (!Path::new(name).is_file()).then(|| hint.to_owned());
             }
             "data" => {

@@ -14,7 +14,7 @@ use crate::run::{RunFolder, RunRecord, write_file};
 use crate::setup::Setup;
 
 /// SHA-256 of the lens with its glasses, the sensor, the hardware ISP, the networks in place of tracing and
-/// the weights of a detector if there are any, and every photograph by name and content.
+/// given weights of a network or a detector if there are any, and every photograph by name and content.
 pub fn fingerprint(setup: &Setup) -> Result<String, DesignError> {
     let mut hash = Sha256::new();
     for variant in &setup.variants {
@@ -40,6 +40,9 @@ pub fn fingerprint(setup: &Setup) -> Result<String, DesignError> {
         for file in proxy_files(Path::new(path)) {
             hash.update(read(&file)?);
         }
+    }
+    if let Some(weights) = &setup.network_weights {
+        hash.update(weights);
     }
     if let Some(weights) = &setup.experiment.detector.weights {
         hash.update(read(Path::new(weights))?);
@@ -91,6 +94,10 @@ pub fn keep_inputs(setup: &Setup, assets: &Assets, run: &RunFolder) -> Result<()
                 .to_string(),
         };
     }
+    if let Some(weights) = &setup.network_weights {
+        write_file(&run.input("network.safetensors"), weights)?;
+        kept.network.weights = "inputs/network.safetensors".to_owned();
+    }
     if let Some(weights) = &mut kept.detector.weights {
         write_file(&run.input("detector-weights.bin"), &read(Path::new(weights.as_str()))?)?;
         *weights = "inputs/detector-weights.bin".to_owned();
@@ -141,7 +148,7 @@ pub fn check_inputs(setup: &Setup, run: &RunFolder) -> Result<(), DesignError> {
     if noted.trim() == fingerprint(setup)? {
         return Ok(());
     }
-    let problem = "lens, glasses, sensor, ISP, networks in place of tracing, weights of the detector, photographs or labelled pictures \
+    let problem = "lens, glasses, sensor, ISP, networks in place of tracing, given weights, photographs or labelled pictures \
                    are not those that this run began with; put them back, or start a new run";
     let problem = problem.to_owned();
     Err(DesignError::Run { path, problem })

@@ -25,6 +25,7 @@ pub mod glass_warnings;
 pub mod inputs;
 pub mod isp_proxy;
 mod lens_numbers;
+pub mod lens_sampler;
 pub mod lens_view;
 pub mod made_cameras;
 pub mod optics_proxy;

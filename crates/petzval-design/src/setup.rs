@@ -80,6 +80,8 @@ pub struct Setup {
     pub scoring_crops: CropPlan,
     /// Weights of the perceptual loss.
     pub lpips_weights: Vec<u8>,
+    /// Weights from which the networks of all cameras start, as a safetensors file; none for those drawn from the seed.
+    pub network_weights: Option<Vec<u8>>,
     /// How far differences between cameras scatter with the seed.
     pub study: Study,
 }
@@ -96,6 +98,8 @@ impl Setup {
             setup.scenes = Some(Scenes::new(&setup.experiment, crops, &setup.fixed_plan, pixel_um, nominal)?);
             return Ok(setup);
         }
+        // Fails now, while there is no run folder yet, if `network.weights` does not fit the network.
+        setup.network()?;
         let window = setup.training_crops.window().max(setup.scoring_crops.window());
         let read = load_photos(&setup.experiment, assets, window)?;
         (setup.photos, setup.skipped_photos, setup.photo_notes) = (read.photos, read.skipped, read.notes);
@@ -175,6 +179,7 @@ impl Setup {
         let (training_crops, scoring_crops) =
             (crops(experiment.training.crop), crops(experiment.scoring.crop));
         let lpips_weights = assets.bytes("weights/lpips_alex_f16.safetensors")?.to_vec();
+        let network_weights = network_weights(&experiment, assets)?;
         let interpolation = development.interpolation();
         interpolation.demosaic.check_array(sensor.cfa).map_err(|e| {
             let hint = "write \"bilinear\" for development.demosaic";
@@ -217,6 +222,7 @@ impl Setup {
             training_crops,
             scoring_crops,
             lpips_weights,
+            network_weights,
             study: Study::built_in(assets)?,
         })
     }
@@ -289,7 +295,7 @@ impl Setup {
         Ok(Lpips::from_safetensors(&self.lpips_weights, &self.body.device)?)
     }
 
-    /// A network as a variant starts with it, untrained or a detector with given weights: the same bits for every variant of a run.
+    /// A network as a variant starts with it, untrained or with given weights: the same bits for every variant of a run.
     pub fn network(&self) -> Result<NetworkBlock, DesignError> {
         let (experiment, device) = (&self.experiment, &self.body.device);
         if experiment.task.finds_objects() {
@@ -302,8 +308,16 @@ impl Setup {
                 Some(path) => block.with_weights(Path::new(path)),
             };
         }
-        let NetworkConfig { kind, base_channels, levels } = experiment.network;
-        let block = NetworkBlock::new(kind.init(base_channels, levels, experiment.seed, device)?);
+        let NetworkConfig { kind, base_channels, levels, ref weights } = experiment.network;
+        let drawn = kind.init(base_channels, levels, experiment.seed, device)?;
+        let network = match &self.network_weights {
+            None => drawn,
+            Some(bytes) => drawn.with_weights(bytes).map_err(|problem| {
+                let hint = "give the network.kind, base_channels and levels of the weights, or write \"none\" for network.weights";
+                DesignError::misfit(Path::new(weights), &problem, hint)
+            })?,
+        };
+        let block = NetworkBlock::new(network);
         let TrainingConfig { beta2, largest_gradient, .. } = experiment.training;
         let largest_gradient = (largest_gradient > 0.0).then_some(largest_gradient as f32);
         Ok(block.with_learning(Learning { beta2: beta2 as f32, largest_gradient }))
@@ -364,6 +378,19 @@ impl Setup {
     pub fn corner_mm(&self) -> f64 {
         self.fixed_plan.field_radius_mm.last().copied().unwrap_or(0.0)
     }
+}
+
+/// The weights that the experiment names for its network for pictures, if it has such a network.
+fn network_weights(experiment: &Experiment, assets: &Assets) -> Result<Option<Vec<u8>>, DesignError> {
+    let has_network = !experiment.task.finds_objects() && !experiment.isp.is_used();
+    if !has_network || !experiment.network.has_weights() {
+        return Ok(None);
+    }
+    if experiment.network.has_built_in_weights() {
+        return Ok(Some(assets.bytes("weights/restoration_naf.safetensors")?.to_vec()));
+    }
+    let path = Path::new(&experiment.network.weights);
+    petzval_base::read_whole(path).map(Some).map_err(DesignError::io(path))
 }
 
 /// By what the start of a variant is found.

@@ -144,6 +144,11 @@ impl Start {
         })
     }
 
+    /// The fields and grids on which PSFs are sampled while the lens moves.
+    pub fn plan(&self) -> &PsfPlan {
+        &self.plan
+    }
+
     /// The spots of a lens, over fields of equal area.
     pub fn spots(&self, lens: &Lens) -> SpotResiduals {
         SpotResiduals {

@@ -5,8 +5,9 @@ use std::path::Path;
 use burn::prelude::*;
 use petzval_design::assets::Assets;
 use petzval_design::experiment::Experiment;
+use petzval_design::lens_sampler::LensSampler;
 use petzval_design::optics_proxy::{
-    LensSampler, OpticsJudge, OpticsTraining, ProxyDomain, ProxyOpticsTrainer,
+    OpticsJudge, OpticsTraining, ProxyDomain, ProxyOpticsTrainer,
 };
 use petzval_design::setup::Setup;
 

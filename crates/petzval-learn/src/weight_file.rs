@@ -1,6 +1,6 @@
 //! Weights of safetensors files.
 
-use burn::module::{Module, ModuleVisitor, Param};
+use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::prelude::*;
 use half::f16;
 use safetensors::{Dtype, SafeTensors, tensor::TensorView};
@@ -47,35 +47,104 @@ pub(crate) fn weights_file<M: Module>(network: &M) -> Result<Vec<u8>, NetworkErr
     safetensors::serialize(views, None).map_err(|error| not_stored(&error))
 }
 
-/// Collects the weights of a network with their paths.
-#[derive(Default)]
-struct NamedWeights {
-    path: Vec<String>,
-    tensors: Vec<(String, Vec<usize>, TensorData)>,
+/// A network with the weights of a file that [`weights_file`] wrote, or of one with the same names in half precision. Fails if a weight is
+/// missing or has another shape, and if the file has weights that the network does not have.
+pub(crate) fn with_weights_of<M: Module>(network: M, file: &[u8]) -> Result<M, NetworkError> {
+    let bad = |problem: String| NetworkError::BadWeights(problem);
+    let file = SafeTensors::deserialize(file).map_err(|e| bad(format!("not a safetensors file: {e}")))?;
+    let mut reader = WeightReader { file: &file, path: Path::default(), read: 0, problem: None };
+    let network = network.map(&mut reader);
+    match reader.problem {
+        Some(problem) => Err(bad(problem)),
+        None if reader.read < file.len() => {
+            Err(bad(format!("{} weights, and the network has {}", file.len(), reader.read)))
+        }
+        None => Ok(network),
+    }
 }
 
-impl NamedWeights {
+/// The fields and places in lists that lead to a weight.
+#[derive(Default)]
+struct Path(Vec<String>);
+
+impl Path {
+    fn enter(&mut self, name: &str, container: &str) {
+        if Self::is_part(container) {
+            self.0.push(name.to_owned());
+        }
+    }
+
+    fn exit(&mut self, container: &str) {
+        if Self::is_part(container) {
+            self.0.pop();
+        }
+    }
+
     /// The variant of an enum is no part of a path: a network has only one.
     fn is_part(container: &str) -> bool {
         !container.starts_with("Enum:")
     }
+
+    fn name(&self) -> String {
+        self.0.join(".")
+    }
+}
+
+/// Puts the weights of a file into a network.
+struct WeightReader<'a> {
+    file: &'a SafeTensors<'a>,
+    path: Path,
+    /// Weights read.
+    read: usize,
+    /// The first weight that the file does not have.
+    problem: Option<String>,
+}
+
+impl ModuleMapper for WeightReader<'_> {
+    fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {
+        let (name, shape) = (self.path.name(), param.val().dims());
+        match read_weights(self.file, &name, &shape) {
+            Ok(values) => {
+                self.read += 1;
+                param.map(|old| {
+                    let new = Tensor::<D>::from_data(TensorData::new(values, shape), &old.device());
+                    new.set_require_grad(old.is_require_grad())
+                })
+            }
+            Err(problem) => {
+                self.problem.get_or_insert(format!("{name}, which has shape {shape:?}, is {problem}"));
+                param
+            }
+        }
+    }
+
+    fn enter_module(&mut self, name: &str, container: &str) {
+        self.path.enter(name, container);
+    }
+
+    fn exit_module(&mut self, _name: &str, container: &str) {
+        self.path.exit(container);
+    }
+}
+
+/// Collects the weights of a network with their paths.
+#[derive(Default)]
+struct NamedWeights {
+    path: Path,
+    tensors: Vec<(String, Vec<usize>, TensorData)>,
 }
 
 impl ModuleVisitor for NamedWeights {
     fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
         let weights = param.val().detach();
-        self.tensors.push((self.path.join("."), weights.dims().to_vec(), weights.into_data()));
+        self.tensors.push((self.path.name(), weights.dims().to_vec(), weights.into_data()));
     }
 
     fn enter_module(&mut self, name: &str, container: &str) {
-        if Self::is_part(container) {
-            self.path.push(name.to_owned());
-        }
+        self.path.enter(name, container);
     }
 
     fn exit_module(&mut self, _name: &str, container: &str) {
-        if Self::is_part(container) {
-            self.path.pop();
-        }
+        self.path.exit(container);
     }
 }

@@ -39,6 +39,8 @@ pub enum Stage {
     Search = 10,
     /// The errors of a lens that is designed to be made; the step takes the place of the frame.
     LensError = 11,
+    /// The exposure of a frame, where a network is to learn many.
+    Exposure = 12,
 }
 
 /// The random numbers of one noise source in one frame.

@@ -7,9 +7,10 @@
 use std::collections::BTreeMap;
 
 use petzval_base::parameter::{Parameter, Scale};
+use petzval_base::random::{Stage, Stream};
 use petzval_camera::sensor::Exposure;
 
-use super::{Batch, Block, BlockName, BlockState, StepRule, Way, named, parsed};
+use super::{Batch, Block, BlockName, BlockState, StepMethod, StepRule, Way, named, parsed};
 use crate::error::DesignError;
 use crate::experiment::ExposureSetting;
 
@@ -48,6 +49,8 @@ pub struct ExposureBlock {
     /// Where the varied ones lie in their ranges, by equal ratios, 0..1.
     places: Vec<f64>,
     way: Way,
+    /// The places that the last random step drew, which are forgotten when the stage ends.
+    drawn: Option<Vec<f64>>,
 }
 
 impl ExposureBlock {
@@ -58,12 +61,21 @@ impl ExposureBlock {
         let place = |(setting, about): &(ExposureSetting, Parameter)| about.unit_of(setting.read(&stated));
         let places: Vec<f64> = varied.iter().map(place).collect();
         let way = Way::from(&places);
-        Self { stated, varied, places, way }
+        Self { stated, varied, places, way, drawn: None }
     }
 
-    /// The exposure behind the lens for which it is stated.
+    /// The exposure behind the lens for which it is stated, or as the last random step of the stage drew it.
     pub fn exposure(&self) -> Exposure {
-        self.at(&self.places)
+        self.at(self.drawn.as_ref().unwrap_or(&self.places))
+    }
+
+    /// Draws places evenly around those at the start of the stage, as far as a share of the way to the ends of their ranges. They follow from
+    /// the seed and the number of the batch alone.
+    fn draw(&mut self, batch: &Batch, reach: f64) {
+        let number = batch.shots.first().map_or(0, |shot| shot.frame);
+        let stream = Stream::new(batch.noise.seed, number, Stage::Exposure);
+        let place = |(k, place): (usize, &f64)| place + reach * (stream.uniforms(k as u32, 0)[0] - place);
+        self.drawn = Some(self.places.iter().enumerate().map(place).collect());
     }
 
     /// The exposure where the varied settings lie at some places. White has as many more electrons as it is exposed for longer.
@@ -120,9 +132,14 @@ impl Block for ExposureBlock {
 
     fn begin_stage(&mut self, _: bool) {
         self.way = Way::from(&self.places);
+        self.drawn = None;
     }
 
     fn step(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>, DesignError> {
+        if rule.method == StepMethod::Random {
+            self.draw(batch, rule.rate);
+            return Ok(BTreeMap::new());
+        }
         let (losses, gradient) = self.gradient(batch)?;
         self.way.step(&mut self.places, &gradient, rule);
         Ok(losses)
@@ -147,16 +164,17 @@ impl Block for ExposureBlock {
     }
 
     fn save_progress(&self) -> Result<BlockState, DesignError> {
-        let text = DesignError::json("the moments of the exposure", &self.way)?;
+        let text = DesignError::json("the moments of the exposure", &(&self.way, &self.drawn))?;
         Ok(BTreeMap::from([(PROGRESS.to_owned(), text.into_bytes())]))
     }
 
     fn load_progress(&mut self, state: &BlockState) -> Result<(), String> {
-        let way: Way = parsed(state, PROGRESS)?;
-        if !way.fits(self.places.len()) {
+        let (way, drawn): (Way, Option<Vec<f64>>) = parsed(state, PROGRESS)?;
+        let count = self.places.len();
+        if !way.fits(count) || drawn.as_ref().is_some_and(|places| places.len() != count) {
             return Err(format!("{PROGRESS}: {OTHER_SETTINGS}"));
         }
-        self.way = way;
+        (self.way, self.drawn) = (way, drawn);
         Ok(())
     }
 }

@@ -223,7 +223,7 @@ impl Block for IspBlock {
                 self.imitation = None;
                 return self.evolve(batch, rule);
             }
-            StepMethod::Gradient | StepMethod::Levenberg => {
+            StepMethod::Gradient | StepMethod::Levenberg | StepMethod::Random => {
                 self.imitation = None;
                 ImitationFigures::new()
             }

@@ -82,6 +82,9 @@ pub enum StepMethod {
     Levenberg,
     /// Down the gradient of a network that imitates the hardware ISP as a black box, and learns on while the parameters move.
     Proxy,
+    /// At random, so that a network learns to work behind many lenses or at many exposures: each step draws the numbers anew around those at
+    /// the start of the stage, with which the stage ends again. The learning rate is the share of the way to the bounds that a draw may go.
+    Random,
 }
 
 /// How a block steps.
@@ -89,7 +92,7 @@ pub enum StepMethod {
 pub struct StepRule {
     /// The method.
     pub method: StepMethod,
-    /// Learning rate of this step; CMA-ES has none.
+    /// Learning rate of this step; CMA-ES has none, and for random draws it is their reach.
     pub rate: f64,
     /// Weight mu of the proximal term `mu / 2 |theta - theta_0|^2`, where theta_0 are the free numbers at the start of the stage.
     pub proximal: f64,

@@ -1,4 +1,4 @@
-//! The lens as a block: the free coordinates of its design space, moved by Adam or by the curvature of the loss as lifted to the rays.
+//! The lens as a block: the free coordinates of its design space, moved by Adam, by the curvature of the loss as lifted to the rays, or at random.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -15,6 +15,7 @@ use super::{Batch, Block, BlockName, BlockState, StepMethod, StepRule, backward,
 use crate::adam::Adam;
 use crate::camera::{ByLens, to_host};
 use crate::error::DesignError;
+use crate::lens_sampler::LensSampler;
 use crate::requirements::FieldOfView;
 use crate::start::Start;
 use crate::variant::{LensGoal, LensSearch};
@@ -68,6 +69,9 @@ struct Progress {
     lifted: Lifted,
     /// The coordinates at the start of the stage: the centre of the proximal term.
     anchor: Vec<f64>,
+    /// The coordinates that the last random step drew, which are forgotten when the stage ends.
+    #[serde(default)]
+    drawn: Option<Vec<f64>>,
 }
 
 impl OpticsBlock {
@@ -84,9 +88,9 @@ impl OpticsBlock {
         Self { field, ..self }
     }
 
-    /// The lens as it stands.
+    /// The lens as it stands, or as the last random step of the stage drew it.
     pub fn lens(&self) -> Result<Lens, DesignError> {
-        Ok(self.start.space.lens_at(&self.x)?)
+        Ok(self.start.space.lens_at(self.progress.drawn.as_ref().unwrap_or(&self.x))?)
     }
 
     /// Makes the lens of the next step be off as one that comes out of a workshop: the number of each coordinate by a normal random error of
@@ -258,6 +262,15 @@ impl OpticsBlock {
         Ok(losses)
     }
 
+    /// Draws a lens of which the light arrives, around the one at the start of the stage. It follows from the seed and the number of the batch
+    /// alone.
+    fn draw(&mut self, batch: &Batch, reach: f64) -> Result<(), DesignError> {
+        let number = batch.shots.first().map_or(0, |shot| shot.frame);
+        let sampler = LensSampler::new(self.start.clone(), self.start.plan().clone(), batch.noise.seed);
+        self.progress.drawn = Some(sampler.about(&self.progress.anchor, reach).coordinates(number)?);
+        Ok(())
+    }
+
     /// The proximal map.
     fn pull_to_anchor(&mut self, rule: StepRule) {
         let strength = rule.rate * rule.proximal;
@@ -307,17 +320,20 @@ impl Block for OpticsBlock {
     }
 
     fn begin_stage(&mut self, is_moving: bool) {
-        (self.progress.adam, self.progress.lifted) = (Adam::default(), Lifted::default());
         if is_moving {
             self.x = self.start.space.off_bounds(&self.x);
         }
-        self.progress.anchor = self.x.clone();
+        self.progress = Progress { anchor: self.x.clone(), ..Progress::default() };
     }
 
     fn step(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>, DesignError> {
         self.lowered.clear();
         let losses = match rule.method {
             StepMethod::Levenberg => self.step_by_curvature(batch, rule)?,
+            StepMethod::Random => {
+                self.draw(batch, rule.rate)?;
+                BTreeMap::new()
+            }
             _ => {
                 let (losses, gradient) = self.gradient(batch)?;
                 self.descend(&gradient, rule);
@@ -359,7 +375,9 @@ impl Block for OpticsBlock {
     fn load_progress(&mut self, state: &BlockState) -> Result<(), String> {
         let progress: Progress = parsed(state, PROGRESS)?;
         let free = self.x.len();
-        if progress.anchor.len() != free || !progress.adam.fits(free) || !progress.lifted.fits(free) {
+        let drawn_fits = progress.drawn.as_ref().is_none_or(|x| x.len() == free);
+        let moments_fit = progress.adam.fits(free) && progress.lifted.fits(free);
+        if progress.anchor.len() != free || !moments_fit || !drawn_fits {
             return Err(format!("{PROGRESS}: {OTHER_VARIABLES}"));
         }
         self.progress = progress;

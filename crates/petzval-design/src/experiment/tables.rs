@@ -106,6 +106,33 @@ parameters! {
     } also {
         /// A U-Net that sees the picture alone, or a U-Net or NAF network behind a restoration that is trained with it.
         kind: NetworkKind = NetworkKind::RestorationNaf;
+        /// The weights from which every camera's network starts: those that come with the program, "built-in", of a restoration-naf network of 16
+        /// channels and 3 levels, which has learnt behind many lenses; a file `cameras/NAME/network.safetensors` of a run; or "none" for
+        /// weights that are drawn from the seed.
+        weights: String = NO_WEIGHTS.to_owned();
+    }
+}
+
+/// No weights to start from.
+const NO_WEIGHTS: &str = "none";
+
+/// The weights that come with the program.
+const BUILT_IN_WEIGHTS: &str = "built-in";
+
+impl NetworkConfig {
+    /// Whether it starts from weights that are given.
+    pub fn has_weights(&self) -> bool {
+        self.weights != NO_WEIGHTS
+    }
+
+    /// Whether it starts from the weights that come with the program.
+    pub fn has_built_in_weights(&self) -> bool {
+        self.weights == BUILT_IN_WEIGHTS
+    }
+
+    /// Draws its weights from the seed.
+    pub fn draw_weights(&mut self) {
+        self.weights = NO_WEIGHTS.to_owned();
     }
 }
 

@@ -322,10 +322,11 @@ fn check_stage(stage: &StageConfig) -> Result<(), (Vec<&'static str>, String, St
             None | Some(StepMethod::Gradient) => true,
             Some(StepMethod::Evolution | StepMethod::Proxy) => *block == BlockName::Isp,
             Some(StepMethod::Levenberg) => *block == BlockName::Optics,
+            Some(StepMethod::Random) => matches!(block, BlockName::Optics | BlockName::Exposure),
         };
         if !fits {
             let message = format!("`{name}` does not step by this method");
-            let hint = "\"evolution\" and \"proxy\" are for the hardware ISP, \"levenberg\" is for the lens"
+            let hint = "\"evolution\" and \"proxy\" are for the hardware ISP, \"levenberg\" is for the lens, \"random\" for lens and exposure"
                 .to_owned();
             return Err((vec!["schedule", name, "method"], message, hint));
         }

@@ -6,8 +6,8 @@ use petzval_optics::lens::Lens;
 use serde::{Deserialize, Serialize};
 
 use super::proxy::ProxyOptics;
-use super::sampling::LensSampler;
 use crate::error::DesignError;
+use crate::lens_sampler::LensSampler;
 use crate::psf_plan::{BankWithTape, PsfPlan};
 
 /// What the network costs. Means over lenses, fields and colours, unless said otherwise.

@@ -13,11 +13,9 @@
 mod file;
 mod gap;
 mod proxy;
-mod sampling;
 mod trainer;
 
 pub use file::{FILES, read_proxy_optics};
 pub use gap::{OpticsFieldGap, OpticsGap, OpticsJudge, Seconds};
 pub use proxy::{ProxyDomain, ProxyOptics, ProxyPsfs, Scale};
-pub use sampling::LensSampler;
 pub use trainer::{OpticsLosses, OpticsTraining, ProxyOpticsTrainer};

@@ -23,6 +23,18 @@ pub struct Scale {
     pub deviation: Vec<f64>,
 }
 
+impl Scale {
+    /// Of these inputs, each of the same length.
+    pub fn of(rows: &[Vec<f64>]) -> Self {
+        let count = rows.len().max(1) as f64;
+        let inputs = rows.first().map_or(0, Vec::len);
+        let mean: Vec<f64> = (0..inputs).map(|i| rows.iter().map(|r| r[i]).sum::<f64>() / count).collect();
+        let variance = |i: usize| rows.iter().map(|r| (r[i] - mean[i]).powi(2)).sum::<f64>() / count;
+        let deviation = (0..inputs).map(|i| variance(i).sqrt().max(f64::MIN_POSITIVE)).collect();
+        Self { deviation, mean }
+    }
+}
+
 /// What a network predicts: PSFs of these colours, on this grid, for fields up to this radius.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ProxyDomain {

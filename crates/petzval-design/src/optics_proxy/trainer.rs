@@ -8,10 +8,10 @@ use petzval_optics::lens::Lens;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::proxy::{ProxyDomain, ProxyOptics};
-use super::sampling::LensSampler;
+use super::proxy::{ProxyDomain, ProxyOptics, Scale};
 use crate::adam::cosine_rate;
 use crate::error::DesignError;
+use crate::lens_sampler::LensSampler;
 use crate::psf_plan::BankWithTape;
 
 /// Learning rate at the start, and its share at the end.
@@ -62,7 +62,7 @@ impl ProxyOpticsTrainer {
         training: OpticsTraining,
         device: &Device,
     ) -> Result<Self, DesignError> {
-        let scale = sampler.scale(&domain);
+        let scale = Scale::of(&sampler.inputs(domain.corner_mm));
         let space = sampler.start().space.space().clone();
         let OpticsTraining { seed, hidden, channels, .. } = training;
         let config = OpticsProxyConfig { hidden, channels, ..OpticsProxyConfig::default() };

@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::detection::{AnyDetector, Detector};
-use crate::weight_file::weights_file;
+use crate::weight_file::{weights_file, with_weights_of};
 
 use super::{
     Naf, NetworkError, NetworkInput, PictureNetwork, Reach, RestorationNetwork, UNet, UNetConfig, weights,
@@ -90,6 +90,12 @@ impl Network {
     /// All weights as a safetensors file, for other programs; its names are the fields of this type and of those in it.
     pub fn to_safetensors(&self) -> Result<Vec<u8>, NetworkError> {
         weights_file(self)
+    }
+
+    /// Takes the weights of a safetensors file with the names of [`to_safetensors`](Self::to_safetensors), of 32- or 16-bit floats. Fails if
+    /// they belong to another configuration.
+    pub fn with_weights(self, safetensors: &[u8]) -> Result<Self, NetworkError> {
+        with_weights_of(self, safetensors)
     }
 
     /// Loads weights that [`to_bytes`](Self::to_bytes) wrote. Fails if they belong to another configuration.
@@ -179,12 +185,25 @@ mod tests {
             let loaded = other.load_bytes(network.to_bytes().unwrap()).unwrap();
             assert_eq!(host(loaded.finish(&seen)), host(network.finish(&seen)));
             assert_eq!(host(loaded.curves().unwrap()), moved);
+            let file = network.to_safetensors().unwrap();
+            let read = kind.init(8, 1, 7, &device).unwrap().with_weights(&file).unwrap();
+            assert_eq!(read.to_safetensors().unwrap(), file);
             // Weights of another kind or size are refused.
             let of_another = |another: NetworkKind, base| {
                 another.init(base, 1, 3, &device).unwrap().load_bytes(network.to_bytes().unwrap())
             };
             assert!(of_another(NetworkKind::UNet, 8).is_err());
             assert!(of_another(kind, 16).is_err());
+            // More or fewer weights than the file has, others, and no file at all.
+            let refused = |base, levels, file: &[u8]| {
+                let another = kind.init(base, levels, 3, &device).unwrap();
+                another.with_weights(file).unwrap_err().to_string()
+            };
+            assert!(refused(16, 1, &file).contains("is of shape"), "{}", refused(16, 1, &file));
+            assert!(refused(8, 2, &file).contains("is missing"), "{}", refused(8, 2, &file));
+            assert!(refused(8, 1, &file[..100]).contains("not a safetensors file"));
+            let larger = kind.init(8, 2, 3, &device).unwrap().to_safetensors().unwrap();
+            assert!(refused(8, 1, &larger).contains("weights, and the network has"));
         }
     }
 }

@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use cpu_time::ProcessTime;
 use petzval_camera::psf::PsfBank;
+use petzval_design::lens_sampler::LensSampler;
 use petzval_design::optics_proxy::{
-    FILES, LensSampler, OpticsGap, OpticsJudge, OpticsLosses, ProxyDomain, ProxyOptics, ProxyOpticsTrainer,
+    FILES, OpticsGap, OpticsJudge, OpticsLosses, ProxyDomain, ProxyOptics, ProxyOpticsTrainer,
 };
 use petzval_design::setup::Setup;
 use petzval_files::optics_proxy_file::OpticsProxyFile;

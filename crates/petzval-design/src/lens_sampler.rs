@@ -6,13 +6,12 @@ use petzval_optics::lens::{Lens, validate};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::proxy::{ProxyDomain, Scale};
 use crate::error::DesignError;
 use crate::psf_plan::{BankWithTape, PsfPlan};
 use crate::start::Start;
 
-/// Widths of the draws about the start, as shares of the way to the bounds: the logarithm is drawn evenly between these.
-const WIDTHS: [f64; 2] = [0.03, 1.0];
+/// Least width of the draws about the centre over the largest: the logarithm of the width is drawn evenly between them.
+const LEAST_WIDTH: f64 = 0.03;
 
 /// Share of the light that the grid of a PSF must hold at every field for which a lens is drawn; else another is drawn.
 const LEAST_CAPTURED: f64 = 0.9;
@@ -20,7 +19,7 @@ const LEAST_CAPTURED: f64 = 0.9;
 /// Draws after which a space is said to hold no lenses.
 const MOST_DRAWN: usize = 2000;
 
-/// Lenses over which inputs are normalised.
+/// Lenses over which the inputs of a network are normalised.
 const SCALED_BY: u64 = 2000;
 
 /// Keeps these draws apart from all else that is drawn from a seed.
@@ -31,12 +30,22 @@ pub struct LensSampler {
     start: Arc<Start>,
     plan: PsfPlan,
     seed: u64,
+    /// Free coordinates about which lenses are drawn.
+    centre: Vec<f64>,
+    /// Largest width of the draws, as a share of the way to the bounds.
+    reach: f64,
 }
 
 impl LensSampler {
     /// Lenses about a start, sampled on the fields of a plan.
     pub fn new(start: Arc<Start>, plan: PsfPlan, seed: u64) -> Self {
-        Self { start, plan, seed }
+        let centre = start.space.start().to_vec();
+        Self { start, plan, seed, centre, reach: 1.0 }
+    }
+
+    /// The same about other free coordinates, as far as a share of the way to the bounds.
+    pub fn about(self, centre: &[f64], reach: f64) -> Self {
+        Self { centre: centre.to_vec(), reach, ..self }
     }
 
     /// The lenses' start.
@@ -55,41 +64,37 @@ impl LensSampler {
         random
     }
 
-    /// Free coordinates about the start: near it or anywhere between the bounds.
+    /// Free coordinates about the centre: near it or anywhere within reach.
     fn draw(&self, random: &mut ChaCha8Rng) -> Vec<f64> {
-        let [least, most] = WIDTHS.map(f64::ln);
-        let width = random.random_range(least..=most).exp();
-        let start = self.start.space.start();
-        let places = start.iter().map(|x| {
+        let width = self.reach * random.random_range(LEAST_WIDTH.ln()..=0.0).exp();
+        let places = self.centre.iter().map(|x| {
             let (here, there) = (x.sin(), random.random_range(-1.0..=1.0));
             (here + width * (there - here)).asin()
         });
         places.collect()
     }
 
-    /// Mean and deviation of the coordinates of random lenses, light or no light, and of the fields.
-    pub fn scale(&self, domain: &ProxyDomain) -> Scale {
+    /// Coordinates of random lenses, light or no light, each with an image radius up to the corner's behind them.
+    pub fn inputs(&self, corner_mm: f64) -> Vec<Vec<f64>> {
         let space = &self.start.space;
-        let mut rows = Vec::new();
-        for number in 0..SCALED_BY {
+        let input = |number| {
             let mut random = self.random(number);
-            if let Ok(lens) = space.lens_at(&self.draw(&mut random)) {
-                let mut row = space.space().coordinates(&lens);
-                row.push(random.random_range(0.0..=domain.corner_mm));
-                rows.push(row);
-            }
-        }
-        let count = rows.len().max(1) as f64;
-        let inputs = space.dimension() + 1;
-        let mean: Vec<f64> = (0..inputs).map(|i| rows.iter().map(|r| r[i]).sum::<f64>() / count).collect();
-        let variance = |i: usize| rows.iter().map(|r| (r[i] - mean[i]).powi(2)).sum::<f64>() / count;
-        let deviation = (0..inputs).map(|i| variance(i).sqrt().max(f64::MIN_POSITIVE)).collect();
-        Scale { deviation, mean }
+            let lens = space.lens_at(&self.draw(&mut random)).ok()?;
+            let mut row = space.space().coordinates(&lens);
+            row.push(random.random_range(0.0..=corner_mm));
+            Some(row)
+        };
+        (0..SCALED_BY).filter_map(input).collect()
+    }
+
+    /// The free coordinates of a lens whose light arrives at all fields of the plan.
+    pub fn coordinates(&self, number: u64) -> Result<Vec<f64>, DesignError> {
+        self.first(number, |_| self.plan.clone()).map(|(x, ..)| x)
     }
 
     /// A lens with the PSFs of all fields of the plan.
     pub fn lens(&self, number: u64) -> Result<(Lens, BankWithTape), DesignError> {
-        self.first(number, |_| self.plan.clone())
+        self.first(number, |_| self.plan.clone()).map(|(_, lens, traced)| (lens, traced))
     }
 
     /// A lens with its PSF at one field, drawn evenly from the axis to the corner; other fields of it may have no light.
@@ -99,6 +104,7 @@ impl LensSampler {
             let radius_mm = random.random_range(0.0..=corner_mm);
             PsfPlan { field_radius_mm: vec![radius_mm], ..self.plan.clone() }
         })
+        .map(|(_, lens, traced)| (lens, traced))
     }
 
     /// The first lens of a stream of draws whose light arrives.
@@ -106,7 +112,7 @@ impl LensSampler {
         &self,
         number: u64,
         plan: impl Fn(&mut ChaCha8Rng) -> PsfPlan,
-    ) -> Result<(Lens, BankWithTape), DesignError> {
+    ) -> Result<(Vec<f64>, Lens, BankWithTape), DesignError> {
         let mut random = self.random(number);
         for _ in 0..MOST_DRAWN {
             let x = self.draw(&mut random);
@@ -117,7 +123,7 @@ impl LensSampler {
             }
             let Ok(traced) = plan.trace(&lens) else { continue };
             if traced.captured() >= LEAST_CAPTURED {
-                return Ok((lens, traced));
+                return Ok((x, lens, traced));
             }
         }
         Err(DesignError::NoLensInBounds { draws: MOST_DRAWN, percent: 100.0 * LEAST_CAPTURED })
