@@ -285,8 +285,12 @@ impl Assets {
             }
             "weights" => {
                 let hint = match key[0] {
-                    "network" => "cameras/NAME/network.safetensors in the folder of a run, \"built-in\" or \"none\"",
-                    _ => "cameras/NAME/blocks/network/weights.bin in the folder of a run that looks for objects",
+                    "network" => {
+                        "cameras/NAME/network.safetensors in the folder of a run, \"built-in\" or \"none\""
+                    }
+                    _ => {
+                        "cameras/NAME/blocks/network/weights.bin in the folder of a run that looks for objects"
+                    }
                 };
                 return (!Path::new(name).is_file()).then(|| hint.to_owned());
             }

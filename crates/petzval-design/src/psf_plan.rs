@@ -288,6 +288,18 @@ impl PsfPlan {
         Ok(self.trace(lens)?.bank)
     }
 
+    /// The lens gradient of the relative illumination of each field, at the second wavelength.
+    pub fn light_gradients(&self, traced: &BankWithTape) -> Vec<LensGradient> {
+        let cells = self.options.grid * self.options.grid;
+        let of_field = |(psf, tape): &(FieldPsf, Option<PsfTape>)| {
+            let Some(tape) = tape else { return LensGradient::zero(traced.surfaces) };
+            let values = vec![vec![0.0; cells]; 3];
+            let cotangent = PsfCotangent { values, illumination: vec![0.0, 1.0, 0.0], chief_y: 0.0 };
+            tape.gradient(psf, &self.quadrature, &cotangent)
+        };
+        traced.fields.par_iter().map(of_field).collect()
+    }
+
     /// The lens gradient of a loss whose derivatives by the bank's values, illumination and field radii are given, laid out as in
     /// [`PsfBank`]. The fields stay, so that their chief rays land elsewhere when the lens changes.
     pub fn gradient(

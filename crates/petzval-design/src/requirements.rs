@@ -58,12 +58,19 @@ impl Requirements {
         &self.constraints
     }
 
-    /// The sum of squared violations, mm^2, and its gradient; with a free field of view without that of the corner.
-    pub fn penalty(&self, lens: &Lens, field: FieldOfView) -> Result<(f64, LensGradient), DesignError> {
+    /// The squares of the violations, mm^2, each with its gradient; with a free field of view without that of the corner.
+    pub fn violations(
+        &self,
+        lens: &Lens,
+        field: FieldOfView,
+    ) -> Result<Vec<(f64, LensGradient)>, DesignError> {
         let counts =
             |c: &&Constraint| field == FieldOfView::Held || !matches!(c, Constraint::ChiefHeight { .. });
-        let constraints: Vec<Constraint> = self.constraints.iter().filter(counts).cloned().collect();
-        penalty(&constraints, lens)
-            .ok_or(DesignError::NoLight { field_deg: self.corner_field_rad.to_degrees() })
+        let square = |constraint: &Constraint| {
+            penalty(std::slice::from_ref(constraint), lens)
+                .ok_or(DesignError::NoLight { field_deg: self.corner_field_rad.to_degrees() })
+        };
+        let squares = self.constraints.iter().filter(counts).map(square);
+        squares.filter(|square| square.as_ref().map_or(true, |(value, _)| *value > 0.0)).collect()
     }
 }

@@ -12,7 +12,7 @@ use petzval_optics::number::Number;
 use petzval_optics::paraxial::{image_brightness, pull_back_log_brightness};
 
 use crate::error::DesignError;
-use crate::psf_plan::PsfPlan;
+use crate::psf_plan::{BankWithTape, PsfPlan};
 
 /// The root of the expected squared error that the best linear restoration of raw frames leaves, in percent of white: the mean over
 /// sensor and colours, see [`LinearLimit`].
@@ -43,14 +43,14 @@ impl RestoredError {
         Ok(percent(found))
     }
 
-    fn gradient(&self, lens: &Lens) -> Result<(f64, LensGradient), DesignError> {
-        let (traced, light) = (self.plan.trace(lens)?, self.light(lens));
+    fn gradient(&self, lens: &Lens, traced: &BankWithTape) -> Result<(f64, LensGradient), DesignError> {
+        let light = self.light(lens);
         let bright = brightened(traced.bank.clone(), light);
         let LimitGradient { mean_square, by_values, by_illumination, by_radius } =
             self.limit.gradient(&bright)?;
         let by_radius: Vec<f32> = by_radius.iter().map(|v| *v as f32).collect();
         let by_relative: Vec<f32> = by_illumination.iter().map(|by| by * light as f32).collect();
-        let mut by_square = self.plan.gradient(&traced, &by_values, &by_relative, &by_radius);
+        let mut by_square = self.plan.gradient(traced, &by_values, &by_relative, &by_radius);
         if self.stated_brightness.is_some() {
             let by_light =
                 bright.illumination.iter().zip(&by_illumination).map(|(i, by)| f64::from(i * by)).sum();
@@ -91,12 +91,15 @@ impl Merit for RestoredError {
     }
 
     fn with_gradient(&self, lens: &Lens) -> Option<(f64, Option<LensGradient>)> {
-        let (value, gradient) = self.gradient(lens).ok()?;
+        let (value, gradient) = self.gradient(lens, &self.plan.trace(lens).ok()?).ok()?;
         value.is_finite().then_some((value, Some(gradient)))
     }
 
     fn normal_equations(&self, lens: &Lens, numbers: &[(usize, Number)]) -> Option<DMatrix<f64>> {
-        let (value, gradient) = self.gradient(lens).ok()?;
-        lifted_normal_equations(&self.rays, lens, numbers, value * value, &gradient.scaled(2.0 * value))
+        let traced = self.plan.trace(lens).ok()?;
+        let (value, gradient) = self.gradient(lens, &traced).ok()?;
+        let light = self.plan.light_gradients(&traced);
+        let by_square = gradient.scaled(2.0 * value);
+        lifted_normal_equations(&self.rays, &light, lens, numbers, value * value, &by_square)
     }
 }

@@ -205,6 +205,53 @@ fn a_run_keeps_the_exposure_of_its_cameras_and_reports_it() {
     assert_eq!(setup.variants[0].task_steps_of(BlockName::Exposure), 8);
 }
 
+/// A network learns behind lenses and exposures that are drawn for each of its steps, and another run starts from it.
+#[test]
+fn a_network_that_learnt_behind_many_lenses_is_the_start_of_another_run() {
+    let text = "[exposure]\nvary = [\"time\"]\n[[variant]]\nname = \"any\"\n[[variant.stage]]\n\
+        moves = [\"optics\", \"exposure\", \"network\"]\n\
+        schedule.optics = { method = \"random\", steps = 2, learning_rate = 0.5, final_learning_rate = 1.0 }\n\
+        schedule.exposure = { method = \"random\", steps = 2, learning_rate = 1.0, final_learning_rate = 1.0 }\n\
+        schedule.network = { steps = 2 }\n";
+    let learnt = Arc::new(setup(text));
+    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let run = RunFolder::create(&folder.path().join("run")).unwrap();
+    keep_inputs(&learnt, &assets, &run).unwrap();
+    let design = DesignLoop::new(run.clone(), Scorer::new(learnt.clone()).unwrap()).unwrap();
+    let Ending::Finished(metrics) = design.run(&mut Silent, &AtomicBool::new(false)).unwrap() else {
+        panic!("nothing stops it");
+    };
+    // The camera that is scored has the lens and the exposure that are stated.
+    let (made, stated) = (camera_lens(&run, "any").unwrap().lens, &learnt.nominal().lens_file.lens);
+    for (made, stated) in made.surfaces.iter().zip(&stated.surfaces) {
+        assert!((made.shape.curvature - stated.shape.curvature).abs() < 1e-12, "{}", stated.label);
+        assert!((made.thickness_mm - stated.thickness_mm).abs() < 1e-9, "{}", stated.label);
+    }
+    assert_eq!(metrics.rows[0].white_e, f64::from(learnt.body.exposure.white_e));
+
+    let weights = run.camera("any").join("network.safetensors");
+    let given = format!("[network]\nweights = \"{}\"\n", weights.display());
+    let with = |network: &str| {
+        let text = format!("{}{}", TINY.replace("[network]\n", network), MOVES.replace("\"exposure\", ", ""));
+        Setup::new(Experiment::parse(&text).unwrap(), &assets, Device::flex().autodiff())
+    };
+    let started = with(&given).unwrap();
+    let bytes = std::fs::read(&weights).unwrap();
+    assert_eq!(started.network().unwrap().network().to_safetensors().unwrap(), bytes);
+    // The run keeps them, and its configuration names its own copy.
+    let kept = RunFolder::create(&folder.path().join("kept")).unwrap();
+    keep_inputs(&started, &assets, &kept).unwrap();
+    assert_eq!(std::fs::read(kept.input("network.safetensors")).unwrap(), bytes);
+    let again = Setup::new(assets.experiment_of_run(&kept).unwrap(), &assets, Device::flex().autodiff());
+    assert_eq!(again.unwrap().network_weights.unwrap(), bytes);
+    // Weights of another size are refused before anything is begun.
+    let Err(refused) = with(&format!("{given}kind = \"u-net\"\n")) else {
+        panic!("another network takes the weights");
+    };
+    assert!(format!("{refused:?}").contains("network.kind"), "{refused:?}");
+}
+
 #[test]
 fn exposures_that_cannot_move_are_refused_with_a_hint() {
     let refused = |text: &str| Experiment::parse(text).unwrap_err().to_string();

@@ -7,12 +7,12 @@ use petzval_base::statistics::median;
 use petzval_camera::image::LinearImage;
 use petzval_camera::isp::{Demosaic, Domain};
 use petzval_camera::render::Placement;
-use petzval_camera::sensor::{Noise, NoiseMode};
+use petzval_camera::sensor::{Exposure, Noise, NoiseMode};
 use petzval_camera::tape::Frames;
 use petzval_design::assets::Assets;
 use petzval_design::block::{Batch, Block, OpticsBlock, StepMethod, StepRule};
 use petzval_design::camera::{Camera, PsfSource, SameTime, Shot};
-use petzval_design::experiment::{DevelopmentConfig, VariantConfig};
+use petzval_design::experiment::{DevelopmentConfig, ExposureSetting, VariantConfig};
 use petzval_design::psf_plan::PsfPlan;
 use petzval_design::requirements::FieldOfView;
 use petzval_design::setup::Setup;
@@ -21,6 +21,7 @@ use petzval_learn::Device;
 use petzval_learn::detection::Truth;
 use petzval_learn::network::NetworkKind;
 use petzval_learn::objective::{Labels, NamedLoss, Objective, Taken};
+use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::image_brightness;
 
 fn setup() -> Setup {
@@ -282,6 +283,62 @@ fn steps_by_the_lifted_curvature_lower_the_loss_and_continue_with_the_same_bits(
         step(block, StepMethod::Levenberg, 0.2);
     }
     assert_eq!(whole.coordinates(), restored.coordinates());
+}
+
+#[test]
+fn random_steps_draw_lens_and_exposure_anew_and_leave_no_trace_when_the_stage_ends() {
+    let mut setup = setup();
+    setup.experiment.exposure.vary = vec![ExposureSetting::Time];
+    let mut shots = shots(&setup);
+    let nominal = setup.nominal().clone();
+    let camera = camera(&setup, nominal.space.start());
+    let rule = StepRule { method: StepMethod::Random, rate: 0.5, proximal: 0.0 };
+    let mut step = |block: &mut dyn Block, number: u64| {
+        shots[0].frame = number;
+        let loss = |_: &Camera, _: &Frames, _: &[Shot]| panic!("a random step asks for no loss");
+        let noise = Noise { mode: NoiseMode::Off, seed: 1 };
+        let further = |_| Ok(Vec::new());
+        let batch = Batch { camera: &camera, shots: &shots, noise, loss: &loss, further: &further };
+        assert!(block.step(&batch, rule).unwrap().is_empty());
+    };
+    let block = || OpticsBlock::new(nominal.clone(), 1.0);
+    let mut optics = block();
+    optics.begin_stage(true);
+    let before = optics.lens().unwrap();
+    let mut drawn = |number: u64| {
+        step(&mut optics, number);
+        optics.lens().unwrap()
+    };
+    let [first, other, again] = [drawn(3), drawn(4), drawn(3)];
+    assert!(first != before && first != other && first == again);
+    let curvature = |lens: &Lens| lens.surfaces[0].shape.curvature;
+    assert!(curvature(&first) != curvature(&before));
+    // A stage that is continued has the lens that was drawn last; the next stage has that of the start.
+    let mut restored = block();
+    restored.load_numbers(&optics.save_numbers().unwrap()).unwrap();
+    restored.load_progress(&optics.save_progress().unwrap()).unwrap();
+    assert_eq!(restored.lens().unwrap(), first);
+    restored.begin_stage(false);
+    assert_eq!(restored.lens().unwrap(), before);
+
+    let (mut exposure, stated) = (setup.exposure(), setup.exposure().exposure());
+    exposure.begin_stage(true);
+    let mut drawn = |number: u64| {
+        step(&mut exposure, number);
+        exposure.exposure()
+    };
+    let [first, other, again] = [drawn(3), drawn(4), drawn(3)];
+    assert!(first != stated && first != other && first == again);
+    let [shortest, longest] = setup.experiment.exposure.times_s.map(|t| t as f32);
+    assert!(shortest <= first.time_s && first.time_s <= longest);
+    let of_light = |exposure: &Exposure| exposure.white_e / exposure.time_s;
+    assert!((of_light(&first) / of_light(&stated) - 1.0).abs() < 1e-5, "{first:?}");
+    let mut restored = setup.exposure();
+    restored.load_numbers(&exposure.save_numbers().unwrap()).unwrap();
+    restored.load_progress(&exposure.save_progress().unwrap()).unwrap();
+    assert_eq!(restored.exposure(), first);
+    restored.begin_stage(false);
+    assert_eq!(restored.exposure(), stated);
 }
 
 /// The mean squared error of the finished pictures.

@@ -6,9 +6,7 @@ use burn::prelude::*;
 use petzval_design::assets::Assets;
 use petzval_design::experiment::Experiment;
 use petzval_design::lens_sampler::LensSampler;
-use petzval_design::optics_proxy::{
-    OpticsJudge, OpticsTraining, ProxyDomain, ProxyOpticsTrainer,
-};
+use petzval_design::optics_proxy::{OpticsJudge, OpticsTraining, ProxyDomain, ProxyOpticsTrainer};
 use petzval_design::setup::Setup;
 
 const STEPS: usize = 60;

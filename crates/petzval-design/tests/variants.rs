@@ -7,6 +7,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use common::Silent;
+use nalgebra::{DMatrix, DVector};
 use petzval_camera::sensor::NoiseMode;
 use petzval_design::assets::Assets;
 use petzval_design::block::{BlockName, OpticsBlock};
@@ -27,6 +28,7 @@ use petzval_learn::score::{Score, ScoreError, ScoredPair, standard_scores};
 use petzval_optics::design_space::SmoothSpace;
 use petzval_optics::lens::Lens;
 use petzval_optics::merit::Merit;
+use petzval_optics::number::Number;
 use petzval_optics::paraxial::first_order;
 use petzval_optics::solve::thin_equivalent;
 use petzval_optics::spot::mean_square_spot;
@@ -205,7 +207,9 @@ fn spots_are_minimised_to_convergence_under_the_requirements() {
     assert_eq!(minimised(), (losses.clone(), iterations, lens.clone()));
     // The coordinates of the block say the same lens.
     let requirements = &setup.nominal().requirements;
-    assert!(requirements.penalty(&lens, FieldOfView::Held).unwrap().0 < 1e-12);
+    assert!(
+        requirements.violations(&lens, FieldOfView::Held).unwrap().iter().all(|(square, _)| *square < 1e-12)
+    );
     let (square_um2, _) = mean_square_spot(&lens, &setup.nominal().spot_fields_rad).unwrap();
     assert!((square_um2.sqrt() / losses["rms_spot_um"] - 1.0).abs() < 0.02, "{}", square_um2.sqrt());
 }
@@ -225,6 +229,7 @@ fn a_lens_is_improved_for_the_restoration_of_its_frames() {
     let plan = PsfPlan { held_fields_rad: Some(fields), ..setup.moving_plan.clone() };
     let merit = start.restored(&plan);
     check_gradient(&merit, space, &x);
+    check_lift(&merit, &lens_at(&x), space.space().numbers());
     let mut block = OpticsBlock::new(start.clone(), 1.0);
     let spot = block.improve(LensGoal::Spot, 100, LensSearch::default(), &mut |_| Ok(())).unwrap();
     let mut course = Vec::new();
@@ -240,6 +245,35 @@ fn a_lens_is_improved_for_the_restoration_of_its_frames() {
     // What no lens can go below.
     let perfect = merit.value(&thin_equivalent(&start.lens_file.lens)).unwrap();
     assert!(perfect < 0.8 * restored["restored_error_percent"], "{perfect}");
+}
+
+/// The residuals to which an error is lifted give back its value and its gradient, and reach zero at some point of the rays: their paraboloid
+/// just touches it.
+fn check_lift(merit: &RestoredError, lens: &Lens, numbers: &[(usize, Number)]) {
+    let (value, gradient) = merit.with_gradient(lens).unwrap();
+    let (square, gradient) = (value * value, gradient.unwrap().scaled(2.0 * value));
+    let gram = merit.normal_equations(lens, numbers).unwrap();
+    let count = numbers.len();
+    assert!((gram[(count + 1, count + 1)] / square - 1.0).abs() < 1e-8);
+    // Columns of unit length, so that eigenvalues can be compared.
+    let size = |i: usize| gram[(i, i)].sqrt();
+    for (i, number) in numbers.iter().enumerate() {
+        let slope = 2.0 * gram[(i, count + 1)];
+        assert!((slope - gradient[*number]).abs() <= 1e-8 * slope.abs(), "{i}: {slope}");
+        assert!(size(i) > 0.0, "{i}");
+    }
+    let moved = DMatrix::from_fn(count, count, |r, c| gram[(r, c)] / (size(r) * size(c))).symmetric_eigen();
+    let half = DVector::from_fn(count, |i, _| gram[(i, count + 1)] / size(i));
+    let along = moved.eigenvectors.transpose() * half;
+    let most = moved.eigenvalues.max();
+    assert!(moved.eigenvalues.min() > -1e-12 * most, "no products of residuals: {}", moved.eigenvalues);
+    let reached: f64 = along
+        .iter()
+        .zip(moved.eigenvalues.iter())
+        .filter(|(_, e)| **e > 1e-12 * most)
+        .map(|(a, e)| a * a / e)
+        .sum();
+    assert!((reached / square - 1.0).abs() < 1e-6, "{reached} {square}");
 }
 
 /// Compares the gradient of the error after restoration with differences.

@@ -3,7 +3,9 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use nalgebra::DVector;
 use petzval_base::random::{Stage, Stream};
+use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::Lens;
 use petzval_optics::merit::lifted_normal_equations;
 use petzval_optics::optimize::{Analysis, LevenbergOptions, Search, SearchOptions, descend};
@@ -57,6 +59,17 @@ pub struct OpticsBlock {
     errors: Vec<f64>,
     /// By how much each coordinate lowered the loss in the last step.
     lowered: Vec<f64>,
+}
+
+/// The losses of a batch, and their derivatives by the lens.
+struct Slopes {
+    losses: BTreeMap<String, f64>,
+    /// Of the loss, by way of the PSFs.
+    by_psfs: ByLens,
+    /// Of the loss, by way of the light that the lens gathers.
+    by_light: LensGradient,
+    /// The squares of violations of the requirements, mm^2, with their derivatives.
+    violations: Vec<(f64, LensGradient)>,
 }
 
 /// How far a stage has come, beside the coordinates.
@@ -119,18 +132,28 @@ impl OpticsBlock {
     /// The gradient comes back on the tape through network, development, sensor and renderer as far as the PSFs, and from
     /// there by the adjoint of ray tracing, or through the network that takes its place.
     pub fn gradient(&self, batch: &Batch) -> Result<(BTreeMap<String, f64>, Vec<f64>), DesignError> {
-        let (losses, by_lens) = self.by_lens(batch)?;
-        let gradient = match by_lens {
-            ByLens::Numbers(gradient) => {
-                self.start.space.pull_back_off(&self.x, &self.errors, &self.lens_in_step()?, &gradient)
+        let Slopes { losses, by_psfs, by_light, violations } = self.slopes(batch)?;
+        let (lens, space) = (self.lens_in_step()?, &self.start.space);
+        let mut directly = by_light;
+        for (_, by_square) in violations {
+            directly += &by_square.scaled(self.constraint_weight);
+        }
+        let gradient = match by_psfs {
+            ByLens::Numbers(mut by) => {
+                by += &directly;
+                space.pull_back_off(&self.x, &self.errors, &lens, &by)
             }
-            ByLens::Coordinates(by) => by,
+            ByLens::Coordinates(by) => {
+                let by_psfs = space.pull_back_coordinates_off(&self.x, &self.errors, &by);
+                let directly = space.pull_back_off(&self.x, &self.errors, &lens, &directly);
+                by_psfs.iter().zip(directly).map(|(a, b)| a + b).collect()
+            }
         };
         Ok((losses, gradient))
     }
 
-    /// [`OpticsBlock::gradient`] by the numbers of the lens; or, where a network takes the place of tracing, by the free coordinates.
-    fn by_lens(&self, batch: &Batch) -> Result<(BTreeMap<String, f64>, ByLens), DesignError> {
+    /// Takes the batch, and pulls the derivatives of its loss back to the lens.
+    fn slopes(&self, batch: &Batch) -> Result<Slopes, DesignError> {
         if !batch.camera.has_gradient() {
             return Err(DesignError::NoGradient("an ISP that nothing imitates yet"));
         }
@@ -145,29 +168,18 @@ impl OpticsBlock {
             to_host(psfs.illumination.grad(&gradients).ok_or(DesignError::NoGradient("the PSFs"))?)?;
         let by_radius = to_host(psfs.radius_mm.grad(&gradients).ok_or(DesignError::NoGradient("the PSFs"))?)?;
         // What forms the PSFs takes over from them to the lens.
-        let by_lens = batch.camera.psfs().pull_back(&by_values, &by_illumination, &by_radius)?;
+        let by_psfs = batch.camera.psfs().pull_back(&by_values, &by_illumination, &by_radius)?;
 
-        let (lens, space) = (self.lens_in_step()?, &self.start.space);
-        let (penalty_mm2, by_penalty) = self.start.requirements.penalty(&lens, self.field)?;
-        // What depends on the lens by another way than its PSFs: the requirements, and the light that it gathers.
-        let mut directly = by_penalty.scaled(self.constraint_weight);
-        if let Some(by_light) = psfs.light.grad(&gradients) {
-            let by_light = f64::from(to_host(by_light)?[0]);
-            pull_back_log_brightness(&lens.at_wavelength(lens.reference_um), by_light, &mut directly);
+        // What depends on the lens by another way than its PSFs: the light that it gathers, and the requirements.
+        let lens = self.lens_in_step()?;
+        let mut by_light = LensGradient::zero(lens.surfaces.len());
+        if let Some(by) = psfs.light.grad(&gradients) {
+            let by = f64::from(to_host(by)?[0]);
+            pull_back_log_brightness(&lens.at_wavelength(lens.reference_um), by, &mut by_light);
         }
-        losses.insert(PENALTY.to_owned(), penalty_mm2);
-        let by_lens = match by_lens {
-            ByLens::Numbers(mut gradient) => {
-                gradient += &directly;
-                ByLens::Numbers(gradient)
-            }
-            ByLens::Coordinates(by) => {
-                let directly = space.pull_back_off(&self.x, &self.errors, &lens, &directly);
-                let by_psfs = space.pull_back_coordinates_off(&self.x, &self.errors, &by);
-                ByLens::Coordinates(by_psfs.iter().zip(directly).map(|(a, b)| a + b).collect())
-            }
-        };
-        Ok((losses, by_lens))
+        let violations = self.start.requirements.violations(&lens, self.field)?;
+        losses.insert(PENALTY.to_owned(), violations.iter().map(|(square, _)| square).sum());
+        Ok(Slopes { losses, by_psfs, by_light, violations })
     }
 
     /// Makes the spots, or the error after restoration, as small as the requirements allow, by Levenberg and Marquardt's method from the
@@ -227,22 +239,34 @@ impl OpticsBlock {
         batch: &Batch,
         rule: StepRule,
     ) -> Result<BTreeMap<String, f64>, DesignError> {
-        let (losses, by_lens) = self.by_lens(batch)?;
-        let ByLens::Numbers(gradient) = by_lens else {
+        let Slopes { losses, by_psfs, by_light, violations } = self.slopes(batch)?;
+        let (ByLens::Numbers(mut by_loss), Some(light)) = (by_psfs, batch.camera.psfs().light_gradients())
+        else {
             return Err(DesignError::NoGradient("rays, which a network in place of tracing does not have"));
         };
+        by_loss += &by_light;
+        let mut by_all = by_loss.clone();
+        for (_, by_square) in &violations {
+            by_all += &by_square.clone().scaled(self.constraint_weight);
+        }
         let (lens, space) = (self.lens_in_step()?, &self.start.space);
-        let slopes = space.pull_back_off(&self.x, &self.errors, &lens, &gradient);
-        let value = losses.get(TOTAL).copied().unwrap_or(f64::NAN) + self.constraint_weight * losses[PENALTY];
+        let slopes = space.pull_back_off(&self.x, &self.errors, &lens, &by_all);
+        let value = losses.get(TOTAL).copied().unwrap_or(f64::NAN);
         let numbers = space.space().numbers();
         let rays = self.start.spots(&lens);
         if !(slopes.iter().all(|s| s.is_finite()) && value > 0.0) {
             self.x[0] = f64::NAN;
             return Ok(losses);
         }
-        let Some(gram) = lifted_normal_equations(&rays, &lens, numbers, value, &gradient) else {
+        let Some(mut gram) = lifted_normal_equations(&rays, &light, &lens, numbers, value, &by_loss) else {
             return Ok(losses);
         };
+        // Each violation v of a requirement is a residual of its own, sqrt(weight) v, with dv = d(v^2) / (2 v).
+        for (square, by_square) in &violations {
+            let by = |i: usize| numbers.get(i).map_or(0.0, |n| by_square[*n] / (2.0 * square.sqrt()));
+            let by = DVector::from_fn(gram.nrows(), |i, _| by(i));
+            gram.ger(self.constraint_weight, &by, &by, 1.0);
+        }
         let by_coordinates = space.space().map(&space.space().coordinates(&lens))?.slopes;
         let inner = gram.view((0, 0), (numbers.len() + 1, numbers.len() + 1));
         // How the coordinates of the space follow the free ones, each its own.

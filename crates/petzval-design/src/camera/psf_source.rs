@@ -104,6 +104,14 @@ impl Psfs {
         }
     }
 
+    /// The lens gradient of the relative illumination of each field; `None` where the PSFs are not traced.
+    pub fn light_gradients(&self) -> Option<Vec<LensGradient>> {
+        match &self.kind {
+            Kind::Traced { plan, traced, .. } => Some(plan.light_gradients(traced)),
+            Kind::Proxy { .. } | Kind::Measured(_) => None,
+        }
+    }
+
     /// Pulls a loss's derivatives by the PSFs, laid out as in [`PsfBank`], back to the lens: by the adjoint of ray tracing, where those by
     /// the radii are the derivatives by where the chief rays land, at fixed fields; or through the network, whose radii are fixed.
     /// Where no lens forms the PSFs, the chain ends at them, and this is an error.

@@ -6,9 +6,12 @@
 //! factor 1/2 left out): the loss is replaced by a paraboloid over the rays with the same slope, that just touches zero. Its curvature by the
 //! numbers of the lens is `w J' J`, which knows what a sphere and an aspheric term have in common, and the loss itself does not have to.
 //!
-//! Here g is the smallest vector that explains the gradient by the numbers: of the rest of g no change of these numbers knows. So the whole gradient
-//! counts, that by light, illumination and distortion as well, and J is that of the spots, about the centroid of each field, as the loss
-//! sees PSFs about their chief ray.
+//! e is the whole vector by which a loss sees a lens: where the rays of each field land about its chief ray, where the chief rays land, and the
+//! light of each field. A change of the light of a field by a share counts as a motion of its rays by that share of the RMS spot:
+//! both change a PSF of that size by that share. Nothing is clipped.
+//!
+//! Here g is the smallest vector that explains the gradient by the numbers: of the rest of g no change of these numbers knows. The
+//! rays stand for the beams, so they need not be those of the loss.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -21,18 +24,25 @@ use crate::number::Number;
 const LEAST_SHARE: f64 = 1e-12;
 
 /// The normal equations of the lifted residuals of a loss, laid out as in [`Merit::normal_equations`]: the squares of the residuals add up
-/// to `loss`, and half of the derivatives of that sum are half of `gradient`. `rays` says which rays stand for the beams. `None` if
-/// one of them is lost, or nothing moves.
+/// to `loss`, and half of the derivatives of that sum are half of `gradient`. `rays` says which rays stand for the beams, and `light` holds
+/// the derivatives of the light of each field, relative to the light of the axis, each of the same weight. `None` if a ray is lost, or nothing
+/// moves.
 pub fn lifted_normal_equations(
     rays: &SpotResiduals,
+    light: &[LensGradient],
     lens: &Lens,
     numbers: &[(usize, Number)],
     loss: f64,
     gradient: &LensGradient,
 ) -> Option<DMatrix<f64>> {
-    let spots = rays.normal_equations(lens, numbers)?;
     let count = numbers.len();
-    let moved = spots.view((0, 0), (count, count));
+    let mut motion = rays.motion(lens, numbers)?;
+    let share = rays.value(lens)?.powi(2) / light.len().max(1) as f64;
+    for of_field in light {
+        let by = DVector::from_fn(count + 1, |i, _| numbers.get(i).map_or(0.0, |n| of_field[*n]));
+        motion.ger(share, &by, &by, 1.0);
+    }
+    let moved = motion.view((0, 0), (count, count));
     let half = DVector::from_fn(count, |i, _| 0.5 * gradient[numbers[i]]);
     // |g|^2 of the smallest g with J' g = gradient, in units in which every number moves the rays alike.
     let scale =
@@ -48,8 +58,7 @@ pub fn lifted_normal_equations(
         return None;
     }
     let mut all = DMatrix::zeros(count + 2, count + 2);
-    all.view_mut((0, 0), (count + 1, count + 1))
-        .copy_from(&(spots.view((0, 0), (count + 1, count + 1)) * weight));
+    all.view_mut((0, 0), (count + 1, count + 1)).copy_from(&(motion * weight));
     all.view_mut((0, count + 1), (count, 1)).copy_from(&half);
     all.view_mut((count + 1, 0), (1, count)).copy_from(&half.transpose());
     all[(count + 1, count + 1)] = loss;

@@ -8,7 +8,7 @@ use crate::gradient::LensGradient;
 use crate::lens::Lens;
 use crate::number::Number;
 use crate::paraxial::{FirstOrderCotangent, first_order, pull_back_first_order};
-use crate::pupil::{PupilBasis, PupilSampling, Sides, aim_at_pupil};
+use crate::pupil::{PupilBasis, PupilSampling, Sides, aim_at_pupil, chief_ray, pull_back_chief};
 use crate::trace::{
     AimedRays, LandingJacobian, RayBundle, Reaim, Seeds, Sequence, SquaredHeights, landing_jacobian,
     pull_back, trace_with_heights,
@@ -244,6 +244,18 @@ impl SpotResiduals {
         landings: &Landings,
         numbers: &[(usize, Number)],
     ) -> Option<DMatrix<f64>> {
+        self.gram_with(lens, sides, landings, numbers, |_, _, _| Some(()))
+    }
+
+    /// [`SpotResiduals::gram`] with further products for each field, mm^2, which `add_further` finds from the means of the columns of x and of y.
+    fn gram_with(
+        &self,
+        lens: &Lens,
+        sides: Sides,
+        landings: &Landings,
+        numbers: &[(usize, Number)],
+        add_further: impl Fn(usize, &[DVector<f64>; 2], &mut DMatrix<f64>) -> Option<()>,
+    ) -> Option<DMatrix<f64>> {
         let (points, weights) = self.samples(sides);
         let is_half = sides == Sides::Mirrored;
         let stop_radius_mm = first_order(&lens.at_wavelength(lens.reference_um)).stop_radius_mm;
@@ -271,9 +283,31 @@ impl SpotResiduals {
             if !is_half {
                 of_field -= mean_x * mean_x.transpose();
             }
+            add_further(field, &means, &mut of_field)?;
             gram += of_field * (weight * UM_PER_MM * UM_PER_MM);
         }
         Some(gram)
+    }
+
+    /// The products of the derivatives of where light lands, in um, by each of the numbers and by the logarithm of the stop radius: those of the
+    /// rays about the chief ray of their field, and those of the chief rays themselves. `None` if a ray is lost.
+    pub(crate) fn motion(&self, lens: &Lens, numbers: &[(usize, Number)]) -> Option<DMatrix<f64>> {
+        let landings = self.landings(lens, Sides::Both, None, false)?;
+        let reference = lens.at_wavelength(lens.reference_um);
+        let count = numbers.len();
+        let gram = self.gram_with(lens, Sides::Both, &landings, numbers, |field, means, of_field| {
+            let chief = chief_ray(&reference, self.fields_rad[field])?;
+            for (axis, mean) in means.iter().enumerate() {
+                let mut by = LensGradient::zero(lens.surfaces.len());
+                let along = [0, 1].map(|a| if a == axis { 1.0 } else { 0.0 });
+                pull_back_chief(&reference, &chief, along, &mut by);
+                let chief = DVector::from_fn(count + 2, |i, _| numbers.get(i).map_or(0.0, |n| by[*n]));
+                let about = mean - &chief;
+                *of_field += &chief * chief.transpose() + &about * about.transpose();
+            }
+            Some(())
+        })?;
+        Some(gram.view((0, 0), (count + 1, count + 1)).into_owned())
     }
 
     /// The gradient of the squared merit, um^2 per unit of each number.

@@ -143,7 +143,7 @@ impl Merit for Hidden {
         let (value, gradient) = self.with_gradient(lens)?;
         // Other rays than those of the merit.
         let rays = SpotResiduals { sampling: PupilSampling::Degree(4), ..self.spots.clone() };
-        lifted_normal_equations(&rays, lens, numbers, value * value, &gradient?.scaled(2.0 * value))
+        lifted_normal_equations(&rays, &[], lens, numbers, value * value, &gradient?.scaled(2.0 * value))
     }
 }
 

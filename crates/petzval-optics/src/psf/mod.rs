@@ -266,6 +266,9 @@ impl PsfTape {
         for (k, channel) in self.channels.iter().enumerate() {
             // Undo the normalisation P = G / S: Gbar = (Pbar - <Pbar, P>) / S. Then add the mirror image.
             let wish = &cotangent.values[k];
+            if cotangent.illumination[k] == 0.0 && wish.iter().all(|w| *w == 0.0) {
+                continue;
+            }
             let mean: f64 = wish.iter().zip(&psf.values[k]).map(|(a, b)| a * b).sum();
             let raw: Vec<f64> = wish.iter().map(|w| (w - mean) / channel.total).collect();
             let is_half = self.reference.is_mirror_symmetric && !matches!(channel.light, Light::Wave(_));
