@@ -7,7 +7,7 @@ use petzval_camera::linear_limit::{LimitGradient, LinearLimit};
 use petzval_camera::psf::PsfBank;
 use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::Lens;
-use petzval_optics::merit::{Better, Merit, SpotResiduals, lifted_normal_equations};
+use petzval_optics::merit::{Better, Merit, Seen, SpotResiduals, lifted_normal_equations};
 use petzval_optics::number::Number;
 use petzval_optics::paraxial::{image_brightness, pull_back_log_brightness};
 
@@ -100,6 +100,8 @@ impl Merit for RestoredError {
         let (value, gradient) = self.gradient(lens, &traced).ok()?;
         let light = self.plan.light_gradients(&traced);
         let by_square = gradient.scaled(2.0 * value);
-        lifted_normal_equations(&self.rays, &light, lens, numbers, value * value, &by_square)
+        // The best restoration moves the light of every field back to its place.
+        let seen = Seen { rays: &self.rays, places: false, light: &light };
+        lifted_normal_equations(seen, lens, numbers, value * value, &by_square)
     }
 }

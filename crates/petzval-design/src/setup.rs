@@ -98,8 +98,6 @@ impl Setup {
             setup.scenes = Some(Scenes::new(&setup.experiment, crops, &setup.fixed_plan, pixel_um, nominal)?);
             return Ok(setup);
         }
-        // Fails now, while there is no run folder yet, if `network.weights` does not fit the network.
-        setup.network()?;
         let window = setup.training_crops.window().max(setup.scoring_crops.window());
         let read = load_photos(&setup.experiment, assets, window)?;
         (setup.photos, setup.skipped_photos, setup.photo_notes) = (read.photos, read.skipped, read.notes);
@@ -179,7 +177,7 @@ impl Setup {
         let (training_crops, scoring_crops) =
             (crops(experiment.training.crop), crops(experiment.scoring.crop));
         let lpips_weights = assets.bytes("weights/lpips_alex_f16.safetensors")?.to_vec();
-        let network_weights = network_weights(&experiment, assets)?;
+        let network_weights = network_weights(&experiment, assets, &device)?;
         let interpolation = development.interpolation();
         interpolation.demosaic.check_array(sensor.cfa).map_err(|e| {
             let hint = "write \"bilinear\" for development.demosaic";
@@ -308,14 +306,11 @@ impl Setup {
                 Some(path) => block.with_weights(Path::new(path)),
             };
         }
-        let NetworkConfig { kind, base_channels, levels, ref weights } = experiment.network;
+        let NetworkConfig { kind, base_channels, levels, .. } = experiment.network;
         let drawn = kind.init(base_channels, levels, experiment.seed, device)?;
         let network = match &self.network_weights {
+            Some(bytes) => drawn.with_weights(bytes)?,
             None => drawn,
-            Some(bytes) => drawn.with_weights(bytes).map_err(|problem| {
-                let hint = "give the network.kind, base_channels and levels of the weights, or write \"none\" for network.weights";
-                DesignError::misfit(Path::new(weights), &problem, hint)
-            })?,
         };
         let block = NetworkBlock::new(network);
         let TrainingConfig { beta2, largest_gradient, .. } = experiment.training;
@@ -380,17 +375,30 @@ impl Setup {
     }
 }
 
-/// The weights that the experiment names for its network for pictures, if it has such a network.
-fn network_weights(experiment: &Experiment, assets: &Assets) -> Result<Option<Vec<u8>>, DesignError> {
+/// The weights that the experiment names for its network for pictures, if it has such a network; none where they are drawn.
+fn network_weights(
+    experiment: &Experiment,
+    assets: &Assets,
+    device: &Device,
+) -> Result<Option<Vec<u8>>, DesignError> {
     let has_network = !experiment.task.finds_objects() && !experiment.isp.is_used();
-    if !has_network || !experiment.network.has_weights() {
+    let NetworkConfig { kind, base_channels, levels, ref weights } = experiment.network;
+    if !has_network || experiment.network.draws_weights() {
         return Ok(None);
     }
+    let drawn = kind.init(base_channels, levels, experiment.seed, device)?;
     if experiment.network.has_built_in_weights() {
-        return Ok(Some(assets.bytes("weights/restoration_naf.safetensors")?.to_vec()));
+        let bytes = assets.bytes("weights/restoration_naf.safetensors")?;
+        return Ok(drawn.with_weights(bytes).is_ok().then(|| bytes.to_vec()));
     }
-    let path = Path::new(&experiment.network.weights);
-    petzval_base::read_whole(path).map(Some).map_err(DesignError::io(path))
+    let path = Path::new(weights);
+    let bytes = petzval_base::read_whole(path).map_err(DesignError::io(path))?;
+    // Fails now, while there is no run folder yet, if they do not fit.
+    drawn.with_weights(&bytes).map_err(|problem| {
+        let hint = "give the network.kind, base_channels and levels of the weights, or write \"none\" for network.weights";
+        DesignError::misfit(path, &problem, hint)
+    })?;
+    Ok(Some(bytes))
 }
 
 /// By what the start of a variant is found.

@@ -17,6 +17,7 @@ use petzval_design::psf_plan::PsfPlan;
 use petzval_design::requirements::FieldOfView;
 use petzval_design::setup::Setup;
 use petzval_design::start::Start;
+use petzval_design::variant::{LensGoal, LensSearch};
 use petzval_learn::Device;
 use petzval_learn::detection::Truth;
 use petzval_learn::network::NetworkKind;
@@ -293,7 +294,7 @@ fn random_steps_draw_lens_and_exposure_anew_and_leave_no_trace_when_the_stage_en
     let nominal = setup.nominal().clone();
     let camera = camera(&setup, nominal.space.start());
     let rule = StepRule { method: StepMethod::Random, rate: 0.5, proximal: 0.0 };
-    let mut step = |block: &mut dyn Block, number: u64| {
+    let mut step = |block: &mut dyn Block, number: u64, rule: StepRule| {
         shots[0].frame = number;
         let loss = |_: &Camera, _: &Frames, _: &[Shot]| panic!("a random step asks for no loss");
         let noise = Noise { mode: NoiseMode::Off, seed: 1 };
@@ -306,7 +307,7 @@ fn random_steps_draw_lens_and_exposure_anew_and_leave_no_trace_when_the_stage_en
     optics.begin_stage(true);
     let before = optics.lens().unwrap();
     let mut drawn = |number: u64| {
-        step(&mut optics, number);
+        step(&mut optics, number, rule);
         optics.lens().unwrap()
     };
     let [first, other, again] = [drawn(3), drawn(4), drawn(3)];
@@ -321,10 +322,25 @@ fn random_steps_draw_lens_and_exposure_anew_and_leave_no_trace_when_the_stage_en
     restored.begin_stage(false);
     assert_eq!(restored.lens().unwrap(), before);
 
+    // Behind a stage that improved the lens, draws are about the lens before it as well.
+    optics.begin_stage(false);
+    optics.improve(LensGoal::Spot, 3, LensSearch::default(), &mut |_| Ok(())).unwrap();
+    optics.begin_stage(true);
+    let improved = optics.lens().unwrap();
+    let near = StepRule { rate: 1e-4, ..rule };
+    let near_before = (0..40)
+        .filter(|number| {
+            step(&mut optics, *number, near);
+            let drawn = curvature(&optics.lens().unwrap());
+            (drawn - curvature(&before)).abs() < (drawn - curvature(&improved)).abs()
+        })
+        .count();
+    assert!((10..=30).contains(&near_before), "{near_before} of 40");
+
     let (mut exposure, stated) = (setup.exposure(), setup.exposure().exposure());
     exposure.begin_stage(true);
     let mut drawn = |number: u64| {
-        step(&mut exposure, number);
+        step(&mut exposure, number, rule);
         exposure.exposure()
     };
     let [first, other, again] = [drawn(3), drawn(4), drawn(3)];

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use petzval_design::block::BlockName;
 use petzval_design::design_loop::{DesignLoop, Ending, Observer};
 use petzval_design::experiment::{BUILT_IN_PHOTOS, Experiment, PsfConfig, STREET};
 use petzval_design::inputs::{check_inputs, keep_inputs};
@@ -171,6 +172,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     context.note(&setup.experiment.name);
     context.note(format!("run folder: {}", folder.root().display()));
     report_pictures(&setup, context);
+    report_weights(&setup, context);
     let psf = setup.experiment.psf.clone();
     let mut watch = Watch { context, scores: scorer.scores(), psf, total: 0 };
     let ending = DesignLoop::new(folder.clone(), scorer)?.run(&mut watch, context.cancellation())?;
@@ -221,6 +223,19 @@ fn report_pictures(setup: &Setup, context: &Context) {
         };
         context.warning(format!("{}{others}: {note}", names[0]));
     }
+}
+
+/// Says from which weights the networks for pictures start, if they have any.
+fn report_weights(setup: &Setup, context: &Context) {
+    let network = &setup.experiment.network;
+    if !setup.experiment.blocks().contains(&BlockName::Network) || setup.experiment.task.finds_objects() {
+        return;
+    }
+    context.note(match &setup.network_weights {
+        Some(_) if network.has_built_in_weights() => "networks start from the built-in weights".to_owned(),
+        Some(_) => format!("networks start from the weights of {}", network.weights),
+        None => "networks start from weights drawn from the seed".to_owned(),
+    });
 }
 
 /// The record of a run and the experiment to go on with, which is longer where the request extends it. A `config.toml` that differs

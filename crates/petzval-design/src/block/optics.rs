@@ -7,7 +7,7 @@ use nalgebra::DVector;
 use petzval_base::random::{Stage, Stream};
 use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::Lens;
-use petzval_optics::merit::lifted_normal_equations;
+use petzval_optics::merit::{Seen, lifted_normal_equations};
 use petzval_optics::optimize::{Analysis, LevenbergOptions, Search, SearchOptions, descend};
 use petzval_optics::paraxial::pull_back_log_brightness;
 use serde::{Deserialize, Serialize};
@@ -85,6 +85,9 @@ struct Progress {
     /// The coordinates that the last random step drew, which are forgotten when the stage ends.
     #[serde(default)]
     drawn: Option<Vec<f64>>,
+    /// The coordinates before each stage so far that improved the lens alone: random steps draw about these lenses as well.
+    #[serde(default)]
+    earlier: Vec<Vec<f64>>,
 }
 
 impl OpticsBlock {
@@ -192,6 +195,7 @@ impl OpticsBlock {
         search: LensSearch,
         watch: &mut dyn FnMut(BTreeMap<String, f64>) -> Result<(), DesignError>,
     ) -> Result<BTreeMap<String, f64>, DesignError> {
+        self.progress.earlier.push(self.x.clone());
         let (mut lens, mut left, mut losses) = (self.lens()?, iterations, BTreeMap::new());
         if search.rounds > 0 {
             lens = self.searched(goal, lens, search, watch)?;
@@ -258,7 +262,8 @@ impl OpticsBlock {
             self.x[0] = f64::NAN;
             return Ok(losses);
         }
-        let Some(mut gram) = lifted_normal_equations(&rays, &light, &lens, numbers, value, &by_loss) else {
+        let seen = Seen { rays: &rays, places: true, light: &light };
+        let Some(mut gram) = lifted_normal_equations(seen, &lens, numbers, value, &by_loss) else {
             return Ok(losses);
         };
         // Each violation v of a requirement is a residual of its own, sqrt(weight) v, with dv = d(v^2) / (2 v).
@@ -286,12 +291,15 @@ impl OpticsBlock {
         Ok(losses)
     }
 
-    /// Draws a lens of which the light arrives, around the one at the start of the stage. It follows from the seed and the number of the batch
-    /// alone.
+    /// Draws a lens of which the light arrives, about the one at the start of the stage or one that it was improved from. It follows from the
+    /// seed and the number of the batch alone.
     fn draw(&mut self, batch: &Batch, reach: f64) -> Result<(), DesignError> {
         let number = batch.shots.first().map_or(0, |shot| shot.frame);
+        let Progress { anchor, earlier, .. } = &self.progress;
+        let [share, _] = Stream::new(batch.noise.seed, number, Stage::LensError).uniforms(0, 0);
+        let centre = earlier.get((share * (earlier.len() + 1) as f64) as usize).unwrap_or(anchor);
         let sampler = LensSampler::new(self.start.clone(), self.start.plan().clone(), batch.noise.seed);
-        self.progress.drawn = Some(sampler.about(&self.progress.anchor, reach).coordinates(number)?);
+        self.progress.drawn = Some(sampler.about(centre, reach).coordinates(number)?);
         Ok(())
     }
 
@@ -347,7 +355,8 @@ impl Block for OpticsBlock {
         if is_moving {
             self.x = self.start.space.off_bounds(&self.x);
         }
-        self.progress = Progress { anchor: self.x.clone(), ..Progress::default() };
+        let earlier = std::mem::take(&mut self.progress.earlier);
+        self.progress = Progress { anchor: self.x.clone(), earlier, ..Progress::default() };
     }
 
     fn step(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>, DesignError> {
@@ -399,7 +408,7 @@ impl Block for OpticsBlock {
     fn load_progress(&mut self, state: &BlockState) -> Result<(), String> {
         let progress: Progress = parsed(state, PROGRESS)?;
         let free = self.x.len();
-        let drawn_fits = progress.drawn.as_ref().is_none_or(|x| x.len() == free);
+        let drawn_fits = progress.drawn.iter().chain(&progress.earlier).all(|x| x.len() == free);
         let moments_fit = progress.adam.fits(free) && progress.lifted.fits(free);
         if progress.anchor.len() != free || !moments_fit || !drawn_fits {
             return Err(format!("{PROGRESS}: {OTHER_VARIABLES}"));

@@ -412,14 +412,13 @@ impl Experiment {
 
     /// Gives the experiment the budget of a night on a GPU in place of minutes on two cores: [`FULL_STEPS`] steps of the network or of the
     /// hardware ISP for the camera that takes the most, all other steps in proportion, batches of [`FULL_BATCH`] windows, twice as wide a
-    /// network, whose weights are drawn. Nothing else changes.
+    /// network, which no built-in weights fit. Nothing else changes.
     pub fn to_full_size(&mut self) {
         let last_block = self.last_block();
         let own = if last_block == BlockName::Isp { self.isp.steps } else { self.training.steps };
         self.scale_steps((FULL_STEPS * own).div_ceil(self.most_steps_of(last_block).max(1)));
         self.training.batch = FULL_BATCH;
         self.network.base_channels = (2 * self.network.base_channels).min(MOST_CHANNELS);
-        self.network.draw_weights();
         self.checkpoint.every = self.checkpoint.every.max(FULL_CHECKPOINT);
     }
 
@@ -513,7 +512,7 @@ impl Experiment {
             let lens = v.lens.as_mut().filter(|name| !is_derived_lens(name)).map(|lens| (key("lens"), lens));
             lens.into_iter().chain(v.optics_proxy.as_mut().map(|proxy| (key("optics_proxy"), proxy)))
         });
-        let is_file = self.network.has_weights() && !self.network.has_built_in_weights();
+        let is_file = !self.network.draws_weights() && !self.network.has_built_in_weights();
         let weights = Some(&mut self.network.weights).filter(|_| is_file);
         let preset = Some(&mut self.isp.preset).filter(|preset| *preset != NO_ISP);
         [

@@ -106,10 +106,10 @@ parameters! {
     } also {
         /// A U-Net that sees the picture alone, or a U-Net or NAF network behind a restoration that is trained with it.
         kind: NetworkKind = NetworkKind::RestorationNaf;
-        /// The weights from which every camera's network starts: those that come with the program, "built-in", of a restoration-naf network of 16
-        /// channels and 3 levels, which has learnt behind many lenses; a file `cameras/NAME/network.safetensors` of a run; or "none" for
-        /// weights that are drawn from the seed.
-        weights: String = NO_WEIGHTS.to_owned();
+        /// The weights from which the network of every camera starts. "built-in": those that come with the program, of a network that has learnt behind
+        /// many lenses and at many exposures, if the network is of their kind and sizes (restoration-naf, 16 channels, 3 levels), else drawn
+        /// from the seed. "none": drawn from the seed. Or a file `cameras/NAME/network.safetensors` of a run.
+        weights: String = BUILT_IN_WEIGHTS.to_owned();
     }
 }
 
@@ -120,19 +120,14 @@ const NO_WEIGHTS: &str = "none";
 const BUILT_IN_WEIGHTS: &str = "built-in";
 
 impl NetworkConfig {
-    /// Whether it starts from weights that are given.
-    pub fn has_weights(&self) -> bool {
-        self.weights != NO_WEIGHTS
+    /// Whether its weights are drawn whatever its kind.
+    pub fn draws_weights(&self) -> bool {
+        self.weights == NO_WEIGHTS
     }
 
-    /// Whether it starts from the weights that come with the program.
+    /// Whether it starts from the weights that come with the program, if it can.
     pub fn has_built_in_weights(&self) -> bool {
         self.weights == BUILT_IN_WEIGHTS
-    }
-
-    /// Draws its weights from the seed.
-    pub fn draw_weights(&mut self) {
-        self.weights = NO_WEIGHTS.to_owned();
     }
 }
 

@@ -6,9 +6,10 @@
 //! factor 1/2 left out): the loss is replaced by a paraboloid over the rays with the same slope, that just touches zero. Its curvature by the
 //! numbers of the lens is `w J' J`, which knows what a sphere and an aspheric term have in common, and the loss itself does not have to.
 //!
-//! e is the whole vector by which a loss sees a lens: where the rays of each field land about its chief ray, where the chief rays land, and the
-//! light of each field. A change of the light of a field by a share counts as a motion of its rays by that share of the RMS spot:
-//! both change a PSF of that size by that share. Nothing is clipped.
+//! e is the whole vector by which a loss sees a lens: where the rays of each field land, and the light of each field. A change of the light of a
+//! field by a share counts as a motion of its rays by that share of the RMS spot: both change a PSF of that size by that share. A loss that
+//! compares pictures with a scene sees where the rays land about their chief ray, and where the chief rays land. One that does not depend on
+//! the place of a picture sees them about their centroid. Nothing is clipped.
 //!
 //! Here g is the smallest vector that explains the gradient by the numbers: of the rest of g no change of these numbers knows. The
 //! rays stand for the beams, so they need not be those of the loss.
@@ -23,20 +24,28 @@ use crate::number::Number;
 /// Directions in which the mean squared motion of rays is less than this share of the most are not followed.
 const LEAST_SHARE: f64 = 1e-12;
 
+/// By what a loss sees a lens.
+#[derive(Clone, Copy, Debug)]
+pub struct Seen<'a> {
+    /// The rays that stand for the beams.
+    pub rays: &'a SpotResiduals,
+    /// Whether it matters where on the image the light of a field lands.
+    pub places: bool,
+    /// Derivatives of the light of each field, relative to the light of the axis, each of the same weight.
+    pub light: &'a [LensGradient],
+}
+
 /// The normal equations of the lifted residuals of a loss, laid out as in [`Merit::normal_equations`]: the squares of the residuals add up
-/// to `loss`, and half of the derivatives of that sum are half of `gradient`. `rays` says which rays stand for the beams, and `light` holds
-/// the derivatives of the light of each field, relative to the light of the axis, each of the same weight. `None` if a ray is lost, or nothing
-/// moves.
+/// to `loss`, and half of the derivatives of that sum are half of `gradient`. `None` if a ray is lost, or nothing moves.
 pub fn lifted_normal_equations(
-    rays: &SpotResiduals,
-    light: &[LensGradient],
+    Seen { rays, places, light }: Seen,
     lens: &Lens,
     numbers: &[(usize, Number)],
     loss: f64,
     gradient: &LensGradient,
 ) -> Option<DMatrix<f64>> {
     let count = numbers.len();
-    let mut motion = rays.motion(lens, numbers)?;
+    let mut motion = rays.motion(lens, numbers, places)?;
     let share = rays.value(lens)?.powi(2) / light.len().max(1) as f64;
     for of_field in light {
         let by = DVector::from_fn(count + 1, |i, _| numbers.get(i).map_or(0.0, |n| of_field[*n]));

@@ -13,7 +13,7 @@ mod wavefront;
 
 use fields::FieldRays;
 pub use fields::FieldSet;
-pub use lifted::lifted_normal_equations;
+pub use lifted::{Seen, lifted_normal_equations};
 pub use mtf::Mtf;
 pub use residuals::SpotResiduals;
 pub(crate) use residuals::{Beams, Landings, MOUNT_MM, Reach};

@@ -290,12 +290,21 @@ impl SpotResiduals {
     }
 
     /// The products of the derivatives of where light lands, in um, by each of the numbers and by the logarithm of the stop radius: those of the
-    /// rays about the chief ray of their field, and those of the chief rays themselves. `None` if a ray is lost.
-    pub(crate) fn motion(&self, lens: &Lens, numbers: &[(usize, Number)]) -> Option<DMatrix<f64>> {
+    /// rays about the centroid of their field; or, with `places`, those of the rays about the chief ray of their field, and those of the chief
+    /// rays themselves. `None` if a ray is lost.
+    pub(crate) fn motion(
+        &self,
+        lens: &Lens,
+        numbers: &[(usize, Number)],
+        places: bool,
+    ) -> Option<DMatrix<f64>> {
         let landings = self.landings(lens, Sides::Both, None, false)?;
         let reference = lens.at_wavelength(lens.reference_um);
         let count = numbers.len();
         let gram = self.gram_with(lens, Sides::Both, &landings, numbers, |field, means, of_field| {
+            if !places {
+                return Some(());
+            }
             let chief = chief_ray(&reference, self.fields_rad[field])?;
             for (axis, mean) in means.iter().enumerate() {
                 let mut by = LensGradient::zero(lens.surfaces.len());

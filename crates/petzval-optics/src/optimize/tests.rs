@@ -10,7 +10,7 @@ use crate::constraint::Constraint;
 use crate::design_space::{DesignSpaceError, EflSolve, Focus, Pickup, Solves, Variable};
 use crate::gradient::LensGradient;
 use crate::lens::{Departure, Lens, Placement};
-use crate::merit::{Better, Merit, Mtf, SpotResiduals, lifted_normal_equations};
+use crate::merit::{Better, Merit, Mtf, Seen, SpotResiduals, lifted_normal_equations};
 use crate::number::Number;
 use crate::paraxial::first_order;
 use crate::psf::PsfKind;
@@ -143,7 +143,8 @@ impl Merit for Hidden {
         let (value, gradient) = self.with_gradient(lens)?;
         // Other rays than those of the merit.
         let rays = SpotResiduals { sampling: PupilSampling::Degree(4), ..self.spots.clone() };
-        lifted_normal_equations(&rays, &[], lens, numbers, value * value, &gradient?.scaled(2.0 * value))
+        let seen = Seen { rays: &rays, places: false, light: &[] };
+        lifted_normal_equations(seen, lens, numbers, value * value, &gradient?.scaled(2.0 * value))
     }
 }
 
