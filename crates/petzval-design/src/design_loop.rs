@@ -500,7 +500,7 @@ impl DesignLoop {
         self.position.stage += 1;
         self.camera = None;
         let next = variant.stages.get(self.position.stage);
-        self.blocks.begin_stage(|block| next.map_or(0, |stage| stage.task_steps_of(block)));
+        self.blocks.begin_stage(|block| next.is_some_and(|stage| stage.improves(block)));
         Ok(())
     }
 
@@ -516,7 +516,8 @@ impl DesignLoop {
     /// Whether the lens has steps to come in a stage.
     fn is_moving(&self, moves: &BTreeMap<BlockName, Schedule>) -> bool {
         let moves_psfs = |(block, schedule): (&BlockName, &Schedule)| {
-            block.moves_psfs() && self.position.taken(*block) < schedule.steps
+            let is_drawn = schedule.method == StepMethod::Random;
+            block.moves_psfs() && (is_drawn || self.position.taken(*block) < schedule.steps)
         };
         moves.iter().any(moves_psfs)
     }
@@ -531,7 +532,11 @@ impl DesignLoop {
         // The lens comes to rest, and is sampled finely, when its last step is taken: that step has dropped this camera.
         let camera = match self.camera.take() {
             Some(camera) => camera,
-            None if is_moving => self.setup.moving_camera(variant, self.lens(variant)?)?,
+            None if is_moving => {
+                let drawn = self.blocks.optics.drawn_lens().transpose()?;
+                let lens = drawn.map_or_else(|| self.lens(variant), Ok)?;
+                self.setup.moving_camera(variant, lens)?
+            }
             None => self.setup.camera(self.lens(variant)?, false)?,
         };
         self.camera = Some(camera.clone());
@@ -546,7 +551,7 @@ impl DesignLoop {
 
     /// A camera with exposure, ISP and network as they stand, held.
     fn held(&self, camera: &Camera) -> Camera {
-        let camera = camera.exposed_as(&self.blocks.exposure.exposure());
+        let camera = camera.exposed_as(&self.blocks.exposure.exposure_in_work());
         let camera = camera.with_network(self.blocks.network.held());
         match camera.body().chip.is_some() {
             true => camera.with_chip(self.blocks.isp.held(&camera.body().device)),
@@ -650,7 +655,7 @@ impl DesignLoop {
                 *self.position.before.entry(block).or_default() += done.task_steps_of(block);
             }
             let first = next.stages.get(stage);
-            self.blocks.begin_stage(|block| first.map_or(0, |stage| stage.task_steps_of(block)));
+            self.blocks.begin_stage(|block| first.is_some_and(|stage| stage.improves(block)));
         }
         zoom_network(&mut self.blocks, &setup, &self.run, next)
     }

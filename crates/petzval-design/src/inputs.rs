@@ -94,7 +94,8 @@ pub fn keep_inputs(setup: &Setup, assets: &Assets, run: &RunFolder) -> Result<()
                 .to_string(),
         };
     }
-    if let Some(weights) = &setup.network_weights {
+    // The built-in ones are known by their fingerprint, as the built-in photographs are.
+    if let (Some(weights), false) = (&setup.network_weights, kept.network.has_built_in_weights()) {
         write_file(&run.input("network.safetensors"), weights)?;
         kept.network.weights = "inputs/network.safetensors".to_owned();
     }
@@ -149,7 +150,7 @@ pub fn check_inputs(setup: &Setup, run: &RunFolder) -> Result<(), DesignError> {
         return Ok(());
     }
     let problem = "lens, glasses, sensor, ISP, networks in place of tracing, given weights, photographs or labelled pictures \
-                   are not those that this run began with; put them back, or start a new run";
+                   are not those that this run began with, or an earlier version began it; put them back, or start a new run";
     let problem = problem.to_owned();
     Err(DesignError::Run { path, problem })
 }

@@ -62,6 +62,16 @@ impl RestoredError {
     }
 }
 
+/// The derivatives of the light of each field, with a further row of their length for the light that the lens gathers for all of them.
+pub(crate) fn with_brightness(mut light: Vec<LensGradient>, lens: Option<&Lens>) -> Vec<LensGradient> {
+    let Some(lens) = lens else { return light };
+    let mut by = LensGradient::zero(lens.surfaces.len());
+    pull_back_log_brightness(&lens.at_wavelength(lens.reference_um), 1.0, &mut by);
+    let of_all_fields = (light.len() as f64).sqrt();
+    light.push(by.scaled(of_all_fields));
+    light
+}
+
 /// A bank whose image is brighter by a factor: its illumination is no longer relative.
 pub(crate) fn brightened(mut bank: PsfBank, light: f64) -> PsfBank {
     bank.illumination.iter_mut().for_each(|i| *i *= light as f32);
@@ -99,6 +109,7 @@ impl Merit for RestoredError {
         let traced = self.plan.trace(lens).ok()?;
         let (value, gradient) = self.gradient(lens, &traced).ok()?;
         let light = self.plan.light_gradients(&traced);
+        let light = if self.stated_brightness.is_some() { with_brightness(light, Some(lens)) } else { light };
         let by_square = gradient.scaled(2.0 * value);
         // The best restoration moves the light of every field back to its place.
         let seen = Seen { rays: &self.rays, places: false, light: &light };

@@ -350,7 +350,7 @@ impl Setup {
         Ok(if chip.settings().is_some() { block } else { block.without_gradient() })
     }
 
-    /// The blocks as a variant finds them before its first stage, at the numbers of its lens file and of an untrained network.
+    /// The blocks as a variant finds them before its first stage, at the numbers of its lens file and the start of its network.
     pub fn blocks(&self, variant: &Variant) -> Result<Blocks, DesignError> {
         let weight = self.experiment.constraints.weight;
         let optics = OpticsBlock::new(self.start(variant).clone(), weight).with_field(variant.field);
@@ -483,7 +483,8 @@ fn check_without_gradient(
         }
         let by_proxy = isp.filter(|s| s.method == StepMethod::Proxy).map_or(0, |s| s.steps);
         let is_ready = by_proxy > 0 && learnt > experiment.isp.proxy_warm_up;
-        if moves.contains_key(&BlockName::Optics) && !is_ready {
+        let by_gradient = moves.get(&BlockName::Optics).is_some_and(|s| s.method != StepMethod::Random);
+        if by_gradient && !is_ready {
             let hint = format!(
                 "let a stage before it move the isp alone by the method \"proxy\", for more than isp.proxy_warm_up = {} steps, and move \
                  the isp by it in this stage as well",

@@ -136,6 +136,12 @@ impl Stage {
         if let Self::Task(_) = self { self.steps_of(block) } else { 0 }
     }
 
+    /// Whether a block moves for the objective of the experiment, other than at random.
+    pub fn improves(&self, block: BlockName) -> bool {
+        let Self::Task(moves) = self else { return false };
+        moves.get(&block).is_some_and(|s| s.steps > 0 && s.method != StepMethod::Random)
+    }
+
     /// The block whose turn it is once blocks have taken these steps; `None` at the end of the stage.
     ///
     /// The last moving block in the order of the light, usually the network, takes the steps that count. Those of another block

@@ -210,8 +210,8 @@ fn a_run_keeps_the_exposure_of_its_cameras_and_reports_it() {
 fn a_network_that_learnt_behind_many_lenses_is_the_start_of_another_run() {
     let text = "[exposure]\nvary = [\"time\"]\n[[variant]]\nname = \"any\"\n[[variant.stage]]\n\
         moves = [\"optics\", \"exposure\", \"network\"]\n\
-        schedule.optics = { method = \"random\", steps = 2, learning_rate = 0.5, final_learning_rate = 1.0 }\n\
-        schedule.exposure = { method = \"random\", steps = 2, learning_rate = 1.0, final_learning_rate = 1.0 }\n\
+        schedule.optics = { method = \"random\", steps = 2, learning_rate = 0.5 }\n\
+        schedule.exposure = { method = \"random\", steps = 2, learning_rate = 1.0 }\n\
         schedule.network = { steps = 2 }\n";
     let learnt = Arc::new(setup(text));
     let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
@@ -267,6 +267,22 @@ fn exposures_that_cannot_move_are_refused_with_a_hint() {
     }
     let streets = "task = \"pedestrian-vehicle\"\n[exposure]\nvary = [\"time\"]\n";
     assert!(refused(&format!("{streets}{MOVES}")).contains("exposed automatically"));
+    let random = |moves: &str, schedule: &str| {
+        let stage = format!(
+            "[[variant.stage]]\nmoves = [{moves}]\nschedule.optics = {{ method = \"random\"{schedule} }}\n"
+        );
+        refused(&format!("{TINY}[[variant]]\nname = \"a\"\n{stage}"))
+    };
+    for (moves, schedule, words) in [
+        ("\"optics\", \"network\"", "", "need a reach"),
+        ("\"optics\", \"network\"", ", learning_rate = 0.5, error_share = 0.01", "have no error_share"),
+        ("\"optics\"", ", learning_rate = 0.5", "nothing learns"),
+    ] {
+        let said = random(moves, schedule);
+        assert!(said.contains(words) && said.contains("line"), "{schedule}: {said}");
+    }
+    let weights = refused("task = \"traffic-light\"\n[network]\nweights = \"mine.safetensors\"\n");
+    assert!(weights.contains("no network for pictures"), "{weights}");
     let method = "[[variant]]\nname = \"a\"\n[[variant.stage]]\nmoves = [\"exposure\", \"network\"]\n\
         schedule = { exposure = { method = \"evolution\" } }\n";
     assert!(

@@ -308,30 +308,34 @@ fn random_steps_draw_lens_and_exposure_anew_and_leave_no_trace_when_the_stage_en
     let before = optics.lens().unwrap();
     let mut drawn = |number: u64| {
         step(&mut optics, number, rule);
-        optics.lens().unwrap()
+        optics.drawn_lens().unwrap().unwrap()
     };
     let [first, other, again] = [drawn(3), drawn(4), drawn(3)];
     assert!(first != before && first != other && first == again);
     let curvature = |lens: &Lens| lens.surfaces[0].shape.curvature;
     assert!(curvature(&first) != curvature(&before));
-    // A stage that is continued has the lens that was drawn last; the next stage has that of the start.
+    // The lens as it stands is that of the start. A stage that is continued has the lens that was drawn last, the next stage none.
+    assert_eq!(optics.lens().unwrap(), before);
     let mut restored = block();
     restored.load_numbers(&optics.save_numbers().unwrap()).unwrap();
     restored.load_progress(&optics.save_progress().unwrap()).unwrap();
-    assert_eq!(restored.lens().unwrap(), first);
+    assert_eq!(restored.drawn_lens().unwrap().unwrap(), first);
     restored.begin_stage(false);
-    assert_eq!(restored.lens().unwrap(), before);
+    assert!(restored.drawn_lens().is_none());
 
-    // Behind a stage that improved the lens, draws are about the lens before it as well.
+    // Behind a stage that improved the lens, draws are about the lens before it as well, also once the camera was finished and taken up again.
     optics.begin_stage(false);
     optics.improve(LensGoal::Spot, 3, LensSearch::default(), &mut |_| Ok(())).unwrap();
+    let finished = optics.save_numbers().unwrap();
+    let mut optics = block();
+    optics.load_numbers(&finished).unwrap();
     optics.begin_stage(true);
     let improved = optics.lens().unwrap();
     let near = StepRule { rate: 1e-4, ..rule };
     let near_before = (0..40)
         .filter(|number| {
             step(&mut optics, *number, near);
-            let drawn = curvature(&optics.lens().unwrap());
+            let drawn = curvature(&optics.drawn_lens().unwrap().unwrap());
             (drawn - curvature(&before)).abs() < (drawn - curvature(&improved)).abs()
         })
         .count();
@@ -341,7 +345,7 @@ fn random_steps_draw_lens_and_exposure_anew_and_leave_no_trace_when_the_stage_en
     exposure.begin_stage(true);
     let mut drawn = |number: u64| {
         step(&mut exposure, number, rule);
-        exposure.exposure()
+        exposure.exposure_in_work()
     };
     let [first, other, again] = [drawn(3), drawn(4), drawn(3)];
     assert!(first != stated && first != other && first == again);
@@ -352,9 +356,9 @@ fn random_steps_draw_lens_and_exposure_anew_and_leave_no_trace_when_the_stage_en
     let mut restored = setup.exposure();
     restored.load_numbers(&exposure.save_numbers().unwrap()).unwrap();
     restored.load_progress(&exposure.save_progress().unwrap()).unwrap();
-    assert_eq!(restored.exposure(), first);
+    assert_eq!((restored.exposure_in_work(), restored.exposure()), (first, stated));
     restored.begin_stage(false);
-    assert_eq!(restored.exposure(), stated);
+    assert_eq!(restored.exposure_in_work(), stated);
 }
 
 /// The mean squared error of the finished pictures.

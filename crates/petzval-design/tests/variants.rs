@@ -255,15 +255,31 @@ fn check_lift(merit: &RestoredError, lens: &Lens, numbers: &[(usize, Number)]) {
     let gram = merit.normal_equations(lens, numbers).unwrap();
     let count = numbers.len();
     assert!((gram[(count + 1, count + 1)] / square - 1.0).abs() < 1e-8);
-    // Columns of unit length, so that eigenvalues can be compared.
-    let size = |i: usize| gram[(i, i)].sqrt();
     for (i, number) in numbers.iter().enumerate() {
         let slope = 2.0 * gram[(i, count + 1)];
         assert!((slope - gradient[*number]).abs() <= 1e-8 * slope.abs(), "{i}: {slope}");
-        assert!(size(i) > 0.0, "{i}");
+        assert!(gram[(i, i)] > 0.0, "{i}");
     }
-    let moved = DMatrix::from_fn(count, count, |r, c| gram[(r, c)] / (size(r) * size(c))).symmetric_eigen();
+    // As the numbers change, the stop follows, which is the column behind them.
+    let stop = |lens: &Lens| first_order(&lens.at_wavelength(lens.reference_um)).stop_radius_mm.ln();
+    let follow = DMatrix::from_fn(count + 1, count, |row, column| {
+        if row < count {
+            return f64::from(u8::from(row == column));
+        }
+        let (surface, number) = numbers[column];
+        let step = 1e-5 * number.read(lens, surface).abs().max(1e-6);
+        let at = |steps: f64| {
+            let mut moved = lens.clone();
+            number.write(&mut moved, surface, number.read(lens, surface) + steps * step);
+            stop(&moved)
+        };
+        (at(1.0) - at(-1.0)) / (2.0 * step)
+    });
+    let moved = follow.transpose() * gram.view((0, 0), (count + 1, count + 1)) * &follow;
+    // Columns of unit length, so that eigenvalues can be compared.
+    let size = |i: usize| moved[(i, i)].sqrt();
     let half = DVector::from_fn(count, |i, _| gram[(i, count + 1)] / size(i));
+    let moved = DMatrix::from_fn(count, count, |r, c| moved[(r, c)] / (size(r) * size(c))).symmetric_eigen();
     let along = moved.eigenvectors.transpose() * half;
     let most = moved.eigenvalues.max();
     assert!(moved.eigenvalues.min() > -1e-12 * most, "no products of residuals: {}", moved.eigenvalues);

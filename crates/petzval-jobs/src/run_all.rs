@@ -41,13 +41,26 @@ pub struct Response {
     pub compared: Option<compare::Response>,
 }
 
+/// The built-in experiments that compare cameras: with a single one there is no table to make.
+fn comparisons(context: &Context) -> Result<Vec<String>, JobError> {
+    let names = context.assets.names("experiments").into_iter();
+    let compares = |name: &str| Ok(context.assets.experiment(name)?.variant.len() > 1);
+    names
+        .filter_map(|name| match compares(name) {
+            Ok(false) => None,
+            Ok(true) => Some(Ok(name.to_owned())),
+            Err(error) => Some(Err(error)),
+        })
+        .collect()
+}
+
 /// Runs what is not finished yet, then compares all that is.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     if request.seeds.is_empty() {
         return Err(JobError::input("there is no seed", "give one at least"));
     }
     let names = match request.experiments.is_empty() {
-        true => context.assets.names("experiments").into_iter().map(str::to_owned).collect(),
+        true => comparisons(context)?,
         false => request.experiments.clone(),
     };
     let pairs: Vec<(&String, u64)> =

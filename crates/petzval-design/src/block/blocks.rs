@@ -35,10 +35,10 @@ impl Blocks {
         }
     }
 
-    /// Starts a stage; `steps` gives the number of steps of each block in it.
-    pub fn begin_stage(&mut self, steps: impl Fn(BlockName) -> usize) {
+    /// Starts a stage, in which the blocks that `moves` names move.
+    pub fn begin_stage(&mut self, moves: impl Fn(BlockName) -> bool) {
         for block in self.all_mut() {
-            block.begin_stage(steps(block.name()) > 0);
+            block.begin_stage(moves(block.name()));
         }
     }
 }

@@ -9,6 +9,7 @@ use std::collections::BTreeMap;
 use petzval_base::parameter::{Parameter, Scale};
 use petzval_base::random::{Stage, Stream};
 use petzval_camera::sensor::Exposure;
+use serde::{Deserialize, Serialize};
 
 use super::{Batch, Block, BlockName, BlockState, StepMethod, StepRule, Way, named, parsed};
 use crate::error::DesignError;
@@ -48,9 +49,23 @@ pub struct ExposureBlock {
     varied: Vec<(ExposureSetting, Parameter)>,
     /// Where the varied ones lie in their ranges, by equal ratios, 0..1.
     places: Vec<f64>,
+    progress: Progress,
+}
+
+/// How far a stage has come, beside the places.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Progress {
+    #[serde(flatten)]
     way: Way,
     /// The places that the last random step drew, which are forgotten when the stage ends.
+    #[serde(default)]
     drawn: Option<Vec<f64>>,
+}
+
+impl Progress {
+    fn from(places: &[f64]) -> Self {
+        Self { way: Way::from(places), drawn: None }
+    }
 }
 
 impl ExposureBlock {
@@ -60,13 +75,18 @@ impl ExposureBlock {
             varied.into_iter().map(|(setting, range)| (setting, setting.about(range))).collect();
         let place = |(setting, about): &(ExposureSetting, Parameter)| about.unit_of(setting.read(&stated));
         let places: Vec<f64> = varied.iter().map(place).collect();
-        let way = Way::from(&places);
-        Self { stated, varied, places, way, drawn: None }
+        let progress = Progress::from(&places);
+        Self { stated, varied, places, progress }
     }
 
-    /// The exposure behind the lens for which it is stated, or as the last random step of the stage drew it.
+    /// The exposure behind the lens for which it is stated.
     pub fn exposure(&self) -> Exposure {
-        self.at(self.drawn.as_ref().unwrap_or(&self.places))
+        self.at(&self.places)
+    }
+
+    /// The exposure in work: as it stands, or as the last random step of the stage drew it.
+    pub fn exposure_in_work(&self) -> Exposure {
+        self.at(self.progress.drawn.as_ref().unwrap_or(&self.places))
     }
 
     /// Draws places evenly around those at the start of the stage, as far as a share of the way to the ends of their ranges. They follow from
@@ -75,7 +95,7 @@ impl ExposureBlock {
         let number = batch.shots.first().map_or(0, |shot| shot.frame);
         let stream = Stream::new(batch.noise.seed, number, Stage::Exposure);
         let place = |(k, place): (usize, &f64)| place + reach * (stream.uniforms(k as u32, 0)[0] - place);
-        self.drawn = Some(self.places.iter().enumerate().map(place).collect());
+        self.progress.drawn = Some(self.places.iter().enumerate().map(place).collect());
     }
 
     /// The exposure where the varied settings lie at some places. White has as many more electrons as it is exposed for longer.
@@ -131,8 +151,7 @@ impl Block for ExposureBlock {
     }
 
     fn begin_stage(&mut self, _: bool) {
-        self.way = Way::from(&self.places);
-        self.drawn = None;
+        self.progress = Progress::from(&self.places);
     }
 
     fn step(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>, DesignError> {
@@ -141,7 +160,7 @@ impl Block for ExposureBlock {
             return Ok(BTreeMap::new());
         }
         let (losses, gradient) = self.gradient(batch)?;
-        self.way.step(&mut self.places, &gradient, rule);
+        self.progress.way.step(&mut self.places, &gradient, rule);
         Ok(losses)
     }
 
@@ -164,17 +183,17 @@ impl Block for ExposureBlock {
     }
 
     fn save_progress(&self) -> Result<BlockState, DesignError> {
-        let text = DesignError::json("the moments of the exposure", &(&self.way, &self.drawn))?;
+        let text = DesignError::json("the moments of the exposure", &self.progress)?;
         Ok(BTreeMap::from([(PROGRESS.to_owned(), text.into_bytes())]))
     }
 
     fn load_progress(&mut self, state: &BlockState) -> Result<(), String> {
-        let (way, drawn): (Way, Option<Vec<f64>>) = parsed(state, PROGRESS)?;
+        let progress: Progress = parsed(state, PROGRESS)?;
         let count = self.places.len();
-        if !way.fits(count) || drawn.as_ref().is_some_and(|places| places.len() != count) {
+        if !progress.way.fits(count) || progress.drawn.as_ref().is_some_and(|places| places.len() != count) {
             return Err(format!("{PROGRESS}: {OTHER_SETTINGS}"));
         }
-        (self.way, self.drawn) = (way, drawn);
+        self.progress = progress;
         Ok(())
     }
 }

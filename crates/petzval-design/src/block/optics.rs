@@ -19,10 +19,12 @@ use crate::camera::{ByLens, to_host};
 use crate::error::DesignError;
 use crate::lens_sampler::LensSampler;
 use crate::requirements::FieldOfView;
+use crate::restored::with_brightness;
 use crate::start::Start;
 use crate::variant::{LensGoal, LensSearch};
 
 const COORDINATES: &str = "coordinates.json";
+const EARLIER: &str = "earlier.json";
 const PROGRESS: &str = "progress.json";
 const OTHER_VARIABLES: &str = "the lens has other variables; has its file been changed?";
 
@@ -55,6 +57,8 @@ pub struct OpticsBlock {
     /// Free coordinates.
     x: Vec<f64>,
     progress: Progress,
+    /// The coordinates before each stage so far that improved the lens alone: random steps draw about these lenses as well.
+    earlier: Vec<Vec<f64>>,
     /// How far the lens of the next step is off, see [`OpticsBlock::err`]; empty for the lens as drawn.
     errors: Vec<f64>,
     /// By how much each coordinate lowered the loss in the last step.
@@ -85,9 +89,6 @@ struct Progress {
     /// The coordinates that the last random step drew, which are forgotten when the stage ends.
     #[serde(default)]
     drawn: Option<Vec<f64>>,
-    /// The coordinates before each stage so far that improved the lens alone: random steps draw about these lenses as well.
-    #[serde(default)]
-    earlier: Vec<Vec<f64>>,
 }
 
 impl OpticsBlock {
@@ -95,8 +96,8 @@ impl OpticsBlock {
     pub fn new(start: Arc<Start>, constraint_weight: f64) -> Self {
         let x = start.space.start().to_vec();
         let progress = Progress { anchor: x.clone(), ..Progress::default() };
-        let (field, errors, lowered) = (FieldOfView::Held, Vec::new(), Vec::new());
-        Self { start, constraint_weight, field, progress, x, errors, lowered }
+        let (field, earlier, errors, lowered) = (FieldOfView::Held, Vec::new(), Vec::new(), Vec::new());
+        Self { start, constraint_weight, field, progress, x, earlier, errors, lowered }
     }
 
     /// The same, which keeps its field of view while it moves for the task, or not.
@@ -104,9 +105,14 @@ impl OpticsBlock {
         Self { field, ..self }
     }
 
-    /// The lens as it stands, or as the last random step of the stage drew it.
+    /// The lens as it stands.
     pub fn lens(&self) -> Result<Lens, DesignError> {
-        Ok(self.start.space.lens_at(self.progress.drawn.as_ref().unwrap_or(&self.x))?)
+        Ok(self.start.space.lens_at(&self.x)?)
+    }
+
+    /// The lens that the last random step of the stage drew.
+    pub fn drawn_lens(&self) -> Option<Result<Lens, DesignError>> {
+        self.progress.drawn.as_ref().map(|x| Ok(self.start.space.lens_at(x)?))
     }
 
     /// Makes the lens of the next step be off as one that comes out of a workshop: the number of each coordinate by a normal random error of
@@ -195,7 +201,7 @@ impl OpticsBlock {
         search: LensSearch,
         watch: &mut dyn FnMut(BTreeMap<String, f64>) -> Result<(), DesignError>,
     ) -> Result<BTreeMap<String, f64>, DesignError> {
-        self.progress.earlier.push(self.x.clone());
+        self.earlier.push(self.x.clone());
         let (mut lens, mut left, mut losses) = (self.lens()?, iterations, BTreeMap::new());
         if search.rounds > 0 {
             lens = self.searched(goal, lens, search, watch)?;
@@ -249,6 +255,10 @@ impl OpticsBlock {
             return Err(DesignError::NoGradient("rays, which a network in place of tracing does not have"));
         };
         by_loss += &by_light;
+        let light = match batch.camera.body().same_time {
+            Some(_) => with_brightness(light, batch.camera.psfs().lens()),
+            None => light,
+        };
         let mut by_all = by_loss.clone();
         for (_, by_square) in &violations {
             by_all += &by_square.clone().scaled(self.constraint_weight);
@@ -295,9 +305,9 @@ impl OpticsBlock {
     /// seed and the number of the batch alone.
     fn draw(&mut self, batch: &Batch, reach: f64) -> Result<(), DesignError> {
         let number = batch.shots.first().map_or(0, |shot| shot.frame);
-        let Progress { anchor, earlier, .. } = &self.progress;
         let [share, _] = Stream::new(batch.noise.seed, number, Stage::LensError).uniforms(0, 0);
-        let centre = earlier.get((share * (earlier.len() + 1) as f64) as usize).unwrap_or(anchor);
+        let place = (share * (self.earlier.len() + 1) as f64) as usize;
+        let centre = self.earlier.get(place).unwrap_or(&self.x);
         let sampler = LensSampler::new(self.start.clone(), self.start.plan().clone(), batch.noise.seed);
         self.progress.drawn = Some(sampler.about(centre, reach).coordinates(number)?);
         Ok(())
@@ -355,8 +365,7 @@ impl Block for OpticsBlock {
         if is_moving {
             self.x = self.start.space.off_bounds(&self.x);
         }
-        let earlier = std::mem::take(&mut self.progress.earlier);
-        self.progress = Progress { anchor: self.x.clone(), earlier, ..Progress::default() };
+        self.progress = Progress { anchor: self.x.clone(), ..Progress::default() };
     }
 
     fn step(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>, DesignError> {
@@ -388,7 +397,12 @@ impl Block for OpticsBlock {
 
     fn save_numbers(&self) -> Result<BlockState, DesignError> {
         let text = DesignError::json("the coordinates of the lens", &self.x)?;
-        Ok(BTreeMap::from([(COORDINATES.to_owned(), text.into_bytes())]))
+        let mut state = BTreeMap::from([(COORDINATES.to_owned(), text.into_bytes())]);
+        if !self.earlier.is_empty() {
+            let text = DesignError::json("the coordinates of earlier lenses", &self.earlier)?;
+            state.insert(EARLIER.to_owned(), text.into_bytes());
+        }
+        Ok(state)
     }
 
     fn load_numbers(&mut self, state: &BlockState) -> Result<(), String> {
@@ -396,7 +410,12 @@ impl Block for OpticsBlock {
         if x.len() != self.x.len() {
             return Err(format!("{COORDINATES}: {OTHER_VARIABLES}"));
         }
-        self.x = x;
+        let earlier: Vec<Vec<f64>> =
+            if state.contains_key(EARLIER) { parsed(state, EARLIER)? } else { Vec::new() };
+        if earlier.iter().any(|x| x.len() != self.x.len()) {
+            return Err(format!("{EARLIER}: {OTHER_VARIABLES}"));
+        }
+        (self.x, self.earlier) = (x, earlier);
         Ok(())
     }
 
@@ -408,7 +427,7 @@ impl Block for OpticsBlock {
     fn load_progress(&mut self, state: &BlockState) -> Result<(), String> {
         let progress: Progress = parsed(state, PROGRESS)?;
         let free = self.x.len();
-        let drawn_fits = progress.drawn.iter().chain(&progress.earlier).all(|x| x.len() == free);
+        let drawn_fits = progress.drawn.iter().all(|x| x.len() == free);
         let moments_fit = progress.adam.fits(free) && progress.lifted.fits(free);
         if progress.anchor.len() != free || !moments_fit || !drawn_fits {
             return Err(format!("{PROGRESS}: {OTHER_VARIABLES}"));

@@ -251,6 +251,12 @@ impl Experiment {
         if self.isp.is_used() {
             self.check_isp(text)?;
         }
+        let has_network = !self.task.finds_objects() && !self.isp.is_used();
+        if !has_network && !self.network.draws_weights() && !self.network.has_built_in_weights() {
+            let message = "there is no network for pictures that could start from them";
+            let error = FileError::at_key(text, &["network", "weights"], message);
+            return Err(error.hint("leave it out; a detector starts from detector.weights"));
+        }
         self.check_exposure(text)?;
         let waits =
             [("patience", self.validation.patience > 0), ("keep", self.validation.keep == Keep::Best)];

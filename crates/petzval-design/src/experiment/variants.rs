@@ -311,6 +311,12 @@ fn check_stage(stage: &StageConfig) -> Result<(), (Vec<&'static str>, String, St
             return Err((vec!["schedule"], format!("the {name} goal takes no schedule"), hint));
         }
     }
+    let is_random =
+        |block: &BlockName| stage.schedule.get(block).is_some_and(|s| s.method == Some(StepMethod::Random));
+    if stage.moves.iter().all(is_random) {
+        let message = "the stage moves blocks at random, and nothing learns".to_owned();
+        return Err((vec!["moves"], message, "add \"network\" to `moves`".to_owned()));
+    }
     for (block, schedule) in &stage.schedule {
         let name = block.name();
         if !stage.moves.contains(block) {
@@ -334,6 +340,18 @@ fn check_stage(stage: &StageConfig) -> Result<(), (Vec<&'static str>, String, St
             let message = format!("`{name}` is not made in a workshop, and has no errors");
             let hint = "give error_share to the lens alone".to_owned();
             return Err((vec!["schedule", name, "error_share"], message, hint));
+        }
+        if schedule.method == Some(StepMethod::Random) {
+            let unused = [("error_share", schedule.error_share), ("proximal", schedule.proximal)];
+            if let Some((key, _)) = unused.into_iter().find(|(_, value)| value.is_some()) {
+                let message = format!("random steps of `{name}` have no {key}");
+                return Err((vec!["schedule", name, key], message, "leave it out".to_owned()));
+            }
+            if schedule.learning_rate.is_none() {
+                let message = format!("random steps of `{name}` need a reach");
+                let hint = "give learning_rate the share of the way to the bounds, such as 0.5".to_owned();
+                return Err((vec!["schedule", name], message, hint));
+            }
         }
         if let Some((key, message)) = schedule.out_of_range() {
             let hint = "leave it out for the experiment's own value".to_owned();

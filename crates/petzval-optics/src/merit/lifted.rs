@@ -20,6 +20,7 @@ use super::{Merit, SpotResiduals};
 use crate::gradient::LensGradient;
 use crate::lens::Lens;
 use crate::number::Number;
+use crate::paraxial::{FirstOrderCotangent, first_order, pull_back_first_order};
 
 /// Directions in which the mean squared motion of rays is less than this share of the most are not followed.
 const LEAST_SHARE: f64 = 1e-12;
@@ -51,7 +52,17 @@ pub fn lifted_normal_equations(
         let by = DVector::from_fn(count + 1, |i, _| numbers.get(i).map_or(0.0, |n| of_field[*n]));
         motion.ger(share, &by, &by, 1.0);
     }
-    let moved = motion.view((0, 0), (count, count));
+    // As the numbers change, the stop follows: its radius keeps the entrance pupil.
+    let reference = lens.at_wavelength(lens.reference_um);
+    let stop_radius_mm = first_order(&reference).stop_radius_mm;
+    let mut by_stop = LensGradient::zero(lens.surfaces.len());
+    let per_log = FirstOrderCotangent { stop_radius: 1.0 / stop_radius_mm, ..Default::default() };
+    pull_back_first_order(&reference, per_log, &mut by_stop);
+    let follow = DMatrix::from_fn(count + 1, count, |row, column| match row == count {
+        true => by_stop[numbers[column]],
+        false => f64::from(u8::from(row == column)),
+    });
+    let moved = follow.transpose() * &motion * &follow;
     let half = DVector::from_fn(count, |i, _| 0.5 * gradient[numbers[i]]);
     // |g|^2 of the smallest g with J' g = gradient, in units in which every number moves the rays alike.
     let scale =
