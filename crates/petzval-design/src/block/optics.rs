@@ -187,7 +187,8 @@ impl OpticsBlock {
             pull_back_log_brightness(&lens.at_wavelength(lens.reference_um), by, &mut by_light);
         }
         let violations = self.start.requirements.violations(&lens, self.field)?;
-        losses.insert(PENALTY.to_owned(), violations.iter().map(|(square, _)| square).sum());
+        let penalty_mm2 = violations.iter().fold(0.0, |sum, (square, _)| sum + square);
+        losses.insert(PENALTY.to_owned(), penalty_mm2);
         Ok(Slopes { losses, by_psfs, by_light, violations })
     }
 
