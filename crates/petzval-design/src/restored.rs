@@ -63,8 +63,7 @@ impl RestoredError {
 }
 
 /// The derivatives of the light of each field, with a further row of their length for the light that the lens gathers for all of them.
-pub(crate) fn with_brightness(mut light: Vec<LensGradient>, lens: Option<&Lens>) -> Vec<LensGradient> {
-    let Some(lens) = lens else { return light };
+pub(crate) fn with_brightness(mut light: Vec<LensGradient>, lens: &Lens) -> Vec<LensGradient> {
     let mut by = LensGradient::zero(lens.surfaces.len());
     pull_back_log_brightness(&lens.at_wavelength(lens.reference_um), 1.0, &mut by);
     let of_all_fields = (light.len() as f64).sqrt();
@@ -109,7 +108,7 @@ impl Merit for RestoredError {
         let traced = self.plan.trace(lens).ok()?;
         let (value, gradient) = self.gradient(lens, &traced).ok()?;
         let light = self.plan.light_gradients(&traced);
-        let light = if self.stated_brightness.is_some() { with_brightness(light, Some(lens)) } else { light };
+        let light = if self.stated_brightness.is_some() { with_brightness(light, lens) } else { light };
         let by_square = gradient.scaled(2.0 * value);
         // The best restoration moves the light of every field back to its place.
         let seen = Seen { rays: &self.rays, places: false, light: &light };

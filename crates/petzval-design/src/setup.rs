@@ -381,9 +381,8 @@ fn network_weights(
     assets: &Assets,
     device: &Device,
 ) -> Result<Option<Vec<u8>>, DesignError> {
-    let has_network = !experiment.task.finds_objects() && !experiment.isp.is_used();
     let NetworkConfig { kind, base_channels, levels, ref weights } = experiment.network;
-    if !has_network || experiment.network.draws_weights() {
+    if !experiment.has_picture_network() || experiment.network.draws_weights() {
         return Ok(None);
     }
     let drawn = kind.init(base_channels, levels, experiment.seed, device)?;

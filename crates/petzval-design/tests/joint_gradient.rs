@@ -296,7 +296,7 @@ fn random_steps_draw_lens_and_exposure_anew_and_leave_no_trace_when_the_stage_en
     let rule = StepRule { method: StepMethod::Random, rate: 0.5, proximal: 0.0 };
     let mut step = |block: &mut dyn Block, number: u64, rule: StepRule| {
         shots[0].frame = number;
-        let loss = |_: &Camera, _: &Frames, _: &[Shot]| panic!("a random step asks for no loss");
+        let loss = |_: &Camera, _: &Frames, _: &[Shot]| panic!("a random step computes no loss");
         let noise = Noise { mode: NoiseMode::Off, seed: 1 };
         let further = |_| Ok(Vec::new());
         let batch = Batch { camera: &camera, shots: &shots, noise, loss: &loss, further: &further };

@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use petzval_design::block::BlockName;
 use petzval_design::design_loop::{DesignLoop, Ending, Observer};
 use petzval_design::experiment::{BUILT_IN_PHOTOS, Experiment, PsfConfig, STREET};
 use petzval_design::inputs::{check_inputs, keep_inputs};
@@ -228,7 +227,7 @@ fn report_pictures(setup: &Setup, context: &Context) {
 /// Says from which weights the networks for pictures start, if they have any.
 fn report_weights(setup: &Setup, context: &Context) {
     let network = &setup.experiment.network;
-    if !setup.experiment.blocks().contains(&BlockName::Network) || setup.experiment.task.finds_objects() {
+    if !setup.experiment.has_picture_network() {
         return;
     }
     context.note(match &setup.network_weights {

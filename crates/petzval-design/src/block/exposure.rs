@@ -92,7 +92,7 @@ impl ExposureBlock {
     /// Draws places evenly around those at the start of the stage, as far as a share of the way to the ends of their ranges. They follow from
     /// the seed and the number of the batch alone.
     fn draw(&mut self, batch: &Batch, reach: f64) {
-        let number = batch.shots.first().map_or(0, |shot| shot.frame);
+        let number = batch.number();
         let stream = Stream::new(batch.noise.seed, number, Stage::Exposure);
         let place = |(k, place): (usize, &f64)| place + reach * (stream.uniforms(k as u32, 0)[0] - place);
         self.progress.drawn = Some(self.places.iter().enumerate().map(place).collect());

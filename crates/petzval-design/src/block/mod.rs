@@ -119,6 +119,13 @@ pub struct Batch<'a> {
     pub further: &'a Further<'a>,
 }
 
+impl Batch<'_> {
+    /// The number of the batch, which no other has: that of its first frame.
+    fn number(&self) -> u64 {
+        self.shots.first().map_or(0, |shot| shot.frame)
+    }
+}
+
 /// A part of the camera that a stage may move.
 pub trait Block {
     /// Its name.

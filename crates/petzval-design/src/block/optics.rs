@@ -255,16 +255,16 @@ impl OpticsBlock {
         else {
             return Err(DesignError::NoGradient("rays, which a network in place of tracing does not have"));
         };
+        let (lens, space) = (self.lens_in_step()?, &self.start.space);
         by_loss += &by_light;
         let light = match batch.camera.body().same_time {
-            Some(_) => with_brightness(light, batch.camera.psfs().lens()),
+            Some(_) => with_brightness(light, &lens),
             None => light,
         };
         let mut by_all = by_loss.clone();
         for (_, by_square) in &violations {
             by_all += &by_square.clone().scaled(self.constraint_weight);
         }
-        let (lens, space) = (self.lens_in_step()?, &self.start.space);
         let slopes = space.pull_back_off(&self.x, &self.errors, &lens, &by_all);
         let value = losses.get(TOTAL).copied().unwrap_or(f64::NAN);
         let numbers = space.space().numbers();
@@ -305,7 +305,7 @@ impl OpticsBlock {
     /// Draws a lens of which the light arrives, about the one at the start of the stage or one that it was improved from. It follows from the
     /// seed and the number of the batch alone.
     fn draw(&mut self, batch: &Batch, reach: f64) -> Result<(), DesignError> {
-        let number = batch.shots.first().map_or(0, |shot| shot.frame);
+        let number = batch.number();
         let [share, _] = Stream::new(batch.noise.seed, number, Stage::LensError).uniforms(0, 0);
         let place = (share * (self.earlier.len() + 1) as f64) as usize;
         let centre = self.earlier.get(place).unwrap_or(&self.x);

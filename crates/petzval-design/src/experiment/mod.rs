@@ -251,8 +251,10 @@ impl Experiment {
         if self.isp.is_used() {
             self.check_isp(text)?;
         }
-        let has_network = !self.task.finds_objects() && !self.isp.is_used();
-        if !has_network && !self.network.draws_weights() && !self.network.has_built_in_weights() {
+        if !self.has_picture_network()
+            && !self.network.draws_weights()
+            && !self.network.has_built_in_weights()
+        {
             let message = "there is no network for pictures that could start from them";
             let error = FileError::at_key(text, &["network", "weights"], message);
             return Err(error.hint("leave it out; a detector starts from detector.weights"));
@@ -368,6 +370,11 @@ impl Experiment {
     /// Whether objects are to be found in generated streets.
     pub fn finds_in_streets(&self) -> bool {
         self.task.finds_objects() && self.data == STREET
+    }
+
+    /// Whether a network finishes the pictures of its cameras.
+    pub fn has_picture_network(&self) -> bool {
+        !self.task.finds_objects() && !self.isp.is_used()
     }
 
     /// The blocks that a camera of the experiment has: a hardware ISP takes the place of a network for pictures, but stands before a detector.
