@@ -439,6 +439,59 @@ fn spoiled_settings_are_tuned_back_and_a_resumed_search_is_the_same() {
     run_fails(folder.path(), &more, 2, &["have changed since the search began"]);
 }
 
+/// Six numbers of a preset at the ends of their ranges, and what 500 settings make of them on noisy frames, against a search three times as long
+/// from the preset itself.
+#[test]
+fn six_spoiled_numbers_are_recovered_within_500_settings() {
+    let folder = tempfile::tempdir().unwrap();
+    let photos = [data("photos/coffee.png"), data("photos/chelsea.png")];
+    let taken = "--place centre --size 64x96 --gain 4 --white-e 4000 --no-distortion --out";
+    let simulate = |out: &[&str]| {
+        let photos = photos.iter().map(|p| p.to_str().unwrap());
+        let args: Vec<&str> = ["simulate"]
+            .into_iter()
+            .chain(photos)
+            .chain(taken.split(' '))
+            .chain(out.iter().copied())
+            .collect();
+        run_ok(folder.path(), &args);
+    };
+    simulate(&["raws"]);
+    simulate(&["clean", "--no-noise", "--isp", "neutral"]);
+    let reference = folder.path().join("reference");
+    std::fs::create_dir(&reference).unwrap();
+    for name in ["coffee", "chelsea"] {
+        let clean = folder.path().join(format!("clean/{name}-isp.png"));
+        std::fs::copy(clean, reference.join(format!("{name}.png"))).unwrap();
+    }
+
+    let spoiled = [
+        "bayer_denoise.strength=0",
+        "luma_denoise.strength=1",
+        "luma_denoise.threshold=10",
+        "chroma_denoise.strength=0",
+        "sharpen.amount=4",
+        "sharpen.sigma=2.5",
+    ];
+    let names: Vec<&str> = spoiled.iter().map(|set| set.split_once('=').unwrap().0).collect();
+    let vary = names.join(",");
+    let tune = |evaluations: &str, out: &str, set: &[&str]| {
+        let args =
+            ["isp", "tune", "raws", "--reference", "reference", "--preset", "quality", "--vary", &vary];
+        let more = ["--evaluations", evaluations, "--out", out, "--json"];
+        let set = set.iter().flat_map(|change| ["--set", change]);
+        run_ok(folder.path(), &args.into_iter().chain(more).chain(set).collect::<Vec<_>>()).json()
+    };
+    let tuned = tune("1500", "tuned", &[]);
+    let recovered = tune("500", "recovered", &spoiled);
+    assert!(recovered["evaluations"].as_u64().unwrap() <= 500, "{recovered}");
+    let squared_error =
+        |result: &serde_json::Value, key: &str| 10f64.powf(-result[key].as_f64().unwrap() / 10.0);
+    let best = squared_error(&tuned, "best");
+    assert!(squared_error(&recovered, "start") > 10.0 * best, "{recovered}");
+    assert!(squared_error(&recovered, "best") < 1.05 * best, "{recovered} {tuned}");
+}
+
 #[cfg(unix)]
 #[test]
 fn an_external_isp_is_shown_tuned_and_its_failure_loses_nothing() {
