@@ -152,9 +152,6 @@ impl Setup {
             if starts[&start_key(variant)].lens_file.variables.is_empty() {
                 return Err(DesignError::NothingToMove(variant.lens.clone()));
             }
-            if variant.draws_perfect_lenses() {
-                starts[&start_key(variant)].without_aberrations()?;
-            }
         }
         let mut optics_proxies: BTreeMap<String, Arc<ProxyOptics>> = BTreeMap::new();
         for variant in &variants {

@@ -24,16 +24,6 @@ use crate::requirements::{FieldOfView, Requirements};
 use crate::restored::RestoredError;
 use crate::variant::LensGoal;
 
-/// The lens that images as this one would without aberrations: a thin lens of the same focal length and pupil. `file` is where the lens comes
-/// from, and `hint` what to do where the object is near, for messages.
-fn without_aberrations(lens: &Lens, file: &str, hint: &str) -> Result<Lens, DesignError> {
-    if lens.object != ObjectDistance::Infinity {
-        let message = "a lens without aberrations is known for far objects alone";
-        return Err(DesignError::misfit(Path::new(file), &message, hint));
-    }
-    Ok(thin_equivalent(lens))
-}
-
 /// A lens from which variants start.
 pub struct Start {
     /// Its file.
@@ -82,8 +72,12 @@ impl Start {
         let mut lens_file = match name {
             PERFECT_LENS => {
                 let lens = assets.import(&experiment.lens)?.file.lens;
-                let hint = "leave the variant of the perfect lens out";
-                LensFile::of(without_aberrations(&lens, &experiment.lens, hint)?)
+                if lens.object != ObjectDistance::Infinity {
+                    let message = "a lens without aberrations is known for far objects alone";
+                    let hint = "leave the variant of the perfect lens out";
+                    return Err(DesignError::misfit(Path::new(&experiment.lens), &message, hint));
+                }
+                LensFile::of(thin_equivalent(&lens))
             }
             BOX_CENTRE_LENS => assets.lens(&experiment.lens)?,
             _ => assets.lens(name)?,
@@ -148,12 +142,6 @@ impl Start {
             limit: limit.clone(),
             stated_brightness,
         })
-    }
-
-    /// A thin lens of the focal length and the pupil of the lens at the start, which has no aberrations.
-    pub fn without_aberrations(&self) -> Result<Lens, DesignError> {
-        let lens = &self.lens_file.lens;
-        without_aberrations(lens, &lens.name, "leave perfect_share out of the schedule")
     }
 
     /// The fields and grids on which PSFs are sampled while the lens moves.

@@ -107,16 +107,13 @@ pub struct Schedule {
     pub method: StepMethod,
     /// Standard deviation of the random errors of the lens in each of its steps, as a share of the range of each of its numbers.
     pub error_share: f64,
-    /// Share of the random steps of a lens that draw the one without aberrations.
-    pub perfect_share: f64,
 }
 
 impl Schedule {
     /// How the block takes a step, counted from 0.
     pub fn rule(&self, step: usize) -> StepRule {
         let rate = cosine_rate(self.learning_rate, self.final_learning_rate, step, self.steps);
-        let Self { method, proximal, perfect_share, .. } = *self;
-        StepRule { method, rate, proximal, perfect_share }
+        StepRule { method: self.method, rate, proximal: self.proximal }
     }
 }
 
@@ -181,15 +178,6 @@ impl Variant {
         self.stages.iter().map(|s| s.task_steps_of(block)).sum()
     }
 
-    /// Whether random steps of its lens draw the one without aberrations as well.
-    pub fn draws_perfect_lenses(&self) -> bool {
-        let draws = |stage: &Stage| match stage {
-            Stage::Lens { .. } => false,
-            Stage::Task(moves) => moves.values().any(|schedule| schedule.perfect_share > 0.0),
-        };
-        self.stages.iter().any(draws)
-    }
-
     /// Steps of all blocks in all stages.
     pub fn steps(&self) -> usize {
         self.stages.iter().map(Stage::steps).sum()
@@ -214,7 +202,6 @@ mod tests {
             proximal: 0.0,
             method: StepMethod::Gradient,
             error_share: 0.0,
-            perfect_share: 0.0,
         };
         let moves = [(BlockName::Optics, schedule(optics)), (BlockName::Network, schedule(network))];
         Stage::Task(moves.into_iter().filter(|(_, s)| s.steps > 0).collect())

@@ -63,7 +63,7 @@ fn loss_of(camera: &Camera, frames: &Frames, shots: &[Shot]) -> Result<NamedLoss
 }
 
 fn rule(rate: f64) -> StepRule {
-    StepRule { method: StepMethod::Gradient, rate, proximal: 0.0, perfect_share: 0.0 }
+    StepRule { method: StepMethod::Gradient, rate, proximal: 0.0 }
 }
 
 /// Takes steps of the exposure alone. Returns the losses before the first and the last one.
@@ -276,7 +276,6 @@ fn exposures_that_cannot_move_are_refused_with_a_hint() {
     for (moves, schedule, words) in [
         ("\"optics\", \"network\"", "", "need a reach"),
         ("\"optics\", \"network\"", ", learning_rate = 0.5, error_share = 0.01", "have no error_share"),
-        ("\"optics\", \"network\"", ", learning_rate = 0.5, perfect_share = 1.5", "must lie between 0 and 1"),
         ("\"optics\"", ", learning_rate = 0.5", "nothing learns"),
     ] {
         let said = random(moves, schedule);

@@ -149,7 +149,7 @@ fn steps_by_the_smooth_form_improve_the_pictures_of_the_chip() {
 }
 
 fn rule(method: StepMethod) -> StepRule {
-    StepRule { method, rate: 0.03, proximal: 0.0, perfect_share: 0.0 }
+    StepRule { method, rate: 0.03, proximal: 0.0 }
 }
 
 #[test]

@@ -266,7 +266,7 @@ fn steps_by_the_lifted_curvature_lower_the_loss_and_continue_with_the_same_bits(
         let loss = |camera: &Camera, frames: &Frames, shots: &[Shot]| Ok(squared(frames, camera, shots));
         let further = |_| Ok(Vec::new());
         let batch = Batch { camera: &camera, shots: &shots, noise: noise(), loss: &loss, further: &further };
-        block.step(&batch, StepRule { method, rate, proximal: 0.0, perfect_share: 0.0 }).unwrap()
+        block.step(&batch, StepRule { method, rate, proximal: 0.0 }).unwrap()
     };
     let after = |method: StepMethod, rate: f64, steps: usize| {
         let mut block = block();
@@ -293,7 +293,7 @@ fn random_steps_draw_lens_and_exposure_anew_and_leave_no_trace_when_the_stage_en
     let mut shots = shots(&setup);
     let nominal = setup.nominal().clone();
     let camera = camera(&setup, nominal.space.start());
-    let rule = StepRule { method: StepMethod::Random, rate: 0.5, proximal: 0.0, perfect_share: 0.0 };
+    let rule = StepRule { method: StepMethod::Random, rate: 0.5, proximal: 0.0 };
     let mut step = |block: &mut dyn Block, number: u64, rule: StepRule| {
         shots[0].frame = number;
         let loss = |_: &Camera, _: &Frames, _: &[Shot]| panic!("a random step computes no loss");
@@ -322,14 +322,6 @@ fn random_steps_draw_lens_and_exposure_anew_and_leave_no_trace_when_the_stage_en
     assert_eq!(restored.drawn_lens().unwrap().unwrap(), first);
     restored.begin_stage(false);
     assert!(restored.drawn_lens().is_none());
-
-    // A share of the draws has no aberrations, and is taken up again like the others.
-    step(&mut optics, 3, StepRule { perfect_share: 1.0, ..rule });
-    let perfect = optics.drawn_lens().unwrap().unwrap();
-    assert_eq!(perfect, nominal.without_aberrations().unwrap());
-    assert!(perfect.surfaces.len() == 1 && optics.lens().unwrap() == before);
-    restored.load_progress(&optics.save_progress().unwrap()).unwrap();
-    assert_eq!(restored.drawn_lens().unwrap().unwrap(), perfect);
 
     // Behind a stage that improved the lens, draws are about the lens before it as well, also once the camera was finished and taken up again.
     optics.begin_stage(false);

@@ -96,8 +96,6 @@ pub struct StepRule {
     pub rate: f64,
     /// Weight mu of the proximal term `mu / 2 |theta - theta_0|^2`, where theta_0 are the free numbers at the start of the stage.
     pub proximal: f64,
-    /// Share of the random steps of a lens that draw the one without aberrations.
-    pub perfect_share: f64,
 }
 
 /// The loss of what a camera took, as the objective of the stage defines it.

@@ -86,19 +86,9 @@ struct Progress {
     lifted: Lifted,
     /// The coordinates at the start of the stage: the centre of the proximal term.
     anchor: Vec<f64>,
-    /// What the last random step drew, which is forgotten when the stage ends.
+    /// The coordinates that the last random step drew, which are forgotten when the stage ends.
     #[serde(default)]
-    drawn: Option<Drawn>,
-}
-
-/// What a random step draws.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-enum Drawn {
-    /// The lens at these coordinates.
-    Coordinates(Vec<f64>),
-    /// The lens without aberrations.
-    Perfect,
+    drawn: Option<Vec<f64>>,
 }
 
 impl OpticsBlock {
@@ -122,10 +112,7 @@ impl OpticsBlock {
 
     /// The lens that the last random step of the stage drew.
     pub fn drawn_lens(&self) -> Option<Result<Lens, DesignError>> {
-        self.progress.drawn.as_ref().map(|drawn| match drawn {
-            Drawn::Coordinates(x) => Ok(self.start.space.lens_at(x)?),
-            Drawn::Perfect => self.start.without_aberrations(),
-        })
+        self.progress.drawn.as_ref().map(|x| Ok(self.start.space.lens_at(x)?))
     }
 
     /// Makes the lens of the next step be off as one that comes out of a workshop: the number of each coordinate by a normal random error of
@@ -315,20 +302,15 @@ impl OpticsBlock {
         Ok(losses)
     }
 
-    /// Draws a lens of which the light arrives, about the one at the start of the stage or one that it was improved from, or the one without
-    /// aberrations. It follows from the seed and the number of the batch alone.
-    fn draw(&mut self, batch: &Batch, rule: StepRule) -> Result<(), DesignError> {
+    /// Draws a lens of which the light arrives, about the one at the start of the stage or one that it was improved from. It follows from the
+    /// seed and the number of the batch alone.
+    fn draw(&mut self, batch: &Batch, reach: f64) -> Result<(), DesignError> {
         let number = batch.number();
-        let [share, kind] = Stream::new(batch.noise.seed, number, Stage::LensError).uniforms(0, 0);
-        if kind < rule.perfect_share {
-            self.progress.drawn = Some(Drawn::Perfect);
-            return Ok(());
-        }
+        let [share, _] = Stream::new(batch.noise.seed, number, Stage::LensError).uniforms(0, 0);
         let place = (share * (self.earlier.len() + 1) as f64) as usize;
         let centre = self.earlier.get(place).unwrap_or(&self.x);
         let sampler = LensSampler::new(self.start.clone(), self.start.plan().clone(), batch.noise.seed);
-        let coordinates = sampler.about(centre, rule.rate).coordinates(number)?;
-        self.progress.drawn = Some(Drawn::Coordinates(coordinates));
+        self.progress.drawn = Some(sampler.about(centre, reach).coordinates(number)?);
         Ok(())
     }
 
@@ -392,7 +374,7 @@ impl Block for OpticsBlock {
         let losses = match rule.method {
             StepMethod::Levenberg => self.step_by_curvature(batch, rule)?,
             StepMethod::Random => {
-                self.draw(batch, rule)?;
+                self.draw(batch, rule.rate)?;
                 BTreeMap::new()
             }
             _ => {
@@ -446,10 +428,7 @@ impl Block for OpticsBlock {
     fn load_progress(&mut self, state: &BlockState) -> Result<(), String> {
         let progress: Progress = parsed(state, PROGRESS)?;
         let free = self.x.len();
-        let drawn_fits = match &progress.drawn {
-            Some(Drawn::Coordinates(x)) => x.len() == free,
-            Some(Drawn::Perfect) | None => true,
-        };
+        let drawn_fits = progress.drawn.iter().all(|x| x.len() == free);
         let moments_fit = progress.adam.fits(free) && progress.lifted.fits(free);
         if progress.anchor.len() != free || !moments_fit || !drawn_fits {
             return Err(format!("{PROGRESS}: {OTHER_VARIABLES}"));

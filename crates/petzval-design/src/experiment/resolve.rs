@@ -58,7 +58,6 @@ fn stage(experiment: &Experiment, config: &StageConfig) -> Stage {
             proximal: o.proximal,
             method: StepMethod::Gradient,
             error_share: o.error_share,
-            perfect_share: 0.0,
         },
         BlockName::Exposure => Schedule {
             steps: e.steps,
@@ -68,7 +67,6 @@ fn stage(experiment: &Experiment, config: &StageConfig) -> Stage {
             proximal: e.proximal,
             method: StepMethod::Gradient,
             error_share: 0.0,
-            perfect_share: 0.0,
         },
         BlockName::Isp => Schedule {
             steps: i.steps,
@@ -78,7 +76,6 @@ fn stage(experiment: &Experiment, config: &StageConfig) -> Stage {
             proximal: i.proximal,
             method: StepMethod::Gradient,
             error_share: 0.0,
-            perfect_share: 0.0,
         },
         BlockName::Network => Schedule {
             steps: t.steps,
@@ -88,7 +85,6 @@ fn stage(experiment: &Experiment, config: &StageConfig) -> Stage {
             proximal: t.proximal,
             method: StepMethod::Gradient,
             error_share: 0.0,
-            perfect_share: 0.0,
         },
     };
     let moves = config.moves.iter().map(|block| {
@@ -108,7 +104,6 @@ fn stage(experiment: &Experiment, config: &StageConfig) -> Stage {
             proximal: own.proximal.unwrap_or(all.proximal),
             method: own.method.unwrap_or(all.method),
             error_share: own.error_share.unwrap_or(all.error_share),
-            perfect_share: own.perfect_share.unwrap_or(all.perfect_share),
         };
         (*block, schedule)
     });

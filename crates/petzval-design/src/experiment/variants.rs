@@ -120,11 +120,6 @@ pub struct ScheduleConfig {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 0.1))]
     pub error_share: Option<f64>,
-    /// Share of the random steps of a lens that draw, in place of a lens within the bounds, the one without aberrations of the same focal length
-    /// and pupil.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(range(min = 0.0, max = 1.0))]
-    pub perfect_share: Option<f64>,
 }
 
 /// The comparison that makes a gain a gain: the lens of the file, fixed; the same lens optimised for its spot alone, then
@@ -358,12 +353,6 @@ fn check_stage(stage: &StageConfig) -> Result<(), (Vec<&'static str>, String, St
                 return Err((vec!["schedule", name], message, hint));
             }
         }
-        let draws_lenses = *block == BlockName::Optics && schedule.method == Some(StepMethod::Random);
-        if schedule.perfect_share.is_some() && !draws_lenses {
-            let message = format!("`{name}` draws no lenses, and none without aberrations among them");
-            let hint = "leave it out, or let the optics step by the method \"random\"".to_owned();
-            return Err((vec!["schedule", name, "perfect_share"], message, hint));
-        }
         if let Some((key, message)) = schedule.out_of_range() {
             let hint = "leave it out for the experiment's own value".to_owned();
             return Err((vec!["schedule", name, key], message, hint));
@@ -380,7 +369,6 @@ impl ScheduleConfig {
             ("learning_rate", self.learning_rate, "learning_rate"),
             ("final_learning_rate", self.final_learning_rate, "final_learning_rate"),
             ("share", self.share, "moving_share"),
-            ("perfect_share", self.perfect_share, "moving_share"),
             ("proximal", self.proximal, "proximal"),
             ("error_share", self.error_share, "error_share"),
         ];
