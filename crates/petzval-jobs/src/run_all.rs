@@ -13,6 +13,7 @@ use crate::compare;
 use crate::context::Context;
 use crate::design::{self, Changes, NewRun, Resume, Run, RunEnding};
 use crate::error::JobError;
+use crate::results::check_folder;
 
 /// What to run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -66,6 +67,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let pairs: Vec<(&String, u64)> =
         request.seeds.iter().flat_map(|seed| names.iter().map(move |name| (name, *seed))).collect();
     // What is wrong shows before hours are spent.
+    check_folder(&request.out, std::iter::empty::<&str>(), context)?;
     for name in &names {
         design::resolved(&new_run(request, name, request.seeds[0], &request.out), context)?;
     }

@@ -89,6 +89,8 @@ fn all_experiments_are_run_with_every_seed_and_compared_and_the_same_command_goe
     );
     run_fails(folder.path(), &["compare", "all"], 2, &["not a run folder"]);
     run_fails(folder.path(), &["experiment", "run-all", "--only", "nowhere", "--out", "x"], 2, &["nowhere"]);
+    let below_a_file = ["experiment", "run-all", "--only", "tiny.toml", "--out", "tiny.toml/below"];
+    run_fails(folder.path(), &below_a_file, 2, &["tiny.toml/below: nothing can be written there"]);
     let none = ["experiment", "run-all", "--only", "tiny.toml", "--steps", "0", "--out", "x"];
     run_fails(folder.path(), &none, 2, &["--steps 0", "help:"]);
     assert!(!folder.path().join("x").exists());

@@ -19,6 +19,9 @@ pub struct Stderr {
     phase: Mutex<Option<Phase>>,
 }
 
+/// Time between two drawings of the bar while a unit of work takes long.
+const REDRAWN_EVERY: Duration = Duration::from_secs(1);
+
 /// Part of a job whose units of work are counted together.
 struct Phase {
     start: Instant,
@@ -29,11 +32,25 @@ struct Phase {
     last_line: Instant,
 }
 
+impl Phase {
+    /// How long the rest will take at the mean speed so far: `, about 20 s left`; nothing before the first unit is done.
+    fn left(&self, done: u64) -> String {
+        match done.checked_sub(self.first) {
+            None | Some(0) => String::new(),
+            Some(taken) => {
+                let rest = self.total.saturating_sub(done) as f64;
+                let seconds = self.start.elapsed().as_secs_f64() * rest / taken as f64;
+                format!(", about {seconds:.0} s left")
+            }
+        }
+    }
+}
+
 impl Stderr {
     /// Shows nothing until the job reports something.
     pub fn new() -> Self {
         let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
-        let style = "{msg}\n[{elapsed_precise}] {bar:40} {pos}/{len}, {eta} left";
+        let style = "{msg}\n[{elapsed_precise}] {bar:40} {pos}/{len}{prefix}";
         if let Ok(style) = ProgressStyle::with_template(style) {
             bar.set_style(style);
         }
@@ -69,19 +86,21 @@ impl Watcher for Stderr {
                 self.bar.set_length(*total);
                 self.bar.set_position(*done);
                 self.bar.set_message(text.clone());
-                self.bar.reset_eta();
+                self.bar.set_prefix("");
+                if !self.is_plain {
+                    self.bar.enable_steady_tick(REDRAWN_EVERY);
+                }
                 return;
             }
         };
         if !self.is_plain {
             self.bar.set_message(text.clone());
             self.bar.set_position(*done);
+            self.bar.set_prefix(phase.left(*done));
         } else if *done > phase.first
             && (done.is_multiple_of(PLAIN_EVERY) || phase.last_line.elapsed() > PLAIN_AFTER)
         {
-            let taken = (done - phase.first) as f64;
-            let left = phase.start.elapsed().as_secs_f64() * total.saturating_sub(*done) as f64 / taken;
-            eprintln!("{done}/{total}, about {left:.0} s left: {text}");
+            eprintln!("{done}/{total}{}: {text}", phase.left(*done));
             phase.last_line = Instant::now();
         }
     }
@@ -90,5 +109,18 @@ impl Watcher for Stderr {
 impl Drop for Stderr {
     fn drop(&mut self) {
         self.bar.finish_and_clear();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_time_left_is_that_of_the_mean_speed_and_unknown_before_the_first_unit() {
+        let start = Instant::now().checked_sub(Duration::from_secs(30)).unwrap();
+        let phase = Phase { start, first: 10, total: 40, last_line: start };
+        assert_eq!([phase.left(9), phase.left(10)], ["", ""]);
+        assert_eq!([phase.left(20), phase.left(40)], [", about 60 s left", ", about 0 s left"]);
     }
 }
