@@ -87,7 +87,7 @@ fn summary(analysis: &Analysis) -> String {
     if let Some(magnification) = order.magnification {
         first.push(format!("magnification {magnification:.4}"));
     }
-    first.push(format!("track {:.3} mm", order.total_track_mm));
+    first.push(format!("track {:.3} mm to the image plane", order.total_track_mm));
     if let Some(defocus) = order.defocus_mm {
         first.push(format!("image plane {defocus:+.4} mm from the paraxial image"));
     }
