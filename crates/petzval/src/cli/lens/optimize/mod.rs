@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::ValueEnum;
-use petzval::jobs::lens::optimize::{self, Figures, Goal, Response, Restored, Start, Trade};
+use petzval::jobs::lens::optimize::{self, Figures, Goal, OperandFigure, Response, Restored, Start, Trade};
 
 use self::goal::GoalArgs;
 use crate::cli::failure::Failure;
@@ -169,8 +169,13 @@ fn rows(fields_deg: &[f64], f: &Figures) -> Vec<(String, Option<f64>, &'static s
     let restored =
         f.restored_error_percent.map(|e| ("error after restoration".to_owned(), Some(e), "% of white"));
     let mut rows: Vec<_> = restored.into_iter().collect();
-    let unit = |unit: &str| ["mm", "um"].into_iter().find(|known| *known == unit).unwrap_or("");
-    rows.extend(f.operands.iter().map(|o| (o.of.clone(), Some(o.value), unit(&o.unit))));
+    let unit = |unit: &str| ["mm", "um", "waves"].into_iter().find(|known| *known == unit).unwrap_or("");
+    // A limit is counted by how far it is missed, other figures by themselves.
+    let named = |o: &OperandFigure| match o.unit == "mm" && o.target == 0.0 {
+        true => format!("{}: missed by", o.of),
+        false => o.of.clone(),
+    };
+    rows.extend(f.operands.iter().map(|o| (named(o), Some(o.value), unit(&o.unit))));
     rows.push(("mean RMS spot".to_owned(), Some(f.mean_rms_spot_um), "um"));
     for (field, rms) in fields_deg.iter().zip(&f.rms_spot_um) {
         rows.push((format!("RMS spot at {field:.1} deg"), Some(*rms), "um"));
