@@ -79,13 +79,20 @@ fn first_glass(record: &str) -> String {
     DOUBLET.replace("N-BK7 0 0 1.5168 64.17 0 0 0 0 0 0", record)
 }
 
-/// The doublet behind two planes without effect.
-fn behind_planes() -> String {
-    let mut text = DOUBLET.to_owned();
-    for (from, to) in [(4, 6), (3, 5), (2, 4), (1, 3)] {
-        text = text.replace(&format!("SURF {from}\n"), &format!("SURF {to}\n"));
+/// A text in which surfaces stand in front of all others but the object.
+fn with_in_front(text: &str, count: usize, surfaces: &str) -> String {
+    let mut text = text.to_owned();
+    for surface in (1..=4).rev() {
+        text = text.replace(&format!("SURF {surface}\n"), &format!("SURF {}\n", surface + count));
     }
-    text.replace("SURF 3\n", &format!("{PLANES}SURF 3\n"))
+    let first = format!("SURF {}\n", 1 + count);
+    text.replace(&first, &format!("{surfaces}{first}"))
+}
+
+/// The doublet with its stop at the rim of its first surface, 0.3 mm behind the vertex.
+fn behind_stop_at_rim() -> String {
+    let stop = "SURF 1\n  TYPE STANDARD\n  STOP\n  CURV 0.0 0 0 0 0 \"\"\n  DISZ -0.3\n";
+    with_in_front(&DOUBLET.replace("  STOP\n", ""), 1, stop)
 }
 
 /// What a file must give: its focal length, mm, and a loss that is reported; or the reason why it is refused.
@@ -133,7 +140,12 @@ fn files_in_the_styles_of_other_programs() {
             Read(96.852_153_686_934_2, by_numbers),
         ),
         ("a glass of which nothing is known", first_glass("MELT17 0 0 1.5 40 0 0"), Refused("--glasses")),
-        ("planes in front", behind_planes(), Read(plain, Some("a plane without effect is left out"))),
+        (
+            "planes in front",
+            with_in_front(DOUBLET, 2, PLANES),
+            Read(plain, Some("a plane without effect is left out")),
+        ),
+        ("a stop at the rim of the first surface", behind_stop_at_rim(), Read(plain, None)),
         (
             "an image in front of the last surface",
             DOUBLET.replace("DISZ 48", "DISZ -5"),
@@ -199,7 +211,7 @@ fn files_in_the_styles_of_other_programs() {
         }
     }
     assert!(wrong.is_empty(), "{read} read, {refused} refused, and these are wrong:\n{}", wrong.join("\n"));
-    assert_eq!((read, refused), (25, 4));
+    assert_eq!((read, refused), (26, 4));
 }
 
 /// Indices as the sources print them; infrared materials have none for visible light.

@@ -9,6 +9,7 @@ use petzval_optics::lens::{
     SurfaceShape, XY_TERMS, validate, xy_index,
 };
 use petzval_optics::paraxial::first_order;
+use petzval_optics::pupil::chief_ray;
 use petzval_optics::seidel::seidel_total;
 use petzval_optics::trace::{Path, Ray, RayBundle, Sequence, trace, trace_ray};
 
@@ -473,4 +474,36 @@ fn a_decentred_surface_has_its_position() {
     mirror.surfaces[0].placement.as_mut().unwrap().axis = Axis::Follows;
     let [x, y, _] = at(&mirror, 10.0, -5.0, AXIS).image.unwrap().position;
     assert!(x.abs() < 1e-12 && y.abs() < 1e-12);
+}
+
+#[test]
+fn a_stop_may_stand_at_the_rim_of_a_surface_behind_its_vertex() {
+    let convex = |thickness_mm: f64| Surface {
+        shape: SurfaceShape { curvature: 0.05, ..SurfaceShape::PLANE },
+        thickness_mm,
+        semi_diameter_mm: 4.0,
+        glass: glass(),
+        ..Surface::default()
+    };
+    let plane = |thickness_mm: f64| Surface { thickness_mm, semi_diameter_mm: 4.0, ..Surface::default() };
+    let singlet = lens(vec![convex(3.0), plane(30.0)]);
+    let at_rim = |rim_mm: f64| lens(vec![plane(-rim_mm), convex(3.0), plane(30.0)]);
+    assert_eq!(validate(&at_rim(0.3)), Ok(()));
+    // The chief ray goes through the middle of the plane at the rim; continued to the vertex it is the same ray.
+    let field = 0.2_f64;
+    let behind = at(&singlet, 0.0, -0.3 * field.tan(), [0.0, field.sin(), field.cos()]);
+    let chief = chief_ray(&reference(&at_rim(0.3)), field).unwrap();
+    assert!((chief.y_mm - behind.image.unwrap().position[1]).abs() < 1e-9, "{}", chief.y_mm);
+    // What lies beside the stop is still looked at: edges behind it, and the distance between its neighbours.
+    let thin = lens(vec![plane(-0.3), convex(0.2), plane(30.0)]);
+    assert!(matches!(validate(&thin), Err(LensDefect::EdgeThickness { surface: 2, .. })));
+    let between = |after_mm: f64| {
+        let stop = Surface { thickness_mm: after_mm, ..plane(0.0) };
+        Lens { stop: 2, ..lens(vec![convex(3.0), plane(1.0), stop, convex(3.0), plane(30.0)]) }
+    };
+    assert_eq!(validate(&between(-0.9)), Ok(()));
+    assert!(matches!(validate(&between(-1.1)), Err(LensDefect::CentreThickness { surface: 3, .. })));
+    // A plane that is not the stop has no reason to be there.
+    let other = Lens { stop: 1, ..at_rim(0.3) };
+    assert!(matches!(validate(&other), Err(LensDefect::CentreThickness { surface: 1, .. })));
 }

@@ -269,10 +269,10 @@ fn an_optimisation_starts_from_a_lens_that_cannot_be_built() {
         }
         std::fs::write(folder.path().join(name), lens + more).unwrap();
     };
-    // The edge of the last element is thinner than nothing; then the element lies in front of the stop.
+    // The edge of the last element is thinner than nothing; then the element lies in front of the one before the stop, too.
     let edge = ("thickness_mm = 2.698", "thickness_mm = 0.8");
     write("edge.toml", &[edge], "");
-    write("both.toml", &[edge, ("thickness_mm = 0.848", "thickness_mm = -0.3")], "");
+    write("both.toml", &[edge, ("thickness_mm = 0.848", "thickness_mm = -4.0")], "");
     for (file, why) in [("edge", "edge thickness of PMMA is -"), ("both", "goes against the light")] {
         let lens = format!("{file}.toml");
         run_fails(folder.path(), &["lens", "show", &lens], 2, &[why]);

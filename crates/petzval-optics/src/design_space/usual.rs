@@ -25,9 +25,10 @@ fn strongest(lens: &Lens) -> Option<f64> {
     (greatest > 0.0).then_some(greatest)
 }
 
-/// Gaps of air but the last, from one share of their length to another, at least 0.1 mm wide. A gap against the light starts at nothing instead.
+/// Gaps of air but the last, from one share of their length to another, at least 0.1 mm wide. A gap against the light starts at nothing instead,
+/// and a stop at the rim of a surface stays there.
 fn gaps(lens: &Lens, shares: [f64; 2]) -> impl Iterator<Item = Variable> + '_ {
-    let is_air = |i: &usize| lens.surfaces[*i].glass.is_air();
+    let is_air = |i: &usize| lens.surfaces[*i].glass.is_air() && !lens.is_beside_stop_at_rim(*i);
     (0..lens.surfaces.len() - 1).filter(is_air).map(move |surface| {
         let light = if lens.light_goes_forwards(surface) { 1.0 } else { -1.0 };
         let gap = light * lens.surfaces[surface].thickness_mm;

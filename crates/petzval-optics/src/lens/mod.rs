@@ -20,6 +20,8 @@ pub use validate::{LensDefect, traceable, validate};
 
 pub use crate::number::ASPHERE_TERMS;
 
+use crate::glass::Glass;
+
 /// Where the object is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ObjectDistance {
@@ -86,6 +88,44 @@ impl Lens {
     /// Whether light travels along +z behind a surface: it has met an even number of mirrors.
     pub fn light_goes_forwards(&self, surface: usize) -> bool {
         self.surfaces[..=surface].iter().filter(|s| s.action == Action::Reflect).count().is_multiple_of(2)
+    }
+
+    /// Whether the thickness behind a surface leads against the light.
+    pub fn leads_against_the_light(&self, surface: usize) -> bool {
+        let thickness_mm = self.surfaces[surface].thickness_mm;
+        if self.light_goes_forwards(surface) { thickness_mm < 0.0 } else { thickness_mm > 0.0 }
+    }
+
+    /// Whether a surface does nothing to light: it lies between equal media, without a mirror, a thin lens or a structure.
+    pub fn is_dummy(&self, surface: usize) -> bool {
+        let s = &self.surfaces[surface];
+        let front = surface.checked_sub(1).map_or_else(Glass::air, |i| self.surfaces[i].glass.clone());
+        s.glass == front && s.action == Action::Refract && s.phase.is_none()
+    }
+
+    /// The stop, if it stands at the rim of one of its neighbours: a plane without effect on light, from or to which a thickness leads against
+    /// the light, while its neighbours stand in the order of the light.
+    ///
+    /// The rim of a curved surface lies in front of its vertex or behind it, and where the rim limits the light, the stop is a plane there.
+    /// Rays cross that plane as if there were nothing else, on straight lines that are continued backwards.
+    pub fn stop_at_rim(&self) -> Option<usize> {
+        let surface = self.surfaces.get(self.stop)?;
+        let is_plane = surface.shape == SurfaceShape::PLANE && surface.placement.is_none();
+        if !is_plane || !self.is_dummy(self.stop) {
+            return None;
+        }
+        let light = if self.light_goes_forwards(self.stop) { 1.0 } else { -1.0 };
+        let behind = light * surface.thickness_mm;
+        let is_at_rim = match self.stop.checked_sub(1).map(|i| light * self.surfaces[i].thickness_mm) {
+            None => behind < 0.0,
+            Some(before) => before.min(behind) < 0.0 && before + behind >= 0.0,
+        };
+        is_at_rim.then_some(self.stop)
+    }
+
+    /// Whether the gap behind a surface begins or ends at a [stop at a rim](Lens::stop_at_rim): it is no gap between two things.
+    pub fn is_beside_stop_at_rim(&self, surface: usize) -> bool {
+        self.stop_at_rim().is_some_and(|stop| surface == stop || surface + 1 == stop)
     }
 
     /// Distance from the first vertex to the image plane, mm.

@@ -88,17 +88,30 @@ impl LensDefect {
 /// Checks that a lens can exist. Defects that no ray passes are reported before those that only prevent its manufacture, each kind from the front.
 pub fn validate(lens: &Lens) -> Result<(), LensDefect> {
     traceable(lens)?;
-    for (i, surface) in lens.surfaces.iter().enumerate() {
-        check_direction(i + 1, surface, lens.light_goes_forwards(i))?;
+    let solid = without_stop_at_rim(lens);
+    for (i, surface) in &solid {
+        check_direction(i + 1, surface, lens.light_goes_forwards(*i))?;
     }
-    for (i, pair) in lens.surfaces.windows(2).enumerate() {
-        let [front, back] = pair else { continue };
+    for pair in solid.windows(2) {
+        let [(i, front), (_, back)] = pair else { continue };
         // The distance between surfaces that are turned against each other is no question of their sags.
         if is_straight(front) && is_straight(back) {
-            check_gap(i + 1, front, back, lens.light_goes_forwards(i))?;
+            check_gap(i + 1, front, back, lens.light_goes_forwards(*i))?;
         }
     }
     Ok(())
+}
+
+/// The surfaces with their indices; where the stop stands at the rim of a surface, without it, its distances joined.
+fn without_stop_at_rim(lens: &Lens) -> Vec<(usize, Surface)> {
+    let mut solid: Vec<(usize, Surface)> = lens.surfaces.iter().cloned().enumerate().collect();
+    if let Some(stop) = lens.stop_at_rim() {
+        let (_, removed) = solid.remove(stop);
+        if let Some(before) = stop.checked_sub(1) {
+            solid[before].1.thickness_mm += removed.thickness_mm;
+        }
+    }
+    solid
 }
 
 /// Checks that every number of a lens has a meaning. Its surfaces may still cross and its glass be thinner than nothing, which is enough to begin an

@@ -105,14 +105,10 @@ impl Limits {
 }
 
 /// Whether a gap of air need not be kept: the lens itself has nothing there, beside a plane that divides nothing, such as a
-/// stop on a vertex or a coordinate break.
+/// stop on a vertex or a coordinate break, or the stop stands at the rim of a surface.
 fn has_open_gap(lens: &Lens, surface: usize) -> bool {
-    let is_dummy = |i: usize| {
-        let s = &lens.surfaces[i];
-        let front = if i > 0 { lens.surfaces[i - 1].glass.clone() } else { Glass::air() };
-        s.glass == front && s.action == Action::Refract && s.phase.is_none()
-    };
-    lens.surfaces[surface].thickness_mm == 0.0 && (is_dummy(surface) || is_dummy(surface + 1))
+    let is_closed = lens.surfaces[surface].thickness_mm == 0.0;
+    lens.is_beside_stop_at_rim(surface) || is_closed && (lens.is_dummy(surface) || lens.is_dummy(surface + 1))
 }
 
 /// The clear radii at which constraints are measured.

@@ -268,10 +268,7 @@ fn new_problem(config: &Config, file: &LensFile, assets: &Assets) -> Result<Prob
 fn check_directions(problem: &Problem) -> Result<(), JobError> {
     let space = problem.space().map_err(|e| not_optimisable(&e))?;
     let lens = space.lens_at(&space.start()).map_err(|e| not_optimisable(&e))?;
-    let against = |i: &usize| {
-        let thickness_mm = lens.surfaces[*i].thickness_mm;
-        if lens.light_goes_forwards(*i) { thickness_mm < 0.0 } else { thickness_mm > 0.0 }
-    };
+    let against = |i: &usize| lens.leads_against_the_light(*i) && !lens.is_beside_stop_at_rim(*i);
     match (0..lens.surfaces.len()).find(against) {
         None => Ok(()),
         Some(i) => {
