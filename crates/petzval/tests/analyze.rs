@@ -27,6 +27,18 @@ const PICTURES: [&str; 15] = [
     "seidel",
 ];
 
+const TABLES: [&str; 9] = [
+    "spots",
+    "fans",
+    "mtf",
+    "mtf_by_field",
+    "mtf_through_focus",
+    "field_curves",
+    "axial_colour",
+    "longitudinal_aberration",
+    "encircled_energy",
+];
+
 /// A telescope whose axis a flat mirror folds down.
 const NEWTONIAN: &str = r#"
 name = "Newton's <telescope> & \"fold\""
@@ -80,7 +92,7 @@ fn everything_is_written_and_well_formed() {
     let said = run_ok(folder.path(), &["lens", "analyze", LENS]).stdout;
     assert!(
         said.contains("focal length 25.040 mm")
-            && said.contains("17 files in cooke-triplet-nominal-analysis"),
+            && said.contains("26 files in cooke-triplet-nominal-analysis"),
         "{said}"
     );
     let out = folder.path().join("cooke-triplet-nominal-analysis");
@@ -89,6 +101,7 @@ fn everything_is_written_and_well_formed() {
     files.sort();
     let mut wanted: Vec<String> = PICTURES.iter().map(|p| format!("{p}.svg")).collect();
     wanted.extend(["analysis.html".to_owned(), "analysis.json".to_owned()]);
+    wanted.extend(TABLES.map(|name| format!("{name}.csv")));
     wanted.sort();
     assert_eq!(files, wanted);
     for name in PICTURES {
@@ -193,6 +206,78 @@ fn the_data_hold_every_analysis_and_the_pictures_show_them() {
     {
         assert!((a["rms_um"].as_f64().unwrap() - b.as_f64().unwrap()).abs() < 1e-9);
     }
+}
+
+#[test]
+fn the_tables_hold_the_numbers_of_the_data() {
+    let folder = tempfile::tempdir().unwrap();
+    let args = ["lens", "analyze", LENS, "--out", "here", "--only", "csv", "--json"];
+    let data = run_ok(folder.path(), &args).json();
+    assert_eq!(std::fs::read_dir(folder.path().join("here")).unwrap().count(), TABLES.len());
+    let numbers = |value: &Value| -> Vec<f64> {
+        value.as_array().unwrap().iter().map(|v| v.as_f64().unwrap_or(f64::NAN)).collect()
+    };
+    // The head of a table, and its columns.
+    let table = |name: &str| -> (Vec<String>, Vec<Vec<f64>>) {
+        let text = read(&folder.path().join(format!("here/{name}.csv")));
+        let mut lines = text.lines().map(|line| line.split(',').map(str::to_owned).collect::<Vec<_>>());
+        let head = lines.next().unwrap();
+        let cell = |text: &String| text.parse::<f64>().unwrap_or(f64::NAN);
+        let rows: Vec<Vec<f64>> = lines.map(|row| row.iter().map(cell).collect()).collect();
+        assert!(rows.iter().all(|row| row.len() == head.len()), "{name}");
+        let columns = (0..head.len()).map(|i| rows.iter().map(|row| row[i]).collect()).collect();
+        (head, columns)
+    };
+    let column = |name: &str, of: &str| -> Vec<f64> {
+        let (head, columns) = table(name);
+        columns[head.iter().position(|h| h == of).unwrap_or_else(|| panic!("{of} in {head:?}"))].clone()
+    };
+    // One curve after another, in the order of the fields.
+    let joined = |analysis: &str, of: &dyn Fn(&Value) -> Value| -> Vec<f64> {
+        data[analysis].as_array().unwrap().iter().flat_map(|field| numbers(&of(field))).collect()
+    };
+    assert_eq!(
+        column("mtf", "tangential_by_waves"),
+        joined("mtf", &|f| f["diffraction"]["tangential"].clone())
+    );
+    assert_eq!(column("mtf", "sagittal_by_rays"), joined("mtf", &|f| f["geometric"]["sagittal"].clone()));
+    assert_eq!(
+        column("encircled_energy", "by_rays"),
+        joined("encircled_energy", &|f| f["geometric"].clone())
+    );
+    assert_eq!(
+        column("mtf_through_focus", "sagittal_by_waves"),
+        joined("mtf_through_focus", &|f| f["diffraction"]["sagittal"].clone())
+    );
+    let by_colour = |of: &str| -> Vec<f64> {
+        data["field_curves"][of].as_array().unwrap().iter().flat_map(numbers).collect()
+    };
+    for of in ["tangential_focus_mm", "distortion_percent", "relative_illumination"] {
+        assert_eq!(column("field_curves", of), by_colour(of));
+    }
+    let fan = |f: &Value| f["tangential_um"].as_array().unwrap().iter().flat_map(numbers).collect::<Vec<_>>();
+    let fans: Vec<f64> = data["fans"].as_array().unwrap().iter().flat_map(fan).collect();
+    assert_eq!(column("fans", "tangential_um"), fans);
+    assert_eq!(column("axial_colour", "shift_mm"), numbers(&data["axial_colour"]["shift_mm"]));
+}
+
+#[test]
+fn of_a_thousand_wavelengths_31_are_analysed() {
+    let folder = tempfile::tempdir().unwrap();
+    let lens = read(&Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../../data/lenses/{LENS}.toml")));
+    let line = lens.lines().find(|line| line.starts_with("um = ")).unwrap().to_owned();
+    let many: Vec<String> = (0..1000).map(|i| format!("{}", 0.45 + 2e-4 * f64::from(i))).collect();
+    std::fs::write(
+        folder.path().join("many.toml"),
+        lens.replace(&line, &format!("um = [{}]", many.join(", "))),
+    )
+    .unwrap();
+    let run = run_ok(folder.path(), &["lens", "analyze", "many.toml", "--only", "json", "--json"]);
+    assert!(run.stderr.contains("31 of the 1000 wavelengths are analysed, evenly chosen"), "{}", run.stderr);
+    let data = run.json();
+    let um = data["wavelengths_um"].as_array().unwrap();
+    assert_eq!((um.len(), um[0].as_f64().unwrap()), (31, 0.45));
+    assert!((um[30].as_f64().unwrap() - 0.6498).abs() < 1e-9);
 }
 
 #[test]

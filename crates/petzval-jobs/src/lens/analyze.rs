@@ -9,6 +9,7 @@ use petzval_optics::lens::Lens;
 use petzval_report::lens_sheet::{PICTURES, Picture, page};
 use serde::{Deserialize, Serialize};
 
+use super::analysis_csv::TABLES;
 use super::focus::{FocusAt, focused};
 use crate::context::Context;
 use crate::error::{JobError, make_folder, write_file};
@@ -16,9 +17,14 @@ use crate::results::check_folder;
 
 pub use petzval_optics::analysis::Analysis;
 
-/// Names of the page and of the data among [`names`].
+/// Names of the page, of the data and of the tables among [`names`].
 const PAGE: &str = "html";
 const DATA: &str = "json";
+const CSV: &str = "csv";
+
+/// Most fields and most wavelengths that are analysed: of more, so many are taken evenly. More make no curve smoother and no picture clearer, but
+/// take minutes.
+const MOST: usize = 31;
 
 /// Track over focal length of a lens that counts as afocal: rounding leaves an afocal lens some power.
 const LEAST_POWER: f64 = 1e-9;
@@ -28,8 +34,8 @@ const MOST_PER_MM: f64 = 2e4;
 
 /// What to compute of a lens, and what to write.
 ///
-/// Files: one SVG for every [`Picture`]; `analysis.html`, all of them on one page; `analysis.json`, the data. Fields and
-/// wavelengths are those of the lens file; rays are aimed at the real stop.
+/// Files: one SVG for every [`Picture`]; `analysis.html`, all of them on one page; `analysis.json`, the data; the curves as CSV. Fields and
+/// wavelengths are those of the lens file, 31 of each at most; rays are aimed at the real stop.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
@@ -67,9 +73,9 @@ pub struct Response {
     pub analysis: Analysis,
 }
 
-/// Names of everything that can be written: the pictures, `html` for the page and `json` for the data.
+/// Names of everything that can be written: the pictures, `html` for the page, `json` for the data and `csv` for the curves as tables.
 pub fn names() -> Vec<&'static str> {
-    PICTURES.iter().map(|picture| picture.name).chain([PAGE, DATA]).collect()
+    PICTURES.iter().map(|picture| picture.name).chain([PAGE, DATA, CSV]).collect()
 }
 
 impl Request {
@@ -122,7 +128,13 @@ impl Request {
 /// Analyses the lens and writes the files.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     request.check()?;
-    let lens = focused(context.assets.lens(&request.lens)?.lens, request.focus)?;
+    let mut lens = focused(context.assets.lens(&request.lens)?.lens, request.focus)?;
+    for (what, list) in [("fields", &mut lens.fields_deg), ("wavelengths", &mut lens.wavelengths_um)] {
+        if list.len() > MOST {
+            context.note(format!("{} of the {} {what} are analysed, evenly chosen", MOST, list.len()));
+            *list = thinned(list);
+        }
+    }
     check_image(&request.lens, &lens)?;
     let pixel_pitch_um = match &request.sensor {
         Some(name) => Some(context.assets.sensor(name)?.pixel_um),
@@ -138,8 +150,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let wanted: Vec<&Picture> = PICTURES.iter().filter(|picture| request.is_wanted(picture.name)).collect();
     let pictures = wanted.iter().map(|picture| format!("{}.svg", picture.name));
     let others = [(PAGE, "analysis.html"), (DATA, "analysis.json")];
-    let others =
-        others.into_iter().filter(|(name, _)| request.is_wanted(name)).map(|(_, file)| file.to_owned());
+    let others = others.into_iter().chain(TABLES.map(|(file, _)| (CSV, file)));
+    let others = others.filter(|(name, _)| request.is_wanted(name)).map(|(_, file)| file.to_owned());
     check_folder(&folder, pictures.chain(others), context)?;
     let (done, fields) = (AtomicU64::new(0), lens.fields_deg.len() as u64);
     let tick = || context.progress(done.fetch_add(1, Ordering::Relaxed) + 1, fields, "fields");
@@ -172,7 +184,19 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         write_file(&path, data)?;
         files.push(path);
     }
+    if request.is_wanted(CSV) {
+        for (name, table) in TABLES {
+            let path = folder.join(name);
+            write_file(&path, table(&analysis))?;
+            files.push(path);
+        }
+    }
     Ok(Response { folder, files, page: page_file, analysis })
+}
+
+/// [`MOST`] of a longer list, evenly from the first to the last.
+fn thinned(list: &[f64]) -> Vec<f64> {
+    (0..MOST).map(|i| list[i * (list.len() - 1) / (MOST - 1)]).collect()
 }
 
 /// Refuses a lens that has no entrance pupil or no focus: the analyses start from both.

@@ -1,5 +1,6 @@
 //! `lens`: looks at a lens, converts it, or makes it better.
 
+mod analysis_csv;
 pub mod analyze;
 pub mod convert;
 mod focus;

@@ -10,13 +10,15 @@ use super::focus::FocusAt;
 use crate::cli::failure::Failure;
 use crate::cli::terminal::Terminal;
 
-/// Write the analyses of lens design: pictures (SVG), a page with all of them, and their data.
+/// Write the analyses of lens design: pictures (SVG), a page with all of them, and their data (JSON, CSV).
 ///
 /// Files: layout.svg (to scale), spots.svg, ray_fans.svg, opd_fans.svg, mtf.svg (diffraction, with the limit),
 /// mtf_geometric.svg, mtf_by_field.svg, mtf_through_focus.svg, field_curvature_distortion.svg, lateral_colour.svg,
 /// axial_colour.svg (with longitudinal aberration), encircled_energy.svg, relative_illumination.svg, wavefront.svg
-/// (Zernike coefficients, Strehl ratios), seidel.svg; analysis.html, all of it on one page; analysis.json, the data.
-/// Fields and wavelengths are those of the lens file; rays are aimed at the real stop.
+/// (Zernike coefficients, Strehl ratios), seidel.svg; analysis.html, all of it on one page; analysis.json, the data;
+/// spots.csv, fans.csv, mtf.csv, mtf_by_field.csv, mtf_through_focus.csv, field_curves.csv, axial_colour.csv,
+/// longitudinal_aberration.csv, encircled_energy.csv, the curves as tables.
+/// Fields and wavelengths are those of the lens file, 31 of each at most; rays are aimed at the real stop.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Lens file, or a built-in name such as cooke-triplet-nominal
@@ -24,7 +26,7 @@ pub struct Args {
     /// Folder for the results [default: NAME-analysis]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Write only these: names of pictures, html, json (several with commas)
+    /// Write only these: names of pictures, html, json, csv (several with commas)
     #[arg(long, value_name = "KIND", value_delimiter = ',', value_parser = PossibleValuesParser::new(analyze::names()))]
     only: Vec<String>,
     /// Position of the image plane
