@@ -326,20 +326,22 @@ fn non_uniformity(basis: &Basis<'_>, k: Measured, ours: bool) -> NonUniformityFi
     };
     let root = |m: Measured| if ours { m.if_above_noise().root() } else { m.root() };
     let signal_dn = s.flat.mean_dn - s.dark.mean_dn;
-    let prnu = |i: usize| {
-        let difference = match (flat[i].value(), dark[i].value()) {
-            (Some(f), Some(d)) => match (flat[i].standard_error(), dark[i].standard_error()) {
-                (Some(a), Some(b)) => Measured::new(f - d, a.hypot(b)),
-                _ => Measured::exact(f - d),
-            },
-            (None, _) => flat[i],
-            (_, None) => dark[i],
-        };
-        root(difference).map(|v| 100.0 * v / signal_dn, |_| 100.0 / signal_dn)
-    };
+    let percent = |m: Measured| m.map(|v| 100.0 * v / signal_dn, |_| 100.0 / signal_dn);
     NonUniformityFigures {
         dsnu_e: std::array::from_fn(|i| root(dark[i]).over(k)),
         dsnu_dn: root(dark[0]),
-        prnu_percent: std::array::from_fn(prnu),
+        prnu_percent: std::array::from_fn(|i| percent(root(of_light(flat[i], dark[i])))),
+    }
+}
+
+/// The spatial variance that light adds to that of the dark.
+pub(super) fn of_light(flat: Measured, dark: Measured) -> Measured {
+    match (flat.value(), dark.value()) {
+        (Some(f), Some(d)) => match (flat.standard_error(), dark.standard_error()) {
+            (Some(a), Some(b)) => Measured::new(f - d, a.hypot(b)),
+            _ => Measured::exact(f - d),
+        },
+        (None, _) => flat,
+        (_, None) => dark,
     }
 }

@@ -5,12 +5,13 @@ use serde::Serialize;
 use super::captures::SensorFacts;
 use super::counts::PointHistogram;
 use super::dark::DarkSeries;
-use super::figures::Figure;
+use super::figures::{Figure, of_light};
 use super::high_pass::HighPass;
 use super::histogram_fit::HistogramFit;
 use super::hot_pixels::PixelDarkCurrents;
 use super::joint::JointFit;
 use super::line_noise::LineNoise;
+use super::measured::{Measured, Unresolved};
 use super::spatial::Spatial;
 use super::transfer::PhotonTransfer;
 use super::transfer_point::TransferPoint;
@@ -95,5 +96,15 @@ impl ChannelResult {
     /// A figure by its name.
     pub fn figure(&self, name: &str) -> Option<&Figure> {
         self.figures.iter().find(|f| f.name == name)
+    }
+
+    /// DSNU, e-, and PRNU, %, with the pixels that do not answer light, which the figures leave out; `None` if there are none.
+    pub fn non_uniformity_with_defects(&self) -> Option<[Measured; 2]> {
+        let spatial = self.spatial.as_ref()?;
+        let [flat, dark] = spatial.components_with_defects.as_ref()?.map(|components| components.total);
+        let gain = self.figure("K").map_or(Measured::none(Unresolved::FollowsFrom("K")), Figure::best);
+        let root = |variance: Measured| variance.if_above_noise().root();
+        let percent_per_dn = 100.0 / (spatial.flat.mean_dn - spatial.dark.mean_dn);
+        Some([root(dark).over(gain), root(of_light(flat, dark)).scale(percent_per_dn)])
     }
 }

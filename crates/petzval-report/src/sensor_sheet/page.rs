@@ -26,6 +26,7 @@ pub fn page(characterization: &Characterization) -> String {
         let name = format!("EMVA 1288 at linear {}", gain_name(shown.gain.linear_gain));
         sections.push(section("Operating point", table::operating_point(shown)));
         sections.push(section(name, table::figures(shown)));
+        sections.extend(table::defect_pixels(shown).map(|pixels| section("Defect pixels", pixels)));
     }
     if !of_one.is_empty() {
         sections.push(section("Plots of EMVA 1288", pictures(&of_one)));

@@ -1,6 +1,8 @@
 //! Tables: basic data, the figures of EMVA 1288, warnings.
 
 use maud::{Markup, html};
+use petzval_camera::sensor::Colour;
+use petzval_lab::emva::defects::Defect;
 use petzval_lab::emva::{ChannelResult, Characterization, HighPass, Measured};
 
 use super::reasons::Reasons;
@@ -20,19 +22,19 @@ const FIGURES: [(&str, &str); 32] = [
     ("sigma_d", "σ_d"),
     ("sigma_y_dark", "σ_y.dark"),
     ("SNR_max", "SNR_max"),
-    ("SNR_max_dB", ""),
-    ("SNR_max_bit", ""),
+    ("SNR_max_dB", "SNR_max"),
+    ("SNR_max_bit", "SNR_max"),
     ("inverse_SNR_max", "1/SNR_max"),
     ("u_p_min", "μ_p.min"),
-    ("u_p_min_area", ""),
+    ("u_p_min_area", "μ_p.min"),
     ("u_e_min", "μ_e.min"),
-    ("u_e_min_area", ""),
+    ("u_e_min_area", "μ_e.min"),
     ("u_p_sat", "μ_p.sat"),
-    ("u_p_sat_area", ""),
+    ("u_p_sat_area", "μ_p.sat"),
     ("u_e_sat", "μ_e.sat"),
-    ("u_e_sat_area", ""),
+    ("u_e_sat_area", "μ_e.sat"),
     ("DR", "DR"),
-    ("DR_dB", ""),
+    ("DR_dB", "DR"),
     ("DSNU1288", "DSNU"),
     ("DSNU1288_row", "DSNU_row"),
     ("DSNU1288_col", "DSNU_col"),
@@ -118,18 +120,65 @@ pub(super) fn operating_point(shown: &Shown<'_>) -> Markup {
 /// One row: the figure of every colour; `None` for one that was not derived.
 fn row(head: Markup, name: &str, channels: &[ChannelResult], reasons: &mut Reasons) -> Option<Row> {
     let first = channels.first().and_then(|c| c.figure(name))?;
-    let mut cells = vec![html! { (first.meaning) }, html! { (unit(first.unit)) }];
-    for channel in channels {
-        cells.push(channel.figure(name).map_or(html! { "–" }, |figure| reasons.cell(&figure.best())));
-    }
-    Some(Row::new(head, cells))
+    let value = |channel: &ChannelResult| {
+        channel.figure(name).map_or(html! { "–" }, |figure| reasons.cell(&figure.best()))
+    };
+    let mut cells: Vec<Markup> = channels.iter().map(value).collect();
+    cells.push(html! { (first.meaning) });
+    Some(Row::new(html! { (head) span.unit { (unit(first.unit)) } }, cells))
 }
 
-/// A table of figures, one column for each colour.
+/// A table of figures, one column for each colour. The values stand next to symbol and unit, so that a narrow screen shows them together.
 fn figure_table(head: &str, channels: &[ChannelResult], rows: impl IntoIterator<Item = Row>) -> Markup {
-    let explained = [Column::new(head), Column::new("figure").note(), Column::new("unit").units()];
     let colours = channels.iter().map(|c| Column::new(colour_name(c.colour)));
-    Table::new(explained.into_iter().chain(colours)).class("figures").rows(rows).html()
+    let columns = [Column::new(head)].into_iter().chain(colours).chain([Column::new("figure").note()]);
+    Table::new(columns).class("figures").rows(rows).html()
+}
+
+/// Most defect pixels whose places the page lists.
+const MOST_LISTED: usize = 50;
+
+/// The pixels that do not answer light at the shown gain, with their places, and the figures of non-uniformity with and without them; nothing where
+/// there are none.
+pub(super) fn defect_pixels(shown: &Shown<'_>) -> Option<Markup> {
+    let mut reasons = Reasons::default();
+    let mut figures = Vec::new();
+    let mut places = Vec::new();
+    for channel in shown.channels() {
+        let (Some(spatial), Some(with)) = (&channel.spatial, channel.non_uniformity_with_defects()) else {
+            continue;
+        };
+        for ((name, text), with) in [("DSNU1288", "DSNU"), ("PRNU1288", "PRNU")].into_iter().zip(with) {
+            let Some(figure) = channel.figure(name) else { continue };
+            let without = reasons.cell(&figure.best());
+            let cells = [without, reasons.cell(&with), html! { (unit(figure.unit)) }];
+            figures.push(Row::new(html! { (symbol(text)) " " (colour_name(channel.colour)) }, cells));
+        }
+        places.extend(spatial.defects.iter().map(|defect| (channel.colour, defect)));
+    }
+    places.sort_by_key(|(_, defect)| (defect.row, defect.column));
+    let row = |(colour, defect): &(Colour, &Defect)| {
+        let dn = |value: f64| html! { (number::fixed(value, 1)) };
+        let place = [html! { (defect.column) }, html! { (colour.name()) }];
+        Row::new(defect.row, place.into_iter().chain([dn(defect.dark_dn), dn(defect.flat_dn)]))
+    };
+    let listed = [
+        Column::new("row"),
+        Column::new("column"),
+        Column::new("colour").text(),
+        Column::new("dark").unit("DN"),
+        Column::new("flat").unit("DN"),
+    ];
+    let compared = ["figure", "without them", "with them"].map(Column::new);
+    (!places.is_empty()).then(|| html! {
+        p { "Pixels that do not answer light as their neighbours do: " (places.len()) ". The figures of EMVA 1288 above leave them out." }
+        (Table::new(compared.into_iter().chain([Column::new("unit").units()])).class("narrow").rows(figures).html())
+        (reasons.list())
+        (Table::new(listed).class("narrow").rows(places.iter().take(MOST_LISTED).map(row)).html())
+        @if places.len() > MOST_LISTED {
+            (caption(format!("The first {MOST_LISTED}; results.json lists all.")))
+        }
+    })
 }
 
 /// The figures of EMVA 1288 at the shown gain. All other figures, and differing values of the library, are folded away.

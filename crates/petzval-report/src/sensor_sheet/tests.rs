@@ -109,6 +109,33 @@ fn the_page_is_self_contained_and_states_values_with_their_errors() {
 }
 
 #[test]
+fn defect_pixels_are_listed_with_what_they_do_to_the_figures() {
+    use petzval_lab::emva::Measured;
+    use petzval_lab::emva::defects::Defect;
+    let folder = tempfile::tempdir().unwrap();
+    let mut found = series(folder.path(), false);
+    assert!(!page(&found).contains("Defect pixels"));
+    // Sixty pixels that stay at 4095; with them the dark variance is a hundred times as large.
+    for spatial in found.gains.iter_mut().flat_map(|gain| &mut gain.channels[0].spatial) {
+        let defect = |i: usize| Defect { row: 1000 + i, column: 77, flat_dn: 4095.0, dark_dn: 4094.5 };
+        spatial.defects = (0..60).map(defect).collect();
+        let mut dark = spatial.dark_components;
+        dark.total = Measured::new(2500.0, 1.0);
+        spatial.components_with_defects = Some([dark, dark]);
+    }
+    let shown = shown::Shown::choose(&found).unwrap();
+    let channel = &shown.channels()[0];
+    let gain = channel.figure("K").unwrap().best().value().unwrap();
+    let [dsnu, _] = channel.non_uniformity_with_defects().unwrap();
+    assert!((dsnu.value().unwrap() - 50.0 / gain).abs() < 1e-9);
+    let page = page(&found);
+    crate::page::assert_readable(&page);
+    assert!(page.contains("do: 60.") && page.contains("The first 50; results.json lists all."));
+    assert_eq!(page.matches("4094.5").count(), 50);
+    assert!(page.contains(&style::with_error(&dsnu).unwrap()), "{dsnu:?}");
+}
+
+#[test]
 fn each_reason_is_listed_once_below_its_table() {
     let folder = tempfile::tempdir().unwrap();
     let found = series(folder.path(), false);
