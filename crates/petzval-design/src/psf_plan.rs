@@ -53,6 +53,18 @@ impl PsfConfig {
         Ok(PsfPlan::new(self.fields, corner_mm, self.wavelengths_um, options, Quadrature::grid(cells)?))
     }
 
+    /// What to say of PSFs whose grid holds no more than a share `captured` of their light at some place; `None` if it holds nearly all.
+    pub fn lost_light(&self, captured: f64) -> Option<String> {
+        (captured < LEAST_CAPTURED).then(|| {
+            format!(
+                "at some place the PSFs' grid of {:.0} um holds {:.0} % of the light, and pictures show these as if they were all: they are \
+                 too sharp there",
+                self.grid as f64 * self.pitch_um,
+                100.0 * captured
+            )
+        })
+    }
+
     /// The pixels of a sensor and the patches of constant PSF on it.
     pub fn geometry(&self, sensor: &SensorModel) -> RenderGeometry {
         let [rows, columns] = self.patches;
@@ -72,6 +84,9 @@ impl BankWithTape {
         all.fold(1.0, |least, share| least.min(*share))
     }
 }
+
+/// Least share of a PSF's light that its grid must hold to count as all.
+const LEAST_CAPTURED: f64 = 0.98;
 
 /// Fields at which the number of pupil cells is chosen.
 const CHECKED_FIELDS: usize = 7;
@@ -338,6 +353,14 @@ mod tests {
     use super::*;
     use crate::assets::Assets;
     use petzval_optics::solve::with_paraxial_focus;
+
+    #[test]
+    fn light_beyond_the_grid_is_named() {
+        let psf = PsfConfig::default();
+        assert_eq!(psf.lost_light(0.985), None);
+        let said = psf.lost_light(0.5).unwrap();
+        assert!(said.contains("grid of 128 um holds 50 % of the light"), "{said}");
+    }
 
     #[test]
     fn fields_are_those_which_the_lens_images_at_the_radii_from_any_distance() {

@@ -376,6 +376,9 @@ impl Observer for Watch<'_> {
             })
             .collect();
         self.context.note(format!("{}: {}, RMS spot {:.2} um", m.camera, scores.join(", "), m.rms_spot_um));
+        if let Some(lost) = self.psf.lost_light(m.psf_captured) {
+            self.context.warning(format!("{}: {lost}; a larger psf.pitch_um holds more", m.camera));
+        }
         let Some(errors) = m.psf_errors else { return };
         for (what, error, key, wanted) in [
             (

@@ -33,9 +33,6 @@ use crate::isp::{NamedIsp, isp_by_name};
 /// 150 bytes, each further sample 12.
 const MOST_PIXELS: usize = 200_000_000;
 
-/// Least share of a PSF's light on its grid without a warning.
-const LEAST_CAPTURED: f64 = 0.98;
-
 /// Most samples of a scene along a side of a pixel.
 const MOST_SAMPLES: usize = 8;
 
@@ -130,13 +127,8 @@ impl Rig {
             }
         };
         let psfs = Arc::new(source.psfs()?);
-        if let Some(captured) = psfs.captured().filter(|share| *share < LEAST_CAPTURED) {
-            context.warning(format!(
-                "at some place the PSF's grid of {:.0} um holds {:.0} % of the light, and the picture shows these as if they were all: it \
-                 is too sharp there",
-                psf.grid as f64 * psf.pitch_um,
-                100.0 * captured
-            ));
+        if let Some(lost) = psfs.captured().and_then(|captured| psf.lost_light(captured)) {
+            context.warning(lost);
         }
         let (geometry, blend) =
             with_patches_for(&coarse, psfs.bank(), psf.scoring_blend_error).map_err(DesignError::from)?;
