@@ -460,7 +460,7 @@ mod tests {
         let merits: Vec<f64> = (0..100).map(|i| 13.005 + 0.01 * f64::from(i)).collect();
         ToleranceSheet {
             lens: "a <triplet>".into(),
-            merit: "RMS spot over the fields".into(),
+            merit: "RMS spot (root mean square over the fields)".into(),
             unit: "um".into(),
             nominal: 13.1,
             compensators: vec!["image distance".into()],

@@ -18,7 +18,7 @@ fn the_table_lists_the_greatest_effects_and_random_lenses_agree() {
     let found = run_ok(folder.path(), &all).json();
     assert_eq!(
         (&found["merit"], &found["unit"], &found["better"]),
-        (&"RMS spot over the fields".into(), &"um".into(), &"lower".into())
+        (&"RMS spot (root mean square over the fields)".into(), &"um".into(), &"lower".into())
     );
     let nominal = number(&found["nominal"]);
     assert!((nominal - 13.15).abs() < 0.05, "{nominal}");

@@ -43,7 +43,7 @@ impl RmsSpot {
 impl Merit for RmsSpot {
     fn name(&self) -> String {
         match self.fields.in_name() {
-            several if several.is_empty() => "RMS spot over the fields".to_owned(),
+            several if several.is_empty() => "RMS spot (root mean square over the fields)".to_owned(),
             one => format!("RMS spot{one}"),
         }
     }
