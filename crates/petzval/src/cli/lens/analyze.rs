@@ -62,7 +62,11 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         frequency: args.frequency,
     };
     let response = analyze::run(&request, &terminal.context())?;
-    let written = format!("{} files in {}", response.files.len(), response.folder.display());
+    let files = match response.files.len() {
+        1 => "1 file".to_owned(),
+        several => format!("{several} files"),
+    };
+    let written = format!("{files} in {}", response.folder.display());
     if args.json {
         // On one line, in the order of analysis.json.
         let data = serde_json::to_string(&response.analysis).map_err(|e| Failure::job(e.to_string()))?;
