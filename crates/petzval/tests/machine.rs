@@ -51,7 +51,7 @@ const WORKLOADS: [&str; 24] = [
     "menon_1200x1920",
     "isp_1200x1920",
     "isp_quality_1200x1920",
-    "unet_step",
+    "network_step",
     "isp_step",
     "joint_step",
     "detector_step",

@@ -23,15 +23,19 @@ const WINDOWS: usize = 8;
 pub(super) fn workloads() -> Vec<Workload> {
     let workload = |name, prepare| Workload { name, simd: widest, prepare };
     vec![
-        workload("unet_step", || {
-            step(PICTURES, BlockName::Network, "render, expose, develop, U-Net forward and back, LPIPS, Adam")
+        workload("network_step", || {
+            step(
+                PICTURES,
+                BlockName::Network,
+                "render, expose, develop, restore, network forward and back, LPIPS, optimiser",
+            )
         }),
         workload("isp_step", || {
-            let what = "render, expose, automotive ISP in floating point forward and back, LPIPS, Adam";
+            let what = "render, expose, automotive ISP in floating point forward and back, LPIPS, optimiser";
             step(HARDWARE_ISP, BlockName::Isp, what)
         }),
         workload("joint_step", || {
-            let what = "13 x 3 PSFs, the same chain held, back to every number of the lens, Adam";
+            let what = "13 x 3 PSFs, the same chain held, back to every number of the lens, optimiser";
             step(PICTURES, BlockName::Optics, what)
         }),
         workload("detector_step", || {
@@ -40,7 +44,7 @@ pub(super) fn workloads() -> Vec<Workload> {
             step(OBJECTS, BlockName::Network, what)
         }),
         workload("detector_lens_step", || {
-            let what = "streets anew through the chief rays of the lens, 13 x 3 PSFs, sensor, ISP and Faster R-CNN held, back to the lens, Adam";
+            let what = "streets anew through the chief rays of the lens, 13 x 3 PSFs, sensor, ISP and Faster R-CNN held, back to the lens, optimiser";
             step(OBJECTS, BlockName::Optics, what)
         }),
     ]
@@ -49,12 +53,12 @@ pub(super) fn workloads() -> Vec<Workload> {
 /// Steps of a block of a built-in experiment.
 fn step(experiment: &str, kind: BlockName, what: &str) -> Result<Prepared, JobError> {
     let assets = built_in_assets();
-    let has_unet = experiment == PICTURES;
+    let has_network = experiment == PICTURES;
     let mut experiment = assets.experiment(experiment)?;
     experiment.street.windows = WINDOWS;
     let training = experiment.training.clone();
     let network = &experiment.network;
-    let size = match has_unet {
+    let size = match has_network {
         true => format!(", {} channels, {} levels", network.base_channels, network.levels),
         false => String::new(),
     };
