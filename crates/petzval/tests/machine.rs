@@ -31,10 +31,11 @@ fn doctor_describes_the_machine() {
 }
 
 /// Every workload name that programs may rely on; they arrive with their stages.
-const WORKLOADS: [&str; 24] = [
+const WORKLOADS: [&str; 25] = [
     "psf_rgb",
     "psf_rgb_gradient",
     "psf_13_fields",
+    "joint_psfs",
     "trace",
     "trace_all_aspheres",
     "trace_adjoint",

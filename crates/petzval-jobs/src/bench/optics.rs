@@ -1,7 +1,9 @@
 //! Workloads of the lens: rays, spots, PSFs, and their gradients, on the nominal triplet.
 
 use petzval_base::simd::level;
+use petzval_camera::psf::PsfBank;
 use petzval_design::error::DesignError;
+use petzval_design::experiment::PsfConfig;
 use petzval_design::lens_view::surfaces;
 use petzval_design::psf_plan::PsfPlan;
 use petzval_optics::analysis::{AnalysisOptions, analyze};
@@ -43,6 +45,7 @@ pub(super) fn workloads() -> Vec<Workload> {
         Workload { name: "psf_rgb", simd: level, prepare: psf_rgb },
         Workload { name: "psf_rgb_gradient", simd: level, prepare: psf_rgb_gradient },
         Workload { name: "psf_13_fields", simd: level, prepare: psf_13_fields },
+        Workload { name: "joint_psfs", simd: level, prepare: joint_psfs },
         Workload { name: "lm_iteration", simd: level, prepare: lm_iteration },
         Workload { name: "triplet_recovery", simd: level, prepare: triplet_recovery },
         Workload { name: "lens_analyze", simd: level, prepare: lens_analyze },
@@ -177,6 +180,30 @@ fn psf_13_fields() -> Result<Prepared, JobError> {
         single_thread: false,
         run: Box::new(move || {
             std::hint::black_box(plan.bank(&lens)?);
+            Ok(())
+        }),
+    })
+}
+
+/// The optics of `joint_step`: its settings are those of the built-in experiments.
+fn joint_psfs() -> Result<Prepared, JobError> {
+    let (lens, config) = (nominal()?, PsfConfig::default());
+    let options = PsfOptions { grid: config.grid, pitch_um: config.pitch_um, kind: config.kind };
+    let quadrature = quadrature(config.pupil_cells)?;
+    let work = format!(
+        "{} fields x RGB, {} x {}, pupil of {} x {} cells, and back to every number of the lens: the optics of joint_step",
+        config.fields, config.grid, config.grid, config.pupil_cells, config.pupil_cells
+    );
+    let plan = PsfPlan::new(config.fields, 6.634, WAVELENGTHS_UM, options, quadrature);
+    Ok(Prepared {
+        work,
+        units: None,
+        single_thread: false,
+        run: Box::new(move || {
+            let traced = plan.trace(&lens)?;
+            let PsfBank { values, illumination, field_radius_mm, .. } = &traced.bank;
+            let by_radius = vec![1.0; field_radius_mm.len()];
+            std::hint::black_box(plan.gradient(&traced, values, illumination, &by_radius));
             Ok(())
         }),
     })
