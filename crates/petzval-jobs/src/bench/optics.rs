@@ -188,13 +188,11 @@ fn psf_13_fields() -> Result<Prepared, JobError> {
 /// The optics of `joint_step`: its settings are those of the built-in experiments.
 fn joint_psfs() -> Result<Prepared, JobError> {
     let (lens, config) = (nominal()?, PsfConfig::default());
-    let options = PsfOptions { grid: config.grid, pitch_um: config.pitch_um, kind: config.kind };
-    let quadrature = quadrature(config.pupil_cells)?;
+    let plan = config.plan(&built_in_assets().sensor("imx249-fitted")?, config.pupil_cells)?;
     let work = format!(
         "{} fields x RGB, {} x {}, pupil of {} x {} cells, and back to every number of the lens: the optics of joint_step",
         config.fields, config.grid, config.grid, config.pupil_cells, config.pupil_cells
     );
-    let plan = PsfPlan::new(config.fields, 6.634, WAVELENGTHS_UM, options, quadrature);
     Ok(Prepared {
         work,
         units: None,

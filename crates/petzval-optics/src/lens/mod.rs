@@ -90,10 +90,12 @@ impl Lens {
         self.surfaces[..=surface].iter().filter(|s| s.action == Action::Reflect).count().is_multiple_of(2)
     }
 
-    /// Whether the thickness behind a surface leads against the light.
-    pub fn leads_against_the_light(&self, surface: usize) -> bool {
+    /// Whether the thickness behind a surface leads against the light, and no [stop at a rim](Lens::stop_at_rim) explains it.
+    pub fn goes_against_the_light(&self, surface: usize) -> bool {
         let thickness_mm = self.surfaces[surface].thickness_mm;
-        if self.light_goes_forwards(surface) { thickness_mm < 0.0 } else { thickness_mm > 0.0 }
+        let is_against =
+            if self.light_goes_forwards(surface) { thickness_mm < 0.0 } else { thickness_mm > 0.0 };
+        is_against && !self.is_beside_stop_at_rim(surface)
     }
 
     /// Whether a surface does nothing to light: it lies between equal media, without a mirror, a thin lens or a structure.
@@ -107,7 +109,7 @@ impl Lens {
     /// the light, while its neighbours stand in the order of the light.
     ///
     /// The rim of a curved surface lies in front of its vertex or behind it, and where the rim limits the light, the stop is a plane there.
-    /// Rays cross that plane as if there were nothing else, on straight lines that are continued backwards.
+    /// Rays are traced to that plane first, and from there back along the same straight line to the surface.
     pub fn stop_at_rim(&self) -> Option<usize> {
         let surface = self.surfaces.get(self.stop)?;
         let is_plane = surface.shape == SurfaceShape::PLANE && surface.placement.is_none();

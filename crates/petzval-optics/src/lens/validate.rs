@@ -88,11 +88,13 @@ impl LensDefect {
 /// Checks that a lens can exist. Defects that no ray passes are reported before those that only prevent its manufacture, each kind from the front.
 pub fn validate(lens: &Lens) -> Result<(), LensDefect> {
     traceable(lens)?;
-    let solid = without_stop_at_rim(lens);
-    for (i, surface) in &solid {
-        check_direction(i + 1, surface, lens.light_goes_forwards(*i))?;
+    for (i, surface) in lens.surfaces.iter().enumerate() {
+        if lens.goes_against_the_light(i) {
+            let (medium, thickness_mm) = (surface.glass.name.clone(), surface.thickness_mm);
+            return Err(LensDefect::CentreThickness { surface: i + 1, medium, thickness_mm });
+        }
     }
-    for pair in solid.windows(2) {
+    for pair in without_stop_at_rim(lens).windows(2) {
         let [(i, front), (_, back)] = pair else { continue };
         // The distance between surfaces that are turned against each other is no question of their sags.
         if is_straight(front) && is_straight(back) {
@@ -206,18 +208,6 @@ fn check_surface(number: usize, surface: &Surface, lens: &Lens) -> Result<(), Le
             let glass = surface.glass.name.clone();
             return Err(LensDefect::Index { surface: number, glass, wavelength_um, index });
         }
-    }
-    Ok(())
-}
-
-/// Refuses a thickness that leads against the light.
-fn check_direction(number: usize, surface: &Surface, forwards: bool) -> Result<(), LensDefect> {
-    if (forwards && surface.thickness_mm < 0.0) || (!forwards && surface.thickness_mm > 0.0) {
-        return Err(LensDefect::CentreThickness {
-            surface: number,
-            medium: surface.glass.name.clone(),
-            thickness_mm: surface.thickness_mm,
-        });
     }
     Ok(())
 }

@@ -268,8 +268,7 @@ fn new_problem(config: &Config, file: &LensFile, assets: &Assets) -> Result<Prob
 fn check_directions(problem: &Problem) -> Result<(), JobError> {
     let space = problem.space().map_err(|e| not_optimisable(&e))?;
     let lens = space.lens_at(&space.start()).map_err(|e| not_optimisable(&e))?;
-    let against = |i: &usize| lens.leads_against_the_light(*i) && !lens.is_beside_stop_at_rim(*i);
-    match (0..lens.surfaces.len()).find(against) {
+    match (0..lens.surfaces.len()).find(|i| lens.goes_against_the_light(*i)) {
         None => Ok(()),
         Some(i) => {
             let surface = &lens.surfaces[i];
