@@ -25,6 +25,7 @@ use crate::block::{Batch, Block, BlockName, Blocks, ExposureBlock, IspBlock, Net
 use crate::camera::{Camera, ChipValues, Shot};
 use crate::error::DesignError;
 use crate::experiment::PERFECT_LENS;
+use crate::parts::PartInputs;
 use crate::run::{
     CameraMetrics, Event, EventLog, Kept, Metrics, RunFolder, RunRecord, forget_most_memory,
     latest_checkpoint, load_blocks, save_blocks, save_checkpoint, write_file,
@@ -205,7 +206,7 @@ pub struct DesignLoop {
 const POSITION_FILE: &str = "position.json";
 
 /// The loss of frames that a camera took.
-fn loss_of(
+pub(crate) fn loss_of(
     objective: &dyn Objective,
     camera: &Camera,
     frames: &Frames,
@@ -218,6 +219,19 @@ fn loss_of(
     // The same batch draws the same, whichever block moves.
     let seed = shots.first().map_or(0, |shot| shot.frame);
     Ok(objective.loss(&Taken { frames, detector: camera.detector(), seed }, &labels)?)
+}
+
+/// The first variant in a stage of which a block and others move by their gradients, and how they move.
+fn moves_together(setup: &Setup, block: BlockName) -> Option<(&Variant, &BTreeMap<BlockName, Schedule>)> {
+    let by_gradient = |s: &Schedule| matches!(s.method, StepMethod::Gradient | StepMethod::Levenberg);
+    setup.variants.iter().find_map(|variant| {
+        variant.stages.iter().find_map(|stage| match stage {
+            Stage::Task(moves) if moves.len() > 1 && moves.contains_key(&block) => {
+                moves.values().all(by_gradient).then_some((variant, moves))
+            }
+            _ => None,
+        })
+    })
 }
 
 /// What one step did.
@@ -347,21 +361,20 @@ impl DesignLoop {
 
     /// Takes one step of a block, out of turn, for the first variant in which it and others move by their gradients: for measuring its cost.
     pub fn one_step(&mut self, block: BlockName) -> Result<(), DesignError> {
-        let by_gradient = |s: &Schedule| matches!(s.method, StepMethod::Gradient | StepMethod::Levenberg);
         let setup = self.setup.clone();
-        let together = setup.variants.iter().find_map(|variant| {
-            let moves = variant.stages.iter().find_map(|stage| match stage {
-                Stage::Task(moves) if moves.len() > 1 && moves.contains_key(&block) => {
-                    moves.values().all(by_gradient).then_some(moves)
-                }
-                _ => None,
-            });
-            moves.map(|moves| (variant, moves))
-        });
-        match together {
+        match moves_together(&setup, block) {
             Some((variant, moves)) => self.step(variant, moves, block).map(|_| ()),
             None => Ok(()),
         }
+    }
+
+    /// The batch of the first lens step, before each part of the camera: for measuring what the parts cost. None if no lens moves.
+    pub fn part_inputs(&mut self) -> Result<Option<PartInputs>, DesignError> {
+        let setup = self.setup.clone();
+        let Some((variant, moves)) = moves_together(&setup, BlockName::Optics) else { return Ok(None) };
+        let camera = self.camera(variant, moves)?;
+        let shots = training_shots(&setup, &camera, 0)?;
+        PartInputs::new(setup.objective()?, camera, shots, self.noise(variant)).map(Some)
     }
 
     /// One step of a block for the task.

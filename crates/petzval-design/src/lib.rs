@@ -29,6 +29,7 @@ pub mod lens_sampler;
 pub mod lens_view;
 pub mod made_cameras;
 pub mod optics_proxy;
+pub mod parts;
 pub mod pictures;
 pub mod plausible;
 pub mod psf_plan;

@@ -31,7 +31,7 @@ fn doctor_describes_the_machine() {
 }
 
 /// Every workload name that programs may rely on; they arrive with their stages.
-const WORKLOADS: [&str; 25] = [
+const WORKLOADS: [&str; 30] = [
     "psf_rgb",
     "psf_rgb_gradient",
     "psf_13_fields",
@@ -55,6 +55,11 @@ const WORKLOADS: [&str; 25] = [
     "network_step",
     "isp_step",
     "joint_step",
+    "joint_render",
+    "joint_sensor",
+    "joint_development",
+    "joint_network",
+    "joint_loss",
     "detector_step",
     "detector_lens_step",
 ];

@@ -142,7 +142,7 @@ pub struct PsfLeaves {
 }
 
 impl PsfLeaves {
-    fn new(bank: &PsfBank, device: &Device) -> Self {
+    pub(crate) fn new(bank: &PsfBank, device: &Device) -> Self {
         let (fields, grid) = (bank.field_radius_mm.len(), bank.grid);
         let values = TensorData::new(bank.values.clone(), [fields, 3, grid, grid]);
         let illumination = TensorData::new(bank.illumination.clone(), [fields, 3]);
@@ -155,7 +155,7 @@ impl PsfLeaves {
         }
     }
 
-    fn tracked(self) -> Self {
+    pub(crate) fn tracked(self) -> Self {
         Self {
             values: self.values.require_grad(),
             illumination: self.illumination.require_grad(),
@@ -277,6 +277,11 @@ impl Camera {
         Ok(self.kernels.get_or_init(|| kernels).clone())
     }
 
+    /// The same camera, whose kernels are still to be made.
+    pub(crate) fn without_kernels(&self) -> Self {
+        Self { kernels: Arc::default(), ..self.clone() }
+    }
+
     /// Takes a batch of shots of one size: light, raw frames, developed, restored and finished pictures.
     ///
     /// The graph of the frames leads to the weights of a network that is tracked, and no further.
@@ -387,7 +392,11 @@ impl Camera {
     }
 
     /// Irradiance and relative illumination of a batch of shots.
-    fn image(&self, psfs: &PsfLeaves, shots: &[Shot]) -> Result<(Tensor<4>, Tensor<4>), DesignError> {
+    pub(crate) fn image(
+        &self,
+        psfs: &PsfLeaves,
+        shots: &[Shot],
+    ) -> Result<(Tensor<4>, Tensor<4>), DesignError> {
         let (layout, geometry) = (self.psfs.bank().layout(), &self.body.geometry);
         let [height, width] = self.exposed(shots);
         let scenes =
@@ -434,7 +443,7 @@ impl Camera {
 
     /// Takes the blur of the lens out of developed pictures, if the body restores: by the filters of the PSFs, regularised by the curves
     /// that the network was trained with. The gradient by the PSFs is that of the filters; a lens that moves is filtered otherwise.
-    fn restore(
+    pub(crate) fn restore(
         &self,
         psfs: &PsfLeaves,
         developed: Tensor<4>,
@@ -458,7 +467,12 @@ impl Camera {
     }
 
     /// What the network makes of the pictures of windows, sRGB-encoded; without a network, the pictures encoded.
-    fn finish(&self, developed: Tensor<4>, restored: Option<Tensor<4>>, windows: &[Window]) -> Tensor<4> {
+    pub(crate) fn finish(
+        &self,
+        developed: Tensor<4>,
+        restored: Option<Tensor<4>>,
+        windows: &[Window],
+    ) -> Tensor<4> {
         let [batch, _, height, width] = developed.dims();
         let body = &self.body;
         let Some(network) = &self.network else { return srgb_encode_op(restored.unwrap_or(developed)) };
@@ -558,7 +572,7 @@ fn inset(exposed: Placement, kept: &Window) -> (usize, usize) {
 }
 
 /// The windows that are kept of exposed frames.
-fn cut(frames: Tensor<4>, captures: &[Capture], kept: &[Window]) -> Tensor<4> {
+pub(crate) fn cut(frames: Tensor<4>, captures: &[Capture], kept: &[Window]) -> Tensor<4> {
     let [_, channels, height, width] = frames.dims();
     if kept.iter().all(|window| (window.height, window.width) == (height, width)) {
         return frames;

@@ -4,6 +4,7 @@ use petzval_base::simd::widest;
 use petzval_design::block::BlockName;
 use petzval_design::design_loop::DesignLoop;
 use petzval_design::error::DesignError;
+use petzval_design::parts::Part;
 use petzval_design::run::RunFolder;
 use petzval_design::setup::Setup;
 
@@ -38,6 +39,20 @@ pub(super) fn workloads() -> Vec<Workload> {
             let what = "13 x 3 PSFs, the same chain held, back to every number of the lens, optimiser";
             step(PICTURES, BlockName::Optics, what)
         }),
+        workload("joint_render", || {
+            part(Part::Render, "kernels of the patches, scenes through them, back to the PSFs")
+        }),
+        workload("joint_sensor", || part(Part::Sensor, "light to digital numbers with noise, and back")),
+        workload("joint_development", || {
+            part(
+                Part::Development,
+                "mosaic to linear light, blur divided out, back to the mosaic and the PSFs",
+            )
+        }),
+        workload("joint_network", || {
+            part(Part::Network, "restoration network, held, and back to the pictures")
+        }),
+        workload("joint_loss", || part(Part::Loss, "L1 and LPIPS, back to the finished pictures")),
         workload("detector_step", || {
             let what =
                 "render, expose, automotive ISP in whole numbers, Faster R-CNN forward and back, optimiser";
@@ -48,6 +63,20 @@ pub(super) fn workloads() -> Vec<Workload> {
             step(OBJECTS, BlockName::Optics, what)
         }),
     ]
+}
+
+/// A part of `joint_step`.
+fn part(part: Part, what: &str) -> Result<Prepared, JobError> {
+    let assets = built_in_assets();
+    let experiment = assets.experiment(PICTURES)?;
+    let training = experiment.training.clone();
+    let inputs = design_loop(Setup::new(experiment, &assets, device("cpu")?)?)?.part_inputs()?;
+    Ok(Prepared {
+        work: format!("{what}; batch {} of {}^2: a part of joint_step", training.batch, training.crop),
+        units: None,
+        single_thread: false,
+        run: Box::new(move || Ok(inputs.iter().try_for_each(|inputs| inputs.run(part))?)),
+    })
 }
 
 /// Steps of a block of a built-in experiment.
@@ -63,10 +92,7 @@ fn step(experiment: &str, kind: BlockName, what: &str) -> Result<Prepared, JobEr
         false => String::new(),
     };
     let setup = Setup::new(experiment, &assets, device("cpu")?)?;
-    let scratch = std::env::temp_dir().join(format!("petzval-bench-{}", std::process::id()));
-    let mut design = DesignLoop::new(RunFolder::create(&scratch)?, scorer(setup)?)?;
-    // Single steps write nothing.
-    std::fs::remove_dir_all(&scratch).map_err(DesignError::io(&scratch))?;
+    let mut design = design_loop(setup)?;
     Ok(Prepared {
         work: format!("{what}; batch {} of {}^2{size}", training.batch, training.crop),
         units: None,
@@ -76,4 +102,12 @@ fn step(experiment: &str, kind: BlockName, what: &str) -> Result<Prepared, JobEr
             Ok(())
         }),
     })
+}
+
+/// A run whose single steps write nothing.
+fn design_loop(setup: Setup) -> Result<DesignLoop, JobError> {
+    let scratch = std::env::temp_dir().join(format!("petzval-bench-{}", std::process::id()));
+    let design = DesignLoop::new(RunFolder::create(&scratch)?, scorer(setup)?)?;
+    std::fs::remove_dir_all(&scratch).map_err(DesignError::io(&scratch))?;
+    Ok(design)
 }
