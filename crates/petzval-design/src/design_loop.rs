@@ -206,7 +206,7 @@ pub struct DesignLoop {
 const POSITION_FILE: &str = "position.json";
 
 /// The loss of frames that a camera took.
-pub(crate) fn loss_of(
+fn loss_of(
     objective: &dyn Objective,
     camera: &Camera,
     frames: &Frames,
@@ -374,7 +374,11 @@ impl DesignLoop {
         let Some((variant, moves)) = moves_together(&setup, BlockName::Optics) else { return Ok(None) };
         let camera = self.camera(variant, moves)?;
         let shots = training_shots(&setup, &camera, 0)?;
-        PartInputs::new(setup.objective()?, camera, shots, self.noise(variant)).map(Some)
+        let objective = setup.objective()?;
+        let loss = move |camera: &Camera, frames: &Frames, shots: &[Shot]| {
+            loss_of(objective.as_ref(), camera, frames, shots)
+        };
+        PartInputs::new(Box::new(loss), camera, shots, self.noise(variant)).map(Some)
     }
 
     /// One step of a block for the task.

@@ -4,10 +4,9 @@ use burn::prelude::*;
 use petzval_camera::render::Window;
 use petzval_camera::sensor::{Capture, Noise};
 use petzval_camera::tape::{Frames, expose_op};
-use petzval_learn::objective::Objective;
 
+use crate::block::LossOf;
 use crate::camera::{Camera, PsfLeaves, Shot, cut};
-use crate::design_loop::loss_of;
 use crate::error::DesignError;
 
 /// A part of a step.
@@ -27,7 +26,7 @@ pub enum Part {
 
 /// A batch as it enters every part of a camera.
 pub struct PartInputs {
-    objective: Box<dyn Objective>,
+    loss: Box<LossOf<'static>>,
     camera: Camera,
     shots: Vec<Shot>,
     captures: Vec<Capture>,
@@ -41,9 +40,9 @@ pub struct PartInputs {
 }
 
 impl PartInputs {
-    /// Takes a batch through a camera without a hardware ISP.
+    /// Takes a batch through a camera without a hardware ISP, and gives it this loss.
     pub fn new(
-        objective: Box<dyn Objective>,
+        loss: Box<LossOf<'static>>,
         camera: Camera,
         shots: Vec<Shot>,
         noise: Noise,
@@ -54,7 +53,7 @@ impl PartInputs {
         let kept = shots.iter().map(|s| camera.kept(s)).collect();
         let raw = expose_op(irradiance.clone(), &camera.body().sensor, &captures, &noise)?;
         let frames = camera.take(&shots, &noise)?;
-        Ok(Self { objective, camera, shots, captures, kept, noise, irradiance, illumination, raw, frames })
+        Ok(Self { loss, camera, shots, captures, kept, noise, irradiance, illumination, raw, frames })
     }
 
     /// Runs a part forward, and the sum of what it gives back to its inputs.
@@ -81,7 +80,7 @@ impl PartInputs {
             }
             Part::Loss => {
                 let frames = Frames { finished: tracked(&self.frames.finished), ..self.frames.clone() };
-                loss_of(self.objective.as_ref(), camera, &frames, &self.shots)?.total
+                (self.loss)(camera, &frames, &self.shots)?.total
             }
         };
         std::hint::black_box(out.backward());
