@@ -72,11 +72,13 @@ fn bench_lists_its_workloads_and_measures_one() {
     assert!(names.len() >= 12, "{names:?}");
     assert!(names.iter().all(|name| WORKLOADS.contains(name)), "{names:?}");
 
-    let args = ["bench", "--only", "trace", "--only", "psf_rgb", "--seconds", "0.1", "--json"];
+    let measured = ["trace", "psf_rgb", "joint_sensor"];
+    let only = measured.map(|name| ["--only", name]);
+    let args = [&["bench", "--seconds", "0.1", "--json"][..], only.as_flattened()].concat();
     let results = run_ok(folder.path(), &args).json();
     let results = results.as_array().unwrap();
-    assert_eq!(results.len(), 2);
-    for (result, name) in results.iter().zip(["trace", "psf_rgb"]) {
+    assert_eq!(results.len(), measured.len());
+    for (result, name) in results.iter().zip(measured) {
         assert_eq!(result["name"], name);
         for key in ["cpu_s", "wall_s"] {
             let seconds = result[key].as_f64().unwrap();
@@ -87,6 +89,7 @@ fn bench_lists_its_workloads_and_measures_one() {
         assert!(!result["work"].as_str().unwrap().is_empty());
     }
     assert!(results[0]["work"].as_str().unwrap().contains("M surface intersections per CPU second"));
+    assert!(results[2]["work"].as_str().unwrap().contains("a part of joint_step"));
     // Nothing is left behind.
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
 }
