@@ -50,9 +50,10 @@ impl PartInputs {
         let psfs = PsfLeaves::new(camera.psfs().bank(), &camera.body().device);
         let (irradiance, illumination) = camera.image(&psfs, &shots)?;
         let captures: Vec<Capture> = shots.iter().map(|s| camera.capture(s)).collect();
-        let kept = shots.iter().map(|s| camera.kept(s)).collect();
+        let kept: Vec<Window> = shots.iter().map(|s| camera.kept(s)).collect();
         let raw = expose_op(irradiance.clone(), &camera.body().sensor, &captures, &noise)?;
-        let frames = camera.take(&shots, &noise)?;
+        let light = [irradiance.clone(), illumination.clone()];
+        let frames = camera.expose(&psfs, light, &captures, &kept, &noise)?;
         Ok(Self { loss, camera, shots, captures, kept, noise, irradiance, illumination, raw, frames })
     }
 

@@ -326,7 +326,7 @@ impl Camera {
     }
 
     /// From light on the pixels to finished pictures of the windows that are kept.
-    fn expose(
+    pub(crate) fn expose(
         &self,
         psfs: &PsfLeaves,
         [irradiance, illumination]: [Tensor<4>; 2],
