@@ -32,12 +32,13 @@ use crate::run::{
 };
 use crate::run_progress::SCORE;
 use crate::run_report::camera_lens;
+use crate::scenes::Eye;
 use crate::scoring::{Scorer, collect_metrics};
 use crate::seen_windows::{self, SeenWindow};
 use crate::setup::Setup;
-use crate::shots::{training_shots, validation_shots};
+use crate::shots::{items_of, training_shots, validation_shots};
 use crate::validation::{Course, VALIDATION, Validations, validation_loss};
-use crate::variant::{LensGoal, LensSearch, Schedule, Stage, Variant};
+use crate::variant::{LensGoal, LensSearch, Schedule, Stage, Variant, turn_of};
 
 /// Someone who watches a run.
 pub trait Observer {
@@ -234,6 +235,19 @@ fn moves_together(setup: &Setup, block: BlockName) -> Option<(&Variant, &BTreeMa
     })
 }
 
+/// Does some work, and meanwhile makes the windows of a batch that the camera will take next, where they take long to make.
+fn beside_windows<R>(setup: &Setup, camera: &Camera, batch: Option<u64>, work: impl FnOnce() -> R) -> R {
+    let (Some(scenes), Some(batch)) = (&setup.scenes, batch) else { return work() };
+    if rayon::current_num_threads() == 1 {
+        return work();
+    }
+    let (eye, items) = (Eye::of(camera), items_of(setup, batch));
+    std::thread::scope(|scope| {
+        scope.spawn(move || scenes.prepare(eye, items));
+        work()
+    })
+}
+
 /// What one step did.
 struct Step {
     block: &'static str,
@@ -388,21 +402,15 @@ impl DesignLoop {
         moves: &BTreeMap<BlockName, Schedule>,
         block: BlockName,
     ) -> Result<Step, DesignError> {
-        let taken = self.position.taken(block);
+        let (taken, before) = (self.position.taken(block), self.position.before(block));
         let rule = moves[&block].rule(taken);
-        let before = self.position.before(block);
-        // Within a stage each block draws windows of its own, behind those of all blocks after it in the light. They do not depend on stages
-        // to come, which an extension may add; so a later stage may show a block windows that an earlier one showed to another.
-        let later = BlockName::ALL.into_iter().filter(|other| *other > block);
-        let at_end = |other| self.position.before(other) + moves.get(&other).map_or(0, |s| s.steps);
-        let offset: usize = later.map(at_end).sum();
         let camera = match (block, moves[&block].error_share) {
             (BlockName::Optics, share) if share > 0.0 => {
                 self.erring_camera(variant, share, before + taken)?
             }
             _ => self.camera(variant, moves)?,
         };
-        let shots = training_shots(&self.setup, &camera, (offset + before + taken) as u64)?;
+        let shots = training_shots(&self.setup, &camera, self.batch_number(moves, block, taken))?;
         // Nothing in front of the last block needs a gradient: it learns from the pictures that will be scored.
         let camera = match block == BlockName::Network && camera.body().chip.is_some() {
             true => camera.with_chip(ChipValues::Exact(self.blocks.isp.values())),
@@ -416,8 +424,9 @@ impl DesignLoop {
         let further = |number: u64| training_shots(&setup, &camera, number);
         let noise = self.noise(variant);
         let batch = Batch { camera: &camera, shots: &shots, noise, loss: &loss, further: &further };
+        let next = self.next_batch(moves, block);
         let moving = self.blocks.get_mut(block);
-        let losses = moving.step(&batch, rule)?;
+        let losses = beside_windows(&setup, &camera, next, || moving.step(&batch, rule))?;
         let lowered = moving.lowered().to_vec();
         let step = Step { block: block.name(), losses, lowered, learning_rate: rule.rate };
         let mut step = self.took(variant, block, step)?;
@@ -430,6 +439,24 @@ impl DesignLoop {
             step.losses.insert(VALIDATION.to_owned(), self.validate(variant, moves)?);
         }
         Ok(step)
+    }
+
+    /// The number of the batch on which a block takes its step after `taken` of this stage.
+    fn batch_number(&self, moves: &BTreeMap<BlockName, Schedule>, block: BlockName, taken: usize) -> u64 {
+        // Within a stage each block draws windows of its own, behind those of all blocks after it in the light. They do not depend on stages
+        // to come, which an extension may add; so a later stage may show a block windows that an earlier one showed to another.
+        let later = BlockName::ALL.into_iter().filter(|other| *other > block);
+        let at_end = |other| self.position.before(other) + moves.get(&other).map_or(0, |s| s.steps);
+        let offset: usize = later.map(at_end).sum();
+        (offset + self.position.before(block) + taken) as u64
+    }
+
+    /// The number of the batch after the step that a block is about to take; `None` if the stage ends, or another lens will look.
+    fn next_batch(&self, moves: &BTreeMap<BlockName, Schedule>, block: BlockName) -> Option<u64> {
+        let mut taken = self.position.taken.clone();
+        *taken.entry(block).or_default() += 1;
+        let next = turn_of(moves, &taken).filter(|_| !block.moves_psfs())?;
+        Some(self.batch_number(moves, next, taken.get(&next).copied().unwrap_or(0)))
     }
 
     /// Validates the camera as it would be scored if it were finished now: with a lens at rest, and the hardware ISP in whole numbers. PSFs of a

@@ -2,6 +2,7 @@
 //! needed, streets for the chief rays of the lens that looks, and kept as long as that lens does.
 
 use std::collections::HashMap;
+use std::ops::Range;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -50,6 +51,22 @@ pub struct Scenes {
     moving: Mutex<Kept>,
     /// The windows of scores.
     scored: Mutex<Kept>,
+}
+
+/// A camera as it looks at scenes. Unlike the camera it can be lent to another thread.
+#[derive(Clone, Copy, Debug)]
+pub struct Eye<'a> {
+    /// Its lens; none if its PSFs were measured.
+    lens: Option<&'a Lens>,
+    /// Brightness of the image, against that of the experiment's lens.
+    light: f64,
+}
+
+impl<'a> Eye<'a> {
+    /// That of a camera.
+    pub fn of(camera: &'a Camera) -> Self {
+        Self { lens: camera.psfs().lens(), light: camera.light() }
+    }
 }
 
 /// The windows of one projection.
@@ -153,11 +170,9 @@ impl Scenes {
     }
 
     /// Item `item` of the training windows of a run: one of a fixed number of windows, every other time mirrored.
-    pub fn training_shot(&self, camera: &Camera, item: u64) -> Result<Shot, DesignError> {
-        let mut random = ChaCha8Rng::seed_from_u64(self.seed);
-        random.set_stream(item);
-        let number = random.random_range(0..self.config.windows as u64);
-        let window = self.window(camera, List::Training, number)?;
+    pub fn training_shot(&self, eye: Eye, item: u64) -> Result<Shot, DesignError> {
+        let (number, mut random) = self.training_window(item);
+        let window = self.window(eye, List::Training, number)?;
         let (own, crops) = (self.crops(List::Training), &self.training_crops);
         let is_mirrored = random.random();
         let mut window = match own == *crops {
@@ -170,9 +185,22 @@ impl Scenes {
         Ok(shot(&window, crops, item))
     }
 
+    /// The window that a training item shows, and what draws the rest of it.
+    fn training_window(&self, item: u64) -> (u64, ChaCha8Rng) {
+        let mut random = ChaCha8Rng::seed_from_u64(self.seed);
+        random.set_stream(item);
+        (random.random_range(0..self.config.windows as u64), random)
+    }
+
+    /// Makes the windows of training items that are soon asked for. An error comes back when they are.
+    pub fn prepare(&self, eye: Eye, mut items: Range<u64>) {
+        let _later = items
+            .try_for_each(|item| self.window(eye, List::Training, self.training_window(item).0).map(|_| ()));
+    }
+
     /// Window `number` of a list.
-    pub fn shot(&self, camera: &Camera, list: List, number: u64) -> Result<Shot, DesignError> {
-        let window = self.window(camera, list, number)?;
+    pub fn shot(&self, eye: Eye, list: List, number: u64) -> Result<Shot, DesignError> {
+        let window = self.window(eye, list, number)?;
         let frame = if list == List::Validation { FIRST_VALIDATION + number } else { number };
         Ok(shot(&window, &self.crops(list), frame))
     }
@@ -192,14 +220,14 @@ impl Scenes {
         }
     }
 
-    fn window(&self, camera: &Camera, list: List, number: u64) -> Result<Arc<LabelledWindow>, DesignError> {
+    fn window(&self, eye: Eye, list: List, number: u64) -> Result<Arc<LabelledWindow>, DesignError> {
         let kept = if list == List::HeldOut { &self.scored } else { &self.moving };
         let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
         let crops = self.crops(list);
         let window = match &self.source {
             Source::Streets(plan) => {
-                let lens = camera.psfs().lens().ok_or(DesignError::NoLens)?;
-                let view = self.view(lens, camera.light(), &mut kept)?;
+                let lens = eye.lens.ok_or(DesignError::NoLens)?;
+                let view = self.view(lens, eye.light, &mut kept)?;
                 if let Some(window) = kept.windows.get(&(list, number)) {
                     return Ok(window.clone());
                 }

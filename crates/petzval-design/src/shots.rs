@@ -1,5 +1,7 @@
 //! What cameras take: windows of training and validation pictures, and held-out photographs at fixed places.
 
+use std::ops::Range;
+
 use petzval_camera::render::Placement;
 use petzval_learn::dataset::{
     NamedPhoto, dead_leaves, held_out_placements, light_factors, relight, training_crop,
@@ -9,7 +11,7 @@ use rayon::prelude::*;
 
 use crate::camera::{Camera, Shot, crop_window};
 use crate::error::DesignError;
-use crate::scenes::List;
+use crate::scenes::{Eye, List};
 use crate::setup::Setup;
 
 /// The number of the first validation window: beyond those of all steps, and of all that blocks learn besides.
@@ -19,10 +21,8 @@ const FIRST_VALIDATION: u64 = 1 << 42;
 pub fn training_shots(setup: &Setup, camera: &Camera, step: u64) -> Result<Vec<Shot>, DesignError> {
     let training = &setup.experiment.training;
     if let Some(scenes) = &setup.scenes {
-        let first = step * training.batch as u64;
-        return (first..first + training.batch as u64)
-            .map(|item| scenes.training_shot(camera, item))
-            .collect();
+        let eye = Eye::of(camera);
+        return items_of(setup, step).map(|item| scenes.training_shot(eye, item)).collect();
     }
     // A window depends on its numbers alone, and a generated one takes milliseconds: they are made side by side.
     (0..training.batch as u32)
@@ -41,12 +41,18 @@ pub fn training_shots(setup: &Setup, camera: &Camera, step: u64) -> Result<Vec<S
         .collect()
 }
 
+/// The windows of a step by their numbers in the run.
+pub fn items_of(setup: &Setup, step: u64) -> Range<u64> {
+    let batch = setup.experiment.training.batch as u64;
+    step * batch..(step + 1) * batch
+}
+
 /// The windows of every validation, in batches: photographs alone, as in scores.
 pub fn validation_shots(setup: &Setup, camera: &Camera) -> Result<Vec<Vec<Shot>>, DesignError> {
     let (batch, windows) = (setup.experiment.training.batch, setup.experiment.validation.windows);
     let shot = |i: usize| {
         if let Some(scenes) = &setup.scenes {
-            return scenes.shot(camera, List::Validation, i as u64);
+            return scenes.shot(Eye::of(camera), List::Validation, i as u64);
         }
         let (step, item) = (FIRST_VALIDATION + (i / batch) as u64, (i % batch) as u32);
         shot_of(setup, setup.photos.validation(), step, item)
@@ -96,7 +102,7 @@ pub fn held_out_shots(
 ) -> Result<Vec<HeldOut>, DesignError> {
     if let Some(scenes) = &setup.scenes {
         let shot = |i: usize| {
-            let shot = scenes.shot(camera, List::HeldOut, i as u64)?;
+            let shot = scenes.shot(Eye::of(camera), List::HeldOut, i as u64)?;
             Ok(HeldOut {
                 name: format!("scene {}", i + 1),
                 sequence: scenes.sequence(List::HeldOut, i as u64).map(str::to_owned),

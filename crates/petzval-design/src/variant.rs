@@ -143,28 +143,36 @@ impl Stage {
     }
 
     /// The block whose turn it is once blocks have taken these steps; `None` at the end of the stage.
-    ///
-    /// The last moving block in the order of the light, usually the network, takes the steps that count. Those of another block
-    /// are spread evenly over the first `share` of them.
     pub fn turn(&self, taken: &BTreeMap<BlockName, usize>) -> Option<BlockName> {
-        let taken = |block: BlockName| taken.get(&block).copied().unwrap_or(0);
         let Self::Task(moves) = self else {
-            return (taken(BlockName::Optics) == 0).then_some(BlockName::Optics);
+            return (!taken.contains_key(&BlockName::Optics)).then_some(BlockName::Optics);
         };
-        let (clock, Schedule { steps, .. }) = moves.last_key_value()?;
-        for (block, schedule) in moves {
-            if block == clock || taken(*block) >= schedule.steps {
-                continue;
-            }
-            let span = (schedule.share * *steps as f64).max(1.0);
-            let passed = (taken(*clock) + 1) as f64 / span;
-            let due = (passed * schedule.steps as f64) as usize;
-            if taken(*block) < due || taken(*clock) == *steps {
-                return Some(*block);
-            }
-        }
-        (taken(*clock) < *steps).then_some(*clock)
+        turn_of(moves, taken)
     }
+}
+
+/// The block whose turn it is among blocks that move for the task; `None` when all have taken their steps.
+///
+/// The last moving block in the order of the light, usually the network, takes the steps that count. Those of another block
+/// are spread evenly over the first `share` of them.
+pub fn turn_of(
+    moves: &BTreeMap<BlockName, Schedule>,
+    taken: &BTreeMap<BlockName, usize>,
+) -> Option<BlockName> {
+    let taken = |block: BlockName| taken.get(&block).copied().unwrap_or(0);
+    let (clock, Schedule { steps, .. }) = moves.last_key_value()?;
+    for (block, schedule) in moves {
+        if block == clock || taken(*block) >= schedule.steps {
+            continue;
+        }
+        let span = (schedule.share * *steps as f64).max(1.0);
+        let passed = (taken(*clock) + 1) as f64 / span;
+        let due = (passed * schedule.steps as f64) as usize;
+        if taken(*block) < due || taken(*clock) == *steps {
+            return Some(*block);
+        }
+    }
+    (taken(*clock) < *steps).then_some(*clock)
 }
 
 impl Variant {

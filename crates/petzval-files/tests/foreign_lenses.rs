@@ -5,7 +5,10 @@ use std::path::Path;
 
 use petzval_files::{Effect, Import, parse_catalog, parse_seq, parse_zmx};
 use petzval_optics::glass::Catalog;
+use petzval_optics::merit::{Merit, SpotResiduals};
 use petzval_optics::paraxial::first_order;
+use petzval_optics::pupil::aim_at_pupil;
+use petzval_optics::trace::launch;
 
 fn catalog() -> Catalog {
     let mut catalog = Catalog::default();
@@ -95,6 +98,22 @@ fn behind_stop_at_rim() -> String {
     with_in_front(&DOUBLET.replace("  STOP\n", ""), 1, stop)
 }
 
+/// The doublet in front of an object at 150 mm whose chief rays are parallel by decree, with the stop so far behind the last surface, and the image
+/// at 210.855 mm from there. Its focus is at 84.368 mm.
+fn telecentric(stop_mm: f64) -> String {
+    let image_mm = 210.855 - stop_mm;
+    let stop = format!(
+        "DISZ {stop_mm}\n  DIAM 8 0 0 0 1 \"\"\nSURF 4\n  TYPE STANDARD\n  STOP\n  CURV 0.0 0 0 0 0 \"\"\n  DISZ {image_mm}"
+    );
+    DOUBLET
+        .replace("  STOP\n", "")
+        .replace("SURF 4", "SURF 5")
+        .replace("DISZ 48\n  DIAM 8 0 0 0 1 \"\"", &stop)
+        .replace("DISZ INFINITY", "DISZ 150")
+        .replace("ENPD 8", "OBNA 0.03")
+        .replace("FTYP 0 0", "FTYP 1 1")
+}
+
 /// What a file must give: its focal length, mm, and a loss that is reported; or the reason why it is refused.
 enum Wanted {
     Read(f64, Option<&'static str>),
@@ -156,7 +175,9 @@ fn files_in_the_styles_of_other_programs() {
             DOUBLET.replace("DISZ INFINITY", "DISZ -200"),
             Refused("a virtual object is not traced"),
         ),
-        ("telecentric", DOUBLET.replace("FTYP 0 0", "FTYP 1 1"), Refused("telecentric")),
+        ("telecentric without an object", DOUBLET.replace("FTYP 0 0", "FTYP 0 1"), Refused("near object")),
+        ("telecentric, with the stop elsewhere", telecentric(60.0), Refused("differ by up to")),
+        ("telecentric, with the stop at the focus", telecentric(84.368), Read(plain, Some("parallel"))),
         (
             "fields along x",
             DOUBLET.replace("XFLN 0 0", "XFLN 0 5").replace("YFLN 0 5", "YFLN 0 0"),
@@ -211,7 +232,39 @@ fn files_in_the_styles_of_other_programs() {
         }
     }
     assert!(wrong.is_empty(), "{read} read, {refused} refused, and these are wrong:\n{}", wrong.join("\n"));
-    assert_eq!((read, refused), (26, 4));
+    assert_eq!((read, refused), (27, 5));
+}
+
+/// Whether a hair's breadth in front of the focus or behind it, a stop at the focus makes parallel chief rays of the right heights, and a cone of
+/// the right aperture.
+#[test]
+fn a_telecentric_object_is_seen_by_parallel_chief_rays() {
+    let mut seen = Vec::new();
+    for stop_mm in [84.3, 84.368 - 1e-5, 84.368, 84.368 + 1e-5, 84.45] {
+        let lens = parse_zmx(&telecentric(stop_mm), &catalog()).unwrap().file.lens;
+        let sequence = lens.at_wavelength(lens.reference_um);
+        let field_rad = lens.fields_deg[1].to_radians();
+        assert!((150.0 * field_rad.tan() - 5.0).abs() < 1e-9);
+        let stop_radius_mm = first_order(&sequence).stop_radius_mm;
+        let points = [[0.0, 0.0], [0.0, 1.0], [0.0, -1.0], [1.0, 0.0]];
+        let aimed = aim_at_pupil(&sequence, field_rad, stop_radius_mm, &points, None);
+        let slope_at = |i: usize| {
+            let ray = launch(&sequence, field_rad, aimed.launch_of(i)).ray;
+            [ray.direction[0], ray.direction[1]]
+        };
+        let chief = slope_at(0);
+        // Pupil aberration of the doublet is what is left.
+        assert!(chief[0] == 0.0 && chief[1].abs() < 2e-3, "{stop_mm}: {chief:?}");
+        let cone = slope_at(3)[0].abs();
+        assert!((cone / 0.03 - 1.0).abs() < 0.02, "{stop_mm}: {cone}");
+        seen.push([chief[1], cone, SpotResiduals::new(&lens).value(&lens).unwrap()]);
+    }
+    for now in &seen {
+        assert!(
+            (now[1] / seen[2][1] - 1.0).abs() < 2e-3 && (now[2] / seen[2][2] - 1.0).abs() < 2e-2,
+            "{seen:?}"
+        );
+    }
 }
 
 /// Indices as the sources print them; infrared materials have none for visible light.

@@ -545,7 +545,7 @@ fn records_that_cannot_be_traced_are_refused_with_their_line() {
         ("UNIT MM", "UNIT FT", &["line 4", "no such lens unit"]),
         ("ENPD 10", "ENPD 10\nFNUM 4", &["line 6: `FNUM 4`", "line 5 already gives"]),
         ("ENPD 10\n", "", &["no aperture", "ENPD"]),
-        ("FTYP 0 0", "FTYP 0 1", &["line 6", "telecentric"]),
+        ("FTYP 0 0", "FTYP 0 1", &["line 6", "telecentric", "near object"]),
         ("FTYP 0 0", "FTYP 4 0", &["line 6", "type 4"]),
         ("YFLN 0 2", "YFLN 0 180", &["line 7", "180 degrees"]),
         ("0.5876 1", "587.6 1", &["line 8", "not optical"]),
@@ -578,7 +578,11 @@ fn records_that_cannot_be_traced_are_refused_with_their_line() {
         ("  DISZ 4", "  DISZ 4\n  DISZ 5", &["line 17: `DISZ 5`", "already"]),
         ("  DISZ 4", "  DISZ 4\n  CURV 0.03", &["line 17: `CURV 0.03`", "already"]),
         ("  DISZ 4", "  DISZ 4\n  PARM 1 0\n  PARM 1 0", &["line 18: `PARM 1 0`", "line 17 already gives"]),
-        ("ENPD 10", "ENPD 1e300", &["line 5: `ENPD 1e300`", "1e300 mm; 1e-6 to 1000000 mm"]),
+        (
+            "ENPD 10",
+            "ENPD 1e300",
+            &["line 5: `ENPD 1e300`", "1e300 mm at the first vertex; 1e-6 to 1000000 mm"],
+        ),
         ("ENPD 10", "ENPD 1e-300", &["line 5", "1e-300 mm"]),
     ] {
         refused(parse_zmx(&changed(ZMX, from, to), &catalog()), needles);
@@ -612,7 +616,7 @@ fn records_that_cannot_be_traced_are_refused_with_their_line() {
         ("GO\n", "DEL S1\n", &["line 13: `DEL S1`", "change the lens"]),
         ("EPD 10", "EPD 10; RED 0.5", &["line 3: `RED 0.5`", "magnification"]),
         ("EPD 10", "EPD 10 20", &["line 3: `EPD 10 20`", "one value"]),
-        ("EPD 10", "EPD 1e300", &["line 3: `EPD 1e300`", "1e300 mm; 1e-6 to 1000000 mm"]),
+        ("EPD 10", "EPD 1e300", &["line 3: `EPD 1e300`", "1e300 mm at the first vertex; 1e-6 to 1000000 mm"]),
         ("YAN 0 2", "YOB 0 2", &["line 6: `YOB 0 2`", "object at a finite distance", "angles"]),
         ("SO 0.0 0.1e14\n", "SO 0.0 100\n ASP; A 1e-3\n", &["line 8: `ASP`", "object that is not a plane"]),
         ("SO 0.0 0.1e14\n", "SO 0.0 100\n ADE 5\n", &["line 8: `ADE 5`", "turned object"]),

@@ -339,7 +339,7 @@ fn what_cannot_be_traced_is_refused_with_line_and_surface() {
         (
             r#""telecentric": false"#,
             r#""telecentric": true"#,
-            &["line 4: `telecentric = true`: chief rays parallel"],
+            &["line 4: `telecentric = true`: chief rays that are parallel"],
         ),
         (
             r#""field_type": "angle", "object"#,

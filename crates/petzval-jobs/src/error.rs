@@ -103,11 +103,23 @@ impl From<DesignError> for JobError {
             DesignError::Image(ImageError::Io { ref source, .. }) => {
                 Self::system(error.to_string(), source, "give a PNG, JPEG or TIFF file that exists")
             }
-            // What has no end, or is far too large, was named by the request.
+            // What has no end, or is far too large to be read, was named by the request. What the system says of a file too large is about
+            // one that was being written.
             DesignError::Io { error: ref why, .. }
-                if matches!(why.kind(), ErrorKind::InvalidInput | ErrorKind::FileTooLarge) =>
+                if why.raw_os_error().is_none()
+                    && matches!(why.kind(), ErrorKind::InvalidInput | ErrorKind::FileTooLarge) =>
             {
                 Self::input(error.to_string(), "")
+            }
+            DesignError::Io { error: ref why, .. }
+                if matches!(
+                    why.kind(),
+                    ErrorKind::StorageFull | ErrorKind::QuotaExceeded | ErrorKind::FileTooLarge
+                ) =>
+            {
+                Self::failed(format!(
+                    "{error}; make room: a run goes on from its last checkpoint with --resume"
+                ))
             }
             _ if error.is_input() => Self::input(error.to_string(), ""),
             _ => Self::failed(error.to_string()),

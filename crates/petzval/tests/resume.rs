@@ -125,7 +125,8 @@ fn half_written_files_of_a_crash_are_ignored() {
 
 #[test]
 fn a_signal_stops_after_a_checkpoint_and_the_run_resumes() {
-    for (signal, steps) in [("TERM", 0), ("INT", 2), ("TERM", 7), ("INT", 13), ("TERM", 17)] {
+    // HUP is what a lost terminal sends.
+    for (signal, steps) in [("TERM", 0), ("INT", 2), ("HUP", 7), ("INT", 13), ("TERM", 17)] {
         let folder = tempfile::tempdir().unwrap();
         let (child, run) = started(folder.path(), steps);
         let pid = child.id().to_string();
@@ -143,6 +144,55 @@ fn a_signal_stops_after_a_checkpoint_and_the_run_resumes() {
         let said = run_ok(folder.path(), &["design", "--resume", "run"]);
         assert!(last == 0 || said.says(&format!("going on from step {last} of {ALL_STEPS}")));
         assert_eq!(read(&run.join("metrics.json")), WHOLE.0, "SIG{signal} after {steps} steps");
+    }
+}
+
+/// The tiny experiment, started by a shell after a command of its own.
+fn started_by_shell(folder: &Path, before: &str) -> Child {
+    write_tiny(folder);
+    let mut command = Command::new("sh");
+    command.current_dir(folder).arg("-c");
+    command.arg(format!("{before}; exec '{}' design tiny.toml --out run", env!("CARGO_BIN_EXE_petzval")));
+    command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap()
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_run_that_is_to_outlive_its_terminal_does() {
+    let folder = tempfile::tempdir().unwrap();
+    // As nohup starts it.
+    let child = started_by_shell(folder.path(), "trap '' HUP");
+    let run = folder.path().join("run");
+    let began = Instant::now();
+    while !run.join("events.jsonl").exists() && began.elapsed() < Duration::from_secs(60) {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    assert!(Command::new("kill").args(["-s", "HUP", &child.id().to_string()]).status().unwrap().success());
+    let ended = outcome(child.wait_with_output().unwrap());
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    assert_eq!(read(&run.join("metrics.json")), WHOLE.0);
+}
+
+#[test]
+fn a_run_on_a_full_disk_ends_with_an_error_and_resumes() {
+    // No file may grow beyond so many blocks of 512 bytes: no checkpoint, or no record of the run.
+    for blocks in [32, 8] {
+        let folder = tempfile::tempdir().unwrap();
+        let child = started_by_shell(folder.path(), &format!("trap '' XFSZ; ulimit -f {blocks}"));
+        let full = outcome(child.wait_with_output().unwrap());
+        assert_eq!(full.code, Some(1), "{blocks}: {}", full.stderr);
+        assert!(
+            full.says("File too large") && full.says("run/") && full.says("--resume"),
+            "{blocks}: {}",
+            full.stderr
+        );
+        let run = folder.path().join("run");
+        // Where not even the experiment was kept, there is nothing to go on from, and the folder is taken again.
+        match run.join("config.toml").exists() {
+            true => run_ok(folder.path(), &["design", "--resume", "run"]),
+            false => run_ok(folder.path(), &["design", "tiny.toml", "--out", "run"]),
+        };
+        assert_eq!(read(&run.join("metrics.json")), WHOLE.0, "{blocks}");
     }
 }
 

@@ -243,7 +243,7 @@ impl OpticsBlock {
         Ok(search.best().map_or(lens, |best| best.analysis.lens.clone()))
     }
 
-    /// A step by the curvature of the batch's loss as lifted to the rays. Where the rays say nothing, because one of them is lost, the lens
+    /// A step by the curvature of the batch's loss as lifted to the rays. Where the rays say nothing, because most of a field are lost, the lens
     /// stays.
     fn step_by_curvature(
         &mut self,

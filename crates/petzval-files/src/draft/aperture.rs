@@ -30,7 +30,7 @@ pub(crate) enum Aperture {
     StopRadius(f64),
 }
 
-/// Diameters of the entrance pupil that can be traced, mm. Outside this range squares of ray coordinates lose their meaning
+/// Diameters of the beam at the first vertex that can be traced, mm. Outside this range squares of ray coordinates lose their meaning
 /// in floating point.
 const PUPILS_MM: std::ops::RangeInclusive<f64> = 1e-6..=1e6;
 
@@ -51,7 +51,7 @@ pub(super) fn entrance_pupil_mm(
         ObjectDistance::Infinity => None,
         ObjectDistance::Finite(distance) => {
             let slope = paraxial_ray(&sequence, distance, 1.0).w[sequence.surfaces.len()].abs();
-            Some((distance + order.entrance_pupil_at_mm, slope))
+            Some(((distance + order.entrance_pupil_at_mm).abs(), slope))
         }
     };
     let from_sine = |sine: f64, to_pupil: f64| 2.0 * to_pupil * sine.asin().tan();
@@ -81,12 +81,17 @@ pub(super) fn entrance_pupil_mm(
         }
         (Aperture::StopRadius(semi), _) => from_stop(semi),
     };
-    match PUPILS_MM.contains(&diameter) {
+    // A beam from a near object to a pupil far behind it is no wider than at the lens.
+    let at_vertex = match (lens.object, near) {
+        (ObjectDistance::Finite(distance), Some((to_pupil, _))) => diameter * distance / to_pupil,
+        _ => diameter,
+    };
+    match PUPILS_MM.contains(&at_vertex) && diameter.is_finite() {
         true => Ok(diameter),
         false => {
             let message = format!(
-                "this aperture gives an entrance pupil of {} mm; {} to {} mm can be traced",
-                shown(diameter),
+                "this aperture gives a beam of {} mm at the first vertex; {} to {} mm can be traced",
+                shown(at_vertex),
                 shown(*PUPILS_MM.start()),
                 shown(*PUPILS_MM.end())
             );

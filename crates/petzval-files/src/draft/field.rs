@@ -30,6 +30,43 @@ pub(crate) struct Fields {
     /// x and y of each field.
     pub points: Vec<[f64; 2]>,
     pub record: Record,
+    /// The record that calls the object telecentric: the chief rays in front of the lens are parallel to the axis.
+    pub telecentric: Option<Record>,
+}
+
+/// How far the chief rays may be from parallel to the axis where the file says that they are parallel, rad.
+const PARALLEL_RAD: f64 = 1e-3;
+
+/// Checks that the chief rays of a telecentric object are parallel to the axis in front of the lens. They go through the middle of the stop, which
+/// must stand at the focus for that; the program of the file would have traced parallel ones wherever the stop stands.
+pub(super) fn check_telecentric(
+    lens: &Lens,
+    fields_deg: &[f64],
+    record: &Record,
+    losses: &mut Losses,
+) -> Result<(), FileError> {
+    let ObjectDistance::Finite(distance) = lens.object else {
+        let message = "chief rays that are parallel in front of the lens (telecentric) need a near object";
+        return Err(record.error(message));
+    };
+    let to_pupil = distance + first_order(&lens.at_wavelength(lens.reference_um)).entrance_pupil_at_mm;
+    let highest =
+        fields_deg.iter().fold(0.0_f64, |most, deg| most.max(distance * deg.to_radians().tan().abs()));
+    let off_mrad = 1e3 * (highest / to_pupil).abs();
+    if off_mrad > 1e3 * PARALLEL_RAD {
+        let message = format!(
+            "chief rays go through the middle of the stop, and those of the file are parallel to the axis in front of the lens \
+             (telecentric): they differ by up to {} mrad",
+            shown(off_mrad)
+        );
+        let hint = "a stop at the focus that the lens has behind the object's light makes them parallel";
+        return Err(record.error(message).hint(hint));
+    }
+    let message = format!(
+        "chief rays go through the middle of the stop, up to {off_mrad:.2e} mrad from parallel to the axis (telecentric)"
+    );
+    losses.add(record.line, &record.text, Effect::Approximated, &message);
+    Ok(())
 }
 
 /// Field angles of the lens, degrees, ascending, each once.

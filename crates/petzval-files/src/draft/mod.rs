@@ -119,6 +119,9 @@ impl Draft {
         }
         lens.entrance_pupil_mm = aperture::entrance_pupil_mm(&lens, &self.aperture, drafted[stop].clear)?;
         lens.fields_deg = field::angles_deg(&lens, &self.fields, &mut losses)?;
+        if let Some(record) = &self.fields.telecentric {
+            field::check_telecentric(&lens, &lens.fields_deg, record, &mut losses)?;
+        }
         let (lens, flaw) = clear::with_semi_diameters(lens, &drafted, &mut losses)
             .map_err(|defect| at_fault(&defect, &drafted))?;
         let unbuildable = flaw.map(|defect| at_fault(&defect, &drafted));

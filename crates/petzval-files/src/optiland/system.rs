@@ -26,14 +26,16 @@ pub(super) fn aperture(root: &Object<'_>) -> Result<(Aperture, Record), FileErro
             return Err(error.hint("EPD, imageFNO, objectNA and float_by_stop_size are"));
         }
     };
-    check_telecentric(&aperture)?;
     Ok((read, aperture.record(&format!("{kind} {}", shown(value)))))
 }
 
 /// The fields.
 pub(super) fn fields(root: &Object<'_>, losses: &mut Losses) -> Result<Fields, FileError> {
     let group = root.needed_object("fields")?;
-    check_telecentric(&group)?;
+    let mut telecentric = telecentric(&group)?;
+    if telecentric.is_none() {
+        telecentric = self::telecentric(&root.needed_object("aperture")?)?;
+    }
     // Newer versions name the class, older ones its registered name.
     let definition = group.object("field_definition")?;
     let holder = definition.unwrap_or(group);
@@ -69,17 +71,17 @@ pub(super) fn fields(root: &Object<'_>, losses: &mut Losses) -> Result<Fields, F
         losses.add(0, "", Effect::Assumed, "the file gives no fields; the axis is the only one");
         points.push([0.0; 2]);
     }
-    Ok(Fields { kind, points, record: group.record("fields") })
+    Ok(Fields { kind, points, record: group.record("fields"), telecentric })
 }
 
-fn check_telecentric(object: &Object<'_>) -> Result<(), FileError> {
+/// The record by which an object of the file calls the lens telecentric.
+fn telecentric(object: &Object<'_>) -> Result<Option<Record>, FileError> {
     for key in ["telecentric", "object_space_telecentric"] {
         if object.flag(key)? {
-            let message = "chief rays parallel to the axis in front of the lens (telecentric) are not traced";
-            return Err(object.error(key, message));
+            return Ok(Some(Record::new(object.line(key), &format!("{key} = true"))));
         }
     }
-    Ok(())
+    Ok(None)
 }
 
 /// The wavelengths, and the index of the primary one: the last that is marked, or the first.

@@ -22,6 +22,7 @@ pub(super) struct System {
     field_kind: Option<(FieldKind, Record)>,
     x: Vec<f64>,
     y: Vec<f64>,
+    telecentric: Option<Record>,
 }
 
 impl System {
@@ -84,11 +85,7 @@ impl System {
             }
             "TEM" | "PRE" => {}
             "TEL" | "AFO" if command.says_no() => {}
-            "TEL" => {
-                let message =
-                    "chief rays parallel to the axis in front of the lens (telecentric) are not traced";
-                return Err(command.error(message));
-            }
+            "TEL" => self.telecentric = Some(command.record.clone()),
             "AFO" => lose(Effect::Approximated, "afocal: the image plane stays where the file places it"),
             _ => return Ok(false),
         }
@@ -122,14 +119,16 @@ impl System {
 
     /// The fields, with heights in mm; only the axis if the file gives none.
     pub fn fields(&self, mm: f64, losses: &mut Losses) -> Fields {
+        let telecentric = self.telecentric.clone();
         let Some((kind, record)) = self.field_kind.clone() else {
             losses.add(0, "", Effect::Assumed, "the file gives no fields; the axis is the only one");
-            return Fields { points: vec![[0.0; 2]], ..Fields::default() };
+            return Fields { points: vec![[0.0; 2]], telecentric, ..Fields::default() };
         };
         let scale = if kind == FieldKind::Angle { 1.0 } else { mm };
         let at = |list: &[f64], i: usize| list.get(i).map_or(0.0, |v| v * scale);
         let count = self.x.len().max(self.y.len()).max(1);
-        Fields { kind, points: (0..count).map(|i| [at(&self.x, i), at(&self.y, i)]).collect(), record }
+        let points = (0..count).map(|i| [at(&self.x, i), at(&self.y, i)]).collect();
+        Fields { kind, points, record, telecentric }
     }
 
     /// Wavelengths with their weights, and the index of the reference.

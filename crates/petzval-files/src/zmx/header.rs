@@ -27,6 +27,7 @@ pub(super) struct Header {
     field_weights: Option<(Vec<f64>, Record)>,
     vignetting: Vec<(Vec<f64>, Record)>,
     fields_at: Record,
+    telecentric: Option<Record>,
     /// Wavelength, um, and weight; `None` for a number that the file left out.
     waves: Vec<Option<(f64, f64)>>,
     waves_at: Record,
@@ -179,8 +180,7 @@ impl Header {
             }
         };
         if line.number(1)?.unwrap_or(0.0) != 0.0 {
-            let message = "chief rays parallel to the axis in front of the lens (telecentric) are not traced";
-            return Err(line.error(message));
+            self.telecentric = Some(line.record());
         }
         let count = |index: usize| line.word(index).map(|_| line.count(index)).transpose();
         self.field_count = count(2)?.filter(|n| *n > 0);
@@ -222,6 +222,7 @@ impl Header {
             kind: self.field_kind,
             points: (0..count).map(|i| [at(&self.x, i), at(&self.y, i)]).collect(),
             record: self.fields_at.clone(),
+            telecentric: self.telecentric.clone(),
         }
     }
 

@@ -16,7 +16,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::{Merit, SpotResiduals};
+use super::{Lost, SpotResiduals};
 use crate::gradient::LensGradient;
 use crate::lens::Lens;
 use crate::number::Number;
@@ -36,8 +36,9 @@ pub struct Seen<'a> {
     pub light: &'a [LensGradient],
 }
 
-/// The normal equations of the lifted residuals of a loss, laid out as in [`Merit::normal_equations`]: the squares of the residuals add up
-/// to `loss`, and half of the derivatives of that sum are half of `gradient`. `None` if a ray is lost, or nothing moves.
+/// The normal equations of the lifted residuals of a loss, laid out as in [`Merit::normal_equations`](super::Merit::normal_equations): the squares of the residuals add up
+/// to `loss`, and half of the derivatives of that sum are half of `gradient`. Lost rays are left out. `None` if most rays of a field are lost, or
+/// nothing moves.
 pub fn lifted_normal_equations(
     Seen { rays, places, light }: Seen,
     lens: &Lens,
@@ -47,7 +48,7 @@ pub fn lifted_normal_equations(
 ) -> Option<DMatrix<f64>> {
     let count = numbers.len();
     let mut motion = rays.motion(lens, numbers, places)?;
-    let share = rays.value(lens)?.powi(2) / light.len().max(1) as f64;
+    let share = rays.size_um(lens, Lost::LeftOut)?.powi(2) / light.len().max(1) as f64;
     for of_field in light {
         let by = DVector::from_fn(count + 1, |i, _| numbers.get(i).map_or(0.0, |n| of_field[*n]));
         motion.ger(share, &by, &by, 1.0);

@@ -16,7 +16,7 @@ pub use fields::FieldSet;
 pub use lifted::{Seen, lifted_normal_equations};
 pub use mtf::Mtf;
 pub use residuals::SpotResiduals;
-pub(crate) use residuals::{Beams, Landings, MOUNT_MM, Reach};
+pub(crate) use residuals::{Beams, Landings, Lost, MOUNT_MM, Reach};
 pub use spot::RmsSpot;
 pub use violation::Violation;
 pub use wavefront::RmsWavefront;

@@ -48,6 +48,18 @@ pub(crate) struct Landings {
     pub reach: Reach,
 }
 
+/// What becomes of rays that do not reach the image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Lost {
+    /// One of them is enough for no result: a merit must not improve by losing rays.
+    Refused,
+    /// They are left out, as long as every field keeps half of its rays.
+    LeftOut,
+}
+
+/// Least share of the rays of a field that must arrive where lost ones are left out.
+const LEAST_ARRIVING: f64 = 0.5;
+
 /// How far beams reach on the surfaces.
 #[derive(Clone, Debug)]
 pub(crate) struct Reach {
@@ -136,7 +148,7 @@ impl SpotResiduals {
         rms_um.iter().zip(&self.field_weights).map(of_field).collect()
     }
 
-    /// Rays of a field and a wavelength through points of the stop; `None` if one of them cannot be aimed.
+    /// Rays of a field and a wavelength through points of the stop. Rays that cannot be aimed are lost.
     fn beam(
         &self,
         lens: &Lens,
@@ -144,10 +156,12 @@ impl SpotResiduals {
         [field, colour]: [usize; 2],
         stop_radius_mm: f64,
         near_mm: Option<&[[f64; 2]]>,
+        lost: Lost,
     ) -> Option<Beam> {
         let sequence = lens.at_wavelength(self.wavelengths_um[colour]);
         let aimed = aim_at_pupil(&sequence, self.fields_rad[field], stop_radius_mm, points, near_mm);
-        (0..points.len()).all(|i| aimed.is_aimed(i)).then_some(Beam { sequence, aimed })
+        let is_whole = lost == Lost::LeftOut || (0..points.len()).all(|i| aimed.is_aimed(i));
+        is_whole.then_some(Beam { sequence, aimed })
     }
 
     /// Sample points of the pupil, and their shares of its area.
@@ -162,7 +176,7 @@ impl SpotResiduals {
         let points = sides.points(&RIM);
         for field in 0..self.fields_rad.len() {
             for colour in 0..self.wavelengths_um.len() {
-                let beam = self.beam(lens, &points, [field, colour], stop_radius_mm, None)?;
+                let beam = self.beam(lens, &points, [field, colour], stop_radius_mm, None, Lost::Refused)?;
                 let mut rays = beam.aimed.bundle(&beam.sequence);
                 let mut heights: Vec<SquaredHeights> =
                     (0..lens.surfaces.len()).map(|s| SquaredHeights::zero(s, points.len())).collect();
@@ -176,7 +190,7 @@ impl SpotResiduals {
         Some(reach)
     }
 
-    /// Traces the rays; `None` if one of them is lost. `near`, the landings of a similar lens, makes aiming quicker.
+    /// Traces the rays; `None` if too many of them are lost. `near`, the landings of a similar lens, makes aiming quicker.
     ///
     /// With `by_rim` the reach of the beams is that of rays on the rim of the stop, else that of the sampled rays.
     pub(crate) fn landings(
@@ -185,6 +199,7 @@ impl SpotResiduals {
         sides: Sides,
         near: Option<&Landings>,
         by_rim: bool,
+        lost: Lost,
     ) -> Option<Landings> {
         let (points, weights) = self.samples(sides);
         let is_half = sides == Sides::Mirrored;
@@ -204,7 +219,7 @@ impl SpotResiduals {
                     None
                 });
                 let guesses = guesses.map(Vec::as_slice);
-                let beam = self.beam(lens, &points, [field, colour], stop_radius_mm, guesses)?;
+                let beam = self.beam(lens, &points, [field, colour], stop_radius_mm, guesses, lost)?;
                 let mut rays = beam.aimed.bundle(&beam.sequence);
                 let mut heights: Vec<SquaredHeights> = if by_rim {
                     Vec::new()
@@ -214,8 +229,10 @@ impl SpotResiduals {
                 trace_with_heights(&beam.sequence, &mut rays, &mut heights);
                 let [x, y] = rays.image_xy();
                 for (i, weight) in weights.iter().enumerate() {
-                    if !rays.fate(i).reaches_image() {
-                        return None;
+                    match (rays.fate(i).reaches_image(), lost) {
+                        (false, Lost::Refused) => return None,
+                        (false, Lost::LeftOut) => continue,
+                        (true, _) => {}
                     }
                     let [at_x, at_y] = *origin.get_or_insert(origin_of([x[i], y[i]], is_half));
                     let (x, y) = (x[i] - at_x, y[i] - at_y);
@@ -227,12 +244,22 @@ impl SpotResiduals {
                 reach.widen(&heights, &points, [field, colour]);
                 launches.push((0..points.len()).map(|i| beam.aimed.launch_of(i)).collect());
             }
+            if sums[0] < LEAST_ARRIVING * colours as f64 {
+                return None;
+            }
             // Half a beam and its mirror image have their mean at x = 0.
             let mean_x = if is_half { 0.0 } else { sums[3] };
             let square = (sums[2] - sums[1] * sums[1] / sums[0] - mean_x * mean_x / sums[0]) / sums[0];
             rms_um.push(UM_PER_MM * square.max(0.0).sqrt());
         }
         Some(Landings { rms_um, launches, reach })
+    }
+
+    /// The merit, um.
+    pub(crate) fn size_um(&self, lens: &Lens, lost: Lost) -> Option<f64> {
+        let sides = Sides::of(&lens.at_wavelength(lens.reference_um));
+        let landings = self.landings(lens, sides, None, false, lost)?;
+        Some(self.square_um2(&landings).sqrt()).filter(|value| value.is_finite())
     }
 
     /// The products of the columns of the linearised residuals: their derivatives by each of the numbers, then by the logarithm
@@ -244,7 +271,7 @@ impl SpotResiduals {
         landings: &Landings,
         numbers: &[(usize, Number)],
     ) -> Option<DMatrix<f64>> {
-        self.gram_with(lens, sides, landings, numbers, |_, _, _| Some(()))
+        self.gram_with(lens, sides, landings, numbers, Lost::Refused, |_, _, _| Some(()))
     }
 
     /// [`SpotResiduals::gram`] with further products for each field, mm^2, which `add_further` finds from the means of the columns of x and of y.
@@ -254,6 +281,7 @@ impl SpotResiduals {
         sides: Sides,
         landings: &Landings,
         numbers: &[(usize, Number)],
+        lost: Lost,
         add_further: impl Fn(usize, &[DVector<f64>; 2], &mut DMatrix<f64>) -> Option<()>,
     ) -> Option<DMatrix<f64>> {
         let (points, weights) = self.samples(sides);
@@ -265,18 +293,27 @@ impl SpotResiduals {
         for (field, weight) in self.by_square(&landings.rms_um).into_iter().enumerate() {
             let mut of_field = DMatrix::<f64>::zeros(columns, columns);
             let mut means = [0, 1].map(|_| DVector::<f64>::zeros(columns));
-            let mut origin = None;
+            let (mut origin, mut lost_share) = (None, 0.0);
             for colour in 0..colours {
                 let guesses = landings.launches.get(field * colours + colour).map(Vec::as_slice);
-                let beam = self.beam(lens, &points, [field, colour], stop_radius_mm, guesses)?;
+                let beam = self.beam(lens, &points, [field, colour], stop_radius_mm, guesses, lost)?;
                 let landing = landing_jacobian(&beam.sequence, &beam.aimed, numbers);
-                if !landing.complete {
+                if lost == Lost::Refused && landing.arrives.contains(&false) {
                     return None;
                 }
-                let first = [landing.landing[0][0], landing.landing[1][0]];
+                let Some(first) = landing.arrives.iter().position(|arrives| *arrives) else { continue };
+                let first = [0, 1].map(|axis| landing.landing[axis][first]);
                 let origin = *origin.get_or_insert(origin_of(first, is_half));
-                add_gram(&landing, &weights, origin, is_half, colours as f64, &mut of_field, &mut means);
+                let share = |(weight, arrives): (&f64, &bool)| if *arrives { *weight } else { 0.0 };
+                let arriving: Vec<f64> = weights.iter().zip(&landing.arrives).map(share).collect();
+                add_gram(&landing, &arriving, origin, is_half, colours as f64, &mut of_field, &mut means);
+                let lost_weights = weights.iter().zip(&landing.arrives).filter(|(_, arrives)| !**arrives);
+                lost_share += lost_weights.map(|(weight, _)| weight / colours as f64).sum::<f64>();
             }
+            // The rays that arrive stand for all.
+            let arriving_share = 1.0 - lost_share;
+            of_field /= arriving_share;
+            means.iter_mut().for_each(|mean| *mean /= arriving_share);
             // About the centroid of the field.
             let [mean_x, mean_y] = &means;
             of_field -= mean_y * mean_y.transpose();
@@ -291,31 +328,33 @@ impl SpotResiduals {
 
     /// The products of the derivatives of where light lands, in um, by each of the numbers and by the logarithm of the stop radius: those of the
     /// rays about the centroid of their field; or, with `places`, those of the rays about the chief ray of their field, and those of the chief
-    /// rays themselves. `None` if a ray is lost.
+    /// rays themselves. Lost rays are left out; `None` if most of a field are lost.
     pub(crate) fn motion(
         &self,
         lens: &Lens,
         numbers: &[(usize, Number)],
         places: bool,
     ) -> Option<DMatrix<f64>> {
-        let landings = self.landings(lens, Sides::Both, None, false)?;
+        let lost = Lost::LeftOut;
+        let landings = self.landings(lens, Sides::Both, None, false, lost)?;
         let reference = lens.at_wavelength(lens.reference_um);
         let count = numbers.len();
-        let gram = self.gram_with(lens, Sides::Both, &landings, numbers, |field, means, of_field| {
-            if !places {
-                return Some(());
-            }
-            let chief = chief_ray(&reference, self.fields_rad[field])?;
-            for (axis, mean) in means.iter().enumerate() {
-                let mut by = LensGradient::zero(lens.surfaces.len());
-                let along = [0, 1].map(|a| if a == axis { 1.0 } else { 0.0 });
-                pull_back_chief(&reference, &chief, along, &mut by);
-                let chief = DVector::from_fn(count + 2, |i, _| numbers.get(i).map_or(0.0, |n| by[*n]));
-                let about = mean - &chief;
-                *of_field += &chief * chief.transpose() + &about * about.transpose();
-            }
-            Some(())
-        })?;
+        let gram =
+            self.gram_with(lens, Sides::Both, &landings, numbers, lost, |field, means, of_field| {
+                if !places {
+                    return Some(());
+                }
+                let chief = chief_ray(&reference, self.fields_rad[field])?;
+                for (axis, mean) in means.iter().enumerate() {
+                    let mut by = LensGradient::zero(lens.surfaces.len());
+                    let along = [0, 1].map(|a| if a == axis { 1.0 } else { 0.0 });
+                    pull_back_chief(&reference, &chief, along, &mut by);
+                    let chief = DVector::from_fn(count + 2, |i, _| numbers.get(i).map_or(0.0, |n| by[*n]));
+                    let about = mean - &chief;
+                    *of_field += &chief * chief.transpose() + &about * about.transpose();
+                }
+                Some(())
+            })?;
         Some(gram.view((0, 0), (count + 1, count + 1)).into_owned())
     }
 
@@ -334,7 +373,8 @@ impl SpotResiduals {
             let (mut light, mut centre) = (0.0, [0.0; 2]);
             for colour in 0..colours {
                 let guesses = landings.launches.get(field * colours + colour).map(Vec::as_slice);
-                let beam = self.beam(lens, &points, [field, colour], stop_radius_mm, guesses)?;
+                let beam =
+                    self.beam(lens, &points, [field, colour], stop_radius_mm, guesses, Lost::Refused)?;
                 let mut rays = beam.aimed.bundle(&beam.sequence);
                 trace_with_heights(&beam.sequence, &mut rays, &mut []);
                 let at = rays.image_xy().map(<[f64]>::to_vec);
@@ -378,7 +418,7 @@ impl SpotResiduals {
         let (field, colour, point) = reach.widest[surface];
         let reference = lens.at_wavelength(lens.reference_um);
         let stop_radius_mm = first_order(&reference).stop_radius_mm;
-        let beam = self.beam(lens, &[point], [field, colour], stop_radius_mm, None)?;
+        let beam = self.beam(lens, &[point], [field, colour], stop_radius_mm, None, Lost::Refused)?;
         let mut seeds = Seeds::zero(1);
         let mut height = SquaredHeights::zero(surface, 1);
         height.values[0] = 0.5 * bar / reach.clear_mm[surface];
@@ -407,13 +447,12 @@ impl Merit for SpotResiduals {
     }
 
     fn value(&self, lens: &Lens) -> Option<f64> {
-        let landings = self.landings(lens, Sides::of(&lens.at_wavelength(lens.reference_um)), None, false)?;
-        Some(self.square_um2(&landings).sqrt()).filter(|value| value.is_finite())
+        self.size_um(lens, Lost::Refused)
     }
 
     fn with_gradient(&self, lens: &Lens) -> Option<(f64, Option<LensGradient>)> {
         let sides = Sides::of(&lens.at_wavelength(lens.reference_um));
-        let landings = self.landings(lens, sides, None, false)?;
+        let landings = self.landings(lens, sides, None, false, Lost::Refused)?;
         let value = self.square_um2(&landings).sqrt();
         // d sqrt(q) = dq / (2 sqrt(q)); a perfect spot has no slope.
         let per = if value > 0.0 { 0.5 / value } else { 0.0 };
@@ -422,7 +461,7 @@ impl Merit for SpotResiduals {
     }
 
     fn normal_equations(&self, lens: &Lens, numbers: &[(usize, Number)]) -> Option<DMatrix<f64>> {
-        let landings = self.landings(lens, Sides::Both, None, false)?;
+        let landings = self.landings(lens, Sides::Both, None, false, Lost::Refused)?;
         self.gram(lens, Sides::Both, &landings, numbers)
     }
 }
@@ -466,6 +505,8 @@ fn add_gram(
     let block = DMatrix::from_fn(2 * count, columns, |r, c| {
         let (axis, ray) = (r / count, r % count);
         let value = match landing.by.get(c) {
+            // A lost ray has no landing point at all.
+            _ if roots[ray] == 0.0 => return 0.0,
             Some(by) => by[axis][ray],
             None => landing.landing[axis][ray] - origin[axis],
         };

@@ -6,7 +6,7 @@ use super::problem::{Apertures, Goal, Problem};
 use crate::constraint::{ClearRadii, Constraint, SemiDiameters, direction_of_light};
 use crate::design_space::{DesignSpace, Mapped};
 use crate::lens::Lens;
-use crate::merit::{Beams, Landings, MOUNT_MM, Reach};
+use crate::merit::{Beams, Landings, Lost, MOUNT_MM, Reach};
 use crate::paraxial::first_order;
 
 /// A lens with its figures.
@@ -74,7 +74,7 @@ pub(super) fn analyse(problem: &Problem, lens: Lens, near: Option<&Analysis>) ->
         || limits.clear_diameter_mm.is_some()
         || limits.slope_rad.is_some();
     let near = near.map(|n| &n.landings);
-    let landings = problem.merit.landings(&lens, problem.sides(), near, by_rim)?;
+    let landings = problem.merit.landings(&lens, problem.sides(), near, by_rim, Lost::Refused)?;
     let mut violations = Vec::new();
     let clear = clear_radii(problem, &lens, &landings);
     for constraint in problem.constraints() {

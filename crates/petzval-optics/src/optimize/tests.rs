@@ -167,6 +167,41 @@ fn a_lifted_merit_has_its_gradient_and_is_minimised_as_by_its_own_residuals() {
     assert!(by_slope > least + 0.3 * (start - least), "{start} {least} {by_slope}");
 }
 
+/// The curvature of a lifted loss by the numbers of a lens whose pupil is so many times as wide; None where the lift says nothing.
+fn lifted_diagonal(pupil: f64) -> (bool, Option<Vec<f64>>) {
+    let problem = problem();
+    let mut lens = problem.base.clone();
+    lens.entrance_pupil_mm *= pupil;
+    let numbers: Vec<(usize, Number)> = problem.variables.iter().map(|v| (v.surface, v.number)).collect();
+    let is_whole = problem.merit.value(&lens).is_some();
+    let seen = Seen { rays: &problem.merit, places: true, light: &[] };
+    let mut gradient = LensGradient::zero(lens.surfaces.len());
+    gradient[numbers[0]] = 2.0;
+    let gram = lifted_normal_equations(seen, &lens, &numbers, 3.0, &gradient);
+    let diagonal = gram.map(|gram| {
+        assert!(gram.iter().all(|v| v.is_finite()));
+        assert_eq!((gram[(numbers.len() + 1, numbers.len() + 1)], gram[(0, numbers.len() + 1)]), (3.0, 1.0));
+        (0..numbers.len()).map(|i| gram[(i, i)]).collect()
+    });
+    (is_whole, diagonal)
+}
+
+#[test]
+fn a_lost_ray_is_left_out_of_the_lift_and_refused_by_the_spot() {
+    // Between a pupil through which every ray arrives and one through which most are lost, a few are.
+    let pupils = || (0..200).map(|i| 1.0 + 0.02 * f64::from(i));
+    let widest = pupils().take_while(|p| lifted_diagonal(*p).0).last().unwrap();
+    let first_lost = pupils().find(|p| *p > widest).unwrap();
+    let (is_whole, diagonal) = lifted_diagonal(first_lost);
+    assert!(!is_whole, "{first_lost}");
+    // The rays that are left move as those of a slightly smaller pupil do.
+    let before = lifted_diagonal(0.95 * widest).1.unwrap();
+    for (lost, whole) in diagonal.unwrap().iter().zip(&before) {
+        assert!((0.5..2.0).contains(&(lost / whole)), "{first_lost}: {lost} {whole}");
+    }
+    assert_eq!(lifted_diagonal(5.0 * first_lost).1, None);
+}
+
 #[test]
 fn the_gradient_is_that_of_the_merit_for_a_near_object_and_for_special_surfaces() {
     // From a near object, with distortion among the limits.

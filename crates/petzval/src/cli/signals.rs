@@ -3,11 +3,12 @@
 //! Jobs that can be continued end after the current step; a second signal stops them at once. All others end at once, except that an
 //! external ISP is stopped first, with its processes and its folder; a design stops it in the middle of a step.
 
+use std::io::Write;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 
 use crate::cli::failure::Failure;
@@ -28,7 +29,9 @@ pub fn stop_on_signal() -> Result<Arc<AtomicBool>, Failure> {
             if flag.swap(true, Ordering::Relaxed) {
                 std::process::exit(EXIT_AT_ONCE);
             }
-            eprintln!(
+            // Where the terminal is gone, nobody reads this, and that is no reason to fail.
+            let _gone = writeln!(
+                std::io::stderr(),
                 "stopping after the current step, with a checkpoint; a second signal stops at once, without one"
             );
         }
@@ -51,6 +54,18 @@ pub fn end_on_signal() -> Result<Arc<AtomicBool>, Failure> {
     Ok(stop)
 }
 
+/// The signals that ask a job to end. A terminal that is lost asks for it as well, unless the job was started so that it outlives its
+/// terminal, by `nohup`.
 fn handled() -> Result<Signals, Failure> {
-    Signals::new([SIGINT, SIGTERM]).map_err(|e| Failure::job(format!("signal handlers: {e}")))
+    let asked = [SIGINT, SIGTERM, SIGHUP];
+    let handled = asked.into_iter().filter(|signal| *signal != SIGHUP || !is_ignored(*signal));
+    Signals::new(handled).map_err(|e| Failure::job(format!("signal handlers: {e}")))
+}
+
+/// Whether whoever started this process made it ignore a signal. Only Linux says so.
+fn is_ignored(signal: i32) -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+    mask.is_some_and(|mask| mask >> (signal - 1) & 1 == 1)
 }

@@ -20,8 +20,8 @@ pub struct LandingJacobian {
     pub landing: [Vec<f64>; 2],
     /// d(x, y) by each of the numbers, and last by the relative growth of the stop, mm: `[number][x or y][ray]`.
     pub by: Vec<[Vec<f64>; 2]>,
-    /// Whether every ray reaches the image.
-    pub complete: bool,
+    /// Whether each ray reaches the image.
+    pub arrives: Vec<bool>,
 }
 
 /// The cotangent of the glass behind a surface, which is also behind the mirrors that follow it.
@@ -86,7 +86,8 @@ impl WithSimd for Jacobian<'_> {
                 }
             }
         }
-        out.complete = fates[..launched.len()].iter().all(|code| Fate::of_code(*code).reaches_image());
+        out.arrives =
+            fates[..launched.len()].iter().map(|code| Fate::of_code(*code).reaches_image()).collect();
     }
 }
 
@@ -101,7 +102,7 @@ pub fn landing_jacobian(
     let mut out = LandingJacobian {
         landing: [zero(), zero()],
         by: (0..=numbers.len()).map(|_| [zero(), zero()]).collect(),
-        complete: true,
+        arrives: Vec::new(),
     };
     dispatch(Jacobian { sequence, launched: &launched, aimed, numbers, out: &mut out });
     // Set the padding to zero.
