@@ -83,7 +83,7 @@ pub(super) fn entrance_pupil_mm(
     };
     // A beam from a near object to a pupil far behind it is no wider than at the lens.
     let at_vertex = match (lens.object, near) {
-        (ObjectDistance::Finite(distance), Some((to_pupil, _))) => diameter * distance / to_pupil,
+        (ObjectDistance::Finite(distance), Some((to_pupil, _))) => diameter * distance.abs() / to_pupil,
         _ => diameter,
     };
     match PUPILS_MM.contains(&at_vertex) && diameter.is_finite() {

@@ -158,8 +158,7 @@ fn angle_deg(lens: &Lens, kind: FieldKind, value: f64) -> Option<f64> {
         (FieldKind::ObjectHeight, ObjectDistance::Finite(distance)) => seen(value, distance),
         (FieldKind::ObjectHeight, ObjectDistance::Infinity) => return None,
         (FieldKind::ParaxialImageHeight, _) => {
-            let angle = (value / image_height_per_tangent(&sequence)).atan().to_degrees();
-            if lens.is_rotationally_symmetric() { angle.abs() } else { angle }
+            (value / image_height_per_tangent(&sequence)).atan().to_degrees()
         }
         (FieldKind::RealImageHeight, _) => {
             let per_tangent = image_height_per_tangent(&sequence);
@@ -170,5 +169,7 @@ fn angle_deg(lens: &Lens, kind: FieldKind, value: f64) -> Option<f64> {
             field_imaged_at(&sequence, height, (height / per_tangent).atan())?.to_degrees()
         }
     };
+    // The fields of a round lens are counted upwards, also where a virtual object is seen from behind.
+    let angle = if lens.is_rotationally_symmetric() { angle.abs() } else { angle };
     angle.is_finite().then_some(angle)
 }

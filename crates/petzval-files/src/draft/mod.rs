@@ -94,11 +94,11 @@ impl Draft {
         }
         let (wavelengths_um, reference_um) = wavelengths(&self.wavelengths, self.reference, &mut losses)?;
         let object = match object_mm {
-            far if far >= FAR_MM => ObjectDistance::Infinity,
-            near if near > 0.0 => ObjectDistance::Finite(near),
+            far if far.abs() >= FAR_MM => ObjectDistance::Infinity,
+            near if near != 0.0 && !near.is_nan() => ObjectDistance::Finite(near),
             _ => {
-                let message = "the object must lie in front of the first surface";
-                return Err(self.object.1.error(message).hint("a virtual object is not traced"));
+                let message = "the object must lie apart from the first surface";
+                return Err(self.object.1.error(message));
             }
         };
         let mut lens = Lens {

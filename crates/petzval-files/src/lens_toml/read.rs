@@ -135,7 +135,13 @@ impl Reader<'_> {
         let Some(object) = &file.object else { return Ok(ObjectDistance::Infinity) };
         match object.distance_mm.get_ref().0 {
             f64::INFINITY => Ok(ObjectDistance::Infinity),
-            _ => Ok(ObjectDistance::Finite(self.positive("distance_mm", &object.distance_mm)?)),
+            _ => match self.finite("distance_mm", &object.distance_mm)? {
+                0.0 => {
+                    let message = "the object must lie apart from the first vertex";
+                    Err(self.error("distance_mm", object.distance_mm.span(), message))
+                }
+                distance_mm => Ok(ObjectDistance::Finite(distance_mm)),
+            },
         }
     }
 

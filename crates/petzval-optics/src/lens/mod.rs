@@ -27,8 +27,8 @@ use crate::glass::Glass;
 pub enum ObjectDistance {
     /// Collimated light; a field is the angle of the chief ray to the axis.
     Infinity,
-    /// Distance from the object plane to the first vertex, mm, positive; a field is the angle under
-    /// which the object point is seen from the first vertex.
+    /// Distance from the object plane to the first vertex, mm; a field is the angle under which the object point is seen from the first vertex.
+    /// Negative of a virtual object, to which light converges that meets the lens before.
     Finite(f64),
 }
 

@@ -204,13 +204,15 @@ fn a_lost_ray_is_left_out_of_the_lift_and_refused_by_the_spot() {
 
 #[test]
 fn the_gradient_is_that_of_the_merit_for_a_near_object_and_for_special_surfaces() {
-    // From a near object, with distortion among the limits.
-    let mut near = problem();
-    near.base.object = crate::lens::ObjectDistance::Finite(500.0);
-    near.base = crate::solve::with_paraxial_focus(&near.base, 0.0);
-    near.limits.distortion = Some(0.001);
-    near.stiffness_um_per_mm = 30.0;
-    assert_eq!(check_gradient(&near), 1);
+    // From a near object, and a virtual one, with distortion among the limits.
+    for distance_mm in [500.0, -500.0] {
+        let mut near = problem();
+        near.base.object = crate::lens::ObjectDistance::Finite(distance_mm);
+        near.base = crate::solve::with_paraxial_focus(&near.base, 0.0);
+        near.limits.distortion = Some(0.001);
+        near.stiffness_um_per_mm = 30.0;
+        assert_eq!(check_gradient(&near), 1, "{distance_mm}");
+    }
     for lens in special_lenses() {
         let free = |surface: usize, number: Number, range: f64| {
             let has = lens.surfaces[surface].has_number(number);

@@ -57,9 +57,10 @@ pub fn launch(sequence: &Sequence, field_rad: f64, at_mm: [f64; 2]) -> Launch {
         },
         ObjectDistance::Finite(distance) => {
             let v = [at_mm[0], at_mm[1] + distance * field_rad.tan(), distance];
-            let length = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
+            // Light goes from a real object, and to a virtual one.
+            let length = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt().copysign(distance);
             let direction = [v[0] / length, v[1] / length, v[2] / length];
-            // d(v/|v|) = (e - d (d.e)) / |v|
+            // d(v/l) = (e - d (d.e)) / l with l = +-|v|
             let by = |axis: usize| {
                 let mut g = [0.0; 3];
                 for i in 0..3 {

@@ -46,7 +46,9 @@ pub fn layout(lens: &Lens, options: &AnalysisOptions) -> Layout {
     let foremost = outlines.flatten().map(|p| p[0]).fold(0.0, f64::min);
     let object_mm = match lens.object {
         ObjectDistance::Infinity => f64::INFINITY,
-        ObjectDistance::Finite(distance) => distance,
+        ObjectDistance::Finite(distance) if distance > 0.0 => distance,
+        // Light that converges to a virtual object comes from anywhere.
+        ObjectDistance::Finite(_) => f64::INFINITY,
     };
     let lead_mm = (LEAD * size - foremost).min(object_mm);
     let rays: Vec<Vec<LayoutRay>> = lens

@@ -220,9 +220,10 @@ pub(super) fn launched_rays<S: Simd>(
         }
         ObjectDistance::Finite(distance) => {
             let v = [at[0], at[1] + distance * field_rad.tan(), zero.constant(distance)];
-            let per_length = one / dot(v, v).sqrt();
+            // Light goes from a real object, and to a virtual one.
+            let per_length = one.constant(distance.signum()) / dot(v, v).sqrt();
             let direction = scaled(per_length, v);
-            // d(v / |v|) = (e - d (d.e)) / |v|
+            // d(v / l) = (e - d (d.e)) / l with l = +-|v|
             let turns = [
                 scaled(per_length, along(axes[0], -direction[0], direction)),
                 scaled(per_length, along(axes[1], -direction[1], direction)),
