@@ -39,3 +39,11 @@ pub fn environment(context: &Context) -> Environment {
         version: env!("CARGO_PKG_VERSION").to_owned(),
     }
 }
+
+/// Whether whoever started this process made it ignore a signal. Only Linux says so.
+pub fn ignores_signal(signal: i32) -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+    mask.is_some_and(|mask| mask >> (signal - 1) & 1 == 1)
+}

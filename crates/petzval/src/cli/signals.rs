@@ -8,6 +8,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use petzval::jobs::machine;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 
@@ -58,14 +59,6 @@ pub fn end_on_signal() -> Result<Arc<AtomicBool>, Failure> {
 /// terminal, by `nohup`.
 fn handled() -> Result<Signals, Failure> {
     let asked = [SIGINT, SIGTERM, SIGHUP];
-    let handled = asked.into_iter().filter(|signal| *signal != SIGHUP || !is_ignored(*signal));
+    let handled = asked.into_iter().filter(|signal| *signal != SIGHUP || !machine::ignores_signal(*signal));
     Signals::new(handled).map_err(|e| Failure::job(format!("signal handlers: {e}")))
-}
-
-/// Whether whoever started this process made it ignore a signal. Only Linux says so.
-fn is_ignored(signal: i32) -> bool {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
-    let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
-    mask.is_some_and(|mask| mask >> (signal - 1) & 1 == 1)
 }
