@@ -411,8 +411,9 @@ impl DesignLoop {
             _ => self.camera(variant, moves)?,
         };
         let shots = training_shots(&self.setup, &camera, self.batch_number(moves, block, taken))?;
-        // Nothing in front of the last block needs a gradient: it learns from the pictures that will be scored.
-        let camera = match block == BlockName::Network && camera.body().chip.is_some() {
+        // A network behind the ISP needs no gradient by it, nor does a search: they see the pictures that will be scored.
+        let needs_none = block == BlockName::Network || rule.method == StepMethod::Evolution;
+        let camera = match needs_none && camera.body().chip.is_some() {
             true => camera.with_chip(ChipValues::Exact(self.blocks.isp.values())),
             false => camera,
         };

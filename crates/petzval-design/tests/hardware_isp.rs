@@ -286,8 +286,8 @@ fn parameters_that_do_not_exist_and_blocks_that_are_not_there_are_refused() {
     assert!(refused(&moves("isp")).contains("the camera has no block `isp`"));
     let behind = format!("[isp]\npreset = \"quality\"\n{}", moves("network"));
     assert!(refused(&behind).contains("the camera has no block `network`"));
-    let evolving = "[[variant]]\nname = \"a\"\n[[variant.stage]]\nmoves = [\"optics\"]\nschedule.optics.method = \"evolution\"\n";
-    assert!(refused(evolving).contains("does not step by this method"));
+    let evolving = format!("{}schedule.network.method = \"evolution\"\n", moves("network"));
+    assert!(refused(&evolving).contains("does not step by this method"));
     let isp = |more: &str| refused(&format!("[isp]\npreset = \"quality\"\n{more}{}", moves("isp")));
     assert!(isp("vary = [\"sharpen\", \"sharpness\"]\n").contains("`sharpness`"));
     assert!(isp("vary = []\n").contains("names no parameter"));
@@ -390,9 +390,14 @@ fn an_isp_outside_this_program_moves_by_evolution_and_leads_lens_and_itself_by_a
     }
     assert!(by_itself(&evolved) < 0.9 * before, "{before} {}", by_itself(&evolved));
 
-    // Nothing leads a lens before a network has learnt.
+    // Nothing leads a lens down a gradient before a network has learnt; a search needs none.
     let mut isp = setup.isp().unwrap();
-    let optics = setup.blocks(&setup.variants[0]).unwrap().optics;
+    let mut optics = setup.blocks(&setup.variants[0]).unwrap().optics;
+    optics.begin_stage(true);
+    let developed = camera.with_chip(ChipValues::Exact(isp.values()));
+    let searched =
+        optics.step(&Batch { camera: &developed, ..batch() }, rule(StepMethod::Evolution)).unwrap();
+    assert!(searched["total"] > 0.0 && optics.coordinates() != setup.nominal().space.start());
     let device = &camera.body().device;
     let gradient = |isp: &IspBlock| {
         let held = camera.with_chip(isp.held(device));
@@ -433,6 +438,11 @@ fn what_an_isp_without_gradient_cannot_do_is_refused_before_anything_runs() {
     let taught = stage("\"isp\"", "schedule.isp = { method = \"proxy\", steps = 21 }");
     let message = refused(FOREIGN, &format!("{taught}{}", stage("\"optics\"", "")));
     assert!(message.contains("stage 2") && message.contains("moves the lens"), "{message}");
+    let searches = stage(
+        "\"optics\", \"isp\"",
+        "schedule.optics.method = \"evolution\"\nschedule.isp.method = \"evolution\"",
+    );
+    foreign_setup(folder.path(), FOREIGN, &format!("[[variant]]\nname = \"a\"\n{searches}")).unwrap();
     let message = refused("", &stage("\"isp\"", by_proxy));
     assert!(message.contains("`bayer_denoise`") && message.contains("tone.gain, tone.gamma"), "{message}");
 }

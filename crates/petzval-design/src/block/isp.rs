@@ -8,11 +8,11 @@ use burn::tensor::TensorData;
 use petzval_camera::isp::IspParameter;
 use serde::{Deserialize, Serialize};
 
+use super::generations::{FirstGeneration, Generations, PointScore};
 use super::imitation::{Imitation, ImitationFigures, ImitationPlan};
 use super::{Batch, Block, BlockName, BlockState, StepMethod, StepRule, Way, backward, named, parsed};
 use crate::camera::{ChipValues, to_host};
 use crate::error::DesignError;
-use crate::evolution::{Evolution, EvolutionSettings};
 
 const PLACES: &str = "places.json";
 const PROGRESS: &str = "progress.json";
@@ -40,18 +40,15 @@ struct Progress {
     #[serde(flatten)]
     way: Way,
     /// The search of a stage without gradient, from its first step on.
-    search: Option<Evolution>,
+    search: Generations,
 }
 
 /// First standard deviation of a search, as a share of a parameter's range.
 const FIRST_DEVIATION: f64 = 0.1;
 
-/// Noise of batches keeps the best values of generations apart for ever: a search is not restarted for being flat.
-const NEVER_FLAT: f64 = 0.0;
-
 impl Progress {
     fn at(places: &[f64]) -> Self {
-        Self { way: Way::from(places), search: None }
+        Self { way: Way::from(places), search: Generations::default() }
     }
 }
 
@@ -88,37 +85,20 @@ impl IspBlock {
         values
     }
 
-    /// A generation of CMA-ES: at every point the ISP itself develops the same noisy frames. The block goes to the middle of the search, since
-    /// every batch says something else. Returns the mean losses of the generation.
+    /// A generation of CMA-ES: at every point the ISP itself develops the same noisy frames. Returns the mean losses of the generation.
     fn evolve(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>, DesignError> {
-        let mut search = match self.progress.search.take() {
-            Some(search) => search,
-            None => {
-                let settings = EvolutionSettings {
-                    first_deviation: FIRST_DEVIATION,
-                    least_change: NEVER_FLAT,
-                    seed: batch.noise.seed,
-                    ..EvolutionSettings::default()
-                };
-                Evolution::new(&self.places, settings).map_err(|e| DesignError::Device(e.to_string()))?
-            }
-        };
-        let points = search.ask();
-        let (mut sums, mut values) = (BTreeMap::new(), Vec::with_capacity(points.len()));
-        for point in &points {
+        let mut search = std::mem::take(&mut self.progress.search);
+        let first =
+            FirstGeneration { middle: &self.places, deviation: FIRST_DEVIATION, seed: batch.noise.seed };
+        let (places, losses) = search.step(first, |point| {
             let camera = batch.camera.with_chip(ChipValues::Exact(self.values_at(point)));
             let frames = camera.take(batch.shots, &batch.noise)?;
             let losses = named(&(batch.loss)(&camera, &frames, batch.shots)?);
             let away: f64 = point.iter().zip(&self.progress.way.anchor).map(|(p, a)| (p - a).powi(2)).sum();
-            values.push(losses["total"] + 0.5 * rule.proximal * away);
-            for (name, value) in losses {
-                *sums.entry(name).or_insert(0.0) += value / points.len() as f64;
-            }
-        }
-        search.tell(&values);
-        self.places = search.middle();
-        self.progress.search = Some(search);
-        Ok(sums)
+            Ok(Some(PointScore { value: losses["total"] + 0.5 * rule.proximal * away, losses }))
+        })?;
+        (self.places, self.progress.search) = (places, search);
+        Ok(losses)
     }
 
     /// The values of all parameters as a tensor.
@@ -279,7 +259,7 @@ impl Block for IspBlock {
 
     fn load_progress(&mut self, state: &BlockState) -> Result<(), String> {
         let progress: Progress = parsed(state, PROGRESS)?;
-        if !progress.way.fits(self.places.len()) {
+        if !(progress.way.fits(self.places.len()) && progress.search.fits(self.places.len())) {
             return Err(format!("{PROGRESS}: {OTHER_PARAMETERS}"));
         }
         self.progress = progress;

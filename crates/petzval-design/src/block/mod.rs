@@ -6,6 +6,7 @@
 
 mod blocks;
 mod exposure;
+mod generations;
 mod imitation;
 mod isp;
 mod lifted;
@@ -76,7 +77,7 @@ pub enum StepMethod {
     /// Down the gradient of the loss, by Adam. The two settings of the exposure have it by differences.
     #[default]
     Gradient,
-    /// Without a gradient, by a generation of CMA-ES: of the hardware ISP as a black box in whole numbers.
+    /// Without a gradient, by a generation of CMA-ES: of the hardware ISP as a black box in whole numbers, or of the lens.
     Evolution,
     /// By the curvature of the loss as lifted to the rays, after Levenberg and Marquardt: of the lens.
     Levenberg,

@@ -1,4 +1,5 @@
-//! The lens as a block: the free coordinates of its design space, moved by Adam, by the curvature of the loss as lifted to the rays, or at random.
+//! The lens as a block: the free coordinates of its design space, moved by Adam, by the curvature of the loss as lifted to the rays, by
+//! CMA-ES, or at random.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -12,10 +13,11 @@ use petzval_optics::optimize::{Analysis, LevenbergOptions, Search, SearchOptions
 use petzval_optics::paraxial::pull_back_log_brightness;
 use serde::{Deserialize, Serialize};
 
+use super::generations::{FirstGeneration, Generations, PointScore};
 use super::lifted::Lifted;
 use super::{Batch, Block, BlockName, BlockState, StepMethod, StepRule, backward, named, parsed};
 use crate::adam::Adam;
-use crate::camera::{ByLens, to_host};
+use crate::camera::{ByLens, Camera, Shot, to_host};
 use crate::error::DesignError;
 use crate::lens_sampler::LensSampler;
 use crate::requirements::FieldOfView;
@@ -40,6 +42,9 @@ fn tolerance(goal: LensGoal) -> f64 {
         LensGoal::Restored => 1e-4,
     }
 }
+
+/// First standard deviation of a search by CMA-ES, as a share of the range between the bounds of each number: lenses lie in narrow valleys.
+const FIRST_DEVIATION: f64 = 0.01;
 
 /// Name of the loss itself among its parts.
 const TOTAL: &str = "total";
@@ -84,6 +89,9 @@ struct Progress {
     /// Averages of gradient and curvature, of a stage by the lifted loss.
     #[serde(default)]
     lifted: Lifted,
+    /// The search of a stage without a gradient.
+    #[serde(default)]
+    search: Generations,
     /// The coordinates at the start of the stage: the centre of the proximal term.
     anchor: Vec<f64>,
     /// The coordinates that the last random step drew, which are forgotten when the stage ends.
@@ -302,6 +310,32 @@ impl OpticsBlock {
         Ok(losses)
     }
 
+    /// A generation of CMA-ES: every lens of it takes the same frames with the same noise, and has the same random errors. Returns the mean
+    /// losses of the lenses that have an image.
+    fn evolve(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>, DesignError> {
+        let mut search = std::mem::take(&mut self.progress.search);
+        let middle: Vec<f64> = self.x.iter().map(|x| place_of(*x)).collect();
+        let first = FirstGeneration { middle: &middle, deviation: FIRST_DEVIATION, seed: batch.noise.seed };
+        let (places, losses) = search.step(first, |point| {
+            let x: Vec<f64> = point.iter().map(|place| coordinate_at(*place)).collect();
+            let Ok(lens) = self.start.space.lens_off(&x, &self.errors) else { return Ok(None) };
+            // Where the lens brings no light to some part of the sensor there is no camera.
+            let Ok(camera) = batch.camera.with_lens(lens.clone()) else { return Ok(None) };
+            let shots = seen_by(&camera, batch);
+            let frames = camera.take(&shots, &batch.noise)?;
+            let mut losses = named(&(batch.loss)(&camera, &frames, &shots)?);
+            let violations = self.start.requirements.violations(&lens, self.field)?;
+            let penalty_mm2: f64 = violations.iter().map(|(square, _)| square).sum();
+            let away: f64 = x.iter().zip(&self.progress.anchor).map(|(x, a)| (x - a).powi(2)).sum();
+            let value = losses[TOTAL] + self.constraint_weight * penalty_mm2 + 0.5 * rule.proximal * away;
+            losses.insert(PENALTY.to_owned(), penalty_mm2);
+            Ok(Some(PointScore { value, losses }))
+        })?;
+        self.x = places.iter().map(|place| coordinate_at(*place)).collect();
+        self.progress.search = search;
+        Ok(losses)
+    }
+
     /// Draws a lens of which the light arrives, about the one at the start of the stage or one that it was improved from. It follows from the
     /// seed and the number of the batch alone.
     fn draw(&mut self, batch: &Batch, reach: f64) -> Result<(), DesignError> {
@@ -336,6 +370,27 @@ impl OpticsBlock {
         self.pull_to_anchor(rule);
         self.lowered = first_order_decrease(gradient, &before, &self.x);
     }
+}
+
+/// Where a free coordinate lies between the bounds of its number, 0..1.
+fn place_of(x: f64) -> f64 {
+    0.5 * (1.0 + x.sin())
+}
+
+/// The free coordinate at a place between the bounds, see [`place_of`].
+fn coordinate_at(place: f64) -> f64 {
+    (2.0 * place - 1.0).asin()
+}
+
+/// The scenes of a batch as another camera sees them: those that were made for the light of the batch's camera follow that of its lens.
+fn seen_by(camera: &Camera, batch: &Batch) -> Vec<Shot> {
+    let is_made_for_light = camera.body().same_time.is_some_and(|same| !same.is_normalised);
+    let brighter = (camera.light() / batch.camera.light()) as f32;
+    let mut shots = batch.shots.to_vec();
+    for shot in shots.iter_mut().filter(|shot| is_made_for_light && shot.follows_light) {
+        shot.scene.data.iter_mut().for_each(|v| *v *= brighter);
+    }
+    shots
 }
 
 /// By how much a step lowered the loss to first order, by coordinate: `-dL/dx dx`.
@@ -373,6 +428,7 @@ impl Block for OpticsBlock {
         self.lowered.clear();
         let losses = match rule.method {
             StepMethod::Levenberg => self.step_by_curvature(batch, rule)?,
+            StepMethod::Evolution => self.evolve(batch, rule)?,
             StepMethod::Random => {
                 self.draw(batch, rule.rate)?;
                 BTreeMap::new()
@@ -429,7 +485,8 @@ impl Block for OpticsBlock {
         let progress: Progress = parsed(state, PROGRESS)?;
         let free = self.x.len();
         let drawn_fits = progress.drawn.iter().all(|x| x.len() == free);
-        let moments_fit = progress.adam.fits(free) && progress.lifted.fits(free);
+        let moments_fit =
+            progress.adam.fits(free) && progress.lifted.fits(free) && progress.search.fits(free);
         if progress.anchor.len() != free || !moments_fit || !drawn_fits {
             return Err(format!("{PROGRESS}: {OTHER_VARIABLES}"));
         }

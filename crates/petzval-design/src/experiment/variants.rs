@@ -242,14 +242,15 @@ fn check_origin(
             format!("the lens of `{name}` does not move for the task, so nothing would use the network");
         return Err(("optics_proxy", message, "leave it out, or add \"optics\" to a stage".to_owned()));
     }
-    let by_curvature = |s: &StageConfig| {
-        s.schedule.get(&BlockName::Optics).is_some_and(|s| s.method == Some(StepMethod::Levenberg))
+    let by_rays = |s: &StageConfig| {
+        let method = s.schedule.get(&BlockName::Optics).and_then(|s| s.method);
+        matches!(method, Some(StepMethod::Levenberg | StepMethod::Evolution))
     };
-    if variant.optics_proxy.is_some() && variant.stage.iter().any(by_curvature) {
+    if variant.optics_proxy.is_some() && variant.stage.iter().any(by_rays) {
         let message = format!(
-            "the lens of `{name}` steps by curvature, for which the network in place of tracing has no rays"
+            "the lens of `{name}` steps by a method that traces rays, which the network in place of tracing does not have"
         );
-        let hint = "leave schedule.optics.method = \"levenberg\" and its learning rate out of its stages";
+        let hint = "leave schedule.optics.method and its learning rate out of its stages";
         return Err(("optics_proxy", message, hint.to_owned()));
     }
     if variant.field == FieldOfView::Free && !variant.stage.iter().any(moves_for_task) {
@@ -326,13 +327,15 @@ fn check_stage(stage: &StageConfig) -> Result<(), (Vec<&'static str>, String, St
         }
         let fits = match schedule.method {
             None | Some(StepMethod::Gradient) => true,
-            Some(StepMethod::Evolution | StepMethod::Proxy) => *block == BlockName::Isp,
+            Some(StepMethod::Evolution) => matches!(block, BlockName::Optics | BlockName::Isp),
+            Some(StepMethod::Proxy) => *block == BlockName::Isp,
             Some(StepMethod::Levenberg) => *block == BlockName::Optics,
             Some(StepMethod::Random) => matches!(block, BlockName::Optics | BlockName::Exposure),
         };
         if !fits {
             let message = format!("`{name}` does not step by this method");
-            let hint = "\"evolution\" and \"proxy\" are for the hardware ISP, \"levenberg\" is for the lens, \"random\" for lens and exposure"
+            let hint = "\"evolution\" is for the lens and the hardware ISP, \"proxy\" for the hardware ISP, \"levenberg\" for the lens, \"random\" for lens \
+                        and exposure"
                 .to_owned();
             return Err((vec!["schedule", name, "method"], message, hint));
         }
