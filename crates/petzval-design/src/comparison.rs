@@ -54,9 +54,9 @@ pub struct ComparedCamera {
     /// RMS spot radius, um.
     pub rms_spot_um: MeanAndDeviation,
     /// Effective focal length, mm.
-    pub efl_mm: f64,
+    pub efl_mm: MeanAndDeviation,
     /// F-number.
-    pub f_number: f64,
+    pub f_number: MeanAndDeviation,
 }
 
 /// The difference between two cameras over the seeds.
@@ -107,11 +107,10 @@ pub fn comparison_csv(comparisons: &[Comparison]) -> String {
             names.push(&score.name);
         }
     }
-    let columns = names.iter().copied().chain(["rms_spot_um"]);
+    let columns = names.iter().copied().chain(["rms_spot_um", "efl_mm", "f_number"]);
     let heads = columns.flat_map(|name| [format!("{name}_mean"), format!("{name}_deviation")]);
     let first = ["experiment", "seeds", "camera"].map(str::to_owned);
-    let last = ["efl_mm", "f_number"].map(str::to_owned);
-    let mut lines = vec![first.into_iter().chain(heads).chain(last).collect::<Vec<_>>().join(",")];
+    let mut lines = vec![first.into_iter().chain(heads).collect::<Vec<_>>().join(",")];
     for Comparison { title, seeds, scores, cameras, .. } in comparisons {
         let is_several = seeds.len() > 1;
         let cells = |value: Option<MeanAndDeviation>| {
@@ -124,12 +123,10 @@ pub fn comparison_csv(comparisons: &[Comparison]) -> String {
                 let place = scores.iter().position(|score| score.name == *name);
                 place.and_then(|place| camera.scores.get(place).copied())
             };
-            let values = names.iter().map(score).chain([Some(camera.rms_spot_um)]);
+            let of_lens = [camera.rms_spot_um, camera.efl_mm, camera.f_number].map(Some);
+            let values = names.iter().map(score).chain(of_lens);
             let first = [quoted(title), seeds.join(" "), quoted(&camera.name)];
-            let last = [camera.efl_mm.to_string(), camera.f_number.to_string()];
-            lines.push(
-                first.into_iter().chain(values.flat_map(cells)).chain(last).collect::<Vec<_>>().join(","),
-            );
+            lines.push(first.into_iter().chain(values.flat_map(cells)).collect::<Vec<_>>().join(","));
         }
     }
     lines.join("\n") + "\n"
@@ -219,8 +216,8 @@ fn comparison(runs: &[Finished], paper: &[PaperTable]) -> Comparison {
             scores: scores.iter().filter_map(|s| spread(seen.iter().map(|row| value(row, s)))).collect(),
             gap_closed: scores.iter().map(gap_closed).collect(),
             rms_spot_um: spread(seen.iter().map(|row| row.rms_spot_um)).unwrap_or_default(),
-            efl_mm: row.efl_mm,
-            f_number: row.f_number,
+            efl_mm: spread(seen.iter().map(|row| row.efl_mm)).unwrap_or_default(),
+            f_number: spread(seen.iter().map(|row| row.f_number)).unwrap_or_default(),
         }
     });
     let design = rows.iter().rev().find(|row| !row.is_ceiling);

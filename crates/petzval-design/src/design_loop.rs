@@ -286,7 +286,8 @@ impl DesignLoop {
         })?;
         let mut blocks = setup.blocks(variant)?;
         let mut validations = Validations::default();
-        if let Some((_, folder)) = &checkpoint {
+        // Between two cameras nothing is under way, and the checkpoint's numbers are those of the one that finished last.
+        if let (Some((_, folder)), Some(_)) = (&checkpoint, &position.variant) {
             load_blocks(folder, blocks.all_mut(), Kept::NumbersAndProgress)?;
             let keep = setup.experiment.validation.keep;
             validations = Validations::load(folder, position.validation, keep, &blocks)?;

@@ -482,9 +482,7 @@ fn check_without_gradient(
         }
         let by_proxy = isp.filter(|s| s.method == StepMethod::Proxy).map_or(0, |s| s.steps);
         let is_ready = by_proxy > 0 && learnt > experiment.isp.proxy_warm_up;
-        let is_blind = |method| matches!(method, StepMethod::Random | StepMethod::Evolution);
-        let by_gradient = moves.get(&BlockName::Optics).is_some_and(|s| !is_blind(s.method));
-        if by_gradient && !is_ready {
+        if stage.steps_down_a_gradient(BlockName::Optics) && !is_ready {
             let hint = format!(
                 "let a stage before it move the isp alone by the method \"proxy\", for more than isp.proxy_warm_up = {} steps, and move \
                  the isp by it in this stage as well",

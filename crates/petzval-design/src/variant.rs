@@ -136,6 +136,14 @@ impl Stage {
         if let Self::Task(_) = self { self.steps_of(block) } else { 0 }
     }
 
+    /// Whether a block moves for the objective of the experiment down a gradient.
+    pub fn steps_down_a_gradient(&self, block: BlockName) -> bool {
+        let Self::Task(moves) = self else { return false };
+        moves
+            .get(&block)
+            .is_some_and(|s| s.steps > 0 && !matches!(s.method, StepMethod::Random | StepMethod::Evolution))
+    }
+
     /// Whether a block moves for the objective of the experiment, other than at random.
     pub fn improves(&self, block: BlockName) -> bool {
         let Self::Task(moves) = self else { return false };
@@ -184,11 +192,6 @@ impl Variant {
     /// Steps of a block in all stages, for the objective of the experiment.
     pub fn task_steps_of(&self, block: BlockName) -> usize {
         self.stages.iter().map(|s| s.task_steps_of(block)).sum()
-    }
-
-    /// Steps of all blocks in all stages.
-    pub fn steps(&self) -> usize {
-        self.stages.iter().map(Stage::steps).sum()
     }
 
     /// Whether its finished lens may differ from its lens file.

@@ -207,6 +207,9 @@ fn a_free_field_and_a_zoom_have_their_conditions() {
         let said = refused(&format!("[[variant]]\nname = \"b\"\n{variant}\n{stages}"));
         assert!(said.contains(wanted) && said.contains("hint: "), "{said}");
     }
+    let pictures = format!("{one}[[variant]]\nname = \"b\"\nzoomed_like = \"a\"\n{stays}");
+    let said = Experiment::parse(&pictures).unwrap_err().to_string();
+    assert!(said.contains("only a detector sees zoomed pictures") && said.contains("line"), "{said}");
 }
 
 #[test]

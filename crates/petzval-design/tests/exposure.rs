@@ -281,6 +281,23 @@ fn exposures_that_cannot_move_are_refused_with_a_hint() {
         let said = random(moves, schedule);
         assert!(said.contains(words) && said.contains("line"), "{schedule}: {said}");
     }
+    let stage = |schedule: &str| {
+        format!(
+            "{TINY}[[variant]]\nname = \"a\"\n[[variant.stage]]\nmoves = [\"optics\", \"network\"]\nschedule.optics = {{ {schedule} }}\n"
+        )
+    };
+    for (schedule, words) in [
+        ("method = \"evolution\", learning_rate = 0.1", "has no learning_rate"),
+        ("method = \"levenberg\"", "nothing says how far"),
+    ] {
+        let said = refused(&stage(schedule));
+        assert!(said.contains(words) && said.contains("line"), "{schedule}: {said}");
+    }
+    // What has no gradient stands behind a lens that needs none.
+    for part in ["[training]\nnoise = \"exact\"\n", "[development]\ndemosaic = \"rcd\"\n"] {
+        assert!(refused(&format!("{part}{}", stage(""))).contains("has no gradient to the lens"));
+        Experiment::parse(&format!("{part}{}", stage("method = \"evolution\""))).unwrap();
+    }
     let weights = refused("task = \"traffic-light\"\n[network]\nweights = \"mine.safetensors\"\n");
     assert!(weights.contains("no network for pictures"), "{weights}");
     let method = "[[variant]]\nname = \"a\"\n[[variant.stage]]\nmoves = [\"exposure\", \"network\"]\n\

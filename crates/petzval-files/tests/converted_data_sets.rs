@@ -105,12 +105,20 @@ fn bdd100k_colours_become_states() {
         );
         let states =
             converted.data.annotations.iter().map(|a| a.attributes.get("state").and_then(|s| s.text()));
-        assert_eq!(states.collect::<Vec<_>>(), [Some("red"), Some("off"), None]);
+        assert_eq!(states.collect::<Vec<_>>(), [Some("red"), None, None]);
         let image = &converted.data.images[0];
         assert_eq!((image.sequence.as_deref(), image.split.as_deref()), (Some("v1"), Some("valid")));
         // `b.jpg` is there as b.png only, and gone.jpg not at all.
         assert_eq!(converted.defects.count(DefectKind::MissingPicture), 2);
     }
+
+    // A second file about the same pictures adds its boxes to them.
+    let more = r#"[{"name": "a.jpg", "labels": [{"category": "bus", "box2d": {"x1": 1, "y1": 2, "x2": 9, "y2": 8}}, {"category": "lane"}]}]"#;
+    write(root, "labels/lane_val.json", more);
+    let both = convert(SourceFormat::Bdd100k, root).unwrap();
+    assert_eq!((both.data.images.len(), both.data.annotations.len()), (1, 4));
+    assert_eq!(both.data.images[0].sequence.as_deref(), Some("v1"));
+    std::fs::remove_file(root.join("labels/lane_val.json")).unwrap();
 
     // Files of one picture each, with its name outside and without ending.
     let old = r#"{"name": "b", "frames": [{"timestamp": 1, "objects": [{"category": "car", "id": 3, "attributes": {},

@@ -118,8 +118,8 @@ fn tables(comparison: &Comparison) -> Vec<TextTable> {
         let shares = camera.gap_closed.iter().filter(|_| has_ceiling).map(percent);
         let lens = [
             cell(&camera.rms_spot_um, 2, false),
-            format!("{:.2}", camera.efl_mm),
-            format!("{:.2}", camera.f_number),
+            cell(&camera.efl_mm, 2, false),
+            cell(&camera.f_number, 2, false),
         ];
         let cells = all(&camera.scores, false).into_iter().chain(shares).chain(lens);
         [camera.name.clone()].into_iter().chain(cells).collect()

@@ -249,6 +249,10 @@ fn resumed(resume: &Resume, folder: &RunFolder) -> Result<(RunRecord, Experiment
     })?;
     let longer = match resume.extend_to {
         None => record.config.clone(),
+        Some(steps) if steps > MOST_STEPS => {
+            let message = format!("more than {MOST_STEPS}");
+            return Err(JobError::setting("extend_to", steps, message, "give a smaller number"));
+        }
         Some(steps) => (record.config.extended_to(steps))
             .map_err(|(message, hint)| JobError::setting("extend_to", steps, message, hint))?,
     };

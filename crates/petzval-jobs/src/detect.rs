@@ -95,17 +95,11 @@ pub struct Found {
     pub bbox: [f32; 4],
 }
 
-/// A picture with its boxes, as a file.
-struct Drawn {
-    /// Rows and columns.
-    size: [usize; 2],
-    png: Vec<u8>,
-}
-
 /// Endings of the files that are taken from a folder.
 const PICTURES: [&str; 5] = ["png", "jpg", "jpeg", "tif", "tiff"];
 
-/// Looks for objects in pictures, for a camera of a run at their own size. Nothing is written before all pictures have been read.
+/// Looks for objects in pictures, for a camera of a run at their own size. Drawn pictures are written one by one, the results when all pictures
+/// have been read.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     if !(0.0..=1.0).contains(&request.least_score) {
         let hint = "0 shows everything that the detector keeps, 0.5 what is more likely there than not";
@@ -119,7 +113,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let (network, classes) = network(&request.detector, &device, context)?;
     let detector = network.detector().ok_or_else(|| JobError::failed("the network is no detector"))?;
     let mut pictures = Vec::new();
-    let mut drawn = Vec::new();
+    let mut sizes = Vec::new();
     for (i, file) in files.iter().enumerate() {
         if context.is_cancelled() {
             return Err(JobError::Stopped(format!("stopped after {i} of {} pictures", files.len())));
@@ -134,22 +128,24 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             bbox: [d.bbox.x1, d.bbox.y1, d.bbox.width(), d.bbox.height()],
         };
         pictures.push(Seen { file: file.clone(), found: sure.iter().map(in_words).collect() });
-        if request.out.is_some() {
+        if let Some(out) = &request.out {
             let boxes: Vec<_> = sure.iter().map(|d| (d.bbox, d.class)).collect();
             let png = encoded_png_bytes(&with_boxes(&encoded, &boxes)).map_err(DesignError::from)?;
-            drawn.push(Drawn { size: [encoded.height, encoded.width], png });
+            let stem = file.file_stem().unwrap_or_default().to_string_lossy();
+            make_folder(out)?;
+            write_file(&out.join(format!("{:04}-{stem}.png", i + 1)), &png)?;
+            sizes.push([encoded.height, encoded.width]);
         }
         context.progress(i as u64 + 1, files.len() as u64, "pictures");
     }
     if let Some(out) = &request.out {
-        write(out, &pictures, &classes, &drawn)?;
+        write(out, &pictures, &classes, &sizes)?;
     }
     Ok(Response { pictures, out: request.out.clone() })
 }
 
-/// Writes results, pictures and classes, and the drawn pictures.
-fn write(out: &Path, pictures: &[Seen], classes: &[String], drawn: &[Drawn]) -> Result<(), JobError> {
-    make_folder(out)?;
+/// Writes the results, and which pictures, of these rows and columns, and classes they are of.
+fn write(out: &Path, pictures: &[Seen], classes: &[String], sizes: &[[usize; 2]]) -> Result<(), JobError> {
     let id = |i: usize| i as u64 + 1;
     let category = |class: &str| classes.iter().position(|c| c == class).map_or(0, id);
     let results: Vec<coco::Detection> = (pictures.iter().enumerate())
@@ -165,25 +161,21 @@ fn write(out: &Path, pictures: &[Seen], classes: &[String], drawn: &[Drawn]) -> 
         })
         .collect();
     save_results(&results, &out.join("detections.json"))?;
-    let image = |(i, (seen, drawn)): (usize, (&Seen, &Drawn))| Image {
+    let image = |(i, (seen, [rows, columns])): (usize, (&Seen, &[usize; 2]))| Image {
         id: id(i),
         file_name: seen.file.display().to_string(),
-        width: drawn.size[1] as u32,
-        height: drawn.size[0] as u32,
+        width: *columns as u32,
+        height: *rows as u32,
         ..Image::default()
     };
     let data = DataSet {
-        images: pictures.iter().zip(drawn).enumerate().map(image).collect(),
+        images: pictures.iter().zip(sizes).enumerate().map(image).collect(),
         categories: (classes.iter().enumerate())
             .map(|(i, name)| Category { id: id(i), name: name.clone(), ..Category::default() })
             .collect(),
         ..DataSet::default()
     };
     save_coco(&data, &out.join("annotations.json"))?;
-    for (i, (seen, drawn)) in pictures.iter().zip(drawn).enumerate() {
-        let stem = seen.file.file_stem().unwrap_or_default().to_string_lossy();
-        write_file(&out.join(format!("{:04}-{stem}.png", i + 1)), &drawn.png)?;
-    }
     Ok(())
 }
 

@@ -53,7 +53,8 @@ fn windows_hold_the_light_and_the_boxes_of_their_pictures() {
     let folder_path = tempfile::tempdir().unwrap();
     folder(folder_path.path(), 15, "person");
     let (pictures, notes) = load(folder_path.path(), CROP).unwrap();
-    assert!(notes.len() == 1 && notes[0].contains("crowd"), "{notes:?}");
+    assert!(notes.len() == 2 && notes[0].contains("crowd"), "{notes:?}");
+    assert!(notes[1].contains("no picture names its sequence"), "{notes:?}");
     assert_eq!([List::Training, List::Validation, List::HeldOut].map(|list| pictures.count(list)), [9, 3, 3]);
     let crops = CropPlan { surround: 4, ..CropPlan::on_1920x1200(CROP, 10) };
     let how = PictureWindows { seed: 1, on_objects: 1.0, least_side_px: 8.0 };
@@ -109,6 +110,37 @@ fn mark(path: &Path, more: impl Fn(usize) -> String) {
         }
     }
     std::fs::write(file, text).unwrap();
+}
+
+/// Folders of KITTI name the part for training alone: nothing would be held out.
+#[test]
+fn where_all_pictures_are_of_one_part_every_fifth_is_held_out() {
+    let one = tempfile::tempdir().unwrap();
+    folder(one.path(), 15, "person");
+    mark(one.path(), |_| "\"split\": \"train\"".to_owned());
+    let (pictures, _) = load(one.path(), CROP).unwrap();
+    assert_eq!([List::Training, List::Validation, List::HeldOut].map(|list| pictures.count(list)), [9, 3, 3]);
+}
+
+#[test]
+fn categories_are_taken_by_the_words_of_their_names_and_background_is_named() {
+    let people = |category: &str| {
+        let folder_path = tempfile::tempdir().unwrap();
+        folder(folder_path.path(), 15, category);
+        match load(folder_path.path(), CROP) {
+            Ok((_, notes)) => {
+                notes.iter().find(|note| note.contains("background")).cloned().unwrap_or_default()
+            }
+            Err(error) => error,
+        }
+    };
+    for category in ["persons", "Cyclist", "human--person", "people", "Pedestrians"] {
+        assert_eq!(people(category), "", "{category}");
+    }
+    for category in ["pedestrian traffic light", "bus stop", "object--vehicle--bicycle", "dog"] {
+        let note = people(category);
+        assert!(note.contains(&format!("background: {category}; as `vehicle`: car")), "{note}");
+    }
 }
 
 #[test]

@@ -706,6 +706,23 @@ fn free_coordinates_of_a_placement() {
     assert_eq!(check_coordinates(&space), 6);
 }
 
+/// Steps go past a bound, behind which the number comes back inside: the lens is still the same when the next stage begins.
+#[test]
+fn a_coordinate_past_a_bound_is_taken_back_to_the_same_lens() {
+    let lens = nominal_triplet();
+    let variables = vec![Variable { surface: 1, number: Number::Thickness, min: 4.58, max: 10.11 }];
+    let space = DesignSpace::new(lens, variables, Vec::new(), Solves::default(), Focus::Fixed)
+        .and_then(SmoothSpace::new)
+        .unwrap();
+    let thickness = |x: f64| space.lens_at(&[x]).unwrap().surfaces[1].thickness_mm;
+    for x in [0.3, 1.55, 2.2, -4.0, 5.7] {
+        let back = space.off_bounds(&[x])[0];
+        assert!(back.abs() < 1.5509 && (thickness(back) - thickness(x)).abs() < 1e-12, "{x} {back}");
+    }
+    assert_eq!(space.off_bounds(&[0.3]), [0.3]);
+    assert!((thickness(space.off_bounds(&[1.57])[0]) - thickness(1.57)).abs() < 1e-3);
+}
+
 /// The backward pass through a space is the transpose of its slopes, whatever is solved for.
 #[test]
 fn pulling_back_through_a_space_transposes_its_slopes() {

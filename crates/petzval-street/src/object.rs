@@ -17,9 +17,9 @@ pub enum ObjectKind {
     Vehicle,
     /// The housing of a traffic light whose lamps face the camera's lane. Pole, arm and backboard are not part of it.
     TrafficLight,
-    /// A light for people on foot. A task about traffic lights must ignore it.
+    /// A light for people on foot. A task about traffic lights does not look for it.
     PedestrianLight,
-    /// A traffic light seen from behind or from the side, for other lanes. A task about traffic lights must ignore it.
+    /// A traffic light seen from behind or from the side, for other lanes. A task about traffic lights does not look for it.
     TurnedLight,
 }
 

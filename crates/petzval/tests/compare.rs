@@ -80,7 +80,7 @@ fn all_experiments_are_run_with_every_seed_and_compared_and_the_same_command_goe
         (a.to_string(), String::new())
     );
     let rows = read_json(&folder.path().join("all/tiny-seed-1/metrics.json"))["rows"].clone();
-    assert_eq!(at(&one, 1, "efl_mm"), rows[0]["efl_mm"].as_f64().unwrap().to_string());
+    assert_eq!(at(&one, 1, "efl_mm_mean"), rows[0]["efl_mm"].as_f64().unwrap().to_string());
     run_fails(
         folder.path(),
         &["compare", "all/tiny-seed-1", "--out", "new.html", "--csv", "figures.csv"],

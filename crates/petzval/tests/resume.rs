@@ -80,6 +80,34 @@ fn a_killed_run_resumes_to_the_same_metrics() {
     }
 }
 
+/// What is left between two cameras is the lens of the one that finished last, which may have other numbers than the last one of the list.
+#[test]
+fn a_run_that_was_extended_in_its_last_camera_is_resumed_again_after_its_end() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut table: toml::Table = tiny_experiment().parse().unwrap();
+    let variants: toml::Table =
+        "[[variant]]\nname = \"moving\"\n[[variant.stage]]\nmoves = [\"optics\", \"network\"]\n\
+         [[variant]]\nname = \"perfect\"\nlens = \"perfect\"\n[[variant.stage]]\nmoves = [\"network\"]\n"
+            .parse()
+            .unwrap();
+    table.extend(variants);
+    table["checkpoint"].as_table_mut().unwrap().insert("every".to_owned(), toml::Value::Integer(1));
+    std::fs::write(folder.path().join("tiny.toml"), toml::to_string(&table).unwrap()).unwrap();
+    // Behind the steps of the moving camera, and its score.
+    let (mut child, run) = started_from(folder.path(), NETWORK_STEPS + LENS_STEPS + 2);
+    child.kill().unwrap();
+    child.wait().unwrap();
+    run_ok(folder.path(), &["design", "--resume", "run", "--extend-to", "5"]);
+    let metrics = read(&run.join("metrics.json"));
+    for name in ["metrics.json", "metrics.csv"] {
+        std::fs::remove_file(run.join(name)).unwrap();
+    }
+    run_ok(folder.path(), &["design", "--resume", "run"]);
+    assert_eq!(read(&run.join("metrics.json")), metrics);
+    let endless = ["design", "--resume", "run", "--extend-to", "1000000000"];
+    run_fails(folder.path(), &endless, 2, &["--extend-to 1000000000", "more than"]);
+}
+
 #[test]
 fn a_killed_run_resumes_to_the_same_events_each_once() {
     for steps in [2, 5, 6, 12, 17] {

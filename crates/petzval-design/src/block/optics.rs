@@ -320,11 +320,13 @@ impl OpticsBlock {
             let x: Vec<f64> = point.iter().map(|place| coordinate_at(*place)).collect();
             let Ok(lens) = self.start.space.lens_off(&x, &self.errors) else { return Ok(None) };
             // Where the lens brings no light to some part of the sensor there is no camera.
-            let Ok(camera) = batch.camera.with_lens(lens.clone()) else { return Ok(None) };
+            let Some(camera) = unless_dark(batch.camera.with_lens(lens.clone()))? else { return Ok(None) };
+            let Some(violations) = unless_dark(self.start.requirements.violations(&lens, self.field))? else {
+                return Ok(None);
+            };
             let shots = seen_by(&camera, batch);
             let frames = camera.take(&shots, &batch.noise)?;
             let mut losses = named(&(batch.loss)(&camera, &frames, &shots)?);
-            let violations = self.start.requirements.violations(&lens, self.field)?;
             let penalty_mm2: f64 = violations.iter().map(|(square, _)| square).sum();
             let away: f64 = x.iter().zip(&self.progress.anchor).map(|(x, a)| (x - a).powi(2)).sum();
             let value = losses[TOTAL] + self.constraint_weight * penalty_mm2 + 0.5 * rule.proximal * away;
@@ -380,6 +382,15 @@ fn place_of(x: f64) -> f64 {
 /// The free coordinate at a place between the bounds, see [`place_of`].
 fn coordinate_at(place: f64) -> f64 {
     (2.0 * place - 1.0).asin()
+}
+
+/// A result; none where light does not arrive at some field.
+fn unless_dark<T>(result: Result<T, DesignError>) -> Result<Option<T>, DesignError> {
+    match result {
+        Ok(value) => Ok(Some(value)),
+        Err(DesignError::NoLight { .. }) => Ok(None),
+        Err(other) => Err(other),
+    }
 }
 
 /// The scenes of a batch as another camera sees them: those that were made for the light of the batch's camera follow that of its lens.

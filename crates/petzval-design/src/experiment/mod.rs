@@ -221,8 +221,9 @@ impl Experiment {
                 return Err(error.hint(wrong.parameter.hint));
             }
         }
-        let moves_lens_for_task = |v: &Variant| v.task_steps_of(BlockName::Optics) > 0;
-        let has_no_gradient = |v: &Variant| v.noise == NoiseMode::Exact && moves_lens_for_task(v);
+        let needs_gradient =
+            |v: &Variant| v.stages.iter().any(|stage| stage.steps_down_a_gradient(BlockName::Optics));
+        let has_no_gradient = |v: &Variant| v.noise == NoiseMode::Exact && needs_gradient(v);
         if let Some(i) = self.variants().iter().position(has_no_gradient) {
             let place = i.to_string();
             let key = match self.variant[i].noise {
@@ -232,7 +233,14 @@ impl Experiment {
             let error = FileError::at_key(text, &key, "exact noise has no gradient to the lens");
             return Err(error.hint("write \"dequantised\", or 0 for optics.steps"));
         }
-        if !self.development.demosaic.is_differentiable() && self.variants().iter().any(moves_lens_for_task) {
+        let is_zoomed = |v: &Variant| v.zoomed_like.is_some();
+        if let Some(i) = self.variants().iter().position(is_zoomed).filter(|_| !self.task.finds_objects()) {
+            let message =
+                "only a detector sees zoomed pictures; where pictures are scored they stay as they are";
+            let error = FileError::at_key(text, &["variant", &i.to_string(), "zoomed_like"], message);
+            return Err(error.hint("leave it out"));
+        }
+        if !self.development.demosaic.is_differentiable() && self.variants().iter().any(needs_gradient) {
             let error = FileError::at_key(
                 text,
                 &["development", "demosaic"],

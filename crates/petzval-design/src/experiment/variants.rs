@@ -34,7 +34,8 @@ pub struct VariantConfig {
     /// scored. Scores have exact noise in any case.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise: Option<NoiseMode>,
-    /// Whether its lens keeps its field of view and focal length while it moves for the task. Stages with another goal keep them in any case.
+    /// Whether its lens keeps its field of view and focal length while it moves for the task. Stages with another goal keep the field of view in
+    /// any case.
     #[serde(default, skip_serializing_if = "is_held")]
     pub field: FieldOfView,
     /// The variant, earlier in the file, whose magnification its detector sees: finished pictures are enlarged by the ratio of the focal
@@ -343,6 +344,22 @@ fn check_stage(stage: &StageConfig) -> Result<(), (Vec<&'static str>, String, St
             let message = format!("`{name}` is not made in a workshop, and has no errors");
             let hint = "give error_share to the lens alone".to_owned();
             return Err((vec!["schedule", name, "error_share"], message, hint));
+        }
+        if schedule.method == Some(StepMethod::Evolution) {
+            let rates = [
+                ("learning_rate", schedule.learning_rate),
+                ("final_learning_rate", schedule.final_learning_rate),
+            ];
+            if let Some((key, _)) = rates.into_iter().find(|(_, value)| value.is_some()) {
+                let message = format!("`{name}` steps by evolution, which has no {key}");
+                return Err((vec!["schedule", name, key], message, "leave it out".to_owned()));
+            }
+        }
+        if schedule.method == Some(StepMethod::Levenberg) && schedule.learning_rate.is_none() {
+            let message = format!("`{name}` steps by curvature, and nothing says how far");
+            let hint = "give learning_rate the share of the way to the least of the paraboloid, such as 0.3"
+                .to_owned();
+            return Err((vec!["schedule", name], message, hint));
         }
         if schedule.method == Some(StepMethod::Random) {
             let unused = [("error_share", schedule.error_share), ("proximal", schedule.proximal)];

@@ -67,12 +67,25 @@ enum Named {
 
 /// The class of an annotation, by the words of the name of its category and its attribute `state`.
 fn class_of(wanted: Wanted, category: &str, annotation: &Annotation) -> Named {
-    let words: BTreeSet<String> =
+    let mut words: BTreeSet<String> =
         category.split(|c: char| !c.is_alphanumeric()).map(str::to_lowercase).collect();
+    let is_one_word = words.len() == 1;
+    let of_one: Vec<String> =
+        words.iter().filter_map(|word| Some(word.strip_suffix('s')?.to_owned())).collect();
+    words.extend(of_one);
     let has = |names: &[&str]| names.iter().any(|name| words.contains(*name));
     match wanted {
-        Wanted::PeopleAndVehicles if has(&["person", "pedestrian", "people", "rider"]) => Named::Class(0),
-        Wanted::PeopleAndVehicles if has(&["vehicle", "car", "truck", "bus", "van", "tram"]) => {
+        // Their names say for whom they are.
+        Wanted::PeopleAndVehicles if has(&["light", "signal", "sign", "stop", "crossing", "crosswalk"]) => {
+            Named::Other
+        }
+        Wanted::PeopleAndVehicles if has(&["person", "pedestrian", "people", "rider", "cyclist"]) => {
+            Named::Class(0)
+        }
+        Wanted::PeopleAndVehicles if has(&["bicycle", "motorcycle"]) => Named::Other,
+        Wanted::PeopleAndVehicles
+            if has(&["vehicle", "car", "truck", "bus", "van", "minivan", "suv", "pickup", "tram"]) =>
+        {
             Named::Class(1)
         }
         Wanted::PeopleAndVehicles => Named::Other,
@@ -80,10 +93,10 @@ fn class_of(wanted: Wanted, category: &str, annotation: &Annotation) -> Named {
         Wanted::TrafficLights => {
             let state = annotation.attributes.get("state").and_then(Attribute::text);
             // A category is a light by its name, or if it is the name of a state alone.
-            let is_light = has(&["light", "lights", "signal", "trafficlight"]) || words.len() == 1;
+            let is_light = has(&["light", "signal", "trafficlight"]) || is_one_word;
             match state.and_then(light_state).or_else(|| light_state(category)) {
                 Some(state) if is_light => Named::Class(state),
-                None if has(&["light", "lights", "signal", "trafficlight"]) => Named::Unknown,
+                None if has(&["light", "signal", "trafficlight"]) => Named::Unknown,
                 _ => Named::Other,
             }
         }
@@ -95,7 +108,7 @@ impl LabelledPictures {
     /// left to train on or to score with.
     ///
     /// The parts of the data set (`split`) decide what is held out: everything outside the part `train`, or outside the largest one if none is
-    /// called so. Without parts every fifth sequence is, by name; a picture that names no sequence is one by itself. Every fifth sequence is for
+    /// called so. Without two parts every fifth sequence is, by name; a picture that names no sequence is one by itself. Every fifth sequence is for
     /// validation, or the last of those for training where there are fewer.
     pub fn load(
         folder: &Path,
@@ -115,6 +128,14 @@ impl LabelledPictures {
             all.into_iter().collect()
         };
         let training_part = training_part(&data.images);
+        if training_part.is_none() && data.images.iter().all(|image| image.sequence.is_none()) {
+            notes.push(format!(
+                "{}: no picture names its sequence, and every fifth picture is for scoring; where neighbouring pictures are of the same film, \
+                 scores are better than on others",
+                folder.display()
+            ));
+        }
+        notes.extend(taken_as(data, wanted, classes).map(|note| format!("{}: {note}", folder.display())));
         let mut found = Self::default();
         let (mut small, mut per_class) = (0, vec![[0_usize; 2]; classes.len()]);
         for (image, objects) in data.images.iter().zip(&objects) {
@@ -312,30 +333,28 @@ fn sequence(image: &Image) -> &str {
     image.sequence.as_deref().unwrap_or(&image.file_name)
 }
 
-/// The part that is for training, if pictures name parts: `train`, or the one of the most pictures.
+/// The part that is for training, if pictures name two parts or more: `train`, or the one of the most pictures.
 fn training_part(images: &[Image]) -> Option<&str> {
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     for part in images.iter().filter_map(|image| image.split.as_deref()) {
         *counts.entry(part).or_default() += 1;
+    }
+    if counts.len() < 2 {
+        return None;
     }
     let named = counts.keys().copied().find(|part| ["train", "training"].contains(part));
     named.or_else(|| counts.iter().max_by_key(|(_, count)| **count).map(|(part, _)| *part))
 }
 
 fn list_of(image: &Image, training_part: Option<&str>, sequences: &[&str]) -> List {
-    match image.split.as_deref() {
-        Some(part) if Some(part) == training_part => {
-            match sequences.binary_search(&sequence(image)).unwrap_or(0) % PART {
-                k if k + 1 == PART => List::Validation,
-                _ => List::Training,
-            }
-        }
-        Some(_) => List::HeldOut,
-        None => match sequences.binary_search(&sequence(image)).unwrap_or(0) % PART {
-            k if k + 1 == PART => List::HeldOut,
-            k if k + 2 == PART => List::Validation,
-            _ => List::Training,
-        },
+    let place = || sequences.binary_search(&sequence(image)).unwrap_or(0) % PART;
+    match (training_part, image.split.as_deref()) {
+        (Some(training), Some(part)) if part != training => List::HeldOut,
+        (Some(_), Some(_)) if place() + 1 == PART => List::Validation,
+        (Some(_), Some(_)) => List::Training,
+        _ if place() + 1 == PART => List::HeldOut,
+        _ if place() + 2 == PART => List::Validation,
+        _ => List::Training,
     }
 }
 
@@ -345,6 +364,33 @@ fn digest(path: &Path) -> Result<String, DatasetError> {
     let mut hash = Sha256::new();
     std::io::copy(&mut petzval_base::open_file(path).map_err(unreadable)?, &mut hash).map_err(unreadable)?;
     Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
+}
+
+/// How the categories of a data set are taken, if some of them are not looked for: else a misspelt one would be background without a word.
+fn taken_as(data: &DataSet, wanted: Wanted, classes: &[&str]) -> Option<String> {
+    let mut names: BTreeMap<String, BTreeSet<&str>> = BTreeMap::new();
+    let mut background = BTreeSet::new();
+    for annotation in &data.annotations {
+        let Some(category) = data.category(annotation.category_id) else { continue };
+        let taken = match class_of(wanted, &category.name, annotation) {
+            Named::Class(class) => format!("as `{}`", classes[class]),
+            Named::Unknown => "as places that are not judged".to_owned(),
+            Named::Other => {
+                background.insert(category.name.as_str());
+                continue;
+            }
+        };
+        names.entry(taken).or_default().insert(&category.name);
+    }
+    let list = |names: &BTreeSet<&str>| names.iter().copied().collect::<Vec<_>>().join(", ");
+    let taken = names.iter().map(|(taken, names)| format!("; {taken}: {}", list(names)));
+    (!background.is_empty()).then(|| {
+        format!(
+            "boxes of these categories are background: {}{}",
+            list(&background),
+            taken.collect::<String>()
+        )
+    })
 }
 
 /// The objects of a picture. Crowds, and objects that are to be ignored, are regions that are not judged.

@@ -65,13 +65,17 @@ impl SmoothMap {
         s.clamp(-1.0, 1.0).asin()
     }
 
-    /// An x on a bound, or near it, moved inside by a ten-thousandth of the range: the map has no slope on the bound itself.
+    /// An x on a bound, or near it, moved inside by a ten-thousandth of the range: the map has no slope on the bound itself. One that has run past
+    /// a bound, where the number comes back inside, is taken back to where its number lies.
     fn off_bounds(&self, x: f64) -> f64 {
         if !(self.max - self.min).is_finite() {
             return x;
         }
-        let limit = 0.9998_f64.asin();
-        x.clamp(-limit, limit)
+        const NEAREST: f64 = 0.9998;
+        match x.abs() <= NEAREST.asin() {
+            true => x,
+            false => x.sin().clamp(-NEAREST, NEAREST).asin(),
+        }
     }
 }
 
@@ -137,7 +141,7 @@ impl SmoothSpace {
         self.maps.iter().zip(at).map(|(map, at)| map.free(*at)).collect()
     }
 
-    /// Free coordinates from which a gradient step can start: those on a bound, where the map has no slope, are moved inside by a
+    /// Free coordinates of the same lens, from which a gradient step can start: those on a bound, where the map has no slope, are moved inside by a
     /// ten-thousandth of their range.
     pub fn off_bounds(&self, x: &[f64]) -> Vec<f64> {
         self.maps.iter().zip(x).map(|(map, x)| map.off_bounds(*x)).collect()

@@ -106,7 +106,9 @@ pub(super) fn convert_bdd100k(root: &Path) -> Result<Converted, CocoError> {
             };
             let split = split_of(file.strip_prefix(&base).unwrap_or(file));
             let Some(image) = builder.picture(&base, file, split) else { continue };
-            image.sequence = picture.video.name().unwrap_or(None);
+            if let Some(video) = picture.video.name().unwrap_or(None) {
+                image.sequence = Some(video);
+            }
             let id = image.id;
             for (i, object) in picture.labels.iter().flatten().enumerate() {
                 match label(object) {
@@ -190,13 +192,10 @@ fn label(object: &Record<Object>) -> Result<Option<Label<'_>>, FileError> {
         let value = match (name.as_str(), value) {
             ("trafficLightColor", Loose::Text(colour)) => {
                 let colour = colour.to_lowercase();
-                let state = match colour.as_str() {
-                    "red" | "yellow" | "green" => colour,
-                    "none" if class == "traffic light" => "off".to_owned(),
-                    // Files give `none` or `NA` to everything that is no traffic light.
-                    _ => continue,
-                };
-                label.attributes.insert("state".to_owned(), Attribute::Text(state));
+                // Files give `none` or `NA` to everything that is no traffic light, and `none` to lights whose state is not seen.
+                if ["red", "yellow", "green"].contains(&colour.as_str()) {
+                    label.attributes.insert("state".to_owned(), Attribute::Text(colour));
+                }
                 continue;
             }
             (_, Loose::Flag(flag)) => Attribute::Flag(*flag),

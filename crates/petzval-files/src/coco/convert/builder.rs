@@ -46,6 +46,8 @@ impl<'a> Label<'a> {
 pub(super) struct Builder {
     data: DataSet,
     sources: HashMap<u64, PathBuf>,
+    /// The number of the picture of each file.
+    taken: HashMap<PathBuf, u64>,
     names: HashSet<String>,
     categories: HashMap<String, u64>,
     pub defects: Defects,
@@ -71,8 +73,11 @@ impl Builder {
         id
     }
 
-    /// Adds a picture; `None` if its file cannot be decoded, which is noted. Its name in the data set is its path below `root`.
+    /// Adds a picture, or returns it if its file was added before; `None` if its file cannot be decoded, which is noted. Its name in the data set is its path below `root`.
     pub fn picture(&mut self, root: &Path, path: &Path, split: Option<String>) -> Option<&mut Image> {
+        if let Some(id) = self.taken.get(path) {
+            return self.data.images.iter_mut().find(|image| image.id == *id);
+        }
         let (width, height) = match picture_size(path) {
             Ok(size) => size,
             Err(error) => {
@@ -83,6 +88,7 @@ impl Builder {
         let id = self.sources.len() as u64 + 1;
         let file_name = self.free_name(root, path);
         self.sources.insert(id, path.to_owned());
+        self.taken.insert(path.to_owned(), id);
         self.data.images.push(Image { id, file_name, width, height, split, sequence: None });
         self.data.images.last_mut()
     }

@@ -57,7 +57,8 @@ pub(super) fn convert_yolo(root: &Path) -> Result<Converted, CocoError> {
     }
     for path in labels {
         let is_in_labels = path.parent().is_some_and(|p| p.components().any(|c| c.as_os_str() == "labels"));
-        if is_in_labels && !used.contains(path) {
+        let names_classes = path.file_name() == Some(OsStr::new("classes.txt"));
+        if is_in_labels && !names_classes && !used.contains(path) {
             builder.defects.add(DefectKind::MissingPicture, || format!("no picture for {}", path.display()));
         }
     }
