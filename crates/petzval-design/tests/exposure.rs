@@ -294,9 +294,14 @@ fn exposures_that_cannot_move_are_refused_with_a_hint() {
         assert!(said.contains(words) && said.contains("line"), "{schedule}: {said}");
     }
     // What has no gradient stands behind a lens that needs none.
-    for part in ["[training]\nnoise = \"exact\"\n", "[development]\ndemosaic = \"rcd\"\n"] {
-        assert!(refused(&format!("{part}{}", stage(""))).contains("has no gradient to the lens"));
-        Experiment::parse(&format!("{part}{}", stage("method = \"evolution\""))).unwrap();
+    for (from, to) in [
+        ("batch = 2", "batch = 2\nnoise = \"exact\""),
+        ("[scoring]", "[development]\ndemosaic = \"rcd\"\n[scoring]"),
+    ] {
+        let with = |schedule: &str| stage(schedule).replace(from, to);
+        let said = refused(&with(""));
+        assert!(said.contains("has no gradient to the lens"), "{said}");
+        Experiment::parse(&with("method = \"evolution\"")).unwrap();
     }
     let weights = refused("task = \"traffic-light\"\n[network]\nweights = \"mine.safetensors\"\n");
     assert!(weights.contains("no network for pictures"), "{weights}");
