@@ -73,10 +73,13 @@ impl Builder {
         id
     }
 
-    /// Adds a picture, or returns it if its file was added before; `None` if its file cannot be decoded, which is noted. Its name in the data set is its path below `root`.
+    /// Adds a picture, or returns it if its file was added before; `None` if its file cannot be decoded, which is noted. Its name in the data set is
+    /// its path below `root`.
     pub fn picture(&mut self, root: &Path, path: &Path, split: Option<String>) -> Option<&mut Image> {
         if let Some(id) = self.taken.get(path) {
-            return self.data.images.iter_mut().find(|image| image.id == *id);
+            // Pictures are in the order of their numbers.
+            let place = self.data.images.binary_search_by_key(id, |image| image.id).ok()?;
+            return self.data.images.get_mut(place);
         }
         let (width, height) = match picture_size(path) {
             Ok(size) => size,
