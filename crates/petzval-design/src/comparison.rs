@@ -142,7 +142,14 @@ struct Finished {
     metrics: Metrics,
 }
 
-/// Groups finished runs by what they repeat, in the order in which they are given.
+impl Finished {
+    /// The version that made it; none where it is not known.
+    fn version(&self) -> Option<&str> {
+        self.record.as_ref().map(|record| record.version.as_str())
+    }
+}
+
+/// Groups finished runs by what they repeat and by the version of Petzval that made them, in the order in which they are given.
 pub fn compare(runs: &[PathBuf], assets: &Assets) -> Result<Vec<Comparison>, DesignError> {
     let mut groups: Vec<Vec<Finished>> = Vec::new();
     for root in runs {
@@ -152,6 +159,7 @@ pub fn compare(runs: &[PathBuf], assets: &Assets) -> Result<Vec<Comparison>, Des
             seedless(&group[0]) == seedless(&run)
                 && group[0].fingerprint == run.fingerprint
                 && group[0].metrics.scores == run.metrics.scores
+                && group[0].version() == run.version()
         };
         match groups.iter_mut().find(is_same) {
             Some(group) => {
@@ -170,7 +178,17 @@ pub fn compare(runs: &[PathBuf], assets: &Assets) -> Result<Vec<Comparison>, Des
     let source = assets.text("table", "studies", "paper")?;
     let paper: PaperFile = toml::from_str(&source.text)
         .map_err(|e| DesignError::input(&source.path)(FileError::from_toml(&source.text, &e)))?;
-    Ok(groups.iter().map(|group| comparison(group, &paper.table)).collect())
+    let are_of_one_version = groups.iter().all(|group| group[0].version() == groups[0][0].version());
+    let named = |group: &Vec<Finished>| {
+        let found = comparison(group, &paper.table);
+        match (are_of_one_version, group[0].version()) {
+            (false, Some(version)) => {
+                Comparison { title: format!("{}, Petzval {version}", found.title), ..found }
+            }
+            _ => found,
+        }
+    };
+    Ok(groups.iter().map(named).collect())
 }
 
 fn finished(root: &Path) -> Result<Finished, DesignError> {

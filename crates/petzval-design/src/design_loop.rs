@@ -120,13 +120,23 @@ struct Position {
     taken: BTreeMap<BlockName, usize>,
     /// Steps that each block has taken for the task in earlier stages of the variant.
     before: BTreeMap<BlockName, usize>,
-    /// Stages that the finished cameras have behind them: fewer than their variants have if the run was extended since.
-    finished: BTreeMap<String, usize>,
+    /// What the finished cameras have behind them.
+    finished: BTreeMap<String, Done>,
     /// How the validations of this stage have gone.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     validation: Option<Course>,
     /// Wall-clock seconds of the steps.
     seconds: f64,
+}
+
+/// What a finished camera has behind it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Done {
+    /// Stages: fewer than its variant has if the run was extended since.
+    stages: usize,
+    /// Steps that its blocks have taken for the task, in the variants that it started from, too: fewer than planned where
+    /// `validation.patience` ended a stage.
+    steps: BTreeMap<BlockName, usize>,
 }
 
 impl Position {
@@ -146,7 +156,7 @@ impl Position {
 
     /// Stages of a variant that its finished camera has behind it.
     fn finished(&self, variant: &Variant) -> usize {
-        self.finished.get(&variant.name).copied().unwrap_or(0)
+        self.finished.get(&variant.name).map_or(0, |done| done.stages)
     }
 
     /// The first variant that has stages left.
@@ -669,7 +679,8 @@ impl DesignLoop {
             seen_windows::save(&folder, &windows)?;
         }
         observer.camera(&metrics);
-        self.position.finished.insert(variant.name.clone(), variant.stages.len());
+        let done = Done { stages: variant.stages.len(), steps: std::mem::take(&mut self.position.before) };
+        self.position.finished.insert(variant.name.clone(), done);
         self.begin_next()?;
         let losses = metrics.scores.clone();
         Ok(Step::new(SCORE, losses))
@@ -694,12 +705,8 @@ impl DesignLoop {
             let taken = taken.filter(|block| keeps_lens || block.name() != BlockName::Optics);
             load_blocks(&self.run.camera(from), taken, Kept::Numbers)?;
             // It sees other windows than those that it was trained on.
-            self.position.before = setup.task_steps_before(next);
-            for (done, block) in
-                next.stages[..stage].iter().flat_map(|s| BlockName::ALL.map(|block| (s, block)))
-            {
-                *self.position.before.entry(block).or_default() += done.task_steps_of(block);
-            }
+            let done = self.position.finished.get(from);
+            self.position.before = done.map(|done| done.steps.clone()).unwrap_or_default();
             let first = next.stages.get(stage);
             self.blocks.begin_stage(|block| first.is_some_and(|stage| stage.improves(block)));
         }

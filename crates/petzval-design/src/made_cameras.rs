@@ -23,6 +23,8 @@ pub struct TrialPlan {
     pub seed: u64,
     /// Most held-out pictures on which each is scored.
     pub pictures: usize,
+    /// Whether development knows the lens that each camera has; if not, it takes it for the lens as drawn.
+    pub is_calibrated: bool,
 }
 
 /// Scores of cameras that were made from one design, and of the design.
@@ -84,7 +86,8 @@ pub fn made_cameras(
             made.lens.with_image_distance(image_mm)
         });
         // A lens that brings no light to some part of the sensor is a failed camera.
-        let camera = lens.and_then(|lens| drawn.with_lens(lens).ok());
+        let assembled = |lens| if plan.is_calibrated { drawn.with_lens(lens) } else { drawn.made_with(lens) };
+        let camera = lens.and_then(|lens| assembled(lens).ok());
         trials.push(camera.map(|camera| score(&camera)).transpose()?);
         tick();
     }
@@ -120,7 +123,51 @@ impl MadeCameras {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
+    use petzval_camera::sensor::{Noise, NoiseMode};
+    use petzval_learn::Device;
+
     use super::*;
+    use crate::assets::Assets;
+    use crate::camera::to_host;
+    use crate::experiment::Experiment;
+    use crate::setup::Setup;
+    use crate::shots::training_shots;
+
+    #[test]
+    fn a_camera_that_was_not_calibrated_develops_the_light_of_its_lens_by_that_of_the_design() {
+        let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+        let text = "[psf]\nfields = 3\ngrid = 64\npatches = [2, 2]\npupil_cells = 16\nscoring_pupil_cells = 16\n\
+                    scoring_pupil_error = 2.0\n[network]\nbase_channels = 4\nlevels = 1\nweights = \"none\"\n\
+                    [training]\nsteps = 1\nbatch = 1\ncrop = 64\n[scoring]\nplaces_per_side = 1\ncrop = 64\n";
+        let setup = Setup::new(Experiment::parse(text).unwrap(), &assets, Device::flex()).unwrap();
+        let lens = setup.nominal().lens_file.lens.clone();
+        let drawn = setup.camera(lens.clone(), true).unwrap();
+        let defocused = lens.with_image_distance(lens.image_distance_mm() + 0.2);
+        let made = drawn.made_with(defocused.clone()).unwrap();
+        let calibrated = drawn.with_lens(defocused).unwrap();
+
+        let shots = training_shots(&setup, &drawn, 0).unwrap();
+        let noise = Noise { mode: NoiseMode::Exact, seed: 1 };
+        let take = |camera: &Camera| camera.take(&shots, &noise).unwrap();
+        let (of_made, of_calibrated) = (take(&made), take(&calibrated));
+        let host = |tensor: &burn::prelude::Tensor<4>| to_host(tensor.clone()).unwrap();
+        assert_eq!(host(&of_made.raw), host(&of_calibrated.raw));
+        assert_ne!(host(&of_made.restored.clone().unwrap()), host(&of_calibrated.restored.unwrap()));
+
+        // What it makes of its raw frames is what the camera of the design would make of them.
+        let [_, _, height, width] = of_made.raw.dims();
+        let develop = |camera: &Camera| {
+            let capture = camera.capture(&shots[0]);
+            camera.finished_raw(host(&of_made.raw), [height, width], capture).unwrap()
+        };
+        assert_eq!(develop(&made), develop(&drawn));
+        assert_ne!(develop(&made), develop(&calibrated));
+        // A lens that is not off makes the camera of the design, to the last bit.
+        let exact = take(&drawn.made_with(lens).unwrap());
+        assert_eq!(host(&exact.finished), host(&take(&drawn).finished));
+    }
 
     #[test]
     fn figures_are_those_of_the_scores_and_a_failed_camera_reaches_nothing() {

@@ -257,6 +257,10 @@ fn made_view(scores: &[ScoreDescription], made: MadeMetrics) -> MadeCameras {
         scores: scores.iter().map(|s| score(row.scores.get(&s.name))).collect(),
     });
     let focus = if made.is_refocused { ", focused again" } else { "" };
+    let knowledge = match made.is_calibrated {
+        true => "Each is calibrated: development corrects shading and blur by the lens as made.",
+        false => "None is calibrated: development corrects shading and blur by the lens as drawn.",
+    };
     let left_out = match made.left_out {
         0 => String::new(),
         n => format!(
@@ -266,7 +270,7 @@ fn made_view(scores: &[ScoreDescription], made: MadeMetrics) -> MadeCameras {
     };
     let conditions = format!(
         "{} cameras of each design with lenses made at random by their tolerances ({}){focus}, with the network or ISP that was designed for \
-         the lens as drawn. Means over {} held-out pictures, for the camera as drawn too, so that they differ from those above. The limit is \
+         the lens as drawn. {knowledge} Means over {} held-out pictures, for the camera as drawn too, so that they differ from those above. The limit is \
          the score of the first camera as drawn, unless another was given.{left_out}",
         made.trials, made.tolerances, made.pictures
     );

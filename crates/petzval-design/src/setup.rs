@@ -357,16 +357,10 @@ impl Setup {
         Ok(Blocks { optics, exposure: self.exposure(), isp: self.isp()?, network: self.network()? })
     }
 
-    /// Steps that a block has taken for the task at the end of a variant, with those of the variants that it starts from.
+    /// Steps that a block is planned to take for the task until the end of a variant, with those of the variants that it starts from.
     pub fn task_steps(&self, variant: &Variant, block: BlockName) -> usize {
-        self.task_steps_before(variant).get(&block).copied().unwrap_or(0) + variant.task_steps_of(block)
-    }
-
-    /// Steps that blocks have taken for the task before a variant begins, in the variants that it starts from.
-    pub fn task_steps_before(&self, variant: &Variant) -> BTreeMap<BlockName, usize> {
-        let find = |name: &String| self.variants.iter().find(|v| v.name == *name);
-        let Some(parent) = variant.from.as_ref().and_then(find) else { return BTreeMap::new() };
-        BlockName::ALL.into_iter().map(|block| (block, self.task_steps(parent, block))).collect()
+        let parent = variant.from.as_ref().and_then(|name| self.variants.iter().find(|v| v.name == *name));
+        parent.map_or(0, |parent| self.task_steps(parent, block)) + variant.task_steps_of(block)
     }
 
     /// Half the sensor's diagonal, mm.

@@ -526,6 +526,15 @@ fn a_stage_ends_with_the_numbers_of_its_best_validation() {
     assert_eq!(early_weights, best_weights);
     assert_eq!(fewer, losses[..least + 2]);
     assert_eq!(early[0].network_steps, least + 2);
+
+    // A camera that starts from it counts the steps that were taken, and its windows go on after theirs.
+    let child = format!("{}from = \"a\"\n{NETWORK}", variant("b", ""));
+    let root = folder.path().join("child");
+    let impatient = VALIDATION.replace("every = 2", "every = 1") + "patience = 1\n";
+    let rows = run(Experiment::parse(&format!("{TINY}{impatient}{wild}{child}")).unwrap(), &root).rows;
+    let own = validations(&root).iter().filter(|v| v.1 == "b").count();
+    assert_eq!(rows[1].network_steps, rows[0].network_steps + own);
+    assert!(rows[0].network_steps < 4);
 }
 
 #[test]

@@ -62,6 +62,9 @@ pub struct Made {
     pub pictures: usize,
     /// What is adjusted on every lens.
     pub compensate: Compensate,
+    /// Whether each camera is calibrated: development knows its lens as it was made, not only the lens as drawn.
+    #[serde(default)]
+    pub calibrate: bool,
     /// What a camera has to reach in the first score; that of the first camera as drawn if none is given, as in all other scores.
     #[serde(default)]
     pub limit: Option<f64>,
@@ -174,7 +177,8 @@ fn make(
 ) -> Result<MadeMetrics, JobError> {
     let setup = scorer.setup();
     let total = (designs.len() * made.trials) as u64;
-    let plan = TrialPlan { trials: made.trials, seed: made.seed, pictures: made.pictures };
+    let Made { trials, seed, pictures, calibrate, .. } = *made;
+    let plan = TrialPlan { trials, seed, pictures, is_calibrated: calibrate };
     let (mut limits, mut rows, mut done) = (BTreeMap::new(), Vec::new(), 0);
     let mut scores = metrics.scores.clone();
     for DesignToMake { camera: name, tolerances, .. } in designs {
@@ -218,6 +222,7 @@ fn make(
     let found = MadeMetrics {
         tolerances: made.tolerances.to_string(),
         is_refocused: made.compensate == Compensate::Focus,
+        is_calibrated: calibrate,
         left_out,
         seed: made.seed,
         trials: made.trials,

@@ -361,6 +361,7 @@ fn cameras_are_made_with_tolerances_and_scored() {
     assert_eq!(given["rows"][2]["scores"]["one_minus_lpips"]["share"], 1.0);
     let html = read(&run.join("report.html"));
     assert!(html.contains("<h2>As made</h2>") && html.contains("commercial grade"));
+    assert!(html.contains("None is calibrated"));
 
     // Errors that no camera notices leave the drawn one: the image plane stays where the design wants it.
     std::fs::write(folder.path().join("exact.toml"), "[[tolerance]]\nsurface = 1\nthickness_mm = 1e-9\n")
@@ -376,6 +377,10 @@ fn cameras_are_made_with_tolerances_and_scored() {
     std::fs::write(folder.path().join("focus.toml"), file).unwrap();
     let blurred = evaluate(&["--tolerances", "focus.toml", "--no-refocus"]);
     assert!(psnr(&blurred, 1, "drawn") - psnr(&blurred, 1, "mean") > 0.1, "{blurred}");
+    // A camera that knows its lens divides more of this blur out.
+    let calibrated = evaluate(&["--tolerances", "focus.toml", "--no-refocus", "--calibrate"]);
+    assert!(blurred["is_calibrated"] == false && calibrated["is_calibrated"] == true);
+    assert!(psnr(&calibrated, 1, "mean") > psnr(&blurred, 1, "mean") + 0.05, "{calibrated} {blurred}");
     let refocused = evaluate(&["--tolerances", "focus.toml"]);
     assert!((psnr(&refocused, 1, "drawn") - psnr(&refocused, 1, "mean")).abs() < 0.01, "{refocused}");
     run_fails(folder.path(), &["evaluate", "run", "--trials", "3"], 2, &["--tolerances"]);

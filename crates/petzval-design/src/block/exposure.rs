@@ -160,7 +160,7 @@ impl Block for ExposureBlock {
             return Ok(BTreeMap::new());
         }
         let (losses, gradient) = self.gradient(batch)?;
-        self.progress.way.step(&mut self.places, &gradient, rule);
+        self.progress.way.step_within_ranges(&mut self.places, &gradient, rule);
         Ok(losses)
     }
 

@@ -94,8 +94,8 @@ impl IspBlock {
             let camera = batch.camera.with_chip(ChipValues::Exact(self.values_at(point)));
             let frames = camera.take(batch.shots, &batch.noise)?;
             let losses = named(&(batch.loss)(&camera, &frames, batch.shots)?);
-            let away: f64 = point.iter().zip(&self.progress.way.anchor).map(|(p, a)| (p - a).powi(2)).sum();
-            Ok(Some(PointScore { value: losses["total"] + 0.5 * rule.proximal * away, losses }))
+            let value = losses["total"] + self.progress.way.proximal_term(point, rule);
+            Ok(Some(PointScore { value, losses }))
         })?;
         (self.places, self.progress.search) = (places, search);
         Ok(losses)
@@ -217,7 +217,7 @@ impl Block for IspBlock {
         };
         let (mut losses, gradient) = self.gradient(batch)?;
         losses.extend(figures);
-        self.progress.way.step(&mut self.places, &gradient, rule);
+        self.progress.way.step_within_ranges(&mut self.places, &gradient, rule);
         Ok(losses)
     }
 

@@ -166,35 +166,54 @@ pub trait Block {
     fn load_progress(&mut self, state: &BlockState) -> Result<(), String>;
 }
 
-/// How far places in ranges, 0..1, have come in a stage.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// How far free numbers have come in a stage.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Way {
+    /// Moments of the gradient.
     adam: Adam,
-    /// The places at the start of the stage: the centre of the proximal term.
+    /// The numbers at the start of the stage: the centre of the proximal term.
     anchor: Vec<f64>,
 }
 
 impl Way {
-    fn from(places: &[f64]) -> Self {
-        Self { adam: Adam::default(), anchor: places.to_vec() }
+    fn from(numbers: &[f64]) -> Self {
+        Self { adam: Adam::default(), anchor: numbers.to_vec() }
     }
 
-    /// A step of Adam and of the proximal term, which ends within the ranges. A gradient that is not finite makes the first place so.
-    fn step(&mut self, places: &mut [f64], gradient: &[f64], rule: StepRule) {
+    /// A step of Adam and of the proximal term. A gradient that is not finite must not reach the moments: it makes the first number so instead.
+    fn step(&mut self, numbers: &mut [f64], gradient: &[f64], rule: StepRule) {
         if !gradient.iter().all(|g| g.is_finite()) {
-            places[0] = f64::NAN;
+            numbers[0] = f64::NAN;
             return;
         }
-        self.adam.step(places, gradient, rule.rate);
+        self.adam.step(numbers, gradient, rule.rate);
+        self.pull_to_anchor(numbers, rule);
+    }
+
+    /// The same for places in ranges, 0..1, which it does not leave.
+    fn step_within_ranges(&mut self, places: &mut [f64], gradient: &[f64], rule: StepRule) {
+        self.step(places, gradient, rule);
+        places.iter_mut().for_each(|place| *place = place.clamp(0.0, 1.0));
+    }
+
+    /// The proximal map.
+    fn pull_to_anchor(&self, numbers: &mut [f64], rule: StepRule) {
         let strength = rule.rate * rule.proximal;
-        for (place, anchor) in places.iter_mut().zip(&self.anchor) {
-            *place = ((*place + strength * anchor) / (1.0 + strength)).clamp(0.0, 1.0);
+        if strength > 0.0 {
+            let pairs = numbers.iter_mut().zip(&self.anchor);
+            pairs.for_each(|(x, anchor)| *x = (*x + strength * anchor) / (1.0 + strength));
         }
     }
 
-    /// Whether it is that of so many places.
-    fn fits(&self, places: usize) -> bool {
-        self.anchor.len() == places && self.adam.fits(places)
+    /// The proximal term of numbers.
+    fn proximal_term(&self, numbers: &[f64], rule: StepRule) -> f64 {
+        let away: f64 = numbers.iter().zip(&self.anchor).map(|(x, anchor)| (x - anchor).powi(2)).sum();
+        0.5 * rule.proximal * away
+    }
+
+    /// Whether it is that of so many numbers.
+    fn fits(&self, numbers: usize) -> bool {
+        self.anchor.len() == numbers && self.adam.fits(numbers)
     }
 }
 

@@ -1,6 +1,7 @@
 //! The lens as a block: the free coordinates of its design space, moved by Adam, by the curvature of the loss as lifted to the rays, by
 //! CMA-ES, or at random.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -15,8 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use super::generations::{FirstGeneration, Generations, PointScore};
 use super::lifted::Lifted;
-use super::{Batch, Block, BlockName, BlockState, StepMethod, StepRule, backward, named, parsed};
-use crate::adam::Adam;
+use super::{Batch, Block, BlockName, BlockState, StepMethod, StepRule, Way, backward, named, parsed};
 use crate::camera::{ByLens, Camera, Shot, to_host};
 use crate::error::DesignError;
 use crate::lens_sampler::LensSampler;
@@ -84,26 +84,30 @@ struct Slopes {
 /// How far a stage has come, beside the coordinates.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Progress {
-    /// Moments of the gradient.
-    adam: Adam,
+    #[serde(flatten)]
+    way: Way,
     /// Averages of gradient and curvature, of a stage by the lifted loss.
     #[serde(default)]
     lifted: Lifted,
     /// The search of a stage without a gradient.
     #[serde(default)]
     search: Generations,
-    /// The coordinates at the start of the stage: the centre of the proximal term.
-    anchor: Vec<f64>,
     /// The coordinates that the last random step drew, which are forgotten when the stage ends.
     #[serde(default)]
     drawn: Option<Vec<f64>>,
+}
+
+impl Progress {
+    fn from(x: &[f64]) -> Self {
+        Self { way: Way::from(x), ..Self::default() }
+    }
 }
 
 impl OpticsBlock {
     /// The lens from which a design starts.
     pub fn new(start: Arc<Start>, constraint_weight: f64) -> Self {
         let x = start.space.start().to_vec();
-        let progress = Progress { anchor: x.clone(), ..Progress::default() };
+        let progress = Progress::from(&x);
         let (field, earlier, errors, lowered) = (FieldOfView::Held, Vec::new(), Vec::new(), Vec::new());
         Self { start, constraint_weight, field, progress, x, earlier, errors, lowered }
     }
@@ -305,7 +309,7 @@ impl OpticsBlock {
         let half: Vec<f64> = slopes.iter().map(|s| 0.5 * s).collect();
         let before = self.x.clone();
         self.progress.lifted.step(&mut self.x, &half, &curvature, rule.rate);
-        self.pull_to_anchor(rule);
+        self.progress.way.pull_to_anchor(&mut self.x, rule);
         self.lowered = first_order_decrease(&slopes, &before, &self.x);
         Ok(losses)
     }
@@ -328,8 +332,8 @@ impl OpticsBlock {
             let frames = camera.take(&shots, &batch.noise)?;
             let mut losses = named(&(batch.loss)(&camera, &frames, &shots)?);
             let penalty_mm2: f64 = violations.iter().map(|(square, _)| square).sum();
-            let away: f64 = x.iter().zip(&self.progress.anchor).map(|(x, a)| (x - a).powi(2)).sum();
-            let value = losses[TOTAL] + self.constraint_weight * penalty_mm2 + 0.5 * rule.proximal * away;
+            let proximal = self.progress.way.proximal_term(&x, rule);
+            let value = losses[TOTAL] + self.constraint_weight * penalty_mm2 + proximal;
             losses.insert(PENALTY.to_owned(), penalty_mm2);
             Ok(Some(PointScore { value, losses }))
         })?;
@@ -348,29 +352,6 @@ impl OpticsBlock {
         let sampler = LensSampler::new(self.start.clone(), self.start.plan().clone(), batch.noise.seed);
         self.progress.drawn = Some(sampler.about(centre, reach).coordinates(number)?);
         Ok(())
-    }
-
-    /// The proximal map.
-    fn pull_to_anchor(&mut self, rule: StepRule) {
-        let strength = rule.rate * rule.proximal;
-        if strength > 0.0 {
-            let pairs = self.x.iter_mut().zip(&self.progress.anchor);
-            pairs.for_each(|(x, a)| *x = (*x + strength * *a) / (1.0 + strength));
-        }
-    }
-
-    /// One step of Adam and the proximal map. A gradient that is no number must not reach the moments: it shows in the
-    /// coordinates instead.
-    fn descend(&mut self, gradient: &[f64], rule: StepRule) {
-        let Self { x, progress: Progress { adam, .. }, .. } = self;
-        if !gradient.iter().all(|g| g.is_finite()) {
-            x[0] = f64::NAN;
-            return;
-        }
-        let before = x.clone();
-        adam.step(x, gradient, rule.rate);
-        self.pull_to_anchor(rule);
-        self.lowered = first_order_decrease(gradient, &before, &self.x);
     }
 }
 
@@ -394,14 +375,16 @@ fn unless_dark<T>(result: Result<T, DesignError>) -> Result<Option<T>, DesignErr
 }
 
 /// The scenes of a batch as another camera sees them: those that were made for the light of the batch's camera follow that of its lens.
-fn seen_by(camera: &Camera, batch: &Batch) -> Vec<Shot> {
-    let is_made_for_light = camera.body().same_time.is_some_and(|same| !same.is_normalised);
+fn seen_by<'s>(camera: &Camera, batch: &Batch<'s>) -> Cow<'s, [Shot]> {
+    if camera.body().same_time.is_none_or(|same| same.is_normalised) {
+        return Cow::Borrowed(batch.shots);
+    }
     let brighter = (camera.light() / batch.camera.light()) as f32;
     let mut shots = batch.shots.to_vec();
-    for shot in shots.iter_mut().filter(|shot| is_made_for_light && shot.follows_light) {
+    for shot in shots.iter_mut().filter(|shot| shot.follows_light) {
         shot.scene.data.iter_mut().for_each(|v| *v *= brighter);
     }
-    shots
+    Cow::Owned(shots)
 }
 
 /// By how much a step lowered the loss to first order, by coordinate: `-dL/dx dx`.
@@ -432,7 +415,7 @@ impl Block for OpticsBlock {
         if is_moving {
             self.x = self.start.space.off_bounds(&self.x);
         }
-        self.progress = Progress { anchor: self.x.clone(), ..Progress::default() };
+        self.progress = Progress::from(&self.x);
     }
 
     fn step(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>, DesignError> {
@@ -446,7 +429,9 @@ impl Block for OpticsBlock {
             }
             _ => {
                 let (losses, gradient) = self.gradient(batch)?;
-                self.descend(&gradient, rule);
+                let before = self.x.clone();
+                self.progress.way.step(&mut self.x, &gradient, rule);
+                self.lowered = first_order_decrease(&gradient, &before, &self.x);
                 losses
             }
         };
@@ -496,9 +481,8 @@ impl Block for OpticsBlock {
         let progress: Progress = parsed(state, PROGRESS)?;
         let free = self.x.len();
         let drawn_fits = progress.drawn.iter().all(|x| x.len() == free);
-        let moments_fit =
-            progress.adam.fits(free) && progress.lifted.fits(free) && progress.search.fits(free);
-        if progress.anchor.len() != free || !moments_fit || !drawn_fits {
+        let fits = progress.way.fits(free) && progress.lifted.fits(free) && progress.search.fits(free);
+        if !fits || !drawn_fits {
             return Err(format!("{PROGRESS}: {OTHER_VARIABLES}"));
         }
         self.progress = progress;

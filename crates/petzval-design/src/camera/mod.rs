@@ -103,19 +103,54 @@ pub struct PsfErrors {
     pub blend: f64,
 }
 
+/// PSFs, and the kernels of all patches of a sensor that are made of them when the first picture needs them.
+#[derive(Clone)]
+struct Optics {
+    psfs: Arc<Psfs>,
+    kernels: Arc<OnceLock<Option<Arc<PatchKernels>>>>,
+}
+
 /// A camera.
 #[derive(Clone)]
 pub struct Camera {
     body: Arc<Body>,
-    psfs: Arc<Psfs>,
+    /// What forms its images.
+    optics: Optics,
+    /// What development takes its optics for, in a camera that was made and not calibrated; none where it knows them.
+    taken_for: Option<Optics>,
     /// Brightness of the image, in units of that of [`SameTime`]; 1 without it.
     light: f64,
     border: usize,
-    /// The kernels of all patches, made when the first picture is taken.
-    kernels: Arc<OnceLock<Option<Arc<PatchKernels>>>>,
     network: Option<Rc<dyn PictureNetwork>>,
     chip: Option<ChipValues>,
     psf_errors: Option<PsfErrors>,
+}
+
+impl Optics {
+    fn leaves(&self, device: &Device) -> PsfLeaves {
+        PsfLeaves::new(self.psfs.bank(), device)
+    }
+
+    /// The kernels of all patches, which reach as far as `border` pixels; none where they would be too large to keep.
+    fn kernels(
+        &self,
+        geometry: &RenderGeometry,
+        border: usize,
+    ) -> Result<Option<Arc<PatchKernels>>, DesignError> {
+        if let Some(kernels) = self.kernels.get() {
+            return Ok(kernels.clone());
+        }
+        let bank = self.psfs.bank();
+        let values = geometry.patch_count() * 3 * (2 * border + 1).pow(2);
+        let kernels = match values <= MOST_KERNEL_VALUES {
+            true => {
+                let all = vec![true; geometry.patch_count()];
+                Some(Arc::new(patch_kernels(geometry, &bank.layout(), &bank.values, &all)?))
+            }
+            false => None,
+        };
+        Ok(self.kernels.get_or_init(|| kernels).clone())
+    }
 }
 
 /// What a camera makes of raw frames.
@@ -169,10 +204,11 @@ impl Camera {
     /// A camera without a network.
     pub fn new(body: Arc<Body>, psfs: Arc<Psfs>) -> Result<Self, DesignError> {
         let border = kernel_radius(&body.geometry, &psfs.bank().layout())?;
-        let (kernels, network, chip, psf_errors) = (Arc::default(), None, None, None);
-        let camera = Self { body, psfs, light: 1.0, border, kernels, network, chip, psf_errors };
+        let optics = Optics { psfs, kernels: Arc::default() };
+        let (taken_for, network, chip, psf_errors) = (None, None, None, None);
+        let camera = Self { body, optics, taken_for, light: 1.0, border, network, chip, psf_errors };
         let Some(same) = camera.body.same_time else { return Ok(camera) };
-        let lens = camera.psfs.lens().ok_or(DesignError::NoLens)?;
+        let lens = camera.psfs().lens().ok_or(DesignError::NoLens)?;
         let light = image_brightness(&lens.at_wavelength(lens.reference_um)) / same.brightness;
         let white_e = same.white_e * if same.is_normalised { light as f32 } else { 1.0 };
         let exposed = camera.with_exposure(Exposure { white_e, ..camera.body.exposure });
@@ -181,10 +217,21 @@ impl Camera {
 
     /// The same camera with another lens, whose PSFs are traced as those of this one; how exact they are is not known.
     pub fn with_lens(&self, lens: Lens) -> Result<Self, DesignError> {
-        let plan = self.psfs.plan().ok_or(DesignError::NoLens)?.clone();
+        let plan = self.psfs().plan().ok_or(DesignError::NoLens)?.clone();
         let psfs = PsfSource::Traced { lens: Box::new(lens), plan }.psfs()?;
         let bare = Self::new(self.body.clone(), Arc::new(psfs))?;
         Ok(Self { network: self.network.clone(), chip: self.chip.clone(), ..bare })
+    }
+
+    /// A camera that was made from this design with a lens that is off, and not calibrated: its images are those of `lens`, and development
+    /// corrects shading and blur by the lens of the design. Its exposure is metered, so that brightness follows the lens that it has.
+    pub fn made_with(&self, lens: Lens) -> Result<Self, DesignError> {
+        Ok(Self { taken_for: Some(self.known().clone()), ..self.with_lens(lens)? })
+    }
+
+    /// The optics by which development corrects.
+    fn known(&self) -> &Optics {
+        self.taken_for.as_ref().unwrap_or(&self.optics)
     }
 
     /// The same camera, whose PSFs are known to have these errors.
@@ -252,7 +299,7 @@ impl Camera {
 
     /// The PSFs, with what their gradient needs.
     pub fn psfs(&self) -> &Psfs {
-        &self.psfs
+        &self.optics.psfs
     }
 
     /// Pixels of scene that the PSF reaches into around a window.
@@ -260,33 +307,17 @@ impl Camera {
         self.border
     }
 
-    /// The kernels of all patches; none where they would be too large to keep.
-    fn kernels(&self) -> Result<Option<Arc<PatchKernels>>, DesignError> {
-        if let Some(kernels) = self.kernels.get() {
-            return Ok(kernels.clone());
-        }
-        let (geometry, bank) = (&self.body.geometry, self.psfs.bank());
-        let values = geometry.patch_count() * 3 * (2 * self.border + 1).pow(2);
-        let kernels = match values <= MOST_KERNEL_VALUES {
-            true => {
-                let all = vec![true; geometry.patch_count()];
-                Some(Arc::new(patch_kernels(geometry, &bank.layout(), &bank.values, &all)?))
-            }
-            false => None,
-        };
-        Ok(self.kernels.get_or_init(|| kernels).clone())
-    }
-
     /// The same camera, whose kernels are still to be made.
     pub(crate) fn without_kernels(&self) -> Self {
-        Self { kernels: Arc::default(), ..self.clone() }
+        let anew = |optics: &Optics| Optics { psfs: optics.psfs.clone(), kernels: Arc::default() };
+        Self { optics: anew(&self.optics), taken_for: self.taken_for.as_ref().map(anew), ..self.clone() }
     }
 
     /// Takes a batch of shots of one size: light, raw frames, developed, restored and finished pictures.
     ///
     /// The graph of the frames leads to the weights of a network that is tracked, and no further.
     pub fn take(&self, shots: &[Shot], noise: &Noise) -> Result<Frames, DesignError> {
-        self.take_through(&PsfLeaves::new(self.psfs.bank(), &self.body.device), shots, noise)
+        self.take_through(&self.optics.leaves(&self.body.device), shots, noise)
     }
 
     /// [`Camera::take`] with a graph that leads to the PSFs, which are returned as leaf tensors.
@@ -295,7 +326,7 @@ impl Camera {
         shots: &[Shot],
         noise: &Noise,
     ) -> Result<(Frames, PsfLeaves), DesignError> {
-        let leaves = PsfLeaves::new(self.psfs.bank(), &self.body.device).tracked();
+        let leaves = self.optics.leaves(&self.body.device).tracked();
         Ok((self.take_through(&leaves, shots, noise)?, leaves))
     }
 
@@ -304,7 +335,13 @@ impl Camera {
         let (irradiance, illumination) = self.image(psfs, shots)?;
         let captures: Vec<Capture> = shots.iter().map(|s| self.capture(s)).collect();
         let kept: Vec<Window> = shots.iter().map(|s| self.kept(s)).collect();
-        self.expose(psfs, [irradiance, illumination], &captures, &kept, noise)
+        let Some(taken_for) = &self.taken_for else {
+            return self.expose(psfs, [irradiance, illumination], &captures, &kept, noise);
+        };
+        let psfs = taken_for.leaves(&self.body.device);
+        let placements: Vec<Placement> = shots.iter().map(|s| s.placement).collect();
+        let illumination = self.illumination(taken_for, &psfs, &placements, self.exposed(shots))?;
+        self.expose(&psfs, [irradiance, illumination], &captures, &kept, noise)
     }
 
     /// Takes one frame of light that lies on the pixels already, such as light that was simulated over the spectrum; three
@@ -318,8 +355,8 @@ impl Camera {
         let LinearImage { channels, height, width, .. } = *light;
         let device = &self.body.device;
         let data = TensorData::new(light.data.clone(), [1, channels, height, width]);
-        let psfs = PsfLeaves::new(self.psfs.bank(), device);
-        let illumination = self.illumination(&psfs, &[capture.placement], [height, width])?;
+        let psfs = self.known().leaves(device);
+        let illumination = self.illumination(self.known(), &psfs, &[capture.placement], [height, width])?;
         let kept = Window { placement: capture.placement, height, width };
         let light = [Tensor::from_data(data, device), illumination];
         self.expose(&psfs, light, &[capture], &[kept], noise)
@@ -357,8 +394,8 @@ impl Camera {
         capture: Capture,
     ) -> Result<LinearImage, DesignError> {
         let device = &self.body.device;
-        let psfs = PsfLeaves::new(self.psfs.bank(), device);
-        let illumination = self.illumination(&psfs, &[capture.placement], [height, width])?;
+        let psfs = self.known().leaves(device);
+        let illumination = self.illumination(self.known(), &psfs, &[capture.placement], [height, width])?;
         let raw = Tensor::from_data(TensorData::new(dn, [1, 1, height, width]), device);
         let whole = Window { placement: capture.placement, height, width };
         let finished = self.process(&psfs, &raw, &illumination, &[capture], &[whole])?.finished;
@@ -376,7 +413,7 @@ impl Camera {
     ) -> Result<Processed, DesignError> {
         // Development turns them back into light, balances white and lifts the dim corners.
         let developed = self.develop(raw.clone(), illumination.clone(), captures)?;
-        // The camera's own PSFs tell what the lens has blurred, and restoration divides it out.
+        // The PSFs of the lens, or of what it is taken for, tell what it has blurred, and restoration divides it out.
         let restored = self.restore(psfs, developed.clone(), captures)?;
         // A hardware ISP makes its picture of the raw frame.
         let by_chip = self.by_chip(raw, illumination, captures)?;
@@ -397,14 +434,15 @@ impl Camera {
         psfs: &PsfLeaves,
         shots: &[Shot],
     ) -> Result<(Tensor<4>, Tensor<4>), DesignError> {
-        let (layout, geometry) = (self.psfs.bank().layout(), &self.body.geometry);
+        let (layout, geometry) = (self.psfs().bank().layout(), &self.body.geometry);
         let [height, width] = self.exposed(shots);
         let scenes =
             shots.iter().map(|s| PlacedScene { scene: s.scene.clone(), placement: s.placement }).collect();
         let placements: Vec<Placement> = shots.iter().map(|s| s.placement).collect();
         let (values, radius_mm) = (psfs.values.clone(), psfs.radius_mm.clone());
-        let blurred = render_op(values, radius_mm, &layout, geometry, self.kernels()?, scenes)?;
-        let illumination = self.illumination(psfs, &placements, [height, width])?;
+        let kernels = self.optics.kernels(geometry, self.border)?;
+        let blurred = render_op(values, radius_mm, &layout, geometry, kernels, scenes)?;
+        let illumination = self.illumination(&self.optics, psfs, &placements, [height, width])?;
         let irradiance = blurred * illumination.clone();
         let Some(same) = self.body.same_time else { return Ok((irradiance, illumination)) };
         // Where the time is the same, a lens that moves changes the light of all pixels; development knows that if it normalises.
@@ -416,14 +454,15 @@ impl Camera {
         Ok((irradiance * light, calibration))
     }
 
-    /// Relative illumination of the pixels of windows.
+    /// Relative illumination of the pixels of windows, by the optics whose PSFs these are.
     fn illumination(
         &self,
+        optics: &Optics,
         psfs: &PsfLeaves,
         placements: &[Placement],
         [height, width]: [usize; 2],
     ) -> Result<Tensor<4>, DesignError> {
-        let (layout, geometry) = (self.psfs.bank().layout(), &self.body.geometry);
+        let (layout, geometry) = (optics.psfs.bank().layout(), &self.body.geometry);
         let (table, radius_mm) = (psfs.illumination.clone(), psfs.radius_mm.clone());
         Ok(illumination_op(table, radius_mm, &layout, geometry, placements, height, width)?)
     }
@@ -455,11 +494,12 @@ impl Camera {
             Tensor::from_data(curves, &self.body.device)
         };
         let curves = self.network.as_ref().and_then(|n| n.curves()).unwrap_or_else(fixed);
+        let known = self.known();
         let restoration = Restoration {
             wiener,
-            layout: self.psfs.bank().layout(),
+            layout: known.psfs.bank().layout(),
             geometry: self.body.geometry.clone(),
-            ready: self.kernels()?,
+            ready: known.kernels(&self.body.geometry, self.border)?,
             placements: captures.iter().map(|c| c.placement).collect(),
         };
         let (values, radius_mm) = (psfs.values.clone(), psfs.radius_mm.clone());

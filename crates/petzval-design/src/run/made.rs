@@ -15,6 +15,9 @@ pub struct MadeMetrics {
     pub tolerances: String,
     /// Whether the image plane of every lens was set anew.
     pub is_refocused: bool,
+    /// Whether development knew the lens of every camera; if not, it took it for the lens as drawn.
+    #[serde(default = "known")]
+    pub is_calibrated: bool,
     /// How many tolerances were left out, because the lens would lose its symmetry.
     pub left_out: usize,
     /// Seed of the random lenses.
@@ -29,6 +32,11 @@ pub struct MadeMetrics {
     pub limits: BTreeMap<String, f64>,
     /// One row a design.
     pub rows: Vec<MadeRow>,
+}
+
+/// What cameras were before there was a choice.
+fn known() -> bool {
+    true
 }
 
 /// Random cameras of one design.

@@ -39,6 +39,9 @@ pub struct Args {
     /// Leave the image plane where the tolerances put it
     #[arg(long, requires = "tolerances")]
     no_refocus: bool,
+    /// Calibrate each camera: shading and blur are corrected by its lens as it was made, in place of the lens as drawn
+    #[arg(long, requires = "tolerances")]
+    calibrate: bool,
     /// What a camera has to reach in the first score [default: what the first camera reaches as drawn]
     #[arg(long, value_name = "SCORE", requires = "tolerances")]
     limit: Option<f64>,
@@ -58,6 +61,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         seed: args.seed,
         pictures: args.pictures,
         compensate: if args.no_refocus { Compensate::None } else { Compensate::Focus },
+        calibrate: args.calibrate,
         limit: args.limit,
     });
     let request =
@@ -111,5 +115,9 @@ fn print_made(made: &MadeMetrics) {
             );
         }
     }
-    println!("{} cameras of each design, {} held-out pictures each", made.trials, made.pictures);
+    let calibrated = if made.is_calibrated { "each calibrated" } else { "none calibrated" };
+    println!(
+        "{} cameras of each design, {calibrated}, {} held-out pictures each",
+        made.trials, made.pictures
+    );
 }
