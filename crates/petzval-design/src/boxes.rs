@@ -78,7 +78,7 @@ mod tests {
         let at = |x1: f32| BBox::new(x1, 5.0, x1 + 6.0, 15.0);
         let truth = Truth {
             objects: vec![Object { bbox: at(1.0), class: 0 }, Object { bbox: at(10.0), class: 1 }],
-            ignored: Vec::new(),
+            ..Truth::default()
         };
         let found = |x1: f32, class, score| Detection { bbox: at(x1), class, score };
         let found = [found(1.0, 0, 0.9), found(10.0, 0, 0.9), found(20.0, 1, 0.9), found(24.0, 1, 0.1)];
@@ -87,6 +87,9 @@ mod tests {
         assert_eq!([colour(1), colour(10), colour(20)], [RIGHT, OTHER_CLASS, FALSE_ALARM]);
         assert_eq!([colour(3), colour(29)], [[0.0; 3]; 2]);
         // Boxes beyond the picture are drawn as far as they go.
-        with_truth(&picture, &Truth { objects: vec![], ignored: vec![BBox::new(-50.0, -9.0, 90.0, 99.0)] });
+        with_truth(
+            &picture,
+            &Truth { ignored: vec![BBox::new(-50.0, -9.0, 90.0, 99.0)], ..Truth::default() },
+        );
     }
 }

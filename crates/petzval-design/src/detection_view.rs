@@ -90,6 +90,8 @@ impl Seen<'_> {
     fn lost(&self) -> LostObjects {
         let mut lost = LostObjects::default();
         for window in &self.windows {
+            lost.objects += window.truth.beside.len();
+            lost.beside += window.truth.beside.len();
             for object in &window.truth.objects {
                 lost.objects += 1;
                 match window.lost_at(object) {

@@ -125,6 +125,7 @@ mod tests {
             truth: Truth {
                 objects: vec![object(0.0, 0), object(20.0, 1), object(40.0, 0), object(60.0, 1)],
                 ignored: vec![BBox::new(100.0, 0.0, 200.0, 100.0)],
+                ..Truth::default()
             },
             found: [
                 vec![found(0.0, 0, 0.9), found(20.0, 1, 0.9), found(40.0, 0, 0.9)],

@@ -251,7 +251,7 @@ fn a_detectors_loss_has_its_gradient_by_the_lens() {
         placement: Placement { row, col },
         kept: None,
         frame: 0,
-        truth: Truth { objects: objects.to_vec(), ignored: Vec::new() },
+        truth: Truth { objects: objects.to_vec(), ..Truth::default() },
         follows_light: true,
     };
     let shots = [shot(100, 200), shot(1000, 1700)];

@@ -31,7 +31,7 @@ fn pictures(count: usize, seed: u64, device: &Device) -> (Tensor<4>, Vec<Truth>)
         let [x1, y1, x2, y2] = [left, top, left + width, top + height].map(|v| v as f32);
         truths.push(Truth {
             objects: vec![Object { bbox: BBox::new(x1, y1, x2, y2), class }],
-            ignored: vec![],
+            ..Truth::default()
         });
     }
     (Tensor::from_data(TensorData::new(values, [count, 3, SIDE, SIDE]), device), truths)
@@ -100,7 +100,7 @@ fn pictures_without_objects_and_regions_that_are_ignored_give_finite_losses() {
     let device = Device::flex().autodiff();
     let (seen, _) = pictures(2, 5, &device);
     let everything = vec![BBox::new(0.0, 0.0, SIDE as f32, SIDE as f32)];
-    let truths = [Truth::default(), Truth { objects: vec![], ignored: everything }];
+    let truths = [Truth::default(), Truth { ignored: everything, ..Truth::default() }];
     for kind in [DetectorKind::FasterRcnn, DetectorKind::Fcos] {
         let detector = kind.init(BackboneKind::Small, 2, 3, &device).unwrap();
         let loss = detector.loss(seen.clone(), &truths, 9).unwrap();

@@ -8,7 +8,7 @@ use crate::object::{Object, ObjectKind};
 use crate::pose::Pose;
 use crate::projection::Projection;
 use crate::street::Street;
-use crate::vector::Frame;
+use crate::vector::{Frame, Vec3};
 
 /// A picture of a window.
 #[derive(Clone, Debug, PartialEq)]
@@ -60,25 +60,34 @@ pub struct NearObject {
     pub lamp: Option<LampState>,
 }
 
-/// Objects with more of their outline than this beside or behind the camera have no box.
+/// Cosine of the widest angle at which outlines are projected: what lies further beside the camera, or behind it, counts as if it lay there.
 const LEAST_COSINE: f64 = 0.1;
 
 impl Object {
-    /// The box of its outline in sensor pixels; `None` if part of it is beside or behind the camera.
+    /// The box of its outline in sensor pixels; `None` if all of it is beside or behind the camera.
     pub(crate) fn whole_box(&self, projection: &Projection, camera: &Frame) -> Option<[f64; 4]> {
         let inverse = camera.inverse();
         let mut whole = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
-        for part in &self.parts {
-            for p in part.outline(camera.origin) {
-                let ([x, y], cosine) = projection.pixel(inverse.point(p));
-                if cosine < LEAST_COSINE {
-                    return None;
-                }
-                whole = [whole[0].min(x), whole[1].min(y), whole[2].max(x), whole[3].max(y)];
+        let mut is_in_front = false;
+        for p in self.parts.iter().flat_map(|part| part.outline(camera.origin)) {
+            let v = inverse.point(p);
+            let (mut place, cosine) = projection.pixel(v);
+            match cosine < LEAST_COSINE {
+                true => place = projection.pixel(turned_to_front(v)).0,
+                false => is_in_front = true,
             }
+            let [x, y] = place;
+            whole = [whole[0].min(x), whole[1].min(y), whole[2].max(x), whole[3].max(y)];
         }
-        Some(whole)
+        is_in_front.then_some(whole)
     }
+}
+
+/// The direction on the same side of the camera at the widest angle.
+fn turned_to_front(v: Vec3) -> Vec3 {
+    let across = v.x.hypot(v.y).max(f64::MIN_POSITIVE);
+    let sine = (1.0 - LEAST_COSINE * LEAST_COSINE).sqrt();
+    Vec3 { x: sine * v.x / across, y: sine * v.y / across, z: LEAST_COSINE }
 }
 
 /// The common area of two boxes.
@@ -110,6 +119,19 @@ impl Street {
         let mut all: Vec<NearObject> = self.objects.iter().filter_map(near).collect();
         all.sort_by_key(|object| object.id);
         Ok(all)
+    }
+
+    /// The box `[x1, y1, x2, y2]` of all of a labelled object in sensor pixels, also where it lies beside the sensor. `None` if the street has no
+    /// such object, or if all of it is beside or behind the camera.
+    pub fn box_of(
+        &self,
+        projection: &Projection,
+        pose: &Pose,
+        id: u64,
+    ) -> Result<Option<[f64; 4]>, StreetError> {
+        pose.check()?;
+        let object = self.objects.iter().find(|object| object.kind.is_some() && object.id == id);
+        Ok(object.and_then(|object| object.whole_box(projection, &pose.frame())))
     }
 }
 

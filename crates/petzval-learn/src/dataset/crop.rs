@@ -122,7 +122,7 @@ pub fn training_crop(
 }
 
 /// First pixel of a crop centred at `centre`, moved inside the sensor.
-fn around(centre: usize, crop: usize, sensor: usize) -> usize {
+pub(super) fn around(centre: usize, crop: usize, sensor: usize) -> usize {
     centre.saturating_sub(crop / 2).min(sensor - crop)
 }
 

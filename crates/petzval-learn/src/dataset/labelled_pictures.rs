@@ -14,7 +14,8 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
-use super::labelled_window::{LEAST_INSIDE, inside};
+use super::crop::around;
+use super::labelled_window::{LARGEST_SHARE, LEAST_INSIDE, drawn_by_class, inside};
 use super::{CropPlan, DatasetError, LabelledWindow, List, Wanted};
 use crate::detection::{BBox, Object, Truth};
 use crate::score::detection::light_state;
@@ -270,7 +271,8 @@ impl LabelledPictures {
         &self.picture(list, window).sequence
     }
 
-    /// Window `number` of `of` of a list: of the pictures in turn, at a place that depends on the number alone, anywhere on the sensor.
+    /// Window `number` of `of` of a list: of the pictures in turn, on an object that fits into it, of every class as often as of the others, or
+    /// anywhere in the picture; at a place anywhere on the sensor. Both places depend on the number alone.
     pub fn window(
         &self,
         how: &PictureWindows,
@@ -283,24 +285,27 @@ impl LabelledPictures {
         let mut random = ChaCha8Rng::seed_from_u64(how.seed ^ 0x91c2_77e0_53aa_8b1d);
         random.set_stream(3 * number + list as u64);
         let size = [light.height, light.width];
-        let large = |o: &&Object| f64::from(o.bbox.width().max(o.bbox.height())) >= how.least_side_px;
-        let wanted: Vec<&Object> = picture.truth.objects.iter().filter(large).collect();
-        let on_object = random.random_bool(how.on_objects) && !wanted.is_empty();
-        let (pick, within): (f64, [f64; 2]) = (random.random(), random.random());
-        let middle = match on_object {
-            true => {
-                let [x, y] = wanted[(pick * wanted.len() as f64) as usize].bbox.centre().map(f64::from);
+        let sides = how.least_side_px..LARGEST_SHARE * crops.crop as f64;
+        let fits = |o: &&Object| sides.contains(&f64::from(o.bbox.width().max(o.bbox.height())));
+        let wanted = picture.truth.objects.iter().filter(fits).map(|o| (o.class, o));
+        let is_on_object = random.random_bool(how.on_objects);
+        let object = if is_on_object { drawn_by_class(wanted, &mut random) } else { None };
+        let within: [f64; 2] = random.random();
+        let middle = match object {
+            Some(object) => {
+                let [x, y] = object.bbox.centre().map(f64::from);
                 let off = within.map(|share| (share - 0.5) * 0.5 * crops.crop as f64);
                 [y + off[0], x + off[1]]
             }
-            false => [within[0] * size[0] as f64, within[1] * size[1] as f64],
+            None => [within[0] * size[0] as f64, within[1] * size[1] as f64],
         };
         let first: [usize; 2] = std::array::from_fn(|i| {
             let most = size[i].saturating_sub(crops.crop) as f64;
             (middle[i] - 0.5 * crops.crop as f64).clamp(0.0, most) as usize
         });
-        let sensor = [crops.sensor_rows, crops.sensor_columns];
-        let at: [usize; 2] = std::array::from_fn(|i| random.random_range(0..=sensor[i] - crops.crop));
+        // Anywhere on the sensor, its corners included.
+        let at = [crops.sensor_rows, crops.sensor_columns]
+            .map(|side| around(random.random_range(0..side), crops.crop, side));
         let exposed = crops.exposed_at(at[0], at[1]);
         // The first pixel of the window, with its border, in the picture; beyond the picture its edge is repeated.
         let corner = [at[0] - exposed.0, at[1] - exposed.1].map(|inset| inset + crops.margin);

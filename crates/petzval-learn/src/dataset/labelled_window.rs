@@ -13,6 +13,9 @@ use crate::detection::{BBox, Object, Truth};
 /// Brightest light that is kept, in units of white; sensors are full long before.
 const BRIGHTEST: f32 = 6e4;
 
+/// A window is placed on objects whose longer side is at most this share of its own.
+pub(super) const LARGEST_SHARE: f64 = 0.7;
+
 /// Least share of an object inside a window for it to be asked for.
 pub(super) const LEAST_INSIDE: f64 = 0.4;
 
@@ -142,16 +145,15 @@ impl LabelledWindow {
         planes.chunks_exact_mut(self.side).for_each(<[f16]>::reverse);
         let width = crop as f32;
         let flip = |b: BBox| BBox::new(width - b.x2, b.y1, width - b.x1, b.y2);
-        let objects = self.truth.objects.iter().map(|o| Object { bbox: flip(o.bbox), ..*o }).collect();
-        let ignored = self.truth.ignored.iter().map(|b| flip(*b)).collect();
+        let mirrored = |o: &Object| Object { bbox: flip(o.bbox), ..*o };
+        let Truth { objects, ignored, beside } = &self.truth;
+        let truth = Truth {
+            objects: objects.iter().map(mirrored).collect(),
+            ignored: ignored.iter().map(|b| flip(*b)).collect(),
+            beside: beside.iter().map(mirrored).collect(),
+        };
         let at = [self.at[0], sensor_columns - crop - self.at[1]];
-        Self {
-            side: self.side,
-            planes,
-            at,
-            truth: Truth { objects, ignored },
-            follows_light: self.follows_light,
-        }
+        Self { side: self.side, planes, at, truth, follows_light: self.follows_light }
     }
 }
 
@@ -179,7 +181,11 @@ mod tests {
             let light = (0..CHANNELS * side * side).map(|i| short(place(exposed, i, side)));
             let bbox = BBox::new(30.0, 8.0, 36.0, 14.0);
             let far = Object { bbox, class: 1 };
-            let truth = Truth { objects: vec![far], ignored: vec![BBox::new(0.0, 0.0, 48.0, 48.0)] };
+            let truth = Truth {
+                objects: vec![far],
+                ignored: vec![BBox::new(0.0, 0.0, 48.0, 48.0)],
+                ..Truth::default()
+            };
             let window = LabelledWindow::new(side, light, at, truth);
             for _ in 0..20 {
                 let part = window.part(&own, &small, &mut random);

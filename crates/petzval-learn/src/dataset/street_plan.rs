@@ -10,12 +10,9 @@ use petzval_street::{
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::labelled_window::{LEAST_INSIDE, drawn_by_class, inside};
+use super::labelled_window::{LARGEST_SHARE, LEAST_INSIDE, drawn_by_class, inside};
 use super::{CropPlan, LabelledWindow, List, Wanted};
 use crate::detection::{BBox, Object, Truth};
-
-/// A window is placed on objects whose longer side is at most this share of its own.
-const LARGEST_SHARE: f64 = 0.7;
 
 /// The automatic exposure makes the geometric mean of a street's luminance this share of white.
 const MIDDLE_GRAY: f64 = 0.18;
@@ -117,8 +114,8 @@ impl StreetPlan {
     /// Window `number` of a list as a lens sees it: a street of its own, at a place of the sensor that lies on an object or anywhere. It depends
     /// on the arguments alone. The exposure, the object, and where it lies in the window are chosen in the view of a `reference` lens, so that
     /// cameras that are compared look at the same objects in the same light. It is also in that view that objects are large enough to count, so
-    /// that the same objects count with a lens of another focal length. If such a lens no longer sees the chosen object of a held-out window,
-    /// the object still counts, beyond the picture: a narrower field misses what it does not show.
+    /// that the same objects count with a lens of another focal length. If such a lens no longer shows enough of the chosen object of a held-out
+    /// window for it to count, it is [beside](Truth::beside) the picture: a narrower field misses what it does not show.
     pub fn window(
         &self,
         list: List,
@@ -144,17 +141,16 @@ impl StreetPlan {
         let found = reference.look_through_finder(&street)?;
         let near = street.objects_near(&reference.sensor, &street.pose())?;
         let place = self.place(&near, &found, crops, &mut random);
+        // All of the chosen object as the lens images it, also where that is beside the sensor.
+        let chosen = match place {
+            Place::Anywhere(_) => None,
+            Place::OnObject { id, .. } => street.box_of(&view.sensor, &street.pose(), id)?,
+        };
         let at = match place {
             Place::Anywhere(shares) => {
                 crop_around(crops, [0, 1].map(|i| shares[i] * sensor(crops)[i] as f64))
             }
-            Place::OnObject { id, off } => {
-                // Through the lens that looks the object lies elsewhere, unless that lens sees it no more.
-                let own = street.objects_near(&view.sensor, &street.pose())?;
-                let object = own.iter().chain(&near).find(|object| object.id == id);
-                let [row, column] = object.map_or([0.0; 2], |object| middle(object.whole));
-                crop_around(crops, [row + off[0], column + off[1]])
-            }
+            Place::OnObject { off, .. } => crop_off(crops, chosen.unwrap_or_default(), off),
         };
 
         // See it with the border that the lens blurs light from.
@@ -174,20 +170,18 @@ impl StreetPlan {
         let [longest, automatic] = [self.white_cd_m2 / view.light, found.luminance_cd_m2 / MIDDLE_GRAY];
         let white = longest.max(automatic) as f32;
         let light = seen.planes.iter().map(|v| v / white);
-        let shows = |object: &SeenObject| {
-            let [x1, y1, x2, y2] = object.whole.map(|v| v as f32);
-            inside(&BBox::new(x1, y1, x2, y2), at, crops.crop).is_some()
-        };
         let mut truth = self.truth(&seen.objects, &near, at, crops.crop);
-        if let (List::HeldOut, Place::OnObject { id, .. }) = (list, place)
-            && !seen.objects.iter().any(|object| object.id == id && shows(object))
-        {
-            truth.objects.extend(near.iter().find(|object| object.id == id).and_then(|lost| {
-                let class = class_of(self.wanted, lost.kind, lost.lamp)?;
-                let [x1, y1, x2, y2] = lost.whole.map(|v| v as f32);
-                let beyond = 2.0 * crops.crop as f32;
-                Some(Object { bbox: BBox::new(beyond, beyond, beyond + x2 - x1, beyond + y2 - y1), class })
-            }));
+        if let (List::HeldOut, Place::OnObject { id, off }, Some(whole)) = (list, place, chosen) {
+            let object = near.iter().find(|object| object.id == id);
+            let is_enough = |whole: [f64; 4], at| {
+                inside(&sensor_box(whole), at, crops.crop).is_some_and(|(_, share)| share >= LEAST_INSIDE)
+            };
+            let counts = object.filter(|o| is_enough(o.whole, crop_off(crops, o.whole, off)));
+            let class = counts.and_then(|o| class_of(self.wanted, o.kind, o.lamp));
+            if let (Some(class), false) = (class, is_enough(whole, at)) {
+                let bbox = sensor_box(whole).moved([-(at[1] as f32), -(at[0] as f32)]);
+                truth.beside.push(Object { bbox, class });
+            }
         }
         Ok(LabelledWindow::new(side, light, at, truth).following_light(longest >= automatic))
     }
@@ -220,9 +214,7 @@ impl StreetPlan {
         let mut truth = Truth::default();
         for object in objects {
             let Some(class) = class_of(self.wanted, object.kind, object.lamp) else { continue };
-            let [x1, y1, x2, y2] = object.whole;
-            let whole = BBox::new(x1 as f32, y1 as f32, x2 as f32, y2 as f32);
-            let Some((bbox, share)) = inside(&whole, at, crop) else { continue };
+            let Some((bbox, share)) = inside(&sensor_box(object.whole), at, crop) else { continue };
             let there = reference.iter().find(|near| near.id == object.id);
             let counts = longer_side(there.map_or(object.whole, |near| near.whole)) >= self.least_side_px
                 && object.visible_share >= self.least_visible
@@ -264,6 +256,18 @@ fn crop_around(crops: &CropPlan, middle: [f64; 2]) -> [usize; 2] {
         let first = middle[i] - 0.5 * crops.crop as f64;
         first.clamp(0.0, (sensor(crops)[i] - crops.crop) as f64) as usize
     })
+}
+
+/// First row and column of the crop whose middle is so far from that of a box.
+fn crop_off(crops: &CropPlan, whole: [f64; 4], off: [f64; 2]) -> [usize; 2] {
+    let middle = middle(whole);
+    crop_around(crops, [0, 1].map(|i| middle[i] + off[i]))
+}
+
+/// A box on the sensor.
+fn sensor_box(whole: [f64; 4]) -> BBox {
+    let [x1, y1, x2, y2] = whole.map(|v| v as f32);
+    BBox::new(x1, y1, x2, y2)
 }
 
 /// Row and column of the middle of a box.

@@ -191,7 +191,7 @@ mod tests {
             (0..2 * 3 * side * side).map(|i| 0.5 + 0.4 * (0.37 * i as f32).sin()).collect();
         let object = |x: f32, class| Object { bbox: BBox::new(x, 10.0, x + 20.0, 40.0), class };
         let truths = [vec![object(5.0, 0), object(30.0, 1)], vec![object(20.0, 1)]]
-            .map(|objects| Truth { objects, ignored: Vec::new() });
+            .map(|objects| Truth { objects, ..Truth::default() });
         let run = |values: &[f32], fixed: Option<&Vec<Vec<BBox>>>| {
             let data = TensorData::new(values.to_vec(), [2, 3, side, side]);
             let leaf = Tensor::<4>::from_data(data, &device).require_grad();

@@ -67,6 +67,10 @@ pub struct Truth {
     pub objects: Vec<Object>,
     /// Regions in which it does not matter what is found: objects that are too small, too hidden, or of a kind that is not asked for.
     pub ignored: Vec<BBox>,
+    /// Objects that count and lie beside the picture or nearly so, because its lens shows less of the scene than the one with which it is
+    /// compared: whole, where this lens would image them. They are missed.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub beside: Vec<Object>,
 }
 
 /// An object that was found.

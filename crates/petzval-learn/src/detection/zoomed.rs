@@ -72,6 +72,7 @@ impl<N: PictureNetwork> Detector for Zoomed<N> {
         let truth = |t: &Truth| Truth {
             objects: t.objects.iter().map(object).collect(),
             ignored: t.ignored.iter().map(|b| b.scaled(by)).collect(),
+            beside: t.beside.iter().map(object).collect(),
         };
         self.inner()?.loss(enlarged, &truths.iter().map(truth).collect::<Vec<_>>(), seed)
     }
@@ -153,7 +154,7 @@ mod tests {
         let picture = parameters::tensor(data, [1, 3, 40, 60], &device);
         let truth = Truth {
             objects: vec![Object { bbox: BBox::new(10.0, 20.0, 22.0, 28.0), class: 0 }],
-            ignored: Vec::new(),
+            ..Truth::default()
         };
         for zoom in [0.5, 1.25, 2.0] {
             let zoomed = Zoomed::new(Bright, Zoom::Times(zoom));

@@ -17,8 +17,8 @@ pub fn judged(truth: &Truth, found: &[Detection], at: [usize; 2]) -> Picture {
         let bounds = bounds(bbox);
         TrueObject { class, bounds, area: bounds[2] * bounds[3], crowd, ignore: crowd }
     };
-    let mut objects: Vec<TrueObject> =
-        truth.objects.iter().map(|o| object(&o.bbox, o.class, false)).collect();
+    let all = truth.objects.iter().chain(&truth.beside);
+    let mut objects: Vec<TrueObject> = all.map(|o| object(&o.bbox, o.class, false)).collect();
     // Whatever is found in a region that is not judged, of any class, is neither right nor wrong.
     for region in &truth.ignored {
         objects.extend((0..MOST_CLASSES).map(|class| object(region, class, true)));
@@ -114,7 +114,7 @@ pub fn object_scores(classes: &[&str]) -> Vec<ObjectScore> {
     let fields = [
         ("centre", 0.0, 1.0 / 3.0, "up to a third of the way from the axis to the corner"),
         ("middle", 1.0 / 3.0, 2.0 / 3.0, "from one to two thirds of the way from the axis to the corner"),
-        ("edge", 2.0 / 3.0, 1.01, "beyond two thirds of the way from the axis to the corner"),
+        ("edge", 2.0 / 3.0, f64::INFINITY, "beyond two thirds of the way from the axis to the corner"),
     ];
     for (name, low, high, words) in fields {
         let definition = format!("{at_half}, of objects whose middle lies {words}");
@@ -205,6 +205,7 @@ mod tests {
                 let truth = Truth {
                     objects: vec![Object { bbox: bbox(5.0), class: i % 2 }],
                     ignored: vec![bbox(60.0)],
+                    ..Truth::default()
                 };
                 let x = if i % 3 == 0 || i >= 8 { 100.0 } else { 6.0 };
                 let found = |x, score| Detection { bbox: bbox(x), class: i % 2, score };

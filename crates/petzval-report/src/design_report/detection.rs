@@ -103,6 +103,7 @@ fn lost(report: &Report, view: &DetectionView) -> Markup {
         Column::new("camera"),
         Column::new("objects"),
         Column::new("found"),
+        Column::new("beside the picture"),
         Column::new("not found in the scene"),
         Column::new("lost by the lens"),
         Column::new("by the sensor"),
@@ -110,7 +111,7 @@ fn lost(report: &Report, view: &DetectionView) -> Markup {
     ];
     let row = |(i, camera): (usize, &CameraDetection)| {
         let l = &camera.lost;
-        let counts = [l.objects, l.found, l.in_scene, l.by_lens, l.by_sensor, l.by_isp];
+        let counts = [l.objects, l.found, l.beside, l.in_scene, l.by_lens, l.by_sensor, l.by_isp];
         let cells = counts.map(|count| html! { (count) });
         Row::new(&camera.camera, cells).of_camera(camera_colour(&report.cameras, &camera.camera, i))
     };
@@ -192,7 +193,15 @@ mod tests {
             curves: vec![PrecisionCurve { class: "person".into(), points: vec![(0.1, 1.0), (0.8, 0.5)] }],
             groups: vec![GroupFigure { name: "AP50".into(), range }],
             against_baseline: against,
-            lost: LostObjects { objects: 90, found: 61, in_scene: 11, by_lens: 12, by_sensor: 4, by_isp: 2 },
+            lost: LostObjects {
+                objects: 91,
+                found: 61,
+                beside: 1,
+                in_scene: 11,
+                by_lens: 12,
+                by_sensor: 4,
+                by_isp: 2,
+            },
             misses: vec![mistake.clone(), Mistake { picture_png: vec![1, 2], ..mistake.clone() }],
             false_alarms: Vec::new(),
         };

@@ -301,6 +301,8 @@ pub struct LostObjects {
     pub objects: usize,
     /// Found in the finished picture.
     pub found: usize,
+    /// Beside the picture: the lens shows less of the scene than that of the first camera.
+    pub beside: usize,
     /// Not found even in the picture of perfect optics without noise.
     pub in_scene: usize,
     /// Found there, but no more in the light behind the lens.
