@@ -2,7 +2,7 @@
 
 use petzval_base::statistics::median;
 use petzval_learn::dataset::{CropPlan, LabelledWindow, List, StreetPlan, StreetView, Wanted};
-use petzval_learn::detection::Object;
+use petzval_learn::detection::{BBox, Object};
 use petzval_street::{Families, Light};
 
 const CROP: usize = 192;

@@ -200,3 +200,30 @@ pub(crate) fn seen_objects(
     all.sort_by_key(|object| object.id);
     all
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::material::Material;
+    use crate::object::Builder;
+    use crate::vector::vec3;
+
+    /// The box of a block 3 m to the right of a lens of 45 degrees, between two distances in front of it.
+    fn box_of_block([near, far]: [f64; 2]) -> Option<[f64; 4]> {
+        let projection = Projection::rectilinear(1000.0, 2500.0, 1000, 2000).unwrap();
+        let mut builder = Builder::at(Vec3::default(), 0.0);
+        let material = Material::Plain { albedo: [0.5; 3], gloss: 0.0 };
+        builder.block([3.5, 0.0, 0.5 * (near + far)], [0.5, 1.0, 0.5 * (far - near)], material);
+        builder.finish(1, Some(ObjectKind::Vehicle)).whole_box(&projection, &Frame::WORLD)
+    }
+
+    #[test]
+    fn a_vehicle_that_is_partly_beside_the_camera_has_a_box_that_begins_where_it_is_seen() {
+        let [whole, front] = [box_of_block([-4.0, 8.0]).unwrap(), box_of_block([4.0, 8.0]).unwrap()];
+        // Its left end is that of its far face, and its right end far beyond the sensor.
+        assert!((whole[0] - (1000.0 + 1000.0 * 3.0 / 8.0)).abs() < 1.0 && whole[0] == front[0], "{whole:?}");
+        assert!(whole[2] > 4000.0 && front[2] < 2001.0, "{whole:?} {front:?}");
+        assert_eq!(box_of_block([-8.0, -4.0]), None);
+        assert_eq!(box_of_block([-8.0, 0.1]), None);
+    }
+}

@@ -216,6 +216,27 @@ mod tests {
     }
 
     #[test]
+    fn an_object_beside_the_picture_is_missed_at_the_edge_of_the_field() {
+        let field = Field { axis: [0.0, 0.0], corner_px: 2000.0 };
+        let bbox = BBox::new(5.0, 10.0, 25.0, 40.0);
+        let object = Object { bbox, class: 0 };
+        let found = [Detection { bbox, class: 0, score: 0.9 }];
+        let beside = Object { bbox: bbox.moved([220.0, 0.0]), class: 0 };
+        let truth =
+            |beside: &[Object]| Truth { objects: vec![object], beside: beside.to_vec(), ..Truth::default() };
+        let of = |name: &str, beside: &[Object]| {
+            let windows = [judged(&truth(beside), &found, [0, 1900])];
+            object_scores(&["a"]).into_iter().find(|s| s.about.name == name).unwrap().of(&windows, 1, field)
+        };
+        assert_eq!(of("ap50", &[]), Some(1.0));
+        // One of two is found: 51 of the 101 points of recall are reached.
+        let half = of("ap50", &[beside]).unwrap();
+        assert!((half - 51.0 / 101.0).abs() < 1e-12, "{half}");
+        // It lies beyond the corner, at the edge of the field.
+        assert_eq!(of("ap50_edge", &[beside]), Some(half));
+    }
+
+    #[test]
     fn figures_follow_their_groups_and_their_intervals_hold_them() {
         let field = Field { axis: [0.0, 0.0], corner_px: 2000.0 };
         let all = object_scores(&["a", "b"]);
