@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use petzval_camera::image::LinearImage;
 use petzval_camera::render::Placement;
-use petzval_camera::sensor::{Capture, Noise, NoiseMode};
+use petzval_camera::sensor::{Capture, Noise, NoiseMode, SensorModel};
 use petzval_design::boxes::with_boxes;
 use petzval_design::camera::{Camera, Shot};
 use petzval_design::error::DesignError;
@@ -179,11 +179,20 @@ fn stems(images: &[PathBuf]) -> Result<Vec<String>, JobError> {
 /// Reads a photograph, laid on the sensor, or a raw frame that fits the sensor.
 fn subject(path: &Path, place: Place, setup: &Setup) -> Result<Subject, JobError> {
     let sensor = &setup.body.sensor;
-    let is_dng = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("dng"));
-    if !is_dng && !sidecar_path(path).is_file() {
-        let light = load_image(path).map_err(DesignError::from)?.light;
-        return Ok(Subject::Photo(place.lay(&light, (sensor.height, sensor.width))));
+    if is_raw(path) {
+        return Ok(Subject::Raw(Box::new(raw_frame(path, sensor)?)));
     }
+    let light = load_image(path).map_err(DesignError::from)?.light;
+    Ok(Subject::Photo(place.lay(&light, (sensor.height, sensor.width))))
+}
+
+/// Whether a file holds a raw frame: a DNG file, or one with a sidecar.
+pub(crate) fn is_raw(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("dng")) || sidecar_path(path).is_file()
+}
+
+/// Reads a raw frame that fits a sensor.
+pub(crate) fn raw_frame(path: &Path, sensor: &SensorModel) -> Result<RawFrame, JobError> {
     let frame = load_raw(path)?;
     let wrong = |what: String| {
         let hint = "a camera develops frames of its own sensor; `raw show` says what a file holds";
@@ -208,7 +217,7 @@ fn subject(path: &Path, place: Place, setup: &Setup) -> Result<Subject, JobError
         Some(black) => {
             wrong(format!("black level {black} DN, the sensor {} has {}", sensor.name, sensor.black_level_dn))
         }
-        None => Ok(Subject::Raw(Box::new(frame))),
+        None => Ok(frame),
     }
 }
 
@@ -241,7 +250,7 @@ pub(crate) fn taken(
 }
 
 /// A raw frame through development and network.
-fn developed(camera: &Camera, frame: &RawFrame) -> Result<LinearImage, JobError> {
+pub(crate) fn developed(camera: &Camera, frame: &RawFrame) -> Result<LinearImage, JobError> {
     let body = camera.body();
     let placement = centred(body.sensor.height, body.sensor.width, frame);
     let capture = Capture { exposure: body.exposure, placement, frame: 0 };

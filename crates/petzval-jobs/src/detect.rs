@@ -6,11 +6,13 @@ use std::rc::Rc;
 use petzval_camera::image::LinearImage;
 use petzval_design::block::NetworkBlock;
 use petzval_design::boxes::with_boxes;
+use petzval_design::camera::Camera;
 use petzval_design::design_loop::zoom_of;
 use petzval_design::error::DesignError;
 use petzval_design::experiment::DetectorConfig;
 use petzval_design::run::{Kept, RunFolder, load_blocks};
 use petzval_design::run_report::camera_lens;
+use petzval_design::setup::Setup;
 use petzval_files::coco::{self, Bounds, Category, DataSet, Image, save_coco, save_results};
 use petzval_files::{encoded_png_bytes, load_image};
 use petzval_learn::Device;
@@ -20,15 +22,17 @@ use serde::{Deserialize, Serialize};
 
 pub use petzval_learn::detection::BackboneKind;
 
+use crate::apply::{developed, is_raw, raw_frame};
 use crate::context::Context;
 use crate::error::{JobError, make_folder, write_file};
+use crate::evaluate::camera_of;
 use crate::results::check_folder;
 
 /// Pictures to look at, and the detector.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
-    /// Pictures, and folders of pictures.
+    /// Pictures, and folders of pictures; for the camera of a run also raw frames, which it develops: DNG files, and files with a sidecar.
     pub images: Vec<PathBuf>,
     /// Where the detector comes from.
     pub detector: Source,
@@ -110,7 +114,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     if let Some(out) = &request.out {
         check_folder(out, ["detections.json", "annotations.json"], context)?;
     }
-    let (network, classes) = network(&request.detector, &device, context)?;
+    let raw = files.iter().find(|file| is_raw(file));
+    let Finder { network, classes, camera } = finder(&request.detector, raw, &device, context)?;
     let detector = network.detector().ok_or_else(|| JobError::failed("the network is no detector"))?;
     let mut pictures = Vec::new();
     let mut sizes = Vec::new();
@@ -118,8 +123,13 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         if context.is_cancelled() {
             return Err(JobError::Stopped(format!("stopped after {i} of {} pictures", files.len())));
         }
-        let light = load_image(file).map_err(DesignError::from)?.light;
-        let encoded = LinearImage { data: light.to_srgb(), ..light };
+        let encoded = match camera.as_ref().filter(|_| is_raw(file)) {
+            Some(camera) => developed(camera, &raw_frame(file, &camera.body().sensor)?)?,
+            None => {
+                let light = load_image(file).map_err(DesignError::from)?.light;
+                LinearImage { data: light.to_srgb(), ..light }
+            }
+        };
         let found = detect_in(detector, &encoded, &device).map_err(DesignError::from)?;
         let sure: Vec<Detection> = found.into_iter().filter(|d| d.score >= request.least_score).collect();
         let in_words = |d: &Detection| Found {
@@ -206,11 +216,23 @@ fn files(images: &[PathBuf]) -> Result<Vec<PathBuf>, JobError> {
     Ok(files)
 }
 
-/// A network that finds objects, and the names of its classes.
-type Finder = (Rc<dyn PictureNetwork>, Vec<String>);
+/// What finds objects.
+struct Finder {
+    /// The detector with its weights held, so that no picture leaves anything in memory for a gradient.
+    network: Rc<dyn PictureNetwork>,
+    /// Names of its classes.
+    classes: Vec<String>,
+    /// The camera that develops raw frames, if there are any.
+    camera: Option<Camera>,
+}
 
-/// The detector with its weights held, so that no picture leaves anything in memory for a gradient.
-fn network(source: &Source, device: &Device, context: &Context) -> Result<Finder, JobError> {
+/// The detector of a request, and a camera for its first raw frame and all others.
+fn finder(
+    source: &Source,
+    raw: Option<&PathBuf>,
+    device: &Device,
+    context: &Context,
+) -> Result<Finder, JobError> {
     match source {
         Source::Run { run, camera } => {
             let folder = RunFolder::open(run)?;
@@ -242,9 +264,23 @@ fn network(source: &Source, device: &Device, context: &Context) -> Result<Finder
                 let lens = camera_lens(&folder, name)?.lens;
                 block.set_zoom(Zoom::Times(zoom_of(&folder, variant, &lens)?));
             }
-            Ok((block.held(), classes.iter().map(|class| (*class).to_owned()).collect()))
+            let classes = classes.iter().map(|class| (*class).to_owned()).collect();
+            let camera = match raw {
+                Some(_) => {
+                    let name = name.to_owned();
+                    let setup = Setup::without_photos(experiment, &context.assets, device.clone())?;
+                    Some(camera_of(&setup, &folder, &name)?)
+                }
+                None => None,
+            };
+            Ok(Finder { network: block.held(), classes, camera })
         }
         Source::Weights { file, backbone, classes, shorter, longer } => {
+            if let Some(raw) = raw {
+                let message = format!("{}: a raw frame, which only a camera develops", raw.display());
+                let hint = "look with the camera of a run (--run), or make a picture first: `isp develop`";
+                return Err(JobError::input(message, hint));
+            }
             for (key, side) in [("shorter_side", *shorter), ("longer_side", *longer)] {
                 if side == 0 {
                     let hint = "torchvision's detectors have 800 and 1333";
@@ -258,7 +294,8 @@ fn network(source: &Source, device: &Device, context: &Context) -> Result<Finder
             })?;
             let mut block = NetworkBlock::new(Network::Detector(detector));
             block.set_zoom(Zoom::ToSides { shorter: *shorter, longer: *longer });
-            Ok((block.held(), (1..=*classes).map(|class| class.to_string()).collect()))
+            let classes = (1..=*classes).map(|class| class.to_string()).collect();
+            Ok(Finder { network: block.held(), classes, camera: None })
         }
     }
 }

@@ -129,7 +129,27 @@ fn a_run_that_looks_for_objects_is_scored_again_reported_and_lends_its_detector(
     assert_eq!(data["categories"][2]["name"], "green");
     assert!(root.join("out/0010-10.png").is_file());
 
+    // A raw frame of its sensor is developed by the camera, as `apply` does it, and looked at.
+    let photo = common::data("photos/coffee.png").display().to_string();
+    let simulate = ["simulate", &photo, "--sensor", "mt9m034-mono", "--out", "other"];
+    run_ok(root, &[&["simulate", &photo, "--sensor", "imx249-fitted", "--out", "taken"][..]].concat());
+    let raw = "taken/coffee-raw.tiff";
+    let args = ["detect", raw, "--run", "run", "--least-score", "0", "--out", "of-raw"];
+    let of_raw = run_ok(root, &args).stdout;
+    run_ok(root, &["apply", "run", raw, "--out", "applied"]);
+    let size = |path: &str| image::image_dimensions(root.join(path)).unwrap();
+    assert_eq!(size("of-raw/0001-coffee-raw.png"), size("applied/coffee-raw-perfect.png"));
+    assert!(of_raw.lines().skip(1).all(|line| line.starts_with(&format!("\"{raw}\","))), "{of_raw}");
+
     // What does not fit is refused, and nothing is written.
+    run_ok(root, &simulate);
+    run_fails(root, &["detect", "other/coffee-raw.tiff", "--run", "run"], 2, &["coffee-raw.tiff"]);
+    run_fails(
+        root,
+        &["detect", raw, "--weights", "tiny.toml"],
+        2,
+        &["which only a camera develops", "--run"],
+    );
     let fails = |args: &[&str], says: &str| run_fails(root, args, 2, &[says]);
     fails(&["detect", "in", "--run", "run", "--camera", "other"], "the run has nominal, perfect");
     fails(&["detect", "in", "--run", "run", "--least-score", "2"], "between 0 and 1");

@@ -11,12 +11,13 @@ use super::terminal::{Terminal, print_json};
 
 /// Find objects in pictures: by the detector of a finished camera, or by weights of torchvision.
 ///
-/// Pictures are PNG, JPEG or TIFF files, or folders of them. The detector of a camera looks at them in their own size, weights of torchvision
+/// Pictures are PNG, JPEG or TIFF files, or folders of them; a raw frame (a DNG file, or a file with a sidecar) is developed by the camera of
+/// --run first. The detector of a camera looks at them in their own size, weights of torchvision
 /// in the size for which torchvision trains. Prints one line per detection: file, class, score, left edge, upper edge, width, height, in pixels
 /// of the file.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Pictures, or folders of pictures
+    /// Pictures, folders of pictures, or raw frames
     #[arg(required = true, value_name = "IMAGE")]
     images: Vec<PathBuf>,
     /// Run whose detector looks; see --camera
