@@ -67,6 +67,21 @@ fn kitti_regions_are_crowds_of_every_class() {
     let count = |kind| converted.defects.count(kind);
     assert_eq!((count(DefectKind::MissingPicture), count(DefectKind::PictureWithoutBoxes)), (1, 1));
 
+    // The devkit knows of which drive a picture is.
+    assert!(converted.data.images.iter().all(|image| image.sequence.is_none()));
+    let lines =
+        "2011_09_26 drive_a 0000000001\n2011_09_26 drive_b 0000000007\n2011_09_28 drive_c 0000000002\n";
+    write(root, "devkit_object/mapping/train_mapping.txt", lines);
+    write(root, "devkit_object/mapping/train_rand.txt", "3,1,\n2");
+    for from in [root.to_owned(), root.join("training")] {
+        let images = convert(SourceFormat::Kitti, &from).unwrap().data.images;
+        let drives: Vec<_> = images.iter().map(|image| image.sequence.as_deref()).collect();
+        assert_eq!(drives, [Some("drive_a"), Some("drive_b")]);
+    }
+    write(root, "devkit_object/mapping/train_rand.txt", "3,1,4");
+    fails(SourceFormat::Kitti, root, &["train_rand.txt", "`4` is not the number of a line"]);
+    std::fs::remove_dir_all(root.join("devkit_object")).unwrap();
+
     write(root, "training/label_2/000002.txt", &format!("{KITTI}Car 0.25 one -1.57\n{KITTI}Car x"));
     let needles = ["000002.txt: line 4: `Car 0.25 one -1.57`", "has 4 values", "1 more places are wrong"];
     fails(SourceFormat::Kitti, root, &needles);

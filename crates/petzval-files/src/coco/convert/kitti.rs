@@ -3,6 +3,9 @@
 //! A line is `type truncated occluded alpha left top right bottom height width length x y z rotation_y`, of which the first eight values are used,
 //! in pixels from 0. <https://www.cvlibs.net/datasets/kitti/eval_object.php>
 //!
+//! Pictures are numbered in a random order. The folder `mapping` of the devkit says which drive each is of: line `n` of `train_mapping.txt` is
+//! `date drive frame`, and the value of `train_rand.txt` for a picture is its `n`, from 1.
+//!
 //! `DontCare` is a region whose objects have no labels. COCO knows such regions class by class: it becomes a crowd of every class.
 
 use std::collections::BTreeMap;
@@ -22,6 +25,9 @@ const VALUES: [usize; 2] = [15, 16];
 
 /// The class of regions without labels.
 const REGION: &str = "DontCare";
+
+/// Where the folder `mapping` may lie, beside `label_2` or beside the folder around it.
+const MAPPINGS: [&str; 3] = ["mapping", "devkit_object/mapping", "devkit/mapping"];
 
 /// A line of a file of labels.
 #[derive(Clone, Debug, PartialEq)]
@@ -51,6 +57,7 @@ pub(super) fn convert_kitti(root: &Path) -> Result<Converted, CocoError> {
     let pictures = pictures_by(&pictures, |path| path.file_stem());
 
     let split = base.file_name().and_then(|name| split_of(Path::new(name)));
+    let drives = drives(&base)?;
     let mut builder = Builder::default();
     let mut regions: Vec<(u64, Bounds)> = Vec::new();
     for path in &labels {
@@ -61,6 +68,8 @@ pub(super) fn convert_kitti(root: &Path) -> Result<Converted, CocoError> {
         };
         let Some(image) = builder.picture(&base, picture, split.clone()) else { continue };
         let id = image.id;
+        let number = path.file_stem().and_then(|stem| stem.to_str()?.parse::<usize>().ok());
+        image.sequence = number.and_then(|number| drives.get(number).cloned());
         for (number, line) in (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty()) {
             match parse_line(number, line) {
                 Err(error) => builder.wrong(path, error),
@@ -85,6 +94,29 @@ pub(super) fn convert_kitti(root: &Path) -> Result<Converted, CocoError> {
         }
     }
     builder.finish("KITTI")
+}
+
+/// The drive of each picture, by its number; empty where the devkit does not lie beside the labels.
+fn drives(base: &Path) -> Result<Vec<String>, CocoError> {
+    let places = [Some(base), base.parent()].into_iter().flatten();
+    let mut folders = places.flat_map(|place| MAPPINGS.map(|name| place.join(name)));
+    let Some(folder) = folders.find(|folder| folder.join("train_mapping.txt").is_file()) else {
+        return Ok(Vec::new());
+    };
+    let lines = labels_text(&folder.join("train_mapping.txt"))?;
+    let lines: Vec<&str> = lines.lines().collect();
+    let path = folder.join("train_rand.txt");
+    let order = labels_text(&path)?;
+    let values = order.split([',', ' ', '\t', '\r', '\n']).filter(|value| !value.is_empty());
+    let drive = |value: &str| {
+        let line = value.parse::<usize>().ok().and_then(|n| lines.get(n.checked_sub(1)?));
+        let drive = line.and_then(|line| line.split_whitespace().nth(1));
+        drive.map(str::to_owned).ok_or_else(|| {
+            let reason = format!("`{value}` is not the number of a line of train_mapping.txt with a drive");
+            CocoError::content(&path, reason, "put the folder `mapping` of the devkit there as it was loaded")
+        })
+    };
+    values.map(drive).collect()
 }
 
 fn parse_line(number: u32, line: &str) -> Result<Line, FileError> {
