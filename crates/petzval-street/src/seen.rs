@@ -206,7 +206,6 @@ mod tests {
     use super::*;
     use crate::material::Material;
     use crate::object::Builder;
-    use crate::vector::vec3;
 
     /// The box of a block 3 m to the right of a lens of 45 degrees, between two distances in front of it.
     fn box_of_block([near, far]: [f64; 2]) -> Option<[f64; 4]> {
