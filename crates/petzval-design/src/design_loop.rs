@@ -417,7 +417,7 @@ impl DesignLoop {
         let rule = moves[&block].rule(taken);
         let camera = match (block, moves[&block].error_share) {
             (BlockName::Optics, share) if share > 0.0 => {
-                self.erring_camera(variant, share, before + taken)?
+                self.erring_camera(variant, moves, share, before + taken)?
             }
             _ => self.camera(variant, moves)?,
         };
@@ -599,10 +599,17 @@ impl DesignLoop {
         Ok(self.held(&camera))
     }
 
-    /// The camera of a variant for a lens step, with the random errors of a lens that was made.
-    fn erring_camera(&mut self, variant: &Variant, share: f64, step: usize) -> Result<Camera, DesignError> {
+    /// The camera of a variant for a lens step as it might be made: its lens has random errors, of which development knows nothing.
+    fn erring_camera(
+        &mut self,
+        variant: &Variant,
+        moves: &BTreeMap<BlockName, Schedule>,
+        share: f64,
+        step: usize,
+    ) -> Result<Camera, DesignError> {
+        let drawn = self.camera(variant, moves)?;
         let lens = self.blocks.optics.err(share, self.setup.experiment.seed, step as u64)?;
-        Ok(self.held(&self.setup.moving_camera(variant, lens)?))
+        Ok(self.held(&self.setup.moving_camera(variant, lens)?).taken_for(&drawn))
     }
 
     /// A camera with exposure, ISP and network as they stand, held.

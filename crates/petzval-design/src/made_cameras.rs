@@ -86,7 +86,10 @@ pub fn made_cameras(
             made.lens.with_image_distance(image_mm)
         });
         // A lens that brings no light to some part of the sensor is a failed camera.
-        let assembled = |lens| if plan.is_calibrated { drawn.with_lens(lens) } else { drawn.made_with(lens) };
+        let assembled = |lens| {
+            let made = drawn.with_lens(lens)?;
+            Ok::<_, DesignError>(if plan.is_calibrated { made } else { made.taken_for(drawn) })
+        };
         let camera = lens.and_then(|lens| assembled(lens).ok());
         trials.push(camera.map(|camera| score(&camera)).transpose()?);
         tick();
@@ -145,8 +148,8 @@ mod tests {
         let lens = setup.nominal().lens_file.lens.clone();
         let drawn = setup.camera(lens.clone(), true).unwrap();
         let defocused = lens.with_image_distance(lens.image_distance_mm() + 0.2);
-        let made = drawn.made_with(defocused.clone()).unwrap();
         let calibrated = drawn.with_lens(defocused).unwrap();
+        let made = calibrated.taken_for(&drawn);
 
         let shots = training_shots(&setup, &drawn, 0).unwrap();
         let noise = Noise { mode: NoiseMode::Exact, seed: 1 };
@@ -165,7 +168,7 @@ mod tests {
         assert_eq!(develop(&made), develop(&drawn));
         assert_ne!(develop(&made), develop(&calibrated));
         // A lens that is not off makes the camera of the design, to the last bit.
-        let exact = take(&drawn.made_with(lens).unwrap());
+        let exact = take(&drawn.with_lens(lens).unwrap().taken_for(&drawn));
         assert_eq!(host(&exact.finished), host(&take(&drawn).finished));
     }
 

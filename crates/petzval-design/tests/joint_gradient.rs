@@ -1,5 +1,6 @@
 //! The gradient through the whole camera, against finite differences of the whole camera.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -82,12 +83,16 @@ fn camera(setup: &Setup, x: &[f64]) -> Camera {
 
 /// The same of another lens.
 fn camera_from(setup: &Setup, start: &Start, x: &[f64]) -> Camera {
+    camera_with(setup, start, start.space.lens_at(x).unwrap())
+}
+
+/// A camera with a lens that sees the fields of the one at the start.
+fn camera_with(setup: &Setup, start: &Start, lens: Lens) -> Camera {
     // The gradient is that at fixed fields.
-    let lens_at = |x: &[f64]| start.space.lens_at(x).unwrap();
     let moving = &setup.moving_plan;
-    let fields = moving.field_angles(&lens_at(start.space.start())).unwrap();
+    let fields = moving.field_angles(&start.space.lens_at(start.space.start()).unwrap()).unwrap();
     let plan = PsfPlan { held_fields_rad: Some(fields), ..moving.clone() };
-    let psfs = PsfSource::Traced { lens: Box::new(lens_at(x)), plan }.psfs().unwrap();
+    let psfs = PsfSource::Traced { lens: Box::new(lens), plan }.psfs().unwrap();
     Camera::new(setup.body.clone(), Arc::new(psfs)).unwrap().with_network(setup.network().unwrap().held())
 }
 
@@ -178,6 +183,45 @@ fn the_gradient_goes_through_blur_and_filter() {
     // The gradient is smaller than without the filter, and the rounding of differences larger beside it.
     let setup = setup_with(true);
     smooth_gradient(&setup, setup.nominal(), 4e-3);
+}
+
+/// A camera as it might be made has a lens with errors and is restored by the lens as drawn: both follow the coordinates.
+#[test]
+fn the_gradient_of_a_camera_as_made_goes_through_its_lens_and_the_one_that_it_is_taken_for() {
+    let setup = setup_with(true);
+    let (start, shots) = (setup.nominal().clone(), shots(&setup));
+    let made_at = |x: &[f64]| {
+        let mut block = OpticsBlock::new(start.clone(), 0.0);
+        let numbers = serde_json::to_vec(x).unwrap();
+        block.load_numbers(&BTreeMap::from([("coordinates.json".to_owned(), numbers)])).unwrap();
+        let drawn = camera_with(&setup, &start, block.lens().unwrap());
+        let made = camera_with(&setup, &start, block.err(0.01, 1, 3).unwrap());
+        (block, made, drawn)
+    };
+    let loss = |_: &Camera, frames: &Frames, _: &[Shot]| Ok(smooth_loss(frames));
+    let noise = || Noise { mode: NoiseMode::Off, seed: 1 };
+    let gradient = |block: &OpticsBlock, camera: &Camera| {
+        let further = |_| Ok(Vec::new());
+        block
+            .gradient(&Batch { camera, shots: &shots, noise: noise(), loss: &loss, further: &further })
+            .unwrap()
+            .1
+    };
+    let x = start.space.start().to_vec();
+    let (block, made, drawn) = made_at(&x);
+    let by_x = gradient(&block, &made.taken_for(&drawn));
+    let norm = by_x.iter().map(|g| g * g).sum::<f64>().sqrt();
+    let at = |step: f64| {
+        let moved: Vec<f64> = x.iter().zip(&by_x).map(|(x, g)| x + step * g / norm).collect();
+        let (_, made, drawn) = made_at(&moved);
+        smooth_loss(&made.taken_for(&drawn).take(&shots, &noise()).unwrap()).parts[0].1
+    };
+    let numeric = (at(3e-4) - at(-3e-4)) / 6e-4;
+    assert!((numeric - norm).abs() < 4e-3 * norm, "{norm} against {numeric}");
+    // Development that knows the lens as made has another gradient.
+    let known = gradient(&block, &made);
+    let off = by_x.iter().zip(&known).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+    assert!(off > 0.05 * norm, "{off} of {norm}");
 }
 
 /// Where cameras have the same time, a lens of another focal length has more or less light. A picture of a street is then brighter, unless the

@@ -5,6 +5,7 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use burn::tensor::Gradients;
 use nalgebra::DVector;
 use petzval_base::random::{Stage, Stream};
 use petzval_optics::gradient::LensGradient;
@@ -17,7 +18,7 @@ use serde::{Deserialize, Serialize};
 use super::generations::{FirstGeneration, Generations, PointScore};
 use super::lifted::Lifted;
 use super::{Batch, Block, BlockName, BlockState, StepMethod, StepRule, Way, backward, named, parsed};
-use crate::camera::{ByLens, Camera, Shot, to_host};
+use crate::camera::{ByLens, Camera, PsfLeaves, Psfs, Shot, to_host};
 use crate::error::DesignError;
 use crate::lens_sampler::LensSampler;
 use crate::requirements::FieldOfView;
@@ -178,23 +179,26 @@ impl OpticsBlock {
         if !batch.camera.has_gradient() {
             return Err(DesignError::NoGradient("an ISP that nothing imitates yet"));
         }
-        let (frames, psfs) = batch.camera.take_tracking_psfs(batch.shots, &batch.noise)?;
+        let (frames, leaves) = batch.camera.take_tracking_psfs(batch.shots, &batch.noise)?;
         let loss = (batch.loss)(batch.camera, &frames, batch.shots)?;
         let mut losses = named(&loss);
 
-        // The tape ends at the PSFs.
+        // The tape ends at the PSFs, and what forms them takes over from them to the lens.
         let gradients = backward(loss);
-        let by_values = to_host(psfs.values.grad(&gradients).ok_or(DesignError::NoGradient("the PSFs"))?)?;
-        let by_illumination =
-            to_host(psfs.illumination.grad(&gradients).ok_or(DesignError::NoGradient("the PSFs"))?)?;
-        let by_radius = to_host(psfs.radius_mm.grad(&gradients).ok_or(DesignError::NoGradient("the PSFs"))?)?;
-        // What forms the PSFs takes over from them to the lens.
-        let by_psfs = batch.camera.psfs().pull_back(&by_values, &by_illumination, &by_radius)?;
+        let mut by_psfs: Option<ByLens> = None;
+        for (psfs, leaves) in batch.camera.psfs_of(&leaves) {
+            let by = pulled_back(psfs, leaves, &gradients)?;
+            match &mut by_psfs {
+                None => by_psfs = Some(by),
+                Some(sum) => *sum += by,
+            }
+        }
+        let by_psfs = by_psfs.ok_or(DesignError::NoGradient("the PSFs"))?;
 
         // What depends on the lens by another way than its PSFs: the light that it gathers, and the requirements.
         let lens = self.lens_in_step()?;
         let mut by_light = LensGradient::zero(lens.surfaces.len());
-        if let Some(by) = psfs.light.grad(&gradients) {
+        if let Some(by) = leaves.own.light.grad(&gradients) {
             let by = f64::from(to_host(by)?[0]);
             pull_back_log_brightness(&lens.at_wavelength(lens.reference_um), by, &mut by_light);
         }
@@ -324,7 +328,7 @@ impl OpticsBlock {
             let x: Vec<f64> = point.iter().map(|place| coordinate_at(*place)).collect();
             let Ok(lens) = self.start.space.lens_off(&x, &self.errors) else { return Ok(None) };
             // Where the lens brings no light to some part of the sensor there is no camera.
-            let Some(camera) = unless_dark(batch.camera.with_lens(lens.clone()))? else { return Ok(None) };
+            let Some(camera) = unless_dark(self.camera_with(&x, &lens, batch))? else { return Ok(None) };
             let Some(violations) = unless_dark(self.start.requirements.violations(&lens, self.field))? else {
                 return Ok(None);
             };
@@ -342,6 +346,15 @@ impl OpticsBlock {
         Ok(losses)
     }
 
+    /// The camera of a batch with the lens at some coordinates: as drawn, or as made and taken for the one as drawn.
+    fn camera_with(&self, x: &[f64], lens: &Lens, batch: &Batch) -> Result<Camera, DesignError> {
+        let camera = batch.camera.with_lens(lens.clone())?;
+        match self.errors.is_empty() {
+            true => Ok(camera),
+            false => Ok(camera.taken_for(&batch.camera.with_lens(self.start.space.lens_at(x)?)?)),
+        }
+    }
+
     /// Draws a lens of which the light arrives, about the one at the start of the stage or one that it was improved from. It follows from the
     /// seed and the number of the batch alone.
     fn draw(&mut self, batch: &Batch, reach: f64) -> Result<(), DesignError> {
@@ -353,6 +366,22 @@ impl OpticsBlock {
         self.progress.drawn = Some(sampler.about(centre, reach).coordinates(number)?);
         Ok(())
     }
+}
+
+/// The derivatives of a loss by the lens that forms PSFs, from those by the PSFs. Development that does not restore takes nothing but the
+/// illumination from them.
+fn pulled_back(psfs: &Psfs, leaves: &PsfLeaves, gradients: &Gradients) -> Result<ByLens, DesignError> {
+    let by_illumination =
+        leaves.illumination.grad(gradients).ok_or(DesignError::NoGradient("the illumination"))?;
+    let by_values = match leaves.values.grad(gradients) {
+        Some(by) => to_host(by)?,
+        None => vec![0.0; psfs.bank().values.len()],
+    };
+    let by_radius = match leaves.radius_mm.grad(gradients) {
+        Some(by) => to_host(by)?,
+        None => vec![0.0; psfs.bank().field_radius_mm.len()],
+    };
+    psfs.pull_back(&by_values, &to_host(by_illumination)?, &by_radius)
 }
 
 /// Where a free coordinate lies between the bounds of its number, 0..1.

@@ -176,6 +176,14 @@ pub struct PsfLeaves {
     pub light: Tensor<1>,
 }
 
+/// The PSFs of a camera as tensors: those that form its images, and those by which development corrects where it takes them for others.
+pub struct OpticsLeaves {
+    /// Those that form the images.
+    pub own: PsfLeaves,
+    /// Those for which development takes them; none where it knows them.
+    pub taken_for: Option<PsfLeaves>,
+}
+
 impl PsfLeaves {
     pub(crate) fn new(bank: &PsfBank, device: &Device) -> Self {
         let (fields, grid) = (bank.field_radius_mm.len(), bank.grid);
@@ -223,10 +231,10 @@ impl Camera {
         Ok(Self { network: self.network.clone(), chip: self.chip.clone(), ..bare })
     }
 
-    /// A camera that was made from this design with a lens that is off, and not calibrated: its images are those of `lens`, and development
-    /// corrects shading and blur by the lens of the design. Its exposure is metered, so that brightness follows the lens that it has.
-    pub fn made_with(&self, lens: Lens) -> Result<Self, DesignError> {
-        Ok(Self { taken_for: Some(self.known().clone()), ..self.with_lens(lens)? })
+    /// The same camera as it was made from a design with a lens that is off, and not calibrated: development corrects shading and blur by the
+    /// lens of the design. Its exposure is metered, so that brightness follows the lens that it has.
+    pub fn taken_for(&self, design: &Self) -> Self {
+        Self { taken_for: Some(design.known().clone()), ..self.clone() }
     }
 
     /// The optics by which development corrects.
@@ -317,7 +325,9 @@ impl Camera {
     ///
     /// The graph of the frames leads to the weights of a network that is tracked, and no further.
     pub fn take(&self, shots: &[Shot], noise: &Noise) -> Result<Frames, DesignError> {
-        self.take_through(&self.optics.leaves(&self.body.device), shots, noise)
+        let leaves = |optics: &Optics| optics.leaves(&self.body.device);
+        let taken_for = self.taken_for.as_ref().map(leaves);
+        self.take_through(&OpticsLeaves { own: leaves(&self.optics), taken_for }, shots, noise)
     }
 
     /// [`Camera::take`] with a graph that leads to the PSFs, which are returned as leaf tensors.
@@ -325,23 +335,43 @@ impl Camera {
         &self,
         shots: &[Shot],
         noise: &Noise,
-    ) -> Result<(Frames, PsfLeaves), DesignError> {
-        let leaves = self.optics.leaves(&self.body.device).tracked();
+    ) -> Result<(Frames, OpticsLeaves), DesignError> {
+        let leaves = |optics: &Optics| optics.leaves(&self.body.device).tracked();
+        let taken_for = self.taken_for.as_ref().map(leaves);
+        let leaves = OpticsLeaves { own: leaves(&self.optics), taken_for };
         Ok((self.take_through(&leaves, shots, noise)?, leaves))
     }
 
-    fn take_through(&self, psfs: &PsfLeaves, shots: &[Shot], noise: &Noise) -> Result<Frames, DesignError> {
+    /// The PSFs of the camera, each with its leaf tensors.
+    pub fn psfs_of<'a>(
+        &'a self,
+        leaves: &'a OpticsLeaves,
+    ) -> impl Iterator<Item = (&'a Psfs, &'a PsfLeaves)> {
+        let taken_for = self.taken_for.iter().zip(&leaves.taken_for);
+        std::iter::once((&self.optics, &leaves.own))
+            .chain(taken_for)
+            .map(|(optics, leaves)| (&*optics.psfs, leaves))
+    }
+
+    fn take_through(
+        &self,
+        leaves: &OpticsLeaves,
+        shots: &[Shot],
+        noise: &Noise,
+    ) -> Result<Frames, DesignError> {
         // The lens spreads every point by the PSF of its place and dims it off the axis.
-        let (irradiance, illumination) = self.image(psfs, shots)?;
+        let (irradiance, own_illumination) = self.image(&leaves.own, shots)?;
         let captures: Vec<Capture> = shots.iter().map(|s| self.capture(s)).collect();
         let kept: Vec<Window> = shots.iter().map(|s| self.kept(s)).collect();
-        let Some(taken_for) = &self.taken_for else {
-            return self.expose(psfs, [irradiance, illumination], &captures, &kept, noise);
+        // Development knows the lens, or takes it for another.
+        let (known, illumination) = match (&self.taken_for, &leaves.taken_for) {
+            (Some(optics), Some(psfs)) => {
+                let placements: Vec<Placement> = shots.iter().map(|s| s.placement).collect();
+                (psfs, self.illumination(optics, psfs, &placements, self.exposed(shots))?)
+            }
+            _ => (&leaves.own, own_illumination),
         };
-        let psfs = taken_for.leaves(&self.body.device);
-        let placements: Vec<Placement> = shots.iter().map(|s| s.placement).collect();
-        let illumination = self.illumination(taken_for, &psfs, &placements, self.exposed(shots))?;
-        self.expose(&psfs, [irradiance, illumination], &captures, &kept, noise)
+        self.expose(known, [irradiance, illumination], &captures, &kept, noise)
     }
 
     /// Takes one frame of light that lies on the pixels already, such as light that was simulated over the spectrum; three
