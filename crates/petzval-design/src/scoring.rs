@@ -108,10 +108,20 @@ impl Scorer {
         name: &str,
         camera: &Camera,
     ) -> Result<(CameraMetrics, Vec<ScoredPicture>), DesignError> {
+        self.score_watched(name, camera, &|_, _| {})
+    }
+
+    /// The same; `tick` is called before each picture, with how many are done and how many there are.
+    pub fn score_watched(
+        &self,
+        name: &str,
+        camera: &Camera,
+        tick: &dyn Fn(usize, usize),
+    ) -> Result<(CameraMetrics, Vec<ScoredPicture>), DesignError> {
         let (Some(lens), Some(captured)) = (camera.psfs().lens(), camera.psfs().captured()) else {
             return Err(DesignError::NoLens);
         };
-        let pictures = self.pictures(camera, &|_| true, Depth::EveryStage)?;
+        let pictures = self.pictures(camera, &|_| true, Depth::EveryStage, tick)?;
         let scored = pictures.iter().map(|p| p.score.clone()).collect();
         let scores = self.over_all(&pictures);
         // The exposure behind the lens for which it is stated: brightness of the image comes on top.
@@ -141,7 +151,7 @@ impl Scorer {
         camera: &Camera,
         is_chosen: &dyn Fn(usize) -> bool,
     ) -> Result<BTreeMap<String, f64>, DesignError> {
-        Ok(self.over_all(&self.pictures(camera, is_chosen, Depth::Finished)?))
+        Ok(self.over_all(&self.pictures(camera, is_chosen, Depth::Finished, &|_, _| {})?))
     }
 
     /// The scores of a camera from its pictures, without those for which there is nothing to find.
@@ -182,12 +192,14 @@ impl Scorer {
         camera: &Camera,
         is_chosen: &dyn Fn(usize) -> bool,
         how: Depth,
+        tick: &dyn Fn(usize, usize),
     ) -> Result<Vec<ScoredPicture>, DesignError> {
         let noise = Noise { mode: NoiseMode::Exact, seed: SCORING_SEED };
         let mut pictures = Vec::new();
-        for HeldOut { name: photo, sequence, relative_field, shot } in
-            held_out_shots(&self.setup, camera, is_chosen)?
-        {
+        let shots = held_out_shots(&self.setup, camera, is_chosen)?;
+        let count = shots.len();
+        for (i, HeldOut { name: photo, sequence, relative_field, shot }) in shots.into_iter().enumerate() {
+            tick(i, count);
             let at = camera.kept(&shot).placement;
             let shots = [shot];
             let frames = camera.take(&shots, &noise)?;

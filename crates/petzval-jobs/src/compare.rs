@@ -126,7 +126,13 @@ fn tables(comparison: &Comparison) -> Vec<TextTable> {
     });
     let mut tables = vec![TextTable {
         caption: match has_ceiling {
-            true => "Scores, and the share of the gap from the first camera to a lens without aberrations that is closed.".to_owned(),
+            true => {
+                let baseline =
+                    cameras.iter().find(|camera| !camera.is_ceiling).map_or("", |camera| &camera.name);
+                format!(
+                    "Scores, and the share of the gap from {baseline} to a lens without aberrations that is closed."
+                )
+            }
             false => "Scores.".to_owned(),
         },
         head: head("camera", &[shares, lens].concat()),

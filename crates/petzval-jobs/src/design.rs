@@ -18,6 +18,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
 use crate::error::{JobError, json, make_folder};
+use crate::init;
 use crate::machine::environment;
 
 pub use petzval_design::run::Metrics;
@@ -65,7 +66,8 @@ pub struct Resume {
 pub struct NewRun {
     /// Experiment file, or the name of a built-in one.
     pub experiment: String,
-    /// Folder of the run; `runs/EXPERIMENT-seed-SEED` if none is given.
+    /// Folder of the run; `runs/EXPERIMENT-seed-SEED` if none is given, where a file `experiment.toml` is called by its folder, and the name of
+    /// a variant that is made alone stands before the seed.
     #[serde(default)]
     pub out: Option<PathBuf>,
     /// What differs from the experiment's file.
@@ -152,7 +154,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             for warning in check(setup, &source)? {
                 context.warning(warning);
             }
-            let root = new.out.clone().unwrap_or_else(|| default_root(&new.experiment, &setup.experiment));
+            let root = new.out.clone().unwrap_or_else(|| {
+                default_root(&new.experiment, new.changes.variant.as_deref(), &setup.experiment)
+            });
             if !root.exists() {
                 make_folder(&root)?;
             }
@@ -341,9 +345,13 @@ fn absolute(path: &Path) -> Result<String, JobError> {
     Ok(path.display().to_string())
 }
 
-fn default_root(name: &str, experiment: &Experiment) -> PathBuf {
-    let stem = Path::new(name).file_stem().map_or_else(|| "run".into(), |s| s.to_string_lossy().into_owned());
-    Path::new("runs").join(format!("{stem}-seed-{}", experiment.seed))
+fn default_root(name: &str, variant: Option<&str>, experiment: &Experiment) -> PathBuf {
+    let path = Path::new(name);
+    // Every folder of `init` has a file of this name.
+    let folder = path.parent().and_then(Path::file_name).filter(|_| path.ends_with(init::EXPERIMENT));
+    let stem = folder.or(path.file_stem()).map_or_else(|| "run".into(), |s| s.to_string_lossy());
+    let variant = variant.map_or_else(String::new, |variant| format!("-{variant}"));
+    Path::new("runs").join(format!("{stem}{variant}-seed-{}", experiment.seed))
 }
 
 /// Reports a run's steps and finished cameras to the watcher of the job.

@@ -209,7 +209,10 @@ fn files(images: &[PathBuf]) -> Result<Vec<PathBuf>, JobError> {
         found.sort();
         if found.is_empty() {
             let message = format!("{}: no picture in this folder", path.display());
-            return Err(JobError::input(message, "PNG, JPEG and TIFF files are looked at"));
+            return Err(JobError::input(
+                message,
+                "PNG, JPEG and TIFF files in the folder itself are looked at, not those in folders below it",
+            ));
         }
         files.extend(found);
     }

@@ -15,6 +15,7 @@ use petzval_design::scoring::Scorer;
 use petzval_design::setup::Setup;
 use petzval_files::ToleranceFile;
 use petzval_learn::detection::Zoom;
+use petzval_learn::score::ScoreDescription;
 use petzval_optics::lens::Lens;
 use petzval_optics::psf::PsfKind;
 use petzval_optics::tolerance::Tolerances;
@@ -87,6 +88,9 @@ pub struct Response {
     pub metrics: Metrics,
     /// Largest absolute difference between a score or a spot radius and that of the run.
     pub largest_difference_from_run: f64,
+    /// Camera, figure and unit of that difference; none if every figure is the same.
+    #[serde(default)]
+    pub largest_difference_of: Option<String>,
     /// Figures of cameras as they are made, if the request asked for them.
     pub made: Option<MadeMetrics>,
 }
@@ -125,7 +129,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     for row in &kept.rows {
         context.note(format!("scoring {}", row.camera));
         let camera = camera_of(setup, &folder, &row.camera)?;
-        let found = scorer.score(&row.camera, &camera)?.0;
+        let tick = |done, of| context.progress(done as u64, of as u64, &row.camera);
+        let found = scorer.score_watched(&row.camera, &camera, &tick)?.0;
         rows.push(CameraMetrics {
             is_ceiling: row.is_ceiling,
             isp_steps: row.isp_steps,
@@ -133,17 +138,32 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             ..found
         });
     }
-    let largest = rows.iter().zip(&kept.rows).fold(0.0_f64, |worst, (a, b)| {
-        let scores = a.scores.iter().map(|(name, value)| value - b.scores.get(name).unwrap_or(&f64::NAN));
-        let off = scores.chain([a.rms_spot_um - b.rms_spot_um]).map(f64::abs);
-        // `max` alone would drop a NaN.
-        off.fold(worst, |worst, off| if worst.is_nan() || off.is_nan() { f64::NAN } else { worst.max(off) })
-    });
+    let (largest, of) = largest_difference(&rows, &kept);
     let metrics = Metrics { rows, ..kept };
     let plan = request.made.as_ref().zip(designs.as_deref());
     let made =
         plan.map(|(made, designs)| make(made, designs, &metrics, &scorer, &folder, context)).transpose()?;
-    Ok(Response { metrics, largest_difference_from_run: largest, made })
+    Ok(Response { metrics, largest_difference_from_run: largest, largest_difference_of: of, made })
+}
+
+/// The largest absolute difference between a figure and that of the run, and which it is. A figure that is no number differs most.
+fn largest_difference(rows: &[CameraMetrics], kept: &Metrics) -> (f64, Option<String>) {
+    let of_row = |(a, b): (&CameraMetrics, &CameraMetrics)| {
+        let score = |score: &ScoreDescription| {
+            let value = |row: &CameraMetrics| row.scores.get(&score.name).copied();
+            let off = match (value(a), value(b)) {
+                (None, None) => 0.0,
+                (a, b) => (a.unwrap_or(f64::NAN) - b.unwrap_or(f64::NAN)).abs(),
+            };
+            (off, format!("{} {} {}", a.camera, score.heading(), score.unit).trim_end().to_owned())
+        };
+        let spot = ((a.rms_spot_um - b.rms_spot_um).abs(), format!("{} RMS spot um", a.camera));
+        kept.scores.iter().map(score).chain([spot]).collect::<Vec<_>>()
+    };
+    let order = |off: f64| if off.is_nan() { f64::INFINITY } else { off };
+    let all = rows.iter().zip(&kept.rows).flat_map(of_row);
+    let largest = all.max_by(|(a, _), (b, _)| order(*a).total_cmp(&order(*b)));
+    largest.map_or((0.0, None), |(off, of)| (off, (off != 0.0).then_some(of)))
 }
 
 /// A camera of a run as it was finished.

@@ -3,8 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use petzval_base::write_whole;
+use petzval_camera::isp::Demosaic;
+use petzval_camera::sensor::Colour;
 use petzval_design::error::DesignError;
-use petzval_design::experiment::commented_toml;
+use petzval_design::experiment::{BUILT_IN_PHOTOS, commented_toml};
 use petzval_files::{parse_lens, write_lens};
 use petzval_optics::design_space::{Solves, near_variables};
 use serde::{Deserialize, Serialize};
@@ -14,7 +16,7 @@ use crate::error::JobError;
 use crate::results::check_folder;
 
 /// Names of the files.
-const EXPERIMENT: &str = "experiment.toml";
+pub(crate) const EXPERIMENT: &str = "experiment.toml";
 const LENS: &str = "lens.toml";
 const SENSOR: &str = "sensor.toml";
 
@@ -70,7 +72,15 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     };
     parse_lens(&lens_text, &context.assets.catalog()?).map_err(DesignError::input(&out.join(LENS)))?;
     // Checked as a run would, and written as it stands.
-    context.assets.sensor(sensor_name)?;
+    let array = context.assets.sensor(sensor_name)?.cfa;
+    if experiment.development.demosaic.check_array(array).is_err() {
+        experiment.development.demosaic = Demosaic::Bilinear;
+    }
+    if array.colours() == [Colour::Clear] && experiment.photos == BUILT_IN_PHOTOS {
+        context.warning(format!(
+            "`{sensor_name}` is monochrome, and the built-in photographs are in colour; give the experiment gray ones: `photos`, or `design --photos DIR`"
+        ));
+    }
     let sensor_text = context.assets.text("sensor", "sensors", sensor_name)?.text;
 
     experiment.lens = LENS.to_owned();

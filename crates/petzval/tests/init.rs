@@ -26,6 +26,12 @@ fn the_files_are_complete_and_run() {
     // Comments of the built-in lens are kept.
     assert!(read(&folder.path().join("mine/lens.toml")).contains("# The nominal Cooke triplet"));
 
+    // A sensor without colour filters is developed as it can be, and what else it needs is said.
+    let gray = run_ok(folder.path(), &["init", "gray", "--sensor", "imx250-mono"]);
+    assert!(gray.says("`imx250-mono` is monochrome"), "{}", gray.stderr);
+    assert!(read(&folder.path().join("gray/experiment.toml")).contains("demosaic = \"bilinear\""));
+    run_fails(folder.path(), &["design", "gray/experiment.toml", "--steps", "1"], 2, &["is monochrome"]);
+
     // What a user has edited is not lost.
     run_fails(folder.path(), &["init", "mine"], 2, &["exists already", "--force"]);
     run_ok(folder.path(), &["init", "mine", "--force"]);

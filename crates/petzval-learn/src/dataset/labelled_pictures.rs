@@ -163,7 +163,11 @@ impl LabelledPictures {
         let misfit = |problem: String| DatasetError::Labels { path: folder.to_path_buf(), problem };
         for (name, list) in [("training", &found.training), ("scoring", &found.held_out)] {
             if list.is_empty() {
-                return Err(misfit(format!("no picture is left for {name}")));
+                let why = match small {
+                    0 => String::new(),
+                    _ => format!(": {small} pictures are smaller than a window of {crop} pixels"),
+                };
+                return Err(misfit(format!("no picture is left for {name}{why}")));
             }
         }
         for (k, purpose) in ["training", "scoring"].into_iter().enumerate() {

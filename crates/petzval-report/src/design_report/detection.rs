@@ -22,8 +22,8 @@ pub(super) fn detection(report: &Report) -> Markup {
     html! {
         (by_group(report, view))
         (caption(format!(
-            "Average precision at an overlap of 0.5, with the range that it has in 95 % of draws of the {} windows with repetition. The ranges of \
-             cameras overlap more than their differences are uncertain, because all see the same windows: the last column is the difference to {} \
+            "Average precision at an overlap of 0.5, with the range that it has in 95 % of draws of the {} windows with repetition, those of one film \
+             or of one picture together. The ranges of cameras overlap more than their differences are uncertain, because all see the same windows: the last column is the difference to {} \
              over the same draws.",
             view.windows, view.baseline
         )))

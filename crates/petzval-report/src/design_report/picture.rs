@@ -41,6 +41,10 @@ pub(crate) fn pictures(report: &Report) -> Markup {
 /// One scene in columns: truth, then the cameras.
 fn comparison(report: &Report, picture: &PictureView, group: usize) -> Markup {
     let columns = picture.cameras.len() + 1;
+    // Scores over all pictures at once, as of objects that are found, have no value for one.
+    let has_value =
+        |i: &usize| picture.cameras.iter().any(|shot| shot.scores.get(*i).is_some_and(|v| v.is_finite()));
+    let shown: Vec<usize> = (0..report.scores.len()).filter(has_value).collect();
     html! {
         article.comparison {
             p { b { (picture.title) } span.muted { " " (picture.place) } }
@@ -48,12 +52,14 @@ fn comparison(report: &Report, picture: &PictureView, group: usize) -> Markup {
                 div.shot {
                     div.shot-name style="--camera:currentColor" { "truth" span.muted { " the scene" } }
                     (framed(&picture.truth_png, &format!("{}: the scene", picture.title), "truth", group))
-                    div.shot-scores.muted { @for score in &report.scores { span { (score.title) } } }
+                    @if !shown.is_empty() {
+                        div.shot-scores.muted { @for i in &shown { span { (report.scores[*i].title) } } }
+                    }
                     (zoomed(&picture.truth_png, &format!("{}: the scene, enlarged", picture.title)))
                     div.shot-note { "the framed middle, enlarged" }
                 }
                 @for (i, shot) in picture.cameras.iter().enumerate() {
-                    (camera_column(report, picture, shot, i, group))
+                    (camera_column(report, picture, shot, i, (&shown, group)))
                 }
             }
         }
@@ -65,7 +71,7 @@ fn camera_column(
     picture: &PictureView,
     shot: &CameraPicture,
     i: usize,
-    group: usize,
+    (shown, group): (&[usize], usize),
 ) -> Markup {
     let colour = camera_colour(&report.cameras, &shot.camera, i);
     let alt = |what: &str| format!("{}: {what} of the {} camera", picture.title, shot.camera);
@@ -73,11 +79,14 @@ fn camera_column(
         div.shot {
             div.shot-name style=(palette::camera_style(colour)) { (shot.camera) }
             (framed(&shot.output_png, &alt("finished picture"), &shot.camera, group))
-            div.shot-scores {
-                @for (i, (score, value)) in report.scores.iter().zip(&shot.scores).enumerate() {
-                    // One picture is worth a digit less than the mean over all.
-                    @let text = number::with_unit(*value, score.decimals.saturating_sub(1), &score.unit);
-                    span { @if i == 0 { b { (text) } } @else { (text) } }
+            @if !shown.is_empty() {
+                div.shot-scores {
+                    @for i in shown {
+                        // One picture is worth a digit less than the mean over all.
+                        @let score = &report.scores[*i];
+                        @let text = number::with_unit(shot.scores[*i], score.decimals.saturating_sub(1), &score.unit);
+                        span { @if *i == 0 { b { (text) } } @else { (text) } }
+                    }
                 }
             }
             (zoomed(&shot.output_png, &alt("finished picture, enlarged,")))

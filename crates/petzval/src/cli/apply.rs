@@ -53,7 +53,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         out: args.out,
         device: args.device,
     };
-    let context = terminal.context().with_cancellation(signals::stop_on_signal()?);
+    let context = terminal.context().with_cancellation(signals::end_on_signal()?);
     let response = apply::run(&request, &context)?;
     if args.json {
         return print_json(&response);

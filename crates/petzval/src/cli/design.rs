@@ -24,7 +24,7 @@ pub struct Args {
     /// Experiment file, or the name of a built-in one
     #[arg(default_value = DEFAULT_EXPERIMENT)]
     experiment: String,
-    /// Folder of the run [default: runs/<experiment>-seed-<seed>]
+    /// Folder of the run [default: runs/<experiment>-seed-<seed>, with --variant runs/<experiment>-<variant>-seed-<seed>]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Continue the run in this folder
@@ -43,8 +43,8 @@ pub struct Args {
     /// Folder of pictures with boxes in COCO format, in which objects are to be found in place of generated streets; see `petzval data`
     #[arg(long, value_name = "DIR", conflicts_with = "photos")]
     data: Option<PathBuf>,
-    /// Network steps of each camera, or steps of its hardware ISP, in place of the experiment's; lens steps are scaled in
-    /// proportion
+    /// N in place of the experiment's `training.steps`, or of its `isp.steps` behind a hardware ISP; all other steps follow in proportion,
+    /// those of a detector that is trained before the cameras as well
     #[arg(long, value_name = "N")]
     steps: Option<usize>,
     /// The budget of a night on a GPU in place of minutes on two cores: 40000 network steps of 16 windows for the camera that takes the

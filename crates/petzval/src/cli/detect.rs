@@ -16,18 +16,19 @@ use super::terminal::{Terminal, print_json};
 /// in the size for which torchvision trains. Prints one line per detection: file, class, score, left edge, upper edge, width, height, in pixels
 /// of the file.
 #[derive(Debug, clap::Args)]
+#[command(group = clap::ArgGroup::new("detector").required(true).args(["run", "weights"]))]
 pub struct Args {
     /// Pictures, folders of pictures, or raw frames
     #[arg(required = true, value_name = "IMAGE")]
     images: Vec<PathBuf>,
     /// Run whose detector looks; see --camera
-    #[arg(long, value_name = "RUN", required_unless_present = "weights")]
+    #[arg(long, value_name = "RUN")]
     run: Option<PathBuf>,
     /// Camera of the run [default: its last]
     #[arg(long, value_name = "NAME", requires = "run")]
     camera: Option<String>,
     /// Weights of a Faster R-CNN of torchvision, as a safetensors file
-    #[arg(long, value_name = "FILE", conflicts_with = "run")]
+    #[arg(long, value_name = "FILE")]
     weights: Option<PathBuf>,
     /// Backbone of the weights
     #[arg(long, value_enum, default_value_t = Backbone::Resnet50, requires = "weights")]

@@ -16,7 +16,7 @@ use super::terminal::{Terminal, print_json};
 ///
 /// The last line gives the largest difference from the run's own figures. Nothing in the run folder is changed, except with --tolerances:
 /// then cameras are made at random from each design, with lenses off by their tolerances and focused again, and scored with the network or ISP
-/// of the design. Their figures go into tolerance.json and into the report of the run.
+/// of the design. Their figures go into tolerance.json and into the report of the run, in place of those of an earlier call.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Run folder
@@ -55,8 +55,9 @@ pub struct Args {
 
 /// Runs the verb.
 pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
-    let made = args.tolerances.map(|tolerances| Made {
-        tolerances: source(tolerances),
+    let tolerances = args.tolerances.map(source).transpose()?;
+    let made = tolerances.map(|tolerances| Made {
+        tolerances,
         trials: args.trials,
         seed: args.seed,
         pictures: args.pictures,
@@ -66,17 +67,18 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     });
     let request =
         evaluate::Request { run: args.run, device: args.device, psf: args.psf.map(Into::into), made };
-    let evaluate::Response { metrics, largest_difference_from_run: largest, made } =
+    let evaluate::Response { metrics, largest_difference_from_run: largest, largest_difference_of: of, made } =
         evaluate::run(&request, &terminal.context().with_cancellation(signals::end_on_signal()?))?;
     if args.json {
-        let mut all = json!({ "metrics": metrics, "largest_difference_from_run": largest });
+        let mut all = json!({ "metrics": metrics, "largest_difference_from_run": largest, "largest_difference_of": of });
         if let Some(made) = made {
             all["made"] = json!(made);
         }
         return print_json(&all);
     }
     score_table::print(&metrics);
-    println!("largest difference from the run's own figures: {largest:.3e}");
+    let of = of.map_or_else(String::new, |of| format!(" ({of})"));
+    println!("largest difference from the run's own figures: {largest:.3e}{of}");
     if let Some(made) = made {
         print_made(&made);
     }
@@ -84,13 +86,18 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
 }
 
 /// A grade by its name, or a file.
-fn source(name: PathBuf) -> LensTolerances {
-    match name.to_str() {
+fn source(name: PathBuf) -> Result<LensTolerances, Failure> {
+    Ok(match name.to_str() {
         Some("commercial") => LensTolerances::Grade(Grade::Commercial),
         Some("default" | "precision") => LensTolerances::Grade(Grade::Precision),
         Some("high") => LensTolerances::Grade(Grade::High),
+        _ if name.extension().is_none() && !name.exists() => {
+            let message = format!("--tolerances {}: neither a grade nor a file", name.display());
+            let hint = "grades are default, commercial, precision and high; `petzval lens tolerance --help` says what a file holds";
+            return Err(Failure::input(message, hint));
+        }
         _ => LensTolerances::File(name),
-    }
+    })
 }
 
 /// Prints what tolerances leave of the scores.

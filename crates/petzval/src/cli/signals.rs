@@ -49,6 +49,8 @@ pub fn end_on_signal() -> Result<Arc<AtomicBool>, Failure> {
         if signals.forever().next().is_some() {
             flag.store(true, Ordering::Relaxed);
             std::thread::sleep(GRACE);
+            let _gone =
+                writeln!(std::io::stderr(), "stopped by a signal; what is not finished is not written");
             std::process::exit(EXIT_AT_ONCE);
         }
     });
