@@ -283,8 +283,11 @@ fn the_files_of_pictures_are_checked() {
     };
     let mut unsized_image = data.clone();
     (unsized_image.images[4].width, unsized_image.images[4].height) = (0, 0);
+    let copy = Image { id: 90, file_name: "copy.png".to_owned(), ..unsized_image.images[0].clone() };
+    unsized_image.images.push(copy);
     save_coco(&unsized_image, &root.join("annotations.json")).unwrap();
     write_png(&root.join("good.png"), 40, 30);
+    std::fs::copy(root.join("good.png"), root.join("copy.png")).unwrap();
     write_png(&root.join("images/other.png"), 30, 40);
     write_png(&root.join("images/none.png"), 40, 25);
     std::fs::write(root.join("broken.png"), b"no picture").unwrap();
@@ -293,7 +296,7 @@ fn the_files_of_pictures_are_checked() {
     assert_eq!(loaded.data, unsized_image);
     check_pictures(&mut loaded);
     let left: Vec<&str> = loaded.data.images.iter().map(|image| image.file_name.as_str()).collect();
-    assert_eq!(left, ["good.png", "none.png"]);
+    assert_eq!(left, ["good.png", "none.png", "copy.png"]);
     assert_eq!((loaded.data.images[1].width, loaded.data.images[1].height), (40, 25));
     // The box of the picture without a size is clipped now.
     assert_eq!(loaded.data.annotations[1].bounds, Bounds::from([10.0, 20.0, 10.0, 5.0]));
@@ -306,6 +309,7 @@ fn the_files_of_pictures_are_checked() {
     assert!(example(DefectKind::UnreadablePicture).contains("broken.png: cannot decode"));
     assert_eq!(example(DefectKind::OtherPictureSize), "other.png: 30 x 40 px, stated 40 x 30");
     assert_eq!(example(DefectKind::SizeNotStated), "none.png");
+    assert_eq!(example(DefectKind::SamePicture), "good.png and copy.png");
     assert!(example(DefectKind::ClippedBox).contains("5.0 px over"));
 }
 

@@ -89,6 +89,8 @@ kinds! {
         "check whether the boxes were scaled and the areas not";
     RepeatedFile Warning "Two entries are of one picture file."
         "keep one, or a picture may be both learned from and judged on";
+    SamePicture Warning "Two picture files have the same content."
+        "keep one, or a picture may be both learned from and judged on";
     RepeatedBox Warning "Two annotations of a picture have the same class and the same box."
         "keep one: a detector cannot find both";
     RepeatedClassName Warning "Two classes have one name, or a class has none."

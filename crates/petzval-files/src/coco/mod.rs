@@ -29,7 +29,7 @@ pub use data_set::{Annotation, Attribute, Category, DataSet, Image};
 pub use defect::{Defect, DefectKind, Defects, Severity};
 pub use error::CocoError;
 pub use folder::{ANNOTATIONS, LARGEST_ANNOTATIONS, Loaded, load_coco, save_coco};
-pub use pictures::check_pictures;
+pub use pictures::{check_pictures, content_digest};
 pub use read::parse_coco;
 pub use results::{Detection, LARGEST_RESULTS, load_results, parse_results, results_bytes, save_results};
 pub use statistics::{ClassStatistics, LARGE_PX2, SMALL_PX2, Statistics};

@@ -1,13 +1,18 @@
 //! Checks the picture files of a data set.
 
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
+use std::io;
+use std::path::Path;
+
+use sha2::{Digest, Sha256};
 
 use super::check::check_values;
 use super::defect::{DefectKind, Defects};
 use super::folder::Loaded;
 use crate::picture_file::picture_size;
 
-/// Checks that the file of every picture exists, can be decoded and has the stated size. Only the head of a file is read.
+/// Checks that the file of every picture exists, can be decoded and has the stated size, and that no two have one content. Only the head of a
+/// file is read, and the whole of those that are as long as another.
 ///
 /// Pictures for which this is not so are taken out with their boxes, and noted. A picture without a stated size gets that of its file.
 pub fn check_pictures(loaded: &mut Loaded) {
@@ -40,6 +45,7 @@ pub fn check_pictures(loaded: &mut Loaded) {
     }
     images.retain(|image| !unusable.contains(&image.id));
     loaded.data.images = images;
+    note_copies(loaded);
     loaded.data.annotations.retain(|annotation| !unusable.contains(&annotation.image_id));
     // Boxes of pictures without a stated size were not clipped. A second check notes only what the first could not see.
     if is_clipping_due {
@@ -47,4 +53,34 @@ pub fn check_pictures(loaded: &mut Loaded) {
         check_values(&mut loaded.data, &mut again);
         loaded.defects.add_kinds(again, &[DefectKind::OutsidePicture, DefectKind::ClippedBox]);
     }
+}
+
+/// Notes pictures whose files have the content of an earlier one.
+fn note_copies(loaded: &mut Loaded) {
+    let mut by_length: BTreeMap<u64, Vec<String>> = BTreeMap::new();
+    for image in &loaded.data.images {
+        let length = loaded.picture(&image.file_name).and_then(|path| Some(path.metadata().ok()?.len()));
+        if let Some(length) = length {
+            by_length.entry(length).or_default().push(image.file_name.clone());
+        }
+    }
+    for names in by_length.into_values().filter(|names| names.len() > 1) {
+        let mut first: BTreeMap<String, String> = BTreeMap::new();
+        for name in names {
+            let Some(Ok(digest)) = loaded.picture(&name).map(|path| content_digest(&path)) else { continue };
+            match first.get(&digest) {
+                Some(original) => {
+                    loaded.defects.add(DefectKind::SamePicture, || format!("{original} and {name}"))
+                }
+                None => drop(first.insert(digest, name)),
+            }
+        }
+    }
+}
+
+/// The SHA-256 of the content of a file, hexadecimal.
+pub fn content_digest(path: &Path) -> io::Result<String> {
+    let mut hash = Sha256::new();
+    io::copy(&mut petzval_base::open_file(path)?, &mut hash)?;
+    Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
 }

@@ -7,12 +7,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use petzval_camera::image::{CHANNELS, LinearImage};
-use petzval_files::coco::{Annotation, Attribute, DataSet, Image, check_pictures, load_coco};
+use petzval_files::coco::{Annotation, Attribute, DataSet, Image, check_pictures, content_digest, load_coco};
 use petzval_files::load_image;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use sha2::{Digest, Sha256};
 
 use super::crop::around;
 use super::labelled_window::{LARGEST_SHARE, LEAST_INSIDE, drawn_by_class, inside};
@@ -369,10 +368,7 @@ fn list_of(image: &Image, training_part: Option<&str>, sequences: &[&str]) -> Li
 
 /// The SHA-256 of a file, hexadecimal.
 fn digest(path: &Path) -> Result<String, DatasetError> {
-    let unreadable = |source| DatasetError::Io { path: path.to_owned(), source };
-    let mut hash = Sha256::new();
-    std::io::copy(&mut petzval_base::open_file(path).map_err(unreadable)?, &mut hash).map_err(unreadable)?;
-    Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
+    content_digest(path).map_err(|source| DatasetError::Io { path: path.to_owned(), source })
 }
 
 /// How the categories of a data set are taken, if some of them are not looked for: else a misspelt one would be background without a word.
