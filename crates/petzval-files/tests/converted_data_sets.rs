@@ -133,6 +133,18 @@ fn bdd100k_colours_become_states() {
     let both = convert(SourceFormat::Bdd100k, root).unwrap();
     assert_eq!((both.data.images.len(), both.data.annotations.len()), (1, 4));
     assert_eq!(both.data.images[0].sequence.as_deref(), Some("v1"));
+    // A file of lanes alone makes no background of a picture.
+    write_png(root, "images/100k/val/c.png", 100, 40);
+    write(
+        root,
+        "labels/lane_val.json",
+        r#"[{"name": "c.png", "labels": [{"category": "lane/curb", "poly2d": []}]}]"#,
+    );
+    let lanes = convert(SourceFormat::Bdd100k, root).unwrap();
+    assert_eq!((lanes.data.images.len(), lanes.defects.count(DefectKind::FileWithoutBoxes)), (1, 1));
+    // A picture of which a file says that it has no labels is background.
+    write(root, "labels/lane_val.json", r#"[{"name": "c.png", "labels": []}]"#);
+    assert_eq!(convert(SourceFormat::Bdd100k, root).unwrap().data.images.len(), 2);
     std::fs::remove_file(root.join("labels/lane_val.json")).unwrap();
 
     // Files of one picture each, with its name outside and without ending.

@@ -89,6 +89,8 @@ kinds! {
         "check whether the boxes were scaled and the areas not";
     RepeatedFile Warning "Two entries are of one picture file."
         "keep one, or a picture may be both learned from and judged on";
+    FileWithoutBoxes Warning "A file of labels has lanes or areas alone; it says nothing of its pictures."
+        "fine if another file has their boxes; else they are no background and are left out";
     SamePicture Warning "Two picture files have the same content."
         "keep one, or a picture may be both learned from and judged on";
     RepeatedBox Warning "Two annotations of a picture have the same class and the same box."

@@ -1,7 +1,8 @@
 //! BDD100K: JSON files with a list of pictures, each with `labels[].box2d`; also the older files of one picture each.
 //!
-//! <https://doc.bdd100k.com/format.html>. Labels without `box2d`, such as lanes, are left out. The colour of a traffic light becomes the attribute `state`:
-//! red, yellow, green, or off where the file has `none`.
+//! <https://doc.bdd100k.com/format.html>. Labels without `box2d`, such as lanes, are left out, and so are files
+//! that have no other labels: their pictures are no background. The colour of a traffic light becomes the attribute `state`, if it is red, yellow or
+//! green.
 
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
@@ -83,7 +84,12 @@ pub(super) fn convert_bdd100k(root: &Path) -> Result<Converted, CocoError> {
     let by_stem = pictures_by(&files, Path::file_stem);
     let mut builder = Builder::default();
     for path in &labels {
-        for picture in pictures_of(path)? {
+        let pictures = pictures_of(path)?;
+        if is_of_lanes(&pictures) {
+            builder.defects.add(DefectKind::FileWithoutBoxes, || path.display().to_string());
+            continue;
+        }
+        for picture in pictures {
             let picture = match picture {
                 Record::Table(picture) => picture,
                 Record::Other(other) => {
@@ -167,6 +173,17 @@ fn pictures_of(path: &Path) -> Result<Vec<Record<Picture>>, CocoError> {
             frames
         }
     })
+}
+
+/// Whether the labels of a file are lanes and areas alone, so that it says nothing of objects.
+fn is_of_lanes(pictures: &[Record<Picture>]) -> bool {
+    let labels = pictures.iter().filter_map(|picture| match picture {
+        Record::Table(picture) => picture.labels.as_ref(),
+        Record::Other(_) => None,
+    });
+    let mut labels = labels.flatten().peekable();
+    labels.peek().is_some()
+        && labels.all(|label| matches!(label, Record::Table(object) if object.box2d.is_none()))
 }
 
 /// The label of an object; `None` if it has no box.
