@@ -74,8 +74,10 @@ pub struct OpticsBlock {
 /// The losses of a batch, and their derivatives by the lens.
 struct Slopes {
     losses: BTreeMap<String, f64>,
-    /// Of the loss, by way of the PSFs.
+    /// Of the loss, by way of the PSFs that form the images.
     by_psfs: ByLens,
+    /// Of the loss, by way of the PSFs of the lens as drawn, for which development takes a lens with errors.
+    by_drawn: Option<ByLens>,
     /// Of the loss, by way of the light that the lens gathers.
     by_light: LensGradient,
     /// The squares of violations of the requirements, mm^2, with their derivatives.
@@ -149,29 +151,41 @@ impl OpticsBlock {
     }
 
     /// Losses at the present coordinates, and the derivatives by them of the batch's loss plus the weighted penalty of the
-    /// requirements. The camera of the batch has the lens as it stands, or that of [`OpticsBlock::err`].
+    /// requirements. The camera of the batch has the lens as it stands; or that of [`OpticsBlock::err`], and then may be
+    /// [taken for](Camera::taken_for) one with the lens as it stands.
     ///
     /// The gradient comes back on the tape through network, development, sensor and renderer as far as the PSFs, and from
     /// there by the adjoint of ray tracing, or through the network that takes its place.
     pub fn gradient(&self, batch: &Batch) -> Result<(BTreeMap<String, f64>, Vec<f64>), DesignError> {
-        let Slopes { losses, by_psfs, by_light, violations } = self.slopes(batch)?;
-        let (lens, space) = (self.lens_in_step()?, &self.start.space);
+        let Slopes { losses, by_psfs, by_drawn, by_light, violations } = self.slopes(batch)?;
         let mut directly = by_light;
         for (_, by_square) in violations {
             directly += &by_square.scaled(self.constraint_weight);
         }
-        let gradient = match by_psfs {
+        let mut gradient = self.by_coordinates(by_psfs, &directly, &self.errors, &self.lens_in_step()?);
+        if let Some(by) = by_drawn {
+            // Each of the two lenses follows the coordinates in its own way.
+            let lens = self.lens()?;
+            let by = self.by_coordinates(by, &LensGradient::zero(lens.surfaces.len()), &[], &lens);
+            gradient.iter_mut().zip(by).for_each(|(sum, by)| *sum += by);
+        }
+        Ok((losses, gradient))
+    }
+
+    /// Derivatives by the free coordinates, from those by a lens that has these errors: by way of its PSFs, and directly.
+    fn by_coordinates(&self, by: ByLens, directly: &LensGradient, errors: &[f64], lens: &Lens) -> Vec<f64> {
+        let space = &self.start.space;
+        match by {
             ByLens::Numbers(mut by) => {
-                by += &directly;
-                space.pull_back_off(&self.x, &self.errors, &lens, &by)
+                by += directly;
+                space.pull_back_off(&self.x, errors, lens, &by)
             }
             ByLens::Coordinates(by) => {
-                let by_psfs = space.pull_back_coordinates_off(&self.x, &self.errors, &by);
-                let directly = space.pull_back_off(&self.x, &self.errors, &lens, &directly);
+                let by_psfs = space.pull_back_coordinates_off(&self.x, errors, &by);
+                let directly = space.pull_back_off(&self.x, errors, lens, directly);
                 by_psfs.iter().zip(directly).map(|(a, b)| a + b).collect()
             }
-        };
-        Ok((losses, gradient))
+        }
     }
 
     /// Takes the batch, and pulls the derivatives of its loss back to the lens.
@@ -185,15 +199,13 @@ impl OpticsBlock {
 
         // The tape ends at the PSFs, and what forms them takes over from them to the lens.
         let gradients = backward(loss);
-        let mut by_psfs: Option<ByLens> = None;
-        for (psfs, leaves) in batch.camera.psfs_of(&leaves) {
-            let by = pulled_back(psfs, leaves, &gradients)?;
-            match &mut by_psfs {
-                None => by_psfs = Some(by),
-                Some(sum) => *sum += by,
-            }
+        if leaves.own.values.grad(&gradients).is_none() {
+            return Err(DesignError::NoGradient("the PSFs"));
         }
-        let by_psfs = by_psfs.ok_or(DesignError::NoGradient("the PSFs"))?;
+        let mut by_psfs = Vec::new();
+        for (psfs, leaves) in batch.camera.psfs_of(&leaves) {
+            by_psfs.push(pulled_back(psfs, leaves, &gradients)?);
+        }
 
         // What depends on the lens by another way than its PSFs: the light that it gathers, and the requirements.
         let lens = self.lens_in_step()?;
@@ -205,7 +217,9 @@ impl OpticsBlock {
         let violations = self.start.requirements.violations(&lens, self.field)?;
         let penalty_mm2 = violations.iter().fold(0.0, |sum, (square, _)| sum + square);
         losses.insert(PENALTY.to_owned(), penalty_mm2);
-        Ok(Slopes { losses, by_psfs, by_light, violations })
+        let mut by_psfs = by_psfs.into_iter();
+        let by_psfs_as_made = by_psfs.next().ok_or(DesignError::NoGradient("the PSFs"))?;
+        Ok(Slopes { losses, by_psfs: by_psfs_as_made, by_drawn: by_psfs.next(), by_light, violations })
     }
 
     /// Makes the spots, or the error after restoration, as small as the requirements allow, by Levenberg and Marquardt's method from the
@@ -266,7 +280,7 @@ impl OpticsBlock {
         batch: &Batch,
         rule: StepRule,
     ) -> Result<BTreeMap<String, f64>, DesignError> {
-        let Slopes { losses, by_psfs, by_light, violations } = self.slopes(batch)?;
+        let Slopes { losses, by_psfs, by_drawn, by_light, violations } = self.slopes(batch)?;
         let (ByLens::Numbers(mut by_loss), Some(light)) = (by_psfs, batch.camera.psfs().light_gradients())
         else {
             return Err(DesignError::NoGradient("rays, which a network in place of tracing does not have"));
@@ -281,7 +295,13 @@ impl OpticsBlock {
         for (_, by_square) in &violations {
             by_all += &by_square.clone().scaled(self.constraint_weight);
         }
-        let slopes = space.pull_back_off(&self.x, &self.errors, &lens, &by_all);
+        let mut slopes = space.pull_back_off(&self.x, &self.errors, &lens, &by_all);
+        if let Some(ByLens::Numbers(by_drawn)) = by_drawn {
+            let by = space.pull_back_off(&self.x, &[], &self.lens()?, &by_drawn);
+            slopes.iter_mut().zip(by).for_each(|(sum, by)| *sum += by);
+            // The lift is that of one lens: it takes both ways to the loss for ways through the lens with errors.
+            by_loss += &by_drawn;
+        }
         let value = losses.get(TOTAL).copied().unwrap_or(f64::NAN);
         let numbers = space.space().numbers();
         let rays = self.start.spots(&lens);
@@ -328,7 +348,16 @@ impl OpticsBlock {
             let x: Vec<f64> = point.iter().map(|place| coordinate_at(*place)).collect();
             let Ok(lens) = self.start.space.lens_off(&x, &self.errors) else { return Ok(None) };
             // Where the lens brings no light to some part of the sensor there is no camera.
-            let Some(camera) = unless_dark(self.camera_with(&x, &lens, batch))? else { return Ok(None) };
+            let Ok(drawn) = self.start.space.lens_at(&x) else { return Ok(None) };
+            let camera = || -> Result<Camera, DesignError> {
+                let camera = batch.camera.with_lens(lens.clone())?;
+                match self.errors.is_empty() {
+                    true => Ok(camera),
+                    // As made, and taken for the lens as drawn.
+                    false => Ok(camera.taken_for(&batch.camera.with_lens(drawn)?)),
+                }
+            };
+            let Some(camera) = unless_dark(camera())? else { return Ok(None) };
             let Some(violations) = unless_dark(self.start.requirements.violations(&lens, self.field))? else {
                 return Ok(None);
             };
@@ -346,15 +375,6 @@ impl OpticsBlock {
         Ok(losses)
     }
 
-    /// The camera of a batch with the lens at some coordinates: as drawn, or as made and taken for the one as drawn.
-    fn camera_with(&self, x: &[f64], lens: &Lens, batch: &Batch) -> Result<Camera, DesignError> {
-        let camera = batch.camera.with_lens(lens.clone())?;
-        match self.errors.is_empty() {
-            true => Ok(camera),
-            false => Ok(camera.taken_for(&batch.camera.with_lens(self.start.space.lens_at(x)?)?)),
-        }
-    }
-
     /// Draws a lens of which the light arrives, about the one at the start of the stage or one that it was improved from. It follows from the
     /// seed and the number of the batch alone.
     fn draw(&mut self, batch: &Batch, reach: f64) -> Result<(), DesignError> {
@@ -368,8 +388,8 @@ impl OpticsBlock {
     }
 }
 
-/// The derivatives of a loss by the lens that forms PSFs, from those by the PSFs. Development that does not restore takes nothing but the
-/// illumination from them.
+/// The derivatives of a loss by the lens that forms PSFs, from those by the PSFs. Where the lens is taken for another, development that does
+/// not restore takes nothing but the illumination from the other's: what is not on the tape counts as 0.
 fn pulled_back(psfs: &Psfs, leaves: &PsfLeaves, gradients: &Gradients) -> Result<ByLens, DesignError> {
     let by_illumination =
         leaves.illumination.grad(gradients).ok_or(DesignError::NoGradient("the illumination"))?;

@@ -367,7 +367,8 @@ impl Camera {
         let (known, illumination) = match (&self.taken_for, &leaves.taken_for) {
             (Some(optics), Some(psfs)) => {
                 let placements: Vec<Placement> = shots.iter().map(|s| s.placement).collect();
-                (psfs, self.illumination(optics, psfs, &placements, self.exposed(shots))?)
+                let illumination = self.illumination(optics, psfs, &placements, self.exposed(shots))?;
+                (psfs, self.calibrated(illumination, self.gathered(&leaves.own, shots)))
             }
             _ => (&leaves.own, own_illumination),
         };
@@ -474,14 +475,26 @@ impl Camera {
         let blurred = render_op(values, radius_mm, &layout, geometry, kernels, scenes)?;
         let illumination = self.illumination(&self.optics, psfs, &placements, [height, width])?;
         let irradiance = blurred * illumination.clone();
-        let Some(same) = self.body.same_time else { return Ok((irradiance, illumination)) };
-        // Where the time is the same, a lens that moves changes the light of all pixels; development knows that if it normalises.
+        let Some(light) = self.gathered(psfs, shots) else { return Ok((irradiance, illumination)) };
+        Ok((irradiance * light.clone(), self.calibrated(illumination, Some(light))))
+    }
+
+    /// The light of each frame in units of itself, `[batch, 1, 1, 1]`, where cameras have the same time: a lens that moves changes that of all
+    /// pixels. None where every camera has the same electrons.
+    fn gathered(&self, psfs: &PsfLeaves, shots: &[Shot]) -> Option<Tensor<4>> {
+        self.body.same_time?;
         let follows: Vec<f32> = shots.iter().map(|s| f32::from(u8::from(s.follows_light))).collect();
         let follows = TensorData::new(follows, [shots.len(), 1, 1, 1]);
         let follows: Tensor<4> = Tensor::from_data(follows, &self.body.device);
-        let light = (psfs.light.clone() - 1.0).reshape([1, 1, 1, 1]) * follows + 1.0;
-        let calibration = if same.is_normalised { illumination * light.clone() } else { illumination };
-        Ok((irradiance * light, calibration))
+        Some((psfs.light.clone() - 1.0).reshape([1, 1, 1, 1]) * follows + 1.0)
+    }
+
+    /// The relative illumination by which development divides: with the light that a lens gathers if it normalises by that.
+    fn calibrated(&self, illumination: Tensor<4>, light: Option<Tensor<4>>) -> Tensor<4> {
+        match light.filter(|_| self.body.same_time.is_some_and(|same| same.is_normalised)) {
+            Some(light) => illumination * light,
+            None => illumination,
+        }
     }
 
     /// Relative illumination of the pixels of windows, by the optics whose PSFs these are.
@@ -499,8 +512,8 @@ impl Camera {
 
     /// Develops raw frames `[batch, 1, height, width]` to linear light `[batch, 3, height, width]`.
     ///
-    /// The shading is corrected by the lens's own relative illumination, as in a calibrated camera. The gradient includes both:
-    /// the light that the lens loses, and the gain that makes up for it.
+    /// The shading is corrected by `illumination`, that of the lens itself in a calibrated camera. The gradient includes both: the light that the
+    /// lens loses, and the gain that makes up for it.
     pub fn develop(
         &self,
         raw: Tensor<4>,

@@ -41,19 +41,6 @@ pub enum ByLens {
     Coordinates(Vec<f64>),
 }
 
-impl std::ops::AddAssign for ByLens {
-    /// The sum of two derivatives of one kind, which those of one camera are; of two kinds the first stays.
-    fn add_assign(&mut self, other: Self) {
-        match (self, other) {
-            (Self::Numbers(sum), Self::Numbers(other)) => *sum += &other,
-            (Self::Coordinates(sum), Self::Coordinates(other)) => {
-                sum.iter_mut().zip(other).for_each(|(sum, other)| *sum += other);
-            }
-            _ => {}
-        }
-    }
-}
-
 /// The PSFs of a camera, with what their gradient needs.
 pub struct Psfs {
     kind: Kind,
