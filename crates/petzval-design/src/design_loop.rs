@@ -131,12 +131,30 @@ struct Position {
 
 /// What a finished camera has behind it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(from = "KeptDone")]
 struct Done {
     /// Stages: fewer than its variant has if the run was extended since.
     stages: usize,
     /// Steps that its blocks have taken for the task, in the variants that it started from, too: fewer than planned where
-    /// `validation.patience` ended a stage.
-    steps: BTreeMap<BlockName, usize>,
+    /// `validation.patience` ended a stage. None if a version finished it that counted planned steps.
+    steps: Option<BTreeMap<BlockName, usize>>,
+}
+
+/// The same as a checkpoint has it; earlier versions kept the stages alone.
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum KeptDone {
+    Stages(usize),
+    Done { stages: usize, steps: Option<BTreeMap<BlockName, usize>> },
+}
+
+impl From<KeptDone> for Done {
+    fn from(kept: KeptDone) -> Self {
+        match kept {
+            KeptDone::Stages(stages) => Self { stages, steps: None },
+            KeptDone::Done { stages, steps } => Self { stages, steps },
+        }
+    }
 }
 
 impl Position {
@@ -157,6 +175,17 @@ impl Position {
     /// Stages of a variant that its finished camera has behind it.
     fn finished(&self, variant: &Variant) -> usize {
         self.finished.get(&variant.name).map_or(0, |done| done.stages)
+    }
+
+    /// Steps for the task that the blocks of a finished camera have behind them.
+    fn steps_behind(&self, camera: &str, setup: &Setup) -> BTreeMap<BlockName, usize> {
+        let Some(done) = self.finished.get(camera) else { return BTreeMap::new() };
+        let planned = || {
+            let variant = setup.variants.iter().find(|v| v.name == camera)?;
+            let steps = |block| (block, setup.task_steps_until(variant, done.stages, block));
+            Some(BlockName::ALL.into_iter().map(steps).collect())
+        };
+        done.steps.clone().or_else(planned).unwrap_or_default()
     }
 
     /// The first variant that has stages left.
@@ -686,7 +715,8 @@ impl DesignLoop {
             seen_windows::save(&folder, &windows)?;
         }
         observer.camera(&metrics);
-        let done = Done { stages: variant.stages.len(), steps: std::mem::take(&mut self.position.before) };
+        let done =
+            Done { stages: variant.stages.len(), steps: Some(std::mem::take(&mut self.position.before)) };
         self.position.finished.insert(variant.name.clone(), done);
         self.begin_next()?;
         let losses = metrics.scores.clone();
@@ -712,8 +742,7 @@ impl DesignLoop {
             let taken = taken.filter(|block| keeps_lens || block.name() != BlockName::Optics);
             load_blocks(&self.run.camera(from), taken, Kept::Numbers)?;
             // It sees other windows than those that it was trained on.
-            let done = self.position.finished.get(from);
-            self.position.before = done.map(|done| done.steps.clone()).unwrap_or_default();
+            self.position.before = self.position.steps_behind(from, &setup);
             let first = next.stages.get(stage);
             self.blocks.begin_stage(|block| first.is_some_and(|stage| stage.improves(block)));
         }

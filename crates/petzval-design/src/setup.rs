@@ -359,8 +359,14 @@ impl Setup {
 
     /// Steps that a block is planned to take for the task until the end of a variant, with those of the variants that it starts from.
     pub fn task_steps(&self, variant: &Variant, block: BlockName) -> usize {
+        self.task_steps_until(variant, variant.stages.len(), block)
+    }
+
+    /// The same until the end of the first `stages` of the variant.
+    pub fn task_steps_until(&self, variant: &Variant, stages: usize, block: BlockName) -> usize {
         let parent = variant.from.as_ref().and_then(|name| self.variants.iter().find(|v| v.name == *name));
-        parent.map_or(0, |parent| self.task_steps(parent, block)) + variant.task_steps_of(block)
+        let own: usize = variant.stages[..stages].iter().map(|stage| stage.task_steps_of(block)).sum();
+        parent.map_or(0, |parent| self.task_steps(parent, block)) + own
     }
 
     /// Half the sensor's diagonal, mm.

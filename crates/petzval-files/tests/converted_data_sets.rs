@@ -145,6 +145,13 @@ fn bdd100k_colours_become_states() {
     // A picture of which a file says that it has no labels is background.
     write(root, "labels/lane_val.json", r#"[{"name": "c.png", "labels": []}]"#);
     assert_eq!(convert(SourceFormat::Bdd100k, root).unwrap().data.images.len(), 2);
+    // So is that of a file of its own, which has all labels of it.
+    write(
+        root,
+        "labels/lane_val.json",
+        r#"{"name": "c", "frames": [{"objects": [{"category": "lane/curb", "poly2d": []}]}]}"#,
+    );
+    assert_eq!(convert(SourceFormat::Bdd100k, root).unwrap().data.images.len(), 2);
     std::fs::remove_file(root.join("labels/lane_val.json")).unwrap();
 
     // Files of one picture each, with its name outside and without ending.

@@ -155,7 +155,7 @@ fn largest_difference(rows: &[CameraMetrics], kept: &Metrics) -> (f64, Option<St
                 (None, None) => 0.0,
                 (a, b) => (a.unwrap_or(f64::NAN) - b.unwrap_or(f64::NAN)).abs(),
             };
-            (off, format!("{} {} {}", a.camera, score.heading(), score.unit).trim_end().to_owned())
+            (off, format!("{} {}", a.camera, score.heading()))
         };
         let spot = ((a.rms_spot_um - b.rms_spot_um).abs(), format!("{} RMS spot um", a.camera));
         kept.scores.iter().map(score).chain([spot]).collect::<Vec<_>>()

@@ -75,8 +75,10 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let array = context.assets.sensor(sensor_name)?.cfa;
     if experiment.development.demosaic.check_array(array).is_err() {
         experiment.development.demosaic = Demosaic::Bilinear;
+        context.note(format!("development.demosaic is \"bilinear\", as `{sensor_name}` needs it"));
     }
-    if array.colours() == [Colour::Clear] && experiment.photos == BUILT_IN_PHOTOS {
+    let sees_photos = !experiment.task.finds_objects() && experiment.photos == BUILT_IN_PHOTOS;
+    if array.colours() == [Colour::Clear] && sees_photos {
         context.warning(format!(
             "`{sensor_name}` is monochrome, and the built-in photographs are in colour; give the experiment gray ones: `photos`, or `design --photos DIR`"
         ));

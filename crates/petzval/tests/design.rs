@@ -328,6 +328,7 @@ fn scoring_again_gives_the_same_figures_and_changes_nothing() {
     std::fs::write(run.join("metrics.json"), metrics.to_string()).unwrap();
     let again = run_ok(folder.path(), &["evaluate", "run", "--json"]).json();
     assert!(again["largest_difference_from_run"].as_f64().unwrap() > 10.0);
+    assert_eq!(again["largest_difference_of"], "end-to-end PSNR dB");
 }
 
 #[test]

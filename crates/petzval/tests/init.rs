@@ -30,7 +30,10 @@ fn the_files_are_complete_and_run() {
     let gray = run_ok(folder.path(), &["init", "gray", "--sensor", "imx250-mono"]);
     assert!(gray.says("`imx250-mono` is monochrome"), "{}", gray.stderr);
     assert!(read(&folder.path().join("gray/experiment.toml")).contains("demosaic = \"bilinear\""));
+    assert!(gray.says("development.demosaic is \"bilinear\""), "{}", gray.stderr);
     run_fails(folder.path(), &["design", "gray/experiment.toml", "--steps", "1"], 2, &["is monochrome"]);
+    let street = ["init", "street", "--from", "pedestrian-vehicle", "--sensor", "imx250-mono"];
+    assert!(!run_ok(folder.path(), &street).says("is monochrome"));
 
     // What a user has edited is not lost.
     run_fails(folder.path(), &["init", "mine"], 2, &["exists already", "--force"]);

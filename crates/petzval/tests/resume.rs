@@ -337,6 +337,23 @@ fn an_extended_run_makes_the_cameras_of_its_longer_experiment() {
             )
     );
 
+    // A run that an earlier version finished, whose checkpoints have the stages of its cameras alone.
+    let old = folder.path().join("old");
+    copy_folder(&short, &old);
+    let mut changed = 0;
+    for checkpoint in std::fs::read_dir(old.join("checkpoints")).unwrap() {
+        let path = checkpoint.unwrap().path().join("position.json");
+        let mut position = read_json(&path);
+        for done in position["finished"].as_object_mut().unwrap().values_mut() {
+            *done = done["stages"].clone();
+            changed += 1;
+        }
+        std::fs::write(&path, position.to_string()).unwrap();
+    }
+    assert!(changed > 0);
+    run_ok(folder.path(), &["design", "--resume", "old", "--extend-to", "6"]);
+    assert_eq!(read(&old.join("metrics.json")), metrics);
+
     // Extended before its end, and killed on the way.
     let early = folder.path().join("early");
     std::fs::create_dir(&early).unwrap();

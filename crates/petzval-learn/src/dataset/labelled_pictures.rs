@@ -274,7 +274,7 @@ impl LabelledPictures {
         &self.picture(list, window).sequence
     }
 
-    /// Window `number` of `of` of a list: of the pictures in turn, on an object that fits into it, of every class as often as of the others, or
+    /// Window `number` of `of` of a list: of the pictures in turn, on an object that fits into it, of each class in the picture as often as of the others, or
     /// anywhere in the picture; at a place anywhere on the sensor. Both places depend on the number alone.
     pub fn window(
         &self,

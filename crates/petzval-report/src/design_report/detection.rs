@@ -30,7 +30,8 @@ pub(super) fn detection(report: &Report) -> Markup {
         div.charts { @for class in classes(view) { (figure(&chart_svg(&precision_recall(report, view, class)))) } }
         (lost(report, view))
         (caption(
-            "The detector of each camera looks at four pictures of every window: what the camera would make of the scene with perfect optics and \
+            "Beside the picture are objects on which a window lies and which the lens of the experiment would show, but this one does not. The detector \
+             of each camera looks at four pictures of every window: what the camera would make of the scene with perfect optics and \
              without noise; the light on the pixels; the raw frame in a plain development; the finished picture. An object that is not found in the \
              last (score 0.5, overlap 0.5) is counted at the first in which it is not found. The detector was trained on finished pictures: the \
              tones of the second and third are not those that it knows, so that losses there are upper bounds.",

@@ -301,7 +301,7 @@ pub struct LostObjects {
     pub objects: usize,
     /// Found in the finished picture.
     pub found: usize,
-    /// Beside the picture: the lens shows less of the scene than that of the first camera.
+    /// Beside the picture: the lens shows less of the scene than that of the experiment.
     pub beside: usize,
     /// Not found even in the picture of perfect optics without noise.
     pub in_scene: usize,

@@ -28,7 +28,6 @@ pub(super) fn smoothed(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
             // The sum of (i - k)^2 over n consecutive whole numbers is (n^3 - n) / 12.
             let spread = (n * n * n - n) / 12.0;
             let slope = if spread > 0.0 { (iy - middle * y) / spread } else { 0.0 };
-            // `clamp` would refuse limits that are no numbers.
             (points[i].0, (mean + slope * (i as f64 - middle)).max(least).min(most))
         })
         .collect()

@@ -24,7 +24,7 @@ pub struct Args {
     /// Experiment file, or the name of a built-in one
     #[arg(default_value = DEFAULT_EXPERIMENT)]
     experiment: String,
-    /// Folder of the run [default: runs/<experiment>-seed-<seed>, with --variant runs/<experiment>-<variant>-seed-<seed>]
+    /// Folder of the run [default: runs/<experiment>-seed-<seed>, with --variant runs/<experiment>-<variant>-seed-<seed>; a file experiment.toml is called by its folder]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Continue the run in this folder

@@ -1,7 +1,7 @@
 //! BDD100K: JSON files with a list of pictures, each with `labels[].box2d`; also the older files of one picture each.
 //!
-//! <https://doc.bdd100k.com/format.html>. Labels without `box2d`, such as lanes, are left out, and so are files
-//! that have no other labels: their pictures are no background. The colour of a traffic light becomes the attribute `state`, if it is red, yellow or
+//! <https://doc.bdd100k.com/format.html>. Labels without `box2d`, such as lanes, are left out, and so are lists
+//! that have no other labels: their pictures are no background. A file of one picture has all labels of it. The colour of a traffic light becomes the attribute `state`, if it is red, yellow or
 //! green.
 
 use std::collections::BTreeMap;
@@ -84,8 +84,8 @@ pub(super) fn convert_bdd100k(root: &Path) -> Result<Converted, CocoError> {
     let by_stem = pictures_by(&files, Path::file_stem);
     let mut builder = Builder::default();
     for path in &labels {
-        let pictures = pictures_of(path)?;
-        if is_of_lanes(&pictures) {
+        let (pictures, is_list) = pictures_of(path)?;
+        if is_list && is_of_lanes(&pictures) {
             builder.defects.add(DefectKind::FileWithoutBoxes, || path.display().to_string());
             continue;
         }
@@ -140,7 +140,8 @@ fn folder_around(file: &Path) -> PathBuf {
     if folder.as_os_str().is_empty() { PathBuf::from(".") } else { folder.to_owned() }
 }
 
-fn pictures_of(path: &Path) -> Result<Vec<Record<Picture>>, CocoError> {
+/// The pictures of a file, and whether it is a list of them.
+fn pictures_of(path: &Path) -> Result<(Vec<Record<Picture>>, bool), CocoError> {
     let hint = "lanes and areas (`poly2d`) are not used and may be left out; or split the file";
     let mut bytes = read_bounded(path, LARGEST_ANNOTATIONS, hint)?;
     mark_numbers(&mut bytes);
@@ -163,14 +164,14 @@ fn pictures_of(path: &Path) -> Result<Vec<Record<Picture>>, CocoError> {
         )
     })?;
     Ok(match contents {
-        Contents::List(pictures) => pictures,
+        Contents::List(pictures) => (pictures, true),
         Contents::Table(Table { name, mut frames }) => {
             for frame in &mut frames {
                 if let Record::Table(Picture { name: missing @ Loose::Absent, .. }) = frame {
                     *missing = name.clone().map_or(Loose::Absent, Loose::Text);
                 }
             }
-            frames
+            (frames, false)
         }
     })
 }
