@@ -12,16 +12,16 @@ fn write(root: &Path, name: &str, text: &str) {
     std::fs::write(path, text).unwrap();
 }
 
-fn write_jpeg(root: &Path, name: &str) {
+fn write_jpeg(root: &Path, name: &str, blue: u8) {
     let path = root.join(name);
     std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-    image::RgbImage::from_fn(100, 40, |x, y| image::Rgb([x as u8, y as u8, 80])).save(path).unwrap();
+    image::RgbImage::from_fn(100, 40, |x, y| image::Rgb([x as u8, y as u8, blue])).save(path).unwrap();
 }
 
 /// A data set as Roboflow exports it.
 fn write_yolo(root: &Path) {
-    for part in ["train", "valid"] {
-        write_jpeg(root, &format!("in/{part}/images/a.jpg"));
+    for (part, blue) in [("train", 80), ("valid", 160)] {
+        write_jpeg(root, &format!("in/{part}/images/a.jpg"), blue);
         write(root, &format!("in/{part}/labels/a.txt"), "1 0.5 0.25 0.2 0.1\n0 0.5 0.5 0.4 0.5\n");
     }
     write(root, "in/data.yaml", "train: ../train/images\nnc: 2\nnames: ['green', 'red']\n");
