@@ -48,8 +48,8 @@ pub struct ComparedCamera {
     pub is_ceiling: bool,
     /// Its scores.
     pub scores: Vec<MeanAndDeviation>,
-    /// Share of the gap from the first camera to the ceiling that it closes, by score; none without a ceiling, and where the ceiling does
-    /// not lie above the first camera with every seed.
+    /// Share of the gap from the first camera that is no ceiling to the ceiling that it closes, by score; none without a ceiling, and where the
+    /// ceiling does not lie above that camera with every seed.
     pub gap_closed: Vec<Option<MeanAndDeviation>>,
     /// RMS spot radius, um.
     pub rms_spot_um: MeanAndDeviation,

@@ -348,7 +348,8 @@ fn absolute(path: &Path) -> Result<String, JobError> {
 fn default_root(name: &str, variant: Option<&str>, experiment: &Experiment) -> PathBuf {
     let path = Path::new(name);
     // Every folder of `init` has a file of this name.
-    let whole = std::fs::canonicalize(path).ok().filter(|_| path.ends_with(init::EXPERIMENT));
+    let of_init = Some(path).filter(|path| path.ends_with(init::EXPERIMENT));
+    let whole = of_init.and_then(|path| std::fs::canonicalize(path).ok());
     let folder = whole.as_ref().and_then(|path| path.parent()?.file_name());
     let stem = folder.or(path.file_stem()).map_or_else(|| "run".into(), |s| s.to_string_lossy());
     let variant = variant.map_or_else(String::new, |variant| format!("-{variant}"));

@@ -202,10 +202,9 @@ impl OpticsBlock {
         if leaves.own.values.grad(&gradients).is_none() {
             return Err(DesignError::NoGradient("the PSFs"));
         }
-        let mut by_psfs = Vec::new();
-        for (psfs, leaves) in batch.camera.psfs_of(&leaves) {
-            by_psfs.push(pulled_back(psfs, leaves, &gradients)?);
-        }
+        let by_psfs = pulled_back(batch.camera.psfs(), &leaves.own, &gradients)?;
+        let drawn = batch.camera.psfs_taken_for().zip(leaves.taken_for.as_ref());
+        let by_drawn = drawn.map(|(psfs, leaves)| pulled_back(psfs, leaves, &gradients)).transpose()?;
 
         // What depends on the lens by another way than its PSFs: the light that it gathers, and the requirements.
         let lens = self.lens_in_step()?;
@@ -217,9 +216,7 @@ impl OpticsBlock {
         let violations = self.start.requirements.violations(&lens, self.field)?;
         let penalty_mm2 = violations.iter().fold(0.0, |sum, (square, _)| sum + square);
         losses.insert(PENALTY.to_owned(), penalty_mm2);
-        let mut by_psfs = by_psfs.into_iter();
-        let by_psfs_as_made = by_psfs.next().ok_or(DesignError::NoGradient("the PSFs"))?;
-        Ok(Slopes { losses, by_psfs: by_psfs_as_made, by_drawn: by_psfs.next(), by_light, violations })
+        Ok(Slopes { losses, by_psfs, by_drawn, by_light, violations })
     }
 
     /// Makes the spots, or the error after restoration, as small as the requirements allow, by Levenberg and Marquardt's method from the

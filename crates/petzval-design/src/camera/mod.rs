@@ -325,9 +325,7 @@ impl Camera {
     ///
     /// The graph of the frames leads to the weights of a network that is tracked, and no further.
     pub fn take(&self, shots: &[Shot], noise: &Noise) -> Result<Frames, DesignError> {
-        let leaves = |optics: &Optics| optics.leaves(&self.body.device);
-        let taken_for = self.taken_for.as_ref().map(leaves);
-        self.take_through(&OpticsLeaves { own: leaves(&self.optics), taken_for }, shots, noise)
+        self.take_through(&self.leaves(|leaves| leaves), shots, noise)
     }
 
     /// [`Camera::take`] with a graph that leads to the PSFs, which are returned as leaf tensors.
@@ -336,21 +334,19 @@ impl Camera {
         shots: &[Shot],
         noise: &Noise,
     ) -> Result<(Frames, OpticsLeaves), DesignError> {
-        let leaves = |optics: &Optics| optics.leaves(&self.body.device).tracked();
-        let taken_for = self.taken_for.as_ref().map(leaves);
-        let leaves = OpticsLeaves { own: leaves(&self.optics), taken_for };
+        let leaves = self.leaves(PsfLeaves::tracked);
         Ok((self.take_through(&leaves, shots, noise)?, leaves))
     }
 
-    /// The PSFs of the camera, each with its leaf tensors.
-    pub fn psfs_of<'a>(
-        &'a self,
-        leaves: &'a OpticsLeaves,
-    ) -> impl Iterator<Item = (&'a Psfs, &'a PsfLeaves)> {
-        let taken_for = self.taken_for.iter().zip(&leaves.taken_for);
-        std::iter::once((&self.optics, &leaves.own))
-            .chain(taken_for)
-            .map(|(optics, leaves)| (&*optics.psfs, leaves))
+    /// The PSFs as tensors, as `made` makes them of those that are not tracked.
+    fn leaves(&self, made: impl Fn(PsfLeaves) -> PsfLeaves) -> OpticsLeaves {
+        let of = |optics: &Optics| made(optics.leaves(&self.body.device));
+        OpticsLeaves { own: of(&self.optics), taken_for: self.taken_for.as_ref().map(of) }
+    }
+
+    /// The PSFs for which development takes those of the camera; none where it knows them.
+    pub fn psfs_taken_for(&self) -> Option<&Psfs> {
+        self.taken_for.as_ref().map(|optics| &*optics.psfs)
     }
 
     fn take_through(

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, HashSet};
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
 
@@ -57,17 +57,16 @@ pub fn check_pictures(loaded: &mut Loaded) {
 
 /// Notes pictures whose files have the content of an earlier one.
 fn note_copies(loaded: &mut Loaded) {
-    let mut by_length: BTreeMap<u64, Vec<String>> = BTreeMap::new();
+    let mut by_length: BTreeMap<u64, Vec<(&str, PathBuf)>> = BTreeMap::new();
     for image in &loaded.data.images {
-        let length = loaded.picture(&image.file_name).and_then(|path| Some(path.metadata().ok()?.len()));
-        if let Some(length) = length {
-            by_length.entry(length).or_default().push(image.file_name.clone());
-        }
+        let Some(path) = loaded.picture(&image.file_name) else { continue };
+        let Ok(file) = path.metadata() else { continue };
+        by_length.entry(file.len()).or_default().push((&image.file_name, path));
     }
-    for names in by_length.into_values().filter(|names| names.len() > 1) {
-        let mut first: BTreeMap<String, String> = BTreeMap::new();
-        for name in names {
-            let Some(Ok(digest)) = loaded.picture(&name).map(|path| content_digest(&path)) else { continue };
+    for files in by_length.into_values().filter(|files| files.len() > 1) {
+        let mut first: BTreeMap<String, &str> = BTreeMap::new();
+        for (name, path) in files {
+            let Ok(digest) = content_digest(&path) else { continue };
             match first.get(&digest) {
                 Some(original) => {
                     loaded.defects.add(DefectKind::SamePicture, || format!("{original} and {name}"))

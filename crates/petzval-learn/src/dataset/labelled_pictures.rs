@@ -14,7 +14,7 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use super::crop::around;
-use super::labelled_window::{LARGEST_SHARE, LEAST_INSIDE, drawn_by_class, inside};
+use super::labelled_window::{LARGEST_SHARE, LEAST_INSIDE, crop_around, drawn_by_class, inside, off_middle};
 use super::{CropPlan, DatasetError, LabelledWindow, List, Wanted};
 use crate::detection::{BBox, Object, Truth};
 use crate::score::detection::light_state;
@@ -297,15 +297,12 @@ impl LabelledPictures {
         let middle = match object {
             Some(object) => {
                 let [x, y] = object.bbox.centre().map(f64::from);
-                let off = within.map(|share| (share - 0.5) * 0.5 * crops.crop as f64);
+                let off = off_middle(within, crops.crop);
                 [y + off[0], x + off[1]]
             }
             None => [within[0] * size[0] as f64, within[1] * size[1] as f64],
         };
-        let first: [usize; 2] = std::array::from_fn(|i| {
-            let most = size[i].saturating_sub(crops.crop) as f64;
-            (middle[i] - 0.5 * crops.crop as f64).clamp(0.0, most) as usize
-        });
+        let first = crop_around(middle, size, crops.crop);
         // Anywhere on the sensor, its corners included.
         let at = [crops.sensor_rows, crops.sensor_columns]
             .map(|side| around(random.random_range(0..side), crops.crop, side));

@@ -26,6 +26,20 @@ pub(super) fn inside(whole: &BBox, first: [usize; 2], crop: usize) -> Option<(BB
     bbox.is_at_least(1.0).then(|| (bbox, f64::from(bbox.area() / whole.area().max(1e-6))))
 }
 
+/// First row and column of the crop around a place, row and column, of a picture or a sensor with so many rows and columns. A crop that extends
+/// beyond them is moved inside.
+pub(super) fn crop_around(middle: [f64; 2], sides: [usize; 2], crop: usize) -> [usize; 2] {
+    std::array::from_fn(|i| {
+        let most = sides[i].saturating_sub(crop) as f64;
+        (middle[i] - 0.5 * crop as f64).clamp(0.0, most) as usize
+    })
+}
+
+/// How far the middle of a crop lies from that of its object, so that the object's lies in the middle half of the crop, at these shares 0..1 of it.
+pub(super) fn off_middle(shares: [f64; 2], crop: usize) -> [f64; 2] {
+    shares.map(|share| (share - 0.5) * 0.5 * crop as f64)
+}
+
 /// One of these objects, each with its class: first a class is drawn, then one of its objects, so that rare classes are drawn as often as frequent
 /// ones. None if there is no object.
 pub(super) fn drawn_by_class<T>(

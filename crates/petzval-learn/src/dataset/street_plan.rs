@@ -10,7 +10,7 @@ use petzval_street::{
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::labelled_window::{LARGEST_SHARE, LEAST_INSIDE, drawn_by_class, inside};
+use super::labelled_window::{LARGEST_SHARE, LEAST_INSIDE, crop_around, drawn_by_class, inside, off_middle};
 use super::{CropPlan, LabelledWindow, List, Wanted};
 use crate::detection::{BBox, Object, Truth};
 
@@ -148,7 +148,8 @@ impl StreetPlan {
         };
         let at = match place {
             Place::Anywhere(shares) => {
-                crop_around(crops, [0, 1].map(|i| shares[i] * sensor(crops)[i] as f64))
+                let middle = [0, 1].map(|i| shares[i] * sensor(crops)[i] as f64);
+                crop_around(middle, sensor(crops), crops.crop)
             }
             Place::OnObject { off, .. } => crop_off(crops, chosen.unwrap_or_default(), off),
         };
@@ -203,9 +204,7 @@ impl StreetPlan {
         let is_on_object = random.random_bool(self.on_objects);
         let drawn = if is_on_object { drawn_by_class(counted, random) } else { None };
         let Some(id) = drawn else { return Place::Anywhere(random.random()) };
-        // The object's middle lies in the middle half of the crop.
-        let within: [f64; 2] = random.random();
-        Place::OnObject { id, off: within.map(|share| (share - 0.5) * 0.5 * crops.crop as f64) }
+        Place::OnObject { id, off: off_middle(random.random(), crops.crop) }
     }
 
     /// The objects of a crop in its own pixels. Objects of a class that are too small, too hidden or cut off too much are ignored; how large
@@ -250,18 +249,10 @@ fn sensor(crops: &CropPlan) -> [usize; 2] {
     [crops.sensor_rows, crops.sensor_columns]
 }
 
-/// First row and column of the crop around a place of the sensor that lies on the sensor.
-fn crop_around(crops: &CropPlan, middle: [f64; 2]) -> [usize; 2] {
-    std::array::from_fn(|i| {
-        let first = middle[i] - 0.5 * crops.crop as f64;
-        first.clamp(0.0, (sensor(crops)[i] - crops.crop) as f64) as usize
-    })
-}
-
 /// First row and column of the crop whose middle is so far from that of a box.
 fn crop_off(crops: &CropPlan, whole: [f64; 4], off: [f64; 2]) -> [usize; 2] {
     let middle = middle(whole);
-    crop_around(crops, [0, 1].map(|i| middle[i] + off[i]))
+    crop_around([0, 1].map(|i| middle[i] + off[i]), sensor(crops), crops.crop)
 }
 
 /// A box on the sensor.
