@@ -289,7 +289,7 @@ impl Assets {
                         "cameras/NAME/network.safetensors in the folder of a run, \"built-in\" or \"none\""
                     }
                     _ => {
-                        "cameras/NAME/blocks/network/weights.bin in the folder of a run that looks for objects"
+                        "cameras/NAME/blocks/network/weights.bin in the folder of a run that looks for objects, or weights of torchvision (.safetensors)"
                     }
                 };
                 return (!Path::new(name).is_file()).then(|| hint.to_owned());

@@ -99,9 +99,11 @@ pub fn keep_inputs(setup: &Setup, assets: &Assets, run: &RunFolder) -> Result<()
         write_file(&run.input("network.safetensors"), weights)?;
         kept.network.weights = "inputs/network.safetensors".to_owned();
     }
+    let ending = if kept.detector.torchvision_weights().is_some() { "safetensors" } else { "bin" };
     if let Some(weights) = &mut kept.detector.weights {
-        write_file(&run.input("detector-weights.bin"), &read(Path::new(weights.as_str()))?)?;
-        *weights = "inputs/detector-weights.bin".to_owned();
+        let name = format!("detector-weights.{ending}");
+        write_file(&run.input(&name), &read(Path::new(weights.as_str()))?)?;
+        *weights = format!("inputs/{name}");
     }
     for variant in &mut kept.variant {
         if let Some(name) = variant.lens.as_mut().filter(|name| !is_derived_lens(name)) {

@@ -77,6 +77,14 @@ struct Kept {
     windows: HashMap<(List, u64), Arc<LabelledWindow>>,
 }
 
+/// What a task looks for.
+pub fn wanted(task: TaskKind) -> Wanted {
+    match task {
+        TaskKind::TrafficLight => Wanted::TrafficLights,
+        _ => Wanted::PeopleAndVehicles,
+    }
+}
+
 impl Scenes {
     /// The scenes of an experiment on a sensor of these pixels. `crops` are those of training and of scores, and `plan` has the corner of the
     /// sensor. Fails on a folder that cannot be read, or in which nothing is
@@ -89,10 +97,7 @@ impl Scenes {
         nominal: &Lens,
     ) -> Result<Self, DesignError> {
         let config = experiment.street.clone();
-        let wanted = match experiment.task {
-            TaskKind::TrafficLight => Wanted::TrafficLights,
-            _ => Wanted::PeopleAndVehicles,
-        };
+        let wanted = wanted(experiment.task);
         // Scenes are the same for every seed of a run, as photographs are.
         let seed = 1;
         let mut notes = Vec::new();

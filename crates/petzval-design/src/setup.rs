@@ -16,6 +16,7 @@ use petzval_camera::sensor::SensorModel;
 use petzval_files::isp_file::{IspFile, parse_isp_file};
 use petzval_files::load_image_bytes;
 use petzval_learn::dataset::{CropPlan, DatasetError, Folder, NamedPhoto, PhotoSet, PhotoSplit, load_folder};
+use petzval_learn::detection::{AnyDetector, BackboneKind, DetectorKind};
 use petzval_learn::loss::Lpips;
 use petzval_learn::network::Network;
 use petzval_learn::objective::{FindObjects, ImageQuality, Objective};
@@ -298,6 +299,10 @@ impl Setup {
         let (experiment, device) = (&self.experiment, &self.body.device);
         if experiment.task.finds_objects() {
             let DetectorConfig { kind, backbone, weights } = &experiment.detector;
+            if let Some(path) = experiment.detector.torchvision_weights() {
+                let detector = torchvision_detector(experiment, path, device)?;
+                return Ok(NetworkBlock::new(Network::Detector(detector)));
+            }
             let classes = experiment.task.classes().len();
             let detector = kind.init(*backbone, classes, experiment.seed, device)?;
             let block = NetworkBlock::new(Network::Detector(detector));
@@ -398,6 +403,25 @@ fn network_weights(
         DesignError::misfit(path, &problem, hint)
     })?;
     Ok(Some(bytes))
+}
+
+/// The detector of an experiment with weights of torchvision.
+fn torchvision_detector(
+    experiment: &Experiment,
+    path: &Path,
+    device: &Device,
+) -> Result<AnyDetector, DesignError> {
+    let DetectorConfig { kind, backbone, .. } = experiment.detector;
+    if kind != DetectorKind::FasterRcnn || backbone == BackboneKind::Small {
+        let message = "torchvision has no detector of this kind on this backbone";
+        let hint = "write \"faster-rcnn\" for detector.kind, and the backbone of the weights, such as \"resnet50\", for detector.backbone";
+        return Err(DesignError::misfit(path, &message, hint));
+    }
+    let bytes = petzval_base::read_whole(path).map_err(DesignError::io(path))?;
+    AnyDetector::from_coco(backbone, experiment.task.coco_numbers(), &bytes, device).map_err(|problem| {
+        let hint = "weights of a Faster R-CNN of torchvision on detector.backbone are needed, for the 90 classes of COCO or those of the task";
+        DesignError::misfit(path, &problem, hint)
+    })
 }
 
 /// By what the start of a variant is found.

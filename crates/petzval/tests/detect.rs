@@ -129,6 +129,34 @@ fn a_run_that_looks_for_objects_is_scored_again_reported_and_lends_its_detector(
     assert_eq!(data["categories"][2]["name"], "green");
     assert!(root.join("out/0010-10.png").is_file());
 
+    // Against its own detections it is perfect: everything is found once, where it is.
+    let mut known = data.clone();
+    let objects = results.as_array().unwrap().iter().enumerate().map(|(i, found)| {
+        let mut object = found.clone();
+        object["id"] = (i + 1).into();
+        object
+    });
+    known["annotations"] = objects.collect();
+    std::fs::write(root.join("known.json"), known.to_string()).unwrap();
+    let args = ["detect", "--data", "known.json", "--run", "run", "--camera", "nominal"];
+    let said = run_ok(root, &args).stdout;
+    assert!(said.starts_with("AP    1.000, 95 % range 1.000 to 1.000\n"), "{said}");
+    assert!(said.ends_with("over 10 pictures\n"), "{said}");
+    let scores = run_ok(root, &[&args[..], &["--json", "--out", "scored"]].concat()).json()["scores"].clone();
+    let per_class = scores["classes"].as_array().unwrap();
+    assert_eq!(per_class.iter().map(|c| c["objects"].as_u64().unwrap() as usize).sum::<usize>(), count);
+    assert!((scores["coco"]["ar100"].as_f64().unwrap() - 1.0).abs() < 1e-9, "{scores}");
+    // All detections are written, whatever the least score of printed ones.
+    assert_eq!(read_json(&root.join("scored/detections.json")), results);
+    // With an object more, which nobody finds, it is not.
+    known["annotations"]
+        .as_array_mut()
+        .unwrap()
+        .push(serde_json::json!({"id": count + 1, "image_id": 1, "category_id": 1, "bbox": [1, 1, 3, 3]}));
+    std::fs::write(root.join("known.json"), known.to_string()).unwrap();
+    let missed = run_ok(root, &[&args[..], &["--json"]].concat()).json()["scores"]["coco"].clone();
+    assert!(missed["ar100"].as_f64().unwrap() < 0.999 && missed["ap"].as_f64().unwrap() < 1.0, "{missed}");
+
     // A raw frame of its sensor is developed by the camera, as `apply` does it, and looked at.
     let photo = common::data("photos/coffee.png").display().to_string();
     let simulate = ["simulate", &photo, "--sensor", "mt9m034-mono", "--out", "other"];
@@ -165,6 +193,10 @@ fn a_run_that_looks_for_objects_is_scored_again_reported_and_lends_its_detector(
         "--longer-side 0: a picture needs pixels",
     );
     fails(&["detect", "in"], "--run");
+    fails(&["detect", "--run", "run"], "--data");
+    fails(&["detect", "in", "--data", "in", "--run", "run"], "cannot be used with");
+    std::fs::write(root.join("none.json"), r#"{"images": [], "annotations": [], "categories": []}"#).unwrap();
+    fails(&["detect", "--data", "none.json", "--run", "run"], "no picture of this data set can be used");
 }
 
 #[test]
@@ -191,6 +223,56 @@ fn a_folder_with_boxes_takes_the_place_of_the_streets() {
     let nowhere = format!("data = \"nowhere\"\n{TINY}");
     std::fs::write(root.join("nowhere.toml"), nowhere).unwrap();
     run_fails(root, &["design", "nowhere.toml", "--out", "b"], 2, &["a folder in COCO format"]);
+}
+
+/// Weights of a Faster R-CNN of torchvision on ResNet-18 for COCO, all zero but the variances of the normalisations.
+fn write_torchvision_weights(file: &Path) {
+    let fixture = include_str!("../../petzval-learn/tests/fixtures/whole_detectors.json");
+    let fixture: serde_json::Value = serde_json::from_str(fixture).unwrap();
+    let (mut header, mut bytes) = (serde_json::Map::new(), Vec::new());
+    for (name, shape) in fixture["detectors"]["resnet18"]["state"].as_object().unwrap() {
+        let mut shape: Vec<u64> = serde_json::from_value(shape.clone()).unwrap();
+        if name.contains("box_predictor") {
+            // From those of three classes and the background.
+            shape[0] = shape[0] / 4 * 91;
+        }
+        let start = bytes.len();
+        // 0 or 1 in 16 bits.
+        let value: [u8; 2] = if name.ends_with("running_var") { [0x00, 0x3c] } else { [0, 0] };
+        bytes.extend(value.repeat(shape.iter().product::<u64>() as usize));
+        let about = serde_json::json!({"dtype": "F16", "shape": shape, "data_offsets": [start, bytes.len()]});
+        header.insert(name.clone(), about);
+    }
+    let header = serde_json::Value::from(header).to_string();
+    let length = (header.len() as u64).to_le_bytes();
+    std::fs::write(file, [&length[..], header.as_bytes(), &bytes].concat()).unwrap();
+}
+
+#[test]
+fn a_detector_starts_from_weights_of_torchvision() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    write_torchvision_weights(&root.join("coco.safetensors"));
+    let experiment = |name: &str, backbone: &str, kind: &str| {
+        let detector = format!(
+            "[detector]\nkind = \"{kind}\"\nbackbone = \"{backbone}\"\nweights = \"coco.safetensors\"\n[[variant]]"
+        );
+        std::fs::write(root.join(name), TINY.replacen("[[variant]]", &detector, 1)).unwrap();
+    };
+    experiment("a.toml", "resnet18", "faster-rcnn");
+    run_ok(root, &["design", "a.toml", "--variant", "nominal", "--out", "run"]);
+    assert!(read(&root.join("run/config.toml")).contains("inputs/detector-weights.safetensors"));
+    let bytes = |name: &str| std::fs::read(root.join(name)).unwrap();
+    assert!(bytes("run/inputs/detector-weights.safetensors") == bytes("coco.safetensors"));
+    run_ok(root, &["evaluate", "run"]);
+
+    let fails = |name: &str, says: &[&str]| run_fails(root, &["design", name, "--out", "b"], 2, says);
+    experiment("b.toml", "resnet50", "faster-rcnn");
+    fails("b.toml", &["coco.safetensors", "layer1.0.conv1.weight` is of shape", "detector.backbone"]);
+    for (backbone, kind) in [("small", "faster-rcnn"), ("resnet18", "fcos")] {
+        experiment("c.toml", backbone, kind);
+        fails("c.toml", &["torchvision has no detector of this kind", "resnet50"]);
+    }
 }
 
 /// Muon's momentum and Adam's moments of a detector are in a checkpoint, each with its weight.

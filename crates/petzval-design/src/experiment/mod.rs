@@ -136,6 +136,17 @@ impl TaskKind {
         }
     }
 
+    /// The number in COCO of what is most like each class, from whose weights a detector may start.
+    pub(crate) fn coco_numbers(self) -> &'static [usize] {
+        match self {
+            Self::ImageQuality => &[],
+            // A person and a car.
+            Self::PedestrianVehicle => &[1, 3],
+            // A traffic light, whose state COCO does not know.
+            Self::TrafficLight => &[10; 4],
+        }
+    }
+
     /// Whether a detector looks for objects in place of a person who looks at pictures.
     pub fn finds_objects(self) -> bool {
         !self.classes().is_empty()

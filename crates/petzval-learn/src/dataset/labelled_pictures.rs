@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use petzval_camera::image::{CHANNELS, LinearImage};
-use petzval_files::coco::{Annotation, Attribute, DataSet, Image, check_pictures, content_digest, load_coco};
+use petzval_files::coco::{Image, check_pictures, content_digest, load_coco};
 use petzval_files::load_image;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -15,9 +15,9 @@ use rayon::prelude::*;
 
 use super::crop::around;
 use super::labelled_window::{LARGEST_SHARE, LEAST_INSIDE, crop_around, drawn_by_class, inside, off_middle};
+use super::named_objects::{taken_as, truth};
 use super::{CropPlan, DatasetError, LabelledWindow, List, Wanted};
 use crate::detection::{BBox, Object, Truth};
-use crate::score::detection::light_state;
 
 /// Where a data set says nothing of its parts: of every so many sequences, the last is held out and the one before it is for validation.
 const PART: usize = 5;
@@ -53,54 +53,6 @@ pub struct PictureWindows {
     pub on_objects: f64,
     /// Least longer side of an object that counts, pixels.
     pub least_side_px: f64,
-}
-
-/// What the name of an annotation says.
-enum Named {
-    /// It is of this class.
-    Class(usize),
-    /// It is of a class that is looked for, but of which one it is not known: it is not judged.
-    Unknown,
-    /// It is something else.
-    Other,
-}
-
-/// The class of an annotation, by the words of the name of its category and its attribute `state`.
-fn class_of(wanted: Wanted, category: &str, annotation: &Annotation) -> Named {
-    let mut words: BTreeSet<String> =
-        category.split(|c: char| !c.is_alphanumeric()).map(str::to_lowercase).collect();
-    let is_one_word = words.len() == 1;
-    let of_one: Vec<String> =
-        words.iter().filter_map(|word| Some(word.strip_suffix('s')?.to_owned())).collect();
-    words.extend(of_one);
-    let has = |names: &[&str]| names.iter().any(|name| words.contains(*name));
-    match wanted {
-        // Their names say for whom they are.
-        Wanted::PeopleAndVehicles if has(&["light", "signal", "sign", "stop", "crossing", "crosswalk"]) => {
-            Named::Other
-        }
-        Wanted::PeopleAndVehicles if has(&["person", "pedestrian", "people", "rider", "cyclist"]) => {
-            Named::Class(0)
-        }
-        Wanted::PeopleAndVehicles if has(&["bicycle", "motorcycle"]) => Named::Other,
-        Wanted::PeopleAndVehicles
-            if has(&["vehicle", "car", "truck", "bus", "van", "minivan", "suv", "pickup", "tram"]) =>
-        {
-            Named::Class(1)
-        }
-        Wanted::PeopleAndVehicles => Named::Other,
-        Wanted::TrafficLights if has(&["pedestrian", "walk", "crosswalk"]) => Named::Other,
-        Wanted::TrafficLights => {
-            let state = annotation.attributes.get("state").and_then(Attribute::text);
-            // A category is a light by its name, or if it is the name of a state alone.
-            let is_light = has(&["light", "signal", "trafficlight"]) || is_one_word;
-            match state.and_then(light_state).or_else(|| light_state(category)) {
-                Some(state) if is_light => Named::Class(state),
-                None if has(&["light", "signal", "trafficlight"]) => Named::Unknown,
-                _ => Named::Other,
-            }
-        }
-    }
 }
 
 impl LabelledPictures {
@@ -366,54 +318,6 @@ fn list_of(image: &Image, training_part: Option<&str>, sequences: &[&str]) -> Li
 /// The SHA-256 of a file, hexadecimal.
 fn digest(path: &Path) -> Result<String, DatasetError> {
     content_digest(path).map_err(|source| DatasetError::Io { path: path.to_owned(), source })
-}
-
-/// How the categories of a data set are taken, if some of them are not looked for: else a misspelt one would be background without a word.
-fn taken_as(data: &DataSet, wanted: Wanted, classes: &[&str]) -> Option<String> {
-    let mut names: BTreeMap<String, BTreeSet<&str>> = BTreeMap::new();
-    let mut background = BTreeSet::new();
-    for annotation in &data.annotations {
-        let Some(category) = data.category(annotation.category_id) else { continue };
-        let taken = match class_of(wanted, &category.name, annotation) {
-            Named::Class(class) => format!("as `{}`", classes[class]),
-            Named::Unknown => "as places that are not judged".to_owned(),
-            Named::Other => {
-                background.insert(category.name.as_str());
-                continue;
-            }
-        };
-        names.entry(taken).or_default().insert(&category.name);
-    }
-    let list = |names: &BTreeSet<&str>| names.iter().copied().collect::<Vec<_>>().join(", ");
-    let taken = names.iter().map(|(taken, names)| format!("; {taken}: {}", list(names)));
-    (!background.is_empty()).then(|| {
-        format!(
-            "boxes of these categories are background: {}{}",
-            list(&background),
-            taken.collect::<String>()
-        )
-    })
-}
-
-/// The objects of a picture. Crowds, and objects that are to be ignored, are regions that are not judged.
-fn truth(data: &DataSet, objects: &[usize], wanted: Wanted) -> Truth {
-    let mut truth = Truth::default();
-    for annotation in objects.iter().map(|k| &data.annotations[*k]) {
-        let Some(category) = data.category(annotation.category_id) else { continue };
-        let class = match class_of(wanted, &category.name, annotation) {
-            Named::Class(class) => Some(class),
-            Named::Unknown => None,
-            Named::Other => continue,
-        };
-        let b = &annotation.bounds;
-        let [x1, y1, x2, y2] = [b.x, b.y, b.x + b.width, b.y + b.height].map(|v| v as f32);
-        let bbox = BBox::new(x1, y1, x2, y2);
-        match class.filter(|_| !annotation.crowd && !annotation.ignore) {
-            Some(class) => truth.objects.push(Object { bbox, class }),
-            None => truth.ignored.push(bbox),
-        }
-    }
-    truth
 }
 
 /// `side` x `side` pixels of a picture from a row and a column on, which may lie outside; there the edge is repeated.

@@ -6,7 +6,7 @@ use safetensors::SafeTensors;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::parameters::Parameters;
+use super::parameters::{Outputs, Parameters};
 use super::{BackboneKind, Detection, Detector, FasterRcnn, FasterRcnnConfig, Fcos, FcosConfig, Truth};
 use crate::loss::{LossError, NamedLoss};
 use crate::network::NetworkError;
@@ -64,6 +64,17 @@ fn two_stages(backbone: BackboneKind, classes: usize) -> FasterRcnnConfig {
     }
 }
 
+/// Outputs of torchvision's detectors for COCO: the background and the numbers up to 90.
+const COCO_OUTPUTS: usize = 91;
+
+/// A weight with one value for each output.
+const BIAS_OF_CLASSES: &str = "roi_heads.box_predictor.cls_score.bias";
+
+fn file(bytes: &[u8]) -> Result<SafeTensors<'_>, NetworkError> {
+    SafeTensors::deserialize(bytes)
+        .map_err(|error| NetworkError::BadWeights(format!("not a safetensors file: {error}")))
+}
+
 impl AnyDetector {
     /// A Faster R-CNN with the weights of a safetensors file that holds them under the names of torchvision. Fails on a weight that is
     /// missing, of another shape or not finite, and names it.
@@ -73,10 +84,27 @@ impl AnyDetector {
         bytes: &[u8],
         device: &Device,
     ) -> Result<Self, NetworkError> {
-        let file = SafeTensors::deserialize(bytes)
-            .map_err(|error| NetworkError::BadWeights(format!("not a safetensors file: {error}")))?;
+        let file = file(bytes)?;
         let from = Parameters::read(&file, 1, device);
         Ok(Self::FasterRcnn(FasterRcnn::with(two_stages(backbone, classes), &from)?))
+    }
+
+    /// The same for a detector of other classes than the 90 of COCO, which the file has: class `c` starts as what COCO has under the number
+    /// `coco[c]`. A file that has as many classes as `coco` is taken as it is.
+    pub fn from_coco(
+        backbone: BackboneKind,
+        coco: &[usize],
+        bytes: &[u8],
+        device: &Device,
+    ) -> Result<Self, NetworkError> {
+        let file = file(bytes)?;
+        let outputs = file.tensor(BIAS_OF_CLASSES).map(|bias| bias.shape().to_vec());
+        let from = Parameters::read(&file, 1, device);
+        let from = match outputs.is_ok_and(|shape| shape == [coco.len() + 1]) {
+            true => from,
+            false => from.taking(Outputs { of: COCO_OUTPUTS, taken: [&[0], coco].concat() }),
+        };
+        Ok(Self::FasterRcnn(FasterRcnn::with(two_stages(backbone, coco.len()), &from)?))
     }
 
     fn of_kind(&self) -> &dyn Detector {

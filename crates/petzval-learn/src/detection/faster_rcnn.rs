@@ -175,6 +175,9 @@ impl Detector for FasterRcnn {
 }
 
 #[cfg(test)]
+mod torchvision;
+
+#[cfg(test)]
 mod tests {
     use burn::tensor::TensorData;
 

@@ -24,8 +24,20 @@ pub(crate) enum Parameters<'a> {
     /// Draws them.
     Drawn(RefCell<Initializer>),
     /// Reads them.
-    Read { file: &'a SafeTensors<'a>, drawn: RefCell<Initializer> },
+    Read { file: &'a SafeTensors<'a>, outputs: Option<Outputs>, drawn: RefCell<Initializer> },
 }
+
+/// Which outputs of the detector in a file become those of this one, where the file knows other classes.
+#[derive(Clone, Debug)]
+pub(crate) struct Outputs {
+    /// Outputs in the file: the background and its classes.
+    pub of: usize,
+    /// The number there of each output of this detector, the background first.
+    pub taken: Vec<usize>,
+}
+
+/// The layers that have outputs for each class: under this name, one or four rows of an output after another.
+const OF_CLASSES: &str = "roi_heads.box_predictor.";
 
 impl<'a> Parameters<'a> {
     /// Weights from a seed.
@@ -35,7 +47,15 @@ impl<'a> Parameters<'a> {
 
     /// Weights of a file; their numbers for optimisers derive from the seed.
     pub fn read(file: &'a SafeTensors<'a>, seed: u64, device: &Device) -> Self {
-        Self::Read { file, drawn: RefCell::new(Initializer::new(seed, device)) }
+        Self::Read { file, outputs: None, drawn: RefCell::new(Initializer::new(seed, device)) }
+    }
+
+    /// The same for a file of a detector with other classes; drawn weights stay.
+    pub fn taking(mut self, taken: Outputs) -> Self {
+        if let Self::Read { outputs, .. } = &mut self {
+            *outputs = Some(taken);
+        }
+        self
     }
 
     /// A weight that is trained.
@@ -53,8 +73,11 @@ impl<'a> Parameters<'a> {
                     Start::Constant(value) => drawn.constant(shape, value),
                 })
             }
-            Self::Read { file, drawn } => {
-                let values = values(file, name, &shape)?;
+            Self::Read { file, outputs, drawn } => {
+                let values = match outputs.as_ref().filter(|_| name.starts_with(OF_CLASSES)) {
+                    Some(outputs) => values_of_outputs(file, name, &shape, outputs)?,
+                    None => values(file, name, &shape)?,
+                };
                 Ok(drawn.borrow_mut().parameter(values, shape))
             }
         }
@@ -81,6 +104,20 @@ fn values(file: &SafeTensors, name: &str, shape: &[usize]) -> Result<Vec<f32>, N
         true => Ok(values),
         false => Err(refuse("not finite everywhere".to_owned())),
     }
+}
+
+/// The same of a tensor whose rows belong to outputs, in the order of this detector's outputs.
+fn values_of_outputs(
+    file: &SafeTensors,
+    name: &str,
+    shape: &[usize],
+    Outputs { of, taken }: &Outputs,
+) -> Result<Vec<f32>, NetworkError> {
+    let mut theirs = shape.to_vec();
+    theirs[0] = shape[0] / taken.len() * of;
+    let all = values(file, name, &theirs)?;
+    let size = all.len() / of;
+    Ok(taken.iter().flat_map(|output| &all[output * size..(output + 1) * size]).copied().collect())
 }
 
 /// A tensor of values on a device, without a gradient.

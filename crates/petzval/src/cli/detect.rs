@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::ValueEnum;
-use petzval::jobs::detect::{self, BackboneKind, Request, Source};
+use petzval::jobs::detect::{self, BackboneKind, Request, Scores, Source};
 
 use super::failure::Failure;
 use super::terminal::{Terminal, print_json};
@@ -15,12 +15,19 @@ use super::terminal::{Terminal, print_json};
 /// --run first. The detector of a camera looks at them in their own size, weights of torchvision
 /// in the size for which torchvision trains. Prints one line per detection: file, class, score, left edge, upper edge, width, height, in pixels
 /// of the file.
+///
+/// With --data it looks at the pictures of a data set in COCO format, compares what it finds with the objects there, and prints average
+/// precision and recall in place of the lines.
 #[derive(Debug, clap::Args)]
 #[command(group = clap::ArgGroup::new("detector").required(true).args(["run", "weights"]))]
+#[command(group = clap::ArgGroup::new("pictures").required(true).args(["images", "data"]))]
 pub struct Args {
     /// Pictures, folders of pictures, or raw frames
-    #[arg(required = true, value_name = "IMAGE")]
+    #[arg(value_name = "IMAGE")]
     images: Vec<PathBuf>,
+    /// Data set in COCO format whose pictures are looked at: its folder, or its file of annotations
+    #[arg(long, value_name = "DATA")]
+    data: Option<PathBuf>,
     /// Run whose detector looks; see --camera
     #[arg(long, value_name = "RUN")]
     run: Option<PathBuf>,
@@ -42,10 +49,10 @@ pub struct Args {
     /// Most pixels of its longer side then
     #[arg(long, default_value_t = 1333, value_name = "PIXELS", requires = "weights")]
     longer_side: usize,
-    /// Least score of a detection
+    /// Least score of a detection that is printed and drawn; average precision and recall are of all
     #[arg(long, default_value_t = 0.5, value_name = "SCORE")]
     least_score: f32,
-    /// Folder for detections.json (COCO results), annotations.json (pictures and classes) and pictures with boxes
+    /// Folder for detections.json (COCO results), annotations.json (pictures, classes, and objects of --data) and pictures with boxes
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Print everything as JSON
@@ -87,6 +94,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     };
     let request = Request {
         images: args.images,
+        data: args.data,
         detector,
         least_score: args.least_score,
         out: args.out,
@@ -95,6 +103,10 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let response = detect::run(&request, &terminal.context())?;
     if args.json {
         print_json(&response)?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    if let Some(scores) = &response.scores {
+        print_scores(scores);
         return Ok(ExitCode::SUCCESS);
     }
     println!("file,class,score,x,y,width,height");
@@ -106,4 +118,33 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         }
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Prints the numbers of COCO and those of each class.
+fn print_scores(scores: &Scores) {
+    let number = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{value:.3}"));
+    let range = |range: Option<[f64; 2]>| {
+        range.map_or(String::new(), |[low, high]| format!(", 95 % range {low:.3} to {high:.3}"))
+    };
+    let coco = &scores.coco;
+    println!("AP    {}{}", number(coco.ap), range(scores.ap_range));
+    println!("AP50  {}{}", number(coco.ap50), range(scores.ap50_range));
+    println!("AP75  {}", number(coco.ap75));
+    let sizes = |of: [Option<f64>; 3]| {
+        let [small, medium, large] = of.map(number);
+        format!("small {small}, medium {medium}, large {large}")
+    };
+    println!("AP by size      {}", sizes([coco.ap_small, coco.ap_medium, coco.ap_large]));
+    let [one, ten, hundred] = [coco.ar1, coco.ar10, coco.ar100].map(number);
+    println!("recall          {one} of 1 detection a picture, {ten} of 10, {hundred} of 100");
+    println!("recall by size  {}", sizes([coco.ar_small, coco.ar_medium, coco.ar_large]));
+    if let Some(accuracy) = scores.state_accuracy {
+        println!("state of those found right: {accuracy:.3}");
+    }
+    println!("\n{:<20} {:>8} {:>7} {:>11}", "class", "objects", "AP", "AP50 (VOC)");
+    for class in &scores.classes {
+        let [ap, voc] = [class.ap, class.ap50_voc].map(number);
+        println!("{:<20} {:>8} {ap:>7} {voc:>11}", class.class, class.objects);
+    }
+    println!("over {} pictures", scores.pictures);
 }

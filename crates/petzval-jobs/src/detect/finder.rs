@@ -1,0 +1,108 @@
+//! The detector of a request: that of a finished camera, or weights of torchvision.
+
+use std::path::PathBuf;
+use std::rc::Rc;
+
+use petzval_design::block::NetworkBlock;
+use petzval_design::camera::Camera;
+use petzval_design::design_loop::zoom_of;
+use petzval_design::error::DesignError;
+use petzval_design::experiment::{DetectorConfig, TaskKind};
+use petzval_design::run::{Kept, RunFolder, load_blocks};
+use petzval_design::run_report::camera_lens;
+use petzval_design::setup::Setup;
+use petzval_learn::Device;
+use petzval_learn::detection::{AnyDetector, Zoom};
+use petzval_learn::network::{Network, PictureNetwork};
+
+use super::Source;
+use crate::context::Context;
+use crate::error::JobError;
+use crate::evaluate::camera_of;
+
+/// What finds objects.
+pub struct Finder {
+    /// The detector with its weights held, so that no picture leaves anything in memory for a gradient.
+    pub network: Rc<dyn PictureNetwork>,
+    /// Names of its classes.
+    pub classes: Vec<String>,
+    /// The camera that develops raw frames, if there are any.
+    pub camera: Option<Camera>,
+    /// What the task of its run looks for; none of weights of torchvision, whose classes have the numbers of COCO.
+    pub task: Option<TaskKind>,
+}
+
+/// The detector of a request, and a camera for its first raw frame and all others.
+pub fn finder(
+    source: &Source,
+    raw: Option<&PathBuf>,
+    device: &Device,
+    context: &Context,
+) -> Result<Finder, JobError> {
+    match source {
+        Source::Run { run, camera } => {
+            let folder = RunFolder::open(run)?;
+            let experiment = context.assets.experiment_of_run(&folder)?;
+            if !experiment.task.finds_objects() {
+                let message = format!("{}: the cameras of this run make pictures", run.display());
+                return Err(JobError::input(
+                    message,
+                    "name a run that looks for objects, such as pedestrian-vehicle",
+                ));
+            }
+            let names: Vec<&str> = experiment.variant.iter().map(|v| v.name.as_str()).collect();
+            let name = camera.as_deref().or(names.last().copied()).unwrap_or_default();
+            if !names.contains(&name) || !folder.camera(name).is_dir() {
+                let message = "there is no finished camera of this name";
+                return Err(JobError::setting(
+                    "camera",
+                    name,
+                    message,
+                    format!("the run has {}", names.join(", ")),
+                ));
+            }
+            let task = experiment.task;
+            let DetectorConfig { kind, backbone, .. } = experiment.detector;
+            let classes = experiment.task.classes();
+            let detector = kind.init(backbone, classes.len(), 1, device).map_err(DesignError::from)?;
+            let mut block = NetworkBlock::new(Network::Detector(detector));
+            load_blocks(&folder.camera(name), [&mut block as _], Kept::Numbers)?;
+            if let Some(variant) = experiment.variants().iter().find(|variant| variant.name == name) {
+                let lens = camera_lens(&folder, name)?.lens;
+                block.set_zoom(Zoom::Times(zoom_of(&folder, variant, &lens)?));
+            }
+            let classes = classes.iter().map(|class| (*class).to_owned()).collect();
+            let camera = match raw {
+                Some(_) => {
+                    let name = name.to_owned();
+                    let setup = Setup::without_photos(experiment, &context.assets, device.clone())?;
+                    Some(camera_of(&setup, &folder, &name)?)
+                }
+                None => None,
+            };
+            Ok(Finder { network: block.held(), classes, camera, task: Some(task) })
+        }
+        Source::Weights { file, backbone, classes, shorter, longer } => {
+            if let Some(raw) = raw {
+                let message = format!("{}: a raw frame, which only a camera develops", raw.display());
+                let hint = "look with the camera of a run (--run), or make a picture first: `isp develop`";
+                return Err(JobError::input(message, hint));
+            }
+            for (key, side) in [("shorter_side", *shorter), ("longer_side", *longer)] {
+                if side == 0 {
+                    let hint = "torchvision's detectors have 800 and 1333";
+                    return Err(JobError::setting(key, side, "a picture needs pixels", hint));
+                }
+            }
+            let bytes = petzval_base::read_whole(file).map_err(DesignError::io(file))?;
+            let detector = AnyDetector::from_torchvision(*backbone, *classes, &bytes, device).map_err(|e| {
+                let hint = "a file of `fasterrcnn_resnet50_fpn` in the format safetensors; --backbone and --classes say what it holds";
+                JobError::input(format!("{}: {e}", file.display()), hint)
+            })?;
+            let mut block = NetworkBlock::new(Network::Detector(detector));
+            block.set_zoom(Zoom::ToSides { shorter: *shorter, longer: *longer });
+            let classes = (1..=*classes).map(|class| class.to_string()).collect();
+            Ok(Finder { network: block.held(), classes, camera: None, task: None })
+        }
+    }
+}

@@ -1,0 +1,81 @@
+//! How well a detector does on pictures whose objects are known: the numbers of COCO, and of each class.
+
+use petzval_files::coco::{self, DataSet};
+use petzval_learn::score::detection::{
+    Bootstrap, CocoSummary, Group, Interpolation, LIGHT_STATES, Protocol, Ranking, StateConfusion, StateOf,
+    bootstrap, clusters_of_data_set, coco_summary, pictures_of_data_set, voc_average_precision,
+};
+use serde::{Deserialize, Serialize};
+
+/// How well the objects of a data set are found.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Scores {
+    /// Pictures that were looked at.
+    pub pictures: usize,
+    /// The numbers of COCO. Sizes are those of boxes, areas of 32^2 and 96^2 px^2.
+    pub coco: CocoSummary,
+    /// Where the average precision lies in 95 % of draws of the pictures with repetition, low and high; pictures of one sequence are drawn
+    /// together.
+    pub ap_range: Option<[f64; 2]>,
+    /// The same at an overlap of 0.5.
+    pub ap50_range: Option<[f64; 2]>,
+    /// By class.
+    pub classes: Vec<ClassScore>,
+    /// Share of the lights found (overlap 0.5, score 0.5) whose state is right; none of other objects.
+    pub state_accuracy: Option<f64>,
+}
+
+/// How well the objects of a class are found.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ClassScore {
+    /// Its name.
+    pub class: String,
+    /// Objects to find.
+    pub objects: u64,
+    /// Average precision of COCO, the mean over overlaps of 0.5 to 0.95.
+    pub ap: Option<f64>,
+    /// Average precision of Pascal VOC at an overlap of 0.5, the whole area below precision over recall.
+    pub ap50_voc: Option<f64>,
+}
+
+/// Draws of pictures for a range.
+const DRAWS: usize = 500;
+
+/// Score from which a detection counts for the accuracy of states.
+const SURE: f64 = 0.5;
+
+impl Scores {
+    /// The scores of detections, which are of the pictures and categories of the data set, whatever their scores.
+    pub fn of(data: &DataSet, found: &[coco::Detection]) -> Self {
+        let (pictures, classes) = pictures_of_data_set(data, found);
+        let ranking = |protocol: &Protocol| Ranking::new(&pictures, classes.len(), protocol, &Group::all());
+        let how = Bootstrap { draws: DRAWS, ..Bootstrap::of_clusters(clusters_of_data_set(data), 1) };
+        let range = |ranking: &Ranking| {
+            let area = |counts: &[u32]| ranking.average_precision(Interpolation::Points101, Some(counts));
+            bootstrap(&how, area).map(|range| [range.low, range.high])
+        };
+        let half = ranking(&Protocol::coco_at(0.5));
+        let coco = coco_summary(&pictures, classes.len());
+        let voc = voc_average_precision(&pictures, classes.len(), Interpolation::AllPoints);
+        let state = StateOf {
+            object: &|p, i| Some(pictures[p].objects[i].class),
+            detection: &|p, d| Some(pictures[p].detections[d].class),
+        };
+        let states = (classes == LIGHT_STATES)
+            .then(|| StateConfusion::new(&pictures, classes.len(), SURE, &state).accuracy());
+        let by_class = |(class, name): (usize, &String)| ClassScore {
+            class: name.clone(),
+            objects: half.classes[class].objects(),
+            ap: coco.class_ap[class],
+            ap50_voc: voc[class],
+        };
+        Self {
+            pictures: pictures.len(),
+            ap_range: range(&ranking(&Protocol::coco())),
+            ap50_range: range(&half),
+            classes: classes.iter().enumerate().map(by_class).collect(),
+            state_accuracy: states.flatten(),
+            coco,
+        }
+    }
+}
