@@ -206,8 +206,12 @@ fn finished(root: &Path) -> Result<Finished, DesignError> {
 
 fn comparison(runs: &[Finished], paper: &[PaperTable]) -> Comparison {
     let first = &runs[0];
-    let scores = first.metrics.scores.clone();
     let rows = &first.metrics.rows;
+    // A score for which a camera has nothing to find has no column.
+    let is_everywhere = |score: &&ScoreDescription| {
+        runs.iter().flat_map(|run| &run.metrics.rows).all(|row| row.scores.contains_key(&score.name))
+    };
+    let scores: Vec<ScoreDescription> = first.metrics.scores.iter().filter(is_everywhere).cloned().collect();
     let of = |camera: &str| -> Vec<&CameraMetrics> {
         runs.iter().filter_map(|run| run.metrics.rows.iter().find(|row| row.camera == camera)).collect()
     };

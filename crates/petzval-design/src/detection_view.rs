@@ -62,6 +62,7 @@ pub(crate) fn detection_view(
                 true => None,
                 false => difference(baseline, seen, classes.len()),
             },
+            ap50_at_stages: Stage::ALL.map(|stage| seen.ap50_at(stage, classes.len())),
             lost: seen.lost(),
             misses: seen.misses(run, classes)?,
             false_alarms: seen.false_alarms(run, classes)?,
@@ -85,6 +86,13 @@ struct Seen<'a> {
 impl Seen<'_> {
     fn ranking(&self, classes: usize) -> Ranking {
         Ranking::new(&self.judged, classes, &Protocol::coco_at(0.5), &Group::all())
+    }
+
+    /// The average precision of its detector in the pictures of a stage.
+    fn ap50_at(&self, stage: Stage, classes: usize) -> Option<f64> {
+        let judged: Vec<Picture> = self.windows.iter().map(|window| window.judged_at(stage)).collect();
+        let ranking = Ranking::new(&judged, classes, &Protocol::coco_at(0.5), &Group::all());
+        ranking.average_precision(Interpolation::Points101, None)
     }
 
     fn lost(&self) -> LostObjects {

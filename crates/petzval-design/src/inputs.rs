@@ -99,7 +99,7 @@ pub fn keep_inputs(setup: &Setup, assets: &Assets, run: &RunFolder) -> Result<()
         write_file(&run.input("network.safetensors"), weights)?;
         kept.network.weights = "inputs/network.safetensors".to_owned();
     }
-    let ending = if kept.detector.torchvision_weights().is_some() { "safetensors" } else { "bin" };
+    let ending = if kept.detector.safetensors().is_some() { "safetensors" } else { "bin" };
     if let Some(weights) = &mut kept.detector.weights {
         let name = format!("detector-weights.{ending}");
         write_file(&run.input(&name), &read(Path::new(weights.as_str()))?)?;

@@ -57,7 +57,12 @@ impl SeenWindow {
 
     /// Objects and detections of the finished picture for scores, in pixels of the sensor.
     pub fn judged(&self) -> Picture {
-        judged(&self.truth, self.finished(), self.at)
+        self.judged_at(Stage::Finished)
+    }
+
+    /// The same of the picture at a stage.
+    pub fn judged_at(&self, stage: Stage) -> Picture {
+        judged(&self.truth, &self.found[stage as usize], self.at)
     }
 
     /// Whether an object is surely found at a stage, as what it is.

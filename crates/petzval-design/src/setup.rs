@@ -299,16 +299,12 @@ impl Setup {
         let (experiment, device) = (&self.experiment, &self.body.device);
         if experiment.task.finds_objects() {
             let DetectorConfig { kind, backbone, weights } = &experiment.detector;
-            if let Some(path) = experiment.detector.torchvision_weights() {
-                let detector = torchvision_detector(experiment, path, device)?;
-                return Ok(NetworkBlock::new(Network::Detector(detector)));
-            }
             let classes = experiment.task.classes().len();
-            let detector = kind.init(*backbone, classes, experiment.seed, device)?;
-            let block = NetworkBlock::new(Network::Detector(detector));
-            return match weights {
-                None => Ok(block),
-                Some(path) => block.with_weights(Path::new(path)),
+            let detector = Network::Detector(kind.init(*backbone, classes, experiment.seed, device)?);
+            return match (weights, experiment.detector.safetensors()) {
+                (_, Some(path)) => Ok(NetworkBlock::new(read_detector(experiment, path, detector, device)?)),
+                (Some(path), None) => NetworkBlock::new(detector).with_weights(Path::new(path)),
+                (None, None) => Ok(NetworkBlock::new(detector)),
             };
         }
         let NetworkConfig { kind, base_channels, levels, .. } = experiment.network;
@@ -405,20 +401,28 @@ fn network_weights(
     Ok(Some(bytes))
 }
 
-/// The detector of an experiment with weights of torchvision.
-fn torchvision_detector(
+/// The detector of an experiment with the weights of a safetensors file: torchvision's, or `network.safetensors` of a run.
+fn read_detector(
     experiment: &Experiment,
     path: &Path,
+    drawn: Network,
     device: &Device,
-) -> Result<AnyDetector, DesignError> {
+) -> Result<Network, DesignError> {
     let DetectorConfig { kind, backbone, .. } = experiment.detector;
+    let bytes = petzval_base::read_whole(path).map_err(DesignError::io(path))?;
+    if !AnyDetector::is_of_torchvision(&bytes) {
+        return drawn.with_weights(&bytes).map_err(|problem| {
+            let hint = "weights of the same kind of detector, backbone and number of classes are needed, or those of a Faster R-CNN of torchvision";
+            DesignError::misfit(path, &problem, hint)
+        });
+    }
     if kind != DetectorKind::FasterRcnn || backbone == BackboneKind::Small {
-        let message = "torchvision has no detector of this kind on this backbone";
+        let message = "weights of torchvision, which has no detector of this kind on this backbone";
         let hint = "write \"faster-rcnn\" for detector.kind, and the backbone of the weights, such as \"resnet50\", for detector.backbone";
         return Err(DesignError::misfit(path, &message, hint));
     }
-    let bytes = petzval_base::read_whole(path).map_err(DesignError::io(path))?;
-    AnyDetector::from_coco(backbone, experiment.task.coco_numbers(), &bytes, device).map_err(|problem| {
+    let read = AnyDetector::from_coco(backbone, experiment.task.coco_numbers(), &bytes, device);
+    read.map(Network::Detector).map_err(|problem| {
         let hint = "weights of a Faster R-CNN of torchvision on detector.backbone are needed, for the 90 classes of COCO or those of the task";
         DesignError::misfit(path, &problem, hint)
     })

@@ -311,3 +311,17 @@ fn ten_thousand_boxes_in_a_picture_are_scored_soon() {
     println!("{:?}", start.elapsed());
     assert!(start.elapsed().as_secs() < 20);
 }
+
+#[test]
+fn a_crowd_around_an_object_takes_no_detection_from_it() {
+    let crowd = TrueObject { crowd: true, ..object(0, [0.0, 0.0, 200.0, 100.0]) };
+    let picture = Picture {
+        objects: vec![object(0, [10.0, 10.0, 20.0, 40.0]), crowd],
+        // On the object, not quite; and somewhere in the crowd.
+        detections: vec![found(0, [11.0, 10.0, 20.0, 40.0], 0.8), found(0, [120.0, 10.0, 20.0, 40.0], 0.9)],
+    };
+    for area in [Interpolation::AllPoints, Interpolation::Points11] {
+        let found = voc_average_precision(std::slice::from_ref(&picture), 1, area)[0].unwrap();
+        assert!((found - 1.0).abs() < 1e-12, "{found}");
+    }
+}

@@ -197,6 +197,23 @@ fn a_run_that_looks_for_objects_is_scored_again_reported_and_lends_its_detector(
     fails(&["detect", "in", "--data", "in", "--run", "run"], "cannot be used with");
     std::fs::write(root.join("none.json"), r#"{"images": [], "annotations": [], "categories": []}"#).unwrap();
     fails(&["detect", "--data", "none.json", "--run", "run"], "no picture of this data set can be used");
+    let without_boxes = r#"{"images": [{"id": 1, "file_name": "in/01.png", "width": 140, "height": 120}], "annotations": [], "categories": []}"#;
+    std::fs::write(root.join("none.json"), without_boxes).unwrap();
+    fails(&["detect", "--data", "none.json", "--run", "run"], "no box of red, yellow, green, off");
+    // Nothing overwrites the data set that is read.
+    let args = ["detect", "--data", "in", "--run", "run", "--out", "in", "--force"];
+    fails(&args, "the data set is in this folder");
+
+    // A picture that was cut off is left out of a data set with its boxes; among named pictures it ends the job, and those before it stay.
+    let whole = std::fs::read(root.join("in/10.png")).unwrap();
+    std::fs::write(root.join("in/10.png"), &whole[..whole.len() - 20]).unwrap();
+    let said = run_ok(root, &["detect", "--data", "in", "--run", "run"]);
+    assert!(said.stdout.ends_with("over 9 pictures\n"), "{}", said.stdout);
+    assert!(said.says("it is cut off"), "{}", said.stderr);
+    let cut = common::run(root, &["detect", "in", "--run", "run", "--out", "nine"]);
+    assert!(cut.code == Some(2) && cut.says("in/10.png"), "{}", cut.stderr);
+    assert_eq!(read_json(&root.join("nine/annotations.json"))["images"].as_array().unwrap().len(), 9);
+    assert!(root.join("nine/detections.json").is_file());
 }
 
 #[test]
@@ -225,7 +242,8 @@ fn a_folder_with_boxes_takes_the_place_of_the_streets() {
     run_fails(root, &["design", "nowhere.toml", "--out", "b"], 2, &["a folder in COCO format"]);
 }
 
-/// Weights of a Faster R-CNN of torchvision on ResNet-18 for COCO, all zero but the variances of the normalisations.
+/// Weights of a Faster R-CNN of torchvision on ResNet-18 for COCO, all zero but the variances of the normalisations, which are one, and the
+/// biases of the outputs, each of which is its number.
 fn write_torchvision_weights(file: &Path) {
     let fixture = include_str!("../../petzval-learn/tests/fixtures/whole_detectors.json");
     let fixture: serde_json::Value = serde_json::from_str(fixture).unwrap();
@@ -237,10 +255,20 @@ fn write_torchvision_weights(file: &Path) {
             shape[0] = shape[0] / 4 * 91;
         }
         let start = bytes.len();
-        // 0 or 1 in 16 bits.
-        let value: [u8; 2] = if name.ends_with("running_var") { [0x00, 0x3c] } else { [0, 0] };
-        bytes.extend(value.repeat(shape.iter().product::<u64>() as usize));
-        let about = serde_json::json!({"dtype": "F16", "shape": shape, "data_offsets": [start, bytes.len()]});
+        let count = shape.iter().product::<u64>() as usize;
+        let kind = match name.as_str() {
+            "roi_heads.box_predictor.cls_score.bias" => {
+                bytes.extend((0..count).flat_map(|output| (output as f32).to_le_bytes()));
+                "F32"
+            }
+            // 0 or 1 in 16 bits.
+            _ => {
+                let value: [u8; 2] = if name.ends_with("running_var") { [0x00, 0x3c] } else { [0, 0] };
+                bytes.extend(value.repeat(count));
+                "F16"
+            }
+        };
+        let about = serde_json::json!({"dtype": kind, "shape": shape, "data_offsets": [start, bytes.len()]});
         header.insert(name.clone(), about);
     }
     let header = serde_json::Value::from(header).to_string();
@@ -265,13 +293,30 @@ fn a_detector_starts_from_weights_of_torchvision() {
     let bytes = |name: &str| std::fs::read(root.join(name)).unwrap();
     assert!(bytes("run/inputs/detector-weights.safetensors") == bytes("coco.safetensors"));
     run_ok(root, &["evaluate", "run"]);
+    // After two steps, the background and four times the traffic light of COCO, which is its class 10.
+    let file = bytes("run/cameras/nominal/network.safetensors");
+    let length = u64::from_le_bytes(file[..8].try_into().unwrap()) as usize;
+    let header: serde_json::Value = serde_json::from_slice(&file[8..8 + length]).unwrap();
+    let places =
+        &header.as_object().unwrap().iter().find(|(name, _)| name.ends_with("boxes.logits.bias")).unwrap().1;
+    let start = 8 + length + places["data_offsets"][0].as_u64().unwrap() as usize;
+    let bias = |k: usize| f32::from_le_bytes(file[start + 4 * k..][..4].try_into().unwrap());
+    for (k, expected) in [0.0, 10.0, 10.0, 10.0, 10.0].into_iter().enumerate() {
+        assert!((bias(k) - expected).abs() < 0.05, "{k}: {}", bias(k));
+    }
+    // The network that a run writes is a start as well.
+    std::fs::copy(root.join("run/cameras/nominal/network.safetensors"), root.join("own.safetensors"))
+        .unwrap();
+    let text = read(&root.join("a.toml")).replace("coco.safetensors", "own.safetensors");
+    std::fs::write(root.join("own.toml"), text).unwrap();
+    run_ok(root, &["design", "own.toml", "--variant", "nominal", "--out", "own"]);
 
     let fails = |name: &str, says: &[&str]| run_fails(root, &["design", name, "--out", "b"], 2, says);
     experiment("b.toml", "resnet50", "faster-rcnn");
     fails("b.toml", &["coco.safetensors", "layer1.0.conv1.weight` is of shape", "detector.backbone"]);
     for (backbone, kind) in [("small", "faster-rcnn"), ("resnet18", "fcos")] {
         experiment("c.toml", backbone, kind);
-        fails("c.toml", &["torchvision has no detector of this kind", "resnet50"]);
+        fails("c.toml", &["which has no detector of this kind", "resnet50"]);
     }
 }
 

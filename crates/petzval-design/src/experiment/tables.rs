@@ -140,14 +140,15 @@ pub struct DetectorConfig {
     /// What turns pictures into features.
     pub backbone: BackboneKind,
     /// The file of weights from which the detector starts, in place of drawn ones: `cameras/NAME/blocks/network/weights.bin` of a run with the
-    /// same detector and classes, or weights of torchvision's Faster R-CNN on the same backbone, as a safetensors file.
+    /// same detector and classes, its `cameras/NAME/network.safetensors`, or weights of torchvision's Faster R-CNN on the same backbone, as a
+    /// safetensors file.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub weights: Option<String>,
 }
 
 impl DetectorConfig {
-    /// The file of weights, if it has torchvision's.
-    pub(crate) fn torchvision_weights(&self) -> Option<&Path> {
+    /// The file of weights, if it is a safetensors file.
+    pub(crate) fn safetensors(&self) -> Option<&Path> {
         let path = Path::new(self.weights.as_ref()?);
         path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("safetensors")).then_some(path)
     }

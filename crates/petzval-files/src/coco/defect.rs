@@ -1,6 +1,7 @@
 //! Defects of a data set: each kind with a count, the first cases and the worst one.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
@@ -180,6 +181,16 @@ impl Defects {
     pub fn errors(&self) -> usize {
         let is_error = |defect: &&Defect| defect.severity == Severity::Error;
         self.iter().filter(is_error).map(|defect| defect.count).sum()
+    }
+
+    /// A line for each kind that occurs, errors first: what is wrong with the data set at `place`, how often, and the first case.
+    pub fn lines(&self, place: &Path) -> impl Iterator<Item = String> {
+        self.iter().map(move |Defect { kind, count, first, .. }| {
+            let sentence = kind.sentence().trim_end_matches('.');
+            let first = first.first().map(|first| format!("; the first: {first}")).unwrap_or_default();
+            let times = if *count == 1 { "once".to_owned() } else { format!("{count} times") };
+            format!("{}: {sentence} ({times}{first})", place.display())
+        })
     }
 
     /// The kinds that occur, errors first.

@@ -9,10 +9,10 @@ use sha2::{Digest, Sha256};
 use super::check::check_values;
 use super::defect::{DefectKind, Defects};
 use super::folder::Loaded;
-use crate::picture_file::picture_size;
+use crate::picture_file::{CUT_OFF, ImageError, is_cut_off, picture_size};
 
-/// Checks that the file of every picture exists, can be decoded and has the stated size, and that no two have one content. Only the head of a
-/// file is read, and the whole of those that are as long as another.
+/// Checks that the file of every picture exists, is of a kind that is read, is whole, and has the stated size, and that no two have one content.
+/// Files are read from end to end; only those of OpenEXR are decoded.
 ///
 /// Pictures for which this is not so are taken out with their boxes, and noted. A picture without a stated size gets that of its file.
 pub fn check_pictures(loaded: &mut Loaded) {
@@ -22,7 +22,7 @@ pub fn check_pictures(loaded: &mut Loaded) {
     for image in &mut images {
         let name = image.file_name.clone();
         let stated = (image.width, image.height);
-        let fault = match loaded.picture(&name).map(|path| picture_size(&path)) {
+        let fault = match loaded.picture(&name).map(|path| size_of_whole(&path)) {
             None => Some((DefectKind::MissingPicture, name)),
             Some(Err(error)) => Some((DefectKind::UnreadablePicture, error.to_string())),
             Some(Ok(found)) if stated.0 == 0 || stated.1 == 0 => {
@@ -52,6 +52,17 @@ pub fn check_pictures(loaded: &mut Loaded) {
         let mut again = Defects::default();
         check_values(&mut loaded.data, &mut again);
         loaded.defects.add_kinds(again, &[DefectKind::OutsidePicture, DefectKind::ClippedBox]);
+    }
+}
+
+/// Columns and rows of a picture whose file is not cut off.
+fn size_of_whole(path: &Path) -> Result<(u32, u32), ImageError> {
+    let size = picture_size(path)?;
+    let bytes =
+        petzval_base::read_whole(path).map_err(|source| ImageError::Io { path: path.to_owned(), source })?;
+    match is_cut_off(&bytes) {
+        true => Err(ImageError::Decode { name: path.display().to_string(), reason: CUT_OFF.to_owned() }),
+        false => Ok(size),
     }
 }
 

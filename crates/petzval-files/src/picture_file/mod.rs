@@ -1,5 +1,6 @@
 //! Reads pictures from PNG, JPEG, TIFF, OpenEXR and Radiance HDR files, and writes PNG.
 
+mod cut_off;
 mod exr_file;
 mod ignored;
 mod size;
@@ -15,6 +16,7 @@ use ::image::{DynamicImage, ExtendedColorType, ImageDecoder, ImageFormat, ImageR
 use petzval_base::write_whole;
 use petzval_camera::image::{CHANNELS, LinearImage, srgb_decode};
 
+pub(crate) use self::cut_off::{CUT_OFF, is_cut_off};
 use self::ignored::{hdr_notes, png_notes, profile_note, tiff_notes};
 pub use self::size::picture_size;
 
@@ -111,6 +113,9 @@ pub fn load_image_bytes(bytes: &[u8], name: &str) -> Result<Picture, ImageError>
         // The signature of older Radiance files.
         None if bytes.starts_with(b"#?RGBE") => read_hdr(bytes).map_err(undecodable)?,
         format => {
+            if is_cut_off(bytes) {
+                return Err(decode(CUT_OFF.to_owned()));
+            }
             let mut notes = match format {
                 Some(ImageFormat::Png) => png_notes(bytes),
                 Some(ImageFormat::Tiff) => tiff_notes(bytes),
@@ -208,7 +213,7 @@ pub(crate) fn undecoded(error: &::image::ImageError) -> String {
         cause = error.source();
     }
     if is_cut_off {
-        return "the file ends before the picture does: it is cut off".to_owned();
+        return CUT_OFF.to_owned();
     }
     error.to_string()
 }

@@ -3,14 +3,16 @@
 mod finder;
 mod scores;
 
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use petzval_camera::image::LinearImage;
 use petzval_design::boxes::with_boxes;
+use petzval_design::camera::Camera;
 use petzval_design::error::DesignError;
 use petzval_design::scenes::wanted;
 use petzval_files::coco::{
-    self, Bounds, Category, DataSet, Image, check_pictures, load_coco, save_coco, save_results,
+    self, ANNOTATIONS, Bounds, Category, DataSet, Image, check_pictures, load_coco, save_coco, save_results,
 };
 use petzval_files::{encoded_png_bytes, load_image};
 use petzval_learn::dataset::{in_classes, taken_as};
@@ -116,8 +118,9 @@ struct Looked {
     image: Image,
 }
 
-/// Looks for objects in pictures, for a camera of a run at their own size. Drawn pictures are written one by one, the results when all pictures
-/// have been read. With a data set, scores and results are of everything that the detector reports, not only of what reaches the least score.
+/// Looks for objects in pictures, for a camera of a run at their own size. Drawn pictures are written one by one, the results at the end, also
+/// where the job is stopped or a picture cannot be read: of the pictures before. With a data set, scores and results are of everything that
+/// the detector reports, not only of what reaches the least score.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     if !(0.0..=1.0).contains(&request.least_score) {
         let hint = "0 shows everything that the detector keeps, 0.5 what is more likely there than not";
@@ -125,34 +128,32 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     }
     let device = context.device(&request.device)?;
     let (mut looked, labelled) = match &request.data {
-        Some(place) => labelled(place, context)?,
-        None => (unlabelled(files(&request.images)?), None),
+        Some(place) => {
+            let (looked, data) = labelled(place, request.out.as_deref(), context)?;
+            (looked, Some(data))
+        }
+        None => (unlabelled(files(&request.images)?)?, None),
     };
     if let Some(out) = &request.out {
-        check_folder(out, ["detections.json", "annotations.json"], context)?;
+        check_folder(out, ["detections.json", ANNOTATIONS], context)?;
     }
     let raw = looked.iter().map(|l| &l.file).find(|file| is_raw(file));
-    let Finder { network, classes, camera, task } = finder(&request.detector, raw, &device, context)?;
-    let detector = network.detector().ok_or_else(|| JobError::failed("the network is no detector"))?;
-    let labelled = match (labelled, task) {
-        (Some(data), Some(task)) => {
-            let (names, wanted) = (task.classes(), wanted(task));
-            taken_as(&data, wanted, names).iter().for_each(|note| context.warning(note));
-            Some(in_classes(&data, wanted, names))
-        }
-        (labelled, _) => labelled,
-    };
+    let finder = finder(&request.detector, raw, &device, context)?;
+    let detector = finder.network.detector().ok_or_else(|| JobError::failed("the network is no detector"))?;
+    let labelled = labelled.map(|data| in_classes_of(&finder, data, context)).transpose()?;
     let (mut pictures, mut results) = (Vec::new(), Vec::new());
     let count = looked.len();
+    let mut failure = None;
     for (i, Looked { file, image }) in looked.iter_mut().enumerate() {
         if context.is_cancelled() {
-            return Err(JobError::Stopped(format!("stopped after {i} of {count} pictures")));
+            failure = Some(JobError::Stopped(format!("stopped after {i} of {count} pictures")));
+            break;
         }
-        let encoded = match camera.as_ref().filter(|_| is_raw(file)) {
-            Some(camera) => developed(camera, &raw_frame(file, &camera.body().sensor)?)?,
-            None => {
-                let light = load_image(file).map_err(DesignError::from)?.light;
-                LinearImage { data: light.to_srgb(), ..light }
+        let encoded = match encoded(file, finder.camera.as_ref()) {
+            Ok(encoded) => encoded,
+            Err(error) => {
+                failure = Some(error);
+                break;
             }
         };
         (image.height, image.width) = (encoded.height as u32, encoded.width as u32);
@@ -162,7 +163,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             .extend(found.iter().filter(|d| labelled.is_some() || is_sure(d)).map(|d| result(image.id, d)));
         let sure: Vec<Detection> = found.iter().filter(is_sure).copied().collect();
         let in_words = |d: &Detection| Found {
-            class: classes[d.class].clone(),
+            class: finder.classes[d.class].clone(),
             score: d.score,
             bbox: [d.bbox.x1, d.bbox.y1, d.bbox.width(), d.bbox.height()],
         };
@@ -177,18 +178,34 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         context.progress(i as u64 + 1, count as u64, "pictures");
     }
     let scores = labelled.as_ref().map(|data| Scores::of(data, &results));
-    if let Some(out) = &request.out {
-        let data = labelled.unwrap_or_else(|| DataSet {
-            images: looked.into_iter().map(|looked| looked.image).collect(),
-            categories: (classes.into_iter().enumerate())
+    if let Some(out) = request.out.as_ref().filter(|_| !pictures.is_empty()) {
+        let mut data = labelled.unwrap_or_else(|| DataSet {
+            categories: (finder.classes.into_iter().enumerate())
                 .map(|(i, name)| Category { id: i as u64 + 1, name, ..Category::default() })
                 .collect(),
             ..DataSet::default()
         });
+        data.images = looked.into_iter().take(pictures.len()).map(|looked| looked.image).collect();
+        let seen: HashSet<u64> = data.images.iter().map(|image| image.id).collect();
+        data.annotations.retain(|object| seen.contains(&object.image_id));
         save_results(&results, &out.join("detections.json"))?;
-        save_coco(&data, &out.join("annotations.json"))?;
+        save_coco(&data, &out.join(ANNOTATIONS))?;
     }
-    Ok(Response { pictures, out: request.out.clone(), scores })
+    match failure {
+        Some(failure) => Err(failure),
+        None => Ok(Response { pictures, out: request.out.clone(), scores }),
+    }
+}
+
+/// A picture as a detector sees it, sRGB-encoded; a raw frame developed by the camera.
+fn encoded(file: &Path, camera: Option<&Camera>) -> Result<LinearImage, JobError> {
+    Ok(match camera.filter(|_| is_raw(file)) {
+        Some(camera) => developed(camera, &raw_frame(file, &camera.body().sensor)?)?,
+        None => {
+            let light = load_image(file).map_err(DesignError::from)?.light;
+            LinearImage { data: light.to_srgb(), ..light }
+        }
+    })
 }
 
 /// A detection as COCO writes it.
@@ -204,29 +221,93 @@ fn result(image_id: u64, found: &Detection) -> coco::Detection {
 }
 
 /// Pictures of which nothing is known, numbered from 1.
-fn unlabelled(files: Vec<PathBuf>) -> Vec<Looked> {
+fn unlabelled(files: Vec<PathBuf>) -> Result<Vec<Looked>, JobError> {
     let looked = |(i, file): (usize, PathBuf)| {
-        let file_name = file.display().to_string();
-        Looked { file, image: Image { id: i as u64 + 1, file_name, ..Image::default() } }
+        let image = Image { id: i as u64 + 1, file_name: whole_path(&file)?, ..Image::default() };
+        Ok(Looked { file, image })
     };
     files.into_iter().enumerate().map(looked).collect()
 }
 
-/// The pictures of a data set, and the data set. What of it cannot be used is a warning.
-fn labelled(place: &Path, context: &Context) -> Result<(Vec<Looked>, Option<DataSet>), JobError> {
+/// The path of a file from the root on, so that annotations in another folder find it.
+fn whole_path(file: &Path) -> Result<String, JobError> {
+    Ok(std::path::absolute(file).map_err(DesignError::io(file))?.display().to_string())
+}
+
+/// The pictures of a data set, and the data set. What of it cannot be used is a warning. Refuses to write into `out` if that would replace the
+/// annotations.
+fn labelled(place: &Path, out: Option<&Path>, context: &Context) -> Result<(Vec<Looked>, DataSet), JobError> {
     let mut loaded = load_coco(place)?;
-    check_pictures(&mut loaded);
-    for defect in loaded.defects.iter() {
-        context.warning(format!("{}: {} {}", place.display(), defect.count, defect.kind.sentence()));
+    let whole = |path: &Path| path.canonicalize().ok();
+    if let Some(out) =
+        out.filter(|out| whole(&out.join(ANNOTATIONS)).is_some_and(|p| Some(p) == whole(&loaded.file)))
+    {
+        let message = format!("{}: the data set is in this folder", out.display());
+        return Err(JobError::input(message, "name another folder for --out"));
     }
-    let picture =
-        |image: &Image| Some(Looked { file: loaded.picture(&image.file_name)?, image: image.clone() });
-    let looked: Vec<Looked> = loaded.data.images.iter().filter_map(picture).collect();
+    check_pictures(&mut loaded);
+    for line in loaded.defects.lines(place) {
+        context.warning(line);
+    }
+    let mut looked = Vec::new();
+    for image in &loaded.data.images {
+        if let Some(file) = loaded.picture(&image.file_name) {
+            let image = Image { file_name: whole_path(&file)?, ..image.clone() };
+            looked.push(Looked { file, image });
+        }
+    }
     if looked.is_empty() {
         let message = format!("{}: no picture of this data set can be used", place.display());
         return Err(JobError::input(message, "`data check` says what is wrong with it"));
     }
-    Ok((looked, Some(loaded.data)))
+    Ok((looked, loaded.data))
+}
+
+/// The data set with the classes of a detector for categories: for a run by the words of their names, for weights of torchvision by their
+/// numbers. Fails where nothing is left to find.
+fn in_classes_of(finder: &Finder, data: DataSet, context: &Context) -> Result<DataSet, JobError> {
+    let nothing = |hint: &str| {
+        Err(JobError::input(format!("no box of {} is in this data set", listed(&finder.classes)), hint))
+    };
+    let Some(task) = finder.task else {
+        let is_known = |category: &Category| (1..=finder.classes.len() as u64).contains(&category.id);
+        let (known, unknown): (Vec<Category>, Vec<Category>) =
+            data.categories.into_iter().partition(is_known);
+        if !unknown.is_empty() {
+            let names: Vec<String> = unknown.iter().map(|c| format!("{} ({})", c.name, c.id)).collect();
+            let most = finder.classes.len();
+            context.warning(format!(
+                "the weights know the numbers 1 to {most}: left out are {}",
+                listed(&names)
+            ));
+        }
+        let numbers: HashSet<u64> = known.iter().map(|category| category.id).collect();
+        let mut data = DataSet { categories: known, ..data };
+        data.annotations.retain(|object| numbers.contains(&object.category_id));
+        // Other programs obey crowds alone.
+        data.annotations.iter_mut().for_each(|object| object.crowd |= object.ignore);
+        return match data.annotations.iter().any(|object| !object.crowd) {
+            true => Ok(data),
+            false => nothing(
+                "its categories need the numbers that the weights have for them, such as those of COCO",
+            ),
+        };
+    };
+    let (names, wanted) = (task.classes(), wanted(task));
+    taken_as(&data, wanted, names).iter().for_each(|note| context.warning(note));
+    let data = in_classes(&data, wanted, names);
+    match data.annotations.iter().any(|object| !object.crowd) {
+        true => Ok(data),
+        false => nothing("its categories are recognised by the words of their names, such as person or car"),
+    }
+}
+
+/// A list for people: its first eight words, and how many more there are.
+fn listed(words: &[String]) -> String {
+    const SHOWN: usize = 8;
+    let more = words.len().saturating_sub(SHOWN);
+    let first = words.iter().take(SHOWN).cloned().collect::<Vec<_>>().join(", ");
+    if more > 0 { format!("{first} and {more} more") } else { first }
 }
 
 /// The pictures that are named, and those of the folders that are named, sorted by name.

@@ -12,7 +12,8 @@ use serde::{Deserialize, Serialize};
 pub struct Scores {
     /// Pictures that were looked at.
     pub pictures: usize,
-    /// The numbers of COCO. Sizes are those of boxes, areas of 32^2 and 96^2 px^2.
+    /// The numbers of COCO. What is small and large is said by the areas of the data set, 32^2 and 96^2 px^2; for the detector of a run by those
+    /// of the boxes.
     pub coco: CocoSummary,
     /// Where the average precision lies in 95 % of draws of the pictures with repetition, low and high; pictures of one sequence are drawn
     /// together.

@@ -70,9 +70,7 @@ impl LabelledPictures {
     ) -> Result<(Self, Vec<String>), DatasetError> {
         let mut loaded = load_coco(folder)?;
         check_pictures(&mut loaded);
-        let mut notes: Vec<String> = (loaded.defects.iter())
-            .map(|defect| format!("{}: {} {}", folder.display(), defect.count, defect.kind.sentence()))
-            .collect();
+        let mut notes: Vec<String> = loaded.defects.lines(folder).collect();
         let data = &loaded.data;
         let objects = data.objects_of_images();
         let sequences: Vec<&str> = {

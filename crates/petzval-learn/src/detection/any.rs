@@ -89,6 +89,11 @@ impl AnyDetector {
         Ok(Self::FasterRcnn(FasterRcnn::with(two_stages(backbone, classes), &from)?))
     }
 
+    /// Whether a safetensors file holds a detector under the names of torchvision, and not under those of this program.
+    pub fn is_of_torchvision(bytes: &[u8]) -> bool {
+        file(bytes).is_ok_and(|file| file.tensor(BIAS_OF_CLASSES).is_ok())
+    }
+
     /// The same for a detector of other classes than the 90 of COCO, which the file has: class `c` starts as what COCO has under the number
     /// `coco[c]`. A file that has as many classes as `coco` is taken as it is.
     pub fn from_coco(

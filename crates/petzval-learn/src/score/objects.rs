@@ -139,8 +139,8 @@ impl ObjectScore {
         }
     }
 
-    /// The range, low and high, in which the figure lies in 95 % of draws of as many clusters of windows with repetition; none for the accuracy
-    /// of states. `clusters`: the cluster of each window, see [`Bootstrap::clusters`].
+    /// The range, low and high, in which the figure lies in 95 % of draws of as many clusters of windows with repetition. `clusters`: the cluster
+    /// of each window, see [`Bootstrap::clusters`].
     pub fn interval(
         &self,
         windows: &[Picture],
@@ -148,9 +148,28 @@ impl ObjectScore {
         classes: usize,
         field: Field,
     ) -> Option<[f64; 2]> {
-        let ranking = self.ranking(windows, classes, field)?;
         let how = Bootstrap { draws: DRAWS, ..Bootstrap::of_clusters(clusters.to_vec(), 1) };
-        let found = bootstrap(&how, |counts| self.area(&ranking, Some(counts)))?;
+        let found = match self.ranking(windows, classes, field) {
+            Some(ranking) => bootstrap(&how, |counts| self.area(&ranking, Some(counts)))?,
+            None => {
+                let of_window = |window| {
+                    let states = states(std::slice::from_ref(window), classes);
+                    [states.right(), states.detected()]
+                };
+                let of_windows: Vec<[u64; 2]> = windows.iter().map(of_window).collect();
+                bootstrap(&how, |counts| {
+                    let sum = |k: usize| -> u64 {
+                        of_windows
+                            .iter()
+                            .zip(counts)
+                            .map(|(window, count)| u64::from(*count) * window[k])
+                            .sum()
+                    };
+                    let [right, detected] = [0, 1].map(sum);
+                    (detected > 0).then(|| right as f64 / detected as f64)
+                })?
+            }
+        };
         Some([found.low, found.high])
     }
 
@@ -264,7 +283,7 @@ mod tests {
         let states = lights.iter().find(|s| s.about.name == "state_accuracy").unwrap();
         assert_eq!(
             (states.of(&windows(), 4, field), states.interval(&windows(), &alone, 4, field)),
-            (Some(1.0), None)
+            (Some(1.0), Some([1.0, 1.0]))
         );
     }
 }

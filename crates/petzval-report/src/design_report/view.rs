@@ -257,6 +257,9 @@ pub struct CameraDetection {
     pub groups: Vec<GroupFigure>,
     /// Its AP50 less that of the baseline over the same windows; none for the baseline.
     pub against_baseline: Option<Range>,
+    /// AP50 of its detector in the picture of perfect optics without noise, in the light on the pixels, in the raw frame in a plain development,
+    /// and in the finished picture; none where there is nothing to find.
+    pub ap50_at_stages: [Option<f64>; 4],
     /// Where objects are lost.
     pub lost: LostObjects,
     /// The largest objects that it misses.

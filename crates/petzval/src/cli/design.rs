@@ -48,7 +48,8 @@ pub struct Args {
     #[arg(long, value_name = "N")]
     steps: Option<usize>,
     /// The budget of a night on a GPU in place of minutes on two cores: 40000 network steps of 16 windows for the camera that takes the
-    /// most, twice as wide a network; take --photos with many pictures along
+    /// most, twice as wide a network; take --photos with many pictures along. A detector and the windows of streets stay as they are: see
+    /// detector.backbone and street.windows
     #[arg(long, conflicts_with = "steps")]
     full: bool,
     /// Make only this variant of the experiment, and the variants from which it starts

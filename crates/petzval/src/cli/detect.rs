@@ -68,6 +68,8 @@ pub struct Args {
 enum Backbone {
     Resnet18,
     Resnet50,
+    #[value(name = "mobilenet-v2")]
+    MobilenetV2,
 }
 
 impl From<Backbone> for BackboneKind {
@@ -75,6 +77,7 @@ impl From<Backbone> for BackboneKind {
         match backbone {
             Backbone::Resnet18 => Self::Resnet18,
             Backbone::Resnet50 => Self::Resnet50,
+            Backbone::MobilenetV2 => Self::MobilenetV2,
         }
     }
 }
@@ -136,10 +139,14 @@ fn print_scores(scores: &Scores) {
     };
     println!("AP by size      {}", sizes([coco.ap_small, coco.ap_medium, coco.ap_large]));
     let [one, ten, hundred] = [coco.ar1, coco.ar10, coco.ar100].map(number);
-    println!("recall          {one} of 1 detection a picture, {ten} of 10, {hundred} of 100");
+    println!(
+        "recall          {hundred} with the 100 best detections of a class in a picture, {ten} with 10, {one} with 1"
+    );
     println!("recall by size  {}", sizes([coco.ar_small, coco.ar_medium, coco.ar_large]));
     if let Some(accuracy) = scores.state_accuracy {
-        println!("state of those found right: {accuracy:.3}");
+        println!(
+            "state           {accuracy:.3} of the lights that are found with a score of 0.5 or more have the right one"
+        );
     }
     println!("\n{:<20} {:>8} {:>7} {:>11}", "class", "objects", "AP", "AP50 (VOC)");
     for class in &scores.classes {

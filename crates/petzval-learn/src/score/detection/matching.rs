@@ -36,7 +36,7 @@ pub(super) fn match_picture(
         for (fate, overlaps) in fates.iter_mut().zip(&overlaps) {
             let chosen = match protocol.rule {
                 Rule::BestFree => best_free(&objects, overlaps, &is_taken, *threshold),
-                Rule::Best => best(overlaps, *threshold),
+                Rule::Best => best(&objects, overlaps, *threshold),
             };
             let Some(chosen) = chosen else { continue };
             let (object, is_ignored) = objects[chosen];
@@ -74,13 +74,17 @@ fn best_free(
     chosen
 }
 
-/// The object with the largest overlap, taken or not; the first of equals.
-fn best(overlaps: &[f64], threshold: f64) -> Option<usize> {
-    let mut chosen: Option<usize> = None;
-    for (i, overlap) in overlaps.iter().enumerate() {
-        if *overlap > chosen.map_or(0.0, |c| overlaps[c]) {
-            chosen = Some(i);
+/// The object with the largest overlap, taken or not; the first of equals. A crowd, whose overlap is a share of the detection alone, only if no
+/// object reaches the threshold.
+fn best(objects: &[(&TrueObject, bool)], overlaps: &[f64], threshold: f64) -> Option<usize> {
+    let best_of = |is_crowd: bool| {
+        let mut chosen: Option<usize> = None;
+        for i in (0..overlaps.len()).filter(|i| objects[*i].0.crowd == is_crowd) {
+            if overlaps[i] > chosen.map_or(0.0, |c| overlaps[c]) {
+                chosen = Some(i);
+            }
         }
-    }
-    chosen.filter(|c| overlaps[*c] >= threshold)
+        chosen.filter(|c| overlaps[*c] >= threshold)
+    };
+    best_of(false).or_else(|| best_of(true))
 }

@@ -8,6 +8,9 @@
 //! made of; its average precision over pictures that are drawn with repetition ([`bootstrap`]) takes no second matching. A [`Group`]
 //! restricts everything to some objects, such as those far from the optical axis: all others are ignored.
 //!
+//! The crate hotcoco (1.3) gives the twelve numbers as well, but a picture that is drawn several times counts once there (its module
+//! `metrics::bootstrap` says so). A bootstrap needs a ranking in which pictures have weights.
+//!
 //! This module needs no tensors.
 
 mod bootstrap;

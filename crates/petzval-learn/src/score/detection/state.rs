@@ -94,11 +94,15 @@ impl StateConfusion {
         self.counts.iter().flatten().sum()
     }
 
+    /// Those of them whose state is right.
+    pub fn right(&self) -> u64 {
+        self.counts.iter().enumerate().map(|(s, row)| row[s]).sum()
+    }
+
     /// Share of the detected objects whose state is right; `None` if none was detected.
     pub fn accuracy(&self) -> Option<f64> {
-        let right: u64 = self.counts.iter().enumerate().map(|(s, row)| row[s]).sum();
         let all = self.detected();
-        (all > 0).then(|| right as f64 / all as f64)
+        (all > 0).then(|| self.right() as f64 / all as f64)
     }
 
     /// Share of all objects of a state that are detected with this state; `None` if there are none.
