@@ -12,13 +12,39 @@ use petzval_design::run::{Kept, RunFolder, load_blocks};
 use petzval_design::run_report::camera_lens;
 use petzval_design::setup::Setup;
 use petzval_learn::Device;
-use petzval_learn::detection::{AnyDetector, Zoom};
+use petzval_learn::detection::{AnyDetector, BackboneKind, Zoom};
 use petzval_learn::network::{Network, PictureNetwork};
+use serde::{Deserialize, Serialize};
 
-use super::Source;
 use crate::context::Context;
 use crate::error::JobError;
 use crate::evaluate::camera_of;
+
+/// Where a detector comes from.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Source {
+    /// A finished camera of a run; the last one if none is named.
+    Run {
+        /// Folder of the run.
+        run: PathBuf,
+        /// The camera.
+        camera: Option<String>,
+    },
+    /// Weights of a Faster R-CNN under the names of torchvision.
+    Weights {
+        /// The safetensors file.
+        file: PathBuf,
+        /// Its backbone.
+        backbone: BackboneKind,
+        /// Its classes, without the background.
+        classes: usize,
+        /// Pixels that the shorter side of a picture gets before the detector looks, at least 1.
+        shorter: usize,
+        /// Most pixels that the longer side gets, at least 1.
+        longer: usize,
+    },
+}
 
 /// What finds objects.
 pub struct Finder {

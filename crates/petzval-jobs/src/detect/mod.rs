@@ -19,6 +19,7 @@ use petzval_learn::dataset::{in_classes, taken_as};
 use petzval_learn::detection::{Detection, detect_in};
 use serde::{Deserialize, Serialize};
 
+pub use finder::Source;
 pub use petzval_learn::detection::BackboneKind;
 pub use petzval_learn::score::detection::CocoSummary;
 pub use scores::{ClassScore, Scores};
@@ -48,32 +49,6 @@ pub struct Request {
     pub out: Option<PathBuf>,
     /// Device of the tensors.
     pub device: String,
-}
-
-/// Where a detector comes from.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub enum Source {
-    /// A finished camera of a run; the last one if none is named.
-    Run {
-        /// Folder of the run.
-        run: PathBuf,
-        /// The camera.
-        camera: Option<String>,
-    },
-    /// Weights of a Faster R-CNN under the names of torchvision.
-    Weights {
-        /// The safetensors file.
-        file: PathBuf,
-        /// Its backbone.
-        backbone: BackboneKind,
-        /// Its classes, without the background.
-        classes: usize,
-        /// Pixels that the shorter side of a picture gets before the detector looks, at least 1.
-        shorter: usize,
-        /// Most pixels that the longer side gets, at least 1.
-        longer: usize,
-    },
 }
 
 /// What was found.

@@ -38,8 +38,8 @@ pub(super) fn detection(report: &Report) -> Markup {
         ))
         (at_stages(report, view))
         (caption(
-            "AP50 of the detector of each camera in the same four pictures. In the first it is what this detector would reach behind perfect optics and \
-             without noise; those of the light and of the raw frame are lower bounds, for the reason above.",
+            "AP50 of the detector of each camera in the same four pictures. The first is what it finds behind perfect optics and without noise. It need \
+             not be the best: a detector that was trained on finished pictures knows their noise and tones.",
         ))
         @for (i, camera) in view.cameras.iter().enumerate() { (mistakes(report, camera, i)) }
         (caption("Misses: the largest objects that are not found (blue). False alarms: the surest detections where no object of their class is (red). At \
