@@ -273,7 +273,9 @@ fn in_classes_of(finder: &Finder, data: DataSet, context: &Context) -> Result<Da
     let data = in_classes(&data, wanted, names);
     match data.annotations.iter().any(|object| !object.crowd) {
         true => Ok(data),
-        false => nothing("its categories are recognised by the words of their names, such as person or car"),
+        false => {
+            nothing("its categories are recognised by the words of their names; `data check` lists them")
+        }
     }
 }
 
