@@ -85,14 +85,13 @@ struct Seen<'a> {
 
 impl Seen<'_> {
     fn ranking(&self, classes: usize) -> Ranking {
-        Ranking::new(&self.judged, classes, &Protocol::coco_at(0.5), &Group::all())
+        ranking(&self.judged, classes)
     }
 
     /// The average precision of its detector in the pictures of a stage.
     fn ap50_at(&self, stage: Stage, classes: usize) -> Option<f64> {
         let judged: Vec<Picture> = self.windows.iter().map(|window| window.judged_at(stage)).collect();
-        let ranking = Ranking::new(&judged, classes, &Protocol::coco_at(0.5), &Group::all());
-        ranking.average_precision(Interpolation::Points101, None)
+        ranking(&judged, classes).average_precision(Interpolation::Points101, None)
     }
 
     fn lost(&self) -> LostObjects {
@@ -153,6 +152,11 @@ impl Seen<'_> {
         };
         firsts.into_iter().take(MOST_MISTAKES).map(mistake).collect()
     }
+}
+
+/// The detections of pictures at an overlap of 0.5.
+fn ranking(judged: &[Picture], classes: usize) -> Ranking {
+    Ranking::new(judged, classes, &Protocol::coco_at(0.5), &Group::all())
 }
 
 /// A mistake: what it is ranked by, its box and its class.

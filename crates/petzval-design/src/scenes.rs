@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use petzval_camera::render::Placement;
 use petzval_learn::dataset::{
-    CropPlan, LabelledPictures, LabelledWindow, PictureWindows, StreetPlan, StreetView, Wanted,
+    CropPlan, LabelledPictures, LabelledWindow, PictureWindows, StreetPlan, StreetView,
 };
 use petzval_optics::lens::Lens;
 use rand::{RngExt, SeedableRng};
@@ -16,7 +16,7 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::camera::{Camera, Shot, crop_window};
 use crate::error::DesignError;
-use crate::experiment::{Experiment, STREET, StreetConfig, TaskKind};
+use crate::experiment::{Experiment, STREET, StreetConfig};
 use crate::psf_plan::PsfPlan;
 
 pub use petzval_learn::dataset::List;
@@ -77,14 +77,6 @@ struct Kept {
     windows: HashMap<(List, u64), Arc<LabelledWindow>>,
 }
 
-/// What a task looks for.
-pub fn wanted(task: TaskKind) -> Wanted {
-    match task {
-        TaskKind::TrafficLight => Wanted::TrafficLights,
-        _ => Wanted::PeopleAndVehicles,
-    }
-}
-
 impl Scenes {
     /// The scenes of an experiment on a sensor of these pixels. `crops` are those of training and of scores, and `plan` has the corner of the
     /// sensor. Fails on a folder that cannot be read, or in which nothing is
@@ -97,7 +89,7 @@ impl Scenes {
         nominal: &Lens,
     ) -> Result<Self, DesignError> {
         let config = experiment.street.clone();
-        let wanted = wanted(experiment.task);
+        let wanted = experiment.task.wanted();
         // Scenes are the same for every seed of a run, as photographs are.
         let seed = 1;
         let mut notes = Vec::new();

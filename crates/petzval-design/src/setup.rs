@@ -298,13 +298,13 @@ impl Setup {
     pub fn network(&self) -> Result<NetworkBlock, DesignError> {
         let (experiment, device) = (&self.experiment, &self.body.device);
         if experiment.task.finds_objects() {
-            let DetectorConfig { kind, backbone, weights } = &experiment.detector;
-            let classes = experiment.task.classes().len();
-            let detector = Network::Detector(kind.init(*backbone, classes, experiment.seed, device)?);
-            return match (weights, experiment.detector.safetensors()) {
-                (_, Some(path)) => Ok(NetworkBlock::new(read_detector(experiment, path, detector, device)?)),
-                (Some(path), None) => NetworkBlock::new(detector).with_weights(Path::new(path)),
-                (None, None) => Ok(NetworkBlock::new(detector)),
+            if let Some(path) = experiment.detector.safetensors() {
+                return Ok(NetworkBlock::new(read_detector(experiment, path, device)?));
+            }
+            let block = NetworkBlock::new(drawn_detector(experiment, device)?);
+            return match &experiment.detector.weights {
+                Some(path) => block.with_weights(Path::new(path)),
+                None => Ok(block),
             };
         }
         let NetworkConfig { kind, base_channels, levels, .. } = experiment.network;
@@ -401,17 +401,19 @@ fn network_weights(
     Ok(Some(bytes))
 }
 
+/// The detector of an experiment with weights drawn from its seed.
+fn drawn_detector(experiment: &Experiment, device: &Device) -> Result<Network, DesignError> {
+    let DetectorConfig { kind, backbone, .. } = experiment.detector;
+    let classes = experiment.task.classes().len();
+    Ok(Network::Detector(kind.init(backbone, classes, experiment.seed, device)?))
+}
+
 /// The detector of an experiment with the weights of a safetensors file: torchvision's, or `network.safetensors` of a run.
-fn read_detector(
-    experiment: &Experiment,
-    path: &Path,
-    drawn: Network,
-    device: &Device,
-) -> Result<Network, DesignError> {
+fn read_detector(experiment: &Experiment, path: &Path, device: &Device) -> Result<Network, DesignError> {
     let DetectorConfig { kind, backbone, .. } = experiment.detector;
     let bytes = petzval_base::read_whole(path).map_err(DesignError::io(path))?;
     if !AnyDetector::is_of_torchvision(&bytes) {
-        return drawn.with_weights(&bytes).map_err(|problem| {
+        return drawn_detector(experiment, device)?.with_weights(&bytes).map_err(|problem| {
             let hint = "weights of the same kind of detector, backbone and number of classes are needed, or those of a Faster R-CNN of torchvision";
             DesignError::misfit(path, &problem, hint)
         });

@@ -174,15 +174,19 @@ impl Road {
                 albedo = if radius > 0.29 { [0.03; 3] } else { scaled([0.09, 0.08, 0.075], tone) };
             }
         }
-        let worn = || 0.25 + 0.75 * smooth(0.25, 0.5, fractal2(1.9 * p.x, 1.3 * z, 3, self.seed ^ 15));
-        let share = if self.painted(across, z) { worn() } else { 0.0 };
+        let share = match self.painted(across, z) {
+            true => 0.25 + 0.75 * smooth(0.25, 0.5, fractal2(1.9 * p.x, 1.3 * z, 3, self.seed ^ 15)),
+            false => 0.0,
+        };
         let albedo = blend(albedo, scaled(self.paint, 0.8 + 0.2 * grain), share);
         // Water fills the hollows first.
-        let hollow = || {
-            let (low, high) = (0.75 - 0.6 * self.wet, 0.95 - 0.6 * self.wet);
-            smooth(low, high, fractal2(0.4 * p.x, 0.3 * z, 3, self.seed ^ 16))
+        let wet = match self.wet {
+            0.0 => 0.0,
+            wet => {
+                let height = fractal2(0.4 * p.x, 0.3 * z, 3, self.seed ^ 16);
+                wet * smooth(0.75 - 0.6 * wet, 0.95 - 0.6 * wet, height)
+            }
         };
-        let wet = if self.wet > 0.0 { self.wet * hollow() } else { 0.0 };
         Surface { albedo: scaled(albedo, 1.0 - 0.45 * wet), gloss: 0.004 + 0.03 * wet, emission: [0.0; 3] }
     }
 

@@ -20,6 +20,7 @@ use petzval_base::parameter::Parameters;
 use petzval_base::{FileError, quote};
 use petzval_camera::isp::IspSettings;
 use petzval_camera::sensor::NoiseMode;
+use petzval_learn::dataset::Wanted;
 use petzval_learn::loss::ImageLoss;
 use petzval_learn::score::object_scores;
 use schemars::JsonSchema;
@@ -133,6 +134,14 @@ impl TaskKind {
             Self::ImageQuality => &[],
             Self::PedestrianVehicle => &["pedestrian", "vehicle"],
             Self::TrafficLight => &["red", "yellow", "green", "off"],
+        }
+    }
+
+    /// What is looked for in streets and data sets.
+    pub fn wanted(self) -> Wanted {
+        match self {
+            Self::TrafficLight => Wanted::TrafficLights,
+            Self::ImageQuality | Self::PedestrianVehicle => Wanted::PeopleAndVehicles,
         }
     }
 

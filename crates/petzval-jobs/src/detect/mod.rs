@@ -10,7 +10,6 @@ use petzval_camera::image::LinearImage;
 use petzval_design::boxes::with_boxes;
 use petzval_design::camera::Camera;
 use petzval_design::error::DesignError;
-use petzval_design::scenes::wanted;
 use petzval_files::coco::{
     self, ANNOTATIONS, Bounds, Category, DataSet, Image, check_pictures, load_coco, save_coco, save_results,
 };
@@ -118,19 +117,11 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let labelled = labelled.map(|data| in_classes_of(&finder, data, context)).transpose()?;
     let (mut pictures, mut results) = (Vec::new(), Vec::new());
     let count = looked.len();
-    let mut failure = None;
-    for (i, Looked { file, image }) in looked.iter_mut().enumerate() {
+    let outcome = looked.iter_mut().enumerate().try_for_each(|(i, Looked { file, image })| {
         if context.is_cancelled() {
-            failure = Some(JobError::Stopped(format!("stopped after {i} of {count} pictures")));
-            break;
+            return Err(JobError::Stopped(format!("stopped after {i} of {count} pictures")));
         }
-        let encoded = match encoded(file, finder.camera.as_ref()) {
-            Ok(encoded) => encoded,
-            Err(error) => {
-                failure = Some(error);
-                break;
-            }
-        };
+        let encoded = encoded(file, finder.camera.as_ref())?;
         (image.height, image.width) = (encoded.height as u32, encoded.width as u32);
         let found = detect_in(detector, &encoded, &device).map_err(DesignError::from)?;
         let is_sure = |d: &&Detection| d.score >= request.least_score;
@@ -151,8 +142,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             write_file(&out.join(format!("{:04}-{stem}.png", i + 1)), &png)?;
         }
         context.progress(i as u64 + 1, count as u64, "pictures");
-    }
-    let scores = labelled.as_ref().map(|data| Scores::of(data, &results));
+        Ok(())
+    });
+    let scores = labelled.as_ref().filter(|_| outcome.is_ok()).map(|data| Scores::of(data, &results));
     if let Some(out) = request.out.as_ref().filter(|_| !pictures.is_empty()) {
         let mut data = labelled.unwrap_or_else(|| DataSet {
             categories: (finder.classes.into_iter().enumerate())
@@ -166,10 +158,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         save_results(&results, &out.join("detections.json"))?;
         save_coco(&data, &out.join(ANNOTATIONS))?;
     }
-    match failure {
-        Some(failure) => Err(failure),
-        None => Ok(Response { pictures, out: request.out.clone(), scores }),
-    }
+    outcome.map(|()| Response { pictures, out: request.out.clone(), scores })
 }
 
 /// A picture as a detector sees it, sRGB-encoded; a raw frame developed by the camera.
@@ -268,7 +257,7 @@ fn in_classes_of(finder: &Finder, data: DataSet, context: &Context) -> Result<Da
             ),
         };
     };
-    let (names, wanted) = (task.classes(), wanted(task));
+    let (names, wanted) = (task.classes(), task.wanted());
     taken_as(&data, wanted, names).iter().for_each(|note| context.warning(note));
     let data = in_classes(&data, wanted, names);
     match data.annotations.iter().any(|object| !object.crowd) {

@@ -2,9 +2,10 @@
 
 use petzval_files::coco::{self, DataSet};
 use petzval_learn::score::detection::{
-    Bootstrap, CocoSummary, Group, Interpolation, LIGHT_STATES, Protocol, Ranking, StateConfusion, StateOf,
-    bootstrap, clusters_of_data_set, coco_summary, pictures_of_data_set, voc_average_precision,
+    CocoSummary, Group, Interpolation, LIGHT_STATES, Protocol, Ranking, clusters_of_data_set, coco_summary,
+    pictures_of_data_set, voc_average_precision,
 };
+use petzval_learn::score::{range_of, states};
 use serde::{Deserialize, Serialize};
 
 /// How well the objects of a data set are found.
@@ -39,31 +40,19 @@ pub struct ClassScore {
     pub ap50_voc: Option<f64>,
 }
 
-/// Draws of pictures for a range.
-const DRAWS: usize = 500;
-
-/// Score from which a detection counts for the accuracy of states.
-const SURE: f64 = 0.5;
-
 impl Scores {
     /// The scores of detections, which are of the pictures and categories of the data set, whatever their scores.
     pub fn of(data: &DataSet, found: &[coco::Detection]) -> Self {
         let (pictures, classes) = pictures_of_data_set(data, found);
         let ranking = |protocol: &Protocol| Ranking::new(&pictures, classes.len(), protocol, &Group::all());
-        let how = Bootstrap { draws: DRAWS, ..Bootstrap::of_clusters(clusters_of_data_set(data), 1) };
+        let clusters = clusters_of_data_set(data);
         let range = |ranking: &Ranking| {
-            let area = |counts: &[u32]| ranking.average_precision(Interpolation::Points101, Some(counts));
-            bootstrap(&how, area).map(|range| [range.low, range.high])
+            range_of(&clusters, |counts| ranking.average_precision(Interpolation::Points101, Some(counts)))
         };
         let half = ranking(&Protocol::coco_at(0.5));
         let coco = coco_summary(&pictures, classes.len());
         let voc = voc_average_precision(&pictures, classes.len(), Interpolation::AllPoints);
-        let state = StateOf {
-            object: &|p, i| Some(pictures[p].objects[i].class),
-            detection: &|p, d| Some(pictures[p].detections[d].class),
-        };
-        let states = (classes == LIGHT_STATES)
-            .then(|| StateConfusion::new(&pictures, classes.len(), SURE, &state).accuracy());
+        let has_states = classes == LIGHT_STATES;
         let by_class = |(class, name): (usize, &String)| ClassScore {
             class: name.clone(),
             objects: half.classes[class].objects(),
@@ -75,7 +64,7 @@ impl Scores {
             ap_range: range(&ranking(&Protocol::coco())),
             ap50_range: range(&half),
             classes: classes.iter().enumerate().map(by_class).collect(),
-            state_accuracy: states.flatten(),
+            state_accuracy: has_states.then(|| states(&pictures, classes.len()).accuracy()).flatten(),
             coco,
         }
     }

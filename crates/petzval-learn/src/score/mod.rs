@@ -10,7 +10,7 @@ mod psnr;
 mod ssim;
 mod standard;
 
-pub use objects::{Field, ObjectScore, judged, object_scores};
+pub use objects::{Field, ObjectScore, judged, object_scores, range_of, states};
 pub use standard::standard_scores;
 
 use burn::prelude::*;
