@@ -155,6 +155,12 @@ pub enum DesignError {
     /// A camera whose lens is not known cannot be scored or moved.
     #[error("the camera's PSFs were measured: no lens is known; hint: name a lens in place of measured PSFs")]
     NoLens,
+    /// The detector of the camera looks at scenes, and nobody knows that of a raw frame.
+    #[error(
+        "the detector of this camera looks at the truth, and a raw frame does not tell it; hint: name a camera whose detector looks at its \
+         pictures"
+    )]
+    NoTruth,
     /// The tape has no gradient where a block needs one.
     #[error("{0} have no gradient; this is a defect of the program or of the device")]
     NoGradient(&'static str),

@@ -5,6 +5,8 @@
 use std::collections::BTreeMap;
 
 use petzval_camera::sensor::NoiseMode;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use crate::adam::cosine_rate;
 use crate::block::{BlockName, StepMethod, StepRule};
@@ -29,10 +31,23 @@ pub struct Variant {
     pub field: FieldOfView,
     /// The variant whose magnification its detector sees by a digital zoom.
     pub zoomed_like: Option<String>,
+    /// What its detector looks at.
+    pub sees: Sees,
     /// Whether a variant of the chain from which it starts moves the lens.
     pub starts_moved: bool,
     /// What is done with it, in this order.
     pub stages: Vec<Stage>,
+}
+
+/// What the detector of a camera looks at.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Sees {
+    /// The finished pictures of the camera.
+    #[default]
+    Picture,
+    /// What the camera would make of the scenes with perfect optics and without noise: a ceiling for every lens and every sensor.
+    Truth,
 }
 
 /// What a stage does.

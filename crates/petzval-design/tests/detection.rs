@@ -7,6 +7,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
+use burn::prelude::*;
 use common::Silent;
 use petzval_base::statistics::median;
 use petzval_camera::image::LinearImage;
@@ -25,6 +26,7 @@ use petzval_design::run::RunFolder;
 use petzval_design::scoring::Scorer;
 use petzval_design::setup::Setup;
 use petzval_design::shots::{HeldOut, held_out_shots, training_shots};
+use petzval_design::variant::Sees;
 use petzval_learn::Device;
 use petzval_learn::detection::{BBox, Object, Truth};
 use petzval_learn::objective::{Labels, NamedLoss, Taken};
@@ -188,9 +190,48 @@ fn a_lens_with_a_free_field_has_a_control_that_is_zoomed_like_it() {
     assert!(unchained.extended_to(9).unwrap_err().0.contains("`zoomed` is zoomed like the finished `free`"));
 }
 
+/// The truth as a ceiling: neither lens nor noise reaches a detector that looks at it, in training and in scores.
+#[test]
+fn a_detector_that_sees_the_truth_knows_nothing_of_the_camera() {
+    let more = "[[variant]]\nname = \"nominal\"\n[[variant.stage]]\nmoves = [\"network\"]\n\
+        [[variant]]\nname = \"truth\"\nfrom = \"nominal\"\nsees = \"truth\"\n\
+        [[variant.stage]]\nmoves = [\"network\"]\n\
+        [[variant]]\nname = \"truth-without-noise\"\nfrom = \"nominal\"\nsees = \"truth\"\nnoise = \"off\"\n\
+        [[variant.stage]]\nmoves = [\"network\"]\n\
+        [[variant]]\nname = \"picture-without-noise\"\nfrom = \"nominal\"\nnoise = \"off\"\n\
+        [[variant.stage]]\nmoves = [\"network\"]\n";
+    let setup = Arc::new(setup(more));
+    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let run = RunFolder::create(&folder.path().join("run")).unwrap();
+    keep_inputs(&setup, &assets, &run).unwrap();
+    let design = DesignLoop::new(run.clone(), Scorer::new(setup.clone()).unwrap()).unwrap();
+    let Ending::Finished(metrics) = design.run(&mut Silent, &AtomicBool::new(false)).unwrap() else {
+        panic!("nothing stops it");
+    };
+    assert_eq!(metrics.rows.iter().map(|row| row.is_ceiling).collect::<Vec<_>>(), [false, true, true, false]);
+    let weights = |camera: &str| std::fs::read(run.camera(camera).join("network.safetensors")).unwrap();
+    assert!(weights("truth") == weights("truth-without-noise"));
+    assert!(weights("truth") != weights("picture-without-noise"));
+
+    let lens = setup.nominal().lens_file.lens.clone();
+    let camera = setup.camera(lens, true).unwrap().with_network(setup.network().unwrap().held());
+    let shots = training_shots(&setup, &camera, 0).unwrap();
+    let noise = Noise { mode: NoiseMode::Exact, seed: 1 };
+    let values = |tensor: Tensor<4>| tensor.into_data().try_to_vec::<f32>().unwrap();
+    let seen = |camera: &Camera| values(camera.take(&shots, &noise).unwrap().finished);
+    let truth = values(camera.truths(&shots).unwrap());
+    assert!(seen(&camera.seeing(Sees::Truth)) == truth && seen(&camera) != truth);
+    // Nobody knows the truth of a raw frame.
+    let capture = camera.capture(&shots[0]);
+    let raw = |camera: &Camera| camera.finished_raw(vec![100.0; 64 * 64], [64, 64], capture);
+    assert!(raw(&camera).is_ok());
+    assert!(matches!(raw(&camera.seeing(Sees::Truth)), Err(DesignError::NoTruth)));
+}
+
 /// Variants that contradict themselves are refused where they stand.
 #[test]
-fn a_free_field_and_a_zoom_have_their_conditions() {
+fn what_a_detector_looks_at_has_its_conditions() {
     let one = "[[variant]]\nname = \"a\"\n[[variant.stage]]\nmoves = [\"optics\", \"network\"]\n";
     let refused = |more: &str| Experiment::parse(&format!("{TINY}{one}{more}")).unwrap_err().to_string();
     let stays = "[[variant.stage]]\nmoves = [\"network\"]\n";
@@ -203,13 +244,23 @@ fn a_free_field_and_a_zoom_have_their_conditions() {
         ),
         ("zoomed_like = \"c\"", stays, "which is no earlier variant"),
         ("zoomed_like = \"a\"", "[[variant.stage]]\nmoves = [\"optics\"]\n", "the lens of `b` moves"),
+        (
+            "sees = \"truth\"",
+            "[[variant.stage]]\nmoves = [\"optics\", \"network\"]\n",
+            "neither its lens nor its ISP can change",
+        ),
     ] {
         let said = refused(&format!("[[variant]]\nname = \"b\"\n{variant}\n{stages}"));
         assert!(said.contains(wanted) && said.contains("hint: "), "{said}");
     }
-    let pictures = format!("{one}[[variant]]\nname = \"b\"\nzoomed_like = \"a\"\n{stays}");
-    let said = Experiment::parse(&pictures).unwrap_err().to_string();
-    assert!(said.contains("only a detector sees zoomed pictures") && said.contains("line"), "{said}");
+    for (variant, wanted) in [
+        ("zoomed_like = \"a\"", "only a detector sees zoomed pictures"),
+        ("sees = \"truth\"", "only a detector can look at the truth"),
+    ] {
+        let pictures = format!("{one}[[variant]]\nname = \"b\"\n{variant}\n{stays}");
+        let said = Experiment::parse(&pictures).unwrap_err().to_string();
+        assert!(said.contains(wanted) && said.contains("line"), "{said}");
+    }
 }
 
 #[test]

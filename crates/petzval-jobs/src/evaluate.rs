@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use petzval_design::block::Block;
 use petzval_design::camera::Camera;
-use petzval_design::design_loop::{finished_camera, zoom_of};
+use petzval_design::design_loop::{finished_camera, look_as};
 use petzval_design::inputs::check_inputs;
 use petzval_design::made_cameras::{MadeError, TrialPlan, made_cameras, symmetric};
 use petzval_design::run::{CameraMetrics, Kept, Metrics, RunFolder, load_blocks};
@@ -14,7 +14,6 @@ use petzval_design::run_report::{camera_lens, read_metrics};
 use petzval_design::scoring::Scorer;
 use petzval_design::setup::Setup;
 use petzval_files::ToleranceFile;
-use petzval_learn::detection::Zoom;
 use petzval_learn::score::ScoreDescription;
 use petzval_optics::lens::Lens;
 use petzval_optics::psf::PsfKind;
@@ -173,7 +172,7 @@ pub(crate) fn camera_of(setup: &Setup, folder: &RunFolder, name: &str) -> Result
     load_blocks(&folder.camera(name), blocks, Kept::Numbers)?;
     let lens = camera_lens(folder, name)?.lens;
     if let Some(variant) = setup.variants.iter().find(|variant| variant.name == name) {
-        network.set_zoom(Zoom::Times(zoom_of(folder, variant, &lens)?));
+        look_as(&mut network, folder, variant, &lens)?;
     }
     Ok(finished_camera(setup, lens, &exposure, &isp, &network)?)
 }

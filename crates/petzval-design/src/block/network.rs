@@ -14,7 +14,9 @@ use petzval_learn::network::{Network, PictureNetwork};
 use petzval_learn::optimizer::muon_and_adam;
 
 use super::{Batch, Block, BlockName, BlockState, StepRule, backward, named, part};
+use crate::camera::Camera;
 use crate::error::DesignError;
+use crate::variant::Sees;
 
 const WEIGHTS: &str = "weights.bin";
 const OPTIMIZER: &str = "optimizer.bin";
@@ -28,6 +30,8 @@ pub struct NetworkBlock {
     anchor: Network,
     /// By how much pictures are enlarged for its detector.
     zoom: Zoom,
+    /// What its detector looks at.
+    sees: Sees,
     /// How it learns, if it is not a detector.
     learning: Learning,
 }
@@ -53,7 +57,7 @@ impl NetworkBlock {
     pub fn new(network: Network) -> Self {
         let learning = Learning::default();
         let (anchor, optimizer) = (network.clone(), optimizer(&network, learning));
-        Self { anchor, optimizer, network, zoom: Zoom::Times(1.0), learning }
+        Self { anchor, optimizer, network, zoom: Zoom::Times(1.0), sees: Sees::Picture, learning }
     }
 
     /// The same, which learns so if it is not a detector.
@@ -64,6 +68,11 @@ impl NetworkBlock {
     /// Puts a digital zoom in front of its detector.
     pub fn set_zoom(&mut self, zoom: Zoom) {
         self.zoom = zoom;
+    }
+
+    /// Sets what its detector looks at.
+    pub fn set_sees(&mut self, sees: Sees) {
+        self.sees = sees;
     }
 
     /// The same with the weights of a file that a network of the same kind wrote.
@@ -84,6 +93,11 @@ impl NetworkBlock {
     /// The network with its weights held: no gradient goes to them.
     pub fn held(&self) -> Rc<dyn PictureNetwork> {
         self.behind_zoom(self.network.clone().no_grad())
+    }
+
+    /// A camera with the network behind it, held.
+    pub fn behind(&self, camera: &Camera) -> Camera {
+        camera.with_network(self.held()).seeing(self.sees)
     }
 
     fn behind_zoom(&self, network: Network) -> Rc<dyn PictureNetwork> {

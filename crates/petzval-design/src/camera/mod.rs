@@ -32,6 +32,7 @@ use petzval_optics::paraxial::image_brightness;
 use serde::{Deserialize, Serialize};
 
 use crate::error::DesignError;
+use crate::variant::Sees;
 
 pub use chip::{Chip, ChipValues, ideal_input, raw_inputs};
 pub use host::{host_image, to_host};
@@ -122,6 +123,8 @@ pub struct Camera {
     light: f64,
     border: usize,
     network: Option<Rc<dyn PictureNetwork>>,
+    /// What its network looks at.
+    sees: Sees,
     chip: Option<ChipValues>,
     psf_errors: Option<PsfErrors>,
 }
@@ -214,7 +217,8 @@ impl Camera {
         let border = kernel_radius(&body.geometry, &psfs.bank().layout())?;
         let optics = Optics { psfs, kernels: Arc::default() };
         let (taken_for, network, chip, psf_errors) = (None, None, None, None);
-        let camera = Self { body, optics, taken_for, light: 1.0, border, network, chip, psf_errors };
+        let (light, sees) = (1.0, Sees::Picture);
+        let camera = Self { body, optics, taken_for, light, border, network, sees, chip, psf_errors };
         let Some(same) = camera.body.same_time else { return Ok(camera) };
         let lens = camera.psfs().lens().ok_or(DesignError::NoLens)?;
         let light = image_brightness(&lens.at_wavelength(lens.reference_um)) / same.brightness;
@@ -228,7 +232,7 @@ impl Camera {
         let plan = self.psfs().plan().ok_or(DesignError::NoLens)?.clone();
         let psfs = PsfSource::Traced { lens: Box::new(lens), plan }.psfs()?;
         let bare = Self::new(self.body.clone(), Arc::new(psfs))?;
-        Ok(Self { network: self.network.clone(), chip: self.chip.clone(), ..bare })
+        Ok(Self { network: self.network.clone(), sees: self.sees, chip: self.chip.clone(), ..bare })
     }
 
     /// The same camera as it was made from a design with a lens that is off, and not calibrated: development corrects shading and blur by the
@@ -283,6 +287,11 @@ impl Camera {
     /// The same camera with a network behind the development.
     pub fn with_network(&self, network: Rc<dyn PictureNetwork>) -> Self {
         Self { network: Some(network), ..self.clone() }
+    }
+
+    /// The same camera, whose detector looks at something else.
+    pub fn seeing(&self, sees: Sees) -> Self {
+        Self { sees, ..self.clone() }
     }
 
     /// What looks for objects in its finished pictures, if its network does.
@@ -368,7 +377,11 @@ impl Camera {
             }
             _ => (&leaves.own, own_illumination),
         };
-        self.expose(known, [irradiance, illumination], &captures, &kept, noise)
+        let frames = self.expose(known, [irradiance, illumination], &captures, &kept, noise)?;
+        Ok(match self.sees {
+            Sees::Picture => frames,
+            Sees::Truth => Frames { finished: self.truths(shots)?, ..frames },
+        })
     }
 
     /// Takes one frame of light that lies on the pixels already, such as light that was simulated over the spectrum; three
@@ -420,6 +433,9 @@ impl Camera {
         [height, width]: [usize; 2],
         capture: Capture,
     ) -> Result<LinearImage, DesignError> {
+        if self.sees == Sees::Truth {
+            return Err(DesignError::NoTruth);
+        }
         let device = &self.body.device;
         let psfs = self.known().leaves(device);
         let illumination = self.illumination(self.known(), &psfs, &[capture.placement], [height, width])?;

@@ -28,7 +28,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::block::BlockName;
 use crate::error::DesignError;
-use crate::variant::Variant;
+use crate::variant::{Sees, Variant};
 
 /// The name of the built-in photographs in [`Experiment::photos`].
 pub const BUILT_IN_PHOTOS: &str = "built-in";
@@ -253,12 +253,16 @@ impl Experiment {
             let error = FileError::at_key(text, &key, "exact noise has no gradient to the lens");
             return Err(error.hint("write \"dequantised\", or 0 for optics.steps"));
         }
-        let is_zoomed = |v: &Variant| v.zoomed_like.is_some();
-        if let Some(i) = self.variants().iter().position(is_zoomed).filter(|_| !self.task.finds_objects()) {
-            let message =
-                "only a detector sees zoomed pictures; where pictures are scored they stay as they are";
-            let error = FileError::at_key(text, &["variant", &i.to_string(), "zoomed_like"], message);
-            return Err(error.hint("leave it out"));
+        let for_detectors: [(&str, &str, fn(&VariantConfig) -> bool); 2] = [
+            ("zoomed_like", "only a detector sees zoomed pictures", |v| v.zoomed_like.is_some()),
+            ("sees", "only a detector can look at the truth", |v| v.sees == Sees::Truth),
+        ];
+        for (key, message, has) in for_detectors {
+            if let Some(i) = self.variant.iter().position(has).filter(|_| !self.task.finds_objects()) {
+                let message = format!("{message}; where pictures are scored they stay as they are");
+                let error = FileError::at_key(text, &["variant", &i.to_string(), key], message);
+                return Err(error.hint("leave it out"));
+            }
         }
         if !self.development.demosaic.is_differentiable() && self.variants().iter().any(needs_gradient) {
             let error = FileError::at_key(

@@ -16,6 +16,7 @@ impl Experiment {
             noise: v.noise.unwrap_or(self.training.noise),
             field: v.field,
             zoomed_like: v.zoomed_like.clone(),
+            sees: v.sees,
             starts_moved: v.lens.is_none() && self.parent(v).is_some_and(|parent| self.moves_lens(parent)),
             stages: v.stage.iter().map(|s| stage(self, s)).collect(),
         };

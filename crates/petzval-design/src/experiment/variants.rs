@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::OpticsConfig;
 use crate::block::{BlockName, StepMethod};
 use crate::requirements::FieldOfView;
-use crate::variant::LensGoal;
+use crate::variant::{LensGoal, Sees};
 
 /// A camera of the comparison.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -42,6 +42,10 @@ pub struct VariantConfig {
     /// lengths, for a lens that stays. The control for a lens whose field of view is free.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub zoomed_like: Option<String>,
+    /// What its detector looks at: its finished pictures, or the truth, which is what the camera would make of the scenes with perfect optics and
+    /// without noise.
+    #[serde(default, skip_serializing_if = "is_picture")]
+    pub sees: Sees,
     /// What is done with it, in this order.
     #[schemars(length(min = 1))]
     pub stage: Vec<StageConfig>,
@@ -49,6 +53,10 @@ pub struct VariantConfig {
 
 fn is_held(field: &FieldOfView) -> bool {
     *field == FieldOfView::Held
+}
+
+fn is_picture(sees: &Sees) -> bool {
+    *sees == Sees::Picture
 }
 
 /// What a stage improves.
@@ -136,6 +144,7 @@ pub fn standard_variants() -> Vec<VariantConfig> {
         noise: None,
         field: FieldOfView::Held,
         zoomed_like: None,
+        sees: Sees::Picture,
         stage,
     };
     let network = stage(Goal::Task, &[BlockName::Network]);
@@ -283,6 +292,10 @@ fn check_origin(
         if !message.is_empty() {
             return Err(("zoomed_like", message, hint.to_owned()));
         }
+    }
+    if variant.sees == Sees::Truth && variant.stage.iter().any(|s| s.moves != [BlockName::Network]) {
+        let message = format!("`{name}` sees the truth, which neither its lens nor its ISP can change");
+        return Err(("sees", message, "move \"network\" alone".to_owned()));
     }
     if variant.stage.is_empty() {
         let hint = "add a [[variant.stage]] with `moves = [\"network\"]`".to_owned();
