@@ -242,6 +242,7 @@ impl DesignError {
                 | Self::NoLight { .. }
                 | Self::TooWideForAPicture { .. }
                 | Self::OutsideTheImage { .. }
+                | Self::NoTruth
                 | Self::Run { .. }
         )
     }

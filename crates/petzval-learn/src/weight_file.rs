@@ -3,7 +3,8 @@
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::prelude::*;
 use half::f16;
-use safetensors::{Dtype, SafeTensors, tensor::TensorView};
+use safetensors::tensor::TensorView;
+use safetensors::{Dtype, SafeTensorError, SafeTensors};
 
 use crate::network::NetworkError;
 
@@ -30,7 +31,7 @@ pub(crate) fn weights_file<M: Module>(network: &M) -> Result<Vec<u8>, NetworkErr
     let not_stored = |error: &dyn std::fmt::Display| NetworkError::NotStored(error.to_string());
     let mut found = NamedWeights::default();
     network.visit(&mut found);
-    let tensors: Vec<(String, Vec<usize>, Vec<u8>)> = found
+    let tensors: Vec<NamedTensor> = found
         .tensors
         .into_iter()
         .map(|(name, shape, data)| {
@@ -39,12 +40,19 @@ pub(crate) fn weights_file<M: Module>(network: &M) -> Result<Vec<u8>, NetworkErr
             Ok((name, shape, values.iter().flat_map(|v| v.to_le_bytes()).collect()))
         })
         .collect::<Result<_, NetworkError>>()?;
+    file_of(&tensors).map_err(|error| not_stored(&error))
+}
+
+/// Name, shape and values of a tensor: 32-bit floats, row-major, the least significant byte first.
+pub(crate) type NamedTensor = (String, Vec<usize>, Vec<u8>);
+
+/// Tensors as a safetensors file.
+pub(crate) fn file_of(tensors: &[NamedTensor]) -> Result<Vec<u8>, SafeTensorError> {
     let views: Vec<(&str, TensorView)> = tensors
         .iter()
         .map(|(name, shape, bytes)| Ok((name.as_str(), TensorView::new(Dtype::F32, shape.clone(), bytes)?)))
-        .collect::<Result<_, safetensors::SafeTensorError>>()
-        .map_err(|error| not_stored(&error))?;
-    safetensors::serialize(views, None).map_err(|error| not_stored(&error))
+        .collect::<Result<_, SafeTensorError>>()?;
+    safetensors::serialize(views, None)
 }
 
 /// A network with the weights of a file that [`weights_file`] wrote, or of one with the same names in half precision. Fails if a weight is

@@ -253,12 +253,13 @@ impl Experiment {
             let error = FileError::at_key(text, &key, "exact noise has no gradient to the lens");
             return Err(error.hint("write \"dequantised\", or 0 for optics.steps"));
         }
-        let for_detectors: [(&str, &str, fn(&VariantConfig) -> bool); 2] = [
-            ("zoomed_like", "only a detector sees zoomed pictures", |v| v.zoomed_like.is_some()),
-            ("sees", "only a detector can look at the truth", |v| v.sees == Sees::Truth),
+        let first = |has: &dyn Fn(&VariantConfig) -> bool| self.variant.iter().position(has);
+        let for_detectors = [
+            ("zoomed_like", "only a detector sees zoomed pictures", first(&|v| v.zoomed_like.is_some())),
+            ("sees", "only a detector can look at the truth", first(&|v| v.sees == Sees::Truth)),
         ];
-        for (key, message, has) in for_detectors {
-            if let Some(i) = self.variant.iter().position(has).filter(|_| !self.task.finds_objects()) {
+        for (key, message, first) in for_detectors {
+            if let Some(i) = first.filter(|_| !self.task.finds_objects()) {
                 let message = format!("{message}; where pictures are scored they stay as they are");
                 let error = FileError::at_key(text, &["variant", &i.to_string(), key], message);
                 return Err(error.hint("leave it out"));

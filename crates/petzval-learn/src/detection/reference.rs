@@ -20,6 +20,7 @@ use super::roi_align::{Region, RoiAlign};
 use super::{AnyDetector, BBox, BackboneKind, DetectorKind, FasterRcnnConfig};
 
 use crate::loss::image_loss::read_values;
+use crate::weight_file::{NamedTensor, file_of};
 
 fn reference() -> Value {
     serde_json::from_str(include_str!("reference.json")).unwrap()
@@ -231,18 +232,13 @@ fn proposals_from_features_to_boxes() {
     let case = &reference["rpn_end_to_end"];
     let device = Device::flex();
     // The weights as a file, with torchvision's names.
-    let weights: Vec<(String, Vec<usize>, Vec<u8>)> = (case["state"].as_object().unwrap().iter())
+    let weights: Vec<NamedTensor> = (case["state"].as_object().unwrap().iter())
         .map(|(name, value)| {
             let bytes = numbers(value).iter().flat_map(|v| v.to_le_bytes()).collect();
             (name.clone(), shape(value), bytes)
         })
         .collect();
-    let views: BTreeMap<&str, TensorView> = (weights.iter())
-        .map(|(name, shape, bytes)| {
-            (name.as_str(), TensorView::new(Dtype::F32, shape.clone(), bytes).unwrap())
-        })
-        .collect();
-    let bytes = safetensors::serialize(views, None).unwrap();
+    let bytes = file_of(&weights).unwrap();
     let file = SafeTensors::deserialize(&bytes).unwrap();
     let anchors = &reference["anchors"];
     let count = |key: &str| case[key].as_u64().unwrap() as usize;

@@ -3,11 +3,12 @@
 use std::collections::BTreeMap;
 
 use burn::tensor::TensorData;
-use safetensors::{Dtype, SafeTensors, tensor::TensorView};
+use safetensors::SafeTensors;
 use serde::Deserialize;
 
 use super::*;
 use crate::detection::AnyDetector;
+use crate::weight_file::{NamedTensor, file_of};
 
 #[derive(Deserialize)]
 struct Fixture {
@@ -65,18 +66,8 @@ fn weight(name: &str, shape: &[usize]) -> Vec<u8> {
     uniform(name, shape.iter().product()).flat_map(|u| (value(u) as f32).to_le_bytes()).collect()
 }
 
-/// Name, shape and bytes.
-type Weight = (String, Vec<usize>, Vec<u8>);
-
-fn file_of(weights: &[Weight]) -> Vec<u8> {
-    let views = weights.iter().map(|(name, shape, bytes)| {
-        (name.as_str(), TensorView::new(Dtype::F32, shape.clone(), bytes).unwrap())
-    });
-    safetensors::serialize(views, None).unwrap()
-}
-
 /// The weight of a detector with the 91 outputs of COCO whose outputs of these numbers are those of `weight`, and the others zero.
-fn among_coco((name, mut shape, bytes): Weight, numbers: [usize; 4]) -> Weight {
+fn among_coco((name, mut shape, bytes): NamedTensor, numbers: [usize; 4]) -> NamedTensor {
     if !name.contains("box_predictor") {
         return (name, shape, bytes);
     }
@@ -115,8 +106,8 @@ fn whole_detectors_see_and_find_what_those_of_torchvision_do() {
         let name = serde_json::to_value(kind).unwrap().as_str().unwrap().to_owned();
         let expected = detectors.remove(&name).unwrap();
         let weights = expected.state.iter().map(|(n, shape)| (n.clone(), shape.clone(), weight(n, shape)));
-        let weights: Vec<Weight> = weights.collect();
-        let bytes = file_of(&weights);
+        let weights: Vec<NamedTensor> = weights.collect();
+        let bytes = file_of(&weights).unwrap();
         let file = SafeTensors::deserialize(&bytes).unwrap();
         let config = FasterRcnnConfig::torchvision(kind, of_classes);
         let detector = FasterRcnn::with(config, &Parameters::read(&file, 1, &device)).unwrap();
@@ -127,9 +118,10 @@ fn whole_detectors_see_and_find_what_those_of_torchvision_do() {
         assert_eq!(found.len(), expected.count, "{name}");
         if kind == BackboneKind::Resnet18 {
             // The same from a file for COCO, in which these classes have other numbers.
-            let coco: Vec<Weight> =
+            let coco: Vec<NamedTensor> =
                 weights.into_iter().map(|weight| among_coco(weight, [0, 1, 3, 10])).collect();
-            let detector = AnyDetector::from_coco(kind, &[1, 3, 10], &file_of(&coco), &device).unwrap();
+            let detector =
+                AnyDetector::from_coco(kind, &[1, 3, 10], &file_of(&coco).unwrap(), &device).unwrap();
             let same = detector.detect(picture.clone()).unwrap().remove(0);
             assert_eq!(found, same);
         }
