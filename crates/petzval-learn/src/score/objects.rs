@@ -50,20 +50,34 @@ pub struct ObjectScore {
     kind: Kind,
 }
 
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 enum Kind {
-    /// Over overlaps of 0.5 to 0.95.
-    Ap,
-    /// At one overlap.
-    ApAt(f64),
-    /// Of one class, at 0.5.
-    OfClass(usize),
-    /// Of objects of some areas, px^2, at 0.5.
-    OfArea(f64, f64),
-    /// Of objects at some distances from the axis, as shares of the corner's, at 0.5.
-    OfField(f64, f64),
+    /// Average precision at some overlaps, of some objects.
+    Ap(Overlaps, Objects),
     /// Share of the lights found whose state is right.
     States,
+}
+
+/// Overlaps from which a detection is of an object.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Overlaps {
+    /// The mean over 0.5 to 0.95.
+    All,
+    /// One.
+    At(f64),
+}
+
+/// Which objects count.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Objects {
+    /// All.
+    All,
+    /// Those of one class.
+    OfClass(usize),
+    /// Those of some areas, px^2.
+    OfArea(f64, f64),
+    /// Those at some distances from the axis, as shares of the corner's.
+    OfField(f64, f64),
 }
 
 /// Draws of windows for an interval.
@@ -74,60 +88,64 @@ const SURE: f64 = 0.5;
 
 /// Everything that is known to be computed, for the classes of a task.
 pub fn object_scores(classes: &[&str]) -> Vec<ObjectScore> {
-    let about = |name: &str, title: &str, definition: String| ScoreDescription {
-        name: name.to_owned(),
-        title: title.to_owned(),
+    let about = |name: String, title: String, definition: String| ScoreDescription {
+        name,
+        title,
         unit: String::new(),
         definition,
         decimals: 4,
         higher_is_better: true,
     };
-    let at_half = "average precision at an overlap of 0.5 (COCO, 101 points), the mean over classes";
-    let mut all = vec![
+    let overlaps = [
+        ("ap", "AP", "the mean over overlaps of 0.5 to 0.95", Overlaps::All),
+        ("ap50", "AP50", "at an overlap of 0.5", Overlaps::At(0.5)),
+        ("ap75", "AP75", "at an overlap of 0.75", Overlaps::At(0.75)),
+    ];
+    let groups = [
+        ("small", "below 32 x 32 pixels", Objects::OfArea(0.0, COCO_SMALL_PX2)),
+        ("medium", "from 32 x 32 to 96 x 96 pixels", Objects::OfArea(COCO_SMALL_PX2, COCO_LARGE_PX2)),
+        ("large", "above 96 x 96 pixels", Objects::OfArea(COCO_LARGE_PX2, 1e10)),
         (
-            about(
-                "ap",
-                "AP",
-                "average precision, the mean over overlaps of 0.5 to 0.95 and classes (COCO)".into(),
-            ),
-            Kind::Ap,
+            "centre",
+            "whose middle lies up to a third of the way from the axis to the corner",
+            Objects::OfField(0.0, 1.0 / 3.0),
         ),
-        (about("ap50", "AP50", at_half.to_owned()), Kind::ApAt(0.5)),
-        (about("ap75", "AP75", at_half.replace("0.5", "0.75")), Kind::ApAt(0.75)),
+        (
+            "middle",
+            "whose middle lies from one to two thirds of the way from the axis to the corner",
+            Objects::OfField(1.0 / 3.0, 2.0 / 3.0),
+        ),
+        (
+            "edge",
+            "whose middle lies beyond two thirds of the way from the axis to the corner",
+            Objects::OfField(2.0 / 3.0, f64::INFINITY),
+        ),
     ];
-    for (i, class) in classes.iter().enumerate() {
-        let definition = format!("average precision at an overlap of 0.5 of the class {class}");
-        all.push((about(&format!("ap50_{class}"), &format!("AP50 {class}"), definition), Kind::OfClass(i)));
-    }
-    let areas = [
-        ("small", 0.0, COCO_SMALL_PX2, "below 32 x 32 pixels"),
-        ("medium", COCO_SMALL_PX2, COCO_LARGE_PX2, "from 32 x 32 to 96 x 96 pixels"),
-        ("large", COCO_LARGE_PX2, 1e10, "above 96 x 96 pixels"),
-    ];
-    for (name, low, high, words) in areas {
-        let definition = format!("{at_half}, of objects {words}");
-        all.push((
-            about(&format!("ap50_{name}"), &format!("AP50 {name}"), definition),
-            Kind::OfArea(low, high),
-        ));
-    }
-    let fields = [
-        ("centre", 0.0, 1.0 / 3.0, "up to a third of the way from the axis to the corner"),
-        ("middle", 1.0 / 3.0, 2.0 / 3.0, "from one to two thirds of the way from the axis to the corner"),
-        ("edge", 2.0 / 3.0, f64::INFINITY, "beyond two thirds of the way from the axis to the corner"),
-    ];
-    for (name, low, high, words) in fields {
-        let definition = format!("{at_half}, of objects whose middle lies {words}");
-        all.push((
-            about(&format!("ap50_{name}"), &format!("AP50 {name}"), definition),
-            Kind::OfField(low, high),
-        ));
+    let mut all = Vec::new();
+    for (name, title, words, overlaps) in overlaps {
+        let definition = format!("average precision {words} (COCO, 101 points)");
+        let mut add = |name: String, title: String, definition: String, objects| {
+            all.push(ObjectScore {
+                about: about(name, title, definition),
+                kind: Kind::Ap(overlaps, objects),
+            });
+        };
+        add(name.into(), title.into(), format!("{definition}, the mean over classes"), Objects::All);
+        for (i, class) in classes.iter().enumerate() {
+            let definition = format!("{definition} of the class {class}");
+            add(format!("{name}_{class}"), format!("{title} {class}"), definition, Objects::OfClass(i));
+        }
+        for (group, words, objects) in groups {
+            let definition = format!("{definition}, the mean over classes, of objects {words}");
+            add(format!("{name}_{group}"), format!("{title} {group}"), definition, objects);
+        }
     }
     if classes == LIGHT_STATES {
         let definition = "share of the lights found (overlap 0.5, score 0.5) whose state is right".to_owned();
-        all.push((about("state_accuracy", "state", definition), Kind::States));
+        let about = about("state_accuracy".into(), "state".into(), definition);
+        all.push(ObjectScore { about, kind: Kind::States });
     }
-    all.into_iter().map(|(about, kind)| ObjectScore { about, kind }).collect()
+    all
 }
 
 impl ObjectScore {
@@ -167,28 +185,27 @@ impl ObjectScore {
 
     /// The detections of all windows, matched and in the order of their scores; none for the accuracy of states.
     fn ranking(&self, windows: &[Picture], classes: usize, field: Field) -> Option<Ranking> {
-        let half = Protocol::coco_at(0.5);
-        let ranking = |protocol: &Protocol, group: &Group| Ranking::new(windows, classes, protocol, group);
-        Some(match self.kind {
-            Kind::Ap => ranking(&Protocol::coco(), &Group::all()),
-            Kind::ApAt(overlap) => ranking(&Protocol::coco_at(overlap), &Group::all()),
-            Kind::OfClass(_) => ranking(&half, &Group::all()),
-            Kind::OfArea(low, high) => ranking(&half, &Group::of_area(low, high)),
-            Kind::OfField(low, high) => {
+        let Kind::Ap(overlaps, objects) = self.kind else { return None };
+        let protocol = match overlaps {
+            Overlaps::All => Protocol::coco(),
+            Overlaps::At(overlap) => Protocol::coco_at(overlap),
+        };
+        let group = match objects {
+            Objects::All | Objects::OfClass(_) => Group::all(),
+            Objects::OfArea(low, high) => Group::of_area(low, high),
+            Objects::OfField(low, high) => {
                 let radius = |share: f64| share * field.corner_px;
-                ranking(&half, &Group::of_distance(field.axis, radius(low), radius(high)))
+                Group::of_distance(field.axis, radius(low), radius(high))
             }
-            Kind::States => return None,
-        })
+        };
+        Some(Ranking::new(windows, classes, &protocol, &group))
     }
 
     /// The area below precision over recall, where each window counts as often as `counts` says.
     fn area(&self, ranking: &Ranking, counts: Option<&[u32]>) -> Option<f64> {
         const AREA: Interpolation = Interpolation::Points101;
         match self.kind {
-            Kind::OfClass(class) => {
-                ranking.classes.get(class)?.curve(0, counts).map(|curve| curve.area(AREA))
-            }
+            Kind::Ap(_, Objects::OfClass(class)) => ranking.class_average_precision(class, AREA, counts),
             _ => ranking.average_precision(AREA, counts),
         }
     }
@@ -274,6 +291,10 @@ mod tests {
         assert_eq!(of("ap50_small").0, Some(half));
         assert_eq!(of("ap50_large"), (None, None));
         assert_eq!(of("ap50_edge"), (None, None));
+        // Boxes overlap by 19 of 21 columns: from 0.5 to 0.9, nine of the ten overlaps.
+        let all_overlaps = of("ap_small").0.unwrap();
+        assert!((all_overlaps - 0.9 * half).abs() < 1e-12, "{all_overlaps} {half}");
+        assert_eq!(of("ap75_medium"), (None, None));
         let by_class = [of("ap50_a").0.unwrap(), of("ap50_b").0.unwrap()];
         assert!((0.5 * (by_class[0] + by_class[1]) - half).abs() < 1e-12);
         assert!(all.iter().all(|s| s.about.name != "state_accuracy"));

@@ -100,10 +100,15 @@ impl Ranking {
         curves.map(move |curve| curve.area(interpolation))
     }
 
-    /// Average precision of one class, the mean over thresholds; `None` if it has no objects.
-    pub fn class_average_precision(&self, class: usize, interpolation: Interpolation) -> Option<f64> {
+    /// Average precision of one class, the mean over thresholds, with `counts` as in [`Self::average_precision`]; `None` if it has no objects.
+    pub fn class_average_precision(
+        &self,
+        class: usize,
+        interpolation: Interpolation,
+        counts: Option<&[u32]>,
+    ) -> Option<f64> {
         let ranking = self.classes.get(class)?;
-        mean((0..self.thresholds.len()).filter_map(|t| Some(ranking.curve(t, None)?.area(interpolation))))
+        mean((0..self.thresholds.len()).filter_map(|t| Some(ranking.curve(t, counts)?.area(interpolation))))
     }
 
     /// Average recall with at most so many detections of a class in a picture: the mean over thresholds and classes with objects.

@@ -71,7 +71,7 @@ pub fn coco_summary(pictures: &[Picture], classes: usize) -> CocoSummary {
         ar_small: small.average_recall(MOST),
         ar_medium: medium.average_recall(MOST),
         ar_large: large.average_recall(MOST),
-        class_ap: (0..classes).map(|class| all.class_average_precision(class, AREA)).collect(),
+        class_ap: (0..classes).map(|class| all.class_average_precision(class, AREA, None)).collect(),
     }
 }
 
@@ -83,5 +83,5 @@ pub fn voc_average_precision(
     interpolation: Interpolation,
 ) -> Vec<Option<f64>> {
     let ranking = Ranking::new(pictures, classes, &Protocol::voc_at(0.5), &Group::all());
-    (0..classes).map(|class| ranking.class_average_precision(class, interpolation)).collect()
+    (0..classes).map(|class| ranking.class_average_precision(class, interpolation, None)).collect()
 }
