@@ -44,7 +44,7 @@ pub struct Comparison {
 pub struct ComparedCamera {
     /// Its name.
     pub name: String,
-    /// Whether its lens has no aberrations, or its detector sees the truth.
+    /// Whether its lens has no aberrations.
     pub is_ceiling: bool,
     /// Its scores.
     pub scores: Vec<MeanAndDeviation>,

@@ -38,7 +38,7 @@ use crate::seen_windows::{self, SeenWindow};
 use crate::setup::Setup;
 use crate::shots::{items_of, training_shots, validation_shots};
 use crate::validation::{Course, VALIDATION, Validations, validation_loss};
-use crate::variant::{LensGoal, LensSearch, Schedule, Sees, Stage, Variant, turn_of};
+use crate::variant::{LensGoal, LensSearch, Schedule, Stage, Variant, turn_of};
 
 /// Someone who watches a run.
 pub trait Observer {
@@ -72,7 +72,7 @@ pub fn finished_camera(
 
 /// A camera with its exposure, the network, and the hardware ISP in whole numbers.
 fn finished(camera: &Camera, exposure: &ExposureBlock, isp: &IspBlock, network: &NetworkBlock) -> Camera {
-    let camera = network.behind(&camera.exposed_as(&exposure.exposure()));
+    let camera = network.attached_to(&camera.exposed_as(&exposure.exposure()));
     match camera.body().chip.is_some() {
         true => camera.with_chip(ChipValues::Exact(isp.values())),
         false => camera,
@@ -88,9 +88,8 @@ fn lens_of(setup: &Setup, variant: &Variant, blocks: &Blocks) -> Result<Lens, De
     Ok(Lens { name: format!("{}, {}", file.lens.name, variant.name), ..blocks.optics.lens()? })
 }
 
-/// Lets the detector of a variant with this lens look as the variant says: at what, and enlarged by how much. The earlier variants of the run
-/// are finished.
-pub fn look_as(
+/// Sets what the detector of a variant with this lens sees, and by how much it is enlarged. Earlier variants of the run must be finished.
+pub fn set_detector_view(
     network: &mut NetworkBlock,
     run: &RunFolder,
     variant: &Variant,
@@ -333,7 +332,7 @@ impl DesignLoop {
             validations = Validations::load(folder, position.validation, keep, &blocks)?;
         }
         let lens = lens_of(&setup, variant, &blocks)?;
-        look_as(&mut blocks.network, &run, variant, &lens)?;
+        set_detector_view(&mut blocks.network, &run, variant, &lens)?;
         // Later events go only now that the checkpoint is known to be good.
         let log = EventLog::resume(&run.events(), position.step)?;
         let objective = setup.objective()?;
@@ -646,7 +645,7 @@ impl DesignLoop {
     /// A camera with exposure, ISP and network as they stand, held.
     fn held(&self, camera: &Camera) -> Camera {
         let Blocks { exposure, isp, network, .. } = &self.blocks;
-        let camera = network.behind(&camera.exposed_as(&exposure.exposure_in_work()));
+        let camera = network.attached_to(&camera.exposed_as(&exposure.exposure_in_work()));
         match camera.body().chip.is_some() {
             true => camera.with_chip(isp.held(&camera.body().device)),
             false => camera,
@@ -697,7 +696,7 @@ impl DesignLoop {
         let (metrics, pictures) = self.scorer.score(&variant.name, &camera)?;
         let [isp_steps, network_steps] =
             [BlockName::Isp, BlockName::Network].map(|block| self.position.before(block));
-        let is_ceiling = variant.lens == PERFECT_LENS || variant.sees == Sees::Truth;
+        let is_ceiling = variant.lens == PERFECT_LENS;
         let metrics = CameraMetrics { is_ceiling, isp_steps, network_steps, ..metrics };
         let folder = self.run.camera(&variant.name);
         std::fs::create_dir_all(&folder).map_err(DesignError::io(&folder))?;
@@ -749,6 +748,6 @@ impl DesignLoop {
             self.blocks.begin_stage(|block| first.is_some_and(|stage| stage.improves(block)));
         }
         let lens = self.lens(next)?;
-        look_as(&mut self.blocks.network, &self.run, next, &lens)
+        set_detector_view(&mut self.blocks.network, &self.run, next, &lens)
     }
 }

@@ -155,10 +155,9 @@ pub enum DesignError {
     /// A camera whose lens is not known cannot be scored or moved.
     #[error("the camera's PSFs were measured: no lens is known; hint: name a lens in place of measured PSFs")]
     NoLens,
-    /// The detector of the camera looks at scenes, and nobody knows that of a raw frame.
+    /// The detector of the camera sees the scene itself.
     #[error(
-        "the detector of this camera looks at the truth, and a raw frame does not tell it; hint: name a camera whose detector looks at its \
-         pictures"
+        "the detector of this camera sees the scene without blur and noise, which a raw frame does not contain; hint: name another camera"
     )]
     NoTruth,
     /// The tape has no gradient where a block needs one.

@@ -27,7 +27,7 @@ use crate::run::{
 use crate::run_progress::{self, is_scored, moved_part};
 use crate::setup::Setup;
 use crate::validation::VALIDATION;
-use crate::variant::{LensGoal, Variant};
+use crate::variant::{DetectorInput, LensGoal, Variant};
 use petzval_learn::score::ScoreDescription;
 use petzval_report::design_report::{
     CameraPicture, CameraView, Change, FrameView, LossCurve, MadeCamera, MadeCameras, MadeScore, PictureView,
@@ -191,8 +191,10 @@ fn cameras_in_words(variants: &[Variant], events: &[Event]) -> String {
         let alone = LensGoal::ALL.into_iter().filter(|goal| taken(goal.event()) > 0);
         let alone = alone.map(|goal| goal.in_words().to_owned());
         let from = v.from.as_ref().map(|name| format!("from {name}"));
+        let sees =
+            (v.sees == DetectorInput::Truth).then(|| "sees the scenes without blur and noise".to_owned());
         let own = BlockName::ALL.into_iter().filter_map(steps);
-        let all: Vec<String> = from.into_iter().chain(alone).chain(own).collect();
+        let all: Vec<String> = from.into_iter().chain(sees).chain(alone).chain(own).collect();
         format!("{} ({})", v.name, all.join(", "))
     };
     let list: Vec<String> = variants.iter().map(one).collect();

@@ -31,22 +31,22 @@ pub struct Variant {
     pub field: FieldOfView,
     /// The variant whose magnification its detector sees by a digital zoom.
     pub zoomed_like: Option<String>,
-    /// What its detector looks at.
-    pub sees: Sees,
+    /// What its detector sees.
+    pub sees: DetectorInput,
     /// Whether a variant of the chain from which it starts moves the lens.
     pub starts_moved: bool,
     /// What is done with it, in this order.
     pub stages: Vec<Stage>,
 }
 
-/// What the detector of a camera looks at.
+/// What the detector of a camera sees, in training and in scores.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
-pub enum Sees {
+pub enum DetectorInput {
     /// The finished pictures of the camera.
     #[default]
     Picture,
-    /// What the camera would make of the scenes with perfect optics and without noise: a ceiling for every lens and every sensor.
+    /// The scenes without blur and noise: seen through the chief rays of the lens, and developed by the ISP with its values of the start.
     Truth,
 }
 

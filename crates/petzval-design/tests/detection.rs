@@ -24,9 +24,10 @@ use petzval_design::inputs::keep_inputs;
 use petzval_design::psf_plan::PsfPlan;
 use petzval_design::run::RunFolder;
 use petzval_design::scoring::Scorer;
+use petzval_design::seen_windows::{SeenWindow, Stage};
 use petzval_design::setup::Setup;
 use petzval_design::shots::{HeldOut, held_out_shots, training_shots};
-use petzval_design::variant::Sees;
+use petzval_design::variant::DetectorInput;
 use petzval_learn::Device;
 use petzval_learn::detection::{BBox, Object, Truth};
 use petzval_learn::objective::{Labels, NamedLoss, Taken};
@@ -190,17 +191,20 @@ fn a_lens_with_a_free_field_has_a_control_that_is_zoomed_like_it() {
     assert!(unchained.extended_to(9).unwrap_err().0.contains("`zoomed` is zoomed like the finished `free`"));
 }
 
-/// The truth as a ceiling: neither lens nor noise reaches a detector that looks at it, in training and in scores.
+/// A detector that sees the scenes without blur and noise learns and is scored so, also behind a hardware ISP.
 #[test]
-fn a_detector_that_sees_the_truth_knows_nothing_of_the_camera() {
-    let more = "[[variant]]\nname = \"nominal\"\n[[variant.stage]]\nmoves = [\"network\"]\n\
-        [[variant]]\nname = \"truth\"\nfrom = \"nominal\"\nsees = \"truth\"\n\
-        [[variant.stage]]\nmoves = [\"network\"]\n\
-        [[variant]]\nname = \"truth-without-noise\"\nfrom = \"nominal\"\nsees = \"truth\"\nnoise = \"off\"\n\
-        [[variant.stage]]\nmoves = [\"network\"]\n\
-        [[variant]]\nname = \"picture-without-noise\"\nfrom = \"nominal\"\nnoise = \"off\"\n\
-        [[variant.stage]]\nmoves = [\"network\"]\n";
-    let setup = Arc::new(setup(more));
+fn neither_noise_nor_blur_reaches_a_detector_that_sees_the_truth() {
+    let variant = |name: &str, more: &str, moves: &str| {
+        format!("[[variant]]\nname = \"{name}\"\n{more}\n[[variant.stage]]\nmoves = [{moves}]\n")
+    };
+    let more = [
+        "[isp]\npreset = \"real-time\"\nvary = [\"sharpen\"]\nsteps = 2\n".to_owned(),
+        variant("nominal", "", "\"isp\", \"network\""),
+        variant("truth", "from = \"nominal\"\nsees = \"truth\"", "\"network\""),
+        variant("truth-again", "from = \"nominal\"\nsees = \"truth\"\nnoise = \"off\"", "\"network\""),
+        variant("without-noise", "from = \"nominal\"\nnoise = \"off\"", "\"network\""),
+    ];
+    let setup = Arc::new(setup(&more.concat()));
     let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let run = RunFolder::create(&folder.path().join("run")).unwrap();
@@ -209,10 +213,21 @@ fn a_detector_that_sees_the_truth_knows_nothing_of_the_camera() {
     let Ending::Finished(metrics) = design.run(&mut Silent, &AtomicBool::new(false)).unwrap() else {
         panic!("nothing stops it");
     };
-    assert_eq!(metrics.rows.iter().map(|row| row.is_ceiling).collect::<Vec<_>>(), [false, true, true, false]);
+    let [_, truth, again, _] = &metrics.rows[..] else { panic!("four cameras") };
+    assert_eq!(truth.scores, again.scores);
     let weights = |camera: &str| std::fs::read(run.camera(camera).join("network.safetensors")).unwrap();
-    assert!(weights("truth") == weights("truth-without-noise"));
-    assert!(weights("truth") != weights("picture-without-noise"));
+    assert!(weights("truth") == weights("truth-again"));
+    assert!(weights("truth") != weights("without-noise"));
+    // In scores it sees what others see of the scene.
+    let stages = |camera: &str, stages: [Stage; 2]| {
+        let path = run.camera(camera).join("objects.json");
+        let windows: Vec<SeenWindow> = serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
+        stages.map(|stage| windows.iter().flat_map(|w| w.found[stage as usize].clone()).collect::<Vec<_>>())
+    };
+    let [scene, finished] = stages("truth", [Stage::Scene, Stage::Finished]);
+    assert!(!scene.is_empty() && scene == finished);
+    let [scene, finished] = stages("nominal", [Stage::Scene, Stage::Finished]);
+    assert!(scene != finished);
 
     let lens = setup.nominal().lens_file.lens.clone();
     let camera = setup.camera(lens, true).unwrap().with_network(setup.network().unwrap().held());
@@ -221,12 +236,12 @@ fn a_detector_that_sees_the_truth_knows_nothing_of_the_camera() {
     let values = |tensor: Tensor<4>| tensor.into_data().try_to_vec::<f32>().unwrap();
     let seen = |camera: &Camera| values(camera.take(&shots, &noise).unwrap().finished);
     let truth = values(camera.truths(&shots).unwrap());
-    assert!(seen(&camera.seeing(Sees::Truth)) == truth && seen(&camera) != truth);
-    // Nobody knows the truth of a raw frame.
+    assert!(seen(&camera.seeing(DetectorInput::Truth)) == truth && seen(&camera) != truth);
+    // A raw frame does not contain it.
     let capture = camera.capture(&shots[0]);
     let raw = |camera: &Camera| camera.finished_raw(vec![100.0; 64 * 64], [64, 64], capture);
     assert!(raw(&camera).is_ok());
-    assert!(matches!(raw(&camera.seeing(Sees::Truth)), Err(DesignError::NoTruth)));
+    assert!(matches!(raw(&camera.seeing(DetectorInput::Truth)), Err(DesignError::NoTruth)));
 }
 
 /// Variants that contradict themselves are refused where they stand.
@@ -247,15 +262,16 @@ fn what_a_detector_looks_at_has_its_conditions() {
         (
             "sees = \"truth\"",
             "[[variant.stage]]\nmoves = [\"optics\", \"network\"]\n",
-            "neither its lens nor its ISP can change",
+            "its detector sees the truth, which `optics` cannot change",
         ),
+        ("sees = \"truth\"", "[[variant.stage]]\nmoves = []\n", "the stage moves no block"),
     ] {
         let said = refused(&format!("[[variant]]\nname = \"b\"\n{variant}\n{stages}"));
         assert!(said.contains(wanted) && said.contains("hint: "), "{said}");
     }
     for (variant, wanted) in [
         ("zoomed_like = \"a\"", "only a detector sees zoomed pictures"),
-        ("sees = \"truth\"", "only a detector can look at the truth"),
+        ("sees = \"truth\"", "only a detector can see the truth"),
     ] {
         let pictures = format!("{one}[[variant]]\nname = \"b\"\n{variant}\n{stays}");
         let said = Experiment::parse(&pictures).unwrap_err().to_string();

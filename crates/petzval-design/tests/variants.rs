@@ -462,27 +462,32 @@ fn the_lens_in_the_middle_of_its_bounds_keeps_the_focal_length() {
 fn built_in_controls_take_the_steps_of_the_joint_design() {
     let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
     for (name, last) in [
-        ("cooke-triplet-image-quality-controls", BlockName::Network),
-        ("cooke-triplet-image-quality-hardware-isp", BlockName::Isp),
+        ("cooke-triplet-image-quality-controls", vec![BlockName::Network]),
+        ("cooke-triplet-image-quality-hardware-isp", vec![BlockName::Isp]),
+        ("pedestrian-vehicle-controls", vec![BlockName::Isp, BlockName::Network]),
     ] {
         let variants = assets.experiment(name).unwrap().variants();
-        let [.., sequential, joint] = &variants[..] else { panic!("two variants") };
-        assert_eq!((sequential.name.as_str(), joint.name.as_str()), ("sequential", "end-to-end"));
+        let called = |wanted: &str| variants.iter().find(|v| v.name == wanted).unwrap();
+        let [sequential, joint] = ["sequential", "end-to-end"].map(called);
         for block in BlockName::ALL {
             assert_eq!(sequential.task_steps_of(block), joint.task_steps_of(block), "{name}: {block:?}");
         }
-        // One block at a time: what is behind the lens, the lens, what is behind it.
+        // What is behind the lens, the lens, what is behind it.
         let task = sequential.stages.iter().filter_map(|stage| match stage {
             Stage::Task(moves) => Some(moves.keys().copied().collect::<Vec<_>>()),
             Stage::Lens { .. } => None,
         });
-        assert_eq!(task.collect::<Vec<_>>(), [vec![last], vec![BlockName::Optics], vec![last]]);
+        assert_eq!(task.collect::<Vec<_>>(), [last.clone(), vec![BlockName::Optics], last]);
         let before = |stages: &[Stage]| stages.iter().take_while(|s| matches!(s, Stage::Lens { .. })).count();
         assert_eq!(before(&sequential.stages), before(&joint.stages));
     }
-    let variants = assets.experiment("cooke-triplet-image-quality-controls").unwrap().variants();
-    let noise = |name: &str| variants.iter().find(|v| v.name == name).unwrap().noise;
-    assert_eq!((noise("noise-off"), noise("end-to-end")), (NoiseMode::Off, NoiseMode::Dequantised));
+    for name in ["cooke-triplet-image-quality-controls", "pedestrian-vehicle-controls"] {
+        let variants = assets.experiment(name).unwrap().variants();
+        let called = |wanted: &str| variants.iter().find(|v| v.name == wanted).unwrap();
+        let [off, joint] = ["noise-off", "end-to-end"].map(called);
+        assert_eq!((off.noise, joint.noise), (NoiseMode::Off, NoiseMode::Dequantised));
+        assert_eq!(off.stages.last(), joint.stages.last());
+    }
 }
 
 const VALIDATION: &str = "[validation]\nevery = 2\nwindows = 3\n";

@@ -100,6 +100,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     // Cameras are made before pictures are read: a run that lacks one is found at once.
     let setup = Setup::without_photos(experiment, &context.assets, context.device(&request.device)?)?;
     let cameras = names.iter().map(|name| camera_of(&setup, &folder, name)).collect::<Result<Vec<_>, _>>()?;
+    if request.images.iter().any(|image| is_raw(image)) {
+        cameras.iter().try_for_each(Camera::check_sees_frames)?;
+    }
     let subjects = request
         .images
         .iter()

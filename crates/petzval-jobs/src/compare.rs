@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use petzval_base::write_whole;
-use petzval_design::comparison::{ComparedCamera, Comparison, PaperRow, compare, comparison_csv};
+use petzval_design::comparison::{Comparison, compare, comparison_csv};
 use petzval_design::error::DesignError;
 use petzval_design::run::RunFolder;
 use petzval_design::run_report::report_of_run;
@@ -127,11 +127,11 @@ fn tables(comparison: &Comparison) -> Vec<TextTable> {
     let mut tables = vec![TextTable {
         caption: match has_ceiling {
             true => {
-                let name = |camera: &ComparedCamera| camera.name.clone();
                 let baseline =
-                    cameras.iter().find(|camera| !camera.is_ceiling).map_or_else(String::new, name);
-                let ceiling = cameras.iter().rfind(|camera| camera.is_ceiling).map_or_else(String::new, name);
-                format!("Scores, and the share of the gap from {baseline} to {ceiling} that is closed.")
+                    cameras.iter().find(|camera| !camera.is_ceiling).map_or("", |camera| &camera.name);
+                format!(
+                    "Scores, and the share of the gap from {baseline} to a lens without aberrations that is closed."
+                )
             }
             false => "Scores.".to_owned(),
         },
@@ -149,7 +149,7 @@ fn tables(comparison: &Comparison) -> Vec<TextTable> {
         });
     }
     if let Some(paper) = paper {
-        let value = |score: &ScoreDescription, of: &PaperRow| {
+        let value = |score: &ScoreDescription, of: &petzval_design::comparison::PaperRow| {
             of.scores.get(&score.name).map_or_else(|| "-".to_owned(), |v| v.to_string())
         };
         tables.push(TextTable {

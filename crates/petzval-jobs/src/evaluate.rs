@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use petzval_design::block::Block;
 use petzval_design::camera::Camera;
-use petzval_design::design_loop::{finished_camera, look_as};
+use petzval_design::design_loop::{finished_camera, set_detector_view};
 use petzval_design::inputs::check_inputs;
 use petzval_design::made_cameras::{MadeError, TrialPlan, made_cameras, symmetric};
 use petzval_design::run::{CameraMetrics, Kept, Metrics, RunFolder, load_blocks};
@@ -172,7 +172,7 @@ pub(crate) fn camera_of(setup: &Setup, folder: &RunFolder, name: &str) -> Result
     load_blocks(&folder.camera(name), blocks, Kept::Numbers)?;
     let lens = camera_lens(folder, name)?.lens;
     if let Some(variant) = setup.variants.iter().find(|variant| variant.name == name) {
-        look_as(&mut network, folder, variant, &lens)?;
+        set_detector_view(&mut network, folder, variant, &lens)?;
     }
     Ok(finished_camera(setup, lens, &exposure, &isp, &network)?)
 }

@@ -40,14 +40,14 @@ pub(crate) fn weights_file<M: Module>(network: &M) -> Result<Vec<u8>, NetworkErr
             Ok((name, shape, values.iter().flat_map(|v| v.to_le_bytes()).collect()))
         })
         .collect::<Result<_, NetworkError>>()?;
-    file_of(&tensors).map_err(|error| not_stored(&error))
+    safetensors_of(&tensors).map_err(|error| not_stored(&error))
 }
 
 /// Name, shape and values of a tensor: 32-bit floats, row-major, the least significant byte first.
 pub(crate) type NamedTensor = (String, Vec<usize>, Vec<u8>);
 
 /// Tensors as a safetensors file.
-pub(crate) fn file_of(tensors: &[NamedTensor]) -> Result<Vec<u8>, SafeTensorError> {
+pub(crate) fn safetensors_of(tensors: &[NamedTensor]) -> Result<Vec<u8>, SafeTensorError> {
     let views: Vec<(&str, TensorView)> = tensors
         .iter()
         .map(|(name, shape, bytes)| Ok((name.as_str(), TensorView::new(Dtype::F32, shape.clone(), bytes)?)))

@@ -16,7 +16,7 @@ use petzval_learn::optimizer::muon_and_adam;
 use super::{Batch, Block, BlockName, BlockState, StepRule, backward, named, part};
 use crate::camera::Camera;
 use crate::error::DesignError;
-use crate::variant::Sees;
+use crate::variant::DetectorInput;
 
 const WEIGHTS: &str = "weights.bin";
 const OPTIMIZER: &str = "optimizer.bin";
@@ -30,8 +30,8 @@ pub struct NetworkBlock {
     anchor: Network,
     /// By how much pictures are enlarged for its detector.
     zoom: Zoom,
-    /// What its detector looks at.
-    sees: Sees,
+    /// What its detector sees.
+    sees: DetectorInput,
     /// How it learns, if it is not a detector.
     learning: Learning,
 }
@@ -57,7 +57,7 @@ impl NetworkBlock {
     pub fn new(network: Network) -> Self {
         let learning = Learning::default();
         let (anchor, optimizer) = (network.clone(), optimizer(&network, learning));
-        Self { anchor, optimizer, network, zoom: Zoom::Times(1.0), sees: Sees::Picture, learning }
+        Self { anchor, optimizer, network, zoom: Zoom::Times(1.0), sees: DetectorInput::Picture, learning }
     }
 
     /// The same, which learns so if it is not a detector.
@@ -70,8 +70,8 @@ impl NetworkBlock {
         self.zoom = zoom;
     }
 
-    /// Sets what its detector looks at.
-    pub fn set_sees(&mut self, sees: Sees) {
+    /// Sets what its detector sees.
+    pub fn set_sees(&mut self, sees: DetectorInput) {
         self.sees = sees;
     }
 
@@ -95,9 +95,13 @@ impl NetworkBlock {
         self.behind_zoom(self.network.clone().no_grad())
     }
 
-    /// A camera with the network behind it, held.
-    pub fn behind(&self, camera: &Camera) -> Camera {
-        camera.with_network(self.held()).seeing(self.sees)
+    /// A camera with this network, its weights held, which shows it what it sees.
+    pub fn attached_to(&self, camera: &Camera) -> Camera {
+        self.attached(self.network.clone().no_grad(), camera)
+    }
+
+    fn attached(&self, network: Network, camera: &Camera) -> Camera {
+        camera.with_network(self.behind_zoom(network)).seeing(self.sees)
     }
 
     fn behind_zoom(&self, network: Network) -> Rc<dyn PictureNetwork> {
@@ -123,7 +127,7 @@ impl Block for NetworkBlock {
     }
 
     fn step(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>, DesignError> {
-        let camera = batch.camera.with_network(self.behind_zoom(self.network.clone()));
+        let camera = self.attached(self.network.clone(), batch.camera);
         let frames = camera.take(batch.shots, &batch.noise)?;
         let loss = (batch.loss)(&camera, &frames, batch.shots)?;
         let losses = named(&loss);

@@ -32,7 +32,7 @@ use petzval_optics::paraxial::image_brightness;
 use serde::{Deserialize, Serialize};
 
 use crate::error::DesignError;
-use crate::variant::Sees;
+use crate::variant::DetectorInput;
 
 pub use chip::{Chip, ChipValues, ideal_input, raw_inputs};
 pub use host::{host_image, to_host};
@@ -123,8 +123,8 @@ pub struct Camera {
     light: f64,
     border: usize,
     network: Option<Rc<dyn PictureNetwork>>,
-    /// What its network looks at.
-    sees: Sees,
+    /// What its detector sees.
+    sees: DetectorInput,
     chip: Option<ChipValues>,
     psf_errors: Option<PsfErrors>,
 }
@@ -217,7 +217,7 @@ impl Camera {
         let border = kernel_radius(&body.geometry, &psfs.bank().layout())?;
         let optics = Optics { psfs, kernels: Arc::default() };
         let (taken_for, network, chip, psf_errors) = (None, None, None, None);
-        let (light, sees) = (1.0, Sees::Picture);
+        let (light, sees) = (1.0, DetectorInput::Picture);
         let camera = Self { body, optics, taken_for, light, border, network, sees, chip, psf_errors };
         let Some(same) = camera.body.same_time else { return Ok(camera) };
         let lens = camera.psfs().lens().ok_or(DesignError::NoLens)?;
@@ -289,8 +289,8 @@ impl Camera {
         Self { network: Some(network), ..self.clone() }
     }
 
-    /// The same camera, whose detector looks at something else.
-    pub fn seeing(&self, sees: Sees) -> Self {
+    /// The same camera with another input of its detector.
+    pub fn seeing(&self, sees: DetectorInput) -> Self {
         Self { sees, ..self.clone() }
     }
 
@@ -378,9 +378,10 @@ impl Camera {
             _ => (&leaves.own, own_illumination),
         };
         let frames = self.expose(known, [irradiance, illumination], &captures, &kept, noise)?;
+        // The picture is thrown away where the detector does not see it: simple, and no slower than the other cameras.
         Ok(match self.sees {
-            Sees::Picture => frames,
-            Sees::Truth => Frames { finished: self.truths(shots)?, ..frames },
+            DetectorInput::Picture => frames,
+            DetectorInput::Truth => Frames { finished: self.truths(shots)?, ..frames },
         })
     }
 
@@ -433,9 +434,7 @@ impl Camera {
         [height, width]: [usize; 2],
         capture: Capture,
     ) -> Result<LinearImage, DesignError> {
-        if self.sees == Sees::Truth {
-            return Err(DesignError::NoTruth);
-        }
+        self.check_sees_frames()?;
         let device = &self.body.device;
         let psfs = self.known().leaves(device);
         let illumination = self.illumination(self.known(), &psfs, &[capture.placement], [height, width])?;
@@ -443,6 +442,14 @@ impl Camera {
         let whole = Window { placement: capture.placement, height, width };
         let finished = self.process(&psfs, &raw, &illumination, &[capture], &[whole])?.finished;
         host_image(finished.clamp(0.0, 1.0))
+    }
+
+    /// Refuses a camera whose detector sees the truth, which a raw frame does not contain.
+    pub fn check_sees_frames(&self) -> Result<(), DesignError> {
+        match self.sees {
+            DetectorInput::Picture => Ok(()),
+            DetectorInput::Truth => Err(DesignError::NoTruth),
+        }
     }
 
     /// From raw frames to finished pictures of the windows that are kept.

@@ -28,7 +28,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::block::BlockName;
 use crate::error::DesignError;
-use crate::variant::{Sees, Variant};
+use crate::variant::{DetectorInput, Variant};
 
 /// The name of the built-in photographs in [`Experiment::photos`].
 pub const BUILT_IN_PHOTOS: &str = "built-in";
@@ -256,7 +256,7 @@ impl Experiment {
         let first = |has: &dyn Fn(&VariantConfig) -> bool| self.variant.iter().position(has);
         let for_detectors = [
             ("zoomed_like", "only a detector sees zoomed pictures", first(&|v| v.zoomed_like.is_some())),
-            ("sees", "only a detector can look at the truth", first(&|v| v.sees == Sees::Truth)),
+            ("sees", "only a detector can see the truth", first(&|v| v.sees == DetectorInput::Truth)),
         ];
         for (key, message, first) in for_detectors {
             if let Some(i) = first.filter(|_| !self.task.finds_objects()) {

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::OpticsConfig;
 use crate::block::{BlockName, StepMethod};
 use crate::requirements::FieldOfView;
-use crate::variant::{LensGoal, Sees};
+use crate::variant::{DetectorInput, LensGoal};
 
 /// A camera of the comparison.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -42,10 +42,10 @@ pub struct VariantConfig {
     /// lengths, for a lens that stays. The control for a lens whose field of view is free.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub zoomed_like: Option<String>,
-    /// What its detector looks at: its finished pictures, or the truth, which is what the camera would make of the scenes with perfect optics and
-    /// without noise.
+    /// What its detector sees, in training and in scores: its finished pictures, or the truth, which is the scenes without blur and noise. These are
+    /// seen through the chief rays of the lens, and developed by the ISP with its values of the start.
     #[serde(default, skip_serializing_if = "is_picture")]
-    pub sees: Sees,
+    pub sees: DetectorInput,
     /// What is done with it, in this order.
     #[schemars(length(min = 1))]
     pub stage: Vec<StageConfig>,
@@ -55,8 +55,8 @@ fn is_held(field: &FieldOfView) -> bool {
     *field == FieldOfView::Held
 }
 
-fn is_picture(sees: &Sees) -> bool {
-    *sees == Sees::Picture
+fn is_picture(sees: &DetectorInput) -> bool {
+    *sees == DetectorInput::Picture
 }
 
 /// What a stage improves.
@@ -144,7 +144,7 @@ pub fn standard_variants() -> Vec<VariantConfig> {
         noise: None,
         field: FieldOfView::Held,
         zoomed_like: None,
-        sees: Sees::Picture,
+        sees: DetectorInput::Picture,
         stage,
     };
     let network = stage(Goal::Task, &[BlockName::Network]);
@@ -182,6 +182,19 @@ pub(super) fn check_variants(variants: &[VariantConfig], text: &str) -> Result<(
                 let path = [&["variant", &place, "stage", &stage_place], &keys[..]].concat();
                 at(text, &path, format!("variant `{}`: {message}", variant.name)).hint(hint)
             })?;
+            let is_idle =
+                |block: &&BlockName| variant.sees == DetectorInput::Truth && **block != BlockName::Network;
+            if let Some(idle) = stage.moves.iter().find(is_idle) {
+                let message = format!(
+                    "variant `{}`: its detector sees the truth, which `{}` cannot change",
+                    variant.name,
+                    idle.name()
+                );
+                let path = ["variant", &place, "stage", &stage_place, "moves"];
+                return Err(
+                    at(text, &path, message).hint("write `moves = [\"network\"]`, or leave `sees` out")
+                );
+            }
         }
     }
     Ok(())
@@ -292,10 +305,6 @@ fn check_origin(
         if !message.is_empty() {
             return Err(("zoomed_like", message, hint.to_owned()));
         }
-    }
-    if variant.sees == Sees::Truth && variant.stage.iter().any(|s| s.moves != [BlockName::Network]) {
-        let message = format!("`{name}` sees the truth, which neither its lens nor its ISP can change");
-        return Err(("sees", message, "move \"network\" alone".to_owned()));
     }
     if variant.stage.is_empty() {
         let hint = "add a [[variant.stage]] with `moves = [\"network\"]`".to_owned();

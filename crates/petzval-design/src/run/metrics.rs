@@ -136,7 +136,7 @@ pub struct CameraMetrics {
     /// Ranges, low and high, in which scores over all windows lie in 95 % of draws of the windows; none for means over pictures.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub intervals: BTreeMap<String, [f64; 2]>,
-    /// Whether its lens has no aberrations, or its detector sees the truth: a ceiling of the others.
+    /// Whether its lens has no aberrations: then it is the ceiling of the others.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub is_ceiling: bool,
     /// Root of the expected squared error after the best linear restoration of raw frames, % of white; absent in runs of earlier versions.

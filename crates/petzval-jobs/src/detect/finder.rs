@@ -5,7 +5,7 @@ use std::rc::Rc;
 
 use petzval_design::block::NetworkBlock;
 use petzval_design::camera::Camera;
-use petzval_design::design_loop::look_as;
+use petzval_design::design_loop::set_detector_view;
 use petzval_design::error::DesignError;
 use petzval_design::experiment::{DetectorConfig, TaskKind};
 use petzval_design::run::{Kept, RunFolder, load_blocks};
@@ -95,14 +95,16 @@ pub fn finder(
             load_blocks(&folder.camera(name), [&mut block as _], Kept::Numbers)?;
             if let Some(variant) = experiment.variants().iter().find(|variant| variant.name == name) {
                 let lens = camera_lens(&folder, name)?.lens;
-                look_as(&mut block, &folder, variant, &lens)?;
+                set_detector_view(&mut block, &folder, variant, &lens)?;
             }
             let classes = classes.iter().map(|class| (*class).to_owned()).collect();
             let camera = match raw {
                 Some(_) => {
                     let name = name.to_owned();
                     let setup = Setup::without_photos(experiment, &context.assets, device.clone())?;
-                    Some(camera_of(&setup, &folder, &name)?)
+                    let camera = camera_of(&setup, &folder, &name)?;
+                    camera.check_sees_frames()?;
+                    Some(camera)
                 }
                 None => None,
             };

@@ -20,7 +20,7 @@ use super::roi_align::{Region, RoiAlign};
 use super::{AnyDetector, BBox, BackboneKind, DetectorKind, FasterRcnnConfig};
 
 use crate::loss::image_loss::read_values;
-use crate::weight_file::{NamedTensor, file_of};
+use crate::weight_file::{NamedTensor, safetensors_of};
 
 fn reference() -> Value {
     serde_json::from_str(include_str!("reference.json")).unwrap()
@@ -238,7 +238,7 @@ fn proposals_from_features_to_boxes() {
             (name.clone(), shape(value), bytes)
         })
         .collect();
-    let bytes = file_of(&weights).unwrap();
+    let bytes = safetensors_of(&weights).unwrap();
     let file = SafeTensors::deserialize(&bytes).unwrap();
     let anchors = &reference["anchors"];
     let count = |key: &str| case[key].as_u64().unwrap() as usize;

@@ -96,10 +96,21 @@ pub fn object_scores(classes: &[&str]) -> Vec<ObjectScore> {
         decimals: 4,
         higher_is_better: true,
     };
+    let at = |overlap: f64| {
+        [
+            format!("average precision at an overlap of {overlap} (COCO, 101 points), the mean over classes"),
+            format!("average precision at an overlap of {overlap}"),
+        ]
+    };
+    let over_all = [
+        "average precision, the mean over overlaps of 0.5 to 0.95 and classes (COCO)",
+        "average precision, the mean over overlaps of 0.5 to 0.95,",
+    ];
+    // Definitions of all classes together, and the beginning of those of one.
     let overlaps = [
-        ("ap", "AP", "the mean over overlaps of 0.5 to 0.95", Overlaps::All),
-        ("ap50", "AP50", "at an overlap of 0.5", Overlaps::At(0.5)),
-        ("ap75", "AP75", "at an overlap of 0.75", Overlaps::At(0.75)),
+        ("ap", "AP", over_all.map(str::to_owned), Overlaps::All),
+        ("ap50", "AP50", at(0.5), Overlaps::At(0.5)),
+        ("ap75", "AP75", at(0.75), Overlaps::At(0.75)),
     ];
     let groups = [
         ("small", "below 32 x 32 pixels", Objects::OfArea(0.0, COCO_SMALL_PX2)),
@@ -122,21 +133,20 @@ pub fn object_scores(classes: &[&str]) -> Vec<ObjectScore> {
         ),
     ];
     let mut all = Vec::new();
-    for (name, title, words, overlaps) in overlaps {
-        let definition = format!("average precision {words} (COCO, 101 points)");
+    for (name, title, [of_all, of_one], overlaps) in overlaps {
         let mut add = |name: String, title: String, definition: String, objects| {
             all.push(ObjectScore {
                 about: about(name, title, definition),
                 kind: Kind::Ap(overlaps, objects),
             });
         };
-        add(name.into(), title.into(), format!("{definition}, the mean over classes"), Objects::All);
+        add(name.into(), title.into(), of_all.clone(), Objects::All);
         for (i, class) in classes.iter().enumerate() {
-            let definition = format!("{definition} of the class {class}");
+            let definition = format!("{of_one} of the class {class}");
             add(format!("{name}_{class}"), format!("{title} {class}"), definition, Objects::OfClass(i));
         }
         for (group, words, objects) in groups {
-            let definition = format!("{definition}, the mean over classes, of objects {words}");
+            let definition = format!("{of_all}, of objects {words}");
             add(format!("{name}_{group}"), format!("{title} {group}"), definition, objects);
         }
     }

@@ -33,7 +33,7 @@ pub(super) fn detection(report: &Report) -> Markup {
             "Beside the picture are objects on which a window lies and which the lens of the experiment would show, but this one does not. The detector \
              of each camera looks at four pictures of every window: what the camera would make of the scene with perfect optics and \
              without noise; the light on the pixels; the raw frame in a plain development; the finished picture. An object that is not found in the \
-             last (score 0.5, overlap 0.5) is counted at the first in which it is not found. The detector was trained on finished pictures: the \
+             last (score 0.5, overlap 0.5) is counted at the first in which it is not found. A detector was trained on finished pictures, unless the list of cameras says that it sees the scenes: the \
              tones of the second and third are not those that it knows, so that losses there are upper bounds.",
         ))
         (at_stages(report, view))

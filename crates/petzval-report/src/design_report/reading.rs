@@ -43,7 +43,7 @@ fn compare(scores: &[Figure], design: &TableRow, other: &TableRow) -> String {
     format!("{name} against {against}: {}.", differences.join(", "))
 }
 
-/// How much of the way from the baseline to a ceiling each camera goes.
+/// How much of the way from the baseline to a lens without aberrations each camera goes.
 fn gap_sentence(
     scores: &[Figure],
     baseline: &TableRow,
@@ -60,8 +60,10 @@ fn gap_sentence(
         (!all.is_empty()).then(|| format!("{}: {}", camera.camera, all.join(", ")))
     };
     let all: Vec<String> = cameras.iter().filter_map(|camera| shares(camera)).collect();
-    let from =
-        format!("Share of the gap from {} to {}, a ceiling, that is closed", baseline.camera, ceiling.camera);
+    let from = format!(
+        "Share of the gap from {} to {}, a lens without aberrations, that is closed",
+        baseline.camera, ceiling.camera
+    );
     (!all.is_empty()).then(|| format!("{from}. {}.", capitalised(&all.join("; "))))
 }
 
@@ -250,7 +252,7 @@ mod tests {
         assert!(said[0].starts_with("End-to-end against nominal"), "{}", said[0]);
         assert_eq!(
             said[2],
-            "Share of the gap from nominal to perfect, a ceiling, that is closed. Spot-optimised: +32 % in 1 − LPIPS, \
+            "Share of the gap from nominal to perfect, a lens without aberrations, that is closed. Spot-optimised: +32 % in 1 − LPIPS, \
              +30 % in PSNR; end-to-end: +50 % in 1 − LPIPS, +50 % in PSNR."
         );
     }

@@ -147,7 +147,7 @@ pub struct TableRow {
     pub camera: String,
     /// The scores, in the order of [`Report::scores`].
     pub scores: Vec<f64>,
-    /// Whether its lens has no aberrations, or its detector sees the truth: a ceiling of the others.
+    /// Whether its lens has no aberrations, so that it is the ceiling of the others.
     pub is_ceiling: bool,
     /// Root of the expected squared error after the best linear restoration of raw frames, % of white.
     pub restored_error_percent: f64,

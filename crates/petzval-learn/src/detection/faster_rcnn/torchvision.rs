@@ -8,7 +8,7 @@ use serde::Deserialize;
 
 use super::*;
 use crate::detection::AnyDetector;
-use crate::weight_file::{NamedTensor, file_of};
+use crate::weight_file::{NamedTensor, safetensors_of};
 
 #[derive(Deserialize)]
 struct Fixture {
@@ -107,7 +107,7 @@ fn whole_detectors_see_and_find_what_those_of_torchvision_do() {
         let expected = detectors.remove(&name).unwrap();
         let weights = expected.state.iter().map(|(n, shape)| (n.clone(), shape.clone(), weight(n, shape)));
         let weights: Vec<NamedTensor> = weights.collect();
-        let bytes = file_of(&weights).unwrap();
+        let bytes = safetensors_of(&weights).unwrap();
         let file = SafeTensors::deserialize(&bytes).unwrap();
         let config = FasterRcnnConfig::torchvision(kind, of_classes);
         let detector = FasterRcnn::with(config, &Parameters::read(&file, 1, &device)).unwrap();
@@ -121,7 +121,7 @@ fn whole_detectors_see_and_find_what_those_of_torchvision_do() {
             let coco: Vec<NamedTensor> =
                 weights.into_iter().map(|weight| among_coco(weight, [0, 1, 3, 10])).collect();
             let detector =
-                AnyDetector::from_coco(kind, &[1, 3, 10], &file_of(&coco).unwrap(), &device).unwrap();
+                AnyDetector::from_coco(kind, &[1, 3, 10], &safetensors_of(&coco).unwrap(), &device).unwrap();
             let same = detector.detect(picture.clone()).unwrap().remove(0);
             assert_eq!(found, same);
         }
