@@ -13,7 +13,7 @@ use super::progress::progress;
 use super::psf_table::psf_table;
 use super::reading::reading;
 use super::score_table::score_table;
-use super::view::{CameraView, FieldPoint, LossCurve, Report, camera_colour};
+use super::view::{CameraView, FieldPoint, LossCurve, Report, baseline, camera_colour};
 use crate::layout::{CrossSection, Extent};
 use crate::number;
 use crate::page::{Page, Section, caption, facts, figure, section, with_contents};
@@ -85,13 +85,15 @@ fn result(report: &Report) -> Option<Section> {
 
 /// Layouts on one scale, with the changes.
 pub(crate) fn lenses(report: &Report) -> Markup {
-    let baseline = report.cameras.first();
+    let name = report.table.get(baseline(&report.table)).map(|row| &row.camera);
+    let is_it = |camera: &&CameraView| Some(&camera.name) == name;
+    let baseline = report.cameras.iter().find(is_it).or(report.cameras.first());
     let section = |i: usize| CrossSection {
         name: &report.cameras[i].name,
         layout: &report.cameras[i].layout,
         fields_deg: &report.layout_fields_deg,
         half_diagonal_mm: report.half_diagonal_mm,
-        ghost: baseline.map(|b| &b.layout).filter(|ghost| i > 0 && **ghost != report.cameras[i].layout),
+        ghost: baseline.map(|b| &b.layout).filter(|ghost| **ghost != report.cameras[i].layout),
     };
     let sections: Vec<CrossSection> = (0..report.cameras.len()).map(section).collect();
     let extent = sections.iter().map(CrossSection::extent).fold(Extent::default(), Extent::union);

@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use super::view::{CameraView, Score, TableRow, camera_colour};
+use super::view::{CameraView, Score, TableRow, baseline, camera_colour};
 use crate::number;
 use crate::page::caption;
 use crate::table::{Column, Row, Table};
@@ -114,16 +114,17 @@ pub(super) fn first_order() -> [Figure; 3] {
     ]
 }
 
-/// The table, in the colours of the cameras. The first row is the baseline.
+/// The table, in the colours of the cameras.
 pub(super) fn score_table(scores: &[Score], rows: &[TableRow], cameras: &[CameraView]) -> Markup {
-    let Some(baseline) = rows.first() else { return html! {} };
+    let place = baseline(rows);
+    let Some(baseline) = rows.get(place) else { return html! {} };
     let mut figures = picture_scores(scores);
     figures.push(restored());
     figures.push(spot());
     figures.extend(first_order());
     let columns = [Column::new("camera")].into_iter().chain(figures.iter().map(Figure::column));
     let lines = rows.iter().enumerate().map(|(i, row)| {
-        let cells = figures.iter().map(|figure| cell(figure, row, rows, baseline, i > 0));
+        let cells = figures.iter().map(|figure| cell(figure, row, rows, baseline, i != place));
         Row::new(&row.camera, cells).of_camera(camera_colour(cameras, &row.camera, i))
     });
     html! {
@@ -168,6 +169,10 @@ mod tests {
         // Lower spots are better.
         assert!(table.contains("<b>7.31</b>") && table.contains("delta gain\">\u{2212}5.29"));
         assert!(!table.contains("NaN"));
+        // A ceiling from which others start is no baseline.
+        rows.insert(0, TableRow { camera: "trained".into(), is_ceiling: true, ..rows[2].clone() });
+        let table = score_table(&sample::scores(), &rows, &[]).into_string();
+        assert!(table.contains("the difference to nominal") && table.contains("+0.0187"));
     }
 
     #[test]

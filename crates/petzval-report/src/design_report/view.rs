@@ -163,6 +163,11 @@ pub struct TableRow {
     pub steps: usize,
 }
 
+/// Place of the camera with which the others are compared: the first whose lens is no ceiling, or the first.
+pub(super) fn baseline(rows: &[TableRow]) -> usize {
+    rows.iter().position(|row| !row.is_ceiling).unwrap_or(0)
+}
+
 /// One camera: its lens, spots and PSFs.
 #[derive(Clone, Debug)]
 pub struct CameraView {
