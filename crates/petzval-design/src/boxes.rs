@@ -35,12 +35,20 @@ pub fn with_detections(picture: &LinearImage, truth: &Truth, found: &[Detection]
     drawn
 }
 
-/// A picture with boxes, each in the colour of its class.
-pub fn with_boxes(picture: &LinearImage, boxes: &[(BBox, usize)]) -> LinearImage {
-    const COLOURS: [[f32; 3]; 4] = [RIGHT, OBJECT, OTHER_CLASS, [1.0, 0.3, 0.9]];
+/// A picture with boxes, each in the colour of its class: the one that the class is named after, as states of lights are, or one of a series.
+pub fn with_boxes(
+    picture: &LinearImage,
+    boxes: &[(BBox, usize)],
+    classes: &[impl AsRef<str>],
+) -> LinearImage {
+    const SERIES: [[f32; 3]; 4] = [RIGHT, OBJECT, OTHER_CLASS, [1.0, 0.3, 0.9]];
+    const NAMED: [(&str, [f32; 3]); 4] =
+        [("red", FALSE_ALARM), ("yellow", [1.0, 0.9, 0.1]), ("green", RIGHT), ("off", UNJUDGED)];
     let mut drawn = picture.clone();
     for (bbox, class) in boxes.iter().rev() {
-        outline(&mut drawn, bbox, COLOURS[class % COLOURS.len()]);
+        let named = NAMED.iter().find(|(name, _)| classes.get(*class).is_some_and(|c| c.as_ref() == *name));
+        let colour = named.map_or(SERIES[class % SERIES.len()], |(_, colour)| *colour);
+        outline(&mut drawn, bbox, colour);
     }
     drawn
 }
@@ -86,6 +94,13 @@ mod tests {
         let colour = |column: usize| [0, 1, 2].map(|c| drawn.data[(c * 20 + 10) * 30 + column]);
         assert_eq!([colour(1), colour(10), colour(20)], [RIGHT, OTHER_CLASS, FALSE_ALARM]);
         assert_eq!([colour(3), colour(29)], [[0.0; 3]; 2]);
+        // A state of a light has the colour of its name.
+        let boxes = [(at(1.0), 0), (at(10.0), 1)];
+        let drawn = |classes: [&str; 2]| with_boxes(&picture, &boxes, &classes);
+        let colour =
+            |drawn: LinearImage, column: usize| [0, 1, 2].map(|c| drawn.data[(c * 20 + 10) * 30 + column]);
+        assert_eq!([1, 10].map(|column| colour(drawn(["red", "green"]), column)), [FALSE_ALARM, RIGHT]);
+        assert_eq!(colour(drawn(["person", "car"]), 10), OBJECT);
         // Boxes beyond the picture are drawn as far as they go.
         with_truth(
             &picture,

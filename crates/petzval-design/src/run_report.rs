@@ -176,7 +176,7 @@ fn gathered(
             None => petzval_base::read_text(run.config()).map_err(DesignError::io(&run.config()))?,
         },
         environment: [record.map_or_else(Vec::new, |r| r.facts()), environment(&run.environment())?].concat(),
-        notes: if metrics.rows.is_empty() { Vec::new() } else { notes(metrics) },
+        notes: if metrics.rows.is_empty() { Vec::new() } else { notes(setup, metrics) },
     })
 }
 
@@ -214,7 +214,7 @@ fn psf_views(plan: &PsfPlan, lens: &Lens) -> Result<Vec<PsfView>, DesignError> {
     Ok(shown.iter().filter_map(view).collect())
 }
 
-fn notes(metrics: &Metrics) -> Vec<String> {
+fn notes(setup: &Setup, metrics: &Metrics) -> Vec<String> {
     let by_camera = |f: &dyn Fn(&CameraMetrics) -> String| {
         metrics.rows.iter().map(|m| format!("{} {}", m.camera, f(m))).collect::<Vec<_>>().join(", ")
     };
@@ -235,7 +235,7 @@ fn notes(metrics: &Metrics) -> Vec<String> {
         ),
         format!(
             "Lenses are traced exactly; the noise of scored pictures is exact Poisson and the same for every camera. {}",
-            match metrics.is_of_objects() {
+            match setup.experiment.finds_in_streets() {
                 true => "Streets are seen through the chief rays of each lens, distortion included.",
                 false =>
                     "Distortion is not rendered: each place gets the PSF of the field whose chief ray lands there.",

@@ -108,7 +108,9 @@ impl Scenes {
             folder => {
                 let crop = experiment.training.crop.max(experiment.scoring.crop);
                 let classes = experiment.task.classes();
-                let (pictures, defects) = LabelledPictures::load(Path::new(folder), wanted, classes, crop)?;
+                let validated = experiment.validation.is_used();
+                let (pictures, defects) =
+                    LabelledPictures::load(Path::new(folder), wanted, classes, crop, validated)?;
                 notes = defects;
                 let (on_objects, least_side_px) = (config.on_objects, config.least_side_px);
                 Source::Pictures(pictures, PictureWindows { seed, on_objects, least_side_px })

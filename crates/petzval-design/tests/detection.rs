@@ -255,7 +255,7 @@ fn what_a_detector_looks_at_has_its_conditions() {
         (
             "field = \"free\"\nfrom = \"a\"",
             "[[variant.stage]]\nmoves = [\"optics\"]\n",
-            "differ in what the lens keeps",
+            "`b` has a field that is free, and takes its lens from `a`, whose field is held",
         ),
         ("zoomed_like = \"c\"", stays, "which is no earlier variant"),
         ("zoomed_like = \"a\"", "[[variant.stage]]\nmoves = [\"optics\"]\n", "the lens of `b` moves"),

@@ -110,6 +110,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         .collect::<Result<Vec<_>, _>>()?;
 
     make_folder(&request.out)?;
+    let classes = setup.experiment.task.classes();
     let mut pictures = Vec::new();
     let total = (subjects.len() * cameras.len()) as u64;
     for (i, ((image, stem), subject)) in request.images.iter().zip(&stems).zip(&subjects).enumerate() {
@@ -131,7 +132,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
                 Subject::Raw(frame) => developed(camera, frame)?,
             };
             let picture = request.out.join(format!("{stem}-{name}.png"));
-            write_png(&picture, &with_objects(camera, finished.clone())?)?;
+            write_png(&picture, &with_objects(camera, classes, finished.clone())?)?;
             pictures.push(Applied {
                 image: image.clone(),
                 camera: name.clone(),
@@ -262,11 +263,11 @@ pub(crate) fn developed(camera: &Camera, frame: &RawFrame) -> Result<LinearImage
 }
 
 /// The picture, with the boxes of what the camera's detector finds in it, if it has one.
-fn with_objects(camera: &Camera, picture: LinearImage) -> Result<LinearImage, JobError> {
+fn with_objects(camera: &Camera, classes: &[&str], picture: LinearImage) -> Result<LinearImage, JobError> {
     let Some(detector) = camera.detector() else { return Ok(picture) };
     let found = detect_in(detector, &picture, &camera.body().device).map_err(DesignError::from)?;
     let sure = found.iter().filter(|d| d.score >= LEAST_SCORE).map(|d| (d.bbox, d.class));
-    Ok(with_boxes(&picture, &sure.collect::<Vec<_>>()))
+    Ok(with_boxes(&picture, &sure.collect::<Vec<_>>(), classes))
 }
 
 fn write_png(path: &Path, encoded: &LinearImage) -> Result<(), JobError> {

@@ -45,7 +45,7 @@ fn folder(path: &Path, count: usize, category: &str) {
 
 fn load(path: &Path, crop: usize) -> Result<(LabelledPictures, Vec<String>), String> {
     let classes = ["pedestrian", "vehicle"];
-    LabelledPictures::load(path, Wanted::PeopleAndVehicles, &classes, crop).map_err(|e| e.to_string())
+    LabelledPictures::load(path, Wanted::PeopleAndVehicles, &classes, crop, true).map_err(|e| e.to_string())
 }
 
 #[test]
@@ -62,6 +62,11 @@ fn windows_hold_the_light_and_the_boxes_of_their_pictures() {
     assert!(notes[1].contains("crowd"), "{notes:?}");
     assert!(notes[2].contains("no picture names its sequence"), "{notes:?}");
     assert_eq!([List::Training, List::Validation, List::HeldOut].map(|list| pictures.count(list)), [9, 3, 3]);
+    // Without validations all others train.
+    let classes = ["pedestrian", "vehicle"];
+    let all = LabelledPictures::load(folder_path.path(), Wanted::PeopleAndVehicles, &classes, CROP, false);
+    let all = all.unwrap().0;
+    assert_eq!([List::Training, List::Validation, List::HeldOut].map(|list| all.count(list)), [12, 0, 3]);
     let crops = CropPlan { surround: 4, ..CropPlan::on_1920x1200(CROP, 10) };
     let how = PictureWindows { seed: 1, on_objects: 1.0, least_side_px: 8.0 };
     let mut found = [0, 0];

@@ -204,16 +204,17 @@ fn a_run_that_looks_for_objects_is_scored_again_reported_and_lends_its_detector(
     let args = ["detect", "--data", "in", "--run", "run", "--out", "in", "--force"];
     fails(&args, "the data set is in this folder");
 
-    // A picture that was cut off is left out of a data set with its boxes; among named pictures it ends the job, and those before it stay.
-    let whole = std::fs::read(root.join("in/10.png")).unwrap();
-    std::fs::write(root.join("in/10.png"), &whole[..whole.len() - 20]).unwrap();
+    // A picture that was cut off is left out of a data set with its boxes; among named pictures it is left out and is an error at the end.
+    let whole = std::fs::read(root.join("in/04.png")).unwrap();
+    std::fs::write(root.join("in/04.png"), &whole[..whole.len() - 20]).unwrap();
     let said = run_ok(root, &["detect", "--data", "in", "--run", "run"]);
     assert!(said.stdout.ends_with("over 9 pictures\n"), "{}", said.stdout);
     assert!(said.says("it is cut off"), "{}", said.stderr);
     let cut = common::run(root, &["detect", "in", "--run", "run", "--out", "nine"]);
-    assert!(cut.code == Some(2) && cut.says("in/10.png"), "{}", cut.stderr);
+    assert!(cut.code == Some(2) && cut.says("1 of 10 pictures cannot be read"), "{}", cut.stderr);
+    assert!(cut.says("in/04.png") && cut.says("it is cut off"), "{}", cut.stderr);
     assert_eq!(read_json(&root.join("nine/annotations.json"))["images"].as_array().unwrap().len(), 9);
-    assert!(root.join("nine/detections.json").is_file());
+    assert!(root.join("nine/detections.json").is_file() && root.join("nine/0010-10.png").is_file());
 }
 
 #[test]

@@ -33,6 +33,9 @@ use crate::variant::{DetectorInput, Variant};
 /// The name of the built-in photographs in [`Experiment::photos`].
 pub const BUILT_IN_PHOTOS: &str = "built-in";
 
+/// What an experiment that looks for objects scores where it names no scores.
+const OBJECT_SCORES: [&str; 3] = ["ap50", "ap", "ap75"];
+
 /// The name of the generated streets in [`Experiment::data`].
 pub const STREET: &str = "street";
 
@@ -196,7 +199,10 @@ impl Default for Experiment {
 impl Experiment {
     /// Reads and checks an experiment. Errors name line, key, value and a hint.
     pub fn parse(text: &str) -> Result<Self, FileError> {
-        let experiment: Self = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
+        let mut experiment: Self = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
+        if experiment.task.finds_objects() && !names_scores(text) {
+            experiment.scoring.scores = OBJECT_SCORES.map(str::to_owned).to_vec();
+        }
         experiment.check(text)?;
         Ok(experiment)
     }
@@ -573,6 +579,12 @@ impl Experiment {
         .chain(self.detector.weights.as_mut().map(|weights| (key(&["detector", "weights"]), weights)))
         .chain(of_variants)
     }
+}
+
+/// Whether the text of an experiment names scores.
+fn names_scores(text: &str) -> bool {
+    let table: Option<toml::Table> = text.parse().ok();
+    table.is_some_and(|all| all.get("scoring").is_some_and(|scoring| scoring.get("scores").is_some()))
 }
 
 /// Adds the paths at which two values differ, each with the second value.

@@ -363,7 +363,7 @@ parameters! {
         /// Side of a scored window.
         crop: usize = 120, "pixels", 64..1200, Linear, "LPIPS needs at least 64 pixels";
     } also {
-        /// Names of the scores: one_minus_lpips, psnr_db, ssim.
+        /// Names of the scores: one_minus_lpips, psnr_db, ssim; where objects are to be found, ap50, ap and ap75 by default.
         scores: Vec<String> = ["one_minus_lpips", "psnr_db", "ssim"].map(str::to_owned).to_vec();
     }
 }

@@ -282,10 +282,15 @@ fn check_origin(
         return Err(("field", message, "leave it out, or add \"optics\" to a stage".to_owned()));
     }
     let parent = earlier.iter().find(|v| Some(&v.name) == variant.from.as_ref());
-    if variant.lens.is_none() && parent.is_some_and(|parent| parent.field != variant.field) {
-        let message =
-            format!("`{name}` and the variant from which it takes its lens differ in what the lens keeps");
-        let hint = "name the lens from which it starts, or give both the same field";
+    if let Some(parent) = parent.filter(|parent| variant.lens.is_none() && parent.field != variant.field) {
+        let word = |field: FieldOfView| if field == FieldOfView::Held { "held" } else { "free" };
+        let message = format!(
+            "`{name}` has a field that is {}, and takes its lens from `{}`, whose field is {}",
+            word(variant.field),
+            parent.name,
+            word(parent.field)
+        );
+        let hint = "name the lens from which it starts, such as lens = \"cooke-triplet-nominal\", or give both the same field";
         return Err(("field", message, hint.to_owned()));
     }
     if let Some(other) = &variant.zoomed_like {

@@ -76,16 +76,21 @@ pub fn finder(
                     "name a run that looks for objects, such as pedestrian-vehicle",
                 ));
             }
-            let names: Vec<&str> = experiment.variant.iter().map(|v| v.name.as_str()).collect();
-            let name = camera.as_deref().or(names.last().copied()).unwrap_or_default();
-            if !names.contains(&name) || !folder.camera(name).is_dir() {
-                let message = "there is no finished camera of this name";
-                return Err(JobError::setting(
-                    "camera",
-                    name,
+            let names = experiment.variant.iter().map(|v| v.name.as_str());
+            let finished: Vec<&str> =
+                names.filter(|name| folder.camera(name).join("metrics.json").is_file()).collect();
+            let Some(last) = finished.last() else {
+                let message = format!("{}: no camera of this run is finished", run.display());
+                return Err(JobError::input(
                     message,
-                    format!("the run has {}", names.join(", ")),
+                    format!("go on with it: design --resume {}", run.display()),
                 ));
+            };
+            let name = camera.as_deref().unwrap_or(last);
+            if !finished.contains(&name) {
+                let message = "there is no finished camera of this name";
+                let hint = format!("finished are {}", finished.join(", "));
+                return Err(JobError::setting("camera", name, message, hint));
             }
             let task = experiment.task;
             let DetectorConfig { kind, backbone, .. } = experiment.detector;

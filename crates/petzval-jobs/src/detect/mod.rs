@@ -93,15 +93,15 @@ struct Looked {
 }
 
 /// Looks for objects in pictures, for a camera of a run at their own size. Drawn pictures are written one by one, the results at the end, also
-/// where the job is stopped or a picture cannot be read: of the pictures before. With a data set, scores and results are of everything that
-/// the detector reports, not only of what reaches the least score.
+/// where the job is stopped: of the pictures before. A picture that cannot be read is warned of and left out, and is an error once the others are
+/// done. With a data set, scores and results are of everything that the detector reports, not only of what reaches the least score.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     if !(0.0..=1.0).contains(&request.least_score) {
         let hint = "0 shows everything that the detector keeps, 0.5 what is more likely there than not";
         return Err(JobError::setting("least_score", request.least_score, "is not between 0 and 1", hint));
     }
     let device = context.device(&request.device)?;
-    let (mut looked, labelled) = match &request.data {
+    let (looked, labelled) = match &request.data {
         Some(place) => {
             let (looked, data) = labelled(place, request.out.as_deref(), context)?;
             (looked, Some(data))
@@ -115,13 +115,21 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let finder = finder(&request.detector, raw, &device, context)?;
     let detector = finder.network.detector().ok_or_else(|| JobError::failed("the network is no detector"))?;
     let labelled = labelled.map(|data| in_classes_of(&finder, data, context)).transpose()?;
-    let (mut pictures, mut results) = (Vec::new(), Vec::new());
+    let (mut pictures, mut results, mut images, mut unread) =
+        (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let count = looked.len();
-    let outcome = looked.iter_mut().enumerate().try_for_each(|(i, Looked { file, image })| {
+    let outcome = looked.into_iter().enumerate().try_for_each(|(i, Looked { file, mut image })| {
         if context.is_cancelled() {
             return Err(JobError::Stopped(format!("stopped after {i} of {count} pictures")));
         }
-        let encoded = encoded(file, finder.camera.as_ref())?;
+        let encoded = match encoded(&file, finder.camera.as_ref()) {
+            Ok(encoded) => encoded,
+            Err(error) => {
+                context.warning(format!("{error}"));
+                unread.push(file);
+                return Ok(());
+            }
+        };
         (image.height, image.width) = (encoded.height as u32, encoded.width as u32);
         let found = detect_in(detector, &encoded, &device).map_err(DesignError::from)?;
         let is_sure = |d: &&Detection| d.score >= request.least_score;
@@ -133,10 +141,12 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             score: d.score,
             bbox: [d.bbox.x1, d.bbox.y1, d.bbox.width(), d.bbox.height()],
         };
+        images.push(image);
         pictures.push(Seen { file: file.clone(), found: sure.iter().map(in_words).collect() });
         if let Some(out) = &request.out {
             let boxes: Vec<_> = sure.iter().map(|d| (d.bbox, d.class)).collect();
-            let png = encoded_png_bytes(&with_boxes(&encoded, &boxes)).map_err(DesignError::from)?;
+            let png = encoded_png_bytes(&with_boxes(&encoded, &boxes, &finder.classes))
+                .map_err(DesignError::from)?;
             let stem = file.file_stem().unwrap_or_default().to_string_lossy();
             make_folder(out)?;
             write_file(&out.join(format!("{:04}-{stem}.png", i + 1)), &png)?;
@@ -152,13 +162,20 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
                 .collect(),
             ..DataSet::default()
         });
-        data.images = looked.into_iter().take(pictures.len()).map(|looked| looked.image).collect();
+        data.images = images;
         let seen: HashSet<u64> = data.images.iter().map(|image| image.id).collect();
         data.annotations.retain(|object| seen.contains(&object.image_id));
         save_results(&results, &out.join("detections.json"))?;
         save_coco(&data, &out.join(ANNOTATIONS))?;
     }
-    outcome.map(|()| Response { pictures, out: request.out.clone(), scores })
+    outcome?;
+    if let [first, ..] = &unread[..] {
+        let message =
+            format!("{} of {count} pictures cannot be read, the first is {}", unread.len(), first.display());
+        let hint = "the warnings above say why; all others were looked at";
+        return Err(JobError::input(message, hint));
+    }
+    Ok(Response { pictures, out: request.out.clone(), scores })
 }
 
 /// A picture as a detector sees it, sRGB-encoded; a raw frame developed by the camera.

@@ -60,13 +60,14 @@ impl LabelledPictures {
     /// left to train on or to score with.
     ///
     /// The parts of the data set (`split`) decide what is held out: everything outside the part `train`, or outside the largest one if none is
-    /// called so. Without two parts every fifth sequence is, by name; a picture that names no sequence is one by itself. Every fifth sequence is for
-    /// validation, or the last of those for training where there are fewer.
+    /// called so. Without two parts every fifth sequence is, by name; a picture that names no sequence is one by itself. Where it is `validated`, every
+    /// fifth sequence is for validation, or the last of those for training where there are fewer; if not, they are for training.
     pub fn load(
         folder: &Path,
         wanted: Wanted,
         classes: &[&str],
         crop: usize,
+        validated: bool,
     ) -> Result<(Self, Vec<String>), DatasetError> {
         let mut loaded = load_coco(folder)?;
         check_pictures(&mut loaded);
@@ -95,7 +96,10 @@ impl LabelledPictures {
                 small += 1;
                 continue;
             }
-            let list = list_of(image, training_part, &sequences);
+            let list = match list_of(image, training_part, &sequences) {
+                List::Validation if !validated => List::Training,
+                list => list,
+            };
             let truth = truth(data, objects, wanted);
             for object in &truth.objects {
                 per_class[object.class][usize::from(list == List::HeldOut)] += 1;
@@ -133,7 +137,7 @@ impl LabelledPictures {
                 folder.display()
             ));
         }
-        if found.validation.is_empty() && !found.take_validation() {
+        if validated && found.validation.is_empty() && !found.take_validation() {
             notes.push(format!(
                 "{}: all pictures for training are of one sequence, so validation sees pictures that are trained on, and says little",
                 folder.display()

@@ -43,8 +43,8 @@ pub struct Args {
     /// Folder of pictures with boxes in COCO format, in which objects are to be found in place of generated streets; see `petzval data`
     #[arg(long, value_name = "DIR", conflicts_with = "photos")]
     data: Option<PathBuf>,
-    /// N in place of the experiment's `training.steps`, or of its `isp.steps` behind a hardware ISP; all other steps follow in proportion,
-    /// those of a detector that is trained before the cameras as well
+    /// N in place of the experiment's `training.steps`, or of its `isp.steps` where a hardware ISP makes pictures for people; all other steps follow in
+    /// proportion, those of a detector that is trained before the cameras as well. Scores take as long as ever
     #[arg(long, value_name = "N")]
     steps: Option<usize>,
     /// The budget of a night on a GPU in place of minutes on two cores: 40000 network steps of 16 windows for the camera that takes the

@@ -2,11 +2,13 @@
 
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::time::Duration;
 
 use clap::ValueEnum;
 use petzval::jobs::detect::{self, BackboneKind, Request, Scores, Source};
 
 use super::failure::Failure;
+use super::signals;
 use super::terminal::{Terminal, print_json};
 
 /// Find objects in pictures: by the detector of a finished camera, or by weights of torchvision.
@@ -103,7 +105,8 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         out: args.out,
         device: args.device,
     };
-    let response = detect::run(&request, &terminal.context())?;
+    let response =
+        detect::run(&request, &terminal.context().with_cancellation(signals::end_within(ONE_PICTURE)?))?;
     if args.json {
         print_json(&response)?;
         return Ok(ExitCode::SUCCESS);
@@ -122,6 +125,9 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     }
     Ok(ExitCode::SUCCESS)
 }
+
+/// How long the picture in work may take after a signal, until the results of those before it are written.
+const ONE_PICTURE: Duration = Duration::from_secs(60);
 
 /// Prints the numbers of COCO and those of each class.
 fn print_scores(scores: &Scores) {

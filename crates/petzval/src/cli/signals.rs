@@ -42,16 +42,25 @@ pub fn stop_on_signal() -> Result<Arc<AtomicBool>, Failure> {
 
 /// A flag that the first signal sets, for jobs without checkpoints. One that has not ended soon is ended.
 pub fn end_on_signal() -> Result<Arc<AtomicBool>, Failure> {
+    end_within(GRACE)
+}
+
+/// The same for jobs that may take so long to end by themselves. A second signal ends them at once.
+pub fn end_within(grace: Duration) -> Result<Arc<AtomicBool>, Failure> {
     let stop = Arc::new(AtomicBool::new(false));
     let mut signals = handled()?;
     let flag = stop.clone();
     std::thread::spawn(move || {
-        if signals.forever().next().is_some() {
-            flag.store(true, Ordering::Relaxed);
-            std::thread::sleep(GRACE);
-            let _gone =
-                writeln!(std::io::stderr(), "stopped by a signal; what is not finished is not written");
-            std::process::exit(EXIT_AT_ONCE);
+        for _ in signals.forever() {
+            if flag.swap(true, Ordering::Relaxed) {
+                std::process::exit(EXIT_AT_ONCE);
+            }
+            std::thread::spawn(move || {
+                std::thread::sleep(grace);
+                let _gone =
+                    writeln!(std::io::stderr(), "stopped by a signal; what is not finished is not written");
+                std::process::exit(EXIT_AT_ONCE);
+            });
         }
     });
     Ok(stop)
