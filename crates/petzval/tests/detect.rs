@@ -195,6 +195,7 @@ fn a_run_that_looks_for_objects_is_scored_again_reported_and_lends_its_detector(
     fails(&["detect", "in"], "--run");
     fails(&["detect", "--run", "run"], "--data");
     fails(&["detect", "in", "--data", "in", "--run", "run"], "cannot be used with");
+    fails(&["detect", "in", "--run", "run", "--backbone", "resnet18"], "cannot be used with");
     std::fs::write(root.join("none.json"), r#"{"images": [], "annotations": [], "categories": []}"#).unwrap();
     fails(&["detect", "--data", "none.json", "--run", "run"], "no picture of this data set can be used");
     let without_boxes = r#"{"images": [{"id": 1, "file_name": "in/01.png", "width": 140, "height": 120}], "annotations": [], "categories": []}"#;

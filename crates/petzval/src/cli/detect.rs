@@ -33,23 +33,23 @@ pub struct Args {
     /// Run whose detector looks; see --camera
     #[arg(long, value_name = "RUN")]
     run: Option<PathBuf>,
-    /// Camera of the run [default: its last]
+    /// Camera of the run [default: the last that is finished]
     #[arg(long, value_name = "NAME", requires = "run")]
     camera: Option<String>,
     /// Weights of a Faster R-CNN of torchvision, as a safetensors file
     #[arg(long, value_name = "FILE")]
     weights: Option<PathBuf>,
     /// Backbone of the weights
-    #[arg(long, value_enum, default_value_t = Backbone::Resnet50, requires = "weights")]
+    #[arg(long, value_enum, default_value_t = Backbone::Resnet50, requires = "weights", conflicts_with = "run")]
     backbone: Backbone,
     /// Classes of the weights, without the background
-    #[arg(long, default_value_t = 90, value_name = "N", requires = "weights")]
+    #[arg(long, default_value_t = 90, value_name = "N", requires = "weights", conflicts_with = "run")]
     classes: usize,
     /// Pixels to which the shorter side of a picture is scaled for the weights
-    #[arg(long, default_value_t = 800, value_name = "PIXELS", requires = "weights")]
+    #[arg(long, default_value_t = 800, value_name = "PIXELS", requires = "weights", conflicts_with = "run")]
     shorter_side: usize,
     /// Most pixels of its longer side then
-    #[arg(long, default_value_t = 1333, value_name = "PIXELS", requires = "weights")]
+    #[arg(long, default_value_t = 1333, value_name = "PIXELS", requires = "weights", conflicts_with = "run")]
     longer_side: usize,
     /// Least score of a detection that is printed and drawn; average precision and recall are of all
     #[arg(long, default_value_t = 0.5, value_name = "SCORE")]
