@@ -184,7 +184,7 @@ fn a_run_that_looks_for_objects_is_scored_again_reported_and_lends_its_detector(
         &["which only a camera develops", "--run"],
     );
     let fails = |args: &[&str], says: &str| run_fails(root, args, 2, &[says]);
-    fails(&["detect", "in", "--run", "run", "--camera", "other"], "the run has nominal, perfect");
+    fails(&["detect", "in", "--run", "run", "--camera", "other"], "finished are nominal, perfect");
     fails(&["detect", "in", "--run", "run", "--least-score", "2"], "between 0 and 1");
     fails(&["detect", "run", "--run", "run"], "no picture in this folder");
     fails(&["detect", "in", "--weights", "tiny.toml"], "not a safetensors file");
@@ -227,7 +227,7 @@ fn a_folder_with_boxes_takes_the_place_of_the_streets() {
     write_lights(&root.join("in"));
     let said = run_ok(root, &["design", "tiny.toml", "--data", "in", "--variant", "nominal", "--out", "run"]);
     assert!(said.says("the class `yellow` has 0 boxes"), "{}", said.stderr);
-    assert!(said.says("3 windows of 6 pictures in training, 3 windows of 2 in scores"), "{}", said.stderr);
+    assert!(said.says("3 windows of 8 pictures in training, 3 windows of 2 in scores"), "{}", said.stderr);
     assert!(read(&root.join("run/config.toml")).contains("data = "));
     run_ok(root, &["evaluate", "run"]);
     // A run goes on with the pictures that it began with, or not at all.
