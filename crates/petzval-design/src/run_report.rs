@@ -13,6 +13,7 @@ use petzval_optics::psf::FieldPsf;
 
 use crate::attribution::attribution;
 use crate::block::BlockName;
+use crate::camera::DetectorInput;
 use crate::detection_view::detection_view;
 use crate::error::DesignError;
 use crate::experiment::SameOf;
@@ -27,7 +28,7 @@ use crate::run::{
 use crate::run_progress::{self, is_scored, moved_part};
 use crate::setup::Setup;
 use crate::validation::VALIDATION;
-use crate::variant::{DetectorInput, LensGoal, Variant};
+use crate::variant::{LensGoal, Variant};
 use petzval_learn::score::ScoreDescription;
 use petzval_report::design_report::{
     CameraPicture, CameraView, Change, FrameView, LossCurve, MadeCamera, MadeCameras, MadeScore, PictureView,

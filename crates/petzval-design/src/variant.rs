@@ -5,11 +5,10 @@
 use std::collections::BTreeMap;
 
 use petzval_camera::sensor::NoiseMode;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 
 use crate::adam::cosine_rate;
 use crate::block::{BlockName, StepMethod, StepRule};
+use crate::camera::DetectorInput;
 use crate::requirements::FieldOfView;
 
 /// A camera of the comparison.
@@ -37,17 +36,6 @@ pub struct Variant {
     pub starts_moved: bool,
     /// What is done with it, in this order.
     pub stages: Vec<Stage>,
-}
-
-/// What the detector of a camera sees, in training and in scores.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum DetectorInput {
-    /// The finished pictures of the camera.
-    #[default]
-    Picture,
-    /// The scenes without blur and noise: seen through the chief rays of the lens, and developed by the ISP with its values of the start.
-    Truth,
 }
 
 /// What a stage does.

@@ -14,9 +14,8 @@ use petzval_learn::network::{Network, PictureNetwork};
 use petzval_learn::optimizer::muon_and_adam;
 
 use super::{Batch, Block, BlockName, BlockState, StepRule, backward, named, part};
-use crate::camera::Camera;
+use crate::camera::{Camera, DetectorInput};
 use crate::error::DesignError;
-use crate::variant::DetectorInput;
 
 const WEIGHTS: &str = "weights.bin";
 const OPTIMIZER: &str = "optimizer.bin";

@@ -27,8 +27,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::block::BlockName;
+use crate::camera::DetectorInput;
 use crate::error::DesignError;
-use crate::variant::{DetectorInput, Variant};
+use crate::variant::Variant;
 
 /// The name of the built-in photographs in [`Experiment::photos`].
 pub const BUILT_IN_PHOTOS: &str = "built-in";

@@ -10,8 +10,9 @@ use serde::{Deserialize, Serialize};
 
 use super::OpticsConfig;
 use crate::block::{BlockName, StepMethod};
+use crate::camera::DetectorInput;
 use crate::requirements::FieldOfView;
-use crate::variant::{DetectorInput, LensGoal};
+use crate::variant::LensGoal;
 
 /// A camera of the comparison.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
