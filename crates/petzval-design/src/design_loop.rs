@@ -709,7 +709,7 @@ impl DesignLoop {
             write_file(&folder.join("network.safetensors"), &weights)?;
         }
         let text = DesignError::json("the figures of the run", &metrics)?;
-        write_file(&folder.join("metrics.json"), text.as_bytes())?;
+        write_file(&self.run.camera_metrics(&variant.name), text.as_bytes())?;
         crate::pictures::save(&self.run, &variant.name, &pictures)?;
         let windows: Vec<SeenWindow> = pictures.into_iter().filter_map(|picture| picture.objects).collect();
         if !windows.is_empty() {

@@ -357,7 +357,7 @@ fn collect(
     scores: Vec<ScoreDescription>,
     is_wanted: impl Fn(&Path) -> bool,
 ) -> Result<Metrics, DesignError> {
-    let figures = setup.variants.iter().map(|variant| run.camera(&variant.name).join("metrics.json"));
+    let figures = setup.variants.iter().map(|variant| run.camera_metrics(&variant.name));
     let rows: Vec<CameraMetrics> = figures
         .filter(|path| is_wanted(path))
         .map(|path| {

@@ -22,7 +22,7 @@ use petzval_design::error::DesignError;
 use petzval_design::experiment::{Experiment, VariantConfig};
 use petzval_design::inputs::keep_inputs;
 use petzval_design::psf_plan::PsfPlan;
-use petzval_design::run::RunFolder;
+use petzval_design::run::{Metrics, RunFolder};
 use petzval_design::scoring::Scorer;
 use petzval_design::seen_windows::{SeenWindow, Stage};
 use petzval_design::setup::Setup;
@@ -61,8 +61,23 @@ fn setup(more: &str) -> Setup {
     setup_of(&format!("{TINY}{more}"))
 }
 
+fn assets() -> Assets {
+    Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap()
+}
+
+/// The run of an experiment, from its start to its scores.
+fn finished(setup: &Arc<Setup>, folder: &Path) -> (RunFolder, Metrics) {
+    let run = RunFolder::create(&folder.join("run")).unwrap();
+    keep_inputs(setup, &assets(), &run).unwrap();
+    let design = DesignLoop::new(run.clone(), Scorer::new(setup.clone()).unwrap()).unwrap();
+    let Ending::Finished(metrics) = design.run(&mut Silent, &AtomicBool::new(false)).unwrap() else {
+        panic!("nothing stops it");
+    };
+    (run, *metrics)
+}
+
 fn setup_of(text: &str) -> Setup {
-    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let assets = assets();
     let experiment = Experiment::parse(text).unwrap();
     Setup::new(experiment, &assets, Device::flex().autodiff()).unwrap()
 }
@@ -100,7 +115,7 @@ fn windows_are_seen_through_the_chief_rays_of_the_lens() {
         }
     }
     // A lens of a longer focal length sees other windows.
-    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let assets = assets();
     let long = assets.import("cooke-triplet-image-quality-software-isp").unwrap().file.lens;
     let long = training_shots(&setup, &setup.camera(long, true).unwrap(), 0).unwrap();
     assert!(shots.iter().zip(&long).all(|(a, b)| a.scene != b.scene));
@@ -112,16 +127,10 @@ fn a_run_trains_a_detector_behind_a_moving_lens_and_scores_what_it_finds() {
         [[variant]]\nname = \"trained\"\n[[variant.stage]]\nmoves = [\"network\"]\n\
         [[variant]]\nname = \"end-to-end\"\nfrom = \"trained\"\nlens = \"cooke-triplet-spot\"\n\
         [[variant.stage]]\nmoves = [\"optics\", \"isp\", \"network\"]\n";
-    let setup = setup(more);
-    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let setup = Arc::new(setup(more));
     let folder = tempfile::tempdir().unwrap();
-    let run = RunFolder::create(&folder.path().join("run")).unwrap();
-    keep_inputs(&setup, &assets, &run).unwrap();
+    let (run, metrics) = finished(&setup, folder.path());
     let spot = setup.start(&setup.variants[1]).lens_file.lens.clone();
-    let design = DesignLoop::new(run.clone(), Scorer::new(Arc::new(setup)).unwrap()).unwrap();
-    let Ending::Finished(metrics) = design.run(&mut Silent, &AtomicBool::new(false)).unwrap() else {
-        panic!("nothing stops it");
-    };
     assert_eq!((metrics.held_out_images, metrics.held_out_places), (4, 1));
     for row in &metrics.rows {
         // A score for which there is nothing to find, such as objects at the edge, is left out.
@@ -160,14 +169,8 @@ fn a_lens_with_a_free_field_has_a_control_that_is_zoomed_like_it() {
         [[variant]]\nname = \"zoomed\"\nfrom = \"nominal\"\nzoomed_like = \"free\"\n\
         [[variant.stage]]\nmoves = [\"network\"]\nschedule = { network = { steps = 1 } }\n";
     let setup = Arc::new(setup(more));
-    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
     let folder = tempfile::tempdir().unwrap();
-    let run = RunFolder::create(&folder.path().join("run")).unwrap();
-    keep_inputs(&setup, &assets, &run).unwrap();
-    let design = DesignLoop::new(run.clone(), Scorer::new(setup.clone()).unwrap()).unwrap();
-    let Ending::Finished(metrics) = design.run(&mut Silent, &AtomicBool::new(false)).unwrap() else {
-        panic!("nothing stops it");
-    };
+    let (run, metrics) = finished(&setup, folder.path());
     let [nominal, free, zoomed] = &metrics.rows[..] else { panic!("three cameras") };
     let ratio = free.efl_mm / nominal.efl_mm;
     assert!((ratio - 1.0).abs() > 0.005, "the focal length is free: {ratio}");
@@ -204,14 +207,8 @@ fn neither_noise_nor_blur_reaches_a_detector_that_sees_the_truth() {
         variant("without-noise", "from = \"nominal\"\nnoise = \"off\"", "\"network\""),
     ];
     let setup = Arc::new(setup(&more.concat()));
-    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
     let folder = tempfile::tempdir().unwrap();
-    let run = RunFolder::create(&folder.path().join("run")).unwrap();
-    keep_inputs(&setup, &assets, &run).unwrap();
-    let design = DesignLoop::new(run.clone(), Scorer::new(setup.clone()).unwrap()).unwrap();
-    let Ending::Finished(metrics) = design.run(&mut Silent, &AtomicBool::new(false)).unwrap() else {
-        panic!("nothing stops it");
-    };
+    let (run, metrics) = finished(&setup, folder.path());
     let [_, truth, again, _] = &metrics.rows[..] else { panic!("four cameras") };
     assert_eq!(truth.scores, again.scores);
     let weights = |camera: &str| std::fs::read(run.camera(camera).join("network.safetensors")).unwrap();

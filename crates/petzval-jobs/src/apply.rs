@@ -152,10 +152,9 @@ fn chosen(request: &Request, folder: &RunFolder, all: &[String]) -> Result<Vec<S
         true => all.last().cloned().into_iter().collect(),
         false => request.cameras.clone(),
     };
-    match asked.iter().find(|name| !all.contains(name) || !folder.camera(name).is_dir()) {
+    let finished = folder.finished(all.iter().map(String::as_str));
+    match asked.iter().find(|name| !finished.contains(&name.as_str())) {
         Some(missing) => {
-            let finished: Vec<&str> =
-                all.iter().filter(|name| folder.camera(name).is_dir()).map(String::as_str).collect();
             let message = "there is no finished camera of this name";
             Err(JobError::setting("camera", missing, message, format!("the run has {}", finished.join(", "))))
         }

@@ -146,6 +146,16 @@ impl RunFolder {
         self.root.join("cameras").join(name)
     }
 
+    /// The figures of a camera, written after its lens and its blocks: a camera that has them is finished.
+    pub fn camera_metrics(&self, name: &str) -> PathBuf {
+        self.camera(name).join("metrics.json")
+    }
+
+    /// Those of some cameras that are finished.
+    pub fn finished<'a>(&self, names: impl IntoIterator<Item = &'a str>) -> Vec<&'a str> {
+        names.into_iter().filter(|name| self.camera_metrics(name).is_file()).collect()
+    }
+
     /// The lens after a step of the run.
     pub fn lens_at_step(&self, step: u64) -> PathBuf {
         self.root.join("lens").join(format!("step-{step:06}.toml"))

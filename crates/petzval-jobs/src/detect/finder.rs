@@ -76,9 +76,7 @@ pub fn finder(
                     "name a run that looks for objects, such as pedestrian-vehicle",
                 ));
             }
-            let names = experiment.variant.iter().map(|v| v.name.as_str());
-            let finished: Vec<&str> =
-                names.filter(|name| folder.camera(name).join("metrics.json").is_file()).collect();
+            let finished = folder.finished(experiment.variant.iter().map(|v| v.name.as_str()));
             let Some(last) = finished.last() else {
                 let message = format!("{}: no camera of this run is finished", run.display());
                 return Err(JobError::input(
