@@ -48,8 +48,8 @@ pub struct ComparedCamera {
     pub is_ceiling: bool,
     /// Its scores.
     pub scores: Vec<MeanAndDeviation>,
-    /// Share of the gap from the first camera that is no ceiling to the ceiling that it closes, by score; none without a ceiling, and where the
-    /// ceiling does not lie above that camera with every seed.
+    /// Share of the gap from the first camera that is no ceiling to the ceiling that it closes, by score; none without a ceiling, and where
+    /// there is no gap to speak of: the ceiling must lie above that camera with every seed, and on average by twice the spread of the seeds.
     pub gap_closed: Vec<Option<MeanAndDeviation>>,
     /// RMS spot radius, um.
     pub rms_spot_um: MeanAndDeviation,
@@ -223,14 +223,12 @@ fn comparison(runs: &[Finished], paper: &[PaperTable]) -> Comparison {
     let cameras = rows.iter().map(|row| {
         let seen = of(&row.camera);
         let gap_closed = |score: &ScoreDescription| {
-            let (from, to) = (of(&baseline?.camera), of(&ceiling?.camera));
-            let share = |((row, from), to): ((&&CameraMetrics, &&CameraMetrics), &&CameraMetrics)| {
-                let way = value(to, score) - value(from, score);
-                let is_a_way = if score.higher_is_better { way > 0.0 } else { way < 0.0 };
-                is_a_way.then(|| (value(row, score) - value(from, score)) / way)
+            let from = of(&baseline?.camera);
+            let way = |to: &[&CameraMetrics]| -> Vec<f64> {
+                to.iter().zip(&from).map(|(to, from)| value(to, score) - value(from, score)).collect()
             };
-            let shares: Option<Vec<f64>> = seen.iter().zip(&from).zip(&to).map(share).collect();
-            spread(shares?.into_iter())
+            let (gap, gone) = (way(&of(&ceiling?.camera)), way(&seen));
+            is_gap(&gap, score.higher_is_better).then(|| spread(gone.iter().zip(&gap).map(|(a, b)| a / b)))?
         };
         ComparedCamera {
             name: row.camera.clone(),
@@ -269,6 +267,16 @@ fn comparison(runs: &[Finished], paper: &[PaperTable]) -> Comparison {
     }
 }
 
+/// How many times the spread of the seeds a gap must be, so that shares of it say something.
+const SURE: f64 = 2.0;
+
+/// Whether scores of a ceiling less those of a baseline, seed by seed, are a gap that cameras can close.
+fn is_gap(differences: &[f64], higher_is_better: bool) -> bool {
+    let is_way = |difference: &f64| if higher_is_better { *difference > 0.0 } else { *difference < 0.0 };
+    let is_sure = |all: MeanAndDeviation| all.mean.abs() >= SURE * all.deviation;
+    differences.iter().all(is_way) && spread(differences.iter().copied()).is_some_and(is_sure)
+}
+
 /// Mean and standard deviation; the deviation of one value is 0. `None` without values.
 fn spread(values: impl Iterator<Item = f64>) -> Option<MeanAndDeviation> {
     let values: Vec<f64> = values.collect();
@@ -289,5 +297,16 @@ mod tests {
         assert_eq!(found, MeanAndDeviation { mean: 2.0, deviation: 1.0 });
         assert_eq!(spread([4.0].into_iter()).unwrap(), MeanAndDeviation { mean: 4.0, deviation: 0.0 });
         assert_eq!(spread(std::iter::empty()), None);
+    }
+
+    #[test]
+    fn a_gap_is_one_way_with_every_seed_and_twice_their_spread() {
+        assert!(is_gap(&[0.10, 0.08, 0.12], true));
+        assert!(!is_gap(&[0.10, 0.08, 0.12], false), "the ceiling is worse");
+        assert!(is_gap(&[-0.10, -0.08, -0.12], false));
+        assert!(!is_gap(&[0.10, -0.01, 0.12], true), "not with every seed");
+        assert!(!is_gap(&[0.015, 0.023, 0.001], true), "little more than the spread");
+        assert!(is_gap(&[0.01], true), "one seed has no spread");
+        assert!(!is_gap(&[0.0], true) && !is_gap(&[f64::NAN], true) && !is_gap(&[], true));
     }
 }

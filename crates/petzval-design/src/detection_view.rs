@@ -147,7 +147,7 @@ impl Seen<'_> {
             Ok(Mistake {
                 picture_png: petzval_base::read_whole(&path).map_err(DesignError::io(&path))?,
                 bbox: [bbox.x1, bbox.y1, bbox.x2, bbox.y2],
-                title: title(class, rank),
+                title: format!("{}, scene {}", title(class, rank), number + 1),
             })
         };
         firsts.into_iter().take(MOST_MISTAKES).map(mistake).collect()

@@ -399,7 +399,8 @@ fn pictures(run: &RunFolder, metrics: &Metrics) -> Result<Vec<PictureView>, Desi
                 scores: in_order(&metrics.scores, &picture.scores),
             });
         }
-        let title = picture.photo.split('.').next().unwrap_or(&picture.photo).to_owned();
+        let title =
+            picture.photo.rsplit_once('.').map_or(picture.photo.as_str(), |(stem, _)| stem).to_owned();
         let place = match picture.relative_field {
             f if f < 0.05 => "centre of the field".to_owned(),
             f => format!("{:.0} % of the half-diagonal", 100.0 * f),

@@ -109,10 +109,11 @@ impl Scenes {
                 let crop = experiment.training.crop.max(experiment.scoring.crop);
                 let classes = experiment.task.classes();
                 let validated = experiment.validation.is_used();
-                let (pictures, defects) =
-                    LabelledPictures::load(Path::new(folder), wanted, classes, crop, validated)?;
-                notes = defects;
                 let (on_objects, least_side_px) = (config.on_objects, config.least_side_px);
+                let folder = Path::new(folder);
+                let (pictures, defects) =
+                    LabelledPictures::load(folder, wanted, classes, crop, least_side_px, validated)?;
+                notes = defects;
                 Source::Pictures(pictures, PictureWindows { seed, on_objects, least_side_px })
             }
         };
@@ -140,6 +141,17 @@ impl Scenes {
         match &self.source {
             Source::Streets(_) => Ok(String::new()),
             Source::Pictures(pictures, _) => Ok(pictures.fingerprint()?),
+        }
+    }
+
+    /// What a window of a list is called: its number from 1 on, and the picture that it is of.
+    pub fn name(&self, list: List, number: u64) -> String {
+        let scene = format!("scene {}", number + 1);
+        match &self.source {
+            Source::Streets(_) => scene,
+            Source::Pictures(pictures, _) => {
+                format!("{scene}, {}", pictures.name(list, [number, self.windows_of(list)]))
+            }
         }
     }
 

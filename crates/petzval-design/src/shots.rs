@@ -104,7 +104,7 @@ pub fn held_out_shots(
         let shot = |i: usize| {
             let shot = scenes.shot(Eye::of(camera), List::HeldOut, i as u64)?;
             Ok(HeldOut {
-                name: format!("scene {}", i + 1),
+                name: scenes.name(List::HeldOut, i as u64),
                 sequence: scenes.sequence(List::HeldOut, i as u64).map(str::to_owned),
                 relative_field: relative_field(setup, camera, &shot),
                 shot,

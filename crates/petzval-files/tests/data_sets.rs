@@ -95,19 +95,24 @@ fn every_defect_of_a_value_is_found_and_named() {
             "annotations[0]: bbox is missing",
         ),
         (with("\"area\": 200", "\"area\": -3"), DefectKind::AreaNotStated, 2, "-3 px^2"),
-        (with("\"area\": 200", "\"area\": NaN"), DefectKind::AreaNotStated, 2, "NaN px^2"),
-        (with("\"area\": 200,", ""), DefectKind::AreaNotStated, 2, "annotation 1 of image 1"),
+        (
+            with("\"area\": 200", "\"area\": NaN"),
+            DefectKind::AreaNotStated,
+            2,
+            "a.png: no number for its area, box",
+        ),
+        (with("\"area\": 200,", ""), DefectKind::AreaNotStated, 2, "annotation 1 of a.png"),
         (
             with("{\"id\": 2, \"image_id\": 2", "{\"id\": 1, \"image_id\": 2"),
             DefectKind::RepeatedAnnotationId,
             2,
-            "annotation 1 of image 2",
+            "annotation 1 of b.png",
         ),
         (
             with("{\"id\": 2, \"image_id\": 2", "{\"id\": 0, \"image_id\": 2"),
             DefectKind::ZeroId,
             2,
-            "annotation 0 of image 2",
+            "annotation 0 of b.png",
         ),
         (
             with("{\"id\": 2, \"image_id\": 2", "{\"id\": -2, \"image_id\": 2"),
@@ -165,7 +170,7 @@ fn every_defect_of_a_value_is_found_and_named() {
             ),
             DefectKind::RepeatedBox,
             3,
-            "annotation 1 of image 1",
+            "annotation 1 of a.png",
         ),
         (
             with("\"occluded\": true", "\"occluded\": [1, 2]"),

@@ -45,7 +45,8 @@ fn folder(path: &Path, count: usize, category: &str) {
 
 fn load(path: &Path, crop: usize) -> Result<(LabelledPictures, Vec<String>), String> {
     let classes = ["pedestrian", "vehicle"];
-    LabelledPictures::load(path, Wanted::PeopleAndVehicles, &classes, crop, true).map_err(|e| e.to_string())
+    LabelledPictures::load(path, Wanted::PeopleAndVehicles, &classes, crop, 8.0, true)
+        .map_err(|e| e.to_string())
 }
 
 #[test]
@@ -64,7 +65,8 @@ fn windows_hold_the_light_and_the_boxes_of_their_pictures() {
     assert_eq!([List::Training, List::Validation, List::HeldOut].map(|list| pictures.count(list)), [9, 3, 3]);
     // Without validations all others train.
     let classes = ["pedestrian", "vehicle"];
-    let all = LabelledPictures::load(folder_path.path(), Wanted::PeopleAndVehicles, &classes, CROP, false);
+    let all =
+        LabelledPictures::load(folder_path.path(), Wanted::PeopleAndVehicles, &classes, CROP, 8.0, false);
     let all = all.unwrap().0;
     assert_eq!([List::Training, List::Validation, List::HeldOut].map(|list| all.count(list)), [12, 0, 3]);
     let crops = CropPlan { surround: 4, ..CropPlan::on_1920x1200(CROP, 10) };
@@ -101,9 +103,14 @@ fn folders_that_cannot_train_or_score_a_detector_are_refused() {
     let large = load(other.path(), 110).unwrap_err();
     assert!(large.contains("no picture is left"), "{large}");
     let text = std::fs::read_to_string(other.path().join("annotations.json")).unwrap();
+    // What is too small to count is as good as not there.
+    let classes = ["pedestrian", "vehicle"];
+    let small = LabelledPictures::load(other.path(), Wanted::PeopleAndVehicles, &classes, CROP, 500.0, true);
+    assert!(small.unwrap_err().to_string().contains("500 pixels or more"));
     std::fs::write(other.path().join("annotations.json"), text.replace("\"car\"", "\"goat\"")).unwrap();
     let nothing = load(other.path(), CROP).unwrap_err();
-    assert!(nothing.contains("no box of pedestrian, vehicle is left for training"), "{nothing}");
+    let why = "no box of pedestrian, vehicle with a longer side of 8 pixels or more, `street.least_side_px`, is left for training";
+    assert!(nothing.contains(why), "{nothing}");
     std::fs::write(other.path().join("annotations.json"), "{\"images\": [").unwrap();
     assert!(load(other.path(), CROP).unwrap_err().contains("annotations.json"));
     assert!(load(&other.path().join("nowhere"), CROP).is_err());

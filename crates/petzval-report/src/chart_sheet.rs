@@ -8,7 +8,7 @@ use petzval_lab::sfr::FREQUENCY_STEP;
 
 use crate::number::fixed;
 use crate::page::{Page, caption, facts, figure, section, with_contents};
-use crate::plot::{Chart, Series, chart_svg, plain};
+use crate::plot::{Axes, Chart, Series, chart_svg, plain};
 use crate::rgb_picture::{rgb_picture, shrunk};
 use crate::table::{Column, Row, Table};
 use crate::{palette, png};
@@ -168,7 +168,7 @@ fn sharpness(edges: &[EdgeFigures]) -> Markup {
         series: curves,
         marks: Vec::new(),
         smooth: false,
-        from_zero: true,
+        axes: Axes::FromZero,
     };
     let row = |edge: &EdgeFigures| {
         Row::new(

@@ -6,7 +6,7 @@ use crate::number;
 use crate::page::{Page, Section, caption, facts, figure, section, with_contents};
 use crate::palette::{self, MUTED};
 use crate::plot::{
-    Axis, Bar, BarChart, BarKey, Chart, Curve, Key, KeyLine, Mark, Panel, Pen, Series, Sheet, Steps,
+    Axes, Axis, Bar, BarChart, BarKey, Chart, Curve, Key, KeyLine, Mark, Panel, Pen, Series, Sheet, Steps,
     WIDTH_PX, bars_svg, chart_svg, grid, plain, span,
 };
 use crate::table::{Column, Row, Table};
@@ -178,7 +178,7 @@ pub fn yield_svg(sheet: &ToleranceSheet, random: &RandomLenses) -> String {
             .map(|(name, colour, at)| Mark { name, colour: colour.into(), at })
             .collect(),
         smooth: false,
-        from_zero: true,
+        axes: Axes::FromZero,
     })
 }
 

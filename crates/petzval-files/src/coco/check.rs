@@ -67,24 +67,27 @@ fn check_annotations(data: &mut DataSet, defects: &mut Defects) {
     let mut ids = HashSet::with_capacity(data.annotations.len());
     let mut boxes = HashSet::with_capacity(data.annotations.len());
     data.annotations.retain_mut(|annotation| {
-        let said = |a: &Annotation| format!("annotation {} of image {}: {}", a.id, a.image_id, a.bounds);
         let Some(image) = images.get(&annotation.image_id) else {
-            defects.add(DefectKind::UnknownImage, || said(annotation));
+            defects.add(DefectKind::UnknownImage, || {
+                format!(
+                    "annotation {} of image {}: {}",
+                    annotation.id, annotation.image_id, annotation.bounds
+                )
+            });
             return false;
         };
+        let said = |a: &Annotation| format!("annotation {} of {}: {}", a.id, image.file_name, a.bounds);
         if !categories.contains(&annotation.category_id) {
             defects.add(DefectKind::UnknownCategory, || {
-                format!(
-                    "annotation {} of image {}: category {}",
-                    annotation.id, image.id, annotation.category_id
-                )
+                let Annotation { id, category_id, .. } = annotation;
+                format!("annotation {id} of {}: category {category_id}", image.file_name)
             });
             return false;
         }
         if !check_bounds(annotation, image, defects) {
             return false;
         }
-        check_area(annotation, defects);
+        check_area(annotation, image, defects);
         if annotation.id == 0 {
             defects.add(DefectKind::ZeroId, || said(annotation));
         }
@@ -155,13 +158,11 @@ fn check_bounds(annotation: &mut Annotation, image: &Image, defects: &mut Defect
     true
 }
 
-fn check_area(annotation: &mut Annotation, defects: &mut Defects) {
+fn check_area(annotation: &mut Annotation, image: &Image, defects: &mut Defects) {
     let (area, of_box) = (annotation.area, annotation.bounds.area());
     let said = || {
-        format!(
-            "annotation {} of image {}: {area} px^2, box {of_box} px^2",
-            annotation.id, annotation.image_id
-        )
+        let stated = if area.is_nan() { "no number for its area".to_owned() } else { format!("{area} px^2") };
+        format!("annotation {} of {}: {stated}, box {of_box} px^2", annotation.id, image.file_name)
     };
     if !(area.is_finite() && area > 0.0) {
         defects.add(DefectKind::AreaNotStated, said);

@@ -127,6 +127,13 @@ pub struct Defect {
     pub worst: Option<String>,
 }
 
+impl Defect {
+    /// How often it occurs, in words.
+    pub fn times(&self) -> String {
+        if self.count == 1 { "once".to_owned() } else { format!("{} times", self.count) }
+    }
+}
+
 /// All defects of a data set.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Defects {
@@ -185,11 +192,10 @@ impl Defects {
 
     /// A line for each kind that occurs, errors first: what is wrong with the data set at `place`, how often, and the first case.
     pub fn lines(&self, place: &Path) -> impl Iterator<Item = String> {
-        self.iter().map(move |Defect { kind, count, first, .. }| {
-            let sentence = kind.sentence().trim_end_matches('.');
-            let first = first.first().map(|first| format!("; the first: {first}")).unwrap_or_default();
-            let times = if *count == 1 { "once".to_owned() } else { format!("{count} times") };
-            format!("{}: {sentence} ({times}{first})", place.display())
+        self.iter().map(move |defect| {
+            let sentence = defect.kind.sentence().trim_end_matches('.');
+            let first = defect.first.first().map(|first| format!("; the first: {first}")).unwrap_or_default();
+            format!("{}: {sentence} ({}{first})", place.display(), defect.times())
         })
     }
 

@@ -117,7 +117,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let labelled = labelled.map(|data| in_classes_of(&finder, data, context)).transpose()?;
     let (mut pictures, mut results, mut images, mut unread) =
         (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-    let count = looked.len();
+    let (count, mut surest) = (looked.len(), None::<f32>);
     let outcome = looked.into_iter().enumerate().try_for_each(|(i, Looked { file, mut image })| {
         if context.is_cancelled() {
             return Err(JobError::Stopped(format!("stopped after {i} of {count} pictures")));
@@ -127,11 +127,13 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             Err(error) => {
                 context.warning(format!("{error}"));
                 unread.push(file);
+                context.progress(i as u64 + 1, count as u64, "pictures");
                 return Ok(());
             }
         };
         (image.height, image.width) = (encoded.height as u32, encoded.width as u32);
         let found = detect_in(detector, &encoded, &device).map_err(DesignError::from)?;
+        surest = surest.into_iter().chain(found.first().map(|best| best.score)).reduce(f32::max);
         let is_sure = |d: &&Detection| d.score >= request.least_score;
         results
             .extend(found.iter().filter(|d| labelled.is_some() || is_sure(d)).map(|d| result(image.id, d)));
@@ -169,6 +171,12 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         save_coco(&data, &out.join(ANNOTATIONS))?;
     }
     outcome?;
+    if let Some(surest) = surest.filter(|surest| *surest < request.least_score) {
+        context.note(format!(
+            "nothing has a score of {} or more; the surest detection has {surest:.3}, and a lower least score shows it",
+            request.least_score
+        ));
+    }
     if let [first, ..] = &unread[..] {
         let message =
             format!("{} of {count} pictures cannot be read, the first is {}", unread.len(), first.display());

@@ -57,7 +57,8 @@ pub struct PictureWindows {
 
 impl LabelledPictures {
     /// Reads the annotations of a folder and checks its pictures. Returned with sentences on what of it cannot be used. Fails where nothing is
-    /// left to train on or to score with.
+    /// left to train on or to score with: no picture that holds a window of `crop` pixels, or no object of a class that is wanted whose longer side has
+    /// `least_side_px` pixels.
     ///
     /// The parts of the data set (`split`) decide what is held out: everything outside the part `train`, or outside the largest one if none is
     /// called so. Without two parts every fifth sequence is, by name; a picture that names no sequence is one by itself. Where it is `validated`, every
@@ -67,6 +68,7 @@ impl LabelledPictures {
         wanted: Wanted,
         classes: &[&str],
         crop: usize,
+        least_side_px: f64,
         validated: bool,
     ) -> Result<(Self, Vec<String>), DatasetError> {
         let mut loaded = load_coco(folder)?;
@@ -101,7 +103,7 @@ impl LabelledPictures {
                 list => list,
             };
             let truth = truth(data, objects, wanted);
-            for object in &truth.objects {
+            for object in truth.objects.iter().filter(|o| longer_side(&o.bbox) >= least_side_px) {
                 per_class[object.class][usize::from(list == List::HeldOut)] += 1;
             }
             let (name, sequence) = (image.file_name.clone(), sequence(image).to_owned());
@@ -125,7 +127,10 @@ impl LabelledPictures {
         }
         for (k, purpose) in ["training", "scoring"].into_iter().enumerate() {
             if per_class.iter().all(|counts| counts[k] == 0) {
-                let problem = format!("no box of {} is left for {purpose}", classes.join(", "));
+                let problem = format!(
+                    "no box of {} with a longer side of {least_side_px} pixels or more, `street.least_side_px`, is left for {purpose}",
+                    classes.join(", ")
+                );
                 return Err(misfit(problem));
             }
         }
@@ -147,7 +152,7 @@ impl LabelledPictures {
         for (class, [training, held_out]) in classes.iter().zip(&per_class) {
             if *training == 0 || *held_out == 0 {
                 notes.push(format!(
-                    "{}: the class `{class}` has {training} boxes for training and {held_out} for scoring",
+                    "{}: the class `{class}` has {training} boxes of {least_side_px} pixels or more for training and {held_out} for scoring",
                     folder.display()
                 ));
             }
@@ -228,6 +233,11 @@ impl LabelledPictures {
         &self.picture(list, window).sequence
     }
 
+    /// The file name of the picture of window `number` of `of` of a list.
+    pub fn name(&self, list: List, window: [u64; 2]) -> &str {
+        &self.picture(list, window).name
+    }
+
     /// Window `number` of `of` of a list: of the pictures in turn, on an object that fits into it, of each class in the picture as often as of the others, or
     /// anywhere in the picture; at a place anywhere on the sensor. Both places depend on the number alone.
     pub fn window(
@@ -243,7 +253,7 @@ impl LabelledPictures {
         random.set_stream(3 * number + list as u64);
         let size = [light.height, light.width];
         let sides = how.least_side_px..LARGEST_SHARE * crops.crop as f64;
-        let fits = |o: &&Object| sides.contains(&f64::from(o.bbox.width().max(o.bbox.height())));
+        let fits = |o: &&Object| sides.contains(&longer_side(&o.bbox));
         let wanted = picture.truth.objects.iter().filter(fits).map(|o| (o.class, o));
         let is_on_object = random.random_bool(how.on_objects);
         let object = if is_on_object { drawn_by_class(wanted, &mut random) } else { None };
@@ -276,8 +286,7 @@ impl LabelledPicture {
         let mut truth = Truth::default();
         for object in &self.truth.objects {
             let Some((bbox, share)) = inside(&object.bbox) else { continue };
-            let side = f64::from(object.bbox.width().max(object.bbox.height()));
-            match share >= LEAST_INSIDE && side >= how.least_side_px {
+            match share >= LEAST_INSIDE && longer_side(&object.bbox) >= how.least_side_px {
                 true => truth.objects.push(Object { bbox, class: object.class }),
                 false => truth.ignored.push(bbox),
             }
@@ -285,6 +294,11 @@ impl LabelledPicture {
         truth.ignored.extend(self.truth.ignored.iter().filter_map(|bbox| Some(inside(bbox)?.0)));
         truth
     }
+}
+
+/// Width or height of a box, whichever is more, pixels.
+fn longer_side(bbox: &BBox) -> f64 {
+    f64::from(bbox.width().max(bbox.height()))
 }
 
 /// What groups a picture with others of the same film.

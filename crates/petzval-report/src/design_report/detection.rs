@@ -9,7 +9,7 @@ use maud::{Markup, html};
 use super::view::{CameraDetection, DetectionView, Mistake, Range, Report, camera_colour};
 use crate::number;
 use crate::page::{caption, figure};
-use crate::plot::{Chart, Series, chart_svg};
+use crate::plot::{Axes, Chart, Series, chart_svg};
 use crate::table::{Column, Row, Table};
 use crate::{palette, png};
 
@@ -99,7 +99,7 @@ fn precision_recall(report: &Report, view: &DetectionView, class: &str) -> Chart
         series: view.cameras.iter().enumerate().filter_map(series).collect(),
         marks: Vec::new(),
         smooth: false,
-        from_zero: true,
+        axes: Axes::Shares,
     }
 }
 

@@ -18,7 +18,7 @@ use crate::layout::{CrossSection, Extent};
 use crate::number;
 use crate::page::{Page, Section, caption, facts, figure, section, with_contents};
 use crate::palette;
-use crate::plot::{Chart, Series, chart_svg};
+use crate::plot::{Axes, Chart, Series, chart_svg};
 use crate::prescription::{first_order_line, prescription};
 
 /// Width of a layout drawing, px.
@@ -167,7 +167,7 @@ pub(crate) fn over_the_field(report: &Report) -> Markup {
             series: series.collect(),
             marks: Vec::new(),
             smooth: false,
-            from_zero: true,
+            axes: Axes::FromZero,
         }))
     };
     html! {
@@ -214,7 +214,7 @@ fn loss_chart(group: &[&LossCurve], report: &Report) -> Chart {
         series: series.collect(),
         marks: Vec::new(),
         smooth: true,
-        from_zero: false,
+        axes: Axes::OfData,
     }
 }
 

@@ -62,9 +62,19 @@ pub struct Chart {
     pub marks: Vec<Mark>,
     /// Noisy data: a thick smoothed line over the faint data.
     pub smooth: bool,
-    /// Whether the vertical axis begins at zero. Otherwise it spans the data, and is logarithmic where they span more than a
-    /// decade.
-    pub from_zero: bool,
+    /// What the axes span.
+    pub axes: Axes,
+}
+
+/// What the axes of a chart span. The horizontal one spans the data and the marks, unless something else is said.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Axes {
+    /// The vertical one the data; it is logarithmic where they span more than a decade.
+    OfData,
+    /// The vertical one from zero to the data.
+    FromZero,
+    /// Both from 0 to 1, whatever the data span, so that charts can be compared by eye.
+    Shares,
 }
 
 /// The chart as a stand-alone SVG picture; a chart without finite data says so.
@@ -73,19 +83,12 @@ pub fn chart_svg(chart: &Chart) -> String {
     let points = || series.iter().flat_map(|s| s.points.iter());
     let marks: Vec<&Mark> = chart.marks.iter().filter(|mark| mark.at.is_finite()).collect();
     let across = points().map(|p| p.0).chain(marks.iter().map(|mark| mark.at));
-    let Some((x, y)) = super::span(across).zip(super::span(points().map(|p| p.1))) else {
+    let Some((across, up)) = super::span(across).zip(super::span(points().map(|p| p.1))) else {
         return without_data(&chart.alt, WIDTH_PX).svg();
     };
-    let y = vertical_axis(chart.from_zero, y);
+    let (x, y) = chart.axes.over(across, up);
     let left = Frame::names_width(&y);
-    let frame = Frame {
-        left,
-        top: ABOVE_PX,
-        width: WIDTH_PX - left - RIGHT_PX,
-        height: FIELD_PX,
-        x: Axis::between(x.0, if x.1 > x.0 { x.1 } else { x.0 + 1.0 }, 6),
-        y,
-    };
+    let frame = Frame { left, top: ABOVE_PX, width: WIDTH_PX - left - RIGHT_PX, height: FIELD_PX, x, y };
     // On a logarithmic axis smooth the logarithms, so that the line runs through the middle of the visible points.
     let is_logarithmic = frame.y.is_logarithmic();
     let mut curves: Vec<Curve> =
@@ -149,17 +152,23 @@ fn finite(series: &Series) -> Series {
     Series { points: series.points.iter().filter(is_finite).copied().collect(), ..series.clone() }
 }
 
-/// The vertical axis over values from the lowest to the highest, with a margin around them.
-fn vertical_axis(from_zero: bool, (low, high): (f64, f64)) -> Axis {
-    if from_zero {
-        return Axis::between(low.min(0.0), if high > 0.0 { 1.08 * high } else { 1.0 }, 5);
+impl Axes {
+    /// The horizontal and the vertical axis over data from the lowest to the highest.
+    fn over(self, across: (f64, f64), (low, high): (f64, f64)) -> (Axis, Axis) {
+        let x = Axis::between(across.0, if across.1 > across.0 { across.1 } else { across.0 + 1.0 }, 6);
+        match self {
+            Self::Shares => (Axis::between(0.0, 1.0, 6), Axis::between(0.0, 1.0, 5)),
+            Self::FromZero => (x, Axis::between(low.min(0.0), if high > 0.0 { 1.08 * high } else { 1.0 }, 5)),
+            Self::OfData if low > 0.0 && high > 10.0 * low => {
+                let air = (high / low).powf(0.06);
+                (x, Axis::ratios(low / air, high * air))
+            }
+            Self::OfData => {
+                let air = if high > low { 0.06 * (high - low) } else { 0.5 * high.abs().max(1e-3) };
+                (x, Axis::between(low - air, high + air, 5))
+            }
+        }
     }
-    if low > 0.0 && high > 10.0 * low {
-        let air = (high / low).powf(0.06);
-        return Axis::ratios(low / air, high * air);
-    }
-    let air = if high > low { 0.06 * (high - low) } else { 0.5 * high.abs().max(1e-3) };
-    Axis::between(low - air, high + air, 5)
 }
 
 #[cfg(test)]
@@ -179,7 +188,7 @@ mod tests {
             }],
             marks: Vec::new(),
             smooth: true,
-            from_zero: false,
+            axes: Axes::OfData,
         }
     }
 
@@ -196,9 +205,20 @@ mod tests {
 
     #[test]
     fn a_decade_makes_the_axis_logarithmic() {
-        let is_logarithmic = |values| vertical_axis(false, values).is_logarithmic();
-        assert!(!is_logarithmic((1.0, 9.0)) && is_logarithmic((1.0, 11.0)));
-        assert!(!is_logarithmic((0.0, 11.0)) && !vertical_axis(true, (1.0, 11.0)).is_logarithmic());
+        let is_logarithmic = |axes: Axes, values| axes.over((0.0, 1.0), values).1.is_logarithmic();
+        assert!(!is_logarithmic(Axes::OfData, (1.0, 9.0)) && is_logarithmic(Axes::OfData, (1.0, 11.0)));
+        assert!(!is_logarithmic(Axes::OfData, (0.0, 11.0)) && !is_logarithmic(Axes::FromZero, (1.0, 11.0)));
+    }
+
+    #[test]
+    fn axes_of_shares_do_not_depend_on_the_data() {
+        let ends = |axes: Axes| {
+            let (x, y) = axes.over((0.3, 0.8), (0.4, 0.9));
+            [x.low, x.high, y.low, y.high]
+        };
+        assert_eq!(ends(Axes::Shares), [0.0, 1.0, 0.0, 1.0]);
+        assert_eq!(ends(Axes::FromZero)[..2], [0.3, 0.8]);
+        assert_eq!(ends(Axes::FromZero)[2], 0.0);
     }
 
     #[test]

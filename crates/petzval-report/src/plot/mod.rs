@@ -20,7 +20,7 @@ mod text;
 
 pub(crate) use axis::{Axis, round_up, span};
 pub use bars::{Bar, BarChart, BarKey, bars_svg};
-pub use chart::{Chart, Mark, Series, chart_svg};
+pub use chart::{Axes, Chart, Mark, Series, chart_svg};
 pub(crate) use frame::{Frame, Names};
 pub(crate) use key::{Key, KeyLine};
 pub(crate) use marker::Marker;

@@ -39,7 +39,7 @@ pub fn table(statistics: &Statistics, defects: &[Defect]) -> String {
             Severity::Error => "error",
             Severity::Warning => "note",
         };
-        text += &format!("\n{kind}, {} times: {}\n", defect.count, defect.kind.sentence());
+        text += &format!("\n{kind}, {}: {}\n", defect.times(), defect.kind.sentence());
         text += &format!("  hint: {}\n", defect.kind.hint());
         defect.worst.iter().for_each(|worst| text += &format!("  worst: {worst}\n"));
         defect.first.iter().for_each(|first| text += &format!("  {first}\n"));
