@@ -61,7 +61,7 @@ fn a_converted_data_set_is_checked_and_shown() {
     write(root, "out/images/train/a.jpg", "no picture");
     let broken = run(root, &["data", "check", "out"]);
     assert_eq!(broken.code, Some(2));
-    for words in ["1 pictures, 2 boxes", "error, 1 times: The file of a picture cannot be decoded", "a.jpg"] {
+    for words in ["1 pictures, 2 boxes", "error, once: The file of a picture cannot be decoded", "a.jpg"] {
         assert!(broken.stdout.contains(words), "{words}\n{}", broken.stdout);
     }
 }
