@@ -11,7 +11,9 @@ use super::terminal::{Terminal, print_json};
 /// Put finished runs on one page: tables with means over seeds, the share of the gap to perfect optics that is closed, the figures of the
 /// paper, lenses, curves and the same pictures by every camera.
 ///
-/// Runs that differ in their seeds alone are taken together. The tables are printed in Markdown.
+/// Runs that differ in their seeds alone are taken together: every score has a mean and a standard deviation over the seeds, and so have the
+/// differences between cameras of the same seed. The tables are printed in Markdown. Ranges of scores that come from drawing windows anew are in
+/// the report of each run.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Folders of finished runs

@@ -13,7 +13,8 @@ use super::terminal::{EXIT_STOPPED, Terminal};
 
 /// Design lens and network together, and compare with two controls.
 ///
-/// The built-in experiment compares three variants: the nominal lens, a lens optimised for its RMS spot alone, and lens
+/// `petzval experiment list` names the built-in experiments, among them those that look for pedestrians, vehicles and traffic lights. The one that
+/// runs without a name compares three variants: the nominal lens, a lens optimised for its RMS spot alone, and lens
 /// and network designed together. All get the same number of network steps on the same photographs in the same order,
 /// at the same focal length, f-number, field of view and exposure. The run folder holds the resolved experiment, every
 /// step, checkpoints, the lenses, held-out pictures, metrics.json and report.html.
@@ -40,7 +41,8 @@ pub struct Args {
     /// Folder of pictures to use in place of the built-in photographs; every fourth, by name, is held out
     #[arg(long, value_name = "DIR")]
     photos: Option<PathBuf>,
-    /// Folder of pictures with boxes in COCO format, in which objects are to be found in place of generated streets; see `petzval data`
+    /// Folder of pictures with boxes in COCO format, in which objects are to be found in place of generated streets; see `petzval data`. The part
+    /// `train` trains and the others are held out, or every fifth sequence where no parts are named
     #[arg(long, value_name = "DIR", conflicts_with = "photos")]
     data: Option<PathBuf>,
     /// N in place of the experiment's `training.steps`, or of its `isp.steps` where a hardware ISP makes pictures for people; all other steps follow in

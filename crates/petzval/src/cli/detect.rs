@@ -48,7 +48,7 @@ pub struct Args {
     /// Pixels to which the shorter side of a picture is scaled for the weights
     #[arg(long, default_value_t = 800, value_name = "PIXELS", requires = "weights", conflicts_with = "run")]
     shorter_side: usize,
-    /// Most pixels of its longer side then
+    /// Most pixels that its longer side may have after that
     #[arg(long, default_value_t = 1333, value_name = "PIXELS", requires = "weights", conflicts_with = "run")]
     longer_side: usize,
     /// Least score of a detection that is printed and drawn; average precision and recall are of all
