@@ -26,17 +26,18 @@ use crate::camera::{Camera, ChipValues, Shot};
 use crate::error::DesignError;
 use crate::experiment::PERFECT_LENS;
 use crate::parts::PartInputs;
+use crate::requirements::FieldOfView;
 use crate::run::{
     CameraMetrics, Event, EventLog, Kept, Metrics, RunFolder, RunRecord, forget_most_memory,
     latest_checkpoint, load_blocks, save_blocks, save_checkpoint, write_file,
 };
 use crate::run_progress::SCORE;
 use crate::run_report::camera_lens;
-use crate::scenes::Eye;
+use crate::scenes::{Eye, Scenes};
 use crate::scoring::{Scorer, collect_metrics};
 use crate::seen_windows::{self, SeenWindow};
 use crate::setup::Setup;
-use crate::shots::{items_of, training_shots, validation_shots};
+use crate::shots::{items_of, magnified_shots, training_shots, validation_shots};
 use crate::validation::{Course, VALIDATION, Validations, validation_loss};
 use crate::variant::{LensGoal, LensSearch, Schedule, Stage, Variant, turn_of};
 
@@ -451,7 +452,8 @@ impl DesignLoop {
             }
             _ => self.camera(variant, moves)?,
         };
-        let shots = training_shots(&self.setup, &camera, self.batch_number(moves, block, taken))?;
+        let number = self.batch_number(moves, block, taken);
+        let shots = training_shots(&self.setup, &camera, number)?;
         // A network behind the ISP needs no gradient by it, nor does a search: they see the pictures that will be scored.
         let needs_none = block == BlockName::Network || rule.method == StepMethod::Evolution;
         let camera = match needs_none && camera.body().chip.is_some() {
@@ -464,8 +466,19 @@ impl DesignLoop {
         };
         let setup = self.setup.clone();
         let further = |number: u64| training_shots(&setup, &camera, number);
+        let magnified = |by: f64| magnified_shots(&setup, &camera, number, by);
+        let is_magnified = block == BlockName::Optics
+            && variant.field == FieldOfView::Free
+            && setup.scenes.as_ref().is_some_and(Scenes::follow_the_lens);
         let noise = self.noise(variant);
-        let batch = Batch { camera: &camera, shots: &shots, noise, loss: &loss, further: &further };
+        let batch = Batch {
+            camera: &camera,
+            shots: &shots,
+            noise,
+            loss: &loss,
+            further: &further,
+            magnified: is_magnified.then_some(&magnified),
+        };
         let next = self.next_batch(moves, block);
         let moving = self.blocks.get_mut(block);
         let losses = beside_windows(&setup, &camera, next, || moving.step(&batch, rule))?;

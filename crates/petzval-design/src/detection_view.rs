@@ -37,6 +37,7 @@ pub(crate) fn detection_view(
     let classes = setup.experiment.task.classes();
     // The ceiling is no baseline.
     let Some(baseline) = cameras.iter().find(|c| !c.is_ceiling).or(cameras.first()) else { return Ok(None) };
+    let design = cameras.iter().rfind(|c| !c.is_ceiling).unwrap_or(baseline);
     let groups: Vec<ObjectScore> =
         object_scores(classes).into_iter().filter(|score| score.about.name.starts_with(SHOWN)).collect();
     let view = |seen: &Seen| -> Result<CameraDetection, DesignError> {
@@ -58,10 +59,8 @@ pub(crate) fn detection_view(
             camera: seen.camera.to_owned(),
             curves: (0..classes.len()).filter_map(curve).collect(),
             groups: groups.par_iter().filter_map(group).collect(),
-            against_baseline: match seen.camera == baseline.camera {
-                true => None,
-                false => difference(baseline, seen, classes.len()),
-            },
+            against_baseline: difference(baseline, seen, classes.len()),
+            design_against: difference(seen, design, classes.len()),
             ap50_at_stages: Stage::ALL.map(|stage| seen.ap50_at(stage, classes.len())),
             lost: seen.lost(),
             misses: seen.misses(run, classes)?,
@@ -70,6 +69,7 @@ pub(crate) fn detection_view(
     };
     Ok(Some(DetectionView {
         baseline: baseline.camera.to_owned(),
+        design: design.camera.to_owned(),
         windows: baseline.windows.len(),
         cameras: cameras.iter().map(view).collect::<Result<_, _>>()?,
     }))
@@ -162,9 +162,9 @@ fn ranking(judged: &[Picture], classes: usize) -> Ranking {
 /// A mistake: what it is ranked by, its box and its class.
 type Ranked = (f32, BBox, usize);
 
-/// The AP50 of a camera less that of the baseline; both see the same draws of the windows, those of one film together.
+/// The AP50 of a camera less that of another one; both see the same draws of the windows, those of one film together. None for a camera and itself.
 fn difference(baseline: &Seen, camera: &Seen, classes: usize) -> Option<Range> {
-    if baseline.windows.len() != camera.windows.len() {
+    if baseline.camera == camera.camera || baseline.windows.len() != camera.windows.len() {
         return None;
     }
     let rankings = [baseline, camera].map(|seen| seen.ranking(classes));

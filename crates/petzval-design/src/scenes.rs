@@ -60,12 +60,19 @@ pub struct Eye<'a> {
     lens: Option<&'a Lens>,
     /// Brightness of the image, against that of the experiment's lens.
     light: f64,
+    /// Size of the image, against that of the lens.
+    magnification: f64,
 }
 
 impl<'a> Eye<'a> {
     /// That of a camera.
     pub fn of(camera: &'a Camera) -> Self {
-        Self { lens: camera.psfs().lens(), light: camera.light() }
+        Self { lens: camera.psfs().lens(), light: camera.light(), magnification: 1.0 }
+    }
+
+    /// The same, with an image that is so many times as large.
+    pub fn magnified(self, by: f64) -> Self {
+        Self { magnification: by * self.magnification, ..self }
     }
 }
 
@@ -134,6 +141,11 @@ impl Scenes {
             moving: Mutex::default(),
             scored: Mutex::default(),
         })
+    }
+
+    /// Whether what a camera sees of the scenes depends on the focal length of its lens. Pictures of a folder keep the geometry that they have.
+    pub fn follow_the_lens(&self) -> bool {
+        matches!(self.source, Source::Streets(_))
     }
 
     /// What identifies the scenes: of a folder its pictures and boxes; streets follow from the experiment and the version of the program.
@@ -239,13 +251,19 @@ impl Scenes {
             Source::Streets(plan) => {
                 let lens = eye.lens.ok_or(DesignError::NoLens)?;
                 let view = self.view(lens, eye.light, &mut kept)?;
-                if let Some(window) = kept.windows.get(&(list, number)) {
-                    return Ok(window.clone());
-                }
                 let families = match list {
                     List::HeldOut => self.config.held_out_families,
                     _ => self.config.families,
                 };
+                if eye.magnification != 1.0 {
+                    // Seen once, and not kept.
+                    let view = view.magnified(eye.magnification)?;
+                    let window = plan.window(list, families, number, [&view, &self.reference], &crops)?;
+                    return Ok(Arc::new(window));
+                }
+                if let Some(window) = kept.windows.get(&(list, number)) {
+                    return Ok(window.clone());
+                }
                 plan.window(list, families, number, [&view, &self.reference], &crops)?
             }
             Source::Pictures(pictures, how) => {

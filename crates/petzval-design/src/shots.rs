@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use crate::camera::{Camera, Shot, crop_window};
 use crate::error::DesignError;
-use crate::scenes::{Eye, List};
+use crate::scenes::{Eye, List, Scenes};
 use crate::setup::Setup;
 
 /// The number of the first validation window: beyond those of all steps, and of all that blocks learn besides.
@@ -21,8 +21,7 @@ const FIRST_VALIDATION: u64 = 1 << 42;
 pub fn training_shots(setup: &Setup, camera: &Camera, step: u64) -> Result<Vec<Shot>, DesignError> {
     let training = &setup.experiment.training;
     if let Some(scenes) = &setup.scenes {
-        let eye = Eye::of(camera);
-        return items_of(setup, step).map(|item| scenes.training_shot(eye, item)).collect();
+        return scene_shots(setup, scenes, Eye::of(camera), step);
     }
     // A window depends on its numbers alone, and a generated one takes milliseconds: they are made side by side.
     (0..training.batch as u32)
@@ -39,6 +38,19 @@ pub fn training_shots(setup: &Setup, camera: &Camera, step: u64) -> Result<Vec<S
             Ok(shot)
         })
         .collect()
+}
+
+/// The training windows of a step as a camera would see them if its lens were another one like it, whose image is so many times as large. Only
+/// streets change by that.
+pub fn magnified_shots(setup: &Setup, camera: &Camera, step: u64, by: f64) -> Result<Vec<Shot>, DesignError> {
+    match &setup.scenes {
+        Some(scenes) => scene_shots(setup, scenes, Eye::of(camera).magnified(by), step),
+        None => training_shots(setup, camera, step),
+    }
+}
+
+fn scene_shots(setup: &Setup, scenes: &Scenes, eye: Eye, step: u64) -> Result<Vec<Shot>, DesignError> {
+    items_of(setup, step).map(|item| scenes.training_shot(eye, item)).collect()
 }
 
 /// The windows of a step by their numbers in the run.

@@ -22,14 +22,18 @@ use petzval_design::error::DesignError;
 use petzval_design::experiment::{Experiment, VariantConfig};
 use petzval_design::inputs::keep_inputs;
 use petzval_design::psf_plan::PsfPlan;
-use petzval_design::run::{Metrics, RunFolder};
+use petzval_design::requirements::FieldOfView;
+use petzval_design::run::{Kept, Metrics, RunFolder, load_blocks};
 use petzval_design::scoring::Scorer;
 use petzval_design::seen_windows::{SeenWindow, Stage};
 use petzval_design::setup::Setup;
-use petzval_design::shots::{HeldOut, held_out_shots, training_shots};
+use petzval_design::shots::{HeldOut, held_out_shots, magnified_shots, training_shots};
 use petzval_learn::Device;
+use petzval_learn::dataset::{List, StreetPlan, StreetView};
 use petzval_learn::detection::{BBox, Object, Truth};
 use petzval_learn::objective::{Labels, NamedLoss, Taken};
+use petzval_optics::paraxial::image_height_per_tangent;
+use petzval_optics::pupil::chief_ray;
 
 /// An experiment that runs in seconds.
 const TINY: &str = r#"
@@ -119,6 +123,80 @@ fn windows_are_seen_through_the_chief_rays_of_the_lens() {
     let long = assets.import("cooke-triplet-image-quality-software-isp").unwrap().file.lens;
     let long = training_shots(&setup, &setup.camera(long, true).unwrap(), 0).unwrap();
     assert!(shots.iter().zip(&long).all(|(a, b)| a.scene != b.scene));
+}
+
+#[test]
+fn boxes_lie_where_chief_rays_that_are_traced_land() {
+    let setup = setup("[[variant]]\nname = \"a\"\n[[variant.stage]]\nmoves = [\"network\"]\n");
+    let lens = setup.nominal().lens_file.lens.clone();
+    let camera = setup.camera(lens.clone(), true).unwrap();
+    let (config, crops) = (&setup.experiment.street, &setup.scoring_crops);
+    let plan = StreetPlan {
+        seed: 1,
+        light: config.light,
+        busy: config.busy,
+        wanted: setup.experiment.task.wanted(),
+        white_cd_m2: config.white_cd_m2,
+        samples: config.samples,
+        on_objects: config.on_objects,
+        least_side_px: config.least_side_px,
+        least_visible: config.least_visible,
+    };
+    // From the angle to the place, where the program goes from the place to the angle. The corner is at 15.8 degrees; this lens has 6 % distortion.
+    let sequence = lens.at_wavelength(lens.reference_um);
+    let angles: Vec<f64> = (0..=64).map(|i| f64::from(i) * 0.276 / 64.0).collect();
+    let pixel_mm = 1e-3 * setup.body.sensor.pixel_um;
+    let radii = |height: &dyn Fn(f64) -> f64| -> Vec<f64> {
+        angles.iter().map(|angle| if *angle > 0.0 { height(*angle) / pixel_mm } else { 0.0 }).collect()
+    };
+    let traced = radii(&|angle| chief_ray(&sequence, angle).unwrap().y_mm);
+    let straight = radii(&|angle| image_height_per_tangent(&sequence) * angle.tan());
+    let view =
+        |radii: &[f64]| StreetView::new(radii, &angles, [crops.sensor_rows, crops.sensor_columns]).unwrap();
+    let boxes = |radii: &[f64], number: u64| {
+        let view = view(radii);
+        let window =
+            plan.window(List::HeldOut, config.held_out_families, number, [&view, &view], crops).unwrap();
+        (window.at, window.truth.objects)
+    };
+    let (mut compared, mut distorted) = (0, false);
+    for (number, shot) in (0..).zip(held_out_shots(&setup, &camera, &|_| true).unwrap()) {
+        let found = shot.shot.truth.objects;
+        let (_, expected) = boxes(&traced, number);
+        assert_eq!(found.len(), expected.len());
+        for (a, b) in found.iter().zip(&expected) {
+            let off = (a.bbox.x1 - b.bbox.x1).abs().max((a.bbox.y2 - b.bbox.y2).abs());
+            assert!(a.class == b.class && off < 0.1, "{number}: {a:?} {b:?}");
+            compared += 1;
+        }
+        // A lens of the same focal length without distortion would show them elsewhere.
+        let [there, here] = [boxes(&straight, number), boxes(&traced, number)];
+        distorted |= there.0.iter().zip(here.0).any(|(a, b)| a.abs_diff(b) > 2);
+    }
+    assert!(compared > 2 && distorted, "{compared} boxes");
+}
+
+#[test]
+fn a_detector_leads_the_isp_by_a_network_in_its_place_or_as_a_black_box() {
+    let more = "[isp]\npreset = \"real-time\"\nvary = [\"sharpen\"]\nsteps = 3\nproxy_warm_up = 2\nproxy_steps = 1\n\
+        [[variant]]\nname = \"by-proxy\"\n\
+        [[variant.stage]]\nmoves = [\"isp\"]\nschedule.isp = { method = \"proxy\", steps = 4 }\n\
+        [[variant.stage]]\nmoves = [\"optics\", \"isp\"]\nschedule.isp = { method = \"proxy\", steps = 2 }\n\
+        [[variant]]\nname = \"by-evolution\"\n\
+        [[variant.stage]]\nmoves = [\"isp\", \"network\"]\nschedule.isp = { method = \"evolution\", steps = 2 }\n";
+    let setup = Arc::new(setup(more));
+    let folder = tempfile::tempdir().unwrap();
+    let (run, metrics) = finished(&setup, folder.path());
+    let start = setup.isp().unwrap().values();
+    for (row, steps) in metrics.rows.iter().zip([6, 2]) {
+        assert_eq!(row.isp_steps, steps);
+        let mut isp = setup.isp().unwrap();
+        load_blocks(&run.camera(&row.camera), [&mut isp as _], Kept::Numbers).unwrap();
+        assert!(isp.values() != start, "{}: the parameters stay", row.camera);
+        assert!(row.scores["ap50"].is_finite());
+    }
+    let lens = petzval_design::run_report::camera_lens(&run, "by-proxy").unwrap().lens;
+    assert!(lens != setup.nominal().lens_file.lens, "the loss reaches the lens through the network");
 }
 
 #[test]
@@ -276,6 +354,79 @@ fn what_a_detector_looks_at_has_its_conditions() {
 }
 
 #[test]
+fn a_lens_that_may_magnify_knows_what_that_does_to_the_loss() {
+    let more = "[detector]\nkind = \"fcos\"\n\
+        [[variant]]\nname = \"a\"\nfield = \"free\"\n[[variant.stage]]\nmoves = [\"optics\", \"network\"]\n";
+    let setup = setup(more);
+    let start = setup.start(&setup.variants[0]).clone();
+    let x = start.space.start().to_vec();
+    let network = setup.network().unwrap().held();
+    let camera = setup.camera(start.space.lens_at(&x).unwrap(), true).unwrap().with_network(network);
+    let (step, noise) = (1, Noise { mode: NoiseMode::Off, seed: 1 });
+    let shots = training_shots(&setup, &camera, step).unwrap();
+
+    // Magnified scenes are the same objects in larger boxes, and nothing else is drawn.
+    let magnified = |by: f64| magnified_shots(&setup, &camera, step, by);
+    let same = magnified(1.0).unwrap();
+    assert!(shots.iter().zip(&same).all(|(a, b)| a.scene == b.scene && a.truth == b.truth));
+    let larger = magnified(1.05).unwrap();
+    let pairs = shots.iter().zip(&larger).flat_map(|(a, b)| a.truth.objects.iter().zip(&b.truth.objects));
+    // An object that an edge of the window cuts off does not grow.
+    let inside = |o: &Object| o.bbox.x1 > 0.5 && o.bbox.y1 > 0.5 && o.bbox.x2 < 95.5 && o.bbox.y2 < 95.5;
+    let whole: Vec<_> = pairs.filter(|(a, b)| inside(a) && inside(b)).collect();
+    assert!(!whole.is_empty());
+    for (a, b) in whole {
+        assert_eq!(a.class, b.class);
+        for (before, after) in [(a.bbox.width(), b.bbox.width()), (a.bbox.height(), b.bbox.height())] {
+            assert!((after / before - 1.05).abs() < 0.02, "{a:?} {b:?}");
+        }
+    }
+
+    // What the gradient has by way of the magnification is the difference of losses, times what the coordinates do to the focal length.
+    let objective = setup.objective().unwrap();
+    let loss = |camera: &Camera, frames: &Frames, shots: &[Shot]| -> Result<NamedLoss, DesignError> {
+        let labels = Labels::Objects(shots.iter().map(|shot| shot.truth.clone()).collect());
+        let taken = Taken { frames, detector: camera.detector(), seed: 3 };
+        Ok(objective.loss(&taken, &labels)?)
+    };
+    let further = |_: u64| Ok(Vec::new());
+    let batch = |magnified| Batch {
+        camera: &camera,
+        shots: &shots,
+        noise,
+        loss: &loss,
+        further: &further,
+        magnified,
+    };
+    let block = OpticsBlock::new(start.clone(), 0.0).with_field(FieldOfView::Free);
+    let [with, without] = [Some(&magnified as _), None].map(|m| block.gradient(&batch(m)).unwrap().1);
+    let value = |by: f64| {
+        let shots = magnified(by).unwrap();
+        let frames = camera.take(&shots, &noise).unwrap();
+        loss(&camera, &frames, &shots).unwrap().parts.last().unwrap().1
+    };
+    let slope = (value(1.02) - value(0.98)) / (1.02_f64 / 0.98).ln();
+    assert!(slope != 0.0);
+    let log_height = |x: &[f64]| {
+        let lens = start.space.lens_at(x).unwrap();
+        image_height_per_tangent(&lens.at_wavelength(lens.reference_um)).ln()
+    };
+    let mut largest = 0.0_f64;
+    for i in 0..x.len() {
+        let at = |step: f64| {
+            let mut x = x.clone();
+            x[i] += step;
+            log_height(&x)
+        };
+        let expected = slope * (at(1e-5) - at(-1e-5)) / 2e-5;
+        let found = with[i] - without[i];
+        largest = largest.max(expected.abs());
+        assert!((found - expected).abs() < 1e-3 * slope.abs(), "{i}: {found} {expected}");
+    }
+    assert!(largest > 0.01 * slope.abs(), "no coordinate changes the focal length");
+}
+
+#[test]
 fn a_detectors_loss_has_its_gradient_by_the_lens() {
     let more = "[development]\ndemosaic = \"bilinear\"\ndomain = \"linear\"\nrestore = false\n\
         [detector]\nkind = \"fcos\"\n\
@@ -319,7 +470,14 @@ fn a_detectors_loss_has_its_gradient_by_the_lens() {
     };
     let shots = [shot(100, 200), shot(1000, 1700)];
     let noise = Noise { mode: NoiseMode::Off, seed: 1 };
-    let batch = Batch { camera: &here, shots: &shots, noise, loss: &loss, further: &|_| Ok(Vec::new()) };
+    let batch = Batch {
+        camera: &here,
+        shots: &shots,
+        noise,
+        loss: &loss,
+        further: &|_| Ok(Vec::new()),
+        magnified: None,
+    };
     let block = OpticsBlock::new(nominal.clone(), 0.0);
     let (_, by_x) = block.gradient(&batch).unwrap();
     let norm = by_x.iter().map(|g| g * g).sum::<f64>().sqrt();

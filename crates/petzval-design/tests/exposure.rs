@@ -75,8 +75,14 @@ fn steps(setup: &Setup, block: &mut ExposureBlock, count: usize) -> [f64; 2] {
         .map(|step| {
             let camera = camera.exposed_as(&block.exposure());
             let (loss, further) = (loss_of, |_| Ok(Vec::new()));
-            let batch =
-                Batch { camera: &camera, shots: &shots, noise: NOISE, loss: &loss, further: &further };
+            let batch = Batch {
+                camera: &camera,
+                shots: &shots,
+                noise: NOISE,
+                loss: &loss,
+                further: &further,
+                magnified: None,
+            };
             let rate = 0.06 * (1.0 - step as f64 / count as f64);
             block.step(&batch, rule(rate)).unwrap()["total"]
         })
@@ -125,7 +131,14 @@ fn a_stage_goes_on_with_the_same_bits() {
     let step = |block: &mut ExposureBlock| {
         let camera = camera.exposed_as(&block.exposure());
         let (loss, further) = (loss_of, |_| Ok(Vec::new()));
-        let batch = Batch { camera: &camera, shots: &shots, noise: NOISE, loss: &loss, further: &further };
+        let batch = Batch {
+            camera: &camera,
+            shots: &shots,
+            noise: NOISE,
+            loss: &loss,
+            further: &further,
+            magnified: None,
+        };
         block.step(&batch, rule(0.05)).unwrap()
     };
     let mut whole = setup.exposure();

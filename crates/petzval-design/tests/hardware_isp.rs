@@ -60,8 +60,14 @@ fn the_gradient_by_parameters_and_lens_is_that_of_differences() {
     let isp = setup.isp().unwrap();
     let held = camera.with_chip(isp.held(&camera.body().device));
     let loss = loss_of;
-    let batch =
-        Batch { camera: &held, shots: &shots, noise: QUIET, loss: &loss, further: &|_| Ok(Vec::new()) };
+    let batch = Batch {
+        camera: &held,
+        shots: &shots,
+        noise: QUIET,
+        loss: &loss,
+        further: &|_| Ok(Vec::new()),
+        magnified: None,
+    };
     let (losses, by_place) = isp.gradient(&batch).unwrap();
     assert!((losses["total"] / value(&held, &shots) - 1.0).abs() < 1e-5);
     assert_eq!(by_place.len(), isp.free_numbers());
@@ -133,8 +139,14 @@ fn steps_by_the_smooth_form_improve_the_pictures_of_the_chip() {
     assert!((before.0 / before.1 - 1.0).abs() < 0.02, "{before:?}");
     isp.begin_stage(true);
     for _ in 0..25 {
-        let batch =
-            Batch { camera: &camera, shots: &shots, noise: QUIET, loss: &loss, further: &|_| Ok(Vec::new()) };
+        let batch = Batch {
+            camera: &camera,
+            shots: &shots,
+            noise: QUIET,
+            loss: &loss,
+            further: &|_| Ok(Vec::new()),
+            magnified: None,
+        };
         isp.step(&batch, rule(StepMethod::Gradient)).unwrap();
     }
     let after = (on_chip(&isp), smooth(&isp));
@@ -158,8 +170,14 @@ fn the_chip_is_improved_without_its_gradient_and_a_search_continues_with_the_sam
     let camera = setup.camera(setup.nominal().lens_file.lens.clone(), true).unwrap();
     let shots = training_shots(&setup, &camera, 0).unwrap();
     let loss = loss_of;
-    let batch =
-        || Batch { camera: &camera, shots: &shots, noise: QUIET, loss: &loss, further: &|_| Ok(Vec::new()) };
+    let batch = || Batch {
+        camera: &camera,
+        shots: &shots,
+        noise: QUIET,
+        loss: &loss,
+        further: &|_| Ok(Vec::new()),
+        magnified: None,
+    };
     let on_chip = |isp: &IspBlock| value(&camera.with_chip(ChipValues::Exact(isp.values())), &shots);
     let (mut isp, mut losses) = (setup.isp().unwrap(), Vec::new());
     let before = on_chip(&isp);
@@ -193,7 +211,14 @@ fn a_network_that_imitates_the_chip_leads_it_and_the_lens_and_continues_with_the
     };
     let loss = |_: &Camera, frames: &Frames, _: &[Shot]| Ok(darkness(frames));
     let further = |number: u64| training_shots(&setup, &camera, number);
-    let batch = || Batch { camera: &camera, shots: &shots, noise: QUIET, loss: &loss, further: &further };
+    let batch = || Batch {
+        camera: &camera,
+        shots: &shots,
+        noise: QUIET,
+        loss: &loss,
+        further: &further,
+        magnified: None,
+    };
     let on_chip = |isp: &IspBlock| {
         let camera = camera.with_chip(ChipValues::Exact(isp.values()));
         darkness(&camera.take(&shots, &QUIET).unwrap()).parts[0].1
@@ -374,7 +399,14 @@ fn an_isp_outside_this_program_moves_by_evolution_and_leads_lens_and_itself_by_a
         Ok(NamedLoss { total, parts: vec![("total", value)] })
     };
     let further = |number: u64| training_shots(&setup, &camera, number);
-    let batch = || Batch { camera: &camera, shots: &shots, noise: QUIET, loss: &loss, further: &further };
+    let batch = || Batch {
+        camera: &camera,
+        shots: &shots,
+        noise: QUIET,
+        loss: &loss,
+        further: &further,
+        magnified: None,
+    };
     let by_itself = |isp: &IspBlock| {
         let camera = camera.with_chip(ChipValues::Exact(isp.values()));
         let frames = camera.take(&shots, &QUIET).unwrap();

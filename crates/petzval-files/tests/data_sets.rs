@@ -299,7 +299,12 @@ fn the_files_of_pictures_are_checked() {
 
     let mut loaded = load_coco(root).unwrap();
     assert_eq!(loaded.data, unsized_image);
-    check_pictures(&mut loaded);
+    let loaded_before = loaded.data.images.len();
+    let decoded = std::sync::Mutex::new(Vec::new());
+    check_pictures(&mut loaded, &|n| decoded.lock().unwrap().push(n));
+    let mut decoded = decoded.into_inner().unwrap();
+    decoded.sort_unstable();
+    assert_eq!(decoded, (1..=loaded_before).collect::<Vec<_>>());
     let left: Vec<&str> = loaded.data.images.iter().map(|image| image.file_name.as_str()).collect();
     assert_eq!(left, ["good.png", "none.png", "copy.png"]);
     assert_eq!((loaded.data.images[1].width, loaded.data.images[1].height), (40, 25));
@@ -316,6 +321,25 @@ fn the_files_of_pictures_are_checked() {
     assert_eq!(example(DefectKind::SizeNotStated), "none.png");
     assert_eq!(example(DefectKind::SamePicture), "good.png and copy.png");
     assert!(example(DefectKind::ClippedBox).contains("5.0 px over"));
+}
+
+#[test]
+fn a_picture_that_is_damaged_in_its_middle_is_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    let image =
+        |id, name: &str| Image { id, file_name: name.to_owned(), width: 40, height: 30, ..Image::default() };
+    let data = DataSet { images: vec![image(1, "whole.png"), image(2, "damaged.png")], ..DataSet::default() };
+    save_coco(&data, &root.join("annotations.json")).unwrap();
+    write_png(&root.join("whole.png"), 40, 30);
+    let mut bytes = std::fs::read(root.join("whole.png")).unwrap();
+    let pixels = bytes.windows(4).position(|chunk| chunk == b"IDAT").unwrap();
+    bytes[pixels + 9] ^= 0x10;
+    std::fs::write(root.join("damaged.png"), bytes).unwrap();
+    let mut loaded = load_coco(root).unwrap();
+    check_pictures(&mut loaded, &|_| ());
+    assert_eq!(loaded.data.images.len(), 1);
+    assert_eq!(loaded.defects.count(DefectKind::UnreadablePicture), 1);
 }
 
 #[test]

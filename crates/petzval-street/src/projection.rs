@@ -85,6 +85,12 @@ impl Projection {
         Self::new(radius, angle, rows, columns)
     }
 
+    /// The same with radii that are so many times as large, on as many pixels. `by` is positive.
+    pub fn magnified(&self, by: f64) -> Result<Self, StreetError> {
+        let radius_px = self.radius_px.iter().map(|r| by * r).collect();
+        Self::new(radius_px, self.angle_rad.clone(), self.rows, self.columns)
+    }
+
     /// Rows of the sensor.
     pub fn rows(&self) -> usize {
         self.rows

@@ -106,6 +106,9 @@ pub type LossOf<'a> =
 /// Training windows by number.
 pub type Further<'a> = dyn Fn(u64) -> Result<Vec<Shot>, DesignError> + 'a;
 
+/// The windows of a batch as a lens like that of its camera sees them, whose image is so many times as large.
+pub type Magnified<'a> = dyn Fn(f64) -> Result<Vec<Shot>, DesignError> + 'a;
+
 /// What a step of a block is taken on.
 pub struct Batch<'a> {
     /// The camera with every block held.
@@ -118,6 +121,8 @@ pub struct Batch<'a> {
     pub loss: &'a LossOf<'a>,
     /// Further training windows by number, for what a block learns besides.
     pub further: &'a Further<'a>,
+    /// The same windows magnified, if the lens may change how large it images them.
+    pub magnified: Option<&'a Magnified<'a>>,
 }
 
 impl Batch<'_> {

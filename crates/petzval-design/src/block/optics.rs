@@ -12,12 +12,14 @@ use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::Lens;
 use petzval_optics::merit::{Seen, lifted_normal_equations};
 use petzval_optics::optimize::{Analysis, LevenbergOptions, Search, SearchOptions, descend};
-use petzval_optics::paraxial::pull_back_log_brightness;
+use petzval_optics::paraxial::{image_height_per_tangent, pull_back_image_height, pull_back_log_brightness};
 use serde::{Deserialize, Serialize};
 
 use super::generations::{FirstGeneration, Generations, PointScore};
 use super::lifted::Lifted;
-use super::{Batch, Block, BlockName, BlockState, StepMethod, StepRule, Way, backward, named, parsed};
+use super::{
+    Batch, Block, BlockName, BlockState, Magnified, StepMethod, StepRule, Way, backward, named, parsed,
+};
 use crate::camera::{ByLens, Camera, PsfLeaves, Psfs, Shot, to_host};
 use crate::error::DesignError;
 use crate::lens_sampler::LensSampler;
@@ -46,6 +48,9 @@ fn tolerance(goal: LensGoal) -> f64 {
 
 /// First standard deviation of a search by CMA-ES, as a share of the range between the bounds of each number: lenses lie in narrow valleys.
 const FIRST_DEVIATION: f64 = 0.01;
+
+/// By how much scenes are magnified and reduced for the derivative of a loss by the magnification: about a pixel for an object of 60.
+const MAGNIFICATION_STEP: f64 = 0.02;
 
 /// Name of the loss itself among its parts.
 const TOTAL: &str = "total";
@@ -80,6 +85,8 @@ struct Slopes {
     by_drawn: Option<ByLens>,
     /// Of the loss, by way of the light that the lens gathers.
     by_light: LensGradient,
+    /// Of the loss, by way of the size at which the lens images the scenes, where it may change that.
+    by_magnification: LensGradient,
     /// The squares of violations of the requirements, mm^2, with their derivatives.
     violations: Vec<(f64, LensGradient)>,
 }
@@ -155,10 +162,13 @@ impl OpticsBlock {
     /// [taken for](Camera::taken_for) one with the lens as it stands.
     ///
     /// The gradient comes back on the tape through network, development, sensor and renderer as far as the PSFs, and from
-    /// there by the adjoint of ray tracing, or through the network that takes its place.
+    /// there by the adjoint of ray tracing, or through the network that takes its place. Where the batch can be magnified, the derivative by the
+    /// magnification is added, which is a difference of losses.
     pub fn gradient(&self, batch: &Batch) -> Result<(BTreeMap<String, f64>, Vec<f64>), DesignError> {
-        let Slopes { losses, by_psfs, by_drawn, by_light, violations } = self.slopes(batch)?;
+        let Slopes { losses, by_psfs, by_drawn, by_light, by_magnification, violations } =
+            self.slopes(batch)?;
         let mut directly = by_light;
+        directly += &by_magnification;
         for (_, by_square) in violations {
             directly += &by_square.scaled(self.constraint_weight);
         }
@@ -213,10 +223,17 @@ impl OpticsBlock {
             let by = f64::from(to_host(by)?[0]);
             pull_back_log_brightness(&lens.at_wavelength(lens.reference_um), by, &mut by_light);
         }
+        let mut by_magnification = LensGradient::zero(lens.surfaces.len());
+        if let Some(magnified) = batch.magnified {
+            let by_logarithm = slope_by_log_magnification(batch, magnified)?;
+            let sequence = lens.at_wavelength(lens.reference_um);
+            let by_height = by_logarithm / image_height_per_tangent(&sequence);
+            pull_back_image_height(&sequence, by_height, &mut by_magnification);
+        }
         let violations = self.start.requirements.violations(&lens, self.field)?;
         let penalty_mm2 = violations.iter().fold(0.0, |sum, (square, _)| sum + square);
         losses.insert(PENALTY.to_owned(), penalty_mm2);
-        Ok(Slopes { losses, by_psfs, by_drawn, by_light, violations })
+        Ok(Slopes { losses, by_psfs, by_drawn, by_light, by_magnification, violations })
     }
 
     /// Makes the spots, or the error after restoration, as small as the requirements allow, by Levenberg and Marquardt's method from the
@@ -277,7 +294,8 @@ impl OpticsBlock {
         batch: &Batch,
         rule: StepRule,
     ) -> Result<BTreeMap<String, f64>, DesignError> {
-        let Slopes { losses, by_psfs, by_drawn, by_light, violations } = self.slopes(batch)?;
+        let Slopes { losses, by_psfs, by_drawn, by_light, by_magnification, violations } =
+            self.slopes(batch)?;
         let (ByLens::Numbers(mut by_loss), Some(light)) = (by_psfs, batch.camera.psfs().light_gradients())
         else {
             return Err(DesignError::NoGradient("rays, which a network in place of tracing does not have"));
@@ -288,7 +306,9 @@ impl OpticsBlock {
             Some(_) => with_brightness(light, &lens),
             None => light,
         };
+        // The lift to the rays knows nothing of magnification: it is in the slopes alone.
         let mut by_all = by_loss.clone();
+        by_all += &by_magnification;
         for (_, by_square) in &violations {
             by_all += &by_square.clone().scaled(self.constraint_weight);
         }
@@ -358,7 +378,7 @@ impl OpticsBlock {
             let Some(violations) = unless_dark(self.start.requirements.violations(&lens, self.field))? else {
                 return Ok(None);
             };
-            let shots = seen_by(&camera, batch);
+            let shots = seen_by(&camera, batch)?;
             let frames = camera.take(&shots, &batch.noise)?;
             let mut losses = named(&(batch.loss)(&camera, &frames, &shots)?);
             let penalty_mm2: f64 = violations.iter().map(|(square, _)| square).sum();
@@ -420,17 +440,37 @@ fn unless_dark<T>(result: Result<T, DesignError>) -> Result<Option<T>, DesignErr
     }
 }
 
-/// The scenes of a batch as another camera sees them: those that were made for the light of the batch's camera follow that of its lens.
-fn seen_by<'s>(camera: &Camera, batch: &Batch<'s>) -> Cow<'s, [Shot]> {
-    if camera.body().same_time.is_none_or(|same| same.is_normalised) {
-        return Cow::Borrowed(batch.shots);
+/// The scenes of a batch as another camera sees them: those that were made for the magnification and the light of the batch's camera follow
+/// those of its lens.
+fn seen_by<'s>(camera: &Camera, batch: &Batch<'s>) -> Result<Cow<'s, [Shot]>, DesignError> {
+    let height = |camera: &Camera| {
+        let lens = camera.psfs().lens()?;
+        Some(image_height_per_tangent(&lens.at_wavelength(lens.reference_um)))
+    };
+    let magnification = height(camera).zip(height(batch.camera)).map(|(own, other)| own / other);
+    let mut shots = match batch.magnified.zip(magnification) {
+        Some((magnified, by)) => Cow::Owned(magnified(by)?),
+        None => Cow::Borrowed(batch.shots),
+    };
+    if camera.body().same_time.is_some_and(|same| !same.is_normalised) {
+        let brighter = (camera.light() / batch.camera.light()) as f32;
+        for shot in shots.to_mut().iter_mut().filter(|shot| shot.follows_light) {
+            shot.scene.data.iter_mut().for_each(|v| *v *= brighter);
+        }
     }
-    let brighter = (camera.light() / batch.camera.light()) as f32;
-    let mut shots = batch.shots.to_vec();
-    for shot in shots.iter_mut().filter(|shot| shot.follows_light) {
-        shot.scene.data.iter_mut().for_each(|v| *v *= brighter);
-    }
-    Cow::Owned(shots)
+    Ok(shots)
+}
+
+/// The derivative of the batch's loss by the logarithm of the magnification, by a central difference: the same windows with the same noise,
+/// a little larger and a little smaller, with their boxes. PSFs and light stay as they are.
+fn slope_by_log_magnification(batch: &Batch, magnified: &Magnified) -> Result<f64, DesignError> {
+    let loss_at = |by: f64| -> Result<f64, DesignError> {
+        let shots = magnified(by)?;
+        let frames = batch.camera.take(&shots, &batch.noise)?;
+        Ok(named(&(batch.loss)(batch.camera, &frames, &shots)?)[TOTAL])
+    };
+    let [larger, smaller] = [1.0 + MAGNIFICATION_STEP, 1.0 - MAGNIFICATION_STEP];
+    Ok((loss_at(larger)? - loss_at(smaller)?) / (larger / smaller).ln())
 }
 
 /// By how much a step lowered the loss to first order, by coordinate: `-dL/dx dx`.

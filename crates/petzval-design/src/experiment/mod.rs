@@ -82,7 +82,7 @@ pub struct Experiment {
     pub photos: String,
     /// Scenes in which objects are to be found: `street`, or a folder of pictures with boxes in COCO format.
     pub data: String,
-    /// Seed of everything random.
+    /// Seed of everything random, but for the windows of scenes in which objects are looked for.
     pub seed: u64,
     /// How the picture is exposed, the same for every camera.
     pub exposure: ExposureConfig,

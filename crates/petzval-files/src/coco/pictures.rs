@@ -3,26 +3,36 @@
 use std::collections::{BTreeMap, HashSet};
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
+use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
 use super::check::check_values;
+use super::data_set::Image;
 use super::defect::{DefectKind, Defects};
 use super::folder::Loaded;
-use crate::picture_file::{CUT_OFF, ImageError, is_cut_off, picture_size};
+use crate::picture_file::decoded_size;
 
-/// Checks that the file of every picture exists, is of a kind that is read, is whole, and has the stated size, and that no two have one content.
-/// Files are read from end to end; only those of OpenEXR are decoded.
+/// Checks that the file of every picture exists, can be decoded from end to end, and has the stated size, and that no two have one content.
+/// `watch` is told after every picture how many are decoded, from several threads.
 ///
 /// Pictures for which this is not so are taken out with their boxes, and noted. A picture without a stated size gets that of its file.
-pub fn check_pictures(loaded: &mut Loaded) {
+pub fn check_pictures(loaded: &mut Loaded, watch: &(dyn Fn(usize) + Sync)) {
     let mut unusable = HashSet::new();
     let mut is_clipping_due = false;
     let mut images = std::mem::take(&mut loaded.data.images);
-    for image in &mut images {
+    let decoded = AtomicUsize::new(0);
+    let size = |image: &Image| {
+        let size = loaded.picture(&image.file_name).map(|path| decoded_size(&path));
+        watch(decoded.fetch_add(1, Ordering::Relaxed) + 1);
+        size
+    };
+    let sizes: Vec<_> = images.par_iter().map(size).collect();
+    for (image, size) in images.iter_mut().zip(sizes) {
         let name = image.file_name.clone();
         let stated = (image.width, image.height);
-        let fault = match loaded.picture(&name).map(|path| size_of_whole(&path)) {
+        let fault = match size {
             None => Some((DefectKind::MissingPicture, name)),
             Some(Err(error)) => Some((DefectKind::UnreadablePicture, error.to_string())),
             Some(Ok(found)) if stated.0 == 0 || stated.1 == 0 => {
@@ -52,17 +62,6 @@ pub fn check_pictures(loaded: &mut Loaded) {
         let mut again = Defects::default();
         check_values(&mut loaded.data, &mut again);
         loaded.defects.add_kinds(again, &[DefectKind::OutsidePicture, DefectKind::ClippedBox]);
-    }
-}
-
-/// Columns and rows of a picture whose file is not cut off.
-fn size_of_whole(path: &Path) -> Result<(u32, u32), ImageError> {
-    let size = picture_size(path)?;
-    let bytes =
-        petzval_base::read_whole(path).map_err(|source| ImageError::Io { path: path.to_owned(), source })?;
-    match is_cut_off(&bytes) {
-        true => Err(ImageError::Decode { name: path.display().to_string(), reason: CUT_OFF.to_owned() }),
-        false => Ok(size),
     }
 }
 

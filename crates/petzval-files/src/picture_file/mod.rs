@@ -18,6 +18,7 @@ use petzval_camera::image::{CHANNELS, LinearImage, srgb_decode};
 
 pub(crate) use self::cut_off::{CUT_OFF, is_cut_off};
 use self::ignored::{hdr_notes, png_notes, profile_note, tiff_notes};
+pub(crate) use self::size::decoded_size;
 pub use self::size::picture_size;
 
 /// Why a picture could not be read or written.

@@ -4,13 +4,12 @@ use std::path::{Path, PathBuf};
 
 use petzval_base::write_whole;
 use petzval_design::error::DesignError;
-use petzval_files::coco::{
-    Annotation, Attribute, Defect, Loaded, Severity, Statistics, check_pictures, load_coco,
-};
+use petzval_files::coco::{Annotation, Attribute, Defect, Loaded, Severity, Statistics, load_coco};
 use petzval_files::load_image;
 use petzval_report::data_sheet::{DataSheet, DefectRow, Sample, SampleBox, page};
 use serde::{Deserialize, Serialize};
 
+use super::check_pictures_in;
 use crate::context::Context;
 use crate::error::{JobError, make_folder};
 use crate::results::check_folder;
@@ -61,7 +60,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         check_folder(out, ["data.html", "data.json"], context)?;
     }
     let mut loaded = load_coco(&request.data)?;
-    check_pictures(&mut loaded);
+    check_pictures_in(&mut loaded, context);
     let mut response = Response {
         annotations: loaded.file.clone(),
         statistics: Statistics::of(&loaded.data),
@@ -102,7 +101,6 @@ fn samples(loaded: &Loaded, most: usize, context: &Context) -> Result<Vec<Sample
         let image = &data.images[i];
         context.progress(k as u64 + 1, chosen.len() as u64, "samples");
         let Some(path) = loaded.picture(&image.file_name) else { continue };
-        // The head of the file was fine; its pixels may not be.
         let light = match load_image(&path) {
             Ok(picture) => picture.light,
             Err(error) => {

@@ -3,8 +3,9 @@
 pub mod check;
 pub mod convert;
 
-use petzval_files::coco::CocoError;
+use petzval_files::coco::{CocoError, Loaded, check_pictures};
 
+use crate::context::Context;
 use crate::error::JobError;
 
 pub use petzval_files::coco::convert::SourceFormat;
@@ -12,6 +13,12 @@ pub use petzval_files::coco::{ClassStatistics, Defect, Severity, Statistics};
 
 /// Largest file of which an error shows the line, bytes.
 const LARGEST_SHOWN: u64 = 20_000;
+
+/// Checks the pictures of a data set, and says how many are done.
+pub(crate) fn check_pictures_in(loaded: &mut Loaded, context: &Context) {
+    let count = loaded.data.images.len() as u64;
+    check_pictures(loaded, &|done| context.progress(done as u64, count, "pictures are decoded"));
+}
 
 impl From<CocoError> for JobError {
     fn from(error: CocoError) -> Self {

@@ -11,7 +11,7 @@ use petzval_design::boxes::with_boxes;
 use petzval_design::camera::Camera;
 use petzval_design::error::DesignError;
 use petzval_files::coco::{
-    self, ANNOTATIONS, Bounds, Category, DataSet, Image, check_pictures, load_coco, save_coco, save_results,
+    self, ANNOTATIONS, Bounds, Category, DataSet, Image, load_coco, save_coco, save_results,
 };
 use petzval_files::{encoded_png_bytes, load_image};
 use petzval_learn::dataset::{in_classes, taken_as};
@@ -27,6 +27,7 @@ use finder::{Finder, finder};
 
 use crate::apply::{developed, is_raw, raw_frame};
 use crate::context::Context;
+use crate::data::check_pictures_in;
 use crate::error::{JobError, make_folder, write_file};
 use crate::results::check_folder;
 
@@ -234,7 +235,7 @@ fn labelled(place: &Path, out: Option<&Path>, context: &Context) -> Result<(Vec<
         let message = format!("{}: the data set is in this folder", out.display());
         return Err(JobError::input(message, "name another folder for --out"));
     }
-    check_pictures(&mut loaded);
+    check_pictures_in(&mut loaded, context);
     for line in loaded.defects.lines(place) {
         context.warning(line);
     }

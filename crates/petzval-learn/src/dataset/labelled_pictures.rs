@@ -72,7 +72,7 @@ impl LabelledPictures {
         validated: bool,
     ) -> Result<(Self, Vec<String>), DatasetError> {
         let mut loaded = load_coco(folder)?;
-        check_pictures(&mut loaded);
+        check_pictures(&mut loaded, &|_| ());
         let mut notes: Vec<String> = loaded.defects.lines(folder).collect();
         let data = &loaded.data;
         let objects = data.objects_of_images();

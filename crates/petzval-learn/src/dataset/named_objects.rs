@@ -20,16 +20,29 @@ enum Named {
 
 /// The class of an annotation, by the words of the name of its category and its attribute `state`.
 fn class_of(wanted: Wanted, category: &str, annotation: &Annotation) -> Named {
-    let mut words: BTreeSet<String> =
-        category.split(|c: char| !c.is_alphanumeric()).map(str::to_lowercase).collect();
-    let is_one_word = words.len() == 1;
+    let in_words = in_words(category);
+    let mut words: BTreeSet<String> = in_words.split(' ').map(str::to_owned).collect();
+    let is_state_alone =
+        words.iter().filter(|word| !["left", "right", "straight"].contains(&word.as_str())).count() == 1;
     let of_one: Vec<String> =
         words.iter().filter_map(|word| Some(word.strip_suffix('s')?.to_owned())).collect();
     words.extend(of_one);
     let has = |names: &[&str]| names.iter().any(|name| words.contains(*name));
     match wanted {
-        // Their names say for whom they are.
-        Wanted::PeopleAndVehicles if has(&["light", "signal", "sign", "stop", "crossing", "crosswalk"]) => {
+        // Their names say for whom they are, or that they are a part of one or of the camera's own car.
+        Wanted::PeopleAndVehicles
+            if has(&[
+                "light",
+                "signal",
+                "sign",
+                "stop",
+                "crossing",
+                "crosswalk",
+                "plate",
+                "ego",
+                "mount",
+            ]) =>
+        {
             Named::Other
         }
         Wanted::PeopleAndVehicles if has(&["person", "pedestrian", "people", "rider", "cyclist"]) => {
@@ -45,15 +58,32 @@ fn class_of(wanted: Wanted, category: &str, annotation: &Annotation) -> Named {
         Wanted::TrafficLights if has(&["pedestrian", "walk", "crosswalk"]) => Named::Other,
         Wanted::TrafficLights => {
             let state = annotation.attributes.get("state").and_then(Attribute::text);
-            // A category is a light by its name, or if it is the name of a state alone.
-            let is_light = has(&["light", "signal", "trafficlight"]) || is_one_word;
-            match state.and_then(light_state).or_else(|| light_state(category)) {
+            // A category is a light by its name, or if it is the name of a state alone, for all directions or for some.
+            let is_light = has(&["light", "signal", "trafficlight"]) || is_state_alone;
+            match state.and_then(light_state).or_else(|| light_state(&in_words)) {
                 Some(state) if is_light => Named::Class(state),
                 None if has(&["light", "signal", "trafficlight"]) => Named::Unknown,
                 _ => Named::Other,
             }
         }
     }
+}
+
+/// The words of a name in small letters, one space between them: `TrafficLight-red` and `traffic_light red` are the same.
+fn in_words(name: &str) -> String {
+    let mut words = String::new();
+    let mut was_small = false;
+    for c in name.chars() {
+        let is_start = was_small && c.is_uppercase();
+        if (is_start || !c.is_alphanumeric()) && !words.ends_with(' ') {
+            words.push(' ');
+        }
+        if c.is_alphanumeric() {
+            words.extend(c.to_lowercase());
+        }
+        was_small = c.is_lowercase();
+    }
+    words.trim().to_owned()
 }
 
 /// How the categories of a data set are taken, if some of them are not looked for: else a misspelt one would be background without a word.
@@ -147,6 +177,51 @@ mod tests {
     use petzval_files::coco::Image;
 
     use super::*;
+
+    #[test]
+    fn names_of_many_data_sets_are_understood() {
+        let annotation = Annotation {
+            id: 1,
+            image_id: 1,
+            category_id: 1,
+            bounds: Bounds { x: 0.0, y: 0.0, width: 4.0, height: 8.0 },
+            area: 32.0,
+            crowd: false,
+            ignore: false,
+            attributes: BTreeMap::new(),
+        };
+        let class = |wanted: Wanted, name: &str| match class_of(wanted, name, &annotation) {
+            Named::Class(class) => Some(class as i32),
+            Named::Unknown => Some(-1),
+            Named::Other => None,
+        };
+        for (name, expected) in [
+            ("Pedestrians", Some(0)),
+            ("human--person--individual", Some(0)),
+            ("Person_sitting", Some(0)),
+            ("object--vehicle--car", Some(1)),
+            ("PickupTruck", Some(1)),
+            ("void--ego-vehicle", None),
+            ("void--car-mount", None),
+            ("Vehicle registration plate", None),
+            ("bus stop", None),
+            ("bicycle", None),
+        ] {
+            assert_eq!(class(Wanted::PeopleAndVehicles, name), expected, "{name}");
+        }
+        for (name, expected) in [
+            ("red", Some(0)),
+            ("RedLeft", Some(0)),
+            ("GreenStraightRight", Some(2)),
+            ("off", Some(3)),
+            ("TrafficLightYellow", Some(1)),
+            ("traffic light", Some(-1)),
+            ("red car", None),
+            ("pedestrian light red", None),
+        ] {
+            assert_eq!(class(Wanted::TrafficLights, name), expected, "{name}");
+        }
+    }
 
     #[test]
     fn objects_get_the_classes_of_a_detector_and_crowds_are_of_all_of_them() {

@@ -64,6 +64,11 @@ impl StreetView {
         Self { light, ..self }
     }
 
+    /// The view of a lens like this one, whose image is so many times as large: every chief ray lands so many times as far from the axis.
+    pub fn magnified(&self, by: f64) -> Result<Self, StreetError> {
+        Ok(Self { sensor: self.sensor.magnified(by)?, finder: self.finder.magnified(by)?, light: self.light })
+    }
+
     fn look_through_finder(&self, street: &Street) -> Result<Found, StreetError> {
         let (height, width) = (self.finder.rows(), self.finder.columns());
         let seen = street.see(&self.finder, &street.pose(), Window { row: 0, col: 0, height, width }, 1)?;

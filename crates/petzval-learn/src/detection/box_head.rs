@@ -182,18 +182,12 @@ impl BoxHead {
     }
 }
 
-/// Most detections that are compared with each other: a detector that has learnt little finds something everywhere.
-const MOST_COMPARED: usize = 2000;
-
 /// The best detections of a picture: none of a class covers another of it.
-pub(crate) fn best(mut found: Vec<Detection>, most_overlap: f32, most: usize) -> Vec<Detection> {
-    found.sort_by(|a, b| b.score.total_cmp(&a.score));
-    found.truncate(MOST_COMPARED);
+pub(crate) fn best(found: Vec<Detection>, most_overlap: f32, most: usize) -> Vec<Detection> {
     let boxes: Vec<BBox> = found.iter().map(|d| d.bbox).collect();
     let scores: Vec<f32> = found.iter().map(|d| d.score).collect();
     let classes: Vec<usize> = found.iter().map(|d| d.class).collect();
-    let kept = suppress(&boxes, &scores, &classes, most_overlap);
-    kept.into_iter().take(most).map(|i| found[i]).collect()
+    suppress(&boxes, &scores, &classes, most_overlap, most).into_iter().map(|i| found[i]).collect()
 }
 
 /// Cross entropy of the classes (0 is background), and for regions with an object the smooth L1 distance of the offsets of its class, summed

@@ -147,8 +147,8 @@ impl ProposalNetwork {
                 }
                 first += count;
             }
-            let mut kept = suppress(&boxes, &kept_scores, &levels, self.config.most_overlap);
-            kept.truncate(self.config.after_suppression[mode]);
+            let (most_overlap, count) = (self.config.most_overlap, self.config.after_suppression[mode]);
+            let kept = suppress(&boxes, &kept_scores, &levels, most_overlap, count);
             kept.into_iter().map(|i| boxes[i]).collect()
         };
         Ok((0..batch).map(of_picture).collect())

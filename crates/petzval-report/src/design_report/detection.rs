@@ -23,9 +23,9 @@ pub(super) fn detection(report: &Report) -> Markup {
         (by_group(report, view))
         (caption(format!(
             "Average precision at an overlap of 0.5, with the range that it has in 95 % of draws of the {} windows with repetition, those of one film \
-             or of one picture together. The ranges of cameras overlap more than their differences are uncertain, because all see the same windows: the last column is the difference to {} \
-             over the same draws.",
-            view.windows, view.baseline
+             or of one picture together. The ranges of cameras overlap more than their differences are uncertain, because all see the same windows. The last two columns are differences over \
+             the same draws: the AP50 of each camera less that of {}, and the AP50 of {} less that of each camera.",
+            view.windows, view.baseline, view.design
         )))
         div.charts { @for class in classes(view) { (figure(&chart_svg(&precision_recall(report, view, class)))) } }
         (lost(report, view))
@@ -59,9 +59,13 @@ fn by_group(report: &Report, view: &DetectionView) -> Markup {
             names.push(&figure.name);
         }
     }
-    let against = format!("AP50 against {}", view.baseline);
-    let columns =
-        ["camera"].into_iter().chain(names.iter().copied()).chain([against.as_str()]).map(Column::new);
+    let differences =
+        [format!("AP50 against {}", view.baseline), format!("AP50 of {} against it", view.design)];
+    let columns = ["camera"]
+        .into_iter()
+        .chain(names.iter().copied())
+        .chain(differences.iter().map(String::as_str))
+        .map(Column::new);
     let cell = |range: Option<Range>, sign: bool| {
         html! {
             @if let Some(Range { value, low, high }) = range {
@@ -74,8 +78,8 @@ fn by_group(report: &Report, view: &DetectionView) -> Markup {
     let row = |(i, camera): (usize, &CameraDetection)| {
         let of_group =
             |name: &&str| cell(camera.groups.iter().find(|g| g.name == **name).map(|g| g.range), false);
-        let cells: Vec<Markup> =
-            names.iter().map(of_group).chain([cell(camera.against_baseline, true)]).collect();
+        let differences = [camera.against_baseline, camera.design_against].map(|range| cell(range, true));
+        let cells: Vec<Markup> = names.iter().map(of_group).chain(differences).collect();
         Row::new(&camera.camera, cells).of_camera(camera_colour(&report.cameras, &camera.camera, i))
     };
     Table::new(columns).class("scores").rows(view.cameras.iter().enumerate().map(row)).html()
@@ -212,6 +216,7 @@ mod tests {
             curves: vec![PrecisionCurve { class: "person".into(), points: vec![(0.1, 1.0), (0.8, 0.5)] }],
             groups: vec![GroupFigure { name: "AP50".into(), range }],
             against_baseline: against,
+            design_against: None,
             ap50_at_stages: [Some(0.8314), Some(0.25), None, Some(0.7126)],
             lost: LostObjects {
                 objects: 91,
@@ -228,8 +233,15 @@ mod tests {
         let better = Range { value: 0.0214, low: -0.003, high: 0.041 };
         report.detection = Some(DetectionView {
             baseline: "nominal".into(),
+            design: "end-to-end".into(),
             windows: 192,
-            cameras: vec![camera("nominal", None), camera("end-to-end", Some(better))],
+            cameras: vec![
+                CameraDetection {
+                    design_against: Some(Range { value: 0.0114, low: -0.013, high: 0.031 }),
+                    ..camera("nominal", None)
+                },
+                camera("end-to-end", Some(better)),
+            ],
         });
         let page = detection(&report).into_string();
         for text in [
@@ -237,6 +249,8 @@ mod tests {
             "0.651",
             "+0.021",
             "0.041",
+            "+0.011",
+            "AP50 of end-to-end against it",
             ">61<",
             ">12<",
             "0.831",

@@ -245,6 +245,8 @@ pub struct MadeScore {
 pub struct DetectionView {
     /// The camera that the others are compared with.
     pub baseline: String,
+    /// The camera that is designed, which is compared with each other one: the last whose lens has aberrations.
+    pub design: String,
     /// Number of held-out windows.
     pub windows: usize,
     /// Each camera.
@@ -262,6 +264,8 @@ pub struct CameraDetection {
     pub groups: Vec<GroupFigure>,
     /// Its AP50 less that of the baseline over the same windows; none for the baseline.
     pub against_baseline: Option<Range>,
+    /// The AP50 of the design less its own over the same windows; none for the design.
+    pub design_against: Option<Range>,
     /// AP50 of its detector in the picture of perfect optics without noise, in the light on the pixels, in the raw frame in a plain development,
     /// and in the finished picture; none where there is nothing to find.
     pub ap50_at_stages: [Option<f64>; 4],

@@ -12,7 +12,7 @@ use crate::cli::terminal::{Terminal, print_json};
 /// Show what a data set in COCO format holds: pictures, boxes by class and size, and everything that is wrong with it.
 ///
 /// In a folder, annotations.json, _annotations.coco.json, annotations/instances_*.json or the one JSON file is read; pictures are beside it or in
-/// images/. The annotations are checked, and every file of a picture is read to its end.
+/// images/. The annotations are checked, and every picture is decoded.
 ///
 /// Exit code 2 if something cannot be used; notes alone give 0.
 #[derive(Debug, clap::Args)]
