@@ -117,6 +117,14 @@ fn a_run_that_looks_for_objects_is_scored_again_reported_and_lends_its_detector(
     let args = ["detect", "in", "--run", "run", "--camera", "nominal", "--least-score", "0"];
     let lines = run_ok(root, &args).stdout;
     assert!(lines.starts_with("file,class,score,x,y,width,height\n"), "{lines}");
+    // Where nothing is sure enough to be shown, how sure the surest is is said.
+    let unsure = run_ok(root, &[&args[..args.len() - 1], &["1"]].concat());
+    assert_eq!(unsure.stdout, "file,class,score,x,y,width,height\n");
+    assert!(
+        unsure.says("nothing has a score of 1 or more; the surest detection has 0."),
+        "{}",
+        unsure.stderr
+    );
     let found = run_ok(root, &[&args[..], &["--json", "--out", "out"]].concat()).json();
     let pictures = found["pictures"].as_array().unwrap();
     assert_eq!(pictures.len(), 10);

@@ -83,8 +83,8 @@ pub struct Found {
     pub bbox: [f32; 4],
 }
 
-/// Endings of the files that are taken from a folder.
-const PICTURES: [&str; 5] = ["png", "jpg", "jpeg", "tif", "tiff"];
+/// Endings of the files that are taken from a folder; the last is that of raw frames, which only the camera of a run develops.
+const PICTURES: [&str; 6] = ["png", "jpg", "jpeg", "tif", "tiff", "dng"];
 
 /// A picture that is looked at.
 struct Looked {
@@ -107,7 +107,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             let (looked, data) = labelled(place, request.out.as_deref(), context)?;
             (looked, Some(data))
         }
-        None => (unlabelled(files(&request.images)?)?, None),
+        None => (unlabelled(files(&request.images, &request.detector)?)?, None),
     };
     if let Some(out) = &request.out {
         check_folder(out, ["detections.json", ANNOTATIONS], context)?;
@@ -302,8 +302,12 @@ fn listed(words: &[String]) -> String {
     if more > 0 { format!("{first} and {more} more") } else { first }
 }
 
-/// The pictures that are named, and those of the folders that are named, sorted by name.
-fn files(images: &[PathBuf]) -> Result<Vec<PathBuf>, JobError> {
+/// The pictures that are named, and those of the folders that are named, sorted by name. Raw frames of folders are for the camera of a run.
+fn files(images: &[PathBuf], detector: &Source) -> Result<Vec<PathBuf>, JobError> {
+    let endings = match detector {
+        Source::Run { .. } => &PICTURES[..],
+        Source::Weights { .. } => &PICTURES[..PICTURES.len() - 1],
+    };
     let mut files = Vec::new();
     for path in images {
         if !path.is_dir() {
@@ -315,7 +319,7 @@ fn files(images: &[PathBuf]) -> Result<Vec<PathBuf>, JobError> {
         for entry in entries {
             let file = entry.map_err(DesignError::io(path))?.path();
             let ending = file.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-            if PICTURES.contains(&ending.as_str()) && file.is_file() {
+            if endings.contains(&ending.as_str()) && file.is_file() {
                 found.push(file);
             }
         }
@@ -324,7 +328,7 @@ fn files(images: &[PathBuf]) -> Result<Vec<PathBuf>, JobError> {
             let message = format!("{}: no picture in this folder", path.display());
             return Err(JobError::input(
                 message,
-                "PNG, JPEG and TIFF files in the folder itself are looked at, not those in folders below it",
+                "PNG, JPEG and TIFF files in the folder itself are looked at, and DNG files with --run, not those in folders below it",
             ));
         }
         files.extend(found);
