@@ -26,6 +26,7 @@ use crate::run::{
     read_events,
 };
 use crate::run_progress::{self, is_scored, moved_part};
+use crate::seen_windows;
 use crate::setup::Setup;
 use crate::validation::VALIDATION;
 use crate::variant::{LensGoal, Variant};
@@ -163,7 +164,7 @@ fn gathered(
         wavelengths_um: plan.wavelengths_um.to_vec(),
         half_diagonal_mm: setup.corner_mm(),
         nyquist_per_mm,
-        pictures: pictures(run, metrics)?,
+        pictures: pictures(run, metrics, setup.experiment.scoring.crop)?,
         frames: frames(run, &setup.variants)?,
         has_isp: setup.body.chip.is_some(),
         pictures_in_all: metrics.held_out_images * metrics.held_out_places,
@@ -369,12 +370,14 @@ fn changes(nominal: &LensFile, after: &Lens) -> Vec<Change> {
     all
 }
 
-fn pictures(run: &RunFolder, metrics: &Metrics) -> Result<Vec<PictureView>, DesignError> {
+/// Some of the held-out pictures, of `side` x `side` pixels.
+fn pictures(run: &RunFolder, metrics: &Metrics, side: usize) -> Result<Vec<PictureView>, DesignError> {
     let read = |file: String| {
         let path = run.picture(&file);
         petzval_base::read_whole(&path).map_err(DesignError::io(&path))
     };
     let Some(first) = metrics.rows.first() else { return Ok(Vec::new()) };
+    let windows = seen_windows::read(run, &first.camera)?.unwrap_or_default();
     // First every photograph in the corner and in the middle of the field, then the other places.
     let mut order = spread_pictures(metrics.held_out_images, metrics.held_out_places, MOST_PICTURES);
     order.retain(|index| *index < first.pictures.len());
@@ -405,7 +408,16 @@ fn pictures(run: &RunFolder, metrics: &Metrics) -> Result<Vec<PictureView>, Desi
             f if f < 0.05 => "centre of the field".to_owned(),
             f => format!("{:.0} % of the half-diagonal", 100.0 * f),
         };
-        all.push(PictureView { title, place, truth_png: read(file_name(index, "truth", None))?, cameras });
+        let objects = windows.get(index).map_or(&[][..], |window| &window.truth.objects);
+        let largest = objects.iter().max_by(|a, b| a.bbox.area().total_cmp(&b.bbox.area()));
+        let focus = largest.map_or([0.5; 2], |o| o.bbox.centre().map(|v| f64::from(v) / side as f64));
+        all.push(PictureView {
+            title,
+            place,
+            focus,
+            truth_png: read(file_name(index, "truth", None))?,
+            cameras,
+        });
     }
     Ok(all)
 }

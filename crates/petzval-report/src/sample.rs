@@ -215,6 +215,7 @@ pub(crate) fn report() -> Report {
     let picture = |place: &str| PictureView {
         title: "stripes".into(),
         place: place.into(),
+        focus: [0.5, 0.5],
         truth_png: picture_png(64, 64, 0),
         cameras: (0..3).map(shot).collect(),
     };

@@ -1,4 +1,4 @@
-//! Pictures: a scene and the picture of each camera, with the middle enlarged.
+//! Pictures: a scene and the picture of each camera, with a part of them enlarged.
 
 use std::io::Cursor;
 
@@ -21,7 +21,7 @@ pub(crate) fn pictures(report: &Report) -> Markup {
     let (shown, all) = (report.pictures.len(), report.pictures_in_all);
     html! {
         @if shown < all {
-            p { (shown) " of " (all) " held-out pictures, spread evenly over photographs and places; the scores are means over all." }
+            p { (shown) " of " (all) " held-out pictures, spread evenly over photographs and places; the scores are of all." }
         }
         @let (first, rest) = report.pictures.split_at(report.pictures.len().min(UNFOLDED));
         @for (i, picture) in first.iter().enumerate() { (comparison(report, picture, i)) }
@@ -32,7 +32,7 @@ pub(crate) fn pictures(report: &Report) -> Markup {
             }
         }
         (caption(
-            "Below each picture its middle (the frame) is enlarged without smoothing; the last row is the raw frame in a plain development, \
+            "Below each picture the framed part is enlarged without smoothing: the largest object that is to be found, or the middle; the last row is the raw frame in a plain development, \
              without network or hardware ISP. Select a picture to see it large; the arrow keys then switch cameras in place.",
         ))
     }
@@ -40,7 +40,7 @@ pub(crate) fn pictures(report: &Report) -> Markup {
 
 /// One scene in columns: truth, then the cameras.
 fn comparison(report: &Report, picture: &PictureView, group: usize) -> Markup {
-    let columns = picture.cameras.len() + 1;
+    let (columns, corner) = (picture.cameras.len() + 1, corner(picture.focus));
     // Scores over all pictures at once, as of objects that are found, have no value for one.
     let has_value =
         |i: &usize| picture.cameras.iter().any(|shot| shot.scores.get(*i).is_some_and(|v| v.is_finite()));
@@ -51,15 +51,15 @@ fn comparison(report: &Report, picture: &PictureView, group: usize) -> Markup {
             div.comparison-grid style=(format!("--columns:{columns}")) {
                 div.shot {
                     div.shot-name style="--camera:currentColor" { "truth" span.muted { " the scene" } }
-                    (framed(&picture.truth_png, &format!("{}: the scene", picture.title), "truth", group))
+                    (framed(&picture.truth_png, &format!("{}: the scene", picture.title), "truth", group, corner))
                     @if !shown.is_empty() {
                         div.shot-scores.muted { @for i in &shown { span { (report.scores[*i].title) } } }
                     }
-                    (zoomed(&picture.truth_png, &format!("{}: the scene, enlarged", picture.title)))
-                    div.shot-note { "the framed middle, enlarged" }
+                    (zoomed(&picture.truth_png, &format!("{}: the scene, enlarged", picture.title), corner))
+                    div.shot-note { "the framed part, enlarged" }
                 }
                 @for (i, shot) in picture.cameras.iter().enumerate() {
-                    (camera_column(report, picture, shot, i, (&shown, group)))
+                    (camera_column(report, picture, shot, i, (&shown, group, corner)))
                 }
             }
         }
@@ -71,14 +71,14 @@ fn camera_column(
     picture: &PictureView,
     shot: &CameraPicture,
     i: usize,
-    (shown, group): (&[usize], usize),
+    (shown, group, corner): (&[usize], usize, [f64; 2]),
 ) -> Markup {
     let colour = camera_colour(&report.cameras, &shot.camera, i);
     let alt = |what: &str| format!("{}: {what} of the {} camera", picture.title, shot.camera);
     html! {
         div.shot {
             div.shot-name style=(palette::camera_style(colour)) { (shot.camera) }
-            (framed(&shot.output_png, &alt("finished picture"), &shot.camera, group))
+            (framed(&shot.output_png, &alt("finished picture"), &shot.camera, group, corner))
             @if !shown.is_empty() {
                 div.shot-scores {
                     @for i in shown {
@@ -89,37 +89,45 @@ fn camera_column(
                     }
                 }
             }
-            (zoomed(&shot.output_png, &alt("finished picture, enlarged,")))
+            (zoomed(&shot.output_png, &alt("finished picture, enlarged,"), corner))
             div.shot-note { (if report.has_isp { "after the ISP" } else { "after the network" }) }
-            (zoomed(&shot.developed_png, &alt("developed raw frame, enlarged,")))
+            (zoomed(&shot.developed_png, &alt("developed raw frame, enlarged,"), corner))
             div.shot-note { (if report.has_isp { "developed plainly" } else { "before the network" }) }
         }
     }
 }
 
+/// The left and the upper edge of the enlarged part around a place, shares of width and height.
+fn corner(focus: [f64; 2]) -> [f64; 2] {
+    focus.map(|middle| (middle - 0.5 * ZOOM).clamp(0.0, 1.0 - ZOOM))
+}
+
 /// A picture with a frame around the enlarged part.
-fn framed(png: &[u8], alt: &str, name: &str, group: usize) -> Markup {
-    let edge = 100.0 * 0.5 * (1.0 - ZOOM);
+fn framed(png: &[u8], alt: &str, name: &str, group: usize, [left, top]: [f64; 2]) -> Markup {
+    let [right, bottom] = [left, top].map(|edge| 1.0 - ZOOM - edge);
+    let [left, top, right, bottom] = [left, top, right, bottom].map(|share| number::fixed(100.0 * share, 2));
     html! {
         button.frame type="button" data-group=(group) data-name=(name) {
             img src=(png::address(png)) alt=(alt);
-            i style=(format!("inset:{edge}%")) {}
+            i style=(format!("inset:{top}% {right}% {bottom}% {left}%")) {}
         }
     }
 }
 
-/// The middle of a picture; nothing if it cannot be decoded.
-fn zoomed(png: &[u8], alt: &str) -> Markup {
+/// The enlarged part of a picture; nothing if it cannot be decoded.
+fn zoomed(png: &[u8], alt: &str, corner: [f64; 2]) -> Markup {
     html! {
-        @if let Some(middle) = middle(png) { img.pixels.zoom src=(png::address(&middle)) alt=(alt); }
+        @if let Some(part) = part(png, corner) { img.pixels.zoom src=(png::address(&part)) alt=(alt); }
     }
 }
 
-fn middle(png: &[u8]) -> Option<Vec<u8>> {
+fn part(png: &[u8], [left, top]: [f64; 2]) -> Option<Vec<u8>> {
     let picture = image::load_from_memory_with_format(png, ImageFormat::Png).ok()?;
     let side = |length: u32| ((f64::from(length) * ZOOM).round() as u32).max(1);
     let (w, h) = (side(picture.width()), side(picture.height()));
-    let (x, y) = ((picture.width() - w) / 2, (picture.height() - h) / 2);
+    let first =
+        |share: f64, length: u32, part: u32| ((share * f64::from(length)).round() as u32).min(length - part);
+    let (x, y) = (first(left, picture.width(), w), first(top, picture.height(), h));
     let mut out = Cursor::new(Vec::new());
     picture.crop_imm(x, y, w, h).write_to(&mut out, ImageFormat::Png).ok()?;
     Some(out.into_inner())
@@ -131,12 +139,17 @@ mod tests {
     use crate::sample;
 
     #[test]
-    fn the_middle_is_a_quarter_of_each_side() {
+    fn the_enlarged_part_is_a_quarter_of_each_side_and_lies_in_the_picture() {
         let png = sample::picture_png(64, 32, 0);
-        let cut = image::load_from_memory(&middle(&png).unwrap()).unwrap().to_rgb8();
-        assert_eq!(cut.dimensions(), (16, 8));
         let whole = image::load_from_memory(&png).unwrap().to_rgb8();
-        assert_eq!(cut.get_pixel(0, 0), whole.get_pixel(24, 12));
+        for (focus, (x, y)) in [([0.5, 0.5], (24, 12)), ([0.25, 0.75], (8, 20)), ([0.02, 1.0], (0, 24))] {
+            let cut = image::load_from_memory(&part(&png, corner(focus)).unwrap()).unwrap().to_rgb8();
+            assert_eq!(cut.dimensions(), (16, 8));
+            assert_eq!(cut.get_pixel(0, 0), whole.get_pixel(x, y), "{focus:?}");
+        }
+        // The frame lies where the part is cut out.
+        let page = framed(&png, "", "", 0, corner([0.25, 0.75])).into_string();
+        assert!(page.contains("inset:62.50% 62.50% 12.50% 12.50%"), "{page}");
     }
 
     #[test]

@@ -130,7 +130,7 @@ pub(super) fn score_table(scores: &[Score], rows: &[TableRow], cameras: &[Camera
     html! {
         (Table::new(columns).class("scores").rows(lines).html())
         (caption(format!(
-            "Means over held-out pictures. Bold: the best printed value. Small: the difference to {}.",
+            "Over all held-out pictures. Bold: the best printed value. Small: the difference to {}.",
             baseline.camera
         )))
     }

@@ -407,6 +407,8 @@ pub struct PictureView {
     pub title: String,
     /// Position on the sensor: `centre`, `corner, 14.2 deg`.
     pub place: String,
+    /// The middle of the part that is enlarged, shares of width and height.
+    pub focus: [f64; 2],
     /// The scene, PNG.
     pub truth_png: Vec<u8>,
     /// The picture of each camera, in the order of [`Report::cameras`].
