@@ -23,7 +23,7 @@ pub(super) fn detection(report: &Report) -> Markup {
         (by_group(report, view))
         (caption(format!(
             "Average precision at an overlap of 0.5, with the range that it has in 95 % of draws of the {} windows with repetition, those of one film \
-             or of one picture together. The ranges of cameras overlap more than their differences are uncertain, because all see the same windows. The last two columns are differences over \
+             or of one picture together. The ranges of cameras overlap more than their differences are uncertain, because all see the same windows. The second and the third figure are differences over \
              the same draws: the AP50 of each camera less that of {}, and the AP50 of {} less that of each camera.",
             view.windows, view.baseline, view.design
         )))
@@ -61,10 +61,13 @@ fn by_group(report: &Report, view: &DetectionView) -> Markup {
     }
     let differences =
         [format!("AP50 against {}", view.baseline), format!("AP50 of {} against it", view.design)];
+    // All objects, the differences in them, and then the groups: a wide table is cut off at its right.
+    let (all, groups) = names.split_at(names.len().min(1));
     let columns = ["camera"]
         .into_iter()
-        .chain(names.iter().copied())
+        .chain(all.iter().copied())
         .chain(differences.iter().map(String::as_str))
+        .chain(groups.iter().copied())
         .map(Column::new);
     let cell = |range: Option<Range>, sign: bool| {
         html! {
@@ -79,7 +82,8 @@ fn by_group(report: &Report, view: &DetectionView) -> Markup {
         let of_group =
             |name: &&str| cell(camera.groups.iter().find(|g| g.name == **name).map(|g| g.range), false);
         let differences = [camera.against_baseline, camera.design_against].map(|range| cell(range, true));
-        let cells: Vec<Markup> = names.iter().map(of_group).chain(differences).collect();
+        let cells: Vec<Markup> =
+            all.iter().map(of_group).chain(differences).chain(groups.iter().map(of_group)).collect();
         Row::new(&camera.camera, cells).of_camera(camera_colour(&report.cameras, &camera.camera, i))
     };
     Table::new(columns).class("scores").rows(view.cameras.iter().enumerate().map(row)).html()
