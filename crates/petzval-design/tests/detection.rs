@@ -365,7 +365,7 @@ fn a_lens_that_may_magnify_knows_what_that_does_to_the_loss() {
     let (step, noise) = (1, Noise { mode: NoiseMode::Off, seed: 1 });
     let shots = training_shots(&setup, &camera, step).unwrap();
 
-    // Magnified scenes are the same objects in larger boxes, and nothing else is drawn.
+    // Magnified scenes show the same objects, in boxes that are larger by as much.
     let magnified = |by: f64| magnified_shots(&setup, &camera, step, by);
     let same = magnified(1.0).unwrap();
     assert!(shots.iter().zip(&same).all(|(a, b)| a.scene == b.scene && a.truth == b.truth));

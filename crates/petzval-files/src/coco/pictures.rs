@@ -15,7 +15,7 @@ use super::folder::Loaded;
 use crate::picture_file::decoded_size;
 
 /// Checks that the file of every picture exists, can be decoded from end to end, and has the stated size, and that no two have one content.
-/// `watch` is told after every picture how many are decoded, from several threads.
+/// After every picture `watch` is called with the number of pictures that are decoded so far, by several threads at once.
 ///
 /// Pictures for which this is not so are taken out with their boxes, and noted. A picture without a stated size gets that of its file.
 pub fn check_pictures(loaded: &mut Loaded, watch: &(dyn Fn(usize) + Sync)) {
