@@ -16,7 +16,7 @@ use petzval_camera::sensor::SensorModel;
 use petzval_files::isp_file::{IspFile, parse_isp_file};
 use petzval_files::load_image_bytes;
 use petzval_learn::dataset::{CropPlan, DatasetError, Folder, NamedPhoto, PhotoSet, PhotoSplit, load_folder};
-use petzval_learn::detection::{AnyDetector, BackboneKind, DetectorKind};
+use petzval_learn::detection::{AnyDetector, BackboneKind, DetectorKind, WeightsOf};
 use petzval_learn::loss::Lpips;
 use petzval_learn::network::Network;
 use petzval_learn::objective::{FindObjects, ImageQuality, Objective};
@@ -408,26 +408,43 @@ fn drawn_detector(experiment: &Experiment, device: &Device) -> Result<Network, D
     Ok(Network::Detector(kind.init(backbone, classes, experiment.seed, device)?))
 }
 
-/// The detector of an experiment with the weights of a safetensors file: torchvision's, or `network.safetensors` of a run.
+/// The detector of an experiment with the weights of a safetensors file: of a detector of torchvision, of a classifier of torchvision for the
+/// backbone alone, or `network.safetensors` of a run.
 fn read_detector(experiment: &Experiment, path: &Path, device: &Device) -> Result<Network, DesignError> {
     let DetectorConfig { kind, backbone, .. } = experiment.detector;
     let bytes = petzval_base::read_whole(path).map_err(DesignError::io(path))?;
-    if !AnyDetector::is_of_torchvision(&bytes) {
-        return drawn_detector(experiment, device)?.with_weights(&bytes).map_err(|problem| {
-            let hint = "weights of the same kind of detector, backbone and number of classes are needed, or those of a Faster R-CNN of torchvision";
-            DesignError::misfit(path, &problem, hint)
-        });
-    }
-    if kind != DetectorKind::FasterRcnn || backbone == BackboneKind::Small {
-        let message = "weights of torchvision, which has no detector of this kind on this backbone";
-        let hint = "write \"faster-rcnn\" for detector.kind, and the backbone of the weights, such as \"resnet50\", for detector.backbone";
+    let holds = WeightsOf::file(&bytes);
+    let misfit = match holds {
+        WeightsOf::Detector if kind != DetectorKind::FasterRcnn || backbone == BackboneKind::Small => Some((
+            "weights of torchvision, which has no detector of this kind on this backbone",
+            "write \"faster-rcnn\" for detector.kind, and the backbone of the weights, such as \"resnet50\", for detector.backbone",
+        )),
+        WeightsOf::Classifier if backbone == BackboneKind::Small => Some((
+            "weights of a classifier of torchvision, which has none on this backbone",
+            "write the backbone of the weights, such as \"resnet50\", for detector.backbone",
+        )),
+        _ => None,
+    };
+    if let Some((message, hint)) = misfit {
         return Err(DesignError::misfit(path, &message, hint));
     }
-    let read = AnyDetector::from_coco(backbone, experiment.task.coco_numbers(), &bytes, device);
-    read.map(Network::Detector).map_err(|problem| {
-        let hint = "weights of a Faster R-CNN of torchvision on detector.backbone are needed, for the 90 classes of COCO or those of the task";
-        DesignError::misfit(path, &problem, hint)
-    })
+    let task = experiment.task;
+    let (read, hint) = match holds {
+        WeightsOf::Detector => (
+            AnyDetector::from_coco(backbone, task.coco_numbers(), &bytes, device).map(Network::Detector),
+            "weights of a Faster R-CNN of torchvision on detector.backbone are needed, for the 90 classes of COCO or those of the task",
+        ),
+        WeightsOf::Classifier => (
+            kind.from_classifier(backbone, task.classes().len(), experiment.seed, &bytes, device)
+                .map(Network::Detector),
+            "weights of a classifier of torchvision on detector.backbone are needed",
+        ),
+        WeightsOf::Other => (
+            drawn_detector(experiment, device)?.with_weights(&bytes),
+            "weights of the same kind of detector, backbone and number of classes are needed, or those of torchvision",
+        ),
+    };
+    read.map_err(|problem| DesignError::misfit(path, &problem, hint))
 }
 
 /// By what the start of a variant is found.

@@ -470,14 +470,7 @@ fn a_detectors_loss_has_its_gradient_by_the_lens() {
     };
     let shots = [shot(100, 200), shot(1000, 1700)];
     let noise = Noise { mode: NoiseMode::Off, seed: 1 };
-    let batch = Batch {
-        camera: &here,
-        shots: &shots,
-        noise,
-        loss: &loss,
-        further: &|_| Ok(Vec::new()),
-        magnified: None,
-    };
+    let batch = Batch::new(&here, &shots, noise, &loss);
     let block = OpticsBlock::new(nominal.clone(), 0.0);
     let (_, by_x) = block.gradient(&batch).unwrap();
     let norm = by_x.iter().map(|g| g * g).sum::<f64>().sqrt();

@@ -74,15 +74,7 @@ fn steps(setup: &Setup, block: &mut ExposureBlock, count: usize) -> [f64; 2] {
     let losses: Vec<f64> = (0..count)
         .map(|step| {
             let camera = camera.exposed_as(&block.exposure());
-            let (loss, further) = (loss_of, |_| Ok(Vec::new()));
-            let batch = Batch {
-                camera: &camera,
-                shots: &shots,
-                noise: NOISE,
-                loss: &loss,
-                further: &further,
-                magnified: None,
-            };
+            let batch = Batch::new(&camera, &shots, NOISE, &loss_of);
             let rate = 0.06 * (1.0 - step as f64 / count as f64);
             block.step(&batch, rule(rate)).unwrap()["total"]
         })
@@ -130,15 +122,7 @@ fn a_stage_goes_on_with_the_same_bits() {
     let shots = training_shots(&setup, &camera, 0).unwrap();
     let step = |block: &mut ExposureBlock| {
         let camera = camera.exposed_as(&block.exposure());
-        let (loss, further) = (loss_of, |_| Ok(Vec::new()));
-        let batch = Batch {
-            camera: &camera,
-            shots: &shots,
-            noise: NOISE,
-            loss: &loss,
-            further: &further,
-            magnified: None,
-        };
+        let batch = Batch::new(&camera, &shots, NOISE, &loss_of);
         block.step(&batch, rule(0.05)).unwrap()
     };
     let mut whole = setup.exposure();

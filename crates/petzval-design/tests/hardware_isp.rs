@@ -59,15 +59,7 @@ fn the_gradient_by_parameters_and_lens_is_that_of_differences() {
     let shots = training_shots(&setup, &camera, 3).unwrap();
     let isp = setup.isp().unwrap();
     let held = camera.with_chip(isp.held(&camera.body().device));
-    let loss = loss_of;
-    let batch = Batch {
-        camera: &held,
-        shots: &shots,
-        noise: QUIET,
-        loss: &loss,
-        further: &|_| Ok(Vec::new()),
-        magnified: None,
-    };
+    let batch = Batch::new(&held, &shots, QUIET, &loss_of);
     let (losses, by_place) = isp.gradient(&batch).unwrap();
     assert!((losses["total"] / value(&held, &shots) - 1.0).abs() < 1e-5);
     assert_eq!(by_place.len(), isp.free_numbers());
@@ -139,14 +131,7 @@ fn steps_by_the_smooth_form_improve_the_pictures_of_the_chip() {
     assert!((before.0 / before.1 - 1.0).abs() < 0.02, "{before:?}");
     isp.begin_stage(true);
     for _ in 0..25 {
-        let batch = Batch {
-            camera: &camera,
-            shots: &shots,
-            noise: QUIET,
-            loss: &loss,
-            further: &|_| Ok(Vec::new()),
-            magnified: None,
-        };
+        let batch = Batch::new(&camera, &shots, QUIET, &loss);
         isp.step(&batch, rule(StepMethod::Gradient)).unwrap();
     }
     let after = (on_chip(&isp), smooth(&isp));
@@ -169,15 +154,7 @@ fn the_chip_is_improved_without_its_gradient_and_a_search_continues_with_the_sam
     let setup = setup("vary = [\"luma_denoise\", \"sharpen\"]\n").unwrap();
     let camera = setup.camera(setup.nominal().lens_file.lens.clone(), true).unwrap();
     let shots = training_shots(&setup, &camera, 0).unwrap();
-    let loss = loss_of;
-    let batch = || Batch {
-        camera: &camera,
-        shots: &shots,
-        noise: QUIET,
-        loss: &loss,
-        further: &|_| Ok(Vec::new()),
-        magnified: None,
-    };
+    let batch = || Batch::new(&camera, &shots, QUIET, &loss_of);
     let on_chip = |isp: &IspBlock| value(&camera.with_chip(ChipValues::Exact(isp.values())), &shots);
     let (mut isp, mut losses) = (setup.isp().unwrap(), Vec::new());
     let before = on_chip(&isp);
@@ -211,14 +188,7 @@ fn a_network_that_imitates_the_chip_leads_it_and_the_lens_and_continues_with_the
     };
     let loss = |_: &Camera, frames: &Frames, _: &[Shot]| Ok(darkness(frames));
     let further = |number: u64| training_shots(&setup, &camera, number);
-    let batch = || Batch {
-        camera: &camera,
-        shots: &shots,
-        noise: QUIET,
-        loss: &loss,
-        further: &further,
-        magnified: None,
-    };
+    let batch = || Batch { further: &further, ..Batch::new(&camera, &shots, QUIET, &loss) };
     let on_chip = |isp: &IspBlock| {
         let camera = camera.with_chip(ChipValues::Exact(isp.values()));
         darkness(&camera.take(&shots, &QUIET).unwrap()).parts[0].1
@@ -399,14 +369,7 @@ fn an_isp_outside_this_program_moves_by_evolution_and_leads_lens_and_itself_by_a
         Ok(NamedLoss { total, parts: vec![("total", value)] })
     };
     let further = |number: u64| training_shots(&setup, &camera, number);
-    let batch = || Batch {
-        camera: &camera,
-        shots: &shots,
-        noise: QUIET,
-        loss: &loss,
-        further: &further,
-        magnified: None,
-    };
+    let batch = || Batch { further: &further, ..Batch::new(&camera, &shots, QUIET, &loss) };
     let by_itself = |isp: &IspBlock| {
         let camera = camera.with_chip(ChipValues::Exact(isp.values()));
         let frames = camera.take(&shots, &QUIET).unwrap();

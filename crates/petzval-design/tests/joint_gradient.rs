@@ -114,8 +114,7 @@ fn gradient_at_start(setup: &Setup, shots: &[Shot], noise: Noise) -> (f64, Vec<f
         let taken = Taken { frames, detector: None, seed: 0 };
         Ok(objective.loss(&taken, &Labels::Pictures(camera.truths(shots)?))?)
     };
-    let batch =
-        Batch { camera: &camera, shots, noise, loss: &loss, further: &|_| Ok(Vec::new()), magnified: None };
+    let batch = Batch::new(&camera, shots, noise, &loss);
     let block = OpticsBlock::new(start, setup.experiment.constraints.weight);
     assert_eq!(block.free_numbers(), block.coordinates().len());
     let (losses, by_x) = block.gradient(&batch).unwrap();
@@ -219,9 +218,7 @@ fn made_gradient(setup: &Setup, start: &Arc<Start>) {
     let loss = |_: &Camera, frames: &Frames, _: &[Shot]| Ok(smooth_loss(frames));
     let noise = || Noise { mode: NoiseMode::Off, seed: 1 };
     let gradient = |block: &OpticsBlock, camera: &Camera| {
-        let further = |_| Ok(Vec::new());
-        let batch =
-            Batch { camera, shots: &shots, noise: noise(), loss: &loss, further: &further, magnified: None };
+        let batch = Batch::new(camera, &shots, noise(), &loss);
         block.gradient(&batch).unwrap().1
     };
     let x = start.space.start().to_vec();
@@ -275,14 +272,7 @@ fn smooth_gradient(setup: &Setup, start: &Arc<Start>, tolerance: f64) -> f64 {
     let x = start.space.start().to_vec();
     let from = camera_from(setup, start, &x);
     let loss = |_: &Camera, frames: &Frames, _: &[Shot]| Ok(smooth_loss(frames));
-    let batch = Batch {
-        camera: &from,
-        shots: &shots,
-        noise: noise(),
-        loss: &loss,
-        further: &|_| Ok(Vec::new()),
-        magnified: None,
-    };
+    let batch = Batch::new(&from, &shots, noise(), &loss);
     // The penalty of the requirements has its own test.
     let (_, by_x) = OpticsBlock::new(start.clone(), 0.0).gradient(&batch).unwrap();
     let norm = by_x.iter().map(|g| g * g).sum::<f64>().sqrt();
@@ -336,15 +326,7 @@ fn steps_by_the_lifted_curvature_and_by_evolution_lower_the_loss_and_continue_wi
     let step = |block: &mut OpticsBlock, method: StepMethod, rate: f64| {
         let camera = camera_of(block);
         let loss = |camera: &Camera, frames: &Frames, shots: &[Shot]| Ok(squared(frames, camera, shots));
-        let further = |_| Ok(Vec::new());
-        let batch = Batch {
-            camera: &camera,
-            shots: &shots,
-            noise: noise(),
-            loss: &loss,
-            further: &further,
-            magnified: None,
-        };
+        let batch = Batch::new(&camera, &shots, noise(), &loss);
         block.step(&batch, StepRule { method, rate, proximal: 0.0 }).unwrap()
     };
     let after = |method: StepMethod, rate: f64, steps: usize| {
@@ -380,9 +362,7 @@ fn random_steps_draw_lens_and_exposure_anew_and_leave_no_trace_when_the_stage_en
         shots[0].frame = number;
         let loss = |_: &Camera, _: &Frames, _: &[Shot]| panic!("a random step computes no loss");
         let noise = Noise { mode: NoiseMode::Off, seed: 1 };
-        let further = |_| Ok(Vec::new());
-        let batch =
-            Batch { camera: &camera, shots: &shots, noise, loss: &loss, further: &further, magnified: None };
+        let batch = Batch::new(&camera, &shots, noise, &loss);
         assert!(block.step(&batch, rule).unwrap().is_empty());
     };
     let block = || OpticsBlock::new(nominal.clone(), 1.0);

@@ -253,12 +253,13 @@ fn a_folder_with_boxes_takes_the_place_of_the_streets() {
 }
 
 /// Weights of a Faster R-CNN of torchvision on ResNet-18 for COCO, all zero but the variances of the normalisations, which are one, and the
-/// biases of the outputs, each of which is its number.
-fn write_torchvision_weights(file: &Path) {
+/// biases of the outputs, each of which is its number. Those of the layers under `prefix`, which their names then lack.
+fn write_torchvision_weights(file: &Path, prefix: &str) {
     let fixture = include_str!("../../petzval-learn/tests/fixtures/whole_detectors.json");
     let fixture: serde_json::Value = serde_json::from_str(fixture).unwrap();
     let (mut header, mut bytes) = (serde_json::Map::new(), Vec::new());
     for (name, shape) in fixture["detectors"]["resnet18"]["state"].as_object().unwrap() {
+        let Some(name) = name.strip_prefix(prefix) else { continue };
         let mut shape: Vec<u64> = serde_json::from_value(shape.clone()).unwrap();
         if name.contains("box_predictor") {
             // From those of three classes and the background.
@@ -266,7 +267,7 @@ fn write_torchvision_weights(file: &Path) {
         }
         let start = bytes.len();
         let count = shape.iter().product::<u64>() as usize;
-        let kind = match name.as_str() {
+        let kind = match name {
             "roi_heads.box_predictor.cls_score.bias" => {
                 bytes.extend((0..count).flat_map(|output| (output as f32).to_le_bytes()));
                 "F32"
@@ -279,7 +280,7 @@ fn write_torchvision_weights(file: &Path) {
             }
         };
         let about = serde_json::json!({"dtype": kind, "shape": shape, "data_offsets": [start, bytes.len()]});
-        header.insert(name.clone(), about);
+        header.insert(name.to_owned(), about);
     }
     let header = serde_json::Value::from(header).to_string();
     let length = (header.len() as u64).to_le_bytes();
@@ -290,7 +291,7 @@ fn write_torchvision_weights(file: &Path) {
 fn a_detector_starts_from_weights_of_torchvision() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path();
-    write_torchvision_weights(&root.join("coco.safetensors"));
+    write_torchvision_weights(&root.join("coco.safetensors"), "");
     let experiment = |name: &str, backbone: &str, kind: &str| {
         let detector = format!(
             "[detector]\nkind = \"{kind}\"\nbackbone = \"{backbone}\"\nweights = \"coco.safetensors\"\n[[variant]]"
@@ -330,6 +331,12 @@ fn a_detector_starts_from_weights_of_torchvision() {
         experiment("c.toml", backbone, kind);
         fails("c.toml", &["which has no detector of this kind", "resnet50"]);
     }
+    // A classifier has weights for the backbone of every kind of detector.
+    write_torchvision_weights(&root.join("coco.safetensors"), "backbone.body.");
+    experiment("d.toml", "small", "faster-rcnn");
+    fails("d.toml", &["weights of a classifier", "resnet50"]);
+    experiment("e.toml", "resnet18", "fcos");
+    run_ok(root, &["design", "e.toml", "--variant", "nominal", "--out", "run"]);
 }
 
 /// Muon's momentum and Adam's moments of a detector are in a checkpoint, each with its weight.

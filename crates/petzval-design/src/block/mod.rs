@@ -125,7 +125,12 @@ pub struct Batch<'a> {
     pub magnified: Option<&'a Magnified<'a>>,
 }
 
-impl Batch<'_> {
+impl<'a> Batch<'a> {
+    /// A batch without further windows, behind a lens that keeps its magnification.
+    pub fn new(camera: &'a Camera, shots: &'a [Shot], noise: Noise, loss: &'a LossOf<'a>) -> Self {
+        Self { camera, shots, noise, loss, further: &|_| Ok(Vec::new()), magnified: None }
+    }
+
     /// The number of the batch, which no other has: that of its first frame.
     fn number(&self) -> u64 {
         self.shots.first().map_or(0, |shot| shot.frame)

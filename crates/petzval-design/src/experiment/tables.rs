@@ -140,8 +140,8 @@ pub struct DetectorConfig {
     /// What turns pictures into features.
     pub backbone: BackboneKind,
     /// The file of weights from which the detector starts, in place of drawn ones: `cameras/NAME/blocks/network/weights.bin` of a run with the
-    /// same detector and classes, its `cameras/NAME/network.safetensors`, or weights of torchvision's Faster R-CNN on the same backbone, as a
-    /// safetensors file.
+    /// same detector and classes, its `cameras/NAME/network.safetensors`, or a safetensors file with the weights of torchvision's Faster R-CNN
+    /// on the same backbone, or with those of a classifier, which are for the backbone alone.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub weights: Option<String>,
 }

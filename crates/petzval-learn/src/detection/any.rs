@@ -42,16 +42,38 @@ impl DetectorKind {
         seed: u64,
         device: &Device,
     ) -> Result<AnyDetector, NetworkError> {
+        self.with(backbone, classes, &Parameters::drawn(seed, device))
+    }
+
+    /// The same, whose backbone has the weights of a classifier of torchvision on it, from a safetensors file. Fails on a weight that is
+    /// missing, of another shape or not finite, and names it.
+    pub fn from_classifier(
+        self,
+        backbone: BackboneKind,
+        classes: usize,
+        seed: u64,
+        bytes: &[u8],
+        device: &Device,
+    ) -> Result<AnyDetector, NetworkError> {
+        self.with(backbone, classes, &Parameters::read_backbone(&file(bytes)?, seed, device))
+    }
+
+    fn with(
+        self,
+        backbone: BackboneKind,
+        classes: usize,
+        from: &Parameters,
+    ) -> Result<AnyDetector, NetworkError> {
         Ok(match self {
             Self::FasterRcnn => {
-                AnyDetector::FasterRcnn(FasterRcnn::new(two_stages(backbone, classes), seed, device)?)
+                AnyDetector::FasterRcnn(FasterRcnn::with(two_stages(backbone, classes), from)?)
             }
             Self::Fcos => {
                 let config = match backbone {
                     BackboneKind::Small => FcosConfig::small(classes),
                     _ => FcosConfig { backbone, channels: 256, depth: 4, ..FcosConfig::small(classes) },
                 };
-                AnyDetector::Fcos(Fcos::new(config, seed, device)?)
+                AnyDetector::Fcos(Fcos::with(config, from)?)
             }
         })
     }
@@ -67,8 +89,34 @@ fn two_stages(backbone: BackboneKind, classes: usize) -> FasterRcnnConfig {
 /// Outputs of torchvision's detectors for COCO: the background and the numbers up to 90.
 const COCO_OUTPUTS: usize = 91;
 
-/// A weight with one value for each output.
+/// A weight of torchvision's detectors with one value for each output.
 const BIAS_OF_CLASSES: &str = "roi_heads.box_predictor.cls_score.bias";
+
+/// The first convolution of a ResNet, and of a MobileNetV2, as torchvision's classifiers call it.
+const FIRST_OF_CLASSIFIERS: [&str; 2] = ["conv1.weight", "features.0.0.weight"];
+
+/// Whose weights a safetensors file holds, by their names.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WeightsOf {
+    /// A Faster R-CNN of torchvision.
+    Detector,
+    /// A classifier of torchvision, such as those that were trained on ImageNet, whose layers before the last one are a backbone.
+    Classifier,
+    /// Something else: a detector of this program, if anything of use.
+    Other,
+}
+
+impl WeightsOf {
+    /// What a file holds.
+    pub fn file(bytes: &[u8]) -> Self {
+        let holds = |name: &str| file(bytes).is_ok_and(|file| file.tensor(name).is_ok());
+        match holds(BIAS_OF_CLASSES) {
+            true => Self::Detector,
+            false if FIRST_OF_CLASSIFIERS.into_iter().any(holds) => Self::Classifier,
+            false => Self::Other,
+        }
+    }
+}
 
 fn file(bytes: &[u8]) -> Result<SafeTensors<'_>, NetworkError> {
     SafeTensors::deserialize(bytes)
@@ -87,11 +135,6 @@ impl AnyDetector {
         let file = file(bytes)?;
         let from = Parameters::read(&file, 1, device);
         Ok(Self::FasterRcnn(FasterRcnn::with(two_stages(backbone, classes), &from)?))
-    }
-
-    /// Whether a safetensors file holds a detector under the names of torchvision, and not under those of this program.
-    pub fn is_of_torchvision(bytes: &[u8]) -> bool {
-        file(bytes).is_ok_and(|file| file.tensor(BIAS_OF_CLASSES).is_ok())
     }
 
     /// The same for a detector of other classes than the 90 of COCO, which the file has: class `c` starts as what COCO has under the number

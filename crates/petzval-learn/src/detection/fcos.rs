@@ -110,7 +110,8 @@ impl Fcos {
         Self::with(config, &Parameters::drawn(seed, device))
     }
 
-    fn with(config: FcosConfig, from: &Parameters) -> Result<Self, NetworkError> {
+    /// A detector with the given weights.
+    pub(crate) fn with(config: FcosConfig, from: &Parameters) -> Result<Self, NetworkError> {
         let same = ConvShape::new(config.channels, config.channels, 3);
         let tower = |name: &str| {
             let conv = |i| Conv::new(from, &format!("head.{name}.{i}"), same, same.rectified(), 0.0);

@@ -1,4 +1,5 @@
-//! Where the weights of a detector come from: drawn from a seed, or read from a file with the names of torchvision.
+//! Where the weights of a detector come from: drawn from a seed, or read from a file with the names of torchvision, all or those of its
+//! backbone.
 
 use std::cell::RefCell;
 
@@ -25,6 +26,8 @@ pub(crate) enum Parameters<'a> {
     Drawn(RefCell<Initializer>),
     /// Reads them.
     Read { file: &'a SafeTensors<'a>, outputs: Option<Outputs>, drawn: RefCell<Initializer> },
+    /// Reads those of the backbone from a file of a classifier, and draws the others.
+    ReadBackbone { file: &'a SafeTensors<'a>, drawn: RefCell<Initializer> },
 }
 
 /// Which outputs of the detector in a file become those of this one, where the file knows other classes.
@@ -35,6 +38,9 @@ pub(crate) struct Outputs {
     /// The number there of each output of this detector, the background first.
     pub taken: Vec<usize>,
 }
+
+/// The layers of the backbone.
+const OF_BACKBONE: &str = "backbone.body.";
 
 /// The layers that have outputs for each class: under this name, one or four rows of an output after another.
 const OF_CLASSES: &str = "roi_heads.box_predictor.";
@@ -50,7 +56,12 @@ impl<'a> Parameters<'a> {
         Self::Read { file, outputs: None, drawn: RefCell::new(Initializer::new(seed, device)) }
     }
 
-    /// The same for a file of a detector with other classes; drawn weights stay.
+    /// Weights of the backbone from a file of a classifier on the same backbone; the others are drawn from the seed.
+    pub fn read_backbone(file: &'a SafeTensors<'a>, seed: u64, device: &Device) -> Self {
+        Self::ReadBackbone { file, drawn: RefCell::new(Initializer::new(seed, device)) }
+    }
+
+    /// The same for a file of a detector with other classes; other weights stay.
     pub fn taking(mut self, taken: Outputs) -> Self {
         if let Self::Read { outputs, .. } = &mut self {
             *outputs = Some(taken);
@@ -65,22 +76,26 @@ impl<'a> Parameters<'a> {
         shape: [usize; D],
         start: Start,
     ) -> Result<Param<Tensor<D>>, NetworkError> {
-        match self {
-            Self::Drawn(drawn) => {
-                let mut drawn = drawn.borrow_mut();
-                Ok(match start {
-                    Start::Normal(deviation) => drawn.normal(shape, deviation),
-                    Start::Constant(value) => drawn.constant(shape, value),
-                })
+        let (values, drawn) = match self {
+            Self::Drawn(drawn) => (None, drawn),
+            Self::ReadBackbone { file, drawn } => {
+                let name = name.strip_prefix(OF_BACKBONE).map(name_in_classifier);
+                (name.map(|name| values(file, &name, &shape)).transpose()?, drawn)
             }
             Self::Read { file, outputs, drawn } => {
                 let values = match outputs.as_ref().filter(|_| name.starts_with(OF_CLASSES)) {
                     Some(outputs) => values_of_outputs(file, name, &shape, outputs)?,
                     None => values(file, name, &shape)?,
                 };
-                Ok(drawn.borrow_mut().parameter(values, shape))
+                (Some(values), drawn)
             }
-        }
+        };
+        let mut drawn = drawn.borrow_mut();
+        Ok(match (values, start) {
+            (Some(values), _) => drawn.parameter(values, shape),
+            (None, Start::Normal(deviation)) => drawn.normal(shape, deviation),
+            (None, Start::Constant(value)) => drawn.constant(shape, value),
+        })
     }
 
     /// A weight that never moves, such as the statistics of a frozen batch normalisation.
@@ -92,6 +107,13 @@ impl<'a> Parameters<'a> {
     ) -> Result<Param<Tensor<D>>, NetworkError> {
         Ok(self.trained(name, shape, Start::Constant(value))?.set_require_grad(false))
     }
+}
+
+/// The name in a classifier of torchvision of what a detector has in its backbone: the same, but those layers of MobileNetV2 that have numbers
+/// are its features.
+fn name_in_classifier(in_backbone: &str) -> String {
+    let prefix = if in_backbone.starts_with(|c: char| c.is_ascii_digit()) { "features." } else { "" };
+    format!("{prefix}{in_backbone}")
 }
 
 /// Values of a tensor of the file, f32 or f16.

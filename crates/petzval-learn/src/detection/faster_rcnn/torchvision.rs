@@ -7,7 +7,7 @@ use safetensors::SafeTensors;
 use serde::Deserialize;
 
 use super::*;
-use crate::detection::AnyDetector;
+use crate::detection::{AnyDetector, DetectorKind, WeightsOf};
 use crate::weight_file::{NamedTensor, safetensors_of};
 
 #[derive(Deserialize)]
@@ -80,6 +80,16 @@ fn among_coco((name, mut shape, bytes): NamedTensor, numbers: [usize; 4]) -> Nam
     (name, shape, all)
 }
 
+/// The file of a classifier that has these weights of a detector in its layers before the last one.
+fn as_classifier(kind: BackboneKind, weights: &[NamedTensor]) -> Vec<u8> {
+    let prefix = if kind == BackboneKind::MobilenetV2 { "features." } else { "" };
+    let of_backbone = weights.iter().filter_map(|(name, shape, bytes)| {
+        let name = name.strip_prefix("backbone.body.")?;
+        Some((format!("{prefix}{name}"), shape.clone(), bytes.clone()))
+    });
+    safetensors_of(&of_backbone.collect::<Vec<_>>()).unwrap()
+}
+
 fn assert_maps(ours: &[Tensor<4>], theirs: &[Map], what: &str) {
     assert_eq!(ours.len(), theirs.len(), "{what}");
     for (level, (ours, theirs)) in ours.iter().zip(theirs).enumerate() {
@@ -116,7 +126,23 @@ fn whole_detectors_see_and_find_what_those_of_torchvision_do() {
         assert_maps(&detector.maps(picture.clone()), &expected.pyramid, "pyramid");
         let found = detector.detect(picture.clone()).unwrap().remove(0);
         assert_eq!(found.len(), expected.count, "{name}");
+        assert_eq!(WeightsOf::file(&bytes), WeightsOf::Detector);
+        // The backbone alone, from a file that has nothing else.
+        let bytes = as_classifier(kind, &weights);
+        assert_eq!(WeightsOf::file(&bytes), WeightsOf::Classifier);
+        let from_classifier = |of: DetectorKind, kind| of.from_classifier(kind, 2, 1, &bytes, &device);
+        let Ok(AnyDetector::FasterRcnn(begun)) = from_classifier(DetectorKind::FasterRcnn, kind) else {
+            panic!("{name}");
+        };
+        assert_maps(
+            &begun.body.features(normalized(picture.clone())),
+            &expected.body,
+            "body of a classifier",
+        );
+        from_classifier(DetectorKind::Fcos, kind).unwrap();
         if kind == BackboneKind::Resnet18 {
+            let other = from_classifier(DetectorKind::Fcos, BackboneKind::Resnet50).unwrap_err().to_string();
+            assert!(other.contains("`layer1.0.conv1.weight` is of shape [64, 64, 3, 3]"), "{other}");
             // The same from a file for COCO, in which these classes have other numbers.
             let coco: Vec<NamedTensor> =
                 weights.into_iter().map(|weight| among_coco(weight, [0, 1, 3, 10])).collect();
