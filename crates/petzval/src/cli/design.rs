@@ -42,7 +42,8 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     photos: Option<PathBuf>,
     /// Folder of pictures with boxes in COCO format, in which objects are to be found in place of generated streets; see `petzval data`. The part
-    /// `train` trains and the others are held out, or every fifth sequence where no parts are named
+    /// `train` trains and the others are held out; the largest trains if none is called so; every fifth sequence is held out where no parts are
+    /// named
     #[arg(long, value_name = "DIR", conflicts_with = "photos")]
     data: Option<PathBuf>,
     /// N in place of the experiment's `training.steps`, or of its `isp.steps` where a hardware ISP makes pictures for people; all other steps follow in

@@ -28,7 +28,7 @@ pub enum ExperimentVerb {
         /// Experiment file, or the name of a built-in one
         name: String,
     },
-    /// Run all built-in experiments, or some, with several seeds, and compare them on one page
+    /// Run all built-in experiments that compare cameras, or some, with several seeds, and show them on one page
     ///
     /// It may take days and be interrupted: what is finished is kept, and the same command goes on with the rest. Every run can also be
     /// made alone by `petzval design NAME --seed S`. The tables are printed in Markdown.
@@ -41,13 +41,13 @@ pub struct RunAllArgs {
     /// Folder for the runs and the page
     #[arg(long, value_name = "DIR", default_value = "runs")]
     out: PathBuf,
-    /// Experiments, by built-in name or file [default: all built-in ones]
+    /// Experiments, by built-in name or file [default: all built-in ones that compare cameras]
     #[arg(long, value_name = "NAME,NAME", value_delimiter = ',')]
     only: Vec<String>,
     /// Seeds; all experiments have a run of the first before any has one of the second
     #[arg(long, value_name = "N,N", value_delimiter = ',', default_value = "1,2,3")]
     seeds: Vec<u64>,
-    /// Minutes to half an hour for each run on two cores: the experiments as they are [default]
+    /// Minutes to three hours for each run on two cores: the experiments as they are [default]
     #[arg(long, conflicts_with = "full")]
     quick: bool,
     /// A night on a GPU for each run, see `petzval design --help`
