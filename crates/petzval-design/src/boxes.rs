@@ -3,7 +3,7 @@
 use petzval_camera::image::LinearImage;
 use petzval_learn::detection::{BBox, Detection, Truth};
 
-use crate::seen_windows::{LEAST_SCORE, OVERLAP};
+use crate::seen_windows::{LEAST_SCORE, OVERLAP, is_unjudged};
 
 /// Colours of boxes, sRGB-encoded: objects, right detections, detections of the wrong class, false alarms, regions that are not judged.
 const OBJECT: [f32; 3] = [0.1, 0.9, 1.0];
@@ -20,12 +20,14 @@ pub fn with_truth(picture: &LinearImage, truth: &Truth) -> LinearImage {
     drawn
 }
 
-/// A picture with the sure detections: green where an object of the class is, yellow where one of another class is, red where none is.
+/// A picture with the sure detections: green where an object of the class is, yellow where one of another class is, gray in regions that are not
+/// judged, red where nothing is.
 pub fn with_detections(picture: &LinearImage, truth: &Truth, found: &[Detection]) -> LinearImage {
     let mut drawn = picture.clone();
     for detection in found.iter().filter(|d| d.score >= LEAST_SCORE).rev() {
         let near = || truth.objects.iter().filter(|o| o.bbox.iou(&detection.bbox) >= OVERLAP);
         let colour = match near().next() {
+            None if is_unjudged(truth, &detection.bbox) => UNJUDGED,
             None => FALSE_ALARM,
             Some(_) if near().any(|object| object.class == detection.class) => RIGHT,
             Some(_) => OTHER_CLASS,
@@ -82,17 +84,19 @@ mod tests {
 
     #[test]
     fn detections_have_the_colour_of_what_they_are() {
-        let picture = LinearImage::zeros(3, 20, 30);
+        let picture = LinearImage::zeros(3, 20, 40);
         let at = |x1: f32| BBox::new(x1, 5.0, x1 + 6.0, 15.0);
         let truth = Truth {
             objects: vec![Object { bbox: at(1.0), class: 0 }, Object { bbox: at(10.0), class: 1 }],
+            ignored: vec![at(32.0)],
             ..Truth::default()
         };
         let found = |x1: f32, class, score| Detection { bbox: at(x1), class, score };
-        let found = [found(1.0, 0, 0.9), found(10.0, 0, 0.9), found(20.0, 1, 0.9), found(24.0, 1, 0.1)];
+        let found = [(1.0, 0, 0.9), (10.0, 0, 0.9), (20.0, 1, 0.9), (32.0, 1, 0.9), (24.0, 1, 0.1)]
+            .map(|(x1, class, score)| found(x1, class, score));
         let drawn = with_detections(&picture, &truth, &found);
         let colour = |column: usize| [0, 1, 2].map(|c| drawn.data[(c * 20 + 10) * 30 + column]);
-        assert_eq!([colour(1), colour(10), colour(20)], [RIGHT, OTHER_CLASS, FALSE_ALARM]);
+        assert_eq!([1, 10, 20, 32].map(colour), [RIGHT, OTHER_CLASS, FALSE_ALARM, UNJUDGED]);
         assert_eq!([colour(3), colour(29)], [[0.0; 3]; 2]);
         // A state of a light has the colour of its name.
         let boxes = [(at(1.0), 0), (at(10.0), 1)];

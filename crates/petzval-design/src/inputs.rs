@@ -44,9 +44,6 @@ pub fn fingerprint(setup: &Setup) -> Result<String, DesignError> {
     if let Some(weights) = &setup.network_weights {
         hash.update(weights);
     }
-    if let Some(weights) = &setup.experiment.detector.weights {
-        hash.update(read(Path::new(weights))?);
-    }
     let photos = &setup.photos;
     let lists = [
         ("training", photos.training()),
@@ -95,15 +92,16 @@ pub fn keep_inputs(setup: &Setup, assets: &Assets, run: &RunFolder) -> Result<()
         };
     }
     // The built-in ones are known by their fingerprint, as the built-in photographs are.
-    if let (Some(weights), false) = (&setup.network_weights, kept.network.has_built_in_weights()) {
-        write_file(&run.input("network.safetensors"), weights)?;
-        kept.network.weights = "inputs/network.safetensors".to_owned();
-    }
-    let ending = if kept.detector.safetensors().is_some() { "safetensors" } else { "bin" };
-    if let Some(weights) = &mut kept.detector.weights {
-        let name = format!("detector-weights.{ending}");
-        write_file(&run.input(&name), &read(Path::new(weights.as_str()))?)?;
-        *weights = format!("inputs/{name}");
+    if let Some(weights) = &setup.network_weights {
+        if kept.task.finds_objects() {
+            let ending = if kept.detector.safetensors().is_some() { "safetensors" } else { "bin" };
+            let name = format!("detector-weights.{ending}");
+            write_file(&run.input(&name), weights)?;
+            kept.detector.weights = Some(format!("inputs/{name}"));
+        } else if !kept.network.has_built_in_weights() {
+            write_file(&run.input("network.safetensors"), weights)?;
+            kept.network.weights = "inputs/network.safetensors".to_owned();
+        }
     }
     for variant in &mut kept.variant {
         if let Some(name) = variant.lens.as_mut().filter(|name| !is_derived_lens(name)) {

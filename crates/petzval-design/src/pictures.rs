@@ -8,6 +8,9 @@ use crate::error::DesignError;
 use crate::run::{RunFolder, write_file};
 use crate::scoring::ScoredPicture;
 
+/// The state of a picture that is the same for every camera.
+const TRUTH: &str = "truth";
+
 /// File name of a state of picture `index`: `truth`, or `developed` and `output` of a camera.
 pub fn file_name(index: usize, state: &str, camera: Option<&str>) -> String {
     match camera {
@@ -21,7 +24,8 @@ pub fn whole_name(camera: Option<&str>) -> String {
     camera.map_or_else(|| "whole.png".to_owned(), |camera| format!("whole-{camera}.png"))
 }
 
-/// Saves the pictures of a camera, and the truth beside them. A whole frame of an earlier state of the camera is removed.
+/// Saves the pictures of a camera, and the truth beside them, if no other camera has: in streets the truth is what its own lens sees, and the first
+/// camera has the focal length of the experiment. A whole frame of an earlier state of the camera is removed.
 pub fn save(run: &RunFolder, camera: &str, pictures: &[ScoredPicture]) -> Result<(), DesignError> {
     let whole = run.picture(&whole_name(Some(camera)));
     match std::fs::remove_file(&whole) {
@@ -29,12 +33,16 @@ pub fn save(run: &RunFolder, camera: &str, pictures: &[ScoredPicture]) -> Result
         _ => {}
     }
     for (index, picture) in pictures.iter().enumerate() {
-        for (image, file) in [
-            (&picture.truth, file_name(index, "truth", None)),
-            (&picture.developed, file_name(index, "developed", Some(camera))),
-            (&picture.output, file_name(index, "output", Some(camera))),
+        for (image, state, of) in [
+            (&picture.truth, TRUTH, None),
+            (&picture.developed, "developed", Some(camera)),
+            (&picture.output, "output", Some(camera)),
         ] {
-            write_file(&run.picture(&file), &encoded_png_bytes(image)?)?;
+            let file = file_name(index, state, of);
+            let path = run.picture(&file);
+            if state != TRUTH || !path.is_file() {
+                write_file(&path, &encoded_png_bytes(image)?)?;
+            }
         }
     }
     Ok(())

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use petzval_learn::detection::{Detection, Object, Truth};
+use petzval_learn::detection::{BBox, Detection, Object, Truth};
 use petzval_learn::score::detection::{Picture, clusters_of};
 use petzval_learn::score::judged;
 use serde::{Deserialize, Serialize};
@@ -81,12 +81,16 @@ impl SeenWindow {
     pub fn false_alarms(&self) -> impl Iterator<Item = &Detection> {
         let is_of = |d: &Detection, o: &Object| o.class == d.class && o.bbox.iou(&d.bbox) >= OVERLAP;
         self.finished().iter().filter(move |d| {
-            let on_ignored = |region| d.bbox.intersection(region) >= OVERLAP * d.bbox.area();
             d.score >= LEAST_SCORE
                 && !self.truth.objects.iter().any(|o| is_of(d, o))
-                && !self.truth.ignored.iter().any(on_ignored)
+                && !is_unjudged(&self.truth, &d.bbox)
         })
     }
+}
+
+/// Whether a box lies in a region that is not judged.
+pub(crate) fn is_unjudged(truth: &Truth, bbox: &BBox) -> bool {
+    truth.ignored.iter().any(|region| bbox.intersection(region) >= OVERLAP * bbox.area())
 }
 
 /// The cluster of each window for a bootstrap: windows of one film are drawn together.

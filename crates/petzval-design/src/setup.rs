@@ -81,7 +81,7 @@ pub struct Setup {
     pub scoring_crops: CropPlan,
     /// Weights of the perceptual loss.
     pub lpips_weights: Vec<u8>,
-    /// Weights from which the networks of all cameras start, as a safetensors file; none for those drawn from the seed.
+    /// The file of weights from which the networks or detectors of all cameras start; none for those drawn from the seed.
     pub network_weights: Option<Vec<u8>>,
     /// How far differences between cameras scatter with the seed.
     pub study: Study,
@@ -298,13 +298,16 @@ impl Setup {
     pub fn network(&self) -> Result<NetworkBlock, DesignError> {
         let (experiment, device) = (&self.experiment, &self.body.device);
         if experiment.task.finds_objects() {
-            if let Some(path) = experiment.detector.safetensors() {
-                return Ok(NetworkBlock::new(read_detector(experiment, path, device)?));
-            }
-            let block = NetworkBlock::new(drawn_detector(experiment, device)?);
-            return match &experiment.detector.weights {
-                Some(path) => block.with_weights(Path::new(path)),
-                None => Ok(block),
+            let Some((path, bytes)) = experiment.detector.weights.as_ref().zip(self.network_weights.as_ref())
+            else {
+                return Ok(NetworkBlock::new(drawn_detector(experiment, device)?));
+            };
+            return match experiment.detector.safetensors() {
+                Some(path) => Ok(NetworkBlock::new(read_detector(experiment, path, bytes, device)?)),
+                None => {
+                    let drawn = NetworkBlock::new(drawn_detector(experiment, device)?);
+                    drawn.with_weights(Path::new(path), bytes)
+                }
             };
         }
         let NetworkConfig { kind, base_channels, levels, .. } = experiment.network;
@@ -376,12 +379,16 @@ impl Setup {
     }
 }
 
-/// The weights that the experiment names for its network for pictures, if it has such a network; none where they are drawn.
+/// The weights that the experiment names for its network for pictures or for its detector; none where they are drawn.
 fn network_weights(
     experiment: &Experiment,
     assets: &Assets,
     device: &Device,
 ) -> Result<Option<Vec<u8>>, DesignError> {
+    if let (true, Some(path)) = (experiment.task.finds_objects(), &experiment.detector.weights) {
+        let path = Path::new(path);
+        return Ok(Some(petzval_base::read_whole(path).map_err(DesignError::io(path))?));
+    }
     let NetworkConfig { kind, base_channels, levels, ref weights } = experiment.network;
     if !experiment.has_picture_network() || experiment.network.draws_weights() {
         return Ok(None);
@@ -410,10 +417,14 @@ fn drawn_detector(experiment: &Experiment, device: &Device) -> Result<Network, D
 
 /// The detector of an experiment with the weights of a safetensors file: of a detector of torchvision, of a classifier of torchvision for the
 /// backbone alone, or `network.safetensors` of a run.
-fn read_detector(experiment: &Experiment, path: &Path, device: &Device) -> Result<Network, DesignError> {
+fn read_detector(
+    experiment: &Experiment,
+    path: &Path,
+    bytes: &[u8],
+    device: &Device,
+) -> Result<Network, DesignError> {
     let DetectorConfig { kind, backbone, .. } = experiment.detector;
-    let bytes = petzval_base::read_whole(path).map_err(DesignError::io(path))?;
-    let holds = WeightsOf::file(&bytes);
+    let holds = WeightsOf::file(bytes);
     let misfit = match holds {
         WeightsOf::Detector if kind != DetectorKind::FasterRcnn || backbone == BackboneKind::Small => Some((
             "weights of torchvision, which has no detector of this kind on this backbone",
@@ -431,16 +442,16 @@ fn read_detector(experiment: &Experiment, path: &Path, device: &Device) -> Resul
     let task = experiment.task;
     let (read, hint) = match holds {
         WeightsOf::Detector => (
-            AnyDetector::from_coco(backbone, task.coco_numbers(), &bytes, device).map(Network::Detector),
+            AnyDetector::from_coco(backbone, task.coco_numbers(), bytes, device).map(Network::Detector),
             "weights of a Faster R-CNN of torchvision on detector.backbone are needed, for the 90 classes of COCO or those of the task",
         ),
         WeightsOf::Classifier => (
-            kind.from_classifier(backbone, task.classes().len(), experiment.seed, &bytes, device)
+            kind.from_classifier(backbone, task.classes().len(), experiment.seed, bytes, device)
                 .map(Network::Detector),
             "weights of a classifier of torchvision on detector.backbone are needed",
         ),
         WeightsOf::Other => (
-            drawn_detector(experiment, device)?.with_weights(&bytes),
+            drawn_detector(experiment, device)?.with_weights(bytes),
             "weights of the same kind of detector, backbone and number of classes are needed, or those of torchvision",
         ),
     };

@@ -382,6 +382,21 @@ fn a_lens_that_may_magnify_knows_what_that_does_to_the_loss() {
         }
     }
 
+    // Crops follow the scene, also where a larger window shows one object more or less: their middles lie 5 % farther from the axis, but for
+    // whole pixels and where a crop is moved inside its window.
+    let side = setup.training_crops.window() as f64;
+    let middle = |shot: &Shot| {
+        let Placement { row, col } = shot.placement;
+        [row as f64 + 0.5 * side - 600.0, col as f64 + 0.5 * side - 960.0]
+    };
+    for step in 2..14 {
+        let seen = training_shots(&setup, &camera, step).unwrap();
+        let larger = magnified_shots(&setup, &camera, step, 1.05).unwrap();
+        for (before, after) in seen.iter().zip(&larger).map(|(a, b)| (middle(a), middle(b))) {
+            assert!((0..2).all(|i| (after[i] - 1.05 * before[i]).abs() < 8.0), "{before:?} {after:?}");
+        }
+    }
+
     // What the gradient has by way of the magnification is the difference of losses, times what the coordinates do to the focal length.
     let objective = setup.objective().unwrap();
     let loss = |camera: &Camera, frames: &Frames, shots: &[Shot]| -> Result<NamedLoss, DesignError> {

@@ -109,7 +109,8 @@ fn main() {
         let mut items = Vec::new();
         for _ in 0..batch {
             let window = &training[random.random_range(0..training.len())];
-            let part = window.part(&crops(WINDOW), &crops(CROP), &mut random);
+            let middle = window.middle_of_part(WINDOW, CROP, &mut random);
+            let part = window.part(&crops(WINDOW), &crops(CROP), middle);
             items.push(if random.random() { part.mirrored(CROP, 1920) } else { part });
         }
         // Each part of the batch has its own thread and its own copy of the weights, whose gradients are added in order.

@@ -178,6 +178,14 @@ fn validation_sees_no_film_that_is_trained_on_if_there_is_a_second_one() {
         (0..3).map(|k| pictures.sequence(List::Validation, [k, 3])).collect::<Vec<_>>(),
         ["film 2"; 3]
     );
+    // What validates does not train: a class that training has in the film for validation alone is missed.
+    let file = three.path().join("annotations.json");
+    let mut data: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&file).unwrap()).unwrap();
+    let objects = data["annotations"].as_array_mut().unwrap();
+    objects.retain(|object| object["category_id"] != 1 || object["image_id"].as_u64() > Some(6));
+    std::fs::write(&file, data.to_string()).unwrap();
+    let (_, notes) = load(three.path(), CROP).unwrap();
+    assert!(notes.iter().any(|note| note.contains("`pedestrian` has 0 boxes")), "{notes:?}");
     // One film alone: a note says that validation is worth little, and that scores see it as well.
     let one = tempfile::tempdir().unwrap();
     folder(one.path(), 12, "person");

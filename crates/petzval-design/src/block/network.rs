@@ -74,10 +74,9 @@ impl NetworkBlock {
         self.sees = sees;
     }
 
-    /// The same with the weights of a file that a network of the same kind wrote.
-    pub fn with_weights(mut self, path: &Path) -> Result<Self, DesignError> {
-        let bytes = petzval_base::read_whole(path).map_err(DesignError::io(path))?;
-        self.load_numbers(&BTreeMap::from([(WEIGHTS.to_owned(), bytes)])).map_err(|problem| {
+    /// The same with the weights of the file `path`, `bytes`, which a network of the same kind wrote.
+    pub fn with_weights(mut self, path: &Path, bytes: &[u8]) -> Result<Self, DesignError> {
+        self.load_numbers(&BTreeMap::from([(WEIGHTS.to_owned(), bytes.to_vec())])).map_err(|problem| {
             let hint = "weights of the same kind of network, backbone and number of classes are needed";
             DesignError::misfit(path, &problem, hint)
         })?;

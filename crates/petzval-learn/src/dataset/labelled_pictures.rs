@@ -90,7 +90,7 @@ impl LabelledPictures {
         }
         notes.extend(taken_as(data, wanted, classes).map(|note| format!("{}: {note}", folder.display())));
         let mut found = Self::default();
-        let (mut small, mut per_class) = (0, vec![[0_usize; 2]; classes.len()]);
+        let mut small = 0;
         for (image, objects) in data.images.iter().zip(&objects) {
             let size = [image.height as usize, image.width as usize];
             let Some(path) = loaded.picture(&image.file_name) else { continue };
@@ -103,9 +103,6 @@ impl LabelledPictures {
                 list => list,
             };
             let truth = truth(data, objects, wanted);
-            for object in truth.objects.iter().filter(|o| longer_side(&o.bbox) >= least_side_px) {
-                per_class[object.class][usize::from(list == List::HeldOut)] += 1;
-            }
             let (name, sequence) = (image.file_name.clone(), sequence(image).to_owned());
             found.list_mut(list).push(LabelledPicture { path, name, sequence, size, truth });
         }
@@ -125,6 +122,20 @@ impl LabelledPictures {
                 return Err(misfit(format!("no picture is left for {name}{why}")));
             }
         }
+        if validated && found.validation.is_empty() && !found.take_validation() {
+            notes.push(format!(
+                "{}: all pictures for training are of one sequence, so validation sees pictures that are trained on, and says little",
+                folder.display()
+            ));
+            found.validation = found.training.clone();
+        }
+        let mut per_class = vec![[0_usize; 2]; classes.len()];
+        for (k, list) in [&found.training, &found.held_out].into_iter().enumerate() {
+            let objects = list.iter().flat_map(|picture| &picture.truth.objects);
+            for object in objects.filter(|o| longer_side(&o.bbox) >= least_side_px) {
+                per_class[object.class][k] += 1;
+            }
+        }
         for (k, purpose) in ["training", "scoring"].into_iter().enumerate() {
             if per_class.iter().all(|counts| counts[k] == 0) {
                 let problem = format!(
@@ -141,13 +152,6 @@ impl LabelledPictures {
                  better than on others",
                 folder.display()
             ));
-        }
-        if validated && found.validation.is_empty() && !found.take_validation() {
-            notes.push(format!(
-                "{}: all pictures for training are of one sequence, so validation sees pictures that are trained on, and says little",
-                folder.display()
-            ));
-            found.validation = found.training.clone();
         }
         for (class, [training, held_out]) in classes.iter().zip(&per_class) {
             if *training == 0 || *held_out == 0 {

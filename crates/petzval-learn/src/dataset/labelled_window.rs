@@ -114,23 +114,32 @@ impl LabelledWindow {
         LinearImage { channels: CHANNELS, height: self.side, width: self.side, data }
     }
 
-    /// A smaller crop out of this one, which was cut by the plan `own`: on an object, of every class as often as of the others, or anywhere if
-    /// there is none. The two plans differ in their crop alone.
-    ///
-    /// # Panics
-    /// Panics if the crop of `plan` is the larger one.
-    pub fn part(&self, own: &CropPlan, plan: &CropPlan, random: &mut ChaCha8Rng) -> Self {
-        let spare = own.crop.checked_sub(plan.crop).expect("a part is no larger than the whole");
+    /// Draws the middle of a smaller crop of `crop` pixels out of this one of `own`: near an object, of every class as often as of the others, or
+    /// anywhere if there is none. Row and column of the sensor; it may lie so near an edge that the crop would not fit.
+    pub fn middle_of_part(&self, own: usize, crop: usize, random: &mut ChaCha8Rng) -> [f32; 2] {
         let objects = self.truth.objects.iter().map(|object| (object.class, object));
         let middle: [f32; 2] = match drawn_by_class(objects, random) {
-            None => std::array::from_fn(|_| random.random::<f32>() * own.crop as f32),
+            None => std::array::from_fn(|_| random.random::<f32>() * own as f32),
             Some(object) => {
                 let [x, y] = object.bbox.centre();
                 // The object's middle lies in the middle half of the crop.
-                [y, x].map(|at| at + (random.random::<f32>() - 0.5) * 0.5 * plan.crop as f32)
+                [y, x].map(|at| at + (random.random::<f32>() - 0.5) * 0.5 * crop as f32)
             }
         };
-        let first = middle.map(|at| (at - 0.5 * plan.crop as f32).clamp(0.0, spare as f32) as usize);
+        [0, 1].map(|i| self.at[i] as f32 + middle[i])
+    }
+
+    /// A smaller crop around `middle`, a row and a column of the sensor, out of this one, which was cut by the plan `own`; moved inside where it
+    /// would extend beyond it. The two plans differ in their crop alone.
+    ///
+    /// # Panics
+    /// Panics if the crop of `plan` is the larger one.
+    pub fn part(&self, own: &CropPlan, plan: &CropPlan, middle: [f32; 2]) -> Self {
+        let spare = own.crop.checked_sub(plan.crop).expect("a part is no larger than the whole");
+        let first: [usize; 2] = std::array::from_fn(|i| {
+            let middle = middle[i] - self.at[i] as f32;
+            (middle - 0.5 * plan.crop as f32).clamp(0.0, spare as f32) as usize
+        });
         let at = [0, 1].map(|i| self.at[i] + first[i]);
         // Where its border begins in this window: at the edge of the sensor the border is on the other side.
         let [whole, part] = [own.exposed_at(self.at[0], self.at[1]), plan.exposed_at(at[0], at[1])];
@@ -202,7 +211,8 @@ mod tests {
             };
             let window = LabelledWindow::new(side, light, at, truth);
             for _ in 0..20 {
-                let part = window.part(&own, &small, &mut random);
+                let middle = window.middle_of_part(own.crop, small.crop, &mut random);
+                let part = window.part(&own, &small, middle);
                 let origin = small.exposed_at(part.at[0], part.at[1]);
                 let side = small.window();
                 let light = part.scene();

@@ -22,8 +22,9 @@ enum Named {
 fn class_of(wanted: Wanted, category: &str, annotation: &Annotation) -> Named {
     let in_words = in_words(category);
     let mut words: BTreeSet<String> = in_words.split(' ').map(str::to_owned).collect();
-    let is_state_alone =
-        words.iter().filter(|word| !["left", "right", "straight"].contains(&word.as_str())).count() == 1;
+    let is_direction = |word: &&String| ["left", "right", "straight"].contains(&word.as_str());
+    let other_words: Vec<&String> = words.iter().filter(|word| !is_direction(word)).collect();
+    let is_state_alone = matches!(other_words[..], [word] if light_state(word).is_some());
     let of_one: Vec<String> =
         words.iter().filter_map(|word| Some(word.strip_suffix('s')?.to_owned())).collect();
     words.extend(of_one);
@@ -55,7 +56,12 @@ fn class_of(wanted: Wanted, category: &str, annotation: &Annotation) -> Named {
             Named::Class(1)
         }
         Wanted::PeopleAndVehicles => Named::Other,
-        Wanted::TrafficLights if has(&["pedestrian", "walk", "crosswalk"]) => Named::Other,
+        // Lights for people on foot, and lamps.
+        Wanted::TrafficLights
+            if has(&["pedestrian", "walk", "crosswalk", "street", "head", "tail", "brake"]) =>
+        {
+            Named::Other
+        }
         Wanted::TrafficLights => {
             let state = annotation.attributes.get("state").and_then(Attribute::text);
             // A category is a light by its name, or if it is the name of a state alone, for all directions or for some.
@@ -178,9 +184,8 @@ mod tests {
 
     use super::*;
 
-    #[test]
-    fn names_of_many_data_sets_are_understood() {
-        let annotation = Annotation {
+    fn annotation() -> Annotation {
+        Annotation {
             id: 1,
             image_id: 1,
             category_id: 1,
@@ -189,7 +194,12 @@ mod tests {
             crowd: false,
             ignore: false,
             attributes: BTreeMap::new(),
-        };
+        }
+    }
+
+    #[test]
+    fn names_of_many_data_sets_are_understood() {
+        let annotation = annotation();
         let class = |wanted: Wanted, name: &str| match class_of(wanted, name, &annotation) {
             Named::Class(class) => Some(class as i32),
             Named::Unknown => Some(-1),
@@ -218,9 +228,20 @@ mod tests {
             ("traffic light", Some(-1)),
             ("red car", None),
             ("pedestrian light red", None),
+            ("object--street-light", None),
+            ("tail light red", None),
         ] {
             assert_eq!(class(Wanted::TrafficLights, name), expected, "{name}");
         }
+    }
+
+    #[test]
+    fn a_state_makes_a_light_of_nothing_else() {
+        let mut annotation = annotation();
+        annotation.attributes.insert("state".to_owned(), Attribute::Text("off".to_owned()));
+        let class = |name: &str| class_of(Wanted::TrafficLights, name, &annotation);
+        assert!(matches!(class("vehicle"), Named::Other));
+        assert!(matches!(class("traffic light"), Named::Class(3)));
     }
 
     #[test]

@@ -160,33 +160,35 @@ impl StreetPlan {
         };
 
         // See it with the border that the lens blurs light from.
-        let (row, column) = crops.exposed_at(at[0], at[1]);
         let side = crops.window();
-        let seen = street.see(
-            &view.sensor,
-            &street.pose(),
-            Window {
-                row: row as i64 - crops.margin as i64,
-                col: column as i64 - crops.margin as i64,
-                height: side,
-                width: side,
-            },
-            self.samples,
-        )?;
+        let see = |view: &StreetView, at: [usize; 2]| {
+            let (row, column) = crops.exposed_at(at[0], at[1]);
+            let (row, col) = (row as i64 - crops.margin as i64, column as i64 - crops.margin as i64);
+            let window = Window { row, col, height: side, width: side };
+            street.see(&view.sensor, &street.pose(), window, self.samples)
+        };
+        let seen = see(view, at)?;
         let [longest, automatic] = [self.white_cd_m2 / view.light, found.luminance_cd_m2 / MIDDLE_GRAY];
         let white = longest.max(automatic) as f32;
         let light = seen.planes.iter().map(|v| v / white);
         let mut truth = self.truth(&seen.objects, &near, at, crops.crop);
         if let (List::HeldOut, Place::OnObject { id, off }, Some(whole)) = (list, place, chosen) {
-            let object = near.iter().find(|object| object.id == id);
             let is_enough = |whole: [f64; 4], at| {
                 inside(&sensor_box(whole), at, crops.crop).is_some_and(|(_, share)| share >= LEAST_INSIDE)
             };
-            let counts = object.filter(|o| is_enough(o.whole, crop_off(crops, o.whole, off)));
-            let class = counts.and_then(|o| class_of(self.wanted, o.kind, o.lamp));
-            if let (Some(class), false) = (class, is_enough(whole, at)) {
-                let bbox = sensor_box(whole).moved([-(at[1] as f32), -(at[0] as f32)]);
-                truth.beside.push(Object { bbox, class });
+            let there = near.iter().find(|object| object.id == id).filter(|_| !is_enough(whole, at));
+            let class = there.and_then(|object| class_of(self.wanted, object.kind, object.lamp));
+            if let Some((object, class)) = there.zip(class) {
+                // It counts only if it does in the reference view, whose picture is needed for this alone.
+                let at_there = crop_off(crops, object.whole, off);
+                let is_visible =
+                    |seen: &SeenObject| seen.id == id && seen.visible_share >= self.least_visible;
+                if is_enough(object.whole, at_there)
+                    && see(reference, at_there)?.objects.iter().any(is_visible)
+                {
+                    let bbox = sensor_box(whole).moved([-(at[1] as f32), -(at[0] as f32)]);
+                    truth.beside.push(Object { bbox, class });
+                }
             }
         }
         Ok(LabelledWindow::new(side, light, at, truth).following_light(longest >= automatic))

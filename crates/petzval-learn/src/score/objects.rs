@@ -281,6 +281,19 @@ mod tests {
     }
 
     #[test]
+    fn a_draw_without_a_class_is_no_draw_of_the_mean_over_classes() {
+        let windows = windows();
+        let ranking = Ranking::new(&windows, 3, &Protocol::coco_at(0.5), &Group::all());
+        let area = |counts: &[u32]| ranking.average_precision(Interpolation::Points101, Some(counts));
+        let each: Vec<u32> = vec![1; 12];
+        assert_eq!(area(&each), ranking.average_precision(Interpolation::Points101, None));
+        // The third class has no object at all and is left out; the second one has none in this draw.
+        let without: Vec<u32> = (0..12).map(|i| 2 * u32::from(i % 2 == 0)).collect();
+        assert_eq!(area(&without), None);
+        assert!(ranking.class_average_precision(0, Interpolation::Points101, Some(&without)).unwrap() > 0.0);
+    }
+
+    #[test]
     fn figures_follow_their_groups_and_their_intervals_hold_them() {
         let field = Field { axis: [0.0, 0.0], corner_px: 2000.0 };
         let all = object_scores(&["a", "b"]);

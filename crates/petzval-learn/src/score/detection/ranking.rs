@@ -75,9 +75,10 @@ impl Ranking {
 
     /// Average precision: the mean over thresholds and over the classes that have objects; `None` if none has.
     ///
-    /// `counts` is how often each picture counts; `None` is once.
+    /// `counts` is how often each picture counts; `None` is once. `None` too where a class with objects has none in the pictures that count: the
+    /// mean of the other classes would be another figure.
     pub fn average_precision(&self, interpolation: Interpolation, counts: Option<&[u32]>) -> Option<f64> {
-        mean((0..self.thresholds.len()).flat_map(|t| self.class_areas(t, interpolation, counts)))
+        mean_of_all((0..self.thresholds.len()).flat_map(|t| self.class_areas(t, interpolation, counts)))
     }
 
     /// Average precision at one threshold: the mean over the classes that have objects.
@@ -87,17 +88,19 @@ impl Ranking {
         interpolation: Interpolation,
         counts: Option<&[u32]>,
     ) -> Option<f64> {
-        mean(self.class_areas(threshold, interpolation, counts))
+        mean_of_all(self.class_areas(threshold, interpolation, counts))
     }
+
+    /// The area of each class that has objects, none where it has none in the pictures that count.
 
     fn class_areas(
         &self,
         threshold: usize,
         interpolation: Interpolation,
         counts: Option<&[u32]>,
-    ) -> impl Iterator<Item = f64> {
-        let curves = self.classes.iter().filter_map(move |class| class.curve(threshold, counts));
-        curves.map(move |curve| curve.area(interpolation))
+    ) -> impl Iterator<Item = Option<f64>> {
+        let classes = self.classes.iter().filter(|class| class.objects() > 0);
+        classes.map(move |class| Some(class.curve(threshold, counts)?.area(interpolation)))
     }
 
     /// Average precision of one class, the mean over thresholds, with `counts` as in [`Self::average_precision`]; `None` if it has no objects.
@@ -169,6 +172,11 @@ impl ClassRanking {
 fn descending(a: f64, b: f64) -> std::cmp::Ordering {
     // Adding zero makes the two zeros equal.
     (b + 0.0).total_cmp(&(a + 0.0))
+}
+
+/// The mean, if there are values and none is missing.
+fn mean_of_all(values: impl Iterator<Item = Option<f64>>) -> Option<f64> {
+    mean(values.collect::<Option<Vec<f64>>>()?.into_iter())
 }
 
 fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
