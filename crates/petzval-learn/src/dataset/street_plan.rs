@@ -33,6 +33,8 @@ pub struct StreetView {
     sensor: Projection,
     finder: Projection,
     light: f64,
+    /// Size of the image, against that of the lens from which the view was made.
+    magnification: f64,
 }
 
 /// What the finder shows of a street.
@@ -56,6 +58,7 @@ impl StreetView {
             sensor: Projection::new(radius_px.to_vec(), angle_rad.to_vec(), rows, columns)?,
             finder: Projection::new(finder_px, angle_rad.to_vec(), coarse(rows), coarse(columns))?,
             light: 1.0,
+            magnification: 1.0,
         })
     }
 
@@ -66,7 +69,8 @@ impl StreetView {
 
     /// The view of a lens like this one, whose image is so many times as large: every chief ray lands so many times as far from the axis.
     pub fn magnified(&self, by: f64) -> Result<Self, StreetError> {
-        Ok(Self { sensor: self.sensor.magnified(by)?, finder: self.finder.magnified(by)?, light: self.light })
+        let (sensor, finder) = (self.sensor.magnified(by)?, self.finder.magnified(by)?);
+        Ok(Self { sensor, finder, magnification: by * self.magnification, ..*self })
     }
 
     fn look_through_finder(&self, street: &Street) -> Result<Found, StreetError> {
@@ -153,7 +157,11 @@ impl StreetPlan {
         };
         let at = match place {
             Place::Anywhere(shares) => {
-                let middle = [0, 1].map(|i| shares[i] * sensor(crops)[i] as f64);
+                // The same part of the street in a magnified view.
+                let middle = [0, 1].map(|i| {
+                    let share = 0.5 + view.magnification * (shares[i] - 0.5);
+                    share * sensor(crops)[i] as f64
+                });
                 crop_around(middle, sensor(crops), crops.crop)
             }
             Place::OnObject { off, .. } => crop_off(crops, chosen.unwrap_or_default(), off),
