@@ -95,14 +95,14 @@ mod tests {
         let found = [(1.0, 0, 0.9), (10.0, 0, 0.9), (20.0, 1, 0.9), (32.0, 1, 0.9), (24.0, 1, 0.1)]
             .map(|(x1, class, score)| found(x1, class, score));
         let drawn = with_detections(&picture, &truth, &found);
-        let colour = |column: usize| [0, 1, 2].map(|c| drawn.data[(c * 20 + 10) * 30 + column]);
+        let colour = |column: usize| [0, 1, 2].map(|c| drawn.data[(c * 20 + 10) * 40 + column]);
         assert_eq!([1, 10, 20, 32].map(colour), [RIGHT, OTHER_CLASS, FALSE_ALARM, UNJUDGED]);
         assert_eq!([colour(3), colour(29)], [[0.0; 3]; 2]);
         // A state of a light has the colour of its name.
         let boxes = [(at(1.0), 0), (at(10.0), 1)];
         let drawn = |classes: [&str; 2]| with_boxes(&picture, &boxes, &classes);
         let colour =
-            |drawn: LinearImage, column: usize| [0, 1, 2].map(|c| drawn.data[(c * 20 + 10) * 30 + column]);
+            |drawn: LinearImage, column: usize| [0, 1, 2].map(|c| drawn.data[(c * 20 + 10) * 40 + column]);
         assert_eq!([1, 10].map(|column| colour(drawn(["red", "green"]), column)), [FALSE_ALARM, RIGHT]);
         assert_eq!(colour(drawn(["person", "car"]), 10), OBJECT);
         // Boxes beyond the picture are drawn as far as they go.
