@@ -81,7 +81,7 @@ impl Ranking {
         mean_of_all((0..self.thresholds.len()).flat_map(|t| self.class_areas(t, interpolation, counts)))
     }
 
-    /// Average precision at one threshold: the mean over the classes that have objects.
+    /// Average precision at one threshold: the mean over the classes that have objects; `None` as in [`Self::average_precision`].
     pub fn average_precision_at(
         &self,
         threshold: usize,
@@ -92,7 +92,6 @@ impl Ranking {
     }
 
     /// The area of each class that has objects, none where it has none in the pictures that count.
-
     fn class_areas(
         &self,
         threshold: usize,
