@@ -1,8 +1,9 @@
 //! The design loop: variants one after the other, their stages, and in each stage the blocks that take turns. It can be
 //! resumed at every step.
 //!
-//! Every variant trains on the same windows in the same order with the same noise: they are drawn from the seed of the
-//! experiment and the count of steps alone, never from a variant's place in the list.
+//! Every variant trains on windows and noise that are drawn from the seed of the experiment and the count of steps alone, never from a
+//! variant's place in the list. Networks of variants with as many steps see the same windows in the same order. Those of a lens or an ISP
+//! also depend on how many steps the blocks behind it take, see [`DesignLoop::batch_number`].
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -385,6 +386,11 @@ impl DesignLoop {
                     step: self.position.step + 1,
                     field_deg,
                 },
+                DesignError::OutsideTheImage { radius_mm } => DesignError::LostImage {
+                    camera: variant.name.clone(),
+                    step: self.position.step + 1,
+                    radius_mm,
+                },
                 other => other,
             })?;
             self.position.step += 1;
@@ -454,8 +460,10 @@ impl DesignLoop {
         };
         let number = self.batch_number(moves, block, taken);
         let shots = training_shots(&self.setup, &camera, number)?;
-        // A network behind the ISP needs no gradient by it, nor does a search: they see the pictures that will be scored.
-        let needs_none = block == BlockName::Network || rule.method == StepMethod::Evolution;
+        // A network behind the ISP needs no gradient by it, nor do a search and the differences of an exposure: they see the pictures that will be
+        // scored.
+        let needs_none =
+            matches!(block, BlockName::Network | BlockName::Exposure) || rule.method == StepMethod::Evolution;
         let camera = match needs_none && camera.body().chip.is_some() {
             true => camera.with_chip(ChipValues::Exact(self.blocks.isp.values())),
             false => camera,
@@ -599,7 +607,11 @@ impl DesignLoop {
         self.position.stage += 1;
         self.camera = None;
         let next = variant.stages.get(self.position.stage);
-        self.blocks.begin_stage(|block| next.is_some_and(|stage| stage.improves(block)));
+        // A finished ISP keeps the network that imitates it: an extension of the run goes on with it.
+        self.blocks.begin_stage(|block| match next {
+            Some(stage) => stage.improves(block),
+            None => block == BlockName::Isp,
+        });
         Ok(())
     }
 

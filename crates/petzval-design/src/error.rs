@@ -195,6 +195,18 @@ pub enum DesignError {
         /// Field angle, degrees.
         field_deg: f64,
     },
+    /// A lens that moved to where its image no longer fills the sensor.
+    #[error(
+        "{camera}, step {step}: no chief ray of the lens lands {radius_mm:.3} mm from the axis any more; hint: lower the learning rate of the lens"
+    )]
+    LostImage {
+        /// Camera.
+        camera: String,
+        /// Step of the run.
+        step: u64,
+        /// Distance from the axis, mm.
+        radius_mm: f64,
+    },
     /// A value that cannot be written as text.
     #[error("{what} cannot be written: {problem}")]
     Unwritable {

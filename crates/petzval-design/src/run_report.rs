@@ -73,10 +73,15 @@ pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Resu
     for variant in &setup.variants {
         lenses.push((variant, camera_lens(run, &variant.name)?.lens));
     }
+    let moves_exposure = |variant: &Variant| setup.task_steps(variant, BlockName::Exposure) > 0;
+    let exposure = match setup.experiment.exposure.same {
+        _ if setup.variants.iter().any(moves_exposure) => "exposures of their own",
+        SameOf::Time => "the same exposure time",
+        SameOf::Electrons => "the same exposure",
+    };
     let subtitle = format!(
-        "{} with the same exposure{} ({} e- of white) and the same order of the data. Scored on {}.",
+        "{} with {exposure} ({} e- of white) and the same order of the data. Scored on {}.",
         cameras_in_words(&setup.variants, &events),
-        if setup.experiment.exposure.same == SameOf::Time { " time" } else { "" },
         metrics.electrons_of_white(),
         metrics.scored_on()
     );

@@ -495,6 +495,26 @@ fn a_run_with_a_hardware_isp_stands_on_its_own_and_is_scored_again() {
     run_fails(folder.path(), &["evaluate", "run"], 2, &["not those that this run began with"]);
 }
 
+/// What an extension adds goes on with the network that imitates the ISP, as a later stage of a run does.
+#[test]
+fn a_run_through_a_network_that_imitates_the_isp_is_extended() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut table: toml::Table = tiny_experiment().parse().unwrap();
+    for unused in ["development", "isp", "network", "variant"] {
+        table.remove(unused);
+    }
+    let more = "[isp]\npreset = \"quality\"\nvary = [\"sharpen\"]\nsteps = 6\nproxy_warm_up = 4\nproxy_steps = 1\n\
+        [[variant]]\nname = \"nominal\"\n[[variant.stage]]\nmoves = [\"isp\"]\nschedule = { isp = { method = \"proxy\" } }\n";
+    std::fs::write(folder.path().join("tiny.toml"), toml::to_string(&table).unwrap() + more).unwrap();
+    run_ok(folder.path(), &["design", "tiny.toml", "--out", "run"]);
+    let before = read(&folder.path().join("run/metrics.json"));
+    run_ok(folder.path(), &["design", "--resume", "run", "--extend-to", "9"]);
+    let extended = read(&folder.path().join("run/metrics.json"));
+    assert_ne!(extended, before);
+    run_ok(folder.path(), &["design", "run/config.toml", "--out", "whole"]);
+    assert_eq!(read(&folder.path().join("whole/metrics.json")), extended);
+}
+
 #[test]
 fn a_run_of_an_earlier_version_lacks_keys_that_are_younger() {
     let folder = tempfile::tempdir().unwrap();

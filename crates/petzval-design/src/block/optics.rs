@@ -247,13 +247,16 @@ impl OpticsBlock {
         watch: &mut dyn FnMut(BTreeMap<String, f64>) -> Result<(), DesignError>,
     ) -> Result<BTreeMap<String, f64>, DesignError> {
         self.earlier.push(self.x.clone());
-        let (mut lens, mut left, mut losses) = (self.lens()?, iterations, BTreeMap::new());
+        let (mut lens, mut losses) = (self.lens()?, BTreeMap::new());
         if search.rounds > 0 {
             lens = self.searched(goal, lens, search, watch)?;
         }
+        // A quarter of the iterations is left for the stiff penalty in any case: without it the requirements would not be kept.
+        let (mut left, mut reserved) = (iterations, iterations / 4);
         for stiffness_um_per_mm in STIFFNESS_UM_PER_MM {
             let problem = self.start.problem(goal, lens, stiffness_um_per_mm);
-            let options = LevenbergOptions { iterations: left, tolerance: tolerance(goal) };
+            let options = LevenbergOptions { iterations: left - reserved, tolerance: tolerance(goal) };
+            reserved = 0;
             let mut seen = Ok(());
             let descent = descend(&problem, &options, &mut |_, analysis, _| {
                 seen = watch(lens_losses(analysis));
@@ -431,11 +434,11 @@ fn coordinate_at(place: f64) -> f64 {
     (2.0 * place - 1.0).asin()
 }
 
-/// A result; none where light does not arrive at some field.
+/// A result; none where light does not arrive at some field, or no chief ray at some place of the sensor.
 fn unless_dark<T>(result: Result<T, DesignError>) -> Result<Option<T>, DesignError> {
     match result {
         Ok(value) => Ok(Some(value)),
-        Err(DesignError::NoLight { .. }) => Ok(None),
+        Err(DesignError::NoLight { .. } | DesignError::OutsideTheImage { .. }) => Ok(None),
         Err(other) => Err(other),
     }
 }
