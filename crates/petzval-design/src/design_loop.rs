@@ -3,7 +3,7 @@
 //!
 //! Every variant trains on windows and noise that are drawn from the seed of the experiment and the count of steps alone, never from a
 //! variant's place in the list. Networks of variants with as many steps see the same windows in the same order. Those of a lens or an ISP
-//! also depend on how many steps the blocks behind it take, see [`DesignLoop::batch_number`].
+//! also depend on how many steps the blocks behind it take (`batch_number`).
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
