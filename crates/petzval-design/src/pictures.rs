@@ -8,9 +8,6 @@ use crate::error::DesignError;
 use crate::run::{RunFolder, write_file};
 use crate::scoring::ScoredPicture;
 
-/// The state of a picture that is the same for every camera.
-const TRUTH: &str = "truth";
-
 /// File name of a state of picture `index`: `truth`, or `developed` and `output` of a camera.
 pub fn file_name(index: usize, state: &str, camera: Option<&str>) -> String {
     match camera {
@@ -33,16 +30,12 @@ pub fn save(run: &RunFolder, camera: &str, pictures: &[ScoredPicture]) -> Result
         _ => {}
     }
     for (index, picture) in pictures.iter().enumerate() {
-        for (image, state, of) in [
-            (&picture.truth, TRUTH, None),
-            (&picture.developed, "developed", Some(camera)),
-            (&picture.output, "output", Some(camera)),
-        ] {
-            let file = file_name(index, state, of);
-            let path = run.picture(&file);
-            if state != TRUTH || !path.is_file() {
-                write_file(&path, &encoded_png_bytes(image)?)?;
-            }
+        let truth = run.picture(&file_name(index, "truth", None));
+        if !truth.is_file() {
+            write_file(&truth, &encoded_png_bytes(&picture.truth)?)?;
+        }
+        for (image, state) in [(&picture.developed, "developed"), (&picture.output, "output")] {
+            write_file(&run.picture(&file_name(index, state, Some(camera))), &encoded_png_bytes(image)?)?;
         }
     }
     Ok(())

@@ -247,16 +247,14 @@ impl OpticsBlock {
         watch: &mut dyn FnMut(BTreeMap<String, f64>) -> Result<(), DesignError>,
     ) -> Result<BTreeMap<String, f64>, DesignError> {
         self.earlier.push(self.x.clone());
-        let (mut lens, mut losses) = (self.lens()?, BTreeMap::new());
+        let (mut lens, mut left, mut losses) = (self.lens()?, iterations, BTreeMap::new());
         if search.rounds > 0 {
             lens = self.searched(goal, lens, search, watch)?;
         }
         // A quarter of the iterations is left for the stiff penalty in any case: without it the requirements would not be kept.
-        let (mut left, mut reserved) = (iterations, iterations / 4);
-        for stiffness_um_per_mm in STIFFNESS_UM_PER_MM {
+        for (stiffness_um_per_mm, kept) in STIFFNESS_UM_PER_MM.into_iter().zip([iterations / 4, 0]) {
             let problem = self.start.problem(goal, lens, stiffness_um_per_mm);
-            let options = LevenbergOptions { iterations: left - reserved, tolerance: tolerance(goal) };
-            reserved = 0;
+            let options = LevenbergOptions { iterations: left - kept, tolerance: tolerance(goal) };
             let mut seen = Ok(());
             let descent = descend(&problem, &options, &mut |_, analysis, _| {
                 seen = watch(lens_losses(analysis));

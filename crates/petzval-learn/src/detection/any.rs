@@ -109,7 +109,8 @@ pub enum WeightsOf {
 impl WeightsOf {
     /// What a file holds.
     pub fn file(bytes: &[u8]) -> Self {
-        let holds = |name: &str| file(bytes).is_ok_and(|file| file.tensor(name).is_ok());
+        let Ok(file) = file(bytes) else { return Self::Other };
+        let holds = |name: &str| file.tensor(name).is_ok();
         match holds(BIAS_OF_CLASSES) {
             true => Self::Detector,
             false if FIRST_OF_CLASSIFIERS.into_iter().any(holds) => Self::Classifier,

@@ -127,7 +127,7 @@ fn whole_detectors_see_and_find_what_those_of_torchvision_do() {
         let found = detector.detect(picture.clone()).unwrap().remove(0);
         assert_eq!(found.len(), expected.count, "{name}");
         assert_eq!(WeightsOf::file(&bytes), WeightsOf::Detector);
-        // The backbone alone, from a file that has nothing else.
+        // The backbone alone, from the file of a classifier.
         let bytes = as_classifier(kind, &weights);
         assert_eq!(WeightsOf::file(&bytes), WeightsOf::Classifier);
         let from_classifier = |of: DetectorKind, kind| of.from_classifier(kind, 2, 1, &bytes, &device);
