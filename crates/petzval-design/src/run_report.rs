@@ -81,7 +81,7 @@ pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Resu
     };
     let subtitle = format!(
         "{} with {exposure} ({} e- of white) and the same order of the data. Scored on {}.",
-        cameras_in_words(&setup.variants, &events),
+        cameras_in_words(setup, &events),
         metrics.electrons_of_white(),
         metrics.scored_on()
     );
@@ -188,12 +188,16 @@ fn gathered(
 }
 
 /// `3 cameras: nominal (800 network steps), ...`, with the steps that were taken.
-fn cameras_in_words(variants: &[Variant], events: &[Event]) -> String {
+fn cameras_in_words(setup: &Setup, events: &[Event]) -> String {
+    let moved = |block: BlockName| match block {
+        BlockName::Network if setup.experiment.task.finds_objects() => "detector",
+        block => moved_part(block.name()),
+    };
     let one = |v: &Variant| {
         let taken = |block: &str| events.iter().filter(|e| e.camera == v.name && e.block == block).count();
         let steps = |block: BlockName| match taken(block.name()) {
             0 => None,
-            n => Some(format!("{n} {} steps", block.name())),
+            n => Some(format!("{n} {} steps", moved(block))),
         };
         let alone = LensGoal::ALL.into_iter().filter(|goal| taken(goal.event()) > 0);
         let alone = alone.map(|goal| goal.in_words().to_owned());
@@ -204,7 +208,7 @@ fn cameras_in_words(variants: &[Variant], events: &[Event]) -> String {
         let all: Vec<String> = from.into_iter().chain(sees).chain(alone).chain(own).collect();
         format!("{} ({})", v.name, all.join(", "))
     };
-    let list: Vec<String> = variants.iter().map(one).collect();
+    let list: Vec<String> = setup.variants.iter().map(one).collect();
     let count = if list.len() == 1 { "1 camera".to_owned() } else { format!("{} cameras", list.len()) };
     format!("{count}: {},", list.join(", "))
 }

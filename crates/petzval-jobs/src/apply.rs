@@ -153,6 +153,9 @@ fn chosen(request: &Request, folder: &RunFolder, all: &[String]) -> Result<Vec<S
         false => request.cameras.clone(),
     };
     let finished = folder.finished(all.iter().map(String::as_str));
+    if finished.is_empty() {
+        return Err(none_finished(&request.run));
+    }
     match asked.iter().find(|name| !finished.contains(&name.as_str())) {
         Some(missing) => {
             let message = "there is no finished camera of this name";
@@ -160,6 +163,15 @@ fn chosen(request: &Request, folder: &RunFolder, all: &[String]) -> Result<Vec<S
         }
         None => Ok(asked),
     }
+}
+
+/// The error where no camera of a run is finished.
+pub(crate) fn none_finished(run: &Path) -> JobError {
+    let run = run.display();
+    JobError::input(
+        format!("{run}: no camera of this run is finished"),
+        format!("go on with it: design --resume {run}"),
+    )
 }
 
 /// The names of the pictures without folder and ending; no two are the same.

@@ -13,6 +13,7 @@ use petzval_design::run::{
 };
 use petzval_design::scoring::Scorer;
 use petzval_design::setup::Setup;
+use petzval_learn::Device;
 use petzval_learn::score::ScoreDescription;
 use serde::{Deserialize, Serialize};
 
@@ -139,7 +140,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
                 context.warning(format!("the run was begun by Petzval {begun}, and goes on with {VERSION}"));
             }
             let experiment = context.assets.experiment_in(&folder, config.clone())?;
-            let setup = Setup::new(experiment, &context.assets, device)?;
+            let setup = set_up(experiment, device, context)?;
             check_inputs(&setup, &folder)?;
             extension = (config != record.config).then_some((record, config));
             (scorer(setup)?, folder, lock)
@@ -147,7 +148,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         Run::New(new) => {
             let experiment = resolved(new, context)?;
             // Everything is checked before the folder is made, so that a mistake leaves nothing behind.
-            let setup = Setup::new(experiment, &context.assets, device)?;
+            let setup = set_up(experiment, device, context)?;
             let scorer = scorer(setup)?;
             let setup = scorer.setup();
             let source = context.assets.text("experiment", "experiments", &new.experiment)?;
@@ -187,6 +188,14 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         }
     };
     Ok(Response { run: folder.root().to_path_buf(), ending })
+}
+
+/// Everything that the experiment needs. Every picture of a data set is decoded to find damaged ones, which takes minutes for thousands of them.
+fn set_up(experiment: Experiment, device: Device, context: &Context) -> Result<Setup, JobError> {
+    if experiment.data != STREET {
+        context.note(format!("checking every picture of {}", experiment.data));
+    }
+    Ok(Setup::new(experiment, &context.assets, device)?)
 }
 
 /// Lists the training, held-out and skipped pictures, and what their files say that is not obeyed.

@@ -241,6 +241,9 @@ fn the_interval_scatters_as_new_pictures_do_and_pairs_scatter_less() {
     let [wide, narrow] =
         [&by_film, &by_picture].map(|how| bootstrap(how, |counts| ap(&film, counts)).unwrap().standard_error);
     assert!(wide > 2.0 * narrow, "{wide} {narrow}");
+    // A single film says nothing about others.
+    let one_film = Bootstrap { clusters: vec![0; 100], ..by_film.clone() };
+    assert_eq!(bootstrap(&one_film, |counts| ap(&film, counts)), None);
 }
 
 #[test]

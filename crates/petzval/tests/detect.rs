@@ -222,6 +222,8 @@ fn a_run_that_looks_for_objects_is_scored_again_reported_and_lends_its_detector(
     let cut = common::run(root, &["detect", "in", "--run", "run", "--out", "nine"]);
     assert!(cut.code == Some(2) && cut.says("1 of 10 pictures cannot be read"), "{}", cut.stderr);
     assert!(cut.says("in/04.png") && cut.says("it is cut off"), "{}", cut.stderr);
+    // The detections of the others are printed all the same.
+    assert!(cut.stdout.starts_with("file,class,score,x,y,width,height\n"), "{}", cut.stdout);
     assert_eq!(read_json(&root.join("nine/annotations.json"))["images"].as_array().unwrap().len(), 9);
     assert!(root.join("nine/detections.json").is_file() && root.join("nine/0010-10.png").is_file());
 }

@@ -333,7 +333,7 @@ fn an_extended_run_makes_the_cameras_of_its_longer_experiment() {
     assert!(
         html.contains("nominal (6 network steps)")
             && html.contains(
-                "end-to-end (least spots, least error after restoration, 5 optics steps, 6 network steps)"
+                "end-to-end (least spots, least error after restoration, 5 lens steps, 6 network steps)"
             )
     );
 

@@ -16,6 +16,7 @@ use petzval_learn::detection::{AnyDetector, BackboneKind, Zoom};
 use petzval_learn::network::{Network, PictureNetwork};
 use serde::{Deserialize, Serialize};
 
+use crate::apply::none_finished;
 use crate::context::Context;
 use crate::error::JobError;
 use crate::evaluate::camera_of;
@@ -78,11 +79,7 @@ pub fn finder(
             }
             let finished = folder.finished(experiment.variant.iter().map(|v| v.name.as_str()));
             let Some(last) = finished.last() else {
-                let message = format!("{}: no camera of this run is finished", run.display());
-                return Err(JobError::input(
-                    message,
-                    format!("go on with it: design --resume {}", run.display()),
-                ));
+                return Err(none_finished(run));
             };
             let name = camera.as_deref().unwrap_or(last);
             if !finished.contains(&name) {
@@ -125,7 +122,10 @@ pub fn finder(
                     return Err(JobError::setting(key, side, "a picture needs pixels", hint));
                 }
             }
-            let bytes = petzval_base::read_whole(file).map_err(DesignError::io(file))?;
+            let bytes = petzval_base::read_whole(file).map_err(|e| {
+                let message = format!("{}: {e}", file.display());
+                JobError::system(message, &e, "give a file of weights in the format safetensors")
+            })?;
             let detector = AnyDetector::from_torchvision(*backbone, *classes, &bytes, device).map_err(|e| {
                 let hint = "a file of `fasterrcnn_resnet50_fpn` in the format safetensors; --backbone and --classes say what it holds";
                 JobError::input(format!("{}: {e}", file.display()), hint)

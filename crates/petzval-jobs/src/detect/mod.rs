@@ -54,8 +54,10 @@ pub struct Request {
 /// What was found.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Response {
-    /// The pictures in the order of the request.
+    /// The pictures in the order of the request, without those that cannot be read.
     pub pictures: Vec<Seen>,
+    /// Pictures that cannot be read; a warning said of each why.
+    pub unread: Vec<PathBuf>,
     /// Folder with `detections.json` (COCO results), `annotations.json` (pictures, classes, and the objects of a data set) and the drawn
     /// pictures.
     pub out: Option<PathBuf>,
@@ -94,8 +96,8 @@ struct Looked {
 }
 
 /// Looks for objects in pictures, for a camera of a run at their own size. Drawn pictures are written one by one, the results at the end, also
-/// where the job is stopped: of the pictures before. A picture that cannot be read is warned of and left out, and is an error once the others are
-/// done. With a data set, scores and results are of everything that the detector reports, not only of what reaches the least score.
+/// where the job is stopped: of the pictures before. A picture that cannot be read is warned of and left out. With a
+/// data set, scores and results are of everything that the detector reports, not only of what reaches the least score.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     if !(0.0..=1.0).contains(&request.least_score) {
         let hint = "0 shows everything that the detector keeps, 0.5 what is more likely there than not";
@@ -178,13 +180,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             request.least_score
         ));
     }
-    if let [first, ..] = &unread[..] {
-        let message =
-            format!("{} of {count} pictures cannot be read, the first is {}", unread.len(), first.display());
-        let hint = "the warnings above say why; all others were looked at";
-        return Err(JobError::input(message, hint));
-    }
-    Ok(Response { pictures, out: request.out.clone(), scores })
+    Ok(Response { pictures, unread, out: request.out.clone(), scores })
 }
 
 /// A picture as a detector sees it, sRGB-encoded; a raw frame developed by the camera.

@@ -107,18 +107,12 @@ impl LabelledPictures {
             found.list_mut(list).push(LabelledPicture { path, name, sequence, size, truth });
         }
         if small > 0 {
-            notes.push(format!(
-                "{}: {small} pictures are smaller than a window of {crop} pixels",
-                folder.display()
-            ));
+            notes.push(format!("{}: {}", folder.display(), too_small(small, crop)));
         }
         let misfit = |problem: String| DatasetError::Labels { path: folder.to_path_buf(), problem };
         for (name, list) in [("training", &found.training), ("scoring", &found.held_out)] {
             if list.is_empty() {
-                let why = match small {
-                    0 => String::new(),
-                    _ => format!(": {small} pictures are smaller than a window of {crop} pixels"),
-                };
+                let why = if small > 0 { format!(": {}", too_small(small, crop)) } else { String::new() };
                 return Err(misfit(format!("no picture is left for {name}{why}")));
             }
         }
@@ -128,6 +122,11 @@ impl LabelledPictures {
                 folder.display()
             ));
             found.validation = found.training.clone();
+        }
+        if [&found.training, &found.held_out].into_iter().flatten().all(|p| p.truth.objects.is_empty()) {
+            let names: Vec<&str> = data.categories.iter().map(|category| category.name.as_str()).collect();
+            let [classes, names] = [classes.join(", "), names.join(", ")];
+            return Err(misfit(format!("no box is one of {classes}; the categories are {names}")));
         }
         let mut per_class = vec![[0_usize; 2]; classes.len()];
         for (k, list) in [&found.training, &found.held_out].into_iter().enumerate() {
@@ -298,6 +297,14 @@ impl LabelledPicture {
         truth.ignored.extend(self.truth.ignored.iter().filter_map(|bbox| Some(inside(bbox)?.0)));
         truth
     }
+}
+
+/// Why so many pictures cannot be used where windows have `crop` pixels.
+fn too_small(pictures: usize, crop: usize) -> String {
+    let are = if pictures == 1 { "picture is" } else { "pictures are" };
+    format!(
+        "{pictures} {are} smaller than a window of {crop} pixels, the larger of `training.crop` and `scoring.crop`"
+    )
 }
 
 /// Width or height of a box, whichever is more, pixels.

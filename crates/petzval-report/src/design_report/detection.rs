@@ -43,7 +43,7 @@ pub(super) fn detection(report: &Report) -> Markup {
         ))
         @for (i, camera) in view.cameras.iter().enumerate() { (mistakes(report, camera, i)) }
         (caption("Misses: the largest objects that are not found (blue). False alarms: the surest detections where no object of their class is (red). At \
-             most one of a window; other boxes as in the pictures above."))
+             most one of a window; other boxes in the colours of the pictures."))
     }
 }
 

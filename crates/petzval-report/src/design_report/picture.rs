@@ -35,6 +35,13 @@ pub(crate) fn pictures(report: &Report) -> Markup {
             "Below each picture the framed part is enlarged without smoothing: the largest object that is to be found, or the middle; the last row is the raw frame in a plain development, \
              without network or hardware ISP. Select a picture to see it large; the arrow keys then switch cameras in place.",
         ))
+        @if report.detection.is_some() {
+            (caption(
+                "Boxes in the scene: blue are objects that count, gray those that are ignored. Boxes in the pictures of cameras are detections with a score \
+                 of 0.5 or more: green where an object of the class is, yellow where one of another class is, gray on objects that are ignored, red \
+                 where nothing is.",
+            ))
+        }
     }
 }
 

@@ -11,13 +11,16 @@ use super::score_table;
 use super::signals;
 use super::terminal::{EXIT_STOPPED, Terminal};
 
-/// Design lens and network together, and compare with two controls.
+/// Design lens and network together, and compare with controls.
 ///
 /// `petzval experiment list` names the built-in experiments, among them those that look for pedestrians, vehicles and traffic lights. The one that
 /// runs without a name compares three variants: the nominal lens, a lens optimised for its RMS spot alone, and lens
 /// and network designed together. All get the same number of network steps on the same photographs in the same order,
 /// at the same focal length, f-number, field of view and exposure. The run folder holds the resolved experiment, every
 /// step, checkpoints, the lenses, held-out pictures, metrics.json and report.html.
+///
+/// That one takes minutes. An experiment with a detector takes one to two hours on a core; for a trial, lower `street.windows`, `street.held_out` and
+/// `training.steps` in a copy of its file (--print-config).
 ///
 /// Ctrl-C finishes the current step, writes a checkpoint and exits with 75; --resume continues from there.
 #[derive(Debug, clap::Args)]
@@ -32,7 +35,7 @@ pub struct Args {
     #[arg(long, value_name = "RUN", conflicts_with_all = ["experiment", "out", "seed", "photos", "data", "steps", "full", "variant"])]
     resume: Option<PathBuf>,
     /// Make every camera of the resumed run longer, so that its network takes N steps in all; the lens steps in proportion.
-    /// The further steps are a stage of their own, with learning rates that begin and fall again
+    /// The further steps are a stage of their own, with learning rates that begin and fall again. Not for experiments in which a variant starts from another, as in those with a detector
     #[arg(long, value_name = "N", requires = "resume", conflicts_with_all = ["experiment", "out", "seed", "photos", "data", "steps", "full", "variant"])]
     extend_to: Option<usize>,
     /// Seed of everything random

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::ValueEnum;
-use petzval::jobs::detect::{self, BackboneKind, Request, Scores, Source};
+use petzval::jobs::detect::{self, BackboneKind, Request, Scores, Seen, Source};
 
 use super::failure::Failure;
 use super::signals;
@@ -109,21 +109,32 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         detect::run(&request, &terminal.context().with_cancellation(signals::end_within(ONE_PICTURE)?))?;
     if args.json {
         print_json(&response)?;
-        return Ok(ExitCode::SUCCESS);
-    }
-    if let Some(scores) = &response.scores {
+    } else if let Some(scores) = &response.scores {
         print_scores(scores);
-        return Ok(ExitCode::SUCCESS);
+    } else if !response.pictures.is_empty() {
+        print_found(&response.pictures);
     }
+    match &response.unread[..] {
+        [] => Ok(ExitCode::SUCCESS),
+        [first, ..] => {
+            let (unread, all) = (response.unread.len(), response.unread.len() + response.pictures.len());
+            let message =
+                format!("{unread} of {all} pictures cannot be read, the first is {}", first.display());
+            Err(Failure::input(message, "the warnings above say why; all others were looked at"))
+        }
+    }
+}
+
+/// Prints a line for each detection.
+fn print_found(pictures: &[Seen]) {
     println!("file,class,score,x,y,width,height");
-    for seen in &response.pictures {
+    for seen in pictures {
         for found in &seen.found {
             let [x, y, width, height] = found.bbox;
             let file = seen.file.display().to_string().replace('"', "\"\"");
             println!("\"{file}\",{},{:.3},{x:.1},{y:.1},{width:.1},{height:.1}", found.class, found.score);
         }
     }
-    Ok(ExitCode::SUCCESS)
 }
 
 /// How long the picture in work may take after a signal, until the results of those before it are written.

@@ -65,7 +65,7 @@ pub struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Verb {
-    #[command(about = "Design lens and network together, and compare with two controls")]
+    #[command(about = "Design lens and network together, and compare with controls")]
     Design(design::Args),
     #[command(about = "Write an experiment with its lens and sensor as files to edit")]
     Init(init::Args),

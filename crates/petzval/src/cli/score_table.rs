@@ -14,22 +14,36 @@ pub fn print(metrics: &Metrics) {
     columns.iter().for_each(|(_, heading, width)| print!(" {heading:>width$}"));
     print!(" {:>14} {:>12} {:>8}", "linear limit %", "RMS spot um", "EFL mm");
     let has_isp = metrics.rows.iter().any(|r| r.isp_steps > 0);
-    println!(" {:>6} {:>8} {:>14}", "f/#", "FOV deg", if has_isp { "ISP steps" } else { "network steps" });
+    let has_network = metrics.rows.iter().any(|r| r.network_steps > 0);
+    print!(" {:>6} {:>8}", "f/#", "FOV deg");
+    if has_isp {
+        print!(" {:>10}", "ISP steps");
+    }
+    if has_network {
+        print!(" {:>14}", if metrics.is_of_objects() { "detector steps" } else { "network steps" });
+    }
+    println!();
     for r in &metrics.rows {
         print!("{:<16}", r.camera);
         for (score, _, width) in &columns {
             let value = r.scores.get(&score.name).copied().unwrap_or(f64::NAN);
             print!(" {value:>width$.d$}", d = score.decimals);
         }
-        println!(
-            " {:>14.3} {:>12.2} {:>8.3} {:>6.3} {:>8.2} {:>14}",
+        print!(
+            " {:>14.3} {:>12.2} {:>8.3} {:>6.3} {:>8.2}",
             r.restored_error_percent.unwrap_or(f64::NAN),
             r.rms_spot_um,
             r.efl_mm,
             r.f_number,
             r.fov_deg,
-            if has_isp { r.isp_steps } else { r.network_steps }
         );
+        if has_isp {
+            print!(" {:>10}", r.isp_steps);
+        }
+        if has_network {
+            print!(" {:>14}", r.network_steps);
+        }
+        println!();
     }
     println!(
         "{} {}; exposure {} e- of white",

@@ -48,7 +48,8 @@ pub struct Interval {
 /// Draws as many clusters as there are, with repetition, and scores them again and again: a percentile interval.
 ///
 /// `score` gets how often each picture counts, and is `None` where it is undefined; such draws are left out. For the difference of two
-/// cameras that took the same scenes, let it return the difference: both then see the same draw.
+/// cameras that took the same scenes, let it return the difference: both then see the same draw. A single cluster says nothing about how others
+/// differ from it, and has no interval.
 ///
 /// ```
 /// # use petzval_learn::score::detection::{Bootstrap, bootstrap};
@@ -65,6 +66,9 @@ pub fn bootstrap(how: &Bootstrap, score: impl Fn(&[u32]) -> Option<f64> + Sync) 
     let mut names = how.clusters.clone();
     names.sort_unstable();
     names.dedup();
+    if names.len() < 2 {
+        return None;
+    }
     let members: Vec<usize> = how.clusters.iter().map(|c| names.partition_point(|name| name < c)).collect();
     let draw = |k: usize| {
         let mut random = ChaCha8Rng::seed_from_u64(how.seed);
