@@ -11,6 +11,7 @@ use petzval_learn::dataset::{
     CropPlan, LabelledPictures, LabelledWindow, PictureWindows, StreetPlan, StreetView,
 };
 use petzval_optics::lens::Lens;
+use petzval_optics::paraxial::image_height_per_tangent;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -45,6 +46,8 @@ pub struct Scenes {
     fields: PsfPlan,
     /// The view of the experiment's lens, in which places of windows are chosen.
     reference: StreetView,
+    /// Paraxial image height of that lens per tangent of the field angle, mm.
+    reference_height_mm: f64,
     validation_windows: usize,
     pixel_mm: f64,
     /// The windows that blocks are trained and validated on.
@@ -129,6 +132,7 @@ impl Scenes {
         let (fields, pixel_mm) = (plan.with_fields(experiment.psf.scoring_fields), 1e-3 * pixel_um);
         Ok(Self {
             reference: view_of(nominal, &fields, &scoring_crops, pixel_mm)?,
+            reference_height_mm: image_height_mm(nominal),
             validation_windows: experiment.validation.windows,
             source,
             notes,
@@ -234,10 +238,25 @@ impl Scenes {
     pub fn shot(&self, eye: Eye, list: List, number: u64) -> Result<Shot, DesignError> {
         let window = self.window(eye, list, number)?;
         let frame = if list == List::Validation { FIRST_VALIDATION + number } else { number };
-        Ok(shot(&window, &self.crops(list), frame))
+        let crops = match list {
+            List::HeldOut => self.crops(list).scaled(self.scale(&eye)),
+            _ => self.crops(list),
+        };
+        Ok(shot(&window, &crops, frame))
     }
 
-    /// How the windows of a list are cut. Training windows of streets are larger than a crop: a street costs much more than its pixels, and
+    /// Size of the image that an eye sees, in units of that of the experiment's lens. Photographs keep the size that they have.
+    fn scale(&self, eye: &Eye) -> f64 {
+        match (&self.source, eye.lens) {
+            (Source::Streets(_), Some(lens)) => {
+                eye.magnification * image_height_mm(lens) / self.reference_height_mm
+            }
+            _ => 1.0,
+        }
+    }
+
+    /// How the windows of a list are cut behind the experiment's lens. Behind another one those of scores have the size at which they show the same
+    /// part of the street: behind a longer lens they have more pixels. Training windows of streets are larger than a crop: a street costs much more than its pixels, and
     /// every step takes another part of it.
     fn crops(&self, list: List) -> CropPlan {
         let crops = self.training_crops;
@@ -302,11 +321,18 @@ impl Scenes {
         if let Some(view) = kept.view.as_ref().filter(|_| kept.lens.as_ref() == Some(lens)) {
             return Ok(view.clone());
         }
-        let view = view_of(lens, &self.fields, &self.scoring_crops, self.pixel_mm)?.with_light(light);
+        let scale = self.scale(&Eye { lens: Some(lens), light, magnification: 1.0 });
+        let view = view_of(lens, &self.fields, &self.scoring_crops, self.pixel_mm)?;
+        let view = view.with_light(light).with_scale(scale);
         let view = Arc::new(view);
         *kept = Kept { lens: Some(lens.clone()), view: Some(view.clone()), windows: HashMap::new() };
         Ok(view)
     }
+}
+
+/// Paraxial image height of a lens per tangent of the field angle, mm: its focal length.
+fn image_height_mm(lens: &Lens) -> f64 {
+    image_height_per_tangent(&lens.at_wavelength(lens.reference_um))
 }
 
 /// The view of a lens: the field angles whose chief rays land at the radii of a plan.

@@ -32,6 +32,7 @@ use petzval_learn::Device;
 use petzval_learn::dataset::{List, StreetPlan, StreetView};
 use petzval_learn::detection::{BBox, Object, Truth};
 use petzval_learn::objective::{Labels, NamedLoss, Taken};
+use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::image_height_per_tangent;
 use petzval_optics::pupil::chief_ray;
 
@@ -121,8 +122,18 @@ fn windows_are_seen_through_the_chief_rays_of_the_lens() {
     // A lens of a longer focal length sees other windows.
     let assets = assets();
     let long = assets.import("cooke-triplet-image-quality-software-isp").unwrap().file.lens;
-    let long = training_shots(&setup, &setup.camera(long, true).unwrap(), 0).unwrap();
-    assert!(shots.iter().zip(&long).all(|(a, b)| a.scene != b.scene));
+    let height = |lens: &Lens| image_height_per_tangent(&lens.at_wavelength(lens.reference_um));
+    let longer = height(&long) / height(&setup.nominal().lens_file.lens);
+    let long = setup.camera(long, true).unwrap();
+    let seen = training_shots(&setup, &long, 0).unwrap();
+    assert!(shots.iter().zip(&seen).all(|(a, b)| a.scene != b.scene));
+    // Those of scores show as much of the street, on more pixels.
+    let side = setup.scoring_crops.scaled(longer).crop;
+    assert!(longer > 1.25 && side as f64 > 1.25 * setup.scoring_crops.crop as f64);
+    for HeldOut { shot, .. } in held_out_shots(&setup, &long, &|_| true).unwrap() {
+        let kept = long.kept(&shot);
+        assert_eq!([kept.height, kept.width], [side; 2]);
+    }
 }
 
 #[test]

@@ -237,6 +237,15 @@ proptest! {
 }
 
 #[test]
+fn a_crop_grows_with_the_image_as_far_as_the_sensor_reaches() {
+    let plan = CropPlan { surround: 8, ..CropPlan::on_1920x1200(257, 15) };
+    let side = |by: f64| plan.scaled(by).crop;
+    assert_eq!([side(1.0), side(1.0 + 1e-9), side(1.1), side(0.75)], [257, 257, 283, 193]);
+    assert_eq!(side(9.0), 1200 - 16);
+    assert_eq!(plan.scaled(1.1), CropPlan { crop: 283, ..plan });
+}
+
+#[test]
 fn what_is_exposed_around_a_crop_stays_on_the_sensor() {
     let plan = CropPlan { surround: 16, ..CropPlan::on_1920x1200(96, 15) };
     assert_eq!((plan.exposed(), plan.window()), (128, 158));

@@ -31,6 +31,13 @@ impl CropPlan {
         Self { crop, margin, surround: 0, sensor_rows: 1200, sensor_columns: 1920 }
     }
 
+    /// The same with a crop that is so many times as large, as far as the sensor reaches; its side changes by an even number of pixels.
+    pub fn scaled(&self, by: f64) -> Self {
+        let more = 2.0 * (0.5 * (by - 1.0) * self.crop as f64).round();
+        let most = self.sensor_rows.min(self.sensor_columns).saturating_sub(2 * self.surround);
+        Self { crop: ((self.crop as f64 + more) as usize).min(most), ..*self }
+    }
+
     /// Side of the square that is exposed, `crop + 2 surround`, pixels.
     pub fn exposed(&self) -> usize {
         self.crop.saturating_add(self.surround.saturating_mul(2))

@@ -33,8 +33,8 @@ pub struct StreetView {
     sensor: Projection,
     finder: Projection,
     light: f64,
-    /// Size of the image, against that of the lens from which the view was made.
-    magnification: f64,
+    /// Size of the image, in units of that of the lens in whose view places are chosen.
+    scale: f64,
 }
 
 /// What the finder shows of a street.
@@ -58,8 +58,13 @@ impl StreetView {
             sensor: Projection::new(radius_px.to_vec(), angle_rad.to_vec(), rows, columns)?,
             finder: Projection::new(finder_px, angle_rad.to_vec(), coarse(rows), coarse(columns))?,
             light: 1.0,
-            magnification: 1.0,
+            scale: 1.0,
         })
+    }
+
+    /// The same view through a lens whose image has this size, in units of that of the lens in whose view places are chosen.
+    pub fn with_scale(self, scale: f64) -> Self {
+        Self { scale, ..self }
     }
 
     /// The same view through a lens whose image has this brightness, in units of that of the lens for which [`StreetPlan::white_cd_m2`] holds.
@@ -70,7 +75,7 @@ impl StreetView {
     /// The view of a lens like this one, whose image is so many times as large: every chief ray lands so many times as far from the axis.
     pub fn magnified(&self, by: f64) -> Result<Self, StreetError> {
         let (sensor, finder) = (self.sensor.magnified(by)?, self.finder.magnified(by)?);
-        Ok(Self { sensor, finder, magnification: by * self.magnification, ..*self })
+        Ok(Self { sensor, finder, scale: by * self.scale, ..*self })
     }
 
     fn look_through_finder(&self, street: &Street) -> Result<Found, StreetError> {
@@ -122,7 +127,8 @@ enum Place {
 impl StreetPlan {
     /// Window `number` of a list as a lens sees it: a street of its own, at a place of the sensor that lies on an object or anywhere. It depends
     /// on the arguments alone. The exposure, the object, and where it lies in the window are chosen in the view of a `reference` lens, so that
-    /// cameras that are compared look at the same objects in the same light. It is also in that view that objects are large enough to count, so
+    /// cameras that are compared look at the same objects in the same light. `crops` is how windows are cut in that view; in another one held-out windows
+    /// have the size at which they show the same part of the street, and others as many pixels. It is also in that view that objects are large enough to count, so
     /// that the same objects count with a lens of another focal length. If such a lens no longer shows enough of the chosen object of a held-out
     /// window for it to count, it is [beside](Truth::beside) the picture: a narrower field misses what it does not show.
     pub fn window(
@@ -150,6 +156,8 @@ impl StreetPlan {
         let found = reference.look_through_finder(&street)?;
         let near = street.objects_near(&reference.sensor, &street.pose())?;
         let place = self.place(&near, &found, crops, &mut random);
+        let grows = if list == List::HeldOut { view.scale } else { 1.0 };
+        let (reference_crops, crops) = (crops, &crops.scaled(grows));
         // All of the chosen object as the lens images it, also where that is beside the sensor.
         let chosen = match place {
             Place::Anywhere(_) => None,
@@ -157,49 +165,51 @@ impl StreetPlan {
         };
         let at = match place {
             Place::Anywhere(shares) => {
-                // The same part of the street in a magnified view.
+                // The same part of the street.
                 let middle = [0, 1].map(|i| {
-                    let share = 0.5 + view.magnification * (shares[i] - 0.5);
+                    let share = 0.5 + view.scale * (shares[i] - 0.5);
                     share * sensor(crops)[i] as f64
                 });
                 crop_around(middle, sensor(crops), crops.crop)
             }
-            Place::OnObject { off, .. } => crop_off(crops, chosen.unwrap_or_default(), off),
+            Place::OnObject { off, .. } => {
+                crop_off(crops, chosen.unwrap_or_default(), off.map(|off| grows * off))
+            }
         };
 
         // See it with the border that the lens blurs light from.
-        let side = crops.window();
-        let see = |view: &StreetView, at: [usize; 2]| {
+        let see = |view: &StreetView, crops: &CropPlan, at: [usize; 2]| {
+            let side = crops.window();
             let (row, column) = crops.exposed_at(at[0], at[1]);
             let (row, col) = (row as i64 - crops.margin as i64, column as i64 - crops.margin as i64);
             let window = Window { row, col, height: side, width: side };
             street.see(&view.sensor, &street.pose(), window, self.samples)
         };
-        let seen = see(view, at)?;
+        let seen = see(view, crops, at)?;
         let [longest, automatic] = [self.white_cd_m2 / view.light, found.luminance_cd_m2 / MIDDLE_GRAY];
         let white = longest.max(automatic) as f32;
         let light = seen.planes.iter().map(|v| v / white);
         let mut truth = self.truth(&seen.objects, &near, at, crops.crop);
         if let (List::HeldOut, Place::OnObject { id, off }, Some(whole)) = (list, place, chosen) {
-            let is_enough = |whole: [f64; 4], at| {
+            let is_enough = |whole: [f64; 4], crops: &CropPlan, at| {
                 inside(&sensor_box(whole), at, crops.crop).is_some_and(|(_, share)| share >= LEAST_INSIDE)
             };
-            let there = near.iter().find(|object| object.id == id).filter(|_| !is_enough(whole, at));
+            let there = near.iter().find(|object| object.id == id).filter(|_| !is_enough(whole, crops, at));
             let class = there.and_then(|object| class_of(self.wanted, object.kind, object.lamp));
             if let Some((object, class)) = there.zip(class) {
                 // It counts only if it does in the reference view, whose picture is needed for this alone.
-                let at_there = crop_off(crops, object.whole, off);
+                let at_there = crop_off(reference_crops, object.whole, off);
                 let is_visible =
                     |seen: &SeenObject| seen.id == id && seen.visible_share >= self.least_visible;
-                if is_enough(object.whole, at_there)
-                    && see(reference, at_there)?.objects.iter().any(is_visible)
+                if is_enough(object.whole, reference_crops, at_there)
+                    && see(reference, reference_crops, at_there)?.objects.iter().any(is_visible)
                 {
                     let bbox = sensor_box(whole).moved([-(at[1] as f32), -(at[0] as f32)]);
                     truth.beside.push(Object { bbox, class });
                 }
             }
         }
-        Ok(LabelledWindow::new(side, light, at, truth).following_light(longest >= automatic))
+        Ok(LabelledWindow::new(crops.window(), light, at, truth).following_light(longest >= automatic))
     }
 
     /// Draws a place on an object that counts, of every class as often as of the others, or anywhere.

@@ -2,8 +2,14 @@
 //! and not which camera is better.
 
 use super::score_table::{Figure, first_order, picture_scores, spot};
-use super::view::{Report, SeedStudy, TableRow};
+use super::view::{DetectionView, Range, Report, SeedStudy, TableRow};
 use crate::number;
+
+/// The scores of all objects. Those of groups have a table of their own, with ranges.
+const OF_ALL_OBJECTS: [&str; 2] = [AP50, "AP"];
+
+/// The score of objects whose differences have a range.
+const AP50: &str = "AP50";
 
 /// Largest relative difference of first-order data between comparable cameras.
 const LIKE_FOR_LIKE: f64 = 0.01;
@@ -14,24 +20,41 @@ pub(super) fn reading(report: &Report) -> Vec<String> {
     if report.progress.is_some() {
         return Vec::new();
     }
-    let scores = picture_scores(&report.scores);
+    let all_scores = picture_scores(&report.scores);
+    let is_read = |s: &&Figure| report.detection.is_none() || OF_ALL_OBJECTS.contains(&s.name.as_str());
+    let scores: Vec<&Figure> = all_scores.iter().filter(is_read).collect();
     let (ceiling, rows): (Vec<TableRow>, Vec<TableRow>) =
         report.table.iter().cloned().partition(|r| r.is_ceiling);
     let [baseline, between @ .., design] = &rows[..] else { return Vec::new() };
     let mut sentences: Vec<String> =
-        [baseline].into_iter().chain(between).map(|other| compare(&scores, design, other)).collect();
+        [baseline].into_iter().chain(between).map(|other| compare(report, &scores, design, other)).collect();
     let others: Vec<&TableRow> = between.iter().chain([design]).collect();
     // A camera before it is one from which others start.
-    sentences.extend(ceiling.last().and_then(|top| gap_sentence(&scores, baseline, &others, top)));
-    sentences.extend(report.study.as_ref().map(|study| seed_sentence(&scores, study)));
-    sentences.extend(spot_sentence(scores.first(), design, baseline, between));
+    let top = ceiling.last().filter(|top| report.detection.as_ref().is_none_or(|view| is_ahead(view, top)));
+    sentences.extend(top.and_then(|top| gap_sentence(&scores, baseline, &others, top)));
+    sentences.extend(report.study.as_ref().map(|study| seed_sentence(&all_scores, study)));
+    sentences.extend(spot_sentence(scores.first().copied(), design, baseline, between));
     sentences.extend(rows.iter().filter_map(|r| unlike(r, baseline)));
     sentences
 }
 
-/// Compares a camera with another in the scores of pictures.
-fn compare(scores: &[Figure], design: &TableRow, other: &TableRow) -> String {
-    let known: Vec<&Figure> = scores.iter().filter(|s| s.gain(other, design).is_finite()).collect();
+/// Whether the range of what a camera finds more than the baseline lies wholly above 0.
+fn is_ahead(view: &DetectionView, camera: &TableRow) -> bool {
+    let seen = view.cameras.iter().find(|seen| seen.camera == camera.camera);
+    seen.and_then(|seen| seen.against_baseline).is_some_and(|range| range.low > 0.0)
+}
+
+/// Compares a camera with another in the scores of pictures; what is found with the range of the difference.
+fn compare(report: &Report, scores: &[&Figure], design: &TableRow, other: &TableRow) -> String {
+    let seen = report.detection.iter().flat_map(|view| &view.cameras).find(|c| c.camera == other.camera);
+    let range = |s: &Figure| match seen.and_then(|seen| seen.design_against).filter(|_| s.name == AP50) {
+        Some(Range { low, high, .. }) => {
+            let [low, high] = [low, high].map(|end| number::signed(end, s.decimals));
+            format!(" (range {low} to {high})")
+        }
+        None => String::new(),
+    };
+    let known: Vec<&&Figure> = scores.iter().filter(|s| s.gain(other, design).is_finite()).collect();
     let against = &other.camera;
     let name = capitalised(&design.camera);
     if known.is_empty() {
@@ -39,7 +62,7 @@ fn compare(scores: &[Figure], design: &TableRow, other: &TableRow) -> String {
     }
     let differences: Vec<String> = known
         .iter()
-        .map(|s| difference(s, &number::signed(s.of(design) - s.of(other), s.decimals)))
+        .map(|s| difference(s, &number::signed(s.of(design) - s.of(other), s.decimals)) + &range(s))
         .collect();
     format!("{name} against {against}: {}.", differences.join(", "))
 }
@@ -50,18 +73,18 @@ const MOST_CLOSED: f64 = 2.0;
 /// How much of the way from the baseline to a lens without aberrations each camera goes. A score in which one goes more than twice as far is left out:
 /// in it that lens is no ceiling.
 fn gap_sentence(
-    scores: &[Figure],
+    scores: &[&Figure],
     baseline: &TableRow,
     cameras: &[&TableRow],
     ceiling: &TableRow,
 ) -> Option<String> {
     let share = |s: &Figure, camera: &TableRow| s.gain(baseline, camera) / s.gain(baseline, ceiling);
-    let is_a_way = |s: &&Figure| {
+    let is_a_way = |s: &&&Figure| {
         s.gain(baseline, ceiling) > 0.0 && !cameras.iter().any(|camera| share(s, camera) > MOST_CLOSED)
     };
-    let ways: Vec<&Figure> = scores.iter().filter(is_a_way).collect();
+    let ways: Vec<&&Figure> = scores.iter().filter(is_a_way).collect();
     let shares = |camera: &TableRow| {
-        let of_score = |s: &&Figure| {
+        let of_score = |s: &&&Figure| {
             let share = share(s, camera);
             share.is_finite().then(|| format!("{} % in {}", number::signed(100.0 * share, 0), s.name))
         };
@@ -180,7 +203,7 @@ fn capitalised(name: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::design_report::{SeedDifference, Spread};
+    use crate::design_report::{CameraDetection, Score, SeedDifference, Spread};
     use crate::sample::{rows, scores};
 
     /// The reading without its unbreakable spaces.
@@ -201,6 +224,53 @@ mod tests {
             "End-to-end against nominal: +0.0187 in 1 − LPIPS, +1.30 dB PSNR, +0.0210 in SSIM."
         );
         assert!(said[1].starts_with("End-to-end against spot-optimised: +0.0066 in"), "{}", said[1]);
+    }
+
+    #[test]
+    fn what_is_found_is_stated_with_its_range_and_a_gap_only_where_there_is_one() {
+        let title = |title: &str| Score { title: title.into(), decimals: 3, ..scores()[0].clone() };
+        let row = |camera: &str, values: [f64; 3]| TableRow {
+            camera: camera.into(),
+            is_ceiling: camera == "perfect",
+            scores: values.to_vec(),
+            ..rows()[0].clone()
+        };
+        let seen = |camera: &str, against: Option<[f64; 2]>, design: Option<[f64; 2]>| {
+            let range = |[low, high]: [f64; 2]| Range { value: 0.5 * (low + high), low, high };
+            CameraDetection {
+                camera: camera.into(),
+                against_baseline: against.map(range),
+                design_against: design.map(range),
+                ..CameraDetection::default()
+            }
+        };
+        let mut report = Report {
+            scores: [AP50, "AP", "AP50 small"].map(title).to_vec(),
+            table: vec![
+                row("nominal", [0.70, 0.4, 0.1]),
+                row("perfect", [0.80, 0.5, 0.2]),
+                row("end-to-end", [0.75, 0.44, 0.9]),
+            ],
+            detection: Some(DetectionView {
+                baseline: "nominal".into(),
+                design: "end-to-end".into(),
+                windows: 192,
+                cameras: vec![
+                    seen("nominal", None, Some([0.02, 0.08])),
+                    seen("perfect", Some([0.05, 0.15]), Some([-0.09, -0.01])),
+                ],
+            }),
+            ..Report::default()
+        };
+        let all = said(&report);
+        assert_eq!(
+            all[0],
+            "End-to-end against nominal: +0.050 in AP50 (range +0.020 to +0.080), +0.040 in AP."
+        );
+        assert!(all[1].ends_with("End-to-end: +50 % in AP50, +40 % in AP."), "{}", all[1]);
+        // Where the windows cannot tell that perfect optics are ahead, there is no gap to speak of.
+        report.detection.as_mut().unwrap().cameras[1] = seen("perfect", Some([-0.01, 0.15]), None);
+        assert!(!said(&report).concat().contains("Share of the gap"));
     }
 
     #[test]

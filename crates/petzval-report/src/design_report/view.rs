@@ -254,7 +254,7 @@ pub struct DetectionView {
 }
 
 /// What a camera finds.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct CameraDetection {
     /// Name of the camera.
     pub camera: String,
