@@ -388,7 +388,8 @@ fn pictures(run: &RunFolder, metrics: &Metrics, side: usize) -> Result<Vec<Pictu
     let Some(first) = metrics.rows.first() else { return Ok(Vec::new()) };
     let windows = seen_windows::read(run, &first.camera)?.unwrap_or_default();
     // First every photograph in the corner and in the middle of the field, then the other places.
-    let mut order = spread_pictures(metrics.held_out_images, metrics.held_out_places, MOST_PICTURES);
+    let shown = MOST_PICTURES.min(LEAST_PICTURES.max(MOST_OF_CAMERAS / metrics.rows.len()));
+    let mut order = spread_pictures(metrics.held_out_images, metrics.held_out_places, shown);
     order.retain(|index| *index < first.pictures.len());
     let field = |i: &usize| first.pictures[*i].relative_field;
     let outermost = order.iter().map(field).fold(0.0, f64::max);
@@ -449,6 +450,12 @@ fn frames(run: &RunFolder, variants: &[Variant]) -> Result<Vec<FrameView>, Desig
 
 /// Most pictures that a page shows: all of three photographs at nine places. Each takes about 0.13 MB.
 const MOST_PICTURES: usize = 27;
+
+/// Most pictures of cameras on a page, each finished and as a raw frame: a page of many cameras shows fewer scenes.
+const MOST_OF_CAMERAS: usize = 120;
+
+/// Scenes that a page shows however many cameras there are.
+const LEAST_PICTURES: usize = 6;
 
 fn loss_curves(events: Vec<Event>) -> Vec<LossCurve> {
     type Key = (String, String, String);
