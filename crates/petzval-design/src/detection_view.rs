@@ -50,10 +50,10 @@ pub(crate) fn detection_view(
         };
         let group = |score: &ObjectScore| {
             let value = score.of(&seen.judged, classes.len(), setup.field())?;
-            let [low, high] = score.interval(&seen.judged, &clusters, classes.len(), setup.field())?;
+            let range = score.interval(&seen.judged, &clusters, classes.len(), setup.field());
             // All objects are headed `AP50`, a group of them by its name alone.
             let name = score.about.title.trim_start_matches("AP50 ").to_owned();
-            Some(GroupFigure { name, range: Range { value, low, high } })
+            Some(GroupFigure { name, value, range })
         };
         Ok(CameraDetection {
             camera: seen.camera.to_owned(),

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use petzval_base::parameter::Parameter;
-use petzval_files::{LensFile, parse_lens};
+use petzval_files::{LensFile, parse_lens, picture_size};
 use petzval_optics::analysis::first_order_table;
 use petzval_optics::glass::Catalog;
 use petzval_optics::lens::Lens;
@@ -169,7 +169,7 @@ fn gathered(
         wavelengths_um: plan.wavelengths_um.to_vec(),
         half_diagonal_mm: setup.corner_mm(),
         nyquist_per_mm,
-        pictures: pictures(run, metrics, setup.experiment.scoring.crop)?,
+        pictures: pictures(run, metrics)?,
         frames: frames(run, &setup.variants)?,
         has_isp: setup.body.chip.is_some(),
         pictures_in_all: metrics.held_out_images * metrics.held_out_places,
@@ -380,7 +380,7 @@ fn changes(nominal: &LensFile, after: &Lens) -> Vec<Change> {
 }
 
 /// Some of the held-out pictures, of `side` x `side` pixels.
-fn pictures(run: &RunFolder, metrics: &Metrics, side: usize) -> Result<Vec<PictureView>, DesignError> {
+fn pictures(run: &RunFolder, metrics: &Metrics) -> Result<Vec<PictureView>, DesignError> {
     let read = |file: String| {
         let path = run.picture(&file);
         petzval_base::read_whole(&path).map_err(DesignError::io(&path))
@@ -420,14 +420,11 @@ fn pictures(run: &RunFolder, metrics: &Metrics, side: usize) -> Result<Vec<Pictu
         };
         let objects = windows.get(index).map_or(&[][..], |window| &window.truth.objects);
         let largest = objects.iter().max_by(|a, b| a.bbox.area().total_cmp(&b.bbox.area()));
-        let focus = largest.map_or([0.5; 2], |o| o.bbox.centre().map(|v| f64::from(v) / side as f64));
-        all.push(PictureView {
-            title,
-            place,
-            focus,
-            truth_png: read(file_name(index, "truth", None))?,
-            cameras,
-        });
+        let truth = file_name(index, "truth", None);
+        // Boxes are those of the first camera, which the truth is of.
+        let (side, _) = picture_size(&run.picture(&truth))?;
+        let focus = largest.map_or([0.5; 2], |o| o.bbox.centre().map(|v| f64::from(v) / f64::from(side)));
+        all.push(PictureView { title, place, focus, truth_png: read(truth)?, cameras });
     }
     Ok(all)
 }

@@ -238,25 +238,13 @@ impl Scenes {
     pub fn shot(&self, eye: Eye, list: List, number: u64) -> Result<Shot, DesignError> {
         let window = self.window(eye, list, number)?;
         let frame = if list == List::Validation { FIRST_VALIDATION + number } else { number };
-        let crops = match list {
-            List::HeldOut => self.crops(list).scaled(self.scale(&eye)),
-            _ => self.crops(list),
-        };
-        Ok(shot(&window, &crops, frame))
+        Ok(shot(&window, &self.crops(list), frame))
     }
 
-    /// Size of the image that an eye sees, in units of that of the experiment's lens. Photographs keep the size that they have.
-    fn scale(&self, eye: &Eye) -> f64 {
-        match (&self.source, eye.lens) {
-            (Source::Streets(_), Some(lens)) => {
-                eye.magnification * image_height_mm(lens) / self.reference_height_mm
-            }
-            _ => 1.0,
-        }
-    }
-
-    /// How the windows of a list are cut behind the experiment's lens. Behind another one those of scores have the size at which they show the same
-    /// part of the street: behind a longer lens they have more pixels. Training windows of streets are larger than a crop: a street costs much more than its pixels, and
+    /// How the windows of a list are cut behind the experiment's lens. Behind a lens of another focal length, those of scores in streets have the size at
+    /// which they show the same part of the street.
+    ///
+    /// Training windows of streets are larger than a crop: a street costs much more than its pixels, and
     /// every step takes another part of it.
     fn crops(&self, list: List) -> CropPlan {
         let crops = self.training_crops;
@@ -321,7 +309,7 @@ impl Scenes {
         if let Some(view) = kept.view.as_ref().filter(|_| kept.lens.as_ref() == Some(lens)) {
             return Ok(view.clone());
         }
-        let scale = self.scale(&Eye { lens: Some(lens), light, magnification: 1.0 });
+        let scale = image_height_mm(lens) / self.reference_height_mm;
         let view = view_of(lens, &self.fields, &self.scoring_crops, self.pixel_mm)?;
         let view = view.with_light(light).with_scale(scale);
         let view = Arc::new(view);
@@ -347,14 +335,15 @@ fn view_of(
     Ok(StreetView::new(&radius_px, &fields.field_angles(lens)?, sensor)?)
 }
 
-/// A window as a camera takes it.
+/// A window as a camera takes it; its crop may be larger or smaller than that of the plan.
 fn shot(window: &LabelledWindow, crops: &CropPlan, frame: u64) -> Shot {
+    let crops = crops.of_window(window.side());
     let [row, column] = window.at;
     let exposed = crops.exposed_at(row, column);
     Shot {
         scene: window.scene(),
         placement: Placement { row: exposed.0, col: exposed.1 },
-        kept: Some(crop_window(crops, row, column)),
+        kept: Some(crop_window(&crops, row, column)),
         frame,
         truth: window.truth.clone(),
         follows_light: window.follows_light,

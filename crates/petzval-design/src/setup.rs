@@ -77,7 +77,7 @@ pub struct Setup {
     pub photo_notes: Vec<(String, String)>,
     /// How training windows are cut.
     pub training_crops: CropPlan,
-    /// How held-out windows are cut.
+    /// How held-out windows are cut; in streets behind the experiment's lens.
     pub scoring_crops: CropPlan,
     /// Weights of the perceptual loss.
     pub lpips_weights: Vec<u8>,

@@ -15,7 +15,7 @@ use petzval_camera::render::Placement;
 use petzval_camera::sensor::{Noise, NoiseMode};
 use petzval_camera::tape::Frames;
 use petzval_design::assets::Assets;
-use petzval_design::block::{Batch, Block, OpticsBlock};
+use petzval_design::block::{Batch, Block, OpticsBlock, StepMethod, StepRule};
 use petzval_design::camera::{Camera, DetectorInput, PsfSource, Shot};
 use petzval_design::design_loop::{DesignLoop, Ending, zoom_of};
 use petzval_design::error::DesignError;
@@ -452,6 +452,29 @@ fn a_lens_that_may_magnify_knows_what_that_does_to_the_loss() {
         assert!((found - expected).abs() < 1e-3 * slope.abs(), "{i}: {found} {expected}");
     }
     assert!(largest > 0.01 * slope.abs(), "no coordinate changes the focal length");
+
+    // Its average over the steps of a stage goes on from a checkpoint.
+    let rule = StepRule { method: StepMethod::Gradient, rate: 1e-3, proximal: 0.0 };
+    let reversed = |by: f64| magnified(2.0 - by);
+    let mut whole = OpticsBlock::new(start.clone(), 0.0).with_field(FieldOfView::Free);
+    whole.begin_stage(true);
+    whole.step(&batch(Some(&magnified)), rule).unwrap();
+    let mut resumed = OpticsBlock::new(start.clone(), 0.0).with_field(FieldOfView::Free);
+    resumed.load_numbers(&whole.save_numbers().unwrap()).unwrap();
+    resumed.load_progress(&whole.save_progress().unwrap()).unwrap();
+    for block in [&mut whole, &mut resumed] {
+        block.step(&batch(Some(&reversed)), rule).unwrap();
+    }
+    assert_eq!(whole.coordinates(), resumed.coordinates());
+    let progress = |block: &OpticsBlock| {
+        let text = block.save_progress().unwrap().remove("progress.json").unwrap();
+        serde_json::from_slice::<serde_json::Value>(&text).unwrap()["by_log_magnification"].clone()
+    };
+    // 0.95 times the first derivative less the second, which is about as large.
+    assert!(progress(&whole)["sum"].as_f64().unwrap().abs() < 0.01 * slope.abs() + 1e-3);
+    assert_eq!(progress(&whole)["values"], 2);
+    whole.begin_stage(true);
+    assert_eq!(progress(&whole)["values"], 0);
 }
 
 #[test]

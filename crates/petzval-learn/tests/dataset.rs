@@ -241,8 +241,10 @@ fn a_crop_grows_with_the_image_as_far_as_the_sensor_reaches() {
     let plan = CropPlan { surround: 8, ..CropPlan::on_1920x1200(257, 15) };
     let side = |by: f64| plan.scaled(by).crop;
     assert_eq!([side(1.0), side(1.0 + 1e-9), side(1.1), side(0.75)], [257, 257, 283, 193]);
-    assert_eq!(side(9.0), 1200 - 16);
+    // The largest odd side that the sensor holds.
+    assert_eq!(side(9.0), 1200 - 16 - 1);
     assert_eq!(plan.scaled(1.1), CropPlan { crop: 283, ..plan });
+    assert_eq!(plan.of_window(plan.scaled(1.1).window()), plan.scaled(1.1));
 }
 
 #[test]

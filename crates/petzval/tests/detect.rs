@@ -200,6 +200,7 @@ fn a_run_that_looks_for_objects_is_scored_again_reported_and_lends_its_detector(
         &["detect", "in", "--weights", "tiny.toml", "--longer-side", "0"],
         "--longer-side 0: a picture needs pixels",
     );
+    fails(&["detect", "in", "--weights", "none.safetensors"], "none.safetensors");
     fails(&["detect", "in"], "--run");
     fails(&["detect", "--run", "run"], "--data");
     fails(&["detect", "in", "--data", "in", "--run", "run"], "cannot be used with");
@@ -236,6 +237,8 @@ fn a_folder_with_boxes_takes_the_place_of_the_streets() {
     std::fs::create_dir(root.join("in")).unwrap();
     write_lights(&root.join("in"));
     let said = run_ok(root, &["design", "tiny.toml", "--data", "in", "--variant", "nominal", "--out", "run"]);
+    assert!(said.says("checking every picture of"), "{}", said.stderr);
+    assert!(said.stdout.contains("detector steps"), "{}", said.stdout);
     assert!(said.says("the class `yellow` has 0 boxes"), "{}", said.stderr);
     assert!(said.says("3 windows of 8 pictures in training, 3 windows of 2 in scores"), "{}", said.stderr);
     assert!(read(&root.join("run/config.toml")).contains("data = "));

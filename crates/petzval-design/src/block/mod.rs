@@ -4,6 +4,7 @@
 //! A block is held or it moves. While one moves, the others are held: the loss goes back on the tape to the moving block
 //! alone, which takes one step down its gradient.
 
+mod average;
 mod blocks;
 mod exposure;
 mod generations;

@@ -15,6 +15,7 @@ use petzval_optics::optimize::{Analysis, LevenbergOptions, Search, SearchOptions
 use petzval_optics::paraxial::{image_height_per_tangent, pull_back_image_height, pull_back_log_brightness};
 use serde::{Deserialize, Serialize};
 
+use super::average::Average;
 use super::generations::{FirstGeneration, Generations, PointScore};
 use super::lifted::Lifted;
 use super::{
@@ -54,7 +55,7 @@ const FIRST_DEVIATION: f64 = 0.01;
 /// to batch it scatters by 1.9 with a step of 0.02, by 0.9 with 0.05 and by 0.5 with 0.1.
 const MAGNIFICATION_STEP: f64 = 0.1;
 
-/// Decay of the average of that derivative over the batches of a stage. It begins at 0, so that chance does not move the lens at first.
+/// Decay of the average of that derivative over the batches of a stage.
 const MAGNIFICATION_DECAY: f64 = 0.95;
 
 /// Name of the loss itself among its parts.
@@ -103,7 +104,7 @@ struct Progress {
     way: Way,
     /// Average derivative of the loss by the logarithm of the magnification.
     #[serde(default)]
-    by_log_magnification: f64,
+    by_log_magnification: Average,
     /// Averages of gradient and curvature, of a stage by the lifted loss.
     #[serde(default)]
     lifted: Lifted,
@@ -253,9 +254,7 @@ impl OpticsBlock {
     fn averaged_slopes(&mut self, batch: &Batch) -> Result<Slopes, DesignError> {
         let mut slopes = self.slopes(batch)?;
         if let Some(by_logarithm) = &mut slopes.by_log_magnification {
-            let average = &mut self.progress.by_log_magnification;
-            *average = MAGNIFICATION_DECAY * *average + (1.0 - MAGNIFICATION_DECAY) * *by_logarithm;
-            *by_logarithm = *average;
+            *by_logarithm = self.progress.by_log_magnification.with(*by_logarithm, MAGNIFICATION_DECAY);
         }
         Ok(slopes)
     }

@@ -360,7 +360,7 @@ parameters! {
     pub struct ScoringConfig {
         /// Each held-out picture is scored at this many places squared, from the sensor's centre to its corner.
         places_per_side: usize = 4, "", 1..15, Linear, "3 gives 9 places";
-        /// Side of a scored window.
+        /// Side of a scored window; in streets behind the experiment's lens.
         crop: usize = 120, "pixels", 64..1200, Linear, "LPIPS needs at least 64 pixels";
     } also {
         /// Names of the scores: one_minus_lpips, psnr_db, ssim; where objects are to be found, ap50, ap and ap75 by default.

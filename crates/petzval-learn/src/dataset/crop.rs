@@ -31,11 +31,18 @@ impl CropPlan {
         Self { crop, margin, surround: 0, sensor_rows: 1200, sensor_columns: 1920 }
     }
 
-    /// The same with a crop that is so many times as large, as far as the sensor reaches; its side changes by an even number of pixels.
+    /// The same with a crop that is so many times as large (`by > 0`), as far as the sensor reaches. Its side changes by an even number of pixels,
+    /// because crops of a colour mosaic have whole cells.
     pub fn scaled(&self, by: f64) -> Self {
         let more = 2.0 * (0.5 * (by - 1.0) * self.crop as f64).round();
         let most = self.sensor_rows.min(self.sensor_columns).saturating_sub(2 * self.surround);
+        let most = most - (most.abs_diff(self.crop) % 2).min(most);
         Self { crop: ((self.crop as f64 + more) as usize).min(most), ..*self }
+    }
+
+    /// The same with the crop that a window of so many pixels along a side holds, see [`CropPlan::window`].
+    pub fn of_window(&self, side: usize) -> Self {
+        Self { crop: side.saturating_sub(2 * (self.surround + self.margin)), ..*self }
     }
 
     /// Side of the square that is exposed, `crop + 2 surround`, pixels.

@@ -124,9 +124,16 @@ impl LabelledPictures {
             found.validation = found.training.clone();
         }
         if [&found.training, &found.held_out].into_iter().flatten().all(|p| p.truth.objects.is_empty()) {
+            const SHOWN: usize = 8;
             let names: Vec<&str> = data.categories.iter().map(|category| category.name.as_str()).collect();
-            let [classes, names] = [classes.join(", "), names.join(", ")];
-            return Err(misfit(format!("no box is one of {classes}; the categories are {names}")));
+            let more = match names.len().saturating_sub(SHOWN) {
+                0 => String::new(),
+                more => format!(" and {more} more"),
+            };
+            let [classes, names] = [classes, &names[..names.len().min(SHOWN)]].map(|list| list.join(", "));
+            return Err(misfit(format!(
+                "no box of {classes} counts: the name of its category has to say so, and it is no crowd and not to be ignored; the categories are {names}{more}"
+            )));
         }
         let mut per_class = vec![[0_usize; 2]; classes.len()];
         for (k, list) in [&found.training, &found.held_out].into_iter().enumerate() {

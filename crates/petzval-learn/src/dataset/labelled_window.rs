@@ -103,6 +103,11 @@ impl LabelledWindow {
         Self { side, planes, at, truth, follows_light: true }
     }
 
+    /// Side of the window with its border, pixels.
+    pub fn side(&self) -> usize {
+        self.side
+    }
+
     /// The same window, with [`LabelledWindow::follows_light`], which a new one does.
     pub fn following_light(self, follows_light: bool) -> Self {
         Self { follows_light, ..self }

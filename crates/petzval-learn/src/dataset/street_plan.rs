@@ -33,7 +33,9 @@ pub struct StreetView {
     sensor: Projection,
     finder: Projection,
     light: f64,
-    /// Size of the image, in units of that of the lens in whose view places are chosen.
+    /// Size of the image, against that of the lens from which the view was made.
+    magnification: f64,
+    /// Size of the image of that lens, in units of that of the lens in whose view places are chosen.
     scale: f64,
 }
 
@@ -58,6 +60,7 @@ impl StreetView {
             sensor: Projection::new(radius_px.to_vec(), angle_rad.to_vec(), rows, columns)?,
             finder: Projection::new(finder_px, angle_rad.to_vec(), coarse(rows), coarse(columns))?,
             light: 1.0,
+            magnification: 1.0,
             scale: 1.0,
         })
     }
@@ -75,7 +78,7 @@ impl StreetView {
     /// The view of a lens like this one, whose image is so many times as large: every chief ray lands so many times as far from the axis.
     pub fn magnified(&self, by: f64) -> Result<Self, StreetError> {
         let (sensor, finder) = (self.sensor.magnified(by)?, self.finder.magnified(by)?);
-        Ok(Self { sensor, finder, scale: by * self.scale, ..*self })
+        Ok(Self { sensor, finder, magnification: by * self.magnification, ..*self })
     }
 
     fn look_through_finder(&self, street: &Street) -> Result<Found, StreetError> {
@@ -156,8 +159,13 @@ impl StreetPlan {
         let found = reference.look_through_finder(&street)?;
         let near = street.objects_near(&reference.sensor, &street.pose())?;
         let place = self.place(&near, &found, crops, &mut random);
-        let grows = if list == List::HeldOut { view.scale } else { 1.0 };
-        let (reference_crops, crops) = (crops, &crops.scaled(grows));
+        let scale = if list == List::HeldOut { view.scale } else { 1.0 };
+        let (reference_crops, crops) = (crops, &crops.scaled(scale));
+        // In the reference view a window that extends beyond the sensor is moved inside. A longer lens moves it at least as far. A shorter one, which
+        // shows what lies beyond, has to move it too, to show the same.
+        let is_shorter = crops.crop < reference_crops.crop;
+        let on_sensor =
+            |middle: [f64; 2]| if is_shorter { middle_inside(middle, reference_crops) } else { middle };
         // All of the chosen object as the lens images it, also where that is beside the sensor.
         let chosen = match place {
             Place::Anywhere(_) => None,
@@ -165,15 +173,21 @@ impl StreetPlan {
         };
         let at = match place {
             Place::Anywhere(shares) => {
+                let there = on_sensor([0, 1].map(|i| shares[i] * sensor(crops)[i] as f64));
                 // The same part of the street.
+                let larger = scale * view.magnification;
                 let middle = [0, 1].map(|i| {
-                    let share = 0.5 + view.scale * (shares[i] - 0.5);
-                    share * sensor(crops)[i] as f64
+                    let axis = 0.5 * sensor(crops)[i] as f64;
+                    axis + larger * (there[i] - axis)
                 });
                 crop_around(middle, sensor(crops), crops.crop)
             }
-            Place::OnObject { off, .. } => {
-                crop_off(crops, chosen.unwrap_or_default(), off.map(|off| grows * off))
+            Place::OnObject { id, off } => {
+                let from = near.iter().find(|object| object.id == id).map_or([0.0; 2], |o| middle(o.whole));
+                let there = [0, 1].map(|i| from[i] + off[i]);
+                let moved = on_sensor(there);
+                let off = [0, 1].map(|i| scale * (off[i] + (moved[i] - there[i])));
+                crop_off(crops, chosen.unwrap_or_default(), off)
             }
         };
 
@@ -272,6 +286,12 @@ fn class_of(wanted: Wanted, kind: ObjectKind, lamp: Option<LampState>) -> Option
 /// Rows and columns of the sensor.
 fn sensor(crops: &CropPlan) -> [usize; 2] {
     [crops.sensor_rows, crops.sensor_columns]
+}
+
+/// The middle, row and column, of the crop around a place that lies inside the sensor.
+fn middle_inside(middle: [f64; 2], crops: &CropPlan) -> [f64; 2] {
+    let half = 0.5 * crops.crop as f64;
+    [0, 1].map(|i| middle[i].clamp(half, (sensor(crops)[i] as f64 - half).max(half)))
 }
 
 /// First row and column of the crop whose middle is so far from that of a box.

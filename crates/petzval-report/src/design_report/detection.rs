@@ -6,7 +6,7 @@ use std::io::Cursor;
 use image::{ImageFormat, Rgba};
 use maud::{Markup, html};
 
-use super::view::{CameraDetection, DetectionView, Mistake, Range, Report, camera_colour};
+use super::view::{CameraDetection, DetectionView, Mistake, Report, camera_colour};
 use crate::number;
 use crate::page::{caption, figure};
 use crate::plot::{Axes, Chart, Series, chart_svg};
@@ -23,7 +23,7 @@ pub(super) fn detection(report: &Report) -> Markup {
         (by_group(report, view))
         (caption(format!(
             "Average precision at an overlap of 0.5, with the range that it has in 95 % of draws of the {} windows with repetition, those of one film \
-             or of one picture together. The ranges of cameras overlap more than their differences are uncertain, because all see the same windows. The second and the third figure are differences over \
+             or of one picture together; a single film has no range. The ranges of cameras overlap more than their differences are uncertain, because all see the same windows. The second and the third figure are differences over \
              the same draws: the AP50 of each camera less that of {}, and the AP50 of {} less that of each camera.",
             view.windows, view.baseline, view.design
         )))
@@ -69,19 +69,24 @@ fn by_group(report: &Report, view: &DetectionView) -> Markup {
         .chain(differences.iter().map(String::as_str))
         .chain(groups.iter().copied())
         .map(Column::new);
-    let cell = |range: Option<Range>, sign: bool| {
+    let cell = |value: Option<f64>, range: Option<[f64; 2]>, sign: bool| {
         html! {
-            @if let Some(Range { value, low, high }) = range {
+            @if let Some(value) = value {
                 @if sign && value > 0.0 { "+" }
                 (number::fixed(value, DECIMALS))
-                span.delta { (number::fixed(low, DECIMALS)) " … " (number::fixed(high, DECIMALS)) }
+                @if let Some([low, high]) = range {
+                    span.delta { (number::fixed(low, DECIMALS)) " … " (number::fixed(high, DECIMALS)) }
+                }
             } @else { "–" }
         }
     };
     let row = |(i, camera): (usize, &CameraDetection)| {
-        let of_group =
-            |name: &&str| cell(camera.groups.iter().find(|g| g.name == **name).map(|g| g.range), false);
-        let differences = [camera.against_baseline, camera.design_against].map(|range| cell(range, true));
+        let of_group = |name: &&str| {
+            let group = camera.groups.iter().find(|g| g.name == **name);
+            cell(group.map(|g| g.value), group.and_then(|g| g.range), false)
+        };
+        let differences = [camera.against_baseline, camera.design_against]
+            .map(|range| cell(range.map(|r| r.value), range.map(|r| [r.low, r.high]), true));
         let cells: Vec<Markup> =
             all.iter().map(of_group).chain(differences).chain(groups.iter().map(of_group)).collect();
         Row::new(&camera.camera, cells).of_camera(camera_colour(&report.cameras, &camera.camera, i))
@@ -202,14 +207,13 @@ fn crop(mistake: &Mistake, colour: [u8; 3]) -> Option<Vec<u8>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::design_report::{GroupFigure, LostObjects, PrecisionCurve};
+    use crate::design_report::{GroupFigure, LostObjects, PrecisionCurve, Range, pictures};
     use crate::sample;
 
     #[test]
     fn the_section_shows_figures_losses_and_mistakes() {
         let mut report = sample::report();
         assert!(detection(&report).into_string().is_empty());
-        let range = Range { value: 0.7126, low: 0.651, high: 0.774 };
         let mistake = Mistake {
             picture_png: sample::picture_png(64, 32, 0),
             bbox: [40.0, 10.0, 70.0, 30.0],
@@ -218,7 +222,10 @@ mod tests {
         let camera = |name: &str, against| CameraDetection {
             camera: name.to_owned(),
             curves: vec![PrecisionCurve { class: "person".into(), points: vec![(0.1, 1.0), (0.8, 0.5)] }],
-            groups: vec![GroupFigure { name: "AP50".into(), range }],
+            groups: vec![
+                GroupFigure { name: "AP50".into(), value: 0.7126, range: Some([0.651, 0.774]) },
+                GroupFigure { name: "small".into(), value: 0.4321, range: None },
+            ],
             against_baseline: against,
             design_against: None,
             ap50_at_stages: [Some(0.8314), Some(0.25), None, Some(0.7126)],
@@ -247,10 +254,12 @@ mod tests {
                 camera("end-to-end", Some(better)),
             ],
         });
+        assert!(pictures(&report).into_string().contains("Boxes in the scene"));
         let page = detection(&report).into_string();
         for text in [
             "0.713",
             "0.651",
+            "0.432",
             "+0.021",
             "0.041",
             "+0.011",

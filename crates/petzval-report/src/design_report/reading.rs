@@ -50,7 +50,7 @@ fn compare(report: &Report, scores: &[&Figure], design: &TableRow, other: &Table
     let range = |s: &Figure| match seen.and_then(|seen| seen.design_against).filter(|_| s.name == AP50) {
         Some(Range { low, high, .. }) => {
             let [low, high] = [low, high].map(|end| number::signed(end, s.decimals));
-            format!(" (range {low} to {high})")
+            format!(" (95 % range {low} to {high})")
         }
         None => String::new(),
     };
@@ -265,7 +265,7 @@ mod tests {
         let all = said(&report);
         assert_eq!(
             all[0],
-            "End-to-end against nominal: +0.050 in AP50 (range +0.020 to +0.080), +0.040 in AP."
+            "End-to-end against nominal: +0.050 in AP50 (95 % range +0.020 to +0.080), +0.040 in AP."
         );
         assert!(all[1].ends_with("End-to-end: +50 % in AP50, +40 % in AP."), "{}", all[1]);
         // Where the windows cannot tell that perfect optics are ahead, there is no gap to speak of.

@@ -292,7 +292,9 @@ pub struct GroupFigure {
     /// Name of the group.
     pub name: String,
     /// Its average precision.
-    pub range: Range,
+    pub value: f64,
+    /// Low and high end of the range that it has in 95 % of draws of the windows; none where all windows are of one film.
+    pub range: Option<[f64; 2]>,
 }
 
 /// A figure, and the range that it has in 95 % of draws of the windows.
