@@ -20,9 +20,8 @@ pub(super) fn reading(report: &Report) -> Vec<String> {
     if report.progress.is_some() {
         return Vec::new();
     }
-    let all_scores = picture_scores(&report.scores);
-    let is_read = |s: &&Figure| report.detection.is_none() || OF_ALL_OBJECTS.contains(&s.name.as_str());
-    let scores: Vec<&Figure> = all_scores.iter().filter(is_read).collect();
+    let is_read = |s: &Figure| report.detection.is_none() || OF_ALL_OBJECTS.contains(&s.name.as_str());
+    let scores: Vec<Figure> = picture_scores(&report.scores).into_iter().filter(is_read).collect();
     let (ceiling, rows): (Vec<TableRow>, Vec<TableRow>) =
         report.table.iter().cloned().partition(|r| r.is_ceiling);
     let [baseline, between @ .., design] = &rows[..] else { return Vec::new() };
@@ -32,8 +31,9 @@ pub(super) fn reading(report: &Report) -> Vec<String> {
     // A camera before it is one from which others start.
     let top = ceiling.last().filter(|top| report.detection.as_ref().is_none_or(|view| is_ahead(view, top)));
     sentences.extend(top.and_then(|top| gap_sentence(&scores, baseline, &others, top)));
-    sentences.extend(report.study.as_ref().map(|study| seed_sentence(&all_scores, study)));
-    sentences.extend(spot_sentence(scores.first().copied(), design, baseline, between));
+    sentences
+        .extend(report.study.as_ref().map(|study| seed_sentence(&picture_scores(&report.scores), study)));
+    sentences.extend(spot_sentence(scores.first(), design, baseline, between));
     sentences.extend(rows.iter().filter_map(|r| unlike(r, baseline)));
     sentences
 }
@@ -45,7 +45,7 @@ fn is_ahead(view: &DetectionView, camera: &TableRow) -> bool {
 }
 
 /// Compares a camera with another in the scores of pictures; what is found with the range of the difference.
-fn compare(report: &Report, scores: &[&Figure], design: &TableRow, other: &TableRow) -> String {
+fn compare(report: &Report, scores: &[Figure], design: &TableRow, other: &TableRow) -> String {
     let seen = report.detection.iter().flat_map(|view| &view.cameras).find(|c| c.camera == other.camera);
     let range = |s: &Figure| match seen.and_then(|seen| seen.design_against).filter(|_| s.name == AP50) {
         Some(Range { low, high, .. }) => {
@@ -54,7 +54,7 @@ fn compare(report: &Report, scores: &[&Figure], design: &TableRow, other: &Table
         }
         None => String::new(),
     };
-    let known: Vec<&&Figure> = scores.iter().filter(|s| s.gain(other, design).is_finite()).collect();
+    let known: Vec<&Figure> = scores.iter().filter(|s| s.gain(other, design).is_finite()).collect();
     let against = &other.camera;
     let name = capitalised(&design.camera);
     if known.is_empty() {
@@ -73,18 +73,18 @@ const MOST_CLOSED: f64 = 2.0;
 /// How much of the way from the baseline to a lens without aberrations each camera goes. A score in which one goes more than twice as far is left out:
 /// in it that lens is no ceiling.
 fn gap_sentence(
-    scores: &[&Figure],
+    scores: &[Figure],
     baseline: &TableRow,
     cameras: &[&TableRow],
     ceiling: &TableRow,
 ) -> Option<String> {
     let share = |s: &Figure, camera: &TableRow| s.gain(baseline, camera) / s.gain(baseline, ceiling);
-    let is_a_way = |s: &&&Figure| {
+    let is_a_way = |s: &&Figure| {
         s.gain(baseline, ceiling) > 0.0 && !cameras.iter().any(|camera| share(s, camera) > MOST_CLOSED)
     };
-    let ways: Vec<&&Figure> = scores.iter().filter(is_a_way).collect();
+    let ways: Vec<&Figure> = scores.iter().filter(is_a_way).collect();
     let shares = |camera: &TableRow| {
-        let of_score = |s: &&&Figure| {
+        let of_score = |s: &&Figure| {
             let share = share(s, camera);
             share.is_finite().then(|| format!("{} % in {}", number::signed(100.0 * share, 0), s.name))
         };

@@ -35,7 +35,8 @@ pub struct Args {
     #[arg(long, value_name = "RUN", conflicts_with_all = ["experiment", "out", "seed", "photos", "data", "steps", "full", "variant"])]
     resume: Option<PathBuf>,
     /// Make every camera of the resumed run longer, so that its network takes N steps in all; the lens steps in proportion.
-    /// The further steps are a stage of their own, with learning rates that begin and fall again. Not for experiments in which a variant starts from another, as in those with a detector
+    /// The further steps are a stage of their own, with learning rates that begin and fall again. Not for experiments in which a
+    /// variant starts from another, as in those with a detector
     #[arg(long, value_name = "N", requires = "resume", conflicts_with_all = ["experiment", "out", "seed", "photos", "data", "steps", "full", "variant"])]
     extend_to: Option<usize>,
     /// Seed of everything random
