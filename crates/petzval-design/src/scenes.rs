@@ -200,9 +200,13 @@ impl Scenes {
     pub fn training_shot(&self, eye: Eye, item: u64) -> Result<Shot, DesignError> {
         let (number, mut random) = self.training_window(item);
         let window = self.window(eye, List::Training, number)?;
-        let (own, crops) = (self.crops(List::Training), &self.training_crops);
+        let scale = match (&self.source, eye.lens) {
+            (Source::Streets(_), Some(lens)) => self.scale(lens),
+            _ => 1.0,
+        };
+        let [own, crops] = [self.crops(List::Training), self.training_crops].map(|crops| crops.scaled(scale));
         let is_mirrored = random.random();
-        let mut window = match own == *crops {
+        let mut window = match own == crops {
             true => window,
             false => {
                 // Chosen in the view as it is, and followed where it grows: a magnified window may show one object more or less.
@@ -212,13 +216,13 @@ impl Scenes {
                 let axis = [crops.sensor_rows, crops.sensor_columns].map(|side| 0.5 * side as f32);
                 let by = eye.magnification as f32;
                 let middle = [0, 1].map(|i| axis[i] + by * (middle[i] - axis[i]));
-                Arc::new(window.part(&own, crops, middle))
+                Arc::new(window.part(&own, &crops, middle))
             }
         };
         if is_mirrored {
             window = Arc::new(window.mirrored(crops.crop, crops.sensor_columns));
         }
-        Ok(shot(&window, crops, item))
+        Ok(shot(&window, &crops, item))
     }
 
     /// The window that a training item shows, and what draws the rest of it.
@@ -241,8 +245,8 @@ impl Scenes {
         Ok(shot(&window, &self.crops(list), frame))
     }
 
-    /// How the windows of a list are cut behind the experiment's lens. Behind a lens of another focal length, those of scores in streets have the size at
-    /// which they show the same part of the street.
+    /// How the windows of a list are cut behind the experiment's lens. Behind a lens of another focal length those of streets have the size at which
+    /// they show the same part of the street.
     ///
     /// Training windows of streets are larger than a crop: a street costs much more than its pixels, and
     /// every step takes another part of it.
@@ -304,14 +308,18 @@ impl Scenes {
         count as u64
     }
 
+    /// Size of the image of a lens, in units of that of the experiment's lens.
+    fn scale(&self, lens: &Lens) -> f64 {
+        image_height_mm(lens) / self.reference_height_mm
+    }
+
     /// How a lens whose image has such a brightness sees by its chief rays. Windows of another lens are forgotten.
     fn view(&self, lens: &Lens, light: f64, kept: &mut Kept) -> Result<Arc<StreetView>, DesignError> {
         if let Some(view) = kept.view.as_ref().filter(|_| kept.lens.as_ref() == Some(lens)) {
             return Ok(view.clone());
         }
-        let scale = image_height_mm(lens) / self.reference_height_mm;
         let view = view_of(lens, &self.fields, &self.scoring_crops, self.pixel_mm)?;
-        let view = view.with_light(light).with_scale(scale);
+        let view = view.with_light(light).with_scale(self.scale(lens));
         let view = Arc::new(view);
         *kept = Kept { lens: Some(lens.clone()), view: Some(view.clone()), windows: HashMap::new() };
         Ok(view)

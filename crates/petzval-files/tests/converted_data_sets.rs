@@ -66,6 +66,15 @@ fn kitti_regions_are_crowds_of_every_class() {
     assert_eq!(converted.data.images[0].split.as_deref(), Some("train"));
     let count = |kind| converted.defects.count(kind);
     assert_eq!((count(DefectKind::MissingPicture), count(DefectKind::PictureWithoutBoxes)), (1, 1));
+    assert_eq!(count(DefectKind::PictureWithoutLabels), 0);
+
+    // A picture without labels is left out with a note.
+    write_png(root, "training/image_2/000009.png", 100, 40);
+    let more = convert(SourceFormat::Kitti, root).unwrap();
+    let found = more.defects.iter().find(|d| d.kind == DefectKind::PictureWithoutLabels).unwrap();
+    assert!(found.count == 1 && found.first[0].ends_with("000009.png"), "{found:?}");
+    assert_eq!(more.data, converted.data);
+    std::fs::remove_file(root.join("training/image_2/000009.png")).unwrap();
 
     // The devkit knows of which drive a picture is.
     assert!(converted.data.images.iter().all(|image| image.sequence.is_none()));
@@ -142,6 +151,8 @@ fn bdd100k_colours_become_states() {
     );
     let lanes = convert(SourceFormat::Bdd100k, root).unwrap();
     assert_eq!((lanes.data.images.len(), lanes.defects.count(DefectKind::FileWithoutBoxes)), (1, 1));
+    // Neither it nor `b.png` has labels.
+    assert_eq!(lanes.defects.count(DefectKind::PictureWithoutLabels), 2);
     // A picture of which a file says that it has no labels is background.
     write(root, "labels/lane_val.json", r#"[{"name": "c.png", "labels": []}]"#);
     assert_eq!(convert(SourceFormat::Bdd100k, root).unwrap().data.images.len(), 2);
@@ -266,8 +277,13 @@ fn voc_boxes_count_from_one_and_difficult_objects_are_ignored() {
     write(root, "ImageSets/Main/val.txt", "a\n");
     write(root, "ImageSets/Main/car_train.txt", "a -1\n");
     write(root, "Annotations/a.xml", VOC);
+    write_png(root, "JPEGImages/b.png", 100, 40);
+    write_png(root, "SegmentationClass/a.png", 100, 40);
     let converted = convert(SourceFormat::Voc, root).unwrap();
     assert_eq!(converted.data.images[0].split.as_deref(), Some("valid"));
+    // A mask has the name of its picture.
+    let unlabelled = converted.defects.iter().find(|d| d.kind == DefectKind::PictureWithoutLabels).unwrap();
+    assert!(unlabelled.count == 1 && unlabelled.first[0].ends_with("b.png"), "{unlabelled:?}");
     for (from, to, needles) in [
         ("<xmin>11</xmin>", "<xmin>left</xmin>", ["a.xml: line 5, column 9: `xmin = left`", "no number"]),
         ("<xmin>11</xmin>", "", ["line 5, column 1", "`xmin` is missing"]),

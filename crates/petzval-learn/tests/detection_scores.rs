@@ -1,6 +1,6 @@
 //! Compares average precision with pycocotools and with the definition of Pascal VOC, and checks bootstrap, groups and states.
 
-use petzval_files::coco;
+use petzval_files::coco::{self, LIGHT_STATES, light_state};
 use petzval_learn::score::detection::*;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

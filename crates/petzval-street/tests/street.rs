@@ -223,7 +223,7 @@ fn a_lamp_shows_its_colour_and_luminance_and_an_unlit_one_is_dark() {
             }
         }
     }
-    assert!(counts[..3].iter().all(|count| *count >= 3), "too few lamps to judge: {counts:?}");
+    assert!(counts[..3].iter().all(|count| *count >= 3) && counts[3] >= 1, "too few lamps to judge: {counts:?}");
 }
 
 #[test]
@@ -285,7 +285,7 @@ fn two_hundred_streets_hold_what_detectors_look_for() {
         "{nearest} to {farthest} m; of the lights {upper} in the upper half, {central} in the middle half"
     );
     assert!(with[0] >= 190 && with[1] >= 190 && with[2] >= 150, "{with:?}");
-    assert!(nearest < 9.0 && farthest > 200.0, "{nearest} {farthest}");
+    assert!(nearest < 5.0 && farthest > 200.0, "{nearest} {farthest}");
     assert!(
         upper as f64 > 0.85 * total[2] as f64 && central as f64 > 0.6 * total[2] as f64,
         "{upper} {central}"

@@ -257,6 +257,51 @@ fn a_folder_with_boxes_takes_the_place_of_the_streets() {
     run_fails(root, &["design", "nowhere.toml", "--out", "b"], 2, &["a folder in COCO format"]);
 }
 
+#[test]
+fn a_folder_with_bad_boxes_trains_on_the_others_and_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    std::fs::write(root.join("tiny.toml"), TINY).unwrap();
+    std::fs::create_dir(root.join("in")).unwrap();
+    write_lights(&root.join("in"));
+    let file = root.join("in/annotations.json");
+    let good = read(&file);
+    let many = (0..10_000).map(|k| {
+        let (id, x, y) = (1000 + k, k % 100, k / 100);
+        format!(r#"{{"id": {id}, "image_id": 1, "category_id": 1, "bbox": [{x}, {y}, 12, 16], "area": 192}}"#)
+    });
+    let bad = [
+        r#"{"id": 100, "image_id": 2, "category_id": 1, "bbox": [NaN, 20, 20, 40]}"#,
+        r#"{"id": 101, "image_id": 2, "category_id": 1, "bbox": [1, 20, 0, 40], "area": 0}"#,
+        r#"{"id": 102, "image_id": 2, "category_id": 1, "bbox": [1, 20, 1e-6, 40], "area": 4e-5}"#,
+        r#"{"id": 103, "image_id": 2, "category_id": 1, "bbox": [1, 70, 20, 40], "area": 800, "state": "rot"}"#,
+        r#"{"id": 104, "image_id": 99, "category_id": 1, "bbox": [1, 20, 20, 40], "area": 800}"#,
+    ];
+    let more: Vec<String> = bad.iter().map(|text| (*text).to_owned()).chain(many).collect();
+    let start = "\"annotations\": [";
+    std::fs::write(&file, good.replacen(start, &format!("{start}{},", more.join(",")), 1)).unwrap();
+    let said = run_ok(root, &["design", "tiny.toml", "--data", "in", "--variant", "nominal", "--out", "run"]);
+    for part in [
+        "A box holds NaN, infinity or no number; it is left out (once",
+        "A box has no width or no height; it is left out (once",
+        "A box is narrower or lower than a pixel; it is no object to be found (once",
+        "A `state` is none of red, yellow, green and off",
+        "An annotation names a picture that is not listed; it is left out (once",
+        "01.png: 10002 boxes",
+    ] {
+        assert!(said.says(part), "{part}: {}", said.stderr);
+    }
+    assert!(read_json(&root.join("run/metrics.json"))["rows"][0]["ap50"].is_f64());
+
+    // Boxes that no window can hold are as good as none.
+    let thin = good.replace(", 20, 40]", ", 0.001, 40]");
+    assert_ne!(thin, good);
+    std::fs::write(&file, thin).unwrap();
+    let args = ["design", "tiny.toml", "--data", "in", "--out", "thin"];
+    run_fails(root, &args, 2, &["no box of red, yellow, green, off counts", "a pixel or more wide and high"]);
+    assert!(!root.join("thin").exists());
+}
+
 /// Weights of a Faster R-CNN of torchvision on ResNet-18 for COCO, all zero but the variances of the normalisations, which are one, and the
 /// biases of the outputs, each of which is its number. Those of the layers under `prefix`, which their names then lack.
 fn write_torchvision_weights(file: &Path, prefix: &str) {

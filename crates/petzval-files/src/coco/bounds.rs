@@ -64,8 +64,15 @@ impl From<Bounds> for [f64; 4] {
 
 impl std::fmt::Display for Bounds {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "[{}, {}, {}, {}]", self.x, self.y, self.width, self.height)
+        let [x, y, width, height] = <[f64; 4]>::from(*self).map(short);
+        write!(f, "[{x}, {y}, {width}, {height}]")
     }
+}
+
+/// A number for people: with a power of ten where it would have hundreds of digits.
+pub(super) fn short(value: f64) -> String {
+    let is_plain = value == 0.0 || (1e-6..1e9).contains(&value.abs()) || !value.is_finite();
+    if is_plain { value.to_string() } else { format!("{value:e}") }
 }
 
 #[cfg(test)]

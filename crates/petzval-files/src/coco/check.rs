@@ -2,11 +2,16 @@
 
 use std::collections::{HashMap, HashSet};
 
-use super::data_set::{Annotation, DataSet, Image};
+use super::bounds::short;
+use super::data_set::{Annotation, Category, DataSet, Image};
 use super::defect::{DefectKind, Defects};
+use super::light_state::light_state;
 
 /// More boxes than this in one picture are noted.
 pub const MANY_BOXES: usize = 1000;
+
+/// A box with a shorter side than this, px, is noted.
+const THIN_PX: f64 = 1.0;
 
 /// Areas may exceed their box by this share, which is rounding.
 const AREA_SLACK: f64 = 1.01;
@@ -28,8 +33,14 @@ fn check_images(data: &mut DataSet, defects: &mut Defects) {
         if !is_new {
             defects.add(DefectKind::RepeatedImageId, || format!("image {}: {}", image.id, image.file_name));
         }
+        if image.id == 0 {
+            defects.add(DefectKind::ZeroId, || format!("image 0: {}", image.file_name));
+        }
         is_new
     });
+    if data.images.is_empty() {
+        defects.add(DefectKind::NoPicture, || "the list `images` has none".to_owned());
+    }
     let mut files = HashMap::new();
     for image in &data.images {
         if let Some(first) = files.insert(image.file_name.as_str(), image.id) {
@@ -48,6 +59,9 @@ fn check_categories(data: &mut DataSet, defects: &mut Defects) {
             defects.add(DefectKind::RepeatedCategoryId, || {
                 format!("category {}: {:?}", category.id, category.name)
             });
+        }
+        if category.id == 0 {
+            defects.add(DefectKind::ZeroId, || format!("category 0: {:?}", category.name));
         }
         is_new
     });
@@ -88,6 +102,15 @@ fn check_annotations(data: &mut DataSet, defects: &mut Defects) {
             return false;
         }
         check_area(annotation, image, defects);
+        let thin = annotation.bounds.width.min(annotation.bounds.height);
+        if thin < THIN_PX {
+            defects.add_measured(DefectKind::ThinBox, -thin, || said(annotation));
+        }
+        if let Some(state) = annotation.attributes.get("state")
+            && state.text().and_then(light_state).is_none()
+        {
+            defects.add(DefectKind::UnknownState, || format!("{}: state {state}", said(annotation)));
+        }
         if annotation.id == 0 {
             defects.add(DefectKind::ZeroId, || said(annotation));
         }
@@ -161,7 +184,8 @@ fn check_bounds(annotation: &mut Annotation, image: &Image, defects: &mut Defect
 fn check_area(annotation: &mut Annotation, image: &Image, defects: &mut Defects) {
     let (area, of_box) = (annotation.area, annotation.bounds.area());
     let said = || {
-        let stated = if area.is_nan() { "no number for its area".to_owned() } else { format!("{area} px^2") };
+        let stated = if area.is_nan() { "no number for its area".to_owned() } else { format!("{} px^2", short(area)) };
+        let of_box = short(of_box);
         format!("annotation {} of {}: {stated}, box {of_box} px^2", annotation.id, image.file_name)
     };
     if !(area.is_finite() && area > 0.0) {
@@ -174,13 +198,17 @@ fn check_area(annotation: &mut Annotation, image: &Image, defects: &mut Defects)
     annotation.area = of_box;
 }
 
+/// Numbers of the classes that have boxes.
+pub(super) fn classes_with_boxes(data: &DataSet) -> HashSet<u64> {
+    data.annotations.iter().map(|annotation| annotation.category_id).collect()
+}
+
 /// Notes pictures and classes without boxes, and pictures with very many.
 fn count_boxes(data: &DataSet, defects: &mut Defects) {
     let mut by_image: HashMap<u64, usize> = HashMap::new();
-    let mut by_category: HashMap<u64, usize> = HashMap::new();
+    let with_boxes = classes_with_boxes(data);
     for annotation in &data.annotations {
         *by_image.entry(annotation.image_id).or_default() += 1;
-        *by_category.entry(annotation.category_id).or_default() += 1;
     }
     for image in &data.images {
         match by_image.get(&image.id).copied().unwrap_or(0) {
@@ -192,8 +220,11 @@ fn count_boxes(data: &DataSet, defects: &mut Defects) {
             _ => {}
         }
     }
-    for category in data.categories.iter().filter(|category| !by_category.contains_key(&category.id)) {
-        defects
-            .add(DefectKind::ClassWithoutBoxes, || format!("category {}: {:?}", category.id, category.name));
+    for category in data.categories.iter().filter(|category| !with_boxes.contains(&category.id)) {
+        note_class_without_boxes(category, defects);
     }
+}
+
+pub(super) fn note_class_without_boxes(category: &Category, defects: &mut Defects) {
+    defects.add(DefectKind::ClassWithoutBoxes, || format!("category {}: {:?}", category.id, category.name));
 }

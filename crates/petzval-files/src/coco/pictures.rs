@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
-use super::check::check_values;
+use super::check::{check_values, classes_with_boxes, note_class_without_boxes};
 use super::data_set::Image;
 use super::defect::{DefectKind, Defects};
 use super::folder::Loaded;
@@ -53,15 +53,26 @@ pub fn check_pictures(loaded: &mut Loaded, watch: &(dyn Fn(usize) + Sync)) {
             loaded.defects.add(kind, || text);
         }
     }
+    let listed = images.len();
     images.retain(|image| !unusable.contains(&image.id));
     loaded.data.images = images;
     note_copies(loaded);
+    let with_boxes = classes_with_boxes(&loaded.data);
     loaded.data.annotations.retain(|annotation| !unusable.contains(&annotation.image_id));
     // Boxes of pictures without a stated size were not clipped. A second check notes only what the first could not see.
     if is_clipping_due {
         let mut again = Defects::default();
         check_values(&mut loaded.data, &mut again);
         loaded.defects.add_kinds(again, &[DefectKind::OutsidePicture, DefectKind::ClippedBox]);
+    }
+    if loaded.data.images.is_empty() && listed > 0 {
+        loaded.defects.add(DefectKind::NoPicture, || format!("of {listed} listed pictures none is left"));
+    }
+    let left = classes_with_boxes(&loaded.data);
+    for category in &loaded.data.categories {
+        if with_boxes.contains(&category.id) && !left.contains(&category.id) {
+            note_class_without_boxes(category, &mut loaded.defects);
+        }
     }
 }
 

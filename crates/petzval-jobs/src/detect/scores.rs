@@ -1,8 +1,8 @@
 //! How well a detector does on pictures whose objects are known: the numbers of COCO, and of each class.
 
-use petzval_files::coco::{self, DataSet};
+use petzval_files::coco::{self, DataSet, LIGHT_STATES};
 use petzval_learn::score::detection::{
-    CocoSummary, Group, Interpolation, LIGHT_STATES, Protocol, Ranking, clusters_of_data_set, coco_summary,
+    CocoSummary, Group, Interpolation, Protocol, Ranking, clusters_of_data_set, coco_summary,
     pictures_of_data_set, voc_average_precision,
 };
 use petzval_learn::score::{range_of, states};

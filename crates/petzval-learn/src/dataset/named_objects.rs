@@ -2,11 +2,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use petzval_files::coco::{Annotation, Attribute, Bounds, Category, DataSet};
+use petzval_files::coco::{Annotation, Attribute, Bounds, Category, DataSet, light_state};
 
 use super::Wanted;
 use crate::detection::{BBox, Object, Truth};
-use crate::score::detection::light_state;
 
 /// What the name of an annotation says.
 enum Named {

@@ -130,9 +130,9 @@ enum Place {
 impl StreetPlan {
     /// Window `number` of a list as a lens sees it: a street of its own, at a place of the sensor that lies on an object or anywhere. It depends
     /// on the arguments alone. The exposure, the object, and where it lies in the window are chosen in the view of a `reference` lens, so that
-    /// cameras that are compared look at the same objects in the same light. `crops` is how windows are cut in that view; in another one held-out windows
-    /// have the size at which they show the same part of the street, and others as many pixels. It is also in that view that objects are large enough to count, so
-    /// that the same objects count with a lens of another focal length. If such a lens no longer shows enough of the chosen object of a held-out
+    /// cameras that are compared look at the same objects in the same light. `crops` is how windows are cut in that view; in another one they have the size
+    /// at which they show the same part of the street. It is also in that view that objects are large enough to count, so that the same objects count with
+    /// a lens of another focal length. The windows of a view that is only [magnified](StreetView::magnified) have as many pixels as they had. If such a lens no longer shows enough of the chosen object of a held-out
     /// window for it to count, it is [beside](Truth::beside) the picture: a narrower field misses what it does not show.
     pub fn window(
         &self,
@@ -159,8 +159,7 @@ impl StreetPlan {
         let found = reference.look_through_finder(&street)?;
         let near = street.objects_near(&reference.sensor, &street.pose())?;
         let place = self.place(&near, &found, crops, &mut random);
-        let scale = if list == List::HeldOut { view.scale } else { 1.0 };
-        let (reference_crops, crops) = (crops, &crops.scaled(scale));
+        let (reference_crops, crops) = (crops, &crops.scaled(view.scale));
         // In the reference view a window that extends beyond the sensor is moved inside. A longer lens moves it at least as far. A shorter one, which
         // shows what lies beyond, has to move it too, to show the same.
         let is_shorter = crops.crop < reference_crops.crop;
@@ -175,7 +174,7 @@ impl StreetPlan {
             Place::Anywhere(shares) => {
                 let there = on_sensor([0, 1].map(|i| shares[i] * sensor(crops)[i] as f64));
                 // The same part of the street.
-                let larger = scale * view.magnification;
+                let larger = view.scale * view.magnification;
                 let middle = [0, 1].map(|i| {
                     let axis = 0.5 * sensor(crops)[i] as f64;
                     axis + larger * (there[i] - axis)
@@ -186,7 +185,7 @@ impl StreetPlan {
                 let from = near.iter().find(|object| object.id == id).map_or([0.0; 2], |o| middle(o.whole));
                 let there = [0, 1].map(|i| from[i] + off[i]);
                 let moved = on_sensor(there);
-                let off = [0, 1].map(|i| scale * (off[i] + (moved[i] - there[i])));
+                let off = [0, 1].map(|i| view.scale * (off[i] + (moved[i] - there[i])));
                 crop_off(crops, chosen.unwrap_or_default(), off)
             }
         };

@@ -23,6 +23,9 @@ use crate::network::NetworkError;
 /// Smallest side of a detected box, pixels.
 const LEAST_SIDE: f32 = 1e-2;
 
+/// Which proposals have an object in training.
+pub(super) const PROPOSALS_WITH_OBJECTS: Matcher = Matcher { high: 0.5, low: 0.5, keep_best: false };
+
 /// How proposals are judged and trained.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BoxHeadConfig {
@@ -116,14 +119,13 @@ impl BoxHead {
         picture: [usize; 2],
         seed: u64,
     ) -> [Tensor<1>; 2] {
-        let matcher = Matcher { high: 0.5, low: 0.5, keep_best: false };
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         // Of each sampled region, the class and the offsets of its object.
         let (mut regions, mut classes, mut targets) = (Vec::new(), Vec::new(), Vec::new());
         for (item, (truth, proposals)) in truths.iter().zip(proposals).enumerate() {
             let objects: Vec<BBox> = truth.objects.iter().map(|o| o.bbox).collect();
             let boxes: Vec<BBox> = proposals.iter().chain(&objects).copied().collect();
-            let matches: Vec<Match> = matcher.matches(&objects, &truth.ignored, &boxes);
+            let matches: Vec<Match> = PROPOSALS_WITH_OBJECTS.matches(&objects, &truth.ignored, &boxes);
             let drawn = sample(&matches, self.config.sampled, self.config.positive, &mut random);
             for (number, object) in drawn.positive {
                 let bbox = boxes[number];

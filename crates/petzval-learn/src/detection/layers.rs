@@ -191,3 +191,37 @@ pub(crate) fn even_places(x: Tensor<4>) -> Tensor<4> {
         burn::tensor::Slice::new(0, Some(width as isize), 2),
     ])
 }
+
+#[cfg(test)]
+mod tests {
+    use burn::optim::{AdamConfig, GradientsParams};
+    use burn::tensor::Distribution;
+
+    use super::*;
+
+    #[test]
+    fn a_frozen_normalisation_stays_while_its_convolution_learns() {
+        let device = Device::flex().autodiff();
+        let from = Parameters::drawn(1, &device);
+        let shape = ConvShape { inputs: 3, outputs: 4, kernel: 3, step: 1 };
+        let read = |layer: &NormalizedConv| -> [Vec<f32>; 5] {
+            let values = |tensor: Tensor<1>| tensor.into_data().try_to_vec().unwrap();
+            let ConvWeight::Full(weight) = &layer.weight else { panic!("a full convolution") };
+            let norm = [&layer.scale, &layer.shift, &layer.mean, &layer.variance];
+            let [scale, shift, mean, variance] = norm.map(|part| values(part.val()));
+            [scale, shift, mean, variance, values(weight.val().reshape([-1]))]
+        };
+        let mut layer = NormalizedConv::new(&from, "conv", "norm", shape).unwrap();
+        let before = read(&layer);
+        let mut optimizer = AdamConfig::new().init();
+        for _ in 0..3 {
+            let x = Tensor::random([2, 3, 8, 8], Distribution::Normal(1.0, 2.0), &device);
+            let loss = layer.rectified(x).powi_scalar(2).mean();
+            let gradients = GradientsParams::from_grads(loss.backward(), &layer);
+            layer = optimizer.step(1e-2, layer, gradients);
+        }
+        let after = read(&layer);
+        assert_eq!(before[..4], after[..4]);
+        assert!(before[4].iter().zip(&after[4]).all(|(a, b)| a != b));
+    }
+}

@@ -24,6 +24,9 @@ pub(crate) const BETA: f32 = 1.0 / 9.0;
 /// Smallest side of a proposal, pixels.
 const LEAST_SIDE: f32 = 1e-3;
 
+/// Largest share of the anchors of which the loss is computed that have an object.
+pub(super) const POSITIVE_ANCHORS: f32 = 0.5;
+
 /// How proposals are made and trained.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ProposalConfig {
@@ -162,7 +165,7 @@ impl ProposalNetwork {
         for (item, truth) in truths.iter().enumerate() {
             let boxes: Vec<BBox> = truth.objects.iter().map(|o| o.bbox).collect();
             let matches = self.config.matcher.matches(&boxes, &truth.ignored, &seen.anchors);
-            let drawn = sample(&matches, self.config.sampled, 0.5, &mut random);
+            let drawn = sample(&matches, self.config.sampled, POSITIVE_ANCHORS, &mut random);
             for (anchor, object) in drawn.positive {
                 with.push((item * all + anchor) as i64);
                 targets.extend(BoxCoder::PROPOSALS.encode(&boxes[object], &seen.anchors[anchor]));

@@ -9,13 +9,13 @@ use serde_json::Value;
 
 use super::anchors::Anchors;
 use super::box_coder::BoxCoder;
-use super::box_head::box_losses;
+use super::box_head::{PROPOSALS_WITH_OBJECTS, box_losses};
 use super::levels::LevelOfBox;
 use super::loss::{binary_cross_entropy, focal, generalised_iou, smooth_l1};
 use super::matcher::{Match, Matcher};
 use super::nms::suppress;
 use super::parameters::Parameters;
-use super::proposals::{ProposalConfig, tests::proposals_of};
+use super::proposals::{POSITIVE_ANCHORS, ProposalConfig, tests::proposals_of};
 use super::roi_align::{Region, RoiAlign};
 use super::{AnyDetector, BBox, BackboneKind, DetectorKind, FasterRcnnConfig};
 
@@ -80,6 +80,37 @@ fn overlaps_of_boxes() {
     let loss = generalised_iou(pairs(&|i| first[i / second.len()]), pairs(&|i| second[i % second.len()]));
     let ours: Vec<f32> = read_values(loss).unwrap().iter().map(|v| 1.0 - v).collect();
     assert_near(&ours, &numbers(&all["giou"]));
+    // The loss of torchvision, of the first three pairs, which are in one row and column each.
+    let losses: Vec<f32> = (0..3).map(|i| 1.0 - ours[i * second.len() + i]).collect();
+    assert_near(&losses, &numbers(&reference()["giou_loss"]["none"]));
+}
+
+/// Every setting of `fasterrcnn_resnet50_fpn` that its two stages have.
+#[test]
+fn defaults_of_torchvision() {
+    let theirs = &reference()["fasterrcnn_defaults"];
+    let config = FasterRcnnConfig::torchvision(BackboneKind::Resnet50, 90);
+    let (rpn, boxes) = (&config.proposals, &config.boxes);
+    for (name, ours) in [
+        ("rpn_pre_nms_top_n_train", rpn.before_suppression[0] as f32),
+        ("rpn_pre_nms_top_n_test", rpn.before_suppression[1] as f32),
+        ("rpn_post_nms_top_n_train", rpn.after_suppression[0] as f32),
+        ("rpn_post_nms_top_n_test", rpn.after_suppression[1] as f32),
+        ("rpn_nms_thresh", rpn.most_overlap),
+        ("rpn_fg_iou_thresh", rpn.matcher.high),
+        ("rpn_bg_iou_thresh", rpn.matcher.low),
+        ("rpn_batch_size_per_image", rpn.sampled as f32),
+        ("rpn_positive_fraction", POSITIVE_ANCHORS),
+        ("box_score_thresh", boxes.least_score),
+        ("box_nms_thresh", boxes.most_overlap),
+        ("box_detections_per_img", boxes.most_detections as f32),
+        ("box_fg_iou_thresh", PROPOSALS_WITH_OBJECTS.high),
+        ("box_bg_iou_thresh", PROPOSALS_WITH_OBJECTS.low),
+        ("box_batch_size_per_image", boxes.sampled as f32),
+        ("box_positive_fraction", boxes.positive),
+    ] {
+        assert_eq!(Some(ours), theirs[name].as_f64().map(|v| v as f32), "{name}");
+    }
 }
 
 #[test]
@@ -223,6 +254,8 @@ fn losses() {
     let pair = || [&case["logits"], &case["targets"]].map(|v| tensor::<2>(v, &device));
     let [logits, targets] = pair();
     assert_near(&read_values(focal(logits, targets, 0.25, 2)).unwrap(), &numbers(&case["none"]));
+    let [logits, targets] = pair();
+    assert_near(&value(focal(logits, targets, 0.25, 2).sum()), &of(case, "sum"));
     let [logits, targets] = pair();
     let entropy = binary_cross_entropy(logits, targets).mean();
     assert_near(&value(entropy), &of(&reference["bce_with_logits"], "mean"));

@@ -1,8 +1,10 @@
 //! How well objects are found, over all windows of a score at once.
 
+use petzval_files::coco::LIGHT_STATES;
+
 use super::ScoreDescription;
 use super::detection::{
-    Bootstrap, COCO_LARGE_PX2, COCO_SMALL_PX2, FoundObject, Group, Interpolation, LIGHT_STATES, Picture,
+    Bootstrap, COCO_LARGE_PX2, COCO_SMALL_PX2, FoundObject, Group, Interpolation, Picture,
     Protocol, Ranking, StateConfusion, StateOf, TrueObject, Xywh, bootstrap,
 };
 use crate::detection::{BBox, Detection, Truth};

@@ -12,7 +12,7 @@ use petzval_base::FileError;
 use serde::Deserialize;
 
 use super::builder::{Builder, Converted, Label};
-use super::tree::{ends_with, files_below, pictures_by, split_of};
+use super::tree::{ends_with, files_below, pictures_among, pictures_by, split_of};
 use crate::coco::bounded::read_bounded;
 use crate::coco::bounds::Bounds;
 use crate::coco::data_set::Attribute;
@@ -128,6 +128,7 @@ pub(super) fn convert_bdd100k(root: &Path) -> Result<Converted, CocoError> {
             }
         }
     }
+    builder.note_unlabelled(pictures_among(&files));
     builder.finish("BDD100K")
 }
 

@@ -1,6 +1,7 @@
 //! Collects what a converter reads.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
+use std::ffi::OsStr;
 use std::path::{Component, Path, PathBuf};
 
 use petzval_base::FileError;
@@ -46,8 +47,8 @@ impl<'a> Label<'a> {
 pub(super) struct Builder {
     data: DataSet,
     sources: HashMap<u64, PathBuf>,
-    /// The number of the picture of each file.
-    taken: HashMap<PathBuf, u64>,
+    /// The number of the picture of each file that was asked for; none if it cannot be decoded.
+    taken: HashMap<PathBuf, Option<u64>>,
     names: HashSet<String>,
     categories: HashMap<String, u64>,
     pub defects: Defects,
@@ -78,22 +79,31 @@ impl Builder {
     pub fn picture(&mut self, root: &Path, path: &Path, split: Option<String>) -> Option<&mut Image> {
         if let Some(id) = self.taken.get(path) {
             // Pictures are in the order of their numbers.
-            let place = self.data.images.binary_search_by_key(id, |image| image.id).ok()?;
+            let place = self.data.images.binary_search_by_key(&(*id)?, |image| image.id).ok()?;
             return self.data.images.get_mut(place);
         }
         let (width, height) = match picture_size(path) {
             Ok(size) => size,
             Err(error) => {
                 self.defects.add(DefectKind::UnreadablePicture, || error.to_string());
+                self.taken.insert(path.to_owned(), None);
                 return None;
             }
         };
         let id = self.sources.len() as u64 + 1;
         let file_name = self.free_name(root, path);
         self.sources.insert(id, path.to_owned());
-        self.taken.insert(path.to_owned(), id);
+        self.taken.insert(path.to_owned(), Some(id));
         self.data.images.push(Image { id, file_name, width, height, split, sequence: None });
         self.data.images.last_mut()
+    }
+
+    /// Notes pictures that no label names. One whose name without ending is that of a picture with labels is a mask of it.
+    pub fn note_unlabelled<'p>(&mut self, pictures: impl Iterator<Item = &'p Path>) {
+        let labelled: HashSet<&OsStr> = self.taken.keys().filter_map(|path| path.file_stem()).collect();
+        for path in pictures.filter(|path| path.file_stem().is_none_or(|stem| !labelled.contains(stem))) {
+            self.defects.add(DefectKind::PictureWithoutLabels, || path.display().to_string());
+        }
     }
 
     /// Takes a picture out again.

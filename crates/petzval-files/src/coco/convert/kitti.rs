@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use petzval_base::FileError;
 
 use super::builder::{Builder, Converted, Label};
-use super::tree::{ends_with, files_below, labels_text, pictures_by, split_of};
+use super::tree::{ends_with, files_below, labels_text, pictures_among, pictures_by, split_of};
 use crate::coco::bounds::Bounds;
 use crate::coco::data_set::Attribute;
 use crate::coco::defect::DefectKind;
@@ -48,13 +48,13 @@ pub(super) fn convert_kitti(root: &Path) -> Result<Converted, CocoError> {
     };
     let labels: Vec<PathBuf> =
         files_below(&base.join("label_2"))?.into_iter().filter(|p| ends_with(p, "txt")).collect();
-    let pictures = match base.join("image_2") {
+    let files = match base.join("image_2") {
         folder if folder.is_dir() => files_below(&folder)?,
         folder => {
             return Err(CocoError::content(&folder, "there is no such folder", "put the pictures there"));
         }
     };
-    let pictures = pictures_by(&pictures, |path| path.file_stem());
+    let pictures = pictures_by(&files, |path| path.file_stem());
 
     let split = base.file_name().and_then(|name| split_of(Path::new(name)));
     let drives = drives(&base)?;
@@ -85,6 +85,7 @@ pub(super) fn convert_kitti(root: &Path) -> Result<Converted, CocoError> {
             }
         }
     }
+    builder.note_unlabelled(pictures_among(&files));
     let attributes = BTreeMap::from([("region".to_owned(), Attribute::Text(REGION.to_owned()))]);
     for class in builder.class_names() {
         for (id, bounds) in &regions {

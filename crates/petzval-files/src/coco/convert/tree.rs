@@ -58,14 +58,18 @@ pub(super) fn is_picture(path: &Path) -> bool {
     PICTURES.iter().any(|ending| ends_with(path, ending))
 }
 
+/// The picture files among some.
+pub(super) fn pictures_among(files: &[PathBuf]) -> impl DoubleEndedIterator<Item = &Path> {
+    files.iter().map(PathBuf::as_path).filter(|path| is_picture(path))
+}
+
 /// The picture files among some, by a name.
 pub(super) fn pictures_by(
     files: &[PathBuf],
     name: impl Fn(&Path) -> Option<&OsStr>,
 ) -> HashMap<&OsStr, &Path> {
-    let pictures = files.iter().filter(|path| is_picture(path));
     // The first of several files with one name is taken.
-    pictures.rev().filter_map(|path| Some((name(path)?, path.as_path()))).collect()
+    pictures_among(files).rev().filter_map(|path| Some((name(path)?, path))).collect()
 }
 
 /// The part of a data set that a path names, such as `train`.

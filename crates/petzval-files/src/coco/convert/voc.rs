@@ -11,7 +11,7 @@ use petzval_base::{FileError, quote};
 use roxmltree::{Document, Node, ParsingOptions};
 
 use super::builder::{Builder, Converted, Label};
-use super::tree::{ends_with, files_below, labels_text, pictures_by, split_of};
+use super::tree::{ends_with, files_below, labels_text, pictures_among, pictures_by, split_of};
 use crate::coco::bounds::Bounds;
 use crate::coco::data_set::Attribute;
 use crate::coco::defect::DefectKind;
@@ -97,6 +97,7 @@ pub(super) fn convert_voc(root: &Path) -> Result<Converted, CocoError> {
             builder.object(id, label);
         }
     }
+    builder.note_unlabelled(pictures_among(&files));
     builder.finish("Pascal VOC")
 }
 

@@ -33,5 +33,5 @@ pub use overlap::overlap;
 pub use picture::{FoundObject, Picture, TrueObject, Xywh};
 pub use protocol::Protocol;
 pub use ranking::{ClassRanking, Ranking};
-pub use state::{LIGHT_STATES, StateConfusion, StateOf, light_state};
+pub use state::{StateConfusion, StateOf};
 pub use summary::{COCO_LARGE_PX2, COCO_SMALL_PX2, CocoSummary, coco_summary, voc_average_precision};

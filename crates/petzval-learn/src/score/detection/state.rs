@@ -5,15 +5,6 @@ use serde::{Deserialize, Serialize};
 use super::overlap::overlap;
 use super::picture::{FoundObject, Picture, TrueObject};
 
-/// The states of a traffic light.
-pub const LIGHT_STATES: [&str; 4] = ["red", "yellow", "green", "off"];
-
-/// The place in [`LIGHT_STATES`] of the state that a text names: an attribute (`red`), or a class (`traffic light red`).
-pub fn light_state(text: &str) -> Option<usize> {
-    let mut words = text.split(|c: char| !c.is_alphanumeric());
-    words.find_map(|word| LIGHT_STATES.iter().position(|state| word.eq_ignore_ascii_case(state)))
-}
-
 /// Overlap from which a detection is of an object.
 const OVERLAP: f64 = 0.5;
 

@@ -34,6 +34,9 @@ pub fn table(statistics: &Statistics, defects: &[Defect]) -> String {
             text += &format!("{:<width$}    {}\n", "", list(states.collect()));
         }
     }
+    if !statistics.classes.is_empty() {
+        text += "side px: the square root of the area of a box; 5, 50 and 95 % of the boxes have a smaller one\n";
+    }
     for defect in defects {
         let kind = match defect.severity {
             Severity::Error => "error",
