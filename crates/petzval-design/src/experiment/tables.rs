@@ -282,7 +282,7 @@ parameters! {
         steps: usize = 400, "", 1..1e8, Log, "a few hundred on a CPU";
         /// Windows a step.
         batch: usize = 4, "", 1..1024, Log, "2 to 8 on a CPU";
-        /// Side of a window.
+        /// Side of a window; in streets behind the experiment's lens.
         crop: usize = 96, "pixels", 32..1200, Linear, "64 to 256 pixels";
         /// First learning rate of Adam; it falls along a half cosine.
         learning_rate: f64 = 4e-3, "", 1e-8..1, Log, "1e-3 is Adam's usual start";
