@@ -1,4 +1,5 @@
-//! The parts of detectors against torchvision 0.29.2 (torch 2.15.0): `reference.json` holds its inputs and results.
+//! The parts of detectors against torchvision 0.29.2 (torch 2.15.0): `reference.json` holds its inputs and results. What no detector here uses is not
+//! compared: ROI pooling by maxima, and the distance and complete IoU.
 
 use std::collections::BTreeMap;
 
