@@ -200,11 +200,7 @@ impl Scenes {
     pub fn training_shot(&self, eye: Eye, item: u64) -> Result<Shot, DesignError> {
         let (number, mut random) = self.training_window(item);
         let window = self.window(eye, List::Training, number)?;
-        let scale = match (&self.source, eye.lens) {
-            (Source::Streets(_), Some(lens)) => self.scale(lens),
-            _ => 1.0,
-        };
-        let [own, crops] = [self.crops(List::Training), self.training_crops].map(|crops| crops.scaled(scale));
+        let [own, crops] = [self.crops(List::Training), self.training_crops].map(|c| self.behind(eye, c));
         let is_mirrored = random.random();
         let mut window = match own == crops {
             true => window,
@@ -255,9 +251,10 @@ impl Scenes {
         match (list, &self.source) {
             (List::HeldOut, _) => self.scoring_crops,
             (List::Training, Source::Streets(_)) => {
+                // By an even number of pixels: scaled, a crop then still fits into its window.
                 let most = crops.sensor_rows.min(crops.sensor_columns) - 2 * crops.surround;
-                let crop = ((1.0 + self.config.spare) * crops.crop as f64) as usize;
-                CropPlan { crop: crop.min(most), ..crops }
+                let more = (self.config.spare * crops.crop as f64) as usize;
+                CropPlan { crop: crops.crop + more.min(most - crops.crop) / 2 * 2, ..crops }
             }
             _ => crops,
         }
@@ -306,6 +303,14 @@ impl Scenes {
             List::HeldOut => self.config.held_out,
         };
         count as u64
+    }
+
+    /// How windows are cut behind the lens of an eye, which are cut like `crops` behind the experiment's lens.
+    fn behind(&self, eye: Eye, crops: CropPlan) -> CropPlan {
+        match (&self.source, eye.lens) {
+            (Source::Streets(_), Some(lens)) => crops.scaled(self.scale(lens)),
+            _ => crops,
+        }
     }
 
     /// Size of the image of a lens, in units of that of the experiment's lens.

@@ -133,6 +133,23 @@ fn windows_are_seen_through_the_chief_rays_of_the_lens() {
     assert!(longer > 1.25 && side as f64 > 1.25 * setup.scoring_crops.crop as f64);
     assert!(seen.iter().all(|shot| [shot.scene.height, shot.scene.width] == [training.window(); 2]));
     assert_eq!(training.crop, 2 * ((48.0 * longer).round() as usize));
+    // Their objects are the same, larger; the distortion of the two lenses differs a little.
+    let (mut whole, mut same) = (0, 0);
+    for step in 0..8 {
+        let [here, there] = [&camera, &long].map(|camera| training_shots(&setup, camera, step).unwrap());
+        for (here, there) in here.iter().zip(&there) {
+            let is_whole = |b: &BBox| b.x1.min(b.y1) > 4.0 && b.x2.max(b.y2) < 92.0;
+            for object in here.truth.objects.iter().filter(|o| is_whole(&o.bbox)) {
+                let [x1, y1, x2, y2] = [object.bbox.x1, object.bbox.y1, object.bbox.x2, object.bbox.y2]
+                    .map(|side| side * longer as f32);
+                let larger = BBox::new(x1, y1, x2, y2);
+                let is_it = |o: &Object| o.class == object.class && o.bbox.iou(&larger) > 0.7;
+                whole += 1;
+                same += usize::from(there.truth.objects.iter().any(is_it));
+            }
+        }
+    }
+    assert!(whole >= 5 && same * 10 >= whole * 8, "{same} of {whole}");
     for HeldOut { shot, .. } in held_out_shots(&setup, &long, &|_| true).unwrap() {
         let kept = long.kept(&shot);
         assert_eq!([kept.height, kept.width], [side; 2]);
@@ -494,8 +511,8 @@ fn a_detectors_loss_has_its_gradient_by_the_lens_through_the_hardware_isp() {
     gradient_by_the_lens("[isp]\npreset = \"real-time\"\nvary = [\"sharpen\"]\n");
 }
 
-/// Compares the gradient of the loss of a detector of one stage with differences. In those of two stages, which boxes are proposed changes in
-/// steps: there, the detector's own test has the gradient by the picture for fixed proposals.
+/// Compares the gradient of the loss of a detector of one stage with differences. The proposals of one of two stages jump, so that its own test has
+/// the gradient by the picture, for fixed proposals.
 fn gradient_by_the_lens(development: &str) {
     let more = format!(
         "{development}[detector]\nkind = \"fcos\"\n\

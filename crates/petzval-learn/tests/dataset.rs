@@ -264,3 +264,18 @@ fn what_is_exposed_around_a_crop_stays_on_the_sensor() {
         assert!(row + 128 <= 1200 && column + 128 <= 1920);
     }
 }
+
+/// Windows and the crops that are cut out of them are scaled each by itself.
+#[test]
+fn a_scaled_crop_fits_into_its_scaled_window() {
+    for crop in [64, 96, 97, 128] {
+        for more in [0, 2, 4, 48, 64] {
+            let [small, large] = [crop, crop + more].map(|crop| CropPlan::on_1920x1200(crop, 12));
+            for by in (30..1500).map(|percent| 0.01 * f64::from(percent)) {
+                let [small, large] = [small, large].map(|plan| plan.scaled(by));
+                assert!(small.crop <= large.crop, "{crop} and {more}, {by}: {small:?} {large:?}");
+                assert_eq!(small.crop % 2, crop % 2);
+            }
+        }
+    }
+}

@@ -78,8 +78,9 @@ fn another_lens_looks_at_the_same_part_of_the_street() {
     let plan = plan();
     let (scale, mut compared, mut at_edges) = (18.0 / 25.0, 0, 0);
     for number in 0..24 {
+        let list = [List::HeldOut, List::Training, List::Validation][number as usize / 2 % 3];
         let plan = StreetPlan { on_objects: (number % 2) as f64, ..plan.clone() };
-        let [long, short] = [25.0, 18.0].map(|efl| window(&plan, List::HeldOut, number, &view(efl)));
+        let [long, short] = [25.0, 18.0].map(|efl| window(&plan, list, number, &view(efl)));
         // Those that were moved inside the sensor of the longer lens too.
         at_edges += usize::from((0..2).any(|i| long.at[i] == 0 || long.at[i] == [1200, 1920][i] - CROP));
         for i in 0..2 {

@@ -223,7 +223,10 @@ fn a_lamp_shows_its_colour_and_luminance_and_an_unlit_one_is_dark() {
             }
         }
     }
-    assert!(counts[..3].iter().all(|count| *count >= 3) && counts[3] >= 1, "too few lamps to judge: {counts:?}");
+    assert!(
+        counts[..3].iter().all(|count| *count >= 3) && counts[3] >= 1,
+        "too few lamps to judge: {counts:?}"
+    );
 }
 
 #[test]

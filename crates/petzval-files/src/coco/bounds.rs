@@ -28,6 +28,11 @@ impl Bounds {
         self.width * self.height
     }
 
+    /// Whether it is narrower or lower than a pixel.
+    pub fn is_thin(&self) -> bool {
+        self.width.min(self.height) < 1.0
+    }
+
     /// The part inside a picture; `None` if none is.
     pub fn clipped(&self, width: f64, height: f64) -> Option<Self> {
         let (left, right) = (self.x.max(0.0), (self.x + self.width).min(width));
@@ -69,7 +74,7 @@ impl std::fmt::Display for Bounds {
     }
 }
 
-/// A number for people: with a power of ten where it would have hundreds of digits.
+/// A number for people: with a power of ten where it is very large or very small, which may take hundreds of digits.
 pub(super) fn short(value: f64) -> String {
     let is_plain = value == 0.0 || (1e-6..1e9).contains(&value.abs()) || !value.is_finite();
     if is_plain { value.to_string() } else { format!("{value:e}") }

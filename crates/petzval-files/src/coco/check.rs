@@ -10,9 +10,6 @@ use super::light_state::light_state;
 /// More boxes than this in one picture are noted.
 pub const MANY_BOXES: usize = 1000;
 
-/// A box with a shorter side than this, px, is noted.
-const THIN_PX: f64 = 1.0;
-
 /// Areas may exceed their box by this share, which is rounding.
 const AREA_SLACK: f64 = 1.01;
 
@@ -33,14 +30,8 @@ fn check_images(data: &mut DataSet, defects: &mut Defects) {
         if !is_new {
             defects.add(DefectKind::RepeatedImageId, || format!("image {}: {}", image.id, image.file_name));
         }
-        if image.id == 0 {
-            defects.add(DefectKind::ZeroId, || format!("image 0: {}", image.file_name));
-        }
         is_new
     });
-    if data.images.is_empty() {
-        defects.add(DefectKind::NoPicture, || "the list `images` has none".to_owned());
-    }
     let mut files = HashMap::new();
     for image in &data.images {
         if let Some(first) = files.insert(image.file_name.as_str(), image.id) {
@@ -102,9 +93,8 @@ fn check_annotations(data: &mut DataSet, defects: &mut Defects) {
             return false;
         }
         check_area(annotation, image, defects);
-        let thin = annotation.bounds.width.min(annotation.bounds.height);
-        if thin < THIN_PX {
-            defects.add_measured(DefectKind::ThinBox, -thin, || said(annotation));
+        if annotation.bounds.is_thin() {
+            defects.add(DefectKind::ThinBox, || said(annotation));
         }
         if let Some(state) = annotation.attributes.get("state")
             && state.text().and_then(light_state).is_none()
@@ -184,7 +174,8 @@ fn check_bounds(annotation: &mut Annotation, image: &Image, defects: &mut Defect
 fn check_area(annotation: &mut Annotation, image: &Image, defects: &mut Defects) {
     let (area, of_box) = (annotation.area, annotation.bounds.area());
     let said = || {
-        let stated = if area.is_nan() { "no number for its area".to_owned() } else { format!("{} px^2", short(area)) };
+        let stated =
+            if area.is_nan() { "no number for its area".to_owned() } else { format!("{} px^2", short(area)) };
         let of_box = short(of_box);
         format!("annotation {} of {}: {stated}, box {of_box} px^2", annotation.id, image.file_name)
     };

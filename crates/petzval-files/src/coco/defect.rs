@@ -82,12 +82,12 @@ kinds! {
         "overhangs of a pixel are rounding; longer ones are boxes of another picture";
     RepeatedAnnotationId Warning "Two annotations have one id; the second gets a new one."
         "give every annotation its own id";
-    ZeroId Warning "An id is 0. Here it is one like any other."
+    ZeroId Warning "An annotation or a class has the id 0, which is an id like others here."
         "count ids from 1 if other programs use this data set: pycocotools takes annotation 0 for `not detected`, torchvision class 0 for background";
-    ThinBox Warning "A box is narrower or lower than a pixel; it is no object to be found."
+    ThinBox Warning "A box is narrower or lower than a pixel; whether it is detected does not count."
         "look at it in the picture, and take it out of the file";
     UnknownState Warning "A `state` is none of red, yellow, green and off; a traffic light whose class does not name one is not judged."
-        "write one of the four as a text";
+        "write one of the four as a text; fine for objects that are no traffic lights";
     SizeNotStated Warning "A picture has no stated size; that of its file is taken."
         "write width and height";
     AreaNotStated Warning "An annotation has no usable area; that of its box is taken."
@@ -96,10 +96,10 @@ kinds! {
         "check whether the boxes were scaled and the areas not";
     RepeatedFile Warning "Two entries are of one picture file."
         "keep one, or a picture may be both learned from and judged on";
-    PictureWithoutLabels Warning "A picture has no labels; it is left out."
-        "fine for masks; to keep it as background, give it labels that list no object";
     FileWithoutBoxes Warning "A file of labels has lanes or areas alone; it says nothing of its pictures."
         "fine if another file has their boxes; else they are no background and are left out";
+    PictureWithoutLabels Warning "A picture has no labels; it is left out."
+        "fine for masks; to keep it as background, give it labels that list no object";
     SamePicture Warning "Two picture files have the same content."
         "keep one, or a picture may be both learned from and judged on";
     RepeatedBox Warning "Two annotations of a picture have the same class and the same box."

@@ -8,7 +8,7 @@ use petzval_base::write_whole;
 use super::bounded::read_bounded;
 use super::check::check_values;
 use super::data_set::DataSet;
-use super::defect::Defects;
+use super::defect::{DefectKind, Defects};
 use super::error::CocoError;
 use super::read::parse_coco;
 use super::write::coco_bytes;
@@ -54,6 +54,9 @@ pub fn load_coco(place: &Path) -> Result<Loaded, CocoError> {
     let mut defects = Defects::default();
     let mut data = parse_coco(bytes, &mut defects).map_err(|error| CocoError::file(&file, error))?;
     check_values(&mut data, &mut defects);
+    if data.images.is_empty() {
+        defects.add(DefectKind::NoPicture, || "`images` has no entry that can be used".to_owned());
+    }
     let folders = picture_folders(&file);
     Ok(Loaded { data, defects, file, folders })
 }

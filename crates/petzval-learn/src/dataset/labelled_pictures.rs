@@ -14,7 +14,7 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use super::crop::around;
-use super::labelled_window::{LARGEST_SHARE, LEAST_BOX_PX, LEAST_INSIDE, crop_around, drawn_by_class, inside, off_middle};
+use super::labelled_window::{LARGEST_SHARE, LEAST_INSIDE, crop_around, drawn_by_class, inside, off_middle};
 use super::named_objects::{taken_as, truth};
 use super::{CropPlan, DatasetError, LabelledWindow, List, Wanted};
 use crate::detection::{BBox, Object, Truth};
@@ -82,13 +82,9 @@ impl LabelledPictures {
         };
         let training_part = training_part(&data.images);
         if data.images.iter().all(|image| image.sequence.is_none()) {
-            let scored = match training_part {
-                Some(part) => format!("all pictures outside the part `{part}` are"),
-                None => "every fifth picture is".to_owned(),
-            };
             notes.push(format!(
-                "{}: no picture names its sequence, and {scored} for scoring; where pictures for training are of the same film, scores are \
-                 better than on others",
+                "{}: no picture names its sequence; if pictures for training and for scoring come from one film, scores are better than \
+                 they would be on another",
                 folder.display()
             ));
         }
@@ -127,9 +123,7 @@ impl LabelledPictures {
             ));
             found.validation = found.training.clone();
         }
-        let is_seen = |object: &&Object| object.bbox.is_at_least(LEAST_BOX_PX);
-        let labelled = found.training.iter().chain(&found.held_out);
-        if labelled.flat_map(|picture| &picture.truth.objects).filter(is_seen).count() == 0 {
+        if [&found.training, &found.held_out].into_iter().flatten().all(|p| p.truth.objects.is_empty()) {
             const SHOWN: usize = 8;
             let names: Vec<&str> = data.categories.iter().map(|category| category.name.as_str()).collect();
             let more = match names.len().saturating_sub(SHOWN) {
@@ -138,14 +132,14 @@ impl LabelledPictures {
             };
             let [classes, names] = [classes, &names[..names.len().min(SHOWN)]].map(|list| list.join(", "));
             return Err(misfit(format!(
-                "no box of {classes} counts: the name of its category has to say so, it is no crowd and not to be ignored, and a pixel or more \
-                 wide and high; the categories are {names}{more}"
+                "no box of {classes} counts: it counts if the name of its category says so, if it is no crowd and not to be ignored, and if it is \
+                 at least a pixel wide and high; the categories are {names}{more}"
             )));
         }
         let mut per_class = vec![[0_usize; 2]; classes.len()];
         for (k, list) in [&found.training, &found.held_out].into_iter().enumerate() {
             let objects = list.iter().flat_map(|picture| &picture.truth.objects);
-            for object in objects.filter(is_seen).filter(|o| longer_side(&o.bbox) >= least_side_px) {
+            for object in objects.filter(|o| longer_side(&o.bbox) >= least_side_px) {
                 per_class[object.class][k] += 1;
             }
         }

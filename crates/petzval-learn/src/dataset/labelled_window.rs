@@ -19,14 +19,11 @@ pub(super) const LARGEST_SHARE: f64 = 0.7;
 /// Least share of an object inside a window for it to be asked for.
 pub(super) const LEAST_INSIDE: f64 = 0.4;
 
-/// Least side of a box in a window, pixels.
-pub(super) const LEAST_BOX_PX: f32 = 1.0;
-
 /// The part of a box inside a crop whose first pixel is at `first`, row and column, in pixels of the crop, and its share of the box; none where
 /// less than a pixel is left.
 pub(super) fn inside(whole: &BBox, first: [usize; 2], crop: usize) -> Option<(BBox, f64)> {
     let bbox = whole.moved([-(first[1] as f32), -(first[0] as f32)]).clipped([crop, crop]);
-    bbox.is_at_least(LEAST_BOX_PX).then(|| (bbox, f64::from(bbox.area() / whole.area().max(1e-6))))
+    bbox.is_at_least(1.0).then(|| (bbox, f64::from(bbox.area() / whole.area().max(1e-6))))
 }
 
 /// First row and column of the crop around a place, row and column, of a picture or a sensor with so many rows and columns. A crop that extends

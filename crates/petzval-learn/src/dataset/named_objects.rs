@@ -118,7 +118,7 @@ pub fn taken_as(data: &DataSet, wanted: Wanted, classes: &[&str]) -> Option<Stri
     })
 }
 
-/// The objects of a picture. Crowds, and objects that are to be ignored, are regions that are not judged.
+/// The objects of a picture. Crowds, objects that are to be ignored, and boxes that are thinner than a pixel are regions that are not judged.
 pub(super) fn truth(data: &DataSet, objects: &[usize], wanted: Wanted) -> Truth {
     let mut truth = Truth::default();
     for annotation in objects.iter().map(|k| &data.annotations[*k]) {
@@ -131,7 +131,7 @@ pub(super) fn truth(data: &DataSet, objects: &[usize], wanted: Wanted) -> Truth 
         let b = &annotation.bounds;
         let [x1, y1, x2, y2] = [b.x, b.y, b.x + b.width, b.y + b.height].map(|v| v as f32);
         let bbox = BBox::new(x1, y1, x2, y2);
-        match class.filter(|_| !annotation.crowd && !annotation.ignore) {
+        match class.filter(|_| !annotation.crowd && !annotation.ignore && !b.is_thin()) {
             Some(class) => truth.objects.push(Object { bbox, class }),
             None => truth.ignored.push(bbox),
         }

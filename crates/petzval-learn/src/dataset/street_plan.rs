@@ -130,9 +130,10 @@ enum Place {
 impl StreetPlan {
     /// Window `number` of a list as a lens sees it: a street of its own, at a place of the sensor that lies on an object or anywhere. It depends
     /// on the arguments alone. The exposure, the object, and where it lies in the window are chosen in the view of a `reference` lens, so that
-    /// cameras that are compared look at the same objects in the same light. `crops` is how windows are cut in that view; in another one they have the size
-    /// at which they show the same part of the street. It is also in that view that objects are large enough to count, so that the same objects count with
-    /// a lens of another focal length. The windows of a view that is only [magnified](StreetView::magnified) have as many pixels as they had. If such a lens no longer shows enough of the chosen object of a held-out
+    /// cameras that are compared look at the same objects in the same light. `crops` is how windows are cut in that view; in another one they
+    /// have the size at which they show the same part of the street. A [magnified](StreetView::magnified) view keeps the size of its windows.
+    /// It is also in the reference view that objects are large enough to count, so that the same objects count with a lens of another focal
+    /// length. If such a lens no longer shows enough of the chosen object of a held-out
     /// window for it to count, it is [beside](Truth::beside) the picture: a narrower field misses what it does not show.
     pub fn window(
         &self,

@@ -81,12 +81,12 @@ fn overlaps_of_boxes() {
     let loss = generalised_iou(pairs(&|i| first[i / second.len()]), pairs(&|i| second[i % second.len()]));
     let ours: Vec<f32> = read_values(loss).unwrap().iter().map(|v| 1.0 - v).collect();
     assert_near(&ours, &numbers(&all["giou"]));
-    // The loss of torchvision, of the first three pairs, which are in one row and column each.
+    // The loss of torchvision, of the first three pairs on the diagonal.
     let losses: Vec<f32> = (0..3).map(|i| 1.0 - ours[i * second.len() + i]).collect();
     assert_near(&losses, &numbers(&reference()["giou_loss"]["none"]));
 }
 
-/// Every setting of `fasterrcnn_resnet50_fpn` that its two stages have.
+/// The settings of `fasterrcnn_resnet50_fpn`. A least score of proposals, 0 there, is not among those of ours.
 #[test]
 fn defaults_of_torchvision() {
     let theirs = &reference()["fasterrcnn_defaults"];

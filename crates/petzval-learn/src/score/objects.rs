@@ -4,8 +4,8 @@ use petzval_files::coco::LIGHT_STATES;
 
 use super::ScoreDescription;
 use super::detection::{
-    Bootstrap, COCO_LARGE_PX2, COCO_SMALL_PX2, FoundObject, Group, Interpolation, Picture,
-    Protocol, Ranking, StateConfusion, StateOf, TrueObject, Xywh, bootstrap,
+    Bootstrap, COCO_LARGE_PX2, COCO_SMALL_PX2, FoundObject, Group, Interpolation, Picture, Protocol, Ranking,
+    StateConfusion, StateOf, TrueObject, Xywh, bootstrap,
 };
 use crate::detection::{BBox, Detection, Truth};
 

@@ -98,7 +98,7 @@ impl Builder {
         self.data.images.last_mut()
     }
 
-    /// Notes pictures that no label names. One whose name without ending is that of a picture with labels is a mask of it.
+    /// Notes pictures that no label names. One whose name without ending is that of a picture with labels is taken for a mask of it.
     pub fn note_unlabelled<'p>(&mut self, pictures: impl Iterator<Item = &'p Path>) {
         let labelled: HashSet<&OsStr> = self.taken.keys().filter_map(|path| path.file_stem()).collect();
         for path in pictures.filter(|path| path.file_stem().is_none_or(|stem| !labelled.contains(stem))) {

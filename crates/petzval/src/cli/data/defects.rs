@@ -35,7 +35,8 @@ pub fn table(statistics: &Statistics, defects: &[Defect]) -> String {
         }
     }
     if !statistics.classes.is_empty() {
-        text += "side px: the square root of the area of a box; 5, 50 and 95 % of the boxes have a smaller one\n";
+        text +=
+            "side px: the square root of the area of a box; 5, 50 and 95 % of the boxes have a smaller one\n";
     }
     for defect in defects {
         let kind = match defect.severity {
