@@ -66,6 +66,15 @@ fn write_lights(folder: &Path) {
     std::fs::write(folder.join("annotations.json"), text).unwrap();
 }
 
+/// A folder with the experiment, `tiny.toml`, and the data set of lights, `in`.
+fn experiment_and_lights() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("tiny.toml"), TINY).unwrap();
+    std::fs::create_dir(folder.path().join("in")).unwrap();
+    write_lights(&folder.path().join("in"));
+    folder
+}
+
 #[test]
 fn a_run_that_looks_for_objects_is_scored_again_reported_and_lends_its_detector() {
     let folder = tempfile::tempdir().unwrap();
@@ -231,11 +240,8 @@ fn a_run_that_looks_for_objects_is_scored_again_reported_and_lends_its_detector(
 
 #[test]
 fn a_folder_with_boxes_takes_the_place_of_the_streets() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = experiment_and_lights();
     let root = folder.path();
-    std::fs::write(root.join("tiny.toml"), TINY).unwrap();
-    std::fs::create_dir(root.join("in")).unwrap();
-    write_lights(&root.join("in"));
     let said = run_ok(root, &["design", "tiny.toml", "--data", "in", "--variant", "nominal", "--out", "run"]);
     assert!(said.says("checking every picture of"), "{}", said.stderr);
     assert!(said.stdout.contains("detector steps"), "{}", said.stdout);
@@ -259,11 +265,8 @@ fn a_folder_with_boxes_takes_the_place_of_the_streets() {
 
 #[test]
 fn a_folder_with_bad_boxes_trains_on_the_others_and_says_so() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = experiment_and_lights();
     let root = folder.path();
-    std::fs::write(root.join("tiny.toml"), TINY).unwrap();
-    std::fs::create_dir(root.join("in")).unwrap();
-    write_lights(&root.join("in"));
     let file = root.join("in/annotations.json");
     let good = read(&file);
     let many = (0..10_000).map(|k| {
