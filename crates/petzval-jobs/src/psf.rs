@@ -172,7 +172,15 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let no_light = |error: DesignError| match error {
         DesignError::NoLight { .. } => JobError::input(
             error.to_string(),
-            format!("rays may also land outside the grid of {} um: try a larger --grid", request.side_um()),
+            match request.kind {
+                PsfKind::Geometric => {
+                    format!("rays may land outside the grid of {} um: try a larger --grid", request.side_um())
+                }
+                PsfKind::Diffraction => format!(
+                    "waves may need a smaller grid than {} um (--grid, --pitch-um); rays do not: --kind geometric",
+                    request.side_um()
+                ),
+            },
         ),
         other => other.into(),
     };

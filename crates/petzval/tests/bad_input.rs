@@ -233,6 +233,10 @@ fn a_lens_without_light() {
     run_fails(folder.path(), &["lens", "show", "dark.toml"], 2, &needles);
     let needles = ["no light reaches the image", "help:"];
     run_fails(folder.path(), &["psf", "dark.toml", "--out", "psf"], 2, &needles);
+    // A grid on which waves would need more nodes of the pupil than there are.
+    let args = ["--kind", "diffraction", "--grid", "1024", "--pitch-um", "4", "--out", "psf"];
+    let needles = ["no light reaches the image", "help: waves may need a smaller grid than 4096 um"];
+    run_fails(folder.path(), &[&["psf", "cooke-triplet-nominal"], &args[..]].concat(), 2, &needles);
     let text = tiny_experiment().replace("\"cooke-triplet-nominal\"", "\"dark.toml\"");
     std::fs::write(folder.path().join("tiny.toml"), text).unwrap();
     let needles = ["dark.toml: no light reaches the image", "help: `petzval lens show`"];

@@ -99,7 +99,8 @@ enum Way {
 }
 
 /// PSFs of a field at the given wavelengths; `None` if the field's chief ray does not reach the image
-/// or no light arrives; by diffraction also if rays through the stop are lost or the wavefront is not smooth.
+/// or no light arrives; by diffraction also if rays through the stop are lost, the wavefront is not smooth, or grid and spot
+/// together are wider than the nodes of the pupil can hold.
 pub fn psf(
     lens: &Lens,
     field_rad: f64,
