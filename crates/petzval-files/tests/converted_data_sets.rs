@@ -288,7 +288,7 @@ fn voc_boxes_count_from_one_and_difficult_objects_are_ignored() {
         ("<xmin>11</xmin>", "<xmin>left</xmin>", ["a.xml: line 5, column 9: `xmin = left`", "no number"]),
         ("<xmin>11</xmin>", "", ["line 5, column 1", "`xmin` is missing"]),
         ("<name>person</name>", "", ["line 4", "no `name`"]),
-        ("</annotation>", "", ["a.xml: line", "not XML"]),
+        ("</annotation>", "", ["a.xml: line 8", "the file is cut off"]),
         ("<annotation>", "<!DOCTYPE a [<!ENTITY b \"c\">]><annotation>", ["a.xml: line 1", "not XML"]),
     ] {
         write(root, "Annotations/a.xml", &VOC.replacen(from, to, 1));

@@ -192,6 +192,12 @@ fn every_defect_of_a_value_is_found_and_named() {
             2,
             "occluded is [1, 2]",
         ),
+        (
+            with(r#"{"state": "red", "occluded": true, "distance_m": 31.5}"#, "[1]"),
+            DefectKind::LooseAttribute,
+            2,
+            "attributes is [1]",
+        ),
         (with("\"image_id\": 2", "\"image_id\": 1"), DefectKind::PictureWithoutBoxes, 2, "b.png"),
         (with("\"iscrowd\": 0", "\"iscrowd\": 0, \"ignore\": 1"), DefectKind::IgnoredBox, 2, "annotation 1"),
     ] {
@@ -396,9 +402,6 @@ fn annotations_are_found_where_programs_put_them() {
         assert!(needles.iter().all(|needle| error.contains(needle)), "{error}");
     };
     fails(&["no annotations in COCO format", "petzval data convert"]);
-    std::fs::create_dir(folder.path().join("valid")).unwrap();
-    std::fs::write(folder.path().join("valid/_annotations.coco.json"), GOOD).unwrap();
-    fails(&["name one of its parts", "valid"]);
     for name in ["a.json", "b.json"] {
         std::fs::write(folder.path().join(name), GOOD).unwrap();
     }
@@ -406,6 +409,80 @@ fn annotations_are_found_where_programs_put_them() {
     std::fs::write(folder.path().join("annotations.json"), "{\"images\": [}").unwrap();
     fails(&["annotations.json: line 1, column 13", "not JSON"]);
     assert!(load(&folder.path().join("nowhere")).is_err());
+}
+
+#[test]
+fn several_files_of_annotations_are_parts_of_one_data_set() {
+    let text = |name: &str| {
+        format!(
+            r#"{{"images": [{{"id": 5, "file_name": "{name}", "width": 40, "height": 30}}], "categories": [{{"id": 3, "name": "car"}}],
+                "annotations": [{{"id": 8, "image_id": 5, "category_id": 3, "bbox": [1, 2, 10, 20], "area": 200}}]}}"#
+        )
+    };
+    let layouts = [
+        ("annotations/instances_{}2017.json", "{}2017/a.png", ["train", "val"]),
+        ("{}/_annotations.coco.json", "{}/a.png", ["train", "valid"]),
+    ];
+    for (file, picture, parts) in layouts {
+        let folder = tempfile::tempdir().unwrap();
+        for (k, part) in parts.iter().enumerate() {
+            let file = folder.path().join(file.replace("{}", part));
+            std::fs::create_dir_all(file.parent().unwrap()).unwrap();
+            std::fs::write(&file, text("a.png")).unwrap();
+            write_png(&folder.path().join(picture.replace("{}", part)), 40, 30 - k as u32);
+        }
+        let mut loaded = load_coco(folder.path()).unwrap();
+        let names: Vec<_> = loaded.data.images.iter().map(|image| image.file_name.clone()).collect();
+        assert_eq!(names, parts.map(|part| picture.replace("{}", part)));
+        let splits: Vec<_> = loaded.data.images.iter().map(|image| image.split.as_deref().unwrap()).collect();
+        assert_eq!(splits, parts);
+        assert_eq!((loaded.data.categories.len(), loaded.file.as_path()), (1, folder.path()));
+        // Each picture is the one of its own part: the second has another size than stated.
+        check_pictures(&mut loaded, &|_| ());
+        let defects: Vec<_> = loaded.defects.iter().map(|d| (d.kind, d.first[0].clone())).collect();
+        let size = format!("{}: 40 x 29 px, stated 40 x 30", names[1]);
+        assert_eq!(defects, [(DefectKind::OtherPictureSize, size)]);
+        assert_eq!((loaded.data.images.len(), loaded.data.annotations.len()), (1, 1));
+    }
+    // Of two files for one part somebody has to choose.
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir(folder.path().join("annotations")).unwrap();
+    for name in ["instances_train2014.json", "instances_train2017.json", "instances_val2017.json"] {
+        std::fs::write(folder.path().join("annotations").join(name), text("a.png")).unwrap();
+    }
+    let error = load_coco(folder.path()).unwrap_err().to_string();
+    assert!(error.contains("3 files could be the annotations") && error.contains("train2014"), "{error}");
+}
+
+#[test]
+fn annotations_of_programs_for_windows_are_read() {
+    let utf16 = |to_bytes: fn(u16) -> [u8; 2], mark: [u8; 2]| -> Vec<u8> {
+        mark.into_iter().chain(GOOD.encode_utf16().flat_map(to_bytes)).collect()
+    };
+    let (good, _) = read(GOOD);
+    for bytes in [utf16(u16::to_le_bytes, [0xff, 0xfe]), utf16(u16::to_be_bytes, [0xfe, 0xff])] {
+        assert_eq!(parse_coco(bytes, &mut Defects::default()).unwrap(), good);
+    }
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("annotations.json"), GOOD.replace("a.png", r"night\\a.png")).unwrap();
+    write_png(&folder.path().join("night/a.png"), 40, 30);
+    write_png(&folder.path().join("b.png"), 40, 30);
+    let mut loaded = load_coco(folder.path()).unwrap();
+    check_pictures(&mut loaded, &|_| ());
+    assert_eq!(loaded.data.images.len(), 2);
+}
+
+#[test]
+fn a_picture_that_is_left_out_is_no_background() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut data, _) = read(GOOD);
+    data.annotations.clear();
+    save_coco(&data, &folder.path().join("annotations.json")).unwrap();
+    write_png(&folder.path().join("a.png"), 40, 30);
+    let mut loaded = load_coco(folder.path()).unwrap();
+    check_pictures(&mut loaded, &|_| ());
+    let count = |kind| loaded.defects.count(kind);
+    assert_eq!((count(DefectKind::MissingPicture), count(DefectKind::PictureWithoutBoxes)), (1, 1));
 }
 
 #[test]

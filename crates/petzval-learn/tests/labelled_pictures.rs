@@ -94,8 +94,9 @@ fn windows_hold_the_light_and_the_boxes_of_their_pictures() {
 fn folders_that_cannot_train_or_score_a_detector_are_refused() {
     let few = tempfile::tempdir().unwrap();
     folder(few.path(), 3, "person");
+    mark(few.path(), |_| r#""sequence": "drive""#.to_owned());
     let error = load(few.path(), CROP).unwrap_err();
-    assert!(error.contains("no picture is left for scoring"), "{error}");
+    assert!(error.contains("of one sequence") && error.contains("left for scoring"), "{error}");
     let other = tempfile::tempdir().unwrap();
     folder(other.path(), 15, "cow");
     let (_, notes) = load(other.path(), CROP).unwrap();
@@ -114,6 +115,27 @@ fn folders_that_cannot_train_or_score_a_detector_are_refused() {
     std::fs::write(other.path().join("annotations.json"), "{\"images\": [").unwrap();
     assert!(load(other.path(), CROP).unwrap_err().contains("annotations.json"));
     assert!(load(&other.path().join("nowhere"), CROP).is_err());
+}
+
+#[test]
+fn a_few_sequences_are_enough_and_the_last_is_held_out() {
+    let few = tempfile::tempdir().unwrap();
+    folder(few.path(), 6, "person");
+    mark(few.path(), |i| format!(r#""sequence": "drive-{}""#, (i + 1) / 2));
+    let (pictures, notes) = load(few.path(), CROP).unwrap();
+    assert_eq!([List::Training, List::Validation, List::HeldOut].map(|list| pictures.count(list)), [2, 2, 2]);
+    assert!(notes.iter().any(|note| note.contains("fewer than 5 sequences")), "{notes:?}");
+}
+
+#[test]
+fn what_names_no_part_is_not_trained_on() {
+    let parts = tempfile::tempdir().unwrap();
+    folder(parts.path(), 9, "person");
+    mark(parts.path(), |i| format!(r#""split": "{}""#, ["train", "val", ""][i % 3]));
+    let (pictures, notes) = load(parts.path(), CROP).unwrap();
+    assert_eq!(pictures.count(List::Training) + pictures.count(List::Validation), 3);
+    assert_eq!(pictures.count(List::HeldOut), 6);
+    assert!(notes.iter().any(|note| note.contains("3 pictures name no part")), "{notes:?}");
 }
 
 /// Writes keys into the records of the pictures of a folder: `more` says which, by the picture's number, from 1.

@@ -288,7 +288,7 @@ fn missing_files_and_folders() {
             &["design", "tiny.toml", "--device", "abacus", "--out", "run"],
             &["--device abacus", "this build has cpu"],
         ),
-        (&["design", "--resume", "nowhere"], &["nowhere: not a run folder", "config.toml"]),
+        (&["design", "--resume", "nowhere"], &["nowhere: not a run folder", "no such folder"]),
         (&["design", "--resume", "empty"], &["empty: not a run folder", "config.toml"]),
         (&["design", "--resume", "empty", "--out", "run"], &["--resume", "cannot be used with"]),
         (&["report", "empty"], &["empty: not a run folder"]),

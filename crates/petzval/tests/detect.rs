@@ -165,6 +165,15 @@ fn a_run_that_looks_for_objects_is_scored_again_reported_and_lends_its_detector(
     assert!((scores["coco"]["ar100"].as_f64().unwrap() - 1.0).abs() < 1e-9, "{scores}");
     // All detections are written, whatever the least score of printed ones.
     assert_eq!(read_json(&root.join("scored/detections.json")), results);
+    // What another call drew there is warned of.
+    std::fs::write(root.join("scored/0042-earlier.png"), b"").unwrap();
+    std::fs::write(root.join("scored/own.png"), b"").unwrap();
+    let again = run_ok(root, &[&args[..], &["--out", "scored", "--force"]].concat());
+    assert!(
+        again.says("1 drawn pictures in this folder") && again.says("0042-earlier.png"),
+        "{}",
+        again.stderr
+    );
     // With an object more, which nobody finds, it is not.
     known["annotations"]
         .as_array_mut()

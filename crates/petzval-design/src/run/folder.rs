@@ -46,7 +46,8 @@ impl RunFolder {
     pub fn open(root: &Path) -> Result<Self, DesignError> {
         let folder = Self { root: root.to_path_buf() };
         if !folder.config().is_file() {
-            let problem = "not a run folder: it has no config.toml".to_owned();
+            let why = if root.is_dir() { "it has no config.toml" } else { "there is no such folder" };
+            let problem = format!("not a run folder: {why}");
             return Err(DesignError::Run { path: root.to_path_buf(), problem });
         }
         Ok(folder)

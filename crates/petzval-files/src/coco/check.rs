@@ -3,7 +3,7 @@
 use std::collections::{HashMap, HashSet};
 
 use super::bounds::short;
-use super::data_set::{Annotation, Category, DataSet, Image};
+use super::data_set::{Annotation, DataSet, Image};
 use super::defect::{DefectKind, Defects};
 use super::light_state::light_state;
 
@@ -13,14 +13,20 @@ pub const MANY_BOXES: usize = 1000;
 /// Areas may exceed their box by this share, which is rounding.
 const AREA_SLACK: f64 = 1.01;
 
-/// Checks ids, references and boxes. What cannot be used is taken out, what can be corrected is corrected, and all of it is noted.
+/// Checks ids, references and boxes. What cannot be used is taken out, what can be corrected is corrected, and all of it is noted. Pictures and
+/// classes without boxes, and pictures with very many, are noted, too.
 ///
 /// Boxes are clipped to the stated size of their picture; a picture without one, of size 0, is not clipped.
 pub fn check_values(data: &mut DataSet, defects: &mut Defects) {
+    check_entries(data, defects);
+    count_boxes(data, defects);
+}
+
+/// [`check_values`] without a count of boxes, which depends on the pictures that are left.
+pub(super) fn check_entries(data: &mut DataSet, defects: &mut Defects) {
     check_images(data, defects);
     check_categories(data, defects);
     check_annotations(data, defects);
-    count_boxes(data, defects);
 }
 
 fn check_images(data: &mut DataSet, defects: &mut Defects) {
@@ -189,17 +195,13 @@ fn check_area(annotation: &mut Annotation, image: &Image, defects: &mut Defects)
     annotation.area = of_box;
 }
 
-/// Numbers of the classes that have boxes.
-pub(super) fn classes_with_boxes(data: &DataSet) -> HashSet<u64> {
-    data.annotations.iter().map(|annotation| annotation.category_id).collect()
-}
-
 /// Notes pictures and classes without boxes, and pictures with very many.
-fn count_boxes(data: &DataSet, defects: &mut Defects) {
+pub(super) fn count_boxes(data: &DataSet, defects: &mut Defects) {
     let mut by_image: HashMap<u64, usize> = HashMap::new();
-    let with_boxes = classes_with_boxes(data);
+    let mut with_boxes = HashSet::new();
     for annotation in &data.annotations {
         *by_image.entry(annotation.image_id).or_default() += 1;
+        with_boxes.insert(annotation.category_id);
     }
     for image in &data.images {
         match by_image.get(&image.id).copied().unwrap_or(0) {
@@ -212,10 +214,7 @@ fn count_boxes(data: &DataSet, defects: &mut Defects) {
         }
     }
     for category in data.categories.iter().filter(|category| !with_boxes.contains(&category.id)) {
-        note_class_without_boxes(category, defects);
+        defects
+            .add(DefectKind::ClassWithoutBoxes, || format!("category {}: {:?}", category.id, category.name));
     }
-}
-
-pub(super) fn note_class_without_boxes(category: &Category, defects: &mut Defects) {
-    defects.add(DefectKind::ClassWithoutBoxes, || format!("category {}: {:?}", category.id, category.name));
 }

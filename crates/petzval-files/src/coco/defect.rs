@@ -57,7 +57,7 @@ kinds! {
     NotFinite Error "A box holds NaN, infinity or no number; it is left out."
         "find the program that wrote it; a division by zero is the usual cause";
     NegativeSize Error "A box has a negative width or height; it is left out."
-        "COCO boxes are [x, y, width, height], not two corners";
+        "COCO boxes are [x, y, width, height], not two corners; where a format has two corners, the left, upper one comes first";
     ZeroSize Error "A box has no width or no height; it is left out."
         "take it out of the file";
     OutsidePicture Error "A box lies outside its picture; it is left out."
@@ -71,7 +71,7 @@ kinds! {
     RepeatedCategoryId Error "Two classes have one id; the second is left out."
         "give every class its own id";
     MissingPicture Error "The file of a picture does not exist; picture and boxes are left out."
-        "put the pictures beside the annotations, or into a folder `images` there";
+        "put the pictures where the format has them: for COCO beside the annotations or into `images` there, for KITTI into `image_2`, for Pascal VOC into `JPEGImages`";
     UnreadablePicture Error "The file of a picture cannot be decoded; picture and boxes are left out."
         "replace it by an undamaged PNG, JPEG, TIFF or OpenEXR file";
     OtherPictureSize Error "A picture has another size than stated, so that its boxes are of other pixels; both are left out."
@@ -111,12 +111,12 @@ kinds! {
     PictureWithoutBoxes Warning "A picture has no boxes; it is kept as background."
         "fine if it shows none of the classes";
     ClassWithoutBoxes Warning "A class has no boxes; it has no score."
-        "take it out of `categories`";
+        "fine, if nothing is to be said of it";
     CrowdBox Warning "A box holds a crowd; no detection in it is a mistake."
         "fine: pycocotools does the same";
     IgnoredBox Warning "A box is to be ignored; whether it is detected does not count."
         "fine; pycocotools honours only iscrowd";
-    ManyBoxes Warning "A picture has more than 1000 boxes; scores count its 100 best detections."
+    ManyBoxes Warning "A picture has more than 1000 boxes; scores count its 100 best detections of each class."
         "cut the picture into tiles";
 }
 

@@ -1,15 +1,17 @@
 //! The folder of a data set: which file holds the annotations, and where the pictures are.
 
+use std::collections::BTreeSet;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use petzval_base::write_whole;
 
 use super::bounded::read_bounded;
-use super::check::check_values;
+use super::check::check_entries;
 use super::data_set::DataSet;
 use super::defect::{DefectKind, Defects};
 use super::error::CocoError;
+use super::parts::joined;
 use super::read::parse_coco;
 use super::write::coco_bytes;
 
@@ -29,7 +31,7 @@ pub struct Loaded {
     pub data: DataSet,
     /// What was found wrong.
     pub defects: Defects,
-    /// The file of annotations.
+    /// The file of annotations, or the folder of several.
     pub file: PathBuf,
     /// Folders in which pictures are looked for, in this order.
     pub folders: Vec<PathBuf>,
@@ -38,27 +40,67 @@ pub struct Loaded {
 impl Loaded {
     /// The file of a picture; `None` if there is none.
     pub fn picture(&self, file_name: &str) -> Option<PathBuf> {
-        self.folders.iter().map(|folder| folder.join(file_name)).find(|path| path.is_file())
+        picture_in(&self.folders, file_name)
     }
+}
+
+/// A file that is annotated, and the name of the part that it is of.
+struct PartFile {
+    file: PathBuf,
+    part: String,
 }
 
 /// Reads a data set and checks its values; [`check_pictures`](super::check_pictures) then checks the files of its pictures.
 ///
-/// `place` is a file of annotations or a folder. In a folder these are looked for: `annotations.json`, `_annotations.coco.json`, one
-/// `annotations/instances_*.json`, one file `.json`. Pictures are beside the annotations, in `images/` there, or, as COCO itself has
+/// `place` is a file of annotations or a folder. In a folder these are looked for: `annotations.json`, `_annotations.coco.json`,
+/// `annotations/instances_*.json`, `_annotations.coco.json` in the folders `train`, `valid` and `test`, one file `.json`. Where there are several, each
+/// is a part of the data set. Pictures are beside the annotations, in `images/` there, or, as COCO itself has
 /// them, in a folder named like the part: `annotations/instances_val2017.json` and `val2017/`.
 pub fn load_coco(place: &Path) -> Result<Loaded, CocoError> {
-    let file = annotation_file(place)?;
-    let hint = "outlines (`segmentation`) are not used and may be left out; or split the data set";
-    let bytes = read_bounded(&file, LARGEST_ANNOTATIONS, hint)?;
     let mut defects = Defects::default();
-    let mut data = parse_coco(bytes, &mut defects).map_err(|error| CocoError::file(&file, error))?;
-    check_values(&mut data, &mut defects);
-    if data.images.is_empty() {
-        defects.add(DefectKind::NoPicture, || "`images` has no entry that can be used".to_owned());
+    let mut files = annotation_files(place)?;
+    let mut loaded = match files.len() {
+        1 => {
+            let file = files.remove(0).file;
+            let (data, folders) = (entries(&file, &mut defects)?, picture_folders(&file));
+            Loaded { data, defects, file, folders }
+        }
+        _ => {
+            let mut parts = Vec::new();
+            for PartFile { file, part } in files {
+                let mut data = entries(&file, &mut defects)?;
+                // Two parts may have pictures of one name, each in its own folder.
+                let folders = picture_folders(&file);
+                for image in &mut data.images {
+                    let found = picture_in(&folders, &image.file_name);
+                    let below = found.as_deref().and_then(|path| path.strip_prefix(place).ok()?.to_str());
+                    image.file_name =
+                        below.map_or_else(|| format!("{part}/{}", image.file_name), str::to_owned);
+                }
+                parts.push((part, data));
+            }
+            Loaded { data: joined(parts), defects, file: place.to_owned(), folders: vec![place.to_owned()] }
+        }
+    };
+    if loaded.data.images.is_empty() {
+        loaded.defects.add(DefectKind::NoPicture, || "`images` has no entry that can be used".to_owned());
     }
-    let folders = picture_folders(&file);
-    Ok(Loaded { data, defects, file, folders })
+    Ok(loaded)
+}
+
+/// What a file of annotations holds, each entry checked.
+fn entries(file: &Path, defects: &mut Defects) -> Result<DataSet, CocoError> {
+    let hint = "outlines (`segmentation`) are not used and may be left out; or split the data set";
+    let bytes = read_bounded(file, LARGEST_ANNOTATIONS, hint)?;
+    let mut data = parse_coco(bytes, defects).map_err(|error| CocoError::file(file, error))?;
+    check_entries(&mut data, defects);
+    Ok(data)
+}
+
+/// The file of a picture in the first of these folders that has it. Some programs write `images\\a.png`.
+fn picture_in(folders: &[PathBuf], file_name: &str) -> Option<PathBuf> {
+    let find = |name: &str| folders.iter().map(|folder| folder.join(name)).find(|path| path.is_file());
+    find(file_name).or_else(|| find(&file_name.replace('\\', "/")).filter(|_| file_name.contains('\\')))
 }
 
 /// Writes the annotations of a data set, completely or not at all.
@@ -66,41 +108,51 @@ pub fn save_coco(data: &DataSet, path: &Path) -> Result<(), CocoError> {
     write_whole(path, &coco_bytes(data)).map_err(CocoError::io(path))
 }
 
-/// The file of annotations of a folder, or the file itself.
-fn annotation_file(place: &Path) -> Result<PathBuf, CocoError> {
+/// The files of annotations of a folder, each of a part of another name, or the file itself; at least one.
+fn annotation_files(place: &Path) -> Result<Vec<PartFile>, CocoError> {
+    let one = |file: PathBuf| Ok(vec![PartFile { file, part: String::new() }]);
     if !place.is_dir() {
-        return Ok(place.to_owned());
+        return one(place.to_owned());
     }
-    for name in [ANNOTATIONS, ROBOFLOW] {
-        if place.join(name).is_file() {
-            return Ok(place.join(name));
-        }
+    if let Some(file) = [ANNOTATIONS, ROBOFLOW].map(|name| place.join(name)).into_iter().find(|f| f.is_file())
+    {
+        return one(file);
     }
     let instances = |name: &str| name.starts_with("instances_");
-    let mut found = match place.join("annotations") {
+    let of_coco = match place.join("annotations") {
         folder if folder.is_dir() => json_files(&folder, instances)?,
         _ => Vec::new(),
     };
-    if found.is_empty() {
-        found = json_files(place, |_| true)?;
-    }
+    let of_roboflow = ["train", "valid", "test"].map(|part| place.join(part).join(ROBOFLOW));
+    let of_roboflow: Vec<PathBuf> = of_roboflow.into_iter().filter(|file| file.is_file()).collect();
+    let found = [of_coco, of_roboflow].into_iter().find(|files| !files.is_empty());
+    let found = found.map_or_else(|| json_files(place, |_| true), Ok)?;
+    let parts: BTreeSet<String> = found.iter().filter_map(|file| part_of(file)).collect();
     match found.as_slice() {
-        [one] => Ok(one.clone()),
+        [file] => one(file.clone()),
         [] => {
-            let parts = ["train", "valid", "test"].map(|part| place.join(part));
-            let part = parts.iter().find(|part| part.join(ROBOFLOW).is_file());
-            let hint = match part {
-                Some(part) => format!("name one of its parts: {}", part.display()),
-                None => "give a folder with `annotations.json`, or convert it with `petzval data convert`"
-                    .to_owned(),
-            };
+            let hint = "give a folder with `annotations.json`, or convert it with `petzval data convert`";
             Err(CocoError::content(place, "no annotations in COCO format in this folder", hint))
         }
-        several => {
+        several if parts.len() < several.len() => {
             let names: Vec<String> = several.iter().take(4).map(|path| path.display().to_string()).collect();
             let reason = format!("{} files could be the annotations", several.len());
             Err(CocoError::content(place, reason, format!("name one of them: {}", names.join(", "))))
         }
+        _ => {
+            let part_file = |file: PathBuf| PartFile { part: part_of(&file).unwrap_or_default(), file };
+            Ok(found.into_iter().map(part_file).collect())
+        }
+    }
+}
+
+/// The part that a file of annotations is of: `train` for `instances_train2017.json` and for `train/_annotations.coco.json`.
+fn part_of(file: &Path) -> Option<String> {
+    let stem = file.file_stem().and_then(OsStr::to_str)?;
+    match stem.strip_prefix("instances_") {
+        Some(part) => Some(part.trim_end_matches(|c: char| c.is_ascii_digit()).to_owned()),
+        None if file.ends_with(ROBOFLOW) => Some(file.parent()?.file_name()?.to_str()?.to_owned()),
+        None => None,
     }
 }
 

@@ -68,11 +68,11 @@ impl Loose {
         }
     }
 
-    /// A text, or a number as text.
+    /// A text, or a number as text; an empty text is none.
     pub fn name(&self) -> Result<Option<String>, Wrong> {
         match self {
             Self::Absent => Ok(None),
-            Self::Text(text) => Ok(Some(text.clone())),
+            Self::Text(text) => Ok(Some(text.clone()).filter(|text| !text.trim().is_empty())),
             Self::Whole(n) => Ok(Some(n.to_string())),
             other => Err(other.wrong()),
         }

@@ -18,6 +18,7 @@ mod folder;
 mod light_state;
 mod loose;
 mod numbers;
+mod parts;
 mod pictures;
 mod read;
 mod results;

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
-use super::check::{check_values, classes_with_boxes, note_class_without_boxes};
+use super::check::{check_entries, count_boxes};
 use super::data_set::Image;
 use super::defect::{DefectKind, Defects};
 use super::folder::Loaded;
@@ -17,7 +17,8 @@ use crate::picture_file::decoded_size;
 /// Checks that the file of every picture exists, can be decoded from end to end, and has the stated size, and that no two have one content.
 /// After every picture `watch` is called with the number of pictures that are decoded so far, by several threads at once.
 ///
-/// Pictures for which this is not so are taken out with their boxes, and noted. A picture without a stated size gets that of its file.
+/// Pictures for which this is not so are taken out with their boxes, and noted. A picture without a stated size gets that of its file. Of what is
+/// left, pictures and classes without boxes are noted, and pictures with very many.
 pub fn check_pictures(loaded: &mut Loaded, watch: &(dyn Fn(usize) + Sync)) {
     let mut unusable = HashSet::new();
     let mut is_clipping_due = false;
@@ -57,23 +58,17 @@ pub fn check_pictures(loaded: &mut Loaded, watch: &(dyn Fn(usize) + Sync)) {
     images.retain(|image| !unusable.contains(&image.id));
     loaded.data.images = images;
     note_copies(loaded);
-    let with_boxes = classes_with_boxes(&loaded.data);
     loaded.data.annotations.retain(|annotation| !unusable.contains(&annotation.image_id));
     // Boxes of pictures without a stated size were not clipped. A second check notes only what the first could not see.
     if is_clipping_due {
         let mut again = Defects::default();
-        check_values(&mut loaded.data, &mut again);
+        check_entries(&mut loaded.data, &mut again);
         loaded.defects.add_kinds(again, &[DefectKind::OutsidePicture, DefectKind::ClippedBox]);
     }
     if loaded.data.images.is_empty() && listed > 0 {
         loaded.defects.add(DefectKind::NoPicture, || format!("of {listed} listed pictures none is left"));
     }
-    let left = classes_with_boxes(&loaded.data);
-    for category in &loaded.data.categories {
-        if with_boxes.contains(&category.id) && !left.contains(&category.id) {
-            note_class_without_boxes(category, &mut loaded.defects);
-        }
-    }
+    count_boxes(&loaded.data, &mut loaded.defects);
 }
 
 /// Notes pictures whose files have the content of an earlier one.
@@ -89,6 +84,8 @@ fn note_copies(loaded: &mut Loaded) {
         for (name, path) in files {
             let Ok(digest) = content_digest(&path) else { continue };
             match first.get(&digest) {
+                // Entries of one file are noted by their names.
+                Some(original) if *original == name => {}
                 Some(original) => {
                     loaded.defects.add(DefectKind::SamePicture, || format!("{original} and {name}"))
                 }

@@ -4,13 +4,15 @@ use std::collections::BTreeMap;
 
 use petzval_base::FileError;
 use serde::Deserialize;
-use serde::de::{Deserializer, IgnoredAny, MapAccess, Visitor};
+use serde::de::value::SeqAccessDeserializer;
+use serde::de::{Deserializer, MapAccess, Visitor};
 
 use super::bounds::Bounds;
 use super::data_set::{Annotation, Attribute, Category, DataSet, Image};
 use super::defect::{DefectKind, Defects};
 use super::loose::{Loose, Record, Wrong};
 use super::numbers::mark_numbers;
+use crate::encoding::decode;
 
 #[derive(Deserialize)]
 struct FileRecord {
@@ -76,9 +78,10 @@ impl<'de> Deserialize<'de> for Attributes {
             }
 
             // Some programs write an empty list in place of an empty table.
-            fn visit_seq<A: serde::de::SeqAccess<'de>>(self, mut list: A) -> Result<Attributes, A::Error> {
-                while list.next_element::<IgnoredAny>()?.is_some() {}
-                Ok(Attributes::default())
+            fn visit_seq<A: serde::de::SeqAccess<'de>>(self, list: A) -> Result<Attributes, A::Error> {
+                let list = Loose::deserialize(SeqAccessDeserializer::new(list))?;
+                let is_empty = matches!(&list, Loose::List(values) if values.is_empty());
+                Ok(Attributes(if is_empty { Vec::new() } else { vec![("attributes".to_owned(), list)] }))
             }
 
             fn visit_map<A: MapAccess<'de>>(self, mut table: A) -> Result<Attributes, A::Error> {
@@ -96,9 +99,11 @@ impl<'de> Deserialize<'de> for Attributes {
 /// Reads annotations in COCO format. Records that lack a value or hold one of a wrong type are defects and left out; ids and boxes are
 /// as written, see [`check_values`](super::check_values). Text that is not JSON, or not of this format, is an error.
 pub fn parse_coco(mut bytes: Vec<u8>, defects: &mut Defects) -> Result<DataSet, FileError> {
-    // A byte order mark is not JSON.
+    // A byte order mark is not JSON; one of UTF-16 says how to read the rest.
     if bytes.starts_with(b"\xef\xbb\xbf") {
         bytes[..3].fill(b' ');
+    } else if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") {
+        bytes = decode(&bytes).into_owned().into_bytes();
     }
     mark_numbers(&mut bytes);
     let file: FileRecord = match serde_json::from_slice(&bytes).map_err(|e| json_error(&bytes, &e))? {

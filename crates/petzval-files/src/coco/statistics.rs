@@ -18,6 +18,9 @@ pub struct Statistics {
     pub images: usize,
     /// Pictures by part; empty if none names its part.
     pub images_by_split: BTreeMap<String, usize>,
+    /// Pictures that name no part, where others do.
+    #[serde(default)]
+    pub images_without_split: usize,
     /// Different sequences.
     pub sequences: usize,
     /// Pictures by size, the most frequent first, up to five: columns, rows and number.
@@ -75,10 +78,12 @@ impl Statistics {
         let mut sizes: Vec<(u32, u32, usize)> = sizes.into_iter().map(|((w, h), n)| (w, h, n)).collect();
         sizes.sort_by_key(|(_, _, n)| std::cmp::Reverse(*n));
         sizes.truncate(5);
+        let named: usize = images_by_split.values().sum();
         let sequences: HashSet<&String> =
             data.images.iter().filter_map(|image| image.sequence.as_ref()).collect();
         Self {
             images: data.images.len(),
+            images_without_split: if named > 0 { data.images.len() - named } else { 0 },
             images_by_split,
             sequences: sequences.len(),
             sizes,

@@ -136,6 +136,10 @@ fn sheet(response: &Response, samples: Vec<Sample>) -> DataSheet {
         ("annotations", Some(response.annotations.display().to_string())),
         ("pictures", Some(statistics.images.to_string())),
         ("parts", list(splits)),
+        (
+            "pictures without a part",
+            (statistics.images_without_split > 0).then(|| statistics.images_without_split.to_string()),
+        ),
         ("sequences", (statistics.sequences > 0).then(|| statistics.sequences.to_string())),
         ("sizes, px", list(sizes)),
         ("boxes", Some(statistics.boxes.to_string())),

@@ -49,10 +49,13 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     }
     let converted = convert(request.format, &request.input)?;
     if converted.data.images.is_empty() {
-        let first = converted.defects.iter().next().and_then(|defect| defect.first.first());
-        let because = first.map_or(String::new(), |text| format!(": {text}"));
+        let worst = converted.defects.iter().next();
+        let because =
+            worst.and_then(|defect| defect.first.first()).map_or(String::new(), |text| format!(": {text}"));
         let message = format!("{}: no picture can be used{because}", request.input.display());
-        return Err(JobError::input(message, "name the folder that holds both pictures and labels"));
+        let hint =
+            worst.map_or("name the folder that holds both pictures and labels", |defect| defect.kind.hint());
+        return Err(JobError::input(message, hint));
     }
     make_folder(out)?;
     let total = converted.data.images.len();

@@ -127,7 +127,8 @@ pub fn finder(
                 JobError::system(message, &e, "give a file of weights in the format safetensors")
             })?;
             let detector = AnyDetector::from_torchvision(*backbone, *classes, &bytes, device).map_err(|e| {
-                let hint = "a file of `fasterrcnn_resnet50_fpn` in the format safetensors; --backbone and --classes say what it holds";
+                let hint = "a file of `fasterrcnn_resnet50_fpn` in the format safetensors; --backbone and --classes say what it holds; the detector \
+                            of a camera looks with --run and --camera";
                 JobError::input(format!("{}: {e}", file.display()), hint)
             })?;
             let mut block = NetworkBlock::new(Network::Detector(detector));

@@ -3,7 +3,8 @@
 mod finder;
 mod scores;
 
-use std::collections::HashSet;
+use std::collections::{BTreeSet, HashSet};
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use petzval_camera::image::LinearImage;
@@ -120,6 +121,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let labelled = labelled.map(|data| in_classes_of(&finder, data, context)).transpose()?;
     let (mut pictures, mut results, mut images, mut unread) =
         (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let mut earlier = request.out.as_deref().map(drawn_pictures).unwrap_or_default();
     let (count, mut surest) = (looked.len(), None::<f32>);
     let outcome = looked.into_iter().enumerate().try_for_each(|(i, Looked { file, mut image })| {
         if context.is_cancelled() {
@@ -154,7 +156,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
                 .map_err(DesignError::from)?;
             let stem = file.file_stem().unwrap_or_default().to_string_lossy();
             make_folder(out)?;
-            write_file(&out.join(format!("{:04}-{stem}.png", i + 1)), &png)?;
+            let drawn = out.join(format!("{:04}-{stem}.png", i + 1));
+            write_file(&drawn, &png)?;
+            earlier.remove(&drawn);
         }
         context.progress(i as u64 + 1, count as u64, "pictures");
         Ok(())
@@ -174,6 +178,14 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         save_coco(&data, &out.join(ANNOTATIONS))?;
     }
     outcome?;
+    if let (Some(out), Some(left)) = (&request.out, earlier.first()) {
+        let (count, name) = (earlier.len(), left.file_name().unwrap_or_default());
+        context.warning(format!(
+            "{}: {count} drawn pictures in this folder are of an earlier call, such as {}",
+            out.display(),
+            name.display()
+        ));
+    }
     if let Some(surest) = surest.filter(|surest| *surest < request.least_score) {
         context.note(format!(
             "nothing has a score of {} or more; the surest detection has {surest:.3}, and a lower least score shows it",
@@ -181,6 +193,17 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         ));
     }
     Ok(Response { pictures, unread, out: request.out.clone(), scores })
+}
+
+/// The pictures of a folder that are named as drawn ones are: `0001-street.png`.
+fn drawn_pictures(folder: &Path) -> BTreeSet<PathBuf> {
+    let is_drawn = |path: &Path| {
+        let name = path.file_name().and_then(OsStr::to_str).and_then(|name| name.strip_suffix(".png"));
+        let number = name.and_then(|name| Some(name.split_once('-')?.0));
+        number.is_some_and(|number| number.len() >= 4 && number.bytes().all(|byte| byte.is_ascii_digit()))
+    };
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    entries.map(|entry| entry.path()).filter(|path| is_drawn(path)).collect()
 }
 
 /// A picture as a detector sees it, sRGB-encoded; a raw frame developed by the camera.

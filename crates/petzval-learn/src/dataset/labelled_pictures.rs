@@ -61,7 +61,8 @@ impl LabelledPictures {
     /// `least_side_px` pixels.
     ///
     /// The parts of the data set (`split`) decide what is held out: everything outside the part `train`, or outside the largest one if none is
-    /// called so. Without two parts every fifth sequence is, by name; a picture that names no sequence is one by itself. Where it is `validated`, every
+    /// called so. Without two parts every fifth sequence is, by name, or the last where there are fewer; a picture that names no sequence is one by
+    /// itself. Where it is `validated`, every
     /// fifth sequence is for validation, or the last of those for training where there are fewer; if not, they are for training.
     pub fn load(
         folder: &Path,
@@ -88,6 +89,13 @@ impl LabelledPictures {
                 folder.display()
             ));
         }
+        let unnamed = data.images.iter().filter(|image| image.split.is_none()).count();
+        if let Some(part) = training_part.filter(|_| unnamed > 0) {
+            notes.push(format!(
+                "{}: {unnamed} pictures name no part, and are held out as everything outside the part `{part}` is",
+                folder.display()
+            ));
+        }
         notes.extend(taken_as(data, wanted, classes).map(|note| format!("{}: {note}", folder.display())));
         let mut found = Self::default();
         let mut small = 0;
@@ -110,13 +118,26 @@ impl LabelledPictures {
             notes.push(format!("{}: {}", folder.display(), too_small(small, crop)));
         }
         let misfit = |problem: String| DatasetError::Labels { path: folder.to_path_buf(), problem };
+        if training_part.is_none() && found.held_out.is_empty() && !found.training.is_empty() {
+            if !found.take_last(List::HeldOut) {
+                return Err(misfit(
+                    "all pictures that can be used are of one sequence, so that none of another one is left for scoring; `split` names parts"
+                        .to_owned(),
+                ));
+            }
+            notes.push(format!(
+                "{}: there are fewer than {PART} sequences; the last one is held out, {} pictures, and scores on one sequence say little about others",
+                folder.display(),
+                found.held_out.len()
+            ));
+        }
         for (name, list) in [("training", &found.training), ("scoring", &found.held_out)] {
             if list.is_empty() {
                 let why = if small > 0 { format!(": {}", too_small(small, crop)) } else { String::new() };
                 return Err(misfit(format!("no picture is left for {name}{why}")));
             }
         }
-        if validated && found.validation.is_empty() && !found.take_validation() {
+        if validated && found.validation.is_empty() && !found.take_last(List::Validation) {
             notes.push(format!(
                 "{}: all pictures for training are of one sequence, so validation sees pictures that are trained on, and says little",
                 folder.display()
@@ -187,15 +208,17 @@ impl LabelledPictures {
         }
     }
 
-    /// Moves the last sequence of the training pictures to those for validation. `false` if there is no other sequence.
-    fn take_validation(&mut self) -> bool {
+    /// Moves the last sequence of the training pictures to another list, which is empty. `false` if there is no other sequence.
+    fn take_last(&mut self, list: List) -> bool {
         let sequences = self.sequences(List::Training);
         let Some(last) = sequences.last().filter(|_| sequences.len() > 1).map(|last| (*last).to_owned())
         else {
             return false;
         };
-        (self.validation, self.training) =
+        let (moved, kept) =
             std::mem::take(&mut self.training).into_iter().partition(|picture| picture.sequence == last);
+        self.training = kept;
+        *self.list_mut(list) = moved;
         true
     }
 
@@ -341,12 +364,12 @@ fn training_part(images: &[Image]) -> Option<&str> {
 fn list_of(image: &Image, training_part: Option<&str>, sequences: &[&str]) -> List {
     let place = || sequences.binary_search(&sequence(image)).unwrap_or(0) % PART;
     match (training_part, image.split.as_deref()) {
-        (Some(training), Some(part)) if part != training => List::HeldOut,
-        (Some(_), Some(_)) if place() + 1 == PART => List::Validation,
-        (Some(_), Some(_)) => List::Training,
-        _ if place() + 1 == PART => List::HeldOut,
-        _ if place() + 2 == PART => List::Validation,
-        _ => List::Training,
+        (Some(training), part) if part != Some(training) => List::HeldOut,
+        (Some(_), _) if place() + 1 == PART => List::Validation,
+        (Some(_), _) => List::Training,
+        (None, _) if place() + 1 == PART => List::HeldOut,
+        (None, _) if place() + 2 == PART => List::Validation,
+        (None, _) => List::Training,
     }
 }
 

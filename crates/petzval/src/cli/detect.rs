@@ -51,7 +51,8 @@ pub struct Args {
     /// Most pixels that its longer side may have after that
     #[arg(long, default_value_t = 1333, value_name = "PIXELS", requires = "weights", conflicts_with = "run")]
     longer_side: usize,
-    /// Least score of a detection that is printed and drawn; average precision and recall are of all
+    /// Least score of a detection that is printed and drawn; with --data, detections.json, average precision and recall are of all that the detector
+    /// keeps
     #[arg(long, default_value_t = 0.5, value_name = "SCORE")]
     least_score: f32,
     /// Folder for detections.json (COCO results), annotations.json (pictures, classes, and objects of --data) and pictures with boxes

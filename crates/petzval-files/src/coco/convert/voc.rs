@@ -123,16 +123,26 @@ fn parse(text: &str) -> Result<Labels, FileError> {
     let options = ParsingOptions { nodes_limit: MOST_NODES, ..ParsingOptions::default() };
     let document =
         Document::parse_with_options(text.trim_start_matches('\u{feff}'), options).map_err(|e| {
-            let place = e.pos();
+            let is_cut_off =
+                matches!(e, roxmltree::Error::UnexpectedEndOfStream | roxmltree::Error::UnclosedRootNode);
+            // The reader gives no place for the end of the file.
+            let (line, column, hint) = match is_cut_off {
+                true => (
+                    text.trim_end().lines().count() as u32,
+                    None,
+                    "the file is cut off; copy or export it again",
+                ),
+                false => (e.pos().row, Some(e.pos().col), "correct the line, or export the file again"),
+            };
             let message = e.to_string();
             let reason = message.split(" at ").next().unwrap_or(&message);
             FileError {
-                line: Some(place.row),
-                column: Some(place.col),
+                line: Some(line),
+                column,
                 key: String::new(),
-                value: quote(text.lines().nth(place.row.saturating_sub(1) as usize).unwrap_or("")),
+                value: quote(text.lines().nth(line.saturating_sub(1) as usize).unwrap_or("")),
                 message: format!("this is not XML: {reason}"),
-                hint: Some("correct the line, or export the file again".to_owned()),
+                hint: Some(hint.to_owned()),
             }
         })?;
     let root = document.root_element();

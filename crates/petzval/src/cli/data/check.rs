@@ -11,8 +11,9 @@ use crate::cli::terminal::{Terminal, print_json};
 
 /// Show what a data set in COCO format holds: pictures, boxes by class and size, and everything that is wrong with it.
 ///
-/// In a folder, annotations.json, _annotations.coco.json, annotations/instances_*.json or the one JSON file is read; pictures are beside it or in
-/// images/. The annotations are checked, and every picture is decoded.
+/// In a folder, annotations.json, _annotations.coco.json, annotations/instances_*.json, _annotations.coco.json in train/, valid/ and test/, or the one
+/// JSON file is read; several files are parts of one data set. Pictures are beside the annotations or in images/. The annotations are checked, and
+/// every picture is decoded.
 ///
 /// Exit code 2 if something cannot be used; notes alone give 0.
 #[derive(Debug, clap::Args)]

@@ -29,7 +29,8 @@ enum Format {
 /// OUT gets annotations.json and the pictures in images/. Pictures are hard links to those of IN: they take no space, and stay when IN is
 /// deleted. Where the file system does not allow links they are copies. Nothing in IN changes.
 ///
-/// A line that cannot be understood ends the conversion. Boxes that make no sense are left out and listed.
+/// A line that cannot be understood ends the conversion. Boxes that make no sense are left out and listed, and the exit code is 0; --json lists
+/// them with `severity: error`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Format of IN

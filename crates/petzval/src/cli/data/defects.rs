@@ -9,7 +9,11 @@ pub fn table(statistics: &Statistics, defects: &[Defect]) -> String {
     let list = |pairs: Vec<String>| pairs.join(", ");
     if !statistics.images_by_split.is_empty() {
         let splits = statistics.images_by_split.iter().map(|(name, n)| format!("{name} {n}"));
-        text += &format!("parts  {}\n", list(splits.collect()));
+        let unnamed = match statistics.images_without_split {
+            0 => String::new(),
+            n => format!(", without a part {n}"),
+        };
+        text += &format!("parts  {}{unnamed}\n", list(splits.collect()));
     }
     if statistics.sequences > 0 {
         text += &format!("sequences  {}\n", statistics.sequences);
