@@ -34,6 +34,10 @@ fn the_files_are_complete_and_run() {
     run_fails(folder.path(), &["design", "gray/experiment.toml", "--steps", "1"], 2, &["is monochrome"]);
     let street = ["init", "street", "--from", "pedestrian-vehicle", "--sensor", "imx250-mono"];
     assert!(!run_ok(folder.path(), &street).says("is monochrome"));
+    // Words to choose from are there, too.
+    let street = read(&folder.path().join("street/experiment.toml"));
+    let light = street.lines().find(|line| line.starts_with("light = ")).unwrap();
+    assert!(light.ends_with("# \"day\", \"dusk\", \"night\": Time of day."), "{light}");
 
     // What a user has edited is not lost.
     run_fails(folder.path(), &["init", "mine"], 2, &["exists already", "--force"]);

@@ -2,6 +2,7 @@
 
 use petzval_base::parameter::{ParameterTable, Parameters};
 use petzval_learn::loss::ImageLoss;
+use serde_json::Value;
 
 use super::{
     CheckpointConfig, ConstraintConfig, Experiment, ExposureConfig, IspConfig, NetworkConfig, OpticsConfig,
@@ -28,14 +29,16 @@ pub(super) fn tables() -> [(&'static str, ParameterTable); 13] {
     ]
 }
 
-/// [`Experiment::to_toml`] with a comment above each table and behind each number.
+/// [`Experiment::to_toml`] with a comment above each table, and behind each number and each word that is one of several.
 pub fn commented_toml(experiment: &Experiment) -> Result<String, DesignError> {
     let tables = tables();
+    let schema = schemars::schema_for!(Experiment).to_value();
     let mut current: Option<&ParameterTable> = None;
+    let mut name = "";
     let mut out = String::new();
     for line in experiment.to_toml()?.lines() {
         if let Some(header) = line.strip_prefix('[') {
-            let name = header.trim_end_matches(']');
+            name = header.trim_end_matches(']');
             current = tables.iter().find(|(table, _)| *table == name).map(|(_, table)| table);
             if let Some(table) = current {
                 out += &format!("# {}\n", table.sentence);
@@ -48,10 +51,27 @@ pub fn commented_toml(experiment: &Experiment) -> Result<String, DesignError> {
                 let unit = if p.unit.is_empty() { String::new() } else { format!(" {}", p.unit) };
                 format!("{line:<40} # {} to {}{unit}: {}\n", p.min, p.max, p.sentence)
             }
-            None => format!("{line}\n"),
+            None => match choices(&schema, name, key) {
+                Some(choices) => format!("{line:<40} # {choices}\n"),
+                None => format!("{line}\n"),
+            },
         };
     }
     Ok(out)
+}
+
+/// The words that may stand at a key, and what they decide, by the schema of experiments; none for a key of another kind.
+fn choices<'a>(schema: &'a Value, table: &str, key: &str) -> Option<String> {
+    let followed = |value: &'a Value| match value["$ref"].as_str() {
+        Some(place) => schema.pointer(place.trim_start_matches('#')),
+        None => Some(value),
+    };
+    let owner = if table.is_empty() { schema } else { followed(&schema["properties"][table])? };
+    let property = &owner["properties"][key];
+    let words = followed(property)?["oneOf"].as_array()?.iter().filter_map(|choice| choice["const"].as_str());
+    let words: Vec<String> = words.map(|word| format!("\"{word}\"")).collect();
+    let sentence = property["description"].as_str()?.replace('\n', " ");
+    (!words.is_empty()).then(|| format!("{}: {sentence}", words.join(", ")))
 }
 
 /// The numbers of an experiment as a Markdown table: key, default, range, unit, sentence.
