@@ -121,7 +121,7 @@ fn folders_that_cannot_train_or_score_a_detector_are_refused() {
 fn a_few_sequences_are_enough_and_the_last_is_held_out() {
     let few = tempfile::tempdir().unwrap();
     folder(few.path(), 6, "person");
-    mark(few.path(), |i| format!(r#""sequence": "drive-{}""#, (i + 1) / 2));
+    mark(few.path(), |i| format!(r#""sequence": "drive-{}""#, i.div_ceil(2)));
     let (pictures, notes) = load(few.path(), CROP).unwrap();
     assert_eq!([List::Training, List::Validation, List::HeldOut].map(|list| pictures.count(list)), [2, 2, 2]);
     assert!(notes.iter().any(|note| note.contains("fewer than 5 sequences")), "{notes:?}");
