@@ -125,6 +125,19 @@ fn a_few_sequences_are_enough_and_the_last_is_held_out() {
     let (pictures, notes) = load(few.path(), CROP).unwrap();
     assert_eq!([List::Training, List::Validation, List::HeldOut].map(|list| pictures.count(list)), [2, 2, 2]);
     assert!(notes.iter().any(|note| note.contains("fewer than 5 sequences")), "{notes:?}");
+    // The same one is held out with validations and without.
+    let four = tempfile::tempdir().unwrap();
+    folder(four.path(), 7, "person");
+    mark(four.path(), |i| format!(r#""sequence": "drive-{}""#, i.div_ceil(2)));
+    for (validated, counts) in [(true, [4, 2, 1]), (false, [6, 0, 1])] {
+        let classes = ["pedestrian", "vehicle"];
+        let wanted = Wanted::PeopleAndVehicles;
+        let pictures = LabelledPictures::load(four.path(), wanted, &classes, CROP, 8.0, validated).unwrap().0;
+        assert_eq!(
+            [List::Training, List::Validation, List::HeldOut].map(|list| pictures.count(list)),
+            counts
+        );
+    }
 }
 
 #[test]

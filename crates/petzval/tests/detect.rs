@@ -231,6 +231,12 @@ fn a_run_that_looks_for_objects_is_scored_again_reported_and_lends_its_detector(
     // Nothing overwrites the data set that is read.
     let args = ["detect", "--data", "in", "--run", "run", "--out", "in", "--force"];
     fails(&args, "the data set is in this folder");
+    for part in ["train", "valid"] {
+        std::fs::create_dir_all(root.join("parts").join(part)).unwrap();
+        std::fs::copy(root.join("none.json"), root.join("parts").join(part).join("_annotations.coco.json"))
+            .unwrap();
+    }
+    fails(&["detect", "--data", "parts", "--run", "run", "--out", "parts"], "the data set is in this folder");
 
     // A picture that was cut off is left out of a data set with its boxes; among named pictures it is left out and is an error at the end.
     let whole = std::fs::read(root.join("in/04.png")).unwrap();

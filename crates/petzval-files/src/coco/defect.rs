@@ -111,7 +111,7 @@ kinds! {
     PictureWithoutBoxes Warning "A picture has no boxes; it is kept as background."
         "fine if it shows none of the classes";
     ClassWithoutBoxes Warning "A class has no boxes; it has no score."
-        "fine, if nothing is to be said of it";
+        "fine if no picture shows one";
     CrowdBox Warning "A box holds a crowd; no detection in it is a mistake."
         "fine: pycocotools does the same";
     IgnoredBox Warning "A box is to be ignored; whether it is detected does not count."

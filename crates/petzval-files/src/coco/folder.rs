@@ -44,12 +44,6 @@ impl Loaded {
     }
 }
 
-/// A file that is annotated, and the name of the part that it is of.
-struct PartFile {
-    file: PathBuf,
-    part: String,
-}
-
 /// Reads a data set and checks its values; [`check_pictures`](super::check_pictures) then checks the files of its pictures.
 ///
 /// `place` is a file of annotations or a folder. In a folder these are looked for: `annotations.json`, `_annotations.coco.json`,
@@ -58,19 +52,17 @@ struct PartFile {
 /// them, in a folder named like the part: `annotations/instances_val2017.json` and `val2017/`.
 pub fn load_coco(place: &Path) -> Result<Loaded, CocoError> {
     let mut defects = Defects::default();
-    let mut files = annotation_files(place)?;
-    let mut loaded = match files.len() {
-        1 => {
-            let file = files.remove(0).file;
-            let (data, folders) = (entries(&file, &mut defects)?, picture_folders(&file));
-            Loaded { data, defects, file, folders }
+    let mut loaded = match annotation_files(place)?.as_slice() {
+        [file] => {
+            let (data, folders) = (entries(file, &mut defects)?, picture_folders(file));
+            Loaded { data, defects, file: file.clone(), folders }
         }
-        _ => {
+        several => {
             let mut parts = Vec::new();
-            for PartFile { file, part } in files {
-                let mut data = entries(&file, &mut defects)?;
+            for file in several {
+                let (mut data, part) = (entries(file, &mut defects)?, part_of(file).unwrap_or_default());
                 // Two parts may have pictures of one name, each in its own folder.
-                let folders = picture_folders(&file);
+                let folders = picture_folders(file);
                 for image in &mut data.images {
                     let found = picture_in(&folders, &image.file_name);
                     let below = found.as_deref().and_then(|path| path.strip_prefix(place).ok()?.to_str());
@@ -100,7 +92,10 @@ fn entries(file: &Path, defects: &mut Defects) -> Result<DataSet, CocoError> {
 /// The file of a picture in the first of these folders that has it. Some programs write `images\\a.png`.
 fn picture_in(folders: &[PathBuf], file_name: &str) -> Option<PathBuf> {
     let find = |name: &str| folders.iter().map(|folder| folder.join(name)).find(|path| path.is_file());
-    find(file_name).or_else(|| find(&file_name.replace('\\', "/")).filter(|_| file_name.contains('\\')))
+    match find(file_name) {
+        None if file_name.contains('\\') => find(&file_name.replace('\\', "/")),
+        found => found,
+    }
 }
 
 /// Writes the annotations of a data set, completely or not at all.
@@ -109,14 +104,13 @@ pub fn save_coco(data: &DataSet, path: &Path) -> Result<(), CocoError> {
 }
 
 /// The files of annotations of a folder, each of a part of another name, or the file itself; at least one.
-fn annotation_files(place: &Path) -> Result<Vec<PartFile>, CocoError> {
-    let one = |file: PathBuf| Ok(vec![PartFile { file, part: String::new() }]);
+fn annotation_files(place: &Path) -> Result<Vec<PathBuf>, CocoError> {
     if !place.is_dir() {
-        return one(place.to_owned());
+        return Ok(vec![place.to_owned()]);
     }
     if let Some(file) = [ANNOTATIONS, ROBOFLOW].map(|name| place.join(name)).into_iter().find(|f| f.is_file())
     {
-        return one(file);
+        return Ok(vec![file]);
     }
     let instances = |name: &str| name.starts_with("instances_");
     let of_coco = match place.join("annotations") {
@@ -128,21 +122,17 @@ fn annotation_files(place: &Path) -> Result<Vec<PartFile>, CocoError> {
     let found = [of_coco, of_roboflow].into_iter().find(|files| !files.is_empty());
     let found = found.map_or_else(|| json_files(place, |_| true), Ok)?;
     let parts: BTreeSet<String> = found.iter().filter_map(|file| part_of(file)).collect();
-    match found.as_slice() {
-        [file] => one(file.clone()),
-        [] => {
+    match found.len() {
+        0 => {
             let hint = "give a folder with `annotations.json`, or convert it with `petzval data convert`";
             Err(CocoError::content(place, "no annotations in COCO format in this folder", hint))
         }
-        several if parts.len() < several.len() => {
-            let names: Vec<String> = several.iter().take(4).map(|path| path.display().to_string()).collect();
-            let reason = format!("{} files could be the annotations", several.len());
+        several @ 2.. if parts.len() < several => {
+            let names: Vec<String> = found.iter().take(4).map(|path| path.display().to_string()).collect();
+            let reason = format!("{several} files could be the annotations");
             Err(CocoError::content(place, reason, format!("name one of them: {}", names.join(", "))))
         }
-        _ => {
-            let part_file = |file: PathBuf| PartFile { part: part_of(&file).unwrap_or_default(), file };
-            Ok(found.into_iter().map(part_file).collect())
-        }
+        _ => Ok(found),
     }
 }
 

@@ -248,9 +248,9 @@ fn whole_path(file: &Path) -> Result<String, JobError> {
 fn labelled(place: &Path, out: Option<&Path>, context: &Context) -> Result<(Vec<Looked>, DataSet), JobError> {
     let mut loaded = load_coco(place)?;
     let whole = |path: &Path| path.canonicalize().ok();
-    if let Some(out) =
-        out.filter(|out| whole(&out.join(ANNOTATIONS)).is_some_and(|p| Some(p) == whole(&loaded.file)))
-    {
+    // Annotations written beside those of several parts would be read in place of them.
+    let is_of_data = |path: &Path| whole(path).is_some_and(|p| Some(p) == whole(&loaded.file));
+    if let Some(out) = out.filter(|out| is_of_data(out) || is_of_data(&out.join(ANNOTATIONS))) {
         let message = format!("{}: the data set is in this folder", out.display());
         return Err(JobError::input(message, "name another folder for --out"));
     }

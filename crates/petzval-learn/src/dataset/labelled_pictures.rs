@@ -118,26 +118,26 @@ impl LabelledPictures {
             notes.push(format!("{}: {}", folder.display(), too_small(small, crop)));
         }
         let misfit = |problem: String| DatasetError::Labels { path: folder.to_path_buf(), problem };
-        if training_part.is_none() && found.held_out.is_empty() && !found.training.is_empty() {
-            if !found.take_last(List::HeldOut) {
-                return Err(misfit(
-                    "all pictures that can be used are of one sequence, so that none of another one is left for scoring; `split` names parts"
-                        .to_owned(),
-                ));
+        for (name, list) in [("training", &found.training), ("scoring", &found.held_out)] {
+            if list.is_empty() {
+                let why = match small {
+                    0 if sequences.len() == 1 => {
+                        ": all pictures are of one sequence; `split` names parts".to_owned()
+                    }
+                    0 => String::new(),
+                    small => format!(": {}", too_small(small, crop)),
+                };
+                return Err(misfit(format!("no picture is left for {name}{why}")));
             }
+        }
+        if training_part.is_none() && sequences.len() < PART {
             notes.push(format!(
                 "{}: there are fewer than {PART} sequences; the last one is held out, {} pictures, and scores on one sequence say little about others",
                 folder.display(),
                 found.held_out.len()
             ));
         }
-        for (name, list) in [("training", &found.training), ("scoring", &found.held_out)] {
-            if list.is_empty() {
-                let why = if small > 0 { format!(": {}", too_small(small, crop)) } else { String::new() };
-                return Err(misfit(format!("no picture is left for {name}{why}")));
-            }
-        }
-        if validated && found.validation.is_empty() && !found.take_last(List::Validation) {
+        if validated && found.validation.is_empty() && !found.take_validation() {
             notes.push(format!(
                 "{}: all pictures for training are of one sequence, so validation sees pictures that are trained on, and says little",
                 folder.display()
@@ -208,17 +208,15 @@ impl LabelledPictures {
         }
     }
 
-    /// Moves the last sequence of the training pictures to another list, which is empty. `false` if there is no other sequence.
-    fn take_last(&mut self, list: List) -> bool {
+    /// Moves the last sequence of the training pictures to those for validation. `false` if there is no other sequence.
+    fn take_validation(&mut self) -> bool {
         let sequences = self.sequences(List::Training);
         let Some(last) = sequences.last().filter(|_| sequences.len() > 1).map(|last| (*last).to_owned())
         else {
             return false;
         };
-        let (moved, kept) =
+        (self.validation, self.training) =
             std::mem::take(&mut self.training).into_iter().partition(|picture| picture.sequence == last);
-        self.training = kept;
-        *self.list_mut(list) = moved;
         true
     }
 
@@ -362,13 +360,16 @@ fn training_part(images: &[Image]) -> Option<&str> {
 }
 
 fn list_of(image: &Image, training_part: Option<&str>, sequences: &[&str]) -> List {
-    let place = || sequences.binary_search(&sequence(image)).unwrap_or(0) % PART;
+    let number = sequences.binary_search(&sequence(image)).unwrap_or(0);
+    let place = number % PART;
+    // Of fewer sequences the last is held out, but not the only one.
+    let is_last = (2..PART).contains(&sequences.len()) && number + 1 == sequences.len();
     match (training_part, image.split.as_deref()) {
         (Some(training), part) if part != Some(training) => List::HeldOut,
-        (Some(_), _) if place() + 1 == PART => List::Validation,
+        (Some(_), _) if place + 1 == PART => List::Validation,
         (Some(_), _) => List::Training,
-        (None, _) if place() + 1 == PART => List::HeldOut,
-        (None, _) if place() + 2 == PART => List::Validation,
+        (None, _) if is_last || place + 1 == PART => List::HeldOut,
+        (None, _) if place + 2 == PART => List::Validation,
         (None, _) => List::Training,
     }
 }

@@ -19,8 +19,8 @@ use super::terminal::{EXIT_STOPPED, Terminal};
 /// at the same focal length, f-number, field of view and exposure. The run folder holds the resolved experiment, every
 /// step, checkpoints, the lenses, held-out pictures, metrics.json and report.html.
 ///
-/// That one takes minutes. An experiment with a detector takes half an hour to six hours on a core; for a trial, lower `street.windows`, `street.held_out` and
-/// `training.steps` in a copy of its file (--print-config).
+/// That one takes minutes. An experiment with a detector takes half an hour to six hours on a core; for a trial, lower `street.windows`,
+/// `street.held_out` and `training.steps` in a copy of its file (--print-config).
 ///
 /// Ctrl-C finishes the current step, writes a checkpoint and exits with 75; --resume continues from there.
 #[derive(Debug, clap::Args)]

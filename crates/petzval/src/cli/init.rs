@@ -10,8 +10,8 @@ use super::terminal::{Terminal, print_json};
 
 /// Write an experiment with its lens and its sensor as files of your own, to edit and run.
 ///
-/// experiment.toml holds every key, with the range of each number or the words to choose from, and a sentence; lens.toml and sensor.toml stand beside it. A lens file of another
-/// program (.zmx, .seq, .json) will do. A lens that names no variables gets the usual ones: its radii, and its gaps of air; the last radius holds
+/// experiment.toml holds every key, with the range of each number or the words to choose from, and a sentence; lens.toml and sensor.toml stand beside
+/// it. A lens file of another program (.zmx, .seq, .json) will do. A lens that names no variables gets the usual ones: its radii, and its gaps of air; the last radius holds
 /// the focal length.
 #[derive(Debug, clap::Args)]
 pub struct Args {
