@@ -1,5 +1,8 @@
 //! The `petzval` command.
 
+// `out!`, `outln!` and `noteln!` of `cli::output` are the only ways to write: the standard macros panic where nobody can read.
+#![deny(clippy::print_stdout, clippy::print_stderr)]
+
 mod cli;
 
 use std::process::ExitCode;
@@ -12,8 +15,8 @@ use clap::Parser;
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
 fn main() -> ExitCode {
-    match cli::run(cli::Cli::parse()) {
-        Ok(code) => code,
-        Err(failure) => failure.report(),
+    match cli::Cli::try_parse() {
+        Ok(cli) => cli::output::finish(cli::run(cli)),
+        Err(said) => cli::output::usage(&said),
     }
 }

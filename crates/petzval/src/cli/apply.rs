@@ -59,7 +59,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         return print_json(&response);
     }
     for p in &response.pictures {
-        println!("{}  {} x {}, {:.1} s", p.picture.display(), p.width, p.height, p.seconds);
+        outln!("{}  {} x {}, {:.1} s", p.picture.display(), p.width, p.height, p.seconds);
     }
     Ok(ExitCode::SUCCESS)
 }

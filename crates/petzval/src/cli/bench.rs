@@ -28,7 +28,7 @@ pub struct Args {
 pub fn run(args: Args) -> Result<ExitCode, Failure> {
     let all = bench::names();
     if args.list {
-        all.iter().for_each(|name| println!("{name}"));
+        all.iter().for_each(|name| outln!("{name}"));
         return Ok(ExitCode::SUCCESS);
     }
     if let Some(unknown) = args.only.iter().find(|name| !all.contains(&name.as_str())) {
@@ -39,7 +39,7 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
         let one = bench::run(&bench::Request { workload: name.to_owned(), seconds: args.seconds })?;
         if !args.json {
             let (cpu_ms, wall_ms) = (1e3 * one.cpu_s, 1e3 * one.wall_s);
-            println!("{name:<26} {cpu_ms:>10.4} ms CPU {wall_ms:>10.4} ms wall   {}", one.work);
+            outln!("{name:<26} {cpu_ms:>10.4} ms CPU {wall_ms:>10.4} ms wall   {}", one.work);
         }
         found.push(one);
     }

@@ -37,8 +37,8 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     if args.json {
         return print_json(&response.comparisons);
     }
-    println!("{}", response.markdown);
-    println!("page: {}", response.page.display());
-    request.csv.iter().for_each(|path| println!("figures: {}", path.display()));
+    outln!("{}", response.markdown);
+    outln!("page: {}", response.page.display());
+    request.csv.iter().for_each(|path| outln!("figures: {}", path.display()));
     Ok(ExitCode::SUCCESS)
 }

@@ -88,7 +88,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     };
     if args.print_config {
         let resolved = design::resolved(&new, &context)?;
-        print!("{}", experiment::with_every_key(&resolved)?);
+        out!("{}", experiment::with_every_key(&resolved)?);
         return Ok(ExitCode::SUCCESS);
     }
     let run = match args.resume {
@@ -101,16 +101,16 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
             // Quote a path with spaces, so that the line can be pasted.
             let root = response.run.display().to_string();
             let root = if root.contains(char::is_whitespace) { format!("'{root}'") } else { root };
-            eprintln!("stopped at step {step}; continue with: petzval design --resume {root}");
+            noteln!("stopped at step {step}; continue with: petzval design --resume {root}");
             Ok(ExitCode::from(EXIT_STOPPED))
         }
         RunEnding::Finished { metrics, report, sentences } => {
             score_table::print(&metrics);
             if !sentences.is_empty() {
-                println!();
+                outln!();
             }
-            sentences.iter().for_each(|sentence| println!("{sentence}"));
-            println!("\nreport: {}", report.display());
+            sentences.iter().for_each(|sentence| outln!("{sentence}"));
+            outln!("\nreport: {}", report.display());
             Ok(ExitCode::SUCCESS)
         }
     }

@@ -128,12 +128,12 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
 
 /// Prints a line for each detection.
 fn print_found(pictures: &[Seen]) {
-    println!("file,class,score,x,y,width,height");
+    outln!("file,class,score,x,y,width,height");
     for seen in pictures {
         for found in &seen.found {
             let [x, y, width, height] = found.bbox;
             let file = seen.file.display().to_string().replace('"', "\"\"");
-            println!("\"{file}\",{},{:.3},{x:.1},{y:.1},{width:.1},{height:.1}", found.class, found.score);
+            outln!("\"{file}\",{},{:.3},{x:.1},{y:.1},{width:.1},{height:.1}", found.class, found.score);
         }
     }
 }
@@ -148,28 +148,28 @@ fn print_scores(scores: &Scores) {
         range.map_or(String::new(), |[low, high]| format!(", 95 % range {low:.3} to {high:.3}"))
     };
     let coco = &scores.coco;
-    println!("AP    {}{}", number(coco.ap), range(scores.ap_range));
-    println!("AP50  {}{}", number(coco.ap50), range(scores.ap50_range));
-    println!("AP75  {}", number(coco.ap75));
+    outln!("AP    {}{}", number(coco.ap), range(scores.ap_range));
+    outln!("AP50  {}{}", number(coco.ap50), range(scores.ap50_range));
+    outln!("AP75  {}", number(coco.ap75));
     let sizes = |of: [Option<f64>; 3]| {
         let [small, medium, large] = of.map(number);
         format!("small {small}, medium {medium}, large {large}")
     };
-    println!("AP by size      {}", sizes([coco.ap_small, coco.ap_medium, coco.ap_large]));
+    outln!("AP by size      {}", sizes([coco.ap_small, coco.ap_medium, coco.ap_large]));
     let [one, ten, hundred] = [coco.ar1, coco.ar10, coco.ar100].map(number);
-    println!(
+    outln!(
         "recall          {hundred} with the 100 best detections of a class in a picture, {ten} with 10, {one} with 1"
     );
-    println!("recall by size  {}", sizes([coco.ar_small, coco.ar_medium, coco.ar_large]));
+    outln!("recall by size  {}", sizes([coco.ar_small, coco.ar_medium, coco.ar_large]));
     if let Some(accuracy) = scores.state_accuracy {
-        println!(
+        outln!(
             "state           {accuracy:.3} of the lights that are found with a score of 0.5 or more have the right one"
         );
     }
-    println!("\n{:<20} {:>8} {:>7} {:>11}", "class", "objects", "AP", "AP50 (VOC)");
+    outln!("\n{:<20} {:>8} {:>7} {:>11}", "class", "objects", "AP", "AP50 (VOC)");
     for class in &scores.classes {
         let [ap, voc] = [class.ap, class.ap50_voc].map(number);
-        println!("{:<20} {:>8} {ap:>7} {voc:>11}", class.class, class.objects);
+        outln!("{:<20} {:>8} {ap:>7} {voc:>11}", class.class, class.objects);
     }
-    println!("over {} pictures", scores.pictures);
+    outln!("over {} pictures", scores.pictures);
 }

@@ -22,21 +22,21 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         return print_json(&found);
     }
     let machine = &found.environment;
-    println!("petzval      {}", machine.version);
-    println!("system       {} {}", machine.os, machine.architecture);
+    outln!("petzval      {}", machine.version);
+    outln!("system       {} {}", machine.os, machine.architecture);
     // An environment variable or an old CPU may limit the kernels to a narrower unit than the CPU reports.
     let narrowed = match machine.simd_used == machine.simd {
         true => String::new(),
         false => format!("; {} used", machine.simd_used),
     };
-    println!("SIMD         {}{narrowed}", machine.simd);
-    println!("threads      {} of {} cores", machine.threads, machine.cores);
+    outln!("SIMD         {}{narrowed}", machine.simd);
+    outln!("threads      {} of {} cores", machine.threads, machine.cores);
     for (name, what) in compiled_in_devices() {
-        println!("device       {name}: {what}");
+        outln!("device       {name}: {what}");
     }
-    println!("lenses       {}", found.lenses.join(", "));
-    println!("sensors      {}", found.sensors.join(", "));
-    println!("experiments  {}", found.experiments.join(", "));
-    println!("built-in files: all readable");
+    outln!("lenses       {}", found.lenses.join(", "));
+    outln!("sensors      {}", found.sensors.join(", "));
+    outln!("experiments  {}", found.experiments.join(", "));
+    outln!("built-in files: all readable");
     Ok(ExitCode::SUCCESS)
 }

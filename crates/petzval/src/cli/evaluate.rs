@@ -78,7 +78,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     }
     score_table::print(&metrics);
     let of = of.map_or_else(String::new, |of| format!(" ({of})"));
-    println!("largest difference from the run's own figures: {largest:.3e}{of}");
+    outln!("largest difference from the run's own figures: {largest:.3e}{of}");
     if let Some(made) = made {
         print_made(&made);
     }
@@ -102,15 +102,21 @@ fn source(name: PathBuf) -> Result<LensTolerances, Failure> {
 
 /// Prints what tolerances leave of the scores.
 fn print_made(made: &MadeMetrics) {
-    println!(
+    outln!(
         "\n{:<16} {:<12} {:>9} {:>9} {:>11} {:>9} {:>10}",
-        "as made", "score", "as drawn", "mean", "90 % reach", "limit", "reach it %"
+        "as made",
+        "score",
+        "as drawn",
+        "mean",
+        "90 % reach",
+        "limit",
+        "reach it %"
     );
     for row in &made.rows {
         for score in &made.scores {
             let (figures, d) = (&row.scores[&score.name], score.decimals);
             let or_nan = |value: Option<f64>| value.unwrap_or(f64::NAN);
-            println!(
+            outln!(
                 "{:<16} {:<12} {:>9.d$} {:>9.d$} {:>11.d$} {:>9.d$} {:>10.0}",
                 row.camera,
                 score.heading(),
@@ -123,8 +129,5 @@ fn print_made(made: &MadeMetrics) {
         }
     }
     let calibrated = if made.is_calibrated { "each calibrated" } else { "none calibrated" };
-    println!(
-        "{} cameras of each design, {calibrated}, {} held-out pictures each",
-        made.trials, made.pictures
-    );
+    outln!("{} cameras of each design, {calibrated}, {} held-out pictures each", made.trials, made.pictures);
 }

@@ -73,10 +73,10 @@ pub fn run(verb: ExperimentVerb, terminal: &Terminal) -> Result<ExitCode, Failur
                 return print_json(&entries);
             }
             for entry in entries {
-                println!("{}\n    {}\n    variants: {}", entry.name, entry.title, entry.variants.join(", "));
+                outln!("{}\n    {}\n    variants: {}", entry.name, entry.title, entry.variants.join(", "));
             }
         }
-        ExperimentVerb::Show { name } => print!("{}", experiment::show(&name, &terminal.context())?),
+        ExperimentVerb::Show { name } => out!("{}", experiment::show(&name, &terminal.context())?),
         ExperimentVerb::RunAll(args) => return run_all(args, terminal),
     }
     Ok(ExitCode::SUCCESS)
@@ -94,14 +94,14 @@ fn run_all(args: RunAllArgs, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let response = run_all::run(&request, &context)?;
     drop(context);
     if let Some(compared) = &response.compared {
-        println!("{}\npage: {}", compared.markdown, compared.page.display());
+        outln!("{}\npage: {}", compared.markdown, compared.page.display());
     }
     for (run, message) in &response.failed {
-        eprintln!("failed: {}: {message}", run.display());
+        noteln!("failed: {}: {message}", run.display());
     }
     Ok(match (response.is_stopped, response.failed.is_empty()) {
         (true, _) => {
-            eprintln!("stopped; the same command goes on");
+            noteln!("stopped; the same command goes on");
             ExitCode::from(EXIT_STOPPED)
         }
         (false, true) => ExitCode::SUCCESS,

@@ -39,7 +39,7 @@ impl Failure {
 
     /// Prints the failure on stderr; returns its exit code.
     pub fn report(self) -> ExitCode {
-        eprintln!("{:?}", self.report);
+        noteln!("{:?}", self.report);
         ExitCode::from(self.code)
     }
 

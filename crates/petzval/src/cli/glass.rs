@@ -48,11 +48,11 @@ pub fn chosen(named: &[PathBuf], in_full: bool) -> Result<Assets, Failure> {
     let chosen = read_glasses(&paths)?;
     let shown = if in_full { chosen.warnings.len() } else { FEW.min(chosen.warnings.len()) };
     for (path, warning) in &chosen.warnings[..shown] {
-        eprintln!("warning: {}: {warning}", path.display());
+        noteln!("warning: {}: {warning}", path.display());
     }
     if shown < chosen.warnings.len() {
         let more = chosen.warnings.len() - shown;
-        eprintln!("warning: {more} more lines of glass catalogues; `petzval glass list` shows all");
+        noteln!("warning: {more} more lines of glass catalogues; `petzval glass list` shows all");
     }
     Ok(built_in_assets().with_glasses(chosen.catalog))
 }

@@ -43,9 +43,9 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         true => "  with variables that the file did not name: look at their bounds",
         false => "",
     };
-    println!("{}{variables}", response.lens.display());
-    println!("{}", response.sensor.display());
-    println!("{}", response.experiment.display());
-    println!("\nnext: petzval design {}", response.experiment.display());
+    outln!("{}{variables}", response.lens.display());
+    outln!("{}", response.sensor.display());
+    outln!("{}", response.experiment.display());
+    outln!("\nnext: petzval design {}", response.experiment.display());
     Ok(ExitCode::SUCCESS)
 }

@@ -1,6 +1,10 @@
-//! The command line: one file per verb. Data goes to stdout, everything else to stderr.
+//! The command line: one file per verb. Data goes to stdout, everything else to stderr; [`output`] writes both.
 //!
 //! Exit codes: 0 ok, 1 the job failed, 2 bad usage or bad input, 75 stopped by a signal after a checkpoint.
+
+// Its macros are for all modules below.
+#[macro_use]
+pub mod output;
 
 mod apply;
 mod bench;
@@ -124,7 +128,6 @@ const MOST_THREADS: usize = 1024;
 
 /// Runs a parsed command line.
 pub fn run(cli: Cli) -> Result<ExitCode, Failure> {
-    end_quietly_on_broken_pipe()?;
     #[cfg(feature = "dng")]
     leave_panics_of_the_dng_reader_to_its_caller();
     failure::keep_lines_whole();
@@ -178,18 +181,4 @@ fn leave_panics_of_the_dng_reader_to_its_caller() {
             usual(panic);
         }
     }));
-}
-
-/// Ends the command quietly when the reader of a pipe ends, as in `petzval ... | head`.
-#[cfg(unix)]
-fn end_quietly_on_broken_pipe() -> Result<(), Failure> {
-    let always = std::sync::Arc::new(std::sync::atomic::AtomicBool::new(true));
-    signal_hook::flag::register_conditional_default(signal_hook::consts::SIGPIPE, always)
-        .map(|_| ())
-        .map_err(|e| Failure::job(format!("signal handlers: {e}")))
-}
-
-#[cfg(not(unix))]
-fn end_quietly_on_broken_pipe() -> Result<(), Failure> {
-    Ok(())
 }

@@ -82,6 +82,6 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         kind: args.kind.into(),
     };
     let response = psf::run(&request, &terminal.context())?;
-    eprintln!("{} fields x 3 wavelengths written to {}", request.fields, request.out.display());
+    noteln!("{} fields x 3 wavelengths written to {}", request.fields, request.out.display());
     if args.json { print_json(&response.axes) } else { Ok(ExitCode::SUCCESS) }
 }

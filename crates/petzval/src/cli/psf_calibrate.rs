@@ -50,8 +50,8 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     if args.json {
         return print_json(&response.figures);
     }
-    print!("{}", summary(&response.figures));
-    println!("\nresults in {}; open psf-calibration.html", response.out.display());
+    out!("{}", summary(&response.figures));
+    outln!("\nresults in {}; open psf-calibration.html", response.out.display());
     Ok(ExitCode::SUCCESS)
 }
 

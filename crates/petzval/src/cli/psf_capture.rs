@@ -118,7 +118,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     };
     let response = psf_capture::run(&request, &terminal.context())?;
     let out = request.out.display();
-    eprintln!(
+    noteln!(
         "{} positions, {} frames in {out}; measure them with `petzval psf-calibrate {out} --lens {}`",
         response.captures.positions.len(),
         response.frames,

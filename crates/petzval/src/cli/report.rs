@@ -39,6 +39,6 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         return served_page::serve(args.port, || watched.page());
     }
     let response = report::run(&report::Request { run: args.run, photo: args.photo }, &context)?;
-    println!("{}", response.report.display());
+    outln!("{}", response.report.display());
     Ok(ExitCode::SUCCESS)
 }

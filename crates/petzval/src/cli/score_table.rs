@@ -10,26 +10,26 @@ pub fn print(metrics: &Metrics) {
         .filter(|s| is_there(&s.name))
         .map(|s| (s, s.heading(), s.heading().chars().count().max(s.decimals + 4) + 1))
         .collect();
-    print!("\n{:<16}", "camera");
-    columns.iter().for_each(|(_, heading, width)| print!(" {heading:>width$}"));
-    print!(" {:>14} {:>12} {:>8}", "linear limit %", "RMS spot um", "EFL mm");
+    out!("\n{:<16}", "camera");
+    columns.iter().for_each(|(_, heading, width)| out!(" {heading:>width$}"));
+    out!(" {:>14} {:>12} {:>8}", "linear limit %", "RMS spot um", "EFL mm");
     let has_isp = metrics.rows.iter().any(|r| r.isp_steps > 0);
     let has_network = metrics.rows.iter().any(|r| r.network_steps > 0);
-    print!(" {:>6} {:>8}", "f/#", "FOV deg");
+    out!(" {:>6} {:>8}", "f/#", "FOV deg");
     if has_isp {
-        print!(" {:>10}", "ISP steps");
+        out!(" {:>10}", "ISP steps");
     }
     if has_network {
-        print!(" {:>14}", if metrics.is_of_objects() { "detector steps" } else { "network steps" });
+        out!(" {:>14}", if metrics.is_of_objects() { "detector steps" } else { "network steps" });
     }
-    println!();
+    outln!();
     for r in &metrics.rows {
-        print!("{:<16}", r.camera);
+        out!("{:<16}", r.camera);
         for (score, _, width) in &columns {
             let value = r.scores.get(&score.name).copied().unwrap_or(f64::NAN);
-            print!(" {value:>width$.d$}", d = score.decimals);
+            out!(" {value:>width$.d$}", d = score.decimals);
         }
-        print!(
+        out!(
             " {:>14.3} {:>12.2} {:>8.3} {:>6.3} {:>8.2}",
             r.restored_error_percent.unwrap_or(f64::NAN),
             r.rms_spot_um,
@@ -38,14 +38,14 @@ pub fn print(metrics: &Metrics) {
             r.fov_deg,
         );
         if has_isp {
-            print!(" {:>10}", r.isp_steps);
+            out!(" {:>10}", r.isp_steps);
         }
         if has_network {
-            print!(" {:>14}", r.network_steps);
+            out!(" {:>14}", r.network_steps);
         }
-        println!();
+        outln!();
     }
-    println!(
+    outln!(
         "{} {}; exposure {} e- of white",
         if metrics.is_of_objects() { "over" } else { "means over" },
         metrics.scored_on(),

@@ -7,6 +7,7 @@ use petzval::jobs::JobError;
 use tiny_http::{Header, Method, Response, Server};
 
 use super::failure::Failure;
+use super::output;
 
 /// Answers every request for `/` with the page as it then is, until a signal ends the process. Other machines cannot reach it.
 pub fn serve(port: u16, page: impl Fn() -> Result<String, JobError>) -> Result<ExitCode, Failure> {
@@ -16,7 +17,10 @@ pub fn serve(port: u16, page: impl Fn() -> Result<String, JobError>) -> Result<E
             "choose another with --port; 0 takes any that is free",
         )
     })?;
-    println!("http://{}/ shows the run as it grows; Ctrl-C ends this, and not the run", server.server_addr());
+    outln!("http://{}/ shows the run as it grows; Ctrl-C ends this, and not the run", server.server_addr());
+    if output::is_lost() {
+        return Ok(ExitCode::SUCCESS);
+    }
     for request in server.incoming_requests() {
         let is_asked_for = matches!(request.method(), Method::Get | Method::Head) && request.url() == "/";
         let (status, text, kind) = match is_asked_for.then(&page) {

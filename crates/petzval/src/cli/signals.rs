@@ -3,7 +3,6 @@
 //! Jobs that can be continued end after the current step; a second signal stops them at once. All others end at once, except that an
 //! external ISP is stopped first, with its processes and its folder; a design stops it in the middle of a step.
 
-use std::io::Write;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -30,9 +29,7 @@ pub fn stop_on_signal() -> Result<Arc<AtomicBool>, Failure> {
             if flag.swap(true, Ordering::Relaxed) {
                 std::process::exit(EXIT_AT_ONCE);
             }
-            // Where the terminal is gone, nobody reads this, and that is no reason to fail.
-            let _gone = writeln!(
-                std::io::stderr(),
+            noteln!(
                 "stopping after the current step, with a checkpoint; a second signal stops at once, without one"
             );
         }
@@ -57,8 +54,7 @@ pub fn end_within(grace: Duration) -> Result<Arc<AtomicBool>, Failure> {
             }
             std::thread::spawn(move || {
                 std::thread::sleep(grace);
-                let _gone =
-                    writeln!(std::io::stderr(), "stopped by a signal; what is not finished is not written");
+                noteln!("stopped by a signal; what is not finished is not written");
                 std::process::exit(EXIT_AT_ONCE);
             });
         }

@@ -270,7 +270,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     }
     for image in &response.images {
         for file in ["raw", "developed", "isp"].iter().filter_map(|file| image.get(*file)?.as_str()) {
-            println!("{file}");
+            outln!("{file}");
         }
     }
     Ok(ExitCode::SUCCESS)

@@ -28,7 +28,7 @@ impl Terminal {
 
 /// Prints a value as JSON on stdout, indented, with the keys of its objects in order.
 pub fn print_json(value: &impl serde::Serialize) -> Result<ExitCode, Failure> {
-    println!("{}", json(value)?);
+    outln!("{}", json(value)?);
     Ok(ExitCode::SUCCESS)
 }
 
@@ -37,6 +37,6 @@ pub fn training_ending(is_finished: bool, steps: usize) -> ExitCode {
     if is_finished {
         return ExitCode::SUCCESS;
     }
-    eprintln!("stopped after {steps} steps; --resume continues");
+    noteln!("stopped after {steps} steps; --resume continues");
     ExitCode::from(EXIT_STOPPED)
 }

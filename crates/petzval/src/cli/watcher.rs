@@ -59,8 +59,8 @@ impl Stderr {
 
     fn line(&self, text: &str) {
         match self.is_plain {
-            true => eprintln!("{text}"),
-            false => self.bar.suspend(|| eprintln!("{text}")),
+            true => noteln!("{text}"),
+            false => self.bar.suspend(|| noteln!("{text}")),
         }
     }
 }
@@ -100,7 +100,7 @@ impl Watcher for Stderr {
         } else if *done > phase.first
             && (done.is_multiple_of(PLAIN_EVERY) || phase.last_line.elapsed() > PLAIN_AFTER)
         {
-            eprintln!("{done}/{total}{}: {text}", phase.left(*done));
+            noteln!("{done}/{total}{}: {text}", phase.left(*done));
             phase.last_line = Instant::now();
         }
     }

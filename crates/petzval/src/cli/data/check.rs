@@ -39,9 +39,9 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     if args.json {
         print_json(&response)?;
     } else {
-        print!("{}", table(&response.statistics, &response.defects));
+        out!("{}", table(&response.statistics, &response.defects));
         if let Some(page) = &response.page {
-            println!("\n{}", page.display());
+            outln!("\n{}", page.display());
         }
     }
     Ok(if response.errors > 0 { ExitCode::from(EXIT_INPUT) } else { ExitCode::SUCCESS })

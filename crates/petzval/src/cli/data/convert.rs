@@ -63,8 +63,8 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     if args.json {
         return print_json(&response);
     }
-    print!("{}", table(&response.statistics, &response.defects));
-    println!(
+    out!("{}", table(&response.statistics, &response.defects));
+    outln!(
         "\n{} ({} pictures linked, {} copied)",
         response.annotations.display(),
         response.linked,

@@ -44,7 +44,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     if args.json {
         return print_json(&response.glasses);
     }
-    println!("glass             maker       nd       Vd       PgF      distance  status");
+    outln!("glass             maker       nd       Vd       PgF      distance  status");
     for glass in &response.glasses {
         let line = format!(
             "{:<17} {:<10} {:>8} {:>7}  {:>8}  {:>8.3}  {}",
@@ -56,7 +56,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
             glass.distance,
             glass.status.as_deref().unwrap_or_default()
         );
-        println!("{}", line.trim_end());
+        outln!("{}", line.trim_end());
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -25,12 +25,12 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     if args.json {
         return print_json(&response.glasses);
     }
-    println!("glass                  maker            nd       Vd  status");
+    outln!("glass                  maker            nd       Vd  status");
     for glass in &response.glasses {
         let (nd, vd) = (figure(glass.nd, 5), figure(glass.vd, 2));
         let status = glass.status.as_deref().unwrap_or_default();
         let line = format!("{:<22} {:<12} {nd:>8} {vd:>8}  {status}", glass.name, glass.maker);
-        println!("{}", line.trim_end());
+        outln!("{}", line.trim_end());
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -42,33 +42,33 @@ fn print(response: &show::Response) {
         .into_iter()
         .filter(|part| !part.is_empty())
         .collect();
-    println!("{}  {}\n", glass.name, about.join(", "));
+    outln!("{}  {}\n", glass.name, about.join(", "));
     let printed =
         |printed: &Option<String>| printed.as_ref().map_or(String::new(), |p| format!("   printed {p}"));
-    println!("  nd         {:>9}{}", figure(glass.nd, 6), printed(&response.printed_nd));
-    println!("  Vd         {:>9}{}", figure(glass.vd, 4), printed(&response.printed_vd));
-    println!("  nF, nC     {:>9}, {}", figure(glass.n_f, 6), figure(glass.n_c, 6));
+    outln!("  nd         {:>9}{}", figure(glass.nd, 6), printed(&response.printed_nd));
+    outln!("  Vd         {:>9}{}", figure(glass.vd, 4), printed(&response.printed_vd));
+    outln!("  nF, nC     {:>9}, {}", figure(glass.n_f, 6), figure(glass.n_c, 6));
     let anomaly =
         glass.p_gf_anomaly.map_or(String::new(), |anomaly| format!("   {anomaly:+.4} from the normal line"));
-    println!("  PgF        {:>9}{anomaly}", figure(glass.p_gf, 4));
+    outln!("  PgF        {:>9}{anomaly}", figure(glass.p_gf, 4));
     if let Some([min, max]) = glass.range_um {
-        println!("  range      {min} to {max} um");
+        outln!("  range      {min} to {max} um");
     }
     for e in &glass.expansion {
         let [from, to] = e.range_c;
-        println!("  expansion  {:>9.2}e-6/K from {from} to {to} C", e.per_k * 1e6);
+        outln!("  expansion  {:>9.2}e-6/K from {from} to {to} C", e.per_k * 1e6);
     }
     if let Some(density) = glass.density_g_cm3 {
-        println!("  density    {density:>9.3} g/cm3");
+        outln!("  density    {density:>9.3} g/cm3");
     }
     if let Some(cost) = glass.relative_cost {
-        println!("  cost       {cost:>9.2} of the maker's reference glass");
+        outln!("  cost       {cost:>9.2} of the maker's reference glass");
     }
     let at = match (glass.temperature_c, glass.pressure_atm) {
         (Some(c), Some(atm)) => format!("   {c} C, {atm} atm"),
         _ => String::new(),
     };
-    println!("\n  line      um       index   dn/dT 1e-6/K   {PATH_MM} mm let through{at}");
+    outln!("\n  line      um       index   dn/dT 1e-6/K   {PATH_MM} mm let through{at}");
     for line in &glass.lines {
         let dn_dt = figure(line.dn_dt_per_k.map(|v| v * 1e6), 2);
         let through = figure(line.transmission_10_mm, 4);
@@ -77,13 +77,13 @@ fn print(response: &show::Response) {
             "  {:<3} {:>9.5} {:>11.6} {dn_dt:>14} {through:>19}{in_air}",
             line.line, line.um, line.index
         );
-        println!("{}", row.trim_end());
+        outln!("{}", row.trim_end());
     }
     // Print the table for a lens file, without its long lists of absorption.
     let is_short = |line: &&str| !line.starts_with("transmission") && !line.starts_with("extinction");
     let table: Vec<String> = glass.table.lines().filter(is_short).map(|line| format!("  {line}")).collect();
-    println!("\n{}", table.join("\n"));
+    outln!("\n{}", table.join("\n"));
     if !glass.others_of_this_name.is_empty() {
-        println!("\n  other glasses of this name: {}", glass.others_of_this_name.join(", "));
+        outln!("\n  other glasses of this name: {}", glass.others_of_this_name.join(", "));
     }
 }

@@ -162,9 +162,9 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         return print_json(&response.pictures);
     }
     for developed in &response.pictures {
-        println!("{}", developed.picture.display());
+        outln!("{}", developed.picture.display());
         if let Some(strip) = &developed.strip {
-            println!("{}", strip.display());
+            outln!("{}", strip.display());
         }
     }
     Ok(ExitCode::SUCCESS)

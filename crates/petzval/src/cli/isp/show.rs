@@ -33,16 +33,16 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         return print_json(&shown);
     }
     if args.raw {
-        print!("{}", shown.settings);
+        out!("{}", shown.settings);
         return Ok(ExitCode::SUCCESS);
     }
-    println!("{}: {} parameters\n", shown.name, shown.parameters.len());
+    outln!("{}: {} parameters\n", shown.name, shown.parameters.len());
     let width = shown.parameters.iter().map(|p| p.name.len()).max().unwrap_or(0).max(9);
-    println!("  {:<width$}  {:>12}  {:<8} {:<22}", "parameter", "value", "unit", "range");
+    outln!("  {:<width$}  {:>12}  {:<8} {:<22}", "parameter", "value", "unit", "range");
     for p in &shown.parameters {
         let star = if p.value == p.default { ' ' } else { '*' };
         let range = format!("{} .. {}", p.min, p.max);
-        println!("{star} {:<width$}  {:>12}  {:<8} {range:<22} {}", p.name, p.value, p.unit, p.sentence);
+        outln!("{star} {:<width$}  {:>12}  {:<8} {range:<22} {}", p.name, p.value, p.unit, p.sentence);
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -88,11 +88,11 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     drop(context);
     match args.json {
         true => drop(print_json(&response)?),
-        false => print!("{}", summary(&response)),
+        false => out!("{}", summary(&response)),
     }
     match response.is_cancelled {
         true => {
-            eprintln!("stopped; --resume continues");
+            noteln!("stopped; --resume continues");
             Ok(ExitCode::from(EXIT_STOPPED))
         }
         false => Ok(ExitCode::SUCCESS),

@@ -70,13 +70,13 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     if args.json {
         // On one line, in the order of analysis.json.
         let data = serde_json::to_string(&response.analysis).map_err(|e| Failure::job(e.to_string()))?;
-        println!("{data}");
-        eprintln!("{written}");
+        outln!("{data}");
+        noteln!("{written}");
         return Ok(ExitCode::SUCCESS);
     }
-    print!("{}", summary(&response.analysis));
+    out!("{}", summary(&response.analysis));
     let open = if response.page.is_some() { "; open analysis.html" } else { "" };
-    println!("\n{written}{open}");
+    outln!("\n{written}{open}");
     Ok(ExitCode::SUCCESS)
 }
 

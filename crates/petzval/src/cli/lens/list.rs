@@ -24,10 +24,10 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         return print_json(&lenses);
     }
     let names = lenses.iter().map(|l| l.name.len()).fold("lens".len(), usize::max);
-    println!("{:<names$} {:>8} {:>8} {:>7} {:>10}  source", "lens", "surfaces", "EFL mm", "f/", "field deg");
+    outln!("{:<names$} {:>8} {:>8} {:>7} {:>10}  source", "lens", "surfaces", "EFL mm", "f/", "field deg");
     for l in &lenses {
         let number = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |v| format!("{v:.2}"));
-        println!(
+        outln!(
             "{:<names$} {:>8} {:>8} {:>7} {:>10.1}  {}",
             l.name,
             l.surfaces,

@@ -34,7 +34,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
             if !args.json
                 && let Ok(Prescription { name, surfaces }) = show::prescription(&request, &silent)
             {
-                eprintln!("{}", prescription(&name, &surfaces));
+                noteln!("{}", prescription(&name, &surfaces));
             }
             return Err(error.into());
         }
@@ -83,39 +83,43 @@ fn figure(value: Option<f64>, decimals: usize) -> String {
 
 fn print(response: &Response) {
     let f = &response.figures;
-    print!("{}", prescription(&f.name, &f.surfaces));
+    out!("{}", prescription(&f.name, &f.surfaces));
     let object = match f.object_distance_mm {
         None => "at infinity".to_owned(),
         Some(distance) => format!("{distance} mm before the first vertex"),
     };
-    println!("\n  object              {object}");
-    println!("  focal length        {:>9} mm at {} um", figure(f.efl_mm, 4), f.reference_um);
-    println!("  back focal length   {:>9} mm", figure(f.bfl_mm, 4));
-    println!("  f-number            {:>9}    entrance pupil {:.4} mm", figure(f.f_number, 4), f.epd_mm);
+    outln!("\n  object              {object}");
+    outln!("  focal length        {:>9} mm at {} um", figure(f.efl_mm, 4), f.reference_um);
+    outln!("  back focal length   {:>9} mm", figure(f.bfl_mm, 4));
+    outln!("  f-number            {:>9}    entrance pupil {:.4} mm", figure(f.f_number, 4), f.epd_mm);
     if let Some(magnification) = f.magnification {
-        println!(
+        outln!(
             "  magnification       {magnification:>+9.4}    working f-number {}",
             figure(f.working_f_number, 4)
         );
     }
     let image = if f.magnification.is_some() { "image" } else { "focus" };
-    println!("  total track         {:>9} mm to the paraxial {image}", figure(f.total_track_mm, 4));
+    outln!("  total track         {:>9} mm to the paraxial {image}", figure(f.total_track_mm, 4));
     let defocus = f.defocus_mm.map_or_else(|| "-".to_owned(), |defocus| format!("{defocus:+.4}"));
-    println!("  image plane         {defocus:>9} mm from the paraxial {image}");
+    outln!("  image plane         {defocus:>9} mm from the paraxial {image}");
     match &f.seidel {
-        Some(s) => println!(
+        Some(s) => outln!(
             "\n  Seidel sums, mm     S1 {:+.5}  S2 {:+.5}  S3 {:+.5}  S4 {:+.5}  S5 {:+.5}",
-            s.s1, s.s2, s.s3, s.s4, s.s5
+            s.s1,
+            s.s2,
+            s.s3,
+            s.s4,
+            s.s5
         ),
-        None => println!(
+        None => outln!(
             "\n  Seidel sums         not defined for thin lenses, diffractive power and fields of 90 degrees and more"
         ),
     }
-    println!("\n  RMS spot radius, um, all wavelengths");
-    println!("  field deg   paraxial pupil   real stop   illumination");
+    outln!("\n  RMS spot radius, um, all wavelengths");
+    outln!("  field deg   paraxial pupil   real stop   illumination");
     for (i, field) in f.fields_deg.iter().enumerate() {
         let illumination = &f.relative_illumination[i];
-        println!(
+        outln!(
             "  {field:>9.2}   {:>14}   {:>9.2}   {:>12.3}",
             figure(f.rms_spot_poly_um[i], 2),
             f.rms_spot_poly_real_stop_um[i],
@@ -123,6 +127,6 @@ fn print(response: &Response) {
         );
     }
     for warning in f.warnings.iter().filter(|warning| !response.reported_warnings.contains(warning)) {
-        println!("\n  warning: {warning}");
+        outln!("\n  warning: {warning}");
     }
 }

@@ -55,16 +55,16 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     if args.json {
         return print_json(&response);
     }
-    println!("status: {}", response.status);
-    println!("{:>8} {:>14} {:>14} {:>14} {:>12} {:>12} {:>12}", "", "x mm", "y mm", "z mm", "l", "m", "n");
+    outln!("status: {}", response.status);
+    outln!("{:>8} {:>14} {:>14} {:>14} {:>12} {:>12} {:>12}", "", "x mm", "y mm", "z mm", "l", "m", "n");
     for (i, place) in response.surfaces.iter().enumerate() {
-        println!("{}", row(&(i + 1).to_string(), place));
+        outln!("{}", row(&(i + 1).to_string(), place));
     }
     if let Some(image) = &response.image {
-        println!("{}", row("image", image));
+        outln!("{}", row("image", image));
     }
     if let Some(opl_mm) = response.opl_mm {
-        println!("optical path: {opl_mm:.9} mm");
+        outln!("optical path: {opl_mm:.9} mm");
     }
     Ok(ExitCode::SUCCESS)
 }

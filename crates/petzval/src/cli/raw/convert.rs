@@ -86,6 +86,6 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     if args.json {
         return print_json(&response.frame);
     }
-    println!("{}\n{}", response.frame.file, response.sidecar.display());
+    outln!("{}\n{}", response.frame.file, response.sidecar.display());
     Ok(ExitCode::SUCCESS)
 }

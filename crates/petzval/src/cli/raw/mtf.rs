@@ -54,7 +54,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     if args.json {
         return print_json(&response);
     }
-    print!("{}", table(&response));
+    out!("{}", table(&response));
     Ok(ExitCode::SUCCESS)
 }
 

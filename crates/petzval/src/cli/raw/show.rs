@@ -27,17 +27,24 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     if args.json {
         return print_json(&frame);
     }
-    println!("{}", frame.file);
-    println!("  {:<13} {} rows x {} columns", "size", frame.height, frame.width);
-    facts(&frame.info).iter().for_each(|(name, value)| println!("  {name:<13} {value}"));
-    println!();
-    println!(
+    outln!("{}", frame.file);
+    outln!("  {:<13} {} rows x {} columns", "size", frame.height, frame.width);
+    facts(&frame.info).iter().for_each(|(name, value)| outln!("  {name:<13} {value}"));
+    outln!();
+    outln!(
         "  {:<6} {:>9} {:>7} {:>7} {:>10} {:>9} {:>8} {:>9}",
-        "colour", "pixels", "min DN", "max DN", "mean DN", "sd DN", "at zero", "saturated"
+        "colour",
+        "pixels",
+        "min DN",
+        "max DN",
+        "mean DN",
+        "sd DN",
+        "at zero",
+        "saturated"
     );
     for s in &frame.colours {
         let saturated = s.saturated.map_or("-".to_owned(), |n| n.to_string());
-        println!(
+        outln!(
             "  {:<6} {:>9} {:>7} {:>7} {:>10.3} {:>9.3} {:>8} {saturated:>9}",
             s.colour.name(),
             s.pixels,

@@ -112,9 +112,9 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     if args.json {
         return print_json(&written);
     }
-    println!("{}", written.list.display());
+    outln!("{}", written.list.display());
     if written.kept > 0 {
-        eprintln!("{} of {} frames already existed", written.kept, written.frames);
+        noteln!("{} of {} frames already existed", written.kept, written.frames);
     }
     Ok(ExitCode::SUCCESS)
 }

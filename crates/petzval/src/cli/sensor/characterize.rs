@@ -79,7 +79,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     if args.json {
         return print_json(&found);
     }
-    print!("{}", table(&found, request.values));
+    out!("{}", table(&found, request.values));
     Ok(ExitCode::SUCCESS)
 }
 

@@ -23,15 +23,20 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         return print_json(&sensors);
     }
     let names = sensors.iter().map(|s| s.name.len()).fold("sensor".len(), usize::max);
-    println!(
+    outln!(
         "{:<names$} {:>11} {:>9} {:>7} {:>12} {:>13}  source",
-        "sensor", "pixels", "pitch um", "filter", "full well e-", "read noise e-"
+        "sensor",
+        "pixels",
+        "pitch um",
+        "filter",
+        "full well e-",
+        "read noise e-"
     );
     for s in &sensors {
         let pixels = format!("{} x {}", s.width, s.height);
         // `sensor show` prints the whole of it.
         let source = s.source.split_once(": ").map_or(&s.source[..], |(place, _)| place);
-        println!(
+        outln!(
             "{:<names$} {pixels:>11} {:>9} {:>7} {:>12} {:>13}  {source}",
             s.name,
             six_digits(s.pixel_um),

@@ -118,17 +118,33 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     if args.json {
         return print_json(&response);
     }
-    print!("{}", facts(&response.sensor));
-    println!(
+    out!("{}", facts(&response.sensor));
+    outln!(
         "\n{:>8} {:>9} {:>11} {:>11} {:>11} {:>10} {:>9} {:>10} {:>8}",
-        "gain", "K g", "dark noise", "dark noise", "threshold", "saturation", "SNR max", "dynamic", "range"
+        "gain",
+        "K g",
+        "dark noise",
+        "dark noise",
+        "threshold",
+        "saturation",
+        "SNR max",
+        "dynamic",
+        "range"
     );
-    println!(
+    outln!(
         "{:>8} {:>9} {:>11} {:>11} {:>11} {:>10} {:>9} {:>10} {:>8}",
-        "", "DN/e-", "DN", "e-", "e-", "e-", "dB", "", "dB"
+        "",
+        "DN/e-",
+        "DN",
+        "e-",
+        "e-",
+        "e-",
+        "dB",
+        "",
+        "dB"
     );
     for d in &response.derived {
-        println!(
+        outln!(
             "{:>8} {:>9.5} {:>11.4} {:>11.3} {:>11.3} {:>10.0} {:>9.2} {:>10.1} {:>8.2}{}",
             six_digits(d.linear_gain),
             d.gain_dn_per_e,

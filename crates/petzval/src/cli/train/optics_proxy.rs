@@ -69,7 +69,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     drop(context);
     match args.json {
         true => drop(print_json(&response)?),
-        false => print!("{}", summary(&response)),
+        false => out!("{}", summary(&response)),
     }
     Ok(training_ending(response.gap.is_some(), response.steps))
 }

@@ -143,24 +143,24 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     } else {
         print(&response);
         print_trades(&response.found.trades);
-        println!("\nlens: {}", response.found.lens.display());
+        outln!("\nlens: {}", response.found.lens.display());
     }
     Ok(if response.is_cancelled { ExitCode::from(EXIT_STOPPED) } else { ExitCode::SUCCESS })
 }
 
 fn print(response: &Response) {
     let start = response.found.start.as_ref().map(|start| rows(&response.fields_deg, start));
-    println!("\n{:<26} {:>12} {:>12}", "", if start.is_some() { "start" } else { "" }, "best");
+    outln!("\n{:<26} {:>12} {:>12}", "", if start.is_some() { "start" } else { "" }, "best");
     for (i, (name, best, unit)) in rows(&response.fields_deg, &response.found.best).into_iter().enumerate() {
         let start = start.as_ref().map_or_else(String::new, |rows| figure(rows[i].1));
-        println!("{name:<26} {start:>12} {:>12} {unit}", figure(best));
+        outln!("{name:<26} {start:>12} {:>12} {unit}", figure(best));
     }
-    println!(
+    outln!(
         "RMS spots: all wavelengths together, through the real stop, on the image plane where they are least; the mean is that of \
          the fields"
     );
     for (what, amount) in response.found.best.violations_mm.iter().filter(|(_, mm)| *mm > 1e-4) {
-        println!("not met: {what}, by {amount:.4} mm");
+        outln!("not met: {what}, by {amount:.4} mm");
     }
 }
 
@@ -198,14 +198,9 @@ fn figure(value: Option<f64>) -> String {
 
 fn print_trades(trades: &[Trade]) {
     let Some(first) = trades.first() else { return };
-    println!("\n{:<28} {:>10} {:>10}", "with the requirement", "spot um", "more um");
+    outln!("\n{:<28} {:>10} {:>10}", "with the requirement", "spot um", "more um");
     for t in trades {
         let note = if t.violations > 0 { "  (limits not met)" } else { "" };
-        println!(
-            "{:<28} {:>10.3} {:>+10.3}{note}",
-            t.asked,
-            t.mean_rms_um,
-            t.mean_rms_um - first.mean_rms_um
-        );
+        outln!("{:<28} {:>10.3} {:>+10.3}{note}", t.asked, t.mean_rms_um, t.mean_rms_um - first.mean_rms_um);
     }
 }

@@ -137,7 +137,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     }
     table::print(&response, args.all);
     if let Some(out) = &request.out {
-        eprintln!("written to {}", out.display());
+        noteln!("written to {}", out.display());
     }
     Ok(ExitCode::SUCCESS)
 }

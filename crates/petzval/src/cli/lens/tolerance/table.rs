@@ -8,13 +8,13 @@ const ROWS: usize = 20;
 /// Prints the table.
 pub fn print(response: &Response, all: bool) {
     let Response { report, compensators, .. } = response;
-    println!("{}: {}\n", report.lens, report.merit);
+    outln!("{}: {}\n", report.lens, report.merit);
     if compensators.is_empty() {
-        println!("nothing is adjusted on a lens");
+        outln!("nothing is adjusted on a lens");
     } else {
-        println!("adjusted on every lens: {}", compensators.join(", "));
+        outln!("adjusted on every lens: {}", compensators.join(", "));
     }
-    println!("nominal {:.4} {}\n", report.nominal, report.unit);
+    outln!("nominal {:.4} {}\n", report.nominal, report.unit);
     sensitivities(report, all);
     estimate(report);
     if let Some(random) = &report.monte_carlo {
@@ -30,8 +30,8 @@ fn sensitivities(report: &Report, all: bool) {
     let has_inverse = rows.iter().any(|row| row.inverse_tolerance.is_some());
     let inverse = if has_inverse { format!("{:>18}", "should be") } else { String::new() };
     let of_unit = if report.unit.is_empty() { String::new() } else { format!(", {}", report.unit) };
-    println!("change of the merit{of_unit}, with one quantity off by its tolerance");
-    println!("{:<width$} {:>18} {:>10} {:>10} {:>11}{inverse}", "", "tolerance", "minus", "plus", "by slope");
+    outln!("change of the merit{of_unit}, with one quantity off by its tolerance");
+    outln!("{:<width$} {:>18} {:>10} {:>10} {:>11}{inverse}", "", "tolerance", "minus", "plus", "by slope");
     for row in &rows[..shown] {
         let change = |merit: Option<f64>| {
             merit.map_or_else(
@@ -52,10 +52,10 @@ fn sensitivities(report: &Report, all: bool) {
             change(row.merit_at_plus),
             row.derivative * row.tolerance,
         );
-        println!("{}", line.trim_end());
+        outln!("{}", line.trim_end());
     }
     if shown < rows.len() {
-        println!("and {} more of less effect (--all)", rows.len() - shown);
+        outln!("and {} more of less effect (--all)", rows.len() - shown);
     }
 }
 
@@ -70,15 +70,15 @@ fn figure(name: &str, value: Option<f64>, unit: &str) -> String {
 /// Prints the estimate for built lenses from the sensitivities.
 fn estimate(report: &Report) {
     let unit = &report.unit;
-    println!("\nas built, by the table");
+    outln!("\nas built, by the table");
     let Some(e) = &report.estimate else {
-        println!("  no estimate: a lens with one quantity at its tolerance has no image");
+        outln!("  no estimate: a lens with one quantity at its tolerance has no image");
         return;
     };
-    println!("{}", figure("root sum square", e.root_sum_square, unit));
-    println!("{}", figure("mean, second order", e.mean, unit));
-    println!("{}", figure("standard deviation", e.standard_deviation, unit));
-    println!("{}", figure("the same by slopes alone", e.linear_spread, unit));
+    outln!("{}", figure("root sum square", e.root_sum_square, unit));
+    outln!("{}", figure("mean, second order", e.mean, unit));
+    outln!("{}", figure("standard deviation", e.standard_deviation, unit));
+    outln!("{}", figure("the same by slopes alone", e.linear_spread, unit));
 }
 
 /// Prints the statistics of random lenses.
@@ -88,26 +88,26 @@ fn lenses(report: &Report, random: &RandomLenses, compensators: &[String]) {
         Better::Lower => "at most",
         Better::Higher => "at least",
     };
-    println!("\n{} lenses at random, seed {}", random.trials, random.seed);
+    outln!("\n{} lenses at random, seed {}", random.trials, random.seed);
     if random.failed > 0 {
-        println!("  {:<25} {:>9}", "without an image", random.failed);
+        outln!("  {:<25} {:>9}", "without an image", random.failed);
     }
-    println!("{}", figure("mean", random.mean, unit));
-    println!("{}", figure("standard deviation", random.standard_deviation, unit));
+    outln!("{}", figure("mean", random.mean, unit));
+    outln!("{}", figure("standard deviation", random.standard_deviation, unit));
     for percentile in &random.percentiles {
         let name = format!("{:>2.0} % have {reach}", percentile.percent);
-        println!("{}", figure(&name, percentile.merit, unit));
+        outln!("{}", figure(&name, percentile.merit, unit));
     }
     if let (Some(limit), Some(share)) = (random.limit, random.yield_at_limit) {
-        println!("  yield: {:.1} % have {reach} {limit} {unit}", 100.0 * share);
+        outln!("  yield: {:.1} % have {reach} {limit} {unit}", 100.0 * share);
     }
     for (travel, name) in random.compensators.iter().zip(compensators) {
         match (travel.mean, travel.standard_deviation, travel.least, travel.greatest) {
-            (Some(mean), Some(deviation), Some(least), Some(greatest)) => println!(
+            (Some(mean), Some(deviation), Some(least), Some(greatest)) => outln!(
                 "  {name} moves by {mean:+.4} +- {deviation:.4} {} ({least:+.4} ... {greatest:+.4})",
                 travel.quantity.unit
             ),
-            _ => println!("  {name}: too few lenses for statistics"),
+            _ => outln!("  {name}: too few lenses for statistics"),
         }
     }
 }
