@@ -223,7 +223,13 @@ fn key_before(text: &str, offset: usize) -> &str {
     left.trim_end().rsplit([' ', '\t', '\n', '{', ',', '.']).next().unwrap_or("")
 }
 
-/// The hint for an unknown key: the known key of the same quantity in another unit, or the nearest spelling.
+/// Units that keys end with.
+const UNITS: [&str; 20] = [
+    "mm", "um", "nm", "cm", "m", "in", "deg", "rad", "e", "dn", "s", "ms", "us", "db", "ev", "lux",
+    "percent", "k", "c", "px",
+];
+
+/// The hint for an unknown key: the nearest spelling, or the known key of the same quantity in another unit.
 fn key_hint(unknown: &str, known: &[&str]) -> Option<String> {
     // One letter too many or too few is a misspelling, not another unit.
     let nearly = |key: &&&str| {
@@ -237,19 +243,49 @@ fn key_hint(unknown: &str, known: &[&str]) -> Option<String> {
     if let Some(key) = known.iter().filter(begins).min_by_key(|key| key.len()) {
         return Some(format!("did you mean `{key}`?"));
     }
-    let stem = |key: &str| key.rsplit_once('_').map(|(stem, unit)| (stem.to_owned(), unit.to_owned()));
-    if let Some((wrong_stem, wrong_unit)) = stem(unknown) {
-        for key in known {
-            if stem(key).is_some_and(|(known_stem, unit)| known_stem == wrong_stem && unit != wrong_unit) {
-                let unit = key.rsplit('_').next().unwrap_or("");
-                return Some(format!("convert from {wrong_unit} to {unit} and write `{key}`"));
-            }
+    // The same quantity in another unit. The last word of `l1_wieght` is no unit, but a misspelling.
+    let of_quantity = unknown.rsplit_once('_').and_then(|(quantity, unit)| {
+        let other = |key: &&&str| {
+            key.rsplit_once('_').is_some_and(|(known, other)| {
+                known == quantity
+                    && UNITS.contains(&other)
+                    && (UNITS.contains(&unit) || nearest(unit, &[other]).is_none())
+            })
+        };
+        Some((unit, *known.iter().find(other)?))
+    });
+    if let Some((wrong_unit, key)) = of_quantity {
+        let unit = key.rsplit('_').next().unwrap_or("");
+        return Some(format!("convert from {wrong_unit} to {unit} and write `{key}`"));
+    }
+    Some(match nearest(unknown, known) {
+        Some(near) => format!("did you mean `{near}`?"),
+        None => format!("the keys here are {}", known.join(", ")),
+    })
+}
+
+/// The known word that an unknown one misspells: at most half of its letters differ.
+pub fn nearest<'k>(unknown: &str, known: &[&'k str]) -> Option<&'k str> {
+    let distance = |word: &&str| strsim::damerau_levenshtein(unknown, word);
+    let near = known.iter().copied().min_by_key(distance)?;
+    (2 * distance(&near) <= unknown.chars().count()).then_some(near)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::key_hint;
+
+    #[test]
+    fn a_misspelled_last_word_is_no_unit() {
+        let loss = ["l1_weight", "lpips_weight", "ssim_weight"];
+        assert_eq!(key_hint("l1_wieght", &loss).unwrap(), "did you mean `l1_weight`?");
+        assert_eq!(key_hint("wieght", &["goal", "weight", "weight_mm"]).unwrap(), "did you mean `weight`?");
+        assert_eq!(key_hint("ssim_scale", &loss).unwrap(), "did you mean `ssim_weight`?");
+        let lens = ["radius_mm", "thickness_mm", "semi_diameter_mm"];
+        assert_eq!(key_hint("radius_mn", &lens).unwrap(), "did you mean `radius_mm`?");
+        for unit in ["um", "cm", "inch", "furlongs"] {
+            let hint = format!("convert from {unit} to mm and write `radius_mm`");
+            assert_eq!(key_hint(&format!("radius_{unit}"), &lens).unwrap(), hint);
         }
     }
-    let distance = |key: &&&str| strsim::damerau_levenshtein(unknown, key);
-    let nearest = known.iter().min_by_key(distance)?;
-    Some(match 2 * distance(&nearest) <= unknown.len() {
-        true => format!("did you mean `{nearest}`?"),
-        false => format!("the keys here are {}", known.join(", ")),
-    })
 }

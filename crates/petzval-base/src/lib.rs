@@ -17,5 +17,5 @@ pub mod simd;
 pub mod statistics;
 mod whole_file;
 
-pub use file_error::{FileError, quote};
+pub use file_error::{FileError, nearest, quote};
 pub use whole_file::{open_file, read_at_most, read_text, read_whole, write_whole};

@@ -9,6 +9,7 @@ use petzval_camera::sensor::{Capture, Noise, NoiseMode, SensorModel};
 use petzval_design::boxes::with_boxes;
 use petzval_design::camera::{Camera, Shot};
 use petzval_design::error::DesignError;
+use petzval_design::experiment::SCENE;
 use petzval_design::run::RunFolder;
 use petzval_design::setup::Setup;
 use petzval_files::raw_file::{RawFrame, load_raw, sidecar_path};
@@ -19,7 +20,7 @@ use serde::{Deserialize, Serialize};
 use crate::context::Context;
 use crate::error::{JobError, make_folder, write_file};
 use crate::evaluate::camera_of;
-use crate::results::check_folder;
+use crate::results::{check_distinct, check_folder};
 use crate::run_page::warn_of_changed_config;
 
 pub use crate::simulate::Place;
@@ -71,9 +72,6 @@ pub struct Applied {
 /// Least score of a detection whose box is drawn.
 const LEAST_SCORE: f32 = 0.5;
 
-/// Ends the name of the photograph as it lies on the sensor.
-const SCENE: &str = "scene";
-
 /// What a camera is given.
 enum Subject {
     /// A photograph that covers the sensor.
@@ -92,10 +90,12 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let names = chosen(request, &folder, &all)?;
     let stems = stems(&request.images)?;
     let cameras = names.iter().map(String::as_str);
-    let files = stems
+    let files: Vec<String> = stems
         .iter()
-        .flat_map(|stem| cameras.clone().chain([SCENE]).map(move |name| format!("{stem}-{name}.png")));
-    check_folder(&request.out, files, context)?;
+        .flat_map(|stem| cameras.clone().chain([SCENE]).map(move |name| format!("{stem}-{name}.png")))
+        .collect();
+    check_distinct(&files)?;
+    check_folder(&request.out, &files, context)?;
 
     // Cameras are made before pictures are read: a run that lacks one is found at once.
     let setup = Setup::without_photos(experiment, &context.assets, context.device(&request.device)?)?;

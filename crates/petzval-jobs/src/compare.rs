@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
 use crate::error::JobError;
-use crate::results::check_file;
+use crate::results::{check_file, has_ending};
 
 /// Runs to compare.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -45,6 +45,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     if request.runs.is_empty() {
         return Err(JobError::input("there is no run to compare", "name folders of finished runs"));
     }
+    check_endings(request)?;
     let comparisons = compare(&request.runs, &context.assets)?;
     check_file(&request.out, context)?;
     request.csv.iter().try_for_each(|path| check_file(path, context))?;
@@ -63,6 +64,42 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     };
     let markdown = groups.iter().map(of_group).collect::<Vec<_>>().join("\n");
     Ok(Response { comparisons, page: request.out.clone(), markdown })
+}
+
+/// Sees that the names of the results say what they hold.
+fn check_endings(request: &Request) -> Result<(), JobError> {
+    let Request { out, csv, .. } = request;
+    if !["html", "htm"].iter().any(|ending| has_ending(out, ending)) {
+        let page = out.with_extension("html");
+        let hint = match out.extension().and_then(|ending| ending.to_str()) {
+            Some("csv") => format!(
+                "--csv {} writes the figures; --out names the page, such as {}",
+                out.display(),
+                page.display()
+            ),
+            Some("json") => "--json prints the figures; --out names the page".to_owned(),
+            Some("md") => "the tables are printed in Markdown; --out names the page".to_owned(),
+            _ => format!("name it {}", page.display()),
+        };
+        return Err(JobError::setting(
+            "out",
+            out.display(),
+            "the page is HTML, and its name does not end in .html",
+            hint,
+        ));
+    }
+    match csv {
+        Some(csv) if !has_ending(csv, "csv") => {
+            let hint = format!("name it {}", csv.with_extension("csv").display());
+            Err(JobError::setting(
+                "csv",
+                csv.display(),
+                "the figures are CSV, and the name does not end in .csv",
+                hint,
+            ))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// An experiment on the page: the tables of its comparison, and lenses, curves and pictures of its first run.

@@ -1,7 +1,8 @@
 //! What every job is given beside its request.
 
-use std::sync::Arc;
+use std::collections::HashSet;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
 
 use petzval_design::assets::Assets;
 use petzval_learn::Device;
@@ -47,6 +48,31 @@ impl Watcher for Silent {
     fn warning(&self, _: &str) {}
 }
 
+/// Passes each warning on once: several parts of a job may find the same.
+struct Once {
+    watcher: Arc<dyn Watcher>,
+    said: Mutex<HashSet<String>>,
+}
+
+impl Watcher for Once {
+    fn warning(&self, text: &str) {
+        // The set stays valid if a thread panics while it holds the lock.
+        let mut said = self.said.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        if said.insert(text.to_owned()) {
+            drop(said);
+            self.watcher.warning(text);
+        }
+    }
+
+    fn note(&self, text: &str) {
+        self.watcher.note(text);
+    }
+
+    fn progress(&self, progress: &Progress) {
+        self.watcher.progress(progress);
+    }
+}
+
 /// Library, watcher and cancellation of a job.
 #[derive(Clone)]
 pub struct Context {
@@ -59,8 +85,9 @@ pub struct Context {
 }
 
 impl Context {
-    /// A context whose library reports its warnings to the same watcher as its jobs.
+    /// A context whose library reports its warnings to the same watcher as its jobs; each warning is reported once.
     pub fn new(assets: Assets, watcher: Arc<dyn Watcher>) -> Self {
+        let watcher = Arc::new(Once { watcher, said: Mutex::default() });
         let sink = watcher.clone();
         let assets = assets.reporting_warnings(Arc::new(move |text: &str| sink.warning(text)));
         let cancelled = Arc::default();
@@ -136,5 +163,29 @@ impl Context {
     /// The tensor device of a name, with automatic differentiation: `cpu`, or one that this build has a feature for.
     pub fn device(&self, name: &str) -> Result<Device, JobError> {
         device::device(name)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Default)]
+    struct Kept(Mutex<Vec<String>>);
+
+    impl Watcher for Kept {
+        fn warning(&self, text: &str) {
+            self.0.lock().unwrap().push(text.to_owned());
+        }
+    }
+
+    #[test]
+    fn a_warning_is_said_once_by_whichever_part_of_a_job() {
+        let kept = Arc::new(Kept::default());
+        let context = Context::new(crate::built_in_assets(), kept.clone());
+        context.warning("one");
+        context.warning("two");
+        context.clone().overwriting(true).warning("one");
+        assert_eq!(*kept.0.lock().unwrap(), ["one", "two"]);
     }
 }

@@ -6,6 +6,36 @@ use std::path::Path;
 use crate::context::Context;
 use crate::error::JobError;
 
+/// Endings of files that are read or written here, or that people would expect.
+const FILE_ENDINGS: [&str; 26] = [
+    "agf",
+    "csv",
+    "dng",
+    "exr",
+    "hdr",
+    "htm",
+    "html",
+    "jpeg",
+    "jpg",
+    "json",
+    "jsonl",
+    "md",
+    "npy",
+    "pdf",
+    "png",
+    "raw",
+    "safetensors",
+    "seq",
+    "svg",
+    "tif",
+    "tiff",
+    "toml",
+    "txt",
+    "y4m",
+    "yuv",
+    "zmx",
+];
+
 /// Sees that the folder `out`, which need not exist, can take files of these names. Fails if nothing can be written there, and, unless
 /// the context lets results be overwritten, if one of the files is there.
 pub(crate) fn check_folder<N: AsRef<Path>>(
@@ -16,10 +46,40 @@ pub(crate) fn check_folder<N: AsRef<Path>>(
     if out.exists() && !out.is_dir() {
         return Err(refused(out, "this is a file", "give a folder; it is made if it does not exist"));
     }
+    if !out.exists() && names_a_file(out) {
+        let folder = out.with_extension("");
+        let hint = format!(
+            "results go into a folder, such as {}; it is made if it does not exist",
+            folder.display()
+        );
+        return Err(refused(out, "this is the name of a file", &hint));
+    }
     // The folder is made with its parents: what counts is the nearest one that is there.
     let there = out.ancestors().find(|folder| folder.exists()).unwrap_or(Path::new("."));
     check_writable(there, out)?;
     names.into_iter().try_for_each(|name| check_unused(&out.join(name), context))
+}
+
+/// Whether a name ends as those of files do.
+fn names_a_file(path: &Path) -> bool {
+    FILE_ENDINGS.iter().any(|ending| has_ending(path, ending))
+}
+
+/// Whether a file's name has an ending, in small letters or capitals.
+pub(crate) fn has_ending(path: &Path, ending: &str) -> bool {
+    path.extension().is_some_and(|own| own.eq_ignore_ascii_case(ending))
+}
+
+/// Sees that no two results have one name, also on systems that take `A` for `a`.
+pub(crate) fn check_distinct(files: &[String]) -> Result<(), JobError> {
+    let mut seen = std::collections::BTreeSet::new();
+    match files.iter().find(|file| !seen.insert(file.to_lowercase())) {
+        Some(twice) => Err(JobError::input(
+            format!("two results would be called {twice}"),
+            "give the inputs other names, or write them into different folders with --out",
+        )),
+        None => Ok(()),
+    }
 }
 
 /// Sees that a file can be written; its folder must exist. Fails as [`check_folder`] does.

@@ -12,17 +12,17 @@ pub use tables::{
     StreetConfig, TrainingConfig, ValidationConfig,
 };
 pub(crate) use tables::{OF_THE_WHOLE_FRAME, places_of};
-pub use variants::{Goal, ScheduleConfig, StageConfig, VariantConfig, standard_variants};
+pub use variants::{Goal, SCENE, ScheduleConfig, StageConfig, VariantConfig, standard_variants};
 
 use std::collections::BTreeSet;
 
 use petzval_base::parameter::Parameters;
-use petzval_base::{FileError, quote};
+use petzval_base::{FileError, nearest, quote};
 use petzval_camera::isp::IspSettings;
 use petzval_camera::sensor::NoiseMode;
 use petzval_learn::dataset::Wanted;
 use petzval_learn::loss::ImageLoss;
-use petzval_learn::score::object_scores;
+use petzval_learn::score::{STANDARD_SCORES, object_scores};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -313,14 +313,18 @@ impl Experiment {
             return Err(error.hint("give at least one part a positive weight"));
         }
         let scores = &self.scoring.scores;
-        if self.task.finds_objects() {
-            let known: Vec<String> =
-                object_scores(self.task.classes()).into_iter().map(|score| score.about.name).collect();
-            if let Some(unknown) = scores.iter().find(|name| !known.contains(name)) {
-                let message = format!("`{unknown}` is no score of objects");
-                let error = FileError::at_key(text, &["scoring", "scores"], message);
-                return Err(error.hint(format!("for example [\"ap50\"]; there are {}", known.join(", "))));
-            }
+        let known: Vec<String> = match self.task.finds_objects() {
+            true => object_scores(self.task.classes()).into_iter().map(|score| score.about.name).collect(),
+            false => STANDARD_SCORES.map(str::to_owned).to_vec(),
+        };
+        if let Some((i, unknown)) = scores.iter().enumerate().find(|(_, name)| !known.contains(name)) {
+            let of = if self.task.finds_objects() { "of objects" } else { "of pictures" };
+            let path = ["scoring", "scores", &i.to_string()];
+            let error = variants::at(text, &path, format!("`{unknown}` is no score {of}"));
+            let words: Vec<&str> = known.iter().map(String::as_str).collect();
+            let near = nearest(unknown, &words)
+                .map_or_else(String::new, |near| format!("did you mean \"{near}\"? "));
+            return Err(error.hint(format!("{near}scores {of} are {}", known.join(", "))));
         }
         let twice = scores.iter().enumerate().find(|(i, name)| scores[..*i].contains(name));
         let wrong = match twice {

@@ -234,6 +234,9 @@ pub(super) fn at(text: &str, path: &[&str], message: String) -> FileError {
     error.unwrap_or_else(|| FileError::at_key(text, path, message))
 }
 
+/// Stands in the name of a picture where others have the camera: the scene as it lies on the sensor.
+pub const SCENE: &str = "scene";
+
 /// Name and origin of a variant behind others: key, message and hint of what is wrong.
 fn check_origin(
     variant: &VariantConfig,
@@ -245,9 +248,17 @@ fn check_origin(
         let message = format!("`{name}` cannot be the name of a folder");
         return Err(("name", message, "use letters, digits, `-` and `_`".to_owned()));
     }
-    if earlier.iter().any(|v| v.name == name) {
-        let message = format!("two variants are called `{name}`");
+    if let Some(same) = earlier.iter().find(|v| v.name.eq_ignore_ascii_case(name)) {
+        let message = match same.name == name {
+            true => format!("two variants are called `{name}`"),
+            false => format!("`{name}` and `{}` are one folder on some systems", same.name),
+        };
         return Err(("name", message, "give each a name of its own".to_owned()));
+    }
+    if name.eq_ignore_ascii_case(SCENE) {
+        let message =
+            format!("`{name}` is no name for a camera: NAME-{SCENE}.png is the scene in front of it");
+        return Err(("name", message, "give it another name".to_owned()));
     }
     if let Some(from) = &variant.from
         && !earlier.iter().any(|v| v.name == *from)

@@ -15,7 +15,7 @@ use super::frame::{FrameOptions, Merge, read_frame, read_merged};
 use super::named::{NamedIsp, about_frame, isp_by_name};
 use crate::context::Context;
 use crate::error::{JobError, make_folder, write_file};
-use crate::results::check_folder;
+use crate::results::{check_folder, has_ending};
 
 /// Bits of the picture that luma and colour differences are computed from, so that they are rounded once.
 const BITS_OF_YCBCR: u32 = 16;
@@ -45,7 +45,7 @@ pub struct Request {
     pub ycbcr: Option<YcbcrFile>,
     /// Whether to write the page of all stages.
     pub strip: bool,
-    /// Folder for the pictures.
+    /// Folder for the pictures; or, where there is one picture, its file.
     pub out: PathBuf,
 }
 
@@ -108,14 +108,19 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let mut named = isp_by_name(&request.isp, &context.assets, context.cancellation())?;
     named.set(&request.set)?;
     named.set_bits(if request.ycbcr.is_some() { BITS_OF_YCBCR } else { request.bits });
-    let shots = shots(request)?;
+    let (out, shots) = shots(request)?;
     let quiet = context.silent();
     for (_, raws) in &shots {
         read(request, raws, &quiet)?;
     }
-    let named_as = |(name, _): &(String, Vec<PathBuf>)| format!("{name}.{}", extension(request));
-    check_folder(&request.out, shots.iter().map(named_as), context)?;
-    make_folder(&request.out)?;
+    let page_of = |name: &str| format!("{name}-strip.html");
+    let files = shots.iter().flat_map(|(name, _)| {
+        let page = request.strip.then(|| page_of(name));
+        [Some(format!("{name}.{}", extension(request))), page].into_iter().flatten()
+    });
+    check_folder(&out, files, context)?;
+    check_inputs_stay(request, &out, &shots)?;
+    make_folder(&out)?;
 
     let mut pictures = Vec::new();
     for (i, (name, raws)) in shots.iter().enumerate() {
@@ -130,12 +135,12 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         let picture = named.isp().develop(&frame, &values).map_err(about_frame(raw))?;
         let seconds = start.elapsed().as_secs_f64();
         let bytes = encoded(request, &picture)?;
-        let path = request.out.join(format!("{name}.{}", extension(request)));
+        let path = out.join(format!("{name}.{}", extension(request)));
         write_file(&path, &bytes)?;
         let strip = match request.strip {
             true => {
                 let steps = named.develop_steps(&frame, &values).map_err(about_frame(raw))?;
-                let strip_path = request.out.join(format!("{name}-strip.html"));
+                let strip_path = out.join(page_of(name));
                 write_file(&strip_path, page(&strip(raw, &named, &values, &steps)).as_bytes())?;
                 Some(strip_path)
             }
@@ -155,15 +160,51 @@ fn read(request: &Request, raws: &[PathBuf], context: &Context) -> Result<RawInp
     }
 }
 
-/// Names of the pictures, and the raw files of each.
-fn shots(request: &Request) -> Result<Vec<(String, Vec<PathBuf>)>, JobError> {
-    match (&request.merge, request.raws.first()) {
-        (Some(_), Some(first)) => Ok(vec![(stem(first), request.raws.clone())]),
-        _ => Ok(distinct_stems(&request.raws)?
-            .into_iter()
-            .zip(request.raws.iter().map(|raw| vec![raw.clone()]))
-            .collect()),
+/// Pictures, each with its name and its raw files.
+type Shots = Vec<(String, Vec<PathBuf>)>;
+
+/// The folder of the pictures, and their names and raw files. The name of a file for `out` is that of the only picture.
+fn shots(request: &Request) -> Result<(PathBuf, Shots), JobError> {
+    let out = &request.out;
+    let shots: Shots = match (&request.merge, request.raws.first()) {
+        (Some(_), Some(first)) => vec![(stem(first), request.raws.clone())],
+        _ => {
+            let names = distinct_stems(&request.raws)?;
+            names.into_iter().zip(request.raws.iter().map(|raw| vec![raw.clone()])).collect()
+        }
+    };
+    let Some(ending) = ENDINGS.into_iter().find(|ending| has_ending(out, ending) && !out.is_dir()) else {
+        return Ok((out.clone(), shots));
+    };
+    let own = extension(request);
+    if ending != own {
+        let message = format!("the name of a {ending} file, and the picture is a {own} file");
+        let hint = format!("--format {ending} writes such a file");
+        return Err(JobError::setting("out", out.display(), message, hint));
     }
+    match &shots[..] {
+        [(_, raws)] => {
+            let folder = out.parent().filter(|folder| !folder.as_os_str().is_empty());
+            Ok((folder.unwrap_or(Path::new(".")).to_owned(), vec![(stem(out), raws.clone())]))
+        }
+        several => {
+            let message = format!("the name of one file, and there are {} pictures", several.len());
+            Err(JobError::setting("out", out.display(), message, "name a folder"))
+        }
+    }
+}
+
+/// Refuses to replace a raw frame by its picture, also with the leave to overwrite results.
+fn check_inputs_stay(request: &Request, out: &Path, shots: &Shots) -> Result<(), JobError> {
+    let same = |a: &Path, b: &Path| matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b);
+    for (name, _) in shots {
+        let picture = out.join(format!("{name}.{}", extension(request)));
+        if request.raws.iter().any(|raw| same(raw, &picture)) {
+            let message = format!("{}: the picture would replace its raw frame", picture.display());
+            return Err(JobError::input(message, "name another folder with --out"));
+        }
+    }
+    Ok(())
 }
 
 /// The ending and the bytes of a picture's file.
@@ -178,6 +219,9 @@ fn encoded(request: &Request, picture: &RgbPicture) -> Result<Vec<u8>, JobError>
         Container::Yuv => Ok(yuv_bytes(&planes)),
     }
 }
+
+/// Endings of pictures.
+const ENDINGS: [&str; 3] = ["png", "y4m", "yuv"];
 
 /// The ending of the pictures.
 fn extension(request: &Request) -> &'static str {

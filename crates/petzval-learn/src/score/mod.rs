@@ -11,7 +11,7 @@ mod ssim;
 mod standard;
 
 pub use objects::{Field, ObjectScore, judged, object_scores, range_of, states};
-pub use standard::standard_scores;
+pub use standard::{STANDARD_SCORES, standard_scores};
 
 use burn::prelude::*;
 use petzval_camera::image::LinearImage;

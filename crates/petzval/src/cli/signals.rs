@@ -1,4 +1,4 @@
-//! Ctrl-C and SIGTERM stop a job.
+//! Ctrl-C, SIGTERM, and SIGUSR1 and SIGUSR2, which batch systems send before the end of a time limit, stop a job.
 //!
 //! Jobs that can be continued end after the current step; a second signal stops them at once. All others end at once, except that an
 //! external ISP is stopped first, with its processes and its folder; a design stops it in the middle of a step.
@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use petzval::jobs::machine;
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1, SIGUSR2};
 use signal_hook::iterator::Signals;
 
 use crate::cli::failure::Failure;
@@ -65,7 +65,7 @@ pub fn end_within(grace: Duration) -> Result<Arc<AtomicBool>, Failure> {
 /// The signals that ask a job to end. A terminal that is lost asks for it as well, unless the job was started so that it outlives its
 /// terminal, by `nohup`.
 fn handled() -> Result<Signals, Failure> {
-    let asked = [SIGINT, SIGTERM, SIGHUP];
+    let asked = [SIGINT, SIGTERM, SIGHUP, SIGUSR1, SIGUSR2];
     let handled = asked.into_iter().filter(|signal| *signal != SIGHUP || !machine::ignores_signal(*signal));
     Signals::new(handled).map_err(|e| Failure::job(format!("signal handlers: {e}")))
 }

@@ -51,8 +51,8 @@ pub struct Args {
     /// Write NAME-strip.html: the picture after every stage, with the parameters of the stage
     #[arg(long)]
     strip: bool,
-    /// Folder for the pictures
-    #[arg(long, value_name = "DIR")]
+    /// Folder for the pictures; or the file of the only one, such as picture.png
+    #[arg(long, value_name = "PATH")]
     out: PathBuf,
     /// Print what was written as JSON
     #[arg(long)]
