@@ -48,6 +48,8 @@ pub trait Observer {
     fn start(&mut self, done: u64, total: u64);
     /// A step was taken.
     fn step(&mut self, event: &Event);
+    /// Something that a person should know.
+    fn note(&mut self, _text: &str) {}
     /// A camera is finished and scored.
     fn camera(&mut self, metrics: &CameraMetrics);
 }
@@ -572,6 +574,9 @@ impl DesignLoop {
             log.write(&event)
         };
         let losses = self.blocks.optics.improve(goal, iterations, search, &mut watch)?;
+        for remark in self.blocks.optics.remarks() {
+            observer.note(&format!("{}, lens for {}: {remark}", variant.name, goal.in_words()));
+        }
         self.took(variant, BlockName::Optics, Step::new(goal.event(), losses))
     }
 

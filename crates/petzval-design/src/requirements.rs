@@ -33,14 +33,15 @@ pub struct Requirements {
 }
 
 impl Requirements {
-    /// Those of a nominal lens: its clearances, its solve's bounds, and its own field of view.
+    /// Those of a nominal lens: its clearances, its solve's bounds, and its own field of view, which it has `in_focus`.
     pub fn new(
+        in_focus: &Lens,
         nominal: &LensFile,
         config: &ConstraintConfig,
         corner_field_rad: f64,
     ) -> Result<Self, DesignError> {
         let lens = &nominal.lens;
-        let chief = chief_ray(&lens.at_wavelength(lens.reference_um), corner_field_rad)
+        let chief = chief_ray(&in_focus.at_wavelength(in_focus.reference_um), corner_field_rad)
             .ok_or(DesignError::NoLight { field_deg: corner_field_rad.to_degrees() })?;
         let mut constraints = config.of_lens(lens);
         let solved = nominal.efl_solve.and_then(|solve| Some((solve.surface, solve.radius_mm?)));

@@ -10,11 +10,11 @@ use petzval_optics::design_space::{
     DesignSpace, DesignSpaceError, EflSolve, Focus, SmoothSpace, Solves, Variable, near_variables,
 };
 use petzval_optics::lens::{Lens, ObjectDistance};
-use petzval_optics::merit::SpotResiduals;
+use petzval_optics::merit::{Merit, SpotResiduals};
 use petzval_optics::number::Number;
 use petzval_optics::optimize::{Apertures, Goal, Problem};
-use petzval_optics::pupil::PupilSampling;
-use petzval_optics::solve::thin_equivalent;
+use petzval_optics::pupil::{PupilSampling, Quadrature};
+use petzval_optics::solve::{thin_equivalent, with_best_focus};
 
 use crate::assets::Assets;
 use crate::error::DesignError;
@@ -116,16 +116,18 @@ impl Start {
             let hint = "correct the lens file, or optics.defocus_mm of the experiment for its image plane";
             DesignError::misfit(Path::new(name), &e, hint)
         })?;
-        let lens = &lens_file.lens;
+        // What the sensor sees is taken of the lens in focus.
+        let focused = if moves { in_focus(&lens_file.lens, plan) } else { None };
+        let lens = focused.as_ref().unwrap_or(&lens_file.lens);
         let corner_mm = plan.field_radius_mm.last().copied().unwrap_or(0.0);
         let requirements =
-            Requirements::new(&lens_file, &experiment.constraints, plan.field_angle(lens, corner_mm)?)?;
+            Requirements::new(lens, &lens_file, &experiment.constraints, plan.field_angle(lens, corner_mm)?)?;
         let spot_fields_rad = area_quantile_radii_mm(sensor, experiment.psf.fields)
             .iter()
             .map(|radius| plan.field_angle(lens, *radius))
             .collect::<Result<_, _>>()?;
         // A lens whose light does not arrive is refused now, not after the first step.
-        plan.bank(lens).map_err(|e| {
+        plan.bank(&lens_file.lens).map_err(|e| {
             let hint = match e {
                 DesignError::NotSymmetric(_) => "leave tilts and decentres out, or name another lens",
                 _ => "`petzval lens show` lists the light of each field; PSFs may also miss a small psf.grid",
@@ -195,6 +197,29 @@ impl Start {
             ..Problem::new(lens)
         }
     }
+}
+
+/// How much smaller spots must be in focus, as a share, for the image plane of a lens to count as out of focus.
+const OUT_OF_FOCUS: f64 = 0.5;
+
+/// Pupil cells a side of the best focus.
+const FOCUS_CELLS: usize = 32;
+
+/// The lens with its image plane at best focus over the sensor; `None` if the plane of its file is in focus, or no place is better.
+///
+/// Where fields are imaged depends on the plane. On one far from focus the field of view is another, and a lens that had to keep it would be held
+/// there.
+fn in_focus(lens: &Lens, plan: &PsfPlan) -> Option<Lens> {
+    let fields_rad = plan.field_angles(lens).ok()?;
+    let refocused = with_best_focus(lens, &fields_rad, &Quadrature::grid(FOCUS_CELLS).ok()?)?;
+    let spots = SpotResiduals {
+        field_weights: vec![1.0; fields_rad.len()],
+        fields_rad,
+        power: 2.0,
+        ..SpotResiduals::new(lens)
+    };
+    let better = spots.value(&refocused)?;
+    spots.value(lens).is_none_or(|here| better < OUT_OF_FOCUS * here).then_some(refocused)
 }
 
 /// The design space of a lens file.

@@ -59,7 +59,8 @@ pub struct Operand {
     /// Greatest value.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub at_most: Option<f64>,
-    /// Micrometres of spot that one unit beyond a bound counts as much as: for contrast 1, for a wavefront 1 wave, for a spot 1 um, for other figures 1 mm.
+    /// Micrometres of spot that one unit beyond a bound counts as much as: for contrast 1, for a wavefront 1 wave, for a spot 1 um. Bounds of the
+    /// other figures bind: a millimetre beyond counts at least 10 000 um, as for a limit.
     #[serde(default = "hundred")]
     pub weight_um: f64,
 }

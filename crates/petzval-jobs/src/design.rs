@@ -390,6 +390,10 @@ impl Observer for Watch<'_> {
         self.context.progress(event.step, self.total, text);
     }
 
+    fn note(&mut self, text: &str) {
+        self.context.note(text);
+    }
+
     fn camera(&mut self, m: &CameraMetrics) {
         let scores: Vec<String> = (self.scores.iter())
             .filter_map(|c| {

@@ -1,6 +1,10 @@
 //! What a manufacturer or a camera needs of a lens: constraints, each with its violation and the gradient of that.
 
+mod rim;
+
 use std::fmt;
+
+use rim::{Rim, reach, thinnest};
 
 use crate::gradient::LensGradient;
 use crate::lens::{Lens, azimuths};
@@ -13,7 +17,8 @@ use crate::pupil::{chief_ray, pull_back_chief};
 /// A constraint on a lens; surfaces from 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Constraint {
-    /// Least edge thickness of the element behind a surface, at the larger of its two clear radii.
+    /// Least edge thickness of the element behind a surface: at the larger of its two clear radii, and nowhere less at the smaller. A surface that
+    /// is clear to a smaller radius goes on from there as a flat.
     Edge {
         /// Surface in front.
         surface: usize,
@@ -40,6 +45,11 @@ pub enum Constraint {
         surface: usize,
         /// Least air, mm.
         least_mm: f64,
+    },
+    /// The shape of a surface does not end inside its clear radius: a conic ends at `1 / (|c| sqrt(1 + k))` from its vertex.
+    Reach {
+        /// Surface.
+        surface: usize,
     },
     /// Bounds of a radius that a solve computes; violated by a sag at the clear radius, mm.
     SolvedRadius {
@@ -144,8 +154,7 @@ impl ClearRadii for SemiDiameters<'_> {
 }
 
 impl Constraint {
-    /// By how much a lens violates it, mm, at most 0 where it keeps it; `None` if a ray that it needs is lost, or an edge lies
-    /// beyond the reach of a surface.
+    /// By how much a lens violates it, mm, at most 0 where it keeps it; `None` if a ray that it needs is lost.
     pub fn excess_mm(&self, lens: &Lens, clear: &dyn ClearRadii) -> Option<f64> {
         self.evaluate(lens, clear, None)
     }
@@ -168,26 +177,35 @@ impl Constraint {
         let last = lens.surfaces.len() - 1;
         match *self {
             Self::Edge { surface: i, least_mm } | Self::AirEdge { surface: i, least_mm } => {
-                // An element is thinnest where the larger of its surfaces ends, air where the smaller does.
-                let larger = matches!(self, Self::Edge { .. });
-                let decisive =
-                    if (clear.radius_mm(i) > clear.radius_mm(i + 1)) == larger { i } else { i + 1 };
-                let height = clear.radius_mm(decisive) + clear.mount_mm();
-                let (edge, direction) = thinnest_edge(lens, i, height)?;
+                let element = matches!(self, Self::Edge { .. });
+                let Rim { thickness_mm, direction, heights } = thinnest(lens, clear, i, element)?;
                 if let Some((bar, g)) = pull {
-                    let sign = direction_of_light(lens, i);
-                    let at = direction.map(|v| v * height);
-                    g[(i, Number::Thickness)] -= sign * bar;
-                    sag_gradient(lens, i, at, sign * bar, g);
-                    sag_gradient(lens, i + 1, at, -sign * bar, g);
-                    // The edge moves outwards with the beam.
-                    let slope = |s: usize| {
-                        let [x, y] = lens.surfaces[s].shape.sag_jet(at).slope;
-                        x * direction[0] + y * direction[1]
-                    };
-                    clear.pull_back(decisive, bar * (sign * (slope(i) - slope(i + 1))), g)?;
+                    let light = direction_of_light(lens, i);
+                    g[(i, Number::Thickness)] -= light * bar;
+                    // The edge moves with both sags, and outwards with the beams.
+                    for (surface, height, sign) in [(i, heights[0], light), (i + 1, heights[1], -light)] {
+                        let at = direction.map(|v| v * height.mm);
+                        sag_gradient(lens, surface, at, sign * bar, g);
+                        let [x, y] = lens.surfaces[surface].shape.sag_jet(at).slope;
+                        let outwards = x * direction[0] + y * direction[1];
+                        if let Some(followed) = height.follows {
+                            clear.pull_back(followed, bar * (sign * outwards), g)?;
+                        }
+                    }
                 }
-                Some(least_mm - edge)
+                Some(least_mm - thickness_mm)
+            }
+            Self::Reach { surface } => {
+                let shape = &lens.surfaces[surface].shape;
+                let needed_mm = clear.radius_mm(surface) + clear.mount_mm();
+                let Some(reach_mm) = reach(shape) else { return Some(-needed_mm) };
+                if let Some((bar, g)) = pull {
+                    // d reach / dc = -reach / c, and d reach / dk = -reach / (2 (1 + k)).
+                    g[(surface, Number::Curvature)] += bar * reach_mm / shape.curvature;
+                    g[(surface, Number::Conic)] += bar * reach_mm / (2.0 * (1.0 + shape.conic));
+                    clear.pull_back(surface, bar, g)?;
+                }
+                Some(needed_mm - reach_mm)
             }
             Self::Centre { surface: i, least_mm } | Self::Air { surface: i, least_mm } => {
                 let sign = direction_of_light(lens, i);
@@ -323,11 +341,6 @@ impl Constraint {
             }
         }
     }
-
-    /// Whether it is about an edge, which may lie beyond the reach of a surface.
-    fn is_of_an_edge(&self) -> bool {
-        matches!(self, Self::Edge { .. } | Self::AirEdge { .. })
-    }
 }
 
 impl fmt::Display for Constraint {
@@ -338,6 +351,7 @@ impl fmt::Display for Constraint {
             Self::Centre { surface, .. } => write!(f, "centre thickness behind surface {}", surface + 1),
             Self::Air { surface, .. } => write!(f, "air behind surface {}", surface + 1),
             Self::AirEdge { surface, .. } => write!(f, "air at the edge behind surface {}", surface + 1),
+            Self::Reach { surface } => write!(f, "reach of the shape of surface {}", surface + 1),
             Self::SolvedRadius { .. } => {
                 write!(f, "bounds of the radius that holds the focal length, as a sag")
             }
@@ -358,41 +372,18 @@ impl fmt::Display for Constraint {
 }
 
 /// `sum max(0, excess)^2` over constraints, mm^2, and its gradient, at the clear semi-diameters of the lens; `None` if a ray is
-/// lost. An edge beyond the reach of a surface is left out.
+/// lost.
 pub fn penalty(constraints: &[Constraint], lens: &Lens) -> Option<(f64, LensGradient)> {
     let clear = SemiDiameters(lens);
     let (mut value, mut gradient) = (0.0, LensGradient::zero(lens.surfaces.len()));
     for constraint in constraints {
-        let Some(excess) = constraint.excess_mm(lens, &clear) else {
-            if constraint.is_of_an_edge() {
-                continue;
-            }
-            return None;
-        };
+        let excess = constraint.excess_mm(lens, &clear)?;
         if excess > 0.0 {
             value += excess * excess;
             gradient += &constraint.gradient(lens, &clear, 2.0 * excess)?;
         }
     }
     Some((value, gradient))
-}
-
-/// Distance from a surface to the next at a height, mm: the edge thickness of an element, or the air there, positive in the
-/// direction of light; the least all round, and the direction across the axis in which it is. `None` where one of the surfaces
-/// does not reach that far.
-fn thinnest_edge(lens: &Lens, surface: usize, height_mm: f64) -> Option<(f64, [f64; 2])> {
-    let directions = azimuths(&[&lens.surfaces[surface], &lens.surfaces[surface + 1]]);
-    let clearances =
-        directions.into_iter().map(|d| Some((clearance_towards(lens, surface, d, height_mm)?, d)));
-    let all: Vec<(f64, [f64; 2])> = clearances.collect::<Option<_>>()?;
-    all.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))
-}
-
-fn clearance_towards(lens: &Lens, surface: usize, direction: [f64; 2], height_mm: f64) -> Option<f64> {
-    let at = direction.map(|v| v * height_mm);
-    let (a, b) = (&lens.surfaces[surface], &lens.surfaces[surface + 1]);
-    let along_z = a.thickness_mm + b.shape.sag_at_mm(at)? - a.shape.sag_at_mm(at)?;
-    Some(along_z * direction_of_light(lens, surface))
 }
 
 /// 1 where light goes along +z behind a surface, -1 behind an odd number of mirrors.

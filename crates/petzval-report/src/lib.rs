@@ -6,6 +6,7 @@
 //! |---|---|
 //! | [`design_report`] | a design run: lenses, PSFs, pictures, scores, curves |
 //! | [`lens_sheet`] | the analyses of a lens |
+//! | [`optimize_sheet`] | a lens before and after an optimisation |
 //! | [`tolerance_sheet`] | what tolerances cost, and lenses made at random |
 //! | [`sensor_sheet`] | the characterisation of a sensor |
 //! | [`psf_calibration_sheet`] | measured PSFs beside simulated ones |
@@ -30,6 +31,7 @@ pub mod lens_sheet;
 pub mod mtf_sheet;
 mod number;
 pub mod optics_proxy_sheet;
+pub mod optimize_sheet;
 mod page;
 mod palette;
 pub mod plot;

@@ -65,6 +65,37 @@ fn contrast_is_raised_and_bounds_are_kept() {
 }
 
 #[test]
+fn a_bound_binds_whatever_its_weight_and_a_missed_one_is_listed() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    let optimize = |operands: &str, out: &str| {
+        let args = ["lens", "optimize", "cooke-triplet-nominal", "--operands", operands, "--out", out];
+        run_ok(folder.path(), &[&args[..], &["--iterations", "60"]].concat())
+    };
+    let distortion = |table: &str| {
+        let row = table.lines().find(|line| line.starts_with("distortion  ")).unwrap().to_owned();
+        row.split_whitespace().rev().nth(1).unwrap().parse::<f64>().unwrap()
+    };
+    for (name, weight) in [("plain", ""), ("light", "weight_um = 1.0\n")] {
+        write(
+            &format!("{name}.toml"),
+            &format!("[[operand]]\nof = \"distortion\"\nat_most = 0.01\n{weight}"),
+        );
+        let table = optimize(&format!("{name}.toml"), name).stdout;
+        assert!(distortion(&table).abs() <= 1.0, "{table}");
+        assert!(!table.contains("not met: "), "{table}");
+        assert!(table.contains("not met at the start: distortion, on the image, by "), "{table}");
+    }
+    // No triplet of this speed reaches it.
+    write(
+        "mtf.toml",
+        "[[operand]]\nof = \"mtf\"\nfield_deg = 15.0\nfrequency_per_mm = 60.0\nat_least = 0.99\n",
+    );
+    let table = optimize("mtf.toml", "mtf").stdout;
+    assert!(table.contains("not met: MTF at 60/mm, 15 deg: 0.") && table.contains(" for 0.9900"), "{table}");
+}
+
+#[test]
 fn files_that_say_nothing_sensible_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     for (text, needles) in [

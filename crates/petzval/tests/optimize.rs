@@ -308,3 +308,75 @@ fn an_optimisation_starts_from_a_lens_that_cannot_be_built() {
     assert!(failed.says("no lens was found that can be built: surface 6: the edge thickness"), "{failed:?}");
     assert!(!folder.path().join("stiff/best.toml").exists());
 }
+
+/// A lens of the tests of the jobs.
+fn double_gauss() -> String {
+    read(Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../petzval-jobs/tests/lenses/double-gauss.toml")))
+}
+
+#[test]
+fn a_search_never_returns_less_than_its_start() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("lens.toml"), double_gauss()).unwrap();
+    // Glasses that do not suit the lens: its own must stay.
+    let search =
+        ["lens", "optimize", "lens.toml", "--global", "--rounds", "1", "--glass", "3=F2,SF4", "--json"];
+    let limited = run_ok(folder.path(), &[&search[..], &["--out", "run"]].concat());
+    let found = limited.json();
+    let spot = |found: &serde_json::Value, which: &str| found[which]["mean_rms_spot_um"].as_f64().unwrap();
+    assert!(spot(&found, "best") <= spot(&found, "start"), "{found}");
+    assert!(limited.says("start  "), "{}", limited.stderr);
+    // The first step is the start, and every other is better.
+    let merits: Vec<f64> =
+        steps(&folder.path().join("run")).iter().map(|s| s["merit_um"].as_f64().unwrap()).collect();
+    assert!(merits.windows(2).all(|w| w[1] < w[0]), "{merits:?}");
+    // Where spots must grow, the limit that the start does not keep is named.
+    let narrow = [&search[..], &["--out", "narrow", "--track", "140"]].concat();
+    let done = run_ok(folder.path(), &narrow);
+    assert!(done.says("the lens at the start does not keep: track, by "), "{}", done.stderr);
+}
+
+#[test]
+fn glasses_of_high_index_have_rays_from_the_first_step() {
+    let folder = tempfile::tempdir().unwrap();
+    for (i, glass) in ["N-LAK12", "N-LAK8", "N-LAF33", "N-LAK33B", "N-LAF21", "N-LASF44"].iter().enumerate() {
+        let lens = double_gauss().replacen("glass = \"SK16\"", &format!("glass = \"{glass}\""), 1);
+        std::fs::write(folder.path().join("lens.toml"), lens).unwrap();
+        let out = format!("run-{i}");
+        let args = ["lens", "optimize", "lens.toml", "--iterations", "12", "--out", &out, "--json"];
+        let found = run_ok(folder.path(), &args).json();
+        let spot = |which: &str| found[which]["mean_rms_spot_um"].as_f64().unwrap();
+        assert!(spot("best") < spot("start"), "{glass}: {found}");
+    }
+}
+
+#[test]
+fn kinds_of_numbers_vary_on_request_and_the_page_shows_what_changed() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("lens.toml"), double_gauss()).unwrap();
+    let run = |kinds: &str, out: &str| {
+        let args =
+            ["lens", "optimize", "lens.toml", "--iterations", "30", "--vary", kinds, "--out", out, "--json"];
+        let found = run_ok(folder.path(), &args).json();
+        let shown = |file: &str| run_ok(folder.path(), &["lens", "show", file, "--json"]).json();
+        let best = shown(&format!("{out}/best.toml"));
+        (found["best"]["mean_rms_spot_um"].as_f64().unwrap(), best)
+    };
+    let (air, best) = run("air", "air");
+    let (all, shaped) = run("curvature,air,thickness,conic,asphere", "all");
+    assert!(all < 0.8 * air, "{all} {air}");
+    let of = |lens: &serde_json::Value, surface: usize, key: &str| lens["surfaces"][surface][key].clone();
+    let start = run_ok(folder.path(), &["lens", "show", "lens.toml", "--json"]).json();
+    // Gaps alone: glass keeps its thickness and, but for the last, its radii.
+    for key in ["radius_mm", "conic"] {
+        assert_eq!(of(&best, 0, key), of(&start, 0, key));
+    }
+    assert_eq!(of(&best, 0, "thickness_mm"), of(&start, 0, "thickness_mm"));
+    assert_ne!(of(&best, 1, "thickness_mm"), of(&start, 1, "thickness_mm"));
+    assert_ne!(of(&shaped, 0, "thickness_mm"), of(&start, 0, "thickness_mm"));
+    assert_ne!(of(&shaped, 0, "conic"), of(&start, 0, "conic"));
+    let page = read(&folder.path().join("all/optimize.html"));
+    assert!(page.contains("Before and after") && page.contains("What changed") && page.contains("thickness"));
+    let none = ["lens", "optimize", "lens.toml", "--vary", "gas", "--out", "never"];
+    run_fails(folder.path(), &none, 2, &["gas", "curvature"]);
+}

@@ -8,10 +8,11 @@ use std::sync::Arc;
 use burn::tensor::Gradients;
 use nalgebra::DVector;
 use petzval_base::random::{Stage, Stream};
+use petzval_optics::design_space::AtBound;
 use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::Lens;
 use petzval_optics::merit::{Seen, lifted_normal_equations};
-use petzval_optics::optimize::{Analysis, LevenbergOptions, Search, SearchOptions, descend};
+use petzval_optics::optimize::{Analysis, Descent, LevenbergOptions, Search, SearchOptions, descend};
 use petzval_optics::paraxial::{image_height_per_tangent, pull_back_image_height, pull_back_log_brightness};
 use serde::{Deserialize, Serialize};
 
@@ -47,6 +48,15 @@ fn tolerance(goal: LensGoal) -> f64 {
     }
 }
 
+/// The share of the merit, squared, below which another descent takes the place of the usual one: half a percent of the spot.
+const WORTH_IT: f64 = 0.99;
+
+/// A gain from which on a lens has moved, as a share.
+const GAIN: f64 = 1e-6;
+
+/// A requirement counts as violated from here, mm.
+const KEPT_MM: f64 = 1e-4;
+
 /// First standard deviation of a search by CMA-ES, as a share of the range between the bounds of each number: lenses lie in narrow valleys.
 const FIRST_DEVIATION: f64 = 0.01;
 
@@ -80,6 +90,8 @@ pub struct OpticsBlock {
     errors: Vec<f64>,
     /// By how much each coordinate lowered the loss in the last step.
     lowered: Vec<f64>,
+    /// What a person should know of the last improvement of the lens alone.
+    remarks: Vec<String>,
 }
 
 /// The losses of a batch, and their derivatives by the lens.
@@ -128,12 +140,19 @@ impl OpticsBlock {
         let x = start.space.start().to_vec();
         let progress = Progress::from(&x);
         let (field, earlier, errors, lowered) = (FieldOfView::Held, Vec::new(), Vec::new(), Vec::new());
-        Self { start, constraint_weight, field, progress, x, earlier, errors, lowered }
+        let remarks = Vec::new();
+        Self { start, constraint_weight, field, progress, x, earlier, errors, lowered, remarks }
     }
 
     /// The same, which keeps its field of view while it moves for the task, or not.
     pub fn with_field(self, field: FieldOfView) -> Self {
         Self { field, ..self }
+    }
+
+    /// What a person should know of the last improvement of the lens alone: that it led nowhere, which requirements are not kept, and which
+    /// variables stand on a bound.
+    pub fn remarks(&self) -> &[String] {
+        &self.remarks
     }
 
     /// The lens as it stands.
@@ -262,6 +281,8 @@ impl OpticsBlock {
     /// Makes the spots, or the error after restoration, as small as the requirements allow, by Levenberg and Marquardt's method from the
     /// lens as it stands or from the best that a search finds. `watch` sees the losses after every round and before every iteration; those at
     /// the end are returned.
+    ///
+    /// The result is never worse than the lens at the start, with what violated requirements cost.
     pub fn improve(
         &mut self,
         goal: LensGoal,
@@ -270,26 +291,77 @@ impl OpticsBlock {
         watch: &mut dyn FnMut(BTreeMap<String, f64>) -> Result<(), DesignError>,
     ) -> Result<BTreeMap<String, f64>, DesignError> {
         self.earlier.push(self.x.clone());
-        let (mut lens, mut left, mut losses) = (self.lens()?, iterations, BTreeMap::new());
-        if search.rounds > 0 {
-            lens = self.searched(goal, lens, search, watch)?;
+        let start = self.lens()?;
+        let lens = match search.rounds {
+            0 => start.clone(),
+            _ => self.searched(goal, start.clone(), search, watch)?,
+        };
+        let [_, stiff] = STIFFNESS_UM_PER_MM;
+        let options = |iterations| LevenbergOptions { iterations, tolerance: tolerance(goal) };
+        let descend_alone = |lens: Lens, iterations: usize| {
+            descend(&self.start.problem(goal, lens, stiff), &options(iterations), &mut |_, _, _| true)
+        };
+        let mut best = self.descent_in_steps(goal, lens.clone(), iterations, watch)?;
+        // Spots cost little: the stiff penalty alone leads further from some lenses.
+        if goal == LensGoal::Spot {
+            let other = descend_alone(lens, iterations)?;
+            if other.best.merit < WORTH_IT * best.best.merit {
+                best = other;
+            }
         }
-        // A quarter of the iterations is left for the stiff penalty in any case: without it the requirements would not be kept.
-        for (stiffness_um_per_mm, kept) in STIFFNESS_UM_PER_MM.into_iter().zip([iterations / 4, 0]) {
-            let problem = self.start.problem(goal, lens, stiffness_um_per_mm);
-            let options = LevenbergOptions { iterations: left - kept, tolerance: tolerance(goal) };
+        let begun = descend_alone(start, 0)?;
+        let gain = 1.0 - (best.best.merit / begun.best.merit).sqrt();
+        if gain <= 0.0 {
+            best = begun;
+        } else {
+            self.x = self.start.space.free(&best.at);
+        }
+        self.remarks = self.remarks_on(&best, gain);
+        Ok(lens_losses(&best.best))
+    }
+
+    /// A descent along a soft penalty, and from its end along a stiff one.
+    fn descent_in_steps(
+        &self,
+        goal: LensGoal,
+        mut lens: Lens,
+        iterations: usize,
+        watch: &mut dyn FnMut(BTreeMap<String, f64>) -> Result<(), DesignError>,
+    ) -> Result<Descent, DesignError> {
+        let [soft, stiff] = STIFFNESS_UM_PER_MM;
+        let mut under = |stiffness, lens, iterations| {
+            let problem = self.start.problem(goal, lens, stiffness);
+            let options = LevenbergOptions { iterations, tolerance: tolerance(goal) };
             let mut seen = Ok(());
             let descent = descend(&problem, &options, &mut |_, analysis, _| {
                 seen = watch(lens_losses(analysis));
                 seen.is_ok()
             })?;
-            seen?;
-            left -= descent.iterations;
-            losses = lens_losses(&descent.best);
-            self.x = self.start.space.free(&descent.at);
-            lens = descent.best.lens;
+            seen.map(|()| descent)
+        };
+        // A quarter of the iterations is left for the stiff penalty in any case: without it the requirements would not be kept.
+        let first = under(soft, lens, iterations - iterations / 4)?;
+        lens = first.best.lens;
+        under(stiff, lens, iterations - first.iterations)
+    }
+
+    /// The remarks on a descent that gained this share of the root of its merit.
+    fn remarks_on(&self, descent: &Descent, gain: f64) -> Vec<String> {
+        let mut remarks = Vec::new();
+        if gain < GAIN {
+            remarks.push("the lens ends where it began: no step makes it better".to_owned());
         }
-        Ok(losses)
+        let broken = descent.best.violations.iter().filter(|(_, mm)| *mm > KEPT_MM);
+        let broken: Vec<String> = broken.map(|(what, mm)| format!("{what}, by {mm:.4} mm")).collect();
+        if !broken.is_empty() {
+            remarks.push(format!("not kept: {}", broken.join("; ")));
+        }
+        let bounds = self.start.space.space().at_bounds(&descent.at);
+        if !bounds.is_empty() {
+            let bounds: Vec<String> = bounds.iter().map(AtBound::to_string).collect();
+            remarks.push(format!("on a bound: {}", bounds.join(", ")));
+        }
+        remarks
     }
 
     /// The best lens of a global search within the bounds, `lens` among them.

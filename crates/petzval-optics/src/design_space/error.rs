@@ -109,6 +109,20 @@ pub enum DesignSpaceError {
         /// Surface.
         surface: usize,
     },
+    /// A thickness of the lens, as its solves and bounds make it, goes against the light.
+    #[error(
+        "surface {surface}: the thickness goes against the light, with the lens as its solves and bounds make it"
+    )]
+    AgainstTheLight {
+        /// Surface.
+        surface: usize,
+    },
+    /// A limit or a goal needs a ray that the lens loses.
+    #[error("{what}: the lens loses a ray that this needs, with the lens as its solves and bounds make it")]
+    Unmeasured {
+        /// The limit or the goal.
+        what: String,
+    },
     /// Rays of the lens, as its solves and bounds make it, do not reach the image.
     #[error("rays through the stop do not reach the image, with the lens as its solves and bounds make it")]
     NoRays,

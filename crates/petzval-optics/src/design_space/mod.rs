@@ -8,11 +8,15 @@ mod error;
 mod smooth;
 mod space;
 mod usual;
+mod vary;
 
 pub use error::DesignSpaceError;
 pub use smooth::SmoothSpace;
 pub use space::{DesignSpace, Mapped};
 pub use usual::{near_variables, powered, wide_variables};
+pub use vary::{Vary, varied};
+
+use std::fmt;
 
 use crate::number::Number;
 
@@ -37,6 +41,30 @@ impl Variable {
     pub(crate) fn bounds(&self) -> [f64; 2] {
         let [a, b] = [self.min, self.max].map(|bound| self.number.from_stated(bound));
         if self.number == Number::Curvature { [a.min(b), a.max(b)] } else { [a, b] }
+    }
+}
+
+/// A variable that stands on one of its bounds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AtBound {
+    /// Surface, from 0.
+    pub surface: usize,
+    /// Which of its numbers.
+    pub number: Number,
+    /// The bound, as users state it.
+    pub bound: f64,
+}
+
+impl fmt::Display for AtBound {
+    /// As a person names it; surfaces from 1.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        // Four significant digits, without the rounding of reciprocals.
+        let digits = 3 - self.bound.abs().max(1e-12).log10().floor() as i32;
+        let bound = match (0..=6).contains(&digits) {
+            true => format!("{:.*}", digits as usize, self.bound),
+            false => format!("{:.3e}", self.bound),
+        };
+        write!(f, "{} of surface {} at {bound}", self.number, self.surface + 1)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use nalgebra::DMatrix;
 
-use super::{DesignSpaceError, Focus, Pickup, Solves, Variable};
+use super::{AtBound, DesignSpaceError, Focus, Pickup, Solves, Variable};
 use crate::gradient::LensGradient;
 use crate::lens::Lens;
 use crate::number::Number;
@@ -151,6 +151,16 @@ impl DesignSpace {
             *x = x.clamp(*low, *high);
         }
         at
+    }
+
+    /// The variables that stand on one of their bounds, to a millionth of the range between them.
+    pub fn at_bounds(&self, at: &[f64]) -> Vec<AtBound> {
+        let stands = |((v, [low, high]), x): ((&Variable, &[f64; 2]), &f64)| {
+            let near = 1e-6 * (high - low);
+            let bound = [*low, *high].into_iter().find(|bound| (x - bound).abs() <= near)?;
+            Some(AtBound { surface: v.surface, number: v.number, bound: v.number.stated(bound) })
+        };
+        self.variables.iter().zip(&self.bounds).zip(at).filter_map(stands).collect()
     }
 
     /// Puts a free image plane at the paraxial focus.

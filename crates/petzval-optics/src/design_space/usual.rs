@@ -20,16 +20,17 @@ pub fn powered(lens: &Lens) -> impl Iterator<Item = usize> {
 }
 
 /// The greatest curvature of a surface with power, 1/mm; none if all are flat.
-fn strongest(lens: &Lens) -> Option<f64> {
+pub(super) fn strongest(lens: &Lens) -> Option<f64> {
     let greatest = powered(lens).map(|i| lens.surfaces[i].shape.curvature.abs()).fold(0.0, f64::max);
     (greatest > 0.0).then_some(greatest)
 }
 
-/// Gaps of air but the last, from one share of their length to another, at least 0.1 mm wide. A gap against the light starts at nothing instead,
+/// Gaps of air, or thicknesses of glass, but the last, from one share of their length to another, at least 0.1 mm wide. A gap against the light starts at nothing instead,
 /// and a stop at the rim of a surface stays there.
-fn gaps(lens: &Lens, shares: [f64; 2]) -> impl Iterator<Item = Variable> + '_ {
-    let is_air = |i: &usize| lens.surfaces[*i].glass.is_air() && !lens.is_beside_stop_at_rim(*i);
-    (0..lens.surfaces.len() - 1).filter(is_air).map(move |surface| {
+pub(super) fn gaps(lens: &Lens, shares: [f64; 2], of_air: bool) -> impl Iterator<Item = Variable> + '_ {
+    let is_one =
+        move |i: &usize| lens.surfaces[*i].glass.is_air() == of_air && !lens.is_beside_stop_at_rim(*i);
+    (0..lens.surfaces.len() - 1).filter(is_one).map(move |surface| {
         let light = if lens.light_goes_forwards(surface) { 1.0 } else { -1.0 };
         let gap = light * lens.surfaces[surface].thickness_mm;
         let (near, far) = (light * shares[0] * gap.max(0.0), light * (shares[1] * gap.abs() + 0.1));
@@ -43,7 +44,7 @@ pub fn wide_variables(lens: &Lens) -> Option<Vec<Variable>> {
     let radius = 1.0 / (1.5 * strongest(lens)?);
     let number = Number::Curvature;
     let radii = powered(lens).map(|surface| Variable { surface, number, min: -radius, max: radius });
-    Some(radii.chain(gaps(lens, [0.1, 2.0])).collect())
+    Some(radii.chain(gaps(lens, [0.1, 2.0], true)).collect())
 }
 
 /// The neighbourhood in which a lens is refined: curvatures within a fifth of their own value, so that flat surfaces stay flat, and gaps of air
@@ -68,6 +69,6 @@ pub fn near_variables(lens: &Lens, solves: &Solves) -> Option<(Vec<Variable>, Ef
     };
     let radii = curved.iter().filter(|i| **i != solve.surface).map(|i| radius(*i));
     let is_free = |gap: &Variable| solves.length.is_none_or(|(surface, _)| surface != gap.surface);
-    let moved = radii.chain(gaps(lens, [0.75, 1.25]).filter(is_free)).collect();
+    let moved = radii.chain(gaps(lens, [0.75, 1.25], true).filter(is_free)).collect();
     efl_mm.is_finite().then_some((moved, solve))
 }

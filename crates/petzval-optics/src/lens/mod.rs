@@ -15,8 +15,8 @@ pub use departure::{
 pub use placement::{Axis, Placement};
 pub use shape::SurfaceShape;
 pub use surface::Surface;
-pub(crate) use validate::azimuths;
 pub use validate::{LensDefect, traceable, validate};
+pub(crate) use validate::{azimuths, reach_mm};
 
 pub use crate::number::ASPHERE_TERMS;
 

@@ -213,7 +213,7 @@ fn check_surface(number: usize, surface: &Surface, lens: &Lens) -> Result<(), Le
 }
 
 /// How far a shape reaches in a direction across the axis, `far_mm` at most.
-fn reach_mm(shape: &SurfaceShape, direction: [f64; 2], far_mm: f64) -> f64 {
+pub(crate) fn reach_mm(shape: &SurfaceShape, direction: [f64; 2], far_mm: f64) -> f64 {
     let reaches = |r: f64| shape.sag_at_mm(direction.map(|v| v * r)).is_some();
     if reaches(far_mm) {
         return far_mm;

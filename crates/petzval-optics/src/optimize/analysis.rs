@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::problem::{Apertures, Goal, Problem};
 use crate::constraint::{ClearRadii, Constraint, SemiDiameters, direction_of_light};
-use crate::design_space::{DesignSpace, Mapped};
+use crate::design_space::{DesignSpace, DesignSpaceError, Mapped};
 use crate::lens::Lens;
 use crate::merit::{Beams, Landings, Lost, MOUNT_MM, Reach};
 use crate::paraxial::first_order;
@@ -64,17 +64,10 @@ pub(super) struct Linearised {
 /// The merit of a lens; `None` if a ray of the stop is lost. `near`, a lens like it, makes aiming quicker.
 pub(super) fn analyse(problem: &Problem, lens: Lens, near: Option<&Analysis>) -> Option<Analysis> {
     // Light cannot go backwards.
-    if (0..lens.surfaces.len()).any(|i| direction_of_light(&lens, i) * lens.surfaces[i].thickness_mm < 0.0) {
+    if backwards(&lens).is_some() {
         return None;
     }
-    // Where a limit depends on the radii that beams need, rays on the rim of the stop measure them.
-    let limits = &problem.limits;
-    let by_rim = limits.element_edge_mm.is_some()
-        || limits.air_gap_mm.is_some()
-        || limits.clear_diameter_mm.is_some()
-        || limits.slope_rad.is_some();
-    let near = near.map(|n| &n.landings);
-    let landings = problem.merit.landings(&lens, problem.sides(), near, by_rim, Lost::Refused)?;
+    let landings = landings(problem, &lens, near)?;
     let mut violations = Vec::new();
     let clear = clear_radii(problem, &lens, &landings);
     for constraint in problem.constraints() {
@@ -92,6 +85,36 @@ pub(super) fn analyse(problem: &Problem, lens: Lens, near: Option<&Analysis>) ->
         + violations.iter().map(|(_, v)| stiff(*v)).sum::<f64>();
     let rms_um = landings.rms_um.clone();
     merit.is_finite().then_some(Analysis { lens, merit, rms_um, goals, violations, landings })
+}
+
+/// The first surface behind which the thickness goes against the light.
+fn backwards(lens: &Lens) -> Option<usize> {
+    (0..lens.surfaces.len()).find(|i| direction_of_light(lens, *i) * lens.surfaces[*i].thickness_mm < 0.0)
+}
+
+/// The rays of a lens; `None` if one of them is lost.
+fn landings(problem: &Problem, lens: &Lens, near: Option<&Analysis>) -> Option<Landings> {
+    // Where a limit depends on the radii that beams need, rays on the rim of the stop measure them.
+    let limits = &problem.limits;
+    let by_rim = limits.element_edge_mm.is_some()
+        || limits.air_gap_mm.is_some()
+        || limits.clear_diameter_mm.is_some()
+        || limits.slope_rad.is_some();
+    let near = near.map(|n| &n.landings);
+    problem.merit.landings(lens, problem.sides(), near, by_rim, Lost::Refused)
+}
+
+/// Why a lens has no merit under a problem.
+pub(super) fn obstacle(problem: &Problem, lens: &Lens) -> DesignSpaceError {
+    if let Some(surface) = backwards(lens) {
+        return DesignSpaceError::AgainstTheLight { surface: surface + 1 };
+    }
+    let Some(landings) = landings(problem, lens, None) else { return DesignSpaceError::NoRays };
+    let clear = clear_radii(problem, lens, &landings);
+    let unknown = problem.constraints().into_iter().find(|c| c.excess_mm(lens, &*clear).is_none());
+    let goal = || problem.goals.iter().find(|goal| goal.merit.value(lens).is_none());
+    let what = unknown.map(|c| c.to_string()).or_else(|| goal().map(|goal| goal.merit.name()));
+    what.map_or(DesignSpaceError::NoRays, |what| DesignSpaceError::Unmeasured { what })
 }
 
 /// The radii at which the constraints of a problem are measured.

@@ -6,7 +6,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::analysis::{Analysis, Linearised, analyse, linearise};
+use super::analysis::{Analysis, Linearised, analyse, linearise, obstacle};
 use super::problem::Problem;
 use crate::design_space::{DesignSpace, DesignSpaceError};
 
@@ -170,16 +170,22 @@ pub fn descend(
     watch: &mut dyn FnMut(usize, &Analysis, &[f64]) -> bool,
 ) -> Result<Descent, DesignSpaceError> {
     let space = problem.space()?;
+    let start = own_start(problem, &space)?;
+    descend_from(problem, &space, start, options, watch).ok_or(DesignSpaceError::NoRays)
+}
+
+/// Coordinates of the problem's own lens inside its bounds: with the image plane of its file, or at the paraxial focus where that is better. A
+/// solve may have moved the focus far from where the file puts the image plane. The error says what prevents a start there.
+pub(super) fn own_start(problem: &Problem, space: &DesignSpace) -> Result<Vec<f64>, DesignSpaceError> {
     let start = space.start();
-    space.lens_at(&start)?;
-    // A solve may have moved the focus far from where the file puts the image plane.
+    let lens = space.lens_at(&start)?;
     let mut refocused = start.clone();
     space.refocus(&mut refocused);
     let merit = |at: &[f64]| Some(analyse(problem, space.lens_at(at).ok()?, None)?.merit);
-    let start = match (merit(&start), merit(&refocused)) {
-        (Some(as_it_is), Some(then)) if as_it_is <= then => start,
-        (Some(_), None) => start,
-        _ => refocused,
-    };
-    descend_from(problem, &space, start, options, watch).ok_or(DesignSpaceError::NoRays)
+    match (merit(&start), merit(&refocused)) {
+        (Some(as_it_is), Some(then)) if as_it_is <= then => Ok(start),
+        (Some(_), None) => Ok(start),
+        (_, Some(_)) => Ok(refocused),
+        (None, None) => Err(obstacle(problem, &lens)),
+    }
 }

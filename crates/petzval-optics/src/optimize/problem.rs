@@ -53,7 +53,7 @@ impl Goal {
 /// Limits of the lens as a piece of glass, mm; `None` is no limit.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Limits {
-    /// Least edge thickness of an element, at the larger of its clear semi-diameters.
+    /// Least edge thickness of an element, see [`Constraint::Edge`]. With it or with a least gap no shape may end inside its clear radius.
     pub element_edge_mm: Option<f64>,
     /// Least thickness of an element on the axis.
     pub element_centre_mm: Option<f64>,
@@ -88,6 +88,9 @@ impl Limits {
                 all.extend(self.element_edge_mm.map(|least_mm| Constraint::Edge { surface, least_mm }));
                 all.extend(self.element_centre_mm.map(|least_mm| Constraint::Centre { surface, least_mm }));
             }
+        }
+        if self.element_edge_mm.is_some() || self.air_gap_mm.is_some() {
+            all.extend((0..=last).map(|surface| Constraint::Reach { surface }));
         }
         all.extend(self.back_focal_mm.map(|between_mm| Constraint::BackFocal { between_mm }));
         all.extend(self.track_mm.map(|most_mm| Constraint::Track { most_mm }));

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::analysis::{Analysis, analyse};
-use super::levenberg::{Descent, LevenbergOptions, descend_from};
+use super::levenberg::{Descent, LevenbergOptions, descend_from, own_start};
 use super::problem::{GlassChoice, Problem};
 use crate::design_space::{DesignSpace, DesignSpaceError};
 
@@ -150,6 +150,25 @@ impl<'a> Search<'a> {
         self.kept.first()
     }
 
+    /// The problem's own lens inside its bounds, before any descent: what a search must beat. The error says why it has no merit.
+    pub fn own_lens(&self) -> Result<Found, DesignSpaceError> {
+        let glasses = self.own_glasses();
+        let with = self.problem.with_glasses(&glasses);
+        let space = with.space()?;
+        let at = own_start(&with, &space)?;
+        let analysis = analyse(&with, space.lens_at(&at)?, None).ok_or(DesignSpaceError::NoRays)?;
+        Ok(Found { analysis, at, glasses, round: 0 })
+    }
+
+    /// The glasses of the problem's own lens; the first candidate for one that is no candidate.
+    fn own_glasses(&self) -> Vec<usize> {
+        let own = |choice: &GlassChoice| {
+            let name = &self.problem.base.surfaces[choice.surface].glass.name;
+            choice.candidates.iter().position(|glass| glass.name == *name).unwrap_or(0)
+        };
+        self.problem.glasses.iter().map(own).collect()
+    }
+
     /// Good lenses that differ, best first.
     pub fn kept(&self) -> &[Found] {
         &self.kept
@@ -215,9 +234,10 @@ impl<'a> Search<'a> {
     /// Where a candidate starts: in a quarter of the places anywhere within the bounds, else near what is known.
     fn start(&self, place: usize, random: &mut ChaCha8Rng) -> Option<(Vec<f64>, Vec<usize>)> {
         if self.options.own_lens && self.round == 0 && place == 0 {
-            let glasses = vec![0; self.problem.glasses.len()];
-            let at = self.space.start();
-            return traces(&self.problem.with_glasses(&glasses), &at).then_some((at, glasses));
+            let glasses = self.own_glasses();
+            let with = self.problem.with_glasses(&glasses);
+            let at = own_start(&with, &with.space().ok()?).ok()?;
+            return Some((at, glasses));
         }
         if self.kept.len() < 2 || place.is_multiple_of(4) {
             for _ in 0..START_ATTEMPTS {

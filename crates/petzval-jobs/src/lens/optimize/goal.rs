@@ -8,22 +8,21 @@ use petzval_camera::sensor::Exposure;
 use petzval_design::assets::Assets;
 use petzval_design::experiment::{ExposureConfig, PsfConfig};
 use petzval_design::restored::RestoredError;
-use petzval_files::{Figure, LensFile, Operand, OperandFile};
+use petzval_files::{LensFile, OperandFile};
 use petzval_optics::analysis::first_order_table;
-use petzval_optics::constraint::Constraint;
 use petzval_optics::design_space::{
-    EflSolve, Focus, MagnificationSolve, Solves, Variable, powered, wide_variables,
+    EflSolve, Focus, MagnificationSolve, Pickup, Solves, Variable, Vary, powered, varied, wide_variables,
 };
 use petzval_optics::glass::{Catalog, Glass, Status, map_distance};
 use petzval_optics::lens::{Action, Lens, ObjectDistance};
-use petzval_optics::merit::{FieldSet, Merit, Mtf, RmsSpot, RmsWavefront, SpotResiduals, Violation};
+use petzval_optics::merit::SpotResiduals;
 use petzval_optics::number::Number;
 use petzval_optics::optimize::{GlassChoice, Goal as MeritGoal, Limits, Problem};
 use petzval_optics::paraxial::{first_order, marginal_tangent};
-use petzval_optics::psf::PsfKind;
 use petzval_optics::pupil::PupilSampling;
 use serde::{Deserialize, Serialize};
 
+use super::operand::goals_of;
 use crate::error::JobError;
 
 /// The camera whose raw frames should be restored as well as possible.
@@ -46,6 +45,9 @@ pub struct Goal {
     /// Further figures, each with a bound and a weight, and the weight of the spots beside them.
     #[serde(default)]
     pub operands: Option<OperandFile>,
+    /// Kinds of numbers that vary beside the variables of the lens file; a lens whose file names none varies these alone.
+    #[serde(default)]
+    pub vary: Vec<Vary>,
     /// Wavelengths, um, all of the same weight; those of the lens if empty.
     pub wavelengths: Vec<f64>,
     /// Field angles, degrees; those of the lens if empty.
@@ -56,7 +58,7 @@ pub struct Goal {
     /// of a near object.
     pub efl: Option<String>,
     /// Glasses that a search may exchange, each as `SURFACE` or `SURFACE=NAME,...`: the surface in front of the glass, and the
-    /// names that it may get, the whole catalogue if none.
+    /// names that it may get, the whole catalogue if none. The glass that it has always takes part.
     pub glass: Vec<String>,
     /// F-number: sets the entrance pupil by the focal length that is held, or that of the start.
     pub f_number: Option<f64>,
@@ -86,6 +88,7 @@ impl Default for Goal {
         Self {
             restored: None,
             operands: None,
+            vary: Vec::new(),
             wavelengths: Vec::new(),
             fields: Vec::new(),
             power: 1.0,
@@ -109,8 +112,7 @@ impl Goal {
     /// The problem of bringing a lens there.
     pub(super) fn problem(&self, file: &LensFile, assets: &Assets) -> Result<Problem, JobError> {
         let mut problem = Problem::new(file.lens.clone());
-        problem.variables =
-            if file.variables.is_empty() { wide(&file.lens)? } else { file.variables.clone() };
+        problem.variables = self.variables(file)?;
         if !self.wavelengths.is_empty() {
             check("wavelengths", &self.wavelengths, |w| (0.2..20.0).contains(&w), "um: 550 nm is 0.55")?;
             problem.merit.wavelengths_um.clone_from(&self.wavelengths);
@@ -196,6 +198,33 @@ impl Goal {
         Ok(problem)
     }
 
+    /// The variables of the file and those of further kinds that nothing settles yet; the usual ones if there are neither.
+    fn variables(&self, file: &LensFile) -> Result<Vec<Variable>, JobError> {
+        if self.vary.is_empty() {
+            return if file.variables.is_empty() { wide(&file.lens) } else { Ok(file.variables.clone()) };
+        }
+        let mut variables = file.variables.clone();
+        for v in varied(&file.lens, &self.vary) {
+            let place = (v.surface, v.number);
+            let follows = |p: &Pickup| {
+                p.surface == v.surface && file.variables.get(p.variable).is_some_and(|f| f.number == v.number)
+            };
+            let is_settled = file.pickups.iter().any(follows)
+                || file.length_solve.is_some_and(|(s, _)| place == (s, Number::Thickness));
+            if !is_settled && !variables.iter().any(|known| (known.surface, known.number) == place) {
+                variables.push(v);
+            }
+        }
+        if variables.is_empty() {
+            let kinds: Vec<String> =
+                self.vary.iter().map(|kind| format!("{kind:?}").to_lowercase()).collect();
+            let message = "the lens has no numbers of these kinds that could vary";
+            let hint = "curvature, thickness, air, conic and asphere are the kinds; conics and aspheres need a curved surface beside air";
+            return Err(JobError::setting("vary", kinds.join(","), message, hint));
+        }
+        Ok(variables)
+    }
+
     fn glass_choices(&self, lens: &Lens, catalog: &Catalog) -> Result<Vec<GlassChoice>, JobError> {
         let mut choices: Vec<GlassChoice> = Vec::new();
         for choice in &self.glass {
@@ -220,6 +249,8 @@ impl Goal {
                     .map(|name| catalog.get(name.trim()).map_err(|e| wrong(e.to_string())))
                     .collect::<Result<_, _>>()?,
             };
+            // A search never returns less than its start, so the start's own glass takes part.
+            candidates.push(lens.surfaces[surface].glass.clone());
             // A glass may come twice, by its name and by an alias.
             candidates.sort_by(|a, b| a.name.cmp(&b.name));
             candidates.dedup_by(|a, b| a.name == b.name);
@@ -402,56 +433,3 @@ fn wide(lens: &Lens) -> Result<Vec<Variable>, JobError> {
     };
     wide_variables(lens).ok_or_else(none)
 }
-
-/// What an operand adds to what is minimised: contrast and spots at every field that it means, each as a figure of its own, which descents can
-/// tell apart. Its wavelengths are those of the problem.
-fn goals_of(operand: &Operand, problem: &Problem) -> Result<Vec<MeritGoal>, JobError> {
-    let mut lens = problem.base.clone();
-    lens.wavelengths_um.clone_from(&problem.merit.wavelengths_um);
-    let limit_deg = lens.object.field_limit_deg();
-    let own = problem.merit.fields_rad.iter().map(|field| field.to_degrees());
-    let fields_deg: Vec<f64> = operand.field_deg.map_or_else(|| own.collect(), |deg| vec![deg]);
-    if let Some(deg) = fields_deg.iter().find(|deg| deg.abs() >= limit_deg) {
-        let message = format!("the lens has no field of {deg} degrees");
-        return Err(JobError::input(message, format!("field_deg of an operand is less than {limit_deg}")));
-    }
-    let goal = |merit, target| MeritGoal { merit, target, weight_um: operand.weight_um };
-    let at_each = |merit: &dyn Fn(FieldSet) -> Arc<dyn Merit>, target: f64| -> Vec<MeritGoal> {
-        fields_deg.iter().map(|deg| goal(merit(FieldSet::new(&lens, &[*deg])), target)).collect()
-    };
-    let kept = |constraint| vec![goal(Arc::new(Violation(constraint)) as Arc<dyn Merit>, 0.0)];
-    let field_rad = operand.field_deg.map_or(problem.merit.outermost_field_rad(), f64::to_radians);
-    let between_mm = [operand.at_least.unwrap_or(-FAR_MM), operand.at_most.unwrap_or(FAR_MM)];
-    let [least, most] = between_mm;
-    let goals = match operand.of {
-        Figure::Mtf => {
-            let kind = if operand.waves { PsfKind::Diffraction } else { PsfKind::Geometric };
-            let mtf = Mtf::new(&lens, operand.frequency_per_mm.unwrap_or_default(), kind);
-            at_each(&|fields| Arc::new(mtf.clone().with_fields(fields)), least)
-        }
-        Figure::Spot => {
-            let spot = RmsSpot::new(&lens);
-            at_each(&|fields| Arc::new(RmsSpot { fields, ..spot.clone() }), most)
-        }
-        Figure::Wavefront => at_each(&|fields| Arc::new(RmsWavefront { fields }), most),
-        Figure::FocalLength => kept(Constraint::FocalLength { between_mm }),
-        Figure::BackFocalLength => kept(Constraint::BackFocal { between_mm }),
-        Figure::Track => kept(Constraint::Track { most_mm: most }),
-        Figure::Distortion => kept(Constraint::Distortion { field_rad, share: most }),
-        Figure::ChiefRayAngle => {
-            kept(Constraint::ChiefRayAngle { field_rad, greatest_rad: most.to_radians() })
-        }
-        Figure::ImageHeight => {
-            let (wanted_mm, tolerance_mm) = (0.5 * (least + most), 0.5 * (most - least));
-            kept(Constraint::ChiefHeight { field_rad, wanted_mm, tolerance_mm })
-        }
-    };
-    if let Some(lost) = goals.iter().find(|goal| goal.merit.value(&lens).is_none()) {
-        let message = format!("{}: the lens to start from has no such figure", lost.merit.name());
-        return Err(JobError::input(message, "improve its spots first, or leave the operand out"));
-    }
-    Ok(goals)
-}
-
-/// A bound that no lens meets.
-const FAR_MM: f64 = 1e6;

@@ -18,6 +18,9 @@ use crate::error::{JobError, json, make_folder, write_file};
 /// The lens of the last step.
 const BEST: &str = "best.toml";
 
+/// The page that shows the lens before and after.
+const PAGE: &str = "optimize.html";
+
 /// The folder.
 pub struct History {
     root: PathBuf,
@@ -144,6 +147,16 @@ impl History {
         self.root.join(BEST)
     }
 
+    /// The page that shows the lens before and after.
+    pub fn page(&self) -> PathBuf {
+        self.root.join(PAGE)
+    }
+
+    /// Writes that page.
+    pub fn write_page(&self, html: &str) -> Result<(), JobError> {
+        self.write(PAGE, html)
+    }
+
     /// Whether a lens is better than the best so far by this share of the root of the merit.
     pub fn is_better(&self, analysis: &Analysis, share: f64) -> bool {
         let known = self.best().map_or(f64::INFINITY, |step| step.merit_um);
@@ -227,11 +240,12 @@ impl History {
                 [v.min, v.max] = around([v.min, v.max], radius(solve.surface));
             }
         }
-        // Leave out variables that the file did not name: they were a guess for this optimisation.
-        let (variables, pickups) = match self.file.variables.is_empty() {
-            true => (Vec::new(), Vec::new()),
-            false => (variables, pickups),
+        // Leave out variables that the file did not name, which stand behind its own: they were a guess for this optimisation.
+        let is_named = |v: &Variable| {
+            self.file.variables.iter().any(|own| (own.surface, own.number) == (v.surface, v.number))
         };
+        variables.retain(is_named);
+        let pickups = if variables.is_empty() { Vec::new() } else { pickups };
         let length_solve = problem.solves.length;
         LensFile { lens, expect: None, variables, pickups, efl_solve, length_solve }
     }

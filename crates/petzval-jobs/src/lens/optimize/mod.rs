@@ -1,7 +1,12 @@
 //! `lens optimize`: a better lens, by descent or by search, for its spots or for the restoration of its frames.
 
+mod figures;
 mod goal;
 mod history;
+mod operand;
+mod page;
+mod search;
+mod trade;
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -9,23 +14,24 @@ use std::time::{Duration, Instant};
 use petzval_design::assets::Assets;
 use petzval_design::error::DesignError;
 use petzval_files::{LensFile, OperandFile, parse_operands};
-use petzval_optics::analysis::first_order_table;
-use petzval_optics::design_space::{DesignSpaceError, Solves};
+use petzval_optics::design_space::{AtBound, DesignSpaceError, Solves};
 use petzval_optics::lens::Lens;
 use petzval_optics::merit::SpotResiduals;
-use petzval_optics::optimize::{
-    Analysis, Goal as MeritGoal, LevenbergOptions, Problem, Search, SearchOptions, Stop, descend,
-};
-use petzval_optics::paraxial::{first_order, image_height_per_tangent, rectilinear_tangent};
-use petzval_optics::pupil::{PupilSampling, chief_ray};
+use petzval_optics::optimize::{Analysis, LevenbergOptions, Problem, Search, SearchOptions, Stop, descend};
+use petzval_optics::pupil::PupilSampling;
 use serde::{Deserialize, Serialize};
 
+use self::figures::{VIOLATED_MM, is_restored};
 use self::history::{Config, History};
+use self::search::search;
+use self::trade::{check_trade, trades};
 use crate::context::Context;
 use crate::error::JobError;
-use crate::finite::finite;
 
+pub use figures::{Figures, OperandFigure};
 pub use goal::{Goal, Restored};
+pub use petzval_optics::design_space::Vary;
+pub use trade::Trade;
 
 /// An optimisation that begins, or one that is continued, and how far it goes in this call.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -87,64 +93,18 @@ pub struct Found {
     pub start: Option<Figures>,
     /// The best lens.
     pub best: Figures,
+    /// Variables of the best lens that stand on a bound.
+    #[serde(default)]
+    pub at_bounds: Vec<String>,
     /// Steps of the history.
     pub steps: usize,
     /// What further requirements cost; empty unless the request has `trade`.
     pub trades: Vec<Trade>,
     /// File of the best lens.
     pub lens: PathBuf,
-}
-
-/// Figures of a lens.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Figures {
-    /// Root of the expected squared error after the best linear restoration, % of white; `None` unless that is the goal.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub restored_error_percent: Option<f64>,
-    /// Operands: what each is, its value, its target and its unit.
+    /// The page that shows the lens before and after.
     #[serde(default)]
-    pub operands: Vec<OperandFigure>,
-    /// Mean over the fields of the RMS spot radius, um.
-    pub mean_rms_spot_um: f64,
-    /// RMS spot radius by field, um.
-    pub rms_spot_um: Vec<f64>,
-    /// Focal length, mm.
-    pub focal_length_mm: Option<f64>,
-    /// From the last vertex to the rear focal point, mm.
-    pub back_focal_length_mm: Option<f64>,
-    /// Focal length over entrance pupil diameter.
-    pub f_number: Option<f64>,
-    /// Height of the image over that of the object; `None` for an object at infinity.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub magnification: Option<f64>,
-    /// From the first vertex to the image plane, mm.
-    pub track_to_the_image_mm: f64,
-    /// Largest diameter of a surface that the beams need, mm.
-    pub largest_clear_diameter_mm: f64,
-    /// Distortion at the outermost field; `None` without such a field, or without rotational symmetry.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub distortion_percent: Option<f64>,
-    /// Limits that are violated, and by how much, mm.
-    pub violations_mm: Vec<(String, f64)>,
-}
-
-/// Whether a goal is the error after restoration, and no operand.
-fn is_restored(goal: &MeritGoal) -> bool {
-    goal.merit.unit() == "% of white"
-}
-
-/// What a lens reaches of an operand. Of a figure that is bounded on both sides this is by how much it is beyond its bounds, and the target 0.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct OperandFigure {
-    /// The figure.
-    pub of: String,
-    /// Its value.
-    pub value: f64,
-    /// Its bound.
-    pub target: f64,
-    /// The unit of both.
-    pub unit: String,
+    pub page: PathBuf,
 }
 
 /// Reads an operand file.
@@ -153,22 +113,8 @@ pub fn read_operands(path: &Path) -> Result<OperandFile, JobError> {
     Ok(parse_operands(&text).map_err(DesignError::input(path))?)
 }
 
-/// The best lens of a search with a further requirement.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Trade {
-    /// The requirement, in words.
-    pub asked: String,
-    /// Mean over the fields of the RMS spot radius, um.
-    pub mean_rms_um: f64,
-    /// How many limits are violated.
-    pub violations: usize,
-}
-
 /// A step of the history is better than the one before by this share at least.
 const STEP_SHARE: f64 = 1e-3;
-
-/// A limit counts as violated from here, mm.
-const VIOLATED_MM: f64 = 1e-3;
 
 /// How often a search writes its state, so that it can continue from there whatever ends the process.
 const KEEP_EVERY: Duration = Duration::from_secs(1);
@@ -215,6 +161,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     note_held_radius(&problem, history.start(), &config.goal, context);
 
     let start = at_the_start(&problem);
+    if let Some(start) = &start {
+        note_violations(start, context);
+    }
     let best = if config.global {
         search(&problem, &mut history, config.seed, request, context)?
     } else {
@@ -235,14 +184,19 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         true => trades(&config, history.start(), request, context)?,
         false => Vec::new(),
     };
+    let found = Found {
+        start: start.as_ref().map(|analysis| Figures::new(&problem, analysis)),
+        best: Figures::new(&problem, &best),
+        at_bounds: at_bounds(&problem, &best.lens),
+        steps: history.steps().len(),
+        trades,
+        lens: history.best_lens(),
+        page: history.page(),
+    };
+    let lenses = start.as_ref().map(|analysis| analysis.fitted_lens(&problem));
+    history.write_page(&page::page(&problem, &found, lenses.as_ref(), &best.fitted_lens(&problem)))?;
     Ok(Response {
-        found: Found {
-            start: start.as_ref().map(|analysis| Figures::new(&problem, analysis)),
-            best: Figures::new(&problem, &best),
-            steps: history.steps().len(),
-            trades,
-            lens: history.best_lens(),
-        },
+        found,
         fields_deg: problem.merit.fields_rad.iter().map(|f| f.to_degrees()).collect(),
         is_cancelled: context.is_cancelled(),
     })
@@ -264,6 +218,26 @@ fn new_problem(config: &Config, file: &LensFile, assets: &Assets) -> Result<Prob
     Ok(problem)
 }
 
+/// Names the limits that the lens at the start does not keep: they explain spots that grow.
+fn note_violations(start: &Analysis, context: &Context) {
+    let named = named_violations(start);
+    if !named.is_empty() {
+        context.note(format!("the lens at the start does not keep: {}", named.join("; ")));
+    }
+}
+
+/// The limits that a lens does not keep, each with by how much.
+fn named_violations(analysis: &Analysis) -> Vec<String> {
+    let broken = analysis.violations.iter().filter(|(_, mm)| *mm > VIOLATED_MM);
+    broken.map(|(what, mm)| format!("{what}, by {mm:.4} mm")).collect()
+}
+
+/// The variables of a lens that stand on a bound.
+fn at_bounds(problem: &Problem, lens: &Lens) -> Vec<String> {
+    let Ok(space) = problem.space() else { return Vec::new() };
+    space.at_bounds(&space.coordinates(lens)).iter().map(AtBound::to_string).collect()
+}
+
 /// Refuses a lens one of whose thicknesses leads against the light and stays so where its variables begin.
 fn check_directions(problem: &Problem) -> Result<(), JobError> {
     let space = problem.space().map_err(|e| not_optimisable(&e))?;
@@ -279,16 +253,6 @@ fn check_directions(problem: &Problem) -> Result<(), JobError> {
             let hint = format!("make thickness_mm of surface {number} a [[variable]], or correct it");
             Err(JobError::input(message, hint))
         }
-    }
-}
-
-fn check_trade(request: &Request, config: &Config) -> Result<(), JobError> {
-    match request.trade && !config.global {
-        true => {
-            let message = "compares searches, and this is a descent";
-            Err(JobError::setting("trade", "", message, "begin a search with --global"))
-        }
-        false => Ok(()),
     }
 }
 
@@ -368,56 +332,6 @@ fn descent(
     Ok(descent.best)
 }
 
-/// A global search.
-fn search(
-    problem: &Problem,
-    history: &mut History,
-    seed: u64,
-    request: &Request,
-    context: &Context,
-) -> Result<Option<Analysis>, JobError> {
-    let options = SearchOptions { seed, ..SearchOptions::default() };
-    let mut search = match history.state()? {
-        Some(state) => Search::resume(problem, options, &state),
-        None => Search::new(problem, options),
-    }
-    .map_err(|e| not_optimisable(&e))?;
-    let clock = Clock::start(history);
-    let (mut best, mut examined) = (None, f64::INFINITY);
-    let mut kept_at = Instant::now();
-    for done in 0.. {
-        context.progress(done, request.rounds, "search");
-        // Trace more rays through a better lens than the search did: their merit decides.
-        if let Some(found) = search.best().filter(|found| found.analysis.merit < examined) {
-            examined = found.analysis.merit;
-            if let Some(fine) = with_more_rays(problem, &found.analysis.lens) {
-                if history.is_better(&fine, STEP_SHARE) {
-                    let (round, seconds) = (search.progress().0, clock.seconds());
-                    context.note(line(&format!("round {round}"), seconds, problem, &fine));
-                    history.add(problem, round, seconds, &fine, &found.at, &found.glasses)?;
-                    history.keep_state(&search.state())?;
-                }
-                if best.as_ref().is_none_or(|b: &Analysis| fine.merit < b.merit) {
-                    best = Some(fine);
-                }
-            }
-        }
-        let is_out_of_time = done > 0 && request.is_out_of_time(clock.began);
-        if done == request.rounds || is_out_of_time || context.is_cancelled() {
-            break;
-        }
-        search.advance();
-        if kept_at.elapsed() > KEEP_EVERY {
-            history.keep_state(&search.state())?;
-            kept_at = Instant::now();
-        }
-    }
-    history.keep_state(&search.state())?;
-    let (rounds, descents) = search.progress();
-    context.note(format!("{rounds} rounds, {descents} descents"));
-    Ok(best)
-}
-
 /// Seconds of work on an optimisation, those of earlier calls included.
 struct Clock {
     began: Instant,
@@ -472,9 +386,10 @@ fn violations(analysis: &Analysis) -> usize {
 /// A line about a better lens.
 fn line(what: &str, seconds: f64, problem: &Problem, analysis: &Analysis) -> String {
     let fields: Vec<String> = analysis.rms_um.iter().map(|r| format!("{r:.2}")).collect();
-    let violated = match violations(analysis) {
-        0 => String::new(),
-        n => format!("; {n} limits violated"),
+    let violated = match &named_violations(analysis)[..] {
+        [] => String::new(),
+        [one] => format!("; not kept: {one}"),
+        [first, more @ ..] => format!("; not kept: {first}; and {} more", more.len()),
     };
     let is_restored = problem.goals.first().is_some_and(is_restored);
     let merit = match (is_restored, analysis.goals.first()) {
@@ -486,99 +401,4 @@ fn line(what: &str, seconds: f64, problem: &Problem, analysis: &Analysis) -> Str
         analysis.mean_rms_um(),
         fields.join(" ")
     )
-}
-
-/// Searches again with each further requirement. What the goal demands more strictly stays.
-fn trades(
-    config: &Config,
-    file: &LensFile,
-    request: &Request,
-    context: &Context,
-) -> Result<Vec<Trade>, JobError> {
-    let at_least = |limit: Option<f64>, value: f64| Some(limit.map_or(value, |l| l.max(value)));
-    let at_most = |limit: Option<f64>, value: f64| Some(limit.map_or(value, |l| l.min(value)));
-    let colours = |g: &mut Goal| g.wavelengths = file.lens.wavelengths_um.clone();
-    let edges = |g: &mut Goal| g.edge = at_least(g.edge, 1.0);
-    let diameters = |g: &mut Goal| g.clear_diameter = at_most(g.clear_diameter, 12.7);
-    let distortion = |g: &mut Goal| g.distortion = at_most(g.distortion, 1.0);
-    let all = |g: &mut Goal| {
-        colours(g);
-        edges(g);
-        diameters(g);
-        distortion(g);
-    };
-    type Requirement<'a> = (&'static str, &'a dyn Fn(&mut Goal));
-    let requirements: [Requirement; 6] = [
-        ("as asked", &|_| {}),
-        ("polychromatic spots", &colours),
-        ("edges of 1 mm", &edges),
-        ("clear diameters of 12.7 mm", &diameters),
-        ("distortion of 1 %", &distortion),
-        ("all of these", &all),
-    ];
-    let mut trades = Vec::new();
-    for (asked, require) in requirements {
-        let mut goal = config.goal.clone();
-        require(&mut goal);
-        let problem = goal.problem(file, &context.assets)?;
-        let options = SearchOptions { seed: config.seed, ..SearchOptions::default() };
-        let mut search = Search::new(&problem, options).map_err(|e| not_optimisable(&e))?;
-        let began = Instant::now();
-        for done in 0..request.rounds {
-            context.progress(done, request.rounds, asked);
-            if context.is_cancelled() {
-                return Ok(trades);
-            }
-            if done > 0 && request.is_out_of_time(began) {
-                break;
-            }
-            search.advance();
-        }
-        let Some(best) = search.best() else { continue };
-        let Some(best) = with_more_rays(&problem, &best.analysis.lens) else { continue };
-        context.note(line(asked, began.elapsed().as_secs_f64(), &problem, &best));
-        trades.push(Trade {
-            asked: asked.to_owned(),
-            mean_rms_um: best.mean_rms_um(),
-            violations: violations(&best),
-        });
-    }
-    Ok(trades)
-}
-
-impl Figures {
-    fn new(problem: &Problem, analysis: &Analysis) -> Self {
-        let lens = &analysis.lens;
-        let sequence = lens.at_wavelength(lens.reference_um);
-        let order = first_order(&sequence);
-        let clear = analysis.fitted_lens(problem);
-        let widest = clear.surfaces.iter().fold(0.0_f64, |w, s| w.max(2.0 * s.semi_diameter_mm));
-        let outermost = problem.merit.outermost_field_rad();
-        let chief = (outermost != 0.0 && lens.is_rotationally_symmetric())
-            .then(|| chief_ray(&sequence, outermost))
-            .flatten();
-        let goals = || problem.goals.iter().zip(analysis.goals.iter().copied());
-        let figure = |(goal, value): (&MeritGoal, f64)| OperandFigure {
-            of: goal.merit.name(),
-            value,
-            target: goal.target,
-            unit: goal.merit.unit().to_owned(),
-        };
-        let distortion = chief
-            .map(|c| c.y_mm / (image_height_per_tangent(&sequence) * rectilinear_tangent(outermost)) - 1.0);
-        Self {
-            restored_error_percent: goals().find(|(goal, _)| is_restored(goal)).map(|(_, percent)| percent),
-            operands: goals().filter(|(goal, _)| !is_restored(goal)).map(figure).collect(),
-            mean_rms_spot_um: analysis.mean_rms_um(),
-            rms_spot_um: analysis.rms_um.clone(),
-            focal_length_mm: finite(order.efl_mm),
-            back_focal_length_mm: finite(order.bfl_mm),
-            f_number: finite(order.f_number),
-            magnification: first_order_table(lens).magnification,
-            track_to_the_image_mm: lens.total_track_mm(),
-            largest_clear_diameter_mm: widest,
-            distortion_percent: distortion.map(|share| 100.0 * share).and_then(finite),
-            violations_mm: analysis.violations.iter().map(|(what, mm)| (what.to_string(), *mm)).collect(),
-        }
-    }
 }

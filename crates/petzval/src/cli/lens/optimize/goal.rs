@@ -1,6 +1,34 @@
 //! The goal of an optimisation as arguments.
 
-use petzval::jobs::lens::optimize::Goal;
+use clap::ValueEnum;
+use petzval::jobs::lens::optimize::{Goal, Vary};
+
+/// A kind of numbers.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Kind {
+    /// Curvatures.
+    Curvature,
+    /// Thicknesses of glass.
+    Thickness,
+    /// Gaps of air.
+    Air,
+    /// Conic constants.
+    Conic,
+    /// Aspheric coefficients a4 to a10.
+    Asphere,
+}
+
+impl From<Kind> for Vary {
+    fn from(kind: Kind) -> Self {
+        match kind {
+            Kind::Curvature => Self::Curvature,
+            Kind::Thickness => Self::Thickness,
+            Kind::Air => Self::Air,
+            Kind::Conic => Self::Conic,
+            Kind::Asphere => Self::Asphere,
+        }
+    }
+}
 
 /// The goal and the limits of an optimisation.
 #[derive(Debug, clap::Args)]
@@ -19,8 +47,11 @@ pub struct GoalArgs {
     /// its place the magnification of a near object]
     #[arg(long, value_name = "MM|free", allow_hyphen_values = true)]
     efl: Option<String>,
-    /// Glass that a search may exchange: the surface in front of it, and the glasses to choose from [default: the whole
-    /// catalogue]
+    /// Kinds of numbers that vary beside the variables of the lens file, within bounds about their own values
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "KIND,...")]
+    vary: Vec<Kind>,
+    /// Glass that a search may exchange: the surface in front of it, and the glasses to choose from beside its own [default: the
+    /// whole catalogue]
     #[arg(long, value_name = "SURFACE[=NAME,...]")]
     glass: Vec<String>,
     /// F-number; determines the entrance pupil, from the focal length that is held or that of the start
@@ -60,6 +91,7 @@ impl From<GoalArgs> for Goal {
         Self {
             restored: None,
             operands: None,
+            vary: args.vary.into_iter().map(Vary::from).collect(),
             wavelengths: args.wavelengths,
             fields: args.fields,
             power: args.power,

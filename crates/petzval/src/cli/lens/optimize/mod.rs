@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::ValueEnum;
-use petzval::jobs::lens::optimize::{self, Figures, Goal, OperandFigure, Response, Restored, Start, Trade};
+use petzval::jobs::lens::optimize::{self, Figures, Goal, Response, Restored, Start, Trade};
 
 use self::goal::GoalArgs;
 use crate::cli::failure::Failure;
@@ -20,10 +20,10 @@ use crate::cli::terminal::{EXIT_STOPPED, Terminal, print_json};
 ///
 /// Without --global: Levenberg and Marquardt's method from the lens of the file. With --global: a search from random
 /// starts within the bounds, for a number of rounds; --resume continues it at any time. The variables are those of the
-/// lens file; a lens without variables gets its curvatures and gaps. The image plane goes where the spots are smallest.
+/// lens file and of --vary; a lens without variables gets its curvatures and gaps. The image plane goes where the spots are smallest.
 ///
-/// The folder holds the best lens (best.toml), every better lens on the way (lens/step-N.toml, history.jsonl) and the
-/// state for --resume.
+/// The folder holds the best lens (best.toml), a page with the lens before and after (optimize.html), every better lens on the way
+/// (lens/step-N.toml, history.jsonl) and the state for --resume.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Lens file, or a built-in name
@@ -143,15 +143,16 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     } else {
         print(&response);
         print_trades(&response.found.trades);
-        outln!("\nlens: {}", response.found.lens.display());
+        outln!("\nlens: {}\npage: {}", response.found.lens.display(), response.found.page.display());
     }
     Ok(if response.is_cancelled { ExitCode::from(EXIT_STOPPED) } else { ExitCode::SUCCESS })
 }
 
 fn print(response: &Response) {
-    let start = response.found.start.as_ref().map(|start| rows(&response.fields_deg, start));
+    let found = &response.found;
+    let start = found.start.as_ref().map(|start| start.rows(&response.fields_deg));
     outln!("\n{:<26} {:>12} {:>12}", "", if start.is_some() { "start" } else { "" }, "best");
-    for (i, (name, best, unit)) in rows(&response.fields_deg, &response.found.best).into_iter().enumerate() {
+    for (i, (name, best, unit)) in found.best.rows(&response.fields_deg).into_iter().enumerate() {
         let start = start.as_ref().map_or_else(String::new, |rows| figure(rows[i].1));
         outln!("{name:<26} {start:>12} {:>12} {unit}", figure(best));
     }
@@ -159,37 +160,15 @@ fn print(response: &Response) {
         "RMS spots: all wavelengths together, through the real stop, on the image plane where they are least; the mean is that of \
          the fields"
     );
-    for (what, amount) in response.found.best.violations_mm.iter().filter(|(_, mm)| *mm > 1e-4) {
-        outln!("not met: {what}, by {amount:.4} mm");
+    for missed in found.start.iter().flat_map(Figures::missed) {
+        outln!("not met at the start: {missed}");
     }
-}
-
-/// Figures of a lens: name, value, unit.
-fn rows(fields_deg: &[f64], f: &Figures) -> Vec<(String, Option<f64>, &'static str)> {
-    let restored =
-        f.restored_error_percent.map(|e| ("error after restoration".to_owned(), Some(e), "% of white"));
-    let mut rows: Vec<_> = restored.into_iter().collect();
-    let unit = |unit: &str| ["mm", "um", "waves"].into_iter().find(|known| *known == unit).unwrap_or("");
-    // A limit is counted by how far it is missed, other figures by themselves.
-    let named = |o: &OperandFigure| match o.unit == "mm" && o.target == 0.0 {
-        true => format!("{}: missed by", o.of),
-        false => o.of.clone(),
-    };
-    rows.extend(f.operands.iter().map(|o| (named(o), Some(o.value), unit(&o.unit))));
-    rows.push(("mean RMS spot".to_owned(), Some(f.mean_rms_spot_um), "um"));
-    for (field, rms) in fields_deg.iter().zip(&f.rms_spot_um) {
-        rows.push((format!("RMS spot at {field:.1} deg"), Some(*rms), "um"));
+    for missed in found.best.missed() {
+        outln!("not met: {missed}");
     }
-    rows.push(("focal length".to_owned(), f.focal_length_mm, "mm"));
-    rows.push(("back focal length".to_owned(), f.back_focal_length_mm, "mm"));
-    rows.push(("f-number".to_owned(), f.f_number, ""));
-    if let Some(magnification) = f.magnification {
-        rows.push(("magnification".to_owned(), Some(magnification), ""));
+    for bound in &found.at_bounds {
+        outln!("on a bound: {bound}");
     }
-    rows.push(("track to the image".to_owned(), Some(f.track_to_the_image_mm), "mm"));
-    rows.push(("largest clear diameter".to_owned(), Some(f.largest_clear_diameter_mm), "mm"));
-    rows.push(("distortion".to_owned(), f.distortion_percent, "%"));
-    rows
 }
 
 fn figure(value: Option<f64>) -> String {

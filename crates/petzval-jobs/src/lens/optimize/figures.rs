@@ -1,0 +1,153 @@
+//! Figures of a lens that an optimisation reports.
+
+use petzval_optics::analysis::first_order_table;
+use petzval_optics::optimize::{Analysis, Goal as MeritGoal, Problem};
+use petzval_optics::paraxial::{first_order, image_height_per_tangent, rectilinear_tangent};
+use petzval_optics::pupil::chief_ray;
+use serde::{Deserialize, Serialize};
+
+use crate::finite::finite;
+
+/// A limit counts as violated from here, mm.
+pub(super) const VIOLATED_MM: f64 = 1e-4;
+
+/// The bound of contrast, a spot or a wavefront counts as missed from this share of it.
+const MISSED: f64 = 1e-4;
+
+/// Figures of a lens.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Figures {
+    /// Root of the expected squared error after the best linear restoration, % of white; `None` unless that is the goal.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub restored_error_percent: Option<f64>,
+    /// Operands: what each is, its value, its target and its unit.
+    #[serde(default)]
+    pub operands: Vec<OperandFigure>,
+    /// Mean over the fields of the RMS spot radius, um.
+    pub mean_rms_spot_um: f64,
+    /// RMS spot radius by field, um.
+    pub rms_spot_um: Vec<f64>,
+    /// Focal length, mm.
+    pub focal_length_mm: Option<f64>,
+    /// From the last vertex to the rear focal point, mm.
+    pub back_focal_length_mm: Option<f64>,
+    /// Focal length over entrance pupil diameter.
+    pub f_number: Option<f64>,
+    /// Height of the image over that of the object; `None` for an object at infinity.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub magnification: Option<f64>,
+    /// From the first vertex to the image plane, mm.
+    pub track_to_the_image_mm: f64,
+    /// Largest diameter of a surface that the beams need, mm.
+    pub largest_clear_diameter_mm: f64,
+    /// Distortion at the outermost field; `None` without such a field, or without rotational symmetry.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub distortion_percent: Option<f64>,
+    /// Limits that are violated, and by how much, mm.
+    pub violations_mm: Vec<(String, f64)>,
+}
+
+/// Whether a goal is the error after restoration, and no operand.
+pub(super) fn is_restored(goal: &MeritGoal) -> bool {
+    goal.merit.unit() == "% of white"
+}
+
+/// What a lens reaches of an operand. Of a figure that is bounded on both sides this is by how much it is beyond its bounds, and the target 0.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OperandFigure {
+    /// The figure.
+    pub of: String,
+    /// Its value.
+    pub value: f64,
+    /// Its bound.
+    pub target: f64,
+    /// The unit of both.
+    pub unit: String,
+    /// By how much it misses its bound, in its unit; 0 where it keeps it.
+    #[serde(default)]
+    pub missed_by: f64,
+}
+
+impl Figures {
+    /// The limits and the bounds of operands that it does not keep, each with by how much.
+    pub fn missed(&self) -> Vec<String> {
+        let limits = self.violations_mm.iter().filter(|(_, mm)| *mm > VIOLATED_MM);
+        let limits = limits.map(|(what, mm)| format!("{what}, by {mm:.4} mm"));
+        let of_operand = |o: &OperandFigure| {
+            let name = if o.unit.is_empty() { String::new() } else { format!(" {}", o.unit) };
+            match o.unit == "mm" && o.target == 0.0 {
+                true => (o.missed_by > VIOLATED_MM).then(|| format!("{}, by {:.4} mm", o.of, o.missed_by)),
+                false => (o.missed_by > MISSED * o.target.abs())
+                    .then(|| format!("{}: {:.4} for {:.4}{name}", o.of, o.value, o.target)),
+            }
+        };
+        limits.chain(self.operands.iter().filter_map(of_operand)).collect()
+    }
+
+    /// Every figure by name, value and unit, for the fields that the spots belong to.
+    pub fn rows(&self, fields_deg: &[f64]) -> Vec<(String, Option<f64>, &'static str)> {
+        let f = self;
+        let restored =
+            f.restored_error_percent.map(|e| ("error after restoration".to_owned(), Some(e), "% of white"));
+        let mut rows: Vec<_> = restored.into_iter().collect();
+        let unit = |unit: &str| ["mm", "um", "waves"].into_iter().find(|known| *known == unit).unwrap_or("");
+        // A limit is counted by how far it is missed, other figures by themselves.
+        let named = |o: &OperandFigure| match o.unit == "mm" && o.target == 0.0 {
+            true => format!("{}: missed by", o.of),
+            false => o.of.clone(),
+        };
+        rows.extend(f.operands.iter().map(|o| (named(o), Some(o.value), unit(&o.unit))));
+        rows.push(("mean RMS spot".to_owned(), Some(f.mean_rms_spot_um), "um"));
+        for (field, rms) in fields_deg.iter().zip(&f.rms_spot_um) {
+            rows.push((format!("RMS spot at {field:.1} deg"), Some(*rms), "um"));
+        }
+        rows.push(("focal length".to_owned(), f.focal_length_mm, "mm"));
+        rows.push(("back focal length".to_owned(), f.back_focal_length_mm, "mm"));
+        rows.push(("f-number".to_owned(), f.f_number, ""));
+        if let Some(magnification) = f.magnification {
+            rows.push(("magnification".to_owned(), Some(magnification), ""));
+        }
+        rows.push(("track to the image".to_owned(), Some(f.track_to_the_image_mm), "mm"));
+        rows.push(("largest clear diameter".to_owned(), Some(f.largest_clear_diameter_mm), "mm"));
+        rows.push(("distortion".to_owned(), f.distortion_percent, "%"));
+        rows
+    }
+
+    /// The figures of a lens under a problem.
+    pub(super) fn new(problem: &Problem, analysis: &Analysis) -> Self {
+        let lens = &analysis.lens;
+        let sequence = lens.at_wavelength(lens.reference_um);
+        let order = first_order(&sequence);
+        let clear = analysis.fitted_lens(problem);
+        let widest = clear.surfaces.iter().fold(0.0_f64, |w, s| w.max(2.0 * s.semi_diameter_mm));
+        let outermost = problem.merit.outermost_field_rad();
+        let chief = (outermost != 0.0 && lens.is_rotationally_symmetric())
+            .then(|| chief_ray(&sequence, outermost))
+            .flatten();
+        let goals = || problem.goals.iter().zip(analysis.goals.iter().copied());
+        let figure = |(goal, value): (&MeritGoal, f64)| OperandFigure {
+            of: goal.merit.name(),
+            value,
+            target: goal.target,
+            unit: goal.merit.unit().to_owned(),
+            missed_by: goal.merit.better().loss(value, goal.target).max(0.0),
+        };
+        let distortion = chief
+            .map(|c| c.y_mm / (image_height_per_tangent(&sequence) * rectilinear_tangent(outermost)) - 1.0);
+        Self {
+            restored_error_percent: goals().find(|(goal, _)| is_restored(goal)).map(|(_, percent)| percent),
+            operands: goals().filter(|(goal, _)| !is_restored(goal)).map(figure).collect(),
+            mean_rms_spot_um: analysis.mean_rms_um(),
+            rms_spot_um: analysis.rms_um.clone(),
+            focal_length_mm: finite(order.efl_mm),
+            back_focal_length_mm: finite(order.bfl_mm),
+            f_number: finite(order.f_number),
+            magnification: first_order_table(lens).magnification,
+            track_to_the_image_mm: lens.total_track_mm(),
+            largest_clear_diameter_mm: widest,
+            distortion_percent: distortion.map(|share| 100.0 * share).and_then(finite),
+            violations_mm: analysis.violations.iter().map(|(what, mm)| (what.to_string(), *mm)).collect(),
+        }
+    }
+}

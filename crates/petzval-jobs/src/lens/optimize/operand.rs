@@ -1,0 +1,80 @@
+//! Operands: figures of the lens, each with a bound, as goals of the problem.
+//!
+//! Contrast, spots and wavefronts are traded against the spots by their weight. The bound of any other figure binds: a violation costs as much as that
+//! of a limit.
+
+use std::sync::Arc;
+
+use petzval_files::{Figure, Operand};
+use petzval_optics::constraint::Constraint;
+use petzval_optics::merit::{FieldSet, Merit, Mtf, RmsSpot, RmsWavefront, Violation};
+use petzval_optics::optimize::{Goal, Problem};
+use petzval_optics::psf::PsfKind;
+
+use crate::error::JobError;
+
+/// By how much a bound is taken more strictly than it stands, mm: a penalty ends a little beyond its limit, and that must be within the bound.
+const INSIDE_MM: f64 = 1e-4;
+
+/// The same for a bound that is a share or an angle, as a share of it.
+const INSIDE: f64 = 1e-3;
+
+/// What an operand adds to what is minimised: contrast and spots at every field that it means, each as a figure of its own, which descents can
+/// tell apart. Its wavelengths are those of the problem.
+pub(super) fn goals_of(operand: &Operand, problem: &Problem) -> Result<Vec<Goal>, JobError> {
+    let mut lens = problem.base.clone();
+    lens.wavelengths_um.clone_from(&problem.merit.wavelengths_um);
+    let limit_deg = lens.object.field_limit_deg();
+    let own = problem.merit.fields_rad.iter().map(|field| field.to_degrees());
+    let fields_deg: Vec<f64> = operand.field_deg.map_or_else(|| own.collect(), |deg| vec![deg]);
+    if let Some(deg) = fields_deg.iter().find(|deg| deg.abs() >= limit_deg) {
+        let message = format!("the lens has no field of {deg} degrees");
+        return Err(JobError::input(message, format!("field_deg of an operand is less than {limit_deg}")));
+    }
+    let goal = |merit, target| Goal { merit, target, weight_um: operand.weight_um };
+    let at_each = |merit: &dyn Fn(FieldSet) -> Arc<dyn Merit>, target: f64| -> Vec<Goal> {
+        fields_deg.iter().map(|deg| goal(merit(FieldSet::new(&lens, &[*deg])), target)).collect()
+    };
+    // The bound binds, whatever the weight.
+    let kept = |constraint| {
+        let merit = Arc::new(Violation(constraint));
+        vec![Goal { merit, target: 0.0, weight_um: operand.weight_um.max(problem.stiffness_um_per_mm) }]
+    };
+    let field_rad = operand.field_deg.map_or(problem.merit.outermost_field_rad(), f64::to_radians);
+    let [least, most] = [operand.at_least.unwrap_or(-FAR_MM), operand.at_most.unwrap_or(FAR_MM)];
+    // A range that is no wider than the margins is aimed at in its middle.
+    let margin_mm = INSIDE_MM.min(0.5 * (most - least));
+    let between_mm = [least + margin_mm, most - margin_mm];
+    let goals = match operand.of {
+        Figure::Mtf => {
+            let kind = if operand.waves { PsfKind::Diffraction } else { PsfKind::Geometric };
+            let mtf = Mtf::new(&lens, operand.frequency_per_mm.unwrap_or_default(), kind);
+            at_each(&|fields| Arc::new(mtf.clone().with_fields(fields)), least)
+        }
+        Figure::Spot => {
+            let spot = RmsSpot::new(&lens);
+            at_each(&|fields| Arc::new(RmsSpot { fields, ..spot.clone() }), most)
+        }
+        Figure::Wavefront => at_each(&|fields| Arc::new(RmsWavefront { fields }), most),
+        Figure::FocalLength => kept(Constraint::FocalLength { between_mm }),
+        Figure::BackFocalLength => kept(Constraint::BackFocal { between_mm }),
+        Figure::Track => kept(Constraint::Track { most_mm: most - INSIDE_MM }),
+        Figure::Distortion => kept(Constraint::Distortion { field_rad, share: most * (1.0 - INSIDE) }),
+        Figure::ChiefRayAngle => {
+            kept(Constraint::ChiefRayAngle { field_rad, greatest_rad: (most * (1.0 - INSIDE)).to_radians() })
+        }
+        Figure::ImageHeight => {
+            let [low, high] = between_mm;
+            let (wanted_mm, tolerance_mm) = (0.5 * (low + high), 0.5 * (high - low));
+            kept(Constraint::ChiefHeight { field_rad, wanted_mm, tolerance_mm })
+        }
+    };
+    if let Some(lost) = goals.iter().find(|goal| goal.merit.value(&lens).is_none()) {
+        let message = format!("{}: the lens to start from has no such figure", lost.merit.name());
+        return Err(JobError::input(message, "improve its spots first, or leave the operand out"));
+    }
+    Ok(goals)
+}
+
+/// A bound that no lens meets.
+const FAR_MM: f64 = 1e6;

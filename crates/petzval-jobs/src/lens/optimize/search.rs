@@ -1,0 +1,102 @@
+//! The global search of `lens optimize`: rounds, what is kept of them, and the lens at the start as the one to beat.
+
+use std::time::Instant;
+
+use petzval_optics::design_space::DesignSpaceError;
+use petzval_optics::optimize::{Analysis, Problem, Search, SearchOptions};
+
+use super::history::History;
+use super::{Clock, KEEP_EVERY, Request, STEP_SHARE, line, not_optimisable, with_more_rays};
+use crate::context::Context;
+use crate::error::JobError;
+
+/// A global search.
+pub(super) fn search(
+    problem: &Problem,
+    history: &mut History,
+    seed: u64,
+    request: &Request,
+    context: &Context,
+) -> Result<Option<Analysis>, JobError> {
+    let options = SearchOptions { seed, ..SearchOptions::default() };
+    let mut search = match history.state()? {
+        Some(state) => Search::resume(problem, options, &state),
+        None => Search::new(problem, options),
+    }
+    .map_err(|e| not_optimisable(&e))?;
+    let clock = Clock::start(history);
+    let (mut best, mut examined) = (None, f64::INFINITY);
+    if history.steps().is_empty() {
+        best = enter_start(problem, &search, history, context)?;
+    }
+    let mut kept_at = Instant::now();
+    for done in 0.. {
+        context.progress(done, request.rounds, "search");
+        // Trace more rays through a better lens than the search did: their merit decides.
+        if let Some(found) = search.best().filter(|found| found.analysis.merit < examined) {
+            examined = found.analysis.merit;
+            if let Some(fine) = with_more_rays(problem, &found.analysis.lens) {
+                if history.is_better(&fine, STEP_SHARE) {
+                    let (round, seconds) = (search.progress().0, clock.seconds());
+                    context.note(line(&format!("round {round}"), seconds, problem, &fine));
+                    history.add(problem, round, seconds, &fine, &found.at, &found.glasses)?;
+                    history.keep_state(&search.state())?;
+                }
+                let is_built = history.defect(problem, &fine).is_none();
+                if is_built && best.as_ref().is_none_or(|b: &Analysis| fine.merit < b.merit) {
+                    best = Some(fine);
+                }
+            }
+        }
+        let is_out_of_time = done > 0 && request.is_out_of_time(clock.began);
+        if done == request.rounds || is_out_of_time || context.is_cancelled() {
+            break;
+        }
+        search.advance();
+        if kept_at.elapsed() > KEEP_EVERY {
+            history.keep_state(&search.state())?;
+            kept_at = Instant::now();
+        }
+    }
+    history.keep_state(&search.state())?;
+    let (rounds, descents) = search.progress();
+    context.note(format!("{rounds} rounds, {descents} descents"));
+    // What earlier calls found still counts.
+    if let Some(step) = history.best()
+        && best.as_ref().is_none_or(|b| step.merit_um < b.merit.sqrt() * (1.0 - 1e-9))
+    {
+        let known = context.assets.import(&history.best_lens().display().to_string())?.file.lens;
+        best = with_more_rays(problem, &known).or(best);
+    }
+    Ok(best)
+}
+
+/// Makes the lens at the start the first step of a search, which nothing but a better lens replaces. Where it cannot compete a line says why.
+fn enter_start(
+    problem: &Problem,
+    search: &Search,
+    history: &mut History,
+    context: &Context,
+) -> Result<Option<Analysis>, JobError> {
+    let own = search.own_lens().map_err(|why| why.to_string());
+    let fine = own.and_then(|own| {
+        let fine = with_more_rays(problem, &own.analysis.lens);
+        Ok((fine.ok_or_else(|| DesignSpaceError::NoRays.to_string())?, own))
+    });
+    let (fine, own) = match fine {
+        Ok((fine, own)) => match history.defect(problem, &fine) {
+            None => (fine, own),
+            Some(defect) => return without_start(&format!("it cannot be built: {defect}"), context),
+        },
+        Err(why) => return without_start(&why, context),
+    };
+    context.note(line("start", 0.0, problem, &fine));
+    history.add(problem, 0, 0.0, &fine, &own.at, &own.glasses)?;
+    Ok(Some(fine))
+}
+
+/// Says why a search goes without the lens at its start.
+fn without_start(why: &str, context: &Context) -> Result<Option<Analysis>, JobError> {
+    context.note(format!("the lens at the start does not compete: {why}"));
+    Ok(None)
+}

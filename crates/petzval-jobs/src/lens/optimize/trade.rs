@@ -1,0 +1,92 @@
+//! What further requirements cost: searches with each of them.
+
+use std::time::Instant;
+
+use petzval_files::LensFile;
+use petzval_optics::optimize::{Search, SearchOptions};
+use serde::{Deserialize, Serialize};
+
+use super::goal::Goal;
+use super::history::Config;
+use super::{Request, line, not_optimisable, violations, with_more_rays};
+use crate::context::Context;
+use crate::error::JobError;
+
+/// The best lens of a search with a further requirement.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Trade {
+    /// The requirement, in words.
+    pub asked: String,
+    /// Mean over the fields of the RMS spot radius, um.
+    pub mean_rms_um: f64,
+    /// How many limits are violated.
+    pub violations: usize,
+}
+
+pub(super) fn check_trade(request: &Request, config: &Config) -> Result<(), JobError> {
+    match request.trade && !config.global {
+        true => {
+            let message = "compares searches, and this is a descent";
+            Err(JobError::setting("trade", "", message, "begin a search with --global"))
+        }
+        false => Ok(()),
+    }
+}
+
+/// Searches again with each further requirement. What the goal demands more strictly stays.
+pub(super) fn trades(
+    config: &Config,
+    file: &LensFile,
+    request: &Request,
+    context: &Context,
+) -> Result<Vec<Trade>, JobError> {
+    let at_least = |limit: Option<f64>, value: f64| Some(limit.map_or(value, |l| l.max(value)));
+    let at_most = |limit: Option<f64>, value: f64| Some(limit.map_or(value, |l| l.min(value)));
+    let colours = |g: &mut Goal| g.wavelengths = file.lens.wavelengths_um.clone();
+    let edges = |g: &mut Goal| g.edge = at_least(g.edge, 1.0);
+    let diameters = |g: &mut Goal| g.clear_diameter = at_most(g.clear_diameter, 12.7);
+    let distortion = |g: &mut Goal| g.distortion = at_most(g.distortion, 1.0);
+    let all = |g: &mut Goal| {
+        colours(g);
+        edges(g);
+        diameters(g);
+        distortion(g);
+    };
+    type Requirement<'a> = (&'static str, &'a dyn Fn(&mut Goal));
+    let requirements: [Requirement; 6] = [
+        ("as asked", &|_| {}),
+        ("polychromatic spots", &colours),
+        ("edges of 1 mm", &edges),
+        ("clear diameters of 12.7 mm", &diameters),
+        ("distortion of 1 %", &distortion),
+        ("all of these", &all),
+    ];
+    let mut trades = Vec::new();
+    for (asked, require) in requirements {
+        let mut goal = config.goal.clone();
+        require(&mut goal);
+        let problem = goal.problem(file, &context.assets)?;
+        let options = SearchOptions { seed: config.seed, ..SearchOptions::default() };
+        let mut search = Search::new(&problem, options).map_err(|e| not_optimisable(&e))?;
+        let began = Instant::now();
+        for done in 0..request.rounds {
+            context.progress(done, request.rounds, asked);
+            if context.is_cancelled() {
+                return Ok(trades);
+            }
+            if done > 0 && request.is_out_of_time(began) {
+                break;
+            }
+            search.advance();
+        }
+        let Some(best) = search.best() else { continue };
+        let Some(best) = with_more_rays(&problem, &best.analysis.lens) else { continue };
+        context.note(line(asked, began.elapsed().as_secs_f64(), &problem, &best));
+        trades.push(Trade {
+            asked: asked.to_owned(),
+            mean_rms_um: best.mean_rms_um(),
+            violations: violations(&best),
+        });
+    }
+    Ok(trades)
+}
