@@ -74,43 +74,41 @@ impl Figures {
     pub fn missed(&self) -> Vec<String> {
         let limits = self.violations_mm.iter().filter(|(_, mm)| *mm > VIOLATED_MM);
         let limits = limits.map(|(what, mm)| format!("{what}, by {mm:.4} mm"));
+        // The bound of a length is among the limits.
+        let is_traded = |o: &&OperandFigure| o.unit != "mm" && o.missed_by > MISSED * o.target.abs();
         let of_operand = |o: &OperandFigure| {
-            let name = if o.unit.is_empty() { String::new() } else { format!(" {}", o.unit) };
-            match o.unit == "mm" && o.target == 0.0 {
-                true => (o.missed_by > VIOLATED_MM).then(|| format!("{}, by {:.4} mm", o.of, o.missed_by)),
-                false => (o.missed_by > MISSED * o.target.abs())
-                    .then(|| format!("{}: {:.4} for {:.4}{name}", o.of, o.value, o.target)),
-            }
+            let OperandFigure { of, value, target, unit, .. } = o;
+            format!("{of}: {value:.4} for {target:.4} {unit}").trim_end().to_owned()
         };
-        limits.chain(self.operands.iter().filter_map(of_operand)).collect()
+        limits.chain(self.operands.iter().filter(is_traded).map(of_operand)).collect()
     }
 
     /// Every figure by name, value and unit, for the fields that the spots belong to.
     pub fn rows(&self, fields_deg: &[f64]) -> Vec<(String, Option<f64>, &'static str)> {
-        let f = self;
-        let restored =
-            f.restored_error_percent.map(|e| ("error after restoration".to_owned(), Some(e), "% of white"));
+        let restored = self
+            .restored_error_percent
+            .map(|e| ("error after restoration".to_owned(), Some(e), "% of white"));
         let mut rows: Vec<_> = restored.into_iter().collect();
         let unit = |unit: &str| ["mm", "um", "waves"].into_iter().find(|known| *known == unit).unwrap_or("");
         // A limit is counted by how far it is missed, other figures by themselves.
         let named = |o: &OperandFigure| match o.unit == "mm" && o.target == 0.0 {
             true => format!("{}: missed by", o.of),
-            false => o.of.clone(),
+            false => o.oself.clone(),
         };
-        rows.extend(f.operands.iter().map(|o| (named(o), Some(o.value), unit(&o.unit))));
-        rows.push(("mean RMS spot".to_owned(), Some(f.mean_rms_spot_um), "um"));
-        for (field, rms) in fields_deg.iter().zip(&f.rms_spot_um) {
+        rows.extend(self.operands.iter().map(|o| (named(o), Some(o.value), unit(&o.unit))));
+        rows.push(("mean RMS spot".to_owned(), Some(self.mean_rms_spot_um), "um"));
+        for (field, rms) in fields_deg.iter().zip(&self.rms_spot_um) {
             rows.push((format!("RMS spot at {field:.1} deg"), Some(*rms), "um"));
         }
-        rows.push(("focal length".to_owned(), f.focal_length_mm, "mm"));
-        rows.push(("back focal length".to_owned(), f.back_focal_length_mm, "mm"));
-        rows.push(("f-number".to_owned(), f.f_number, ""));
-        if let Some(magnification) = f.magnification {
+        rows.push(("focal length".to_owned(), self.focal_length_mm, "mm"));
+        rows.push(("back focal length".to_owned(), self.back_focal_length_mm, "mm"));
+        rows.push(("f-number".to_owned(), self.f_number, ""));
+        if let Some(magnification) = self.magnification {
             rows.push(("magnification".to_owned(), Some(magnification), ""));
         }
-        rows.push(("track to the image".to_owned(), Some(f.track_to_the_image_mm), "mm"));
-        rows.push(("largest clear diameter".to_owned(), Some(f.largest_clear_diameter_mm), "mm"));
-        rows.push(("distortion".to_owned(), f.distortion_percent, "%"));
+        rows.push(("track to the image".to_owned(), Some(self.track_to_the_image_mm), "mm"));
+        rows.push(("largest clear diameter".to_owned(), Some(self.largest_clear_diameter_mm), "mm"));
+        rows.push(("distortion".to_owned(), self.distortion_percent, "%"));
         rows
     }
 

@@ -191,8 +191,9 @@ impl Goal {
         if let Some(OperandFile { spot_weight, operand }) = &self.operands {
             problem.spot_weight *= spot_weight;
             for operand in operand {
-                let goals = goals_of(operand, &problem)?;
+                let (goals, bound) = goals_of(operand, &problem)?;
                 problem.goals.extend(goals);
+                problem.further.extend(bound);
             }
         }
         Ok(problem)

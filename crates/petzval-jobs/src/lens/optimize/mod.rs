@@ -17,7 +17,9 @@ use petzval_files::{LensFile, OperandFile, parse_operands};
 use petzval_optics::design_space::{AtBound, DesignSpaceError, Solves};
 use petzval_optics::lens::Lens;
 use petzval_optics::merit::SpotResiduals;
-use petzval_optics::optimize::{Analysis, LevenbergOptions, Problem, Search, SearchOptions, Stop, descend};
+use petzval_optics::optimize::{
+    Analysis, LevenbergOptions, Problem, Search, SearchOptions, Stop, descend, descend_softly,
+};
 use petzval_optics::pupil::PupilSampling;
 use serde::{Deserialize, Serialize};
 
@@ -115,6 +117,9 @@ pub fn read_operands(path: &Path) -> Result<OperandFile, JobError> {
 
 /// A step of the history is better than the one before by this share at least.
 const STEP_SHARE: f64 = 1e-3;
+
+/// The share of the merit, squared, below which another descent takes the place of the usual one: half a percent of the spot.
+const WORTH_IT: f64 = 0.99;
 
 /// How often a search writes its state, so that it can continue from there whatever ends the process.
 const KEEP_EVERY: Duration = Duration::from_secs(1);
@@ -310,8 +315,9 @@ fn descent(
         context.note(line(&format!("iteration {iteration}"), seconds, problem, analysis));
         history.add(problem, 0, seconds, analysis, at, &[])
     };
-    let mut failure = None;
+    let (mut failure, mut met_limits) = (None, false);
     let descent = descend(problem, &options, &mut |iteration, analysis, at| {
+        met_limits |= !analysis.violations.is_empty();
         context.progress(iteration as u64, iterations as u64, "descent");
         failure = add(iteration, STEP_SHARE, analysis, at).err();
         failure.is_none() && !context.is_cancelled()
@@ -320,6 +326,14 @@ fn descent(
     if let Some(failure) = failure {
         return Err(failure);
     }
+    // Another way there may lead further, where limits stood in this one. Spots cost little, other goals do not.
+    let is_of_spots = problem.goals.iter().all(|goal| goal.weight_um == 0.0);
+    let goes_on = descent.stop != Stop::Asked && met_limits && is_of_spots;
+    let other = if goes_on { descend_softly(problem, &options) } else { None };
+    let descent = match other.filter(|other| other.best.merit < WORTH_IT * descent.best.merit) {
+        Some(other) => other,
+        None => descent,
+    };
     // The last lens counts, however little it gained.
     add(descent.iterations, 0.0, &descent.best, &descent.at)?;
     let why = match descent.stop {
@@ -371,7 +385,8 @@ fn only_image_plane(problem: &Problem) -> Problem {
 /// track would only defocus it.
 fn at_the_start(problem: &Problem) -> Option<Analysis> {
     let of_the_picture = problem.goals.iter().filter(|goal| is_restored(goal)).cloned().collect();
-    let without_operands = Problem { goals: of_the_picture, ..only_image_plane(problem) };
+    let without_operands =
+        Problem { goals: of_the_picture, further: Vec::new(), ..only_image_plane(problem) };
     let options = LevenbergOptions::default();
     let focused = descend(&without_operands, &options, &mut |_, _, _| true).ok()?.best.lens;
     let as_it_is = Problem { base: focused, merit: without_operands.merit, ..only_image_plane(problem) };

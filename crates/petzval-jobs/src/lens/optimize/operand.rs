@@ -1,7 +1,7 @@
 //! Operands: figures of the lens, each with a bound, as goals of the problem.
 //!
-//! Contrast, spots and wavefronts are traded against the spots by their weight. The bound of any other figure binds: a violation costs as much as that
-//! of a limit.
+//! Contrast, spots and wavefronts are traded against the spots by their weight. The bound of any other figure binds: it is a constraint of the
+//! problem, and its goal has no weight but is there to be reported.
 
 use std::sync::Arc;
 
@@ -20,8 +20,11 @@ const INSIDE_MM: f64 = 1e-4;
 const INSIDE: f64 = 1e-3;
 
 /// What an operand adds to what is minimised: contrast and spots at every field that it means, each as a figure of its own, which descents can
-/// tell apart. Its wavelengths are those of the problem.
-pub(super) fn goals_of(operand: &Operand, problem: &Problem) -> Result<Vec<Goal>, JobError> {
+/// tell apart. Its wavelengths are those of the problem. The constraint of a bound that binds comes second.
+pub(super) fn goals_of(
+    operand: &Operand,
+    problem: &Problem,
+) -> Result<(Vec<Goal>, Option<Constraint>), JobError> {
     let mut lens = problem.base.clone();
     lens.wavelengths_um.clone_from(&problem.merit.wavelengths_um);
     let limit_deg = lens.object.field_limit_deg();
@@ -35,17 +38,12 @@ pub(super) fn goals_of(operand: &Operand, problem: &Problem) -> Result<Vec<Goal>
     let at_each = |merit: &dyn Fn(FieldSet) -> Arc<dyn Merit>, target: f64| -> Vec<Goal> {
         fields_deg.iter().map(|deg| goal(merit(FieldSet::new(&lens, &[*deg])), target)).collect()
     };
-    // The bound binds, whatever the weight.
-    let kept = |constraint| {
-        let merit = Arc::new(Violation(constraint));
-        vec![Goal { merit, target: 0.0, weight_um: operand.weight_um.max(problem.stiffness_um_per_mm) }]
-    };
     let field_rad = operand.field_deg.map_or(problem.merit.outermost_field_rad(), f64::to_radians);
     let [least, most] = [operand.at_least.unwrap_or(-FAR_MM), operand.at_most.unwrap_or(FAR_MM)];
     // A range that is no wider than the margins is aimed at in its middle.
     let margin_mm = INSIDE_MM.min(0.5 * (most - least));
     let between_mm = [least + margin_mm, most - margin_mm];
-    let goals = match operand.of {
+    let traded = match operand.of {
         Figure::Mtf => {
             let kind = if operand.waves { PsfKind::Diffraction } else { PsfKind::Geometric };
             let mtf = Mtf::new(&lens, operand.frequency_per_mm.unwrap_or_default(), kind);
@@ -56,24 +54,31 @@ pub(super) fn goals_of(operand: &Operand, problem: &Problem) -> Result<Vec<Goal>
             at_each(&|fields| Arc::new(RmsSpot { fields, ..spot.clone() }), most)
         }
         Figure::Wavefront => at_each(&|fields| Arc::new(RmsWavefront { fields }), most),
-        Figure::FocalLength => kept(Constraint::FocalLength { between_mm }),
-        Figure::BackFocalLength => kept(Constraint::BackFocal { between_mm }),
-        Figure::Track => kept(Constraint::Track { most_mm: most - INSIDE_MM }),
-        Figure::Distortion => kept(Constraint::Distortion { field_rad, share: most * (1.0 - INSIDE) }),
+        _ => Vec::new(),
+    };
+    let bound = match operand.of {
+        Figure::Mtf | Figure::Spot | Figure::Wavefront => None,
+        Figure::FocalLength => Some(Constraint::FocalLength { between_mm }),
+        Figure::BackFocalLength => Some(Constraint::BackFocal { between_mm }),
+        Figure::Track => Some(Constraint::Track { most_mm: most - INSIDE_MM }),
+        Figure::Distortion => Some(Constraint::Distortion { field_rad, share: most * (1.0 - INSIDE) }),
         Figure::ChiefRayAngle => {
-            kept(Constraint::ChiefRayAngle { field_rad, greatest_rad: (most * (1.0 - INSIDE)).to_radians() })
+            let greatest_rad = (most * (1.0 - INSIDE)).to_radians();
+            Some(Constraint::ChiefRayAngle { field_rad, greatest_rad })
         }
         Figure::ImageHeight => {
             let [low, high] = between_mm;
             let (wanted_mm, tolerance_mm) = (0.5 * (low + high), 0.5 * (high - low));
-            kept(Constraint::ChiefHeight { field_rad, wanted_mm, tolerance_mm })
+            Some(Constraint::ChiefHeight { field_rad, wanted_mm, tolerance_mm })
         }
     };
+    let reported = bound.map(|bound| Goal { merit: Arc::new(Violation(bound)), target: 0.0, weight_um: 0.0 });
+    let goals: Vec<Goal> = traded.into_iter().chain(reported).collect();
     if let Some(lost) = goals.iter().find(|goal| goal.merit.value(&lens).is_none()) {
         let message = format!("{}: the lens to start from has no such figure", lost.merit.name());
         return Err(JobError::input(message, "improve its spots first, or leave the operand out"));
     }
-    Ok(goals)
+    Ok((goals, bound))
 }
 
 /// A bound that no lens meets.

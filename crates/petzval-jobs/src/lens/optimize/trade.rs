@@ -23,6 +23,7 @@ pub struct Trade {
     pub violations: usize,
 }
 
+/// Refuses to compare searches where none is made.
 pub(super) fn check_trade(request: &Request, config: &Config) -> Result<(), JobError> {
     match request.trade && !config.global {
         true => {
