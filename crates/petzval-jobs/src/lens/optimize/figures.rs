@@ -93,7 +93,7 @@ impl Figures {
         // A limit is counted by how far it is missed, other figures by themselves.
         let named = |o: &OperandFigure| match o.unit == "mm" && o.target == 0.0 {
             true => format!("{}: missed by", o.of),
-            false => o.oself.clone(),
+            false => o.of.clone(),
         };
         rows.extend(self.operands.iter().map(|o| (named(o), Some(o.value), unit(&o.unit))));
         rows.push(("mean RMS spot".to_owned(), Some(self.mean_rms_spot_um), "um"));
