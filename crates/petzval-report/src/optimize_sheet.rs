@@ -52,6 +52,8 @@ pub struct OptimizeSheet {
     pub after: LensState,
     /// Variables of the best lens that stand on a bound.
     pub at_bounds: Vec<String>,
+    /// Limits that hold the best lens.
+    pub at_limits: Vec<String>,
     /// Figures of both.
     pub figures: Vec<FigureRow>,
 }
@@ -96,6 +98,7 @@ fn result(sheet: &OptimizeSheet) -> Markup {
         (list("Not kept:", &after.missed))
         @if let Some(before) = &sheet.before { (list("Not kept by the lens at the start:", &before.missed)) }
         @if sheet.before.is_none() { p { "Rays of the lens at the start do not reach the image." } }
+        (list("At its limit:", &sheet.at_limits))
         (list("On a bound, where a wider range may give smaller spots:", &sheet.at_bounds))
     }
 }
@@ -233,7 +236,8 @@ mod tests {
             vec![FigureRow { name: "focal length".into(), unit: "mm".into(), values: [Some(25.0), None] }];
         let before = Some(state(8.0, &["edge thickness behind surface 1, by 0.2000 mm"]));
         let at_bounds = vec!["radius_mm of surface 5 at 20.2".to_owned()];
-        OptimizeSheet { lens: "<i>lens".into(), fields_deg, before, after, at_bounds, figures }
+        let at_limits = vec!["track".to_owned()];
+        OptimizeSheet { lens: "<i>lens".into(), fields_deg, before, after, at_bounds, at_limits, figures }
     }
 
     #[test]

@@ -356,6 +356,11 @@ impl OpticsBlock {
         if !broken.is_empty() {
             remarks.push(format!("not kept: {}", broken.join("; ")));
         }
+        let held = descent.best.violations.iter().filter(|(_, mm)| *mm <= KEPT_MM);
+        let held: Vec<String> = held.map(|(what, _)| what.to_string()).collect();
+        if !held.is_empty() {
+            remarks.push(format!("at its limit: {}", held.join(", ")));
+        }
         let bounds = self.start.space.space().at_bounds(&descent.at);
         if !bounds.is_empty() {
             let bounds: Vec<String> = bounds.iter().map(AtBound::to_string).collect();

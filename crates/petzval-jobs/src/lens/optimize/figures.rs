@@ -83,6 +83,12 @@ impl Figures {
         limits.chain(self.operands.iter().filter(is_traded).map(of_operand)).collect()
     }
 
+    /// The limits that hold it: those which a penalty keeps, a hair beyond.
+    pub fn reached(&self) -> Vec<String> {
+        let held = self.violations_mm.iter().filter(|(_, mm)| *mm <= VIOLATED_MM);
+        held.map(|(what, _)| what.clone()).collect()
+    }
+
     /// Every figure by name, value and unit, for the fields that the spots belong to.
     pub fn rows(&self, fields_deg: &[f64]) -> Vec<(String, Option<f64>, &'static str)> {
         let restored = self

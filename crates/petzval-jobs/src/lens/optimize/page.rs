@@ -28,6 +28,7 @@ pub(super) fn page(problem: &Problem, found: &Found, before: Option<&Lens>, afte
         before: before.zip(found.start.as_ref()).map(|(lens, figures)| state(lens, figures)),
         after: state(after, &found.best),
         at_bounds: found.at_bounds.clone(),
+        at_limits: found.best.reached(),
         figures: found.best.rows(&fields_deg).into_iter().enumerate().map(row).collect(),
         fields_deg: fields_deg.clone(),
     })

@@ -166,6 +166,9 @@ fn print(response: &Response) {
     for missed in found.best.missed() {
         outln!("not met: {missed}");
     }
+    for limit in found.best.reached() {
+        println!("at its limit: {limit}");
+    }
     for bound in &found.at_bounds {
         outln!("on a bound: {bound}");
     }
