@@ -1,6 +1,8 @@
 //! The lens as a block: the free coordinates of its design space, moved by Adam, by the curvature of the loss as lifted to the rays, by
 //! CMA-ES, or at random.
 
+mod improve;
+
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -8,11 +10,9 @@ use std::sync::Arc;
 use burn::tensor::Gradients;
 use nalgebra::DVector;
 use petzval_base::random::{Stage, Stream};
-use petzval_optics::design_space::AtBound;
 use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::Lens;
 use petzval_optics::merit::{Seen, lifted_normal_equations};
-use petzval_optics::optimize::{Analysis, Descent, LevenbergOptions, Search, SearchOptions, descend};
 use petzval_optics::paraxial::{image_height_per_tangent, pull_back_image_height, pull_back_log_brightness};
 use serde::{Deserialize, Serialize};
 
@@ -28,34 +28,11 @@ use crate::lens_sampler::LensSampler;
 use crate::requirements::FieldOfView;
 use crate::restored::with_brightness;
 use crate::start::Start;
-use crate::variant::{LensGoal, LensSearch};
 
 const COORDINATES: &str = "coordinates.json";
 const EARLIER: &str = "earlier.json";
 const PROGRESS: &str = "progress.json";
 const OTHER_VARIABLES: &str = "the lens has other variables; has its file been changed?";
-
-/// The cost of a violated requirement while a lens is improved alone, um per mm: soft first, because along a stiff penalty a descent
-/// follows a narrow curved valley and ends in a worse minimum; then so stiff that the requirements are kept to 1e-6 mm.
-const STIFFNESS_UM_PER_MM: [f64; 2] = [1e2, 1e4];
-
-/// Gain of an iteration from which on a lens is not improved further, as a share. An error after restoration costs seconds, and its last
-/// thousandth does not show in a picture.
-fn tolerance(goal: LensGoal) -> f64 {
-    match goal {
-        LensGoal::Spot => LevenbergOptions::default().tolerance,
-        LensGoal::Restored => 1e-4,
-    }
-}
-
-/// The share of the merit, squared, below which another descent takes the place of the usual one: half a percent of the spot.
-const WORTH_IT: f64 = 0.99;
-
-/// A gain from which on a lens has moved, as a share.
-const GAIN: f64 = 1e-6;
-
-/// A requirement counts as violated from here, mm.
-const KEPT_MM: f64 = 1e-4;
 
 /// First standard deviation of a search by CMA-ES, as a share of the range between the bounds of each number: lenses lie in narrow valleys.
 const FIRST_DEVIATION: f64 = 0.01;
@@ -278,116 +255,6 @@ impl OpticsBlock {
         Ok(slopes)
     }
 
-    /// Makes the spots, or the error after restoration, as small as the requirements allow, by Levenberg and Marquardt's method from the
-    /// lens as it stands or from the best that a search finds. `watch` sees the losses after every round and before every iteration; those at
-    /// the end are returned.
-    ///
-    /// The result is never worse than the lens at the start, with what violated requirements cost.
-    pub fn improve(
-        &mut self,
-        goal: LensGoal,
-        iterations: usize,
-        search: LensSearch,
-        watch: &mut dyn FnMut(BTreeMap<String, f64>) -> Result<(), DesignError>,
-    ) -> Result<BTreeMap<String, f64>, DesignError> {
-        self.earlier.push(self.x.clone());
-        let start = self.lens()?;
-        let lens = match search.rounds {
-            0 => start.clone(),
-            _ => self.searched(goal, start.clone(), search, watch)?,
-        };
-        let [_, stiff] = STIFFNESS_UM_PER_MM;
-        let options = |iterations| LevenbergOptions { iterations, tolerance: tolerance(goal) };
-        let descend_alone = |lens: Lens, iterations: usize| {
-            descend(&self.start.problem(goal, lens, stiff), &options(iterations), &mut |_, _, _| true)
-        };
-        let mut best = self.descent_in_steps(goal, lens.clone(), iterations, watch)?;
-        // Spots cost little: the stiff penalty alone leads further from some lenses.
-        if goal == LensGoal::Spot {
-            let other = descend_alone(lens, iterations)?;
-            if other.best.merit < WORTH_IT * best.best.merit {
-                best = other;
-            }
-        }
-        let begun = descend_alone(start, 0)?;
-        let gain = 1.0 - (best.best.merit / begun.best.merit).sqrt();
-        if gain <= 0.0 {
-            best = begun;
-        } else {
-            self.x = self.start.space.free(&best.at);
-        }
-        self.remarks = self.remarks_on(&best, gain);
-        Ok(lens_losses(&best.best))
-    }
-
-    /// A descent along a soft penalty, and from its end along a stiff one.
-    fn descent_in_steps(
-        &self,
-        goal: LensGoal,
-        mut lens: Lens,
-        iterations: usize,
-        watch: &mut dyn FnMut(BTreeMap<String, f64>) -> Result<(), DesignError>,
-    ) -> Result<Descent, DesignError> {
-        let [soft, stiff] = STIFFNESS_UM_PER_MM;
-        let mut under = |stiffness, lens, iterations| {
-            let problem = self.start.problem(goal, lens, stiffness);
-            let options = LevenbergOptions { iterations, tolerance: tolerance(goal) };
-            let mut seen = Ok(());
-            let descent = descend(&problem, &options, &mut |_, analysis, _| {
-                seen = watch(lens_losses(analysis));
-                seen.is_ok()
-            })?;
-            seen.map(|()| descent)
-        };
-        // A quarter of the iterations is left for the stiff penalty in any case: without it the requirements would not be kept.
-        let first = under(soft, lens, iterations - iterations / 4)?;
-        lens = first.best.lens;
-        under(stiff, lens, iterations - first.iterations)
-    }
-
-    /// The remarks on a descent that gained this share of the root of its merit.
-    fn remarks_on(&self, descent: &Descent, gain: f64) -> Vec<String> {
-        let mut remarks = Vec::new();
-        if gain < GAIN {
-            remarks.push("the lens ends where it began: no step makes it better".to_owned());
-        }
-        let broken = descent.best.violations.iter().filter(|(_, mm)| *mm > KEPT_MM);
-        let broken: Vec<String> = broken.map(|(what, mm)| format!("{what}, by {mm:.4} mm")).collect();
-        if !broken.is_empty() {
-            remarks.push(format!("not kept: {}", broken.join("; ")));
-        }
-        let held = descent.best.violations.iter().filter(|(_, mm)| *mm <= KEPT_MM);
-        let held: Vec<String> = held.map(|(what, _)| what.to_string()).collect();
-        if !held.is_empty() {
-            remarks.push(format!("at its limit: {}", held.join(", ")));
-        }
-        let bounds = self.start.space.space().at_bounds(&descent.at);
-        if !bounds.is_empty() {
-            let bounds: Vec<String> = bounds.iter().map(AtBound::to_string).collect();
-            remarks.push(format!("on a bound: {}", bounds.join(", ")));
-        }
-        remarks
-    }
-
-    /// The best lens of a global search within the bounds, `lens` among them.
-    fn searched(
-        &self,
-        goal: LensGoal,
-        lens: Lens,
-        LensSearch { rounds, seed }: LensSearch,
-        watch: &mut dyn FnMut(BTreeMap<String, f64>) -> Result<(), DesignError>,
-    ) -> Result<Lens, DesignError> {
-        let problem = self.start.problem(goal, lens.clone(), STIFFNESS_UM_PER_MM[0]);
-        let mut search = Search::new(&problem, SearchOptions { seed, ..SearchOptions::default() })?;
-        for _ in 0..rounds {
-            search.advance();
-            if let Some(best) = search.best() {
-                watch(lens_losses(&best.analysis))?;
-            }
-        }
-        Ok(search.best().map_or(lens, |best| best.analysis.lens.clone()))
-    }
-
     /// A step by the curvature of the batch's loss as lifted to the rays. Where the rays say nothing, because most of a field are lost, the lens
     /// stays.
     fn step_by_curvature(
@@ -586,16 +453,6 @@ fn pull_back_log_magnification(lens: &Lens, by_logarithm: f64, by_lens: &mut Len
 /// By how much a step lowered the loss to first order, by coordinate: `-dL/dx dx`.
 fn first_order_decrease(gradient: &[f64], before: &[f64], after: &[f64]) -> Vec<f64> {
     gradient.iter().zip(before.iter().zip(after)).map(|(g, (before, after))| -g * (after - before)).collect()
-}
-
-/// The root of the mean square spot over the fields, the error after restoration if that is the goal, and the sum of squared violations of the
-/// requirements.
-fn lens_losses(analysis: &Analysis) -> BTreeMap<String, f64> {
-    let squares: f64 = analysis.rms_um.iter().map(|rms| rms * rms).sum();
-    let penalty_mm2 = analysis.violations.iter().fold(0.0, |sum, (_, mm)| sum + mm * mm);
-    let restored = analysis.goals.first().map(|percent| ("restored_error_percent".to_owned(), *percent));
-    let spot = ("rms_spot_um".to_owned(), (squares / analysis.rms_um.len() as f64).sqrt());
-    [spot, (PENALTY.to_owned(), penalty_mm2)].into_iter().chain(restored).collect()
 }
 
 impl Block for OpticsBlock {

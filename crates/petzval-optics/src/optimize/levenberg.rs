@@ -175,18 +175,28 @@ pub fn descend(
 }
 
 /// Stiffness of a soft penalty, um per mm.
-const SOFT_UM_PER_MM: f64 = 1e2;
+pub const SOFT_UM_PER_MM: f64 = 1e2;
 
-/// Goes down along a soft penalty for limits, and from its end along that of the problem; `None` if there is no way. Along a stiff penalty a
-/// descent follows a narrow curved valley, and may end in a worse minimum.
-pub fn descend_softly(problem: &Problem, options: &LevenbergOptions) -> Option<Descent> {
+/// Goes down along a soft penalty for limits, and from its end along that of the problem, with the iterations of both together. Along a stiff
+/// penalty a descent follows a narrow curved valley, and may end in a worse minimum.
+pub fn descend_softly(
+    problem: &Problem,
+    options: &LevenbergOptions,
+    watch: &mut dyn FnMut(usize, &Analysis, &[f64]) -> bool,
+) -> Result<Descent, DesignSpaceError> {
     let soft = Problem { stiffness_um_per_mm: SOFT_UM_PER_MM, ..problem.clone() };
     // A quarter of the iterations is left for the stiff penalty in any case: without it the limits would not be kept.
-    let first = LevenbergOptions { iterations: options.iterations - options.iterations / 4, ..*options };
-    let first = descend(&soft, &first, &mut |_, _, _| true).ok()?;
-    let left = LevenbergOptions { iterations: options.iterations - first.iterations, ..*options };
+    let most = LevenbergOptions { iterations: options.iterations - options.iterations / 4, ..*options };
+    let first = descend(&soft, &most, watch)?;
+    if first.stop == Stop::Asked {
+        return Ok(first);
+    }
+    let done = first.iterations;
+    let left = LevenbergOptions { iterations: options.iterations - done, ..*options };
     let stiff = Problem { base: first.best.lens, ..problem.clone() };
-    descend(&stiff, &left, &mut |_, _, _| true).ok()
+    let second =
+        descend(&stiff, &left, &mut |iteration, analysis, at| watch(done + iteration, analysis, at))?;
+    Ok(Descent { iterations: done + second.iterations, ..second })
 }
 
 /// Coordinates of the problem's own lens inside its bounds: with the image plane of its file, or at the paraxial focus where that is better. A

@@ -13,6 +13,6 @@ mod search;
 mod tests;
 
 pub use analysis::Analysis;
-pub use levenberg::{Descent, LevenbergOptions, Stop, descend, descend_softly};
+pub use levenberg::{Descent, LevenbergOptions, SOFT_UM_PER_MM, Stop, descend, descend_softly};
 pub use problem::{Apertures, GlassChoice, Goal, Limits, Problem};
 pub use search::{Found, Kept, Search, SearchOptions, SearchState};

@@ -329,7 +329,8 @@ fn descent(
     // Another way there may lead further, where limits stood in this one. Spots cost little, other goals do not.
     let is_of_spots = problem.goals.iter().all(|goal| goal.weight_um == 0.0);
     let goes_on = descent.stop != Stop::Asked && met_limits && is_of_spots;
-    let other = if goes_on { descend_softly(problem, &options) } else { None };
+    let softly = || descend_softly(problem, &options, &mut |_, _, _| true).ok();
+    let other = if goes_on { softly() } else { None };
     let descent = match other.filter(|other| other.best.merit < WORTH_IT * descent.best.merit) {
         Some(other) => other,
         None => descent,
