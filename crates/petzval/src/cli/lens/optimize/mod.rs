@@ -167,7 +167,7 @@ fn print(response: &Response) {
         outln!("not met: {missed}");
     }
     for limit in found.best.reached() {
-        println!("at its limit: {limit}");
+        outln!("at its limit: {limit}");
     }
     for bound in &found.at_bounds {
         outln!("on a bound: {bound}");
