@@ -18,7 +18,8 @@ use crate::results::check_folder;
 pub use petzval_camera::sensor::Colour;
 pub use petzval_lab::emva::joint::GAINS;
 pub use petzval_lab::emva::{
-    Characterization, HighPass, HistogramComparison, Measured, Unresolved, Values, colour_name,
+    Characterization, HighPass, HistogramComparison, Measured, NamedFit, Unresolved, Values, Verdict,
+    colour_name, fits,
 };
 
 /// Captures from which to measure a sensor: EMVA 1288, and the paper's calibration over all gains.

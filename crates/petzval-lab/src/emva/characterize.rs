@@ -7,8 +7,10 @@ use rayon::prelude::*;
 
 use super::captures::{CaptureError, Captures, FrameFile, Kind, Point};
 use super::counts::PointHistogram;
+use super::fits::fits;
 use super::flags::{FlaggedPoint, FrameFlags, GainFlags};
 use super::gain::evaluate_gain;
+use super::gain_lines::{block_lines_dn2, line_models, models_of};
 use super::histogram_fit::fit_histograms;
 use super::hot_pixels::dark_ends;
 use super::joint::{GainInput, joint_fit};
@@ -17,7 +19,7 @@ use super::point::{Moments, PointStatistics, reduce};
 use super::result::{Characterization, GainResult, Options};
 use super::samples::{Samples, clip_dn};
 use super::usable::check_usable;
-use super::warnings::{fit_warnings, gain_warnings, series_warnings};
+use super::warnings::{departures, fit_warnings, gain_warnings, series_warnings};
 use petzval_camera::sensor::Colour;
 
 /// Evaluates a series. Calls `read` after each frame. Points are read in parallel, gain by gain; the result does not
@@ -38,14 +40,11 @@ pub fn characterize(
         let points: Vec<&Point> = captures.points.iter().filter(|p| p.linear_gain == linear_gain).collect();
         let ends = dark_ends(&points);
         let is_end = |point: &Point| ends.iter().flatten().any(|end| std::ptr::eq(*end, point));
-        let reduced: Vec<FlaggedPoint<'_>> = points
-            .into_par_iter()
-            .map(|point| {
-                let found = reduce(captures, point, size, is_end(point), read)?;
-                let flags = FrameFlags::of(captures, point, &found);
-                Ok(FlaggedPoint { point, found, flags })
-            })
+        let found: Vec<(Kind, PointStatistics)> = points
+            .par_iter()
+            .map(|point| Ok((point.kind, reduce(captures, point, size, is_end(point), read)?)))
             .collect::<Result<_, CaptureError>>()?;
+        let reduced = flagged(captures, &points, found);
         for p in &reduced {
             no_copies(captures, p.point, &p.found, &mut known)?;
         }
@@ -78,7 +77,7 @@ pub fn characterize(
     let mut warnings: Vec<_> = gains.iter().zip(&flags).flat_map(of_gain).collect();
     warnings.extend(series_warnings(&captures.sensor, &samples.flags(max_dn), &gains, &joint));
     warnings.extend(histogram_fit.iter().flat_map(|fit| fit_warnings(fit.as_ref(), &joint)));
-    Ok(Characterization {
+    let mut found = Characterization {
         sensor: captures.sensor.clone(),
         height: size.0,
         width: size.1,
@@ -88,7 +87,35 @@ pub fn characterize(
         joint,
         histogram_fit: histogram_fit.flatten(),
         histograms,
-    })
+    };
+    found.warnings.extend(departures(&fits(&found)));
+    Ok(found)
+}
+
+/// The points of one gain with their flags, and with the standard errors that the noise of rows and columns of all of them leaves.
+fn flagged<'a>(
+    captures: &Captures,
+    points: &[&'a Point],
+    mut found: Vec<(Kind, PointStatistics)>,
+) -> Vec<FlaggedPoint<'a>> {
+    // Look for flicker and movement beyond the noise of the lines of all points, ...
+    let block_lines = block_lines_dn2(&found);
+    let darks: Vec<&Moments> =
+        found.iter().filter(|(kind, _)| *kind == Kind::Dark).map(|(_, f)| &f.all).collect();
+    let models = models_of(&darks);
+    found.iter_mut().for_each(|(_, found)| found.set_lines(&models));
+    let mut points: Vec<FlaggedPoint<'_>> = points
+        .iter()
+        .zip(found)
+        .map(|(point, (_, found))| {
+            let flags = FrameFlags::of(captures, point, &found, block_lines);
+            FlaggedPoint { point, found, flags }
+        })
+        .collect();
+    // ... and take this noise from the usable points alone.
+    let models = line_models(&points);
+    points.iter_mut().for_each(|p| p.found.set_lines(&models));
+    points
 }
 
 /// Returns an error that names both frames if a frame is a copy of another: it has no noise of its own.
@@ -156,7 +183,11 @@ fn captured(number: usize, point: &Point, found: &PointStatistics, gain: &GainRe
 fn input(gain: &GainResult) -> GainInput<'_> {
     GainInput {
         linear_gain: gain.linear_gain,
-        gains: gain.channels.iter().map(|c| c.transfer.gain_dn_per_e).collect(),
+        gains: gain
+            .channels
+            .iter()
+            .map(|c| (c.transfer.gain_dn_per_e, c.transfer.gain_test.model_error))
+            .collect(),
         dark: &gain.dark,
         line_noise: gain.line_noise,
         pixels: gain.pixel_dark_currents.as_ref().ok_or(Unresolved::TooFewExposures { got: 1, need: 2 }),

@@ -7,7 +7,8 @@
 
 use serde::Serialize;
 
-use super::fit::{Line, line};
+use super::fit::{Line, TestedLine, tested_line};
+use super::goodness::{FitTest, Verdict};
 use super::measured::Unresolved;
 use super::point::Moments;
 use super::rounding::RoundingError;
@@ -28,14 +29,18 @@ pub struct DarkPoint {
 }
 
 impl DarkPoint {
-    /// Makes a point from the moments of dark frames; `mean_difference` as in [`super::transfer::TransferPoint::new`].
+    /// Makes a point from the moments of dark frames; `mean_difference` as in [`super::transfer::TransferPoint::new`]. The noise of rows
+    /// and columns that whole frames have in common is no flicker, and counts.
     pub fn new(exposure_s: f64, dark: &Moments, mean_difference: bool) -> Self {
         let rounding = RoundingError::of(dark.variance_dn2);
         Self {
             exposure_s,
             mean_dn: dark.mean_dn,
             mean_se_dn: dark.mean_se_dn.hypot(rounding.mean_dn),
-            variance_dn2: if mean_difference { dark.variance_dn2 } else { dark.variance_uncorrected_dn2 },
+            variance_dn2: match mean_difference {
+                true => dark.variance_dn2 + dark.lines_of_frame_dn2,
+                false => dark.variance_uncorrected_dn2,
+            },
             variance_se_dn2: dark.variance_se_dn2.hypot(rounding.variance_dn2),
         }
     }
@@ -50,6 +55,13 @@ pub struct DarkSeries {
     pub mean: Line,
     /// Variance over exposure time: DN^2/s and DN^2.
     pub variance: Line,
+    /// Whether the means lie on their line.
+    pub mean_test: FitTest,
+    /// Whether the variances lie on theirs.
+    pub variance_test: FitTest,
+    /// The line of the mean with errors of noise alone: what a departure of the points is judged by.
+    #[serde(skip)]
+    pub mean_by_noise: Line,
 }
 
 /// Least number of exposure times for a slope.
@@ -60,19 +72,22 @@ pub fn dark_series(mut points: Vec<DarkPoint>) -> DarkSeries {
     points.sort_by(|a, b| a.exposure_s.total_cmp(&b.exposure_s));
     let mut times: Vec<f64> = points.iter().map(|p| p.exposure_s).collect();
     let of = |f: fn(&DarkPoint) -> f64| points.iter().map(f).collect::<Vec<f64>>();
-    let fit = |y: Vec<f64>, se: Vec<f64>| line(&times, &y, &vec![1.0; times.len()], &se);
+    let fit = |y: Vec<f64>, se: Vec<f64>| tested_line(&times, &y, &vec![1.0; times.len()], &se);
     let (mut mean, mut variance) = (
         fit(of(|p| p.mean_dn), of(|p| p.mean_se_dn)),
         fit(of(|p| p.variance_dn2), of(|p| p.variance_se_dn2)),
     );
     times.dedup();
     if times.len() < EXPOSURES {
-        let none = Line::none(Unresolved::TooFewExposures { got: times.len(), need: EXPOSURES });
-        (mean, variance) = (none, none);
+        let line = Line::none(Unresolved::TooFewExposures { got: times.len(), need: EXPOSURES });
+        for fit in [&mut mean, &mut variance] {
+            let test = FitTest { verdict: Verdict::Untested, model_error: 0.0, ..fit.test };
+            *fit = TestedLine { line, by_noise: line, test };
+        }
     }
     // Rounding shifts all points alike if their means have the same fraction of a digital number; otherwise it bends
     // the lines.
-    if let Some(noise) = variance.intercept.value() {
+    if let Some(noise) = variance.line.intercept.value() {
         let rounding = RoundingError::of(noise);
         let span_s = times[times.len() - 1] - times[0];
         let bent = 2.0_f64.sqrt() / span_s;
@@ -80,7 +95,16 @@ pub fn dark_series(mut points: Vec<DarkPoint>) -> DarkSeries {
             slope: line.slope.with_error(bent * error),
             intercept: line.intercept.with_error(error),
         };
-        (mean, variance) = (with(mean, rounding.mean_dn), with(variance, rounding.variance_dn2));
+        mean.line = with(mean.line, rounding.mean_dn);
+        mean.by_noise = with(mean.by_noise, rounding.mean_dn);
+        variance.line = with(variance.line, rounding.variance_dn2);
     }
-    DarkSeries { points, mean, variance }
+    DarkSeries {
+        points,
+        mean: mean.line,
+        variance: variance.line,
+        mean_test: mean.test,
+        variance_test: variance.test,
+        mean_by_noise: mean.by_noise,
+    }
 }

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::goodness::{FitTest, Model, Points, test};
 use super::measured::{Measured, Unresolved};
 
 /// A line `y = slope x + intercept`.
@@ -18,18 +19,6 @@ impl Line {
     pub fn none(why: Unresolved) -> Self {
         Self { slope: Measured::none(why), intercept: Measured::none(why) }
     }
-}
-
-/// Slope of the least-squares line through the origin, `sum(x y) / sum(x x)`, all points of equal weight.
-///
-/// With standard errors `x_se`, `y_se` of independent points `s^2 = sum(x^2 (y_se^2 + slope^2 x_se^2)) / sum(x x)^2`.
-pub fn through_origin(x: &[f64], y: &[f64], x_se: &[f64], y_se: &[f64]) -> Measured {
-    let xx: f64 = x.iter().map(|x| x * x).sum();
-    let slope = x.iter().zip(y).map(|(x, y)| x * y).sum::<f64>() / xx;
-    let variance: f64 =
-        (0..x.len()).map(|i| x[i] * x[i] * (y_se[i].powi(2) + (slope * x_se[i]).powi(2))).sum::<f64>()
-            / (xx * xx);
-    Measured::new(slope, variance.sqrt())
 }
 
 /// Least-squares line with weights `w` and standard errors `y_se` of the points:
@@ -58,25 +47,72 @@ pub fn line(x: &[f64], y: &[f64], w: &[f64], y_se: &[f64]) -> Line {
     }
 }
 
+/// A line with the test of its points.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TestedLine {
+    /// The line; its errors contain the departure of the points.
+    pub line: Line,
+    /// The line with errors of noise alone.
+    pub by_noise: Line,
+    /// The test.
+    pub test: FitTest,
+}
+
+/// [`line`] with the test of its points.
+pub fn tested_line(x: &[f64], y: &[f64], w: &[f64], y_se: &[f64]) -> TestedLine {
+    let by_noise = line(x, y, w, y_se);
+    let found = [by_noise.intercept, by_noise.slope].map(|m| m.value().unwrap_or(0.0));
+    let (mut test, departure) = test(&Points::independent(x, y, y_se), Model::Line, &found);
+    let widened =
+        |m: Measured, coefficient: usize| m.with_error(departure.error(coefficient, m.error_or_zero()));
+    test.model_error = departure.error(1, by_noise.slope.error_or_zero());
+    let line = Line { slope: widened(by_noise.slope, 1), intercept: widened(by_noise.intercept, 0) };
+    TestedLine { line, by_noise, test }
+}
+
+/// A mean with the test of its values.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TestedMean {
+    /// The mean; its error contains the scatter of the values.
+    pub mean: Measured,
+    /// The test.
+    pub test: FitTest,
+}
+
 /// Mean of independent measurements with weights `1/s^2`, without those that are not resolved or have no error. If none is
-/// left, the reason is that of the first.
-pub fn weighted_mean(values: impl IntoIterator<Item = Measured>) -> Measured {
-    let (mut weight, mut sum, mut got) = (0.0, 0.0, 0);
+/// left, the reason is that of the first. Values that differ by more than their errors widen the error of the mean.
+pub fn tested_mean(values: impl IntoIterator<Item = Measured>) -> TestedMean {
+    let (mut known, mut all_se) = (Vec::new(), Vec::new());
     let mut why = None;
     for measured in values {
         why = why.or(measured.reason());
         if let (Some(v), Some(s)) = (measured.value(), measured.standard_error())
             && s > 0.0
         {
-            weight += 1.0 / (s * s);
-            sum += v / (s * s);
-            got += 1;
+            known.push(v);
+            all_se.push(s);
         }
     }
-    match got {
+    let weight: f64 = all_se.iter().map(|s| 1.0 / (s * s)).sum();
+    let sum: f64 = known.iter().zip(&all_se).map(|(v, s)| v / (s * s)).sum();
+    let points = Points { x: vec![1.0; known.len()], y: known, own_se: all_se, shared: Vec::new() };
+    let got = points.x.len();
+    let (mut test, departure) = match got {
+        0 => test(&points, Model::Constant, &[]),
+        _ => test(&points, Model::Constant, &[sum / weight]),
+    };
+    let of_noise = weight.sqrt().recip();
+    let mean = match got {
         0 => Measured::none(why.unwrap_or(Unresolved::TooFewPoints { got, need: 1 })),
-        _ => Measured::new(sum / weight, weight.sqrt().recip()),
-    }
+        _ => Measured::new(sum / weight, of_noise.hypot(departure.error(0, of_noise))),
+    };
+    test.model_error = if got > 0 { departure.error(0, of_noise) } else { 0.0 };
+    TestedMean { mean, test }
+}
+
+/// The mean of [`tested_mean`] alone.
+pub fn weighted_mean(values: impl IntoIterator<Item = Measured>) -> Measured {
+    tested_mean(values).mean
 }
 
 #[cfg(test)]
@@ -94,12 +130,12 @@ mod tests {
         assert!(
             (fit.intercept.standard_error().unwrap() - 0.1 * (0.25 + 2.25 / 5.0_f64).sqrt()).abs() < 1e-12
         );
-        let k = through_origin(&[1.0, 2.0], &[2.0, 4.0], &[0.0; 2], &[0.1; 2]);
-        assert_eq!(k.value(), Some(2.0));
-        assert!((k.standard_error().unwrap() - 0.1 / 5.0_f64.sqrt()).abs() < 1e-12);
         assert!(line(&[1.0], &[1.0], &[1.0], &[0.1]).slope.value().is_none());
         let mean = weighted_mean([Measured::new(1.0, 1.0), Measured::new(3.0, 1.0)]);
         assert_eq!(mean.value(), Some(2.0));
         assert!((mean.standard_error().unwrap() - 0.5_f64.sqrt()).abs() < 1e-12);
+        // Values that lie 20 standard errors apart: their scatter is the error, 10 sqrt(2) of its own for one degree of freedom.
+        let apart = weighted_mean([Measured::new(1.0, 0.1), Measured::new(3.0, 0.1)]);
+        assert!((apart.standard_error().unwrap() - 1.84).abs() < 0.01, "{apart:?}");
     }
 }

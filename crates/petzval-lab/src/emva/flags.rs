@@ -15,6 +15,7 @@
 
 use super::block_means::BLOCKS;
 use super::captures::{Captures, Kind, Point};
+use super::gain_lines::pixel_dn2;
 use super::point::PointStatistics;
 use petzval_base::statistics::median;
 
@@ -127,8 +128,14 @@ pub enum StackUse {
 }
 
 impl FrameFlags {
-    /// Computes the flags of a point.
-    pub fn of(captures: &Captures, point: &Point, found: &PointStatistics) -> Self {
+    /// Computes the flags of a point. `block_lines_dn2` is the noise of rows, and of columns, of blocks at this gain
+    /// ([`block_lines_dn2`](super::gain_lines::block_lines_dn2)).
+    pub fn of(
+        captures: &Captures,
+        point: &Point,
+        found: &PointStatistics,
+        block_lines_dn2: [f64; 2],
+    ) -> Self {
         let black_dn = captures.sensor.black_level_dn.unwrap_or(0.0);
         // A drift of light and offset by a thousandth of the signal is harmless.
         let drift_dn = match point.kind {
@@ -142,9 +149,10 @@ impl FrameFlags {
             label: point.label(),
             clipped_at_zero: found.all.is_clipped_at_zero().then_some(found.all.share_at_zero),
             flicker: flicker(found, &deviations, drift_dn),
-            moved: movement(found, &deviations, drift_dn),
-            light_leak_dn: light_leak_dn(found).filter(|_| point.kind == Kind::Dark),
-            uneven_percent: uneven_percent(found, black_dn).filter(|_| point.kind == Kind::Flat && is_mono),
+            moved: movement(found, &deviations, drift_dn, block_lines_dn2),
+            light_leak_dn: light_leak_dn(found, block_lines_dn2).filter(|_| point.kind == Kind::Dark),
+            uneven_percent: uneven_percent(found, black_dn, block_lines_dn2)
+                .filter(|_| point.kind == Kind::Flat && is_mono),
         }
     }
 
@@ -166,21 +174,21 @@ impl GainFlags {
 const NOT_NOISE_SIGMAS: f64 = 6.0;
 
 /// How one frame differs from the others of its point, DN: as a whole, along rows and columns of blocks, and block by block.
-struct Deviations {
+pub struct Deviations {
     /// Of the whole frame.
-    whole_dn: f64,
+    pub whole_dn: f64,
     /// Of each row of blocks, beyond the whole frame.
-    rows_dn: Vec<f64>,
+    pub rows_dn: Vec<f64>,
     /// Of each column of blocks, beyond the whole frame.
-    columns_dn: Vec<f64>,
+    pub columns_dn: Vec<f64>,
     /// Of each block beyond all of these; `None` of a block without pixels.
-    blocks_dn: Vec<Option<f64>>,
+    pub blocks_dn: Vec<Option<f64>>,
 }
 
 impl Deviations {
     /// Splits the deviations of the blocks by medians, so that an object that moves through a few blocks does not count as a change
     /// of the whole frame.
-    fn of(deviations_dn: &[f64], pixels: &[usize]) -> Self {
+    pub fn of(deviations_dn: &[f64], pixels: &[usize]) -> Self {
         let mut blocks_dn: Vec<Option<f64>> =
             deviations_dn.iter().zip(pixels).map(|(d, n)| (*n > 0).then_some(*d)).collect();
         let mut subtract_median = |places: &dyn Fn(usize) -> bool| {
@@ -204,7 +212,7 @@ fn flicker(found: &PointStatistics, deviations: &[Deviations], drift_dn: f64) ->
     let range = whole().fold(f64::MIN, f64::max) - whole().fold(f64::MAX, f64::min);
     let difference_dn = range * (frames - 1.0) / frames;
     let of_pixels = found.all.variance_dn2.max(0.0) / found.all.pixels as f64;
-    let of_lines = found.all.line_noise.of_mean_dn2([found.height as f64, found.width as f64]);
+    let of_lines = found.all.lines_of_frame_dn2;
     // Two frames are compared. The variance of a median is pi/2 times that of the mean.
     let standard_error_dn = (std::f64::consts::PI * (of_pixels + of_lines)).sqrt();
     (difference_dn > NOT_NOISE_SIGMAS * standard_error_dn + drift_dn)
@@ -213,15 +221,20 @@ fn flicker(found: &PointStatistics, deviations: &[Deviations], drift_dn: f64) ->
 
 /// Finds the part of a frame that differs most from the other frames, beyond noise and the difference of the whole frame: a block
 /// that differs from its row and its column of blocks, or a whole row or column of blocks that differs by more than the noise that
-/// neighbouring rows have. Clipped frames have none.
-fn movement(found: &PointStatistics, deviations: &[Deviations], drift_dn: f64) -> Option<Movement> {
+/// neighbouring rows have, and by more than rows of blocks differ at the other points of this gain. Clipped frames have none.
+fn movement(
+    found: &PointStatistics,
+    deviations: &[Deviations],
+    drift_dn: f64,
+    block_lines_dn2: [f64; 2],
+) -> Option<Movement> {
     if found.all.is_clipped_at_max() {
         return None;
     }
     let (frames, blocks) = (found.frames as f64, BLOCKS as f64);
     let of_others = frames / (frames - 1.0);
     let [row_dn2, column_dn2] = found.all.line_noise.certain_dn2();
-    let pixel_dn2 = found.all.line_noise.pixel_dn2.value().unwrap_or(found.all.variance_dn2).max(0.0);
+    let pixel_dn2 = pixel_dn2(&found.all);
     let beyond_noise = |frame: usize, difference_dn: f64, variance_dn2: f64| {
         let found = Movement {
             frame,
@@ -231,12 +244,13 @@ fn movement(found: &PointStatistics, deviations: &[Deviations], drift_dn: f64) -
         (found.difference_dn > NOT_NOISE_SIGMAS * found.standard_error_dn + drift_dn).then_some(found)
     };
     // A row of blocks has the noise of its rows of pixels; it is the median of its blocks.
-    let of_line = |line_dn2: f64, lines: usize| {
+    let of_line = |line_dn2: f64, lines: usize, of_all_points_dn2: f64| {
         let pixels = found.all.pixels as f64 / blocks;
-        std::f64::consts::FRAC_PI_2 * (pixel_dn2 / pixels + line_dn2 * blocks / lines as f64)
+        let median = std::f64::consts::FRAC_PI_2;
+        median * pixel_dn2 / pixels + (median * line_dn2 * blocks / lines as f64).max(of_all_points_dn2)
     };
-    let of_rows = of_line(row_dn2, found.height);
-    let of_columns = of_line(column_dn2, found.width);
+    let of_rows = of_line(row_dn2, found.height, block_lines_dn2[0]);
+    let of_columns = of_line(column_dn2, found.width, block_lines_dn2[1]);
     let of_frame = |(k, deviations): (usize, &Deviations)| {
         let block = |(d, n): (&Option<f64>, &usize)| beyond_noise(k + 1, (*d)?, pixel_dn2 / *n as f64);
         let line = |variance_dn2: f64| move |d: &f64| beyond_noise(k + 1, *d, variance_dn2);
@@ -254,23 +268,25 @@ fn movement(found: &PointStatistics, deviations: &[Deviations], drift_dn: f64) -
 
 /// Largest difference between two blocks of the mean frame, and the largest standard error of a block from the spread of its pixels and
 /// the noise of rows and columns, DN.
-fn block_difference(found: &PointStatistics) -> (f64, f64) {
+fn block_difference(found: &PointStatistics, block_lines_dn2: [f64; 2]) -> (f64, f64) {
     let means = || found.block_means.means_dn.iter().copied();
     let difference_dn = means().fold(f64::NEG_INFINITY, f64::max) - means().fold(f64::INFINITY, f64::min);
     let lines = [found.height, found.width].map(|lines| (found.frames * lines) as f64 / BLOCKS as f64);
-    let variance_dn2 = found.block_means.variance_dn2 + found.all.line_noise.of_mean_dn2(lines);
+    let of_all_points = block_lines_dn2.iter().sum::<f64>() / found.frames as f64;
+    let of_lines = found.all.line_noise.of_mean_dn2(lines).max(of_all_points);
+    let variance_dn2 = found.block_means.variance_dn2 + of_lines;
     (difference_dn, variance_dn2.sqrt())
 }
 
 /// Largest difference between blocks of dark frames, DN, if it exceeds noise and 1 DN.
-fn light_leak_dn(found: &PointStatistics) -> Option<f64> {
-    let (difference_dn, standard_error_dn) = block_difference(found);
+fn light_leak_dn(found: &PointStatistics, block_lines_dn2: [f64; 2]) -> Option<f64> {
+    let (difference_dn, standard_error_dn) = block_difference(found, block_lines_dn2);
     (difference_dn > 1.0 + 2.0 * NOT_NOISE_SIGMAS * standard_error_dn).then_some(difference_dn)
 }
 
 /// Largest difference between blocks of a flat field, percent of the signal, if it exceeds noise and 5 %.
-fn uneven_percent(found: &PointStatistics, black_dn: f64) -> Option<f64> {
-    let (difference_dn, standard_error_dn) = block_difference(found);
+fn uneven_percent(found: &PointStatistics, black_dn: f64, block_lines_dn2: [f64; 2]) -> Option<f64> {
+    let (difference_dn, standard_error_dn) = block_difference(found, block_lines_dn2);
     let percent = 100.0 * difference_dn / (found.all.mean_dn - black_dn).abs().max(1.0);
     (percent > 5.0 && difference_dn > 2.0 * NOT_NOISE_SIGMAS * standard_error_dn).then_some(percent)
 }

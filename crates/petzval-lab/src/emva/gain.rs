@@ -4,10 +4,11 @@ use super::captures::{Captures, Kind, Point};
 use super::dark::{DarkPoint, dark_series};
 use super::figures::{Basis, figures};
 use super::flags::{FlaggedPoint, FlatFlags, GainFlags, Signal, StackFlags, StackUse};
+use super::gain_lines::dark_line_noise;
 use super::hot_pixels::of_dark_ends;
 use super::line_noise::LineNoise;
-use super::measured::{Measured, Unresolved};
-use super::point::PointStatistics;
+use super::measured::Measured;
+use super::point::{Moments, PointStatistics};
 use super::result::{ChannelResult, GainResult, Options};
 use super::rounding::Steps;
 use super::spatial::{Stacks, spatial};
@@ -81,27 +82,17 @@ pub fn evaluate_gain(
     )
 }
 
-/// Temporal noise of rows, columns and pixels over all dark frames of a gain, each point with the weight of its frames but one. The errors
-/// of rows and columns contain that of rounding, which all points have in common.
+/// Temporal noise of rows, columns and pixels over all dark frames of a gain. The errors of rows and columns contain that of rounding, which
+/// all points have in common.
 fn mean_line_noise(darks: &[&FlaggedPoint<'_>]) -> LineNoise {
-    let weight = |p: &FlaggedPoint<'_>| p.found.frames as f64 - 1.0;
-    let total: f64 = darks.iter().map(|p| weight(p)).sum();
-    let mean = |of: fn(&LineNoise) -> Measured| {
-        let none = Measured::none(Unresolved::NoDark);
-        let parts = darks.iter().map(|p| (weight(p) / total, of(&p.found.all.line_noise)));
-        parts.map(|(w, m)| m.scale(w)).reduce(Measured::plus).unwrap_or(none)
-    };
-    let pixel_dn2 = mean(|n| n.pixel_dn2);
-    let steps = Steps::behind(pixel_dn2.value().unwrap_or(0.0));
+    let moments: Vec<&Moments> = darks.iter().map(|p| &p.found.all).collect();
+    let found = dark_line_noise(&moments);
+    let steps = Steps::behind(found.pixel_dn2.value().unwrap_or(0.0));
     let with_rounding = |lines: Measured| match (lines.value(), lines.standard_error()) {
         (Some(found), Some(error)) => lines.with_error(steps.error_of_variance(found, error)),
         _ => lines,
     };
-    LineNoise {
-        row_dn2: with_rounding(mean(|n| n.row_dn2)),
-        column_dn2: with_rounding(mean(|n| n.column_dn2)),
-        pixel_dn2,
-    }
+    LineNoise { row_dn2: with_rounding(found.row_dn2), column_dn2: with_rounding(found.column_dn2), ..found }
 }
 
 /// Points for the photon transfer: pairs, and stacks if there is no pair of their setting.

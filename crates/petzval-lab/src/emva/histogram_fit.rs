@@ -19,7 +19,8 @@
 //! The fit uses the core of each histogram (median +- 4 standard deviations from its quantiles), so that a tail of hot
 //! pixels is reported ([`DarkTail`](super::warnings::Warning::DarkTail)) and not fitted as noise. Histograms that reach
 //! the full well or leave the range of photon transfer are saturated and left out. Standard errors are those of
-//! temporal noise, with the pixels of this sensor fixed.
+//! temporal noise, with the pixels of this sensor fixed; where the cores scatter by more than their counts say, they are as many times
+//! larger.
 
 mod comparison;
 mod likelihood;
@@ -31,15 +32,16 @@ use rayon::prelude::*;
 
 use super::captures::SensorFacts;
 use super::counts::PointHistogram;
+use super::goodness::Verdict;
 use super::joint::JointFit;
 use super::measured::{Measured, Unresolved};
 use comparison::compare;
 pub use comparison::{GoodnessOfFit, HistogramComparison, goodness};
 use likelihood::Score;
 pub use parameter::{ModelParameters, Parameter};
-use result::describes;
 pub(super) use result::mean_core_chi2;
 pub use result::{FitFlags, HistogramFit, LightLevel};
+use result::{describes, test_of};
 use sample::{arrange, free_parameters, is_plausible, is_usable};
 
 /// Largest number of steps of the fit.
@@ -135,8 +137,10 @@ fn fit_in_steps(
     let is_poor = !describes(&comparisons);
     let is_sound = converged && !is_poor;
     let covariance = is_sound.then(|| state.covariance(&free)).flatten();
+    let mut test = test_of(&comparisons, free.len(), is_poor);
+    let scatter = if test.verdict == Verdict::Widened { test.reduced_chi2.sqrt() } else { 1.0 };
     let measured = |p: Parameter| match (free.iter().position(|f| *f == p), &covariance) {
-        (Some(k), Some(c)) => Measured::new(numbers[p], c[(k, k)].max(0.0).sqrt()),
+        (Some(k), Some(c)) => Measured::new(numbers[p], scatter * c[(k, k)].max(0.0).sqrt()),
         _ => Measured::exact(numbers[p]),
     };
     let prnu_percent = match free.contains(&Parameter::PrnuSquared) {
@@ -144,6 +148,8 @@ fn fit_in_steps(
         false => Measured::none(Unresolved::TooFewExposures { got: 1, need: 2 }),
     };
     let dark_offset_dn = measured(Parameter::DarkOffset);
+    let of_gain = measured(Parameter::Gain).error_or_zero();
+    test.model_error = of_gain * (1.0 - 1.0 / (scatter * scatter)).sqrt();
     let is_ambiguous = is_sound && dark_offset_dn.standard_error().is_none();
     let level = |(i, gain): (usize, &f64)| LightLevel {
         linear_gain: *gain,
@@ -167,6 +173,7 @@ fn fit_in_steps(
         steps,
         converged,
         left_out: histograms.len() - usable.len(),
+        test,
         flags: FitFlags { is_stopped: !converged, is_poor, is_ambiguous },
         histograms: comparisons,
     })

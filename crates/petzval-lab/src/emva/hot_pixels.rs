@@ -25,6 +25,7 @@ use serde::Serialize;
 
 use super::captures::{Kind, Point};
 use super::flags::FlaggedPoint;
+use super::goodness::{ALPHA, FitTest, Verdict, chi2_beyond};
 use super::measured::{Measured, RESOLVED_SIGMAS, Unresolved};
 use super::point::Stack;
 use super::samples::greatest_common_divisor;
@@ -75,6 +76,9 @@ pub struct PixelDarkCurrents {
     pub hot_share: Measured,
     /// Mean dark current of hot pixels above that of the ordinary ones, theta, DN/s.
     pub hot_excess_dn_per_s: Measured,
+    /// Whether the excesses over the threshold are exponentially distributed; `None` if there are too few, or some are full.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub hot_test: Option<FitTest>,
 }
 
 impl PixelDarkCurrents {
@@ -175,6 +179,7 @@ fn pixel_dark_currents(short: &DarkEnd<'_>, long: &DarkEnd<'_>, max_dn: f64) -> 
         full,
         hot_share: Measured::none(Unresolved::NoHotPixels { outliers: outliers.len() }),
         hot_excess_dn_per_s: Measured::none(Unresolved::NoHotPixels { outliers: outliers.len() }),
+        hot_test: None,
     };
     // Six standard deviations out, the tail of normal noise falls by 1/e within a sixth of its standard deviation.
     if outliers.len() - full < FEWEST || theta <= spread {
@@ -191,11 +196,48 @@ fn pixel_dark_currents(short: &DarkEnd<'_>, long: &DarkEnd<'_>, max_dn: f64) -> 
     // Subtract the hot pixels below the threshold from the mean of the ordinary pixels.
     let below_share = (-above / theta).exp();
     let hidden = share * (theta - (theta + above) * below_share) / (1.0 - share * below_share);
+    // If the excesses are not exponentially distributed, what lies below the threshold is a guess, and the mean has the error of its
+    // own scatter.
+    let excesses: Vec<f64> = outliers.iter().map(|(x, _)| x - threshold).collect();
+    let hot_test = (full == 0).then(|| exponential_test(&excesses));
+    let (mut of_share, mut of_hidden, mut of_excess) =
+        (share * share_error, hidden * share_error, theta / known.sqrt());
+    if hot_test.is_some_and(|test| test.verdict == Verdict::Widened) {
+        let scatter = excesses.iter().map(|x| (x - theta).powi(2)).sum::<f64>() / n;
+        of_share = of_share.hypot(share - n / pixels);
+        of_hidden = of_hidden.hypot(hidden);
+        of_excess = of_excess.max((scatter / n).sqrt());
+    }
     PixelDarkCurrents {
-        ordinary_dn_per_s: Measured::new(core_mean - hidden, core_se.hypot(hidden * share_error)),
-        hot_share: Measured::new(share, share * share_error),
-        hot_excess_dn_per_s: Measured::new(theta, theta / known.sqrt()),
+        ordinary_dn_per_s: Measured::new(core_mean - hidden, core_se.hypot(of_hidden)),
+        hot_share: Measured::new(share, of_share),
+        hot_excess_dn_per_s: Measured::new(theta, of_excess),
+        hot_test,
         ..found
+    }
+}
+
+/// Test of exponential distribution (Moran 1951): twice the number of values times the logarithm of their mean less the mean of their logarithms, over
+/// `1 + (n + 1)/(6 n)`, is nearly chi-squared of `n - 1` degrees of freedom. It is small if the values are too even, and large if
+/// they are too uneven; each side has half of the level.
+fn exponential_test(values: &[f64]) -> FitTest {
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    let of_logarithms = values.iter().map(|v| v.max(1e-9 * mean).ln()).sum::<f64>() / n;
+    let chi2 = 2.0 * n * (mean.ln() - of_logarithms) / (1.0 + (n + 1.0) / (6.0 * n));
+    let degrees_of_freedom = values.len() - 1;
+    let above = chi2_beyond(chi2, degrees_of_freedom);
+    let p_value = 2.0 * above.min(1.0 - above);
+    FitTest {
+        points: values.len(),
+        degrees_of_freedom,
+        reduced_chi2: chi2 / degrees_of_freedom as f64,
+        p_value,
+        curvature_sigmas: None,
+        curvature_p_value: None,
+        alpha: ALPHA,
+        verdict: if p_value < ALPHA { Verdict::Widened } else { Verdict::Holds },
+        model_error: 0.0,
     }
 }
 
@@ -278,6 +320,20 @@ mod tests {
                 assert!(mean.abs() < 4.0 / n.sqrt(), "{share} {excess} {name}: mean pull {mean}");
                 assert!((scatter - 1.0).abs() < 4.0 / (2.0 * n).sqrt(), "{share} {excess} {name}: {scatter}");
             }
+        }
+    }
+
+    #[test]
+    fn excesses_that_are_not_exponential_widen_the_errors() {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(9);
+        let mut draw =
+            |of: &dyn Fn(f64) -> f64| -> Vec<f64> { (0..400).map(|_| of(rng.random::<f64>())).collect() };
+        let exponential = exponential_test(&draw(&|u| -30.0 * (1.0 - u).ln()));
+        assert!(exponential.verdict == Verdict::Holds && exponential.p_value > ALPHA, "{exponential:?}");
+        // Even numbers about a mean, and a few far above many.
+        for of in [(&|u: f64| 20.0 + 20.0 * u) as &dyn Fn(f64) -> f64, &|u| 30.0 * (1.0 - u).powf(-1.5)] {
+            let found = exponential_test(&draw(of));
+            assert_eq!(found.verdict, Verdict::Widened, "{found:?}");
         }
     }
 

@@ -13,11 +13,16 @@
 //! (Rounding adds 1/12 only to noise that spreads over several digital numbers, see [`super::rounding`].) Averages over
 //! single gains (Tseng et al. 2021, supplement 2.3.2) cannot separate them. Captures show only the sum of BL and mu_el:
 //! BL is taken from the setting of the camera.
+//!
+//! Gains whose points do not lie on these lines (black levels that differ, a second conversion gain) have another model: the errors contain
+//! their scatter, and where they are far off, the figures of the line are withdrawn. An error that all gains share, as that of K by a response that bends,
+//! does not become smaller with their number.
 
 use serde::Serialize;
 
 use super::dark::DarkSeries;
-use super::fit::{Line, line, through_origin, weighted_mean};
+use super::fit::{Line, TestedLine, TestedMean, tested_line, tested_mean, weighted_mean};
+use super::goodness::{FitTest, Model, Points, Verdict, test};
 use super::hot_pixels::PixelDarkCurrents;
 use super::line_noise::LineNoise;
 use super::measured::{Measured, Unresolved};
@@ -32,6 +37,8 @@ pub struct GainRow {
     pub linear_gain: f64,
     /// K_g, DN/e-: the weighted mean of the colours.
     pub gain_dn_per_e: Measured,
+    /// The part of its error that is no noise: the response bends, or the variance departs from its line, DN/e-.
+    pub gain_model_error_dn_per_e: f64,
     /// `K_g / g`, DN/e-.
     pub gain_at_unit_dn_per_e: Measured,
     /// Dark current from the mean, e-/s.
@@ -46,6 +53,30 @@ pub struct GainRow {
     pub rounding_error_dn2: f64,
     /// `(I_g - 1/12) / K_g^2`, e-^2: read noise if there were no electronics noise.
     pub naive_read_variance_e2: Measured,
+    /// Dark current from the mean with the errors of noise alone, e-/s.
+    #[serde(skip)]
+    pub dark_current_by_noise_e_per_s: Measured,
+}
+
+impl GainRow {
+    /// Error of K_g by noise alone, DN/e-.
+    fn gain_noise_error(&self) -> Option<f64> {
+        let all = self.gain_dn_per_e.standard_error()?;
+        Some((all * all - self.gain_model_error_dn_per_e.powi(2)).max(0.0).sqrt())
+    }
+}
+
+/// Whether the gains agree with the model of all of them.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct JointTests {
+    /// `K_g / g` is the same at all gains.
+    pub gain: FitTest,
+    /// The dark current from the mean is the same.
+    pub dark_current: FitTest,
+    /// The dark variances lie on their line over `K_g^2`.
+    pub variance_line: FitTest,
+    /// The dark means lie on theirs over `K_g`.
+    pub mean_line: FitTest,
 }
 
 /// The joint fit.
@@ -53,6 +84,8 @@ pub struct GainRow {
 pub struct JointFit {
     /// The gains.
     pub rows: Vec<GainRow>,
+    /// Whether they agree with this model.
+    pub tests: JointTests,
     /// K at linear gain 1, DN/e-.
     pub gain_dn_per_e: Measured,
     /// mu_I from the mean of dark frames, e-/s.
@@ -101,8 +134,8 @@ pub struct JointFit {
 pub struct GainInput<'a> {
     /// Linear gain.
     pub linear_gain: f64,
-    /// K_g of each colour, DN/e-.
-    pub gains: Vec<Measured>,
+    /// K_g of each colour, and the part of its error that is no noise, DN/e-.
+    pub gains: Vec<(Measured, f64)>,
     /// Dark series over all pixels.
     pub dark: &'a DarkSeries,
     /// Temporal noise of rows and columns in its dark frames.
@@ -119,25 +152,41 @@ pub const GAINS: usize = 3;
 /// Fits all gains together.
 pub fn joint_fit(inputs: &[GainInput<'_>], black_level_dn: Option<f64>) -> JointFit {
     let rows: Vec<GainRow> = inputs.iter().map(row).collect();
-    let gain_dn_per_e = weighted_mean(rows.iter().map(|r| r.gain_at_unit_dn_per_e));
-    let dark_current = |f: fn(&GainRow) -> Measured| weighted_mean(rows.iter().map(f));
-    let from_mean = dark_current(|r| r.dark_current_mean_e_per_s);
-    let from_variance = dark_current(|r| r.dark_current_variance_e_per_s);
-    let dark_current_difference_e_per_s = from_mean.minus(from_variance);
+    let at_unit = |r: &GainRow| (r.gain_at_unit_dn_per_e, r.gain_model_error_dn_per_e / r.linear_gain);
+    let (gain, _) = mean_of_gains(rows.iter().map(at_unit));
+    let gain_dn_per_e = gain.mean;
+    let common = common_error(&rows);
+    let from_mean = tested_mean(rows.iter().map(|r| r.dark_current_mean_e_per_s));
+    let (dark_current_test, from_mean) = (from_mean.test, with_share(from_mean.mean, common));
+    let of_variances = weighted_mean(rows.iter().map(|r| r.dark_current_variance_e_per_s));
+    let from_variance = with_share(of_variances, 2.0 * common);
+    // A departure of the mean from its line is what this difference is to show: judge it by noise.
+    let by_noise = weighted_mean(rows.iter().map(|r| r.dark_current_by_noise_e_per_s));
+    let dark_current_difference_e_per_s = by_noise.minus(from_variance);
 
     let pixels = pixel_dark_currents_e(inputs, &rows);
 
-    let (variance_line, mean_line) = (
-        line_over_gains(&rows, |k| k * k, |k| 2.0 * k, |r| r.dark_variance_dn2),
-        line_over_gains(&rows, |k| k, |_| 1.0, |r| r.dark_mean_dn),
-    );
+    let variance =
+        line_over_gains(&rows, 2, |r| r.dark_variance_dn2, &|off, y| off > FAR_OFF_SHARE * y.abs());
+    let mean = line_over_gains(&rows, 1, |r| r.dark_mean_dn, &|off, _| off > FAR_OFF_DN);
+    let with_common = |fitted: TestedLine, power: f64| Line {
+        slope: with_share(fitted.line.slope, power * common),
+        ..fitted.line
+    };
+    let (variance_line, mean_line) = (with_common(variance, 2.0), with_common(mean, 1.0));
+    let tests = JointTests {
+        gain: gain.test,
+        dark_current: dark_current_test,
+        variance_line: variance.test,
+        mean_line: mean.test,
+    };
     let read_variance_e2 = variance_line.slope.if_above_noise();
     let electronics = variance_line.intercept.map(|v| v - QUANTISATION_DN2, |_| 1.0).if_above_noise();
     let of_lines = |of: fn(&LineNoise) -> Measured| {
         let of_gain = |(input, row): (&GainInput<'_>, &GainRow)| {
             of(&input.line_noise).over(row.gain_dn_per_e.squared())
         };
-        weighted_mean(inputs.iter().zip(&rows).map(of_gain)).if_above_noise().root()
+        with_share(weighted_mean(inputs.iter().zip(&rows).map(of_gain)), 2.0 * common).if_above_noise().root()
     };
     let dark_offset_dn = mean_line.intercept;
     let electronics_mean_dn = match black_level_dn {
@@ -145,6 +194,7 @@ pub fn joint_fit(inputs: &[GainInput<'_>], black_level_dn: Option<f64>) -> Joint
         None => Measured::none(Unresolved::NotStated("black_level_dn")),
     };
     JointFit {
+        tests,
         gain_dn_per_e,
         dark_current_e_per_s: from_mean.if_above_noise(),
         dark_current_variance_e_per_s: from_variance.if_above_noise(),
@@ -201,18 +251,66 @@ fn pixel_dark_currents_e(inputs: &[GainInput<'_>], rows: &[GainRow]) -> PixelDar
     }
 }
 
+/// Mean of gains of which each has a part of its error, the second number, that is no noise and that they share: that of the mean is no
+/// smaller than theirs. Returned beside the mean.
+fn mean_of_gains(gains: impl IntoIterator<Item = (Measured, f64)>) -> (TestedMean, f64) {
+    let all: Vec<(Measured, f64)> = gains.into_iter().collect();
+    let noise = |(gain, of_model): &(Measured, f64)| {
+        let error = gain.standard_error().map(|se| (se * se - of_model * of_model).max(0.0).sqrt());
+        (gain.value(), error)
+    };
+    // Weigh by all of the error, so that a gain that departs from its model counts less.
+    let (mut weight, mut of_noise, mut of_model) = (0.0, 0.0, 0.0);
+    for one in &all {
+        let (Some(_), Some(noise)) = noise(one) else { continue };
+        let own = 1.0 / (noise * noise + one.1 * one.1);
+        if own.is_finite() {
+            weight += own;
+            of_noise += (own * noise).powi(2);
+            of_model += own * one.1;
+        }
+    }
+    let mut found = tested_mean(all.iter().map(|(gain, _)| *gain));
+    let common = of_model / weight;
+    if let (Some(value), true) = (found.mean.value(), common > 0.0) {
+        let error = (of_noise.sqrt() / weight).hypot(found.test.model_error).hypot(common);
+        found.mean = Measured::new(value, error);
+    }
+    (found, if common > 0.0 { common } else { 0.0 })
+}
+
+/// The error of K that all gains share, as a share of K: the mean of theirs.
+fn common_error(rows: &[GainRow]) -> f64 {
+    let shares: Vec<f64> =
+        rows.iter().filter_map(|r| Some(r.gain_model_error_dn_per_e / r.gain_dn_per_e.value()?)).collect();
+    shares.iter().sum::<f64>() / shares.len().max(1) as f64
+}
+
+/// A number with a further error, a share of it.
+fn with_share(measured: Measured, share: f64) -> Measured {
+    measured.with_error(share * measured.value().unwrap_or(0.0).abs())
+}
+
 fn row(input: &GainInput<'_>) -> GainRow {
-    let k = weighted_mean(input.gains.iter().copied());
-    let k = if input.gains.is_empty() { Measured::none(Unresolved::NoFlat) } else { k };
+    let (k, of_model) = mean_of_gains(input.gains.iter().copied());
+    let k = if input.gains.is_empty() { Measured::none(Unresolved::NoFlat) } else { k.mean };
+    // Errors that all gains share are added to their mean, not here.
+    let noise = k.standard_error().map(|se| (se * se - of_model * of_model).max(0.0).sqrt());
+    let k_by_noise = match (k.value(), noise) {
+        (Some(value), Some(noise)) => Measured::new(value, noise),
+        _ => k,
+    };
     let (mean, variance) = (&input.dark.mean, &input.dark.variance);
-    let k_squared = k.squared();
+    let k_squared = k_by_noise.squared();
     let rounding = variance.intercept.value().map(RoundingError::of).unwrap_or_default();
     GainRow {
         linear_gain: input.linear_gain,
         gain_dn_per_e: k,
+        gain_model_error_dn_per_e: of_model,
         gain_at_unit_dn_per_e: k.scale(1.0 / input.linear_gain),
-        dark_current_mean_e_per_s: mean.slope.over(k),
+        dark_current_mean_e_per_s: mean.slope.over(k_by_noise),
         dark_current_variance_e_per_s: variance.slope.over(k_squared),
+        dark_current_by_noise_e_per_s: input.dark.mean_by_noise.slope.over(k_by_noise),
         dark_variance_dn2: variance.intercept,
         dark_mean_dn: mean.intercept,
         rounding_error_dn2: rounding.variance_dn2,
@@ -220,33 +318,50 @@ fn row(input: &GainInput<'_>) -> GainRow {
     }
 }
 
-/// Weighted line of `y` over `x(K_g)`. The slope of a first fit converts the error of `K_g` to an error of `y`.
+/// Chi-squared over its degrees of freedom from which on a line over the gains is withdrawn: points three standard errors off it.
+const FAR_OFF_CHI2: f64 = 9.0;
+/// Least distance of a dark mean from its line for that, DN: less is a drift of the offset.
+const FAR_OFF_DN: f64 = 0.25;
+/// Least distance of a dark variance from its line for that, as a share of it.
+const FAR_OFF_SHARE: f64 = 0.1;
+
+/// Weighted line of `y` over `K_g^power`. The slope of a first fit converts the error of `K_g` to an error of `y`. Withdrawn if its points are
+/// far off: `is_far` says so of a distance from the line and `y`.
 fn line_over_gains(
     rows: &[GainRow],
-    x: fn(f64) -> f64,
-    dx: fn(f64) -> f64,
+    power: i32,
     y: fn(&GainRow) -> Measured,
-) -> Line {
+    is_far: &dyn Fn(f64, f64) -> bool,
+) -> TestedLine {
     let usable: Vec<(f64, f64, f64, f64)> = rows
         .iter()
         .filter_map(|r| {
-            let (k, k_se) = (r.gain_dn_per_e.value()?, r.gain_dn_per_e.standard_error()?);
+            let (k, k_se) = (r.gain_dn_per_e.value()?, r.gain_noise_error()?);
             let (v, v_se) = (y(r).value()?, y(r).standard_error().filter(|s| *s > 0.0)?);
-            Some((x(k), dx(k) * k_se, v, v_se))
+            Some((k.powi(power), f64::from(power) * k.powi(power - 1) * k_se, v, v_se))
         })
         .collect();
-    if usable.len() < GAINS {
-        return Line::none(Unresolved::TooFewGains { got: usable.len(), need: GAINS });
-    }
     let of = |f: fn(&(f64, f64, f64, f64)) -> f64| usable.iter().map(f).collect::<Vec<f64>>();
     let (xs, ys) = (of(|u| u.0), of(|u| u.2));
     let mut errors = of(|u| u.3);
-    let mut fitted = Line::none(Unresolved::NotFinite);
-    for _ in 0..3 {
-        let weights: Vec<f64> = errors.iter().map(|s| 1.0 / (s * s)).collect();
-        fitted = line(&xs, &ys, &weights, &errors);
-        let slope = fitted.slope.value().unwrap_or(0.0);
+    let weights = |errors: &[f64]| errors.iter().map(|s| 1.0 / (s * s)).collect::<Vec<f64>>();
+    let mut fitted = tested_line(&xs, &ys, &weights(&errors), &errors);
+    if usable.len() < GAINS {
+        let line = Line::none(Unresolved::TooFewGains { got: usable.len(), need: GAINS });
+        fitted.test.verdict = Verdict::Untested;
+        return TestedLine { line, by_noise: line, ..fitted };
+    }
+    for _ in 0..2 {
+        let slope = fitted.by_noise.slope.value().unwrap_or(0.0);
         errors = usable.iter().map(|u| u.3.hypot(slope * u.1)).collect();
+        fitted = tested_line(&xs, &ys, &weights(&errors), &errors);
+    }
+    let found = [fitted.by_noise.slope, fitted.by_noise.intercept].map(|m| m.value().unwrap_or(0.0));
+    let has_far = usable.iter().any(|u| is_far((u.2 - found[0] * u.0 - found[1]).abs(), u.2));
+    if fitted.test.verdict == Verdict::Widened && fitted.test.reduced_chi2 > FAR_OFF_CHI2 && has_far {
+        let (reduced_chi2, degrees) = (fitted.test.reduced_chi2, fitted.test.degrees_of_freedom);
+        fitted.line = Line::none(Unresolved::PoorFit { reduced_chi2, degrees });
+        fitted.test.verdict = Verdict::Withdrawn;
     }
     fitted
 }
@@ -258,19 +373,32 @@ fn ratio(inputs: &[GainInput<'_>], colour: Colour) -> Measured {
         let points = |c: Colour| input.points.iter().find(|(k, _)| *k == c).map(|(_, p)| *p);
         let (Some(ours), Some(green)) = (points(colour), points(Colour::Green)) else { continue };
         both = true;
-        let pairs: Vec<(&TransferPoint, &TransferPoint)> = ours.iter().zip(green).collect();
-        if pairs.is_empty() {
+        if ours.is_empty() || green.is_empty() {
             continue;
         }
-        let of = |f: fn(&TransferPoint) -> f64, second: bool| {
-            pairs.iter().map(|(a, b)| f(if second { b } else { a })).collect::<Vec<f64>>()
-        };
-        let (signal, se) = (TransferPoint::signal_dn, TransferPoint::signal_se_dn);
-        found.push(through_origin(&of(signal, true), &of(signal, false), &of(se, true), &of(se, false)));
+        found.push(ratio_of(ours, green));
     }
     match found.is_empty() {
         true if both => Measured::none(Unresolved::AllSaturated),
         true => Measured::none(Unresolved::NotStated("red, green and blue pixels")),
         false => weighted_mean(found),
     }
+}
+
+/// Slope through the origin of the signal of one colour over that of another, with the test of its points.
+fn ratio_of(ours: &[TransferPoint], green: &[TransferPoint]) -> Measured {
+    let pairs: Vec<(&TransferPoint, &TransferPoint)> = ours.iter().zip(green).collect();
+    let x: Vec<f64> = pairs.iter().map(|(_, green)| green.signal_dn()).collect();
+    let y: Vec<f64> = pairs.iter().map(|(own, _)| own.signal_dn()).collect();
+    let xx: f64 = x.iter().map(|x| x * x).sum();
+    let ratio = x.iter().zip(&y).map(|(x, y)| x * y).sum::<f64>() / xx;
+    let error = |(own, green): &(&TransferPoint, &TransferPoint)| {
+        own.signal_se_dn().hypot(ratio * green.signal_se_dn())
+    };
+    let own_se: Vec<f64> = pairs.iter().map(error).collect();
+    let weights: Vec<f64> = x.iter().map(|x| x / xx).collect();
+    let points = Points { x, y, own_se, shared: Vec::new() };
+    let of_noise = points.error_of(&weights);
+    let (_, departure) = test(&points, Model::ThroughOrigin, &[ratio]);
+    Measured::new(ratio, of_noise).with_error(departure.error(0, of_noise))
 }

@@ -44,6 +44,11 @@ pub enum Unresolved {
     NoDark,
     /// The frames have fewer than three rows or columns of a colour.
     FewLines,
+    /// The noise of rows, or of columns, is correlated over the whole frame.
+    LinesTogether {
+        /// Rows, or columns, of the frame.
+        lines: usize,
+    },
     /// There are too few linear gains.
     TooFewGains {
         /// Gains that were found.
@@ -61,6 +66,13 @@ pub enum Unresolved {
         got: usize,
         /// Different exposure times that are needed.
         need: usize,
+    },
+    /// The points of the fit do not lie on its model.
+    PoorFit {
+        /// Chi-squared over the degrees of freedom.
+        reduced_chi2: f64,
+        /// Degrees of freedom.
+        degrees: usize,
     },
     /// The number is the root of a variance that came out negative.
     NegativeVariance(f64),
@@ -111,6 +123,10 @@ impl fmt::Display for Unresolved {
             Self::NoFlat => f.write_str("no flat frames with dark ones of their exposure time"),
             Self::NoDark => f.write_str("no usable dark frames"),
             Self::FewLines => f.write_str("the frames have fewer than three rows or columns of a colour"),
+            Self::LinesTogether { lines } => write!(
+                f,
+                "the noise is correlated over the {lines} lines of the frame, and is not told from a drift of the frame"
+            ),
             Self::TooFewGains { got, need } => {
                 write!(f, "{} with K and a dark series, {need} are needed", counted(*got, "linear gain"))
             }
@@ -121,6 +137,10 @@ impl fmt::Display for Unresolved {
             Self::TooFewExposures { got, need } => {
                 write!(f, "{}, {need} are needed", counted(*got, "exposure time"))
             }
+            Self::PoorFit { reduced_chi2, degrees } => write!(
+                f,
+                "the points of the fit do not lie on its line (reduced chi^2 {reduced_chi2:.1} at {degrees} degrees of freedom)"
+            ),
             Self::NegativeVariance(v) => write!(f, "the variance is negative ({v:.4e})"),
             Self::BelowZero { value, standard_error } => {
                 write!(f, "{value:.4e} +- {standard_error:.2e} is negative")

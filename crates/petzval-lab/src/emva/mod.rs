@@ -5,14 +5,16 @@
 //! | the list of captures: its values, its two formats, wildcards in names | [`captures`], [`manifest`], [`descriptor`], `frame_names` |
 //! | open a folder of captures | `open` |
 //! | reduce the frames of a point to sums | [`point`], [`counts`] |
-//! | temporal noise of rows, columns and pixels | [`line_noise`] |
+//! | temporal noise of rows, columns and pixels, and how it is correlated | [`line_noise`], [`line_covariance`], `gain_lines` |
 //! | means of parts of a frame without defect pixels | [`mod@block_means`] |
 //! | flags: what the captures show about the use of each point | `flags` |
 //! | find where the converter clips, from all samples | [`samples`] |
 //! | select the points of one gain by their flags, and evaluate them | `gain` |
+//! | whether the points of a fit lie on its model, and what a departure adds to the errors | [`goodness`], [`fits`] |
 //! | photon transfer: R, K, QE, linearity | [`transfer_point`], [`transfer`] |
 //! | find where the signal ends | [`mod@saturation`] |
 //! | dark frames over exposure time, and pixel by pixel | [`dark`], [`hot_pixels`] |
+//! | whether pixels differ independently of their neighbours | `neighbours` |
 //! | non-uniformity, spectrograms, profiles, histograms of defects | [`spatial`], [`high_pass`], [`spectrogram`], [`histogram`] |
 //! | pixels that do not answer light | [`mod@defects`] |
 //! | figures under the names of the EMVA 1288 Python library | [`figures`] |
@@ -39,17 +41,22 @@ pub mod derived;
 pub mod descriptor;
 pub mod figures;
 pub mod fit;
+pub mod fits;
 mod flags;
 mod frame_names;
 mod gain;
+mod gain_lines;
+pub mod goodness;
 pub mod high_pass;
 pub mod histogram;
 pub mod histogram_fit;
 pub mod hot_pixels;
 pub mod joint;
+pub mod line_covariance;
 pub mod line_noise;
 pub mod manifest;
 pub mod measured;
+mod neighbours;
 mod open;
 pub mod plan;
 pub mod pmf;
@@ -74,6 +81,8 @@ pub use colour_name::colour_name;
 pub use counts::PointHistogram;
 pub use derived::{Derived, derived};
 pub use figures::Figure;
+pub use fits::{NamedFit, fits};
+pub use goodness::{FitTest, Verdict};
 pub use high_pass::HighPass;
 pub use histogram_fit::{HistogramComparison, HistogramFit};
 pub use hot_pixels::PixelDarkCurrents;

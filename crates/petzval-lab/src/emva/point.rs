@@ -18,6 +18,7 @@ use serde::Serialize;
 use super::block_means::{BLOCKS, BlockMeans, block_means};
 use super::captures::{CaptureError, Captures, FrameFile, Point};
 use super::counts::Counts;
+use super::line_covariance::{LineCovariance, LineModel};
 use super::line_noise::{LineNoise, LineSums, double_differences};
 use petzval_camera::sensor::{CfaPattern, Colour};
 use petzval_files::raw_file::{RawFrame, RawInfo};
@@ -32,7 +33,7 @@ pub struct Moments {
     pub pixels: usize,
     /// Mean, DN.
     pub mean_dn: f64,
-    /// Standard error of the mean from temporal noise of pixels, rows and columns, DN: the pixels are the same in flat and dark
+    /// Standard error of the mean from temporal noise of pixels, and of rows and columns where [`Self::set_lines`] has set it, DN: the pixels are the same in flat and dark
     /// frames, so that their non-uniformity is no error of a difference.
     pub mean_se_dn: f64,
     /// Temporal variance with the variance of the frames' means taken away, DN^2.
@@ -41,8 +42,20 @@ pub struct Moments {
     pub variance_uncorrected_dn2: f64,
     /// Standard error of the variance, from its spread over the pixels and from the noise of few rows and columns, DN^2.
     pub variance_se_dn2: f64,
-    /// The parts of the variance that pixels of a row, and of a column, have in common.
+    /// Variance of the mean by the noise of rows and columns that whole frames have in common, DN^2: it is not in
+    /// [`variance_dn2`](Self::variance_dn2), which is free of all that whole frames have in common.
+    pub lines_of_frame_dn2: f64,
+    /// The parts of the variance that pixels of a row, and of a column, have in common, if neighbours have noise of their own.
     pub line_noise: LineNoise,
+    /// How the noise of rows, and that of columns, is correlated.
+    #[serde(skip)]
+    pub line_covariances: [LineCovariance; 2],
+    /// Rows, and columns, that have pixels of this kind.
+    #[serde(skip)]
+    has_pixels: [Vec<bool>; 2],
+    /// Variances of the mean and of the variance by the noise of single pixels alone, DN^2 and DN^4.
+    #[serde(skip)]
+    of_pixels: [f64; 2],
     /// Mean of each frame, DN.
     pub frame_means_dn: Vec<f64>,
     /// Share of the samples at digital number 0.
@@ -54,6 +67,18 @@ pub struct Moments {
 }
 
 impl Moments {
+    /// Sets the standard errors for lines with this noise: rows and columns are few, and correlated ones are fewer still, so that their
+    /// mean and their variance scatter more than those of the pixels.
+    pub fn set_lines(&mut self, models: &[LineModel; 2]) {
+        let frames = self.frame_means_dn.len() as f64;
+        let of_lines = models.iter().zip(&self.has_pixels).map(|(model, has)| model.of_mean(has));
+        let [of_mean, of_variance] = of_lines.fold([0.0; 2], |[a, b], [x, y]| [a + x, b + y]);
+        let [pixels_of_mean, pixels_of_variance] = self.of_pixels;
+        self.lines_of_frame_dn2 = of_mean;
+        self.mean_se_dn = (pixels_of_mean + of_mean / frames).sqrt();
+        self.variance_se_dn2 = (pixels_of_variance + of_variance / (frames - 1.0)).sqrt();
+    }
+
     /// Variance of all samples, over pixels and frames, DN^2.
     pub fn total_variance_dn2(&self) -> f64 {
         let first = f64::from(self.histogram.first_dn);
@@ -122,6 +147,12 @@ pub struct PointStatistics {
 }
 
 impl PointStatistics {
+    /// Sets the standard errors of all moments for this noise of rows and of columns.
+    pub fn set_lines(&mut self, models: &[LineModel; 2]) {
+        self.all.set_lines(models);
+        self.colours.iter_mut().for_each(|(_, moments)| moments.set_lines(models));
+    }
+
     /// Moments of one colour.
     pub fn colour(&self, colour: Colour) -> Option<&Moments> {
         self.colours.iter().find(|(c, _)| *c == colour).map(|(_, m)| m)
@@ -149,21 +180,23 @@ impl Class {
         let mean_variance = self.variance / n;
         let samples = n * l;
         let of_pixels_dn2 = (self.variance_squared / n - mean_variance * mean_variance).max(0.0) / n;
-        let line_noise = self.lines.noise(tile);
-        // Rows and columns are few: their mean and their variance scatter more than those of the pixels.
-        let counted = |pixels: &[usize]| pixels.iter().filter(|n| **n > 0).count() as f64;
-        let lines = [counted(&self.lines.row_pixels), counted(&self.lines.column_pixels)];
-        let mean_variance_of_lines = line_noise.of_mean_dn2(lines.map(|n| n * l));
-        let of_lines = line_noise.certain_dn2().into_iter().zip(lines);
-        let of_lines_dn2: f64 = of_lines.map(|(v, n)| 2.0 * v * v / (n * (l - 1.0))).sum();
+        let lines = &self.lines;
+        let has = |pixels: &[usize]| pixels.iter().map(|n| *n > 0).collect();
         Moments {
             pixels: self.pixels,
             mean_dn,
-            mean_se_dn: (mean_variance / samples + mean_variance_of_lines).sqrt(),
+            mean_se_dn: (mean_variance / samples).sqrt(),
             variance_dn2: mean_variance - spread,
             variance_uncorrected_dn2: mean_variance,
-            variance_se_dn2: (of_pixels_dn2 + of_lines_dn2).sqrt(),
-            line_noise,
+            variance_se_dn2: of_pixels_dn2.sqrt(),
+            lines_of_frame_dn2: 0.0,
+            line_noise: lines.noise(tile),
+            line_covariances: [
+                LineCovariance::of(&lines.rows, &lines.row_pixels, tile[0]),
+                LineCovariance::of(&lines.columns, &lines.column_pixels, tile[1]),
+            ],
+            has_pixels: [has(&lines.row_pixels), has(&lines.column_pixels)],
+            of_pixels: [mean_variance / samples, of_pixels_dn2],
             frame_means_dn,
             share_at_zero: self.table[0] as f64 / samples,
             share_at_max: self.table[self.table.len() - 1] as f64 / samples,

@@ -14,8 +14,8 @@
 //! `C = Ac/g_l - P/M`, `R = Ar/g_l - P/N`, `P = (V - Ac - Ar) / (g_p - g_l/M - g_l/N)`. With `g = 1` these are the formulas
 //! of EMVA 1288 release 4.
 //!
-//! Before this split the temporal variance is freed of flicker, as it is for pairs, and the [noise of rows and
-//! columns](super::line_noise), of which `1/L` remains as well, is subtracted from `C` and `R`. Pixels that do not answer light
+//! Before this split the temporal variance is freed of flicker, as it is for pairs. Of the temporal noise of rows and
+//! columns `1/L` remains as well, as far as it passes the filter: how it is [correlated](super::line_covariance) decides that. It is subtracted from `C` and `R`. Pixels that do not answer light
 //! ([`super::defects`]) take the mean of their neighbours. The plain variances without a high-pass have none of these corrections.
 
 use std::collections::BTreeSet;
@@ -24,9 +24,12 @@ use std::rc::Rc;
 use serde::Serialize;
 
 use super::defects::{Defect, defects, without};
+use super::goodness::{FitTest, Verdict};
 use super::high_pass::{HighPass, Plane, high_pass_5x5_times_25};
 use super::histogram::{Histogram, MOST_BINS, accumulated, histogram};
+use super::line_covariance::LineCovariance;
 use super::measured::{Measured, Unresolved};
+use super::neighbours::Neighbours;
 use super::point::{Moments, PointStatistics, Stack};
 use super::rounding::Steps;
 use super::spectrogram::{column_spectrogram, row_spectrogram};
@@ -90,6 +93,10 @@ pub struct Components {
     pub column: Measured,
     /// Of single pixels.
     pub pixel: Measured,
+    /// Whether single pixels differ independently of their neighbours, as the split assumes: correlations with the neighbours below and to
+    /// the right, and the next ones, against those that the filter makes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub test: Option<FitTest>,
 }
 
 /// Rows or columns of a picture seen from the side.
@@ -239,8 +246,10 @@ struct Sub {
     temporal_se: f64,
     /// Part of the temporal variance by which whole frames differ, DN^2.
     flicker: f64,
-    /// Temporal variances of rows and of columns, DN^2.
-    lines: [f64; 2],
+    /// How the temporal noise of rows, and that of columns, is correlated.
+    lines: Rc<[LineCovariance; 2]>,
+    /// Distance of its rows, and of its columns, in the frame.
+    steps: [usize; 2],
     /// Temporal variance of single pixels, DN^2.
     pixel_temporal: Measured,
 }
@@ -269,7 +278,8 @@ impl Sub {
             temporal,
             temporal_se: squares.sqrt() / n,
             flicker: moments.variance_uncorrected_dn2 - moments.variance_dn2,
-            lines: moments.line_noise.found_dn2(),
+            lines: Rc::new(moments.line_covariances.clone()),
+            steps: [cfa.rows(), cfa.cols()],
             pixel_temporal: moments.line_noise.pixel_dn2,
         }
     }
@@ -419,26 +429,45 @@ fn components(subs: &[Sub], high_pass: HighPass) -> Components {
     let none = Measured::none(Unresolved::TooSmall);
     let passed = high_pass.passed();
     let mut parts: Vec<[(f64, f64); 4]> = Vec::new();
+    let mut neighbours = Neighbours::default();
     for sub in subs {
         let Some(plane) = high_pass.apply(&sub.mean()).filter(|p| p.height >= 8 && p.width >= 8) else {
-            return Components { total: none, row: none, column: none, pixel: none };
+            return Components { total: none, row: none, column: none, pixel: none, test: None };
         };
         let (m, n, l) = (plane.height as f64, plane.width as f64, sub.frames as f64);
         let found = moments(&plane);
         let (ac, ar) = (found.column_means, found.row_means);
         let shares = passed.pixel - passed.line / m - passed.line / n;
         let of_lines = |lines: f64| (2.0 / lines * passed.line_correlation).sqrt();
-        let (ac_se, ar_se) = (ac * of_lines(n), ar * of_lines(m));
         let p = (found.variance - ac - ar) / shares;
         let p_se = found.pixel_se * passed.pixel_correlation.sqrt() / shares;
-        // Of the temporal variance of rows, columns and pixels 1/L remains in the mean frame.
-        let [rows, columns] = sub.lines;
+        // Of the temporal variance of pixels, and of that of rows and columns after the filter, 1/L remains in the mean frame.
         let pixels = sub.pixel_temporal.value().unwrap_or(sub.temporal - sub.flicker);
         let pixels_se = sub.pixel_temporal.standard_error().unwrap_or(sub.temporal_se);
         let (pixel, pixel_se) = (p - pixels / l, p_se.hypot(pixels_se / l));
-        let (column, column_se) =
-            (ac / passed.line - p / m - columns / l, (ac_se / passed.line).hypot(p_se / m));
-        let (row, row_se) = (ar / passed.line - p / n - rows / l, (ar_se / passed.line).hypot(p_se / n));
+        let own = Neighbours::of(&plane, high_pass);
+        // Pixels that are alike vary together, and the filter takes more of them than of independent ones.
+        let pixel_se = match own.test().verdict {
+            Verdict::Widened => (pixel_se * own.scatter()).hypot(pixel * own.lost_share(high_pass)),
+            _ => pixel_se,
+        };
+        neighbours.add(&own);
+        let kernel = high_pass.kernel();
+        let of_axis = |axis: usize, means: f64, lines: f64, across: f64| {
+            let temporal = sub.lines[axis].filtered(&kernel, sub.steps[axis]);
+            let (left, left_se, left_correlation) = match temporal {
+                Some(t) => (t.variance_dn2 / l, t.standard_error_dn2 / l, t.correlation),
+                None => (passed.line * pixels / (across * l), 0.0, 1.0),
+            };
+            // What differs between specimens scatters as independent lines do, what is left of the temporal noise as its own correlation says.
+            let fixed = (means - left).max(0.0);
+            let means_se = fixed * of_lines(lines) + left * (2.0 / lines * left_correlation).sqrt();
+            // The noise of pixels is in both: in the means of lines over the filtered frame, and in their temporal variance.
+            let value = (means - left) / passed.line - (p - pixels / l) / across;
+            (value, (means_se.hypot(left_se) / passed.line).hypot(p_se / across))
+        };
+        let (column, column_se) = of_axis(1, ac, n, m);
+        let (row, row_se) = of_axis(0, ar, m, n);
         let total = pixel + column + row;
         let total_se = pixel_se.hypot(column_se).hypot(row_se);
         // Noise too small to smooth the steps of the converter stretches or shrinks the differences of pixels. Those of rows and columns
@@ -460,7 +489,7 @@ fn components(subs: &[Sub], high_pass: HighPass) -> Components {
         let se = parts.iter().map(|p| p[k].1 * p[k].1).sum::<f64>().sqrt() / count;
         Measured::new(value, se)
     };
-    Components { total: of(0), row: of(1), column: of(2), pixel: of(3) }
+    Components { total: of(0), row: of(1), column: of(2), pixel: of(3), test: Some(neighbours.test()) }
 }
 
 fn profiles(plane: &Plane) -> (Profile, Profile) {
@@ -579,7 +608,8 @@ mod tests {
             temporal,
             temporal_se: squares.sqrt() / stack.variance_dn2.len() as f64,
             flicker: 0.0,
-            lines: [0.0; 2],
+            lines: Rc::default(),
+            steps: [1; 2],
             pixel_temporal: Measured::new(temporal, squares.sqrt() / stack.variance_dn2.len() as f64),
         }
     }

@@ -6,11 +6,15 @@
 //! QE               = R / K
 //! ```
 //!
+//! A response that bends, `mu(H)` over the light `H`, gives too little variance at large signals, by `(mu'(H) / mu'(0))^2 mu'(0) H / mu`.
+//! What K changes by that is a part of its error, and so is a [departure](super::goodness) of the variance itself from the line.
+//!
 //! Source: EMVA 1288 release 4.0 Linear, photon transfer method.
 
 use serde::Serialize;
 
-use super::fit::{Line, line, through_origin};
+use super::fit::{Line, line};
+use super::goodness::{FitTest, Model, Points, Verdict, significant_bend, test};
 use super::measured::{Measured, Unresolved};
 use super::rounding::RoundingError;
 use super::saturation::saturation;
@@ -34,6 +38,8 @@ pub struct Linearity {
     pub max_percent: f64,
     /// Standard errors of least and largest deviation from the noise of their points, percent.
     pub se_percent: (f64, f64),
+    /// Whether the deviations are noise. They are what this fit is made for, and are stated either way.
+    pub test: FitTest,
 }
 
 /// Photon transfer of one gain and colour under one set of rules.
@@ -51,8 +57,16 @@ pub struct PhotonTransfer {
     pub used: usize,
     /// System gain at this linear gain, DN/e-.
     pub gain_dn_per_e: Measured,
+    /// Whether the variance lies on the line of the gain.
+    pub gain_test: FitTest,
+    /// System gain without the bend of the response over the light, if it bends: its error is that of noise, DN/e-.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub straightened_gain_dn_per_e: Option<Measured>,
     /// Responsivity, DN per photon.
     pub responsivity_dn: Measured,
+    /// Whether the signal lies on the line of the responsivity; `None` where photons are not known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub responsivity_test: Option<FitTest>,
     /// Linearity, where enough points lie within its range.
     pub linearity: Option<Linearity>,
     /// Reason if there is no linearity.
@@ -79,8 +93,9 @@ pub fn photon_transfer(points: &[TransferPoint], rules: Rules) -> Option<PhotonT
         (Rules::Ours, false) => last_with_the_noise_of_light(points),
     };
     let used = &points[..range_end.map_or(0, |i| i + 1)];
-    let measured = gain_with_rounding(used);
-    let gain_dn_per_e = if rules == Rules::Ours { measured.if_above_noise() } else { measured };
+    let gain = tested_gain(used);
+    let gain_dn_per_e = if rules == Rules::Ours { gain.measured.if_above_noise() } else { gain.measured };
+    let responsivity = tested_responsivity(used);
     let linearity = linearity(points, &signal, end_dn);
     Some(PhotonTransfer {
         saturation: found.point,
@@ -89,7 +104,10 @@ pub fn photon_transfer(points: &[TransferPoint], rules: Rules) -> Option<PhotonT
         range: (0, used.len().saturating_sub(1)),
         used: used.len(),
         gain_dn_per_e,
-        responsivity_dn: responsivity(used),
+        gain_test: gain.test,
+        straightened_gain_dn_per_e: gain.straightened,
+        responsivity_dn: responsivity.as_ref().map_or_else(|why| Measured::none(*why), |r| r.measured),
+        responsivity_test: responsivity.ok().map(|r| r.test),
         no_linearity: linearity.as_ref().err().copied(),
         linearity: linearity.ok(),
     })
@@ -123,65 +141,125 @@ fn last_with_the_noise_of_light(points: &[TransferPoint]) -> Option<usize> {
     Some(if knee { lower } else { last })
 }
 
-/// K: slope through the origin of the variance over the signal.
+/// K by noise alone: slope through the origin of the variance over the signal.
 fn gain(used: &[TransferPoint]) -> Measured {
+    let signal: Vec<f64> = used.iter().map(TransferPoint::signal_dn).collect();
+    let variance: Vec<f64> = used.iter().map(TransferPoint::shot_variance_dn2).collect();
     if used.is_empty() {
         return Measured::none(Unresolved::AllSaturated);
     }
-    let of = |f: fn(&TransferPoint) -> f64| used.iter().map(f).collect::<Vec<f64>>();
-    let slope = |x_se: Vec<f64>, y_se: Vec<f64>| {
-        through_origin(&of(TransferPoint::signal_dn), &of(TransferPoint::shot_variance_dn2), &x_se, &y_se)
+    let weights = through_origin_weights(&signal);
+    let k = weights.iter().zip(&variance).map(|(w, y)| w * y).sum();
+    Measured::new(k, transfer_points(used, k).error_of(&weights))
+}
+
+/// Weights of the ordinates in the slope of the least-squares line through the origin, all points of equal weight: `x / sum(x x)`.
+fn through_origin_weights(x: &[f64]) -> Vec<f64> {
+    let xx: f64 = x.iter().map(|x| x * x).sum();
+    x.iter().map(|x| x / xx).collect()
+}
+
+/// The variance over the signal, with the errors of both as those of the variance at the gain `k`. Points of one dark point share its error,
+/// and all points share that of rounding.
+fn transfer_points(used: &[TransferPoint], k: f64) -> Points {
+    let own = |p: &TransferPoint| p.variance_se_dn2.hypot(k * p.mean_se_dn);
+    let of_dark = |p: &TransferPoint| p.dark_variance_se_dn2.hypot(k * p.dark_mean_se_dn);
+    let rounding = |p: &TransferPoint| {
+        let rounding = RoundingError::of(p.dark_variance_dn2);
+        rounding.variance_dn2.hypot(k * rounding.mean_dn)
     };
-    let first = &used[0];
-    let shared = used.len() > 1
-        && used.iter().all(|p| {
-            (p.exposure_s, p.dark_mean_dn, p.dark_variance_dn2)
-                == (first.exposure_s, first.dark_mean_dn, first.dark_variance_dn2)
-        });
-    if !shared {
-        return slope(of(TransferPoint::signal_se_dn), of(TransferPoint::shot_variance_se_dn2));
-    }
-    // One dark point for all: its error shifts all points together, and K by `sum(x) / sum(x x)` times as much.
-    let own = slope(of(|p| p.mean_se_dn), of(|p| p.variance_se_dn2));
-    let (x, xx) = used.iter().map(TransferPoint::signal_dn).fold((0.0, 0.0), |(s, q), x| (s + x, q + x * x));
-    match (own.value(), own.standard_error()) {
-        (Some(k), Some(se)) => {
-            let dark = x / xx * first.dark_variance_se_dn2.hypot(k * first.dark_mean_se_dn);
-            Measured::new(k, se.hypot(dark))
-        }
-        _ => own,
+    Points {
+        x: used.iter().map(TransferPoint::signal_dn).collect(),
+        y: used.iter().map(TransferPoint::shot_variance_dn2).collect(),
+        own_se: used.iter().map(own).collect(),
+        shared: shared(used, of_dark, rounding),
     }
 }
 
-/// K with the error of rounding. Rounding of the dark variance and of the dark mean shifts all points together, and K by
-/// `sum(x) / sum(x x)` times as much.
-fn gain_with_rounding(used: &[TransferPoint]) -> Measured {
-    let measured = gain(used);
-    let Some(k) = measured.value() else { return measured };
-    let xx: f64 = used.iter().map(|p| p.signal_dn().powi(2)).sum();
-    let moved = |p: &TransferPoint| {
-        let rounding = RoundingError::of(p.dark_variance_dn2);
-        p.signal_dn().abs() * rounding.variance_dn2.hypot(k * rounding.mean_dn)
+/// The signal over the light, with its errors.
+fn response_points(light: Vec<f64>, used: &[TransferPoint]) -> Points {
+    Points {
+        x: light,
+        y: used.iter().map(TransferPoint::signal_dn).collect(),
+        own_se: used.iter().map(|p| p.mean_se_dn).collect(),
+        shared: shared(used, |p| p.dark_mean_se_dn, |p| RoundingError::of(p.dark_variance_dn2).mean_dn),
+    }
+}
+
+/// Errors that points share: that of each dark point, and that of rounding.
+fn shared(
+    used: &[TransferPoint],
+    of_dark: impl Fn(&TransferPoint) -> f64,
+    rounding: impl Fn(&TransferPoint) -> f64,
+) -> Vec<Vec<f64>> {
+    let dark = |p: &TransferPoint| (p.exposure_s, p.dark_mean_dn, p.dark_variance_dn2);
+    let is_first = |i: &usize| used[..*i].iter().all(|p| dark(p) != dark(&used[*i]));
+    let of_group = |i: usize| {
+        let of = |p: &TransferPoint| if dark(p) == dark(&used[i]) { of_dark(p) } else { 0.0 };
+        used.iter().map(of).collect()
     };
-    measured.with_error(used.iter().map(moved).sum::<f64>() / xx)
+    let mut all: Vec<Vec<f64>> = (0..used.len()).filter(is_first).map(of_group).collect();
+    let of_all: Vec<f64> = used.iter().map(rounding).collect();
+    if of_all.iter().any(|error| *error > 0.0) {
+        all.push(of_all);
+    }
+    all
+}
+
+/// A slope with the test of its fit.
+struct Tested {
+    measured: Measured,
+    test: FitTest,
+    straightened: Option<Measured>,
+}
+
+/// K with the errors of noise, of the departure of the variance from the line, and of the bend of the response.
+fn tested_gain(used: &[TransferPoint]) -> Tested {
+    let by_noise = gain(used);
+    let k = by_noise.value().unwrap_or(0.0);
+    let (mut test, departure) = test(&transfer_points(used, k), Model::ThroughOrigin, &[k]);
+    let of_noise = by_noise.error_or_zero();
+    let share = bend_of_gain(used);
+    let of_bend = share.map_or(0.0, |share| k * (share - 1.0));
+    test.model_error = departure.error(0, of_noise).hypot(of_bend);
+    if test.model_error > 0.0 {
+        test.verdict = Verdict::Widened;
+    }
+    Tested {
+        measured: by_noise.with_error(test.model_error),
+        test,
+        straightened: share.map(|share| by_noise.scale(1.0 / share)),
+    }
+}
+
+/// The gain that a response which bends over the light gives, over that of small signals, if it bends.
+fn bend_of_gain(used: &[TransferPoint]) -> Option<f64> {
+    let light = light(used);
+    let [start, slope, bend] = significant_bend(&response_points(light.clone(), used))?;
+    let weights = through_origin_weights(&used.iter().map(TransferPoint::signal_dn).collect::<Vec<f64>>());
+    let of_point = |(light, weight): (&f64, f64)| {
+        let steepness = 1.0 + 2.0 * bend * light / slope;
+        weight * (start + slope * light) * steepness * steepness
+    };
+    let share: f64 = light.iter().zip(weights).map(of_point).sum();
+    (share.is_finite() && share > 0.0).then_some(share)
 }
 
 /// R: slope through the origin of the signal over the photons. Rounding of the dark mean shifts all points together.
-fn responsivity(used: &[TransferPoint]) -> Measured {
-    let photons: Option<Vec<f64>> = used.iter().map(|p| p.photons).collect();
-    match photons {
-        None => Measured::none(Unresolved::NoPhotons),
-        Some(photons) if photons.is_empty() => Measured::none(Unresolved::AllSaturated),
-        Some(photons) => {
-            let signal: Vec<f64> = used.iter().map(TransferPoint::signal_dn).collect();
-            let error: Vec<f64> = used.iter().map(TransferPoint::signal_se_dn).collect();
-            let own = through_origin(&photons, &signal, &vec![0.0; used.len()], &error);
-            let pp: f64 = photons.iter().map(|p| p * p).sum();
-            let moved = |(p, n): (&TransferPoint, &f64)| n * RoundingError::of(p.dark_variance_dn2).mean_dn;
-            let rounding = used.iter().zip(&photons).map(moved).sum::<f64>() / pp;
-            own.with_error(rounding).if_above_noise()
-        }
+fn tested_responsivity(used: &[TransferPoint]) -> Result<Tested, Unresolved> {
+    let photons: Vec<f64> =
+        used.iter().map(|p| p.photons).collect::<Option<_>>().ok_or(Unresolved::NoPhotons)?;
+    if photons.is_empty() {
+        return Err(Unresolved::AllSaturated);
     }
+    let weights = through_origin_weights(&photons);
+    let points = response_points(photons, used);
+    let r = weights.iter().zip(&points.y).map(|(w, y)| w * y).sum();
+    let of_noise = points.error_of(&weights);
+    let (mut test, departure) = test(&points, Model::ThroughOrigin, &[r]);
+    test.model_error = departure.error(0, of_noise);
+    let measured = Measured::new(r, of_noise).with_error(test.model_error).if_above_noise();
+    Ok(Tested { measured, test, straightened: None })
 }
 
 /// The line through the points of 5 to 95 % of `end_dn`, the signal at saturation.
@@ -220,7 +298,10 @@ fn linearity(points: &[TransferPoint], signal: &[f64], end_dn: f64) -> Result<Li
         (first..=last).max_by(by_deviation).unwrap_or(last),
     );
     let se = |i: usize| 100.0 * points[i].signal_se_dn() / signal[i].abs();
+    let response = response_points(x[first..=last].to_vec(), &points[first..=last]);
+    let (test, _) = test(&response, Model::Line, &[offset_dn, slope]);
     Ok(Linearity {
+        test,
         slope,
         offset_dn,
         range: (first, last),

@@ -1,9 +1,13 @@
 //! What the tests of characterisation share.
 
+#[allow(dead_code, reason = "each test file takes what it needs of this module")]
+pub mod bench;
+
 use petzval_camera::SensorModel;
 use petzval_camera::sensor::NonUniformity;
 use petzval_lab::emva::Measured;
 
+#[allow(dead_code, reason = "each test file takes what it needs of this one")]
 pub fn imx249() -> SensorModel {
     petzval_files::parse_sensor(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap()
 }

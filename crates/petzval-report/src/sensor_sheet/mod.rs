@@ -7,6 +7,7 @@
 mod calibration;
 mod dark;
 mod gains;
+mod goodness;
 mod histograms;
 mod linearity;
 mod page;

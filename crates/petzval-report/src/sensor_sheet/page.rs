@@ -6,7 +6,7 @@ use petzval_lab::emva::Characterization;
 use super::sheets::sheets;
 use super::shown::Shown;
 use super::style::gain_name;
-use super::{calibration, table};
+use super::{calibration, goodness, table};
 use crate::page::{Page, figure, section, with_contents};
 use crate::plot::Sheet;
 
@@ -37,6 +37,7 @@ pub fn page(characterization: &Characterization) -> String {
         (pictures(&of_all))
     };
     sections.push(section("Calibration over all gains", of_all_gains));
+    sections.extend(goodness::table(characterization).map(|table| section("Goodness of the fits", table)));
     Page {
         title: format!("{} – characterisation", characterization.sensor.name),
         style: include_str!("page.css"),

@@ -13,6 +13,8 @@ pub struct GoodnessOfFit {
     /// `sum (c - e)^2 / e` over bins of at least ten expected samples (or ten captured ones where less than one is
     /// expected), over their number minus one.
     pub reduced_chi2: f64,
+    /// Number of these bins minus one.
+    pub degrees_of_freedom: usize,
     /// Largest difference of the cumulative distributions (Kolmogorov-Smirnov), 0..1.
     pub kolmogorov_smirnov: f64,
     /// Half the sum of the absolute differences of the probabilities, 0..1.
@@ -44,6 +46,8 @@ pub struct HistogramComparison {
     pub after: GoodnessOfFit,
     /// Reduced chi-square of the core alone after the fit, without tails.
     pub core_reduced_chi2: f64,
+    /// Degrees of freedom of the core.
+    pub core_degrees_of_freedom: usize,
     /// Samples brighter than the core in excess of the model, as a share of all samples.
     pub tail_share: f64,
     /// Standard error of that share.
@@ -107,6 +111,7 @@ pub(super) fn compare(
     let (found, mean) = (in_tail.iter().map(|(_, c)| c).sum::<f64>(), mean_dn(&h.counts));
     let explained: f64 = n * p_after.iter().skip(beyond).sum::<f64>();
     let above: f64 = in_tail.iter().map(|(y, c)| (y - mean) * c).sum();
+    let core = goodness(&within, &expected_within, n_within);
     HistogramComparison {
         kind: h.kind,
         linear_gain: h.linear_gain,
@@ -115,7 +120,8 @@ pub(super) fn compare(
         first_dn: first as u32,
         before: goodness(&captured, &expected_before, n),
         after: goodness(&captured, &expected_after, n),
-        core_reduced_chi2: goodness(&within, &expected_within, n_within).reduced_chi2,
+        core_reduced_chi2: core.reduced_chi2,
+        core_degrees_of_freedom: core.degrees_of_freedom,
         captured,
         expected_before,
         expected_after,
@@ -150,8 +156,10 @@ pub fn goodness(captured: &[u64], expected: &[f64], n: f64) -> GoodnessOfFit {
         None => bins.push((c_bin, e_bin)),
     }
     let chi2: f64 = bins.iter().map(|(c, e)| (c - e).powi(2) / e.max(1e-3)).sum();
+    let degrees_of_freedom = bins.len().saturating_sub(1);
     GoodnessOfFit {
-        reduced_chi2: chi2 / bins.len().saturating_sub(1).max(1) as f64,
+        reduced_chi2: chi2 / degrees_of_freedom.max(1) as f64,
+        degrees_of_freedom,
         kolmogorov_smirnov: ks,
         total_variation: variation,
     }

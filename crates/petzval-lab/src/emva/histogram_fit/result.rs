@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use super::comparison::HistogramComparison;
 use super::parameter::ModelParameters;
+use crate::emva::goodness::{ALPHA, FitTest, Verdict, chi2_beyond};
 use crate::emva::measured::Measured;
 
 /// Electrons per unit of light in a green (or clear) pixel.
@@ -53,6 +54,8 @@ pub struct HistogramFit {
     pub converged: bool,
     /// Histograms that were left out: clipped, at the full well, or beyond the range of photon transfer.
     pub left_out: usize,
+    /// Whether the model describes the cores of all histograms together.
+    pub test: FitTest,
     /// Reasons to doubt the fit.
     #[serde(skip)]
     pub flags: FitFlags,
@@ -86,6 +89,31 @@ const POOR_WORST: f64 = 5.0;
 /// Mean reduced chi-square of the cores.
 pub fn mean_core_chi2(histograms: &[HistogramComparison]) -> f64 {
     histograms.iter().map(|h| h.core_reduced_chi2).sum::<f64>() / histograms.len().max(1) as f64
+}
+
+/// Chi-squared of all cores together. `parameters` were fitted. Pixels that differ are twice in two frames, which raises it; the errors are
+/// then too small by its root.
+pub fn test_of(histograms: &[HistogramComparison], parameters: usize, is_poor: bool) -> FitTest {
+    let bins: usize = histograms.iter().map(|h| h.core_degrees_of_freedom).sum();
+    let chi2: f64 = histograms.iter().map(|h| h.core_reduced_chi2 * h.core_degrees_of_freedom as f64).sum();
+    let degrees_of_freedom = bins.saturating_sub(parameters);
+    let p_value = chi2_beyond(chi2, degrees_of_freedom);
+    FitTest {
+        points: bins + histograms.len(),
+        degrees_of_freedom,
+        reduced_chi2: chi2 / degrees_of_freedom.max(1) as f64,
+        p_value,
+        curvature_sigmas: None,
+        curvature_p_value: None,
+        alpha: ALPHA,
+        verdict: match p_value < ALPHA {
+            _ if degrees_of_freedom == 0 => Verdict::Untested,
+            _ if is_poor => Verdict::Withdrawn,
+            true => Verdict::Widened,
+            false => Verdict::Holds,
+        },
+        model_error: 0.0,
+    }
 }
 
 /// Whether the model describes the cores of the histograms.

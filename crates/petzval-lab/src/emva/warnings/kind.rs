@@ -5,6 +5,7 @@ use std::fmt;
 use serde::{Serialize, Serializer};
 
 use crate::emva::colour_name::colour_name;
+use crate::emva::goodness::{FitTest, Verdict};
 use crate::emva::measured::{Measured, Unresolved};
 use petzval_camera::sensor::Colour;
 
@@ -261,6 +262,17 @@ pub enum Warning {
         /// The stack that is not evaluated.
         point: String,
     },
+    /// The points of a fit do not lie on its model.
+    FitDeparts {
+        /// The fit.
+        fit: &'static str,
+        /// Its gain and colour; empty of fits to all gains.
+        place: String,
+        /// The test.
+        test: FitTest,
+        /// Error that the departure adds, as a share of the fitted number, if it is resolved.
+        model_share: Option<f64>,
+    },
     /// Stacks of one gain without a partner of the other kind and the same exposure time.
     LoneStack {
         /// The stack that is not evaluated.
@@ -304,6 +316,7 @@ impl Warning {
             Self::NoSensorFile { .. } => "no-sensor-file",
             Self::MoreStacks { .. } => "more-stacks",
             Self::LoneStack { .. } => "lone-stack",
+            Self::FitDeparts { .. } => "fit-departs",
         }
     }
 }
@@ -500,6 +513,22 @@ impl fmt::Display for Warning {
             }
             Self::MoreStacks { point } => {
                 write!(f, "{point}: another stack of this gain is evaluated already")
+            }
+            Self::FitDeparts { fit, place, test, model_share } => {
+                let at = if place.is_empty() { String::new() } else { format!("{place}: ") };
+                write!(
+                    f,
+                    "{at}the fit of {fit} does not describe its points (reduced chi^2 {:.2} at {} degrees of freedom",
+                    test.reduced_chi2, test.degrees_of_freedom
+                )?;
+                if let Some(sigmas) = test.curvature_sigmas {
+                    write!(f, ", curvature {sigmas:+.1} standard errors")?;
+                }
+                match (test.verdict, model_share) {
+                    (Verdict::Withdrawn, _) => write!(f, "); its numbers are withdrawn"),
+                    (_, Some(share)) => write!(f, "); the errors contain {:.1} % for it", 100.0 * share),
+                    (_, None) => write!(f, "); the errors contain it"),
+                }
             }
             Self::LoneStack { point } => {
                 write!(

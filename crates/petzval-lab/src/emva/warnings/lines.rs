@@ -69,6 +69,7 @@ fn severity(warning: &Warning) -> f64 {
             ((fitted - joint) / standard_error).abs()
         }
         Warning::NotLinear { percent, .. } => percent.abs(),
+        Warning::FitDeparts { model_share, .. } => model_share.unwrap_or(f64::INFINITY),
         _ => 0.0,
     }
 }

@@ -6,7 +6,8 @@ use std::process::ExitCode;
 
 use clap::ValueEnum;
 use petzval::jobs::sensor::characterize::{
-    self, Characterization, Colour, GAINS, HighPass, HistogramComparison, Measured, Values, colour_name,
+    self, Characterization, Colour, GAINS, HighPass, HistogramComparison, Measured, NamedFit, Values,
+    Verdict, colour_name, fits,
 };
 
 use crate::cli::failure::Failure;
@@ -199,7 +200,45 @@ fn table(found: &Characterization, values: Values) -> String {
             lines.reasons("  ");
         }
     }
+    let _ = write!(lines.text, "\n{}", tests(&fits(found)));
     lines.text
+}
+
+/// Whether the points of the fits lie on their models: a line for each kind of fit with its worst chi^2, and one for each fit that departs.
+fn tests(all: &[NamedFit]) -> String {
+    let alpha = all.first().map_or(0.0, |fit| fit.test.alpha);
+    let mut text = format!(
+        "fits, tested at {alpha:e}: chi^2 over its degrees of freedom, curvature in standard errors\n"
+    );
+    let mut names: Vec<&str> = Vec::new();
+    for fit in all.iter().filter(|fit| fit.test.verdict != Verdict::Untested) {
+        if !names.contains(&fit.name) {
+            names.push(fit.name);
+        }
+    }
+    for name in names {
+        let of_name = || all.iter().filter(|fit| fit.name == name && fit.test.verdict != Verdict::Untested);
+        let Some(worst) = of_name().min_by(|a, b| a.test.p_value.total_cmp(&b.test.p_value)) else {
+            continue;
+        };
+        let holds = of_name().filter(|fit| fit.test.verdict == Verdict::Holds).count();
+        let _ = writeln!(text, "  {name:<28}{holds} of {} hold; worst: {}", of_name().count(), test(worst));
+        for fit in of_name().filter(|fit| fit.test.verdict != Verdict::Holds) {
+            let _ = writeln!(text, "    {} {}: {}", fit.place(), fit.test.verdict.words(), test(fit));
+        }
+    }
+    text
+}
+
+/// One test in words.
+fn test(fit: &NamedFit) -> String {
+    let test = &fit.test;
+    let curvature = test.curvature_sigmas.map_or(String::new(), |sigmas| format!(", curvature {sigmas:+.1}"));
+    let share = match fit.model_share.filter(|share| *share > 0.0) {
+        Some(share) => format!(", errors contain {:.2} %", 100.0 * share),
+        None => String::new(),
+    };
+    format!("{:.2} of {}{curvature}{share}", test.reduced_chi2, test.degrees_of_freedom)
 }
 
 /// Figures of the table, by their names.

@@ -1,0 +1,87 @@
+//! All fits of a characterisation with the tests of their points, by name.
+
+use serde::Serialize;
+
+use super::colour_name::colour_name;
+use super::goodness::FitTest;
+use super::result::Characterization;
+use petzval_camera::sensor::Colour;
+
+/// A fit by name.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct NamedFit {
+    /// What was fitted.
+    pub name: &'static str,
+    /// Linear gain; `None` of fits to all gains.
+    pub linear_gain: Option<f64>,
+    /// Colour; `None` of fits to all pixels.
+    pub colour: Option<Colour>,
+    /// The test.
+    pub test: FitTest,
+    /// Error that a departure adds, as a share of the fitted number; `None` where the number is not resolved.
+    pub model_share: Option<f64>,
+}
+
+impl NamedFit {
+    /// Gain and colour in words, empty of fits to all gains.
+    pub fn place(&self) -> String {
+        match (self.linear_gain, self.colour) {
+            (None, _) => String::new(),
+            (Some(gain), None) => format!("gain {gain}"),
+            (Some(gain), Some(colour)) => format!("gain {gain}, {}", colour_name(colour)),
+        }
+    }
+}
+
+/// Every fit, those of all gains first.
+pub fn fits(found: &Characterization) -> Vec<NamedFit> {
+    let share = |test: &FitTest, value: Option<f64>| {
+        value.map(|v| (test.model_error / v).abs()).filter(|s| s.is_finite())
+    };
+    let joint = &found.joint;
+    let of_all = |name, test: FitTest, value: Option<f64>| NamedFit {
+        name,
+        linear_gain: None,
+        colour: None,
+        model_share: share(&test, value),
+        test,
+    };
+    let mut all = vec![
+        of_all("K over the gains", joint.tests.gain, joint.gain_dn_per_e.value()),
+        of_all("dark current over the gains", joint.tests.dark_current, joint.dark_current_e_per_s.value()),
+        of_all("dark variance over K^2", joint.tests.variance_line, joint.read_variance_e2.value()),
+        of_all("dark mean over K", joint.tests.mean_line, joint.read_noise_mean_e.value()),
+    ];
+    if let Some(fit) = &found.histogram_fit {
+        all.push(of_all("histograms", fit.test, fit.gain_dn_per_e.value()));
+    }
+    for gain in &found.gains {
+        let mut add = |name, colour: Option<Colour>, test: FitTest, value: Option<f64>| {
+            let linear_gain = Some(gain.linear_gain);
+            all.push(NamedFit { name, linear_gain, colour, model_share: share(&test, value), test });
+        };
+        let dark = &gain.dark;
+        add("dark mean over time", None, dark.mean_test, dark.mean.slope.value());
+        add("dark variance over time", None, dark.variance_test, dark.variance.slope.value());
+        if let Some(test) = gain.pixel_dark_currents.as_ref().and_then(|p| p.hot_test) {
+            add("hot pixels", None, test, None);
+        }
+        for channel in &gain.channels {
+            let (colour, transfer) = (Some(channel.colour), &channel.transfer);
+            add("K", colour, transfer.gain_test, transfer.gain_dn_per_e.value());
+            if let Some(test) = transfer.responsivity_test {
+                add("R", colour, test, transfer.responsivity_dn.value());
+            }
+            if let Some(linearity) = &transfer.linearity {
+                add("linearity", colour, linearity.test, None);
+            }
+            if let Some(test) = channel.spatial.as_ref().and_then(|s| s.dark_components.test) {
+                add("DSNU", colour, test, None);
+            }
+            if let Some(test) = channel.spatial.as_ref().and_then(|s| s.flat_components.test) {
+                add("PRNU", colour, test, None);
+            }
+        }
+    }
+    all
+}

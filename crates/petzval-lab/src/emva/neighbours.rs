@@ -1,0 +1,191 @@
+//! Whether the pixels of a mean frame differ independently of their neighbours, once rows and columns are taken away.
+//!
+//! The split into pixels, rows and columns takes the pixels for independent, and the loss in the high-pass follows from that. Blotches, a pattern of
+//! amplifiers or optical cross-talk are not. With the residuals `d` of `n` pixels, the correlations at small distances
+//!
+//! ```text
+//! r(a, b) = sum d(y, x) d(y + a, x + b) / sum d^2,      n sum (r - r_0)^2 / v     chi-squared of as many degrees as distances
+//! ```
+//!
+//! are compared with those of independent pixels after the filter, `r_0`; `v` is the sum of the squares of these over all distances.
+
+use super::goodness::{ALPHA, FitTest, Verdict, chi2_beyond};
+use super::high_pass::{HighPass, Plane};
+use petzval_base::statistics::{SIGMA_OVER_MEDIAN, median};
+
+/// Distances of the neighbours, rows and columns.
+const DISTANCES: [[usize; 2]; 4] = [[0, 1], [1, 0], [0, 2], [2, 0]];
+
+/// Least departure of a correlation that matters: less changes a variance by less than 2 %.
+const LEAST: f64 = 0.01;
+
+/// Correlations of pixels with their neighbours.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Neighbours {
+    pixels: f64,
+    /// Sums of the products at each distance, over that of the squares, less the expected correlation; times `pixels`.
+    excess: [f64; DISTANCES.len()],
+    /// Sum of the squared correlations that the filter makes.
+    of_filter: f64,
+}
+
+impl Neighbours {
+    /// The correlations of a filtered frame.
+    pub fn of(plane: &Plane, high_pass: HighPass) -> Self {
+        let (height, width) = (plane.height, plane.width);
+        let mean = |values: &mut dyn Iterator<Item = f64>, count: usize| values.sum::<f64>() / count as f64;
+        let rows: Vec<f64> =
+            (plane.values.chunks_exact(width)).map(|row| mean(&mut row.iter().copied(), width)).collect();
+        let columns: Vec<f64> = (0..width)
+            .map(|column| mean(&mut plane.values.iter().skip(column).step_by(width).copied(), height))
+            .collect();
+        let whole = rows.iter().sum::<f64>() / height as f64;
+        // Take pixels far off for the others' limit: a few hot ones would be the whole sum.
+        let mut residuals: Vec<f64> = (plane.values.iter().enumerate())
+            .map(|(i, v)| v - rows[i / width] - columns[i % width] + whole)
+            .collect();
+        let limit = FAR_SIGMAS * SIGMA_OVER_MEDIAN * median(residuals.iter().map(|d| d.abs()));
+        residuals.iter_mut().for_each(|d| *d = d.clamp(-limit, limit));
+        let squares: f64 = residuals.iter().map(|d| d * d).sum();
+        let pixels = (height * width) as f64;
+        let kernel = high_pass.kernel();
+        let expected = expected(&kernel);
+        let correlation = |[down, right]: [usize; 2]| {
+            let pairs = (0..height.saturating_sub(down)).flat_map(|row| {
+                let (above, below) =
+                    (&residuals[row * width..][..width], &residuals[(row + down) * width..][..width]);
+                above.iter().zip(&below[right.min(width)..]).map(|(a, b)| a * b)
+            });
+            let count = height.saturating_sub(down) * width.saturating_sub(right);
+            let found = pairs.sum::<f64>() / count.max(1) as f64 / (squares / pixels).max(f64::MIN_POSITIVE);
+            // Means of rows and of columns take a share of every correlation along them.
+            let taken = if down == 0 { 1.0 / width as f64 } else { 1.0 / height as f64 };
+            pixels * (found - expected([down, right]) + taken)
+        };
+        Self {
+            pixels,
+            excess: DISTANCES.map(correlation),
+            of_filter: pixels * high_pass.passed().pixel_correlation,
+        }
+    }
+
+    /// Adds those of other pixels.
+    pub fn add(&mut self, other: &Self) {
+        self.pixels += other.pixels;
+        self.excess.iter_mut().zip(&other.excess).for_each(|(a, b)| *a += b);
+        self.of_filter += other.of_filter;
+    }
+
+    /// Departures of the correlations from those of independent pixels.
+    fn departures(&self) -> [f64; DISTANCES.len()] {
+        self.excess.map(|excess| excess / self.pixels)
+    }
+
+    /// The test. A departure that no figure shows is none.
+    pub fn test(&self) -> FitTest {
+        let departures = self.departures();
+        let of_filter = self.of_filter / self.pixels;
+        let chi2 = self.pixels * departures.iter().map(|d| d * d).sum::<f64>() / of_filter;
+        let degrees_of_freedom = DISTANCES.len();
+        let p_value = chi2_beyond(chi2, degrees_of_freedom);
+        let matters = departures.iter().any(|d| d.abs() > LEAST);
+        FitTest {
+            points: self.pixels as usize,
+            degrees_of_freedom,
+            reduced_chi2: chi2 / degrees_of_freedom as f64,
+            p_value,
+            curvature_sigmas: None,
+            curvature_p_value: None,
+            alpha: ALPHA,
+            verdict: if p_value < ALPHA && matters { Verdict::Widened } else { Verdict::Holds },
+            model_error: 0.0,
+        }
+    }
+
+    /// Factor on the error of the variance of the pixels: fewer of them are independent. Each distance stands for its mirror image, and the first
+    /// two for the diagonal ones.
+    pub fn scatter(&self) -> f64 {
+        let squares: f64 = self.departures().iter().map(|d| 2.0 * d * d).sum();
+        let [right, down, ..] = self.departures();
+        (1.0 + squares + 4.0 * (right * down).powi(2)).sqrt()
+    }
+
+    /// Share of the variance of the pixels that the filter takes beyond that of independent ones: twice the low-pass at the neighbours, weighed by
+    /// their correlations.
+    pub fn lost_share(&self, high_pass: HighPass) -> f64 {
+        let kernel = high_pass.kernel();
+        let Some(middle) = kernel.len().checked_sub(1).map(|last| last / 2) else { return 0.0 };
+        let tap = |shift: usize| kernel.get(middle + shift).copied().unwrap_or(0.0);
+        let low_pass = |[down, right]: [usize; 2]| tap(down) * tap(right);
+        DISTANCES.iter().zip(self.departures()).map(|(at, d)| 2.0 * d * low_pass(*at)).sum::<f64>().abs()
+    }
+}
+
+/// Correlation that a filter `delta - l x l` makes among independent pixels, by distance.
+fn expected(kernel: &[f64]) -> impl Fn([usize; 2]) -> f64 + '_ {
+    let middle = kernel.len() / 2;
+    let once = move |shift: usize| kernel.get(middle + shift).copied().unwrap_or(0.0);
+    let twice =
+        move |shift: usize| kernel.iter().zip(kernel.iter().skip(shift)).map(|(a, b)| a * b).sum::<f64>();
+    move |[down, right]| {
+        if kernel.is_empty() {
+            return 0.0;
+        }
+        let at = |down: usize, right: usize| {
+            let delta = if down == 0 && right == 0 { 1.0 } else { 0.0 };
+            delta - 2.0 * once(down) * once(right) + twice(down) * twice(right)
+        };
+        at(down, right) / at(0, 0)
+    }
+}
+
+/// Standard deviations beyond which a pixel counts as one at this limit.
+const FAR_SIGMAS: f64 = 5.0;
+
+#[cfg(test)]
+mod tests {
+    use rand::SeedableRng;
+    use rand_distr::{Distribution, StandardNormal};
+
+    use super::*;
+
+    const SIZE: usize = 120;
+
+    fn noise(seed: u64) -> Plane {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+        let values = (0..SIZE * SIZE).map(|_| StandardNormal.sample(&mut rng)).collect();
+        Plane { height: SIZE, width: SIZE, values }
+    }
+
+    #[test]
+    fn independent_pixels_pass_with_any_filter_and_blotches_do_not() {
+        for filter in [HighPass::None, HighPass::R31, HighPass::R4] {
+            let mut p_values = Vec::new();
+            for seed in 0..60 {
+                let test = Neighbours::of(&filter.apply(&noise(seed)).unwrap(), filter).test();
+                assert_eq!(test.verdict, Verdict::Holds, "{filter:?}: {test:?}");
+                p_values.push(test.p_value);
+            }
+            // Uniform by Kolmogorov and Smirnov at 1e-4.
+            p_values.sort_by(f64::total_cmp);
+            let off = p_values
+                .iter()
+                .enumerate()
+                .map(|(i, p)| (p - (i as f64 + 0.5) / 60.0).abs())
+                .fold(0.0, f64::max);
+            assert!(off < 2.23 / 60.0_f64.sqrt(), "{filter:?}: {off}");
+            // Each pixel has a third of its right neighbour.
+            let mut alike = noise(7);
+            for i in 0..alike.values.len() - 1 {
+                alike.values[i] += alike.values[i + 1] / 3.0;
+            }
+            let found = Neighbours::of(&filter.apply(&alike).unwrap(), filter);
+            assert_eq!(found.test().verdict, Verdict::Widened, "{filter:?}");
+            assert!(
+                (found.departures()[0] - 0.3).abs() < 0.03 && found.scatter() > 1.08,
+                "{:?}",
+                found.departures()
+            );
+        }
+    }
+}

@@ -1,0 +1,189 @@
+//! Fits whose model does not hold say so, and their errors contain it; fits whose model holds have errors that match their scatter.
+
+mod common;
+
+use common::bench::Bench;
+use common::within;
+use petzval_lab::emva::goodness::{ALPHA, chi2_beyond};
+use petzval_lab::emva::{Characterization, Measured, Verdict, fits};
+
+fn warned(found: &Characterization, fit: &str) -> Vec<String> {
+    let all = found.warnings.iter().filter(|w| w.name() == "fit-departs").map(ToString::to_string);
+    all.filter(|text| text.contains(fit)).collect()
+}
+
+fn verdict(found: &Characterization, name: &str) -> Verdict {
+    let all = fits(found);
+    all.iter().find(|fit| fit.name == name).unwrap_or_else(|| panic!("no fit {name}")).test.verdict
+}
+
+#[track_caller]
+fn share_of_error(measured: Measured) -> f64 {
+    measured.standard_error().unwrap() / measured.value().unwrap().abs()
+}
+
+#[test]
+fn a_response_that_bends_widens_the_error_of_k() {
+    for (linear_gains, compression) in
+        [(vec![1.0], 0.03), (vec![1.0], 0.08), (vec![1.0], -0.03), (vec![1.0, 2.0, 4.0], 0.03)]
+    {
+        for seed in 1..=3 {
+            let bench = Bench { linear_gains: linear_gains.clone(), compression, seed, ..Bench::default() };
+            let found = bench.measured();
+            let (what, gain) = (format!("{linear_gains:?}, {compression}, seed {seed}"), &found.gains[0]);
+            let transfer = &gain.channels[0].transfer;
+            // Noise alone would be certain of a wrong gain.
+            let k = transfer.gain_dn_per_e;
+            let of_noise = share_of_error(transfer.straightened_gain_dn_per_e.unwrap());
+            assert!((k.value().unwrap() / 0.38 - 1.0).abs() > 3.0 * of_noise, "{what}: {k:?}");
+            within(&what, k, 0.38, 3.0);
+            within(&format!("{what}: joint"), found.joint.gain_dn_per_e, 0.38, 3.0);
+            within(&format!("{what}: straightened"), transfer.straightened_gain_dn_per_e.unwrap(), 0.38, 3.5);
+            assert!(share_of_error(k) < 3.0 * compression.abs(), "{what}: {k:?}");
+            assert_eq!(verdict(&found, "K"), Verdict::Widened, "{what}");
+            // What follows from K has its error.
+            let qe = gain.channels[0].figure("QE").unwrap().best();
+            within(&format!("{what}: QE"), qe, 50.0, 3.0);
+            assert!(share_of_error(qe) > 0.5 * share_of_error(k), "{what}: {qe:?}");
+            assert!(!warned(&found, "K ").is_empty(), "{what}: {:?}", found.warnings);
+        }
+    }
+}
+
+#[test]
+fn a_straight_response_has_the_error_of_its_noise() {
+    let found = Bench { linear_gains: vec![1.0, 2.0, 4.0], ..Bench::default() }.measured();
+    for fit in fits(&found) {
+        assert!(matches!(fit.test.verdict, Verdict::Holds | Verdict::Untested), "{fit:?}");
+        assert_eq!(fit.test.model_error, 0.0, "{fit:?}");
+    }
+    assert!(share_of_error(found.joint.gain_dn_per_e) < 0.003, "{:?}", found.joint.gain_dn_per_e);
+    assert!(warned(&found, "").is_empty(), "{:?}", found.warnings);
+    // The tests are in the results.
+    let json = serde_json::to_value(&found).unwrap();
+    let test = &json["gains"][0]["channels"][0]["transfer"]["gain_test"];
+    assert_eq!((&test["verdict"], &test["alpha"]), (&"holds".into(), &ALPHA.into()), "{test}");
+    assert!(test["reduced_chi2"].as_f64().unwrap() > 0.0 && test["degrees_of_freedom"] == 5, "{test}");
+    for line in ["variance_line", "mean_line", "gain", "dark_current"] {
+        assert_eq!(json["joint"]["tests"][line]["verdict"], "holds", "{line}");
+    }
+}
+
+#[test]
+fn black_levels_that_differ_by_gain_are_no_mean_of_the_read_noise() {
+    let linear_gains = vec![1.0, 2.0, 4.0, 8.0];
+    for black_dn in [
+        vec![64.0, 68.0, 72.0, 76.0],
+        vec![64.0, 70.0, 64.0, 70.0],
+        vec![64.0, 64.0, 64.0, 72.0],
+        vec![64.0, 65.0, 64.0, 64.0],
+    ] {
+        let bench =
+            Bench { linear_gains: linear_gains.clone(), black_dn: black_dn.clone(), ..Bench::default() };
+        let found = bench.measured();
+        let mean = found.joint.read_noise_mean_e;
+        let why = mean.reason().unwrap_or_else(|| panic!("{black_dn:?}: {mean:?}")).to_string();
+        assert!(why.contains("reduced chi^2"), "{black_dn:?}: {why}");
+        assert!(found.joint.dark_offset_dn.reason().is_some(), "{black_dn:?}");
+        assert_eq!(found.joint.tests.mean_line.verdict, Verdict::Withdrawn, "{black_dn:?}");
+        assert_eq!(warned(&found, "dark mean over K").len(), 1, "{black_dn:?}: {:?}", found.warnings);
+        // What the black level does not touch stays.
+        within(&format!("{black_dn:?}: sigma_r^2"), found.joint.read_variance_e2, 9.0, 3.5);
+        within(&format!("{black_dn:?}: K"), found.joint.gain_dn_per_e, 0.38, 3.5);
+    }
+    // A drift by less than a quarter of a digital number widens the error.
+    let bench = Bench { linear_gains, black_dn: vec![64.0, 64.06, 63.97, 64.05], ..Bench::default() };
+    let found = bench.measured();
+    within("mu_r", found.joint.read_noise_mean_e, 0.0, 3.5);
+    assert_eq!(found.joint.tests.mean_line.verdict, Verdict::Widened);
+}
+
+#[test]
+fn an_offset_and_a_lamp_that_drift_widen_the_errors() {
+    for seed in 1..=6 {
+        let found = Bench { drift_dn: 0.3, flicker: 0.005, seed, ..Bench::default() }.measured();
+        let what = format!("seed {seed}");
+        let gain = &found.gains[0];
+        // 5 e-/s of dark current are 0.15 DN at the longest exposure, below the drift.
+        within(&format!("{what}: slope of the dark mean"), gain.dark.mean.slope, 1.9, 4.0);
+        assert_eq!(verdict(&found, "dark mean over time"), Verdict::Widened, "{what}");
+        let transfer = &gain.channels[0].transfer;
+        assert_eq!(transfer.responsivity_test.unwrap().verdict, Verdict::Widened, "{what}");
+        within(&format!("{what}: R"), transfer.responsivity_dn, 0.19, 4.0);
+        within(&format!("{what}: K"), found.joint.gain_dn_per_e, 0.38, 3.5);
+    }
+}
+
+/// Deviations from the truth in standard errors, by quantity.
+fn z_scores(seed: u64) -> Vec<(&'static str, f64)> {
+    let bench = Bench {
+        size: [48, 72],
+        linear_gains: vec![1.0, 2.0, 4.0],
+        row_noise_e: 1.0,
+        dsnu_e: 2.0,
+        dark_current_e_per_s: 200.0,
+        stack: 8,
+        seed,
+        ..Bench::default()
+    };
+    let found = bench.measured();
+    let (joint, gain) = (&found.joint, &found.gains[0]);
+    let transfer = &gain.channels[0].transfer;
+    let k2 = 0.38 * 0.38;
+    let spatial = gain.channels[0].spatial.as_ref().unwrap();
+    let all = [
+        ("K at gain 1", transfer.gain_dn_per_e, 0.38),
+        ("R", transfer.responsivity_dn, 0.19),
+        ("K", joint.gain_dn_per_e, 0.38),
+        ("mu_I of the mean", joint.dark_current_e_per_s, 200.0),
+        ("mu_I of the variance at gain 1", gain.dark.variance.slope, 200.0 * k2),
+        ("sigma_r^2", joint.read_variance_e2, 10.0),
+        ("mu_r", joint.read_noise_mean_e, 0.0),
+        ("BL + mu_el", joint.dark_offset_dn, 64.0),
+        ("rows at gain 1", gain.line_noise.row_dn2, k2),
+        ("columns at gain 1", gain.line_noise.column_dn2, 0.0),
+        ("DSNU of pixels", spatial.dark_components.pixel, 4.0 * k2),
+        ("DSNU of rows", spatial.dark_components.row, 0.0),
+    ];
+    let z = |(name, found, truth): (&'static str, Measured, f64)| {
+        let (Some(value), Some(se)) = (found.value(), found.standard_error()) else {
+            panic!("{name}: {found:?}")
+        };
+        (name, (value - truth) / se)
+    };
+    all.map(z).to_vec()
+}
+
+/// Largest distance of sorted numbers in 0..1 from even spacing, times the root of their count.
+fn kolmogorov_smirnov(mut all: Vec<f64>) -> f64 {
+    all.sort_by(f64::total_cmp);
+    let n = all.len() as f64;
+    let off = |(i, p): (usize, &f64)| (p - i as f64 / n).abs().max((p - (i as f64 + 1.0) / n).abs());
+    n.sqrt() * all.iter().enumerate().map(off).fold(0.0, f64::max)
+}
+
+/// The deviations of the figures from the truth, over their standard errors, are standard normal: mean, sum of squares and
+/// Kolmogorov-Smirnov distance, each tested at [`ALPHA`]. `PETZVAL_SEEDS` sets the number of series.
+#[test]
+fn deviations_over_standard_errors_are_standard_normal() {
+    let seeds: u64 = std::env::var("PETZVAL_SEEDS").ok().and_then(|n| n.parse().ok()).unwrap_or(60);
+    use rayon::prelude::*;
+    let all: Vec<Vec<(&str, f64)>> = (1..=seeds).into_par_iter().map(z_scores).collect();
+    let normal_below = |z: f64| 0.5 * libm::erfc(-z * std::f64::consts::FRAC_1_SQRT_2);
+    let mut wrong = Vec::new();
+    for (i, (name, _)) in all[0].iter().enumerate() {
+        let z: Vec<f64> = all.iter().map(|of_seed| of_seed[i].1).collect();
+        let n = z.len() as f64;
+        let mean = z.iter().sum::<f64>() / n;
+        let squares: f64 = z.iter().map(|z| z * z).sum();
+        let above = chi2_beyond(squares, z.len());
+        let ks = kolmogorov_smirnov(z.iter().map(|z| normal_below(*z)).collect());
+        let line = format!("{name}: mean {mean:+.3}, scatter {:.3}, KS {ks:.2}", (squares / n).sqrt());
+        println!("{line}");
+        // 3.89 and 2.23 are what a normal mean and the Kolmogorov-Smirnov distance exceed once in ten thousand.
+        if mean.abs() * n.sqrt() > 3.89 || 2.0 * above.min(1.0 - above) < ALPHA || ks > 2.23 {
+            wrong.push(line);
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:#?}");
+}
