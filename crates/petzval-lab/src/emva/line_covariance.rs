@@ -15,7 +15,7 @@
 //! A    = 1/M sum over |h| <= H of (1 - |h|/M) C(h)                    variance of the mean of all M rows
 //! ```
 //!
-//! `A` is what the mean of the frame took with it. `H` is the least window of five correlation lengths (Sokal 1989: H >= 5 tau with
+//! `A` is what the mean of the frame took with it. `H` is the least window of four correlation lengths (after Sokal 1989: H >= 4 tau with
 //! tau = 1/2 + sum of C(h)/C(0) up to H). Noise without such a window within the frame cannot be told from a drift of the frame.
 //! Lines of a period share a covariance `B` at all multiples of it, of any distance. It is found from
 //! `c(h) - (c(h-1) + c(h+1))/2` at these multiples, in which decaying covariances are negative, and is subtracted first.
@@ -27,8 +27,8 @@ use super::measured::{Measured, Unresolved};
 pub struct LineCovariance {
     /// Lines of the frame.
     lines: usize,
-    /// The colour filter array repeats after so many lines.
-    tile: usize,
+    /// Kinds of lines whose means are subtracted: one in the dark.
+    kinds: usize,
     /// By lag: sum of the products over pairs of lines and frames, DN^2.
     sums: Vec<f64>,
     /// By lag: number of pairs times degrees of freedom in time.
@@ -37,15 +37,21 @@ pub struct LineCovariance {
     degrees: f64,
     /// One over the pixels of a line, mean, times `degrees`.
     shares: f64,
+    /// By point and line: sum over the frames of `e^2`, DN^2.
+    squares: Vec<Vec<f64>>,
 }
+
+/// Least lines of a part of a frame.
+const LEAST_PART: usize = 8;
 
 /// Lags of one kind that the longest filter reaches, at least.
 const FILTERED_LAGS: usize = 20;
 
 impl LineCovariance {
     /// Autocovariance of the means of lines. `sums` holds the sum of the pixels by frame and line, `pixels` the number of pixels of each
-    /// line. Lines without pixels are left out.
-    pub fn of(sums: &[Vec<u64>], pixels: &[usize], tile: usize) -> Self {
+    /// line. Lines without pixels are left out. Light that flickers changes each of `kinds` of lines, which repeat, in its own way; in the dark
+    /// there is one kind. The colour filter array repeats after `tile` lines.
+    pub fn of(sums: &[Vec<u64>], pixels: &[usize], kinds: usize, tile: usize) -> Self {
         let (frames, lines) = (sums.len() as f64, pixels.len());
         let counted = |line: &usize| pixels[*line] > 0;
         let mut residuals: Vec<Vec<f64>> = sums
@@ -59,8 +65,8 @@ impl LineCovariance {
                 |frame: &mut Vec<f64>| frame[line] = if pixels[line] > 0 { frame[line] - mean } else { 0.0 };
             residuals.iter_mut().for_each(subtract);
         }
-        for kind in 0..tile.min(lines) {
-            let of_kind: Vec<usize> = (kind..lines).step_by(tile).filter(counted).collect();
+        for kind in 0..kinds.min(lines) {
+            let of_kind: Vec<usize> = (kind..lines).step_by(kinds).filter(counted).collect();
             for frame in &mut residuals {
                 let mean = of_kind.iter().map(|line| frame[*line]).sum::<f64>() / of_kind.len().max(1) as f64;
                 of_kind.iter().for_each(|line| frame[*line] -= mean);
@@ -80,7 +86,12 @@ impl LineCovariance {
         let shares = pixels.iter().filter(|n| **n > 0).map(|n| 1.0 / *n as f64).sum::<f64>() / used;
         Self {
             lines,
-            tile,
+            kinds,
+            squares: vec![
+                (0..lines)
+                    .map(|line| residuals.iter().map(|frame| frame[line] * frame[line]).sum())
+                    .collect(),
+            ],
             sums: (0..=lags).map(product).collect(),
             weights: (0..=lags).map(|lag| pairs(lag) * degrees).collect(),
             degrees,
@@ -93,15 +104,34 @@ impl LineCovariance {
         let mut points = points.into_iter();
         let mut all = points.next()?.clone();
         for point in points {
-            if point.lines != all.lines {
+            if (point.lines, point.kinds) != (all.lines, all.kinds) {
                 return None;
             }
             all.sums.iter_mut().zip(&point.sums).for_each(|(a, b)| *a += b);
             all.weights.iter_mut().zip(&point.weights).for_each(|(a, b)| *a += b);
             all.degrees += point.degrees;
             all.shares += point.shares;
+            all.squares.extend(point.squares.iter().cloned());
         }
         Some(all)
+    }
+
+    /// Standard error of `c(0)` by the scatter of the squares over parts of the frames of at least so many lines, DN^2: whatever lines share
+    /// within such a part. Zero with fewer than three parts.
+    fn scatter_of_parts(&self, least_lines: usize) -> f64 {
+        let count = (self.lines / least_lines.max(LEAST_PART)).max(1);
+        let part = |of_point: &Vec<f64>, i: usize| {
+            of_point[i * self.lines / count..(i + 1) * self.lines / count].iter().sum::<f64>()
+        };
+        let parts: Vec<f64> =
+            self.squares.iter().flat_map(|of_point| (0..count).map(move |i| part(of_point, i))).collect();
+        let n = parts.len() as f64;
+        if n < 3.0 {
+            return 0.0;
+        }
+        let mean = parts.iter().sum::<f64>() / n;
+        let squares: f64 = parts.iter().map(|p| (p - mean).powi(2)).sum();
+        (squares * n / (n - 1.0)).sqrt() / self.weights[0]
     }
 
     /// `c(h)`, DN^2; `None` beyond the largest lag, or where no two lines of this distance have pixels.
@@ -164,15 +194,23 @@ pub struct LineModel {
     pub variance_dn2: Measured,
     /// `C(h)` of lags from 0, DN^2, without the part of a period; zero beyond.
     covariance_dn2: Vec<f64>,
+    /// Whether there is noise of lines beyond doubt.
+    is_certain: bool,
     /// Period, lines, and the covariance of the lines at its multiples, DN^2.
     period: Option<(usize, f64)>,
 }
 
 /// Correlation lengths within which a covariance counts (Sokal's window).
-const WINDOW: f64 = 5.0;
+const WINDOW: f64 = 4.0;
 
 /// Largest share of the lines that a window may have: with more of them, most of the noise is in the mean of the frame.
-const WIDEST: f64 = 0.4;
+const WIDEST: f64 = 0.5;
+
+/// Largest share of the variance that the mean of the frame may have taken.
+const MOST_TAKEN: f64 = 0.35;
+
+/// Repetitions until a window agrees with the covariance that it gives.
+const WINDOWS: usize = 8;
 
 /// Standard errors beyond which there is noise of lines at all.
 const CERTAIN_SIGMAS: f64 = 3.0;
@@ -186,7 +224,12 @@ const LONGEST_PERIOD: usize = 64;
 impl LineModel {
     /// No noise of lines, or none that is known.
     pub fn none(why: Unresolved) -> Self {
-        Self { variance_dn2: Measured::none(why), covariance_dn2: Vec::new(), period: None }
+        Self {
+            variance_dn2: Measured::none(why),
+            covariance_dn2: Vec::new(),
+            is_certain: false,
+            period: None,
+        }
     }
 
     /// The model of an autocovariance, where single pixels have the temporal variance `pixel_dn2`.
@@ -202,7 +245,7 @@ impl LineModel {
         }
         let whole = rest[0];
         // Independent lines have this error; more is certain noise of lines, whose correlation can be looked at.
-        let kinds = found.tile as f64;
+        let kinds = found.kinds as f64;
         let specimens = (lines - kinds).max(1.0) * degrees;
         let of_pixels = share * pixel_dn2.error_or_zero();
         let independent_se = whole * (2.0 / specimens).sqrt();
@@ -212,6 +255,7 @@ impl LineModel {
             return Self {
                 variance_dn2: Measured::new(variance, independent_se.hypot(of_pixels)),
                 covariance_dn2: vec![variance],
+                is_certain: false,
                 period: None,
             };
         }
@@ -228,33 +272,30 @@ impl LineModel {
         }
 
         // Find the window of the rest, and add what the mean of the frame took.
-        let Some(window) = window(&rest, found.lines) else {
+        let level = period.map_or(0.0, |(_, level)| level);
+        if rest[0] < CERTAIN_SIGMAS * independent_se {
+            let variance_dn2 =
+                Measured::new(rest[0] + level, independent_se.hypot(of_period_se).hypot(of_pixels));
+            return Self { variance_dn2, covariance_dn2: vec![rest[0].max(0.0)], is_certain: true, period };
+        }
+        let Some(covariance_dn2) = with_mean_of_frame(&rest, found.lines, found.kinds) else {
             // Up to its first zero, the covariance is at least this.
             let positive = rest.iter().take_while(|c| **c > 0.0).count();
             rest.truncate(positive);
-            return Self {
-                variance_dn2: Measured::none(Unresolved::LinesTogether { lines: found.lines }),
-                covariance_dn2: rest,
-                period,
-            };
+            let variance_dn2 = Measured::none(Unresolved::LinesTogether { lines: found.lines });
+            return Self { variance_dn2, covariance_dn2: rest, is_certain: true, period };
         };
-        let covariance_dn2 = with_mean(&rest[..=window], found.lines, found.tile);
-        let added = covariance_dn2[0] - rest[0];
-        let variance = covariance_dn2[0] + period.map_or(0.0, |(_, level)| level);
-        // The error of the variance of correlated lines, of the part that was added, of the period and of the pixels.
-        let squares = square_sum(&rest, whole - period.map_or(0.0, |(_, level)| level), specimens);
-        let of_lines = (2.0 * squares / specimens).sqrt();
-        let of_mean = added * (2.0 * (2.0 * window as f64 + 1.0) / specimens).sqrt();
+        let (window, added) = (covariance_dn2.len() - 1, covariance_dn2[0] - rest[0]);
+        // The error of the variance of correlated lines, by their covariance or by the scatter of parts of the frames; of the part that was
+        // added; of the period and of the pixels.
+        let squares = square_sum(&rest, whole - level, specimens);
+        let of_parts = if period.is_none() { found.scatter_of_parts(window + 1) } else { 0.0 };
+        let of_lines = (2.0 * squares / specimens).sqrt().max(of_parts);
+        let in_mean: f64 = weights_in_mean(window + 1, lines).iter().sum();
+        let of_mean = added * (2.0 * (2.0 * window as f64 + 1.0) / specimens).sqrt() / (1.0 - in_mean);
         let standard_error = of_lines.hypot(of_mean).hypot(of_period_se).hypot(of_pixels);
-        Self { variance_dn2: Measured::new(variance, standard_error), covariance_dn2, period }
-    }
-
-    /// Whether there is noise of lines beyond doubt, or noise of unknown size.
-    fn is_certain(&self) -> bool {
-        match (self.variance_dn2.value(), self.variance_dn2.reason()) {
-            (Some(value), _) => value > CERTAIN_SIGMAS * self.variance_dn2.error_or_zero(),
-            (None, why) => matches!(why, Some(Unresolved::LinesTogether { .. })),
-        }
+        let variance_dn2 = Measured::new(covariance_dn2[0] + level, standard_error);
+        Self { variance_dn2, covariance_dn2, is_certain: true, period }
     }
 
     fn at(&self, lag: usize) -> f64 {
@@ -266,7 +307,7 @@ impl LineModel {
     /// says which of the lines have pixels of the colour. Zero if noise of lines is in doubt: chance must not widen errors.
     pub fn of_mean(&self, has_pixels: &[bool]) -> [f64; 2] {
         let count = has_pixels.iter().filter(|has| **has).count() as f64;
-        if !self.is_certain() || count == 0.0 {
+        if !self.is_certain || count == 0.0 {
             return [0.0; 2];
         }
         let lags = match self.period {
@@ -317,30 +358,53 @@ fn period(rest: &[f64], lines: f64, degrees: f64) -> Option<(usize, f64)> {
     between.iter().all(|c| (c - middle).abs() < 0.25 * level).then_some((*n, *level))
 }
 
-/// The least lag of five correlation lengths; `None` if the lines are too few for one.
-fn window(rest: &[f64], lines: usize) -> Option<usize> {
+/// The least lag of [`WINDOW`] correlation lengths; `None` if the lines are too few for one.
+fn window(covariance: &[f64], lines: usize) -> Option<usize> {
     let mut length = 0.5;
-    let widest = ((WIDEST * lines as f64) as usize).min(rest.len() - 1);
+    let widest = ((WIDEST * lines as f64) as usize).min(covariance.len() - 1);
     (1..=widest).find(|lag| {
-        length += rest[*lag] / rest[0];
+        length += covariance[*lag] / covariance[0];
         *lag as f64 >= WINDOW * length
     })
 }
 
-/// The covariance of lines from that of lines less the mean of their kind, each of which has every `tile`-th line: both means are
+/// The covariance up to its window, with what the mean of the frame took. The window must hold for the covariance that it gives. `None`
+/// if it does not end within the frame, or if the mean took too much.
+fn with_mean_of_frame(rest: &[f64], lines: usize, kinds: usize) -> Option<Vec<f64>> {
+    let mut last = window(rest, lines)?;
+    let mut covariance = with_mean(&rest[..=last], lines, kinds);
+    for _ in 0..WINDOWS {
+        let added = covariance[0] - rest[0];
+        let whole: Vec<f64> =
+            covariance.iter().copied().chain(rest[last + 1..].iter().map(|c| c + added)).collect();
+        let next = window(&whole, lines)?;
+        if next <= last {
+            break;
+        }
+        last = next;
+        covariance = with_mean(&rest[..=last], lines, kinds);
+    }
+    (covariance[0] - rest[0] < MOST_TAKEN * covariance[0]).then_some(covariance)
+}
+
+/// Weights of the covariances at so many lags from 0 in the variance of the mean of all lines.
+fn weights_in_mean(lags: usize, lines: f64) -> Vec<f64> {
+    let weight = |lag: usize| (if lag == 0 { 1.0 } else { 2.0 }) * (1.0 - lag as f64 / lines) / lines;
+    (0..lags).map(weight).collect()
+}
+
+/// The covariance of lines from that of lines less the mean of their kind, each of which has one of `kinds` lines: both means are
 /// those of the result itself, which is repeated until they agree.
-fn with_mean(rest: &[f64], lines: usize, tile: usize) -> Vec<f64> {
-    let (count, kinds) = (lines as f64, tile as f64);
+fn with_mean(rest: &[f64], lines: usize, kinds: usize) -> Vec<f64> {
+    let weights = weights_in_mean(rest.len(), lines as f64);
+    let count = kinds as f64;
     let mut covariance = rest.to_vec();
     for _ in 0..60 {
-        let weighed = |lag: usize| {
-            let both_ways = if lag == 0 { 1.0 } else { 2.0 };
-            both_ways * (1.0 - lag as f64 / count) * covariance[lag]
-        };
-        let of_all = (0..covariance.len()).map(weighed).sum::<f64>() / count;
-        let of_kind = (0..covariance.len()).step_by(tile).map(weighed).sum::<f64>() * kinds / count;
-        let between = if tile > 1 { (kinds * of_all - of_kind) / (kinds - 1.0) } else { of_kind };
-        let mean = |lag: usize| if lag.is_multiple_of(tile) { of_kind } else { between };
+        let each = || covariance.iter().zip(&weights).map(|(c, w)| c * w);
+        let of_all: f64 = each().sum();
+        let of_kind = count * each().step_by(kinds).sum::<f64>();
+        let between = if kinds > 1 { (count * of_all - of_kind) / (count - 1.0) } else { of_kind };
+        let mean = |lag: usize| if lag.is_multiple_of(kinds) { of_kind } else { between };
         covariance = rest.iter().enumerate().map(|(lag, c)| c + mean(lag)).collect();
     }
     covariance

@@ -16,7 +16,7 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use serde::Serialize;
 
 use super::block_means::{BLOCKS, BlockMeans, block_means};
-use super::captures::{CaptureError, Captures, FrameFile, Point};
+use super::captures::{CaptureError, Captures, FrameFile, Kind, Point};
 use super::counts::Counts;
 use super::line_covariance::{LineCovariance, LineModel};
 use super::line_noise::{LineNoise, LineSums, double_differences};
@@ -171,8 +171,8 @@ struct Class {
 }
 
 impl Class {
-    /// The moments of frames whose colour filter array repeats after `tile` rows and columns.
-    fn moments(&self, frames: usize, tile: [usize; 2]) -> Moments {
+    /// The moments of frames whose colour filter array repeats after `tile` rows and columns, and whose rows and columns are of so many `kinds`.
+    fn moments(&self, frames: usize, tile: [usize; 2], kinds: [usize; 2]) -> Moments {
         let (n, l) = (self.pixels as f64, frames as f64);
         let frame_means_dn: Vec<f64> = self.frame_sums.iter().map(|s| *s as f64 / n).collect();
         let mean_dn = self.frame_sums.iter().sum::<u64>() as f64 / (n * l);
@@ -192,8 +192,8 @@ impl Class {
             lines_of_frame_dn2: 0.0,
             line_noise: lines.noise(tile),
             line_covariances: [
-                LineCovariance::of(&lines.rows, &lines.row_pixels, tile[0]),
-                LineCovariance::of(&lines.columns, &lines.column_pixels, tile[1]),
+                LineCovariance::of(&lines.rows, &lines.row_pixels, kinds[0], tile[0]),
+                LineCovariance::of(&lines.columns, &lines.column_pixels, kinds[1], tile[1]),
             ],
             has_pixels: [has(&lines.row_pixels), has(&lines.column_pixels)],
             of_pixels: [mean_variance / samples, of_pixels_dn2],
@@ -228,6 +228,8 @@ pub fn reduce(
         lines: LineSums::new(frames, size),
     };
     let tile = [cfa.rows(), cfa.cols()];
+    // Light that flickers changes the rows of each colour in their own way.
+    let kinds = if point.kind == Kind::Dark { [1, 1] } else { tile };
     let mut class = vec![empty; colours.len()];
     let (mut sum, mut squares) = (vec![0u32; pixels], vec![0u64; pixels]);
     let mut block_sums = vec![[0u64; BLOCKS * BLOCKS]; frames];
@@ -310,12 +312,12 @@ pub fn reduce(
         height,
         width,
         frames,
-        all: all.moments(frames, tile),
+        all: all.moments(frames, tile, kinds),
         colours: colours
             .iter()
             .zip(&class)
             .filter(|(_, c)| c.pixels > 0)
-            .map(|(colour, c)| (*colour, c.moments(frames, tile)))
+            .map(|(colour, c)| (*colour, c.moments(frames, tile, kinds)))
             .collect(),
         block_means: block_means(&sum, frames, [height, width]),
         block_deviations_dn: block_sums
