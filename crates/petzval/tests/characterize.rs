@@ -183,6 +183,14 @@ fn captures_are_simulated_and_measured() {
         assert!(first.stdout.contains(needle), "{needle}: {}", first.stdout);
     }
     assert!(first.stdout.contains("not resolved: the series does not reach saturation"), "{}", first.stdout);
+    // Every fit is tested, and says so.
+    let tests = first.stdout.split("fits, tested at 1e-4").nth(1).unwrap();
+    for fit in ["K over the gains", "dark mean over K", "dark mean over time", "linearity", "histograms"] {
+        assert!(
+            tests.lines().any(|line| line.trim().starts_with(fit) && line.contains("hold")),
+            "{fit}: {tests}"
+        );
+    }
     let names = ["sensor.toml", "results.json", "histograms.csv", "emva-gain-1-green.xml"];
     let results: Vec<String> = names.iter().map(|name| read(&at(&format!("found/{name}")))).collect();
     // A result that cannot be written leaves no others.

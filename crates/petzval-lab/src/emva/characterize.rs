@@ -106,6 +106,7 @@ fn flagged<'a>(
     found.iter_mut().for_each(|(_, found)| found.set_lines(&models));
     let mut points: Vec<FlaggedPoint<'_>> = points
         .iter()
+        .copied()
         .zip(found)
         .map(|(point, (_, found))| {
             let flags = FrameFlags::of(captures, point, &found, block_lines);

@@ -199,7 +199,7 @@ fn pixel_dark_currents(short: &DarkEnd<'_>, long: &DarkEnd<'_>, max_dn: f64) -> 
     // If the excesses are not exponentially distributed, what lies below the threshold is a guess, and the mean has the error of its
     // own scatter.
     let excesses: Vec<f64> = outliers.iter().map(|(x, _)| x - threshold).collect();
-    let hot_test = (full == 0).then(|| exponential_test(&excesses));
+    let hot_test = (full == 0).then(|| exponential_test(&excesses, per_unit));
     let (mut of_share, mut of_hidden, mut of_excess) =
         (share * share_error, hidden * share_error, theta / known.sqrt());
     if hot_test.is_some_and(|test| test.verdict == Verdict::Widened) {
@@ -219,11 +219,17 @@ fn pixel_dark_currents(short: &DarkEnd<'_>, long: &DarkEnd<'_>, max_dn: f64) -> 
 
 /// Test of exponential distribution (Moran 1951): twice the number of values times the logarithm of their mean less the mean of their logarithms, over
 /// `1 + (n + 1)/(6 n)`, is nearly chi-squared of `n - 1` degrees of freedom. It is small if the values are too even, and large if
-/// they are too uneven; each side has half of the level.
-fn exponential_test(values: &[f64]) -> FitTest {
+/// they are too uneven; each side has half of the level. Values are whole multiples of `step`, each of which stands for the values around it.
+fn exponential_test(values: &[f64], step: f64) -> FitTest {
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;
-    let of_logarithms = values.iter().map(|v| v.max(1e-9 * mean).ln()).sum::<f64>() / n;
+    // The mean logarithm from a to b: that of x is the slope of x ln x - x.
+    let logarithm = |v: &f64| {
+        let (a, b) = ((v - 0.5 * step).max(0.0), v + 0.5 * step);
+        let of = |x: f64| if x > 0.0 { x * x.ln() - x } else { 0.0 };
+        (of(b) - of(a)) / (b - a)
+    };
+    let of_logarithms = values.iter().map(logarithm).sum::<f64>() / n;
     let chi2 = 2.0 * n * (mean.ln() - of_logarithms) / (1.0 + (n + 1.0) / (6.0 * n));
     let degrees_of_freedom = values.len() - 1;
     let above = chi2_beyond(chi2, degrees_of_freedom);
@@ -328,11 +334,11 @@ mod tests {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(9);
         let mut draw =
             |of: &dyn Fn(f64) -> f64| -> Vec<f64> { (0..400).map(|_| of(rng.random::<f64>())).collect() };
-        let exponential = exponential_test(&draw(&|u| -30.0 * (1.0 - u).ln()));
+        let exponential = exponential_test(&draw(&|u| -30.0 * (1.0 - u).ln()), 0.01);
         assert!(exponential.verdict == Verdict::Holds && exponential.p_value > ALPHA, "{exponential:?}");
         // Even numbers about a mean, and a few far above many.
         for of in [(&|u: f64| 20.0 + 20.0 * u) as &dyn Fn(f64) -> f64, &|u| 30.0 * (1.0 - u).powf(-1.5)] {
-            let found = exponential_test(&draw(of));
+            let found = exponential_test(&draw(of), 0.01);
             assert_eq!(found.verdict, Verdict::Widened, "{found:?}");
         }
     }

@@ -37,8 +37,8 @@ pub struct LineCovariance {
     degrees: f64,
     /// One over the pixels of a line, mean, times `degrees`.
     shares: f64,
-    /// By point and line: sum over the frames of `e^2`, DN^2.
-    squares: Vec<Vec<f64>>,
+    /// By point: degrees of freedom in time, and by line the sum over the frames of `e^2`, DN^2.
+    squares: Vec<(f64, Vec<f64>)>,
 }
 
 /// Least lines of a part of a frame.
@@ -82,16 +82,13 @@ impl LineCovariance {
         };
         let pairs =
             |lag: usize| (0..lines - lag).filter(|i| counted(i) && counted(&(i + lag))).count() as f64;
+        let square = |line: usize| residuals.iter().map(|frame| frame[line] * frame[line]).sum();
         let used = (0..lines).filter(counted).count().max(1) as f64;
         let shares = pixels.iter().filter(|n| **n > 0).map(|n| 1.0 / *n as f64).sum::<f64>() / used;
         Self {
             lines,
             kinds,
-            squares: vec![
-                (0..lines)
-                    .map(|line| residuals.iter().map(|frame| frame[line] * frame[line]).sum())
-                    .collect(),
-            ],
+            squares: vec![(degrees, (0..lines).map(square).collect())],
             sums: (0..=lags).map(product).collect(),
             weights: (0..=lags).map(|lag| pairs(lag) * degrees).collect(),
             degrees,
@@ -120,17 +117,19 @@ impl LineCovariance {
     /// within such a part. Zero with fewer than three parts.
     fn scatter_of_parts(&self, least_lines: usize) -> f64 {
         let count = (self.lines / least_lines.max(LEAST_PART)).max(1);
-        let part = |of_point: &Vec<f64>, i: usize| {
-            of_point[i * self.lines / count..(i + 1) * self.lines / count].iter().sum::<f64>()
+        let Some(mean) = self.at(0) else { return 0.0 };
+        // Each part less what it has on average.
+        let part = |(degrees, squares): &(f64, Vec<f64>), i: usize| {
+            let of_part = &squares[i * self.lines / count..(i + 1) * self.lines / count];
+            of_part.iter().sum::<f64>() - mean * degrees * of_part.len() as f64
         };
-        let parts: Vec<f64> =
-            self.squares.iter().flat_map(|of_point| (0..count).map(move |i| part(of_point, i))).collect();
+        let of_point = |point| (0..count).map(move |i| part(point, i));
+        let parts: Vec<f64> = self.squares.iter().flat_map(of_point).collect();
         let n = parts.len() as f64;
         if n < 3.0 {
             return 0.0;
         }
-        let mean = parts.iter().sum::<f64>() / n;
-        let squares: f64 = parts.iter().map(|p| (p - mean).powi(2)).sum();
+        let squares: f64 = parts.iter().map(|p| p * p).sum();
         (squares * n / (n - 1.0)).sqrt() / self.weights[0]
     }
 

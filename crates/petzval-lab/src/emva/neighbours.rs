@@ -47,6 +47,9 @@ impl Neighbours {
         let limit = FAR_SIGMAS * SIGMA_OVER_MEDIAN * median(residuals.iter().map(|d| d.abs()));
         residuals.iter_mut().for_each(|d| *d = d.clamp(-limit, limit));
         let squares: f64 = residuals.iter().map(|d| d * d).sum();
+        if squares <= 0.0 {
+            return Self::default();
+        }
         let pixels = (height * width) as f64;
         let kernel = high_pass.kernel();
         let expected = expected(&kernel);
@@ -57,7 +60,7 @@ impl Neighbours {
                 above.iter().zip(&below[right.min(width)..]).map(|(a, b)| a * b)
             });
             let count = height.saturating_sub(down) * width.saturating_sub(right);
-            let found = pairs.sum::<f64>() / count.max(1) as f64 / (squares / pixels).max(f64::MIN_POSITIVE);
+            let found = pairs.sum::<f64>() / count.max(1) as f64 / (squares / pixels);
             // Means of rows and of columns take a share of every correlation along them.
             let taken = if down == 0 { 1.0 / width as f64 } else { 1.0 / height as f64 };
             pixels * (found - expected([down, right]) + taken)
@@ -78,14 +81,15 @@ impl Neighbours {
 
     /// Departures of the correlations from those of independent pixels.
     fn departures(&self) -> [f64; DISTANCES.len()] {
-        self.excess.map(|excess| excess / self.pixels)
+        self.excess.map(|excess| excess / self.pixels.max(1.0))
     }
 
     /// The test. A departure that no figure shows is none.
     pub fn test(&self) -> FitTest {
         let departures = self.departures();
-        let of_filter = self.of_filter / self.pixels;
-        let chi2 = self.pixels * departures.iter().map(|d| d * d).sum::<f64>() / of_filter;
+        let of_filter = self.of_filter / self.pixels.max(1.0);
+        let squares: f64 = departures.iter().map(|d| d * d).sum();
+        let chi2 = if of_filter > 0.0 { self.pixels * squares / of_filter } else { 0.0 };
         let degrees_of_freedom = DISTANCES.len();
         let p_value = chi2_beyond(chi2, degrees_of_freedom);
         let matters = departures.iter().any(|d| d.abs() > LEAST);
@@ -97,7 +101,11 @@ impl Neighbours {
             curvature_sigmas: None,
             curvature_p_value: None,
             alpha: ALPHA,
-            verdict: if p_value < ALPHA && matters { Verdict::Widened } else { Verdict::Holds },
+            verdict: match p_value < ALPHA && matters {
+                _ if self.pixels == 0.0 => Verdict::Untested,
+                true => Verdict::Widened,
+                false => Verdict::Holds,
+            },
             model_error: 0.0,
         }
     }

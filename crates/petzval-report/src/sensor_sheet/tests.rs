@@ -99,6 +99,13 @@ fn the_page_is_self_contained_and_states_values_with_their_errors() {
     {
         assert!(page.contains(words), "{words}");
     }
+    // Each fit states its test.
+    let fits = page.split("Goodness of the fits").last().unwrap();
+    for fit in ["K over the gains", "dark mean over K", "dark variance over time", "histograms", "linearity"]
+    {
+        assert!(fits.contains(fit), "{fit}");
+    }
+    assert!(fits.contains("level of 1e-4") && fits.contains("3 of 3 hold"), "{fits}");
     let gain = style::with_error(&found.joint.gain_dn_per_e).unwrap();
     assert!(gain.contains(" ± ") && page.contains(&gain), "{gain}");
     // The sheet of the standard comes first; differing values of the library are folded away.
