@@ -16,6 +16,7 @@ use crate::camera::Chip;
 use crate::error::DesignError;
 use crate::experiment::{BUILT_IN_PHOTOS, Experiment, STREET};
 use crate::glass_warnings::glass_warnings;
+use crate::inputs::pictures_of_run;
 use crate::run::{RunFolder, RunRecord, read_config};
 
 /// Files built into the program, by their path below `data/`.
@@ -241,28 +242,60 @@ impl Assets {
 
     /// The experiment that a run was made from, by its record; that of its `config.toml` if it has none.
     pub fn experiment_of_run(&self, run: &RunFolder) -> Result<Experiment, DesignError> {
+        self.experiment_of_run_with(run, None)
+    }
+
+    /// The same, whose pictures are where the user says, if `pictures` are given.
+    pub fn experiment_of_run_with(
+        &self,
+        run: &RunFolder,
+        pictures: Option<&Path>,
+    ) -> Result<Experiment, DesignError> {
         let config = match RunRecord::read(run)? {
             Some(record) => record.config,
             None => read_config(run)?,
         };
-        self.experiment_in(run, config)
+        self.experiment_in(run, config, pictures)
     }
 
-    /// An experiment with its lens, sensor and photographs looked for in a run folder.
-    pub fn experiment_in(&self, run: &RunFolder, config: Experiment) -> Result<Experiment, DesignError> {
+    /// An experiment with its lens, sensor and pictures looked for in a run folder. Pictures need not be there; `pictures` says where
+    /// they are now.
+    pub fn experiment_in(
+        &self,
+        run: &RunFolder,
+        config: Experiment,
+        pictures: Option<&Path>,
+    ) -> Result<Experiment, DesignError> {
         let source = Text { path: run.config(), text: config.to_toml()? };
-        self.located(config, &source)
+        let mut experiment = self.beside(config, &source, &["photos", "data"])?;
+        pictures_of_run(run, &mut experiment, pictures)?;
+        Ok(experiment)
     }
 
     /// An experiment with the paths that it names made those of files beside its own.
-    fn located(&self, mut experiment: Experiment, source: &Text) -> Result<Experiment, DesignError> {
+    fn located(&self, experiment: Experiment, source: &Text) -> Result<Experiment, DesignError> {
+        self.beside(experiment, source, &[])
+    }
+
+    /// The same, where the inputs of some keys need not be there.
+    fn beside(
+        &self,
+        mut experiment: Experiment,
+        source: &Text,
+        may_be_missing: &[&str],
+    ) -> Result<Experiment, DesignError> {
         let folder = source.path.parent().unwrap_or(Path::new(""));
         for (key, input) in experiment.inputs_mut() {
             let beside = folder.join(input.as_str());
-            if beside.exists() {
+            let path: Vec<&str> = key.iter().map(String::as_str).collect();
+            let may_be_missing =
+                may_be_missing.contains(&path[0]) && ![BUILT_IN_PHOTOS, STREET].contains(&input.as_str());
+            if beside.exists() || may_be_missing {
                 *input = beside.display().to_string();
             }
-            let path: Vec<&str> = key.iter().map(String::as_str).collect();
+            if may_be_missing {
+                continue;
+            }
             let Some(hint) = self.missing_input(&path, input) else { continue };
             let error = FileError::at_key(&source.text, &path, "neither a file nor built in");
             // A key that the file leaves out has a default that exists.

@@ -1,16 +1,18 @@
 //! Runs side by side: of one experiment with several seeds, and of several experiments.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use petzval_base::FileError;
 use petzval_learn::score::ScoreDescription;
 use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
 
 use crate::assets::Assets;
 use crate::error::DesignError;
-use crate::experiment::Experiment;
-use crate::run::{CameraMetrics, Metrics, RunFolder, RunRecord, quoted, read_config};
+use crate::experiment::{BUILT_IN_PHOTOS, Experiment, STREET};
+use crate::input_list::InputList;
+use crate::run::{CameraMetrics, DigestCheck, Metrics, RunFolder, RunRecord, hex, quoted, read_config};
 use crate::run_report::read_metrics;
 use crate::study::MeanAndDeviation;
 
@@ -23,6 +25,10 @@ pub struct Comparison {
     pub runs: Vec<PathBuf>,
     /// Their seeds.
     pub seeds: Vec<u64>,
+    /// What differs from the other comparisons, by key of the experiment file or name of the input, with the value here: the columns that
+    /// tell them apart. Empty for a single comparison.
+    #[serde(default)]
+    pub differs: Vec<(String, String)>,
     /// Steps of the network, or of the hardware ISP, of each camera.
     pub steps: usize,
     /// Wall-clock hours of all runs together.
@@ -109,9 +115,11 @@ pub fn comparison_csv(comparisons: &[Comparison]) -> String {
     }
     let columns = names.iter().copied().chain(["rms_spot_um", "efl_mm", "f_number"]);
     let heads = columns.flat_map(|name| [format!("{name}_mean"), format!("{name}_deviation")]);
-    let first = ["experiment", "seeds", "camera"].map(str::to_owned);
-    let mut lines = vec![first.into_iter().chain(heads).collect::<Vec<_>>().join(",")];
-    for Comparison { title, seeds, scores, cameras, .. } in comparisons {
+    let differs = comparisons.first().map_or(&[][..], |first| &first.differs);
+    let first = ["experiment", "seeds"].map(str::to_owned).into_iter();
+    let first = first.chain(differs.iter().map(|(key, _)| quoted(key))).chain(["camera".to_owned()]);
+    let mut lines = vec![first.chain(heads).collect::<Vec<_>>().join(",")];
+    for Comparison { title, seeds, differs, scores, cameras, .. } in comparisons {
         let is_several = seeds.len() > 1;
         let cells = |value: Option<MeanAndDeviation>| {
             let deviation = value.filter(|_| is_several).map(|v| v.deviation);
@@ -125,8 +133,10 @@ pub fn comparison_csv(comparisons: &[Comparison]) -> String {
             };
             let of_lens = [camera.rms_spot_um, camera.efl_mm, camera.f_number].map(Some);
             let values = names.iter().map(score).chain(of_lens);
-            let first = [quoted(title), seeds.join(" "), quoted(&camera.name)];
-            lines.push(first.into_iter().chain(values.flat_map(cells)).collect::<Vec<_>>().join(","));
+            let first = [quoted(title), seeds.join(" ")].into_iter();
+            let first =
+                first.chain(differs.iter().map(|(_, value)| quoted(value))).chain([quoted(&camera.name)]);
+            lines.push(first.chain(values.flat_map(cells)).collect::<Vec<_>>().join(","));
         }
     }
     lines.join("\n") + "\n"
@@ -140,6 +150,8 @@ struct Finished {
     config: Experiment,
     record: Option<RunRecord>,
     metrics: Metrics,
+    /// Inputs and instruction set by name, shortened where they are digests.
+    facts: BTreeMap<String, String>,
 }
 
 impl Finished {
@@ -147,16 +159,33 @@ impl Finished {
     fn version(&self) -> Option<&str> {
         self.record.as_ref().map(|record| record.version.as_str())
     }
+
+    /// The experiment without what may differ between runs that repeat it: the seed, and where inputs lie, whose content the fingerprint has.
+    fn repeated(&self) -> Experiment {
+        let mut config = Experiment { seed: 0, ..self.config.clone() };
+        for (key, place) in config.inputs_mut() {
+            let is_built_in = [BUILT_IN_PHOTOS, STREET].contains(&place.as_str());
+            if ["photos", "data", "isp"].contains(&key[0].as_str()) && !is_built_in {
+                *place = "one's own".to_owned();
+            }
+        }
+        config
+    }
 }
 
-/// Groups finished runs by what they repeat and by the version of Petzval that made them, in the order in which they are given.
-pub fn compare(runs: &[PathBuf], assets: &Assets) -> Result<Vec<Comparison>, DesignError> {
+/// Groups finished runs by what they repeat and by the version of Petzval that made them, in the order in which they are given. `accepted` and
+/// `warn` are those of a [`DigestCheck`].
+pub fn compare(
+    runs: &[PathBuf],
+    assets: &Assets,
+    accepted: &[String],
+    warn: &dyn Fn(&str),
+) -> Result<Vec<Comparison>, DesignError> {
     let mut groups: Vec<Vec<Finished>> = Vec::new();
     for root in runs {
-        let run = finished(root)?;
+        let run = finished(root, accepted, warn)?;
         let is_same = |group: &&mut Vec<Finished>| {
-            let seedless = |run: &Finished| Experiment { seed: 0, ..run.config.clone() };
-            seedless(&group[0]) == seedless(&run)
+            group[0].repeated() == run.repeated()
                 && group[0].fingerprint == run.fingerprint
                 && group[0].metrics.scores == run.metrics.scores
                 && group[0].version() == run.version()
@@ -178,9 +207,10 @@ pub fn compare(runs: &[PathBuf], assets: &Assets) -> Result<Vec<Comparison>, Des
     let source = assets.text("table", "studies", "paper")?;
     let paper: PaperFile = toml::from_str(&source.text)
         .map_err(|e| DesignError::input(&source.path)(FileError::from_toml(&source.text, &e)))?;
+    let differs = differences(&groups);
     let are_of_one_version = groups.iter().all(|group| group[0].version() == groups[0][0].version());
-    let named = |group: &Vec<Finished>| {
-        let found = comparison(group, &paper.table);
+    let named = |(group, differs): (&Vec<Finished>, Vec<(String, String)>)| {
+        let found = Comparison { differs, ..comparison(group, &paper.table) };
         match (are_of_one_version, group[0].version()) {
             (false, Some(version)) => {
                 Comparison { title: format!("{}, Petzval {version}", found.title), ..found }
@@ -188,12 +218,69 @@ pub fn compare(runs: &[PathBuf], assets: &Assets) -> Result<Vec<Comparison>, Des
             _ => found,
         }
     };
-    Ok(groups.iter().map(named).collect())
+    Ok(groups.iter().zip(differs).map(named).collect())
 }
 
-fn finished(root: &Path) -> Result<Finished, DesignError> {
+/// What differs between groups, with the value in each of them: keys of the experiment, inputs, version, instruction set.
+fn differences(groups: &[Vec<Finished>]) -> Vec<Vec<(String, String)>> {
+    let all = |group: &Vec<Finished>| {
+        let run = &group[0];
+        let mut values = run.repeated().values();
+        // Names in the folder of a run: their content is among the facts.
+        values.retain(|_, value| !value.trim_matches('"').starts_with("inputs/"));
+        // The title has a column of its own.
+        values.remove("name");
+        values.insert("version".to_owned(), run.version().unwrap_or("").to_owned());
+        values.extend(run.facts.clone());
+        values
+    };
+    let all: Vec<BTreeMap<String, String>> = groups.iter().map(all).collect();
+    let keys: BTreeSet<&String> = all.iter().flat_map(BTreeMap::keys).collect();
+    let differ = |key: &&String| all.iter().any(|values| values.get(*key) != all[0].get(*key));
+    let keys: Vec<&String> = keys.into_iter().filter(differ).collect();
+    let value = |values: &BTreeMap<String, String>, key: &String| {
+        (key.clone(), values.get(key).map_or_else(|| "-".to_owned(), Clone::clone))
+    };
+    all.iter().map(|values| keys.iter().map(|key| value(values, key)).collect()).collect()
+}
+
+/// First digits of a digest: enough to tell two inputs apart.
+const SHOWN_OF_DIGEST: usize = 8;
+
+/// Inputs and instruction set of a run by name.
+fn facts(run: &RunFolder, fingerprint: &str) -> Result<BTreeMap<String, String>, DesignError> {
+    let short = |digest: &str| digest.chars().take(SHOWN_OF_DIGEST).collect::<String>();
+    let mut facts = BTreeMap::new();
+    match InputList::read(run)? {
+        Some(list) => {
+            facts.extend(list.parts.iter().map(|(name, digest)| (name.clone(), short(digest))));
+            if let Some(pictures) = &list.pictures {
+                let known: String = pictures.files.iter().map(|file| file.sha256.as_str()).collect();
+                let labels = pictures.labels.as_deref().unwrap_or("");
+                let digest = hex(Sha256::new_with_prefix(known + labels));
+                facts.insert("pictures".to_owned(), format!("{}, {}", pictures.files.len(), short(&digest)));
+            }
+        }
+        None => drop(facts.insert("inputs".to_owned(), short(fingerprint))),
+    }
+    let path = run.environment();
+    if path.is_file() {
+        let text = petzval_base::read_text(&path).map_err(DesignError::io(&path))?;
+        let environment: serde_json::Value = serde_json::from_str(&text)
+            .map_err(|e| DesignError::Run { path: path.clone(), problem: e.to_string() })?;
+        if let Some(simd) = environment["simd_used"].as_str() {
+            facts.insert("SIMD".to_owned(), simd.to_owned());
+        }
+    }
+    Ok(facts)
+}
+
+fn finished(root: &Path, accepted: &[String], warn: &dyn Fn(&str)) -> Result<Finished, DesignError> {
     let run = RunFolder::open(root)?;
+    let check = DigestCheck::new(&run, accepted, warn);
     let metrics = read_metrics(&run)?;
+    check.check("")?;
+    check.check_cameras(metrics.rows.iter().map(|row| row.camera.as_str()))?;
     let record = RunRecord::read(&run)?;
     let config = match &record {
         Some(record) => record.config.clone(),
@@ -201,7 +288,8 @@ fn finished(root: &Path) -> Result<Finished, DesignError> {
     };
     let path = run.fingerprint();
     let fingerprint = petzval_base::read_text(&path).map_err(DesignError::io(&path))?;
-    Ok(Finished { root: root.to_owned(), fingerprint, config, record, metrics })
+    let facts = facts(&run, &fingerprint)?;
+    Ok(Finished { root: root.to_owned(), fingerprint, config, record, metrics, facts })
 }
 
 fn comparison(runs: &[Finished], paper: &[PaperTable]) -> Comparison {
@@ -263,6 +351,7 @@ fn comparison(runs: &[Finished], paper: &[PaperTable]) -> Comparison {
         cameras: cameras.collect(),
         differences: others.filter_map(difference).collect(),
         paper: paper.iter().find(|table| table.experiments.contains(&first.config.name)).cloned(),
+        differs: Vec::new(),
         scores,
     }
 }

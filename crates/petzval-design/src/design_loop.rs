@@ -6,6 +6,7 @@
 //! also depend on how many steps the blocks behind it take (`batch_number`).
 
 use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -29,10 +30,11 @@ use crate::experiment::PERFECT_LENS;
 use crate::parts::PartInputs;
 use crate::requirements::FieldOfView;
 use crate::run::{
-    CameraMetrics, Event, EventLog, Kept, Metrics, RunFolder, RunRecord, forget_most_memory,
-    latest_checkpoint, load_blocks, save_blocks, save_checkpoint, write_file,
+    CameraMetrics, ChangedFile, DigestCheck, Digests, Event, EventLog, EventsDigest, Kept, Metrics,
+    RunFolder, RunRecord, all_checkpoints, forget_most_memory, latest_checkpoint, load_blocks, note_digests,
+    save_blocks, save_checkpoint, set_aside, write_file,
 };
-use crate::run_progress::SCORE;
+use crate::run_progress::{SCORE, TOTAL};
 use crate::run_report::camera_lens;
 use crate::scenes::{Eye, Scenes};
 use crate::scoring::{Scorer, collect_metrics};
@@ -126,6 +128,9 @@ struct Position {
     before: BTreeMap<BlockName, usize>,
     /// What the finished cameras have behind them.
     finished: BTreeMap<String, Done>,
+    /// The first loss of each block in this stage.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    first_losses: BTreeMap<BlockName, f64>,
     /// How the validations of this stage have gone.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     validation: Option<Course>,
@@ -249,6 +254,57 @@ pub struct DesignLoop {
 
 const POSITION_FILE: &str = "position.json";
 
+/// What a checkpoint holds.
+struct Restored {
+    position: Position,
+    blocks: Blocks,
+    validations: Validations,
+    /// The digest of the events until then; none of an earlier version.
+    events: Option<EventsDigest>,
+}
+
+impl Restored {
+    /// Reads the checkpoint of a step. Fails if it does not agree with its digests, or is none of this run.
+    fn read(setup: &Setup, step: u64, folder: &Path, check: &DigestCheck) -> Result<Self, DesignError> {
+        let name = folder.file_name().unwrap_or_default().to_string_lossy();
+        if let Some(change) = check.changes(&format!("checkpoints/{name}"))?.first() {
+            return Err(DesignError::Run { path: folder.to_path_buf(), problem: change.to_string() });
+        }
+        let events = Digests::read(folder)?.and_then(|digests| digests.events);
+        let path = folder.join(POSITION_FILE);
+        let wrong = |problem: String| DesignError::Run { path: path.clone(), problem };
+        let text = petzval_base::read_text(&path).map_err(DesignError::io(&path))?;
+        let position: Position = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
+        position.check(setup, step).map_err(|problem| wrong(problem.to_owned()))?;
+        let variant = position.variant(setup).or(setup.variants.last());
+        let variant = variant.ok_or_else(|| wrong("the experiment has no variants".to_owned()))?;
+        let mut blocks = setup.blocks(variant)?;
+        let mut validations = Validations::default();
+        // Between two cameras nothing is under way, and the checkpoint's numbers are those of the one that finished last.
+        if position.variant.is_some() {
+            load_blocks(folder, blocks.all_mut(), Kept::NumbersAndProgress)?;
+            let keep = setup.experiment.validation.keep;
+            validations = Validations::load(folder, position.validation, keep, &blocks)?;
+        }
+        Ok(Self { position, blocks, validations, events })
+    }
+}
+
+/// The variant in work, or the last one between two cameras.
+fn last_variant<'s>(
+    setup: &'s Setup,
+    position: &Position,
+    run: &RunFolder,
+) -> Result<&'s Variant, DesignError> {
+    position.variant(setup).or(setup.variants.last()).ok_or_else(|| DesignError::Run {
+        path: run.config(),
+        problem: "the experiment has no variants".to_owned(),
+    })
+}
+
+/// A loss of so many times the first one of its block in the stage, and of so many times white, is no way to a camera.
+const DIVERGED: f64 = 100.0;
+
 /// The loss of frames that a camera took.
 fn loss_of(
     objective: &dyn Objective,
@@ -310,35 +366,72 @@ impl Step {
 impl DesignLoop {
     /// Starts a run in an empty folder, or continues one from its latest checkpoint.
     pub fn new(run: RunFolder, scorer: Scorer) -> Result<Self, DesignError> {
+        let folder = run.clone();
+        Self::checked(run, scorer, &DigestCheck::new(&folder, &[], &|_: &str| ()))
+    }
+
+    /// The same for a run whose files must agree with their digests. A damaged checkpoint is set aside, with a warning, for the one before
+    /// it. Fails if none is left, and if a finished camera or the events until the checkpoint were changed.
+    pub fn checked(run: RunFolder, scorer: Scorer, check: &DigestCheck) -> Result<Self, DesignError> {
         forget_most_memory();
         let setup = scorer.setup().clone();
-        let checkpoint = latest_checkpoint(&run)?;
         let first = setup.variants.first().map(|v| v.name.clone());
-        let mut position = Position { variant: first, ..Position::default() };
-        let damaged =
-            |path: &std::path::Path, problem: String| DesignError::Run { path: path.to_path_buf(), problem };
-        if let Some((step, folder)) = &checkpoint {
-            let path = folder.join(POSITION_FILE);
-            let text = petzval_base::read_text(&path).map_err(DesignError::io(&path))?;
-            position = serde_json::from_str(&text).map_err(|e| damaged(&path, e.to_string()))?;
-            position.check(&setup, *step).map_err(|problem| damaged(&path, problem.to_owned()))?;
+        let mut damaged: Vec<(PathBuf, String)> = Vec::new();
+        let mut restored = None;
+        for (step, folder) in all_checkpoints(&run)?.into_iter().rev() {
+            match Restored::read(&setup, step, &folder, check) {
+                Ok(found) => {
+                    restored = Some(found);
+                    break;
+                }
+                // A device that has no room for a network is no damage.
+                Err(error) if !error.is_damage() => return Err(error),
+                Err(error) => damaged.push((folder, error.to_string())),
+            }
         }
-        let variant = position.variant(&setup).or(setup.variants.last()).ok_or_else(|| DesignError::Run {
-            path: run.config(),
-            problem: "the experiment has no variants".to_owned(),
-        })?;
-        let mut blocks = setup.blocks(variant)?;
-        let mut validations = Validations::default();
-        // Between two cameras nothing is under way, and the checkpoint's numbers are those of the one that finished last.
-        if let (Some((_, folder)), Some(_)) = (&checkpoint, &position.variant) {
-            load_blocks(folder, blocks.all_mut(), Kept::NumbersAndProgress)?;
-            let keep = setup.experiment.validation.keep;
-            validations = Validations::load(folder, position.validation, keep, &blocks)?;
+        if let (None, Some((folder, why))) = (&restored, damaged.first()) {
+            let problem = format!(
+                "no checkpoint of this run is whole, the latest: {why}; hint: put it back from a copy, add `--accept-changed \
+                 checkpoints/{}` if you mean the change, or take the folder checkpoints away: then the run begins again",
+                folder.file_name().unwrap_or_default().to_string_lossy()
+            );
+            return Err(DesignError::Run { path: run.root().to_path_buf(), problem });
         }
+        let Restored { position, blocks, validations, events } = match restored {
+            Some(restored) => restored,
+            None => {
+                let position = Position { variant: first, ..Position::default() };
+                let blocks = setup.blocks(last_variant(&setup, &position, &run)?)?;
+                Restored { position, blocks, validations: Validations::default(), events: None }
+            }
+        };
+        let variant = last_variant(&setup, &position, &run)?;
+        check.check_cameras(position.finished.keys().map(String::as_str))?;
+        let mut blocks = blocks;
         let lens = lens_of(&setup, variant, &blocks)?;
         set_detector_view(&mut blocks.network, &run, variant, &lens)?;
         // Later events go only now that the checkpoint is known to be good.
-        let log = EventLog::resume(&run.events(), position.step)?;
+        let path = run.events();
+        let at_checkpoint = events.map(|events| EventLog::resume_at(&path, &events)).transpose()?;
+        let log = match at_checkpoint {
+            Some(Some(log)) => log,
+            Some(None) => {
+                let change = ChangedFile { name: "events.jsonl".to_owned(), is_missing: !path.is_file() };
+                if !check.is_accepted(&change) {
+                    check.refuse(vec![change])?;
+                }
+                EventLog::resume(&path, position.step)?
+            }
+            None => EventLog::resume(&path, position.step)?,
+        };
+        for (folder, why) in damaged {
+            let aside = set_aside(&folder)?;
+            check.warn(&format!(
+                "a checkpoint is damaged: {why}; the run goes on from the one of step {}, and the damaged one is kept as {}",
+                position.step,
+                aside.display()
+            ));
+        }
         let objective = setup.objective()?;
         let camera = None;
         Ok(Self { objective, scorer, blocks, position, camera, validations, log, setup, run })
@@ -381,20 +474,10 @@ impl DesignLoop {
                 // An external ISP was stopped in the middle of the step, which is lost: the run goes on from its last checkpoint.
                 return Ok(Ending::Stopped(latest_checkpoint(&self.run)?.map_or(0, |(step, _)| step)));
             }
-            let Step { block, losses, lowered, learning_rate } = step.map_err(|error| match error {
-                // The lens had light when it started: it is the job that went astray, not the input.
-                DesignError::NoLight { field_deg } => DesignError::LostLight {
-                    camera: variant.name.clone(),
-                    step: self.position.step + 1,
-                    field_deg,
-                },
-                DesignError::OutsideTheImage { radius_mm } => DesignError::LostImage {
-                    camera: variant.name.clone(),
-                    step: self.position.step + 1,
-                    radius_mm,
-                },
-                other => other,
-            })?;
+            let Step { block, losses, lowered, learning_rate } = match step {
+                Ok(step) => step,
+                Err(error) => return Err(self.astray(error, variant, turn.map(|(_, block)| block))?),
+            };
             self.position.step += 1;
             let event = Event {
                 step: self.position.step,
@@ -419,6 +502,7 @@ impl DesignLoop {
         write_file(&self.run.pictures_csv(), metrics.pictures_csv().as_bytes())?;
         // Last: a run that has it is complete.
         write_file(&self.run.metrics(), text.as_bytes())?;
+        note_digests(&self.run, &self.run.figures())?;
         RunRecord::finish(&self.run, self.position.seconds)?;
         Ok(Ending::Finished(Box::new(metrics)))
     }
@@ -546,7 +630,14 @@ impl DesignLoop {
         let loss = validation_loss(&camera, &shots, &noise, &loss)?;
         if !loss.is_finite() {
             let (camera, step) = (variant.name.clone(), self.position.step + 1);
-            return Err(DesignError::Diverged { camera, block: VALIDATION, step, value: loss });
+            return Err(DesignError::Diverged {
+                camera,
+                block: VALIDATION,
+                step,
+                value: loss,
+                first: None,
+                hint: "",
+            });
         }
         self.validations.add(loss, &self.blocks, self.setup.experiment.validation.keep)?;
         self.position.validation = self.validations.course();
@@ -583,7 +674,10 @@ impl DesignLoop {
     /// Counts a step that a block took, and refuses one that led to what is no number.
     fn took(&mut self, variant: &Variant, block: BlockName, step: Step) -> Result<Step, DesignError> {
         let moved = self.blocks.get_mut(block).is_finite();
-        let lost = step.losses.values().copied().find(|v| !v.is_finite());
+        let total = step.losses.get(TOTAL).copied();
+        let first = total.map(|total| *self.position.first_losses.entry(block).or_insert(total));
+        let has_grown = |total: &f64| first.is_some_and(|first| *total > DIVERGED * first.max(1.0));
+        let lost = step.losses.values().copied().find(|v| !v.is_finite()).or(total.filter(has_grown));
         if let Some(value) = lost.or((!moved).then_some(f64::NAN)) {
             let camera = variant.name.clone();
             return Err(DesignError::Diverged {
@@ -591,6 +685,8 @@ impl DesignLoop {
                 block: step.block,
                 step: self.position.step + 1,
                 value,
+                first: first.filter(|_| value.is_finite()),
+                hint: "",
             });
         }
         *self.position.taken.entry(block).or_default() += 1;
@@ -600,10 +696,40 @@ impl DesignLoop {
         Ok(step)
     }
 
+    /// What is said of a step that led nowhere: where, from which checkpoint the run was still good, and what to try.
+    fn astray(
+        &self,
+        error: DesignError,
+        variant: &Variant,
+        block: Option<BlockName>,
+    ) -> Result<DesignError, DesignError> {
+        let (camera, step) = (variant.name.clone(), self.position.step + 1);
+        let error = match error {
+            // The lens had light when it started: it is the job that went astray, not the input.
+            DesignError::NoLight { field_deg } => DesignError::LostLight { camera, step, field_deg },
+            DesignError::OutsideTheImage { radius_mm } => DesignError::LostImage { camera, step, radius_mm },
+            other => other,
+        };
+        let is_astray = matches!(
+            error,
+            DesignError::Diverged { .. } | DesignError::LostLight { .. } | DesignError::LostImage { .. }
+        );
+        if !is_astray {
+            return Ok(error);
+        }
+        let rate = variant.stages.get(self.position.stage).and_then(|stage| match stage {
+            Stage::Task(moves) => block.and_then(|block| Some((block, moves.get(&block)?.learning_rate))),
+            Stage::Lens { .. } => None,
+        });
+        let last_good = latest_checkpoint(&self.run)?.map(|(step, _)| step);
+        Ok(DesignError::Astray { error: Box::new(error), last_good, rate, config: self.run.config() })
+    }
+
     /// Goes on to the next stage of the variant.
     fn end_stage(&mut self, variant: &Variant, stage: &Stage) -> Result<(), DesignError> {
         self.validations.end(&mut self.blocks)?;
         self.position.validation = None;
+        self.position.first_losses.clear();
         for (block, taken) in std::mem::take(&mut self.position.taken) {
             if let Stage::Task(_) = stage {
                 *self.position.before.entry(block).or_default() += taken;
@@ -684,7 +810,8 @@ impl DesignLoop {
 
     fn checkpoint(&self) -> Result<(), DesignError> {
         let keep = self.setup.experiment.checkpoint.keep;
-        save_checkpoint(&self.run, self.position.step, keep, |folder| {
+        let events = self.log.digest()?;
+        save_checkpoint(&self.run, self.position.step, keep, Some(events), |folder| {
             let text = DesignError::json("the position of the run", &self.position)?;
             let path = folder.join(POSITION_FILE);
             write_file(&path, text.as_bytes())?;
@@ -745,6 +872,7 @@ impl DesignLoop {
         if !windows.is_empty() {
             seen_windows::save(&folder, &windows)?;
         }
+        Digests::of_folder(&folder)?.write(&folder)?;
         observer.camera(&metrics);
         let done =
             Done { stages: variant.stages.len(), steps: Some(std::mem::take(&mut self.position.before)) };

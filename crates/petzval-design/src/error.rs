@@ -6,6 +6,8 @@ use petzval_base::FileError;
 use petzval_camera::image::ShapeError;
 use petzval_camera::sensor::SensorError;
 
+use crate::block::BlockName;
+
 /// Why a design, a score or a report could not be made.
 #[derive(Debug, thiserror::Error)]
 pub enum DesignError {
@@ -163,8 +165,9 @@ pub enum DesignError {
     /// The tape has no gradient where a block needs one.
     #[error("{0} have no gradient; this is a defect of the program or of the device")]
     NoGradient(&'static str),
-    /// A loss that is no number.
-    #[error("{camera}, {block} step {step}: the loss is {value}; hint: lower the learning rate")]
+    /// A loss that is no number, or has grown beyond all that training can bring back.
+    #[error("{camera}, {block}, step {step}: the loss diverges, it is {value:.4}{}{hint}",
+        first.map(|first| format!(" after {first:.4} at the first step of the stage")).unwrap_or_default())]
     Diverged {
         /// Camera.
         camera: String,
@@ -174,6 +177,22 @@ pub enum DesignError {
         step: u64,
         /// The loss.
         value: f64,
+        /// That of the first step of the block in this stage, where the loss is a number.
+        first: Option<f64>,
+        /// What to try, where nothing else says so.
+        hint: &'static str,
+    },
+    /// A run that went astray.
+    #[error("{error}; {}; hint: {}", last_good_in_words(*last_good), what_to_try(*rate, config))]
+    Astray {
+        /// What happened.
+        error: Box<DesignError>,
+        /// Step of the last checkpoint; none before the first.
+        last_good: Option<u64>,
+        /// The block that moved, and its first learning rate in the stage.
+        rate: Option<(BlockName, f64)>,
+        /// The experiment of the run.
+        config: PathBuf,
     },
     /// A lens that moved to where it cannot be made.
     #[error("{camera}: {defect}; hint: raise the weight of the constraints")]
@@ -184,9 +203,7 @@ pub enum DesignError {
         defect: petzval_optics::lens::LensDefect,
     },
     /// A lens that moved to where no light comes through.
-    #[error(
-        "{camera}, step {step}: the lens lost its light at {field_deg:.2} degrees; hint: lower the learning rate of the lens"
-    )]
+    #[error("{camera}, step {step}: the lens lost its light at {field_deg:.2} degrees")]
     LostLight {
         /// Camera.
         camera: String,
@@ -196,9 +213,7 @@ pub enum DesignError {
         field_deg: f64,
     },
     /// A lens that moved to where its image no longer fills the sensor.
-    #[error(
-        "{camera}, step {step}: no chief ray of the lens lands {radius_mm:.3} mm from the axis any more; hint: lower the learning rate of the lens"
-    )]
+    #[error("{camera}, step {step}: no chief ray of the lens lands {radius_mm:.3} mm from the axis any more")]
     LostImage {
         /// Camera.
         camera: String,
@@ -225,7 +240,33 @@ pub enum DesignError {
     },
 }
 
+/// From where a run that went astray was still good.
+fn last_good_in_words(step: Option<u64>) -> String {
+    match step {
+        Some(step) => format!("the last good checkpoint is that of step {step}"),
+        None => "there was no checkpoint yet".to_owned(),
+    }
+}
+
+/// What may keep a run from going astray again.
+fn what_to_try(rate: Option<(BlockName, f64)>, config: &Path) -> String {
+    let config = config.display();
+    let lower = match rate {
+        Some((block, rate)) => format!(
+            "lower the learning rate of the {} in a copy of {config}, now {rate} at its start, to a third of it, or raise training.batch",
+            block.name()
+        ),
+        None => format!("narrow the bounds of the lens in a copy of {config}"),
+    };
+    format!("{lower}, and begin another run; resumed, this one would take the same steps again")
+}
+
 impl DesignError {
+    /// Whether a file of a run is unreadable, changed, or does not fit the rest of the run.
+    pub fn is_damage(&self) -> bool {
+        matches!(self, Self::Run { .. } | Self::Input { .. } | Self::Io { .. } | Self::Network(_))
+    }
+
     /// Whether the user's input is at fault, rather than the job.
     pub fn is_input(&self) -> bool {
         if let Self::InBands { error, .. } = self {

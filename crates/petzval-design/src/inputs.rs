@@ -1,50 +1,97 @@
-//! What a run was made from. Its folder keeps lens and sensor, so that it stands on its own; of photographs it keeps a
-//! fingerprint, because a run that went on with other pictures would be worth nothing.
+//! What a run was made from. Its folder keeps lens and sensor, so that it stands on its own; of pictures it keeps names, sizes, times and
+//! digests, because a run that went on with other pictures would be worth nothing.
 
-use std::path::{Path, PathBuf};
+use std::collections::BTreeMap;
+use std::path::{Component, Path, PathBuf};
 
 use petzval_files::write_lens;
+use petzval_learn::dataset::{List, NamedPhoto, PhotoSet, PictureFile};
+use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
 use crate::assets::Assets;
 use crate::error::DesignError;
-use crate::experiment::{Experiment, is_derived_lens};
+use crate::experiment::{BUILT_IN_PHOTOS, Experiment, STREET, is_derived_lens};
+use crate::input_list::{InputList, Pictures};
 use crate::optics_proxy::FILES;
-use crate::run::{RunFolder, RunRecord, write_file};
+use crate::run::{RunFolder, RunRecord, hex, write_file};
 use crate::setup::Setup;
 
-/// SHA-256 of the lens with its glasses, the sensor, the hardware ISP, the networks in place of tracing and
-/// given weights of a network or a detector if there are any, and every photograph by name and content.
-pub fn fingerprint(setup: &Setup) -> Result<String, DesignError> {
-    let mut hash = Sha256::new();
-    for variant in &setup.variants {
-        hash.update(write_lens(&setup.start(variant).lens_file));
-    }
-    hash.update(DesignError::json("the sensor", &setup.body.sensor)?);
-    if let Some(chip) = &setup.body.chip {
-        match chip.settings() {
-            Some(settings) => hash.update(DesignError::json("the ISP", settings)?),
-            // Of an ISP outside this program the description is known, with its command and version, and its values.
-            None => {
-                hash.update(chip.description());
-                for (parameter, value) in chip.parameters().iter().zip(chip.values()) {
-                    hash.update(format!(
-                        "{} {} {} {value}",
-                        parameter.name, parameter.about.min, parameter.about.max
-                    ));
+/// The name of the built-in photographs among the inputs.
+const BUILT_IN: &str = "built-in photographs";
+
+/// The inputs of a setup: one by one, and all of them in one digest.
+pub struct Inputs {
+    /// SHA-256 of all: the lens with its glasses, the sensor, the hardware ISP, the networks in place of tracing and
+    /// given weights of a network or a detector if there are any, and every photograph by name and content.
+    pub fingerprint: String,
+    /// Each by its name.
+    pub list: InputList,
+}
+
+impl Inputs {
+    /// Those of a setup, whose pictures are read.
+    pub fn of(setup: &Setup) -> Result<Self, DesignError> {
+        let mut hash = Sha256::new();
+        let mut parts = BTreeMap::new();
+        let mut add = |name: String, bytes: &[u8]| {
+            hash.update(bytes);
+            parts.insert(name, hex(Sha256::new_with_prefix(bytes)));
+        };
+        for variant in &setup.variants {
+            let lens = write_lens(&setup.start(variant).lens_file);
+            add(format!("lens of {}", variant.name), lens.as_bytes());
+        }
+        add("sensor".to_owned(), DesignError::json("the sensor", &setup.body.sensor)?.as_bytes());
+        if let Some(chip) = &setup.body.chip {
+            match chip.settings() {
+                Some(settings) => add("ISP".to_owned(), DesignError::json("the ISP", settings)?.as_bytes()),
+                // Of an ISP outside this program the description is known, with its command and version, and its values.
+                None => {
+                    let mut known = chip.description().to_owned();
+                    for (parameter, value) in chip.parameters().iter().zip(chip.values()) {
+                        let about = &parameter.about;
+                        known += &format!("{} {} {} {value}", parameter.name, about.min, about.max);
+                    }
+                    add("ISP".to_owned(), known.as_bytes());
                 }
             }
         }
-    }
-    for path in setup.variants.iter().filter_map(|v| v.optics_proxy.as_ref()) {
-        for file in proxy_files(Path::new(path)) {
-            hash.update(read(&file)?);
+        for variant in &setup.variants {
+            let Some(path) = &variant.optics_proxy else { continue };
+            let mut network = Vec::new();
+            for file in proxy_files(Path::new(path)) {
+                network.extend(read(&file)?);
+            }
+            add(format!("network in place of tracing of {}", variant.name), &network);
         }
+        if let Some(weights) = &setup.network_weights {
+            add("given weights".to_owned(), weights);
+        }
+        add_photos(&setup.photos, &mut hash);
+        let mut pictures = None;
+        let experiment = &setup.experiment;
+        if let Some(scenes) = &setup.scenes {
+            if let Some((files, known, labels)) = scenes.pictures()? {
+                hash.update(known);
+                let labels = Some(hex(Sha256::new_with_prefix(labels)));
+                pictures = Some(Pictures { place: absolute(&experiment.data)?, labels, files });
+            }
+        } else if experiment.photos == BUILT_IN_PHOTOS {
+            let mut own = Sha256::new();
+            add_photos(&setup.photos, &mut own);
+            parts.insert(BUILT_IN.to_owned(), hex(own));
+        } else {
+            let place = absolute(&experiment.photos)?;
+            pictures = Some(Pictures { files: photo_files(&place, &setup.photos)?, labels: None, place });
+        }
+        let list = InputList { parts, held_out: setup.held_out_pictures(), pictures };
+        Ok(Self { fingerprint: hex(hash), list })
     }
-    if let Some(weights) = &setup.network_weights {
-        hash.update(weights);
-    }
-    let photos = &setup.photos;
+}
+
+/// Adds every photograph by list, name and light.
+fn add_photos(photos: &PhotoSet, hash: &mut Sha256) {
     let lists = [
         ("training", photos.training()),
         ("validation", photos.validation()),
@@ -58,10 +105,75 @@ pub fn fingerprint(setup: &Setup) -> Result<String, DesignError> {
             }
         }
     }
-    if let Some(scenes) = &setup.scenes {
-        hash.update(scenes.fingerprint()?);
+}
+
+/// The files of photographs.
+fn photo_files(folder: &Path, photos: &PhotoSet) -> Result<Vec<PictureFile>, DesignError> {
+    let lists = [
+        (List::Training, photos.training()),
+        (List::Validation, photos.validation()),
+        (List::HeldOut, photos.held_out()),
+    ];
+    let all: Vec<(List, &NamedPhoto)> =
+        lists.into_iter().flat_map(|(list, photos)| photos.iter().map(move |photo| (list, photo))).collect();
+    let file = |(list, photo): &(List, &NamedPhoto)| {
+        Ok(PictureFile::read(&folder.join(&photo.name), &photo.name, *list)?)
+    };
+    all.par_iter().map(file).collect()
+}
+
+fn absolute(path: &str) -> Result<PathBuf, DesignError> {
+    std::fs::canonicalize(path).map_err(DesignError::io(Path::new(path)))
+}
+
+/// The way from a folder to a path, both absolute: through the folder that they share, or the path itself where they share none.
+fn relative(path: &Path, folder: &Path) -> PathBuf {
+    let shared = path.components().zip(folder.components()).take_while(|(a, b)| a == b).count();
+    // Volumes of Windows.
+    if !matches!(path.components().next(), Some(first) if shared > 0 && folder.components().next() == Some(first))
+    {
+        return path.to_path_buf();
     }
-    Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
+    let up = folder.components().skip(shared).map(|_| Component::ParentDir);
+    up.chain(path.components().skip(shared)).collect()
+}
+
+/// The pictures of a run where they are now: where the user says, where its `config.toml` says, or where they were when it began.
+pub fn pictures_of_run(
+    run: &RunFolder,
+    experiment: &mut Experiment,
+    now: Option<&Path>,
+) -> Result<(), DesignError> {
+    let place = if experiment.task.finds_objects() { &mut experiment.data } else { &mut experiment.photos };
+    if let Some(now) = now {
+        *place = now.display().to_string();
+        return Ok(());
+    }
+    if [BUILT_IN_PHOTOS, STREET].contains(&place.as_str()) || Path::new(place).exists() {
+        return Ok(());
+    }
+    let pictures = InputList::read(run)?.and_then(|list| list.pictures);
+    if let Some(pictures) = pictures.filter(|pictures| pictures.place.exists()) {
+        *place = pictures.place.display().to_string();
+    }
+    Ok(())
+}
+
+/// Fails if the pictures of a run are not there, with what to do.
+pub fn check_pictures_are_there(run: &RunFolder, experiment: &Experiment) -> Result<(), DesignError> {
+    let finds_objects = experiment.task.finds_objects();
+    let place = if finds_objects { &experiment.data } else { &experiment.photos };
+    if [BUILT_IN_PHOTOS, STREET].contains(&place.as_str()) || Path::new(place).exists() {
+        return Ok(());
+    }
+    let was = InputList::read(run)?.and_then(|list| list.pictures).map(|pictures| pictures.place);
+    let (what, option) =
+        if finds_objects { ("labelled pictures", "--data") } else { ("photographs", "--photos") };
+    let problem = format!(
+        "the {what} of this run are not at {}; hint: say where they are now: {option} PATH",
+        was.map_or_else(|| place.clone(), |was| was.display().to_string())
+    );
+    Err(DesignError::Run { path: run.root().to_path_buf(), problem })
 }
 
 /// Keeps in a new run folder what the run is made from, and writes the `config.toml` that names it, and its record.
@@ -72,23 +184,31 @@ pub fn keep_inputs(setup: &Setup, assets: &Assets, run: &RunFolder) -> Result<()
     write_file(&run.nominal_lens(), write_lens(&lens).as_bytes())?;
     let sensor = assets.text("sensor", "sensors", &experiment.sensor)?;
     write_file(&run.sensor(), sensor.text.as_bytes())?;
-    write_file(&run.fingerprint(), format!("{}\n", fingerprint(setup)?).as_bytes())?;
+    let inputs = Inputs::of(setup)?;
+    write_file(&run.fingerprint(), format!("{}\n", inputs.fingerprint).as_bytes())?;
+    inputs.list.write(run)?;
     // Names in an experiment are looked for beside it.
     let mut kept = Experiment {
         lens: "inputs/lens.toml".to_owned(),
         sensor: "inputs/sensor.toml".to_owned(),
         ..experiment.clone()
     };
+    // A run and its pictures can be moved together.
+    let root = std::fs::canonicalize(run.root()).map_err(DesignError::io(run.root()))?;
+    if let Some(Pictures { place, .. }) = &inputs.list.pictures {
+        let there = relative(place, &root).display().to_string();
+        if experiment.task.finds_objects() { kept.data = there } else { kept.photos = there }
+    }
     if kept.isp.is_used() {
         let preset = assets.text("ISP", "isp", &kept.isp.preset)?;
         write_file(&run.input("isp.toml"), preset.text.as_bytes())?;
         // The command of an external ISP lies where its description does.
         kept.isp.preset = match setup.body.chip.as_ref().and_then(|chip| chip.settings()) {
             Some(_) => "inputs/isp.toml".to_owned(),
-            None => std::path::absolute(&preset.path)
-                .map_err(DesignError::io(&preset.path))?
-                .display()
-                .to_string(),
+            None => {
+                let there = std::fs::canonicalize(&preset.path).map_err(DesignError::io(&preset.path))?;
+                relative(&there, &root).display().to_string()
+            }
         };
     }
     // The built-in ones are known by their fingerprint, as the built-in photographs are.
@@ -142,15 +262,55 @@ fn make_parent(path: &Path) -> Result<(), DesignError> {
     std::fs::create_dir_all(folder).map_err(DesignError::io(folder))
 }
 
-/// Refuses to go on with a run, or to score it again, from other inputs than it was made from.
-pub fn check_inputs(setup: &Setup, run: &RunFolder) -> Result<(), DesignError> {
+/// Refuses to go on with a run, or to score it again, from other inputs than it was made from, which are named. Returns those of the setup.
+pub fn check_inputs(setup: &Setup, run: &RunFolder) -> Result<Inputs, DesignError> {
     let path = run.fingerprint();
     let noted = petzval_base::read_text(&path).map_err(DesignError::io(&path))?;
-    if noted.trim() == fingerprint(setup)? {
+    let now = Inputs::of(setup)?;
+    if noted.trim() == now.fingerprint {
+        return Ok(now);
+    }
+    let changed = InputList::read(run)?.map_or_else(Vec::new, |then| then.differences(&now.list));
+    let what = match &changed[..] {
+        [] => "lens, glasses, sensor, ISP, networks in place of tracing, given weights, photographs or labelled pictures are not those that \
+               this run began with, or an earlier version began it"
+            .to_owned(),
+        named => format!("inputs are not those that this run began with: {}", named.join(", ")),
+    };
+    let problem = format!("{what}; put them back, or start a new run");
+    Err(DesignError::Run { path, problem })
+}
+
+/// Refuses to score cameras on other pictures with another lens, sensor, ISP or network than the run was made from.
+pub fn check_parts(setup: &Setup, run: &RunFolder) -> Result<(), DesignError> {
+    let Some(then) = InputList::read(run)? else { return Ok(()) };
+    let parts = |mut list: InputList| {
+        list.parts.remove(BUILT_IN);
+        InputList { parts: list.parts, ..InputList::default() }
+    };
+    let changed = parts(then).differences(&parts(Inputs::of(setup)?.list));
+    if changed.is_empty() {
         return Ok(());
     }
-    let problem = "lens, glasses, sensor, ISP, networks in place of tracing, given weights, photographs or labelled pictures \
-                   are not those that this run began with, or an earlier version began it; put them back, or start a new run";
-    let problem = problem.to_owned();
-    Err(DesignError::Run { path, problem })
+    let problem =
+        format!("inputs are not those that this run began with: {}; put them back", changed.join(", "));
+    Err(DesignError::Run { path: run.input_list(), problem })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    #[cfg(unix)]
+    fn a_path_is_found_from_a_folder_beside_it() {
+        for (path, folder, way) in [
+            ("/a/photos", "/a/runs/one", "../../photos"),
+            ("/a/runs/one/photos", "/a/runs/one", "photos"),
+            ("/b/photos", "/a", "../b/photos"),
+            ("/a", "/a/b", ".."),
+        ] {
+            assert_eq!(relative(Path::new(path), Path::new(folder)), Path::new(way), "{path} from {folder}");
+        }
+    }
 }

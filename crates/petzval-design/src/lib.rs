@@ -22,6 +22,7 @@ pub mod error;
 pub mod evolution;
 pub mod experiment;
 pub mod glass_warnings;
+pub mod input_list;
 pub mod inputs;
 pub mod isp_proxy;
 mod lens_numbers;

@@ -16,6 +16,9 @@ use crate::variant::{Stage, Variant};
 /// The block of the event of a camera that was scored.
 pub(crate) const SCORE: &str = "score";
 
+/// The loss of a step, the sum of all its terms.
+pub(crate) const TOTAL: &str = "total";
+
 /// Steps of a block whose mean duration is its pace.
 const PACE_STEPS: usize = 20;
 
@@ -61,7 +64,7 @@ pub(crate) fn progress(setup: &Setup, metrics: &Metrics, events: &[Event]) -> Pr
         });
         let blocks = BlockName::ALL.map(|block| (block.name(), variant.task_steps_of(block)));
         let planned = lenses.chain(blocks.into_iter().filter(|(_, steps)| *steps > 0));
-        let latest = own().rev().find_map(|event| event.losses.get("total"));
+        let latest = own().rev().find_map(|event| event.losses.get(TOTAL));
         CameraProgress {
             camera: variant.name.clone(),
             state,

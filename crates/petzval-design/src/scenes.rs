@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use petzval_camera::render::Placement;
 use petzval_learn::dataset::{
-    CropPlan, LabelledPictures, LabelledWindow, PictureWindows, StreetPlan, StreetView,
+    CropPlan, LabelledPictures, LabelledWindow, PictureFile, PictureWindows, Purpose, StreetPlan, StreetView,
 };
 use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::image_height_per_tangent;
@@ -90,13 +90,14 @@ struct Kept {
 impl Scenes {
     /// The scenes of an experiment on a sensor of these pixels. `crops` are those of training and of scores, and `plan` has the corner of the
     /// sensor. Fails on a folder that cannot be read, or in which nothing is
-    /// left to train on or to score with. Places of windows in streets are chosen in the view of the `nominal` lens.
+    /// left for its `purpose`. Places of windows in streets are chosen in the view of the `nominal` lens.
     pub fn new(
         experiment: &Experiment,
         crops: [CropPlan; 2],
         plan: &PsfPlan,
         pixel_um: f64,
         nominal: &Lens,
+        purpose: Purpose,
     ) -> Result<Self, DesignError> {
         let config = experiment.street.clone();
         let wanted = experiment.task.wanted();
@@ -118,11 +119,10 @@ impl Scenes {
             folder => {
                 let crop = experiment.training.crop.max(experiment.scoring.crop);
                 let classes = experiment.task.classes();
-                let validated = experiment.validation.is_used();
                 let (on_objects, least_side_px) = (config.on_objects, config.least_side_px);
                 let folder = Path::new(folder);
                 let (pictures, defects) =
-                    LabelledPictures::load(folder, wanted, classes, crop, least_side_px, validated)?;
+                    LabelledPictures::load(folder, wanted, classes, crop, least_side_px, purpose)?;
                 notes = defects;
                 Source::Pictures(pictures, PictureWindows { seed, on_objects, least_side_px })
             }
@@ -152,12 +152,13 @@ impl Scenes {
         matches!(self.source, Source::Streets(_))
     }
 
-    /// What identifies the scenes: of a folder its pictures and boxes; streets follow from the experiment and the version of the program.
-    pub fn fingerprint(&self) -> Result<String, DesignError> {
-        match &self.source {
-            Source::Streets(_) => Ok(String::new()),
-            Source::Pictures(pictures, _) => Ok(pictures.fingerprint()?),
-        }
+    /// The pictures of a folder: their files, what identifies them with their boxes, and the boxes alone. None of streets, which follow from
+    /// the experiment and the version of the program. Reads every file.
+    pub fn pictures(&self) -> Result<Option<(Vec<PictureFile>, String, String)>, DesignError> {
+        let Source::Pictures(pictures, _) = &self.source else { return Ok(None) };
+        let files = pictures.files()?;
+        let known = pictures.fingerprint(&files);
+        Ok(Some((files, known, pictures.labels())))
     }
 
     /// What a window of a list is called: its number from 1 on, and the picture that it is of.
@@ -189,6 +190,9 @@ impl Scenes {
             }
             Source::Pictures(pictures, _) => {
                 let [training, scored] = [List::Training, List::HeldOut].map(|list| pictures.count(list));
+                if training == 0 {
+                    return format!("{held_out} windows of {scored} pictures in scores");
+                }
                 format!(
                     "{windows} windows of {training} pictures in training, {held_out} windows of {scored} in scores"
                 )

@@ -15,7 +15,9 @@ use petzval_camera::render::{Wiener, kernel_radius, with_patches_for};
 use petzval_camera::sensor::SensorModel;
 use petzval_files::isp_file::{IspFile, parse_isp_file};
 use petzval_files::load_image_bytes;
-use petzval_learn::dataset::{CropPlan, DatasetError, Folder, NamedPhoto, PhotoSet, PhotoSplit, load_folder};
+use petzval_learn::dataset::{
+    CropPlan, DatasetError, Folder, NamedPhoto, PhotoSet, PhotoSplit, Purpose, load_folder,
+};
 use petzval_learn::detection::{AnyDetector, BackboneKind, DetectorKind, WeightsOf};
 use petzval_learn::loss::Lpips;
 use petzval_learn::network::Network;
@@ -94,9 +96,9 @@ impl Setup {
         if setup.experiment.task.finds_objects() {
             // Fails now, while there is no run folder yet, if `detector.weights` does not fit the detector.
             setup.network()?;
-            let crops = [setup.training_crops, setup.scoring_crops];
-            let (pixel_um, nominal) = (setup.body.sensor.pixel_um, &setup.nominal().lens_file.lens);
-            setup.scenes = Some(Scenes::new(&setup.experiment, crops, &setup.fixed_plan, pixel_um, nominal)?);
+            let is_validated = setup.experiment.validation.is_used();
+            let purpose = if is_validated { Purpose::ValidatedTraining } else { Purpose::Training };
+            setup.scenes = Some(setup.scenes_for(purpose)?);
             return Ok(setup);
         }
         let window = setup.training_crops.window().max(setup.scoring_crops.window());
@@ -108,6 +110,30 @@ impl Setup {
         setup.training_crops.check(setup.photos.training())?;
         setup.scoring_crops.check(setup.photos.held_out())?;
         Ok(setup)
+    }
+
+    /// [`Setup::new`] to score cameras on pictures of which none trains: all those of the folder that the experiment names.
+    pub fn for_scores(experiment: Experiment, assets: &Assets, device: Device) -> Result<Self, DesignError> {
+        let mut setup = Self::without_photos(experiment, assets, device)?;
+        if setup.experiment.task.finds_objects() {
+            setup.scenes = Some(setup.scenes_for(Purpose::Scores)?);
+            return Ok(setup);
+        }
+        let folder = Path::new(&setup.experiment.photos);
+        let Folder { photos, skipped, notes } = usable_photos(folder, setup.scoring_crops.window())?;
+        if photos.is_empty() {
+            return Err(too_few_photos(folder, &photos, &skipped, "at least one is needed"));
+        }
+        setup.photos = PhotoSet::for_scores(photos)?;
+        (setup.skipped_photos, setup.photo_notes) = (skipped, notes);
+        setup.scoring_crops.check(setup.photos.held_out())?;
+        Ok(setup)
+    }
+
+    fn scenes_for(&self, purpose: Purpose) -> Result<Scenes, DesignError> {
+        let crops = [self.training_crops, self.scoring_crops];
+        let (pixel_um, nominal) = (self.body.sensor.pixel_um, &self.nominal().lens_file.lens);
+        Scenes::new(&self.experiment, crops, &self.fixed_plan, pixel_um, nominal, purpose)
     }
 
     /// [`Setup::new`] without photographs, for what is not done with them.
@@ -602,7 +628,8 @@ fn load_photos(experiment: &Experiment, assets: &Assets, window: usize) -> Resul
     Ok(Photos { photos: PhotoSet::new(photos, &split)?, skipped: Vec::new(), notes })
 }
 
-fn folder_photos(folder: &Path, window: usize) -> Result<Photos, DesignError> {
+/// The pictures of a folder that hold a window, each once.
+fn usable_photos(folder: &Path, window: usize) -> Result<Folder, DesignError> {
     let mut found = load_folder(folder)?;
     for photo in &mut found.photos {
         // A camera's own picture is softer than its pixels: halve it where enough is left.
@@ -612,17 +639,30 @@ fn folder_photos(folder: &Path, window: usize) -> Result<Photos, DesignError> {
     }
     found.skip(|photo| photo.check_holds(window));
     found.skip_copies();
-    let Folder { photos, skipped, mut notes } = found;
-    notes.retain(|(name, _)| photos.iter().any(|photo| photo.name == *name));
+    found.notes.retain(|(name, _)| found.photos.iter().any(|photo| photo.name == *name));
+    Ok(found)
+}
+
+fn too_few_photos(
+    folder: &Path,
+    photos: &[NamedPhoto],
+    skipped: &[(String, DatasetError)],
+    hint: &str,
+) -> DesignError {
+    let count = if photos.is_empty() { "no picture" } else { "only one picture" };
+    let reasons: Vec<String> = skipped.iter().take(3).map(|(_, reason)| reason.to_string()).collect();
+    let message = match &reasons[..] {
+        [] => count.to_owned(),
+        _ => format!("{count} can be used, {} skipped: {}", skipped.len(), reasons.join("; ")),
+    };
+    DesignError::misfit(folder, &message, hint)
+}
+
+fn folder_photos(folder: &Path, window: usize) -> Result<Photos, DesignError> {
+    let Folder { photos, skipped, notes } = usable_photos(folder, window)?;
     if photos.len() < 2 {
-        let count = if photos.is_empty() { "no picture" } else { "only one picture" };
-        let reasons: Vec<String> = skipped.iter().take(3).map(|(_, reason)| reason.to_string()).collect();
-        let message = match &reasons[..] {
-            [] => count.to_owned(),
-            _ => format!("{count} can be used, {} skipped: {}", skipped.len(), reasons.join("; ")),
-        };
         let hint = "at least two are needed: every fourth, or the last, is held out for scoring";
-        return Err(DesignError::misfit(folder, &message, hint));
+        return Err(too_few_photos(folder, &photos, &skipped, hint));
     }
     let mut split = PhotoSplit::default();
     for (i, photo) in photos.iter().enumerate() {

@@ -10,11 +10,12 @@ use petzval_design::boxes::with_boxes;
 use petzval_design::camera::{Camera, Shot};
 use petzval_design::error::DesignError;
 use petzval_design::experiment::SCENE;
-use petzval_design::run::RunFolder;
+use petzval_design::run::{DigestCheck, RunFolder};
 use petzval_design::setup::Setup;
 use petzval_files::raw_file::{RawFrame, load_raw, sidecar_path};
 use petzval_files::{encoded_png_bytes, load_image};
 use petzval_learn::detection::{Truth, detect_in};
+use petzval_report::side_by_side::{View, page};
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
@@ -33,7 +34,7 @@ pub struct Request {
     pub run: PathBuf,
     /// Photographs, which the cameras take; and raw frames, which they develop: DNG files, and files with a sidecar.
     pub images: Vec<PathBuf>,
-    /// Names of cameras of the run; the last one if empty.
+    /// Names of cameras of the run; all that are finished if empty.
     pub cameras: Vec<String>,
     /// How a photograph lands on the sensor.
     pub place: Place,
@@ -43,6 +44,9 @@ pub struct Request {
     pub out: PathBuf,
     /// Where tensors live.
     pub device: String,
+    /// Files or folders of the run, by their path below it, that may differ from their digests.
+    #[serde(default)]
+    pub accept_changed: Vec<String>,
 }
 
 /// What was written.
@@ -50,6 +54,9 @@ pub struct Request {
 pub struct Response {
     /// Every picture through every camera.
     pub pictures: Vec<Applied>,
+    /// For each photograph or raw frame the page that shows it by every camera; none where there would be nothing beside it.
+    #[serde(default)]
+    pub pages: Vec<PathBuf>,
 }
 
 /// A finished picture.
@@ -81,7 +88,7 @@ enum Subject {
 }
 
 /// Takes the photographs and develops the raw frames. The folder `out` gets `NAME-CAMERA.png` for each, and `NAME-scene.png` of each
-/// photograph as it lies on the sensor.
+/// photograph as it lies on the sensor, and `NAME-side-by-side.html` with all of them.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let folder = RunFolder::open(&request.run)?;
     warn_of_changed_config(&folder, context)?;
@@ -93,9 +100,13 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let files: Vec<String> = stems
         .iter()
         .flat_map(|stem| cameras.clone().chain([SCENE]).map(move |name| format!("{stem}-{name}.png")))
+        .chain(stems.iter().map(|stem| page_name(stem)))
         .collect();
     check_distinct(&files)?;
     check_folder(&request.out, &files, context)?;
+    let warn = |text: &str| context.warning(text);
+    let check = DigestCheck::new(&folder, &request.accept_changed, &warn);
+    check.check_cameras(names.iter().map(String::as_str))?;
 
     // Cameras are made before pictures are read: a run that lacks one is found at once.
     let setup = Setup::without_photos(experiment, &context.assets, context.device(&request.device)?)?;
@@ -111,12 +122,17 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 
     make_folder(&request.out)?;
     let classes = setup.experiment.task.classes();
-    let mut pictures = Vec::new();
+    let (mut pictures, mut pages) = (Vec::new(), Vec::new());
     let total = (subjects.len() * cameras.len()) as u64;
     for (i, ((image, stem), subject)) in request.images.iter().zip(&stems).zip(&subjects).enumerate() {
+        let mut views = Vec::new();
+        let mut show = |name: &str, picture: &LinearImage| {
+            views.push(View::new(name, &picture.data, picture.height, picture.width));
+        };
         if let Subject::Photo(photo) = subject {
             let encoded = LinearImage { data: photo.to_srgb(), ..photo.clone() };
             write_png(&request.out.join(format!("{stem}-{SCENE}.png")), &encoded)?;
+            show("the scene", &encoded);
         }
         for (name, camera) in names.iter().zip(&cameras) {
             if context.is_cancelled() {
@@ -132,7 +148,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
                 Subject::Raw(frame) => developed(camera, frame)?,
             };
             let picture = request.out.join(format!("{stem}-{name}.png"));
-            write_png(&picture, &with_objects(camera, classes, finished.clone())?)?;
+            let shown = with_objects(camera, classes, finished.clone())?;
+            write_png(&picture, &shown)?;
+            show(name, &shown);
             pictures.push(Applied {
                 image: image.clone(),
                 camera: name.clone(),
@@ -142,20 +160,30 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
                 seconds: start.elapsed().as_secs_f64(),
             });
         }
+        if views.len() > 1 {
+            let path = request.out.join(page_name(stem));
+            write_file(&path, page(stem, &views))?;
+            pages.push(path);
+        }
     }
-    Ok(Response { pictures })
+    Ok(Response { pictures, pages })
+}
+
+/// The page of a picture by every camera.
+fn page_name(stem: &str) -> String {
+    format!("{stem}-side-by-side.html")
 }
 
 /// The cameras that are asked for, which must be finished.
 fn chosen(request: &Request, folder: &RunFolder, all: &[String]) -> Result<Vec<String>, JobError> {
-    let asked = match request.cameras.is_empty() {
-        true => all.last().cloned().into_iter().collect(),
-        false => request.cameras.clone(),
-    };
     let finished = folder.finished(all.iter().map(String::as_str));
     if finished.is_empty() {
         return Err(none_finished(&request.run));
     }
+    let asked = match request.cameras.is_empty() {
+        true => finished.iter().map(|name| (*name).to_owned()).collect(),
+        false => request.cameras.clone(),
+    };
     match asked.iter().find(|name| !finished.contains(&name.as_str())) {
         Some(missing) => {
             let message = "there is no finished camera of this name";

@@ -18,7 +18,7 @@ use crate::error::JobError;
 use crate::results::{check_file, has_ending};
 
 /// Runs to compare.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
     /// Folders of finished runs; those that differ in the seed alone are taken together.
@@ -27,6 +27,9 @@ pub struct Request {
     pub out: PathBuf,
     /// Comma-separated values of the cameras; not written without a name.
     pub csv: Option<PathBuf>,
+    /// Files or folders of the runs, by their path below them, that may differ from their digests.
+    #[serde(default)]
+    pub accept_changed: Vec<String>,
 }
 
 /// The figures.
@@ -46,7 +49,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         return Err(JobError::input("there is no run to compare", "name folders of finished runs"));
     }
     check_endings(request)?;
-    let comparisons = compare(&request.runs, &context.assets)?;
+    let comparisons =
+        compare(&request.runs, &context.assets, &request.accept_changed, &|text| context.warning(text))?;
     check_file(&request.out, context)?;
     request.csv.iter().try_for_each(|path| check_file(path, context))?;
     let mut groups = Vec::new();
@@ -54,7 +58,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         context.progress(i as u64, comparisons.len() as u64, &comparison.title);
         groups.push(group(comparison, context)?);
     }
-    write_whole(&request.out, page(&groups).as_bytes()).map_err(DesignError::io(&request.out))?;
+    let differences = differences(&comparisons);
+    write_whole(&request.out, page(differences.as_ref(), &groups).as_bytes())
+        .map_err(DesignError::io(&request.out))?;
     if let Some(path) = &request.csv {
         write_whole(path, comparison_csv(&comparisons).as_bytes()).map_err(DesignError::io(path))?;
     }
@@ -62,7 +68,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         let tables: Vec<String> = group.tables.iter().map(TextTable::markdown).collect();
         format!("## {}\n\n{}\n\n{}", group.title, group.subtitle, tables.join("\n"))
     };
-    let markdown = groups.iter().map(of_group).collect::<Vec<_>>().join("\n");
+    let above = differences.map(|table| table.markdown());
+    let markdown = above.into_iter().chain(groups.iter().map(of_group)).collect::<Vec<_>>().join("\n");
     Ok(Response { comparisons, page: request.out.clone(), markdown })
 }
 
@@ -119,6 +126,45 @@ fn group(comparison: &Comparison, context: &Context) -> Result<Group, JobError> 
         comparison.hours
     );
     Ok(Group { title: comparison.title.clone(), subtitle, tables: tables(comparison), report })
+}
+
+/// What differs between experiments: a column for each key, and a row for each experiment with the scores of its last camera that is no
+/// ceiling. None for a single experiment.
+fn differences(comparisons: &[Comparison]) -> Option<TextTable> {
+    let first = comparisons.first().filter(|_| comparisons.len() > 1)?;
+    let mut scores: Vec<&ScoreDescription> = Vec::new();
+    for score in comparisons.iter().flat_map(|comparison| &comparison.scores) {
+        if !scores.iter().any(|known| known.name == score.name) {
+            scores.push(score);
+        }
+    }
+    let heads = first.differs.iter().map(|(key, _)| key.clone());
+    let scored = scores.iter().map(|score| score.heading());
+    let head = ["experiment", "seeds"].map(str::to_owned).into_iter().chain(heads);
+    let row = |comparison: &Comparison| {
+        let seeds: Vec<String> = comparison.seeds.iter().map(u64::to_string).collect();
+        let camera = comparison.cameras.iter().rfind(|camera| !camera.is_ceiling);
+        let score = |score: &&ScoreDescription| {
+            let place = comparison.scores.iter().position(|own| own.name == score.name);
+            let value = place.and_then(|place| camera?.scores.get(place));
+            value.map_or_else(|| "-".to_owned(), |v| format!("{:.*}", score.decimals, v.mean))
+        };
+        let values = comparison.differs.iter().map(|(_, value)| value.clone());
+        let name = camera.map_or("-", |camera| &camera.name).to_owned();
+        [comparison.title.clone(), seeds.join(" ")]
+            .into_iter()
+            .chain(values)
+            .chain([name])
+            .chain(scores.iter().map(score))
+            .collect()
+    };
+    Some(TextTable {
+        caption: "What differs between the runs, and the scores of the last camera that is no ceiling. Inputs are named by the first digits of \
+                  their SHA-256."
+            .to_owned(),
+        head: head.chain(["camera".to_owned()]).chain(scored).collect(),
+        rows: comparisons.iter().map(row).collect(),
+    })
 }
 
 /// The tables of a comparison.

@@ -4,12 +4,16 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use petzval_base::simd::level;
 use petzval_design::design_loop::{DesignLoop, Ending, Observer};
+use petzval_design::error::DesignError;
 use petzval_design::experiment::{BUILT_IN_PHOTOS, Experiment, PsfConfig, STREET};
-use petzval_design::inputs::{check_inputs, keep_inputs};
+use petzval_design::input_list::InputList;
+use petzval_design::inputs::{Inputs, check_inputs, check_pictures_are_there, keep_inputs};
 use petzval_design::plausible::check;
 use petzval_design::run::{
-    CameraMetrics, Event, RunFolder, RunRecord, VERSION, changed_config, extend_run, read_config, write_file,
+    CameraMetrics, DigestCheck, Event, RunFolder, RunRecord, VERSION, changed_config, extend_run,
+    read_config, write_file,
 };
 use petzval_design::scoring::Scorer;
 use petzval_design::setup::Setup;
@@ -51,7 +55,7 @@ pub enum Run {
 }
 
 /// A run to go on with.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Resume {
     /// Its folder.
@@ -59,6 +63,15 @@ pub struct Resume {
     /// Make every camera longer, so that its network takes this many steps in all.
     #[serde(default)]
     pub extend_to: Option<usize>,
+    /// Where its photographs are now, if they were moved.
+    #[serde(default)]
+    pub photos: Option<PathBuf>,
+    /// Where its labelled pictures are now, if they were moved.
+    #[serde(default)]
+    pub data: Option<PathBuf>,
+    /// Files or folders of the run, by their path below it, that may differ from their digests.
+    #[serde(default)]
+    pub accept_changed: Vec<String>,
 }
 
 /// A run to begin.
@@ -129,19 +142,28 @@ pub enum RunEnding {
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let device = context.device(&request.device)?;
     let mut extension = None;
+    let warn = |text: &str| context.warning(text);
+    let accepted = match &request.run {
+        Run::Resume(resume) => &resume.accept_changed[..],
+        Run::New(_) => &[],
+    };
     // Only one process works on a run until the lock is dropped.
     let (scorer, folder, _lock) = match &request.run {
         Run::Resume(resume) => {
             let folder = RunFolder::open(&resume.run)?;
             let lock = folder.lock()?;
+            DigestCheck::new(&folder, accepted, &warn).check_before_going_on()?;
             let (record, config) = resumed(resume, &folder)?;
             if record.version != VERSION {
                 let begun = &record.version;
                 context.warning(format!("the run was begun by Petzval {begun}, and goes on with {VERSION}"));
             }
-            let experiment = context.assets.experiment_in(&folder, config.clone())?;
+            warn_of_another_level(&folder, context)?;
+            let pictures = pictures_now(&config, resume.photos.as_deref(), resume.data.as_deref())?;
+            let experiment = context.assets.experiment_in(&folder, config.clone(), pictures)?;
+            check_pictures_are_there(&folder, &experiment)?;
             let setup = set_up(experiment, device, context)?;
-            check_inputs(&setup, &folder)?;
+            remember_pictures(check_inputs(&setup, &folder)?, &folder)?;
             extension = (config != record.config).then_some((record, config));
             (scorer(setup)?, folder, lock)
         }
@@ -179,7 +201,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     report_weights(&setup, context);
     let psf = setup.experiment.psf.clone();
     let mut watch = Watch { context, scores: scorer.scores(), psf, total: 0 };
-    let ending = DesignLoop::new(folder.clone(), scorer)?.run(&mut watch, context.cancellation())?;
+    let check = DigestCheck::new(&folder, accepted, &warn);
+    let ending =
+        DesignLoop::checked(folder.clone(), scorer, &check)?.run(&mut watch, context.cancellation())?;
     let ending = match ending {
         Ending::Stopped(step) => RunEnding::Stopped { step },
         Ending::Finished(metrics) => {
@@ -188,6 +212,68 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         }
     };
     Ok(Response { run: folder.root().to_path_buf(), ending })
+}
+
+/// Where the user says that the pictures of a run are now. A run has either photographs or labelled pictures.
+pub(crate) fn pictures_now<'p>(
+    config: &Experiment,
+    photos: Option<&'p Path>,
+    data: Option<&'p Path>,
+) -> Result<Option<&'p Path>, JobError> {
+    let there = match (config.task.finds_objects(), photos, data) {
+        (true, Some(photos), _) => {
+            let hint = "its pictures have boxes, in COCO format: name them with --data";
+            return Err(JobError::setting("photos", photos.display(), "the run looks for objects", hint));
+        }
+        (false, _, Some(data)) => {
+            let hint = "its pictures have no boxes: name them with --photos";
+            return Err(JobError::setting("data", data.display(), "the run makes pictures", hint));
+        }
+        (_, photos, data) => photos.or(data),
+    };
+    match there {
+        Some(path) if !path.exists() => {
+            let key = if data.is_some() { "data" } else { "photos" };
+            Err(JobError::setting(
+                key,
+                path.display(),
+                "there is no such folder or file",
+                "give one that exists",
+            ))
+        }
+        there => Ok(there),
+    }
+}
+
+/// Notes where the pictures of a run are now, for the next time.
+fn remember_pictures(now: Inputs, folder: &RunFolder) -> Result<(), JobError> {
+    let Some(then) = InputList::read(folder)? else { return Ok(()) };
+    let place = |list: &InputList| list.pictures.as_ref().map(|pictures| pictures.place.clone());
+    if place(&then) != place(&now.list) {
+        now.list.write(folder)?;
+    }
+    Ok(())
+}
+
+/// Warns where another instruction set goes on with a run: its rounding differs in the last digits.
+fn warn_of_another_level(folder: &RunFolder, context: &Context) -> Result<(), JobError> {
+    let path = folder.environment();
+    if !path.is_file() {
+        return Ok(());
+    }
+    let text = petzval_base::read_text(&path).map_err(DesignError::io(&path))?;
+    let begun: serde_json::Value = serde_json::from_str(&text).map_err(|e| {
+        JobError::input(format!("{}: {e}", path.display()), "it was changed since it was written")
+    })?;
+    match begun["simd_used"].as_str() {
+        Some(begun) if begun != level() => context.warning(format!(
+            "the run was begun with the instruction set {begun}, and goes on with {}: its figures differ from those of an uninterrupted run \
+             in their last digits, and small steps may lead elsewhere",
+            level()
+        )),
+        _ => {}
+    }
+    Ok(())
 }
 
 /// Everything that the experiment needs. Every picture of a data set is decoded to find damaged ones, which takes minutes for thousands of them.
@@ -199,7 +285,7 @@ fn set_up(experiment: Experiment, device: Device, context: &Context) -> Result<S
 }
 
 /// Lists the training, held-out and skipped pictures, and what their files say that is not obeyed.
-fn report_pictures(setup: &Setup, context: &Context) {
+pub(crate) fn report_pictures(setup: &Setup, context: &Context) {
     if let Some(scenes) = &setup.scenes {
         context.note(scenes.in_words());
         scenes.notes.iter().for_each(|note| context.warning(note.clone()));
@@ -209,7 +295,9 @@ fn report_pictures(setup: &Setup, context: &Context) {
     let list = |what: &str, names: Vec<&str>| {
         context.note(format!("{what} pictures ({}): {}", names.len(), names.join(", ")));
     };
-    list("training", training.iter().map(|photo| photo.name.as_str()).collect());
+    if !training.is_empty() {
+        list("training", training.iter().map(|photo| photo.name.as_str()).collect());
+    }
     if !setup.photos.validation().is_empty() {
         list("validation", setup.photos.validation().iter().map(|photo| photo.name.as_str()).collect());
     }

@@ -2,32 +2,34 @@
 
 use std::collections::BTreeMap;
 use std::fmt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use petzval_design::block::Block;
 use petzval_design::camera::Camera;
 use petzval_design::design_loop::{finished_camera, set_detector_view};
-use petzval_design::inputs::check_inputs;
+use petzval_design::experiment::Experiment;
+use petzval_design::inputs::{check_inputs, check_parts, check_pictures_are_there, pictures_of_run};
 use petzval_design::made_cameras::{MadeError, TrialPlan, made_cameras, symmetric};
-use petzval_design::run::{CameraMetrics, Kept, Metrics, RunFolder, load_blocks};
+use petzval_design::run::{CameraMetrics, DigestCheck, Kept, PictureScore, RunFolder, load_blocks};
 use petzval_design::run_report::{camera_lens, read_metrics};
-use petzval_design::scoring::Scorer;
+use petzval_design::scoring::{Scorer, ranges_of_means};
 use petzval_design::setup::Setup;
 use petzval_files::ToleranceFile;
-use petzval_learn::score::ScoreDescription;
 use petzval_optics::lens::Lens;
 use petzval_optics::psf::PsfKind;
 use petzval_optics::tolerance::Tolerances;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
-use crate::design::scorer;
+use crate::design::{pictures_now, report_pictures, scorer};
 use crate::error::JobError;
 use crate::lens::tolerance::read as read_tolerances;
 use crate::run_page::warn_of_changed_config;
 
 pub use crate::lens::tolerance::{Compensate, Grade};
-pub use petzval_design::run::MadeMetrics;
+pub use petzval_design::run::{MadeMetrics, Metrics};
+pub use petzval_learn::score::ScoreDescription;
 
 /// Most cameras that are made of a design.
 const MOST_TRIALS: usize = 100_000;
@@ -40,6 +42,15 @@ pub struct Request {
     pub run: PathBuf,
     /// Where tensors live.
     pub device: String,
+    /// Photographs: those of the run where they are now, or others, all of which are scored.
+    #[serde(default)]
+    pub photos: Option<PathBuf>,
+    /// Labelled pictures: those of the run where they are now, or others, all of which are scored. A folder or a file of annotations.
+    #[serde(default)]
+    pub data: Option<PathBuf>,
+    /// Files or folders of the run, by their path below it, that may differ from their digests.
+    #[serde(default)]
+    pub accept_changed: Vec<String>,
     /// PSFs by rays or by waves, in place of those of the run.
     #[serde(default)]
     pub psf: Option<PsfKind>,
@@ -83,15 +94,34 @@ pub enum LensTolerances {
 /// The figures, computed again.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Response {
-    /// The figures.
+    /// The figures; on other pictures than those of the run with their 95 % ranges.
     pub metrics: Metrics,
-    /// Largest absolute difference between a score or a spot radius and that of the run.
-    pub largest_difference_from_run: f64,
+    /// The other pictures; none if the held-out ones of the run were scored.
+    #[serde(default)]
+    pub other_pictures: Option<PathBuf>,
+    /// On other pictures: scores of the last camera that is no ceiling less those of each other one.
+    #[serde(default)]
+    pub differences: Vec<Difference>,
+    /// Largest absolute difference between a score or a spot radius and that of the run; none on other pictures.
+    pub largest_difference_from_run: Option<f64>,
     /// Camera, figure and unit of that difference; none if every figure is the same.
     #[serde(default)]
     pub largest_difference_of: Option<String>,
     /// Figures of cameras as they are made, if the request asked for them.
     pub made: Option<MadeMetrics>,
+}
+
+/// How much better one camera scores than another on the same pictures.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Difference {
+    /// The camera from whose scores the other's are taken.
+    pub camera: String,
+    /// The other.
+    pub against: String,
+    /// Mean differences by score.
+    pub scores: BTreeMap<String, f64>,
+    /// Their 95 % ranges over the photographs, low and high; none for less than two photographs, and for scores of objects.
+    pub ranges: BTreeMap<String, [f64; 2]>,
 }
 
 /// Scores the cameras: lenses by exact tracing, pictures on the held-out photographs. The run folder stays as it is, unless cameras are made
@@ -102,9 +132,17 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     }
     let folder = RunFolder::open(&request.run)?;
     let kept = read_metrics(&folder)?;
+    let warn = |text: &str| context.warning(text);
+    let check = DigestCheck::new(&folder, &request.accept_changed, &warn);
+    // The figures are computed again: what differs is shown.
+    for change in check.changes("")? {
+        context.warning(format!("{}: {change}", request.run.display()));
+    }
+    check.check_cameras(kept.rows.iter().map(|row| row.camera.as_str()))?;
     let designs = request.made.as_ref().map(|made| made.designs(&kept, &folder)).transpose()?;
     warn_of_changed_config(&folder, context)?;
     let mut experiment = context.assets.experiment_of_run(&folder)?;
+    let place = pictures_now(&experiment, request.photos.as_deref(), request.data.as_deref())?;
     if let Some(kind) = request.psf {
         // `tolerance.json` stands beside the scores of the run, and is compared with them.
         if request.made.is_some() && kind != experiment.psf.kind {
@@ -114,8 +152,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         }
         experiment.psf.kind = kind;
     }
-    let setup = Setup::new(experiment, &context.assets, context.device(&request.device)?)?;
-    check_inputs(&setup, &folder)?;
+    let (setup, are_others) = setup(experiment, &folder, place, request, context)?;
     let scorer = scorer(setup)?;
     let setup = scorer.setup();
     if scorer.scores() != kept.scores {
@@ -130,11 +167,28 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         let camera = camera_of(setup, &folder, &row.camera)?;
         let tick = |done, of| context.progress(done as u64, of as u64, &row.camera);
         let found = scorer.score_watched(&row.camera, &camera, &tick)?.0;
+        let mut intervals = found.intervals.clone();
+        if are_others {
+            intervals.extend(ranges_of_means(&found.pictures));
+        }
         rows.push(CameraMetrics {
             is_ceiling: row.is_ceiling,
             isp_steps: row.isp_steps,
             network_steps: row.network_steps,
+            intervals,
             ..found
+        });
+    }
+    if are_others {
+        let [held_out_images, held_out_places] = setup.held_out_pictures();
+        let differences = differences(&rows, &kept.scores);
+        return Ok(Response {
+            metrics: Metrics { rows, held_out_images, held_out_places, ..kept },
+            other_pictures: place.map(Path::to_path_buf),
+            differences,
+            largest_difference_from_run: None,
+            largest_difference_of: None,
+            made: None,
         });
     }
     let (largest, of) = largest_difference(&rows, &kept);
@@ -142,7 +196,83 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let plan = request.made.as_ref().zip(designs.as_deref());
     let made =
         plan.map(|(made, designs)| make(made, designs, &metrics, &scorer, &folder, context)).transpose()?;
-    Ok(Response { metrics, largest_difference_from_run: largest, largest_difference_of: of, made })
+    Ok(Response {
+        metrics,
+        other_pictures: None,
+        differences: Vec::new(),
+        largest_difference_from_run: Some(largest),
+        largest_difference_of: of,
+        made,
+    })
+}
+
+/// What cameras of a run are scored with, and whether its pictures are others than those of the run.
+fn setup(
+    mut experiment: Experiment,
+    folder: &RunFolder,
+    place: Option<&Path>,
+    request: &Request,
+    context: &Context,
+) -> Result<(Setup, bool), JobError> {
+    let device = || context.device(&request.device);
+    let Some(place) = place else {
+        check_pictures_are_there(folder, &experiment)?;
+        let setup = Setup::new(experiment, &context.assets, device()?)?;
+        check_inputs(&setup, folder)?;
+        return Ok((setup, false));
+    };
+    pictures_of_run(folder, &mut experiment, Some(place))?;
+    // Pictures of the run that were moved are known by their content.
+    let silent = context.assets.clone().reporting_warnings(Arc::new(|_: &str| ()));
+    if let Ok(setup) = Setup::new(experiment.clone(), &silent, device()?)
+        && check_inputs(&setup, folder).is_ok()
+    {
+        context
+            .note(format!("{} holds the pictures of the run: its held-out ones are scored", place.display()));
+        return Ok((setup, false));
+    }
+    if request.made.is_some() {
+        let key = if request.data.is_some() { "data" } else { "photos" };
+        let hint = "made cameras are scored on the held-out pictures of the run; leave one of the two out";
+        return Err(JobError::setting(
+            key,
+            place.display(),
+            "holds other pictures than those of the run",
+            hint,
+        ));
+    }
+    let setup = Setup::for_scores(experiment, &context.assets, device()?)?;
+    check_parts(&setup, folder)?;
+    context.note(format!(
+        "{} holds other pictures than those of the run: all of them are scored",
+        place.display()
+    ));
+    report_pictures(&setup, context);
+    Ok((setup, true))
+}
+
+/// The last camera that is no ceiling against each other one.
+fn differences(rows: &[CameraMetrics], scores: &[ScoreDescription]) -> Vec<Difference> {
+    let Some(design) = rows.iter().rfind(|row| !row.is_ceiling) else { return Vec::new() };
+    let others = rows.iter().filter(|row| row.camera != design.camera && !row.is_ceiling);
+    let difference = |other: &CameraMetrics| {
+        let pairs = design.pictures.iter().zip(&other.pictures);
+        let of_picture = |(a, b): (&PictureScore, &PictureScore)| {
+            let by = |(name, value): (&String, &f64)| Some((name.clone(), value - b.scores.get(name)?));
+            PictureScore { scores: a.scores.iter().filter_map(by).collect(), ..a.clone() }
+        };
+        let mean = |score: &ScoreDescription| {
+            let value = |row: &CameraMetrics| row.scores.get(&score.name).copied();
+            Some((score.name.clone(), value(design)? - value(other)?))
+        };
+        Difference {
+            camera: design.camera.clone(),
+            against: other.camera.clone(),
+            scores: scores.iter().filter_map(mean).collect(),
+            ranges: ranges_of_means(&pairs.map(of_picture).collect::<Vec<_>>()),
+        }
+    };
+    others.map(difference).collect()
 }
 
 /// The largest absolute difference between a figure and that of the run, and which it is. A figure that is no number differs most.

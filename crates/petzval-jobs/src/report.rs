@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use petzval_camera::image::LinearImage;
 use petzval_design::error::DesignError;
 use petzval_design::pictures::whole_name;
-use petzval_design::run::{RunFolder, write_file};
+use petzval_design::run::{DigestCheck, RunFolder, write_file};
 use petzval_design::run_report::{read_metrics, report_so_far};
 use petzval_design::scoring::{Scorer, collect_so_far};
 use petzval_design::setup::Setup;
@@ -33,6 +33,9 @@ pub struct Request {
     /// A photograph that every camera takes over its whole sensor. The frames stay in the folder, for later reports.
     #[serde(default)]
     pub photo: Option<PathBuf>,
+    /// Files or folders of the run, by their path below it, that may differ from their digests.
+    #[serde(default)]
+    pub accept_changed: Vec<String>,
 }
 
 /// What was written.
@@ -45,7 +48,11 @@ pub struct Response {
 /// Writes the report.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let folder = RunFolder::open(&request.run)?;
-    read_metrics(&folder)?;
+    let metrics = read_metrics(&folder)?;
+    let warn = |text: &str| context.warning(text);
+    let check = DigestCheck::new(&folder, &request.accept_changed, &warn);
+    check.check("")?;
+    check.check_cameras(metrics.rows.iter().map(|row| row.camera.as_str()))?;
     warn_of_changed_config(&folder, context)?;
     let experiment = context.assets.experiment_of_run(&folder)?;
     let setup = Setup::without_photos(experiment, &context.assets, context.device("cpu")?)?;
@@ -66,7 +73,7 @@ impl Watched {
     pub fn open(run: &Path, context: &Context) -> Result<Self, JobError> {
         let folder = RunFolder::open(run)?;
         let experiment = context.assets.experiment_of_run(&folder)?;
-        let setup = Setup::new(experiment, &context.assets, context.device("cpu")?)?;
+        let setup = Setup::without_photos(experiment, &context.assets, context.device("cpu")?)?;
         Ok(Self { folder, scorer: scorer(setup)? })
     }
 

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use petzval_design::experiment::Experiment;
+use petzval_design::experiment::{BUILT_IN_PHOTOS, Experiment, STREET};
 use petzval_design::inputs::check_inputs;
 use petzval_design::run::{RunFolder, RunRecord};
 use petzval_design::setup::Setup;
@@ -114,7 +114,10 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             let out = request.out.join("comparison.html");
             // The page is made anew with every run that was added.
             let context = context.clone().overwriting(true);
-            match compare::run(&compare::Request { runs: finished, out: out.clone(), csv: None }, &context) {
+            match compare::run(
+                &compare::Request { runs: finished, out: out.clone(), ..compare::Request::default() },
+                &context,
+            ) {
                 Ok(compared) => Some(compared),
                 Err(error) => {
                     failed.push((out, error.to_string()));
@@ -129,7 +132,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 /// Begins a run, or goes on with what is there of it.
 fn one(request: &Request, name: &str, seed: u64, root: &Path) -> design::Request {
     let run = match RunFolder::open(root) {
-        Ok(_) => Run::Resume(Resume { run: root.to_owned(), extend_to: None }),
+        Ok(_) => Run::Resume(Resume { run: root.to_owned(), ..Resume::default() }),
         Err(_) => Run::New(new_run(request, name, seed, root)),
     };
     design::Request { run, device: request.device.clone() }
@@ -156,9 +159,8 @@ fn refuse_other_run(root: &Path, new: &NewRun, request: &Request, context: &Cont
     let Some(record) = RunRecord::read(&run)? else { return Ok(()) };
     let asked = design::resolved(new, context)?;
     let unnamed = |mut experiment: Experiment| {
-        let inputs =
-            experiment.inputs_mut().filter(|(key, _)| !["photos", "data"].contains(&key[0].as_str()));
-        inputs.for_each(|(_, name)| name.clear());
+        let is_built_in = |name: &str| [BUILT_IN_PHOTOS, STREET].contains(&name);
+        experiment.inputs_mut().filter(|(_, name)| !is_built_in(name)).for_each(|(_, name)| name.clear());
         experiment
     };
     let hint = "choose another folder with --out, or ask for the same";
@@ -174,7 +176,7 @@ fn refuse_other_run(root: &Path, new: &NewRun, request: &Request, context: &Cont
         return Err(JobError::input(message, hint));
     }
     let setup = Setup::new(asked, &context.assets, context.device(&request.device)?)?;
-    check_inputs(&setup, &run).map_err(|error| JobError::input(error.to_string(), hint))
+    check_inputs(&setup, &run).map(|_| ()).map_err(|error| JobError::input(error.to_string(), hint))
 }
 
 fn is_finished(root: &Path) -> bool {

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use petzval_learn::dataset::{CropPlan, LabelledPictures, List, PictureWindows, Wanted};
+use petzval_learn::dataset::{CropPlan, LabelledPictures, List, PictureWindows, Purpose, Wanted};
 
 const CROP: usize = 64;
 
@@ -45,7 +45,7 @@ fn folder(path: &Path, count: usize, category: &str) {
 
 fn load(path: &Path, crop: usize) -> Result<(LabelledPictures, Vec<String>), String> {
     let classes = ["pedestrian", "vehicle"];
-    LabelledPictures::load(path, Wanted::PeopleAndVehicles, &classes, crop, 8.0, true)
+    LabelledPictures::load(path, Wanted::PeopleAndVehicles, &classes, crop, 8.0, Purpose::ValidatedTraining)
         .map_err(|e| e.to_string())
 }
 
@@ -65,8 +65,14 @@ fn windows_hold_the_light_and_the_boxes_of_their_pictures() {
     assert_eq!([List::Training, List::Validation, List::HeldOut].map(|list| pictures.count(list)), [9, 3, 3]);
     // Without validations all others train.
     let classes = ["pedestrian", "vehicle"];
-    let all =
-        LabelledPictures::load(folder_path.path(), Wanted::PeopleAndVehicles, &classes, CROP, 8.0, false);
+    let all = LabelledPictures::load(
+        folder_path.path(),
+        Wanted::PeopleAndVehicles,
+        &classes,
+        CROP,
+        8.0,
+        Purpose::Training,
+    );
     let all = all.unwrap().0;
     assert_eq!([List::Training, List::Validation, List::HeldOut].map(|list| all.count(list)), [12, 0, 3]);
     let crops = CropPlan { surround: 4, ..CropPlan::on_1920x1200(CROP, 10) };
@@ -106,7 +112,14 @@ fn folders_that_cannot_train_or_score_a_detector_are_refused() {
     let text = std::fs::read_to_string(other.path().join("annotations.json")).unwrap();
     // What is too small to count is as good as not there.
     let classes = ["pedestrian", "vehicle"];
-    let small = LabelledPictures::load(other.path(), Wanted::PeopleAndVehicles, &classes, CROP, 500.0, true);
+    let small = LabelledPictures::load(
+        other.path(),
+        Wanted::PeopleAndVehicles,
+        &classes,
+        CROP,
+        500.0,
+        Purpose::ValidatedTraining,
+    );
     assert!(small.unwrap_err().to_string().contains("500 pixels or more"));
     std::fs::write(other.path().join("annotations.json"), text.replace("\"car\"", "\"goat\"")).unwrap();
     let nothing = load(other.path(), CROP).unwrap_err();
@@ -129,10 +142,14 @@ fn a_few_sequences_are_enough_and_the_last_is_held_out() {
     let four = tempfile::tempdir().unwrap();
     folder(four.path(), 7, "person");
     mark(four.path(), |i| format!(r#""sequence": "drive-{}""#, i.div_ceil(2)));
-    for (validated, counts) in [(true, [4, 2, 1]), (false, [6, 0, 1])] {
+    for (purpose, counts) in [
+        (Purpose::ValidatedTraining, [4, 2, 1]),
+        (Purpose::Training, [6, 0, 1]),
+        (Purpose::Scores, [0, 0, 7]),
+    ] {
         let classes = ["pedestrian", "vehicle"];
         let wanted = Wanted::PeopleAndVehicles;
-        let pictures = LabelledPictures::load(four.path(), wanted, &classes, CROP, 8.0, validated).unwrap().0;
+        let pictures = LabelledPictures::load(four.path(), wanted, &classes, CROP, 8.0, purpose).unwrap().0;
         assert_eq!(
             [List::Training, List::Validation, List::HeldOut].map(|list| pictures.count(list)),
             counts
@@ -238,7 +255,10 @@ fn validation_sees_no_film_that_is_trained_on_if_there_is_a_second_one() {
 fn the_fingerprint_is_that_of_the_files_content() {
     let path = tempfile::tempdir().unwrap();
     folder(path.path(), 15, "person");
-    let print = || load(path.path(), CROP).unwrap().0.fingerprint();
+    let print = || {
+        let pictures = load(path.path(), CROP).unwrap().0;
+        pictures.files().map(|files| pictures.fingerprint(&files))
+    };
     let before = print().unwrap();
     assert_eq!(before, print().unwrap());
     // One byte of the same file.
@@ -247,7 +267,7 @@ fn the_fingerprint_is_that_of_the_files_content() {
     bytes[60] ^= 1;
     let loaded = load(path.path(), CROP).unwrap().0;
     std::fs::write(&picture, &bytes).unwrap();
-    assert_ne!(loaded.fingerprint().unwrap(), before);
+    assert_ne!(loaded.fingerprint(&loaded.files().unwrap()), before);
     std::fs::remove_file(&picture).unwrap();
-    assert!(loaded.fingerprint().unwrap_err().to_string().contains("03.png"));
+    assert!(loaded.files().unwrap_err().to_string().contains("03.png"));
 }

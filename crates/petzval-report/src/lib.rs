@@ -11,6 +11,7 @@
 //! | [`sensor_sheet`] | the characterisation of a sensor |
 //! | [`psf_calibration_sheet`] | measured PSFs beside simulated ones |
 //! | [`comparison`] | several runs |
+//! | [`side_by_side`] | one picture by several cameras |
 //! | [`isp_strip`] | the stages of an ISP |
 //! | [`chart_sheet`] | a developed test chart: colours, noise, sharpness |
 //! | [`mtf_sheet`] | the MTF at slanted edges |
@@ -44,5 +45,6 @@ mod rgb_picture;
 #[cfg(test)]
 mod sample;
 pub mod sensor_sheet;
+pub mod side_by_side;
 mod table;
 pub mod tolerance_sheet;

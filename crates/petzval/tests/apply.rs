@@ -10,7 +10,20 @@ fn own_pictures_go_whole_through_the_cameras_of_a_run() {
     tiny_run(folder.path(), "run", &[]);
     let photo = data("photos/coffee.png").display().to_string();
 
-    // A photograph fills the sensor; every camera makes a picture of its own.
+    // A photograph fills the sensor; every camera makes a picture of its own, and a page shows them side by side.
+    let all = run_ok(folder.path(), &["apply", "run", &photo, "--out", "all", "--json"]).json();
+    let cameras: Vec<&str> = all["pictures"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|picture| picture["camera"].as_str().unwrap())
+        .collect();
+    assert_eq!(cameras, ["nominal", "spot-optimised", "end-to-end"]);
+    assert_eq!(all["pages"], serde_json::json!(["all/coffee-side-by-side.html"]));
+    let page = std::fs::read_to_string(folder.path().join("all/coffee-side-by-side.html")).unwrap();
+    // The scene and three cameras, whole and at three places.
+    assert_eq!(page.matches("<img").count(), 16);
+    assert!(["the scene", "nominal", "spot-optimised", "end-to-end"].iter().all(|name| page.contains(name)));
     let both = ["--camera", "nominal", "--camera", "end-to-end", "--out", "applied"];
     let done = run_ok(folder.path(), &[&["apply", "run", &photo, "--json"], &both[..]].concat()).json();
     assert_eq!(done["pictures"].as_array().unwrap().len(), 2, "{done}");

@@ -17,7 +17,7 @@ fn all_experiments_are_run_with_every_seed_and_compared_and_the_same_command_goe
         assert!(folder.path().join("all").join(run).join("metrics.json").is_file(), "{run}");
     }
     let text = &said.stdout;
-    assert_eq!(text.matches("\n## ").count() + usize::from(text.starts_with("## ")), 2, "{text}");
+    assert_eq!(text.matches("\n## ").count(), 2, "{text}");
     assert!(text.contains("Seeds 1, 2, 4 steps") && text.contains("| against |"), "{text}");
     // Means and deviations are those of the runs.
     let psnr = |run: &str| {
@@ -29,6 +29,11 @@ fn all_experiments_are_run_with_every_seed_and_compared_and_the_same_command_goe
     assert!(text.contains(&wanted), "{wanted} in {text}");
     let page = read(&folder.path().join("all/comparison.html"));
     assert!(page.contains("Runs compared") && page.contains("Dim Cooke") && page.contains("<img"));
+    // What differs between the experiments has columns of its own.
+    let head = "| experiment | seeds | exposure.white_e | camera |";
+    assert!(text.starts_with("What differs between the runs") && text.contains(head), "{text}");
+    let row = "| Dim Cooke triplet for image quality, with a software ISP | 1 2 | 8000";
+    assert!(text.contains(row) && page.contains("exposure.white_e"), "{text}");
 
     // Finished runs are kept as they are; what is missing is made.
     let before = snapshot(&folder.path().join("all/tiny-seed-1"));
@@ -43,7 +48,7 @@ fn all_experiments_are_run_with_every_seed_and_compared_and_the_same_command_goe
     let dim = read(&folder.path().join("dim.toml"));
     for (key, other, said) in [
         ("lens", "cooke-triplet-spot", "another lens than cooke-triplet-spot"),
-        ("sensor", "imx249-calibrated", "not those that this run began with"),
+        ("sensor", "imx249-calibrated", "not those that this run began with: the sensor"),
     ] {
         let mut changed: toml::Table = dim.parse().unwrap();
         changed.insert(key.to_owned(), toml::Value::String(other.to_owned()));
@@ -53,7 +58,10 @@ fn all_experiments_are_run_with_every_seed_and_compared_and_the_same_command_goe
     std::fs::write(folder.path().join("dim.toml"), &dim).unwrap();
     run_fails(folder.path(), &["compare", "all/dim-seed-1", "all/dim-seed-1"], 2, &["same seed"]);
     let json = run_ok(folder.path(), &["compare", "all/dim-seed-1", "all/dim-seed-2", "--json"]).json();
-    assert_eq!(json[0]["seeds"], serde_json::json!([1, 2]));
+    assert_eq!(
+        (&json[0]["seeds"], &json[0]["differs"]),
+        (&serde_json::json!([1, 2]), &serde_json::json!([]))
+    );
     assert!(folder.path().join("comparison.html").is_file());
 
     // The same figures as comma-separated values: of both seeds together, and of one without a deviation.
@@ -79,6 +87,8 @@ fn all_experiments_are_run_with_every_seed_and_compared_and_the_same_command_goe
         (at(&one, 1, "psnr_db_mean"), at(&one, 1, "psnr_db_deviation")),
         (a.to_string(), String::new())
     );
+    let apart = csv(&["all/tiny-seed-1", "all/dim-seed-1"]);
+    assert_eq!((apart.len(), at(&apart, 1, "exposure.white_e")), (7, "16000.0".to_owned()));
     let rows = read_json(&folder.path().join("all/tiny-seed-1/metrics.json"))["rows"].clone();
     assert_eq!(at(&one, 1, "efl_mm_mean"), rows[0]["efl_mm"].as_f64().unwrap().to_string());
     run_fails(

@@ -47,6 +47,7 @@ fn a_run_writes_all_its_files() {
         "cameras",
         "checkpoints",
         "config.toml",
+        "digests.json",
         "environment.json",
         "events.jsonl",
         "inputs",
@@ -232,7 +233,8 @@ fn a_folder_of_pictures_and_files_of_ones_own_run_again_from_anywhere() {
     let photo = inside.join("my-photos/coffee.png");
     std::fs::copy(data("photos/china.png"), &photo).unwrap();
     for verb in [&["evaluate", "inside/run"][..], &["design", "--resume", "inside/run"]] {
-        run_fails(folder.path(), verb, 2, &["inputs/sha256", "not those that this run began with"]);
+        let needles = ["inputs/sha256", "not those that this run began with: the picture coffee.png ("];
+        run_fails(folder.path(), verb, 2, &needles);
     }
     run_ok(folder.path(), &["report", "inside/run"]);
     std::fs::copy(data("photos/coffee.png"), &photo).unwrap();
@@ -247,7 +249,8 @@ fn a_folder_of_pictures_and_files_of_ones_own_run_again_from_anywhere() {
     let other = lens.replace("thickness_mm = 4.014", "thickness_mm = 4.015");
     assert_ne!(other, lens);
     std::fs::write(&kept, other).unwrap();
-    run_fails(folder.path(), &["evaluate", "inside/run"], 2, &["not those that this run began with"]);
+    let needles = ["not those that this run began with: the lens of nominal"];
+    run_fails(folder.path(), &["evaluate", "inside/run"], 2, &needles);
 }
 
 #[test]
@@ -326,7 +329,9 @@ fn scoring_again_gives_the_same_figures_and_changes_nothing() {
     let mut metrics = read_json(&run.join("metrics.json"));
     metrics["rows"][2]["psnr_db"] = serde_json::json!(99.0);
     std::fs::write(run.join("metrics.json"), metrics.to_string()).unwrap();
-    let again = run_ok(folder.path(), &["evaluate", "run", "--json"]).json();
+    let said = run_ok(folder.path(), &["evaluate", "run", "--json"]);
+    assert!(said.says("run: metrics.json is not as the run wrote it"), "{}", said.stderr);
+    let again = said.json();
     assert!(again["largest_difference_from_run"].as_f64().unwrap() > 10.0);
     assert_eq!(again["largest_difference_of"], "end-to-end PSNR dB");
 }

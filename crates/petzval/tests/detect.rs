@@ -4,7 +4,7 @@ mod common;
 
 use std::path::Path;
 
-use common::{read, read_json, run_fails, run_ok};
+use common::{copy_folder, read, read_json, run_fails, run_ok};
 
 /// An experiment that runs in seconds.
 const TINY: &str = r#"
@@ -264,11 +264,32 @@ fn a_folder_with_boxes_takes_the_place_of_the_streets() {
     assert!(said.says("3 windows of 8 pictures in training, 3 windows of 2 in scores"), "{}", said.stderr);
     assert!(read(&root.join("run/config.toml")).contains("data = "));
     run_ok(root, &["evaluate", "run"]);
+    // Its camera on other labelled pictures: all of them are held out, and scores have ranges.
+    std::fs::create_dir(root.join("other")).unwrap();
+    write_lights(&root.join("other"));
+    let other = read(&root.join("other/annotations.json"));
+    std::fs::write(
+        root.join("other/annotations.json"),
+        other.replace("[20, 20, 20, 40]", "[21, 20, 20, 40]"),
+    )
+    .unwrap();
+    let said = run_ok(root, &["evaluate", "run", "--data", "other/annotations.json", "--json"]);
+    assert!(said.says("3 windows of 10 pictures in scores"), "{}", said.stderr);
+    let found = said.json();
+    assert_eq!(found["other_pictures"], "other/annotations.json");
+    let row = &found["metrics"]["rows"][0];
+    assert!(row["ap50"].is_f64() && row["intervals"]["ap50"][0].is_f64(), "{row}");
+    // The same pictures elsewhere are those of the run.
+    copy_folder(&root.join("in"), &root.join("moved"));
+    let moved = run_ok(root, &["evaluate", "run", "--data", "moved"]);
+    assert!(moved.stdout.contains("own figures: 0.000e0"), "{}", moved.stdout);
+    run_fails(root, &["evaluate", "run", "--photos", "in"], 2, &["--photos", "the run looks for objects"]);
     // A run goes on with the pictures that it began with, or not at all.
     let text = read(&root.join("in/annotations.json"));
     std::fs::write(root.join("in/annotations.json"), text.replace("[20, 20, 20, 40]", "[21, 20, 20, 40]"))
         .unwrap();
-    run_fails(root, &["evaluate", "run"], 2, &["not those that this run began with"]);
+    let needles = ["not those that this run began with: the boxes of the pictures"];
+    run_fails(root, &["evaluate", "run"], 2, &needles);
     // Mistakes of the data are named.
     std::fs::write(root.join("in/annotations.json"), "{\"images\": [}").unwrap();
     run_fails(root, &["design", "tiny.toml", "--data", "in", "--out", "b"], 2, &["annotations.json"]);

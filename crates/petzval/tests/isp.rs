@@ -431,6 +431,18 @@ fn spoiled_settings_are_tuned_back_and_a_resumed_search_is_the_same() {
     };
     assert_eq!(without_time("parts"), without_time("whole"));
 
+    // A finished search stays as it is: its budget is kept with it.
+    let finished = run_ok(folder.path(), &["isp", "tune", "--resume", "parts", "--json"]);
+    assert!(finished.says("nothing is left"), "{}", finished.stderr);
+    assert_eq!(finished.json()["evaluations"], whole["evaluations"]);
+    assert_eq!(without_time("parts"), without_time("whole"));
+    run_fails(
+        folder.path(),
+        &["isp", "tune", "--resume", "parts", "--evaluations", "0"],
+        2,
+        &["--evaluations 0"],
+    );
+
     // A folder that holds a search, and one whose frames have changed.
     let again = ["isp", "tune", "raws", "--reference", "reference", "--out", "whole"];
     run_fails(folder.path(), &again, 2, &["--out whole", "already holds a search"]);
@@ -627,7 +639,8 @@ fn a_signal_stops_searches_and_trainings_with_an_isp_that_hangs_and_both_resume(
     let history = |name: &str| read_json(&folder.path().join(name)).as_array().unwrap().len();
     assert_eq!(history("search/history.json"), 1);
     write_hanging(&lab, 1000);
-    run_ok(folder.path(), &["isp", "tune", "--resume", "search", "--evaluations", "13"]);
+    // As many settings as the search began with.
+    run_ok(folder.path(), &["isp", "tune", "--resume", "search"]);
     assert_eq!(history("search/history.json"), 2);
 
     // The second step is interrupted.

@@ -14,7 +14,7 @@ pub use tables::{
 pub(crate) use tables::{OF_THE_WHOLE_FRAME, places_of};
 pub use variants::{Goal, SCENE, ScheduleConfig, StageConfig, VariantConfig, standard_variants};
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use petzval_base::parameter::Parameters;
 use petzval_base::{FileError, nearest, quote};
@@ -544,6 +544,14 @@ impl Experiment {
         found
     }
 
+    /// Every value by its key, such as `psf.grid` and `variant.0.name`.
+    pub fn values(&self) -> BTreeMap<String, String> {
+        let whole = toml::Value::Table(toml::Table::try_from(self).unwrap_or_default());
+        let mut found = BTreeMap::new();
+        add_values("", &whole, &mut found);
+        found
+    }
+
     /// The experiment with one variant alone, and those that it needs: from which it starts, or like whose pictures its own are zoomed.
     /// `None` if it has none of that name.
     pub fn only(&self, name: &str) -> Option<Self> {
@@ -612,6 +620,19 @@ fn differences(
         }
         _ if one == other => {}
         _ => found.push((path.to_owned(), other.map_or("not there".to_owned(), |v| quote(&v.to_string())))),
+    }
+}
+
+/// Adds the values below a path by their keys.
+fn add_values(path: &str, value: &toml::Value, found: &mut BTreeMap<String, String>) {
+    use toml::Value;
+    let below = |key: &str| if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") };
+    match value {
+        Value::Table(table) => table.iter().for_each(|(key, value)| add_values(&below(key), value, found)),
+        Value::Array(all) if all.iter().any(Value::is_table) => {
+            all.iter().enumerate().for_each(|(i, value)| add_values(&below(&i.to_string()), value, found));
+        }
+        _ => drop(found.insert(path.to_owned(), value.to_string())),
     }
 }
 

@@ -119,7 +119,14 @@ impl ProxyTrainer {
         let value = losses.picture + losses.difference;
         if !value.is_finite() {
             let (camera, step) = (isp.name().to_owned(), step as u64);
-            return Err(DesignError::Diverged { camera, block: "proxy", step, value });
+            return Err(DesignError::Diverged {
+                camera,
+                block: "proxy",
+                step,
+                value,
+                first: None,
+                hint: "; hint: lower the learning rate",
+            });
         }
         let loss = picture + difference * DIFFERENCE_WEIGHT;
         let network = &self.proxy.network;

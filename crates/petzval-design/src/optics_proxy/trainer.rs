@@ -100,7 +100,14 @@ impl ProxyOpticsTrainer {
         let value = losses.psf + losses.slope + losses.illumination;
         if !value.is_finite() {
             let (camera, step) = ("the network of the optics".to_owned(), step as u64);
-            return Err(DesignError::Diverged { camera, block: "proxy", step, value });
+            return Err(DesignError::Diverged {
+                camera,
+                block: "proxy",
+                step,
+                value,
+                first: None,
+                hint: "; hint: lower the learning rate",
+            });
         }
         let gradients = GradientsParams::from_grads((psf + slope + light).backward(), &self.proxy.network);
         let rate = cosine_rate(LEARNING_RATE, FINAL_LEARNING_RATE, step, self.training.steps);

@@ -3,18 +3,19 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::{RunFolder, write_file};
+use super::{Digests, EventsDigest, RunFolder, write_file};
 use crate::block::{Block, BlockName, BlockState};
 use crate::error::DesignError;
 
 const PREFIX: &str = "step-";
 
 /// Writes a checkpoint with `fill`, which writes whole files, into a hidden folder, then moves it to `checkpoints/step-N`; removes
-/// all but the `keep` latest.
+/// all but the `keep` latest. `events`: the digest of the events until then.
 pub fn save_checkpoint(
     run: &RunFolder,
     step: u64,
     keep: usize,
+    events: Option<EventsDigest>,
     fill: impl FnOnce(&Path) -> Result<(), DesignError>,
 ) -> Result<(), DesignError> {
     let root = run.checkpoints();
@@ -30,8 +31,11 @@ pub fn save_checkpoint(
     }
     fs::create_dir_all(&hidden).map_err(DesignError::io(&hidden))?;
     fill(&hidden)?;
+    let mut digests = Digests::of_folder(&hidden)?;
+    digests.events = events;
+    digests.write(&hidden)?;
     fs::rename(&hidden, &last).map_err(DesignError::io(&last))?;
-    for (_, old) in all_checkpoints(&root)?.iter().rev().skip(keep) {
+    for (_, old) in all_checkpoints(run)?.iter().rev().skip(keep) {
         fs::remove_dir_all(old).map_err(DesignError::io(old))?;
     }
     Ok(())
@@ -39,10 +43,12 @@ pub fn save_checkpoint(
 
 /// The latest complete checkpoint and its step.
 pub fn latest_checkpoint(run: &RunFolder) -> Result<Option<(u64, PathBuf)>, DesignError> {
-    Ok(all_checkpoints(&run.checkpoints())?.pop())
+    Ok(all_checkpoints(run)?.pop())
 }
 
-fn all_checkpoints(root: &Path) -> Result<Vec<(u64, PathBuf)>, DesignError> {
+/// All checkpoints with their steps, the latest last.
+pub fn all_checkpoints(run: &RunFolder) -> Result<Vec<(u64, PathBuf)>, DesignError> {
+    let root = &run.checkpoints();
     let mut found = Vec::new();
     for entry in fs::read_dir(root).map_err(DesignError::io(root))? {
         let path = entry.map_err(DesignError::io(root))?.path();
@@ -53,6 +59,17 @@ fn all_checkpoints(root: &Path) -> Result<Vec<(u64, PathBuf)>, DesignError> {
     }
     found.sort();
     Ok(found)
+}
+
+/// Puts a damaged checkpoint out of the way: the run comes by its step again. Returns its new name.
+pub fn set_aside(checkpoint: &Path) -> Result<PathBuf, DesignError> {
+    let name = checkpoint.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let aside = checkpoint.with_file_name(format!("damaged-{name}"));
+    if aside.exists() {
+        fs::remove_dir_all(&aside).map_err(DesignError::io(&aside))?;
+    }
+    fs::rename(checkpoint, &aside).map_err(DesignError::io(&aside))?;
+    Ok(aside)
 }
 
 /// Writes blocks that have free numbers into a folder: `blocks/NAME/PART`. A finished camera keeps their free numbers; a checkpoint also keeps how far

@@ -6,7 +6,9 @@ use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
 
+use super::{EventsDigest, hex};
 use crate::error::DesignError;
 
 /// One step of one block.
@@ -29,35 +31,76 @@ pub struct Event {
     pub seconds: f64,
 }
 
-/// An open event log.
+/// An open event log, with the digest of all that is in it.
 pub struct EventLog {
     file: fs::File,
     path: std::path::PathBuf,
+    hash: Sha256,
+    bytes: u64,
 }
 
 impl EventLog {
     /// Opens the log for appending behind the events up to `step`; later ones, of a run that went on
     /// after its last checkpoint and was killed, are taken away.
     pub fn resume(path: &Path, step: u64) -> Result<Self, DesignError> {
-        if path.exists() {
-            let kept: Vec<Event> = read_events(path)?.into_iter().filter(|e| e.step <= step).collect();
-            let mut text = String::new();
-            for event in &kept {
-                text.push_str(&line_of(event)?);
-                text.push('\n');
-            }
-            super::write_file(path, text.as_bytes())?;
+        if !path.exists() {
+            return Self::open(path, &[]);
         }
+        let text = petzval_base::read_text(path).map_err(DesignError::io(path))?;
+        let events = read_events(path)?;
+        // The lines themselves stay as they are.
+        let lines = text.split_inclusive('\n').zip(&events).filter(|(_, event)| event.step <= step);
+        let mut kept: String = lines.map(|(line, _)| line).collect();
+        if !kept.is_empty() && !kept.ends_with('\n') {
+            kept.push('\n');
+        }
+        super::write_file(path, kept.as_bytes())?;
+        Self::open(path, kept.as_bytes())
+    }
+
+    /// Opens the log for appending behind its first bytes, if they agree with the digest of a checkpoint; what follows them is taken away.
+    /// None if they do not agree, or are not there.
+    pub fn resume_at(path: &Path, until: &EventsDigest) -> Result<Option<Self>, DesignError> {
+        let mut bytes = match path.exists() {
+            true => petzval_base::read_whole(path).map_err(DesignError::io(path))?,
+            false => Vec::new(),
+        };
+        let is_longer = bytes.len() as u64 > until.bytes;
+        bytes.truncate(until.bytes as usize);
+        if bytes.len() as u64 != until.bytes || hex(Sha256::new_with_prefix(&bytes)) != until.sha256 {
+            return Ok(None);
+        }
+        if is_longer {
+            super::write_file(path, &bytes)?;
+        }
+        Self::open(path, &bytes).map(Some)
+    }
+
+    /// Opens the log, which holds these bytes.
+    fn open(path: &Path, bytes: &[u8]) -> Result<Self, DesignError> {
         let file = fs::OpenOptions::new().create(true).append(true).open(path);
-        Ok(Self { file: file.map_err(DesignError::io(path))?, path: path.to_path_buf() })
+        Ok(Self {
+            file: file.map_err(DesignError::io(path))?,
+            path: path.to_path_buf(),
+            hash: Sha256::new_with_prefix(bytes),
+            bytes: bytes.len() as u64,
+        })
     }
 
     /// Adds an event, without losses that are not finite: JSON has no such numbers, and the line could not be read again.
     pub fn write(&mut self, event: &Event) -> Result<(), DesignError> {
         let mut event = event.clone();
         event.losses.retain(|_, loss| loss.is_finite());
-        let line = line_of(&event)?;
-        writeln!(self.file, "{line}").map_err(DesignError::io(&self.path))
+        let line = line_of(&event)? + "\n";
+        self.hash.update(&line);
+        self.bytes += line.len() as u64;
+        self.file.write_all(line.as_bytes()).map_err(DesignError::io(&self.path))
+    }
+
+    /// The digest of all events so far, which are on the disk then.
+    pub fn digest(&self) -> Result<EventsDigest, DesignError> {
+        self.file.sync_data().map_err(DesignError::io(&self.path))?;
+        Ok(EventsDigest { bytes: self.bytes, sha256: hex(self.hash.clone()) })
     }
 }
 
@@ -113,5 +156,38 @@ mod tests {
         let said = EventLog::resume(&path, 3).err().unwrap().to_string();
         assert!(said.contains("events.jsonl") && said.contains("line 2"), "{said}");
         assert_eq!(fs::read_to_string(&path).unwrap().lines().count(), 3, "nothing is lost");
+    }
+
+    #[test]
+    fn a_log_goes_on_behind_the_digest_of_a_checkpoint_and_not_where_it_was_changed() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("events.jsonl");
+        let event = |step: u64| Event {
+            step,
+            camera: "a".to_owned(),
+            block: "network".to_owned(),
+            losses: BTreeMap::from([("loss".to_owned(), 0.1 + 0.2)]),
+            lowered: Vec::new(),
+            learning_rate: 1e-3,
+            seconds: 0.1,
+        };
+        let mut log = EventLog::resume(&path, 0).unwrap();
+        (1..=2).for_each(|step| log.write(&event(step)).unwrap());
+        let until = log.digest().unwrap();
+        let (two, whole) = (fs::read(&path).unwrap(), {
+            log.write(&event(3)).unwrap();
+            fs::read(&path).unwrap()
+        });
+        drop(log);
+        assert_eq!(until.bytes, two.len() as u64);
+        // The third event came after the checkpoint, and is taken away.
+        let again = EventLog::resume_at(&path, &until).unwrap().unwrap();
+        assert_eq!((again.digest().unwrap(), fs::read(&path).unwrap()), (until.clone(), two.clone()));
+        drop(again);
+        for changed in [&two[..two.len() - 1], &whole[1..], b""] {
+            fs::write(&path, changed).unwrap();
+            assert!(EventLog::resume_at(&path, &until).unwrap().is_none());
+            assert_eq!(fs::read(&path).unwrap(), changed, "nothing is lost");
+        }
     }
 }

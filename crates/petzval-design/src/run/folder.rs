@@ -92,6 +92,11 @@ impl RunFolder {
         self.root.join("inputs").join("sha256")
     }
 
+    /// The inputs one by one.
+    pub fn input_list(&self) -> PathBuf {
+        self.root.join("inputs").join("inputs.json")
+    }
+
     /// The lens that the run began with, glasses included.
     pub fn nominal_lens(&self) -> PathBuf {
         self.root.join("inputs").join("lens.toml")
@@ -130,6 +135,11 @@ impl RunFolder {
     /// Figures of cameras as they are made.
     pub fn tolerance(&self) -> PathBuf {
         self.root.join("tolerance.json")
+    }
+
+    /// The files of figures and events that have a digest in the run folder.
+    pub fn figures(&self) -> [PathBuf; 3] {
+        [self.metrics(), self.tolerance(), self.events()]
     }
 
     /// The report.

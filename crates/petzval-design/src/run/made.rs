@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use petzval_learn::score::ScoreDescription;
 use serde::{Deserialize, Serialize};
 
-use super::{RunFolder, write_file};
+use super::{RunFolder, note_digests, write_file};
 use crate::error::DesignError;
 
 /// Random cameras of every design of a run, whose lenses are off by their tolerances.
@@ -77,6 +77,7 @@ impl MadeMetrics {
 
     /// Writes them into the folder of their run.
     pub fn write(&self, run: &RunFolder) -> Result<(), DesignError> {
-        write_file(&run.tolerance(), DesignError::json("the figures of made cameras", self)?.as_bytes())
+        write_file(&run.tolerance(), DesignError::json("the figures of made cameras", self)?.as_bytes())?;
+        note_digests(run, &[run.tolerance()])
     }
 }

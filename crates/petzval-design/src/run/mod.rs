@@ -3,9 +3,11 @@
 //! `config.toml` (resolved, re-runnable), `run.json` (what the run was begun with, and when), `environment.json`, `inputs/`, `events.jsonl` (one line a step),
 //! `checkpoints/step-N/`, `lens/step-N.toml`, `cameras/<name>/` (lens and network of each finished
 //! camera), `pictures/` (held-out pictures), `metrics.json`, `tolerance.json` (scores of cameras as
-//! made, if the run was evaluated with tolerances), `report.html`.
+//! made, if the run was evaluated with tolerances), `report.html`. `digests.json` in a checkpoint, in a camera and in the run folder
+//! itself has the SHA-256 of the files there.
 
 mod checkpoint;
+mod digests;
 mod events;
 mod folder;
 mod made;
@@ -13,7 +15,11 @@ mod metrics;
 mod record;
 
 pub use checkpoint::{
-    Kept, latest_checkpoint, load_blocks, load_state, save_blocks, save_checkpoint, save_state,
+    Kept, all_checkpoints, latest_checkpoint, load_blocks, load_state, save_blocks, save_checkpoint,
+    save_state, set_aside,
+};
+pub use digests::{
+    ChangedFile, DigestCheck, Digests, EventsDigest, forget_digests, hex, note_digests, sha256_of_file,
 };
 pub use events::{Event, EventLog, read_events};
 pub use folder::{RunFolder, write_file};

@@ -6,7 +6,7 @@ use std::time::{Duration, SystemTime};
 use petzval_base::FileError;
 use serde::{Deserialize, Serialize};
 
-use super::{RunFolder, write_file};
+use super::{RunFolder, forget_digests, write_file};
 use crate::error::DesignError;
 use crate::experiment::Experiment;
 
@@ -141,6 +141,7 @@ pub fn extend_run(run: &RunFolder, record: RunRecord, longer: Experiment) -> Res
             std::fs::remove_file(&stale).map_err(DesignError::io(&stale))?;
         }
     }
+    forget_digests(run)?;
     write_file(&run.config(), longer.to_toml()?.as_bytes())?;
     RunRecord { config: longer, finished: None, ..record }.write(run)
 }

@@ -8,7 +8,7 @@ use petzval_design::camera::Camera;
 use petzval_design::design_loop::set_detector_view;
 use petzval_design::error::DesignError;
 use petzval_design::experiment::{DetectorConfig, TaskKind};
-use petzval_design::run::{Kept, RunFolder, load_blocks};
+use petzval_design::run::{DigestCheck, Kept, RunFolder, load_blocks};
 use petzval_design::run_report::camera_lens;
 use petzval_design::setup::Setup;
 use petzval_learn::Device;
@@ -59,11 +59,13 @@ pub struct Finder {
     pub task: Option<TaskKind>,
 }
 
-/// The detector of a request, and a camera for its first raw frame and all others.
+/// The detector of a request, and a camera for its first raw frame and all others. `accepted`: files of the run that may differ from their
+/// digests.
 pub fn finder(
     source: &Source,
     raw: Option<&PathBuf>,
     device: &Device,
+    accepted: &[String],
     context: &Context,
 ) -> Result<Finder, JobError> {
     match source {
@@ -87,6 +89,8 @@ pub fn finder(
                 let hint = format!("finished are {}", finished.join(", "));
                 return Err(JobError::setting("camera", name, message, hint));
             }
+            let warn = |text: &str| context.warning(text);
+            DigestCheck::new(&folder, accepted, &warn).check_cameras([name])?;
             let task = experiment.task;
             let DetectorConfig { kind, backbone, .. } = experiment.detector;
             let classes = experiment.task.classes();

@@ -50,6 +50,9 @@ pub struct Request {
     pub out: Option<PathBuf>,
     /// Device of the tensors.
     pub device: String,
+    /// Files or folders of the run, by their path below it, that may differ from their digests.
+    #[serde(default)]
+    pub accept_changed: Vec<String>,
 }
 
 /// What was found.
@@ -116,7 +119,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         check_folder(out, ["detections.json", ANNOTATIONS], context)?;
     }
     let raw = looked.iter().map(|l| &l.file).find(|file| is_raw(file));
-    let finder = finder(&request.detector, raw, &device, context)?;
+    let finder = finder(&request.detector, raw, &device, &request.accept_changed, context)?;
     let detector = finder.network.detector().ok_or_else(|| JobError::failed("the network is no detector"))?;
     let labelled = labelled.map(|data| in_classes_of(&finder, data, context)).transpose()?;
     let (mut pictures, mut results, mut images, mut unread) =

@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use petzval_camera::image::{CHANNELS, LinearImage};
-use petzval_files::coco::{Image, check_pictures, content_digest, load_coco};
+use petzval_files::coco::{Image, check_pictures, load_coco};
 use petzval_files::load_image;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use super::crop::around;
 use super::labelled_window::{LARGEST_SHARE, LEAST_INSIDE, crop_around, drawn_by_class, inside, off_middle};
 use super::named_objects::{taken_as, truth};
-use super::{CropPlan, DatasetError, LabelledWindow, List, Wanted};
+use super::{CropPlan, DatasetError, LabelledWindow, List, PictureFile, Wanted};
 use crate::detection::{BBox, Object, Truth};
 
 /// Where a data set says nothing of its parts: of every so many sequences, the last is held out and the one before it is for validation.
@@ -55,6 +55,17 @@ pub struct PictureWindows {
     pub least_side_px: f64,
 }
 
+/// What the pictures of a folder are for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Purpose {
+    /// Training and scores.
+    Training,
+    /// Training, validation and scores.
+    ValidatedTraining,
+    /// Scores alone: all of them are held out.
+    Scores,
+}
+
 impl LabelledPictures {
     /// Reads the annotations of a folder and checks its pictures. Returned with sentences on what of it cannot be used. Fails where nothing is
     /// left to train on or to score with: no picture that holds a window of `crop` pixels, or no object of a class that is wanted whose longer side has
@@ -62,7 +73,7 @@ impl LabelledPictures {
     ///
     /// The parts of the data set (`split`) decide what is held out: everything outside the part `train`, or outside the largest one if none is
     /// called so. Without two parts every fifth sequence is, by name, or the last where there are fewer; a picture that names no sequence is one by
-    /// itself. Where it is `validated`, every
+    /// itself. For [`Purpose::ValidatedTraining`] every
     /// fifth sequence is for validation, or the last of those for training where there are fewer; if not, they are for training.
     pub fn load(
         folder: &Path,
@@ -70,8 +81,10 @@ impl LabelledPictures {
         classes: &[&str],
         crop: usize,
         least_side_px: f64,
-        validated: bool,
+        purpose: Purpose,
     ) -> Result<(Self, Vec<String>), DatasetError> {
+        let validated = purpose == Purpose::ValidatedTraining;
+        let trains = purpose != Purpose::Scores;
         let mut loaded = load_coco(folder)?;
         check_pictures(&mut loaded, &|_| ());
         let mut notes: Vec<String> = loaded.defects.lines(folder).collect();
@@ -82,7 +95,7 @@ impl LabelledPictures {
             all.into_iter().collect()
         };
         let training_part = training_part(&data.images);
-        if data.images.iter().all(|image| image.sequence.is_none()) {
+        if trains && data.images.iter().all(|image| image.sequence.is_none()) {
             notes.push(format!(
                 "{}: no picture names its sequence; if pictures for training and for scoring come from one film, scores are better than \
                  they would be on another",
@@ -90,7 +103,7 @@ impl LabelledPictures {
             ));
         }
         let unnamed = data.images.iter().filter(|image| image.split.is_none()).count();
-        if let Some(part) = training_part.filter(|_| unnamed > 0) {
+        if let Some(part) = training_part.filter(|_| trains && unnamed > 0) {
             notes.push(format!(
                 "{}: {unnamed} pictures name no part, and are held out as everything outside the part `{part}` is",
                 folder.display()
@@ -107,6 +120,7 @@ impl LabelledPictures {
                 continue;
             }
             let list = match list_of(image, training_part, &sequences) {
+                _ if !trains => List::HeldOut,
                 List::Validation if !validated => List::Training,
                 list => list,
             };
@@ -119,7 +133,7 @@ impl LabelledPictures {
         }
         let misfit = |problem: String| DatasetError::Labels { path: folder.to_path_buf(), problem };
         for (name, list) in [("training", &found.training), ("scoring", &found.held_out)] {
-            if list.is_empty() {
+            if list.is_empty() && (trains || name == "scoring") {
                 let why = match small {
                     0 if sequences.len() == 1 => {
                         ": all pictures are of one sequence; `split` names parts".to_owned()
@@ -130,7 +144,7 @@ impl LabelledPictures {
                 return Err(misfit(format!("no picture is left for {name}{why}")));
             }
         }
-        if training_part.is_none() && sequences.len() < PART {
+        if trains && training_part.is_none() && sequences.len() < PART {
             notes.push(format!(
                 "{}: there are fewer than {PART} sequences; the last one is held out, {} pictures, and scores on one sequence say little about others",
                 folder.display(),
@@ -165,7 +179,7 @@ impl LabelledPictures {
             }
         }
         for (k, purpose) in ["training", "scoring"].into_iter().enumerate() {
-            if per_class.iter().all(|counts| counts[k] == 0) {
+            if per_class.iter().all(|counts| counts[k] == 0) && (trains || purpose == "scoring") {
                 let problem = format!(
                     "no box of {} with a longer side of {least_side_px} pixels or more, `street.least_side_px`, is left for {purpose}",
                     classes.join(", ")
@@ -182,7 +196,7 @@ impl LabelledPictures {
             ));
         }
         for (class, [training, held_out]) in classes.iter().zip(&per_class) {
-            if *training == 0 || *held_out == 0 {
+            if trains && (*training == 0 || *held_out == 0) {
                 notes.push(format!(
                     "{}: the class `{class}` has {training} boxes of {least_side_px} pixels or more for training and {held_out} for scoring",
                     folder.display()
@@ -225,26 +239,29 @@ impl LabelledPictures {
         self.list(list).iter().map(|picture| picture.sequence.as_str()).collect()
     }
 
-    /// What identifies the pictures: of each its list, its name, the SHA-256 of its file and its boxes. Reads every file.
-    pub fn fingerprint(&self) -> Result<String, DatasetError> {
+    /// Every picture file. Reads them all.
+    pub fn files(&self) -> Result<Vec<PictureFile>, DatasetError> {
+        let lists = [List::Training, List::Validation, List::HeldOut].into_iter();
+        let all: Vec<(List, &LabelledPicture)> =
+            lists.flat_map(|list| self.list(list).iter().map(move |picture| (list, picture))).collect();
+        all.par_iter().map(|(list, picture)| PictureFile::read(&picture.path, &picture.name, *list)).collect()
+    }
+
+    /// What identifies the pictures: of each its list, its name, the SHA-256 of its file and its boxes. `files`: those of [`Self::files`].
+    pub fn fingerprint(&self, files: &[PictureFile]) -> String {
         let mut text = String::new();
-        for list in [List::Training, List::Validation, List::HeldOut] {
-            let pictures = self.list(list);
-            let digests: Vec<String> =
-                pictures.par_iter().map(|picture| digest(&picture.path)).collect::<Result<_, _>>()?;
-            for (picture, digest) in pictures.iter().zip(digests) {
-                text += &format!("{list:?} {} {digest}", picture.name);
-                for object in &picture.truth.objects {
-                    let BBox { x1, y1, x2, y2 } = object.bbox;
-                    text += &format!(" {} {x1} {y1} {x2} {y2}", object.class);
-                }
-                for BBox { x1, y1, x2, y2 } in &picture.truth.ignored {
-                    text += &format!(" - {x1} {y1} {x2} {y2}");
-                }
-                text.push('\n');
-            }
+        let lists = [List::Training, List::Validation, List::HeldOut].into_iter();
+        let pictures = lists.flat_map(|list| self.list(list).iter().map(move |picture| (list, picture)));
+        for ((list, picture), PictureFile { sha256, .. }) in pictures.zip(files) {
+            text += &format!("{list:?} {} {sha256}{}\n", picture.name, boxes_of(picture));
         }
-        Ok(text)
+        text
+    }
+
+    /// Every picture by its name, with its boxes.
+    pub fn labels(&self) -> String {
+        let all = [&self.training, &self.validation, &self.held_out].into_iter().flatten();
+        all.map(|picture| format!("{}{}\n", picture.name, boxes_of(picture))).collect()
     }
 
     /// Number of pictures of a list.
@@ -374,9 +391,17 @@ fn list_of(image: &Image, training_part: Option<&str>, sequences: &[&str]) -> Li
     }
 }
 
-/// The SHA-256 of a file, hexadecimal.
-fn digest(path: &Path) -> Result<String, DatasetError> {
-    content_digest(path).map_err(|source| DatasetError::Io { path: path.to_owned(), source })
+/// The boxes of a picture as text, a blank before each.
+fn boxes_of(picture: &LabelledPicture) -> String {
+    let mut text = String::new();
+    for object in &picture.truth.objects {
+        let BBox { x1, y1, x2, y2 } = object.bbox;
+        text += &format!(" {} {x1} {y1} {x2} {y2}", object.class);
+    }
+    for BBox { x1, y1, x2, y2 } in &picture.truth.ignored {
+        text += &format!(" - {x1} {y1} {x2} {y2}");
+    }
+    text
 }
 
 /// `side` x `side` pixels of a picture from a row and a column on, which may lie outside; there the edge is repeated.

@@ -6,6 +6,7 @@ use half::f16;
 use petzval_camera::image::{CHANNELS, LinearImage};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
 
 use super::CropPlan;
 use crate::detection::{BBox, Object, Truth};
@@ -60,7 +61,8 @@ pub(super) fn drawn_by_class<T>(
 }
 
 /// Which scenes windows are taken from; those of different lists have nothing in common.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum List {
     /// Those that blocks are trained on.
     Training,

@@ -73,6 +73,13 @@ impl PhotoSet {
         Ok(Self { training, validation: Vec::new(), held_out })
     }
 
+    /// Pictures that are all for scores. Fails without a picture, and on a name that is there twice.
+    pub fn for_scores(photos: Vec<NamedPhoto>) -> Result<Self, DatasetError> {
+        let names: Vec<String> = photos.iter().map(|photo| photo.name.clone()).collect();
+        let held_out = pick(&photos, "held_out", &names)?;
+        Ok(Self { held_out, ..Self::default() })
+    }
+
     /// The same with every `every`-th training picture, or the last of fewer, kept for validation in place of training. Fails if none would be
     /// left for training.
     pub fn with_validation(self, every: usize) -> Result<Self, DatasetError> {

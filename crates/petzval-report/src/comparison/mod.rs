@@ -57,9 +57,11 @@ impl TextTable {
     }
 }
 
-/// The page.
-pub fn page(groups: &[Group]) -> String {
-    let sections: Vec<Section> = groups.iter().map(|group| section(&group.title, of_group(group))).collect();
+/// The page. `differences`: what differs between the groups, if there are several.
+pub fn page(differences: Option<&TextTable>, groups: &[Group]) -> String {
+    let above = differences.map(|table| section("What differs", table.html()));
+    let groups = groups.iter().map(|group| section(&group.title, of_group(group)));
+    let sections: Vec<Section> = above.into_iter().chain(groups).collect();
     Page {
         title: "Runs compared".to_owned(),
         style: include_str!("../design_report/page.css"),
@@ -112,9 +114,12 @@ mod tests {
 
     #[test]
     fn the_page_shows_every_group_with_its_tables_and_pictures() {
-        let page = page(&[group(), Group { title: "Other".into(), ..Group::default() }]);
+        let table = TextTable { head: vec!["experiment".into(), "psf.grid".into()], ..TextTable::default() };
+        let page = page(Some(&table), &[group(), Group { title: "Other".into(), ..Group::default() }]);
         crate::page::assert_readable(&page);
-        for words in ["<h2>A &lt;test&gt;</h2>", "<h2>Other</h2>", "27.1 ± 0.2", "Lenses", "Over the run"] {
+        for words in
+            ["<h2>A &lt;test&gt;</h2>", "<h2>Other</h2>", "27.1 ± 0.2", "Lenses", "Over the run", "psf.grid"]
+        {
             assert!(page.contains(words), "{words}");
         }
         assert!(!page.contains("NaN"));

@@ -14,7 +14,8 @@ use super::terminal::{Terminal, print_json};
 ///
 /// A photograph is laid on the sensor, blurred by the lens, exposed with noise, developed and finished, as the camera would. A raw frame
 /// (DNG, or a file with a sidecar) is developed and finished as if the camera had taken it; it must be of the sensor of the run. Cameras
-/// that look for objects draw the boxes of what they find. Writes NAME-CAMERA.png, and NAME-scene.png of every photograph.
+/// that look for objects draw the boxes of what they find. Writes NAME-CAMERA.png, NAME-scene.png of every photograph, and
+/// NAME-side-by-side.html, which shows all of them.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Run folder
@@ -22,7 +23,7 @@ pub struct Args {
     /// Photographs and raw frames
     #[arg(required = true, value_name = "IMAGE")]
     images: Vec<PathBuf>,
-    /// Camera of the run; may be repeated [default: its last]
+    /// Camera of the run; may be repeated [default: all that are finished]
     #[arg(long, value_name = "NAME")]
     camera: Vec<String>,
     /// How a photograph lands on the sensor
@@ -37,6 +38,9 @@ pub struct Args {
     /// Device for tensors; `petzval doctor` lists them
     #[arg(long, default_value = "cpu")]
     device: String,
+    /// Believe this file or folder of the run though it does not agree with its digest; may be repeated
+    #[arg(long, value_name = "NAME")]
+    accept_changed: Vec<String>,
     /// Print everything as JSON
     #[arg(long)]
     json: bool,
@@ -52,6 +56,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         seed: args.seed,
         out: args.out,
         device: args.device,
+        accept_changed: args.accept_changed,
     };
     let context = terminal.context().with_cancellation(signals::end_on_signal()?);
     let response = apply::run(&request, &context)?;
@@ -61,5 +66,6 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     for p in &response.pictures {
         outln!("{}  {} x {}, {:.1} s", p.picture.display(), p.width, p.height, p.seconds);
     }
+    response.pages.iter().for_each(|page| outln!("{}", page.display()));
     Ok(ExitCode::SUCCESS)
 }

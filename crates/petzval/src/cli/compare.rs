@@ -12,7 +12,8 @@ use super::terminal::{Terminal, print_json};
 /// paper, lenses, curves and the same pictures by every camera.
 ///
 /// Runs that differ in their seeds alone are taken together: every score has a mean and a standard deviation over the seeds, and so have the
-/// differences between cameras of the same seed. The tables are printed in Markdown. Ranges of scores that come from drawing windows anew are in
+/// differences between cameras of the same seed. Where runs differ in more, a table has a column for every key, input or version that differs.
+/// The tables are printed in Markdown. Ranges of scores that come from drawing windows anew are in
 /// the report of each run.
 #[derive(Debug, clap::Args)]
 pub struct Args {
@@ -25,6 +26,9 @@ pub struct Args {
     /// Write means and deviations of the cameras as comma-separated values, too
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
+    /// Believe this file or folder of the runs though it does not agree with its digest; may be repeated
+    #[arg(long, value_name = "NAME")]
+    accept_changed: Vec<String>,
     /// Machine-readable output
     #[arg(long)]
     json: bool,
@@ -32,7 +36,8 @@ pub struct Args {
 
 /// Runs the verb.
 pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
-    let request = Request { runs: args.runs, out: args.out, csv: args.csv };
+    let request =
+        Request { runs: args.runs, out: args.out, csv: args.csv, accept_changed: args.accept_changed };
     let response = compare::run(&request, &terminal.context())?;
     if args.json {
         return print_json(&response.comparisons);

@@ -31,14 +31,17 @@ pub struct Args {
     /// Folder of the run [default: runs/<experiment>-seed-<seed>, with --variant runs/<experiment>-<variant>-seed-<seed>; a file experiment.toml is called by its folder]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Continue the run in this folder
-    #[arg(long, value_name = "RUN", conflicts_with_all = ["experiment", "out", "seed", "photos", "data", "steps", "full", "variant"])]
+    /// Continue the run in this folder; --photos or --data say where its pictures are now, if they were moved
+    #[arg(long, value_name = "RUN", conflicts_with_all = ["experiment", "out", "seed", "steps", "full", "variant"])]
     resume: Option<PathBuf>,
     /// Make every camera of the resumed run longer, so that its network takes N steps in all; the lens steps in proportion.
     /// The further steps are a stage of their own, with learning rates that begin and fall again. Not for experiments in which a
     /// variant starts from another, as in those with a detector
-    #[arg(long, value_name = "N", requires = "resume", conflicts_with_all = ["experiment", "out", "seed", "photos", "data", "steps", "full", "variant"])]
+    #[arg(long, value_name = "N", requires = "resume", conflicts_with_all = ["experiment", "out", "seed", "steps", "full", "variant"])]
     extend_to: Option<usize>,
+    /// Believe this file or folder of the resumed run though it does not agree with its digest, such as checkpoints/step-000012; may be repeated
+    #[arg(long, value_name = "NAME", requires = "resume")]
+    accept_changed: Vec<String>,
     /// Seed of everything random
     #[arg(long)]
     seed: Option<u64>,
@@ -74,27 +77,32 @@ pub struct Args {
 pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let stop = signals::stop_on_signal()?;
     let context = terminal.context().with_cancellation(stop).with_command(command_line());
-    let new = design::NewRun {
-        experiment: args.experiment,
-        out: args.out,
-        changes: design::Changes {
-            seed: args.seed,
+    let run = match args.resume {
+        Some(run) => design::Run::Resume(design::Resume {
+            run,
+            extend_to: args.extend_to,
             photos: args.photos,
             data: args.data,
-            steps: args.steps,
-            is_full: args.full,
-            variant: args.variant,
-        },
+            accept_changed: args.accept_changed,
+        }),
+        None => design::Run::New(design::NewRun {
+            experiment: args.experiment,
+            out: args.out,
+            changes: design::Changes {
+                seed: args.seed,
+                photos: args.photos,
+                data: args.data,
+                steps: args.steps,
+                is_full: args.full,
+                variant: args.variant,
+            },
+        }),
     };
-    if args.print_config {
-        let resolved = design::resolved(&new, &context)?;
+    if let (true, design::Run::New(new)) = (args.print_config, &run) {
+        let resolved = design::resolved(new, &context)?;
         out!("{}", experiment::with_every_key(&resolved)?);
         return Ok(ExitCode::SUCCESS);
     }
-    let run = match args.resume {
-        Some(run) => design::Run::Resume(design::Resume { run, extend_to: args.extend_to }),
-        None => design::Run::New(new),
-    };
     let response = design::run(&design::Request { run, device: args.device }, &context)?;
     match response.ending {
         RunEnding::Stopped { step } => {

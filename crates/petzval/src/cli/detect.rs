@@ -58,6 +58,9 @@ pub struct Args {
     /// Folder for detections.json (COCO results), annotations.json (pictures, classes, and objects of --data) and pictures with boxes
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Believe this file or folder of the run though it does not agree with its digest; may be repeated
+    #[arg(long, value_name = "NAME", requires = "run")]
+    accept_changed: Vec<String>,
     /// Print everything as JSON
     #[arg(long)]
     json: bool,
@@ -105,6 +108,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         least_score: args.least_score,
         out: args.out,
         device: args.device,
+        accept_changed: args.accept_changed,
     };
     let response =
         detect::run(&request, &terminal.context().with_cancellation(signals::end_within(ONE_PICTURE)?))?;

@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use petzval::jobs::evaluate::{self, Compensate, Grade, LensTolerances, Made, MadeMetrics};
-use serde_json::json;
+use petzval::jobs::evaluate::{
+    self, Compensate, Difference, Grade, LensTolerances, Made, MadeMetrics, Metrics, ScoreDescription,
+};
 
 use super::failure::Failure;
 use super::psf::Kind;
@@ -14,13 +15,24 @@ use super::terminal::{Terminal, print_json};
 
 /// Score the cameras of a finished run again: lenses by exact tracing, pictures on the held-out photographs.
 ///
-/// The last line gives the largest difference from the run's own figures. Nothing in the run folder is changed, except with --tolerances:
+/// The last line gives the largest difference from the run's own figures. With --photos or --data the cameras are scored on other pictures, all
+/// of them, and every score has its 95 % range; where these are the pictures of the run itself, which were moved, its held-out ones are scored.
+/// Nothing in the run folder is changed, except with --tolerances:
 /// then cameras are made at random from each design, with lenses off by their tolerances and focused again, and scored with the network or ISP
 /// of the design. Their figures go into tolerance.json and into the report of the run, in place of those of an earlier call.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Run folder
     run: PathBuf,
+    /// Folder of photographs: others than those of the run, or those of the run where they are now
+    #[arg(long, value_name = "DIR")]
+    photos: Option<PathBuf>,
+    /// Labelled pictures in COCO format, a folder or its file of annotations: others than those of the run, or those of the run where they are now
+    #[arg(long, value_name = "FILE", conflicts_with = "photos")]
+    data: Option<PathBuf>,
+    /// Believe this file or folder of the run though it does not agree with its digest; may be repeated
+    #[arg(long, value_name = "NAME")]
+    accept_changed: Vec<String>,
     /// Take PSFs by rays (geometric) or by waves (diffraction), in place of those of the run
     #[arg(long, value_enum, value_name = "KIND", hide_possible_values = true, conflicts_with = "tolerances")]
     psf: Option<Kind>,
@@ -65,24 +77,70 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         calibrate: args.calibrate,
         limit: args.limit,
     });
-    let request =
-        evaluate::Request { run: args.run, device: args.device, psf: args.psf.map(Into::into), made };
-    let evaluate::Response { metrics, largest_difference_from_run: largest, largest_difference_of: of, made } =
-        evaluate::run(&request, &terminal.context().with_cancellation(signals::end_on_signal()?))?;
+    let request = evaluate::Request {
+        run: args.run,
+        device: args.device,
+        photos: args.photos,
+        data: args.data,
+        accept_changed: args.accept_changed,
+        psf: args.psf.map(Into::into),
+        made,
+    };
+    let response = evaluate::run(&request, &terminal.context().with_cancellation(signals::end_on_signal()?))?;
     if args.json {
-        let mut all = json!({ "metrics": metrics, "largest_difference_from_run": largest, "largest_difference_of": of });
-        if let Some(made) = made {
-            all["made"] = json!(made);
-        }
-        return print_json(&all);
+        return print_json(&response);
     }
+    let evaluate::Response { metrics, other_pictures, differences, made, .. } = response;
     score_table::print(&metrics);
-    let of = of.map_or_else(String::new, |of| format!(" ({of})"));
-    outln!("largest difference from the run's own figures: {largest:.3e}{of}");
+    if let Some(place) = other_pictures {
+        print_ranges(&metrics);
+        print_differences(&metrics, &differences);
+        outln!("other pictures than those of the run: {}", place.display());
+    }
+    if let Some(largest) = response.largest_difference_from_run {
+        let of = response.largest_difference_of.map_or_else(String::new, |of| format!(" ({of})"));
+        outln!("largest difference from the run's own figures: {largest:.3e}{of}");
+    }
     if let Some(made) = made {
         print_made(&made);
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Prints the 95 % range of every score.
+fn print_ranges(metrics: &Metrics) {
+    println!("\n{:<16} {:<16} {:>24}", "95 % range of", "score", "low to high");
+    for row in &metrics.rows {
+        for score in metrics.scores.iter().filter(|score| row.scores.contains_key(&score.name)) {
+            println!(
+                "{:<16} {:<16} {:>24}",
+                row.camera,
+                score.heading(),
+                range(score, row.intervals.get(&score.name))
+            );
+        }
+    }
+}
+
+/// Prints differences between cameras on the same pictures.
+fn print_differences(metrics: &Metrics, differences: &[Difference]) {
+    for Difference { camera, against, scores, ranges } in differences {
+        for score in &metrics.scores {
+            let Some(value) = scores.get(&score.name) else { continue };
+            let range = range(score, ranges.get(&score.name));
+            println!(
+                "{camera} less {against}, {}: {value:+.*}, 95 % range {range}",
+                score.heading(),
+                score.decimals
+            );
+        }
+    }
+}
+
+/// A range in the digits of its score.
+fn range(score: &ScoreDescription, range: Option<&[f64; 2]>) -> String {
+    let d = score.decimals;
+    range.map_or_else(|| "none: one photograph".to_owned(), |[low, high]| format!("{low:.d$} to {high:.d$}"))
 }
 
 /// A grade by its name, or a file.

@@ -23,6 +23,9 @@ pub struct Args {
     /// Photograph that every camera takes over its whole sensor
     #[arg(long, value_name = "FILE")]
     photo: Option<PathBuf>,
+    /// Believe this file or folder of the run though it does not agree with its digest; may be repeated
+    #[arg(long, value_name = "NAME", conflicts_with = "watch")]
+    accept_changed: Vec<String>,
     /// Show the page of a run at work at an address of this machine, until Ctrl-C; the run itself goes on
     #[arg(long, conflicts_with = "photo")]
     watch: bool,
@@ -38,7 +41,8 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         let watched = report::Watched::open(&args.run, &context)?;
         return served_page::serve(args.port, || watched.page());
     }
-    let response = report::run(&report::Request { run: args.run, photo: args.photo }, &context)?;
+    let request = report::Request { run: args.run, photo: args.photo, accept_changed: args.accept_changed };
+    let response = report::run(&request, &context)?;
     outln!("{}", response.report.display());
     Ok(ExitCode::SUCCESS)
 }

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use petzval_base::simd::level;
 use petzval_base::write_whole;
 use petzval_design::error::DesignError;
 use petzval_design::evolution::Evolution;
@@ -16,6 +17,12 @@ use crate::error::{JobError, json, make_folder};
 pub(super) struct Checkpoint {
     /// What is tuned for what.
     pub plan: Plan,
+    /// Settings to try in all; none where an earlier version did not keep them.
+    #[serde(default)]
+    pub evaluations: Option<usize>,
+    /// Instruction set that it began with; empty where an earlier version did not keep it.
+    #[serde(default)]
+    pub simd: String,
     /// Hash of frames, references and ISP.
     pub inputs: String,
     /// Names of the parameters that vary.
@@ -53,7 +60,17 @@ pub struct Generation {
 impl Checkpoint {
     /// A search that has tried nothing yet.
     pub fn new(plan: Plan, inputs: String, varied: Vec<String>, search: Evolution) -> Self {
-        Self { plan, inputs, varied, start: None, search, history: Vec::new(), seconds: 0.0 }
+        Self {
+            plan,
+            evaluations: None,
+            simd: level().to_owned(),
+            inputs,
+            varied,
+            start: None,
+            search,
+            history: Vec::new(),
+            seconds: 0.0,
+        }
     }
 }
 

@@ -9,6 +9,7 @@ mod plan;
 use std::path::PathBuf;
 use std::time::Instant;
 
+use petzval_base::simd::level;
 use petzval_camera::image::LinearImage;
 use petzval_camera::isp::{IspError, RgbPicture};
 use petzval_design::evolution::{Evolution, EvolutionSettings};
@@ -32,9 +33,14 @@ pub use self::plan::Plan;
 pub struct Request {
     /// Where it starts.
     pub start: Start,
-    /// Settings that are tried in all, those before an interruption included.
-    pub evaluations: usize,
+    /// Settings that are tried in all, those before an interruption included. If none are given, a new search tries 500, and one that is
+    /// continued as many as it began with.
+    #[serde(default)]
+    pub evaluations: Option<usize>,
 }
+
+/// Settings that a search tries if nobody says how many.
+const EVALUATIONS: usize = 500;
 
 /// Where a search starts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -121,18 +127,43 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let (folder, mut kept) = match (resumed, &request.start) {
         (Some((folder, kept)), _) => {
             tuner.check_same(&kept, &inputs, &folder)?;
+            request.evaluations.map_or(Ok(()), |asked| check_budget(asked, 1))?;
             (folder, kept)
         }
         (None, Start::New { out, .. }) => {
             let search = tuner.search()?;
-            check_budget(request.evaluations, 1 + search.population())?;
+            check_budget(request.evaluations.unwrap_or(EVALUATIONS), 1 + search.population())?;
             tuner.check_frames()?;
             let folder = TuneFolder::create(out)?;
             (folder, Checkpoint::new(tuner.plan.clone(), inputs, tuner.names(), search))
         }
         (None, Start::Resume { .. }) => return Err(JobError::failed("the search was not read")),
     };
-    tuner.tune(request.evaluations, &folder, &mut kept)
+    let is_resumed = matches!(request.start, Start::Resume { .. });
+    if is_resumed && kept.evaluations.is_none() && request.evaluations.is_none() {
+        context.warning(format!(
+            "an earlier version began the search and did not keep how many settings it tries; it goes on to {EVALUATIONS}"
+        ));
+    }
+    if is_resumed && !kept.simd.is_empty() && kept.simd != level() {
+        context.warning(format!(
+            "the search was begun with the instruction set {}, and goes on with {}: it may end at other settings than without interruption",
+            kept.simd,
+            level()
+        ));
+    }
+    let budget = request.evaluations.or(kept.evaluations).unwrap_or(EVALUATIONS);
+    if kept.evaluations != Some(budget) {
+        kept.evaluations = Some(budget);
+        tuner.keep(&folder, &kept)?;
+    }
+    let tried = 1 + kept.search.evaluations();
+    if kept.start.is_some() && tried + kept.search.population() > budget {
+        context.note(format!(
+            "{tried} of {budget} settings are tried: nothing is left; more with --evaluations"
+        ));
+    }
+    tuner.tune(budget, &folder, &mut kept)
 }
 
 fn check_budget(evaluations: usize, least: usize) -> Result<(), JobError> {
@@ -247,6 +278,14 @@ impl Tuner<'_> {
             case.read_reference((frame.height, frame.width))?;
         }
         Ok(())
+    }
+
+    /// Writes a search that has a start.
+    fn keep(&self, folder: &TuneFolder, kept: &Checkpoint) -> Result<(), JobError> {
+        if kept.start.is_none() {
+            return Ok(());
+        }
+        folder.save(kept, &self.tuned(kept)?)
     }
 
     /// Goes on until the budget is spent or the job is cancelled.

@@ -39,9 +39,9 @@ pub struct Args {
     set: Vec<String>,
     #[command(flatten)]
     frame: FrameArgs,
-    /// Settings to try in all
-    #[arg(long, value_name = "N", default_value_t = 500)]
-    evaluations: usize,
+    /// Settings to try in all [default: 500; with --resume as many as the search began with]
+    #[arg(long, value_name = "N")]
+    evaluations: Option<usize>,
     /// Seed of the search
     #[arg(long, default_value_t = 1)]
     seed: u64,

@@ -1,0 +1,172 @@
+//! What a run was made from, input by input: `inputs/inputs.json`. It names the input that has changed, and remembers where pictures were.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use petzval_learn::dataset::{List, PictureFile};
+use serde::{Deserialize, Serialize};
+
+use crate::error::DesignError;
+use crate::run::{RunFolder, write_file};
+
+/// Most inputs that a message names.
+const NAMED: usize = 3;
+
+/// The inputs of a run.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct InputList {
+    /// SHA-256 by name: the lens of each variant, the sensor, the ISP, given weights.
+    pub parts: BTreeMap<String, String>,
+    /// Held-out pictures, and places of the sensor at which each is scored.
+    pub held_out: [usize; 2],
+    /// The user's pictures; none for built-in photographs and streets.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pictures: Option<Pictures>,
+}
+
+/// The pictures of a user.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Pictures {
+    /// Where they are: an absolute path of a folder or a file of annotations.
+    pub place: PathBuf,
+    /// SHA-256 of all boxes; none of photographs.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub labels: Option<String>,
+    /// Their files.
+    pub files: Vec<PictureFile>,
+}
+
+impl InputList {
+    /// That of a run; none in a folder of an earlier version.
+    pub fn read(run: &RunFolder) -> Result<Option<Self>, DesignError> {
+        let path = run.input_list();
+        if !path.is_file() {
+            return Ok(None);
+        }
+        let text = petzval_base::read_text(&path).map_err(DesignError::io(&path))?;
+        serde_json::from_str(&text).map(Some).map_err(|e| DesignError::Run { path, problem: e.to_string() })
+    }
+
+    /// Keeps it in the folder of its run.
+    pub fn write(&self, run: &RunFolder) -> Result<(), DesignError> {
+        write_file(&run.input_list(), DesignError::json("the inputs of the run", self)?.as_bytes())
+    }
+
+    /// The inputs that are others `now`, in words: at most three, and how many more there are.
+    pub fn differences(&self, now: &Self) -> Vec<String> {
+        let parts = self.parts.iter().filter(|(name, sha256)| now.parts.get(*name) != Some(sha256));
+        let mut all: Vec<String> = parts.map(|(name, _)| format!("the {name}")).collect();
+        all.extend(
+            now.parts.keys().filter(|name| !self.parts.contains_key(*name)).map(|n| format!("the {n}")),
+        );
+        let pictures = |list: &Self| list.pictures.clone().unwrap_or_default();
+        all.extend(pictures(self).differences(&pictures(now)));
+        let more = all.len().saturating_sub(NAMED);
+        if more > 1 {
+            all.truncate(NAMED);
+            all.push(format!("{more} more"));
+        }
+        all
+    }
+}
+
+impl Pictures {
+    fn differences(&self, now: &Self) -> Vec<String> {
+        let by_name = |files: &[PictureFile]| -> BTreeMap<String, PictureFile> {
+            files.iter().map(|file| (file.name.clone(), file.clone())).collect()
+        };
+        let (then, found) = (by_name(&self.files), by_name(&now.files));
+        let mut all = Vec::new();
+        for (name, file) in &then {
+            all.extend(match found.get(name) {
+                None => Some(format!("the picture {name}, which is missing or cannot be used")),
+                Some(other) if other.sha256 != file.sha256 => {
+                    Some(format!("the picture {name} ({}, and now {})", in_words(file), in_words(other)))
+                }
+                Some(other) if other.list != file.list => Some(format!(
+                    "the picture {name}, which was {} and is {}",
+                    purpose(file.list),
+                    purpose(other.list)
+                )),
+                Some(_) => None,
+            });
+        }
+        all.extend(
+            found
+                .keys()
+                .filter(|name| !then.contains_key(*name))
+                .map(|name| format!("the new picture {name}")),
+        );
+        if self.labels != now.labels {
+            all.push("the boxes of the pictures".to_owned());
+        }
+        all
+    }
+}
+
+/// Size and time of a file.
+fn in_words(file: &PictureFile) -> String {
+    let time = file.modified_s.map(|s| std::time::UNIX_EPOCH + std::time::Duration::from_secs(s));
+    let of = time.map_or_else(String::new, |time| format!(" of {}", humantime::format_rfc3339_seconds(time)));
+    format!("{} bytes{of}", file.bytes)
+}
+
+/// What pictures of a list are for, in words.
+fn purpose(list: List) -> &'static str {
+    match list {
+        List::Training => "for training",
+        List::Validation => "for validation",
+        List::HeldOut => "held out",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn file(name: &str, sha256: &str, list: List) -> PictureFile {
+        PictureFile { name: name.into(), list, bytes: 10, modified_s: Some(0), sha256: sha256.into() }
+    }
+
+    #[test]
+    fn every_input_that_changed_is_named() {
+        let then = InputList {
+            parts: BTreeMap::from([("sensor".into(), "a".into()), ("lens of wide".into(), "b".into())]),
+            held_out: [1, 1],
+            pictures: Some(Pictures {
+                place: "/photos".into(),
+                labels: Some("boxes".into()),
+                files: vec![file("one.png", "1", List::Training), file("two.png", "2", List::HeldOut)],
+            }),
+        };
+        assert!(then.differences(&then).is_empty());
+        let mut moved = then.clone();
+        moved.pictures.as_mut().unwrap().place = "/elsewhere".into();
+        moved.pictures.as_mut().unwrap().files[0].modified_s = None;
+        assert!(then.differences(&moved).is_empty(), "neither place nor time count");
+        let mut changed = then.clone();
+        changed.parts.insert("sensor".into(), "c".into());
+        assert_eq!(then.differences(&changed), ["the sensor"]);
+        let pictures = changed.pictures.as_mut().unwrap();
+        pictures.files = vec![file("one.png", "9", List::Training), file("three.png", "3", List::HeldOut)];
+        let all = then.differences(&changed);
+        assert_eq!(
+            all[1],
+            "the picture one.png (10 bytes of 1970-01-01T00:00:00Z, and now 10 bytes of 1970-01-01T00:00:00Z)"
+        );
+        assert_eq!(
+            all[2..],
+            ["the picture two.png, which is missing or cannot be used", "the new picture three.png"]
+        );
+        changed.pictures.as_mut().unwrap().labels = None;
+        assert_eq!(then.differences(&changed)[3], "2 more");
+        let mut listed = then.clone();
+        listed.pictures.as_mut().unwrap().files[1].list = List::Training;
+        assert_eq!(
+            then.differences(&listed),
+            ["the picture two.png, which was held out and is for training"]
+        );
+    }
+}
