@@ -6,7 +6,7 @@
 //! also depend on how many steps the blocks behind it take (`batch_number`).
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -21,18 +21,18 @@ use petzval_optics::design_space::EflSolve;
 use petzval_optics::lens::{Lens, validate};
 use petzval_optics::number::Number;
 use petzval_optics::paraxial::image_height_per_tangent;
-use serde::{Deserialize, Serialize};
 
 use crate::block::{Batch, Block, BlockName, Blocks, ExposureBlock, IspBlock, NetworkBlock, StepMethod};
 use crate::camera::{Camera, ChipValues, Shot};
 use crate::error::DesignError;
 use crate::experiment::PERFECT_LENS;
 use crate::parts::PartInputs;
+use crate::position::{Done, POSITION_FILE, Position, Restored, last_variant};
 use crate::requirements::FieldOfView;
 use crate::run::{
-    CameraMetrics, ChangedFile, DigestCheck, Digests, Event, EventLog, EventsDigest, Kept, Metrics,
-    RunFolder, RunRecord, all_checkpoints, forget_most_memory, latest_checkpoint, load_blocks, note_digests,
-    save_blocks, save_checkpoint, set_aside, write_file,
+    CameraMetrics, ChangedFile, DigestCheck, Digests, Event, EventLog, Kept, Metrics, RunFolder, RunRecord,
+    all_checkpoints, forget_most_memory, latest_checkpoint, load_blocks, note_digests, save_blocks,
+    save_checkpoint, set_aside, write_file,
 };
 use crate::run_progress::{SCORE, TOTAL};
 use crate::run_report::camera_lens;
@@ -41,7 +41,7 @@ use crate::scoring::{Scorer, collect_metrics};
 use crate::seen_windows::{self, SeenWindow};
 use crate::setup::Setup;
 use crate::shots::{items_of, magnified_shots, training_shots, validation_shots};
-use crate::validation::{Course, VALIDATION, Validations, validation_loss};
+use crate::validation::{VALIDATION, Validations, validation_loss};
 use crate::variant::{LensGoal, LensSearch, Schedule, Stage, Variant, turn_of};
 
 /// Someone who watches a run.
@@ -113,131 +113,6 @@ pub fn zoom_of(run: &RunFolder, variant: &Variant, lens: &Lens) -> Result<f64, D
     Ok(scale(&camera_lens(run, other)?.lens) / scale(lens))
 }
 
-/// Where a run stands: what a checkpoint holds apart from its blocks.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-struct Position {
-    /// Steps taken by all blocks of all variants; scoring a variant counts as one.
-    step: u64,
-    /// The variant in work; none when all are made.
-    variant: Option<String>,
-    /// Its stage, from 0.
-    stage: usize,
-    /// Steps that each block has taken in this stage.
-    taken: BTreeMap<BlockName, usize>,
-    /// Steps that each block has taken for the task in earlier stages of the variant.
-    before: BTreeMap<BlockName, usize>,
-    /// What the finished cameras have behind them.
-    finished: BTreeMap<String, Done>,
-    /// The first loss of each block in this stage.
-    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
-    first_losses: BTreeMap<BlockName, f64>,
-    /// How the validations of this stage have gone.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    validation: Option<Course>,
-    /// Wall-clock seconds of the steps.
-    seconds: f64,
-}
-
-/// What a finished camera has behind it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(from = "KeptDone")]
-struct Done {
-    /// Stages: fewer than its variant has if the run was extended since.
-    stages: usize,
-    /// Steps that its blocks have taken for the task, in the variants that it started from, too: fewer than planned where
-    /// `validation.patience` ended a stage. None if a version finished it that counted planned steps.
-    steps: Option<BTreeMap<BlockName, usize>>,
-}
-
-/// The same as a checkpoint has it; earlier versions kept the stages alone.
-#[derive(Deserialize)]
-#[serde(untagged)]
-enum KeptDone {
-    Stages(usize),
-    Done { stages: usize, steps: Option<BTreeMap<BlockName, usize>> },
-}
-
-impl From<KeptDone> for Done {
-    fn from(kept: KeptDone) -> Self {
-        match kept {
-            KeptDone::Stages(stages) => Self { stages, steps: None },
-            KeptDone::Done { stages, steps } => Self { stages, steps },
-        }
-    }
-}
-
-impl Position {
-    fn taken(&self, block: BlockName) -> usize {
-        self.taken.get(&block).copied().unwrap_or(0)
-    }
-
-    fn before(&self, block: BlockName) -> usize {
-        self.before.get(&block).copied().unwrap_or(0)
-    }
-
-    /// The variant in work.
-    fn variant<'s>(&self, setup: &'s Setup) -> Option<&'s Variant> {
-        let name = self.variant.as_ref()?;
-        setup.variants.iter().find(|v| v.name == *name)
-    }
-
-    /// Stages of a variant that its finished camera has behind it.
-    fn finished(&self, variant: &Variant) -> usize {
-        self.finished.get(&variant.name).map_or(0, |done| done.stages)
-    }
-
-    /// Steps for the task that the blocks of a finished camera have behind them.
-    fn steps_behind(&self, camera: &str, setup: &Setup) -> BTreeMap<BlockName, usize> {
-        let Some(done) = self.finished.get(camera) else { return BTreeMap::new() };
-        let planned = || {
-            let variant = setup.variants.iter().find(|v| v.name == camera)?;
-            let steps = |block| (block, setup.task_steps_until(variant, done.stages, block));
-            Some(BlockName::ALL.into_iter().map(steps).collect())
-        };
-        done.steps.clone().or_else(planned).unwrap_or_default()
-    }
-
-    /// The first variant that has stages left.
-    fn next<'s>(&self, setup: &'s Setup) -> Option<&'s Variant> {
-        setup.variants.iter().find(|v| self.finished(v) < v.stages.len())
-    }
-
-    /// Steps that are left to take, scores included.
-    fn left(&self, setup: &Setup) -> usize {
-        let of = |v: &Variant| {
-            let (done, taken) = match self.variant.as_ref() == Some(&v.name) {
-                true => (self.stage, self.taken.values().sum()),
-                false if self.finished(v) == v.stages.len() => return 0,
-                false => (self.finished(v), 0),
-            };
-            v.stages[done..].iter().map(Stage::steps).sum::<usize>() + 1 - taken
-        };
-        setup.variants.iter().map(of).sum()
-    }
-
-    /// Refuses a position that the run of this setup cannot have at this step.
-    fn check(&self, setup: &Setup, step: u64) -> Result<(), &'static str> {
-        if self.step != step {
-            return Err("the checkpoint is of another step than its folder says");
-        }
-        if setup.variants.iter().any(|v| self.finished(v) > v.stages.len()) {
-            return Err("a finished camera has more stages than its variant; has config.toml been changed?");
-        }
-        let Some(name) = &self.variant else { return Ok(()) };
-        let Some(variant) = setup.variants.iter().find(|v| v.name == *name) else {
-            return Err("the experiment has no such variant; has config.toml been changed?");
-        };
-        if self.stage > variant.stages.len() {
-            return Err("the variant has fewer stages; has config.toml been changed?");
-        }
-        let steps = |block: BlockName| variant.stages.get(self.stage).map_or(0, |s| s.steps_of(block));
-        if self.taken.iter().any(|(block, taken)| *taken > steps(*block)) {
-            return Err("more steps were taken than config.toml asks for; has it been changed?");
-        }
-        Ok(())
-    }
-}
-
 /// A run in work.
 pub struct DesignLoop {
     setup: Arc<Setup>,
@@ -250,56 +125,6 @@ pub struct DesignLoop {
     camera: Option<Camera>,
     validations: Validations,
     log: EventLog,
-}
-
-const POSITION_FILE: &str = "position.json";
-
-/// What a checkpoint holds.
-struct Restored {
-    position: Position,
-    blocks: Blocks,
-    validations: Validations,
-    /// The digest of the events until then; none of an earlier version.
-    events: Option<EventsDigest>,
-}
-
-impl Restored {
-    /// Reads the checkpoint of a step. Fails if it does not agree with its digests, or is none of this run.
-    fn read(setup: &Setup, step: u64, folder: &Path, check: &DigestCheck) -> Result<Self, DesignError> {
-        let name = folder.file_name().unwrap_or_default().to_string_lossy();
-        if let Some(change) = check.changes(&format!("checkpoints/{name}"))?.first() {
-            return Err(DesignError::Run { path: folder.to_path_buf(), problem: change.to_string() });
-        }
-        let events = Digests::read(folder)?.and_then(|digests| digests.events);
-        let path = folder.join(POSITION_FILE);
-        let wrong = |problem: String| DesignError::Run { path: path.clone(), problem };
-        let text = petzval_base::read_text(&path).map_err(DesignError::io(&path))?;
-        let position: Position = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
-        position.check(setup, step).map_err(|problem| wrong(problem.to_owned()))?;
-        let variant = position.variant(setup).or(setup.variants.last());
-        let variant = variant.ok_or_else(|| wrong("the experiment has no variants".to_owned()))?;
-        let mut blocks = setup.blocks(variant)?;
-        let mut validations = Validations::default();
-        // Between two cameras nothing is under way, and the checkpoint's numbers are those of the one that finished last.
-        if position.variant.is_some() {
-            load_blocks(folder, blocks.all_mut(), Kept::NumbersAndProgress)?;
-            let keep = setup.experiment.validation.keep;
-            validations = Validations::load(folder, position.validation, keep, &blocks)?;
-        }
-        Ok(Self { position, blocks, validations, events })
-    }
-}
-
-/// The variant in work, or the last one between two cameras.
-fn last_variant<'s>(
-    setup: &'s Setup,
-    position: &Position,
-    run: &RunFolder,
-) -> Result<&'s Variant, DesignError> {
-    position.variant(setup).or(setup.variants.last()).ok_or_else(|| DesignError::Run {
-        path: run.config(),
-        problem: "the experiment has no variants".to_owned(),
-    })
 }
 
 /// A loss of so many times the first one of its block in the stage, and of so many times white, is no way to a camera.

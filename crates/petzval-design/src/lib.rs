@@ -33,6 +33,7 @@ pub mod optics_proxy;
 pub mod parts;
 pub mod pictures;
 pub mod plausible;
+mod position;
 pub mod psf_plan;
 pub mod requirements;
 pub mod restored;

@@ -191,6 +191,10 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         }
     };
     let setup = scorer.setup().clone();
+    let scores = scorer.scores();
+    // What is damaged is found before anything changes.
+    let check = DigestCheck::new(&folder, accepted, &warn);
+    let design = DesignLoop::checked(folder.clone(), scorer, &check)?;
     if let Some((record, longer)) = extension {
         extend_run(&folder, record, longer)?;
         context.note("config.toml and run.json are extended; the figures and the report are made again");
@@ -200,10 +204,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     report_pictures(&setup, context);
     report_weights(&setup, context);
     let psf = setup.experiment.psf.clone();
-    let mut watch = Watch { context, scores: scorer.scores(), psf, total: 0 };
-    let check = DigestCheck::new(&folder, accepted, &warn);
-    let ending =
-        DesignLoop::checked(folder.clone(), scorer, &check)?.run(&mut watch, context.cancellation())?;
+    let mut watch = Watch { context, scores, psf, total: 0 };
+    let ending = design.run(&mut watch, context.cancellation())?;
     let ending = match ending {
         Ending::Stopped(step) => RunEnding::Stopped { step },
         Ending::Finished(metrics) => {
