@@ -109,10 +109,10 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
 
 /// Prints the 95 % range of every score.
 fn print_ranges(metrics: &Metrics) {
-    println!("\n{:<16} {:<16} {:>24}", "95 % range of", "score", "low to high");
+    outln!("\n{:<16} {:<16} {:>24}", "95 % range of", "score", "low to high");
     for row in &metrics.rows {
         for score in metrics.scores.iter().filter(|score| row.scores.contains_key(&score.name)) {
-            println!(
+            outln!(
                 "{:<16} {:<16} {:>24}",
                 row.camera,
                 score.heading(),
@@ -128,7 +128,7 @@ fn print_differences(metrics: &Metrics, differences: &[Difference]) {
         for score in &metrics.scores {
             let Some(value) = scores.get(&score.name) else { continue };
             let range = range(score, ranges.get(&score.name));
-            println!(
+            outln!(
                 "{camera} less {against}, {}: {value:+.*}, 95 % range {range}",
                 score.heading(),
                 score.decimals
