@@ -1,6 +1,7 @@
 //! A merit by residuals: where rays that sample the stop land, about the centroid of their field.
 
 use nalgebra::{DMatrix, DVector};
+use serde::{Deserialize, Serialize};
 
 use super::{Better, Merit};
 use crate::constraint::ClearRadii;
@@ -38,7 +39,7 @@ pub struct SpotResiduals {
 }
 
 /// Rays of a lens, traced to the image.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Landings {
     /// RMS spot of each field about its centroid, all wavelengths together, um.
     pub rms_um: Vec<f64>,
@@ -61,7 +62,7 @@ pub(crate) enum Lost {
 const LEAST_ARRIVING: f64 = 0.5;
 
 /// How far beams reach on the surfaces.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Reach {
     /// Radius at which a surface must be clear, mm.
     pub clear_mm: Vec<f64>,

@@ -27,6 +27,11 @@ pub struct Analysis {
 }
 
 impl Analysis {
+    /// Its rays.
+    pub(super) fn landings(&self) -> &Landings {
+        &self.landings
+    }
+
     /// Mean RMS spot over the fields, um.
     pub fn mean_rms_um(&self) -> f64 {
         self.rms_um.iter().sum::<f64>() / self.rms_um.len() as f64
@@ -68,6 +73,11 @@ pub(super) fn analyse(problem: &Problem, lens: Lens, near: Option<&Analysis>) ->
         return None;
     }
     let landings = landings(problem, &lens, near)?;
+    figures(problem, lens, landings)
+}
+
+/// The figures of a lens whose rays are traced.
+pub(super) fn figures(problem: &Problem, lens: Lens, landings: Landings) -> Option<Analysis> {
     let mut violations = Vec::new();
     let clear = clear_radii(problem, &lens, &landings);
     for constraint in problem.constraints() {

@@ -5,8 +5,10 @@
 //! against are held; a step that leaves the bounds is cut at them.
 
 use nalgebra::{DMatrix, DVector};
+use serde::{Deserialize, Serialize};
 
 use super::analysis::{Analysis, Linearised, analyse, linearise, obstacle};
+use super::descent_state::{DescentState, Way};
 use super::problem::Problem;
 use crate::design_space::{DesignSpace, DesignSpaceError};
 
@@ -26,7 +28,8 @@ impl Default for LevenbergOptions {
 }
 
 /// Why a descent ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Stop {
     /// An iteration brought less than the tolerance.
     Converged,
@@ -49,6 +52,16 @@ pub struct Descent {
     pub iterations: usize,
     /// Why it ended.
     pub stop: Stop,
+    /// What is needed to go on from there.
+    pub state: DescentState,
+}
+
+impl Descent {
+    fn new(way: Way, stop: Stop) -> Self {
+        let state = DescentState { stop: (stop != Stop::Asked).then_some(stop), ..way.state() };
+        let Way { best, at, iterations, .. } = way;
+        Self { best, at, iterations, stop, state }
+    }
 }
 
 /// Iterations of little gain after which a descent ends.
@@ -115,24 +128,34 @@ pub(super) fn descend_from(
     options: &LevenbergOptions,
     watch: &mut dyn FnMut(usize, &Analysis, &[f64]) -> bool,
 ) -> Option<Descent> {
-    let mut at = start;
-    let mut best = analyse(problem, space.lens_at(&at).ok()?, None)?;
-    let mut damping = 1e-3;
-    let mut calm = 0;
-    for iteration in 0..options.iterations {
-        if !watch(iteration, &best, &at) {
-            return Some(Descent { best, at, iterations: iteration, stop: Stop::Asked });
+    let best = analyse(problem, space.lens_at(&start).ok()?, None)?;
+    let way = Way::new(best, start);
+    go_down(problem, space, way, options, &mut |way| watch(way.iterations, &way.best, &way.at))
+}
+
+/// Goes on with a descent; `watch` sees it before every iteration and at the end, and says whether to go on.
+fn go_down(
+    problem: &Problem,
+    space: &DesignSpace,
+    mut way: Way,
+    options: &LevenbergOptions,
+    watch: &mut dyn FnMut(&Way) -> bool,
+) -> Option<Descent> {
+    while way.iterations < options.iterations {
+        if !watch(&way) {
+            return Some(Descent::new(way, Stop::Asked));
         }
-        let mapped = space.map(&at).ok()?;
-        let Some(model) = linearise(problem, space, &mapped, &best) else {
-            return Some(Descent { best, at, iterations: iteration, stop: Stop::Stuck });
+        let Way { best, at, damping, .. } = &way;
+        let mapped = space.map(at).ok()?;
+        let Some(model) = linearise(problem, space, &mapped, best) else {
+            return Some(Descent::new(way, Stop::Stuck));
         };
         let mut found: Option<(Analysis, Vec<f64>, f64)> = None;
         let attempt = |factor: f64, found: &mut Option<(Analysis, Vec<f64>, f64)>| {
             let tried = (damping * factor).clamp(1e-12, 1e12);
-            let Some(next) = bounded_step(&at, space.bounds(), &model, tried) else { return };
+            let Some(next) = bounded_step(at, space.bounds(), &model, tried) else { return };
             let Ok(lens) = space.lens_at(&next) else { return };
-            let Some(analysis) = analyse(problem, lens, Some(&best)) else { return };
+            let Some(analysis) = analyse(problem, lens, Some(best)) else { return };
             let to_beat = found.as_ref().map_or(best.merit, |(a, ..)| a.merit);
             if analysis.merit < to_beat {
                 *found = Some((analysis, next, tried));
@@ -147,19 +170,45 @@ pub(super) fn descend_from(
             }
             attempt(factor, &mut found);
         }
-        let Some((analysis, next, tried)) = found else {
-            return Some(Descent { best, at, iterations: iteration, stop: Stop::Stuck });
-        };
-        let gain = 1.0 - (analysis.merit / best.merit).sqrt();
-        (best, at, damping) = (analysis, next, tried);
-        calm = if gain < options.tolerance { calm + 1 } else { 0 };
+        let Some((analysis, next, tried)) = found else { return Some(Descent::new(way, Stop::Stuck)) };
+        let gain = 1.0 - (analysis.merit / way.best.merit).sqrt();
+        let calm = if gain < options.tolerance { way.calm + 1 } else { 0 };
+        way = Way { best: analysis, at: next, iterations: way.iterations + 1, damping: tried, calm };
         if calm == CALM_ITERATIONS {
-            watch(iteration + 1, &best, &at);
-            return Some(Descent { best, at, iterations: iteration + 1, stop: Stop::Converged });
+            watch(&way);
+            return Some(Descent::new(way, Stop::Converged));
         }
     }
-    watch(options.iterations, &best, &at);
-    Some(Descent { best, at, iterations: options.iterations, stop: Stop::Exhausted })
+    watch(&way);
+    Some(Descent::new(way, Stop::Exhausted))
+}
+
+/// Goes on from the state of an interrupted descent of the same problem: to the same bits as without interruption. One that ended for want of a
+/// better lens stays as it is. `watch` sees the descent before every iteration and at the end, and says whether to go on. Fails if the state is
+/// none of this problem.
+pub fn descend_on(
+    problem: &Problem,
+    options: &LevenbergOptions,
+    state: &DescentState,
+    watch: &mut dyn FnMut(&Way) -> bool,
+) -> Result<Descent, DesignSpaceError> {
+    let space = problem.space()?;
+    let way = Way::restore(problem, &space, state).ok_or(DesignSpaceError::NoRays)?;
+    match state.stop {
+        Some(stop @ (Stop::Converged | Stop::Stuck)) => Ok(Descent::new(way, stop)),
+        _ => go_down(problem, &space, way, options, watch).ok_or(DesignSpaceError::NoRays),
+    }
+}
+
+/// As [`descend`]; `watch` sees all of the descent, and so its state.
+pub fn descend_watched(
+    problem: &Problem,
+    options: &LevenbergOptions,
+    watch: &mut dyn FnMut(&Way) -> bool,
+) -> Result<Descent, DesignSpaceError> {
+    let once = LevenbergOptions { iterations: 0, ..*options };
+    let start = descend(problem, &once, &mut |_, _, _| true)?;
+    descend_on(problem, options, &start.state.going_on(), watch)
 }
 
 /// Goes down from the problem's own lens, its numbers moved inside their bounds; `watch` sees the lens before every iteration
@@ -196,7 +245,9 @@ pub fn descend_softly(
     let stiff = Problem { base: first.best.lens, ..problem.clone() };
     let second =
         descend(&stiff, &left, &mut |iteration, analysis, at| watch(done + iteration, analysis, at))?;
-    Ok(Descent { iterations: done + second.iterations, ..second })
+    let iterations = done + second.iterations;
+    let state = DescentState { iterations, ..second.state.clone() };
+    Ok(Descent { iterations, state, ..second })
 }
 
 /// Coordinates of the problem's own lens inside its bounds: with the image plane of its file, or at the paraxial focus where that is better. A

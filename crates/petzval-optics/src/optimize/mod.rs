@@ -6,6 +6,7 @@
 //! [merits](crate::merit::Merit) from their targets ([`Goal`]), and the violated [constraints](crate::constraint). Their derivatives are exact, so that each step solves the linearised problem.
 
 mod analysis;
+mod descent_state;
 mod levenberg;
 mod problem;
 mod search;
@@ -13,6 +14,9 @@ mod search;
 mod tests;
 
 pub use analysis::Analysis;
-pub use levenberg::{Descent, LevenbergOptions, SOFT_UM_PER_MM, Stop, descend, descend_softly};
+pub use descent_state::{DescentState, Way};
+pub use levenberg::{
+    Descent, LevenbergOptions, SOFT_UM_PER_MM, Stop, descend, descend_on, descend_softly, descend_watched,
+};
 pub use problem::{Apertures, GlassChoice, Goal, Limits, Problem};
 pub use search::{Found, Kept, Search, SearchOptions, SearchState};

@@ -618,3 +618,31 @@ fn further_constraints_are_kept_at_drawn_apertures() {
     }
     assert!(descent.best.lens.image_distance_mm() > 25.498);
 }
+
+/// A descent that is interrupted, and kept as text meanwhile, ends at the bits of one that is not.
+#[test]
+fn an_interrupted_descent_goes_on_to_the_same_bits() {
+    let problem = problem();
+    let options = LevenbergOptions::default();
+    let whole = descend(&problem, &options, &mut |_, _, _| true).unwrap();
+    assert!(whole.iterations > 4 && whole.stop != Stop::Asked, "{}", whole.iterations);
+    for interrupted_at in [0, 1, whole.iterations / 2, whole.iterations - 1] {
+        let part = descend_watched(&problem, &options, &mut |way| way.iterations < interrupted_at).unwrap();
+        assert_eq!((part.stop, part.iterations), (Stop::Asked, interrupted_at));
+        let text = serde_json::to_string(&part.state).unwrap();
+        let kept: DescentState = serde_json::from_str(&text).unwrap();
+        let rest = descend_on(&problem, &options, &kept, &mut |_| true).unwrap();
+        assert_eq!(rest.state, whole.state, "interrupted at iteration {interrupted_at}");
+        assert_eq!(rest.best.merit.to_bits(), whole.best.merit.to_bits());
+    }
+    // One that found no better lens any more stays as it is.
+    let mut seen = 0;
+    let again = descend_on(&problem, &options, &whole.state, &mut |_| {
+        seen += 1;
+        true
+    });
+    assert_eq!((again.unwrap().state, seen), (whole.state.clone(), 0));
+    // The state of another problem is refused.
+    let other = Problem { variables: Vec::new(), ..problem };
+    assert!(descend_on(&other, &options, &whole.state, &mut |_| true).is_err());
+}
