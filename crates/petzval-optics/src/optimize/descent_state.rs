@@ -18,11 +18,11 @@ pub struct DescentState {
     /// Why it ended; `None` on the way.
     pub stop: Option<Stop>,
     /// The last good damping.
-    damping: f64,
+    pub(super) damping: f64,
     /// Iterations of little gain in a row.
-    calm: usize,
+    pub(super) calm: usize,
     /// The rays of the lens there, from which the aiming of the next one starts: without them its last digits would differ.
-    landings: Landings,
+    pub(super) landings: Landings,
 }
 
 /// A descent under way: what its watcher sees before every iteration and at the end.
