@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use petzval_camera::isp::{Demosaic, Domain, Isp, RgbPicture};
 use petzval_design::error::DesignError;
 use petzval_design::experiment::DevelopmentConfig;
-use petzval_design::inputs::fingerprint;
+use petzval_design::inputs;
 use petzval_design::isp_proxy::{Frame, FrameSource, Judge, ProxyTrainer, StepLosses};
 use petzval_design::setup::Setup;
 use petzval_files::isp_file::IspProxyFile;
@@ -89,7 +89,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let device = context.device("cpu")?;
     let setup = setup(&plan, context)?;
     let values = named.values(0.0)?;
-    let inputs = Inputs { isp: named.in_words(&values), scenes: fingerprint(&setup)? };
+    let inputs = Inputs { isp: named.in_words(&values), scenes: inputs::Inputs::of(&setup)?.fingerprint };
     let source = FrameSource::new(setup)?;
     let mut trainer = ProxyTrainer::new(named.isp(), varied.clone(), values.clone(), plan.training, &device)?;
     let what = format!("the ISP {}, or lens, sensor and photographs of {},", plan.isp, plan.experiment);
