@@ -3,6 +3,8 @@
 mod common;
 
 use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
 
 use common::{data, read, read_json, run, run_fails, run_ok};
 
@@ -379,4 +381,57 @@ fn kinds_of_numbers_vary_on_request_and_the_page_shows_what_changed() {
     assert!(page.contains("Before and after") && page.contains("What changed") && page.contains("thickness"));
     let none = ["lens", "optimize", "lens.toml", "--vary", "gas", "--out", "never"];
     run_fails(folder.path(), &none, 2, &["gas", "curvature"]);
+}
+
+/// Starts an optimisation, waits until its history has so many steps, and sends it a signal.
+#[cfg(unix)]
+fn interrupted(folder: &Path, args: &[&str], steps_before: usize, signal: &str) {
+    let mut command = common::petzval(folder);
+    let mut child = command.args(args).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let history = folder.join("part/history.jsonl");
+    let began = Instant::now();
+    while std::fs::read_to_string(&history).unwrap_or_default().lines().count() < steps_before {
+        assert!(began.elapsed() < Duration::from_secs(60) && child.try_wait().unwrap().is_none());
+        std::thread::sleep(Duration::from_micros(200));
+    }
+    Command::new("kill").args(["-s", signal, &child.id().to_string()]).status().unwrap();
+    child.wait().unwrap();
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_optimisation_resumes_to_the_same_bits_with_what_it_began_with() {
+    let search = ["--global", "--wavelengths", "0.5876", "--rounds", "3"];
+    let cases: [(&[&str], &[(usize, &str)]); 2] = [
+        (&["--iterations", "60"], &[(1, "KILL"), (4, "TERM"), (6, "KILL")]),
+        (&search, &[(1, "TERM"), (2, "KILL")]),
+    ];
+    for (more, interruptions) in cases {
+        let folder = tempfile::tempdir().unwrap();
+        let args = [&["lens", "optimize", LENS], more].concat();
+        let whole = run_ok(folder.path(), &[&args[..], &["--out", "whole", "--json"]].concat()).json();
+        let timeless = |name: &str| {
+            let mut steps = steps(&folder.path().join(name));
+            for step in &mut steps {
+                step.as_object_mut().unwrap().remove("seconds").unwrap();
+            }
+            steps
+        };
+        for (steps_before, signal) in interruptions {
+            let part = folder.path().join("part");
+            let _none = std::fs::remove_dir_all(&part);
+            interrupted(folder.path(), &[&args[..], &["--out", "part"]].concat(), *steps_before, signal);
+            let resumed = run_ok(folder.path(), &["lens", "optimize", "--resume", "part", "--json"]).json();
+            let when = format!("{signal} after {steps_before} steps of {more:?}");
+            assert_eq!(resumed["best"], whole["best"], "{when}");
+            assert_eq!(read(&part.join("best.toml")), read(&folder.path().join("whole/best.toml")), "{when}");
+            assert_eq!(timeless("part"), timeless("whole"), "{when}");
+        }
+        // What is finished stays as it is.
+        run_ok(folder.path(), &["lens", "optimize", "--resume", "part"]);
+        assert_eq!(timeless("part"), timeless("whole"));
+        if more.contains(&"--rounds") {
+            assert_eq!(read_json(&folder.path().join("part/search.json"))["round"], 3);
+        }
+    }
 }

@@ -8,7 +8,8 @@ use petzval_files::{LensFile, write_lens};
 use petzval_optics::design_space::{EflSolve, Variable};
 use petzval_optics::lens::{LensDefect, validate};
 use petzval_optics::number::Number;
-use petzval_optics::optimize::{Analysis, Kept, Problem, SearchState};
+use petzval_optics::optimize::{Analysis, DescentState, Kept, Problem, SearchState};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::goal::Goal;
@@ -20,6 +21,12 @@ const BEST: &str = "best.toml";
 
 /// The page that shows the lens before and after.
 const PAGE: &str = "optimize.html";
+
+/// The state of a search.
+const SEARCH: &str = "search.json";
+
+/// The state of a descent.
+const DESCENT: &str = "descent.json";
 
 /// The folder.
 pub struct History {
@@ -37,6 +44,40 @@ pub struct Config {
     pub global: bool,
     /// Its seed.
     pub seed: u64,
+    /// Iterations of a descent in all; none where an earlier version did not keep them.
+    #[serde(default)]
+    pub iterations: Option<usize>,
+    /// Rounds of a search in all; none where an earlier version did not keep them.
+    #[serde(default)]
+    pub rounds: Option<u64>,
+    /// Whether further requirements are searched with.
+    #[serde(default)]
+    pub trade: bool,
+    /// Instruction set that it began with; empty where an earlier version did not keep it.
+    #[serde(default)]
+    pub simd: String,
+}
+
+/// The state from which a descent continues.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct KeptDescent {
+    /// The descent itself.
+    pub state: DescentState,
+    /// Whether a limit was violated on the way.
+    pub met_limits: bool,
+    /// Whether the way along a soft penalty has been tried.
+    pub went_softly: bool,
+}
+
+/// The state from which a search continues.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct KeptSearch {
+    /// The search itself.
+    #[serde(flatten)]
+    pub state: SearchState,
+    /// The best lens once more rays are traced, which need not be the best of the search; none before there is one.
+    #[serde(default)]
+    pub best: Option<Kept>,
 }
 
 /// A step that made the lens better: a line of history.jsonl.
@@ -65,7 +106,7 @@ pub struct Step {
 impl History {
     /// Begins a new folder.
     pub fn create(root: &Path, file: &LensFile, config: &Config) -> Result<Self, JobError> {
-        let ours = ["history.jsonl", BEST, "start.toml", "config.json", "search.json"];
+        let ours = ["history.jsonl", BEST, "start.toml", "config.json", SEARCH, DESCENT];
         if ours.iter().any(|name| root.join(name).exists()) {
             let hint =
                 format!("continue it with --resume {}, or choose another folder with --out", root.display());
@@ -116,7 +157,14 @@ impl History {
             let lens = petzval_base::read_text(&path)
                 .map_err(|e| JobError::input(format!("{}: {e}", path.display()), "rewind to another step"))?;
             let kept = Kept { at: last.at.clone(), glasses: last.glasses.clone(), round: last.round };
-            history.keep_state(&SearchState { round: last.round, kept: vec![kept] })?;
+            let state = SearchState { round: last.round, kept: vec![kept] };
+            history.keep_search(&KeptSearch { state, best: None })?;
+            // A descent begins again at the lens of the step.
+            let descent = root.join(DESCENT);
+            if descent.exists() {
+                fs::remove_file(&descent)
+                    .map_err(|e| JobError::failed(format!("{}: {e}", descent.display())))?;
+            }
             history.write(BEST, &lens)?;
             history.write_steps()?;
             for step in gone {
@@ -163,19 +211,47 @@ impl History {
         analysis.merit.sqrt() < known * (1.0 - share)
     }
 
+    /// Keeps what the optimisation does.
+    pub fn keep_config(&self, config: &Config) -> Result<(), JobError> {
+        self.write("config.json", &json(config)?)
+    }
+
     /// The state from which a search continues, if one was kept.
-    pub fn state(&self) -> Result<Option<SearchState>, JobError> {
-        let path = self.root.join("search.json");
-        let Some(text) = text_if_there(&path)? else { return Ok(None) };
-        let state = serde_json::from_str(&text).map_err(|e| {
-            JobError::input(format!("{}: {e}", path.display()), "it was changed since it was written")
-        })?;
-        Ok(Some(state))
+    pub fn search(&self) -> Result<Option<KeptSearch>, JobError> {
+        self.kept(SEARCH)
     }
 
     /// Keeps the state from which a search continues.
-    pub fn keep_state(&self, state: &SearchState) -> Result<(), JobError> {
-        self.write("search.json", &json(state)?)
+    pub fn keep_search(&self, kept: &KeptSearch) -> Result<(), JobError> {
+        self.write(SEARCH, &json(kept)?)
+    }
+
+    /// The state from which a descent continues, if one was kept.
+    pub fn descent(&self) -> Result<Option<KeptDescent>, JobError> {
+        self.kept(DESCENT)
+    }
+
+    /// Keeps the state from which a descent continues.
+    pub fn keep_descent(&self, kept: &KeptDescent) -> Result<(), JobError> {
+        self.write(DESCENT, &json(kept)?)
+    }
+
+    fn kept<T: DeserializeOwned>(&self, name: &str) -> Result<Option<T>, JobError> {
+        let path = self.root.join(name);
+        let Some(text) = text_if_there(&path)? else { return Ok(None) };
+        let kept = serde_json::from_str(&text).map_err(|e| {
+            JobError::input(format!("{}: {e}", path.display()), "it was changed since it was written")
+        })?;
+        Ok(Some(kept))
+    }
+
+    /// Writes the best lens without a step of the history, if it can be built.
+    pub fn keep_best(&self, problem: &Problem, analysis: &Analysis) -> Result<(), JobError> {
+        let found = self.found(problem, analysis);
+        if validate(&found.lens).is_err() {
+            return Ok(());
+        }
+        self.write(BEST, &write_lens(&found))
     }
 
     /// Adds a step with its lens, if it can be built: no other verb reads the file of a lens that cannot.

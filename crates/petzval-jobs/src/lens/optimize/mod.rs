@@ -1,5 +1,6 @@
 //! `lens optimize`: a better lens, by descent or by search, for its spots or for the restoration of its frames.
 
+mod descent;
 mod figures;
 mod goal;
 mod history;
@@ -11,18 +12,18 @@ mod trade;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use petzval_base::simd::level;
 use petzval_design::assets::Assets;
 use petzval_design::error::DesignError;
 use petzval_files::{LensFile, OperandFile, parse_operands};
 use petzval_optics::design_space::{AtBound, DesignSpaceError, Solves};
 use petzval_optics::lens::Lens;
 use petzval_optics::merit::SpotResiduals;
-use petzval_optics::optimize::{
-    Analysis, LevenbergOptions, Problem, Search, SearchOptions, Stop, descend, descend_softly,
-};
+use petzval_optics::optimize::{Analysis, LevenbergOptions, Problem, Search, SearchOptions, descend};
 use petzval_optics::pupil::PupilSampling;
 use serde::{Deserialize, Serialize};
 
+use self::descent::descent;
 use self::figures::{VIOLATED_MM, is_restored};
 use self::history::{Config, History};
 use self::search::search;
@@ -41,10 +42,14 @@ pub use trade::Trade;
 pub struct Request {
     /// Where it starts.
     pub start: Start,
-    /// Iterations of a descent.
-    pub iterations: usize,
-    /// Rounds of a search, 1 at least: the same rounds give the same lenses on any machine.
-    pub rounds: u64,
+    /// Iterations of a descent: 200 if none are given. One that is continued goes on to those that it began with, or takes as many more as
+    /// are given here.
+    #[serde(default)]
+    pub iterations: Option<usize>,
+    /// Rounds of a search, 1 at least: 10 if none are given; the same rounds give the same lenses on any machine. One that is continued goes
+    /// on to those that it began with, or takes as many more as are given here.
+    #[serde(default)]
+    pub rounds: Option<u64>,
     /// Stops a search after the round in which so many seconds have passed, if that is before its last round.
     pub seconds: Option<f64>,
     /// Whether to search again, for as many rounds, with each of some further requirements, to see what each costs.
@@ -124,9 +129,15 @@ const WORTH_IT: f64 = 0.99;
 /// How often a search writes its state, so that it can continue from there whatever ends the process.
 const KEEP_EVERY: Duration = Duration::from_secs(1);
 
+/// Iterations of a descent, if nobody says how many.
+const ITERATIONS: usize = 200;
+
+/// Rounds of a search, if nobody says how many.
+const ROUNDS: u64 = 10;
+
 impl Request {
     fn check(&self) -> Result<(), JobError> {
-        if self.rounds == 0 {
+        if self.rounds == Some(0) {
             return Err(JobError::setting("rounds", 0, "out of range", "1 or more; 10 is usual"));
         }
         match self.seconds.filter(|s| !(*s > 0.0 && *s < 1e7)) {
@@ -147,22 +158,34 @@ impl Request {
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     request.check()?;
     let assets = &context.assets;
-    let (mut history, config, problem) = match &request.start {
+    let (mut history, config, problem, upto) = match &request.start {
         Start::Resume { folder, rewind } => {
             let (history, config) = History::open(folder, *rewind, context)?;
             let problem = config.goal.problem(history.start(), assets)?;
-            (history, config, problem)
+            warn_of_another_level(&config, context);
+            let (config, upto) = continued(config, request, &history)?;
+            history.keep_config(&config)?;
+            (history, config, problem, upto)
         }
         Start::New { lens, out, goal, global, seed } => {
-            let config = Config { goal: Goal::clone(goal), global: *global, seed: *seed };
+            let config = Config {
+                goal: Goal::clone(goal),
+                global: *global,
+                seed: *seed,
+                iterations: Some(request.iterations.unwrap_or(ITERATIONS)),
+                rounds: Some(request.rounds.unwrap_or(ROUNDS)),
+                trade: request.trade,
+                simd: level().to_owned(),
+            };
             let file = context.assets.start(lens)?;
             let problem = new_problem(&config, &file, assets)?;
             // Everything is checked before the folder is made.
-            check_trade(request, &config)?;
-            (History::create(out, &file, &config)?, config, problem)
+            check_trade(&config)?;
+            let upto = Upto::of(&config);
+            (History::create(out, &file, &config)?, config, problem, upto)
         }
     };
-    check_trade(request, &config)?;
+    check_trade(&config)?;
     note_held_radius(&problem, history.start(), &config.goal, context);
 
     let start = at_the_start(&problem);
@@ -170,9 +193,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         note_violations(start, context);
     }
     let best = if config.global {
-        search(&problem, &mut history, config.seed, request, context)?
+        search(&problem, &mut history, &config, upto.rounds, request, context)?
     } else {
-        Some(descent(&problem, &mut history, request.iterations, context)?)
+        Some(descent(&problem, &mut history, upto, context)?)
     };
     let Some(best) = best else {
         return Err(JobError::failed(
@@ -185,7 +208,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             "no lens was found that can be built{why}; let more numbers of the lens vary, widen their bounds, or search longer"
         )));
     }
-    let trades = match request.trade {
+    let trades = match config.trade {
         true => trades(&config, history.start(), request, context)?,
         false => Vec::new(),
     };
@@ -205,6 +228,55 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         fields_deg: problem.merit.fields_rad.iter().map(|f| f.to_degrees()).collect(),
         is_cancelled: context.is_cancelled(),
     })
+}
+
+/// How far a call goes, with what was done before it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Upto {
+    /// Iterations of a descent.
+    iterations: usize,
+    /// Whether a descent that found no better lens any more begins again.
+    again: bool,
+    /// Rounds of a search.
+    rounds: u64,
+}
+
+impl Upto {
+    /// To the end of what was asked for.
+    fn of(config: &Config) -> Self {
+        let (iterations, rounds) = (config.iterations.unwrap_or(ITERATIONS), config.rounds.unwrap_or(ROUNDS));
+        Self { iterations, again: false, rounds }
+    }
+}
+
+/// An optimisation that is continued: to the end of what it began with, or by as much as the request says. What is kept grows only.
+fn continued(config: Config, request: &Request, history: &History) -> Result<(Config, Upto), JobError> {
+    let all = Upto::of(&config);
+    let done = history.descent()?.map_or(0, |kept| kept.state.iterations);
+    let rounds_done = history.search()?.map_or(0, |kept| kept.state.round);
+    let upto = Upto {
+        iterations: request.iterations.map_or(all.iterations, |more| done + more),
+        again: request.iterations.is_some_and(|more| more > 0),
+        rounds: request.rounds.map_or(all.rounds, |more| rounds_done + more),
+    };
+    let config = Config {
+        iterations: Some(all.iterations.max(upto.iterations)),
+        rounds: Some(all.rounds.max(upto.rounds)),
+        trade: request.trade || config.trade,
+        ..config
+    };
+    Ok((config, upto))
+}
+
+/// Warns where another instruction set goes on with an optimisation: its rounding differs in the last digits.
+fn warn_of_another_level(config: &Config, context: &Context) {
+    if !config.simd.is_empty() && config.simd != level() {
+        context.warning(format!(
+            "the optimisation was begun with the instruction set {}, and goes on with {}: it may end at another lens than without interruption",
+            config.simd,
+            level()
+        ));
+    }
 }
 
 /// The problem of a new optimisation, once the lens, its variables and the goal are known to fit together.
@@ -286,65 +358,6 @@ fn note_held_radius(problem: &Problem, file: &LensFile, goal: &Goal, context: &C
 
 fn not_optimisable(error: &DesignSpaceError) -> JobError {
     JobError::input(error.to_string(), "correct the variables or solves of the lens file, or --efl")
-}
-
-/// Levenberg and Marquardt's method from the best lens so far, or from the lens itself.
-fn descent(
-    problem: &Problem,
-    history: &mut History,
-    iterations: usize,
-    context: &Context,
-) -> Result<Analysis, JobError> {
-    let clock = Clock::start(history);
-    let base = match history.best() {
-        None => problem.base.clone(),
-        Some(_) => {
-            // An import reports no warnings: those of the glasses were reported with the first lens of the history.
-            let best = history.best_lens().display().to_string();
-            let best = context.assets.import(&best)?.file.lens;
-            Lens { entrance_pupil_mm: problem.base.entrance_pupil_mm, ..best }
-        }
-    };
-    let problem = &Problem { base, ..problem.clone() };
-    let options = LevenbergOptions { iterations, ..LevenbergOptions::default() };
-    let mut add = |iteration: usize, least_share: f64, analysis: &Analysis, at: &[f64]| {
-        if !history.is_better(analysis, least_share) {
-            return Ok(());
-        }
-        let seconds = clock.seconds();
-        context.note(line(&format!("iteration {iteration}"), seconds, problem, analysis));
-        history.add(problem, 0, seconds, analysis, at, &[])
-    };
-    let (mut failure, mut met_limits) = (None, false);
-    let descent = descend(problem, &options, &mut |iteration, analysis, at| {
-        met_limits |= !analysis.violations.is_empty();
-        context.progress(iteration as u64, iterations as u64, "descent");
-        failure = add(iteration, STEP_SHARE, analysis, at).err();
-        failure.is_none() && !context.is_cancelled()
-    })
-    .map_err(|e| not_optimisable(&e))?;
-    if let Some(failure) = failure {
-        return Err(failure);
-    }
-    // Another way there may lead further, where limits stood in this one. Spots cost little, other goals do not.
-    let is_of_spots = problem.goals.iter().all(|goal| goal.weight_um == 0.0);
-    let goes_on = descent.stop != Stop::Asked && met_limits && is_of_spots;
-    let softly = || descend_softly(problem, &options, &mut |_, _, _| true).ok();
-    let other = if goes_on { softly() } else { None };
-    let descent = match other.filter(|other| other.best.merit < WORTH_IT * descent.best.merit) {
-        Some(other) => other,
-        None => descent,
-    };
-    // The last lens counts, however little it gained.
-    add(descent.iterations, 0.0, &descent.best, &descent.at)?;
-    let why = match descent.stop {
-        Stop::Converged => "converged",
-        Stop::Stuck => "no step makes it better",
-        Stop::Exhausted => "all iterations are done; --resume continues",
-        Stop::Asked => "stopped; --resume continues",
-    };
-    context.note(format!("{} iterations: {why}", descent.iterations));
-    Ok(descent.best)
 }
 
 /// Seconds of work on an optimisation, those of earlier calls included.

@@ -3,9 +3,9 @@
 use std::time::Instant;
 
 use petzval_optics::design_space::DesignSpaceError;
-use petzval_optics::optimize::{Analysis, Problem, Search, SearchOptions};
+use petzval_optics::optimize::{Analysis, Found, Kept, Problem, Search, SearchOptions, SearchState};
 
-use super::history::History;
+use super::history::{Config, History, KeptSearch};
 use super::{Clock, KEEP_EVERY, Request, STEP_SHARE, line, not_optimisable, with_more_rays};
 use crate::context::Context;
 use crate::error::JobError;
@@ -14,24 +14,28 @@ use crate::error::JobError;
 pub(super) fn search(
     problem: &Problem,
     history: &mut History,
-    seed: u64,
+    config: &Config,
+    rounds: u64,
     request: &Request,
     context: &Context,
 ) -> Result<Option<Analysis>, JobError> {
-    let options = SearchOptions { seed, ..SearchOptions::default() };
-    let mut search = match history.state()? {
-        Some(state) => Search::resume(problem, options, &state),
+    let options = SearchOptions { seed: config.seed, ..SearchOptions::default() };
+    let kept = history.search()?;
+    let mut search = match &kept {
+        Some(kept) => Search::resume(problem, options, &kept.state),
         None => Search::new(problem, options),
     }
     .map_err(|e| not_optimisable(&e))?;
     let clock = Clock::start(history);
-    let (mut best, mut examined) = (None, f64::INFINITY);
-    if history.steps().is_empty() {
-        best = enter_start(problem, &search, history, context)?;
-    }
+    let mut examined = f64::INFINITY;
+    let mut best = match kept.and_then(|kept| kept.best) {
+        Some(known) => restored(problem, options, known)?,
+        None if history.steps().is_empty() => enter_start(problem, &search, history, context)?,
+        None => None,
+    };
     let mut kept_at = Instant::now();
     for done in 0.. {
-        context.progress(done, request.rounds, "search");
+        context.progress(search.progress().0, rounds, "search");
         // Trace more rays through a better lens than the search did: their merit decides.
         if let Some(found) = search.best().filter(|found| found.analysis.merit < examined) {
             examined = found.analysis.merit;
@@ -40,25 +44,29 @@ pub(super) fn search(
                     let (round, seconds) = (search.progress().0, clock.seconds());
                     context.note(line(&format!("round {round}"), seconds, problem, &fine));
                     history.add(problem, round, seconds, &fine, &found.at, &found.glasses)?;
-                    history.keep_state(&search.state())?;
                 }
                 let is_built = history.defect(problem, &fine).is_none();
-                if is_built && best.as_ref().is_none_or(|b: &Analysis| fine.merit < b.merit) {
-                    best = Some(fine);
+                if is_built && best.as_ref().is_none_or(|(b, _)| fine.merit < b.merit) {
+                    let Found { at, glasses, round, .. } = found;
+                    let names = problem.glasses.iter().zip(glasses);
+                    let glasses = names.map(|(choice, i)| choice.candidates[*i].name.clone()).collect();
+                    best = Some((fine, Kept { at: at.clone(), glasses, round: *round }));
                 }
+                keep(&search, best.as_ref(), history)?;
             }
         }
         let is_out_of_time = done > 0 && request.is_out_of_time(clock.began);
-        if done == request.rounds || is_out_of_time || context.is_cancelled() {
+        if search.progress().0 >= rounds || is_out_of_time || context.is_cancelled() {
             break;
         }
         search.advance();
         if kept_at.elapsed() > KEEP_EVERY {
-            history.keep_state(&search.state())?;
+            keep(&search, best.as_ref(), history)?;
             kept_at = Instant::now();
         }
     }
-    history.keep_state(&search.state())?;
+    keep(&search, best.as_ref(), history)?;
+    let mut best = best.map(|(fine, _)| fine);
     let (rounds, descents) = search.progress();
     context.note(format!("{rounds} rounds, {descents} descents"));
     // What earlier calls found still counts.
@@ -71,13 +79,30 @@ pub(super) fn search(
     Ok(best)
 }
 
+/// Keeps what a search needs to continue.
+fn keep(search: &Search, best: Option<&(Analysis, Kept)>, history: &History) -> Result<(), JobError> {
+    history.keep_search(&KeptSearch { state: search.state(), best: best.map(|(_, known)| known.clone()) })
+}
+
+/// The best lens of an earlier call with more rays.
+fn restored(
+    problem: &Problem,
+    options: SearchOptions,
+    known: Kept,
+) -> Result<Option<(Analysis, Kept)>, JobError> {
+    let alone = SearchState { round: known.round, kept: vec![known.clone()] };
+    let search = Search::resume(problem, options, &alone).map_err(|e| not_optimisable(&e))?;
+    let fine = search.best().and_then(|found| with_more_rays(problem, &found.analysis.lens));
+    Ok(fine.map(|fine| (fine, known)))
+}
+
 /// Makes the lens at the start the first step of a search, which nothing but a better lens replaces. Where it cannot compete a line says why.
 fn enter_start(
     problem: &Problem,
     search: &Search,
     history: &mut History,
     context: &Context,
-) -> Result<Option<Analysis>, JobError> {
+) -> Result<Option<(Analysis, Kept)>, JobError> {
     let own = search.own_lens().map_err(|why| why.to_string());
     let fine = own.and_then(|own| {
         let fine = with_more_rays(problem, &own.analysis.lens);
@@ -92,11 +117,13 @@ fn enter_start(
     };
     context.note(line("start", 0.0, problem, &fine));
     history.add(problem, 0, 0.0, &fine, &own.at, &own.glasses)?;
-    Ok(Some(fine))
+    let names = problem.glasses.iter().zip(&own.glasses);
+    let glasses = names.map(|(choice, i)| choice.candidates[*i].name.clone()).collect();
+    Ok(Some((fine, Kept { at: own.at, glasses, round: own.round })))
 }
 
 /// Says why a search goes without the lens at its start.
-fn without_start(why: &str, context: &Context) -> Result<Option<Analysis>, JobError> {
+fn without_start(why: &str, context: &Context) -> Result<Option<(Analysis, Kept)>, JobError> {
     context.note(format!("the lens at the start does not compete: {why}"));
     Ok(None)
 }

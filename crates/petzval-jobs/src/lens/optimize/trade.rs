@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::goal::Goal;
 use super::history::Config;
-use super::{Request, line, not_optimisable, violations, with_more_rays};
+use super::{ROUNDS, Request, line, not_optimisable, violations, with_more_rays};
 use crate::context::Context;
 use crate::error::JobError;
 
@@ -24,8 +24,8 @@ pub struct Trade {
 }
 
 /// Refuses to compare searches where none is made.
-pub(super) fn check_trade(request: &Request, config: &Config) -> Result<(), JobError> {
-    match request.trade && !config.global {
+pub(super) fn check_trade(config: &Config) -> Result<(), JobError> {
+    match config.trade && !config.global {
         true => {
             let message = "compares searches, and this is a descent";
             Err(JobError::setting("trade", "", message, "begin a search with --global"))
@@ -62,6 +62,7 @@ pub(super) fn trades(
         ("distortion of 1 %", &distortion),
         ("all of these", &all),
     ];
+    let rounds = config.rounds.unwrap_or(ROUNDS);
     let mut trades = Vec::new();
     for (asked, require) in requirements {
         let mut goal = config.goal.clone();
@@ -70,8 +71,8 @@ pub(super) fn trades(
         let options = SearchOptions { seed: config.seed, ..SearchOptions::default() };
         let mut search = Search::new(&problem, options).map_err(|e| not_optimisable(&e))?;
         let began = Instant::now();
-        for done in 0..request.rounds {
-            context.progress(done, request.rounds, asked);
+        for done in 0..rounds {
+            context.progress(done, rounds, asked);
             if context.is_cancelled() {
                 return Ok(trades);
             }

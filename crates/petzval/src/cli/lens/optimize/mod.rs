@@ -50,15 +50,16 @@ pub struct Args {
     /// Seed of the search
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Rounds of a search, of 16 descents each: the same rounds find the same lenses on any machine
-    #[arg(long, default_value_t = 10, value_name = "N")]
-    rounds: u64,
+    /// Rounds of a search, of 16 descents each: the same rounds find the same lenses on any machine; with --resume as many more [default: 10;
+    /// with --resume those that are left]
+    #[arg(long, value_name = "N")]
+    rounds: Option<u64>,
     /// Additional stop of a search after this time, s, if its rounds are not done by then
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     seconds: Option<f64>,
-    /// Iterations of a descent
-    #[arg(long, default_value_t = 200)]
-    iterations: usize,
+    /// Iterations of a descent; with --resume as many more [default: 200; with --resume those that are left]
+    #[arg(long, value_name = "N")]
+    iterations: Option<usize>,
     /// Folder for the lenses and the history
     #[arg(long, value_name = "DIR", required_unless_present = "resume")]
     out: Option<PathBuf>,

@@ -1,0 +1,120 @@
+//! The descent of `lens optimize`, which goes on where it was interrupted.
+
+use std::time::Instant;
+
+use petzval_optics::lens::Lens;
+use petzval_optics::optimize::{
+    Analysis, Descent, LevenbergOptions, Problem, Stop, Way, descend_on, descend_softly, descend_watched,
+};
+
+use super::history::{History, KeptDescent};
+use super::{Clock, KEEP_EVERY, STEP_SHARE, Upto, WORTH_IT, line, not_optimisable};
+use crate::context::Context;
+use crate::error::JobError;
+
+/// Levenberg and Marquardt's method from where an earlier call left off, or from the lens itself.
+pub(super) fn descent(
+    problem: &Problem,
+    history: &mut History,
+    Upto { iterations, again, .. }: Upto,
+    context: &Context,
+) -> Result<Analysis, JobError> {
+    let clock = Clock::start(history);
+    let kept = history.descent()?;
+    let problem = match (&kept, history.best()) {
+        // The folder of an earlier version, or one that was taken back to a step: the best lens is where it begins again.
+        (None, Some(_)) => {
+            // An import reports no warnings: those of the glasses were reported with the first lens of the history.
+            let best = history.best_lens().display().to_string();
+            let best = context.assets.import(&best)?.file.lens;
+            &Problem {
+                base: Lens { entrance_pupil_mm: problem.base.entrance_pupil_mm, ..best },
+                ..problem.clone()
+            }
+        }
+        _ => problem,
+    };
+    let options = LevenbergOptions { iterations, ..LevenbergOptions::default() };
+    let mut met_limits = kept.as_ref().is_some_and(|kept| kept.met_limits);
+    let mut went_softly = kept.as_ref().is_some_and(|kept| kept.went_softly);
+    let (mut failure, mut kept_at) = (None::<JobError>, Instant::now());
+    let mut watch = |way: &Way| {
+        met_limits |= !way.best.violations.is_empty();
+        context.progress(way.iterations as u64, iterations as u64, "descent");
+        let mut step = || {
+            let is_step = history.is_better(&way.best, STEP_SHARE);
+            if is_step {
+                add(problem, history, &clock, way.iterations, &way.best, &way.at, context)?;
+            }
+            if is_step || kept_at.elapsed() > KEEP_EVERY {
+                history.keep_descent(&KeptDescent { state: way.state(), met_limits, went_softly })?;
+                kept_at = Instant::now();
+            }
+            Ok(())
+        };
+        failure = step().err();
+        failure.is_none() && !context.is_cancelled()
+    };
+    let descent = match kept {
+        Some(KeptDescent { state, .. })
+            if again && matches!(state.stop, Some(Stop::Converged | Stop::Stuck)) =>
+        {
+            descend_on(problem, &options, &state.going_on(), &mut watch)
+        }
+        Some(KeptDescent { state, .. }) => descend_on(problem, &options, &state, &mut watch),
+        None => descend_watched(problem, &options, &mut watch),
+    };
+    let descent = descent.map_err(|e| not_optimisable(&e))?;
+    if let Some(failure) = failure {
+        return Err(failure);
+    }
+    history.keep_descent(&KeptDescent { state: descent.state.clone(), met_limits, went_softly })?;
+    if descent.stop == Stop::Asked {
+        // No step of the history: without the interruption there would be none.
+        history.keep_best(problem, &descent.best)?;
+        return Ok(noted(descent, context));
+    }
+    // Another way there may lead further, where limits stood in this one. Spots cost little, other goals do not.
+    let is_of_spots = problem.goals.iter().all(|goal| goal.weight_um == 0.0);
+    let goes_softly = met_limits && is_of_spots && !went_softly;
+    let softly = || descend_softly(problem, &options, &mut |_, _, _| true).ok();
+    let other = if goes_softly { softly() } else { None };
+    let descent = match other.filter(|other| other.best.merit < WORTH_IT * descent.best.merit) {
+        Some(other) => other,
+        None => descent,
+    };
+    // The last lens counts, however little it gained.
+    if history.is_better(&descent.best, 0.0) {
+        add(problem, history, &clock, descent.iterations, &descent.best, &descent.at, context)?;
+    }
+    went_softly |= goes_softly;
+    history.keep_descent(&KeptDescent { state: descent.state.clone(), met_limits, went_softly })?;
+    Ok(noted(descent, context))
+}
+
+/// Adds a step to the history, and says so.
+fn add(
+    problem: &Problem,
+    history: &mut History,
+    clock: &Clock,
+    iteration: usize,
+    analysis: &Analysis,
+    at: &[f64],
+    context: &Context,
+) -> Result<(), JobError> {
+    let seconds = clock.seconds();
+    context.note(line(&format!("iteration {iteration}"), seconds, problem, analysis));
+    history.add(problem, 0, seconds, analysis, at, &[])
+}
+
+/// Says why a descent ended; returns its lens.
+fn noted(descent: Descent, context: &Context) -> Analysis {
+    let why = match descent.stop {
+        Stop::Converged => "converged",
+        Stop::Stuck => "no step makes it better",
+        Stop::Exhausted => "all iterations are done; --resume with --iterations takes more",
+        Stop::Asked => "stopped; --resume continues",
+    };
+    context.note(format!("{} iterations: {why}", descent.iterations));
+    descent.best
+}
