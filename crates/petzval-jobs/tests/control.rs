@@ -143,8 +143,8 @@ impl Case {
                 global: false,
                 seed: 1,
             },
-            iterations: ITERATIONS,
-            rounds: 1,
+            iterations: Some(ITERATIONS),
+            rounds: Some(1),
             seconds: None,
             trade: false,
         };

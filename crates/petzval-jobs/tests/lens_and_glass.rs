@@ -74,8 +74,8 @@ fn optimize_request(folder: &std::path::Path, global: bool) -> optimize::Request
             global,
             seed: 1,
         },
-        iterations: 3,
-        rounds: 1000,
+        iterations: Some(3),
+        rounds: Some(1000),
         seconds: None,
         trade: false,
     }
@@ -170,7 +170,7 @@ fn a_cancelled_search_stops_after_its_round_with_what_it_found() {
     assert_eq!(canceller.last.load(Ordering::Relaxed), 1);
     // What was cancelled can be continued.
     let start = optimize::Start::Resume { folder: folder.path().join("run"), rewind: None };
-    let request = optimize::Request { start, rounds: 1, ..optimize_request(folder.path(), true) };
+    let request = optimize::Request { start, rounds: Some(1), ..optimize_request(folder.path(), true) };
     let continued = optimize::run(&request, &self::context()).unwrap();
     assert!(continued.found.best.mean_rms_spot_um <= 1.001 * response.found.best.mean_rms_spot_um);
 }
@@ -198,7 +198,7 @@ fn wrong_settings_are_named_by_their_key() {
     assert_eq!(glass(Some(20.0), Some(-1.0)), "pressure");
     assert_eq!(glass(None, Some(1.0)), "pressure");
     let folder = tempfile::tempdir().unwrap();
-    let request = optimize::Request { rounds: 0, ..optimize_request(folder.path(), true) };
+    let request = optimize::Request { rounds: Some(0), ..optimize_request(folder.path(), true) };
     assert_eq!(key(optimize::run(&request, &context()).unwrap_err()), "rounds");
     let request = tolerance::Request { trials: 2_000_000, ..tolerance_request(folder.path()) };
     assert_eq!(key(tolerance::run(&request, &context()).unwrap_err()), "trials");
