@@ -21,19 +21,14 @@ pub(super) fn descent(
 ) -> Result<Analysis, JobError> {
     let clock = Clock::start(history);
     let kept = history.descent()?;
-    let problem = match (&kept, history.best()) {
-        // The folder of an earlier version, or one that was taken back to a step: the best lens is where it begins again.
-        (None, Some(_)) => {
-            // An import reports no warnings: those of the glasses were reported with the first lens of the history.
-            let best = history.best_lens().display().to_string();
-            let best = context.assets.import(&best)?.file.lens;
-            &Problem {
-                base: Lens { entrance_pupil_mm: problem.base.entrance_pupil_mm, ..best },
-                ..problem.clone()
-            }
-        }
-        _ => problem,
-    };
+    let mut own = problem.clone();
+    // The folder of an earlier version, or one that was taken back to a step: the best lens is where it begins again.
+    if kept.is_none() && history.best().is_some() {
+        // An import reports no warnings: those of the glasses were reported with the first lens of the history.
+        let best = context.assets.import(&history.best_lens().display().to_string())?.file.lens;
+        own.base = Lens { entrance_pupil_mm: problem.base.entrance_pupil_mm, ..best };
+    }
+    let problem = &own;
     let options = LevenbergOptions { iterations, ..LevenbergOptions::default() };
     let mut met_limits = kept.as_ref().is_some_and(|kept| kept.met_limits);
     let mut went_softly = kept.as_ref().is_some_and(|kept| kept.went_softly);
