@@ -6,11 +6,13 @@
 //! | [`parameter`] | the description of a number that a user may set: unit, range, scale, default, sentence |
 //! | [`read_whole`], [`read_text`], [`open_file`] | read files, and refuse what may have no end |
 //! | [`write_whole`] | writes a file completely or not at all |
+//! | [`lossy_path`] | writes paths that are not UTF-8 |
 //! | [`simd`] | chooses the instruction set of the vector kernels |
 //! | [`random`] | random numbers as a function of seed, frame, stage and place |
 //! | [`statistics`] | the median |
 
 mod file_error;
+pub mod lossy_path;
 pub mod parameter;
 pub mod random;
 pub mod simd;
@@ -18,4 +20,4 @@ pub mod statistics;
 mod whole_file;
 
 pub use file_error::{FileError, nearest, quote};
-pub use whole_file::{open_file, read_at_most, read_text, read_whole, write_whole};
+pub use whole_file::{LONGEST_NAME, open_file, read_at_most, read_text, read_whole, write_whole};

@@ -3,6 +3,7 @@
 //! It is the widest of the machine, unless the environment variable `PETZVAL_SIMD` names a narrower one: `avx2` or
 //! `scalar`.
 
+use std::ffi::{OsStr, OsString};
 use std::sync::OnceLock;
 
 use pulp::{Arch, Simd, WithSimd};
@@ -10,7 +11,7 @@ use pulp::{Arch, Simd, WithSimd};
 /// The instruction set that `PETZVAL_SIMD` names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Asked {
-    /// The widest of the machine: the variable is unset or has an unknown value.
+    /// The widest of the machine: the variable is unset.
     Best,
     /// AVX2 with fused multiply-add if the machine has it, else the widest.
     Avx2,
@@ -19,18 +20,31 @@ enum Asked {
 }
 
 impl Asked {
-    fn of(variable: Option<&str>) -> Self {
-        match variable {
-            Some("avx2") => Self::Avx2,
-            Some("scalar") => Self::Scalar,
-            _ => Self::Best,
+    /// The instruction set of a value of the variable; `None` if there is none of this name.
+    fn of(variable: Option<&OsStr>) -> Option<Self> {
+        match variable.map(|value| value.to_str()) {
+            Some(Some("avx2")) => Some(Self::Avx2),
+            Some(Some("scalar")) => Some(Self::Scalar),
+            Some(_) => None,
+            None => Some(Self::Best),
         }
     }
 }
 
+/// The variable that names an instruction set.
+const VARIABLE: &str = "PETZVAL_SIMD";
+
 fn asked() -> Asked {
     static ASKED: OnceLock<Asked> = OnceLock::new();
-    *ASKED.get_or_init(|| Asked::of(std::env::var("PETZVAL_SIMD").ok().as_deref()))
+    *ASKED.get_or_init(|| Asked::of(std::env::var_os(VARIABLE).as_deref()).unwrap_or(Asked::Best))
+}
+
+/// Fails with the value of `PETZVAL_SIMD` if it is neither `avx2` nor `scalar`. [`dispatch`] takes the widest instruction set then.
+pub fn check_variable() -> Result<(), OsString> {
+    match std::env::var_os(VARIABLE) {
+        Some(value) if Asked::of(Some(&value)).is_none() => Err(value),
+        _ => Ok(()),
+    }
 }
 
 /// Runs an operation with the widest instruction set of the machine, or with the one that `PETZVAL_SIMD` names.
@@ -124,10 +138,11 @@ mod tests {
 
     #[test]
     fn the_variable_selects_a_narrower_instruction_set() {
-        let level = |variable| level_as(Asked::of(variable));
+        let level = |variable: Option<&str>| level_as(Asked::of(variable.map(OsStr::new)).unwrap());
         assert_eq!(level(Some("scalar")), "scalar");
-        // An unset variable and an unknown value both give the widest.
-        assert_eq!(level(None), level(Some("avx1024")));
+        for unknown in ["avx1024", "foo", "", "AVX2", " scalar"] {
+            assert_eq!(Asked::of(Some(OsStr::new(unknown))), None, "{unknown:?}");
+        }
         #[cfg(target_arch = "x86_64")]
         {
             let has_avx2 = pulp::x86::V3::try_new().is_some();

@@ -1,5 +1,6 @@
 //! Reading files of limited size, and writing a file completely or not at all.
 
+use std::ffi::{OsStr, OsString};
 use std::fs::File;
 use std::io::{self, Read, Write};
 use std::path::Path;
@@ -66,6 +67,9 @@ fn megabytes(bytes: u64) -> String {
     }
 }
 
+/// Bytes of the longest name of a file that file systems hold.
+pub const LONGEST_NAME: usize = 255;
+
 /// Writes a file under a temporary name in the same folder, then renames it. No reader sees an incomplete file, and after a
 /// failure, also of the power, the old file is unchanged.
 ///
@@ -80,10 +84,7 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
         return Err(io::Error::new(io::ErrorKind::IsADirectory, "this is a folder"));
     }
     let number = FILES.fetch_add(1, Ordering::Relaxed);
-    let mut hidden = std::ffi::OsString::from(".");
-    hidden.push(name);
-    hidden.push(format!(".{}-{number}.part", std::process::id()));
-    let beside = path.with_file_name(hidden);
+    let beside = path.with_file_name(hidden(name, &format!(".{}-{number}.part", std::process::id())));
     let written = File::create(&beside)
         .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
         .and_then(|()| std::fs::rename(&beside, path));
@@ -92,6 +93,20 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
         let _ = std::fs::remove_file(&beside);
     }
     written
+}
+
+/// The temporary name of a file: hidden, and cut where the ending would make it too long.
+fn hidden(name: &OsStr, ending: &str) -> OsString {
+    let mut hidden = OsString::from(".");
+    let room = LONGEST_NAME - 1 - ending.len();
+    if name.len() <= room {
+        hidden.push(name);
+    } else {
+        let name = name.to_string_lossy();
+        hidden.push(&name[..name.floor_char_boundary(room)]);
+    }
+    hidden.push(ending);
+    hidden
 }
 
 #[cfg(test)]
@@ -108,6 +123,16 @@ mod tests {
         assert!(write_whole(folder.path(), b"x").is_err());
         assert!(write_whole(&folder.path().join("none/a.bin"), b"x").is_err());
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn every_name_that_a_file_can_have_is_written() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["a".repeat(LONGEST_NAME), "ä".repeat(LONGEST_NAME / 2)] {
+            write_whole(&folder.path().join(&name), b"x").unwrap();
+            assert_eq!(std::fs::read(folder.path().join(&name)).unwrap(), b"x");
+        }
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
     }
 
     #[test]

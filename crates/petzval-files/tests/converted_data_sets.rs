@@ -303,3 +303,172 @@ fn voc_boxes_count_from_one_and_difficult_objects_are_ignored() {
     write(root, "Annotations/a.xml", &"<annotation>".repeat(200_000));
     assert!(convert(SourceFormat::Voc, root).is_err());
 }
+
+/// A picture whose EXIF says that it is to be turned, 100 x 40 stored pixels.
+fn write_turned_png(root: &Path, name: &str, exif: u8) {
+    use image::ImageEncoder;
+    let picture = image::RgbImage::from_pixel(100, 40, image::Rgb([90, 120, 60]));
+    let mut bytes = Vec::new();
+    let mut encoder = image::codecs::png::PngEncoder::new(&mut bytes);
+    let about = [b"MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0", &[exif][..], b"\0\0\0\0\0\0"].concat();
+    encoder.set_exif_metadata(about).unwrap();
+    encoder.write_image(&picture, 100, 40, image::ExtendedColorType::Rgb8).unwrap();
+    let path = root.join(name);
+    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+    std::fs::write(path, bytes).unwrap();
+}
+
+#[test]
+fn yolo_poses_are_boxes_and_outlines_and_rotated_boxes_are_counted() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    write_png(root, "images/a.png", 400, 300);
+    // A box of [160, 90, 80, 120], and four points in it.
+    let pose = "0 0.5 0.5 0.2 0.4 0.45 0.35 0.55 0.35 0.45 0.65 0.55 0.65\n";
+    write(root, "labels/a.txt", pose);
+    write(root, "data.yaml", "kpt_shape: [4, 2]\nnames:\n  0: car\n");
+    let read = || convert(SourceFormat::Yolo, root).unwrap();
+    let near = |found: &Converted, wanted: [f64; 4]| {
+        let bounds = <[f64; 4]>::from(found.data.annotations[0].bounds);
+        let is_near = bounds.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-9);
+        assert!(is_near, "{bounds:?}, wanted {wanted:?}");
+    };
+    let poses = read();
+    near(&poses, [160.0, 90.0, 80.0, 120.0]);
+    let unread = poses.defects.iter().find(|d| d.kind == DefectKind::UnreadField).unwrap();
+    assert_eq!(unread.first, ["keypoints (1)"]);
+    write(root, "labels/a.txt", "0 0.5 0.5 0.2 0.4 0.45 0.35 0.55\n");
+    fails(SourceFormat::Yolo, root, &["a.txt: line 1", "has 8 values", "the 13 of a box with the keypoints"]);
+
+    // The same numbers are an outline where nothing says that they are a pose, and that is counted.
+    write(root, "data.yaml", "names: [car]\n");
+    write(root, "labels/a.txt", pose);
+    let outline = read();
+    near(&outline, [80.0, 105.0, 140.0, 90.0]);
+    assert_eq!(outline.defects.count(DefectKind::OutlineBox), 1);
+    // Corners of a square on its tip, and of an upright box.
+    write(root, "labels/a.txt", "0 0.5 0.2 0.65 0.4 0.5 0.6 0.35 0.4\n0 0.1 0.1 0.2 0.1 0.2 0.3 0.1 0.3\n");
+    let rotated = read();
+    near(&rotated, [140.0, 60.0, 120.0, 120.0]);
+    let count = |kind| rotated.defects.count(kind);
+    assert_eq!((count(DefectKind::RotatedBox), count(DefectKind::OutlineBox)), (1, 1));
+}
+
+#[test]
+fn labels_of_turned_pictures_are_turned_as_their_format_says() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    // YOLO means the turned picture, 40 x 100 px.
+    for (name, exif) in [("a", 6), ("b", 3)] {
+        write_turned_png(root, &format!("yolo/images/{name}.png"), exif);
+        write(root, &format!("yolo/labels/{name}.txt"), "0 0.5 0.5 0.5 0.1\n");
+    }
+    write(root, "yolo/data.yaml", "names: [car]\n");
+    let converted = convert(SourceFormat::Yolo, &root.join("yolo")).unwrap();
+    let bounds: Vec<[f64; 4]> = objects(&converted).into_iter().map(|(_, _, bounds)| bounds).collect();
+    assert_eq!(bounds, [[10.0, 45.0, 20.0, 10.0], [25.0, 18.0, 50.0, 4.0]]);
+    assert_eq!(converted.defects.count(DefectKind::TurnedPicture), 2);
+    // What was converted says so itself.
+    assert!(converted.data.images.iter().all(|image| image.turned == Some(true)));
+
+    // VOC states the size: here that of the stored pixels.
+    write_turned_png(root, "voc/a.png", 6);
+    write(root, "voc/a.xml", VOC);
+    let converted = convert(SourceFormat::Voc, &root.join("voc")).unwrap();
+    let (person, car) = ([0.0, 10.0, 35.0, 20.0], [0.0, 0.0, 40.0, 100.0]);
+    let name = "images/a.png";
+    assert_eq!(objects(&converted), [(name, "person", person), (name, "car", car)]);
+    assert_eq!((converted.data.images[0].width, converted.defects.count(DefectKind::TurnedBoxes)), (40, 1));
+    let unread = converted.defects.iter().find(|d| d.kind == DefectKind::UnreadField).unwrap();
+    assert_eq!(unread.first, ["object/part (1)"]);
+
+    // KITTI states none.
+    write_turned_png(root, "kitti/image_2/000001.png", 6);
+    write(root, "kitti/label_2/000001.txt", KITTI);
+    let converted = convert(SourceFormat::Kitti, &root.join("kitti")).unwrap();
+    assert_eq!((converted.data.images.len(), converted.data.annotations.len()), (0, 0));
+    assert_eq!((converted.defects.count(DefectKind::UnknownTurn), converted.defects.errors()), (1, 1));
+}
+
+#[test]
+fn states_of_every_version_of_bdd100k_are_read_and_labels_without_boxes_are_counted() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    write_png(root, "a.png", 100, 40);
+    let light = |colour: &str| {
+        format!(
+            r#"{{"category": "traffic light", "attributes": {{"trafficLightColor": "{colour}"}},
+                "box2d": {{"x1": 1, "y1": 5, "x2": 9, "y2": 15}}}}"#
+        )
+    };
+    let colours = ["G", "R", "Y", "green", "Red", "NA", "none", "blue"];
+    let mut labels: Vec<String> = colours.iter().map(|colour| light(colour)).collect();
+    labels.push(r#"{"category": "lane/road curb", "poly2d": []}"#.to_owned());
+    labels.push(r#"{"category": "person", "poly2d": []}"#.to_owned());
+    labels.push(
+        r#"{"category": "car", "score": 0.5, "attributes": {"list": [1]}, "box2d": {"x1": 1, "y1": 5, "x2": 9, "y2": 15}}"#
+            .to_owned(),
+    );
+    let text = format!(
+        r#"[{{"name": "a.png", "attributes": {{"weather": "clear"}}, "labels": [{}]}}]"#,
+        labels.join(", ")
+    );
+    write(root, "labels.json", &text);
+    let converted = convert(SourceFormat::Bdd100k, root).unwrap();
+    let states =
+        converted.data.annotations.iter().map(|a| a.attributes.get("state").and_then(|state| state.text()));
+    let wanted = [
+        Some("green"),
+        Some("red"),
+        Some("yellow"),
+        Some("green"),
+        Some("red"),
+        None,
+        None,
+        Some("blue"),
+        None,
+    ];
+    assert_eq!(states.collect::<Vec<_>>(), wanted);
+    for kind in [
+        DefectKind::UnknownState,
+        DefectKind::LaneOrArea,
+        DefectKind::LabelWithoutBox,
+        DefectKind::ScoredLabel,
+        DefectKind::LooseAttribute,
+        DefectKind::UnreadField,
+    ] {
+        assert_eq!(converted.defects.count(kind), 1, "{kind:?}: {:?}", converted.defects);
+    }
+    // A file of outlines of objects is no file of lanes.
+    write(root, "labels.json", r#"[{"name": "a.png", "labels": [{"category": "person", "poly2d": []}]}]"#);
+    let outlines = convert(SourceFormat::Bdd100k, root).unwrap();
+    assert_eq!(outlines.defects.count(DefectKind::FileWithoutBoxes), 0);
+    assert_eq!(outlines.defects.count(DefectKind::LabelWithoutBox), 1);
+}
+
+#[test]
+fn letters_of_labels_are_never_guessed() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    write_png(root, "kitti/image_2/000001.png", 100, 40);
+    let labels = [KITTI.as_bytes(), b"Fu\xdfg\xe4nger 0 0 0 1 2 30 20 1 1 1 1 1 1 1\n"].concat();
+    std::fs::create_dir_all(root.join("kitti/label_2")).unwrap();
+    std::fs::write(root.join("kitti/label_2/000001.txt"), labels).unwrap();
+    fails(SourceFormat::Kitti, &root.join("kitti"), &["000001.txt: line 4", "not text in UTF-8"]);
+
+    // 行人, pedestrian, in the encoding that the file declares, and in one that it does not.
+    write_png(root, "voc/a.png", 100, 40);
+    let file = |head: &str| {
+        let (before, after) = VOC.split_once("person").unwrap();
+        [head.as_bytes(), before.as_bytes(), b"\xd0\xd0\xc8\xcb", after.as_bytes()].concat()
+    };
+    std::fs::write(root.join("voc/a.xml"), file("<?xml version=\"1.0\" encoding=\"GBK\"?>")).unwrap();
+    let converted = convert(SourceFormat::Voc, &root.join("voc")).unwrap();
+    assert_eq!(converted.data.categories[0].name, "\u{884c}\u{4eba}");
+    for (head, needle) in
+        [("", "not text in UTF-8"), ("<?xml version='1.0' encoding='x-none'?>", "not known")]
+    {
+        std::fs::write(root.join("voc/a.xml"), file(head)).unwrap();
+        fails(SourceFormat::Voc, &root.join("voc"), &["a.xml: line", needle]);
+    }
+}

@@ -63,10 +63,12 @@ pub struct Response {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Applied {
     /// The photograph or raw frame.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub image: PathBuf,
     /// The camera.
     pub camera: String,
     /// The picture.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub picture: PathBuf,
     /// Rows.
     pub height: usize,

@@ -38,6 +38,7 @@ pub struct Response {
     /// One for each experiment.
     pub comparisons: Vec<Comparison>,
     /// The page.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub page: PathBuf,
     /// Its tables in Markdown.
     pub markdown: String,

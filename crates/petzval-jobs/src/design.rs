@@ -25,6 +25,7 @@ use crate::context::Context;
 use crate::error::{JobError, json, make_folder};
 use crate::init;
 use crate::machine::environment;
+use crate::results::check_length;
 
 pub use petzval_design::run::Metrics;
 
@@ -113,6 +114,7 @@ pub struct Changes {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Response {
     /// Folder of the run.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub run: PathBuf,
     /// Finished or stopped.
     pub ending: RunEnding,
@@ -169,6 +171,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         }
         Run::New(new) => {
             let experiment = resolved(new, context)?;
+            new.out.iter().try_for_each(|out| check_length(out))?;
             // Everything is checked before the folder is made, so that a mistake leaves nothing behind.
             let setup = set_up(experiment, device, context)?;
             let scorer = scorer(setup)?;

@@ -9,6 +9,8 @@ use petzval_design::error::DesignError;
 use petzval_files::raw_file::RawFileError;
 use petzval_files::{ImageError, decode};
 
+use crate::results::check_length;
+
 /// Who has to change something before the job can succeed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
@@ -142,9 +144,12 @@ impl From<RawFileError> for JobError {
     }
 }
 
-/// The text of a file that an error names, to show the line; `None` if it cannot be read.
+/// Bytes of the largest file of which an error shows a line.
+const LARGEST_SHOWN: u64 = 64 << 20;
+
+/// The text of a file that an error names, to show the line; `None` if it cannot be read, or is very large.
 pub fn text_of_file(path: &Path) -> Option<String> {
-    petzval_base::read_whole(path).ok().map(|bytes| decode(&bytes).into_owned())
+    petzval_base::read_at_most(path, LARGEST_SHOWN).ok().map(|bytes| decode(&bytes).into_owned())
 }
 
 /// Writes a file wholly or not at all.
@@ -160,6 +165,7 @@ pub(crate) fn make_folder(path: &Path) -> Result<(), JobError> {
     if path.exists() && !path.is_dir() {
         return Err(wrong("this is a file".to_owned()));
     }
+    check_length(path)?;
     std::fs::create_dir_all(path).map_err(|e| wrong(e.to_string()))
 }
 

@@ -38,10 +38,13 @@ pub struct Request {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Response {
     /// The experiment.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub experiment: PathBuf,
     /// The lens.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub lens: PathBuf,
     /// The sensor.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub sensor: PathBuf,
     /// Whether the lens was given variables because its file names none.
     pub gave_variables: bool,

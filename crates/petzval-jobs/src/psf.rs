@@ -51,6 +51,7 @@ pub struct Request {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Response {
     /// The files, all in the folder of the request.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub files: Vec<PathBuf>,
     /// The axes of the arrays, as in `psf.json`.
     pub axes: Axes,

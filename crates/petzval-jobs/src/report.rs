@@ -42,6 +42,7 @@ pub struct Request {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Response {
     /// The page.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub report: PathBuf,
 }
 

@@ -3,6 +3,8 @@
 
 use std::path::Path;
 
+use petzval_base::LONGEST_NAME;
+
 use crate::context::Context;
 use crate::error::JobError;
 
@@ -54,10 +56,13 @@ pub(crate) fn check_folder<N: AsRef<Path>>(
         );
         return Err(refused(out, "this is the name of a file", &hint));
     }
+    let names: Vec<N> = names.into_iter().collect();
+    check_length(out)?;
+    names.iter().try_for_each(|name| check_length(&out.join(name)))?;
     // The folder is made with its parents: what counts is the nearest one that is there.
     let there = out.ancestors().find(|folder| folder.exists()).unwrap_or(Path::new("."));
     check_writable(there, out)?;
-    names.into_iter().try_for_each(|name| check_unused(&out.join(name), context))
+    names.iter().try_for_each(|name| check_unused(&out.join(name), context))
 }
 
 /// Whether a name ends as those of files do.
@@ -87,9 +92,28 @@ pub(crate) fn check_file(path: &Path, context: &Context) -> Result<(), JobError>
     if path.is_dir() {
         return Err(refused(path, "this is a folder", "name a file"));
     }
+    check_length(path)?;
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     check_writable(folder, path)?;
     check_unused(path, context)
+}
+
+/// Bytes of the longest path that systems take, with room for the names of files in a folder of results.
+const LONGEST_PATH: usize = 3900;
+
+/// Fails if a name or a path is longer than file systems hold. A folder that does not exist yet would tell only when it is made.
+pub(crate) fn check_length(path: &Path) -> Result<(), JobError> {
+    let whole = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let longest = whole.components().map(|part| part.as_os_str().len()).max().unwrap_or(0);
+    if longest > LONGEST_NAME {
+        let message = format!("a name of {longest} bytes is too long: file systems hold {LONGEST_NAME}");
+        return Err(refused(path, &message, "give a shorter name"));
+    }
+    if whole.as_os_str().len() > LONGEST_PATH {
+        let message = format!("the path of {} bytes is too long", whole.as_os_str().len());
+        return Err(refused(path, &message, "give a place with a shorter path"));
+    }
+    Ok(())
 }
 
 /// Fails if a file is there that the context does not let a job overwrite.
@@ -111,4 +135,19 @@ fn check_writable(folder: &Path, named: &Path) -> Result<(), JobError> {
 
 fn refused(path: &Path, message: &str, hint: &str) -> JobError {
     JobError::input(format!("{}: {message}", path.display()), hint)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_that_no_file_system_holds_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        assert!(check_length(&folder.path().join("a".repeat(LONGEST_NAME))).is_ok());
+        let long = check_length(&folder.path().join("ä".repeat(128))).unwrap_err().to_string();
+        assert!(long.contains("256 bytes"), "{long}");
+        let deep = ["a"; 2000].join("/");
+        assert!(check_length(Path::new(&deep)).unwrap_err().to_string().contains("path"));
+    }
 }

@@ -35,6 +35,7 @@ pub struct Request {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Response {
     /// Runs that ended with an error, each with its message.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub failed: Vec<(PathBuf, String)>,
     /// Whether the job was cancelled before all runs were finished.
     pub is_stopped: bool,

@@ -328,3 +328,60 @@ fn a_crowd_around_an_object_takes_no_detection_from_it() {
         assert!((found - 1.0).abs() < 1e-12, "{found}");
     }
 }
+
+/// Boxes and figures are those of `fixtures/overhanging_boxes.py`.
+#[test]
+fn truth_that_overhangs_has_the_figures_of_pycocotools_whole_and_clipped() {
+    let truth: [(u64, [f64; 4]); 6] = [
+        (1, [-20.0, 10.0, 40.0, 30.0]),
+        (1, [60.0, 30.0, 60.0, 50.0]),
+        (1, [30.0, 5.0, 20.0, 20.0]),
+        (2, [80.0, -15.0, 30.0, 40.0]),
+        (2, [10.0, 20.0, 40.0, 30.0]),
+        (2, [-5.0, 40.0, 30.0, 30.0]),
+    ];
+    let found: [(u64, [f64; 4], f64); 8] = [
+        (1, [0.0, 10.0, 20.0, 30.0], 0.9),
+        (1, [62.0, 31.0, 38.0, 29.0], 0.8),
+        (1, [31.0, 6.0, 19.0, 18.0], 0.7),
+        (1, [70.0, 5.0, 10.0, 10.0], 0.6),
+        (2, [81.0, 0.0, 19.0, 24.0], 0.85),
+        (2, [12.0, 21.0, 37.0, 28.0], 0.75),
+        (2, [0.0, 41.0, 24.0, 19.0], 0.65),
+        (2, [50.0, 5.0, 20.0, 12.0], 0.3),
+    ];
+    let images = [1, 2].map(
+        |id| serde_json::json!({"id": id, "file_name": format!("{id}.png"), "width": 100, "height": 60}),
+    );
+    let objects = (1..).zip(&truth).map(|(id, (image, bounds))| {
+        let area = bounds[2] * bounds[3];
+        serde_json::json!({"id": id, "image_id": image, "category_id": 1, "bbox": bounds, "area": area})
+    });
+    let file = serde_json::json!({
+        "images": images, "categories": [{"id": 1, "name": "car"}], "annotations": objects.collect::<Vec<_>>()
+    });
+    let mut defects = coco::Defects::default();
+    let mut data = coco::parse_coco(file.to_string().into_bytes(), &mut defects).unwrap();
+    coco::check_values(&mut data, &mut defects);
+    assert_eq!(defects.count(coco::DefectKind::ClippedBox), 4);
+    let detections = found.map(|(image_id, bounds, score)| coco::Detection {
+        image_id,
+        category_id: 1,
+        bounds: bounds.into(),
+        score,
+    });
+    let (whole, overhanging) = data.unclipped().unwrap();
+    assert_eq!(overhanging, 4);
+    assert!(whole.unclipped().is_none());
+    for (data, ap, ap50, ap75, ar100) in [
+        (&whole, 0.14409240924092412, 0.4983498349834984, 0.13465346534653466, 0.3),
+        (&data, 0.8778877887788779, 1.0, 1.0, 0.8833333333333332),
+    ] {
+        let (pictures, classes) = pictures_of_data_set(data, &detections);
+        let summary = coco_summary(&pictures, classes.len());
+        let figures = [summary.ap, summary.ap50, summary.ap75, summary.ar100];
+        for (found, wanted) in figures.into_iter().zip([ap, ap50, ap75, ar100]) {
+            near(found, &wanted.into(), "overhanging");
+        }
+    }
+}

@@ -507,3 +507,61 @@ fn results_need_a_folder_and_pictures_must_exist() {
         &["missing.png", "help:", "PNG"],
     );
 }
+
+#[test]
+fn an_instruction_set_that_is_not_known_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let list = |value: &str| {
+        let output = petzval(folder.path()).env("PETZVAL_SIMD", value).args(["lens", "list"]).output();
+        outcome(output.expect("the command starts"))
+    };
+    assert_eq!(list("scalar").code, Some(0));
+    for value in ["foo", "", "AVX2"] {
+        let refused = list(value);
+        assert_eq!(refused.code, Some(2));
+        assert!(
+            refused.says(&format!("PETZVAL_SIMD={value}: there is no")) && refused.says("avx2 or scalar")
+        );
+    }
+}
+
+/// Names that no file system holds are refused before hours of work, and long lines are cut.
+#[test]
+fn names_that_are_too_long_fail_first() {
+    let folder = tempfile::tempdir().unwrap();
+    write_tiny(folder.path());
+    let long = "x".repeat(300);
+    run_fails(folder.path(), &["design", "tiny.toml", "--out", &long], 2, &["300 bytes is too long"]);
+    run_fails(
+        folder.path(),
+        &["lens", "analyze", "cooke-triplet-nominal", "--out", &long],
+        2,
+        &["300 bytes is too long"],
+    );
+    let text = read(&folder.path().join("tiny.toml"));
+    let text = text.replacen("name = \"end-to-end\"", &format!("name = \"{}\"", "e".repeat(120)), 1);
+    std::fs::write(folder.path().join("long.toml"), text).unwrap();
+    run_fails(
+        folder.path(),
+        &["design", "long.toml", "--out", "run"],
+        2,
+        &["name has 120 letters", "at most 100"],
+    );
+}
+
+#[test]
+fn lines_of_messages_are_cut() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = format!("{} = 3\n", "k".repeat(50_000));
+    std::fs::write(folder.path().join("bad.toml"), text).unwrap();
+    for args in [
+        &["design", "bad.toml", "--out", "run"][..],
+        &["lens", "show", &"y".repeat(20_000)],
+        &["lens", "show", "bad.toml"],
+    ] {
+        let refused = run(folder.path(), args);
+        assert_eq!(refused.code, Some(2), "{}", refused.stderr);
+        let longest = refused.stderr.lines().map(|line| line.chars().count()).max().unwrap();
+        assert!(longest < 1200, "{longest} characters");
+    }
+}

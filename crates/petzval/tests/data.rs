@@ -90,3 +90,51 @@ fn what_cannot_be_converted_is_named_and_nothing_is_written() {
     let needles = ["in/valid/labels/a.txt:2: `200`", "1 more places are wrong", "divide pixels"];
     run_fails(root, &["data", "convert", "yolo", "in", "out"], 2, &needles);
 }
+
+/// What was left out is exit code 2, and everything else is written.
+#[test]
+fn a_conversion_that_leaves_something_out_says_so_by_its_exit_code() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    write_yolo(root);
+    write(root, "in/train/labels/a.txt", "1 0.5 0.25 0.2 0.1\n0 0.5 0.5 0.0 0.5\n");
+    let left_out = run(root, &["data", "convert", "yolo", "in", "out", "--json"]);
+    assert_eq!(left_out.code, Some(2));
+    assert_eq!((&left_out.json()["errors"], &left_out.json()["statistics"]["boxes"]), (&1.into(), &3.into()));
+    assert!(root.join("out/annotations.json").is_file());
+    assert!(
+        run(root, &["data", "convert", "yolo", "in", "again"])
+            .stdout
+            .contains("error, once: A box has no width")
+    );
+}
+
+#[cfg(unix)]
+#[test]
+fn names_that_are_no_text_are_read_and_shown() {
+    use std::ffi::OsStr;
+    use std::os::unix::ffi::OsStrExt;
+
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    write_yolo(root);
+    let (input, out) = (OsStr::from_bytes(b"in\xff"), OsStr::from_bytes(b"out\xfe\x1b[31m"));
+    std::fs::rename(root.join("in"), root.join(input)).unwrap();
+    let run = |args: &[&OsStr]| common::outcome(common::petzval(root).args(args).output().unwrap());
+    let [data, convert, check, yolo, json] = ["data", "convert", "check", "yolo", "--json"].map(OsStr::new);
+    let converted = run(&[data, convert, yolo, input, out, json]);
+    assert_eq!(converted.code, Some(0), "{}", converted.stderr);
+    assert_eq!(converted.json()["annotations"], "out\u{fffd}\u{1b}[31m/annotations.json");
+    let checked = run(&[data, check, out]);
+    assert_eq!(checked.code, Some(0), "{}", checked.stderr);
+    // Neither stdout nor stderr moves the cursor or changes colours.
+    std::fs::write(root.join(out).join("annotations.json"), "{\"images\": [\n{\"id\": 1,}\n]}").unwrap();
+    let bad = run(&[data, check, out]);
+    assert_eq!(bad.code, Some(2));
+    assert!(bad.stderr.contains(r"out�\u{1b}[31m/annotations.json"), "{}", bad.stderr);
+    let unknown = run(&[OsStr::from_bytes(b"a\xff\x1b[31m")]);
+    assert_eq!(unknown.code, Some(2));
+    for outcome in [&converted, &checked, &bad, &unknown] {
+        assert!(!outcome.stdout.contains('\u{1b}') && !outcome.stderr.contains('\u{1b}'), "{outcome:?}");
+    }
+}

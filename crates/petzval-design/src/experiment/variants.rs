@@ -14,6 +14,9 @@ use crate::camera::DetectorInput;
 use crate::requirements::FieldOfView;
 use crate::variant::LensGoal;
 
+/// Letters of the longest name of a variant: names of files are longer than that by what they hold.
+const LONGEST_NAME: usize = 100;
+
 /// A camera of the comparison.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -247,6 +250,10 @@ fn check_origin(
     if name.is_empty() || !name.chars().all(is_folder_name) {
         let message = format!("`{name}` cannot be the name of a folder");
         return Err(("name", message, "use letters, digits, `-` and `_`".to_owned()));
+    }
+    if name.len() > LONGEST_NAME {
+        let message = format!("this name has {} letters", name.len());
+        return Err(("name", message, format!("use at most {LONGEST_NAME}: files are named by it")));
     }
     if let Some(same) = earlier.iter().find(|v| v.name.eq_ignore_ascii_case(name)) {
         let message = match same.name == name {

@@ -23,6 +23,23 @@ impl Bounds {
         Self { x: left, y: top, width: right - left, height: bottom - top }
     }
 
+    /// The smallest rectangle that holds these points, `[x, y]`; `None` without a point.
+    pub fn around(points: impl IntoIterator<Item = [f64; 2]>) -> Option<Self> {
+        let all = points.into_iter().map(|[x, y]| [x, y, x, y]);
+        let corners = all.reduce(|a, b| [a[0].min(b[0]), a[1].min(b[1]), a[2].max(b[2]), a[3].max(b[3])]);
+        corners.map(|[left, top, right, bottom]| Self::between(left, top, right, bottom))
+    }
+
+    /// The smallest upright rectangle around this one, rotated about its middle. The sense of the rotation makes no difference.
+    pub fn around_rotated(&self, radians: f64) -> Self {
+        let (sine, cosine) = radians.sin_cos();
+        let (sine, cosine) = (sine.abs(), cosine.abs());
+        let width = self.width * cosine + self.height * sine;
+        let height = self.width * sine + self.height * cosine;
+        let (x, y) = (self.x + 0.5 * (self.width - width), self.y + 0.5 * (self.height - height));
+        Self { x, y, width, height }
+    }
+
     /// Area, px^2.
     pub fn area(&self) -> f64 {
         self.width * self.height
@@ -83,6 +100,23 @@ pub(super) fn short(value: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn upright_rectangles_hold_points_and_rotated_rectangles() {
+        assert_eq!(Bounds::around([]), None);
+        let points = [[3.0, 4.0], [1.0, 6.0], [2.0, 9.0]];
+        assert_eq!(Bounds::around(points), Some(Bounds::from([1.0, 4.0, 2.0, 5.0])));
+        // A square of side 2 that stands on a corner is 2 sqrt(2) wide and high.
+        let square = Bounds::from([4.0, 6.0, 2.0, 2.0]).around_rotated(std::f64::consts::FRAC_PI_4);
+        let side = 8f64.sqrt();
+        for (found, wanted) in
+            <[f64; 4]>::from(square).into_iter().zip([5.0 - side / 2.0, 7.0 - side / 2.0, side, side])
+        {
+            assert!((found - wanted).abs() < 1e-12, "{square}");
+        }
+        let upright = Bounds::from([4.0, 6.0, 2.0, 4.0]).around_rotated(-std::f64::consts::FRAC_PI_2);
+        assert!((upright.width - 4.0).abs() < 1e-12 && (upright.x - 3.0).abs() < 1e-12, "{upright}");
+    }
 
     #[test]
     fn clipping_keeps_what_is_inside() {

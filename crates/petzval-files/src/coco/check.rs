@@ -168,6 +168,9 @@ fn check_bounds(annotation: &mut Annotation, image: &Image, defects: &mut Defect
     if overhang > 0.0 {
         defects
             .add_measured(DefectKind::ClippedBox, overhang, || format!("{}, {overhang:.1} px over", said()));
+        let stated = annotation.area;
+        let area = if stated.is_finite() && stated > 0.0 { stated } else { bounds.area() };
+        annotation.unclipped.get_or_insert((bounds, area));
         // The area of an outline inside the picture does not change; that of a box does.
         if annotation.area > clipped.area() {
             annotation.area = clipped.area();

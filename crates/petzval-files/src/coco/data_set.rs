@@ -39,6 +39,9 @@ pub struct Image {
     /// The part of the data set that it belongs to, such as `train` or `valid`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub split: Option<String>,
+    /// Where EXIF turns the picture: whether boxes are of the turned picture, or of the stored pixels. None if the file does not say.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub turned: Option<bool>,
 }
 
 /// A class.
@@ -72,6 +75,8 @@ pub struct Annotation {
     pub ignore: bool,
     /// Further facts, such as the `state` of a traffic light.
     pub attributes: BTreeMap<String, Attribute>,
+    /// Bounds and area, px^2, as the file has them, where they reach out of the picture: `bounds` and `area` are then of the part inside.
+    pub unclipped: Option<(Bounds, f64)>,
 }
 
 /// A fact about an object.
@@ -118,6 +123,21 @@ impl DataSet {
             }
         }
         objects
+    }
+
+    /// The data set with boxes that reach out of their pictures, as its file has them, and their number; `None` if there is none.
+    pub fn unclipped(&self) -> Option<(Self, usize)> {
+        let overhanging = self.annotations.iter().filter(|a| a.unclipped.is_some()).count();
+        if overhanging == 0 {
+            return None;
+        }
+        let mut whole = self.clone();
+        for annotation in &mut whole.annotations {
+            if let Some((bounds, area)) = annotation.unclipped.take() {
+                (annotation.bounds, annotation.area) = (bounds, area);
+            }
+        }
+        Some((whole, overhanging))
     }
 
     /// The class of a number.

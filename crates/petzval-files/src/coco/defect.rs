@@ -53,7 +53,7 @@ kinds! {
     MissingField Error "A record lacks a value that it needs; it is left out."
         "images need id and file_name, categories id and name, annotations image_id, category_id and bbox";
     WrongType Error "A value is of the wrong type; its record is left out."
-        "ids are whole numbers from 0, sizes numbers, names texts, a bbox is [x, y, width, height]";
+        "ids are whole numbers from 0, sizes numbers, names texts, a bbox is [x, y, width, height]; one with an angle is not read";
     NotFinite Error "A box holds NaN, infinity or no number; it is left out."
         "find the program that wrote it; a division by zero is the usual cause";
     NegativeSize Error "A box has a negative width or height; it is left out."
@@ -75,9 +75,27 @@ kinds! {
     UnreadablePicture Error "The file of a picture cannot be decoded; picture and boxes are left out."
         "replace it by an undamaged PNG, JPEG, TIFF or OpenEXR file";
     OtherPictureSize Error "A picture has another size than stated, so that its boxes are of other pixels; both are left out."
-        "write the size of the file, or restore the picture to which the boxes belong";
+        "restore the picture to which the boxes belong, or scale the boxes with it; another size alone does not move them";
+    UnknownTurn Error "EXIF turns a picture, and nothing says whether its boxes are of the turned one; both are left out."
+        "look at a picture with its boxes: for boxes of the turned picture write `turned: true` into its entry in `images`, for boxes of the stored pixels `turned: false`; in other formats set the orientation of the file to 1 for these (`exiftool -n -Orientation=1 FILE`)";
+    LabelWithoutBox Error "A label of an object has no box that is read; it is left out."
+        "write a box for it, or take it out if it is no object";
     NoPicture Error "The data set has no picture that can be used."
         "correct the entries above, or name the file that lists the pictures";
+    TurnedBoxes Warning "EXIF turns a picture whose stated size is that of its stored pixels; its boxes are turned with it."
+        "fine; look at some with `data check --out DIR`";
+    TurnedPicture Warning "EXIF turns a picture; its boxes are taken as of the turned one, which is what this format means."
+        "fine if the program for labelling obeyed EXIF, as most do; look at some with `data check --out DIR`";
+    OutlineBox Warning "An object is an outline; the box around it is taken."
+        "fine for outlines; numbers that are keypoints need `kpt_shape` in data.yaml";
+    RotatedBox Warning "A box is rotated; the upright box around it is taken, which is larger."
+        "fine, but tighter upright boxes give better detectors";
+    ScoredLabel Warning "A label has a score, as detections have; it is taken as an object that is there."
+        "make sure that these are labels, not what a detector found";
+    LaneOrArea Warning "A label is a lane or an area without a box; it is left out."
+        "fine: it is no object";
+    UnreadField Warning "Files have fields that are not read."
+        "fine unless one of them changes what a box means";
     ClippedBox Warning "A box reaches out of its picture; it is clipped."
         "overhangs of a pixel are rounding; longer ones are boxes of another picture";
     RepeatedAnnotationId Warning "Two annotations have one id; the second gets a new one."
@@ -210,6 +228,21 @@ impl Defects {
     /// The kinds that occur, errors first.
     pub fn iter(&self) -> impl Iterator<Item = &Defect> {
         self.by_kind.values().map(|(defect, _)| defect)
+    }
+}
+
+/// Notes the fields that are not read: each with the number of records that have it, the most frequent first.
+pub(super) fn note_unread(fields: &BTreeMap<String, usize>, defects: &mut Defects) {
+    const SHOWN: usize = 12;
+    let mut fields: Vec<(&String, &usize)> = fields.iter().collect();
+    fields.sort_by_key(|(_, count)| std::cmp::Reverse(**count));
+    let mut shown: Vec<String> =
+        fields.iter().take(SHOWN).map(|(name, count)| format!("{name} ({count})")).collect();
+    if fields.len() > SHOWN {
+        shown.push(format!("and {} more", fields.len() - SHOWN));
+    }
+    if !shown.is_empty() {
+        defects.add(DefectKind::UnreadField, || shown.join(", "));
     }
 }
 

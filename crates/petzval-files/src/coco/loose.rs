@@ -4,7 +4,9 @@ use std::fmt;
 use std::marker::PhantomData;
 
 use serde::de::value::MapAccessDeserializer;
-use serde::de::{Deserialize, Deserializer, IgnoredAny, MapAccess, SeqAccess, Visitor};
+use serde::de::{
+    Deserialize, DeserializeSeed, Deserializer, IgnoredAny, IntoDeserializer, MapAccess, SeqAccess, Visitor,
+};
 
 use super::numbers::NO_NUMBER;
 
@@ -197,13 +199,22 @@ impl<'de> Visitor<'de> for LooseVisitor {
     }
 }
 
+/// A record that can say which of its fields are not read.
+pub(super) trait Fields {
+    /// The fields that are read, and those that say nothing of objects; `None` where fields are not looked at.
+    const KNOWN: Option<&'static [&'static str]> = None;
+
+    /// Takes the names of all other fields.
+    fn set_unread(&mut self, _fields: Vec<String>) {}
+}
+
 /// A record of a list, or what is there in its place. A derived reader would take a list for a record.
 pub(super) enum Record<T> {
     Table(T),
     Other(Loose),
 }
 
-impl<'de, T: Deserialize<'de>> Deserialize<'de> for Record<T> {
+impl<'de, T: Deserialize<'de> + Fields> Deserialize<'de> for Record<T> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         deserializer.deserialize_any(RecordVisitor(PhantomData))
     }
@@ -211,7 +222,41 @@ impl<'de, T: Deserialize<'de>> Deserialize<'de> for Record<T> {
 
 struct RecordVisitor<T>(PhantomData<T>);
 
-impl<'de, T: Deserialize<'de>> Visitor<'de> for RecordVisitor<T> {
+impl<T> Record<T> {
+    /// The record, if it is one.
+    pub fn table(&self) -> Option<&T> {
+        match self {
+            Self::Table(record) => Some(record),
+            Self::Other(_) => None,
+        }
+    }
+}
+
+/// The entries of a table; keeps the names of those that are not known.
+struct Noting<'k, A> {
+    table: A,
+    known: &'static [&'static str],
+    unread: &'k mut Vec<String>,
+}
+
+impl<'de, A: MapAccess<'de>> MapAccess<'de> for Noting<'_, A> {
+    type Error = A::Error;
+
+    fn next_key_seed<K: DeserializeSeed<'de>>(&mut self, seed: K) -> Result<Option<K::Value>, A::Error> {
+        let Some(name) = self.table.next_key::<String>()? else { return Ok(None) };
+        let key = seed.deserialize(name.as_str().into_deserializer())?;
+        if !self.known.contains(&name.as_str()) {
+            self.unread.push(name);
+        }
+        Ok(Some(key))
+    }
+
+    fn next_value_seed<V: DeserializeSeed<'de>>(&mut self, seed: V) -> Result<V::Value, A::Error> {
+        self.table.next_value_seed(seed)
+    }
+}
+
+impl<'de, T: Deserialize<'de> + Fields> Visitor<'de> for RecordVisitor<T> {
     type Value = Record<T>;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -219,7 +264,14 @@ impl<'de, T: Deserialize<'de>> Visitor<'de> for RecordVisitor<T> {
     }
 
     fn visit_map<A: MapAccess<'de>>(self, table: A) -> Result<Record<T>, A::Error> {
-        T::deserialize(MapAccessDeserializer::new(table)).map(Record::Table)
+        let Some(known) = T::KNOWN else {
+            return T::deserialize(MapAccessDeserializer::new(table)).map(Record::Table);
+        };
+        let mut unread = Vec::new();
+        let noting = Noting { table, known, unread: &mut unread };
+        let mut record = T::deserialize(MapAccessDeserializer::new(noting))?;
+        record.set_unread(unread);
+        Ok(Record::Table(record))
     }
 
     fn visit_unit<E>(self) -> Result<Record<T>, E> {

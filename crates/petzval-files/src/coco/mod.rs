@@ -18,11 +18,13 @@ mod folder;
 mod light_state;
 mod loose;
 mod numbers;
+mod outline;
 mod parts;
 mod pictures;
 mod read;
 mod results;
 mod statistics;
+mod turned;
 mod write;
 
 pub use bounds::Bounds;

@@ -9,9 +9,10 @@ use serde::de::{Deserializer, MapAccess, Visitor};
 
 use super::bounds::Bounds;
 use super::data_set::{Annotation, Attribute, Category, DataSet, Image};
-use super::defect::{DefectKind, Defects};
-use super::loose::{Loose, Record, Wrong};
+use super::defect::{DefectKind, Defects, note_unread};
+use super::loose::{Fields, Loose, Record, Wrong};
 use super::numbers::mark_numbers;
+use super::outline::Outline;
 use crate::encoding::decode;
 
 #[derive(Deserialize)]
@@ -35,6 +36,32 @@ struct ImageRecord {
     sequence: Loose,
     video_id: Loose,
     split: Loose,
+    turned: Loose,
+    #[serde(skip)]
+    unread: Vec<String>,
+}
+
+impl Fields for ImageRecord {
+    const KNOWN: Option<&'static [&'static str]> = Some(&[
+        "id",
+        "file_name",
+        "width",
+        "height",
+        "sequence",
+        "video_id",
+        "split",
+        "turned",
+        "license",
+        "date_captured",
+        "flickr_url",
+        "coco_url",
+        "url",
+        "frame_id",
+    ]);
+
+    fn set_unread(&mut self, fields: Vec<String>) {
+        self.unread = fields;
+    }
 }
 
 #[derive(Default, Deserialize)]
@@ -43,6 +70,16 @@ struct CategoryRecord {
     id: Loose,
     name: Loose,
     supercategory: Loose,
+    #[serde(skip)]
+    unread: Vec<String>,
+}
+
+impl Fields for CategoryRecord {
+    const KNOWN: Option<&'static [&'static str]> = Some(&["id", "name", "supercategory", "color"]);
+
+    fn set_unread(&mut self, fields: Vec<String>) {
+        self.unread = fields;
+    }
 }
 
 #[derive(Default, Deserialize)]
@@ -57,6 +94,44 @@ struct AnnotationRecord {
     ignore: Loose,
     state: Loose,
     attributes: Attributes,
+    bbox_mode: Loose,
+    segmentation: Outline,
+    #[serde(skip)]
+    unread: Vec<String>,
+}
+
+impl Fields for AnnotationRecord {
+    const KNOWN: Option<&'static [&'static str]> = Some(&[
+        "id",
+        "image_id",
+        "category_id",
+        "bbox",
+        "area",
+        "iscrowd",
+        "ignore",
+        "state",
+        "attributes",
+        "bbox_mode",
+        "segmentation",
+    ]);
+
+    fn set_unread(&mut self, fields: Vec<String>) {
+        self.unread = fields;
+    }
+}
+
+impl Fields for FileRecord {}
+
+impl AnnotationRecord {
+    /// Whether there is an outline and no box. Some programs write an empty list for none.
+    fn is_outline_alone(&self) -> bool {
+        let has_no_box = match &self.bbox {
+            Loose::Absent => true,
+            Loose::List(values) => values.is_empty(),
+            _ => false,
+        };
+        has_no_box && self.segmentation != Outline::Absent
+    }
 }
 
 /// The values of `attributes`, whatever their types.
@@ -115,6 +190,7 @@ pub fn parse_coco(mut bytes: Vec<u8>, defects: &mut Defects) -> Result<DataSet, 
             return Err(FileError::at_line(1, &other.to_string(), message).hint(hint));
         }
     };
+    note_unread(&unread(&file), defects);
     let info = match file.info {
         serde_json::Value::Object(info) => info,
         _ => serde_json::Map::new(),
@@ -137,6 +213,25 @@ pub fn parse_coco(mut bytes: Vec<u8>, defects: &mut Defects) -> Result<DataSet, 
         data.annotations.extend(usable(found, place, defects));
     }
     Ok(data)
+}
+
+/// The fields of all records that are not read, with the number of records that have each. Outlines are one of them, where there is a box.
+fn unread(file: &FileRecord) -> BTreeMap<String, usize> {
+    let mut fields: BTreeMap<String, usize> = BTreeMap::new();
+    let mut count = |list: &str, names: &[String]| {
+        for name in names {
+            *fields.entry(format!("{list}[].{name}")).or_default() += 1;
+        }
+    };
+    file.images.iter().filter_map(Record::table).for_each(|r| count("images", &r.unread));
+    file.categories.iter().filter_map(Record::table).for_each(|r| count("categories", &r.unread));
+    for record in file.annotations.iter().filter_map(Record::table) {
+        count("annotations", &record.unread);
+        if record.segmentation != Outline::Absent && !record.is_outline_alone() {
+            count("annotations", &["segmentation".to_owned()]);
+        }
+    }
+    fields
 }
 
 /// What a record holds, unless it is no table.
@@ -187,6 +282,10 @@ fn image(record: ImageRecord) -> Result<Image, (&'static str, Wrong)> {
         height: side(&record.height, "height")?,
         sequence: sequence.or(video),
         split: record.split.name().map_err(|wrong| ("split", wrong))?,
+        turned: match record.turned {
+            Loose::Absent => None,
+            turned => Some(turned.flag().map_err(|wrong| ("turned", wrong))?),
+        },
     })
 }
 
@@ -203,7 +302,17 @@ fn annotation(
     place: usize,
     warn: &mut impl FnMut(DefectKind, String),
 ) -> Result<Annotation, (&'static str, Wrong)> {
-    let bounds = Bounds::from(record.bbox.four().map_err(|wrong| ("bbox", wrong))?);
+    // Detectron2 counts its kinds of boxes: 1 is the one of COCO.
+    if !matches!(record.bbox_mode, Loose::Absent | Loose::Whole(1)) {
+        return Err(("bbox_mode", Wrong::Type(record.bbox_mode.to_string())));
+    }
+    let mut bounds = match record.segmentation {
+        Outline::Polygons(bounds) if record.is_outline_alone() => {
+            warn(DefectKind::OutlineBox, bounds.to_string());
+            bounds
+        }
+        _ => Bounds::from(record.bbox.four().map_err(|wrong| ("bbox", wrong))?),
+    };
     let id = match record.id {
         // An annotation without id is usual in files made by hand; its place is one.
         Loose::Absent => place as u64 + 1,
@@ -224,6 +333,15 @@ fn annotation(
         };
         attributes.insert(name, value);
     }
+    // CVAT writes the box before it is rotated about its middle.
+    if let Some(Attribute::Number(degrees)) = attributes.get("rotation")
+        && degrees % 360.0 != 0.0
+    {
+        let around = bounds.around_rotated(degrees.to_radians());
+        warn(DefectKind::RotatedBox, format!("{bounds} by {degrees} degrees becomes {around}"));
+        bounds = around;
+        attributes.remove("rotation");
+    }
     Ok(Annotation {
         id,
         image_id: record.image_id.whole().map_err(|wrong| ("image_id", wrong))?,
@@ -234,6 +352,7 @@ fn annotation(
         crowd: record.iscrowd.flag().map_err(|wrong| ("iscrowd", wrong))?,
         ignore: record.ignore.flag().map_err(|wrong| ("ignore", wrong))?,
         attributes,
+        unclipped: None,
     })
 }
 

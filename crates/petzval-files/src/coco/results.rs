@@ -11,7 +11,7 @@ use super::bounds::Bounds;
 use super::data_set::DataSet;
 use super::defect::{DefectKind, Defects};
 use super::error::CocoError;
-use super::loose::{Loose, Record, Wrong};
+use super::loose::{Fields, Loose, Record, Wrong};
 use super::numbers::mark_numbers;
 use super::read::json_error;
 use super::write::append_records;
@@ -41,6 +41,8 @@ struct ResultRecord {
     bbox: Loose,
     score: Loose,
 }
+
+impl Fields for ResultRecord {}
 
 /// Reads detections. Records that cannot be used are noted and left out. With a data set, so are detections in pictures or of
 /// classes that it does not have.

@@ -1,10 +1,56 @@
 //! Pictures in OpenEXR files: linear light in the channels R, G, B, or gray in Y.
 
+use std::io::Read;
+
+use ::image::metadata::Orientation;
+use exr::meta::MetaData;
 use exr::prelude::{AnyChannels, FlatSamples, Layer, Vec2};
 
+use super::head::PictureHead;
 use super::ignored::{PrimariesXy, primaries_note};
 use crate::exr_layers::{channel_names, read_layers};
 use petzval_camera::image::{CHANNELS, LinearImage};
+
+/// What the head of a file says of the layer that [`read`] reads, and of the samples of all layers. Fails with a reason.
+pub fn head(source: impl Read, file_bytes: u64) -> Result<PictureHead, String> {
+    let damaged = |e: exr::error::Error| format!("not a readable OpenEXR file: {e}");
+    let meta = MetaData::read_from_buffered(source, true).map_err(damaged)?;
+    let mut sample_bytes = 0u64;
+    let mut stored = None;
+    for header in &meta.headers {
+        let Vec2(width, height) = header.layer_size;
+        let channels = &header.channels.list;
+        let of_pixel: u64 = channels.iter().map(|c| c.sample_type.bytes_per_sample() as u64).sum();
+        let pixels = (width as u64).saturating_mul(height as u64);
+        sample_bytes = sample_bytes.saturating_add(pixels.saturating_mul(of_pixel));
+        let has = |name: &str| channels.iter().any(|channel| channel.name.eq(name));
+        if stored.is_none() && is_picture(has) {
+            stored = Some((u32::try_from(width), u32::try_from(height)));
+        }
+    }
+    let Some((Ok(width), Ok(height))) = stored else {
+        let names = meta.headers.iter().flat_map(|header| &header.channels.list);
+        return Err(no_picture(names.map(|channel| channel.name.to_string()).collect()));
+    };
+    Ok(PictureHead {
+        stored: (width, height),
+        orientation: Orientation::NoTransforms,
+        file_bytes,
+        sample_bytes,
+        decoding_bytes: sample_bytes,
+    })
+}
+
+/// Whether channels of these names are a picture: red, green and blue, or gray. Y beside RY and BY is the luminance of a coloured picture.
+fn is_picture(has: impl Fn(&str) -> bool) -> bool {
+    ["R", "G", "B"].into_iter().all(&has) || (has("Y") && !has("RY") && !has("BY"))
+}
+
+fn no_picture(mut names: Vec<String>) -> String {
+    names.truncate(12);
+    let names = names.join(", ");
+    format!("it has neither the channels R, G and B nor Y without colour (there are {names})")
+}
 
 /// Reads the first layer with the channels R, G and B, or Y, and notes what the file says and is not obeyed; fails with a reason.
 ///
@@ -13,18 +59,14 @@ pub fn read(bytes: &[u8]) -> Result<(LinearImage, Vec<String>), String> {
     let image = read_layers(bytes).map_err(|(reason, _)| reason)?;
     let found = image.layer_data.iter().find_map(|layer| Some((layer, planes(layer)?)));
     let Some((layer, planes)) = found else {
-        let mut names = channel_names(&image);
-        names.truncate(12);
-        return Err(format!(
-            "it has neither the channels R, G and B nor Y without colour (there are {})",
-            names.join(", ")
-        ));
+        return Err(no_picture(channel_names(&image)));
     };
     let Vec2(width, height) = layer.size;
     if planes.iter().any(|plane| plane.len() != width * height) {
         return Err("its channels differ in resolution".to_owned());
     }
-    let data = planes.iter().flat_map(|plane| plane.values_as_f32()).collect();
+    let mut data = Vec::with_capacity(CHANNELS * width * height);
+    planes.iter().for_each(|plane| data.extend(plane.values_as_f32()));
     let light = LinearImage { channels: CHANNELS, height, width, data };
 
     // What the file says beyond that is not obeyed.
@@ -62,10 +104,11 @@ fn planes(layer: &Layer<AnyChannels<FlatSamples>>) -> Option<[&FlatSamples; CHAN
         let named = layer.channel_data.list.iter().find(|channel| channel.name.eq(name));
         named.map(|channel| &channel.sample_data)
     };
-    if let (Some(red), Some(green), Some(blue)) = (channel("R"), channel("G"), channel("B")) {
-        return Some([red, green, blue]);
+    if !is_picture(|name| channel(name).is_some()) {
+        return None;
     }
-    // Y beside RY and BY is the luminance of a coloured picture.
-    let gray = channel("Y").filter(|_| channel("RY").is_none() && channel("BY").is_none());
-    gray.map(|gray| [gray; CHANNELS])
+    match (channel("R"), channel("G"), channel("B")) {
+        (Some(red), Some(green), Some(blue)) => Some([red, green, blue]),
+        _ => channel("Y").map(|gray| [gray; CHANNELS]),
+    }
 }

@@ -2,24 +2,31 @@
 
 mod cut_off;
 mod exr_file;
+mod head;
 mod ignored;
-mod size;
 
 use std::error::Error;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
 use ::image::codecs::hdr::HdrDecoder;
-use ::image::error::{ImageResult, UnsupportedErrorKind};
-use ::image::{DynamicImage, ExtendedColorType, ImageDecoder, ImageFormat, ImageReader, Limits};
+use ::image::error::UnsupportedErrorKind;
+use ::image::{DynamicImage, ExtendedColorType, ImageDecoder, ImageFormat, ImageReader};
 
 use petzval_base::write_whole;
 use petzval_camera::image::{CHANNELS, LinearImage, srgb_decode};
 
 pub(crate) use self::cut_off::{CUT_OFF, is_cut_off};
+use self::head::decoder_limits;
+pub use self::head::picture_size;
+pub(crate) use self::head::{MOST_PICTURE_BYTES, PictureHead, decoded_head, picture_head};
 use self::ignored::{hdr_notes, png_notes, profile_note, tiff_notes};
-pub(crate) use self::size::decoded_size;
-pub use self::size::picture_size;
+
+/// The signature of older Radiance files.
+const OLD_HDR: &[u8] = b"#?RGBE";
+
+/// Rows that are turned into light at a time.
+const STRIP_ROWS: u32 = 64;
 
 /// Why a picture could not be read or written.
 #[derive(Debug, thiserror::Error)]
@@ -60,6 +67,22 @@ pub enum ImageError {
         /// Columns.
         width: usize,
     },
+    /// Reading the picture would take too much memory.
+    #[error(
+        "{name}: the picture of {width} x {height} pixels takes {:.1} GB of memory to read, and at most {:.0} GB are used; hint: scale it \
+         down, or cut it into parts",
+        *bytes as f64 / 1e9, MOST_PICTURE_BYTES as f64 / 1e9
+    )]
+    TooLarge {
+        /// The file or the name of the buffer.
+        name: String,
+        /// Columns.
+        width: u32,
+        /// Rows.
+        height: u32,
+        /// Bytes of memory.
+        bytes: u64,
+    },
     /// A floating-point picture holds infinity or no number.
     #[error(
         "{name}: the light in row {row}, column {column} is {value}; hint: write a finite number of at least 0, white is 1"
@@ -92,27 +115,33 @@ pub struct Picture {
 /// Integer samples are taken as sRGB-encoded. Floating-point samples (TIFF, OpenEXR, Radiance HDR) are linear and may exceed 1;
 /// below zero they are taken as 0, which is noted, and values that are not finite are refused. Gray is copied to three planes; alpha
 /// is composited over black in linear light. Of a file with several pages or layers one is read. The orientation of EXIF and TIFF is
-/// obeyed, colour profiles and other statements about colour are not; the notes name them.
+/// obeyed, colour profiles and other statements about colour are not; the notes name them. A picture whose reading takes more than 2 GB of
+/// memory is refused before it is decoded: its file twice, its samples, and 12 bytes of light for each pixel.
 pub fn load_image(path: &Path) -> Result<Picture, ImageError> {
-    let bytes =
-        petzval_base::read_whole(path).map_err(|source| ImageError::Io { path: path.to_owned(), source })?;
-    load_image_bytes(&bytes, &path.display().to_string())
+    load_image_bytes(&picture_bytes(path)?, &path.display().to_string())
+}
+
+/// The bytes of a picture file.
+fn picture_bytes(path: &Path) -> Result<Vec<u8>, ImageError> {
+    let io = |source| ImageError::Io { path: path.to_owned(), source };
+    petzval_base::read_at_most(path, MOST_PICTURE_BYTES).map_err(io)
 }
 
 /// Reads a picture from memory as [`load_image`] does; `name` appears in errors.
 pub fn load_image_bytes(bytes: &[u8], name: &str) -> Result<Picture, ImageError> {
     let decode = |reason: String| ImageError::Decode { name: name.to_owned(), reason };
     let undecodable = |e: ::image::ImageError| decode(undecoded(&e));
-    let reader =
+    let mut reader =
         ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| decode(e.to_string()))?;
+    reader.limits(decoder_limits());
     let mut picture = match reader.format() {
         Some(ImageFormat::OpenExr) => {
+            exr_file::head(Cursor::new(bytes), bytes.len() as u64).map_err(decode)?.checked(name)?;
             let (light, notes) = exr_file::read(bytes).map_err(decode)?;
             Picture { light, is_linear: true, notes }
         }
-        Some(ImageFormat::Hdr) => read_hdr(bytes).map_err(undecodable)?,
-        // The signature of older Radiance files.
-        None if bytes.starts_with(b"#?RGBE") => read_hdr(bytes).map_err(undecodable)?,
+        Some(ImageFormat::Hdr) => read_hdr(bytes, name)?,
+        None if bytes.starts_with(OLD_HDR) => read_hdr(bytes, name)?,
         format => {
             if is_cut_off(bytes) {
                 return Err(decode(CUT_OFF.to_owned()));
@@ -127,7 +156,8 @@ pub fn load_image_bytes(bytes: &[u8], name: &str) -> Result<Picture, ImageError>
                 Ok(profile) => notes.extend(profile.and_then(|profile| profile_note(&profile))),
                 Err(error) => notes.push(format!("its ICC profile cannot be read ({error}) and is ignored")),
             }
-            let (light, is_linear) = decoded(decoder).map_err(undecodable)?;
+            let head = PictureHead::of(&mut decoder, format, bytes.len() as u64).checked(name)?;
+            let (light, is_linear) = decoded(decoder, head).map_err(undecodable)?;
             Picture { light, is_linear, notes }
         }
     };
@@ -158,21 +188,21 @@ pub fn load_image_bytes(bytes: &[u8], name: &str) -> Result<Picture, ImageError>
 }
 
 /// Reads a Radiance HDR file: linear light with a common exponent.
-fn read_hdr(bytes: &[u8]) -> ImageResult<Picture> {
+fn read_hdr(bytes: &[u8], name: &str) -> Result<Picture, ImageError> {
+    let undecodable =
+        |e: ::image::ImageError| ImageError::Decode { name: name.to_owned(), reason: undecoded(&e) };
     let is_strict = bytes.starts_with(b"#?RADIANCE");
-    let decoder = HdrDecoder::with_strictness(Cursor::new(bytes), is_strict)?;
+    let mut decoder = HdrDecoder::with_strictness(Cursor::new(bytes), is_strict).map_err(undecodable)?;
+    let head = PictureHead::of(&mut decoder, Some(ImageFormat::Hdr), bytes.len() as u64).checked(name)?;
     let notes = hdr_notes(&decoder.metadata());
-    let (light, is_linear) = decoded(decoder)?;
+    let (light, is_linear) = decoded(decoder, head).map_err(undecodable)?;
     Ok(Picture { light, is_linear, notes })
 }
 
 /// The light of a picture, turned the right way up, and whether the file holds it as it is.
-fn decoded(mut decoder: impl ImageDecoder) -> ImageResult<(LinearImage, bool)> {
-    // Refuse a size in the header that would take too much memory.
-    Limits::default().reserve(decoder.total_bytes())?;
-    let orientation = decoder.orientation()?;
+fn decoded(decoder: impl ImageDecoder, head: PictureHead) -> ::image::ImageResult<(LinearImage, bool)> {
     let mut picture = DynamicImage::from_decoder(decoder)?;
-    picture.apply_orientation(orientation);
+    picture.apply_orientation(head.orientation);
 
     // Undo the display curve of integer samples; floating-point files already hold linear light.
     let linear_file = matches!(picture, DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_));
@@ -182,16 +212,21 @@ fn decoded(mut decoder: impl ImageDecoder) -> ImageResult<(LinearImage, bool)> {
     let (width, height) = (picture.width() as usize, picture.height() as usize);
     let mut out = LinearImage::zeros(CHANNELS, height, width);
     let plane = height * width;
-    if eight_bit {
-        for (i, pixel) in picture.to_rgba8().pixels().enumerate() {
-            for c in 0..CHANNELS {
-                out.data[c * plane + i] = table[pixel[c] as usize] * (pixel[3] as f32 / 255.0);
+    // Turn a strip at a time into four samples a pixel, which would otherwise be a second picture in memory.
+    for top in (0..picture.height()).step_by(STRIP_ROWS as usize) {
+        let strip = picture.crop_imm(0, top, picture.width(), STRIP_ROWS.min(picture.height() - top));
+        let first = top as usize * width;
+        if eight_bit {
+            for (i, pixel) in (first..).zip(strip.to_rgba8().pixels()) {
+                for c in 0..CHANNELS {
+                    out.data[c * plane + i] = table[pixel[c] as usize] * (pixel[3] as f32 / 255.0);
+                }
             }
-        }
-    } else {
-        for (i, pixel) in picture.to_rgba32f().pixels().enumerate() {
-            for c in 0..CHANNELS {
-                out.data[c * plane + i] = light(pixel[c]) * pixel[3];
+        } else {
+            for (i, pixel) in (first..).zip(strip.to_rgba32f().pixels()) {
+                for c in 0..CHANNELS {
+                    out.data[c * plane + i] = light(pixel[c]) * pixel[3];
+                }
             }
         }
     }

@@ -377,3 +377,66 @@ fn damaged_pictures_are_refused_or_read_but_never_panic() {
         }
     }
 }
+
+/// A PNG whose head states this size, and which ends after its first rows.
+fn png_that_claims(width: u32, height: u32) -> Vec<u8> {
+    use std::io::Write;
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, width, height);
+    encoder.set_color(png::ColorType::Grayscale);
+    encoder.set_depth(png::BitDepth::Eight);
+    let mut writer = encoder.write_header().unwrap();
+    // The stream is not finished, which is an error nobody asks for.
+    let mut stream = writer.stream_writer().unwrap();
+    stream.write_all(&vec![0; width as usize]).unwrap();
+    drop(stream);
+    drop(writer);
+    bytes
+}
+
+#[test]
+fn pictures_that_take_too_much_memory_are_refused_by_their_heads() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, width: u32, height: u32| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, png_that_claims(width, height)).unwrap();
+        path
+    };
+    // Gray samples and light are 13 bytes a pixel.
+    let large = write("large.png", 22_000, 22_000);
+    for error in [picture_size(&large).unwrap_err(), decoded_head(&large).unwrap_err()] {
+        let text = error.to_string();
+        assert!(matches!(error, ImageError::TooLarge { width: 22_000, .. }), "{text}");
+        assert!(text.contains("takes 6.3 GB of memory") && text.contains("at most 2 GB"), "{text}");
+    }
+    // What is not finished is cut off, whatever it claims.
+    assert!(matches!(load_image(&large), Err(ImageError::Decode { .. })));
+    let fits = write("fits.png", 12_000, 12_000);
+    assert_eq!(picture_size(&fits).unwrap(), (12_000, 12_000));
+    let head = picture_head(&fits).unwrap();
+    let pixels = 12_000 * 12_000;
+    assert_eq!(head.reading_bytes(), 2 * head.file_bytes + 13 * pixels);
+    // A whole picture is refused by its light, not by its samples.
+    let head = PictureHead { stored: (13_000, 13_000), file_bytes: 0, sample_bytes: 169_000_000, ..head };
+    assert!(head.checked("a.png").is_err());
+}
+
+#[test]
+fn heads_of_all_formats_are_those_of_the_pictures() {
+    let folder = tempfile::tempdir().unwrap();
+    let image = LinearImage::from_data(3, 4, 6, vec![0.5; 72]).unwrap();
+    let exr = folder.path().join("a.exr");
+    save_exr(&image, &exr).unwrap();
+    let hdr = folder.path().join("a.hdr");
+    let pixels = vec![::image::Rgb([0.5f32; 3]); 24];
+    HdrEncoder::new(std::fs::File::create(&hdr).unwrap()).encode(&pixels, 6, 4).unwrap();
+    let tiff = folder.path().join("a.tiff");
+    RgbImage::new(6, 4).save(&tiff).unwrap();
+    for path in [exr, hdr, tiff] {
+        assert_eq!(picture_size(&path).unwrap(), (6, 4), "{}", path.display());
+        assert_eq!(decoded_head(&path).unwrap().sample_bytes % 24, 0);
+    }
+    std::fs::write(folder.path().join("b.png"), b"no picture").unwrap();
+    let error = picture_size(&folder.path().join("b.png")).unwrap_err().to_string();
+    assert!(error.contains("no format that is read"), "{error}");
+}

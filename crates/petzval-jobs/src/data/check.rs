@@ -36,6 +36,7 @@ impl Default for Request {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Response {
     /// The file of annotations.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub annotations: PathBuf,
     /// What can be used.
     pub statistics: Statistics,
@@ -44,6 +45,7 @@ pub struct Response {
     /// Cases that cannot be used.
     pub errors: usize,
     /// The page.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub page: Option<PathBuf>,
 }
 

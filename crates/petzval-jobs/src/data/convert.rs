@@ -28,6 +28,7 @@ pub struct Request {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Response {
     /// The file of annotations.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub annotations: PathBuf,
     /// Pictures that are hard links.
     pub linked: usize,
@@ -37,6 +38,8 @@ pub struct Response {
     pub statistics: Statistics,
     /// What was found wrong; what cannot be used is not in the data set.
     pub defects: Vec<Defect>,
+    /// Cases that cannot be used.
+    pub errors: usize,
 }
 
 /// Converts a data set. The annotations are written last: a folder that has them is complete.
@@ -79,6 +82,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         copied,
         statistics: Statistics::of(&converted.data),
         defects: converted.defects.iter().cloned().collect(),
+        errors: converted.defects.errors(),
     })
 }
 

@@ -22,7 +22,7 @@ use serde::{Deserialize, Serialize};
 pub use finder::Source;
 pub use petzval_learn::detection::BackboneKind;
 pub use petzval_learn::score::detection::CocoSummary;
-pub use scores::{ClassScore, Scores};
+pub use scores::{ClassScore, Overhanging, Scores};
 
 use finder::{Finder, finder};
 
@@ -61,9 +61,11 @@ pub struct Response {
     /// The pictures in the order of the request, without those that cannot be read.
     pub pictures: Vec<Seen>,
     /// Pictures that cannot be read; a warning said of each why.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub unread: Vec<PathBuf>,
     /// Folder with `detections.json` (COCO results), `annotations.json` (pictures, classes, and the objects of a data set) and the drawn
     /// pictures.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub out: Option<PathBuf>,
     /// How well the objects of the data set are found; none without one.
     pub scores: Option<Scores>,
@@ -73,6 +75,7 @@ pub struct Response {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Seen {
     /// Its file.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub file: PathBuf,
     /// What was found in it, best first.
     pub found: Vec<Found>,
@@ -121,7 +124,11 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let raw = looked.iter().map(|l| &l.file).find(|file| is_raw(file));
     let finder = finder(&request.detector, raw, &device, &request.accept_changed, context)?;
     let detector = finder.network.detector().ok_or_else(|| JobError::failed("the network is no detector"))?;
+    let whole = labelled.as_ref().and_then(DataSet::unclipped);
     let labelled = labelled.map(|data| in_classes_of(&finder, data, context)).transpose()?;
+    // What is wrong with the classes was said of the boxes inside.
+    let whole =
+        whole.and_then(|(data, boxes)| Some((in_classes_of(&finder, data, &context.silent()).ok()?, boxes)));
     let (mut pictures, mut results, mut images, mut unread) =
         (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let mut earlier = request.out.as_deref().map(drawn_pictures).unwrap_or_default();
@@ -166,7 +173,10 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         context.progress(i as u64 + 1, count as u64, "pictures");
         Ok(())
     });
-    let scores = labelled.as_ref().filter(|_| outcome.is_ok()).map(|data| Scores::of(data, &results));
+    let scores = labelled.as_ref().filter(|_| outcome.is_ok()).map(|data| Scores {
+        overhanging: whole.as_ref().map(|(whole, boxes)| Overhanging::of(whole, *boxes, &results)),
+        ..Scores::of(data, &results)
+    });
     if let Some(out) = request.out.as_ref().filter(|_| !pictures.is_empty()) {
         let mut data = labelled.unwrap_or_else(|| DataSet {
             categories: (finder.classes.into_iter().enumerate())

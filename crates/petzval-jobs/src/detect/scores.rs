@@ -16,6 +16,9 @@ pub struct Scores {
     /// The numbers of COCO. What is small and large is said by the areas of the data set, 32^2 and 96^2 px^2; for the detector of a run by those
     /// of the boxes.
     pub coco: CocoSummary,
+    /// The same of boxes that reach out of their picture, as pycocotools takes them; none where no box does.
+    #[serde(default)]
+    pub overhanging: Option<Overhanging>,
     /// Where the average precision lies in 95 % of draws of the pictures with repetition, low and high; pictures of one sequence are drawn
     /// together.
     pub ap_range: Option<[f64; 2]>,
@@ -25,6 +28,23 @@ pub struct Scores {
     pub classes: Vec<ClassScore>,
     /// Share of the lights found (overlap 0.5, score 0.5) whose state is right; none of other objects.
     pub state_accuracy: Option<f64>,
+}
+
+/// The numbers of COCO where boxes that reach out of their picture are whole.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Overhanging {
+    /// Boxes that reach out of their picture. All other scores are of the part inside.
+    pub boxes: usize,
+    /// The numbers of COCO as pycocotools gives them for boxes that are not clipped.
+    pub coco: CocoSummary,
+}
+
+impl Overhanging {
+    /// The numbers of detections for a data set with its boxes as the file has them, so many of which reach out of their picture.
+    pub fn of(whole: &DataSet, boxes: usize, found: &[coco::Detection]) -> Self {
+        let (pictures, classes) = pictures_of_data_set(whole, found);
+        Self { boxes, coco: coco_summary(&pictures, classes.len()) }
+    }
 }
 
 /// How well the objects of a class are found.
@@ -64,6 +84,7 @@ impl Scores {
             ap_range: range(&ranking(&Protocol::coco())),
             ap50_range: range(&half),
             classes: classes.iter().enumerate().map(by_class).collect(),
+            overhanging: None,
             state_accuracy: has_states.then(|| states(&pictures, classes.len()).accuracy()).flatten(),
             coco,
         }

@@ -74,8 +74,10 @@ pub struct Response {
     /// The figures.
     pub figures: ChartFigures,
     /// The developed picture.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub picture: PathBuf,
     /// The page with patches and curves.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub page: PathBuf,
 }
 

@@ -85,10 +85,13 @@ pub struct Response {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Developed {
     /// The raw file.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub raw: PathBuf,
     /// The picture.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub picture: PathBuf,
     /// The page of all stages.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub strip: Option<PathBuf>,
     /// Rows.
     pub height: usize,

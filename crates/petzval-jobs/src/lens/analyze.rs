@@ -64,10 +64,13 @@ pub struct Request {
 #[derive(Clone, Debug, Serialize)]
 pub struct Response {
     /// Folder of the files.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub folder: PathBuf,
     /// The files that were written.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub files: Vec<PathBuf>,
     /// The page among them, if it was written.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub page: Option<PathBuf>,
     /// The analyses.
     pub analysis: Analysis,

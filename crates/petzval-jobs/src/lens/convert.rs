@@ -31,6 +31,7 @@ pub struct Response {
     /// The lens as the request names it.
     pub from: String,
     /// The file that was written.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub to: PathBuf,
     /// Focal length, mm; `None` if the lens is afocal.
     pub efl_mm: Option<f64>,

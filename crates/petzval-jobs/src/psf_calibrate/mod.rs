@@ -55,6 +55,7 @@ pub struct Request {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Response {
     /// Folder of the results.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub out: PathBuf,
     /// The figures, as in `calibration.json`.
     pub figures: Figures,

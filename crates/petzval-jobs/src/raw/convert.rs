@@ -49,6 +49,7 @@ pub struct Response {
     /// The frame as it was written.
     pub frame: FrameSummary,
     /// The sidecar that was written beside it.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub sidecar: PathBuf,
 }
 

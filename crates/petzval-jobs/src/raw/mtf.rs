@@ -79,6 +79,7 @@ pub struct Response {
     /// The edges, in the order of the request or of the frame.
     pub edges: Vec<Edge>,
     /// The files that were written.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub files: Vec<PathBuf>,
 }
 

@@ -50,6 +50,7 @@ pub struct Response {
     /// Every number with its standard error, or with the reason why the captures do not determine it.
     pub characterization: Characterization,
     /// The files that were written.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub files: Vec<PathBuf>,
 }
 

@@ -20,13 +20,16 @@ const MOST_VALUES: usize = 1 << 28;
 /// Permitted cell sizes, um.
 const PITCH_UM: std::ops::RangeInclusive<f64> = 1e-3..=1e3;
 
+/// How NumPy writes a file that is read.
+const NUMPY_HINT: &str = "hint: numpy.save(file, numpy.ascontiguousarray(psfs, dtype=\"<f4\"))";
+
 /// The axes of a bank of PSFs, as in `psfs.toml`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PsfAxes {
     /// Source of the PSFs.
     pub source: String,
-    /// File of the values beside this one: float32 `[field][channel][row][col]`, unit sum each.
+    /// File of the values beside this one: float32 of either byte order, `[field][channel][row][col]` in C order, unit sum each.
     pub values: String,
     /// Cells along a side.
     pub grid: usize,
@@ -108,10 +111,12 @@ pub fn load_psfs(path: &Path) -> Result<PsfBank, PsfCalibrationError> {
     if npy.shape() != shape || npy.order() != npyz::Order::C {
         let (found, order) = (npy.shape().to_vec(), npy.order());
         return Err(values_wrong(format!(
-            "holds {found:?} ({order:?} order); {shape:?} (C order) are needed"
+            "holds {found:?} ({order:?} order); {shape:?} (C order) are needed; {NUMPY_HINT}"
         )));
     }
-    let values: Vec<f32> = npy.into_vec().map_err(|e| values_wrong(format!("no float32 values: {e}")))?;
+    let kind = npy.dtype().descr();
+    let values: Vec<f32> =
+        npy.into_vec().map_err(|_| values_wrong(format!("holds {kind}, not float32; {NUMPY_HINT}")))?;
     let bank = PsfBank {
         field_radius_mm: axes.field_radius_mm,
         grid: axes.grid,
@@ -158,6 +163,41 @@ mod tests {
         std::fs::create_dir(other.path().join("psfs.npy")).unwrap();
         assert!(matches!(save_psfs(&bank(), "test", other.path()), Err(PsfCalibrationError::Io { .. })));
         assert_eq!(std::fs::read_dir(other.path()).unwrap().count(), 1);
+    }
+
+    /// Files as NumPy writes them: what holds the same numbers is read, everything else is refused with a hint.
+    #[test]
+    fn values_in_other_forms_are_read_as_they_are_or_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        save_psfs(&bank(), "test", folder.path()).unwrap();
+        let mut wanted = bank();
+        // Unequal values show a wrong order of bytes or axes.
+        (wanted.values[5], wanted.values[6]) = (0.75, 0.25);
+        let write = |kind: &str, is_fortran: &str, bytes: Vec<u8>| {
+            let text =
+                format!("{{'descr': '{kind}', 'fortran_order': {is_fortran}, 'shape': (1, 3, 4, 4), }}");
+            let head = format!("{text:<117}\n");
+            let file = [&b"\x93NUMPY\x01\x00\x76\x00"[..], head.as_bytes(), &bytes].concat();
+            std::fs::write(folder.path().join("psfs.npy"), file).unwrap();
+            load_psfs(folder.path()).map_err(|e| e.to_string())
+        };
+        let values = &wanted.values;
+        let little: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+        assert_eq!(write("<f4", "False", little.clone()).unwrap(), wanted);
+        assert_eq!(
+            write(">f4", "False", values.iter().flat_map(|v| v.to_be_bytes()).collect()).unwrap(),
+            wanted
+        );
+        let double = values.iter().flat_map(|v| f64::from(*v).to_le_bytes()).collect();
+        let half: Vec<u8> = values.iter().flat_map(|v| (0.5 * v).to_le_bytes()).collect();
+        for (read, needles) in [
+            (write("<f8", "False", double), ["not float32", "ascontiguousarray"]),
+            (write("<f4", "True", little), ["Fortran order", "ascontiguousarray"]),
+            (write("<f4", "False", half), ["0.5", "sum"]),
+        ] {
+            let error = read.unwrap_err();
+            assert!(needles.iter().all(|needle| error.contains(needle)), "{error}");
+        }
     }
 
     #[test]

@@ -155,6 +155,7 @@ pub fn in_classes(data: &DataSet, wanted: Wanted, classes: &[&str]) -> DataSet {
             crowd,
             ignore: false,
             attributes: BTreeMap::new(),
+            unclipped: None,
         });
     };
     for (image, objects) in data.images.iter().zip(data.objects_of_images()) {
@@ -193,6 +194,7 @@ mod tests {
             crowd: false,
             ignore: false,
             attributes: BTreeMap::new(),
+            unclipped: None,
         }
     }
 
@@ -261,6 +263,7 @@ mod tests {
             crowd,
             ignore,
             attributes: BTreeMap::new(),
+            unclipped: None,
         };
         let data = DataSet {
             images: vec![Image { id: 5, ..Image::default() }],

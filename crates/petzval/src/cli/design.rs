@@ -125,5 +125,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
 }
 
 fn command_line() -> String {
-    std::env::args().collect::<Vec<_>>().join(" ")
+    // An argument may be no text.
+    let words: Vec<String> = std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect();
+    words.join(" ")
 }

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::ValueEnum;
-use petzval::jobs::detect::{self, BackboneKind, Request, Scores, Seen, Source};
+use petzval::jobs::detect::{self, BackboneKind, Overhanging, Request, Scores, Seen, Source};
 
 use super::failure::Failure;
 use super::signals;
@@ -155,6 +155,13 @@ fn print_scores(scores: &Scores) {
     outln!("AP    {}{}", number(coco.ap), range(scores.ap_range));
     outln!("AP50  {}{}", number(coco.ap50), range(scores.ap50_range));
     outln!("AP75  {}", number(coco.ap75));
+    if let Some(Overhanging { boxes, coco }) = &scores.overhanging {
+        let [ap, half, tight] = [coco.ap, coco.ap50, coco.ap75].map(number);
+        outln!("AP of pycocotools  {ap}, AP50 {half}, AP75 {tight}");
+        outln!(
+            "                   {boxes} boxes reach out of their picture: pycocotools takes them whole, all other figures the part inside"
+        );
+    }
     let sizes = |of: [Option<f64>; 3]| {
         let [small, medium, large] = of.map(number);
         format!("small {small}, medium {medium}, large {large}")

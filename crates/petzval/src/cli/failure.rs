@@ -7,6 +7,8 @@ use miette::{LabeledSpan, MietteDiagnostic, MietteHandlerOpts, NamedSource, Repo
 use petzval::base::FileError;
 use petzval::jobs::{Fault, JobError, text_of_file};
 
+use super::{output, plain};
+
 /// The job failed.
 const EXIT_JOB: u8 = 1;
 /// Bad usage or bad input.
@@ -28,18 +30,17 @@ pub struct Failure {
 impl Failure {
     /// The request was right, but the job failed.
     pub fn job(message: impl Into<String>) -> Self {
-        Self { report: Report::new(MietteDiagnostic::new(message)), code: EXIT_JOB }
+        Self { report: Report::new(MietteDiagnostic::new(plain::message(&message.into()))), code: EXIT_JOB }
     }
 
     /// The request or a file is wrong.
     pub fn input(message: impl Into<String>, hint: impl Into<String>) -> Self {
-        let diagnostic = MietteDiagnostic::new(message).with_help(hint);
-        Self { report: Report::new(diagnostic), code: EXIT_INPUT }
+        Self { report: Report::new(diagnostic(&message.into(), &hint.into())), code: EXIT_INPUT }
     }
 
     /// Prints the failure on stderr; returns its exit code.
     pub fn report(self) -> ExitCode {
-        noteln!("{:?}", self.report);
+        output::styled_note(&format!("{:?}", self.report));
         ExitCode::from(self.code)
     }
 
@@ -55,23 +56,44 @@ impl Failure {
             (true, false) => format!("`{}`: ", error.value),
             (true, true) => String::new(),
         };
-        let mut diagnostic = MietteDiagnostic::new(format!("{place}: {said}{}", error.message));
-        if let Some(hint) = &error.hint {
-            diagnostic = diagnostic.with_help(hint.clone());
-        }
+        let told = format!("{place}: {said}{}", error.message);
+        let mut diagnostic = diagnostic(&told, error.hint.as_deref().unwrap_or(""));
         // Show the line itself, if the file can still be read.
-        let report = match (text_of_file(path), error.line) {
-            (Some(text), Some(line)) => {
+        let shown =
+            error.line.and_then(|line| Some((excerpt(&text_of_file(path)?, line, error.column), line)));
+        let report = match shown {
+            Some((text, line)) => {
                 let start: usize = text.split_inclusive('\n').take(line as usize - 1).map(str::len).sum();
                 let length = text[start..].lines().next().map_or(0, str::len);
-                let label = LabeledSpan::at(start..start + length, "here");
-                Report::new(diagnostic.with_label(label))
-                    .with_source_code(NamedSource::new(path.display().to_string(), text))
+                diagnostic = diagnostic.with_label(LabeledSpan::at(start..start + length, "here"));
+                let name = plain::message(&path.display().to_string());
+                Report::new(diagnostic).with_source_code(NamedSource::new(name, text))
             }
-            _ => Report::new(diagnostic),
+            None => Report::new(diagnostic),
         };
         Self { report, code: EXIT_INPUT }
     }
+}
+
+/// A message with a hint, which may be empty.
+fn diagnostic(message: &str, hint: &str) -> MietteDiagnostic {
+    let diagnostic = MietteDiagnostic::new(plain::message(message));
+    match hint {
+        "" => diagnostic,
+        hint => diagnostic.with_help(plain::message(hint)),
+    }
+}
+
+/// A file up to the line after the given one, with long lines cut: the given one around its column, from 1. Lines that are not shown are empty.
+fn excerpt(text: &str, line: u32, column: Option<u32>) -> String {
+    let (line, column) = (line as usize, column.unwrap_or(1) as usize);
+    let shown = |(number, text): (usize, &str)| match number.abs_diff(line) {
+        0 => plain::around(text, column - 1),
+        1 => plain::around(text, 0),
+        _ => String::new(),
+    };
+    let lines: Vec<String> = (1..=line + 1).zip(text.lines()).map(shown).collect();
+    lines.join("\n")
 }
 
 impl From<JobError> for Failure {
@@ -91,10 +113,20 @@ impl From<JobError> for Failure {
             JobError::Input { message, hint } => (message, hint),
             JobError::Failed(message) | JobError::Stopped(message) => (message, String::new()),
         };
-        let mut diagnostic = MietteDiagnostic::new(message);
-        if !hint.is_empty() {
-            diagnostic = diagnostic.with_help(hint);
-        }
-        Self { report: Report::new(diagnostic), code }
+        Self { report: Report::new(diagnostic(&message, &hint)), code }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_excerpt_keeps_the_numbers_of_lines_and_cuts_them() {
+        let text = format!("a\nb\u{1b}\n{}X{}\nd\ne\n", "c".repeat(5000), "c".repeat(5000));
+        let shown = excerpt(&text, 3, Some(5001));
+        let lines: Vec<&str> = shown.split('\n').collect();
+        assert_eq!((lines[0], lines[1], lines[3], lines.len()), ("", r"b\u{1b}", "d", 4));
+        assert!(lines[2].contains('X') && lines[2].len() < 140, "{shown}");
     }
 }

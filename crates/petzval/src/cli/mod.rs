@@ -21,6 +21,7 @@ mod init;
 mod isp;
 mod lens;
 mod number;
+mod plain;
 mod psf;
 mod psf_calibrate;
 mod psf_capture;
@@ -131,6 +132,12 @@ pub fn run(cli: Cli) -> Result<ExitCode, Failure> {
     #[cfg(feature = "dng")]
     leave_panics_of_the_dng_reader_to_its_caller();
     failure::keep_lines_whole();
+    if let Err(value) = petzval::base::simd::check_variable() {
+        return Err(Failure::input(
+            format!("PETZVAL_SIMD={}: there is no instruction set of this name", value.display()),
+            "write avx2 or scalar, or unset the variable: the widest of the machine is used then",
+        ));
+    }
     if cli.threads > MOST_THREADS {
         return Err(Failure::input(
             format!("--threads {}: more than {MOST_THREADS}", cli.threads),

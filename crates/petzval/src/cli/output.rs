@@ -1,5 +1,7 @@
 //! The one writer of the command: data to stdout, notes to stderr.
 //!
+//! Neither holds control characters: names and values of others may contain them. Lines of notes are cut.
+//!
 //! Notes that cannot be written are dropped, so that a lost terminal or a full disk ends no run. Data that cannot be written are
 //! dropped as well, while the job goes on with its files; [`finish`] then ends the command with a sentence and exit code 1. A closed
 //! pipe, as behind `| head`, ends it quietly.
@@ -10,6 +12,7 @@ use std::process::ExitCode;
 use std::sync::OnceLock;
 
 use super::failure::{EXIT_INPUT, Failure};
+use super::plain;
 
 /// Writes formatted data to stdout.
 macro_rules! out {
@@ -33,12 +36,17 @@ static LOST: OnceLock<io::Error> = OnceLock::new();
 /// Writes data to stdout. See `out!` and `outln!`.
 pub fn data(text: Arguments) {
     if !is_lost() {
-        keep(io::stdout().lock().write_all(text.to_string().as_bytes()));
+        keep(io::stdout().lock().write_all(plain::plain(&text.to_string()).as_bytes()));
     }
 }
 
 /// Writes a line to stderr. See `noteln!`.
 pub fn note(text: Arguments) {
+    styled_note(&plain::message(&text.to_string()));
+}
+
+/// Writes a line to stderr that has colours. The names and values in it are [`plain`] already.
+pub fn styled_note(text: &str) {
     // In one piece, so that lines of other processes on the same terminal do not cut it.
     let _dropped = io::stderr().lock().write_all(format!("{text}\n").as_bytes());
 }
@@ -70,6 +78,12 @@ pub fn finish(ending: Result<ExitCode, Failure>) -> ExitCode {
 
 /// Ends the command after arguments that cannot be parsed, or after `--help` and `--version`.
 pub fn usage(said: &clap::Error) -> ExitCode {
+    // Arguments are quoted as they are.
+    let text = said.render().to_string();
+    if said.use_stderr() && plain::message(&text) != text {
+        note(format_args!("{}", text.trim_end()));
+        return ExitCode::from(EXIT_INPUT);
+    }
     let written = said.print();
     if said.use_stderr() {
         return ExitCode::from(EXIT_INPUT);

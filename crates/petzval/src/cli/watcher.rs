@@ -6,6 +6,8 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use petzval::jobs::{Progress, Watcher};
 
+use super::plain;
+
 /// Units of work between two plain lines if stderr is not a terminal.
 const PLAIN_EVERY: u64 = 50;
 
@@ -85,7 +87,7 @@ impl Watcher for Stderr {
                 *phase = Some(Phase { start: now, first: *done, total: *total, last_line: now });
                 self.bar.set_length(*total);
                 self.bar.set_position(*done);
-                self.bar.set_message(text.clone());
+                self.bar.set_message(plain::message(text));
                 self.bar.set_prefix("");
                 if !self.is_plain {
                     self.bar.enable_steady_tick(REDRAWN_EVERY);
@@ -94,7 +96,7 @@ impl Watcher for Stderr {
             }
         };
         if !self.is_plain {
-            self.bar.set_message(text.clone());
+            self.bar.set_message(plain::message(text));
             self.bar.set_position(*done);
             self.bar.set_prefix(phase.left(*done));
         } else if *done > phase.first

@@ -1,8 +1,9 @@
 //! BDD100K: JSON files with a list of pictures, each with `labels[].box2d`; also the older files of one picture each.
 //!
-//! <https://doc.bdd100k.com/format.html>. Labels without `box2d`, such as lanes, are left out, and so are lists
-//! that have no other labels: their pictures are no background. A file of one picture has all labels of it. The colour of a traffic light becomes the attribute `state`, if it is red, yellow or
-//! green.
+//! <https://doc.bdd100k.com/format.html>. Lanes and drivable areas without `box2d` are left out and counted, and so are lists that have no other
+//! labels: their pictures are no background. Another label without a box is an error of its own. A file of one picture has all labels of it. The
+//! colour of a traffic light becomes the attribute `state`: `red`, `yellow` and `green`, or `R`, `Y` and `G`. What is said of whole pictures, such
+//! as the weather, is not read.
 
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
@@ -16,10 +17,10 @@ use super::tree::{ends_with, files_below, pictures_among, pictures_by, split_of}
 use crate::coco::bounded::read_bounded;
 use crate::coco::bounds::Bounds;
 use crate::coco::data_set::Attribute;
-use crate::coco::defect::DefectKind;
+use crate::coco::defect::{DefectKind, Defects};
 use crate::coco::error::CocoError;
 use crate::coco::folder::LARGEST_ANNOTATIONS;
-use crate::coco::loose::{Loose, Record, Wrong};
+use crate::coco::loose::{Fields, Loose, Record, Wrong};
 use crate::coco::numbers::mark_numbers;
 use crate::coco::read::json_error;
 
@@ -42,6 +43,8 @@ struct Picture {
     name: Loose,
     #[serde(default, alias = "videoName", alias = "video_name")]
     video: Loose,
+    #[serde(default)]
+    attributes: Loose,
     /// `objects` in older files.
     #[serde(default, alias = "objects")]
     labels: Option<Vec<Record<Object>>>,
@@ -54,6 +57,17 @@ struct Object {
     box2d: Option<Record<Corners>>,
     #[serde(default)]
     attributes: Option<BTreeMap<String, Loose>>,
+    #[serde(default)]
+    score: Loose,
+}
+
+impl Object {
+    /// Whether it is a lane or a drivable area, as newer and older files name them, without a box.
+    fn is_lane_or_area(&self) -> bool {
+        let name = self.category.text().unwrap_or("").to_lowercase();
+        let is_named = ["lane", "area", "drivable"].iter().any(|word| name.starts_with(word));
+        is_named && self.box2d.is_none()
+    }
 }
 
 #[derive(Default, Deserialize)]
@@ -64,6 +78,10 @@ struct Corners {
     x2: Loose,
     y2: Loose,
 }
+
+impl Fields for Picture {}
+impl Fields for Object {}
+impl Fields for Corners {}
 
 /// Reads a JSON file, or all of those below a folder. Pictures are looked for by name below the folder.
 pub(super) fn convert_bdd100k(root: &Path) -> Result<Converted, CocoError> {
@@ -116,8 +134,12 @@ pub(super) fn convert_bdd100k(root: &Path) -> Result<Converted, CocoError> {
                 image.sequence = Some(video);
             }
             let id = image.id;
+            if picture.attributes != Loose::Absent {
+                builder.unread("attributes of a picture");
+            }
             for (i, object) in picture.labels.iter().flatten().enumerate() {
-                match label(object) {
+                let place = || format!("{name}: labels[{i}]");
+                match label(object, &place, &mut builder.defects) {
                     Ok(Some(label)) => builder.object(id, label),
                     Ok(None) => {}
                     Err(mut error) => {
@@ -185,17 +207,26 @@ fn is_of_lanes(pictures: &[Record<Picture>]) -> bool {
     });
     let mut labels = labels.flatten().peekable();
     labels.peek().is_some()
-        && labels.all(|label| matches!(label, Record::Table(object) if object.box2d.is_none()))
+        && labels.all(|label| matches!(label, Record::Table(object) if object.is_lane_or_area()))
 }
 
-/// The label of an object; `None` if it has no box.
-fn label(object: &Record<Object>) -> Result<Option<Label<'_>>, FileError> {
+/// The label of an object; `None`, which is noted, if it has no box.
+fn label<'a>(
+    object: &'a Record<Object>,
+    place: &dyn Fn() -> String,
+    defects: &mut Defects,
+) -> Result<Option<Label<'a>>, FileError> {
     let object = match object {
         Record::Table(object) => object,
         Record::Other(other) => return Err(no_table("", other)),
     };
     let corners = match &object.box2d {
-        None => return Ok(None),
+        None => {
+            let kind =
+                if object.is_lane_or_area() { DefectKind::LaneOrArea } else { DefectKind::LabelWithoutBox };
+            defects.add(kind, || format!("{}, category {}: no `box2d`", place(), object.category));
+            return Ok(None);
+        }
         Some(Record::Table(corners)) => corners,
         Some(Record::Other(other)) => return Err(no_table("box2d", other)),
     };
@@ -208,27 +239,45 @@ fn label(object: &Record<Object>) -> Result<Option<Label<'_>>, FileError> {
     let [right, bottom] = [value(&corners.x2, "x2")?, value(&corners.y2, "y2")?];
     let mut label = Label::new(class, Bounds::between(left, top, right, bottom));
     for (name, value) in object.attributes.iter().flatten() {
-        let value = match (name.as_str(), value) {
-            ("trafficLightColor", Loose::Text(colour)) => {
-                let colour = colour.to_lowercase();
-                // Files give `none` or `NA` to everything that is no traffic light, and `none` to lights whose state is not seen.
-                if ["red", "yellow", "green"].contains(&colour.as_str()) {
-                    label.attributes.insert("state".to_owned(), Attribute::Text(colour));
+        let value = match value {
+            Loose::Absent => continue,
+            Loose::Text(colour) if name == "trafficLightColor" => {
+                if let Some(state) = state(colour) {
+                    label.attributes.insert("state".to_owned(), Attribute::Text(state));
                 }
                 continue;
             }
-            (_, Loose::Flag(flag)) => Attribute::Flag(*flag),
-            (_, Loose::Text(text)) => Attribute::Text(text.clone()),
-            (_, value) => match value.number() {
+            Loose::Flag(flag) => Attribute::Flag(*flag),
+            Loose::Text(text) => Attribute::Text(text.clone()),
+            value => match value.number() {
                 Ok(number) => Attribute::Number(number),
-                Err(_) => continue,
+                Err(_) => {
+                    defects.add(DefectKind::LooseAttribute, || format!("{}: {name} is {value}", place()));
+                    continue;
+                }
             },
         };
         // Files of tracks mark crowds.
         label.crowd |= name == "crowd" && value == Attribute::Flag(true);
         label.attributes.insert(name.clone(), value);
     }
+    if object.score != Loose::Absent {
+        defects.add(DefectKind::ScoredLabel, || format!("{}: score {}", place(), object.score));
+    }
     Ok(Some(label))
+}
+
+/// The state that the colour of a traffic light stands for. `none` and `NA` are given to lights whose state is not seen, and to everything that
+/// is no traffic light. A word that is not known stays as it is, so that the check of values counts it.
+fn state(colour: &str) -> Option<String> {
+    let state = match colour.to_lowercase().as_str() {
+        "none" | "na" | "" => return None,
+        "r" => "red",
+        "y" => "yellow",
+        "g" => "green",
+        word => return Some(word.to_owned()),
+    };
+    Some(state.to_owned())
 }
 
 fn no_table(key: &str, found: &Loose) -> FileError {

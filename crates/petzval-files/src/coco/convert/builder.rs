@@ -9,9 +9,10 @@ use petzval_base::FileError;
 use crate::coco::bounds::Bounds;
 use crate::coco::check::check_values;
 use crate::coco::data_set::{Annotation, Attribute, Category, DataSet, Image};
-use crate::coco::defect::{DefectKind, Defects};
+use crate::coco::defect::{DefectKind, Defects, note_unread};
 use crate::coco::error::CocoError;
-use crate::picture_file::picture_size;
+use crate::coco::turned::{BoxesOf, boxes_of, turned};
+use crate::picture_file::{PictureHead, picture_head};
 
 /// Folders that say nothing about a picture but that it is one.
 const PLAIN_FOLDERS: [&str; 5] = ["images", "JPEGImages", "image_2", "data", "."];
@@ -42,11 +43,22 @@ impl<'a> Label<'a> {
     }
 }
 
+/// The file of a picture.
+struct Source {
+    path: PathBuf,
+    head: PictureHead,
+    /// The size that the labels state, px.
+    stated: Option<(u32, u32)>,
+}
+
 /// Collects pictures, classes and objects, and places that cannot be understood.
 #[derive(Default)]
 pub(super) struct Builder {
     data: DataSet,
-    sources: HashMap<u64, PathBuf>,
+    sources: HashMap<u64, Source>,
+    /// Whether the format itself says that boxes are of the picture the right way up.
+    means_upright: bool,
+    unread: BTreeMap<String, usize>,
     /// The number of the picture of each file that was asked for; none if it cannot be decoded.
     taken: HashMap<PathBuf, Option<u64>>,
     names: HashSet<String>,
@@ -57,6 +69,11 @@ pub(super) struct Builder {
 }
 
 impl Builder {
+    /// One for a format that says that boxes are of the picture as EXIF turns it.
+    pub fn of_turned_pictures() -> Self {
+        Self { means_upright: true, ..Self::default() }
+    }
+
     /// Notes a place that cannot be understood.
     pub fn wrong(&mut self, path: &Path, error: FileError) {
         self.errors += 1;
@@ -82,8 +99,8 @@ impl Builder {
             let place = self.data.images.binary_search_by_key(&(*id)?, |image| image.id).ok()?;
             return self.data.images.get_mut(place);
         }
-        let (width, height) = match picture_size(path) {
-            Ok(size) => size,
+        let head = match picture_head(path) {
+            Ok(head) => head,
             Err(error) => {
                 self.defects.add(DefectKind::UnreadablePicture, || error.to_string());
                 self.taken.insert(path.to_owned(), None);
@@ -92,9 +109,18 @@ impl Builder {
         };
         let id = self.sources.len() as u64 + 1;
         let file_name = self.free_name(root, path);
-        self.sources.insert(id, path.to_owned());
+        let (width, height) = head.upright();
+        self.sources.insert(id, Source { path: path.to_owned(), head, stated: None });
         self.taken.insert(path.to_owned(), Some(id));
-        self.data.images.push(Image { id, file_name, width, height, split, sequence: None });
+        self.data.images.push(Image {
+            id,
+            file_name,
+            width,
+            height,
+            split,
+            sequence: None,
+            turned: head.is_turned().then_some(true),
+        });
         self.data.images.last_mut()
     }
 
@@ -106,9 +132,16 @@ impl Builder {
         }
     }
 
-    /// Takes a picture out again.
-    pub fn drop_picture(&mut self, id: u64) {
-        self.data.images.retain(|image| image.id != id);
+    /// Notes the size of a picture that its labels state.
+    pub fn stated(&mut self, id: u64, size: (u32, u32)) {
+        if let Some(source) = self.sources.get_mut(&id) {
+            source.stated = Some(size);
+        }
+    }
+
+    /// Counts a field of the labels that is not read.
+    pub fn unread(&mut self, field: &str) {
+        *self.unread.entry(field.to_owned()).or_default() += 1;
     }
 
     /// The place of a picture in the folder of the data set: `images/` and its path below the root, without folders that say nothing.
@@ -144,6 +177,7 @@ impl Builder {
             crowd: label.crowd,
             ignore: label.ignore,
             attributes: label.attributes,
+            unclipped: None,
         });
     }
 
@@ -158,9 +192,50 @@ impl Builder {
             return Err(CocoError::File { path, error: Box::new(error), more: self.errors - 1 });
         }
         self.data.info.insert("description".to_owned(), format!("converted from {format}").into());
+        self.settle_turns();
+        note_unread(&self.unread, &mut self.defects);
         check_values(&mut self.data, &mut self.defects);
-        let sources = self.data.images.iter().map(|image| self.sources.remove(&image.id).unwrap_or_default());
-        let sources = sources.collect();
+        let path = |image: &Image| self.sources.get(&image.id).map(|source| source.path.clone());
+        let sources = self.data.images.iter().filter_map(path).collect();
         Ok(Converted { data: self.data, sources, defects: self.defects })
+    }
+
+    /// Turns boxes of stored pixels with their pictures, and takes pictures out whose boxes may be of others.
+    fn settle_turns(&mut self) {
+        let with_boxes: HashSet<u64> = self.data.annotations.iter().map(|a| a.image_id).collect();
+        let (mut left_out, mut turning) = (HashSet::new(), HashMap::new());
+        for image in &self.data.images {
+            let Some(Source { path, head, stated }) = self.sources.get(&image.id) else { continue };
+            let ((width, height), path) = (head.upright(), path.display());
+            let turn = format!("{path}: orientation {}", head.orientation.to_exif());
+            match boxes_of(head, None, *stated) {
+                BoxesOf::Upright => {}
+                BoxesOf::Unknown if !with_boxes.contains(&image.id) => {}
+                BoxesOf::Unknown if self.means_upright => {
+                    self.defects.add(DefectKind::TurnedPicture, || turn);
+                }
+                BoxesOf::Unknown => {
+                    self.defects.add(DefectKind::UnknownTurn, || turn);
+                    left_out.insert(image.id);
+                }
+                BoxesOf::Stored => {
+                    self.defects.add(DefectKind::TurnedBoxes, || turn);
+                    turning.insert(image.id, *head);
+                }
+                BoxesOf::Other => {
+                    let stated = stated.map_or(String::new(), |(w, h)| format!(", stated {w} x {h}"));
+                    let found = format!("{path}: {width} x {height} px{stated}");
+                    self.defects.add(DefectKind::OtherPictureSize, || found);
+                    left_out.insert(image.id);
+                }
+            }
+        }
+        self.data.images.retain(|image| !left_out.contains(&image.id));
+        self.data.annotations.retain(|annotation| !left_out.contains(&annotation.image_id));
+        for annotation in &mut self.data.annotations {
+            if let Some(head) = turning.get(&annotation.image_id) {
+                annotation.bounds = turned(annotation.bounds, head);
+            }
+        }
     }
 }

@@ -1,7 +1,8 @@
 //! KITTI object detection: a text file of labels for each picture.
 //!
-//! A line is `type truncated occluded alpha left top right bottom height width length x y z rotation_y`, of which the first eight values are used,
-//! in pixels from 0. <https://www.cvlibs.net/datasets/kitti/eval_object.php>
+//! A line is `type truncated occluded alpha left top right bottom height width length x y z rotation_y`, with edges in pixels from 0. `alpha` and
+//! everything from `height` on belong to the object in space: they must be numbers, and are not used. A line with a 16th value, a score, is what a
+//! detector found; such lines are counted. <https://www.cvlibs.net/datasets/kitti/eval_object.php>
 //!
 //! Pictures are numbered in a random order. The folder `mapping` of the devkit says which drive each is of: line `n` of `train_mapping.txt` is
 //! `date drive frame`, and the value of `train_rand.txt` for a picture is its `n`, from 1.
@@ -23,6 +24,25 @@ use crate::coco::error::CocoError;
 /// Values of a line; detections have one more, the score.
 const VALUES: [usize; 2] = [15, 16];
 
+/// The values of a line behind the class.
+const NAMES: [&str; 15] = [
+    "truncated",
+    "occluded",
+    "alpha",
+    "left",
+    "top",
+    "right",
+    "bottom",
+    "height",
+    "width",
+    "length",
+    "x",
+    "y",
+    "z",
+    "rotation_y",
+    "score",
+];
+
 /// The class of regions without labels.
 const REGION: &str = "DontCare";
 
@@ -36,6 +56,8 @@ struct Line {
     truncated: f64,
     occluded: f64,
     bounds: Bounds,
+    /// How sure a detector was; labels have none.
+    score: Option<f64>,
 }
 
 /// Reads a folder with `label_2/*.txt` and `image_2/`, or the folder `training` around it.
@@ -80,6 +102,11 @@ pub(super) fn convert_kitti(root: &Path) -> Result<Converted, CocoError> {
                         ("truncated".to_owned(), Attribute::Number(line.truncated)),
                         ("occluded".to_owned(), Attribute::Number(line.occluded)),
                     ]);
+                    if let Some(score) = line.score {
+                        let place = || format!("{}: line {number}", path.display());
+                        builder.defects.add(DefectKind::ScoredLabel, place);
+                        label.attributes.insert("score".to_owned(), Attribute::Number(score));
+                    }
                     builder.object(id, label);
                 }
             }
@@ -133,10 +160,13 @@ fn parse_line(number: u32, line: &str) -> Result<Line, FileError> {
             FileError::at_line(number, words[i], message).hint("write a finite number, with a point")
         })
     };
-    let [truncated, occluded] = [value(1, "truncated")?, value(2, "occluded")?];
-    let corners = [value(4, "left")?, value(5, "top")?, value(6, "right")?, value(7, "bottom")?];
-    let bounds = Bounds::between(corners[0], corners[1], corners[2], corners[3]);
-    Ok(Line { class: words[0].to_owned(), truncated, occluded, bounds })
+    let mut numbers = Vec::with_capacity(NAMES.len());
+    for (i, name) in (1..words.len()).zip(NAMES) {
+        numbers.push(value(i, name)?);
+    }
+    let bounds = Bounds::between(numbers[3], numbers[4], numbers[5], numbers[6]);
+    let [truncated, occluded] = [numbers[0], numbers[1]];
+    Ok(Line { class: words[0].to_owned(), truncated, occluded, bounds, score: numbers.get(14).copied() })
 }
 
 #[cfg(test)]
@@ -149,10 +179,13 @@ mod tests {
         let found = parse_line(3, line).unwrap();
         assert_eq!(found.bounds, Bounds::from([10.5, 20.0, 100.0, 50.0]));
         assert_eq!((found.class.as_str(), found.truncated, found.occluded), ("Car", 0.25, 1.0));
+        assert_eq!(found.score, None);
+        assert_eq!(parse_line(3, &format!("{line} 0.875")).unwrap().score, Some(0.875));
         for (line, value, needle) in [
             ("Car 0.25 1 -1.57 10.5 20", "Car 0.25 1 -1.57 10.5 20", "has 6 values"),
             ("Car 0.25 1 -1.57 10,5 20 110.5 70 1.5 1.6 3.9 1 2 30 -1.5", "10,5", "`left` is no number"),
             ("Car 0.25 1 -1.57 10.5 20 nan 70 1.5 1.6 3.9 1 2 30 -1.5", "nan", "`right` is no number"),
+            ("Car 0.25 1 -1.57 10.5 20 110.5 70 1.5 1.6 3.9 car 2 30 -1.5", "car", "`x` is no number"),
         ] {
             let error = parse_line(3, line).unwrap_err();
             assert_eq!((error.line, error.value.as_str()), (Some(3), value));

@@ -9,7 +9,9 @@ mod builder;
 mod kitti;
 mod tree;
 mod voc;
+mod voc_file;
 mod yolo;
+mod yolo_names;
 
 use std::path::Path;
 

@@ -4,9 +4,11 @@ use std::collections::HashMap;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
+use petzval_base::FileError;
+
 use crate::coco::bounded::read_bounded;
 use crate::coco::error::CocoError;
-use crate::encoding::decode;
+use crate::encoding::{decode_strictly, decode_xml};
 
 /// Levels of folders that are searched.
 const DEEPEST: usize = 8;
@@ -16,6 +18,9 @@ const MOST_FILES: usize = 10_000_000;
 
 /// Largest file of the labels of one picture.
 const LARGEST_LABELS: u64 = 16 << 20;
+
+/// What to do about a larger one.
+const LABELS_HINT: &str = "a file of labels is of one picture";
 
 /// Endings of picture files.
 const PICTURES: [&str; 7] = ["jpg", "jpeg", "png", "tif", "tiff", "bmp", "webp"];
@@ -89,8 +94,14 @@ pub(super) fn split_of(path: &Path) -> Option<String> {
     path.components().rev().find_map(name)
 }
 
-/// The text of a file of labels.
+/// The text of a file of labels. Fails where it is not text in UTF-8 or UTF-16.
 pub(super) fn labels_text(path: &Path) -> Result<String, CocoError> {
-    let bytes = read_bounded(path, LARGEST_LABELS, "a file of labels is of one picture")?;
-    Ok(decode(&bytes).into_owned())
+    let bytes = read_bounded(path, LARGEST_LABELS, LABELS_HINT)?;
+    decode_strictly(&bytes).map(|text| text.into_owned()).map_err(|error| CocoError::file(path, error))
+}
+
+/// The text of a file of labels in XML, in the encoding that it declares; as an inner error, why it is not such text.
+pub(super) fn xml_text(path: &Path) -> Result<Result<String, FileError>, CocoError> {
+    let bytes = read_bounded(path, LARGEST_LABELS, LABELS_HINT)?;
+    Ok(decode_xml(&bytes).map(|text| text.into_owned()))
 }

@@ -1,9 +1,20 @@
 //! YOLO: a text file for each picture with lines `class centre_x centre_y width height` in shares of the picture, and a file with the names of
 //! the classes.
 //!
-//! <https://docs.ultralytics.com/datasets/detect/>. Labels are found as Ultralytics finds them: in the path of a picture the last folder `images`
+//! <https://docs.ultralytics.com/datasets/>. Labels are found as Ultralytics finds them: in the path of a picture the last folder `images`
 //! becomes `labels`, and the ending `.txt`; else beside the picture. That covers `images/train/` with `labels/train/`, the exports of Roboflow
-//! (`train/images/` with `train/labels/`) and Darknet (labels beside pictures). A line with an outline of three or more points gives its bounds.
+//! (`train/images/` with `train/labels/`) and Darknet (labels beside pictures). As there, labels are of the picture that EXIF has turned.
+//!
+//! A line has one of these forms:
+//!
+//! | form | values after the class |
+//! |---|---|
+//! | box | centre and size |
+//! | pose, where the file of class names has `kpt_shape: [points, values]` | centre and size, then the keypoints, which are not read |
+//! | rotated box | four corners |
+//! | outline | three or more points |
+//!
+//! Rotated boxes and outlines give the upright box around them. They are counted.
 
 use std::collections::HashSet;
 use std::ffi::OsStr;
@@ -13,10 +24,10 @@ use petzval_base::FileError;
 
 use super::builder::{Builder, Converted, Label};
 use super::tree::{ends_with, files_below, is_picture, labels_text, split_of};
+use super::yolo_names::{Names, names_of};
 use crate::coco::bounds::Bounds;
 use crate::coco::defect::DefectKind;
 use crate::coco::error::CocoError;
-use crate::yaml::{self, Node, Value};
 
 /// Shares may exceed 0..1 by rounding; what is further out is in pixels.
 const ROUNDING: f64 = 0.01;
@@ -24,9 +35,9 @@ const ROUNDING: f64 = 0.01;
 /// Reads a folder.
 pub(super) fn convert_yolo(root: &Path) -> Result<Converted, CocoError> {
     let files = files_below(root)?;
-    let names = class_names(root, &files)?;
+    let Names { classes: names, keypoints } = names_of(root, &files)?;
     let labels: HashSet<&Path> = files.iter().filter(|p| ends_with(p, "txt")).map(PathBuf::as_path).collect();
-    let mut builder = Builder::default();
+    let mut builder = Builder::of_turned_pictures();
     for name in &names {
         builder.category(name);
     }
@@ -40,12 +51,32 @@ pub(super) fn convert_yolo(root: &Path) -> Result<Converted, CocoError> {
         };
         let text = labels_text(&path)?;
         for (number, line) in (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty()) {
-            match parse_line(number, line, names.len()) {
-                Ok((class, [x, y, width, height])) => {
-                    let bounds = [x * size[0], y * size[1], width * size[0], height * size[1]];
-                    builder.object(id, Label::new(&names[class], Bounds::from(bounds)));
+            let (class, shape) = match parse_line(number, line, names.len(), keypoints) {
+                Ok(read) => read,
+                Err(error) => {
+                    builder.wrong(&path, error);
+                    continue;
                 }
-                Err(error) => builder.wrong(&path, error),
+            };
+            let place = || format!("{}: line {number}", path.display());
+            let pixels = |[x, y]: [f64; 2]| [x * size[0], y * size[1]];
+            let bounds = match shape {
+                Shape::Box([x, y, width, height], keypoints) => {
+                    if keypoints {
+                        builder.unread("keypoints");
+                    }
+                    Some(Bounds::from([x * size[0], y * size[1], width * size[0], height * size[1]]))
+                }
+                Shape::Points(points) => {
+                    let points: Vec<[f64; 2]> = points.into_iter().map(pixels).collect();
+                    let is_rotated = is_rotated_box(&points);
+                    let kind = if is_rotated { DefectKind::RotatedBox } else { DefectKind::OutlineBox };
+                    builder.defects.add(kind, place);
+                    Bounds::around(points)
+                }
+            };
+            if let Some(bounds) = bounds {
+                builder.object(id, Label::new(&names[class], bounds));
             }
         }
         used.insert(path);
@@ -77,13 +108,39 @@ fn label_files(picture: &Path) -> Vec<PathBuf> {
     in_labels.into_iter().chain([picture.with_extension("txt")]).collect()
 }
 
-/// Class and bounds, in shares of the picture.
-fn parse_line(number: u32, line: &str, classes: usize) -> Result<(usize, [f64; 4]), FileError> {
+/// What a line says of an object, in shares of the picture.
+#[derive(Debug, PartialEq)]
+enum Shape {
+    /// Left edge, upper edge, width and height, and whether keypoints follow.
+    Box([f64; 4], bool),
+    /// Corners of a rotated box, or an outline.
+    Points(Vec<[f64; 2]>),
+}
+
+/// Class and shape. With `keypoints`, the points of a pose and the values of each, a line is a box with or without them.
+fn parse_line(
+    number: u32,
+    line: &str,
+    classes: usize,
+    keypoints: Option<[usize; 2]>,
+) -> Result<(usize, Shape), FileError> {
     let words: Vec<&str> = line.split_whitespace().collect();
-    let is_outline = words.len() >= 7 && words.len() % 2 == 1;
-    if words.len() != 5 && !is_outline {
-        return Err(FileError::at_line(number, line, format!("the line has {} values", words.len()))
-            .hint("give `class centre_x centre_y width height`, or a class and the points of an outline"));
+    let of_pose = keypoints.map(|[points, values]| 5 + points * values);
+    let is_outline = of_pose.is_none() && words.len() >= 7 && words.len() % 2 == 1;
+    let is_pose = of_pose == Some(words.len());
+    if words.len() != 5 && !is_outline && !is_pose {
+        let hint = match (of_pose, words.len()) {
+            (Some(wanted), _) => {
+                format!("give 5 values, a box, or the {wanted} of a box with the keypoints of `kpt_shape`")
+            }
+            (None, 6) => "give `class centre_x centre_y width height`; a score or the number of a track is no part of a label".to_owned(),
+            (None, _) => "give `class centre_x centre_y width height`, or a class and the points of an outline; keypoints need \
+                          `kpt_shape: [points, values]` in data.yaml"
+                .to_owned(),
+        };
+        return Err(
+            FileError::at_line(number, line, format!("the line has {} values", words.len())).hint(hint)
+        );
     }
     let class = words[0].parse().ok().filter(|v: &f64| *v >= 0.0 && v.fract() == 0.0);
     let class = class.filter(|v| *v < classes as f64).ok_or_else(|| {
@@ -92,108 +149,37 @@ fn parse_line(number: u32, line: &str, classes: usize) -> Result<(usize, [f64; 4
             .hint("classes are numbered from 0, in the order of `names`")
     })?;
     let mut shares = Vec::with_capacity(words.len() - 1);
-    for word in &words[1..] {
+    for (i, word) in words[1..].iter().enumerate() {
         let share = word.parse().ok().filter(|v: &f64| v.is_finite());
         let Some(share) = share else {
             return Err(FileError::at_line(number, word, "this is no number")
                 .hint("write a finite number, with a point"));
         };
-        if !(-ROUNDING..=1.0 + ROUNDING).contains(&share) {
+        // Keypoints are not read: some programs write points that are not seen as -1, and how well one is seen as 2.
+        let is_keypoint = is_pose && i >= 4;
+        if !is_keypoint && !(-ROUNDING..=1.0 + ROUNDING).contains(&share) {
             return Err(FileError::at_line(number, word, "this is no share of the picture, 0 to 1")
                 .hint("divide pixels by the width or height of the picture"));
         }
         shares.push(share);
     }
-    let bounds = match shares[..] {
-        [x, y, width, height] => [x - 0.5 * width, y - 0.5 * height, width, height],
-        _ => {
-            let ends = |first: usize| {
-                let along = || shares.iter().skip(first).step_by(2).copied();
-                (along().fold(f64::INFINITY, f64::min), along().fold(f64::NEG_INFINITY, f64::max))
-            };
-            let ((left, right), (top, bottom)) = (ends(0), ends(1));
-            [left, top, right - left, bottom - top]
+    let shape = match shares[..] {
+        [x, y, width, height, ..] if !is_outline => {
+            Shape::Box([x - 0.5 * width, y - 0.5 * height, width, height], is_pose)
         }
+        _ => Shape::Points(shares.chunks_exact(2).map(|point| [point[0], point[1]]).collect()),
     };
-    Ok((class as usize, bounds))
+    Ok((class as usize, shape))
 }
 
-/// The names of the classes, from `data.yaml`, `classes.txt` or a file `.names`.
-fn class_names(root: &Path, files: &[PathBuf]) -> Result<Vec<String>, CocoError> {
-    let at_top = |path: &&PathBuf| path.parent() == Some(root);
-    let is_yaml = |path: &&PathBuf| ends_with(path, "yaml") || ends_with(path, "yml");
-    let mut candidates: Vec<&PathBuf> = files.iter().filter(at_top).filter(is_yaml).collect();
-    candidates.sort_by_key(|path| path.file_stem() != Some(OsStr::new("data")));
-    for path in &candidates {
-        let text = labels_text(path)?;
-        let page = yaml::parse(&text).map_err(|error| CocoError::file(path, with_hint(error)))?;
-        if let Some(names) = page.get("names") {
-            return yaml_names(&page, names).map_err(|error| CocoError::file(path, error));
-        }
-    }
-    let is_list =
-        |path: &&PathBuf| path.file_name() == Some(OsStr::new("classes.txt")) || ends_with(path, "names");
-    if let Some(path) = files.iter().find(is_list) {
-        let text = labels_text(path)?;
-        let names: Vec<String> =
-            text.lines().map(str::trim).filter(|l| !l.is_empty()).map(str::to_owned).collect();
-        return match names.is_empty() {
-            false => Ok(names),
-            true => Err(CocoError::content(path, "the file names no class", "write one name in a line")),
-        };
-    }
-    let reason = match candidates.first() {
-        Some(path) => format!("{} has no `names`", path.display()),
-        None => "no file names the classes".to_owned(),
-    };
-    Err(CocoError::content(
-        root,
-        reason,
-        "add `data.yaml` with a list `names:`, or `classes.txt` with one name in a line",
-    ))
-}
-
-/// An error of the YAML reader, which has no hint for some mistakes.
-fn with_hint(error: FileError) -> FileError {
-    match error.hint {
-        Some(_) => error,
-        None => {
-            error.hint("write `names: [first, second]`, with names in quotes where they hold punctuation")
-        }
-    }
-}
-
-/// `names` as a list, or as a table of numbers and names; `nc`, if there, must be their number.
-fn yaml_names(page: &Node, names: &Node) -> Result<Vec<String>, FileError> {
-    let name = |node: &Node| match node.text().filter(|text| !text.is_empty()) {
-        Some(text) => Ok(text.to_owned()),
-        None => Err(node.error("names", "this is no name").hint("write one name for each class")),
-    };
-    let list: Vec<String> = match &names.value {
-        Value::Map(entries) => {
-            let mut list = vec![String::new(); entries.len()];
-            for (key, node) in entries {
-                let free = key.trim().parse().ok().filter(|i: &usize| *i < list.len() && list[*i].is_empty());
-                let Some(i) = free else {
-                    let message = format!("`{key}` is not one of the numbers 0 to {}", list.len() - 1);
-                    return Err(node.error("names", message).hint("number the classes from 0, without gaps"));
-                };
-                list[i] = name(node)?;
-            }
-            list
-        }
-        _ => names.list().iter().map(name).collect::<Result<_, _>>()?,
-    };
-    if list.is_empty() {
-        return Err(names.error("names", "there is no class").hint("write one name for each class"));
-    }
-    if let Some(count) = page.get("nc")
-        && count.text() != Some(list.len().to_string().as_str())
-    {
-        let message = format!("`names` lists {}", list.len());
-        return Err(count.error("nc", message).hint("write the number of names, or leave `nc` out"));
-    }
-    Ok(list)
+/// Whether points, in pixels, are the corners of a rectangle whose edges are not those of the picture. Corners may be a pixel off.
+fn is_rotated_box(points: &[[f64; 2]]) -> bool {
+    let [a, b, c, d] = points else { return false };
+    let middle_is_one = (0..2).all(|k| (a[k] + c[k] - b[k] - d[k]).abs() <= 2.0);
+    let diagonal = |p: &[f64; 2], q: &[f64; 2]| (p[0] - q[0]).hypot(p[1] - q[1]);
+    let is_rectangle = middle_is_one && (diagonal(a, c) - diagonal(b, d)).abs() <= 2.0;
+    let is_upright = (0..2).any(|k| (a[k] - b[k]).abs() <= 1.0) && (0..2).any(|k| (b[k] - c[k]).abs() <= 1.0);
+    is_rectangle && !is_upright
 }
 
 #[cfg(test)]
@@ -209,41 +195,44 @@ mod tests {
     }
 
     #[test]
-    fn a_line_gives_bounds_in_shares() {
-        assert_eq!(parse_line(1, "1 0.5 0.25 0.5 0.25", 2).unwrap(), (1, [0.25, 0.125, 0.5, 0.25]));
-        assert_eq!(parse_line(1, "1.0 0.25 0.5 0.75 0.5 0.5 0.75", 2).unwrap(), (1, [0.25, 0.5, 0.5, 0.25]));
+    fn a_line_gives_its_shape_in_shares() {
+        let box_of = |keypoints| (1, Shape::Box([0.25, 0.125, 0.5, 0.25], keypoints));
+        assert_eq!(parse_line(1, "1 0.5 0.25 0.5 0.25", 2, None).unwrap(), box_of(false));
+        let outline = vec![[0.25, 0.5], [0.75, 0.5], [0.5, 0.75]];
+        let read = parse_line(1, "1.0 0.25 0.5 0.75 0.5 0.5 0.75", 2, None).unwrap();
+        assert_eq!(read, (1, Shape::Points(outline)));
+        // The same line is a box with one keypoint where the file of the names says so, and keypoints may lie outside.
+        let pose = "1 0.5 0.25 0.5 0.25 0.3 0.2 2";
+        assert_eq!(parse_line(1, pose, 2, Some([1, 3])).unwrap(), box_of(true));
+        assert_eq!(parse_line(1, "1 0.5 0.25 0.5 0.25 -1 9", 2, Some([1, 2])).unwrap(), box_of(true));
+        assert_eq!(parse_line(1, "1 0.5 0.25 0.5 0.25", 2, Some([1, 3])).unwrap(), box_of(false));
+        let error = parse_line(4, "1 0.25 0.5 0.75 0.5 0.5 0.75", 2, Some([4, 2])).unwrap_err();
+        assert!(error.to_string().contains("has 7 values") && error.to_string().contains("the 13 of a box"));
         for (line, value, needle) in [
             ("1 0.5 0.25 0.5", "1 0.5 0.25 0.5", "has 4 values"),
             ("1 0.5 0.25 0.5 0.1 0.9", "1 0.5 0.25 0.5 0.1 0.9", "has 6 values"),
+            ("1 0.5 0.25 0.5 0.1 0.9 0.8 2", "1 0.5 0.25 0.5 0.1 0.9 0.8 2", "has 8 values"),
             ("2 0.5 0.25 0.5 0.1", "2", "no class of this number among 2"),
             ("car 0.5 0.25 0.5 0.1", "car", "no class"),
             ("1 0.5 0.25 inf 0.1", "inf", "no number"),
             ("1 208 0.25 0.5 0.1", "208", "no share"),
         ] {
-            let error = parse_line(4, line, 2).unwrap_err();
+            let error = parse_line(4, line, 2, None).unwrap_err();
             assert_eq!((error.line, error.value.as_str()), (Some(4), value));
             assert!(error.message.contains(needle) && error.hint.is_some(), "{error}");
         }
     }
 
     #[test]
-    fn names_are_a_list_or_a_table() {
-        let of = |text: &str| {
-            let page = yaml::parse(text).unwrap();
-            yaml_names(&page, page.get("names").unwrap())
-        };
-        let wanted = ["green".to_owned(), "red".to_owned()];
-        for text in [
-            "names:\n- green\n- red\nnc: 2\n",
-            "names: ['green', \"red\"]\n",
-            "names:\n  1: red\n  0: green\n",
+    fn rotated_boxes_are_known_by_their_corners() {
+        assert!(is_rotated_box(&[[10.0, 0.0], [20.0, 10.0], [10.0, 20.0], [0.0, 10.0]]));
+        for points in [
+            &[[0.0, 0.0], [20.0, 0.0], [20.0, 10.0], [0.0, 10.0]][..],
+            &[[0.0, 0.0], [0.0, 10.0], [20.0, 10.0], [20.0, 0.0]],
+            &[[10.0, 0.0], [20.0, 10.0], [10.0, 30.0], [0.0, 10.0]],
+            &[[10.0, 0.0], [20.0, 10.0], [10.0, 20.0]],
         ] {
-            assert_eq!(of(text).unwrap(), wanted);
-        }
-        for (text, line) in
-            [("names: [a, b]\nnc: 3\n", 2), ("names:\n  0: a\n  2: b\n", 3), ("names: [[a]]\n", 1)]
-        {
-            assert_eq!(of(text).unwrap_err().line, Some(line), "{text}");
+            assert!(!is_rotated_box(points), "{points:?}");
         }
     }
 }

@@ -82,8 +82,10 @@ pub struct Response {
     /// Time that all of it took, s.
     pub seconds: f64,
     /// File of the best settings.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub tuned: PathBuf,
     /// File of all generations.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub history: PathBuf,
     /// Whether the job was cancelled before its budget was spent.
     pub is_cancelled: bool,

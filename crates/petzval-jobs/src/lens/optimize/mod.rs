@@ -108,6 +108,7 @@ pub struct Found {
     /// What further requirements cost; empty unless the request has `trade`.
     pub trades: Vec<Trade>,
     /// File of the best lens.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub lens: PathBuf,
     /// The page that shows the lens before and after.
     #[serde(default)]

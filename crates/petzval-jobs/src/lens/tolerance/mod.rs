@@ -114,6 +114,7 @@ pub struct Response {
     /// Names of the compensators, in the order of the figures.
     pub compensators: Vec<String>,
     /// The files that were written.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub files: Vec<PathBuf>,
 }
 

@@ -66,8 +66,10 @@ pub struct Response {
     /// How far the proxy is from the ISP; none if the job was cancelled.
     pub gap: Option<Gap>,
     /// Description of the proxy, which every verb takes that takes an ISP.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub proxy: PathBuf,
     /// Page of its pictures beside those of the ISP.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub page: PathBuf,
 }
 

@@ -70,8 +70,10 @@ pub struct Response {
     /// How far its PSFs are from exact ones; none if the job was cancelled.
     pub gap: Option<OpticsGap>,
     /// Description of the network, which a variant of an experiment takes as `optics_proxy`.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub proxy: PathBuf,
     /// Page of its PSFs beside exact ones.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub page: PathBuf,
 }
 

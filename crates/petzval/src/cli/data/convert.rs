@@ -8,7 +8,7 @@ use petzval::jobs::data::SourceFormat;
 use petzval::jobs::data::convert::{self, Request};
 
 use super::defects::table;
-use crate::cli::failure::Failure;
+use crate::cli::failure::{EXIT_INPUT, Failure};
 use crate::cli::terminal::{Terminal, print_json};
 
 /// Format of a data set.
@@ -29,8 +29,8 @@ enum Format {
 /// OUT gets annotations.json and the pictures in images/. Pictures are hard links to those of IN: they take no space, and stay when IN is
 /// deleted. Where the file system does not allow links they are copies. Nothing in IN changes.
 ///
-/// A line that cannot be understood ends the conversion. Boxes that make no sense are left out and listed, and the exit code is 0; --json lists
-/// them with `severity: error`.
+/// A line that cannot be understood ends the conversion. Boxes and pictures that cannot be used are left out and listed; everything else is written,
+/// and the exit code is 2. Notes alone give 0.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Format of IN
@@ -61,14 +61,15 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let request = Request { format, input: args.input, out: args.out, copy: args.copy };
     let response = convert::run(&request, &terminal.context())?;
     if args.json {
-        return print_json(&response);
+        print_json(&response)?;
+    } else {
+        out!("{}", table(&response.statistics, &response.defects));
+        outln!(
+            "\n{} ({} pictures linked, {} copied)",
+            response.annotations.display(),
+            response.linked,
+            response.copied
+        );
     }
-    out!("{}", table(&response.statistics, &response.defects));
-    outln!(
-        "\n{} ({} pictures linked, {} copied)",
-        response.annotations.display(),
-        response.linked,
-        response.copied
-    );
-    Ok(ExitCode::SUCCESS)
+    Ok(if response.errors > 0 { ExitCode::from(EXIT_INPUT) } else { ExitCode::SUCCESS })
 }

@@ -1,0 +1,148 @@
+//! The file of class names of a YOLO data set: `data.yaml`, `classes.txt` or a file `.names`.
+
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+
+use petzval_base::FileError;
+
+use super::tree::{ends_with, labels_text};
+use crate::coco::error::CocoError;
+use crate::yaml::{self, Node, Value};
+
+/// What the file of class names says.
+#[derive(Debug)]
+pub(super) struct Names {
+    /// The classes, in the order of their numbers.
+    pub classes: Vec<String>,
+    /// Keypoints of each object and the values of each, 2 or 3; `None` where labels are no poses.
+    pub keypoints: Option<[usize; 2]>,
+}
+
+/// The names of the classes, from `data.yaml`, `classes.txt` or a file `.names`.
+pub(super) fn names_of(root: &Path, files: &[PathBuf]) -> Result<Names, CocoError> {
+    let at_top = |path: &&PathBuf| path.parent() == Some(root);
+    let is_yaml = |path: &&PathBuf| ends_with(path, "yaml") || ends_with(path, "yml");
+    let mut candidates: Vec<&PathBuf> = files.iter().filter(at_top).filter(is_yaml).collect();
+    candidates.sort_by_key(|path| path.file_stem() != Some(OsStr::new("data")));
+    for path in &candidates {
+        let text = labels_text(path)?;
+        let page = yaml::parse(&text).map_err(|error| CocoError::file(path, with_hint(error)))?;
+        if let Some(names) = page.get("names") {
+            let read = || Ok(Names { classes: yaml_names(&page, names)?, keypoints: keypoints(&page)? });
+            return read().map_err(|error| CocoError::file(path, error));
+        }
+    }
+    let is_list =
+        |path: &&PathBuf| path.file_name() == Some(OsStr::new("classes.txt")) || ends_with(path, "names");
+    if let Some(path) = files.iter().find(is_list) {
+        let text = labels_text(path)?;
+        let names: Vec<String> =
+            text.lines().map(str::trim).filter(|l| !l.is_empty()).map(str::to_owned).collect();
+        return match names.is_empty() {
+            false => Ok(Names { classes: names, keypoints: None }),
+            true => Err(CocoError::content(path, "the file names no class", "write one name in a line")),
+        };
+    }
+    let reason = match candidates.first() {
+        Some(path) => format!("{} has no `names`", path.display()),
+        None => "no file names the classes".to_owned(),
+    };
+    Err(CocoError::content(
+        root,
+        reason,
+        "add `data.yaml` with a list `names:`, or `classes.txt` with one name in a line",
+    ))
+}
+
+/// An error of the YAML reader, which has no hint for some mistakes.
+fn with_hint(error: FileError) -> FileError {
+    match error.hint {
+        Some(_) => error,
+        None => {
+            error.hint("write `names: [first, second]`, with names in quotes where they hold punctuation")
+        }
+    }
+}
+
+/// `names` as a list, or as a table of numbers and names; `nc`, if there, must be their number.
+fn yaml_names(page: &Node, names: &Node) -> Result<Vec<String>, FileError> {
+    let name = |node: &Node| match node.text().filter(|text| !text.is_empty()) {
+        Some(text) => Ok(text.to_owned()),
+        None => Err(node.error("names", "this is no name").hint("write one name for each class")),
+    };
+    let list: Vec<String> = match &names.value {
+        Value::Map(entries) => {
+            let mut list = vec![String::new(); entries.len()];
+            for (key, node) in entries {
+                let free = key.trim().parse().ok().filter(|i: &usize| *i < list.len() && list[*i].is_empty());
+                let Some(i) = free else {
+                    let message = format!("`{key}` is not one of the numbers 0 to {}", list.len() - 1);
+                    return Err(node.error("names", message).hint("number the classes from 0, without gaps"));
+                };
+                list[i] = name(node)?;
+            }
+            list
+        }
+        _ => names.list().iter().map(name).collect::<Result<_, _>>()?,
+    };
+    if list.is_empty() {
+        return Err(names.error("names", "there is no class").hint("write one name for each class"));
+    }
+    if let Some(count) = page.get("nc")
+        && count.text() != Some(list.len().to_string().as_str())
+    {
+        let message = format!("`names` lists {}", list.len());
+        return Err(count.error("nc", message).hint("write the number of names, or leave `nc` out"));
+    }
+    Ok(list)
+}
+
+/// `kpt_shape: [points, values]`, by which Ultralytics knows a data set of poses.
+fn keypoints(page: &Node) -> Result<Option<[usize; 2]>, FileError> {
+    let Some(shape) = page.get("kpt_shape") else { return Ok(None) };
+    let numbers: Vec<Option<usize>> =
+        shape.list().iter().map(|node| node.text().and_then(|text| text.trim().parse().ok())).collect();
+    match numbers[..] {
+        [Some(points @ 1..=10_000), Some(values @ 2..=3)] => Ok(Some([points, values])),
+        _ => Err(shape
+            .error("kpt_shape", "these are not a number of points and 2 or 3 values of each")
+            .hint("write `kpt_shape: [17, 3]` for 17 points of x, y and how well each is seen")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_a_list_or_a_table() {
+        let of = |text: &str| {
+            let page = yaml::parse(text).unwrap();
+            yaml_names(&page, page.get("names").unwrap())
+        };
+        let wanted = ["green".to_owned(), "red".to_owned()];
+        for text in [
+            "names:\n- green\n- red\nnc: 2\n",
+            "names: ['green', \"red\"]\n",
+            "names:\n  1: red\n  0: green\n",
+        ] {
+            assert_eq!(of(text).unwrap(), wanted);
+        }
+        for (text, line) in
+            [("names: [a, b]\nnc: 3\n", 2), ("names:\n  0: a\n  2: b\n", 3), ("names: [[a]]\n", 1)]
+        {
+            assert_eq!(of(text).unwrap_err().line, Some(line), "{text}");
+        }
+    }
+
+    #[test]
+    fn keypoints_are_a_shape() {
+        let of = |text: &str| keypoints(&yaml::parse(text).unwrap());
+        assert_eq!(of("names: [a]\n").unwrap(), None);
+        assert_eq!(of("kpt_shape: [4, 2]\n").unwrap(), Some([4, 2]));
+        assert_eq!(of("kpt_shape:\n- 17\n- 3\n").unwrap(), Some([17, 3]));
+        for text in ["kpt_shape: [4]\n", "kpt_shape: 4\n", "kpt_shape: [4, 5]\n", "kpt_shape: [a, 2]\n"] {
+            assert!(of(text).unwrap_err().hint.is_some(), "{text}");
+        }
+    }
+}

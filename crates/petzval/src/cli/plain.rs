@@ -1,0 +1,104 @@
+//! Text of others made fit for a terminal: names and values from files and arguments may hold control characters, and be very long.
+
+use std::borrow::Cow;
+
+/// Characters of the longest line of a message. Paths are shorter on nearly every system.
+const LONGEST_LINE: usize = 1000;
+
+/// Characters of its end that are kept.
+const KEPT_END: usize = 100;
+
+/// Text without control characters other than the end of a line and a tab: a name could otherwise move the cursor or change colours. Others,
+/// and those that turn the direction of text, are written by their numbers: `\u{1b}`.
+pub fn plain(text: &str) -> Cow<'_, str> {
+    if !text.chars().any(is_control) {
+        return Cow::Borrowed(text);
+    }
+    let mut out = String::with_capacity(text.len());
+    let mut rest = text.chars().peekable();
+    while let Some(c) = rest.next() {
+        // Ends of lines as Windows writes them.
+        let is_half_of_an_end = c == '\r' && rest.peek() == Some(&'\n');
+        if is_half_of_an_end {
+            continue;
+        }
+        if is_control(c) {
+            out.extend(c.escape_unicode());
+        } else {
+            out.push(c);
+        }
+    }
+    Cow::Owned(out)
+}
+
+fn is_control(c: char) -> bool {
+    let turns_direction =
+        matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+    (c.is_control() && c != '\n' && c != '\t') || turns_direction
+}
+
+/// [`plain`] text whose lines are not longer than a message needs.
+pub fn message(text: &str) -> String {
+    let lines: Vec<Cow<str>> = text.split('\n').map(|line| cut(line, LONGEST_LINE, KEPT_END)).collect();
+    plain(&lines.join("\n")).into_owned()
+}
+
+/// A line of at most about `longest` characters: of a longer one the start, and `end` characters of its end.
+fn cut(line: &str, longest: usize, end: usize) -> Cow<'_, str> {
+    let count = line.chars().count();
+    if count <= longest {
+        return Cow::Borrowed(line);
+    }
+    let start = longest - end;
+    let byte_at = |character: usize| line.char_indices().nth(character).map_or(line.len(), |(byte, _)| byte);
+    let (head, tail) = (&line[..byte_at(start)], &line[byte_at(count - end)..]);
+    Cow::Owned(format!("{head} ... ({} characters) ... {tail}", count - longest))
+}
+
+/// The part of a line around a character, so that it fits on a screen.
+pub fn around(line: &str, character: usize) -> String {
+    const BEFORE: usize = 60;
+    const AFTER: usize = 60;
+    let count = line.chars().count();
+    if count <= BEFORE + AFTER {
+        return plain(line).into_owned();
+    }
+    let from = character.saturating_sub(BEFORE).min(count - BEFORE);
+    let part: String = line.chars().skip(from).take(BEFORE + AFTER).collect();
+    let before = if from > 0 { "... " } else { "" };
+    let after = if from + BEFORE + AFTER < count { " ..." } else { "" };
+    format!("{before}{}{after}", plain(&part))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn control_characters_are_shown_and_not_obeyed() {
+        assert_eq!(plain("a\u{1b}[31mb\u{7}"), r"a\u{1b}[31mb\u{7}");
+        assert_eq!(plain("gnp\u{202e}.exe\u{9b}2J"), r"gnp\u{202e}.exe\u{9b}2J");
+        assert_eq!(plain("one\r\ntwo\tthree\rfour"), "one\ntwo\tthree\\u{d}four");
+        assert!(matches!(plain("Gauß, 行人\n"), Cow::Borrowed(_)));
+    }
+
+    #[test]
+    fn long_lines_keep_their_start_and_end() {
+        let long = format!("{}ä{}", "a".repeat(3000), "b".repeat(3000));
+        let short = message(&format!("{long}\nnext"));
+        assert!(short.starts_with("aaa") && short.ends_with("bbb\nnext"), "{short}");
+        assert!(short.contains("(5001 characters)") && short.len() < 1100, "{short}");
+        let path = "/x".repeat(400);
+        assert_eq!(message(&path), path);
+    }
+
+    #[test]
+    fn a_part_of_a_line_is_around_its_place() {
+        assert_eq!(around("short\u{1b}", 3), r"short\u{1b}");
+        let line = format!("{}HERE{}", "ä".repeat(500), "b".repeat(500));
+        let part = around(&line, 500);
+        assert!(part.contains("HERE") && part.chars().count() < 140, "{part}");
+        assert!(part.starts_with("... ä") && part.ends_with("b ..."), "{part}");
+        assert!(around(&line, 1004).ends_with('b') && around(&line, 0).starts_with('ä'));
+    }
+}
