@@ -31,6 +31,15 @@ pub fn plain(text: &str) -> Cow<'_, str> {
     Cow::Owned(out)
 }
 
+/// JSON without control characters in its texts: they are written as JSON writes them, so that its readers find them again.
+pub fn json(text: &str) -> Cow<'_, str> {
+    if !text.chars().any(is_control) {
+        return Cow::Borrowed(text);
+    }
+    let escaped = |c: char| if is_control(c) { format!("\\u{:04x}", u32::from(c)) } else { c.to_string() };
+    Cow::Owned(text.chars().map(escaped).collect())
+}
+
 fn is_control(c: char) -> bool {
     let turns_direction =
         matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
@@ -80,6 +89,15 @@ mod tests {
         assert_eq!(plain("gnp\u{202e}.exe\u{9b}2J"), r"gnp\u{202e}.exe\u{9b}2J");
         assert_eq!(plain("one\r\ntwo\tthree\rfour"), "one\ntwo\tthree\\u{d}four");
         assert!(matches!(plain("Gauß, 行人\n"), Cow::Borrowed(_)));
+    }
+
+    #[test]
+    fn json_keeps_its_values() {
+        let value = serde_json::json!({"name": "a\u{1b}\u{9b}b\u{7f}\u{202e}\n"});
+        let text = serde_json::to_string_pretty(&value).unwrap();
+        let shown = json(&text);
+        assert!(shown.contains(r"\u009bb\u007f\u202e\n") && plain(&shown) == shown, "{shown}");
+        assert_eq!(serde_json::from_str::<serde_json::Value>(&shown).unwrap(), value);
     }
 
     #[test]

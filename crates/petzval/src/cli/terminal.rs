@@ -6,6 +6,7 @@ use std::sync::Arc;
 use petzval::jobs::{Assets, Context, json};
 
 use super::failure::Failure;
+use super::plain;
 use super::watcher::Stderr;
 
 /// Exit code after a signal: a checkpoint was written (EX_TEMPFAIL of sysexits).
@@ -28,7 +29,7 @@ impl Terminal {
 
 /// Prints a value as JSON on stdout, indented, with the keys of its objects in order.
 pub fn print_json(value: &impl serde::Serialize) -> Result<ExitCode, Failure> {
-    outln!("{}", json(value)?);
+    outln!("{}", plain::json(&json(value)?));
     Ok(ExitCode::SUCCESS)
 }
 
