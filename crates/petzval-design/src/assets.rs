@@ -55,6 +55,12 @@ impl Assets {
         Self { files, ..Self::default() }
     }
 
+    /// The library with further files, by their path below `data/`.
+    pub fn with_files(mut self, more: impl IntoIterator<Item = (String, String)>) -> Self {
+        self.files.extend(more.into_iter().map(|(path, text)| (path, Cow::Owned(text.into_bytes()))));
+        self
+    }
+
     /// The library with these glasses, which win over the built-in ones.
     pub fn with_glasses(self, chosen: Catalog) -> Self {
         Self { chosen, catalog: OnceLock::new(), ..self }
@@ -168,9 +174,14 @@ impl Assets {
     /// A lens by path or built-in name, checked to be possible; the path of a file of Zemax (`.zmx`), CODE V
     /// (`.seq`) or Optiland (`.json`) will do.
     pub fn lens(&self, name: &str) -> Result<LensFile, DesignError> {
+        Ok(self.reported(name)?.file)
+    }
+
+    /// As [`Self::lens`], with what is known of its file.
+    pub fn reported(&self, name: &str) -> Result<Import, DesignError> {
         let import = self.import(name)?;
         self.warn_of(name, &import)?;
-        Ok(import.file)
+        Ok(import)
     }
 
     /// A lens to start an optimisation from, as [`Self::lens`], but it need not be buildable: a warning says why it is not.
@@ -213,9 +224,7 @@ impl Assets {
             "json" => parse_optiland_start,
             _ => {
                 let source = self.text("lens", "lenses", name)?;
-                let (file, unbuildable) =
-                    parse_lens_start(&source.text, &catalog).map_err(DesignError::input(&source.path))?;
-                return Ok(Import { file, losses: Vec::new(), unbuildable });
+                return parse_lens_start(&source.text, &catalog).map_err(DesignError::input(&source.path));
             }
         };
         let bytes = petzval_base::read_whole(path).map_err(|e| unreadable(path, &e))?;

@@ -14,7 +14,7 @@ use crate::experiment::{BUILT_IN_PHOTOS, Experiment, STREET};
 use crate::input_list::InputList;
 use crate::run::{CameraMetrics, DigestCheck, Metrics, RunFolder, RunRecord, hex, quoted, read_config};
 use crate::run_report::read_metrics;
-use crate::study::MeanAndDeviation;
+use crate::study::{MeanAndDeviation, is_same_lens};
 
 /// Finished runs of one experiment that differ in their seeds alone.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -210,15 +210,16 @@ pub fn compare(
     let differs = differences(&groups);
     let are_of_one_version = groups.iter().all(|group| group[0].version() == groups[0][0].version());
     let named = |(group, differs): (&Vec<Finished>, Vec<(String, String)>)| {
-        let found = Comparison { differs, ..comparison(group, &paper.table) };
-        match (are_of_one_version, group[0].version()) {
+        let paper = printed_for(&group[0], &paper.table, assets)?;
+        let found = Comparison { differs, ..comparison(group, paper) };
+        Ok(match (are_of_one_version, group[0].version()) {
             (false, Some(version)) => {
                 Comparison { title: format!("{}, Petzval {version}", found.title), ..found }
             }
             _ => found,
-        }
+        })
     };
-    Ok(groups.iter().zip(differs).map(named).collect())
+    groups.iter().zip(differs).map(named).collect()
 }
 
 /// What differs between groups, with the value in each of them: keys of the experiment, inputs, version, instruction set.
@@ -292,7 +293,33 @@ fn finished(root: &Path, accepted: &[String], warn: &dyn Fn(&str)) -> Result<Fin
     Ok(Finished { root: root.to_owned(), fingerprint, config, record, metrics, facts })
 }
 
-fn comparison(runs: &[Finished], paper: &[PaperTable]) -> Comparison {
+/// What the paper prints for the experiment of a run: one with the title, the task, the lens and cameras of a built-in experiment that repeats a
+/// table.
+fn printed_for(
+    run: &Finished,
+    tables: &[PaperTable],
+    assets: &Assets,
+) -> Result<Option<PaperTable>, DesignError> {
+    let config = &run.config;
+    let Some(table) = tables.iter().find(|table| table.experiments.contains(&config.name)) else {
+        return Ok(None);
+    };
+    let lens = run.root.join(&config.lens).display().to_string();
+    for name in assets.names("experiments") {
+        let built_in = assets.experiment(name)?;
+        let has_camera = |name: &str| built_in.variant.iter().any(|variant| variant.name == name);
+        if built_in.name == config.name
+            && built_in.task == config.task
+            && config.variant.iter().all(|variant| has_camera(&variant.name))
+            && is_same_lens(&lens, &built_in.lens, assets).unwrap_or(false)
+        {
+            return Ok(Some(table.clone()));
+        }
+    }
+    Ok(None)
+}
+
+fn comparison(runs: &[Finished], paper: Option<PaperTable>) -> Comparison {
     let first = &runs[0];
     let rows = &first.metrics.rows;
     // A score for which a camera has nothing to find has no column.
@@ -350,7 +377,7 @@ fn comparison(runs: &[Finished], paper: &[PaperTable]) -> Comparison {
         memory_gb: ends().filter_map(|end| end.memory_gb).reduce(f64::max),
         cameras: cameras.collect(),
         differences: others.filter_map(difference).collect(),
-        paper: paper.iter().find(|table| table.experiments.contains(&first.config.name)).cloned(),
+        paper,
         differs: Vec::new(),
         scores,
     }

@@ -21,6 +21,8 @@ mod detection_view;
 pub mod error;
 pub mod evolution;
 pub mod experiment;
+pub mod first_look;
+pub mod fit;
 pub mod glass_warnings;
 pub mod input_list;
 pub mod inputs;

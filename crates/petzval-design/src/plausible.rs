@@ -147,7 +147,7 @@ fn usual_variables(setup: &Setup) -> Vec<String> {
     names.dedup();
     let warning = |name: &String| {
         format!(
-            "{name}: the file names no variables: radii move within a fifth of their curvature and gaps of air by a quarter, and the last radius \
+            "{name}: the file names no variables: curvatures move within a fifth, gaps of air by a quarter, coefficients by a half, and the last radius \
              holds the focal length (hint: `petzval init --lens {name}` writes them into a file to edit)"
         )
     };

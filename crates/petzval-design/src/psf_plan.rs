@@ -113,6 +113,12 @@ fn image_scale_mm(lens: &Lens) -> f64 {
     if lens.object == ObjectDistance::Infinity { per_tangent } else { per_tangent.abs() }
 }
 
+/// Field angle of a lens whose chief ray lands `radius_mm` from the axis, rad, distortion included.
+pub(crate) fn field_angle(lens: &Lens, radius_mm: f64) -> Result<f64, DesignError> {
+    let reference = lens.at_wavelength(lens.reference_um);
+    field_imaged(&reference, radius_mm, (radius_mm / image_scale_mm(lens)).atan())
+}
+
 fn field_imaged(reference: &Sequence, radius_mm: f64, guess_rad: f64) -> Result<f64, DesignError> {
     if radius_mm == 0.0 {
         return Ok(0.0);
@@ -173,8 +179,7 @@ impl PsfPlan {
 
     /// Field angle whose chief ray lands `radius_mm` from the axis, rad, distortion included.
     pub fn field_angle(&self, lens: &Lens, radius_mm: f64) -> Result<f64, DesignError> {
-        let reference = lens.at_wavelength(lens.reference_um);
-        field_imaged(&reference, radius_mm, (radius_mm / image_scale_mm(lens)).atan())
+        field_angle(lens, radius_mm)
     }
 
     /// Field angles of all fields, rad.

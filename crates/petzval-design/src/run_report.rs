@@ -6,6 +6,7 @@ use std::path::Path;
 use petzval_base::parameter::Parameter;
 use petzval_files::{LensFile, parse_lens, picture_size};
 use petzval_optics::analysis::first_order_table;
+use petzval_optics::design_space::Variable;
 use petzval_optics::glass::Catalog;
 use petzval_optics::lens::Lens;
 use petzval_optics::number::Number;
@@ -17,7 +18,7 @@ use crate::camera::DetectorInput;
 use crate::detection_view::detection_view;
 use crate::error::DesignError;
 use crate::experiment::SameOf;
-use crate::lens_numbers::{full_name, unit_of};
+use crate::lens_numbers::{full_name, surface_name, unit_of};
 use crate::lens_view;
 use crate::pictures::{file_name, spread_pictures, whole_name};
 use crate::psf_plan::PsfPlan;
@@ -32,8 +33,8 @@ use crate::validation::VALIDATION;
 use crate::variant::{LensGoal, Variant};
 use petzval_learn::score::ScoreDescription;
 use petzval_report::design_report::{
-    CameraPicture, CameraView, Change, FrameView, LossCurve, MadeCamera, MadeCameras, MadeScore, PictureView,
-    PsfView, Report, Score, TableRow,
+    CameraPicture, CameraView, Change, FrameView, LossCurve, MadeCamera, MadeCameras, MadeScore, OneSeed,
+    PictureView, PsfView, Report, Score, TableRow,
 };
 
 /// Fields whose PSFs the report shows, as indices into the experiment's fields in quarters of the field.
@@ -86,8 +87,14 @@ pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Resu
         metrics.scored_on()
     );
     let report = gathered(setup, run, &metrics, events, &lenses)?;
-    let study = (metrics.seeds.len() == 1).then(|| setup.study.in_scores(&metrics.scores));
-    Ok(Report { subtitle, command_line: command_line.to_owned(), study, ..report })
+    let one_seed = match metrics.seeds[..] {
+        [seed] => Some(match &setup.study {
+            Some(study) => OneSeed::Studied(study.in_scores(&metrics.scores)),
+            None => OneSeed::Alone(seed),
+        }),
+        _ => None,
+    };
+    Ok(Report { subtitle, command_line: command_line.to_owned(), one_seed, ..report })
 }
 
 /// Gathers what there is of a run at work: its finished cameras with their figures, and the lens of the camera at work.
@@ -173,7 +180,7 @@ fn gathered(
         frames: frames(run, &setup.variants)?,
         has_isp: setup.body.chip.is_some(),
         pictures_in_all: metrics.held_out_images * metrics.held_out_places,
-        study: None,
+        one_seed: None,
         detection: detection_view(setup, run, metrics)?,
         progress: None,
         made: MadeMetrics::read(run)?.map(|made| made_view(&metrics.scores, made)),
@@ -345,17 +352,28 @@ fn setting_changes(setup: &Setup, variant: &Variant, run: &RunFolder) -> Result<
 /// The variables, before and after, and the radius that keeps the focal length.
 fn changes(nominal: &LensFile, after: &Lens) -> Vec<Change> {
     let (before, variables) = (&nominal.lens, &nominal.variables);
-    let mut all: Vec<Change> = variables
-        .iter()
-        .map(|v| Change {
+    let change = |v: &Variable| {
+        // A surface that may be flat has no bounds of its radius: its curvature has.
+        if v.number == Number::Curvature && v.min < 0.0 && v.max > 0.0 {
+            return Change {
+                parameter: format!("{}: curvature", surface_name(before, v.surface)),
+                from: v.number.read(before, v.surface),
+                to: v.number.read(after, v.surface),
+                unit: "mm^-1".to_owned(),
+                min: 1.0 / v.min,
+                max: 1.0 / v.max,
+            };
+        }
+        Change {
             parameter: full_name(before, v.surface, v.number),
             from: v.number.read_stated(before, v.surface),
             to: v.number.read_stated(after, v.surface),
             unit: unit_of(v.number),
             min: v.min,
             max: v.max,
-        })
-        .collect();
+        }
+    };
+    let mut all: Vec<Change> = variables.iter().map(change).collect();
     for (i, (a, b)) in before.surfaces.iter().zip(&after.surfaces).enumerate() {
         let listed = |p| variables.iter().any(|v| v.surface == i && v.number == p);
         for number in [Number::Curvature, Number::Thickness] {

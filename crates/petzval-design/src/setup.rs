@@ -85,8 +85,8 @@ pub struct Setup {
     pub lpips_weights: Vec<u8>,
     /// The file of weights from which the networks or detectors of all cameras start; none for those drawn from the seed.
     pub network_weights: Option<Vec<u8>>,
-    /// How far differences between cameras scatter with the seed.
-    pub study: Study,
+    /// How far differences between cameras scatter with the seed, where that is known of this experiment.
+    pub study: Option<Study>,
 }
 
 impl Setup {
@@ -221,6 +221,7 @@ impl Setup {
             // The automatic exposure of a street at night is as long as it may be: what it does not gather stays dark.
             is_normalised: !experiment.finds_in_streets(),
         });
+        let study = Study::of(&experiment, assets)?;
         Ok(Self {
             experiment,
             variants,
@@ -248,7 +249,7 @@ impl Setup {
             scoring_crops,
             lpips_weights,
             network_weights,
-            study: Study::built_in(assets)?,
+            study,
         })
     }
 

@@ -1,14 +1,17 @@
-//! A study of several seeds: how far the differences between cameras scatter. A run of one seed quotes it beside its own figures.
+//! A study of several seeds: how far the differences between cameras scatter. A run of one seed quotes it beside its own figures, if it is a run
+//! of the experiment that was studied.
 
 use std::collections::BTreeMap;
 
 use petzval_base::FileError;
+use petzval_files::write_lens;
 use petzval_learn::score::ScoreDescription;
 use petzval_report::design_report::{SeedDifference, SeedStudy, Spread};
 use serde::{Deserialize, Serialize};
 
 use crate::assets::Assets;
 use crate::error::DesignError;
+use crate::experiment::Experiment;
 
 /// The built-in study, a file of `data/studies/`.
 const STUDY: &str = "cooke-triplet-image-quality";
@@ -50,6 +53,17 @@ pub struct MeanAndDeviation {
 }
 
 impl Study {
+    /// The built-in study, if this is the experiment that it repeated: every key that a figure depends on agrees but the seed, and lens and sensor
+    /// have the same content.
+    pub fn of(experiment: &Experiment, assets: &Assets) -> Result<Option<Self>, DesignError> {
+        let study = Self::built_in(assets)?;
+        let repeated = assets.experiment(&study.experiment)?;
+        let is_it = agrees(experiment, &repeated)
+            && is_same_lens(&experiment.lens, &repeated.lens, assets)?
+            && assets.sensor(&experiment.sensor)? == assets.sensor(&repeated.sensor)?;
+        Ok(is_it.then_some(study))
+    }
+
     /// The built-in study.
     pub fn built_in(assets: &Assets) -> Result<Self, DesignError> {
         let source = assets.text("study", "studies", STUDY)?;
@@ -77,9 +91,52 @@ impl Study {
     }
 }
 
+/// Whether two experiments differ in nothing that a figure depends on but the seed. Lens and sensor are files, whose contents their names do not tell.
+fn agrees(one: &Experiment, other: &Experiment) -> bool {
+    let compared = |e: &Experiment| Experiment {
+        name: String::new(),
+        seed: 0,
+        lens: String::new(),
+        sensor: String::new(),
+        checkpoint: Default::default(),
+        ..e.clone()
+    };
+    compared(one) == compared(other)
+}
+
+/// Whether two names stand for the same lens, with the same variables and solves.
+pub fn is_same_lens(one: &str, other: &str, assets: &Assets) -> Result<bool, DesignError> {
+    Ok(one == other || write_lens(&assets.import(one)?.file) == write_lens(&assets.import(other)?.file))
+}
+
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use super::*;
+
+    /// Its figures belong to its own experiment alone, by whatever name its files are called.
+    #[test]
+    fn the_study_is_quoted_for_its_own_experiment_alone() {
+        let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data");
+        let assets = Assets::from_folder(&data).unwrap();
+        let own = assets.experiment(STUDY).unwrap();
+        let is_quoted = |change: &dyn Fn(&mut Experiment)| {
+            let mut experiment = own.clone();
+            change(&mut experiment);
+            Study::of(&experiment, &assets).unwrap().is_some()
+        };
+        assert!(is_quoted(&|_| ()));
+        assert!(is_quoted(&|e| (e.seed, e.name) = (7, "Mine".to_owned())));
+        assert!(
+            is_quoted(&|e| e.lens = data.join("lenses/cooke-triplet-nominal.toml").display().to_string())
+        );
+        assert!(!is_quoted(&|e| e.lens = "cooke-triplet-fast".to_owned()));
+        assert!(!is_quoted(&|e| e.sensor = "imx249-calibrated".to_owned()));
+        assert!(!is_quoted(&|e| e.training.steps = 10));
+        assert!(!is_quoted(&|e| e.photos = "mine".to_owned()));
+        assert!(!is_quoted(&|e| _ = e.variant.pop()));
+    }
 
     /// The figures that runs quote are those of the manual.
     #[test]

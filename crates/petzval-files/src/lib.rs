@@ -31,7 +31,7 @@ mod ycbcr_file;
 pub mod zmx;
 
 pub use agf::parse_agf;
-pub use draft::Import;
+pub use draft::{Import, with_open_surfaces};
 pub use encoding::decode;
 pub use export::Export;
 pub use float_file::{exr_bytes, npy_bytes, save_exr, save_npy};

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use common::special_lenses;
 use petzval_base::FileError;
-use petzval_files::{Expect, Expected, ExpectedSpots, LensFile, parse_lens, write_lens};
+use petzval_files::{Expect, Expected, ExpectedSpots, LensFile, parse_lens, parse_lens_start, write_lens};
 use petzval_optics::design_space::{EflSolve, Pickup, Variable};
 use petzval_optics::glass::{Catalog, Dispersion, Glass};
 use petzval_optics::lens::{LensDefect, ObjectDistance, Surface, SurfaceShape, validate, xy_index};
@@ -540,4 +540,46 @@ fn impossible_lenses_are_named() {
     let glass = Glass::new("BAD", Dispersion::Sellmeier { b: vec![1.0], c_um2: vec![0.3025] });
     let no_index = with(&|l| l.surfaces[0].glass = Arc::new(glass.clone()));
     assert!(matches!(no_index, LensDefect::Index { surface: 1, .. }), "{no_index}");
+}
+
+/// A stop of 10 mm, and 20 mm behind it a plate.
+const PLATE: &str = "name = \"plate\"\nunits = \"mm\"\n[aperture]\nentrance_pupil_diameter_mm = 10.0\n[wavelengths]\num = [0.55]\n\
+    [fields]\nangle_deg = [0.0, 20.0]\n[[surface]]\nstop = true\nradius_mm = inf\nthickness_mm = 20.0\n\
+    [[surface]]\nradius_mm = inf\nthickness_mm = 2.0\nglass = \"N-BK7\"\n\
+    [[surface]]\nradius_mm = inf\nthickness_mm = 30.0\nsemi_diameter_mm = 9.0\n";
+
+#[test]
+fn semi_diameters_that_a_file_leaves_out_follow_from_the_fields() {
+    let import = parse_lens_start(PLATE, &catalog()).unwrap();
+    let semi = |i: usize| import.file.lens.surfaces[i].semi_diameter_mm;
+    assert_eq!(import.open, [0, 1]);
+    assert_eq!(semi(0), 5.0);
+    // The upper edge of the oblique beam, with 1 % of room and the soft edge.
+    let edge = 5.0 + 20.0 * 20.0_f64.to_radians().tan();
+    assert!((1.01 * edge..1.03 * edge).contains(&semi(1)), "{} for {edge}", semi(1));
+    // What is stated stays.
+    assert_eq!(semi(2), 9.0);
+    let wider = parse_lens(&PLATE.replace("20.0]", "30.0]"), &catalog()).unwrap().lens;
+    assert!(wider.surfaces[1].semi_diameter_mm > 5.0 + 20.0 * 30.0_f64.to_radians().tan());
+    // Once written, they are stated.
+    let written = parse_lens_start(&write_lens(&import.file), &Catalog::default()).unwrap();
+    assert!(written.open.is_empty() && written.file.lens == import.file.lens);
+}
+
+#[test]
+fn a_curvature_may_vary_through_the_plane() {
+    let variable = "[[variable]]\nsurface = 3\nparameter = \"curvature_per_mm\"\nmin = -0.008\nmax = 0.004\n";
+    let file = parse_lens(&format!("{PLATE}{variable}"), &catalog()).unwrap();
+    let v = file.variables[0];
+    assert_eq!((v.surface, v.number, v.min, v.max), (2, Number::Curvature, -125.0, 250.0));
+    let written = write_lens(&file);
+    assert!(written.contains("parameter = \"curvature_per_mm\"\nmin = -0.008\nmax = 0.004"), "{written}");
+    assert_eq!(parse_lens(&written, &Catalog::default()).unwrap().variables, file.variables);
+    for (from, to, said) in [
+        ("min = -0.008", "min = 0.001", "on one side of the plane"),
+        ("min = -0.008", "min = 0.008", "reversed"),
+    ] {
+        let error = parse_lens(&format!("{PLATE}{}", variable.replace(from, to)), &catalog()).unwrap_err();
+        assert!(error.to_string().contains(said) && error.line.is_some(), "{error}");
+    }
 }

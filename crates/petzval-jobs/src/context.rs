@@ -95,6 +95,11 @@ impl Context {
         context.with_cancellation(Arc::new(AtomicBool::new(false)))
     }
 
+    /// The same context with another library.
+    pub fn with_assets(self, assets: Assets) -> Self {
+        Self { assets, ..self }
+    }
+
     /// The same context with a flag that stops its jobs once it is set.
     pub fn with_cancellation(self, cancelled: Arc<AtomicBool>) -> Self {
         let flag = cancelled.clone();

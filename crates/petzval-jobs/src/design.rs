@@ -5,9 +5,11 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use petzval_base::simd::level;
+use petzval_design::assets::Text;
 use petzval_design::design_loop::{DesignLoop, Ending, Observer};
 use petzval_design::error::DesignError;
 use petzval_design::experiment::{BUILT_IN_PHOTOS, Experiment, PsfConfig, STREET};
+use petzval_design::first_look::first_look;
 use petzval_design::input_list::InputList;
 use petzval_design::inputs::{Inputs, check_inputs, check_pictures_are_there, keep_inputs};
 use petzval_design::plausible::check;
@@ -25,8 +27,10 @@ use crate::context::Context;
 use crate::error::{JobError, json, make_folder};
 use crate::init;
 use crate::machine::environment;
+use crate::own_lens::{is_lens, own_lens};
 use crate::results::check_length;
 
+pub use petzval_design::first_look::FirstLook;
 pub use petzval_design::run::Metrics;
 
 /// Most steps of a run: no block may take more than 1e8, and a lens may take several times as many as the network.
@@ -34,6 +38,9 @@ const MOST_STEPS: usize = 10_000_000;
 
 /// The experiment that runs when none is named.
 pub const DEFAULT_EXPERIMENT: &str = "cooke-triplet-image-quality";
+
+/// How the names of a lens and a sensor end that are fitted to each other and are in no file.
+pub const FITTED: &str = " (fitted)";
 
 /// A run to begin, or to go on with.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -79,7 +86,7 @@ pub struct Resume {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NewRun {
-    /// Experiment file, or the name of a built-in one.
+    /// Experiment file, or the name of a built-in one; or a lens file, for which one is made as `init` does.
     pub experiment: String,
     /// Folder of the run; `runs/EXPERIMENT-seed-SEED` if none is given, where a file `experiment.toml` is called by its folder, and the name of
     /// a variant that is made alone stands before the seed.
@@ -170,16 +177,16 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             (scorer(setup)?, folder, lock)
         }
         Run::New(new) => {
-            let experiment = resolved(new, context)?;
             new.out.iter().try_for_each(|out| check_length(out))?;
             // Everything is checked before the folder is made, so that a mistake leaves nothing behind.
-            let setup = set_up(experiment, device, context)?;
+            let (setup, look, own) = looked_at(new, device, context)?;
+            if let Some(problem) = look.problems.first() {
+                let hint = "`petzval lens focus` moves the image plane; a larger psf.pitch_um or psf.grid holds more light";
+                return Err(JobError::input(problem.clone(), hint));
+            }
+            context.note(look.steps_in_words());
             let scorer = scorer(setup)?;
             let setup = scorer.setup();
-            let source = context.assets.text("experiment", "experiments", &new.experiment)?;
-            for warning in check(setup, &source)? {
-                context.warning(warning);
-            }
             let root = new.out.clone().unwrap_or_else(|| {
                 default_root(&new.experiment, new.changes.variant.as_deref(), &setup.experiment)
             });
@@ -189,7 +196,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             let folder = RunFolder::create(&root)?;
             write_file(&folder.environment(), json(&environment(context))?.as_bytes())?;
             let lock = folder.lock()?;
-            keep_inputs(setup, &context.assets, &folder)?;
+            keep_inputs(setup, &own.assets, &folder)?;
             (scorer, folder, lock)
         }
     };
@@ -279,6 +286,34 @@ fn warn_of_another_level(folder: &RunFolder, context: &Context) -> Result<(), Jo
         _ => {}
     }
     Ok(())
+}
+
+/// Looks at the experiment of a new run, as before its first step: what its lenses show on its sensor, what they violate, how its photographs fit, and
+/// how many steps it takes. Nothing is written.
+pub fn look(new: &NewRun, device: &str, context: &Context) -> Result<FirstLook, JobError> {
+    let (_, look, _) = looked_at(new, context.device(device)?, context)?;
+    Ok(look)
+}
+
+/// The experiment of a new run made ready, what there is to know of it, and the context in which its lens and sensor are found. Every warning is
+/// reported.
+fn looked_at(
+    new: &NewRun,
+    device: Device,
+    context: &Context,
+) -> Result<(Setup, FirstLook, Context), JobError> {
+    let (experiment, own) = prepared(new, context)?;
+    let setup = set_up(experiment, device, &own)?;
+    let source = match is_lens(&new.experiment, context) {
+        // There is no file of the experiment to show.
+        true => Text { path: PathBuf::from(&new.experiment), text: String::new() },
+        false => context.assets.text("experiment", "experiments", &new.experiment)?,
+    };
+    let mut look = first_look(&setup)?;
+    let others = check(&setup, &source)?;
+    look.warnings.extend(others);
+    look.warnings.iter().for_each(|warning| context.warning(warning));
+    Ok((setup, look, own))
 }
 
 /// Everything that the experiment needs. Every picture of a data set is decoded to find damaged ones, which takes minutes for thousands of them.
@@ -384,8 +419,28 @@ pub(crate) fn scorer(setup: Setup) -> Result<Scorer, JobError> {
 ///
 /// Paths are made absolute, so that its text can be run again from any folder.
 pub fn resolved(new: &NewRun, context: &Context) -> Result<Experiment, JobError> {
-    let mut experiment = context.assets.experiment(&new.experiment)?;
-    let changes = &new.changes;
+    Ok(prepared(new, context)?.0)
+}
+
+/// The experiment of a new run, and the context in which its lens and sensor are found: where the request names a lens in place of an experiment, they
+/// are fitted to each other as `init` does, and are in no file.
+fn prepared(new: &NewRun, context: &Context) -> Result<(Experiment, Context), JobError> {
+    if !is_lens(&new.experiment, context) {
+        let experiment = context.assets.experiment(&new.experiment)?;
+        return Ok((changed(experiment, &new.changes)?, context.clone()));
+    }
+    let made = own_lens(context.assets.experiment(DEFAULT_EXPERIMENT)?, &new.experiment, None, context)?;
+    let stem = Path::new(&new.experiment).file_stem().unwrap_or_default().to_string_lossy();
+    let name = format!("{stem}{FITTED}");
+    let files = [("lenses", made.lens_text), ("sensors", made.sensor_text)];
+    let files = files.map(|(folder, text)| (format!("{folder}/{name}.toml"), text));
+    let assets = context.assets.clone().with_files(files);
+    let experiment = Experiment { lens: name.clone(), sensor: name, ..made.experiment };
+    Ok((changed(experiment, &new.changes)?, context.clone().with_assets(assets)))
+}
+
+/// An experiment with the changes of a request.
+fn changed(mut experiment: Experiment, changes: &Changes) -> Result<Experiment, JobError> {
     if let Some(seed) = changes.seed {
         experiment.seed = seed;
     }

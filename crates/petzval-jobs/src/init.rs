@@ -6,13 +6,15 @@ use petzval_base::write_whole;
 use petzval_camera::isp::Demosaic;
 use petzval_camera::sensor::Colour;
 use petzval_design::error::DesignError;
-use petzval_design::experiment::{BUILT_IN_PHOTOS, commented_toml};
-use petzval_files::{parse_lens, write_lens};
+use petzval_design::experiment::{BUILT_IN_PHOTOS, Experiment, commented_toml, is_derived_lens};
+use petzval_design::fit::white_that_fits;
+use petzval_files::{parse_lens, parse_sensor, write_lens};
 use petzval_optics::design_space::{Solves, near_variables};
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
 use crate::error::JobError;
+use crate::own_lens::{OwnLens, own_lens};
 use crate::results::check_folder;
 
 /// Names of the files.
@@ -28,9 +30,9 @@ pub struct Request {
     pub out: PathBuf,
     /// An experiment, by built-in name or path.
     pub from: String,
-    /// A lens in place of the experiment's, by built-in name or path, also of another program.
+    /// A lens in place of the experiment's, by built-in name or path, also of another program. The experiment is fitted to it.
     pub lens: Option<String>,
-    /// A sensor in place of the experiment's, by built-in name or path.
+    /// A sensor in place of the experiment's, by built-in name or path. Without one, a lens of one's own gets the sensor that fits it.
     pub sensor: Option<String>,
 }
 
@@ -48,51 +50,48 @@ pub struct Response {
     pub sensor: PathBuf,
     /// Whether the lens was given variables because its file names none.
     pub gave_variables: bool,
+    /// Whether the sensor is monochrome and the experiment's photographs are in colour: it needs others.
+    pub needs_gray_photos: bool,
 }
 
-/// Writes the files. A lens that names no variables gets the usual ones, with a solve that holds its focal length.
+/// Writes the files. With a lens of one's own the experiment is fitted to it: its title, focus, sensor, fields, PSFs, requirements and, if the file
+/// names none, variables follow from the lens.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let Request { out, from, lens, sensor } = request;
     check_folder(out, [EXPERIMENT, LENS, SENSOR], context)?;
-    let mut experiment = context.assets.experiment(from)?;
-    let (own_lens, own_sensor) = (experiment.lens.clone(), experiment.sensor.clone());
-    let lens_name = lens.as_ref().unwrap_or(&own_lens);
-    let sensor_name = sensor.as_ref().unwrap_or(&own_sensor);
-
-    let mut file = context.assets.lens(lens_name)?;
-    let solves = Solves { efl: file.efl_solve, length: file.length_solve, ..Solves::default() };
-    let usual = if file.variables.is_empty() { near_variables(&file.lens, &solves) } else { None };
-    let gave_variables = usual.is_some();
-    // The text of a file that needs no change keeps its comments.
-    let is_ours = Path::new(lens_name).extension().is_none_or(|ending| ending == "toml");
-    let lens_text = match usual {
-        Some((variables, solve)) => {
-            (file.variables, file.efl_solve) = (variables, Some(solve));
-            write_lens(&file)
-        }
-        None if is_ours => context.assets.text("lens", "lenses", lens_name)?.text,
-        None => write_lens(&file),
+    let experiment = context.assets.experiment(from)?;
+    let own_lens_name = experiment.lens.clone();
+    let made = match lens {
+        Some(lens) => own_lens(experiment, lens, sensor.as_deref(), context)?,
+        None => as_it_is(experiment, sensor.as_deref(), context)?,
     };
+    let OwnLens { mut experiment, lens_text, sensor_text, sensor_name, gave_variables } = made;
     parse_lens(&lens_text, &context.assets.catalog()?).map_err(DesignError::input(&out.join(LENS)))?;
     // Checked as a run would, and written as it stands.
-    let array = context.assets.sensor(sensor_name)?.cfa;
+    let array = parse_sensor(&sensor_text).map_err(DesignError::input(&out.join(SENSOR)))?.cfa;
     if experiment.development.demosaic.check_array(array).is_err() {
         experiment.development.demosaic = Demosaic::Bilinear;
         context.note(format!("development.demosaic is \"bilinear\", as `{sensor_name}` needs it"));
     }
     let sees_photos = !experiment.task.finds_objects() && experiment.photos == BUILT_IN_PHOTOS;
-    if array.colours() == [Colour::Clear] && sees_photos {
+    let needs_gray_photos = array.colours() == [Colour::Clear] && sees_photos;
+    if needs_gray_photos {
         context.warning(format!(
             "`{sensor_name}` is monochrome, and the built-in photographs are in colour; give the experiment gray ones: `photos`, or `design --photos DIR`"
         ));
     }
-    let sensor_text = context.assets.text("sensor", "sensors", sensor_name)?.text;
 
     experiment.lens = LENS.to_owned();
     experiment.sensor = SENSOR.to_owned();
-    for named in experiment.variant.iter_mut().filter_map(|variant| variant.lens.as_mut()) {
-        if *named == own_lens {
-            *named = LENS.to_owned();
+    for variant in &mut experiment.variant {
+        let name = &variant.name;
+        match &mut variant.lens {
+            Some(named) if *named == own_lens_name => *named = LENS.to_owned(),
+            Some(named) if lens.is_some() && !is_derived_lens(named) => {
+                context
+                    .warning(format!("the variant `{name}` starts from `{named}`, which is not your lens"));
+            }
+            _ => {}
         }
     }
     // What lies beside another experiment is found from the new folder as well.
@@ -111,5 +110,41 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     for (name, text) in [(LENS, &lens_text), (SENSOR, &sensor_text), (EXPERIMENT, &text)] {
         write_whole(&path(name), text.as_bytes()).map_err(DesignError::io(&path(name)))?;
     }
-    Ok(Response { experiment: path(EXPERIMENT), lens: path(LENS), sensor: path(SENSOR), gave_variables })
+    Ok(Response {
+        experiment: path(EXPERIMENT),
+        lens: path(LENS),
+        sensor: path(SENSOR),
+        gave_variables,
+        needs_gray_photos,
+    })
+}
+
+/// An experiment with its own lens, which gets variables if its file names none, and with another sensor if one is named.
+fn as_it_is(
+    mut experiment: Experiment,
+    sensor: Option<&str>,
+    context: &Context,
+) -> Result<OwnLens, JobError> {
+    let lens = experiment.lens.clone();
+    let mut file = context.assets.lens(&lens)?;
+    let solves = Solves { efl: file.efl_solve, length: file.length_solve, ..Solves::default() };
+    let usual = if file.variables.is_empty() { near_variables(&file.lens, &solves) } else { None };
+    let gave_variables = usual.is_some();
+    // The text of a file that needs no change keeps its comments.
+    let is_ours = Path::new(&lens).extension().is_none_or(|ending| ending == "toml");
+    let lens_text = match usual {
+        Some((variables, solve)) => {
+            (file.variables, file.efl_solve) = (variables, Some(solve));
+            write_lens(&file)
+        }
+        None if is_ours => context.assets.text("lens", "lenses", &lens)?.text,
+        None => write_lens(&file),
+    };
+    let sensor_name = sensor.unwrap_or(&experiment.sensor).to_owned();
+    let model = context.assets.sensor(&sensor_name)?;
+    if let Some(note) = white_that_fits(&mut experiment.exposure, &model) {
+        context.note(note);
+    }
+    let sensor_text = context.assets.text("sensor", "sensors", &sensor_name)?.text;
+    Ok(OwnLens { experiment, lens_text, sensor_text, sensor_name, gave_variables })
 }

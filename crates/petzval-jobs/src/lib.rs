@@ -28,6 +28,7 @@ pub mod init;
 pub mod isp;
 pub mod lens;
 pub mod machine;
+mod own_lens;
 pub mod pinhole;
 pub mod psf;
 pub mod psf_calibrate;

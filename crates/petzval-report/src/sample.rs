@@ -242,7 +242,7 @@ pub(crate) fn report() -> Report {
         frames: ["scene", "nominal", "end-to-end"].map(frame).into(),
         has_isp: false,
         pictures_in_all: 2,
-        study: None,
+        one_seed: None,
         detection: None,
         progress: None,
         made: None,

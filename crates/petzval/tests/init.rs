@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{read, run_fails, run_ok};
+use common::{read, run, run_fails, run_ok};
 
 #[test]
 fn the_files_are_complete_and_run() {
@@ -96,4 +96,158 @@ fn a_lens_without_variables_gets_the_usual_ones_and_keeps_its_focal_length() {
         assert_eq!(warns, name == "bare", "{}", done.stderr);
         assert!((efl(name) / 18.533 - 1.0).abs() < 1e-4, "{}", efl(name));
     }
+}
+
+/// A public lens of another program, in a folder with a space.
+fn with_double_gauss() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir_all(folder.path().join("my lenses")).unwrap();
+    let text = include_str!("lenses/double-gauss.zmx");
+    std::fs::write(folder.path().join("my lenses/double-gauss.zmx"), text).unwrap();
+    folder
+}
+
+#[test]
+fn the_experiment_fits_a_lens_of_ones_own() {
+    let folder = with_double_gauss();
+    let made = run_ok(folder.path(), &["init", "my camera", "--lens", "my lenses/double-gauss.zmx"]);
+    assert!(made.stdout.ends_with("next: petzval design 'my camera/experiment.toml'\n"), "{}", made.stdout);
+    // By hand: 99.5 mm tan 14 degrees are 24.8 mm.
+    assert!(made.says("an image circle of 24.") && made.says("of the image circle"), "{}", made.stderr);
+    let file = |name: &str| read(&folder.path().join("my camera").join(name));
+    let table = |name: &str| -> toml::Table { file(name).parse().unwrap() };
+    let (experiment, sensor) = (table("experiment.toml"), table("sensor.toml"));
+    assert_eq!(experiment["name"].as_str(), Some("Double Gauss - 28 degree field"));
+    let number = |key: &str| sensor[key].as_float().or(sensor[key].as_integer().map(|n| n as f64)).unwrap();
+    let corner_mm = 0.5e-3 * number("pixel_um") * number("height").hypot(number("width"));
+    assert!((corner_mm / 24.8 - 1.0).abs() < 0.02, "{corner_mm}");
+    assert_eq!(number("pixel_um"), 5.86);
+    // The planes within both cemented elements may bend.
+    let lens = table("lens.toml");
+    let variables = lens["variable"].as_array().unwrap();
+    let of = |name: &str| -> Vec<i64> {
+        let named = variables.iter().filter(|v| v["parameter"].as_str() == Some(name));
+        named.map(|v| v["surface"].as_integer().unwrap()).collect()
+    };
+    assert_eq!(of("curvature_per_mm"), [4, 8]);
+    assert_eq!(of("radius_mm"), [1, 2, 3, 5, 7, 9, 10]);
+    assert_eq!(of("thickness_mm"), [2, 5, 6, 9]);
+    assert!(file("lens.toml").contains("efl = { surface = 11"));
+
+    // What it prints next would go well: the lens is in focus, its light lies on the grid, it meets every requirement.
+    let look = run_ok(folder.path(), &["design", "my camera/experiment.toml", "--check", "--json"]).json();
+    let lens = &look["lenses"][0];
+    assert_eq!(lens["violated"], serde_json::json!([]), "{look}");
+    assert_eq!(lens["cameras"], serde_json::json!(["nominal", "spot-optimised", "end-to-end"]));
+    for field in lens["fields"].as_array().unwrap() {
+        assert!(field["light_on_grid"].as_f64().unwrap() > 0.98, "{field}");
+        assert!(field["rms_spot_um"].as_f64().unwrap() < 30.0, "{field}");
+    }
+    assert!((lens["image_circle_mm"].as_f64().unwrap() / 24.8 - 1.0).abs() < 0.02, "{lens}");
+    assert_eq!(look["problems"], serde_json::json!([]));
+
+    // The lens alone does the same.
+    let alone = ["design", "my lenses/double-gauss.zmx", "--check", "--json"];
+    let alone = run_ok(folder.path(), &alone).json();
+    assert_eq!(alone, look);
+    let config = run_ok(folder.path(), &["design", "my lenses/double-gauss.zmx", "--print-config"]).stdout;
+    assert!(
+        config
+            .starts_with("# Lens and sensor are those that `petzval init --lens my lenses/double-gauss.zmx`")
+    );
+
+    // A sensor that is named is taken as it is, and said to be small.
+    let small = ["init", "small", "--lens", "my lenses/double-gauss.zmx", "--sensor", "imx249-fitted"];
+    assert!(run_ok(folder.path(), &small).says("at 27 % of the image circle"));
+    let look = run_ok(folder.path(), &["design", "small/experiment.toml", "--check"]);
+    assert!(look.says("fields further out are neither seen nor improved"), "{}", look.stderr);
+}
+
+#[test]
+fn lenses_without_a_picture_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let lens = |distances: [f64; 2], focals: [f64; 2]| {
+        let surface = |i: usize| {
+            let stop = if i == 0 { "stop = true\n" } else { "" };
+            format!(
+                "[[surface]]\n{stop}radius_mm = inf\nthin_lens = {{ focal_length_mm = {} }}\nthickness_mm = {}\n",
+                focals[i], distances[i]
+            )
+        };
+        format!(
+            "name = \"two\"\nunits = \"mm\"\n[aperture]\nentrance_pupil_diameter_mm = 20.0\n[wavelengths]\num = [0.55]\n[fields]\nangle_deg = [0.0, 1.0]\n{}{}",
+            surface(0),
+            surface(1)
+        )
+    };
+    // A telescope, and a lens behind which light spreads.
+    for (name, text, said) in [
+        ("telescope", lens([240.0, 48.0], [200.0, 40.0]), "the lens is afocal"),
+        ("negative", lens([1.0, 48.0], [-200.0, -300.0]), "the image is virtual"),
+    ] {
+        std::fs::write(folder.path().join(format!("{name}.toml")), text).unwrap();
+        let file = format!("{name}.toml");
+        run_fails(folder.path(), &["init", "mine", "--lens", &file], 2, &[said, "help"]);
+        run_fails(folder.path(), &["design", &file], 2, &[said]);
+    }
+}
+
+#[test]
+fn a_look_before_the_first_step_says_what_is_wrong() {
+    let folder = with_double_gauss();
+    // An own experiment without the fit: out of focus by 0.8 mm at f/3, nearly all light lies beyond a grid of 64 um.
+    let out_of_focus = run_ok(folder.path(), &["lens", "convert", "my lenses/double-gauss.zmx", "dg.toml"]);
+    assert!(out_of_focus.stdout.contains("dg.toml"));
+    let text = read(&folder.path().join("dg.toml")).replace("thickness_mm = 61.4875", "thickness_mm = 60.7");
+    std::fs::write(folder.path().join("dg.toml"), text).unwrap();
+    let experiment =
+        "name = \"Mine\"\nlens = \"dg.toml\"\n[psf]\ngrid = 64\npitch_um = 1.0\n[optics]\ndefocus_mm = 3.0\n";
+    std::fs::write(folder.path().join("e.toml"), experiment).unwrap();
+    let wrong = run(folder.path(), &["design", "e.toml", "--check"]);
+    assert_eq!(wrong.code, Some(2), "{}", wrong.stderr);
+    assert!(wrong.stdout.contains("is it in focus?"), "{}", wrong.stdout);
+    run_fails(folder.path(), &["design", "e.toml"], 2, &["is it in focus?", "petzval lens focus"]);
+
+    // Requirements that the start violates are named: the built-in triplet has 24.525 mm.
+    let far = "[constraints]\nback_focal_mm = 30.0\n";
+    std::fs::write(folder.path().join("far.toml"), far).unwrap();
+    let look = run_ok(folder.path(), &["design", "far.toml", "--check", "--json"]).json();
+    let violated = &look["lenses"][0]["violated"][0];
+    assert_eq!(violated["requirement"], "distance from the last vertex to the image");
+    assert!((violated["by_mm"].as_f64().unwrap() - (30.0 - 24.525171110552694)).abs() < 1e-9, "{violated}");
+    // 400 network steps a camera, 150 of the lens with them, 3 stages of the lens alone, 3 scores.
+    assert_eq!(look["steps"], 3 * 400 + 150 + 3 + 3);
+    assert_eq!(look["cameras"][2]["blocks"], serde_json::json!({"network": 400, "optics": 150}));
+    // The built-in photographs have 640 pixels or fewer, and a row of the sensor has 1920.
+    let photos = &look["photos"];
+    let count = |key: &str| photos[key].as_u64().unwrap();
+    assert_eq!(count("enlarged"), count("training") + count("held_out"));
+    assert!(photos["most_enlarged"].as_f64().unwrap() >= 3.0, "{photos}");
+}
+
+#[test]
+fn a_lens_is_focused_into_a_file_of_its_own() {
+    let folder = with_double_gauss();
+    let args = ["lens", "focus", "my lenses/double-gauss.zmx", "sharp.toml", "--json"];
+    let found = run_ok(folder.path(), &args).json();
+    let figure = |key: &str| found[key].as_f64().unwrap();
+    assert_eq!(figure("image_distance_before_mm"), 61.4875);
+    assert!(figure("rms_spot_um") < figure("rms_spot_before_um"), "{found}");
+    // The file holds the plane, and no plane beside it has smaller spots.
+    let again = run_ok(folder.path(), &["lens", "focus", "sharp.toml", "--json"]).json();
+    assert!(
+        (again["image_distance_before_mm"].as_f64().unwrap() - figure("image_distance_mm")).abs() < 1e-12
+    );
+    assert!((again["image_distance_mm"].as_f64().unwrap() - figure("image_distance_mm")).abs() < 1e-6);
+    // Without a file to write there are figures alone, and a file that is there stays.
+    run_fails(
+        folder.path(),
+        &["lens", "focus", "my lenses/double-gauss.zmx", "sharp.toml"],
+        2,
+        &["exists already"],
+    );
+    let paraxial = ["lens", "focus", "sharp.toml", "--at", "paraxial", "--json"];
+    let order = run_ok(folder.path(), &["lens", "show", "sharp.toml", "--json"]).json();
+    let plane = run_ok(folder.path(), &paraxial).json()["image_distance_mm"].as_f64().unwrap();
+    assert!((plane - order["bfl_mm"].as_f64().unwrap()).abs() < 1e-9);
 }

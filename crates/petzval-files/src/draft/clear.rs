@@ -1,7 +1,7 @@
 //! Clear semi-diameters for surfaces without an edge: large enough for the beams of the lens's fields.
 
-use super::item::{Clear, Drafted};
-use crate::loss::{Effect, Losses};
+use super::item::Clear;
+use crate::loss::{Effect, Loss, Losses};
 use petzval_optics::lens::{Lens, LensDefect, traceable, validate};
 use petzval_optics::paraxial::first_order;
 use petzval_optics::pupil::{aim_one, paraxial_launch};
@@ -22,6 +22,21 @@ const RADII: [f64; 3] = [1.0, 0.7, 0.3];
 /// Largest number of steps of 3 % by which beams are narrowed if the surfaces cannot be as large as the beams.
 const NARROWER: i32 = 60;
 
+/// A lens whose surfaces `open` (from 0) have no edge of their own, with clear semi-diameters large enough for the beams of its fields and no smaller
+/// than they are; with what is approximated in it, and why it cannot be built if it cannot. Fails where a surface ends within its edge.
+pub fn with_open_surfaces(
+    lens: &Lens,
+    open: &[usize],
+) -> Result<(Lens, Vec<Loss>, Option<LensDefect>), LensDefect> {
+    let clear =
+        |(i, semi): (usize, f64)| if open.contains(&i) { Clear::Open(semi) } else { Clear::Edge(semi) };
+    let clears: Vec<Clear> =
+        lens.surfaces.iter().map(|s| s.semi_diameter_mm).enumerate().map(clear).collect();
+    let mut losses = Losses::default();
+    let (lens, flaw) = with_semi_diameters(lens.clone(), &clears, &mut losses)?;
+    Ok((lens, losses.into_list(), flaw))
+}
+
 /// The lens with clear semi-diameters everywhere.
 ///
 /// Surfaces without an edge are made large enough for their beams, and as large as the file prints if that lens is possible.
@@ -29,24 +44,24 @@ const NARROWER: i32 = 60;
 /// surface ends within its edge.
 pub(super) fn with_semi_diameters(
     lens: Lens,
-    drafted: &[Drafted],
+    clears: &[Clear],
     losses: &mut Losses,
 ) -> Result<(Lens, Option<LensDefect>), LensDefect> {
-    if drafted.iter().all(|d| matches!(d.clear, Clear::Edge(_))) {
-        let lens = filled(&lens, drafted, |_, _| 0.0);
+    if clears.iter().all(|clear| matches!(clear, Clear::Edge(_))) {
+        let lens = filled(&lens, clears, |_, _| 0.0);
         traceable(&lens)?;
         let flaw = validate(&lens).err();
         return Ok((lens, flaw));
     }
     // Try the printed size with room for the beams, then room for the beams, then the beams alone.
-    let heights = beam_heights(&lens, drafted);
+    let heights = beam_heights(&lens, clears);
     let roomy = |i: usize| heights[i] * (1.0 + ROOM) + SOFT_EDGE_MM;
     let open: [&dyn Fn(usize, f64) -> f64; 3] =
         [&|i, printed| printed.max(roomy(i)), &|i, _| roomy(i), &|i, _| heights[i]];
     for (attempt, semi) in open.iter().enumerate() {
-        let lens = filled(&lens, drafted, semi);
+        let lens = filled(&lens, clears, semi);
         if validate(&lens).is_ok() {
-            if attempt > 0 && drafted.iter().enumerate().any(|(i, d)| is_cut(d, semi(i, 0.0))) {
+            if attempt > 0 && clears.iter().enumerate().any(|(i, clear)| is_cut(*clear, semi(i, 0.0))) {
                 let message = "surfaces end or cross within their printed semi-diameters, which lose no light; \
                                they are made as large as the beams";
                 losses.add(0, "", Effect::Approximated, message);
@@ -57,7 +72,7 @@ pub(super) fn with_semi_diameters(
     // Narrow the beams until the surfaces are possible.
     for k in 1..=NARROWER {
         let share = 0.97_f64.powi(k);
-        let lens = filled(&lens, drafted, |i, _| heights[i] * share);
+        let lens = filled(&lens, clears, |i, _| heights[i] * share);
         if validate(&lens).is_ok() {
             let message = format!(
                 "the beams are wider than the surfaces can be; the clear semi-diameters take {:.0} % of them",
@@ -67,23 +82,23 @@ pub(super) fn with_semi_diameters(
             return Ok((lens, None));
         }
     }
-    let lens = filled(&lens, drafted, |i, _| heights[i]);
+    let lens = filled(&lens, clears, |i, _| heights[i]);
     traceable(&lens)?;
     let flaw = validate(&lens).err();
     Ok((lens, flaw))
 }
 
 /// Whether a surface without an edge becomes smaller than the file prints.
-fn is_cut(drafted: &Drafted, semi: f64) -> bool {
-    matches!(drafted.clear, Clear::Open(printed) if printed > semi)
+fn is_cut(clear: Clear, semi: f64) -> bool {
+    matches!(clear, Clear::Open(printed) if printed > semi)
 }
 
 /// The lens with the edges of the file, and with `open(surface, printed)` for surfaces without an edge.
-fn filled(lens: &Lens, drafted: &[Drafted], open: impl Fn(usize, f64) -> f64) -> Lens {
+fn filled(lens: &Lens, clears: &[Clear], open: impl Fn(usize, f64) -> f64) -> Lens {
     let mut lens = lens.clone();
     let stop_radius = first_order(&lens.at_wavelength(lens.reference_um)).stop_radius_mm.abs();
-    for (i, d) in drafted.iter().enumerate() {
-        lens.surfaces[i].semi_diameter_mm = match d.clear {
+    for (i, clear) in clears.iter().copied().enumerate() {
+        lens.surfaces[i].semi_diameter_mm = match clear {
             Clear::Edge(mm) => mm,
             Clear::Open(_) if i == lens.stop && stop_radius > 0.0 && stop_radius.is_finite() => stop_radius,
             Clear::Open(printed) => {
@@ -97,11 +112,11 @@ fn filled(lens: &Lens, drafted: &[Drafted], open: impl Fn(usize, f64) -> f64) ->
 }
 
 /// Largest distance from the vertex at which traced rays meet each surface, mm.
-fn beam_heights(lens: &Lens, drafted: &[Drafted]) -> Vec<f64> {
+fn beam_heights(lens: &Lens, clears: &[Clear]) -> Vec<f64> {
     let mut lens = lens.clone();
-    for (surface, d) in lens.surfaces.iter_mut().zip(drafted) {
-        if let Clear::Edge(mm) = d.clear {
-            surface.semi_diameter_mm = mm;
+    for (surface, clear) in lens.surfaces.iter_mut().zip(clears) {
+        if let Clear::Edge(mm) = clear {
+            surface.semi_diameter_mm = *mm;
         }
     }
     let all = &lens.fields_deg;

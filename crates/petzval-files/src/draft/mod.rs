@@ -13,6 +13,8 @@ mod power;
 mod record;
 
 pub(super) use aperture::Aperture;
+pub use clear::with_open_surfaces;
+use clear::with_semi_diameters;
 pub(super) use field::{FieldKind, Fields};
 pub(super) use item::{Break, Clear, Drafted, Item};
 pub(super) use place::{check_angles, is_bend, undone};
@@ -38,11 +40,13 @@ pub(super) const MOST_BYTES: usize = 16 << 20;
 /// Distance from which an object counts as infinitely far, mm: CODE V writes this number for infinity.
 pub(super) const FAR_MM: f64 = 1e10;
 
-/// A lens that was read from another program's file, and the losses of the conversion.
+/// A lens that was read from a file, and the losses of the conversion if the file is another program's.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Import {
-    /// The lens. It has no variables, because variables of other programs have no bounds.
+    /// The lens. One of another program has no variables, because their variables have no bounds.
     pub file: LensFile,
+    /// Surfaces, from 0, whose clear semi-diameter the file leaves to the beams.
+    pub open: Vec<usize>,
     /// Everything in the file that the lens does not represent.
     pub losses: Vec<Loss>,
     /// Why the lens cannot be built, at the place in the file: glass thinner than nothing, or surfaces that cross. An optimisation may start from
@@ -122,10 +126,13 @@ impl Draft {
         if let Some(record) = &self.fields.telecentric {
             field::check_telecentric(&lens, &lens.fields_deg, record, &mut losses)?;
         }
-        let (lens, flaw) = clear::with_semi_diameters(lens, &drafted, &mut losses)
-            .map_err(|defect| at_fault(&defect, &drafted))?;
+        let clears: Vec<Clear> = drafted.iter().map(|d| d.clear).collect();
+        let (lens, flaw) =
+            with_semi_diameters(lens, &clears, &mut losses).map_err(|defect| at_fault(&defect, &drafted))?;
         let unbuildable = flaw.map(|defect| at_fault(&defect, &drafted));
-        Ok(Import { file: LensFile::of(lens), losses: losses.into_list(), unbuildable })
+        let is_open = |i: &usize| matches!(clears[*i], Clear::Open(_));
+        let open = (0..clears.len()).filter(is_open).collect();
+        Ok(Import { file: LensFile::of(lens), open, losses: losses.into_list(), unbuildable })
     }
 }
 

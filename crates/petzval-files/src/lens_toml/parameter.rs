@@ -3,11 +3,15 @@
 use petzval_optics::lens::{ASPHERE_TERMS, Action, Departure, PHASE_TERMS, Pattern, Surface, xy_powers};
 use petzval_optics::number::Number;
 
+/// The name of a curvature whose bounds enclose the plane; other curvatures vary by their radius.
+pub(super) const CURVATURE: &str = "curvature_per_mm";
+
 /// The numbers of a surface that can be variables, with their names in files.
 pub(super) fn parameters(surface: &Surface) -> Vec<(String, Number)> {
     let mut all = vec![("thickness_mm".to_owned(), Number::Thickness)];
     if surface.has_number(Number::Curvature) {
         all.push(("radius_mm".to_owned(), Number::Curvature));
+        all.push((CURVATURE.to_owned(), Number::Curvature));
         for i in 1..=ASPHERE_TERMS {
             all.push((format!("a{}", 2 * i), Number::Asphere(i - 1)));
         }

@@ -4,11 +4,12 @@ use std::ops::{Range, RangeInclusive};
 
 use toml::Spanned;
 
-use super::parameter::parameters;
+use super::parameter::{CURVATURE, parameters};
 use super::text::{
     ExpectText, ExpectedText, LensText, Placed, SolveText, SurfaceText, VariableText, WavelengthsText,
 };
 use super::{Expect, Expected, ExpectedSpots, LensFile};
+use crate::draft::{Import, with_open_surfaces};
 use crate::glass_toml::read_glasses;
 use petzval_base::FileError;
 use petzval_optics::design_space::{EflSolve, Pickup, Variable};
@@ -25,15 +26,12 @@ pub(crate) const OPTICAL_UM: RangeInclusive<f64> = 0.2..=20.0;
 
 /// Reads a lens file. Glasses are looked up first in the file's own tables, then in `catalog`.
 pub fn parse_lens(text: &str, catalog: &Catalog) -> Result<LensFile, FileError> {
-    match parse_lens_start(text, catalog)? {
-        (file, None) => Ok(file),
-        (_, Some(unbuildable)) => Err(unbuildable),
-    }
+    Ok(parse_lens_start(text, catalog)?.buildable()?.file)
 }
 
 /// Reads a lens file to start an optimisation from. The error beside the lens says why it cannot be built: its glass is thinner than nothing, or its
-/// surfaces cross.
-pub fn parse_lens_start(text: &str, catalog: &Catalog) -> Result<(LensFile, Option<FileError>), FileError> {
+/// surfaces cross. Clear semi-diameters that the file leaves out follow from the beams of its fields.
+pub fn parse_lens_start(text: &str, catalog: &Catalog) -> Result<Import, FileError> {
     let file: LensText = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
     let reader = Reader { text };
 
@@ -66,7 +64,11 @@ pub fn parse_lens_start(text: &str, catalog: &Catalog) -> Result<(LensFile, Opti
     };
     lens.fields_deg = reader.fields(&file.fields.angle_deg, lens.object, lens.is_rotationally_symmetric())?;
     traceable(&lens).map_err(|defect| reader.defect(&defect, &file))?;
-    let unbuildable = validate(&lens).err().map(|defect| reader.defect(&defect, &file));
+    let is_open = |i: &usize| file.surface[*i].get_ref().semi_diameter_mm.is_none();
+    let open: Vec<usize> = (0..file.surface.len()).filter(is_open).collect();
+    let (lens, losses, flaw) =
+        with_open_surfaces(&lens, &open).map_err(|defect| reader.defect(&defect, &file))?;
+    let unbuildable = flaw.map(|defect| reader.defect(&defect, &file));
 
     let variables = reader.variables(&file.variable, &lens)?;
     let lens_file = LensFile {
@@ -77,7 +79,7 @@ pub fn parse_lens_start(text: &str, catalog: &Catalog) -> Result<(LensFile, Opti
         variables,
         lens,
     };
-    Ok((lens_file, unbuildable))
+    Ok(Import { file: lens_file, open, losses, unbuildable })
 }
 
 /// The text that is being read, for the places of errors.
@@ -242,8 +244,13 @@ impl Reader<'_> {
             let key = text.parameter.get_ref();
             let number = self.parameter(&text.parameter, &lens.surfaces[surface])?;
             let (min, max) = (self.finite("min", &text.min)?, self.finite("max", &text.max)?);
-            let variable = Variable { surface, number, min, max };
-            self.check_bounds(text, &variable, lens)?;
+            let variable = match key == CURVATURE {
+                true => self.curvature_variable(text, surface, [min, max], lens)?,
+                false => Variable { surface, number, min, max },
+            };
+            if key != CURVATURE {
+                self.check_bounds(text, &variable, lens)?;
+            }
             if variables.iter().any(|v| (v.surface, v.number) == (surface, number)) {
                 let message = format!("{key} of surface {} is a variable already", surface + 1);
                 return Err(self.error("parameter", text.parameter.span(), message));
@@ -251,6 +258,34 @@ impl Reader<'_> {
             variables.push(variable);
         }
         Ok(variables)
+    }
+
+    /// A curvature between bounds in 1/mm: a surface that may be flat has no bounds of its radius.
+    fn curvature_variable(
+        &self,
+        text: &VariableText,
+        surface: usize,
+        [min, max]: [f64; 2],
+        lens: &Lens,
+    ) -> Result<Variable, FileError> {
+        let name = format!("{CURVATURE} of surface {}", surface + 1);
+        if min >= max {
+            let message = format!("the bounds of {name} are reversed: {min} is not below {max}");
+            return Err(self.error("max", text.max.span(), message).hint("exchange `min` and `max`"));
+        }
+        if min >= 0.0 || max <= 0.0 {
+            let message = format!("the bounds of {name} are both on one side of the plane");
+            let hint = "vary `radius_mm` of a surface that stays curved to one side";
+            return Err(self.error("parameter", text.parameter.span(), message).hint(hint));
+        }
+        let own = Number::Curvature.read(lens, surface);
+        let slack = 1e-9 * (max - min);
+        if !(min - slack..=max + slack).contains(&own) {
+            let (key, place) = if own < min { ("min", &text.min) } else { ("max", &text.max) };
+            let message = format!("{name} is {own} in this lens, outside its bounds {min} to {max}");
+            return Err(self.error(key, place.span(), message).hint("widen the bounds or change the lens"));
+        }
+        Ok(Variable { surface, number: Number::Curvature, min: 1.0 / min, max: 1.0 / max })
     }
 
     /// The number of a surface with the name that the file gives.
@@ -374,9 +409,9 @@ impl Reader<'_> {
         }
         if number == Number::Curvature && min <= 0.0 && max >= 0.0 {
             let message = format!("the bounds of {name} include a radius of 0");
-            return Err(self
-                .error("min", text.min.span(), message)
-                .hint("keep both bounds on the side of the centre of curvature"));
+            return Err(self.error("min", text.min.span(), message).hint(
+                "keep both bounds on the side of the centre of curvature, or vary `curvature_per_mm`",
+            ));
         }
         let (forwards, backwards) = (lens.light_goes_forwards(surface), max > 0.0);
         if number == Number::Thickness && forwards && min < 0.0 {
@@ -484,7 +519,8 @@ impl Reader<'_> {
             return self.missing("surface", 0..0, message);
         };
         let thickness = ("thickness_mm", surface.thickness_mm.span());
-        let semi_diameter = ("semi_diameter_mm", surface.semi_diameter_mm.span());
+        let semi_diameter = surface.semi_diameter_mm.as_ref();
+        let semi_diameter = semi_diameter.map_or(thickness.clone(), |semi| ("semi_diameter_mm", semi.span()));
         let ((key, span), hint) = match defect {
             LensDefect::CentreThickness { .. } => (
                 thickness,

@@ -13,6 +13,9 @@ use petzval_optics::lens::{
     Surface, SurfaceShape, XY_DEGREE, XY_TERMS, xy_index,
 };
 
+/// In place of a clear semi-diameter that the file leaves out, until the beams are known: no shape ends within it.
+const UNSTATED_MM: f64 = 1e-9;
+
 impl Reader<'_> {
     /// Reads a surface. `front` is the medium in front of it, or `None` for the first surface.
     pub(super) fn surface(
@@ -53,7 +56,10 @@ impl Reader<'_> {
             shape: SurfaceShape { curvature, conic, asphere, departure: self.departure(number, surface)? },
             thickness_mm: self.finite("thickness_mm", &surface.thickness_mm)?,
             glass,
-            semi_diameter_mm: self.positive("semi_diameter_mm", &surface.semi_diameter_mm)?,
+            semi_diameter_mm: match &surface.semi_diameter_mm {
+                Some(semi) => self.positive("semi_diameter_mm", semi)?,
+                None => UNSTATED_MM,
+            },
             action,
             phase: self.phase(number, surface)?,
             placement: surface.placement.as_ref().map(|p| self.placement(p)).transpose()?,

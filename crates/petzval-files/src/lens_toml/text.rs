@@ -96,8 +96,9 @@ pub(super) struct SurfaceText {
     pub thickness_mm: Placed,
     #[schemars(with = "Option<String>")]
     pub glass: Option<Spanned<String>>,
-    #[schemars(with = "f64")]
-    pub semi_diameter_mm: Placed,
+    /// Left out, the surface is made large enough for the beams of all fields.
+    #[schemars(with = "Option<f64>")]
+    pub semi_diameter_mm: Option<Placed>,
     #[schemars(with = "Option<bool>")]
     pub stop: Option<Spanned<bool>>,
     #[schemars(with = "Option<bool>")]

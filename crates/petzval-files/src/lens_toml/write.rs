@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::parameter::parameter_name;
+use super::parameter::{CURVATURE, parameter_name};
 use super::{Expected, LensFile};
 use crate::glass_toml::write_glass;
 use crate::toml_number::{exact_degrees, exact_reciprocal, number, numbers, quoted};
@@ -10,6 +10,7 @@ use petzval_optics::glass::Glass;
 use petzval_optics::lens::{
     Action, Axis, Departure, Lens, ObjectDistance, Pattern, Phase, Placement, Surface, xy_powers,
 };
+use petzval_optics::number::Number;
 
 /// A lens file as text. It contains the formulas of its glasses, so that it is the same lens with any catalogue.
 pub fn write_lens(file: &LensFile) -> String {
@@ -45,10 +46,18 @@ fn write(file: &LensFile, out: &mut String) -> std::fmt::Result {
         write_surface(surface, i == lens.stop, &glasses, out)?;
     }
     for v in &file.variables {
-        let parameter = parameter_name(&lens.surfaces[v.surface], v.number);
         writeln!(out, "\n[[variable]]\nsurface = {}", v.surface + 1)?;
+        // Radii of both signs pass through the plane: the bounds of the curvature say so.
+        let is_through_plane = v.number == Number::Curvature && v.min < 0.0 && v.max > 0.0;
+        let (parameter, bounds) = match is_through_plane {
+            true => {
+                let curvature = |radius_mm: f64| exact_reciprocal(radius_mm).unwrap_or(1.0 / radius_mm);
+                (CURVATURE.to_owned(), [v.min, v.max].map(curvature))
+            }
+            false => (parameter_name(&lens.surfaces[v.surface], v.number), [v.min, v.max]),
+        };
         writeln!(out, "parameter = {}", quoted(&parameter))?;
-        writeln!(out, "min = {}\nmax = {}", number(v.min), number(v.max))?;
+        writeln!(out, "min = {}\nmax = {}", number(bounds[0]), number(bounds[1]))?;
     }
     for p in &file.pickups {
         let followed = &file.variables[p.variable];

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use petzval_base::FileError;
 use petzval_design::assets::extension;
-use petzval_files::{Export, Loss, write_lens, write_seq, write_zmx};
+use petzval_files::{Export, LensFile, Loss, write_lens, write_seq, write_zmx};
 use petzval_optics::paraxial::first_order;
 use serde::{Deserialize, Serialize};
 
@@ -44,19 +44,7 @@ pub struct Response {
 /// Reads the lens and writes it in the other format. A lens that would bend light otherwise there is refused.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let import = context.assets.import(&request.from)?;
-    let catalog = context.assets.catalog()?;
-    let export = match extension(&request.to).as_str() {
-        "toml" => Ok(Export { text: write_lens(&import.file), losses: Vec::new() }),
-        "zmx" => write_zmx(&import.file, &catalog),
-        "seq" => write_seq(&import.file, &catalog),
-        _ => {
-            let message = format!("{}: no lens format that is written has this ending", request.to.display());
-            return Err(JobError::input(message, "write .toml, .zmx or .seq"));
-        }
-    };
-    let export = export.map_err(|error| not_writable(&request.to, &error))?;
-    check_file(&request.to, context)?;
-    write_file(&request.to, encoded(&request.to, &export.text))?;
+    let export = write_as_named(&import.file, &request.to, context)?;
     let lens = import.file.lens;
     Ok(Response {
         efl_mm: finite(first_order(&lens.at_wavelength(lens.reference_um)).efl_mm),
@@ -66,6 +54,24 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         losses_of_reading: import.losses,
         losses_of_writing: export.losses,
     })
+}
+
+/// Writes a lens in the format that the ending of a file names; returns what the file does not represent.
+pub(super) fn write_as_named(file: &LensFile, to: &Path, context: &Context) -> Result<Export, JobError> {
+    let catalog = context.assets.catalog()?;
+    let export = match extension(to).as_str() {
+        "toml" => Ok(Export { text: write_lens(file), losses: Vec::new() }),
+        "zmx" => write_zmx(file, &catalog),
+        "seq" => write_seq(file, &catalog),
+        _ => {
+            let message = format!("{}: no lens format that is written has this ending", to.display());
+            return Err(JobError::input(message, "write .toml, .zmx or .seq"));
+        }
+    };
+    let export = export.map_err(|error| not_writable(to, &error))?;
+    check_file(to, context)?;
+    write_file(to, encoded(to, &export.text))?;
+    Ok(export)
 }
 
 /// The bytes of a file. Zemax takes ASCII as it is, and other text in UTF-16 with a byte order mark.

@@ -3,7 +3,7 @@
 mod analysis_csv;
 pub mod analyze;
 pub mod convert;
-mod focus;
+pub mod focus;
 pub mod list;
 pub mod optimize;
 pub mod show;

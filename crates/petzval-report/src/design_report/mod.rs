@@ -22,8 +22,8 @@ pub(crate) use picture::pictures;
 pub use view::{
     Attribution, CameraDetection, CameraPicture, CameraProgress, CameraState, CameraView, Change,
     DetectionView, FieldPoint, FrameView, GroupFigure, LossCurve, LostObjects, MadeCamera, MadeCameras,
-    MadeScore, Mistake, PictureView, PrecisionCurve, Progress, PsfView, Range, Report, Score, SeedDifference,
-    SeedStudy, Spread, TableRow,
+    MadeScore, Mistake, OneSeed, PictureView, PrecisionCurve, Progress, PsfView, Range, Report, Score,
+    SeedDifference, SeedStudy, Spread, TableRow,
 };
 
 /// The result in sentences, as the page has it. Empty if there are no cameras to compare.

@@ -2,7 +2,7 @@
 //! and not which camera is better.
 
 use super::score_table::{Figure, first_order, picture_scores, spot};
-use super::view::{DetectionView, Range, Report, SeedStudy, TableRow};
+use super::view::{DetectionView, OneSeed, Range, Report, SeedStudy, TableRow};
 use crate::number;
 
 /// The scores of all objects. Those of groups have a table of their own, with ranges.
@@ -32,7 +32,7 @@ pub(super) fn reading(report: &Report) -> Vec<String> {
     let top = ceiling.last().filter(|top| report.detection.as_ref().is_none_or(|view| is_ahead(view, top)));
     sentences.extend(top.and_then(|top| gap_sentence(&scores, baseline, &others, top)));
     sentences
-        .extend(report.study.as_ref().map(|study| seed_sentence(&picture_scores(&report.scores), study)));
+        .extend(report.one_seed.as_ref().map(|known| seed_sentence(&picture_scores(&report.scores), known)));
     sentences.extend(spot_sentence(scores.first(), design, baseline, between));
     sentences.extend(rows.iter().filter_map(|r| unlike(r, baseline)));
     sentences
@@ -99,8 +99,29 @@ fn gap_sentence(
     (!all.is_empty()).then(|| format!("{from}. {}.", capitalised(&all.join("; "))))
 }
 
-/// How far differences scatter with the seed: the measure for those of one seed.
-fn seed_sentence(scores: &[Figure], study: &SeedStudy) -> String {
+/// What one seed says, and how far differences scatter with the seed: by a study of this experiment, or by runs that are still to be made.
+fn seed_sentence(scores: &[Figure], known: &OneSeed) -> String {
+    let further = match known {
+        OneSeed::Studied(study) => studied(scores, study),
+        OneSeed::Alone(seed) => {
+            let others: Vec<String> = (1..)
+                .filter(|other| other != seed)
+                .take(OTHER_SEEDS)
+                .map(|other| other.to_string())
+                .collect();
+            format!(" Run seeds {}, then compare the runs (petzval compare).", others.join(" and "))
+        }
+    };
+    format!(
+        "This run has one seed, and one seed is one sample: another seed gives other differences.{further}"
+    )
+}
+
+/// Further seeds that are advised: with the run's own they give a standard deviation.
+const OTHER_SEEDS: usize = 2;
+
+/// The differences of a study; empty if it has none of these scores.
+fn studied(scores: &[Figure], study: &SeedStudy) -> String {
     let differences = study.differences.iter().filter(|d| !d.spreads.is_empty()).map(|d| {
         let spreads = d.spreads.iter().map(|s| {
             let (figure, decimals) = (&scores[s.score], scores[s.score].decimals);
@@ -110,18 +131,15 @@ fn seed_sentence(scores: &[Figure], study: &SeedStudy) -> String {
         format!("{} against {}: {}", d.camera, d.against, spreads.collect::<Vec<_>>().join(", "))
     });
     let differences: Vec<String> = differences.collect();
-    let of_study = match &differences[..] {
-        [] => String::new(),
-        all => format!(
-            " For comparison, {} with {} seeds and {} network steps, mean and standard deviation: {}.",
-            study.experiment,
-            study.seeds,
-            study.network_steps,
-            all.join("; ")
-        ),
-    };
+    if differences.is_empty() {
+        return String::new();
+    }
     format!(
-        "This run has one seed, and one seed is one sample: another seed gives other differences.{of_study}"
+        " For comparison, {} with {} seeds and {} network steps, mean and standard deviation: {}.",
+        study.experiment,
+        study.seeds,
+        study.network_steps,
+        differences.join("; ")
     )
 }
 
@@ -287,16 +305,26 @@ mod tests {
             network_steps: 800,
             differences: vec![difference],
         };
-        let report = Report { scores: scores(), table: rows(), study: Some(study), ..Report::default() };
-        let said = said(&report);
+        let one_seed = Some(OneSeed::Studied(study));
+        let mut report = Report { scores: scores(), table: rows(), one_seed, ..Report::default() };
+        let all = said(&report);
         assert_eq!(
-            said[2],
+            all[2],
             "This run has one seed, and one seed is one sample: another seed gives other differences. For comparison, the-main-job \
              with 3 seeds and 800 network steps, mean and standard deviation: end-to-end against spot-optimised: +0.0053 ± 0.0031 \
              in 1 − LPIPS, \u{2212}0.04 ± 0.16 dB PSNR."
         );
         for word in ["beat", "win", "lose", "better", "worse"] {
-            assert!(!said.concat().contains(word), "{word}: {said:?}");
+            assert!(!all.concat().contains(word), "{word}: {all:?}");
+        }
+        // Figures of another experiment say nothing of this one.
+        for (seed, others) in [(1, "2 and 3"), (2, "1 and 3"), (7, "1 and 2")] {
+            report.one_seed = Some(OneSeed::Alone(seed));
+            let wanted = format!(
+                "This run has one seed, and one seed is one sample: another seed gives other differences. Run seeds {others}, then compare the \
+                 runs (petzval compare)."
+            );
+            assert_eq!(said(&report)[2], wanted);
         }
     }
 

@@ -39,8 +39,8 @@ pub struct Report {
     pub pictures_in_all: usize,
     /// Whether a hardware ISP, not a network, finishes the pictures.
     pub has_isp: bool,
-    /// A study of several seeds, to judge the differences of this run, which has one.
-    pub study: Option<SeedStudy>,
+    /// What is known of other seeds, if this run has one.
+    pub one_seed: Option<OneSeed>,
     /// What is found in the held-out pictures, if objects are looked for.
     pub detection: Option<DetectionView>,
     /// How far the run has come, if it has not ended.
@@ -90,6 +90,15 @@ pub enum CameraState {
     AtWork,
     /// Not begun.
     Waiting,
+}
+
+/// What is known of other seeds of a run that has one.
+#[derive(Clone, Debug, PartialEq)]
+pub enum OneSeed {
+    /// The experiment was run with several.
+    Studied(SeedStudy),
+    /// Nothing; with the seed of the run.
+    Alone(u64),
 }
 
 /// How far differences between cameras scatter with the seed.

@@ -3,13 +3,14 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use petzval::jobs::design::{self, DEFAULT_EXPERIMENT, RunEnding};
+use petzval::jobs::design::{self, DEFAULT_EXPERIMENT, FITTED, RunEnding};
 use petzval::jobs::experiment;
 
 use super::failure::Failure;
+use super::first_look;
 use super::score_table;
 use super::signals;
-use super::terminal::{EXIT_STOPPED, Terminal};
+use super::terminal::{EXIT_STOPPED, Terminal, pasted};
 
 /// Design lens and network together, and compare with controls.
 ///
@@ -25,7 +26,7 @@ use super::terminal::{EXIT_STOPPED, Terminal};
 /// Ctrl-C finishes the current step, writes a checkpoint and exits with 75; --resume continues from there.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Experiment file, or the name of a built-in one
+    /// Experiment file, or the name of a built-in one; or a lens file, for which `petzval init --lens` would write an experiment
     #[arg(default_value = DEFAULT_EXPERIMENT)]
     experiment: String,
     /// Folder of the run [default: runs/<experiment>-seed-<seed>, with --variant runs/<experiment>-<variant>-seed-<seed>; a file experiment.toml is called by its folder]
@@ -68,6 +69,13 @@ pub struct Args {
     /// Print the experiment, with every default filled in and the changes of these options, and stop
     #[arg(long, conflicts_with = "resume")]
     print_config: bool,
+    /// Look at the experiment as before its first step, and stop: spots, light on the PSFs' grid, requirements, field against sensor, photographs
+    /// and steps. Exit code 2 says that a run would be worthless
+    #[arg(long, conflicts_with_all = ["resume", "print_config"])]
+    check: bool,
+    /// With --check: machine-readable output
+    #[arg(long, requires = "check")]
+    json: bool,
     /// Device for tensors; `petzval doctor` lists them
     #[arg(long, default_value = "cpu")]
     device: String,
@@ -100,16 +108,22 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     };
     if let (true, design::Run::New(new)) = (args.print_config, &run) {
         let resolved = design::resolved(new, &context)?;
+        if resolved.lens.ends_with(FITTED) {
+            outln!("# Lens and sensor are those that `petzval init --lens {}` writes.", new.experiment);
+        }
         out!("{}", experiment::with_every_key(&resolved)?);
         return Ok(ExitCode::SUCCESS);
+    }
+    if let (true, design::Run::New(new)) = (args.check, &run) {
+        return first_look::print(&design::look(new, &args.device, &context)?, args.json);
     }
     let response = design::run(&design::Request { run, device: args.device }, &context)?;
     match response.ending {
         RunEnding::Stopped { step } => {
-            // Quote a path with spaces, so that the line can be pasted.
-            let root = response.run.display().to_string();
-            let root = if root.contains(char::is_whitespace) { format!("'{root}'") } else { root };
-            noteln!("stopped at step {step}; continue with: petzval design --resume {root}");
+            noteln!(
+                "stopped at step {step}; continue with: petzval design --resume {}",
+                pasted(&response.run)
+            );
             Ok(ExitCode::from(EXIT_STOPPED))
         }
         RunEnding::Finished { metrics, report, sentences } => {

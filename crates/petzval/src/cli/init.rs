@@ -1,23 +1,23 @@
 //! `petzval init`: an experiment to edit.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use petzval::jobs::init::{self, Request};
 
 use super::failure::Failure;
-use super::terminal::{Terminal, print_json};
+use super::terminal::{Terminal, pasted, print_json};
 
 /// Write an experiment with its lens and its sensor as files of your own, to edit and run.
 ///
 /// experiment.toml holds every key, with the range of each number or the words to choose from, and a sentence; lens.toml and sensor.toml stand beside
-/// it. A lens file of another program (.zmx, .seq, .json) will do. A lens that names no variables gets the usual ones: its radii, and its gaps of air; the last radius holds
-/// the focal length.
+/// it. With --lens the experiment is fitted to the lens: its title, the focus, the array of the sensor, the grid of the PSFs and the requirements
+/// follow from it, and every choice is said. A lens file of another program (.zmx, .seq, .json) will do. A lens that names no variables gets
+/// curvatures, gaps of air and the coefficients of its aspheres; the last radius holds the focal length.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Folder for the files
-    #[arg(default_value = "my-camera")]
-    out: PathBuf,
+    /// Folder for the files [default: the name of the lens file, or my-camera]
+    out: Option<PathBuf>,
     /// Experiment to start from, by built-in name or file; `petzval experiment list` names them
     #[arg(long, value_name = "NAME", default_value = "cooke-triplet-image-quality")]
     from: String,
@@ -32,9 +32,14 @@ pub struct Args {
     json: bool,
 }
 
+/// The folder of no other name.
+const FOLDER: &str = "my-camera";
+
 /// Runs the verb.
 pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
-    let request = Request { out: args.out, from: args.from, lens: args.lens, sensor: args.sensor };
+    let of_lens = args.lens.as_ref().and_then(|lens| Some(PathBuf::from(Path::new(lens).file_stem()?)));
+    let out = args.out.or(of_lens).unwrap_or_else(|| PathBuf::from(FOLDER));
+    let request = Request { out, from: args.from, lens: args.lens, sensor: args.sensor };
     let response = init::run(&request, &terminal.context())?;
     if args.json {
         return print_json(&response);
@@ -46,6 +51,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     outln!("{}{variables}", response.lens.display());
     outln!("{}", response.sensor.display());
     outln!("{}", response.experiment.display());
-    outln!("\nnext: petzval design {}", response.experiment.display());
+    let photos = if response.needs_gray_photos { " --photos FOLDER_OF_GRAY_PHOTOGRAPHS" } else { "" };
+    outln!("\nnext: petzval design {}{photos}", pasted(&response.experiment));
     Ok(ExitCode::SUCCESS)
 }

@@ -27,6 +27,8 @@ pub enum LensVerb {
     Analyze(analyze::Args),
     #[command(about = "Convert to another file format, with a report of what is lost")]
     Convert(convert::Args),
+    #[command(about = "Move the image plane to the best focus, and write the lens again")]
+    Focus(focus::Args),
     #[command(about = "Trace one ray through every surface")]
     Trace(trace::Args),
     #[command(about = "Make the spots smaller within bounds, by descent or by a global search")]
@@ -42,6 +44,7 @@ pub fn run(verb: LensVerb, terminal: &Terminal) -> Result<ExitCode, Failure> {
         LensVerb::Show(args) => show::run(args, terminal),
         LensVerb::Analyze(args) => analyze::run(args, terminal),
         LensVerb::Convert(args) => convert::run(args, terminal),
+        LensVerb::Focus(args) => focus::run(args, terminal),
         LensVerb::Trace(args) => trace::run(args, terminal),
         LensVerb::Optimize(args) => optimize::run(*args, terminal),
         LensVerb::Tolerance(args) => tolerance::run(args, terminal),

@@ -16,6 +16,7 @@ mod doctor;
 mod evaluate;
 mod experiment;
 mod failure;
+mod first_look;
 mod glass;
 mod init;
 mod isp;

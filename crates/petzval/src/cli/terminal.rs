@@ -1,5 +1,6 @@
 //! Common parts of all verbs: the built-in library with the user's glasses, reports of jobs on stderr, and JSON on stdout.
 
+use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
 
@@ -31,6 +32,13 @@ impl Terminal {
 pub fn print_json(value: &impl serde::Serialize) -> Result<ExitCode, Failure> {
     outln!("{}", plain::json(&json(value)?));
     Ok(ExitCode::SUCCESS)
+}
+
+/// A path as it can be pasted into a shell: one with spaces is quoted.
+pub fn pasted(path: &Path) -> String {
+    let path = path.display().to_string();
+    let is_plain = |c: char| c.is_alphanumeric() || "/._-+,:@%\\".contains(c);
+    if path.chars().all(is_plain) { path } else { format!("'{}'", path.replace('\'', "'\\''")) }
 }
 
 /// How a training ended after so many steps, as an exit code. One that was stopped says how to go on.

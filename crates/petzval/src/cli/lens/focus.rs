@@ -1,7 +1,53 @@
-//! `--focus`: the position of the image plane of a lens.
+//! `petzval lens focus`, and the option `--focus`: the position of the image plane of a lens.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
 
 use clap::ValueEnum;
-use petzval::jobs::lens;
+use petzval::jobs::lens::{self, focus};
+
+use crate::cli::failure::Failure;
+use crate::cli::terminal::{Terminal, print_json};
+
+/// Move the image plane of a lens to its best focus, and write the lens to another file.
+///
+/// The best focus is where the mean squared spot over the fields and wavelengths of the file is least. Without OUT the figures are printed and nothing is
+/// written.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Lens file, or a built-in name
+    lens: String,
+    /// The file to write, whose ending names the format: .toml, .zmx or .seq
+    #[arg(value_name = "OUT")]
+    to: Option<PathBuf>,
+    /// Position of the image plane
+    #[arg(long, value_enum, default_value = "best")]
+    at: FocusAt,
+    /// Machine-readable output
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the verb.
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+    let request = focus::Request { lens: args.lens, focus: args.at.into(), to: args.to };
+    let response = focus::run(&request, &terminal.context())?;
+    if args.json {
+        return print_json(&response);
+    }
+    let spot = |um: Option<f64>| um.map_or_else(|| "no image".to_owned(), |um| format!("{um:.2} um"));
+    let (before, now) = (response.image_distance_before_mm, response.image_distance_mm);
+    outln!("{}", response.name);
+    outln!("  image plane  {now:.6} mm from the last vertex, {:+.6} mm from where it was", now - before);
+    outln!("  RMS spot     {}, before {}", spot(response.rms_spot_um), spot(response.rms_spot_before_um));
+    if let Some(to) = &response.to {
+        for loss in &response.losses_of_writing {
+            noteln!("{}: {}", loss.effect.name(), loss.in_file(to));
+        }
+        outln!("{}", to.display());
+    }
+    Ok(ExitCode::SUCCESS)
+}
 
 /// Position of the image plane.
 #[derive(Clone, Copy, Debug, ValueEnum)]

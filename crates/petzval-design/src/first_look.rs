@@ -1,0 +1,288 @@
+//! A look at an experiment before its first step: what its lenses show on its sensor, what they violate, how its photographs fit, and how many steps it
+//! takes.
+
+use std::collections::BTreeMap;
+
+use petzval_learn::dataset::NamedPhoto;
+use petzval_optics::constraint::SemiDiameters;
+use petzval_optics::lens::Lens;
+use petzval_optics::paraxial::first_order;
+use petzval_optics::pupil::{Quadrature, chief_ray};
+use petzval_optics::spot::spot;
+use serde::{Deserialize, Serialize};
+
+use crate::block::BlockName;
+use crate::error::DesignError;
+use crate::experiment::PERFECT_LENS;
+use crate::setup::Setup;
+use crate::start::Start;
+use crate::variant::{Stage, Variant};
+
+/// Fields from the axis to the corner of the sensor.
+const FIELDS: usize = 5;
+
+/// Pupil cells a side of the spots.
+const CELLS: usize = 48;
+
+/// Share of the light that the PSFs' grid must hold in the median of the fields; below it pictures show little of the lens.
+const LEAST_ON_GRID: f64 = 0.5;
+
+/// The corner of a sensor over the image circle, beyond which a word is said.
+const FITS: std::ops::RangeInclusive<f64> = 0.6..=1.1;
+
+/// Violation of a requirement that counts as none, mm.
+const NONE_MM: f64 = 1e-6;
+
+/// What there is to know of an experiment before its first step.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FirstLook {
+    /// Title of the experiment.
+    pub experiment: String,
+    /// Steps of all cameras, with one for the score of each.
+    pub steps: usize,
+    /// The cameras that are made.
+    pub cameras: Vec<Planned>,
+    /// Half of the sensor's diagonal, mm.
+    pub corner_mm: f64,
+    /// Pixel pitch, um.
+    pub pixel_um: f64,
+    /// The lenses from which cameras start.
+    pub lenses: Vec<LensLook>,
+    /// The photographs; none where scenes are made or labelled.
+    pub photos: Option<PhotosLook>,
+    /// What makes a result worthless; with one of them, `design` does not begin.
+    pub problems: Vec<String>,
+    /// What to know before believing a result.
+    pub warnings: Vec<String>,
+}
+
+/// What a camera takes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Planned {
+    /// Its name.
+    pub camera: String,
+    /// Steps, with one for its score.
+    pub steps: usize,
+    /// Steps of each block for the task.
+    pub blocks: BTreeMap<String, usize>,
+    /// Stages that improve the lens alone; each counts as one step.
+    pub lens_stages: usize,
+}
+
+/// A lens on the sensor.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LensLook {
+    /// Its name.
+    pub lens: String,
+    /// Cameras that start from it.
+    pub cameras: Vec<String>,
+    /// Focal length, mm.
+    pub efl_mm: f64,
+    /// F-number.
+    pub f_number: f64,
+    /// Radius at which the outermost field of its file is imaged, mm; none if that is the axis, or no ray of it arrives.
+    pub image_circle_mm: Option<f64>,
+    /// Its image from the axis to the corner of the sensor.
+    pub fields: Vec<FieldLook>,
+    /// Requirements that it violates.
+    pub violated: Vec<Violated>,
+}
+
+/// The image of a field.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FieldLook {
+    /// Distance from the axis, mm.
+    pub image_mm: f64,
+    /// Field angle, degrees.
+    pub field_deg: f64,
+    /// RMS spot radius over the colours, um; none if no light of a colour arrives.
+    pub rms_spot_um: Option<f64>,
+    /// Least share, over the colours, of the light that the PSFs' grid holds.
+    pub light_on_grid: f64,
+    /// Illumination relative to the axis.
+    pub illumination: Option<f64>,
+}
+
+/// A requirement that a lens violates.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Violated {
+    /// Which.
+    pub requirement: String,
+    /// By how much, mm.
+    pub by_mm: f64,
+}
+
+/// The photographs of an experiment.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PhotosLook {
+    /// Photographs for training.
+    pub training: usize,
+    /// Photographs on which cameras are scored.
+    pub held_out: usize,
+    /// Pictures that cannot be used.
+    pub skipped: usize,
+    /// Side of the window of a photograph that a step takes, pixels. Windows are never enlarged.
+    pub window: usize,
+    /// Photographs that a whole frame of the sensor enlarges.
+    pub enlarged: usize,
+    /// By how much it enlarges the smallest of them; 1 if none.
+    pub most_enlarged: f64,
+}
+
+impl FirstLook {
+    /// The steps of all cameras: `29 steps in all: nominal 10 network and 1 score, ...`.
+    pub fn steps_in_words(&self) -> String {
+        let of = |camera: &Planned| {
+            let lens = (camera.lens_stages > 0).then(|| format!("{} of the lens alone", camera.lens_stages));
+            let blocks = camera.blocks.iter().map(|(block, steps)| format!("{steps} {block}"));
+            let parts: Vec<String> = lens.into_iter().chain(blocks).chain(["1 score".to_owned()]).collect();
+            format!("{} {}", camera.camera, parts.join(" + "))
+        };
+        let cameras: Vec<String> = self.cameras.iter().map(of).collect();
+        format!("{} steps in all: {}", self.steps, cameras.join("; "))
+    }
+}
+
+/// Looks at an experiment that was made ready.
+pub fn first_look(setup: &Setup) -> Result<FirstLook, DesignError> {
+    let mut lenses: Vec<LensLook> = Vec::new();
+    for variant in setup.variants.iter().filter(|v| v.lens != PERFECT_LENS) {
+        let known =
+            lenses.iter_mut().find(|look| look.cameras.iter().any(|c| starts_alike(setup, c, variant)));
+        match known {
+            Some(look) => look.cameras.push(variant.name.clone()),
+            None => lenses.push(lens_look(setup, variant, setup.start(variant))?),
+        }
+    }
+    let photos = setup.scenes.is_none().then(|| photos_look(setup));
+    let cameras: Vec<Planned> = setup.variants.iter().map(planned).collect();
+    let mut look = FirstLook {
+        experiment: setup.experiment.name.clone(),
+        steps: cameras.iter().map(|camera| camera.steps).sum(),
+        cameras,
+        corner_mm: setup.corner_mm(),
+        pixel_um: setup.body.sensor.pixel_um,
+        lenses,
+        photos,
+        problems: Vec::new(),
+        warnings: Vec::new(),
+    };
+    look.problems = look.lenses.iter().filter_map(|lens| off_the_grid(setup, lens)).collect();
+    look.warnings = look.lenses.iter().flat_map(|lens| doubts(&look, lens)).collect();
+    Ok(look)
+}
+
+/// Whether a variant starts from the same lens as a camera.
+fn starts_alike(setup: &Setup, camera: &str, variant: &Variant) -> bool {
+    setup.variants.iter().any(|v| v.name == camera && v.lens == variant.lens && v.field == variant.field)
+}
+
+/// The steps of a variant.
+fn planned(variant: &Variant) -> Planned {
+    let taken = |block: BlockName| (block.name().to_owned(), variant.task_steps_of(block));
+    Planned {
+        camera: variant.name.clone(),
+        steps: variant.stages.iter().map(Stage::steps).sum::<usize>() + 1,
+        blocks: BlockName::ALL.into_iter().map(taken).filter(|(_, steps)| *steps > 0).collect(),
+        lens_stages: variant.stages.iter().filter(|stage| matches!(stage, Stage::Lens { .. })).count(),
+    }
+}
+
+fn lens_look(setup: &Setup, variant: &Variant, start: &Start) -> Result<LensLook, DesignError> {
+    let lens = &start.lens_file.lens;
+    let plan = setup.moving_plan.with_fields(FIELDS);
+    let psfs = plan.psfs(lens)?;
+    let quadrature = Quadrature::grid(CELLS)?;
+    let in_colours = Lens { wavelengths_um: plan.wavelengths_um.to_vec(), ..lens.clone() };
+    let fields = plan.field_radius_mm.iter().zip(&psfs).map(|(image_mm, psf)| {
+        let spot = spot(&in_colours, psf.field_rad, &quadrature);
+        let mean = |all: &[f64]| all.iter().sum::<f64>() / all.len() as f64;
+        FieldLook {
+            image_mm: *image_mm,
+            field_deg: psf.field_rad.to_degrees(),
+            rms_spot_um: spot.as_ref().map(|spot| spot.rms_poly_um),
+            light_on_grid: psf.captured.iter().copied().fold(1.0, f64::min),
+            illumination: spot.as_ref().map(|spot| mean(&spot.illumination)),
+        }
+    });
+    let reference = lens.at_wavelength(lens.reference_um);
+    let order = first_order(&reference);
+    let outermost = lens.fields_deg.iter().fold(0.0_f64, |most, field| most.max(field.abs()));
+    let circle = (outermost > 0.0).then(|| chief_ray(&reference, outermost.to_radians())).flatten();
+    let violated = start.requirements.constraints().iter().filter_map(|constraint| {
+        let by_mm = constraint.excess_mm(lens, &SemiDiameters(lens))?;
+        (by_mm > NONE_MM).then(|| Violated { requirement: constraint.to_string(), by_mm })
+    });
+    Ok(LensLook {
+        lens: lens.name.clone(),
+        cameras: vec![variant.name.clone()],
+        efl_mm: order.efl_mm,
+        f_number: order.f_number,
+        image_circle_mm: circle.map(|chief| chief.y_mm.abs()),
+        fields: fields.collect(),
+        violated: violated.collect(),
+    })
+}
+
+fn photos_look(setup: &Setup) -> PhotosLook {
+    let photos = &setup.photos;
+    let sensor = &setup.body.sensor;
+    let enlarged = |photo: &NamedPhoto| {
+        let (rows, columns) = (photo.image.height as f64, photo.image.width as f64);
+        (sensor.height as f64 / rows).max(sensor.width as f64 / columns)
+    };
+    let all = photos.training().iter().chain(photos.validation()).chain(photos.held_out());
+    let enlarged: Vec<f64> = all.map(enlarged).filter(|by| *by > 1.0).collect();
+    PhotosLook {
+        training: photos.training().len(),
+        held_out: photos.held_out().len(),
+        skipped: setup.skipped_photos.len(),
+        window: setup.training_crops.window().max(setup.scoring_crops.window()),
+        enlarged: enlarged.len(),
+        most_enlarged: enlarged.into_iter().fold(1.0, f64::max),
+    }
+}
+
+/// What to say of a lens whose light lies beyond the grid.
+fn off_the_grid(setup: &Setup, lens: &LensLook) -> Option<String> {
+    let mut shares: Vec<f64> = lens.fields.iter().map(|field| field.light_on_grid).collect();
+    shares.sort_by(f64::total_cmp);
+    let median = shares[shares.len() / 2];
+    let psf = &setup.experiment.psf;
+    (median < LEAST_ON_GRID).then(|| {
+        format!(
+            "{}: the PSFs' grid of {:.0} um holds {:.0} % of its light in the median of the fields: is it in focus?",
+            lens.lens,
+            psf.grid as f64 * psf.pitch_um,
+            100.0 * median
+        )
+    })
+}
+
+/// What to know of a lens before believing a result.
+fn doubts(look: &FirstLook, lens: &LensLook) -> Vec<String> {
+    let mut found: Vec<String> = (lens.violated.iter())
+        .map(|v| {
+            format!(
+                "{} violates a requirement from the start: {}, by {:.4} mm",
+                lens.lens, v.requirement, v.by_mm
+            )
+        })
+        .collect();
+    let share = lens.image_circle_mm.map(|circle_mm| look.corner_mm / circle_mm);
+    if let (Some(share), Some(circle_mm)) =
+        (share.filter(|share| !FITS.contains(share)), lens.image_circle_mm)
+    {
+        let what = match share < 1.0 {
+            true => "fields further out are neither seen nor improved",
+            false => "its file does not state such fields",
+        };
+        found.push(format!(
+            "{}: the sensor's corner lies {:.2} mm from the axis, at {:.0} % of the image circle of its file ({circle_mm:.2} mm); {what}",
+            lens.lens,
+            look.corner_mm,
+            100.0 * share
+        ));
+    }
+    found
+}

@@ -1,0 +1,88 @@
+//! The grid of the PSFs: fine enough for the pixels, and large enough for the light of the lens.
+
+use petzval_camera::sensor::SensorModel;
+use petzval_optics::lens::Lens;
+
+use crate::error::DesignError;
+use crate::experiment::PsfConfig;
+
+/// Fields on which a grid is tried.
+const FIELDS: usize = 9;
+
+/// Pupil cells a side meanwhile.
+const CELLS: usize = 64;
+
+/// Cells a pixel takes in a grid that is chosen for a sensor with pixels of another size: those of the built-in experiments.
+const CELLS_A_PIXEL: f64 = 6.0;
+
+/// Largest cell, as a share of a pixel.
+const COARSEST: f64 = 0.45;
+
+/// Least share of the light that a grid should hold at every field: a lens that moves needs some room.
+const HELD: f64 = 0.99;
+
+/// Grids that are tried, as factors of cells a side and of their size.
+const TRIED: [(usize, f64); 7] = [(1, 1.0), (1, 1.5), (1, 2.0), (2, 1.5), (2, 2.0), (4, 1.5), (4, 2.0)];
+
+/// Bounds of `psf.pitch_um` and of `psf.grid`.
+const PITCH_UM: [f64; 2] = [0.05, 50.0];
+const MOST_CELLS: usize = 1024;
+
+/// What is to be said of a grid.
+pub(super) struct Found {
+    pub note: Option<String>,
+    pub warning: Option<String>,
+}
+
+/// Sets grid and pitch to the smallest that hold the light of a lens on a sensor.
+pub(super) fn fit(psf: &mut PsfConfig, sensor: &SensorModel, lens: &Lens) -> Result<Found, DesignError> {
+    let before = (psf.grid, psf.pitch_um);
+    let of_pixel = sensor.pixel_um / CELLS_A_PIXEL;
+    // The pitch of the experiment does for pixels like those of the built-in ones.
+    let is_usual = (0.5..=2.0).contains(&(of_pixel / psf.pitch_um));
+    let finest_um = if is_usual { psf.pitch_um } else { rounded(of_pixel) };
+    let mut most = (0.0, before.0, finest_um);
+    let mut error = None;
+    for (cells, size) in TRIED {
+        let pitch_um = (finest_um * size).min(COARSEST * sensor.pixel_um).clamp(PITCH_UM[0], PITCH_UM[1]);
+        let grid = (before.0 * cells).min(MOST_CELLS);
+        let tried = PsfConfig { grid, pitch_um, fields: FIELDS, ..psf.clone() };
+        let held = match tried.plan(sensor, CELLS)?.trace(lens) {
+            Ok(bank) => bank.captured(),
+            // No light of some field lies on this grid.
+            Err(problem) => {
+                error = Some(problem);
+                continue;
+            }
+        };
+        if held > most.0 {
+            most = (held, grid, pitch_um);
+        }
+        if held >= HELD {
+            break;
+        }
+    }
+    let (held, grid, pitch_um) = most;
+    if held == 0.0
+        && let Some(error) = error
+    {
+        return Err(error);
+    }
+    (psf.grid, psf.pitch_um) = (grid, pitch_um);
+    let size_um = grid as f64 * pitch_um;
+    let note = ((grid, pitch_um) != before).then(|| {
+        format!(
+            "psf: a grid of {grid} x {grid} cells of {pitch_um} um, {size_um:.0} um wide, holds {:.1} % of the light at the worst place",
+            100.0 * held
+        )
+    });
+    let warning = psf.lost_light(held).map(|lost| format!("{lost}; the lens is far from an image there"));
+    Ok(Found { note, warning })
+}
+
+/// A pitch to two significant digits.
+fn rounded(um: f64) -> f64 {
+    let unit = 10.0_f64.powf(um.log10().floor() - 1.0);
+    let nearest = (um / unit).round() * unit;
+    format!("{nearest:.6}").parse().unwrap_or(nearest)
+}

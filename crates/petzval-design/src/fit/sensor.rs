@@ -1,0 +1,154 @@
+//! The sensor that takes the image of a lens: one that fits, or the pixels of one in an array that does.
+
+use std::ops::RangeInclusive;
+
+use petzval_camera::sensor::{Colour, SensorModel};
+
+use super::field::Reach;
+use super::focus::round;
+use crate::assets::Assets;
+use crate::error::DesignError;
+use crate::experiment::ExposureConfig;
+
+/// The corner of a sensor that takes the image of a lens, as a share of the image circle's radius.
+const FITS: RangeInclusive<f64> = 0.85..=1.02;
+
+/// Rows of an array that is fitted. Fewer hold few windows, more make whole frames that no photograph fills; outside, pixels change in size.
+const ROWS: RangeInclusive<f64> = 480.0..=4800.0;
+
+/// White in a pixel, as a share of what it can hold, where the experiment's is too much.
+const WHITE: f64 = 0.55;
+
+/// Pixels that hold no more take no picture, e-.
+const LEAST_WHITE_E: f64 = 10.0;
+
+/// The sensor of a fitted experiment.
+pub(super) struct Picked {
+    /// By what name it is known.
+    pub name: String,
+    /// The sensor.
+    pub model: SensorModel,
+    /// Whether its array was fitted to the lens.
+    pub is_fitted: bool,
+    /// Area of a pixel over that of the sensor of this name.
+    pub pixel_area: f64,
+    /// Half of the diagonal of the sensor of this name, mm.
+    before_mm: f64,
+}
+
+/// Half of the diagonal of a sensor, mm.
+pub(super) fn corner_mm(sensor: &SensorModel) -> f64 {
+    0.5e-3 * sensor.pixel_um * (sensor.height as f64).hypot(sensor.width as f64)
+}
+
+/// The sensor that the user names; or the experiment's, or else another built-in one in colour, if it fits the image of the lens; or the pixels of the
+/// experiment's in an array that does.
+pub(super) fn choose(
+    own: &str,
+    named: Option<&str>,
+    reach: &Reach,
+    assets: &Assets,
+) -> Result<Picked, DesignError> {
+    let as_it_is = |name: &str, model: SensorModel| {
+        let before_mm = corner_mm(&model);
+        Picked { name: name.to_owned(), model, is_fitted: false, pixel_area: 1.0, before_mm }
+    };
+    let first = assets.sensor(named.unwrap_or(own))?;
+    let fits = |sensor: &SensorModel| FITS.contains(&(corner_mm(sensor) / reach.circle_mm));
+    if named.is_some() || reach.circle_mm == 0.0 || fits(&first) {
+        return Ok(as_it_is(named.unwrap_or(own), first));
+    }
+    for name in assets.names("sensors") {
+        let other = assets.sensor(name)?;
+        if other.cfa.colours() != [Colour::Clear] && fits(&other) {
+            return Ok(as_it_is(name, other));
+        }
+    }
+    let before_mm = corner_mm(&first);
+    let (model, pixel_area) = with_corner(&first, reach.circle_mm);
+    Ok(Picked { name: own.to_owned(), model, is_fitted: true, pixel_area, before_mm })
+}
+
+/// The pixels of a sensor in an array of the same shape whose corner lies at a radius. Where that takes too few or too many pixels, they change in size,
+/// and what a pixel holds with its area. Also returns the area of a pixel over that of before.
+fn with_corner(sensor: &SensorModel, radius_mm: f64) -> (SensorModel, f64) {
+    let scale = radius_mm / corner_mm(sensor);
+    let rows = scale * sensor.height as f64;
+    let kept = rows.clamp(*ROWS.start(), *ROWS.end());
+    // Whole cells of a colour array.
+    let even = |count: f64| 2 * (0.5 * count).round() as usize;
+    let (height, width) = (even(kept), even(kept * sensor.width as f64 / sensor.height as f64));
+    let pixel_um = match kept == rows {
+        true => sensor.pixel_um,
+        false => round(2e3 * radius_mm / (height as f64).hypot(width as f64)),
+    };
+    let area = (pixel_um / sensor.pixel_um).powi(2);
+    let of_pixel = if area == 1.0 { String::new() } else { format!(" of {pixel_um} um") };
+    let model = SensorModel {
+        name: format!("{}, {width} x {height} pixels{of_pixel}", sensor.name),
+        height,
+        width,
+        pixel_um,
+        full_well_e: area * sensor.full_well_e,
+        // The converter takes a full pixel at the same number.
+        gain_dn_per_e: sensor.gain_dn_per_e / area,
+        dark_current_e_per_s: area * sensor.dark_current_e_per_s,
+        ..sensor.clone()
+    };
+    (model, area)
+}
+
+impl Picked {
+    /// The sensor against the image circle.
+    pub fn in_words(&self, reach: &Reach) -> String {
+        let (corner, name) = (corner_mm(&self.model), &self.name);
+        if reach.circle_mm == 0.0 {
+            return format!("sensor: `{name}`, whose corner lies {corner:.2} mm from the axis");
+        }
+        let percent = |corner_mm: f64| 100.0 * corner_mm / reach.circle_mm;
+        let SensorModel { width, height, pixel_um, .. } = self.model;
+        if self.is_fitted {
+            return format!(
+                "sensor: the corner of `{name}` lies at {:.0} % of the image circle; its pixels are taken in an array of {width} x {height} pixels of \
+                 {pixel_um} um, whose corner lies at {:.0} % of it (--sensor names another sensor)",
+                percent(self.before_mm),
+                percent(corner)
+            );
+        }
+        let use_of_it = match percent(corner) {
+            p if p < 100.0 * FITS.start() => ": the rest of the image is not used",
+            p if p > 100.0 * FITS.end() => ": its corners lie beyond the fields of the lens file",
+            _ => "",
+        };
+        format!(
+            "sensor: `{name}`, whose corner lies {corner:.2} mm from the axis, at {:.0} % of the image circle{use_of_it}",
+            percent(corner)
+        )
+    }
+}
+
+/// Changes the electrons of white with the area of a pixel that was fitted, and lowers them to what a pixel holds; returns what to say then.
+pub(super) fn fit_exposure(exposure: &mut ExposureConfig, picked: &Picked) -> Option<String> {
+    let before = exposure.white_e;
+    exposure.white_e = (f64::from(before) * picked.pixel_area) as f32;
+    let lowered = white_that_fits(exposure, &picked.model);
+    if lowered.is_some() || picked.pixel_area == 1.0 {
+        return lowered;
+    }
+    exposure.white_e = round(f64::from(exposure.white_e)) as f32;
+    Some(format!("exposure.white_e = {} in place of {before}: pixels have another area", exposure.white_e))
+}
+
+/// Lowers the electrons of white where a pixel of the sensor saturates before; returns what to say then.
+pub fn white_that_fits(exposure: &mut ExposureConfig, sensor: &SensorModel) -> Option<String> {
+    let before = exposure.white_e;
+    let capacity_e = sensor.light_capacity_e(f64::from(exposure.time_s), f64::from(exposure.linear_gain));
+    if f64::from(before) <= capacity_e || capacity_e <= LEAST_WHITE_E {
+        return None;
+    }
+    exposure.white_e = round(WHITE * capacity_e) as f32;
+    Some(format!(
+        "exposure.white_e = {} in place of {before}: a pixel of `{}` saturates at {capacity_e:.0} e- of light",
+        exposure.white_e, sensor.name
+    ))
+}

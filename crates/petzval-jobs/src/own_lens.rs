@@ -1,0 +1,77 @@
+//! A user's own lens in place of an experiment: the experiment, the lens and the sensor that fit it.
+
+use std::path::Path;
+
+use petzval_design::assets::extension;
+use petzval_design::experiment::Experiment;
+use petzval_design::fit::{FitOf, fit};
+use petzval_files::write_lens;
+
+use crate::context::Context;
+use crate::error::JobError;
+
+/// Endings of lens files of other programs.
+const FOREIGN: [&str; 3] = ["zmx", "seq", "json"];
+
+/// An experiment fitted to a lens, with the files that it needs.
+pub(crate) struct OwnLens {
+    /// The experiment. Its lens and sensor are still to be named.
+    pub experiment: Experiment,
+    /// The lens file.
+    pub lens_text: String,
+    /// The sensor file.
+    pub sensor_text: String,
+    /// The sensor whose pixels are taken.
+    pub sensor_name: String,
+    /// Whether the lens was given variables because its file names none.
+    pub gave_variables: bool,
+}
+
+/// Whether a name stands for a lens and not for an experiment: a lens file by its ending or its content, or a built-in lens.
+pub(crate) fn is_lens(name: &str, context: &Context) -> bool {
+    let path = Path::new(name);
+    if FOREIGN.contains(&extension(path).as_str()) {
+        return true;
+    }
+    if path.is_file() {
+        let table: Option<toml::Table> =
+            petzval_base::read_text(path).ok().and_then(|text| text.parse().ok());
+        return table.is_some_and(|table| table.contains_key("surface"));
+    }
+    let is_known = |folder: &str| context.assets.names(folder).contains(&name);
+    !is_known("experiments") && is_known("lenses")
+}
+
+/// Fits an experiment to a lens, and to a sensor if one is named. Every choice is reported.
+pub(crate) fn own_lens(
+    experiment: Experiment,
+    lens: &str,
+    sensor: Option<&str>,
+    context: &Context,
+) -> Result<OwnLens, JobError> {
+    let import = context.assets.reported(lens)?;
+    let fitted = fit(FitOf { experiment, lens: import, lens_name: lens, sensor }, &context.assets)?;
+    fitted.notes.iter().for_each(|note| context.note(note));
+    fitted.warnings.iter().for_each(|warning| context.warning(format!("{lens}: {warning}")));
+    // The text of a file that needs no change keeps its comments.
+    let is_ours = !FOREIGN.contains(&extension(Path::new(lens)).as_str());
+    let lens_text = match fitted.changes_lens || !is_ours {
+        true => write_lens(&fitted.lens),
+        false => context.assets.text("lens", "lenses", lens)?.text,
+    };
+    let sensor_text = match fitted.changes_sensor {
+        true => format!(
+            "# The pixels of the sensor `{}` in an array that fits the lens.\n{}",
+            fitted.sensor_name,
+            toml::to_string(&fitted.sensor).map_err(|e| JobError::failed(e.to_string()))?
+        ),
+        false => context.assets.text("sensor", "sensors", &fitted.sensor_name)?.text,
+    };
+    Ok(OwnLens {
+        experiment: fitted.experiment,
+        lens_text,
+        sensor_text,
+        sensor_name: fitted.sensor_name,
+        gave_variables: fitted.gave_variables,
+    })
+}
