@@ -21,6 +21,9 @@ const DARK: f64 = 0.02;
 /// Shares of its outermost field at which a lens whose rays do not arrive there is tried.
 const SHARES: usize = 40;
 
+/// How much wider surfaces without an edge of their own are taken where only the chief ray counts.
+const WIDE: f64 = 100.0;
+
 /// The image of a lens as its file states it.
 pub(super) struct Reach {
     /// The lens, about in focus.
@@ -99,7 +102,10 @@ pub(super) struct Corner {
 /// The lens of a file with the field of a sensor's corner. If the corner lies beyond the file's fields, surfaces `open` grow for its beams. `None` if no
 /// light gets there.
 pub(super) fn at_corner(reach: &Reach, lens: &Lens, open: &[usize], corner_mm: f64) -> Option<Corner> {
-    let field_rad = field_angle(&reach.lens, corner_mm).ok()?;
+    // A surface that grows with the field does not end the search for it.
+    let mut bare = reach.lens.clone();
+    open.iter().for_each(|i| bare.surfaces[*i].semi_diameter_mm *= WIDE);
+    let field_rad = field_angle(&bare, corner_mm).ok()?;
     let field_deg = field_rad.to_degrees().abs();
     let (mut notes, mut warnings) = (Vec::new(), Vec::new());
     let mut found = lens.clone();

@@ -152,3 +152,39 @@ pub fn white_that_fits(exposure: &mut ExposureConfig, sensor: &SensorModel) -> O
         exposure.white_e, sensor.name
     ))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn imx249() -> SensorModel {
+        petzval_files::parse_sensor(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap()
+    }
+
+    #[test]
+    fn an_array_has_its_corner_on_the_image_circle() {
+        // Half of the diagonal of 1920 x 1200 pixels of 5.86 um is 6.634 mm.
+        for (radius_mm, keeps_pixels) in [(24.8, true), (3.0, true), (0.5, false), (300.0, false)] {
+            let (sensor, area) = with_corner(&imx249(), radius_mm);
+            assert!((corner_mm(&sensor) / radius_mm - 1.0).abs() < 0.02, "{radius_mm}: {sensor:?}");
+            assert_eq!(sensor.pixel_um == 5.86, keeps_pixels, "{radius_mm}: {sensor:?}");
+            assert!(sensor.height.is_multiple_of(2) && sensor.width.is_multiple_of(2));
+            assert!((sensor.full_well_e / (33723.0 * area) - 1.0).abs() < 1e-9);
+            // A full pixel has the same number whatever its size.
+            assert!((sensor.gain_dn_per_e * sensor.full_well_e / (0.14 * 33723.0) - 1.0).abs() < 1e-9);
+            assert!(petzval_files::parse_sensor(&toml::to_string(&sensor).unwrap()).is_ok());
+        }
+    }
+
+    #[test]
+    fn white_fits_into_a_pixel() {
+        let mut exposure = ExposureConfig::default();
+        assert_eq!(white_that_fits(&mut exposure, &imx249()), None);
+        let small = SensorModel { full_well_e: 5000.0, ..imx249() };
+        assert!(white_that_fits(&mut exposure, &small).unwrap().contains("in place of 16000"));
+        let capacity_e = small.light_capacity_e(0.005, 1.0);
+        assert!(
+            f64::from(exposure.white_e) < 0.6 * capacity_e && f64::from(exposure.white_e) > 0.5 * capacity_e
+        );
+    }
+}
