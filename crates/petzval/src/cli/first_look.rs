@@ -51,12 +51,16 @@ pub fn print(look: &FirstLook, as_json: bool) -> Result<ExitCode, Failure> {
     if let Some(photos) = &look.photos {
         outln!(
             "\nphotographs: {} for training, {} held out, {} skipped; each step takes windows of {} pixels of them",
-            photos.training, photos.held_out, photos.skipped, photos.window
+            photos.training,
+            photos.held_out,
+            photos.skipped,
+            photos.window
         );
         if photos.enlarged > 0 {
             outln!(
                 "a whole frame of the sensor enlarges {} of them, up to {:.1} times; windows are not enlarged",
-                photos.enlarged, photos.most_enlarged
+                photos.enlarged,
+                photos.most_enlarged
             );
         }
     }
