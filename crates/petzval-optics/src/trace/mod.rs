@@ -26,6 +26,6 @@ pub use launch::{ACROSS_FROM_RAD, Launch, launch, launch_axes, starts_across};
 pub use ray::{Ray, RayBundle};
 pub(crate) use sequence::Bending;
 pub use sequence::{Sequence, SurfaceAtWavelength};
-pub(crate) use soft_edge::soft_edge;
 pub use soft_edge::{SOFT_EDGE_MM, aperture_transmission};
+pub(crate) use soft_edge::{SoftEdge, soft_edge};
 pub use surface_step::Passage;

@@ -50,10 +50,11 @@ pub(crate) struct WaveMap {
 /// A wave along one row of q_y.
 pub(crate) struct WaveRow {
     pub q_y: f64,
-    path: Vec<f64>,
-    density: Vec<f64>,
-    stop: [Vec<f64>; 2],
-    heights: Vec<Vec<f64>>,
+    /// Coefficients of the powers of q_x, as those below.
+    pub path: Vec<f64>,
+    pub density: Vec<f64>,
+    pub stop: [Vec<f64>; 2],
+    pub heights: Vec<Vec<f64>>,
 }
 
 /// A wave at one point.
@@ -95,6 +96,13 @@ pub(crate) struct WaveCotangent {
     pub origin: [f64; 2],
     /// By the index behind the lens, apart from the optical path of the rays.
     pub n_image: f64,
+}
+
+impl WaveCotangent {
+    /// Adds to the cotangent of the semi-diameter of a clear aperture, in the order of [`WaveMap::semi_diameters_mm`].
+    pub fn add_semi_diameter(&mut self, k: usize, bar: f64) {
+        self.semi_diameters[k] += bar;
+    }
 }
 
 impl WaveMap {
@@ -236,6 +244,11 @@ impl WaveMap {
             stop: [odd.along(&self.stop[0], q_y), self.even.along(&self.stop[1], q_y)],
             heights: self.heights.iter().map(|(.., c)| self.even.along(c, q_y)).collect(),
         }
+    }
+
+    /// Semi-diameters of the clear apertures whose squared heights a row holds, mm.
+    pub fn semi_diameters_mm(&self) -> impl Iterator<Item = f64> {
+        self.heights.iter().map(|(_, semi, _)| *semi)
     }
 
     /// Cosine to the axis at a point.

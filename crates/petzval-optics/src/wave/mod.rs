@@ -9,12 +9,15 @@ mod fit;
 mod huygens;
 mod map;
 mod matrix;
+mod nodes;
 mod opd;
 mod otf;
 mod overlap;
+mod phase;
 mod psf;
 mod sampled;
 mod strehl;
+mod transform;
 
 pub use huygens::huygens_psf;
 pub use opd::{Opd, PupilPlane, opd, opd_about};

@@ -11,6 +11,7 @@ use std::sync::Arc;
 use rustfft::num_complex::Complex64;
 use rustfft::{Fft, FftPlanner};
 
+use super::nodes::NodeWave;
 use super::psf::WaveChannel;
 
 /// Direction of the modulation of a test pattern.
@@ -75,12 +76,16 @@ pub(crate) struct PupilWave<'a> {
 impl WaveChannel {
     /// The wave on the nodes.
     pub fn wave(&self) -> PupilWave<'_> {
-        let (n, nodes) = (self.nodes, self.nodes());
-        let at = |j: usize, i: usize| Complex64::new(nodes.wave.re[(i, j)], nodes.wave.im[(i, j)]);
+        let (n, grid) = (self.nodes, self.grid());
+        let NodeWave { wave, energy, .. } = grid.wave(&self.map);
+        // The columns in front of the first are mirror images.
+        let first = grid.columns(self.map.samples.sides).start;
+        let place = |i: usize| if i < first { n - 1 - i - first } else { i - first };
+        let at = |j: usize, i: usize| Complex64::new(wave.re[(place(i), j)], wave.im[(place(i), j)]);
         PupilWave {
             channel: self,
             values: (0..n).flat_map(|j| (0..n).map(move |i| (j, i))).map(|(j, i)| at(j, i)).collect(),
-            energy: nodes.points.iter().map(|p| p.energy).sum(),
+            energy,
             // Pad to twice the length: the autocorrelation of a wave is twice as wide as the wave.
             fft: FftPlanner::new().plan_fft_inverse((2 * n).next_power_of_two()),
         }
@@ -104,7 +109,7 @@ impl PupilWave<'_> {
         // Use half of the lines of a symmetric pupil: the other half gives the same light.
         let lines = match section {
             Section::Sagittal => 0..n,
-            Section::Tangential => channel.columns(),
+            Section::Tangential => channel.grid().columns(channel.map.samples.sides),
         };
         let times = n as f64 / lines.len() as f64;
         for i in lines {

@@ -1,13 +1,13 @@
 //! The diffraction PSF: the Fourier transform of the wave over direction cosines, on any grid of the image plane.
-//!
-//! The transform is two matrix products whose rows are the points of the image grid. It needs no interpolation, and the
-//! sampling of the pupil does not determine the pitch (Soummer et al., Opt. Express 15, 15935 (2007)).
 
 use std::f64::consts::TAU;
 
-use super::map::{WaveMap, WavePoint, WavePointBar};
+use super::map::WaveMap;
 use super::matrix::Complex;
+use super::nodes::{NodeGrid, NodeWave, NodeWaveBar};
+use super::transform::{Columns, Transform};
 use crate::gradient::LensGradient;
+use crate::pupil::Sides;
 use crate::trace::Sequence;
 
 /// Period of the sampled wave's image, divided by the extent of the image.
@@ -41,13 +41,6 @@ pub(crate) struct WaveChannel {
     pub(super) nodes: usize,
     /// 2 pi over the wavelength, 1/mm.
     pub(super) wavenumber: f64,
-}
-
-/// The wave on the nodes of the pupil grid.
-pub(super) struct Nodes {
-    pub points: Vec<WavePoint>,
-    /// `(column, row)`
-    pub wave: Complex,
 }
 
 /// The PSF of a channel.
@@ -94,18 +87,8 @@ impl WaveChannel {
         self.map.samples.basis.degree
     }
 
-    /// Coordinate of a node.
-    pub(super) fn q(&self, i: usize) -> f64 {
-        (2.0 * i as f64 + 1.0) / self.nodes as f64 - 1.0
-    }
-
     fn cell(&self) -> f64 {
         2.0 / self.nodes as f64
-    }
-
-    /// Softness of the rim of the stop, as a share of its radius.
-    fn soft(&self) -> f64 {
-        SOFT_NODES * self.cell()
     }
 
     /// Softness of the rim of the stop in nodes.
@@ -113,39 +96,17 @@ impl WaveChannel {
         SOFT_NODES
     }
 
-    /// Whether the half `q_x > 0` is enough.
-    fn is_half(&self) -> bool {
-        self.map.samples.sides == crate::pupil::Sides::Mirrored
+    /// The nodes of the pupil.
+    pub(super) fn grid(&self) -> NodeGrid {
+        NodeGrid { nodes: self.nodes, soft: SOFT_NODES * self.cell(), wavenumber: self.wavenumber }
     }
 
-    /// Columns to evaluate; in a symmetric lens the others are their mirror images.
-    pub(super) fn columns(&self) -> std::ops::Range<usize> {
-        if self.is_half() { self.nodes / 2..self.nodes } else { 0..self.nodes }
-    }
-
-    /// The wave on all nodes.
-    pub(super) fn nodes(&self) -> Nodes {
-        let n = self.nodes;
-        let mut nodes = Nodes { points: vec![WavePoint::default(); n * n], wave: Complex::zeros(n, n) };
-        for j in 0..n {
-            let row = self.map.row(self.q(j));
-            for i in self.columns() {
-                let point = self.map.point(&row, self.q(i), self.soft());
-                let (sin, cos) = (self.wavenumber * point.path_mm).sin_cos();
-                for column in self.images_of(i) {
-                    nodes.points[j * n + column] = point;
-                    nodes.wave.re[(column, j)] = point.amplitude * cos;
-                    nodes.wave.im[(column, j)] = point.amplitude * sin;
-                }
-            }
+    /// The columns that a wave on the nodes has.
+    fn columns(&self) -> Columns {
+        match self.map.samples.sides {
+            Sides::Mirrored => Columns::Even,
+            Sides::Both => Columns::All,
         }
-        nodes
-    }
-
-    /// A column and its mirror image.
-    pub(super) fn images_of(&self, column: usize) -> impl Iterator<Item = usize> + use<> {
-        let mirrored = self.is_half().then_some(self.nodes - 1 - column);
-        std::iter::once(column).chain(mirrored)
     }
 
     /// Samples per pixel and axis.
@@ -155,15 +116,11 @@ impl WaveChannel {
         ((grid.pitch_mm / (FINEST * finest)).ceil() as usize).max(1)
     }
 
-    /// Phases from nodes to points of the image along one axis: `[point, node]`.
-    fn kernel(&self, axis: usize, grid: ImageGrid, per_pixel: usize) -> Complex {
-        let places = grid.cells * per_pixel;
-        let pitch = grid.pitch_mm / per_pixel as f64;
-        let place: Vec<f64> = (0..places)
-            .map(|g| (g as f64 - 0.5 * (places as f64 - 1.0)) * pitch * self.wavenumber * self.map.n_image)
-            .collect();
-        let cosine: Vec<f64> = (0..self.nodes).map(|i| self.map.scale[axis] * self.q(i)).collect();
-        Complex::phases(&place, &cosine)
+    /// From the nodes to the samples of a grid.
+    fn transform(&self, grid: ImageGrid, per_pixel: usize) -> Transform {
+        let step_mm = grid.pitch_mm / per_pixel as f64;
+        let wavenumber = self.wavenumber * self.map.n_image;
+        Transform::new(grid.cells * per_pixel, step_mm, self.nodes, self.map.scale, wavenumber)
     }
 
     /// Energy of a unit of `|E|^2` on a sample of the image, as a share of the total energy.
@@ -178,11 +135,11 @@ impl WaveChannel {
     /// The PSF and the light per ideal image area.
     pub fn show(&self, grid: ImageGrid) -> Shown {
         // Transform the wave to the image, and add |E|^2 of the samples of each pixel.
-        let nodes = self.nodes();
-        let (field, per_pixel) = self.field(&nodes.wave, grid);
+        let NodeWave { wave, light, energy } = self.grid().wave(&self.map);
+        let per_pixel = self.samples_per_pixel(grid);
+        let field = self.transform(grid, per_pixel).field(&wave, self.columns());
         let area = self.cell() * self.cell();
-        let density = nodes.points.iter().map(|p| p.light).sum::<f64>() * area;
-        let all = nodes.points.iter().map(|p| p.energy).sum::<f64>() * area;
+        let (density, all) = (light * area, energy * area);
         let unit = self.energy_per_sample(grid, per_pixel) * area * area / all;
         let mut values = vec![0.0; grid.cells * grid.cells];
         for y in 0..grid.cells * per_pixel {
@@ -192,13 +149,6 @@ impl WaveChannel {
             }
         }
         Shown { values, density }
-    }
-
-    /// Amplitudes on the image, without the area of a node: `[x, y]`.
-    fn field(&self, wave: &Complex, grid: ImageGrid) -> (Complex, usize) {
-        let per_pixel = self.samples_per_pixel(grid);
-        let [x, y] = [0, 1].map(|axis| self.kernel(axis, grid, per_pixel));
-        (x.times(wave).times(&y.transpose()), per_pixel)
     }
 
     /// Adds the gradient of a loss whose derivatives by [`Shown::values`] and the light are given; returns the
@@ -211,10 +161,12 @@ impl WaveChannel {
         density_bar: f64,
         gradient: &mut LensGradient,
     ) -> ([f64; 2], f64) {
-        let nodes = self.nodes();
-        let (field, per_pixel) = self.field(&nodes.wave, grid);
+        let NodeWave { wave, energy, .. } = self.grid().wave(&self.map);
+        let per_pixel = self.samples_per_pixel(grid);
+        let transform = self.transform(grid, per_pixel);
+        let field = transform.field(&wave, self.columns());
         let area = self.cell() * self.cell();
-        let all = nodes.points.iter().map(|p| p.energy).sum::<f64>() * area;
+        let all = energy * area;
         let unit = self.energy_per_sample(grid, per_pixel) * area * area / all;
         // Differentiate |E|^2: E_bar = 2 bar E. The values are also divided by the energy of all nodes.
         let places = grid.cells * per_pixel;
@@ -229,58 +181,41 @@ impl WaveChannel {
             }
         }
         // Transform back to the nodes.
-        let [x, y] = [0, 1].map(|axis| self.kernel(axis, grid, per_pixel).conjugate());
-        let wave_bar = x.transpose().times(&field_bar).times(&y);
-
-        let n = self.nodes;
+        let wave_bar = match self.columns() {
+            Columns::All => transform.pull_back(&field_bar),
+            Columns::Even | Columns::Odd => transform.pull_back_even(&field_bar),
+        };
         let mut sums = self.map.zero_cotangent();
         // The index behind the lens enters the phases k n' x.d. It is constant if the medium is air.
         if (self.map.n_image.abs() - 1.0).abs() > 1e-9 {
-            sums.n_image += self.by_index(&nodes.wave, &field_bar, grid, per_pixel)
+            sums.n_image += self.by_index(&wave, &transform, &field_bar, grid.pitch_mm / per_pixel as f64)
                 + 2.0 * self.energy_by_index(values_bar, &field, unit, grid, per_pixel);
         }
-        // From amplitude and phase of each node to the coefficients of the wave.
-        for j in 0..n {
-            let row = self.map.row(self.q(j));
-            let mut row_bar = self.map.zero_row(&row);
-            for i in self.columns() {
-                let mut bar = WavePointBar::default();
-                for column in self.images_of(i) {
-                    let point = &nodes.points[j * n + column];
-                    let (sin, cos) = (self.wavenumber * point.path_mm).sin_cos();
-                    let (re, im) = (wave_bar.re[(column, j)], wave_bar.im[(column, j)]);
-                    bar.amplitude += re * cos + im * sin;
-                    bar.energy += by_all / all * area;
-                    bar.path += self.wavenumber * point.amplitude * (im * cos - re * sin);
-                    bar.light += density_bar * area;
-                }
-                self.map.pull_back_point(&row, self.q(i), self.soft(), bar, &mut row_bar, &mut sums);
-            }
-            self.map.pull_back_row(&row_bar, self.q(j), &mut sums);
-        }
+        // From the wave on the nodes to the coefficients of its polynomials.
+        let bar = NodeWaveBar { wave: &wave_bar, light: density_bar * area, energy: by_all / all * area };
+        self.grid().pull_back(&self.map, bar, &mut sums);
         let by_stop = self.map.pull_back(sequence, &mut sums, gradient);
         (sums.origin, by_stop)
     }
 
-    /// Derivative of the field by the index behind the lens, through the phases from nodes to points of the image.
-    fn by_index(&self, wave: &Complex, field_bar: &Complex, grid: ImageGrid, per_pixel: usize) -> f64 {
-        // d/dn' of sum A exp(i k n' (x l + y m)), l and m minus their middles.
-        let [x, y] = [0, 1].map(|axis| self.kernel(axis, grid, per_pixel));
-        let places = grid.cells * per_pixel;
-        let pitch = grid.pitch_mm / per_pixel as f64;
-        let place = |g: usize| (g as f64 - 0.5 * (places as f64 - 1.0)) * pitch * self.wavenumber;
+    /// Derivative of the field by the index behind the lens, through the phases from nodes to points of the image `step_mm` apart.
+    fn by_index(&self, wave: &Complex, transform: &Transform, field_bar: &Complex, step_mm: f64) -> f64 {
+        // d/dn' of sum A exp(i k n' (x l + y m)), l and m minus their middles. The wave times l is odd where the wave is even.
+        let (grid, first) = (self.grid(), self.grid().columns(self.map.samples.sides).start);
         let tilted = |axis: usize| {
-            let mut tilted = wave.clone();
-            for j in 0..self.nodes {
-                for i in 0..self.nodes {
-                    let cosine = self.map.scale[axis] * self.q(if axis == 0 { i } else { j });
-                    tilted.re[(i, j)] *= cosine;
-                    tilted.im[(i, j)] *= cosine;
-                }
-            }
-            x.times(&tilted).times(&y.transpose())
+            Complex::from_rows(wave, wave.re.nrows(), |of, c, j| {
+                let node = if axis == 0 { first + c } else { j };
+                of[(c, j)] * self.map.scale[axis] * grid.q(node)
+            })
         };
-        let [by_x, by_y] = [tilted(0), tilted(1)];
+        let (by_l, by_m) = match self.columns() {
+            Columns::All => (Columns::All, Columns::All),
+            Columns::Even | Columns::Odd => (Columns::Odd, Columns::Even),
+        };
+        let by_x = transform.field(&tilted(0), by_l);
+        let by_y = transform.field(&tilted(1), by_m);
+        let places = field_bar.re.nrows();
+        let place = |g: usize| (g as f64 - 0.5 * (places as f64 - 1.0)) * step_mm * self.wavenumber;
         let mut sum = 0.0;
         for h in 0..places {
             for g in 0..places {
