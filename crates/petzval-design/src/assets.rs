@@ -16,7 +16,7 @@ use crate::camera::Chip;
 use crate::error::DesignError;
 use crate::experiment::{BUILT_IN_PHOTOS, Experiment, STREET};
 use crate::glass_warnings::glass_warnings;
-use crate::inputs::pictures_of_run;
+use crate::input_list::pictures_of_run;
 use crate::run::{RunFolder, RunRecord, read_config};
 
 /// Files built into the program, by their path below `data/`.

@@ -543,7 +543,9 @@ impl DesignLoop {
             return Ok(error);
         }
         let rate = variant.stages.get(self.position.stage).and_then(|stage| match stage {
-            Stage::Task(moves) => block.and_then(|block| Some((block, moves.get(&block)?.learning_rate))),
+            Stage::Task(moves) => {
+                block.and_then(|block| Some((block.name(), moves.get(&block)?.learning_rate)))
+            }
             Stage::Lens { .. } => None,
         });
         let last_good = latest_checkpoint(&self.run)?.map(|(step, _)| step);

@@ -6,8 +6,6 @@ use petzval_base::FileError;
 use petzval_camera::image::ShapeError;
 use petzval_camera::sensor::SensorError;
 
-use crate::block::BlockName;
-
 /// Why a design, a score or a report could not be made.
 #[derive(Debug, thiserror::Error)]
 pub enum DesignError {
@@ -190,7 +188,7 @@ pub enum DesignError {
         /// Step of the last checkpoint; none before the first.
         last_good: Option<u64>,
         /// The block that moved, and its first learning rate in the stage.
-        rate: Option<(BlockName, f64)>,
+        rate: Option<(&'static str, f64)>,
         /// The experiment of the run.
         config: PathBuf,
     },
@@ -249,12 +247,11 @@ fn last_good_in_words(step: Option<u64>) -> String {
 }
 
 /// What may keep a run from going astray again.
-fn what_to_try(rate: Option<(BlockName, f64)>, config: &Path) -> String {
+fn what_to_try(rate: Option<(&'static str, f64)>, config: &Path) -> String {
     let config = config.display();
     let lower = match rate {
         Some((block, rate)) => format!(
-            "lower the learning rate of the {} in a copy of {config}, now {rate} at its start, to a third of it, or raise training.batch",
-            block.name()
+            "lower the learning rate of the {block} in a copy of {config}, now {rate} at its start, to a third of it, or raise training.batch"
         ),
         None => format!("narrow the bounds of the lens in a copy of {config}"),
     };

@@ -1,12 +1,13 @@
 //! What a run was made from, input by input: `inputs/inputs.json`. It names the input that has changed, and remembers where pictures were.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use petzval_learn::dataset::{List, PictureFile};
 use serde::{Deserialize, Serialize};
 
 use crate::error::DesignError;
+use crate::experiment::{BUILT_IN_PHOTOS, Experiment, STREET};
 use crate::run::{RunFolder, write_file};
 
 /// Most inputs that a message names.
@@ -104,6 +105,44 @@ impl Pictures {
         }
         all
     }
+}
+
+/// The pictures of a run where they are now: where the user says, where its `config.toml` says, or where they were when it began.
+pub fn pictures_of_run(
+    run: &RunFolder,
+    experiment: &mut Experiment,
+    now: Option<&Path>,
+) -> Result<(), DesignError> {
+    let place = if experiment.task.finds_objects() { &mut experiment.data } else { &mut experiment.photos };
+    if let Some(now) = now {
+        *place = now.display().to_string();
+        return Ok(());
+    }
+    if [BUILT_IN_PHOTOS, STREET].contains(&place.as_str()) || Path::new(place).exists() {
+        return Ok(());
+    }
+    let pictures = InputList::read(run)?.and_then(|list| list.pictures);
+    if let Some(pictures) = pictures.filter(|pictures| pictures.place.exists()) {
+        *place = pictures.place.display().to_string();
+    }
+    Ok(())
+}
+
+/// Fails if the pictures of a run are not there, with what to do.
+pub fn check_pictures_are_there(run: &RunFolder, experiment: &Experiment) -> Result<(), DesignError> {
+    let finds_objects = experiment.task.finds_objects();
+    let place = if finds_objects { &experiment.data } else { &experiment.photos };
+    if [BUILT_IN_PHOTOS, STREET].contains(&place.as_str()) || Path::new(place).exists() {
+        return Ok(());
+    }
+    let was = InputList::read(run)?.and_then(|list| list.pictures).map(|pictures| pictures.place);
+    let (what, option) =
+        if finds_objects { ("labelled pictures", "--data") } else { ("photographs", "--photos") };
+    let problem = format!(
+        "the {what} of this run are not at {}; hint: say where they are now: {option} PATH",
+        was.map_or_else(|| place.clone(), |was| was.display().to_string())
+    );
+    Err(DesignError::Run { path: run.root().to_path_buf(), problem })
 }
 
 /// Size and time of a file.

@@ -11,7 +11,7 @@ use sha2::{Digest, Sha256};
 
 use crate::assets::Assets;
 use crate::error::DesignError;
-use crate::experiment::{BUILT_IN_PHOTOS, Experiment, STREET, is_derived_lens};
+use crate::experiment::{BUILT_IN_PHOTOS, Experiment, is_derived_lens};
 use crate::input_list::{InputList, Pictures};
 use crate::optics_proxy::FILES;
 use crate::run::{RunFolder, RunRecord, hex, write_file};
@@ -136,44 +136,6 @@ fn relative(path: &Path, folder: &Path) -> PathBuf {
     }
     let up = folder.components().skip(shared).map(|_| Component::ParentDir);
     up.chain(path.components().skip(shared)).collect()
-}
-
-/// The pictures of a run where they are now: where the user says, where its `config.toml` says, or where they were when it began.
-pub fn pictures_of_run(
-    run: &RunFolder,
-    experiment: &mut Experiment,
-    now: Option<&Path>,
-) -> Result<(), DesignError> {
-    let place = if experiment.task.finds_objects() { &mut experiment.data } else { &mut experiment.photos };
-    if let Some(now) = now {
-        *place = now.display().to_string();
-        return Ok(());
-    }
-    if [BUILT_IN_PHOTOS, STREET].contains(&place.as_str()) || Path::new(place).exists() {
-        return Ok(());
-    }
-    let pictures = InputList::read(run)?.and_then(|list| list.pictures);
-    if let Some(pictures) = pictures.filter(|pictures| pictures.place.exists()) {
-        *place = pictures.place.display().to_string();
-    }
-    Ok(())
-}
-
-/// Fails if the pictures of a run are not there, with what to do.
-pub fn check_pictures_are_there(run: &RunFolder, experiment: &Experiment) -> Result<(), DesignError> {
-    let finds_objects = experiment.task.finds_objects();
-    let place = if finds_objects { &experiment.data } else { &experiment.photos };
-    if [BUILT_IN_PHOTOS, STREET].contains(&place.as_str()) || Path::new(place).exists() {
-        return Ok(());
-    }
-    let was = InputList::read(run)?.and_then(|list| list.pictures).map(|pictures| pictures.place);
-    let (what, option) =
-        if finds_objects { ("labelled pictures", "--data") } else { ("photographs", "--photos") };
-    let problem = format!(
-        "the {what} of this run are not at {}; hint: say where they are now: {option} PATH",
-        was.map_or_else(|| place.clone(), |was| was.display().to_string())
-    );
-    Err(DesignError::Run { path: run.root().to_path_buf(), problem })
 }
 
 /// Keeps in a new run folder what the run is made from, and writes the `config.toml` that names it, and its record.
