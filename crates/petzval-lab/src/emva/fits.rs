@@ -20,6 +20,8 @@ pub struct NamedFit {
     pub test: FitTest,
     /// Error that a departure adds, as a share of the fitted number; `None` where the number is not resolved.
     pub model_share: Option<f64>,
+    /// Why the points depart from the model, if the captures show it.
+    pub cause: Option<&'static str>,
 }
 
 impl NamedFit {
@@ -45,6 +47,7 @@ pub fn fits(found: &Characterization) -> Vec<NamedFit> {
         colour: None,
         model_share: share(&test, value),
         test,
+        cause: None,
     };
     let mut all = vec![
         of_all("K over the gains", joint.tests.gain, joint.gain_dn_per_e.value()),
@@ -56,30 +59,32 @@ pub fn fits(found: &Characterization) -> Vec<NamedFit> {
         all.push(of_all("histograms", fit.test, fit.gain_dn_per_e.value()));
     }
     for gain in &found.gains {
-        let mut add = |name, colour: Option<Colour>, test: FitTest, value: Option<f64>| {
+        let mut add = |name, colour: Option<Colour>, test: FitTest, value: Option<f64>, cause| {
             let linear_gain = Some(gain.linear_gain);
-            all.push(NamedFit { name, linear_gain, colour, model_share: share(&test, value), test });
+            let model_share = share(&test, value);
+            all.push(NamedFit { name, linear_gain, colour, test, model_share, cause });
         };
         let dark = &gain.dark;
-        add("dark mean over time", None, dark.mean_test, dark.mean.slope.value());
-        add("dark variance over time", None, dark.variance_test, dark.variance.slope.value());
+        add("dark mean over time", None, dark.mean_test, dark.mean.slope.value(), None);
+        add("dark variance over time", None, dark.variance_test, dark.variance.slope.value(), None);
         if let Some(test) = gain.pixel_dark_currents.as_ref().and_then(|p| p.hot_test) {
-            add("hot pixels", None, test, None);
+            add("hot pixels", None, test, None, None);
         }
         for channel in &gain.channels {
             let (colour, transfer) = (Some(channel.colour), &channel.transfer);
-            add("K", colour, transfer.gain_test, transfer.gain_dn_per_e.value());
+            let bends = transfer.straightened_gain_dn_per_e.map(|_| "the response bends over the light");
+            add("K", colour, transfer.gain_test, transfer.gain_dn_per_e.value(), bends);
             if let Some(test) = transfer.responsivity_test {
-                add("R", colour, test, transfer.responsivity_dn.value());
+                add("R", colour, test, transfer.responsivity_dn.value(), None);
             }
             if let Some(linearity) = &transfer.linearity {
-                add("linearity", colour, linearity.test, None);
+                add("linearity", colour, linearity.test, None, None);
             }
             if let Some(test) = channel.spatial.as_ref().and_then(|s| s.dark_components.test) {
-                add("DSNU", colour, test, None);
+                add("DSNU", colour, test, None, None);
             }
             if let Some(test) = channel.spatial.as_ref().and_then(|s| s.flat_components.test) {
-                add("PRNU", colour, test, None);
+                add("PRNU", colour, test, None, None);
             }
         }
     }

@@ -272,6 +272,8 @@ pub enum Warning {
         test: FitTest,
         /// Error that the departure adds, as a share of the fitted number, if it is resolved.
         model_share: Option<f64>,
+        /// Why the points depart, if the captures show it.
+        cause: Option<&'static str>,
     },
     /// Stacks of one gain without a partner of the other kind and the same exposure time.
     LoneStack {
@@ -514,15 +516,18 @@ impl fmt::Display for Warning {
             Self::MoreStacks { point } => {
                 write!(f, "{point}: another stack of this gain is evaluated already")
             }
-            Self::FitDeparts { fit, place, test, model_share } => {
+            Self::FitDeparts { fit, place, test, model_share, cause } => {
                 let at = if place.is_empty() { String::new() } else { format!("{place}: ") };
                 write!(
                     f,
-                    "{at}the fit of {fit} does not describe its points (reduced chi^2 {:.2} at {} degrees of freedom",
+                    "{at}the points of the fit of {fit} depart from its model (reduced chi^2 {:.2} at {} degrees of freedom",
                     test.reduced_chi2, test.degrees_of_freedom
                 )?;
                 if let Some(sigmas) = test.curvature_sigmas {
                     write!(f, ", curvature {sigmas:+.1} standard errors")?;
+                }
+                if let Some(cause) = cause {
+                    write!(f, ", {cause}")?;
                 }
                 match (test.verdict, model_share) {
                     (Verdict::Withdrawn, _) => write!(f, "); its numbers are withdrawn"),

@@ -21,6 +21,7 @@ pub fn departures(fits: &[NamedFit]) -> Vec<Warning> {
         place: fit.place(),
         test: fit.test,
         model_share: fit.model_share,
+        cause: fit.cause,
     };
     fits.iter().filter(|fit| !has_own(fit)).filter(is_worth_it).map(warning).collect()
 }
