@@ -579,3 +579,30 @@ fn coarse_steps_of_the_converter_widen_every_error() {
     }
     assert!(of_gain.iter().chain(&of_dark).all(|z| z.abs() < 3.5), "{of_gain:?} {of_dark:?}");
 }
+
+#[test]
+fn a_dead_column_and_stuck_pixels_drop_no_point() {
+    let folder = series(&mono(), &one_gain());
+    let sound = measured(folder.path()).unwrap();
+    let names: Vec<String> = std::fs::read_dir(folder.path().join("gain-1"))
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned())
+        .filter(|name| name.ends_with(".png"))
+        .collect();
+    for name in &names {
+        // Column 33 gives zero, and 80 pixels the largest number.
+        edit(folder.path(), name, &|x, y, dn| match (x, (x + 80 * y) % 79) {
+            (33, _) => 0,
+            (_, 5) => 4095,
+            _ => dn,
+        });
+    }
+    let found = measured(folder.path()).unwrap();
+    assert!(messages(&found, "clipped-at-zero").is_empty(), "{:?}", found.warnings);
+    let points = |of: &Characterization| {
+        let gain = &of.gains[0];
+        (gain.dark.points.len(), gain.channels[0].points.len(), gain.channels[0].points[0].share_at_max)
+    };
+    assert_eq!(points(&found), points(&sound));
+    within("K", found.joint.gain_dn_per_e, 0.14, 3.5);
+}

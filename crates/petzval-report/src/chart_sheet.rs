@@ -176,8 +176,11 @@ fn sharpness(edges: &[EdgeFigures]) -> Markup {
             [
                 edge.contrast.clone(),
                 edge.mtf50_per_px.map_or("–".to_owned(), |v| fixed(v, 3)),
+                edge.mtf50_standard_error.map_or("–".to_owned(), |v| fixed(v, 4)),
                 fixed(100.0 * edge.overshoot, 1),
+                fixed(100.0 * edge.overshoot_error[0], 1),
                 fixed(100.0 * edge.undershoot, 1),
+                fixed(100.0 * edge.overshoot_error[1], 1),
             ],
         )
     };
@@ -185,18 +188,44 @@ fn sharpness(edges: &[EdgeFigures]) -> Markup {
         Column::new("field").unit("of the half diagonal"),
         Column::new("contrast"),
         Column::new("MTF50").unit("cycles per pixel"),
+        Column::new("±"),
         Column::new("overshoot").unit("%"),
+        Column::new("±"),
         Column::new("undershoot").unit("%"),
+        Column::new("±"),
     ];
+    let profile = |(k, (name, edge)): (usize, (&str, &EdgeFigures))| Series {
+        name: name.to_owned(),
+        colour: palette::camera(2 * k + 1).to_owned(),
+        points: edge.profile.iter().filter(|(at, _)| at.abs() <= PROFILE_PX).copied().collect(),
+        ..Series::default()
+    };
+    let profiles = Chart {
+        alt: "Profile across an edge".to_owned(),
+        x_axis: "distance from the edge, pixels".to_owned(),
+        y_axis: "share of the step".to_owned(),
+        series: series.into_iter().enumerate().map(profile).collect(),
+        marks: Vec::new(),
+        smooth: false,
+        axes: Axes::FromZero,
+    };
     html! {
         (figure(&chart_svg(&chart)))
         (caption(html! {
             "Slanted-edge response (ISO 12233) of the linear luminance; the corner is the target furthest from the axis, at "
             (fixed(corner.field, 2)) " of the half diagonal."
         }))
+        @if series.iter().any(|(_, edge)| !edge.profile.is_empty()) {
+            (figure(&chart_svg(&profiles)))
+            (caption("Profile across one side of both targets, from dark, 0, to light, 1."))
+        }
         (Table::new(columns).rows(edges.iter().map(row)).html())
+        (caption("± are standard errors from the noise of the pixels."))
     }
 }
+
+/// Pixels of a profile that are shown on either side of the edge.
+const PROFILE_PX: f64 = 8.0;
 
 /// The nearest colour of a display.
 fn colour(lab: [f64; 3]) -> String {
@@ -227,10 +256,15 @@ mod tests {
             contrast: "4.1:1".into(),
             field,
             mtf50_per_px: Some(0.31),
+            mtf50_standard_error: Some(0.0021),
             across_upright: vec![1.0; 101],
             across_lying: vec![0.9; 101],
+            across_upright_error: vec![0.01; 101],
+            across_lying_error: vec![0.01; 101],
             overshoot: 0.12,
             undershoot: 0.04,
+            overshoot_error: [0.003, 0.002],
+            profile: vec![(-1.0, 0.0), (1.0, 1.0)],
             failures: vec![],
         };
         let lightness = Lightness { factor: 0.8, mean_delta_e_2000: 9.5, max_delta_e_2000: 9.5 };
@@ -252,8 +286,15 @@ mod tests {
         // L* = 50 and 60 of gray.
         assert_eq!((page.matches("#777777").count(), page.matches("#919191").count()), (24, 24));
         assert_readable(&page);
-        for words in ["a &lt;chip&gt;", "axis, upright edges", "corner, lying edges", "0.84", "0.310", "31.5"]
-        {
+        for words in [
+            "a &lt;chip&gt;",
+            "axis, upright edges",
+            "corner, lying edges",
+            "0.84",
+            "0.310",
+            "0.0021",
+            "31.5",
+        ] {
             assert!(page.contains(words), "{words}");
         }
     }

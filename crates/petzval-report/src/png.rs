@@ -19,6 +19,13 @@ pub(crate) fn address(png: &[u8]) -> String {
     format!("data:image/png;base64,{}", STANDARD.encode(png))
 }
 
+/// A gray picture, row by row, as a data URL; none if it has no pixels or the wrong number of them.
+pub(crate) fn gray_png(values: &[u8], width: usize, height: usize) -> Option<String> {
+    let rgb = values.iter().flat_map(|v| [*v; 3]).collect();
+    let picture = RgbImage::from_raw(width as u32, height as u32, rgb)?;
+    (width > 0 && height > 0).then(|| address(&encode(&picture)))
+}
+
 /// A JPEG as a data URL.
 pub(crate) fn jpeg_address(jpeg: &[u8]) -> String {
     format!("data:image/jpeg;base64,{}", STANDARD.encode(jpeg))

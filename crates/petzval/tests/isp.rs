@@ -700,3 +700,149 @@ fn a_proxy_is_trained_described_and_developed_with() {
     let changed = ["mine.toml", "no longer those with which this training began"];
     run_fails(folder.path(), &["train", "isp-proxy", "--resume", "proxy"], 2, &changed);
 }
+
+#[test]
+fn a_mosaic_is_no_reference_and_pairs_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    write_raws(&folder.path().join("raws"));
+    write_references(folder.path());
+    let args = ["isp", "tune", "raws", "--reference", "raws", "--vary", "gain", "--out", "out"];
+    run_fails(folder.path(), &args, 2, &["left.tiff", "raw frame, not a picture", "left.png in colour"]);
+    assert!(!folder.path().join("out").exists());
+    // A mosaic without a sidecar, in another folder, under another ending.
+    std::fs::create_dir(folder.path().join("mosaics")).unwrap();
+    for name in ["left", "right"] {
+        let raw = image::open(folder.path().join(format!("raws/{name}.tiff"))).unwrap().into_luma16();
+        raw.save(folder.path().join(format!("mosaics/{name}.png"))).unwrap();
+    }
+    let args = ["isp", "tune", "raws", "--reference", "mosaics", "--vary", "gain", "--out", "out"];
+    run_fails(folder.path(), &args, 2, &["mosaics/left.png", "raw frame, not a picture"]);
+
+    // Pictures beside the frames are taken, and every pair is named.
+    for name in ["left", "right"] {
+        let at = |name: String| folder.path().join("raws").join(name);
+        for ending in ["tiff", "tiff.toml"] {
+            std::fs::rename(at(format!("{name}.{ending}")), at(format!("{name}-raw.{ending}"))).unwrap();
+        }
+        std::fs::copy(folder.path().join(format!("reference/{name}.png")), at(format!("{name}.png")))
+            .unwrap();
+    }
+    std::fs::create_dir(folder.path().join("frames")).unwrap();
+    for name in ["left-raw.tiff", "left-raw.tiff.toml"] {
+        std::fs::copy(folder.path().join("raws").join(name), folder.path().join("frames").join(name))
+            .unwrap();
+    }
+    let args = [
+        "isp",
+        "tune",
+        "frames",
+        "--reference",
+        "raws",
+        "--vary",
+        "gain",
+        "--evaluations",
+        "8",
+        "--out",
+        "out",
+    ];
+    let run = run_ok(folder.path(), &[&args[..], &["--json"]].concat());
+    assert!(run.stderr.contains("frames/left-raw.tiff -> raws/left.png"), "{}", run.stderr);
+    assert_eq!(run.json()["pairs"][0]["reference"], "raws/left.png");
+}
+
+/// A gray ramp with noise, cut off at a number, as a 12-bit RGGB frame.
+fn write_ramp(path: &Path, cut: u16, offsets: [u16; 4], sidecar: &str) {
+    let hash = |i: u32| (i.wrapping_mul(2_654_435_761) >> 16) % 31;
+    let frame = image::ImageBuffer::<image::Luma<u16>, _>::from_fn(200, 120, |x, y| {
+        let response = [0.6, 1.0, 1.0, 0.7][(y % 2 * 2 + x % 2) as usize];
+        let light = response * (300.0 + 20.0 * f64::from(x)) + f64::from(hash(y * 200 + x));
+        let offset = offsets[(y % 2 * 2 + x % 2) as usize];
+        image::Luma([(offset + light as u16).min(cut)])
+    });
+    frame.save(path).unwrap();
+    let sidecar = format!("bits = 12\ncfa = \"RGGB\"\nsensor = \"imx249-fitted\"\n{sidecar}");
+    std::fs::write(path.with_extension("tiff.toml"), sidecar).unwrap();
+}
+
+/// Mean of a column band of a developed picture, by colour.
+fn mean_of(path: &Path, from: u32, to: u32) -> [f64; 3] {
+    let picture = image::open(path).unwrap().into_rgb8();
+    let mut sums = [0.0; 3];
+    let pixels = || (40..80).flat_map(move |y| (from..to).map(move |x| (x, y)));
+    for (x, y) in pixels() {
+        let pixel = picture.get_pixel(x, y).0;
+        (0..3).for_each(|c| sums[c] += f64::from(pixel[c]));
+    }
+    sums.map(|sum| sum / pixels().count() as f64)
+}
+
+#[test]
+fn a_white_level_above_saturation_is_named_and_highlights_stay_neutral() {
+    let folder = tempfile::tempdir().unwrap();
+    let raw = folder.path().join("ramp.tiff");
+    write_ramp(&raw, 2600, [64; 4], "black_level_dn = 64\nwhite_level_dn = 4095\n");
+    let run = run_ok(folder.path(), &["isp", "develop", "ramp.tiff", "--out", "out"]);
+    for words in ["2600 DN", "below the white level of 4095 DN", "white_level_dn"] {
+        assert!(run.stderr.contains(words), "{words}: {}", run.stderr);
+    }
+    let [red, green, blue] = mean_of(&folder.path().join("out/ramp.png"), 185, 200);
+    assert!((red - green).abs() < 6.0 && (blue - green).abs() < 6.0, "{red} {green} {blue}");
+    // With the right level there is nothing to say.
+    write_ramp(&raw, 2600, [64; 4], "black_level_dn = 64\nwhite_level_dn = 2600\n");
+    let run = run_ok(folder.path(), &["isp", "develop", "ramp.tiff", "--out", "right"]);
+    assert!(!run.stderr.contains("white level"), "{}", run.stderr);
+}
+
+#[test]
+fn black_levels_of_the_tile_and_the_gain_are_subtracted() {
+    let folder = tempfile::tempdir().unwrap();
+    let raw = folder.path().join("ramp.tiff");
+    let (even, uneven) = ([64; 4], [34, 64, 74, 104]);
+    let develop = |offsets: [u16; 4], sidecar: &str, out: &str| {
+        write_ramp(&raw, 4095, offsets, &format!("white_level_dn = 4095\n{sidecar}"));
+        run_ok(folder.path(), &["isp", "develop", "ramp.tiff", "--out", out]);
+        mean_of(&folder.path().join(out).join("ramp.png"), 2, 20)
+    };
+    let wanted = develop(even, "black_level_dn = 64\n", "even");
+    let found = develop(uneven, "black_level_dn = [34, 64, 74, 104]\n", "tile");
+    let wrong = develop(uneven, "black_level_dn = 69\n", "one");
+    let table = "[[black_at_gain]]\nlinear_gain = 1.0\nblack_dn = [14, 44, 54, 84]\n\
+                 [[black_at_gain]]\nlinear_gain = 3.0\nblack_dn = [54, 84, 94, 124]\n";
+    std::fs::write(folder.path().join("camera.toml"), table).unwrap();
+    let by_gain = develop(uneven, "linear_gain = 2.0\ncalibration = \"camera.toml\"\n", "gain");
+    let off = |found: [f64; 3]| (0..3).map(|c| (found[c] - wanted[c]).abs()).fold(0.0, f64::max);
+    assert!(off(found) < 1.5, "{found:?} {wanted:?}");
+    assert!(off(wrong) > 3.0, "{wrong:?} {wanted:?}");
+    // The gain of 2 also strengthens denoising a little.
+    assert!(off(by_gain) < 2.5, "{by_gain:?} {wanted:?}");
+    std::fs::write(
+        folder.path().join("ramp.tiff.toml"),
+        "bits = 12\ncfa = \"RGGB\"\nblack_level_dn = [1, 2, 3]\n",
+    )
+    .unwrap();
+    let args = ["isp", "develop", "ramp.tiff", "--out", "no"];
+    run_fails(folder.path(), &args, 2, &["ramp.tiff.toml:3", "3 levels for a tile of 4 pixels"]);
+}
+
+#[test]
+fn a_hostile_sidecar_is_refused_before_anything_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    // A file of 64 MB is not read where the sidecar says 16 bytes, and neither is a sidecar of 64 MB.
+    let sparse = |name: &str| std::fs::File::create(at(name)).unwrap().set_len(64 << 20).unwrap();
+    sparse("big.raw");
+    std::fs::write(at("big.raw.toml"), "height = 2\nwidth = 4\nbits = 16\npacking = \"u16le\"\n").unwrap();
+    let started = std::time::Instant::now();
+    run_fails(folder.path(), &["raw", "show", "big.raw"], 2, &["big.raw", "67108864 bytes", "2x4 pixels"]);
+    std::fs::write(at("a.raw"), [0; 16]).unwrap();
+    sparse("a.raw.toml");
+    run_fails(folder.path(), &["raw", "show", "a.raw"], 2, &["a.raw.toml", "at most 1048576 bytes are read"]);
+    for (layout, words) in [
+        ("height = 4000000000\nwidth = 4000000000", "at most 2^28"),
+        ("height = 2\nwidth = 4\nheader_bytes = 9223372036854775807", "16 bytes"),
+    ] {
+        std::fs::write(at("a.raw.toml"), format!("{layout}\nbits = 16\npacking = \"u16le\"\n")).unwrap();
+        run_fails(folder.path(), &["raw", "show", "a.raw"], 2, &["a.raw", words]);
+    }
+    assert!(started.elapsed().as_secs() < 20);
+}

@@ -177,8 +177,7 @@ fn mtf_of_an_edge_is_printed_and_written() {
     // The curves: a line a frequency, in cycles per pixel and per mm.
     let csv = read(&folder.path().join("found/mtf.csv"));
     let mut lines = csv.lines();
-    let head =
-        "row_px,col_px,height_px,width_px,channel,frequency_cycles_per_px,frequency_cycles_per_mm,modulation";
+    let head = "row_px,col_px,height_px,width_px,channel,frequency_cycles_per_px,frequency_cycles_per_mm,modulation,standard_error";
     assert_eq!(lines.next(), Some(head));
     assert_eq!(lines.clone().count(), 101);
     for line in lines.take(50) {

@@ -7,6 +7,7 @@
 //! The map is affine in the digital numbers; its linear part has the exact transpose [`develop_adjoint`]. Development does
 //! not clip saturated colours, so its gradient stays linear. For pictures to look at, apply [`clip_highlights`] first.
 
+mod clear;
 mod demosaic;
 mod highlights;
 mod linear_interpolation;
@@ -16,10 +17,13 @@ pub use demosaic::{demosaic_bilinear, demosaic_bilinear_adjoint};
 pub(crate) use highlights::clip_levels_dn;
 pub use highlights::{clip_highlights, saturated_share, white_capacity_e};
 
+use std::borrow::Cow;
+
+use self::clear::ClearColours;
 use crate::image::{CHANNELS, LinearImage};
 use crate::isp::Interpolation;
 use crate::render::Placement;
-use crate::sensor::{Capture, CfaPattern, Colour, Exposure, Raw, SensorError, SensorModel};
+use crate::sensor::{Capture, Colour, Exposure, Raw, SensorError, SensorModel};
 
 /// Mean digital number of a dark pixel, `BL + K g (mu_r + mu_I t) + mu_el`, DN.
 ///
@@ -41,7 +45,21 @@ pub fn develop_by(
     interpolation: &Interpolation,
     sensor: &SensorModel,
 ) -> Result<LinearImage, SensorError> {
-    interpolation.apply(&balanced_mosaic(raw, sensor)?, raw.height, sensor, &raw.capture)
+    let mut picture =
+        interpolation.apply(&balanced_mosaic(raw, sensor)?, raw.height, sensor, &raw.capture)?;
+    // Colours without a filter come from the clear pixels, less what these see of the other colours.
+    if let Some(clear) = ClearColours::of(sensor)? {
+        clear.apply(&mut picture);
+    }
+    Ok(picture)
+}
+
+/// The cotangent of the interpolated planes from that of the picture.
+fn of_planes<'a>(d_rgb: &'a LinearImage, sensor: &SensorModel) -> Result<Cow<'a, LinearImage>, SensorError> {
+    let Some(clear) = ClearColours::of(sensor)? else { return Ok(Cow::Borrowed(d_rgb)) };
+    let mut d_planes = d_rgb.clone();
+    clear.pull_back(&mut d_planes);
+    Ok(Cow::Owned(d_planes))
 }
 
 /// The light of each pixel of a raw frame, 1 = white: without the dark signal, and scaled by colour so that white light gives equal
@@ -69,7 +87,8 @@ pub fn develop_adjoint(
 ) -> Result<Vec<f32>, SensorError> {
     let n = d_rgb.height * d_rgb.width;
     check(sensor, capture, "gradient of the developed picture", CHANNELS * n, d_rgb.data.len())?;
-    let d_mosaic = demosaic_bilinear_adjoint(d_rgb, sensor.cfa, capture.placement)?;
+    let d_planes = of_planes(d_rgb, sensor)?;
+    let d_mosaic = demosaic_bilinear_adjoint(&d_planes, sensor.cfa, capture.placement)?;
     Ok(per_dn(d_mosaic, d_rgb.width, sensor, capture))
 }
 
@@ -90,7 +109,8 @@ pub fn develop_by_adjoint(
         });
     }
     check(sensor, capture, "gradient of the developed picture", CHANNELS * n, d_rgb.data.len())?;
-    let d_mosaic = interpolation.adjoint(&balanced_mosaic(raw, sensor)?, d_rgb, sensor, capture)?;
+    let d_planes = of_planes(d_rgb, sensor)?;
+    let d_mosaic = interpolation.adjoint(&balanced_mosaic(raw, sensor)?, &d_planes, sensor, capture)?;
     Ok(per_dn(d_mosaic, d_rgb.width, sensor, capture))
 }
 
@@ -130,12 +150,14 @@ pub fn develop_stops_adjoint(
     Ok([of(gain * sensor.read_noise_mean_e + current), of(current)])
 }
 
-/// Checks that a mosaic of this size can be demosaiced.
-pub(crate) fn check_colours(cfa: CfaPattern, height: usize, width: usize) -> Result<(), SensorError> {
-    if cfa.is_bayer() {
+/// Checks that a mosaic of this size of a sensor can be demosaiced.
+pub(crate) fn check_colours(sensor: &SensorModel, height: usize, width: usize) -> Result<(), SensorError> {
+    if sensor.cfa.is_bayer() {
         return Ok(());
     }
-    linear_interpolation::LinearInterpolation::new(cfa, Placement::default(), height, width).map(|_| ())
+    ClearColours::of(sensor)?;
+    linear_interpolation::LinearInterpolation::new(sensor.cfa, Placement::default(), height, width)
+        .map(|_| ())
 }
 
 /// Corrects shading: divides the image by the relative illumination.

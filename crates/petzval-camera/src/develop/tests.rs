@@ -1,5 +1,5 @@
 use super::*;
-use crate::sensor::{Noise, NoiseMode, expose};
+use crate::sensor::{CfaPattern, Noise, NoiseMode, expose};
 
 fn sensor() -> SensorModel {
     toml::from_str::<SensorModel>(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap()
@@ -49,8 +49,16 @@ fn development_recovers_a_gray_scene_at_any_phase_of_the_mosaic() {
     }
 }
 
-const TILES: [&str; 6] =
-    ["mono", "RRGG/RRGG/GGBB/GGBB", "GBGGRG/RGRBGB/GBGGRG/GRGGBG/BGBRGR/GRGGBG", "WR/GB", "RGB", "WWRG/WWGB"];
+const TILES: [&str; 8] = [
+    "mono",
+    "RRGG/RRGG/GGBB/GGBB",
+    "GBGGRG/RGRBGB/GBGGRG/GRGGBG/BGBRGR/GRGGBG",
+    "WR/GB",
+    "RGB",
+    "WWRG/WWGB",
+    "RW/WB",
+    "WR/GW",
+];
 
 fn with_tile(tile: &str) -> SensorModel {
     SensorModel { cfa: tile.parse().unwrap(), clear_response: [0.4, 0.9, 0.5], ..sensor() }
@@ -274,4 +282,31 @@ fn developments_by_other_interpolations_have_the_gradient_of_differences() {
             assert!(wrong <= 3, "{demosaic:?} {domain:?}: {wrong} of 103");
         }
     }
+}
+
+/// A field of one colour on arrays that lack a filter: the planes are those of the light, not of the clear pixels.
+#[test]
+fn colours_without_a_filter_come_from_the_clear_pixels() {
+    let light = [0.2, 0.5, 0.3];
+    for (tile, wanted) in [
+        ("RW/WB", light),
+        ("RW/GW", light),
+        // Green and blue are not told apart: `(c - w_R R) / (w_G + w_B)`.
+        ("RW/WW", [0.2, (0.6 * 0.5 + 0.3 * 0.3) / 0.9, (0.6 * 0.5 + 0.3 * 0.3) / 0.9]),
+    ] {
+        let clear_response = if tile == "RW/WW" { [0.2, 1.2, 0.6] } else { [0.5, 1.0, 0.4] };
+        let sensor = SensorModel { cfa: tile.parse().unwrap(), clear_response, ..sensor() };
+        let planes = light.iter().flat_map(|v| vec![*v as f32; 24 * 24]).collect();
+        let scene = LinearImage::from_data(CHANNELS, 24, 24, planes).unwrap();
+        let raw = expose(&scene, &sensor, &capture(0, 0), &Noise { mode: NoiseMode::Off, seed: 0 }).unwrap();
+        let picture = develop(&raw, &sensor).unwrap();
+        for c in 0..CHANNELS {
+            let found = f64::from(picture.get(c, 12, 12));
+            assert!((found - wanted[c]).abs() < 2e-3, "{tile} {c}: {found} {}", wanted[c]);
+        }
+    }
+    // Clear pixels that do not see green cannot give it.
+    let blind = SensorModel { cfa: "RW/WB".parse().unwrap(), clear_response: [0.5, 0.0, 0.5], ..sensor() };
+    let raw = Raw { height: 8, width: 8, dn: vec![200.0; 64], capture: capture(0, 0) };
+    assert!(matches!(develop(&raw, &blind), Err(SensorError::UnseenColour { colour: "green", .. })));
 }

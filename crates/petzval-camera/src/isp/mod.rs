@@ -5,6 +5,7 @@ mod auto_exposure;
 mod demosaic;
 mod dewarp_map;
 mod error;
+mod fine_mesh;
 mod fixed;
 mod hardware;
 mod input;

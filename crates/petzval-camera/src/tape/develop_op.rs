@@ -70,7 +70,7 @@ impl DevelopKernel {
             return Err(SensorError::Shape { what: "raw frames", expected, got: format!("{dims:?}") });
         }
         sensor.validate()?;
-        check_colours(sensor.cfa, height, width)?;
+        check_colours(sensor, height, width)?;
         interpolation.demosaic.check_array(sensor.cfa)?;
         for capture in captures {
             capture.exposure.validate()?;

@@ -10,6 +10,20 @@ use petzval_camera::spectral::Matrix3;
 use serde::{Deserialize, Serialize};
 
 use super::RawFileError;
+use super::info::BlackLevels;
+
+/// Largest calibration that is read, bytes: meshes of a node for every few pixels.
+const MOST_BYTES: u64 = 64 << 20;
+
+/// The black level at a gain.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BlackAtGain {
+    /// Linear gain, 1 = the sensor's system gain.
+    pub linear_gain: f64,
+    /// Black level, DN: one, or one for each pixel of the tile of the mosaic, row by row.
+    pub black_dn: BlackLevels,
+}
 
 /// What is known of a frame; the rest is none.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -18,6 +32,9 @@ pub struct FrameCalibration {
     /// Digital number of the dark, after expansion if the frame is companded.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub black_dn: Option<f64>,
+    /// Black levels by gain, gains ascending: that of the frame's own `linear_gain` lies between those of the nearest two.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub black_at_gain: Vec<BlackAtGain>,
     /// Digital number of white light in a green pixel, after expansion.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub white_dn: Option<f64>,
@@ -49,6 +66,7 @@ impl FrameCalibration {
     pub fn of(about: &FrameData) -> Self {
         Self {
             black_dn: Some(about.black_dn),
+            black_at_gain: Vec::new(),
             white_dn: Some(about.white_dn),
             response: Some(about.response),
             saturation: Some(about.saturation),
@@ -58,6 +76,18 @@ impl FrameCalibration {
             shading: about.shading.clone(),
             warp: about.warp.clone(),
         }
+    }
+
+    /// Black levels at a gain: those of the table, on a line between its nearest two gains and constant beyond its ends. None without a table.
+    pub fn black_at(&self, linear_gain: f64) -> Option<Vec<f64>> {
+        let table = &self.black_at_gain;
+        let next = table.partition_point(|at| at.linear_gain <= linear_gain);
+        let high = table.get(next.min(table.len().checked_sub(1)?))?;
+        let low = &table[next.saturating_sub(1)];
+        let width = high.linear_gain - low.linear_gain;
+        let share = if width > 0.0 { ((linear_gain - low.linear_gain) / width).clamp(0.0, 1.0) } else { 0.0 };
+        let levels = low.black_dn.each_dn().iter().zip(high.black_dn.each_dn());
+        Some(levels.map(|(a, b)| a + share * (b - a)).collect())
     }
 
     /// What is known of a frame otherwise, with the values of the calibration in place of it.
@@ -78,7 +108,11 @@ impl FrameCalibration {
 
     /// Reads and checks a file.
     pub fn load(path: &Path) -> Result<Self, RawFileError> {
-        let text = petzval_base::read_text(path).map_err(RawFileError::io(path))?;
+        let bytes = petzval_base::read_at_most(path, MOST_BYTES).map_err(RawFileError::io(path))?;
+        let Ok(text) = String::from_utf8(bytes) else {
+            let reason = "the calibration is not UTF-8 text".to_owned();
+            return Err(RawFileError::content(path, reason, "give a TOML file with keys such as black_dn"));
+        };
         Self::from_toml(&text).map_err(|error| RawFileError::sidecar(path, error))
     }
 
@@ -88,6 +122,16 @@ impl FrameCalibration {
         let is_number = |v: Option<f64>, low: f64| v.is_none_or(|v| v.is_finite() && v >= low);
         let levels = [calibration.black_dn, calibration.white_dn];
         let black = calibration.black_dn.unwrap_or(0.0);
+        let by_gain = &calibration.black_at_gain;
+        let is_ladder = by_gain.windows(2).all(|pair| {
+            pair[0].linear_gain < pair[1].linear_gain
+                && pair[0].black_dn.each_dn().len() == pair[1].black_dn.each_dn().len()
+        }) && by_gain.iter().all(|at| {
+            at.linear_gain.is_finite()
+                && at.linear_gain > 0.0
+                && !at.black_dn.each_dn().is_empty()
+                && at.black_dn.each_dn().iter().all(|dn| dn.is_finite() && *dn >= 0.0)
+        }) && (by_gain.is_empty() || calibration.black_dn.is_none());
         let noise = calibration.noise.map_or([0.0; 2], |noise| [noise.shot, noise.read]);
         let response = calibration.response.unwrap_or([1.0; 3]);
         let matrix = calibration.colour_matrix.unwrap_or_default();
@@ -95,6 +139,11 @@ impl FrameCalibration {
             |mesh: &Mesh| mesh.is_whole(3) && mesh.planes.iter().flatten().all(|v| *v > 0.0);
         for (key, is_right, hint) in [
             ("black_dn", is_number(levels[0], 0.0), "give the digital number without light"),
+            (
+                "black_at_gain",
+                is_ladder,
+                "give linear_gain, ascending, and black_dn, a number or the same count of numbers at every gain; and no black_dn beside them",
+            ),
             (
                 "white_dn",
                 is_number(levels[1], black + 1.0),
@@ -155,6 +204,7 @@ mod tests {
         };
         FrameCalibration {
             black_dn: Some(119.000_1),
+            black_at_gain: Vec::new(),
             white_dn: Some(2360.2),
             response: Some([0.5, 1.0, 2.0 / 3.0]),
             saturation: Some(1.4),
@@ -186,6 +236,21 @@ mod tests {
         assert_eq!(FrameCalibration::of(&about), calibration);
         let own = FrameCalibration { warp: calibration.warp.clone(), ..FrameCalibration::default() };
         assert_eq!(own.over(about.clone()), about);
+    }
+
+    #[test]
+    fn black_levels_follow_the_gain() {
+        let table = "[[black_at_gain]]\nlinear_gain = 1.0\nblack_dn = [60, 62, 62, 64]\n\
+                     [[black_at_gain]]\nlinear_gain = 4.0\nblack_dn = [66, 62, 62, 64]\n";
+        let calibration = FrameCalibration::from_toml(table).unwrap();
+        assert_eq!(calibration.black_at(0.5), Some(vec![60.0, 62.0, 62.0, 64.0]));
+        assert_eq!(calibration.black_at(2.0), Some(vec![62.0, 62.0, 62.0, 64.0]));
+        assert_eq!(calibration.black_at(8.0), Some(vec![66.0, 62.0, 62.0, 64.0]));
+        assert_eq!(FrameCalibration::default().black_at(1.0), None);
+        for (from, to) in [("gain = 4.0", "gain = 0.5"), ("[66, 62, 62, 64]", "66"), ("[60,", "[-1,")] {
+            let error = FrameCalibration::from_toml(&table.replace(from, to)).unwrap_err();
+            assert!(error.key.starts_with("black_at_gain"), "{error}");
+        }
     }
 
     #[test]

@@ -81,12 +81,31 @@ fn info(image: &RawImage, top: usize, left: usize) -> RawInfo {
         sensor: Some(name.trim().to_owned()).filter(|name| !name.is_empty()),
         bits: (1..=16).contains(&image.bps).then_some(image.bps as u32),
         cfa,
-        // Average the black levels of the mosaic to one number.
         black_level_dn: (!levels.is_empty()).then(|| black / levels.len() as f64),
+        black_tile_dn: black_tile(image, cfa),
         white_level_dn: white,
         ..RawInfo::default()
     };
     if info.validate().is_ok() { info } else { RawInfo { cfa: info.cfa, ..RawInfo::default() } }
+}
+
+/// The black level of each pixel of the mosaic's tile, from the first pixel of the active area, where they differ. The file's levels repeat
+/// from the corner of the active area (DNG 1.7, BlackLevelRepeatDim).
+fn black_tile(image: &RawImage, cfa: Option<CfaPattern>) -> Option<Vec<f64>> {
+    let cfa = cfa?;
+    let black = &image.blacklevel;
+    let (rows, cols, planes) = (black.height, black.width, black.cpp.max(1));
+    let level = |row: usize, col: usize| {
+        let level = black.levels.get((row % rows * cols + col % cols) * planes)?;
+        Some(f64::from(level.n) / f64::from(level.d.max(1)))
+    };
+    let is_whole = rows > 0 && cols > 0 && cfa.rows().is_multiple_of(rows) && cfa.cols().is_multiple_of(cols);
+    if !is_whole {
+        return None;
+    }
+    let tile: Option<Vec<f64>> =
+        (0..cfa.rows() * cfa.cols()).map(|i| level(i / cfa.cols(), i % cfa.cols())).collect();
+    tile.filter(|tile| tile.iter().any(|dn| *dn != tile[0]))
 }
 
 /// The mosaic from the first pixel of the active area. The reader has shifted the file's mosaic by the position of that

@@ -40,6 +40,7 @@ impl RawFrame {
                 // A window of the sensor may begin anywhere in its mosaic.
                 cfa: Some(sensor.cfa.starting_at(placement.row, placement.col)),
                 black_level_dn: Some(sensor.black_level_dn),
+                black_tile_dn: None,
                 // The lowest saturated whole number.
                 white_level_dn: Some(sensor.white_level_dn(shortest(exposure.linear_gain)).floor()),
                 exposure_s: Some(shortest(exposure.time_s)),

@@ -26,6 +26,9 @@ pub struct RawInfo {
     /// Digital number without light at the camera's settings, DN; of a companded frame the expanded one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub black_level_dn: Option<f64>,
+    /// The same for each pixel of the tile of the mosaic, row by row, DN, where they differ; the level above is then their mean.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub black_tile_dn: Option<Vec<f64>>,
     /// Digital number of saturation, DN; of a companded frame the expanded one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub white_level_dn: Option<f64>,
@@ -69,7 +72,9 @@ impl RawInfo {
             ("pixel_um", self.pixel_um, 0.1, 1000.0, "the pixel pitch in um"),
             ("temperature_c", self.temperature_c, -273.15, 1000.0, "the temperature in degrees Celsius"),
         ];
-        for (key, value, low, high, meaning) in checks {
+        let tile = self.black_tile_dn.iter().flatten();
+        let tile = tile.map(|dn| ("black_level_dn", Some(*dn), 0.0, most_dn, "the black levels in DN"));
+        for (key, value, low, high, meaning) in checks.into_iter().chain(tile) {
             if let Some(value) = value.filter(|v| !(low..=high).contains(v)) {
                 return Err(OutOfRange { key, value, low, high, meaning });
             }
@@ -83,6 +88,10 @@ impl RawInfo {
             sensor: self.sensor.or(other.sensor),
             bits: self.bits.or(other.bits),
             cfa: self.cfa.or(other.cfa),
+            // A level that is stated replaces the tile of the file.
+            black_tile_dn: self
+                .black_tile_dn
+                .or(other.black_tile_dn.filter(|_| self.black_level_dn.is_none())),
             black_level_dn: self.black_level_dn.or(other.black_level_dn),
             white_level_dn: self.white_level_dn.or(other.white_level_dn),
             exposure_s: self.exposure_s.or(other.exposure_s),
@@ -91,6 +100,54 @@ impl RawInfo {
             temperature_c: self.temperature_c.or(other.temperature_c),
             companding: self.companding.or(other.companding),
             calibration: self.calibration.or(other.calibration),
+        }
+    }
+}
+
+impl RawInfo {
+    /// The black level of a pixel of a frame, DN, if it is known.
+    pub fn black_at_dn(&self, row: usize, col: usize) -> Option<f64> {
+        match (&self.black_tile_dn, self.cfa) {
+            (Some(tile), Some(cfa)) => {
+                tile.get(row % cfa.rows() * cfa.cols() + col % cfa.cols()).copied().or(self.black_level_dn)
+            }
+            _ => self.black_level_dn,
+        }
+    }
+}
+
+/// Black levels as a file states them: one, or one for each pixel of the tile of the mosaic, row by row.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum BlackLevels {
+    /// One level of all pixels, DN.
+    One(f64),
+    /// One of each pixel of the tile, DN.
+    Tile(Vec<f64>),
+}
+
+impl BlackLevels {
+    /// Mean level, DN; none of no level.
+    pub fn mean_dn(&self) -> Option<f64> {
+        match self {
+            Self::One(dn) => Some(*dn),
+            Self::Tile(dn) => (!dn.is_empty()).then(|| dn.iter().sum::<f64>() / dn.len() as f64),
+        }
+    }
+
+    /// The levels of the tile where they differ.
+    pub fn tile_dn(&self) -> Option<&[f64]> {
+        match self {
+            Self::Tile(dn) if dn.iter().any(|level| *level != dn[0]) => Some(dn),
+            _ => None,
+        }
+    }
+
+    /// Each level.
+    pub fn each_dn(&self) -> &[f64] {
+        match self {
+            Self::One(dn) => std::slice::from_ref(dn),
+            Self::Tile(dn) => dn,
         }
     }
 }

@@ -34,12 +34,12 @@ mod statistics;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 
-pub use calibration::FrameCalibration;
+pub use calibration::{BlackAtGain, FrameCalibration};
 pub use error::RawFileError;
 pub use format::RawFormat;
 use frame::{AnyFrame, Unreadable};
 pub use frame::{RawFrame, shortest};
-pub use info::{MOST_BITS, RawInfo};
+pub use info::{BlackLevels, MOST_BITS, RawInfo};
 pub use packing::{PackedLayout, Packing, PackingError};
 pub use sidecar::{Sidecar, sidecar_path};
 pub use statistics::{ColourStatistics, colour_statistics};
@@ -77,19 +77,28 @@ fn measurable(path: &Path, frame: AnyFrame) -> Result<RawFrame, RawFileError> {
 }
 
 fn load(path: &Path) -> Result<AnyFrame, RawFileError> {
-    let bytes = petzval_base::read_whole(path).map_err(RawFileError::io(path))?;
+    // The sidecar comes first: a packed file that contradicts it is not read.
     let sidecar = Sidecar::beside(path)?;
-    let said = |frame: AnyFrame| with_sidecar(path, sidecar.as_ref(), frame);
-    let content = |error: Unreadable| RawFileError::content(path, error.reason, error.hint);
-    match RawFormat::of(path, &bytes) {
-        Some(RawFormat::Packed(_)) => match &sidecar {
-            Some(sidecar) => Ok(AnyFrame::Narrow(sidecar.unpack(path, &bytes)?)),
-            None => Err(RawFileError::content(
+    let is_packed = matches!(RawFormat::of(path, &[]), Some(RawFormat::Packed(_)));
+    if is_packed {
+        let Some(sidecar) = &sidecar else {
+            // A file that is not there is the nearer cause.
+            petzval_base::open_file(path).map_err(RawFileError::io(path))?;
+            return Err(RawFileError::content(
                 path,
                 format!("no sidecar {} describes how its numbers are packed", sidecar_path(path).display()),
                 sidecar::EXAMPLE,
-            )),
-        },
+            ));
+        };
+        let file = petzval_base::open_file(path).map_err(RawFileError::io(path))?;
+        sidecar.check_length(path, file.metadata().map_err(RawFileError::io(path))?.len())?;
+        let bytes = petzval_base::read_whole(path).map_err(RawFileError::io(path))?;
+        return Ok(AnyFrame::Narrow(sidecar.unpack(path, &bytes)?));
+    }
+    let bytes = petzval_base::read_whole(path).map_err(RawFileError::io(path))?;
+    let said = |frame: AnyFrame| with_sidecar(path, sidecar.as_ref(), frame);
+    let content = |error: Unreadable| RawFileError::content(path, error.reason, error.hint);
+    match RawFormat::of(path, &bytes) {
         Some(RawFormat::Npy) => said(npy::decode(&bytes).map_err(content)?),
         Some(RawFormat::Dng) => said(AnyFrame::Narrow(decode_dng(&bytes).map_err(content)?)),
         Some(RawFormat::Exr) => Err(RawFileError::content(
@@ -97,7 +106,9 @@ fn load(path: &Path) -> Result<AnyFrame, RawFileError> {
             "OpenEXR files are written, not read, as raw frames".to_owned(),
             "convert from the TIFF, PNG, NPY or packed file",
         )),
-        Some(RawFormat::Tiff | RawFormat::Png) | None => said(picture::decode(&bytes).map_err(content)?),
+        Some(RawFormat::Tiff | RawFormat::Png | RawFormat::Packed(_)) | None => {
+            said(picture::decode(&bytes).map_err(content)?)
+        }
     }
 }
 

@@ -191,17 +191,25 @@ impl PackedLayout {
     }
 }
 
+/// Checks the length of a packed file, of which the padding after the last row may be missing.
+pub(super) fn check_length(layout: &PackedLayout, got: u64) -> Result<(), PackingError> {
+    let &PackedLayout { height, width, bits, packing, row_stride_bytes: stride, .. } = layout;
+    let needed = layout.file_bytes()?;
+    let unpadded = needed - (stride - row_bytes(width, bits, packing));
+    if got == needed as u64 || got == unpadded as u64 {
+        return Ok(());
+    }
+    let got = usize::try_from(got).unwrap_or(usize::MAX);
+    Err(PackingError::Length { got, needed, height, width, bits, packing })
+}
+
 /// The digital numbers of a packed file.
 ///
 /// The file must have exactly the bytes of its layout, except that the padding after the last row may be missing.
 pub(super) fn unpack(layout: &PackedLayout, bytes: &[u8]) -> Result<Vec<u16>, PackingError> {
     let &PackedLayout { height, width, bits, packing, row_stride_bytes: stride, .. } = layout;
-    let needed = layout.file_bytes()?;
+    check_length(layout, bytes.len() as u64)?;
     let row = row_bytes(width, bits, packing);
-    let unpadded = needed - (stride - row);
-    if bytes.len() != needed && bytes.len() != unpadded {
-        return Err(PackingError::Length { got: bytes.len(), needed, height, width, bits, packing });
-    }
     let mut dn = Vec::with_capacity(height * width);
     let max = largest_dn(bits);
     for r in 0..height {

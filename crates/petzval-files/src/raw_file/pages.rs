@@ -22,6 +22,7 @@ pub(super) fn is_tiff(bytes: &[u8]) -> bool {
 /// Indices of the full pictures in a file, without thumbnails and masks. If there are only those, the first.
 pub(super) fn pages(file: impl Read + Seek) -> Result<Vec<usize>, Unreadable> {
     let mut tiff = open(file)?;
+    let said = tiff.decoder.get_tag_ascii_string(Tag::ImageDescription).ok().as_deref().and_then(images_said);
     let mut pages = Vec::new();
     for place in 0.. {
         let kind = tiff.decoder.find_tag_unsigned::<u32>(Tag::NewSubfileType).ok().flatten().unwrap_or(0);
@@ -36,7 +37,24 @@ pub(super) fn pages(file: impl Read + Seek) -> Result<Vec<usize>, Unreadable> {
     if pages.is_empty() {
         pages.push(0);
     }
+    if let Some(said) = said.filter(|said| *said > pages.len()) {
+        return Err(cut_off(&format!(
+            "its description says {said} images, and the file has {}",
+            pages.len()
+        )));
+    }
     Ok(pages)
+}
+
+/// How many images the description of a stack says it has: `images=N` by ImageJ, `{"shape": [N, rows, columns]}` by tifffile.
+fn images_said(description: &str) -> Option<usize> {
+    if description.starts_with("ImageJ") {
+        let line = description.lines().find_map(|line| line.trim().strip_prefix("images="));
+        return line?.trim().parse().ok();
+    }
+    let shape = description.split_once("\"shape\":")?.1.trim_start().strip_prefix('[')?.split_once(']')?.0;
+    let sides: Vec<usize> = shape.split(',').map(|side| side.trim().parse().ok()).collect::<Option<_>>()?;
+    (sides.len() == 3).then(|| sides[0])
 }
 
 /// Reads the picture at a place of [`pages`].
@@ -158,4 +176,18 @@ fn refused(reason: String) -> Unreadable {
 
 fn cut_off(what: &str) -> Unreadable {
     Unreadable { reason: format!("cut off: {what}"), hint: "copy the file again; it is incomplete" }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_images_of_a_stack_are_those_of_its_description() {
+        assert_eq!(images_said("ImageJ=1.53t\nimages=100\nslices=100\n"), Some(100));
+        assert_eq!(images_said("{\"shape\": [12, 480, 640]}"), Some(12));
+        for other in ["{\"shape\": [480, 640]}", "a camera", "", "images=3", "ImageJ=1\n", "\"shape\": ["] {
+            assert_eq!(images_said(other), None, "{other}");
+        }
+    }
 }

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use petzval_base::FileError;
 use serde::{Deserialize, Serialize};
 
-use super::info::{MOST_BITS, largest_dn};
-use super::packing::unpack;
+use super::info::{BlackLevels, MOST_BITS, largest_dn};
+use super::packing::{check_length, unpack};
 use super::{PackedLayout, Packing, RawFileError, RawFrame, RawInfo};
 use petzval_camera::isp::Companding;
 use petzval_camera::sensor::CfaPattern;
@@ -14,6 +14,13 @@ use petzval_camera::sensor::CfaPattern;
 /// Hint for a missing sidecar.
 pub(super) const EXAMPLE: &str = "write one beside it, with lines such as: height = 1200, width = 1920, bits = 12, \
                                   packing = \"mipi\" (or \"lsb\", \"u16le\", \"u16be\")";
+
+/// Hint for a packed file whose length is not that of its layout.
+const COMPARE: &str = "compare height, width, bits, packing, row_stride_bytes, header_bytes and footer_bytes of the sidecar \
+                       with what the camera wrote";
+
+/// Largest sidecar that is read, bytes.
+const MOST_BYTES: u64 = 1 << 20;
 
 /// The content of a sidecar: the layout of a packed file, and camera and exposure of any raw file.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -55,7 +62,7 @@ struct Keys {
     #[serde(skip_serializing_if = "Option::is_none")]
     cfa: Option<CfaPattern>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    black_level_dn: Option<f64>,
+    black_level_dn: Option<BlackLevels>,
     #[serde(skip_serializing_if = "Option::is_none")]
     white_level_dn: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -83,7 +90,7 @@ impl Sidecar {
     /// Reads the sidecar of a raw file, if there is one.
     pub fn beside(raw: &Path) -> Result<Option<Self>, RawFileError> {
         let path = sidecar_path(raw);
-        let bytes = match petzval_base::read_whole(&path) {
+        let bytes = match petzval_base::read_at_most(&path, MOST_BYTES) {
             Ok(bytes) => bytes,
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
             Err(error) => return Err(RawFileError::io(&path)(error)),
@@ -102,7 +109,8 @@ impl Sidecar {
             sensor: keys.sensor,
             bits: keys.bits,
             cfa: keys.cfa,
-            black_level_dn: keys.black_level_dn,
+            black_level_dn: keys.black_level_dn.as_ref().and_then(BlackLevels::mean_dn),
+            black_tile_dn: keys.black_level_dn.as_ref().and_then(BlackLevels::tile_dn).map(<[f64]>::to_vec),
             white_level_dn: keys.white_level_dn,
             exposure_s: keys.exposure_s,
             linear_gain: keys.linear_gain,
@@ -111,6 +119,9 @@ impl Sidecar {
             companding: keys.companding,
             calibration: keys.calibration,
         };
+        if let Some(levels) = &keys.black_level_dn {
+            check_black(text, levels, &info)?;
+        }
         check_companding(text, &info)?;
         info.validate().map_err(|wrong| {
             FileError::at_key(text, &[wrong.key], wrong.to_string()).hint(format!("give {}", wrong.meaning))
@@ -179,7 +190,10 @@ impl Sidecar {
             header_bytes: differs(|l| l.header_bytes),
             footer_bytes: differs(|l| l.footer_bytes),
             cfa: self.info.cfa,
-            black_level_dn: self.info.black_level_dn,
+            black_level_dn: match &self.info.black_tile_dn {
+                Some(tile) => Some(BlackLevels::Tile(tile.clone())),
+                None => self.info.black_level_dn.map(BlackLevels::One),
+            },
             white_level_dn: self.info.white_level_dn,
             exposure_s: self.info.exposure_s,
             linear_gain: self.info.linear_gain,
@@ -192,15 +206,23 @@ impl Sidecar {
         toml::to_string(&keys).unwrap_or_default()
     }
 
+    /// The layout of a packed file.
+    fn packed(&self) -> Result<&PackedLayout, RawFileError> {
+        self.layout.as_ref().ok_or_else(|| {
+            let error = FileError::at_key(&self.text, &["packing"], "a packed file needs the key `packing`");
+            RawFileError::sidecar(&self.path, error.hint(EXAMPLE))
+        })
+    }
+
+    /// Refuses a packed file whose length contradicts the sidecar, before any of it is read.
+    pub(super) fn check_length(&self, raw: &Path, bytes: u64) -> Result<(), RawFileError> {
+        check_length(self.packed()?, bytes).map_err(|e| RawFileError::content(raw, e.to_string(), COMPARE))
+    }
+
     /// Unpacks a file according to the sidecar.
     pub(super) fn unpack(&self, raw: &Path, bytes: &[u8]) -> Result<RawFrame, RawFileError> {
-        let Some(layout) = &self.layout else {
-            let error = FileError::at_key(&self.text, &["packing"], "a packed file needs the key `packing`");
-            return Err(RawFileError::sidecar(&self.path, error.hint(EXAMPLE)));
-        };
-        let hint = "compare height, width, bits, packing, row_stride_bytes, header_bytes and footer_bytes of the sidecar \
-                    with what the camera wrote";
-        let dn = unpack(layout, bytes).map_err(|e| RawFileError::content(raw, e.to_string(), hint))?;
+        let layout = self.packed()?;
+        let dn = unpack(layout, bytes).map_err(|e| RawFileError::content(raw, e.to_string(), COMPARE))?;
         let frame = RawFrame { height: layout.height, width: layout.width, dn, info: self.info.clone() };
         self.check_knots(raw, frame)
     }
@@ -256,6 +278,32 @@ impl Sidecar {
             return at("bits", message, "give the bits of the numbers in the file; are they shifted up?");
         }
         self.check_knots(raw, frame)
+    }
+}
+
+/// Refuses levels that are not those of the mosaic's tile.
+fn check_black(text: &str, levels: &BlackLevels, info: &RawInfo) -> Result<(), FileError> {
+    let wrong = |message: String, hint: &str| {
+        Err(FileError::at_key(text, &["black_level_dn"], message).without_value().hint(hint))
+    };
+    let hint = "give one number, or one for each pixel of the tile, row by row: [64, 65, 65, 63] with cfa = \"RGGB\"";
+    let BlackLevels::Tile(tile) = levels else { return Ok(()) };
+    if tile.len() == 1
+        || levels.tile_dn().is_none() && !tile.is_empty() && tile.iter().all(|dn| dn.is_finite())
+    {
+        return Ok(());
+    }
+    let pixels = info.cfa.map(|cfa| cfa.rows() * cfa.cols());
+    match pixels {
+        None => wrong(format!("{} levels, and `cfa` is missing", tile.len()), hint),
+        Some(pixels) if pixels != tile.len() => {
+            wrong(format!("{} levels for a tile of {pixels} pixels", tile.len()), hint)
+        }
+        Some(_) if info.companding.is_some() => wrong(
+            "levels of the tile of a companded frame".to_owned(),
+            "give one level: that after the expansion",
+        ),
+        Some(_) => Ok(()),
     }
 }
 

@@ -20,6 +20,7 @@ fn frame(height: usize, width: usize, bits: u32) -> RawFrame {
             bits: Some(bits),
             cfa: Some("RG/GB".parse().unwrap()),
             black_level_dn: Some(0.5),
+            black_tile_dn: None,
             white_level_dn: Some(f64::from(max)),
             exposure_s: Some(0.0025),
             linear_gain: Some(31.62),

@@ -2,15 +2,17 @@
 
 use std::path::{Path, PathBuf};
 
+use petzval_camera::develop::dark_mean_dn;
 use petzval_camera::isp::{BalanceOptions, ExposureOptions};
 use petzval_camera::isp::{FrameData, MergeOptions, NoiseProfile, RawInput, Statistics};
 use petzval_camera::isp::{auto_balance, auto_exposure_ev, merge_exposures};
-use petzval_camera::sensor::{Colour, Exposure, SensorModel};
+use petzval_camera::sensor::{CfaPattern, Colour, Exposure, SensorModel};
 use petzval_design::assets::Assets;
 use petzval_files::raw_file::{FrameCalibration, RawFileError, RawInfo, load_any_raw, sidecar_path};
 use serde::{Deserialize, Serialize};
 
 use super::named::about_frame;
+use super::pile::pile_up;
 use crate::context::Context;
 use crate::error::JobError;
 
@@ -30,6 +32,18 @@ pub struct FrameOptions {
 
 /// Noise of a frame whose sensor is unknown: 10,000 electrons of white, 4 electrons of read noise.
 const UNKNOWN_NOISE: NoiseProfile = NoiseProfile { shot: 1e-4, read: 1.6e-7 };
+
+/// Exposure time of a frame that states none, s.
+const USUAL_TIME_S: f64 = 0.005;
+
+/// Nodes along a side from which a mesh of shading is fine enough for straight lines between them.
+const FINE_NODES: usize = 33;
+
+/// Difference of a smooth curve from straight lines between nodes that is reported.
+const COARSE: f64 = 0.01;
+
+/// Share of the stated white level below which a pile-up contradicts it.
+const LOW_PILE: f64 = 0.995;
 
 /// Several raw files as one frame.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -118,10 +132,24 @@ fn read_exposure(
     let highest = (1_u32 << bits) - 1;
     let highest =
         f64::from(info.companding.as_ref().map_or(highest, |companding| companding.expand(highest)));
-    let black_dn = calibration.black_dn.or(info.black_level_dn);
-    let black_dn =
-        black_dn.or(sensor.as_ref().map(|s| s.black_level_dn)).ok_or_else(|| missing("black_level_dn"))?;
+    let gain = info.linear_gain.unwrap_or(1.0);
+    let (black_dn, black_tile) = match calibration.black_at(gain) {
+        Some(levels) => tile_of(path, levels, cfa)?,
+        None if calibration.black_dn.is_some() => (calibration.black_dn, None),
+        None => (info.black_level_dn, info.black_tile_dn.clone()),
+    };
+    // The dark of a sensor depends on gain and exposure time.
+    let of_sensor = |sensor: &SensorModel| {
+        let time_s = info.exposure_s.unwrap_or(USUAL_TIME_S) as f32;
+        dark_mean_dn(sensor, &Exposure { white_e: 1.0, time_s, linear_gain: gain as f32 })
+    };
+    let black_dn = black_dn.or(sensor.as_ref().map(of_sensor)).ok_or_else(|| missing("black_level_dn"))?;
     let full_dn = info.white_level_dn.unwrap_or(highest);
+    // A calibration that says where the frame saturates counts.
+    let full_dn = match calibration.saturation {
+        Some(_) => full_dn,
+        None => saturated_dn(&raw.dn, raw.width, cfa, full_dn, info, path, context),
+    };
     let white_dn = calibration.white_dn.unwrap_or(full_dn);
     let check_white = |white_dn: f64| match white_dn > black_dn + 1.0 && white_dn <= 1e8 {
         true => Ok(()),
@@ -139,17 +167,17 @@ fn read_exposure(
     };
     let about = match &sensor {
         Some(sensor) => {
-            let gain = info.linear_gain.unwrap_or(1.0);
             let green: f64 = sensor.response(Colour::Green).iter().sum();
             let exposure = Exposure {
                 white_e: (range / (sensor.gain_dn_per_e * gain * green)) as f32,
-                time_s: info.exposure_s.unwrap_or(0.005) as f32,
+                time_s: info.exposure_s.unwrap_or(USUAL_TIME_S) as f32,
                 linear_gain: gain as f32,
             };
             let about = FrameData::of_sensor(sensor, &exposure)
                 .map_err(|e| JobError::input(format!("{}: {e}", path.display()), ""))?;
-            // The model of a sensor knows nothing of numbers that its converter does not make.
-            let saturation = match info.companding.is_some() || bits > sensor.bits {
+            // The model of a sensor knows nothing of numbers that its converter does not make, or that saturate below it.
+            let is_below = info.white_level_dn.is_some_and(|stated| full_dn < stated);
+            let saturation = match info.companding.is_some() || bits > sensor.bits || is_below {
                 true => saturation(about.response),
                 false => about.saturation,
             };
@@ -180,8 +208,92 @@ fn read_exposure(
         }
     }
     let exposure = info.exposure_s.map(|time_s| time_s * info.linear_gain.unwrap_or(1.0));
-    let frame = RawInput { height: raw.height, width: raw.width, dn: raw.dn, bits: bits.max(8), cfa, about };
+    smooth_shading(&mut about, path, context);
+    let mut dn = raw.dn;
+    if let Some(tile) = black_tile {
+        level_black(&mut dn, raw.width, cfa, &tile, black_dn, full_dn);
+    }
+    let frame = RawInput { height: raw.height, width: raw.width, dn, bits: bits.max(8), cfa, about };
     Ok((frame, exposure))
+}
+
+/// Mean and tile of black levels, one or one for each pixel of the mosaic's tile.
+fn tile_of(
+    path: &Path,
+    levels: Vec<f64>,
+    cfa: CfaPattern,
+) -> Result<(Option<f64>, Option<Vec<f64>>), JobError> {
+    let pixels = cfa.rows() * cfa.cols();
+    match levels.len() {
+        1 => Ok((levels.first().copied(), None)),
+        count if count == pixels => Ok((Some(levels.iter().sum::<f64>() / count as f64), Some(levels))),
+        count => Err(JobError::input(
+            format!(
+                "{}: its calibration has {count} black levels at a gain, and {cfa} has {pixels} pixels",
+                path.display()
+            ),
+            "give one black level, or one for each pixel of the tile, row by row",
+        )),
+    }
+}
+
+/// Moves the digital numbers of each pixel of the tile so that all of them have the same black level, to half a digital number. Saturated
+/// pixels stay as they are, and none becomes saturated or less than zero.
+fn level_black(dn: &mut [u32], width: usize, cfa: CfaPattern, tile: &[f64], black_dn: f64, full_dn: f64) {
+    let moves: Vec<i64> = tile.iter().map(|level| (black_dn - level).round() as i64).collect();
+    for (row, line) in dn.chunks_exact_mut(width).enumerate() {
+        for (col, dn) in line.iter_mut().enumerate() {
+            let by = moves[row % cfa.rows() * cfa.cols() + col % cfa.cols()];
+            if f64::from(*dn) < full_dn {
+                *dn = (i64::from(*dn) + by).clamp(0, full_dn as i64) as u32;
+            }
+        }
+    }
+}
+
+/// Replaces a coarse mesh of shading by a smooth one through its nodes, and says how much that changes.
+fn smooth_shading(about: &mut FrameData, path: &Path, context: &Context) {
+    let Some(mesh) = about.shading.as_mut().filter(|mesh| mesh.rows.min(mesh.cols) < FINE_NODES) else {
+        return;
+    };
+    let (fine, difference) = mesh.refined(FINE_NODES);
+    let nodes = format!("{}: its shading mesh has {} x {} nodes", path.display(), mesh.rows, mesh.cols);
+    if mesh.rows.min(mesh.cols) < 3 {
+        context.warning(format!(
+            "{nodes}: how the light falls between two nodes is unknown, and a ramp is corrected; give 5 or more nodes a side"
+        ));
+    } else if difference > COARSE {
+        context.warning(format!(
+            "{nodes}: between them a smooth curve is corrected, which differs from straight lines by up to {:.1} %; more nodes say more",
+            100.0 * difference
+        ));
+    }
+    *mesh = fine;
+}
+
+/// The digital number at which the pixels of a frame saturate: that which is stated, or a lower one at which those of a colour pile up.
+fn saturated_dn(
+    dn: &[u32],
+    width: usize,
+    cfa: CfaPattern,
+    stated_dn: f64,
+    info: &RawInfo,
+    path: &Path,
+    context: &Context,
+) -> f64 {
+    if info.companding.is_some() {
+        return stated_dn;
+    }
+    let Some(pile) = pile_up(dn, width, cfa).filter(|pile| f64::from(pile.dn) < LOW_PILE * stated_dn) else {
+        return stated_dn;
+    };
+    context.warning(format!(
+        "{}: {} pixels have the largest number, {} DN, below the white level of {stated_dn} DN: they are taken as saturated, or highlights would be coloured; state it with `white_level_dn`",
+        path.display(),
+        pile.pixels,
+        pile.dn
+    ));
+    f64::from(pile.dn)
 }
 
 /// The calibration that the sidecar of a frame names.

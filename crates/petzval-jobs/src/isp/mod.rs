@@ -5,6 +5,7 @@ pub mod develop;
 pub mod external;
 mod frame;
 mod named;
+mod pile;
 pub mod show;
 pub mod tune;
 

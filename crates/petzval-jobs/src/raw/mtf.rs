@@ -6,7 +6,9 @@ use std::path::{Path, PathBuf};
 use petzval_camera::sensor::CfaPattern;
 use petzval_files::load_image;
 use petzval_files::raw_file::{RawFrame, holds_digital_numbers, load_raw};
-use petzval_lab::edge_mtf::{Channel, EdgeMtf, edge_mtf, find_edges, picture_channels, raw_channels};
+use petzval_lab::edge_mtf::{
+    Channel, EdgeMtf, RegionPicture, edge_mtf, find_edges, picture_channels, raw_channels,
+};
 use petzval_report::mtf_sheet::{EdgePanel, mtf_svg};
 use serde::{Deserialize, Serialize};
 
@@ -99,9 +101,16 @@ struct Frame {
     channels: Vec<Channel>,
     light: Light,
     pixel_um: Option<f64>,
-    /// Digital number of saturation, above black.
-    white: Option<f64>,
+    /// Least and largest value that a pixel can have, where they are known: at these light may be cut off.
+    ends: [Option<f64>; 2],
 }
+
+/// The ends in words, and the share of pixels at one of them from which there is a warning.
+const ENDS: [&str; 2] = ["the least value", "the white level"];
+const CLIPPED_SHARE: f64 = 0.005;
+
+/// Change of the light across a region that is said, of its level.
+const SAID_FALL: f64 = 0.03;
 
 /// Reads the frame, measures its edges, and writes the files.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
@@ -128,7 +137,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             .map(|region| measured(region, &frame, context))
             .collect::<Result<Vec<_>, _>>()?,
     };
-    warn_of_saturation(&edges, &frame, context);
+    warn(&edges, &frame, context);
     let mut response = Response {
         file: request.file.display().to_string(),
         height: frame.height,
@@ -141,7 +150,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     if let Some(out) = &request.out {
         make_folder(out)?;
         response.files = FILES.iter().map(|name| out.join(name)).collect();
-        let contents = [csv(&response), json(&response)?, plot(&response)];
+        let contents = [csv(&response), json(&response)?, plot(&response, &frame)];
         for (path, content) in response.files.iter().zip(contents) {
             write_file(path, content)?;
         }
@@ -172,7 +181,8 @@ fn read(request: &Request, context: &Context) -> Result<Frame, JobError> {
         channels: picture_channels(&picture.light),
         light: if picture.is_linear { Light::Linear } else { Light::SrgbUndone },
         pixel_um: request.pixel_um,
-        white: None,
+        // Whole numbers of a picture end at black and white; floats have no end.
+        ends: if picture.is_linear { [None; 2] } else { [Some(0.0), Some(1.0)] },
     })
 }
 
@@ -186,7 +196,11 @@ fn read_raw(request: &Request, raw: RawFrame, context: &Context) -> Result<Frame
     });
     // An unknown black level moves the levels and leaves the response.
     let black = raw.info.black_level_dn.unwrap_or(0.0);
-    let values: Vec<f32> = raw.dn.iter().map(|dn| (f64::from(*dn) - black) as f32).collect();
+    let tile = raw.info.black_tile_dn.iter().flatten().copied();
+    let least_black = tile.fold(black, f64::min);
+    let black_at = |i: usize| raw.info.black_at_dn(i / raw.width, i % raw.width).unwrap_or(0.0);
+    let values: Vec<f32> =
+        raw.dn.iter().enumerate().map(|(i, dn)| (f64::from(*dn) - black_at(i)) as f32).collect();
     let channels = raw_channels(&values, raw.width, cfa).ok_or_else(|| {
         JobError::input(
             format!("{name}: the mosaic {cfa} is not measured: its colours do not repeat after 1 or 2 pixels in rows and columns"),
@@ -204,7 +218,7 @@ fn read_raw(request: &Request, raw: RawFrame, context: &Context) -> Result<Frame
         channels,
         light: Light::Raw,
         pixel_um: request.pixel_um.or(raw.info.pixel_um),
-        white: white.map(|white| white - black),
+        ends: [Some(-least_black), white.map(|white| white - black)],
     })
 }
 
@@ -250,17 +264,33 @@ fn found(file: &Path, frame: &Frame) -> Result<Vec<Edge>, JobError> {
     }
 }
 
-/// Warns of edges whose bright side is saturated: the clipped profile is steeper than the light.
-fn warn_of_saturation(edges: &[Edge], frame: &Frame, context: &Context) {
-    /// Share of the white level from which noise begins to be clipped.
-    const NEAR: f64 = 0.98;
-    let Some(white) = frame.white else { return };
+/// Warns of what the figures of an edge depend on: pixels at an end of the numbers, light that was divided out, pixels that were left out.
+fn warn(edges: &[Edge], frame: &Frame, context: &Context) {
     for edge in edges {
-        for mtf in edge.channels.iter().filter(|mtf| mtf.levels[1] > NEAR * white) {
-            context.warning(format!(
-                "region {}: the bright side is saturated in {}: its response is too high",
-                edge.region, mtf.channel
-            ));
+        for mtf in &edge.channels {
+            let of = format!("region {}: {}", edge.region, mtf.channel);
+            if let Some(channel) = frame.channels.iter().find(|channel| channel.name == mtf.channel) {
+                for (share, end) in channel.shares_at(&edge.region, frame.ends).into_iter().zip(ENDS) {
+                    if share > CLIPPED_SHARE {
+                        context.warning(format!(
+                            "{of}: {:.1} % of the pixels are at {end}: if light was cut off there, the response is wrong",
+                            100.0 * share
+                        ));
+                    }
+                }
+            }
+            if let Some(fall) = mtf.light_fall.filter(|fall| *fall > SAID_FALL) {
+                context.note(format!(
+                    "{of}: the light changes by {:.0} % of its level across the region; this is divided out",
+                    100.0 * fall
+                ));
+            }
+            if mtf.left_out > 0 {
+                context.warning(format!(
+                    "{of}: {} pixels that do not fit the profile are left out",
+                    mtf.left_out
+                ));
+            }
         }
     }
 }
@@ -269,27 +299,37 @@ fn warn_of_saturation(edges: &[Edge], frame: &Frame, context: &Context) {
 fn csv(response: &Response) -> String {
     let mut text = "row_px,col_px,height_px,width_px,channel,frequency_cycles_per_px".to_owned();
     text += if response.pixel_um.is_some() { ",frequency_cycles_per_mm" } else { "" };
-    text += ",modulation\n";
+    text += ",modulation,standard_error\n";
     for Edge { region, channels } in &response.edges {
         for mtf in channels {
-            for (frequency, modulation) in mtf.frequency_per_px.iter().zip(&mtf.modulation) {
+            let errors = &mtf.standard_errors.modulation;
+            for ((frequency, modulation), error) in
+                mtf.frequency_per_px.iter().zip(&mtf.modulation).zip(errors)
+            {
                 let on_sensor =
                     response.pixel_um.map_or(String::new(), |um| format!(",{}", per_mm(*frequency, um)));
                 let channel = &mtf.channel;
-                let _ = writeln!(text, "{region},{channel},{frequency}{on_sensor},{modulation}");
+                let _ = writeln!(text, "{region},{channel},{frequency}{on_sensor},{modulation},{error}");
             }
         }
     }
     text
 }
 
-fn plot(response: &Response) -> String {
-    let panels: Vec<EdgePanel> = response
-        .edges
-        .iter()
-        .map(|edge| EdgePanel { region: edge.region, channels: edge.channels.iter().collect() })
-        .collect();
+fn plot(response: &Response, frame: &Frame) -> String {
+    let panels: Vec<EdgePanel> = response.edges.iter().map(|edge| panel(edge, frame)).collect();
     let name =
         Path::new(&response.file).file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
     mtf_svg(&format!("{name}: {}", response.light.words()), &panels)
+}
+
+/// An edge as the sheet shows it.
+fn panel<'a>(edge: &'a Edge, frame: &Frame) -> EdgePanel<'a> {
+    let first = edge.channels.first();
+    let channel = frame.channels.iter().find(|channel| first.is_some_and(|mtf| mtf.channel == channel.name));
+    EdgePanel {
+        region: edge.region,
+        channels: edge.channels.iter().collect(),
+        picture: channel.and_then(|channel| RegionPicture::of(channel, &edge.region)),
+    }
 }

@@ -4,7 +4,7 @@ use petzval_camera::render::Window;
 use petzval_camera::spectral::EdgeTarget;
 use serde::{Deserialize, Serialize};
 
-use crate::sfr::{EdgeResponse, Plane, Sfr, slanted_edge};
+use crate::sfr::{EdgeResponse, Estimate, Plane, Sfr, slanted_edge};
 
 /// Sharpness at an edge target: means over its four sides, of the linear luminance.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -15,14 +15,24 @@ pub struct EdgeFigures {
     pub field: f64,
     /// Where half of the modulation is left, cycles per pixel; none if more is left up to 1.
     pub mtf50_per_px: Option<f64>,
+    /// Its standard error from the noise of the pixels, cycles per pixel.
+    pub mtf50_standard_error: Option<f64>,
     /// Modulation across upright edges at 0, 0.01, ... 1 cycles per pixel; empty where no side could be measured.
     pub across_upright: Vec<f64>,
     /// Modulation across lying edges.
     pub across_lying: Vec<f64>,
+    /// Standard errors of the modulation across upright edges.
+    pub across_upright_error: Vec<f64>,
+    /// Standard errors of the modulation across lying edges.
+    pub across_lying_error: Vec<f64>,
     /// Overshoot above the bright level, of the step.
     pub overshoot: f64,
     /// Undershoot below the dark level, of the step.
     pub undershoot: f64,
+    /// Standard errors of overshoot and undershoot, of the step.
+    pub overshoot_error: [f64; 2],
+    /// The profile of the first side: distance from the edge, pixels, and value from 0, dark, to 1, bright.
+    pub profile: Vec<(f64, f64)>,
     /// Why sides could not be measured.
     pub failures: Vec<String>,
 }
@@ -43,19 +53,32 @@ pub(super) fn edge_figures(
     let [upright, lying] = [sides(&target.upright), sides(&target.lying)];
     let mean = |of: &[&EdgeResponse]| Sfr::mean(&of.iter().map(|side| &side.sfr).collect::<Vec<_>>());
     let all: Vec<&EdgeResponse> = upright.iter().chain(&lying).collect();
+    let count = all.len().max(1) as f64;
     let over_all =
-        |of: fn(&EdgeResponse) -> f64| all.iter().map(|side| of(side)).sum::<f64>() / all.len().max(1) as f64;
-    let modulation = |sides: &[EdgeResponse]| {
-        mean(&sides.iter().collect::<Vec<_>>()).map(|sfr| sfr.modulation).unwrap_or_default()
+        |of: fn(&EdgeResponse) -> Estimate| all.iter().map(|side| of(side).value).sum::<f64>() / count;
+    let error = |of: fn(&EdgeResponse) -> Estimate| {
+        all.iter().map(|side| of(side).standard_error.powi(2)).sum::<f64>().sqrt() / count
     };
+    let of_sides = |sides: &[EdgeResponse]| {
+        let sfr = mean(&sides.iter().collect::<Vec<_>>());
+        sfr.map(|sfr| (sfr.modulation, sfr.standard_error)).unwrap_or_default()
+    };
+    let mtf50 = mean(&all).and_then(|sfr| sfr.mtf50());
+    let (across_upright, across_upright_error) = of_sides(&upright);
+    let (across_lying, across_lying_error) = of_sides(&lying);
     EdgeFigures {
         contrast: target.contrast.name().to_owned(),
         field: target.field,
-        mtf50_per_px: mean(&all).and_then(|sfr| sfr.mtf50()),
-        across_upright: modulation(&upright),
-        across_lying: modulation(&lying),
+        mtf50_per_px: mtf50.map(|at| at.frequency),
+        mtf50_standard_error: mtf50.map(|at| at.standard_error),
+        across_upright,
+        across_lying,
+        across_upright_error,
+        across_lying_error,
         overshoot: over_all(|side| side.overshoot),
         undershoot: over_all(|side| side.undershoot),
+        overshoot_error: [error(|side| side.overshoot), error(|side| side.undershoot)],
+        profile: all.first().map(|side| side.profile.clone()).unwrap_or_default(),
         failures,
     }
 }

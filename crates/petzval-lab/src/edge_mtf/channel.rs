@@ -21,6 +21,26 @@ pub struct Channel {
     pub planes: Vec<SampledPlane>,
 }
 
+impl Channel {
+    /// Shares of the pixels of a region at or below the least value, and at or above the largest; 0 where that is not known.
+    pub fn shares_at(&self, region: &Region, ends: [Option<f64>; 2]) -> [f64; 2] {
+        let mut counts = [0_usize; 3];
+        for plane in &self.planes {
+            let window = plane.window(region, self.pitch);
+            for row in window.placement.row..window.placement.row + window.height {
+                let start = row * plane.width + window.placement.col;
+                for value in plane.values.get(start..start + window.width).unwrap_or_default() {
+                    let value = f64::from(*value);
+                    counts[0] += usize::from(ends[0].is_some_and(|least| value <= least));
+                    counts[1] += usize::from(ends[1].is_some_and(|largest| value >= largest));
+                    counts[2] += 1;
+                }
+            }
+        }
+        [counts[0], counts[1]].map(|count| count as f64 / counts[2].max(1) as f64)
+    }
+}
+
 /// Values at every `pitch`-th pixel of every `pitch`-th row of a frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SampledPlane {
@@ -63,6 +83,11 @@ impl SampledPlane {
             height: at(region.row + region.height, self.start[0]) - row,
             width: at(region.col + region.width, self.start[1]) - col,
         }
+    }
+
+    /// A place of the plane, row and column in its pixels from the upper left corner, in those of the frame.
+    pub fn in_frame(&self, place: [f64; 2], pitch: usize) -> [f64; 2] {
+        [0, 1].map(|k| self.start[k] as f64 + 0.5 + pitch as f64 * (place[k] - 0.5))
     }
 
     /// The region of the frame around a window of the plane.

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::channel::Channel;
 use super::region::Region;
-use crate::sfr::{EdgeResponse, slanted_edge};
+use crate::sfr::{EdgeResponse, may_be_edge, slanted_edge};
 
 /// Side of a window, and the step from one window to the next, in values of the plane.
 const SIDE: usize = 48;
@@ -18,6 +18,9 @@ const MOST: usize = 20;
 const LARGEST_SCATTER: f64 = 0.05;
 const LARGEST_ROUGHNESS_PX: f64 = 0.25;
 
+/// Largest distance of the edge's path from a straight line, pixels.
+const LARGEST_SAGITTA_PX: f64 = 1.0;
+
 /// Inclinations to the nearer axis, degrees: nearly along it an edge meets few fractions of a pixel, and borders of a picture's objects often lie so.
 const ANGLES_DEG: std::ops::RangeInclusive<f64> = 3.0..=20.0;
 
@@ -27,8 +30,11 @@ const LEVEL_BAND: f64 = 0.1;
 /// Shortest profile on either side of the edge, in values of the plane: shorter ones cut its blur off.
 const LEAST_HALF: f64 = 12.0;
 
+/// Windows that are measured at a time.
+const AT_A_TIME: usize = 16;
+
 /// Regions of slanted edges that do not overlap, in the order of the frame, found in the first plane of a channel. Of overlapping windows
-/// the one counts whose edge is nearest its middle, then the one with the least scatter.
+/// the one counts whose edge is nearest its middle.
 pub fn find_edges(channel: &Channel) -> Vec<Region> {
     let Some(plane) = channel.planes.first() else { return Vec::new() };
     let steps = |whole: usize| (0..(whole + 1).saturating_sub(SIDE)).step_by(STEP);
@@ -37,21 +43,31 @@ pub fn find_edges(channel: &Channel) -> Vec<Region> {
         .flat_map(|row| steps(width).map(move |col| Placement { row, col }))
         .map(|placement| Window { placement, height: SIDE, width: SIDE })
         .collect();
-    let mut found: Vec<(EdgeResponse, Region)> = windows
-        .par_iter()
+    // A quick look leaves few windows to be measured, those with an edge near their middle first.
+    let mut likely: Vec<(f64, Window)> = windows
+        .into_par_iter()
         .filter_map(|window| {
-            let response = slanted_edge(&plane.as_plane(), window).ok().filter(is_clean)?;
-            Some((response, plane.region(window, channel.pitch)))
+            let values = plane.as_plane();
+            let nearest = may_be_edge(&values, &window, &ANGLES_DEG, LEAST_HALF, LARGEST_ROUGHNESS_PX)?;
+            Some((nearest, window))
         })
         .collect();
-    found.sort_by(|(a, _), (b, _)| {
-        let half = |of: &EdgeResponse| of.profile.len();
-        half(b).cmp(&half(a)).then(a.scatter.total_cmp(&b.scatter))
-    });
+    likely.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut kept: Vec<Region> = Vec::new();
-    for (_, region) in found {
-        if kept.len() < MOST && kept.iter().all(|other| !other.overlaps(&region)) {
-            kept.push(region);
+    let is_free = |kept: &[Region], region: &Region| kept.iter().all(|other| !other.overlaps(region));
+    let mut left = likely.into_iter().map(|(_, window)| window).peekable();
+    while kept.len() < MOST && left.peek().is_some() {
+        let free = left.by_ref().filter(|window| is_free(&kept, &plane.region(window, channel.pitch)));
+        let some: Vec<Window> = free.take(AT_A_TIME).collect();
+        let clean: Vec<Region> = some
+            .par_iter()
+            .filter(|window| slanted_edge(&plane.as_plane(), window).is_ok_and(|edge| is_clean(&edge)))
+            .map(|window| plane.region(window, channel.pitch))
+            .collect();
+        for region in clean {
+            if kept.len() < MOST && is_free(&kept, &region) {
+                kept.push(region);
+            }
         }
     }
     kept.sort_by_key(|region| (region.row, region.col));
@@ -68,7 +84,8 @@ fn is_clean(edge: &EdgeResponse) -> bool {
     });
     half > LEAST_HALF
         && is_even
-        && ANGLES_DEG.contains(&edge.angle_deg.abs())
+        && ANGLES_DEG.contains(&edge.angle_deg.value.abs())
         && edge.scatter < LARGEST_SCATTER
         && edge.roughness_px < LARGEST_ROUGHNESS_PX
+        && edge.sagitta_px < LARGEST_SAGITTA_PX
 }

@@ -32,6 +32,17 @@ impl Counts {
         self.first_dn + self.counts.len().saturating_sub(1) as u32
     }
 
+    /// The least digital number that a share of the samples, 0 to 1, does not exceed.
+    pub fn quantile_dn(&self, share: f64) -> u32 {
+        let wanted = share * self.total() as f64;
+        let mut below = 0;
+        let place = self.counts.iter().position(|count| {
+            below += count;
+            below as f64 >= wanted
+        });
+        self.first_dn + place.unwrap_or(0) as u32
+    }
+
     /// Occurrences of one digital number.
     pub fn at(&self, dn: i64) -> u64 {
         usize::try_from(dn - i64::from(self.first_dn))

@@ -144,12 +144,14 @@ impl FrameFlags {
         };
         let deviations: Vec<Deviations> =
             found.block_deviations_dn.iter().map(|d| Deviations::of(d, &found.block_pixels)).collect();
+        // A clipped frame does not show what moved.
+        let is_full = found.all.is_clipped_at_max(((1_u64 << captures.sensor.bits) - 1) as u32);
         let is_mono = captures.sensor.cfa.rows() * captures.sensor.cfa.cols() == 1;
         Self {
             label: point.label(),
             clipped_at_zero: found.all.is_clipped_at_zero().then_some(found.all.share_at_zero),
             flicker: flicker(found, &deviations, drift_dn),
-            moved: movement(found, &deviations, drift_dn, block_lines_dn2),
+            moved: movement(found, &deviations, drift_dn, block_lines_dn2).filter(|_| !is_full),
             light_leak_dn: light_leak_dn(found, block_lines_dn2).filter(|_| point.kind == Kind::Dark),
             uneven_percent: uneven_percent(found, black_dn, block_lines_dn2)
                 .filter(|_| point.kind == Kind::Flat && is_mono),
@@ -221,16 +223,13 @@ fn flicker(found: &PointStatistics, deviations: &[Deviations], drift_dn: f64) ->
 
 /// Finds the part of a frame that differs most from the other frames, beyond noise and the difference of the whole frame: a block
 /// that differs from its row and its column of blocks, or a whole row or column of blocks that differs by more than the noise that
-/// neighbouring rows have, and by more than rows of blocks differ at the other points of this gain. Clipped frames have none.
+/// neighbouring rows have, and by more than rows of blocks differ at the other points of this gain.
 fn movement(
     found: &PointStatistics,
     deviations: &[Deviations],
     drift_dn: f64,
     block_lines_dn2: [f64; 2],
 ) -> Option<Movement> {
-    if found.all.is_clipped_at_max() {
-        return None;
-    }
     let (frames, blocks) = (found.frames as f64, BLOCKS as f64);
     let of_others = frames / (frames - 1.0);
     let [row_dn2, column_dn2] = found.all.line_noise.certain_dn2();

@@ -87,23 +87,39 @@ impl Moments {
         squares.sum::<f64>() / self.histogram.total() as f64
     }
 
-    /// Whether the distribution of the samples is cut off at digital number 0: samples are at 0, and the mean is so
-    /// near that they are not dead pixels.
+    /// Whether the distribution of the samples is cut off at digital number 0: samples are at 0, and the bulk of them is so near that
+    /// they are not dead pixels.
     pub fn is_clipped_at_zero(&self) -> bool {
-        self.share_at_zero > CLIPPED_SHARE && self.mean_dn < 8.0 * self.total_variance_dn2().sqrt()
+        let [low, median, _] = self.bulk_dn();
+        self.share_at_zero > CLIPPED_SHARE && (low == 0.0 || median < BULK_SIGMAS * (median - low))
     }
 
-    /// Whether samples are at the largest digital number of the converter.
-    pub fn is_clipped_at_max(&self) -> bool {
-        self.share_at_max > CLIPPED_SHARE
+    /// Whether the distribution of the samples is cut off at a digital number, the largest of the converter: samples are there, and the bulk
+    /// of them is so near that they are not stuck pixels.
+    pub fn is_clipped_at_max(&self, largest_dn: u32) -> bool {
+        self.share_at_max > CLIPPED_SHARE && self.reaches(largest_dn)
     }
 
-    /// Whether the samples come near a digital number: the mean lies within eight standard deviations below it. Samples further
-    /// off are those of stuck pixels.
+    /// Whether the bulk of the samples comes near a digital number: their median lies within eight standard deviations below it. Samples
+    /// further off are those of stuck pixels.
     pub fn reaches(&self, dn: u32) -> bool {
-        self.mean_dn >= f64::from(dn) - 8.0 * self.total_variance_dn2().sqrt()
+        let [_, median, high] = self.bulk_dn();
+        let dn = f64::from(dn);
+        high >= dn || median + BULK_SIGMAS * (high - median).max(RESOLVED_DN) >= dn
+    }
+
+    /// The digital numbers one standard deviation of a normal distribution below its median, at it, and one above. A dead column or
+    /// stuck pixels, which widen the variance without end, hardly move them.
+    fn bulk_dn(&self) -> [f64; 3] {
+        [0.158_655, 0.5, 0.841_345].map(|share| f64::from(self.histogram.quantile_dn(share)))
     }
 }
+
+/// Standard deviations from the median within which samples belong to the distribution.
+const BULK_SIGMAS: f64 = 8.0;
+
+/// Least standard deviation that whole digital numbers resolve, DN: that of their rounding.
+const RESOLVED_DN: f64 = 0.29;
 
 /// The sum of the frames of a stack, pixel by pixel.
 #[derive(Debug, Clone, PartialEq)]

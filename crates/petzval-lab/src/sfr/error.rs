@@ -1,19 +1,41 @@
 //! Why an edge cannot be measured.
 
+/// A side of an edge.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// The dark one.
+    Dark,
+    /// The bright one.
+    Bright,
+}
+
+impl Side {
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Dark => "dark",
+            Self::Bright => "bright",
+        }
+    }
+}
+
 /// Why the window of an edge has no response.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SfrError {
     /// The window leaves the plane.
     #[error("the window leaves the picture")]
     Outside,
+    /// A value is infinite or not a number.
+    #[error("the window holds values that are no numbers")]
+    NotFinite,
     /// The window is too small.
     #[error(
         "{along} rows along the edge and {across} pixels on either side of it: at least {} and {} are needed",
-        super::limits::LEAST_ROWS,
+        super::limits::LEAST_SIDE,
         super::limits::LEAST_HALF
     )]
     Small {
-        /// Rows.
+        /// Rows that the edge crosses.
         along: usize,
         /// Pixels between the edge and the nearer end of the window.
         across: usize,
@@ -21,13 +43,31 @@ pub enum SfrError {
     /// There is no step from dark to bright.
     #[error("no edge: the two sides differ by less than their noise")]
     NoEdge,
-    /// The inclination leaves too few or too many fractions of a pixel.
+    /// The pixels sample the edge at too few distances.
     #[error(
-        "an edge at {deg:.1} degrees: it must be inclined by a pixel over its length, and by less than {} degrees",
-        super::limits::STEEPEST_DEG
+        "an edge at {deg:.1} degrees: the pixels sample it every {gap_px:.2} pixels, too coarse for its response; incline it by a pixel or more over its length, and not by 45 degrees"
     )]
     Angle {
         /// Inclination, degrees.
         deg: f64,
+        /// Largest gap between the distances of the pixels from the edge, pixels.
+        gap_px: f64,
+    },
+    /// The sides are not even: a second edge, a texture, a corner.
+    #[error(
+        "not one edge between two even sides: beyond the blur the values leave their level by {:.0} % of the step; a second edge, a corner or a texture is in the window",
+        100.0 * .deviation
+    )]
+    Uneven {
+        /// Largest deviation of a side from its level, of the step.
+        deviation: f64,
+    },
+    /// A side ends at one value.
+    #[error("the {} side is clipped: {:.0} % of its pixels have the same value, while the edge has noise or ends abruptly", .side.name(), 100.0 * .share)]
+    Clipped {
+        /// Which.
+        side: Side,
+        /// Share of its pixels at the extreme value.
+        share: f64,
     },
 }

@@ -1,32 +1,61 @@
 //! Spatial frequency response from a slanted edge (e-SFR, ISO 12233).
 //!
 //! ```text
-//! rows across the edge -> centroid of the derivative of each -> straight line
-//!     -> distance of every pixel from the line -> means over quarters of a pixel: edge spread function
-//!     -> derivative: line spread function -> window -> Fourier transform -> SFR
+//! pixels -> the straight step that explains most -> path of the edge: a line or a curve, by all pixels
+//!     -> light of both sides, and what changes across the region -> distance of every pixel from the path
+//!     -> spline through all pixels: edge spread function -> defects left out, path refined
+//!     -> derivative: line spread function -> window -> Fourier transform -> SFR, with standard errors
 //! ```
 //!
 //! An edge that is inclined to the columns crosses them at every fraction of a pixel, so that its profile is sampled more finely than the
-//! pixels are. The picture has to be linear in light. Any plane serves: the luminance of a developed picture, or every second row and column
-//! of a raw frame, whose frequencies are then in cycles per two pixels.
+//! pixels are. Every pixel counts at its own distance from the edge; no bins are made. The picture has to be linear in light. Any plane
+//! serves: the luminance of a developed picture, or every second row and column of a raw frame, whose frequencies are then in cycles per two
+//! pixels.
 
-mod edge;
+mod clipping;
+mod defects;
 mod error;
+mod fit;
 mod limits;
+mod path;
 mod plane;
 mod profile;
+mod region;
 mod response;
+mod screen;
+mod search;
+mod sides;
+mod spline;
 #[cfg(test)]
 mod tests;
 
 use petzval_camera::render::Window;
 
-use self::edge::{Line, Rows};
+use self::fit::fit_edge;
+use self::limits::{LEAST_HALF, LEAST_SIDE};
 use self::profile::Profile;
+use self::region::{Pixels, Region};
+use self::search::best_step;
 
-pub use error::SfrError;
+pub use error::{SfrError, Side};
 pub use plane::Plane;
-pub use response::{FREQUENCY_STEP, Sfr};
+pub use response::{Crossing, FREQUENCY_STEP, Sfr};
+pub(crate) use screen::may_be_edge;
+
+/// Standard errors by which the step of an edge exceeds none.
+const LEAST_STEP_SIGMAS: f64 = 8.0;
+
+/// Points of the path that are returned.
+const PATH_POINTS: usize = 33;
+
+/// A figure with its standard error from the noise of the pixels.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Estimate {
+    /// The figure.
+    pub value: f64,
+    /// Its standard error.
+    pub standard_error: f64,
+}
 
 /// What an edge says about the picture.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,43 +64,78 @@ pub struct EdgeResponse {
     pub sfr: Sfr,
     /// Whether the edge stands, nearly along the columns; otherwise it lies, nearly along the rows.
     pub is_upright: bool,
-    /// Inclination of the edge to the nearer axis of the pixels, degrees.
-    pub angle_deg: f64,
-    /// Root mean square distance of the edge from a straight line, row by row, pixels.
+    /// Inclination of the edge to the nearer axis of the pixels in the middle of the window, degrees.
+    pub angle_deg: Estimate,
+    /// Root mean square distance of the edge from its path, row by row, pixels.
     pub roughness_px: f64,
-    /// Root mean square deviation of the pixels from the profile, of the step: noise, and whatever is in the window beside one straight edge.
+    /// Largest distance of the path from a straight line between its ends, pixels.
+    pub sagitta_px: f64,
+    /// Root mean square deviation of the pixels from the profile, of the step: noise, and whatever is in the window beside one edge.
     pub scatter: f64,
-    /// Values of the dark and of the bright side.
-    pub levels: [f64; 2],
+    /// Values of the dark and of the bright side, at the middle of the edge.
+    pub levels: [Estimate; 2],
     /// How far the profile rises above the bright level, of the step.
-    pub overshoot: f64,
+    pub overshoot: Estimate,
     /// How far the profile falls below the dark level, of the step.
-    pub undershoot: f64,
+    pub undershoot: Estimate,
+    /// Largest change of the light across the window, of the bright level, which is divided out; none if the light is even.
+    pub light_fall: Option<f64>,
+    /// Pixels that are left out as defects.
+    pub left_out: usize,
     /// The profile from dark, 0, to bright, 1: distance from the edge in pixels, and value.
     pub profile: Vec<(f64, f64)>,
+    /// The path of the edge: row and column of the window, in pixels from its upper left corner.
+    pub path: Vec<[f64; 2]>,
 }
 
-/// Measures the edge in a window of a plane. It may be nearly vertical or nearly horizontal, and bright on either side; it must cross the
-/// window from end to end and be inclined by at least a pixel over its length.
+/// Measures the edge in a window of a plane. It may have any direction, be bright on either side, be curved, and leave the window through a
+/// corner. Light that falls across the window is divided out, and pixels that do not belong to the profile are left out.
 pub fn slanted_edge(plane: &Plane, window: &Window) -> Result<EdgeResponse, SfrError> {
-    let rows = Rows::across_edge(plane, window)?;
-    let line = Line::through(&rows)?;
-    let profile = Profile::about(&rows, &line)?;
-    let sfr = Sfr::of(&profile);
-    let [dark, bright] = profile.levels();
-    let step = bright - dark;
-    let relative: Vec<(f64, f64)> = profile.points().map(|(at, v)| (at, (v - dark) / step)).collect();
-    let (lowest, highest) =
-        relative.iter().fold((0.0_f64, 1.0_f64), |(low, high), (_, v)| (low.min(*v), high.max(*v)));
+    let pixels = Pixels::of(plane, window)?;
+    let guess = best_step(&pixels).ok_or(SfrError::NoEdge)?;
+    let is_upright = guess.normal[0].abs() >= guess.normal[1].abs();
+    let across = if is_upright { guess.normal[0] } else { guess.normal[1] };
+    let region = Region::turned(&pixels, is_upright, across < 0.0);
+    let fit = fit_edge(&region, &guess).ok_or(SfrError::NoEdge)?;
+    if !(fit.step > LEAST_STEP_SIGMAS * fit.step_error) {
+        return Err(SfrError::NoEdge);
+    }
+    let crossed = (0..region.height)
+        .filter(|row| (0.0..region.width as f64).contains(&fit.path.at(*row as f64 + 0.5)))
+        .count();
+    if crossed < LEAST_SIDE.min(region.height) {
+        return Err(SfrError::Small { along: crossed, across: region.width / 2 });
+    }
+    let profile = Profile::of(&region, fit)?;
+    if profile.half() < LEAST_HALF {
+        return Err(SfrError::Small { along: crossed, across: profile.half() });
+    }
+    profile.check_sides()?;
+    clipping::check(&profile)?;
+    let sfr = profile.sfr();
+    profile.check_sampling(&sfr)?;
+    let [undershoot, overshoot] = profile.beyond_levels();
+    let (angle_deg, is_steep) = profile.angle_deg();
+    let y_of = |k: usize| region.height as f64 * k as f64 / (PATH_POINTS - 1) as f64;
+    let path = (0..PATH_POINTS)
+        .map(y_of)
+        .map(|y| [profile.path.at(y), y])
+        .filter(|[x, _]| (0.0..=region.width as f64).contains(x))
+        .map(|at| region.in_window(at))
+        .collect();
     Ok(EdgeResponse {
         sfr,
-        is_upright: rows.is_upright,
-        scatter: profile.scatter / step,
-        angle_deg: line.slope.atan().to_degrees(),
-        roughness_px: line.roughness_px,
-        levels: [dark, bright],
-        overshoot: highest - 1.0,
-        undershoot: -lowest,
-        profile: relative,
+        is_upright: is_upright != is_steep,
+        angle_deg,
+        roughness_px: profile.roughness_px(),
+        sagitta_px: profile.path.sagitta(),
+        scatter: profile.scatter,
+        levels: profile.levels(),
+        overshoot,
+        undershoot,
+        light_fall: profile.sides.fall,
+        left_out: profile.left_out,
+        profile: profile.points(),
+        path,
     })
 }

@@ -1,83 +1,420 @@
-//! The profile of an edge: pixels by their distance from it, averaged over quarters of a pixel.
+//! The profile of an edge: a spline through all pixels at their distances from its path.
 
-use super::edge::{Line, Rows};
+use nalgebra::{DMatrix, DVector};
+
+use super::Estimate;
+use super::defects::marked;
 use super::error::SfrError;
-use super::limits::LEAST_HALF;
+use super::fit::Fit;
+use super::limits::{LARGEST_GAP_PX, LEAST_HALF, MOST_LEFT_OUT};
+use super::path::Path;
+use super::region::Region;
+use super::response::Sfr;
+use super::sides::{Sample, Sides, far_px};
+use super::spline::{Basis, Factor, Spline, gathered};
 
-/// Bins in a pixel.
-pub const BINS_PER_PIXEL: usize = 4;
+/// Longest profile on either side, pixels.
+const LONGEST_PX: usize = 256;
 
-/// Share of the profile, at either end, whose mean is the level of that side.
-const LEVEL_SHARE: f64 = 0.2;
+/// Share of the usual number of pixels in a pixel of distance that the ends of a profile need.
+const LEAST_DENSITY: f64 = 0.25;
+
+/// Bands of rows whose pulls give the standard errors, and the rows that each has at least: noise of neighbouring pixels may be correlated.
+const BANDS: usize = 16;
+const ROWS_OF_BAND: usize = 3;
+
+/// Rounds of leaving out defects, and of refining the path.
+const ROUNDS: usize = 3;
+
+/// Deviation of a pixel from the fitted step beyond which it does not count in the first profile, of the step.
+const FIRST_DEVIATION: f64 = 0.3;
+
+/// Weight of the spline's penalty: of the pixels at a knot, and by their noise, of the step.
+const PENALTY: f64 = 1e-5;
+const PENALTY_NOISE: f64 = 0.2;
+
+/// How far an even side may leave its level, of the step, beyond noise.
+const LARGEST_DEVIATION: f64 = 0.1;
+
+/// Modulation at the highest frequency that the pixels sample without ambiguity, above which an edge is sampled too coarsely.
+const LARGEST_ALIAS: f64 = 0.05;
+
+/// A gap between the distances of the pixels below which frequencies to 5/4 cycles per pixel are sampled, pixels.
+const FINE_GAP_PX: f64 = 0.4;
 
 /// The edge spread function.
-pub struct Profile {
-    /// Means of the bins, from the dark side to the bright one; the edge lies between the two in the middle.
-    pub bins: Vec<f64>,
-    /// Root mean square deviation of the pixels from the mean of their bin.
+pub struct Profile<'a> {
+    region: &'a Region,
+    pub path: Path,
+    blur_px: f64,
+    pub sides: Sides,
+    samples: Vec<Sample>,
+    /// Shares of the step of the samples within the profile.
+    points: Vec<Point>,
+    pub spline: Spline,
+    factor: Factor,
+    /// Root mean square deviation of the pixels, of the step.
     pub scatter: f64,
+    pub left_out: usize,
+    bands: usize,
 }
 
-impl Profile {
-    /// The profile across a line: every pixel counts at its distance, perpendicular to the line.
-    pub fn about(rows: &Rows, line: &Line) -> Result<Self, SfrError> {
-        // Whole periods of the edge against the columns give every fraction of a pixel the same weight.
-        let periods = (rows.height as f64 * line.slope.abs()).floor();
-        let used = ((periods / line.slope.abs()).round() as usize).min(rows.height);
-        let cosine = 1.0 / line.slope.hypot(1.0);
-        let ends = [line.at(0.0), line.at((used - 1) as f64)];
-        let near = ends.iter().fold(f64::INFINITY, |near, at| near.min(*at).min(rows.width as f64 - at));
-        let half = (near * cosine).floor().max(0.0) as usize;
-        if half < LEAST_HALF {
-            return Err(SfrError::Small { along: rows.height, across: half });
+/// A pixel within the profile.
+#[derive(Clone, Copy)]
+struct Point {
+    sample: usize,
+    distance: f64,
+    share: f64,
+}
+
+impl<'a> Profile<'a> {
+    /// The profile across a fitted edge.
+    pub fn of(region: &'a Region, fit: Fit) -> Result<Self, SfrError> {
+        let bands = (region.height / ROWS_OF_BAND).min(BANDS);
+        let mut path = fit.path.clone();
+        // The first profile leaves out what is far from the fitted step.
+        let mut is_left_out: Vec<bool> = (0..region.values.len())
+            .map(|i| {
+                let deviation = (region.values[i] - fit.value(region, region.middle(i))).abs();
+                deviation > (FIRST_DEVIATION * fit.step).max(7.0 * fit.noise)
+            })
+            .collect();
+        let mut found = Self::about(region, &path, fit.blur_px, &is_left_out, bands)?;
+        for _ in 0..ROUNDS {
+            path = found.refined_path();
+            found = Self::about(region, &path, fit.blur_px, &is_left_out, bands)?;
+            is_left_out = marked(region, &found.deviations());
+            let left_out = is_left_out.iter().filter(|is| **is).count();
+            if left_out as f64 > MOST_LEFT_OUT * region.values.len() as f64 {
+                let deviation = left_out as f64 / region.values.len() as f64;
+                return Err(SfrError::Uneven { deviation });
+            }
+            found = Self::about(region, &path, fit.blur_px, &is_left_out, bands)?;
         }
-        let count = 2 * half * BINS_PER_PIXEL;
-        let (mut sums, mut weights, mut squares) = (vec![0.0; count], vec![0.0; count], 0.0);
-        for row in 0..used {
-            let edge = line.at(row as f64);
-            for (col, value) in rows.row(row).iter().enumerate() {
-                let distance = (col as f64 + 0.5 - edge) * cosine;
-                let bin = ((distance + half as f64) * BINS_PER_PIXEL as f64).floor();
-                if bin >= 0.0 && (bin as usize) < count {
-                    sums[bin as usize] += value;
-                    weights[bin as usize] += 1.0;
-                    squares += value * value;
+        Ok(found)
+    }
+
+    fn about(
+        region: &'a Region,
+        path: &Path,
+        blur_px: f64,
+        is_left_out: &[bool],
+        bands: usize,
+    ) -> Result<Self, SfrError> {
+        let sample = |i: usize| {
+            let at = region.middle(i);
+            Sample {
+                at,
+                distance: path.beside(at).distance,
+                value: region.values[i],
+                band: i / region.width * bands / region.height,
+            }
+        };
+        let samples: Vec<Sample> =
+            (0..region.values.len()).filter(|i| !is_left_out[*i]).map(sample).collect();
+        let half = half_of(&samples);
+        if half < LEAST_HALF {
+            return Err(SfrError::Small { along: region.height, across: half });
+        }
+        let middle_y = 0.5 * region.height as f64;
+        let middle = [path.at(middle_y).clamp(0.0, region.width as f64), middle_y];
+        let sides = Sides::of(region, &samples, middle, blur_px, half, bands);
+        let basis = Basis { half };
+        let points: Vec<Point> = samples
+            .iter()
+            .enumerate()
+            .filter(|(_, s)| s.distance.abs() <= half as f64)
+            .filter_map(|(sample, s)| {
+                Some(Point { sample, distance: s.distance, share: sides.share(s.at, s.value)? })
+            })
+            .collect();
+        let density = points.len() as f64 / basis.len() as f64;
+        let fitted = |weight: f64| {
+            let factor = Factor::of(basis, points.iter().map(|p| p.distance), weight);
+            let coefficients = factor.solve(gathered(basis, points.iter().map(|p| (p.distance, p.share))));
+            let spline = Spline { basis, coefficients };
+            let squares: f64 = points.iter().map(|p| residual(&spline, p).powi(2)).sum();
+            (factor, spline, (squares / points.len().max(1) as f64).sqrt())
+        };
+        let (_, _, scatter) = fitted(PENALTY * density);
+        let (factor, spline, scatter) = fitted((PENALTY * density).max((scatter / PENALTY_NOISE).powi(2)));
+        let left_out = is_left_out.iter().filter(|is| **is).count();
+        Ok(Self {
+            region,
+            path: path.clone(),
+            blur_px,
+            sides,
+            samples,
+            points,
+            spline,
+            factor,
+            scatter,
+            left_out,
+            bands,
+        })
+    }
+
+    /// Pixels of the profile on either side.
+    pub fn half(&self) -> usize {
+        self.spline.basis.half
+    }
+
+    /// The step from dark to bright.
+    pub fn step(&self) -> f64 {
+        self.sides.levels[1] - self.sides.levels[0]
+    }
+
+    /// Distance from the edge and value, at every quarter of a pixel.
+    pub fn points(&self) -> Vec<(f64, f64)> {
+        let ends = 4 * self.half() as i64;
+        let at = |k: i64| (k as f64 + 0.5) / 4.0;
+        (-ends..ends).filter_map(|k| Some((at(k), self.spline.at(at(k))?))).collect()
+    }
+
+    /// Distances and values of all pixels that are not left out.
+    pub fn values(&self) -> impl Iterator<Item = (f64, f64)> {
+        self.samples.iter().map(|s| (s.distance, s.value))
+    }
+
+    /// Values of the pixels of one side beyond the blur.
+    pub fn even_pixels(&self, sign: f64) -> impl Iterator<Item = f64> {
+        let far = self.far();
+        self.samples.iter().filter(move |s| sign * s.distance > far).map(|s| s.value)
+    }
+
+    /// Root mean square deviation of the pixels of one side within the blur, of the step.
+    pub fn noise_of_blur(&self, sign: f64) -> f64 {
+        let near = (1.5 * self.blur_px).max(0.8);
+        let of = self.points.iter().filter(|p| (0.0..near).contains(&(sign * p.distance)));
+        let (sum, count) =
+            of.fold((0.0, 0.0), |(sum, count), p| (sum + residual(&self.spline, p).powi(2), count + 1.0));
+        (sum / f64::max(count, 1.0)).sqrt()
+    }
+
+    /// Where a side begins to be even; in a short profile its outer third.
+    fn far(&self) -> f64 {
+        far_px(self.blur_px).min(self.half() as f64 * 2.0 / 3.0)
+    }
+
+    /// Deviations of all pixels from the profile and the levels beyond it, and their zones.
+    fn deviations(&self) -> Vec<Option<(f64, usize)>> {
+        let far = self.far();
+        let of = |i: usize| {
+            let (at, value) = (self.region.middle(i), self.region.values[i]);
+            let distance = self.path.beside(at).distance;
+            let share = self.sides.share(at, value)?;
+            let wanted = self.spline.at(distance).unwrap_or(f64::from(u8::from(distance > 0.0)));
+            let zone = match distance {
+                dark if dark < -far => 0,
+                bright if bright > far => 2,
+                _ => 1,
+            };
+            Some((share - wanted, zone))
+        };
+        (0..self.region.values.len()).map(of).collect()
+    }
+
+    /// The path that brings the pixels nearest to the profile: a step of Gauss-Newton, and the middle of the profile at distance zero.
+    fn refined_path(&self) -> Path {
+        let count = self.path.coefficients.len();
+        let (mut g, mut right) = (DMatrix::zeros(count, count), DVector::zeros(count));
+        let limit = 4.0 * self.scatter + 1e-12;
+        for p in &self.points {
+            let Some(slope) = self.spline.slope(p.distance) else { continue };
+            let beside = self.path.beside(self.samples[p.sample].at);
+            let r = residual(&self.spline, p).clamp(-limit, limit);
+            let mut row = DVector::zeros(count);
+            let mut power = -slope * beside.cosine;
+            for k in 0..count {
+                row[k] = power;
+                power *= beside.u;
+            }
+            right.axpy(r, &row, 1.0);
+            g.syger(1.0, &row, &row, 1.0);
+        }
+        g.fill_upper_triangle_with_lower_triangle();
+        let floor = 1e-9 * g.diagonal().max().max(1e-300);
+        (0..count).for_each(|i| g[(i, i)] += floor);
+        let Some(step) = g.cholesky().map(|factor| factor.solve(&right)) else { return self.path.clone() };
+        let mut coefficients: Vec<f64> =
+            self.path.coefficients.iter().zip(step.iter()).map(|(c, s)| c + s.clamp(-0.5, 0.5)).collect();
+        coefficients[0] += self.place_of_half() / self.cosine();
+        self.path.with(&coefficients)
+    }
+
+    /// Where the profile reaches a half nearest to the path.
+    fn place_of_half(&self) -> f64 {
+        let value = |k: i64| self.spline.at(0.05 * k as f64).unwrap_or(0.5) - 0.5;
+        let crossing = |k: i64| {
+            let (low, high) = (value(k), value(k + 1));
+            (low <= 0.0 && high > 0.0).then(|| 0.05 * (k as f64 - low / (high - low)))
+        };
+        (0..60).flat_map(|k| [k, -k - 1]).find_map(crossing).unwrap_or(0.0)
+    }
+
+    fn cosine(&self) -> f64 {
+        1.0 / self.path.slope().hypot(1.0)
+    }
+
+    /// How every band of rows pulls the profile: the coefficients `G^-1 sum_(i in band) r_i B_i`, and what it pulls by the light of the sides.
+    /// The sum of the squares of all pulls, times [`Self::pull_scale`] squared, is the variance.
+    fn pulls(&self) -> Vec<Spline> {
+        let basis = self.spline.basis;
+        let light: Vec<Vec<f64>> = (0..basis.len())
+            .map(|k| {
+                let at = basis.centre(k);
+                let share = self.spline.at(at.clamp(-(basis.half as f64), basis.half as f64)).unwrap_or(0.5);
+                let middle_y = 0.5 * self.region.height as f64;
+                self.sides.pulls_at([self.path.at(middle_y) + at / self.cosine(), middle_y], share)
+            })
+            .collect();
+        (0..self.bands)
+            .map(|band| {
+                let own = self.points.iter().filter(|p| self.samples[p.sample].band == band);
+                let sums = gathered(basis, own.map(|p| (p.distance, residual(&self.spline, p))));
+                let mut coefficients = self.factor.solve(sums);
+                for (c, pulls) in coefficients.iter_mut().zip(&light) {
+                    *c += pulls.get(band).copied().unwrap_or(0.0);
                 }
+                Spline { basis, coefficients }
+            })
+            .collect()
+    }
+
+    /// The factor that makes pulls of fitted residuals those of noise: they are fewer by the numbers fitted, and sum to zero.
+    fn pull_scale(&self) -> f64 {
+        let (bands, count) = (self.bands as f64, self.points.len() as f64);
+        let free = (count - self.spline.basis.len() as f64).max(0.1 * count);
+        (bands / (bands - 1.0) * count / free).sqrt()
+    }
+
+    /// Response by frequency.
+    pub fn sfr(&self) -> Sfr {
+        Sfr::of(&self.spline, &self.pulls(), self.pull_scale(), self.blur_px)
+    }
+
+    /// Levels of both sides.
+    pub fn levels(&self) -> [Estimate; 2] {
+        let pulls = self.sides.level_pulls(&self.samples, self.half() as f64, self.bands);
+        let scale = (self.bands as f64 / (self.bands as f64 - 1.0)).sqrt();
+        [0, 1].map(|side| {
+            let error = scale * pulls[side].iter().map(|p| p * p).sum::<f64>().sqrt();
+            Estimate { value: self.sides.levels[side], standard_error: error }
+        })
+    }
+
+    /// How far the profile falls below the dark level, and rises above the bright one.
+    pub fn beyond_levels(&self) -> [Estimate; 2] {
+        let pulls = self.pulls();
+        let scale = self.pull_scale();
+        [-1.0, 1.0].map(|sign| {
+            let level = if sign > 0.0 { 1.0 } else { 0.0 };
+            let beyond = |(at, v): &(f64, f64)| (*at, sign * (v - level));
+            let all = self.points();
+            let Some((at, most)) = all.iter().map(beyond).max_by(|a, b| a.1.total_cmp(&b.1)) else {
+                return Estimate::default();
+            };
+            let squares: f64 = pulls.iter().filter_map(|p| p.at(at)).map(|p| p * p).sum();
+            Estimate { value: most.max(0.0), standard_error: scale * squares.sqrt() }
+        })
+    }
+
+    /// Inclination to the nearer axis, degrees, and whether that is the other axis of the region.
+    pub fn angle_deg(&self) -> (Estimate, bool) {
+        let deg = self.path.slope().atan().to_degrees();
+        // The slope has the error of a line through the rows' own places.
+        let (rows, spread) = self.rows();
+        let squares: f64 = rows.iter().map(|(y, shift)| (y * shift).powi(2)).sum();
+        let slope_error = squares.sqrt() / spread.max(1e-300);
+        let standard_error = (slope_error / (1.0 + self.path.slope().powi(2))).to_degrees();
+        let is_steep = deg.abs() > 45.0;
+        let value = if is_steep { deg.signum() * 90.0 - deg } else { deg };
+        (Estimate { value, standard_error }, is_steep)
+    }
+
+    /// Root mean square distance of the edge from its path, row by row, pixels.
+    pub fn roughness_px(&self) -> f64 {
+        let (rows, _) = self.rows();
+        let squares: f64 = rows.iter().map(|(_, shift)| shift * shift).sum();
+        self.cosine() * (squares / rows.len().max(1) as f64).sqrt()
+    }
+
+    /// For every row that the edge crosses: its distance from the middle row, and the shift of the edge there by least squares, pixels; and
+    /// the sum of the squares of these distances.
+    fn rows(&self) -> (Vec<(f64, f64)>, f64) {
+        let mut sums = vec![[0.0; 2]; self.region.height];
+        for p in &self.points {
+            if let Some(slope) = self.spline.slope(p.distance) {
+                let row = (self.samples[p.sample].at[1] as usize).min(sums.len() - 1);
+                let by_shift = -slope * self.cosine();
+                sums[row][0] += by_shift * residual(&self.spline, p);
+                sums[row][1] += by_shift * by_shift;
             }
         }
-        // The bins take the squares of their means, the rest is scatter.
-        let explained: f64 =
-            sums.iter().zip(&weights).filter(|(_, n)| **n > 0.0).map(|(sum, n)| sum * sum / n).sum();
-        let scatter = ((squares - explained).max(0.0) / weights.iter().sum::<f64>()).sqrt();
-        Ok(Self { bins: filled(&sums, &weights), scatter })
+        let most = sums.iter().map(|s| s[1]).fold(0.0, f64::max);
+        let middle = 0.5 * self.region.height as f64;
+        let rows: Vec<(f64, f64)> = sums
+            .iter()
+            .enumerate()
+            .filter(|(_, s)| s[1] > 0.3 * most && s[1] > 0.0)
+            .map(|(row, s)| (row as f64 + 0.5 - middle, s[0] / s[1]))
+            .collect();
+        let spread = rows.iter().map(|(y, _)| y * y).sum();
+        (rows, spread)
     }
 
-    /// Distance from the edge, pixels, and mean of every bin.
-    pub fn points(&self) -> impl Iterator<Item = (f64, f64)> {
-        let half = self.bins.len() as f64 / 2.0;
-        self.bins.iter().enumerate().map(move |(i, v)| ((i as f64 + 0.5 - half) / BINS_PER_PIXEL as f64, *v))
+    /// Refuses sides that leave their levels.
+    pub fn check_sides(&self) -> Result<(), SfrError> {
+        let far = self.far();
+        let half = self.half();
+        let mut bins = vec![[0.0; 2]; 2 * half];
+        for p in self.points.iter().filter(|p| p.distance.abs() > far) {
+            let bin = ((p.distance + half as f64) as usize).min(2 * half - 1);
+            let level = if p.distance > 0.0 { 1.0 } else { 0.0 };
+            bins[bin][0] += p.share - level;
+            bins[bin][1] += 1.0;
+        }
+        let deviation = bins
+            .iter()
+            .filter(|bin| bin[1] > 3.0)
+            .map(|[sum, count]| (sum / count).abs() - 5.0 * self.scatter / count.sqrt())
+            .fold(self.sides.unlike(), f64::max);
+        if deviation > LARGEST_DEVIATION { Err(SfrError::Uneven { deviation }) } else { Ok(()) }
     }
 
-    /// The dark and the bright level, far from the edge.
-    pub fn levels(&self) -> [f64; 2] {
-        let part = (self.bins.len() as f64 * LEVEL_SHARE) as usize;
-        let mean = |side: &[f64]| side.iter().sum::<f64>() / side.len() as f64;
-        [mean(&self.bins[..part]), mean(&self.bins[self.bins.len() - part..])]
+    /// Refuses an edge that the pixels sample too coarsely.
+    pub fn check_sampling(&self, sfr: &Sfr) -> Result<(), SfrError> {
+        let near = 2.0 * self.blur_px + 1.0;
+        let mut distances: Vec<f64> =
+            self.points.iter().map(|p| p.distance).filter(|d| d.abs() < near).collect();
+        distances.sort_unstable_by(f64::total_cmp);
+        let gap_px = distances.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max);
+        let highest = 0.5 / gap_px.max(0.5);
+        let alias = sfr.at(highest) - 3.0 * sfr.error_at(highest);
+        let is_coarse = gap_px > LARGEST_GAP_PX || (gap_px > FINE_GAP_PX && alias > LARGEST_ALIAS);
+        if is_coarse {
+            return Err(SfrError::Angle { deg: self.angle_deg().0.value, gap_px });
+        }
+        Ok(())
     }
 }
 
-/// Means of bins; one that no pixel fell into is interpolated between its neighbours.
-fn filled(sums: &[f64], weights: &[f64]) -> Vec<f64> {
-    let mean = |i: usize| (weights[i] > 0.0).then(|| sums[i] / weights[i]);
-    let known: Vec<(usize, f64)> = (0..sums.len()).filter_map(|i| Some((i, mean(i)?))).collect();
-    let value = |i: usize| {
-        let next = known.partition_point(|(at, _)| *at < i);
-        match (known.get(next.wrapping_sub(1)), known.get(next)) {
-            (_, Some((at, v))) if *at == i => *v,
-            (Some((a, low)), Some((b, high))) => low + (high - low) * (i - a) as f64 / (b - a) as f64,
-            (Some((_, v)), None) | (None, Some((_, v))) => *v,
-            (None, None) => 0.0,
+/// Deviation of a pixel from the profile.
+fn residual(spline: &Spline, point: &Point) -> f64 {
+    spline.at(point.distance).map_or(0.0, |v| point.share - v)
+}
+
+/// Pixels on either side of the edge over which there are enough samples.
+fn half_of(samples: &[Sample]) -> usize {
+    let mut counts = vec![[0_usize; 2]; LONGEST_PX];
+    for s in samples {
+        let bin = s.distance.abs() as usize;
+        if bin < LONGEST_PX {
+            counts[bin][usize::from(s.distance > 0.0)] += 1;
         }
-    };
-    (0..sums.len()).map(value).collect()
+    }
+    let near =
+        counts.iter().take(LEAST_HALF / 2).flatten().sum::<usize>() as f64 / (LEAST_HALF / 2 * 2) as f64;
+    let least = LEAST_DENSITY * near;
+    counts.iter().take_while(|both| both.iter().all(|n| *n as f64 >= least && *n > 0)).count()
 }

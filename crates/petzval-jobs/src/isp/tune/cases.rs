@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use petzval_camera::image::LinearImage;
 use petzval_design::error::DesignError;
 use petzval_files::load_image;
-use petzval_files::raw_file::{Sidecar, sidecar_path};
+use petzval_files::raw_file::{Sidecar, holds_digital_numbers, sidecar_path};
 use sha2::{Digest, Sha256};
 
 use super::super::named::NamedIsp;
@@ -64,7 +64,25 @@ pub(super) fn cases(plan: &Plan) -> Result<Vec<Case>, JobError> {
     for raw in raws {
         let stem = name(&raw);
         let own = stem.strip_suffix(RAW_SUFFIX).unwrap_or(&stem);
-        let Some(reference) = references.iter().find(|r| name(r) == stem || name(r) == own) else {
+        // A folder may hold frames and pictures: the picture counts.
+        let named = references.iter().filter(|r| name(r) == stem || name(r) == own);
+        let (mut picture, mut mosaic) = (None, None);
+        for reference in named {
+            if is_mosaic(reference)? {
+                mosaic = Some(reference);
+            } else {
+                picture = picture.or(Some(reference));
+            }
+        }
+        let Some(reference) = picture else {
+            if let Some(mosaic) = mosaic {
+                let message = format!(
+                    "{}: gray whole numbers are a raw frame, not a picture: tuning would lead to its mosaic",
+                    mosaic.display()
+                );
+                let hint = format!("give {own}.png in colour, as the frame should be developed");
+                return Err(JobError::setting("reference", plan.reference.display(), message, hint));
+            }
             let message =
                 format!("{}: {} has no picture of this name", raw.display(), plan.reference.display());
             return Err(JobError::input(message, format!("add {own}.png, as the frame should be developed")));
@@ -72,6 +90,11 @@ pub(super) fn cases(plan: &Plan) -> Result<Vec<Case>, JobError> {
         found.push(Case { raw, reference: reference.clone() });
     }
     Ok(found)
+}
+
+/// Whether a file holds the digital numbers of a frame: gray whole numbers, or any file with a sidecar.
+fn is_mosaic(path: &Path) -> Result<bool, JobError> {
+    Ok(sidecar_path(path).is_file() || holds_digital_numbers(path)?)
 }
 
 /// Files of a folder with one of these endings, by name.

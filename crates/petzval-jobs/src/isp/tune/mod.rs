@@ -73,6 +73,8 @@ pub struct Response {
     pub parameters: Vec<Tuned>,
     /// Frames that each setting was tried on.
     pub frames: usize,
+    /// Every frame with the picture that it should become.
+    pub pairs: Vec<Pair>,
     /// Settings that were tried.
     pub evaluations: usize,
     /// Generations of the search.
@@ -89,6 +91,17 @@ pub struct Response {
     pub history: PathBuf,
     /// Whether the job was cancelled before its budget was spent.
     pub is_cancelled: bool,
+}
+
+/// A frame and its reference.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Pair {
+    /// The raw frame.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
+    pub raw: PathBuf,
+    /// The picture that it should become.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
+    pub reference: PathBuf,
 }
 
 /// A parameter that varied.
@@ -122,6 +135,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let device = context.device("cpu")?;
     let score = score_of(&plan.objective, context)?;
     let cases = cases(&plan)?;
+    for Case { raw, reference } in &cases {
+        context.note(format!("{} -> {}", raw.display(), reference.display()));
+    }
     let base = base_values(&named, &plan, &cases, context)?;
     let inputs = fingerprint(&named, &base, &cases)?;
     let tuner = Tuner { named, base, places, plan, cases, score, device, context };
@@ -340,6 +356,11 @@ impl Tuner<'_> {
             best,
             parameters: parameters.collect(),
             frames: self.cases.len(),
+            pairs: self
+                .cases
+                .iter()
+                .map(|Case { raw, reference }| Pair { raw: raw.clone(), reference: reference.clone() })
+                .collect(),
             evaluations: 1 + kept.search.evaluations(),
             generations: kept.search.generation(),
             restarts: kept.search.restarts(),

@@ -8,6 +8,7 @@ use petzval_camera::spectral::{
     share_outside, white_range_um,
 };
 use petzval_design::error::DesignError;
+use petzval_design::psf_plan::PsfPlan;
 use petzval_files::raw_file::shortest;
 use serde_json::{Map, Value, json};
 
@@ -22,6 +23,12 @@ const BAND_STEP_UM: f64 = 0.020;
 const LEAST_BANDS: usize = 16;
 /// Share of the electrons of white from whose loss on there is a warning; and share of its peak at which a curve is not at its end yet.
 const WARNED_SHARE: f64 = 0.01;
+/// Largest share of the electrons of white that is left out because the lens forms no image at the ends of the spectrum; with more, the
+/// simulation fails there.
+const MOST_CUT: f64 = 0.05;
+/// Step in which an end of the bands moves towards the middle, um, and the wavelengths within which every lens has to form an image.
+const CUT_STEP_UM: f64 = 0.010;
+const MIDDLE_UM: (f64, f64) = (0.45, 0.65);
 /// Electrons of white that a simulation can be made for.
 const WHITE_E: std::ops::RangeInclusive<f64> = 1e-6..=1e9;
 
@@ -36,6 +43,8 @@ pub struct Light {
     pub matrix: Option<ColourMatrix>,
     /// Share of the electrons of white that these bands leave out.
     left_out: f64,
+    /// Whether they leave out ends of the spectrum at which the lens forms no image on its PSFs' grid.
+    is_cut: bool,
 }
 
 impl Light {
@@ -43,10 +52,11 @@ impl Light {
     pub fn over_all(request: &Request, conditions: &Conditions, rig: &Rig) -> Result<Self, JobError> {
         let range = white_range_um(&rig.sensor, &conditions.optics, &conditions.illuminant)
             .map_err(DesignError::from)?;
+        let (range, is_cut) = imaged_range(request, conditions, rig, range)?;
         let count = request.spectral.bands.unwrap_or(bands_within(range, BAND_STEP_UM).max(LEAST_BANDS));
         let light = Self::new(conditions, rig, even_bands(range.0, range.1, count))?;
         light.check_white(request, conditions)?;
-        Ok(light)
+        Ok(Self { is_cut, ..light })
     }
 
     /// The bands of a file: white is what can be seen of it there.
@@ -76,7 +86,7 @@ impl Light {
         let left_out = share_outside(sensor, optics, illuminant, range)?;
         let sensor = white.balanced(sensor);
         sensor.validate().map_err(SensorError::from)?;
-        Ok(Self { band_um, weights, white, sensor, matrix, left_out })
+        Ok(Self { band_um, weights, white, sensor, matrix, left_out, is_cut: false })
     }
 
     /// Refuses light that is nothing, or too much, for any sensor.
@@ -98,7 +108,14 @@ impl Light {
     /// Warns of light that these bands leave out, and where the lens is traced outside the range of its glasses.
     /// `whose` is the file that the bands are of.
     pub fn warn(&self, conditions: &Conditions, rig: &Rig, whose: Option<&Path>, context: &Context) {
-        if self.left_out > WARNED_SHARE {
+        if self.is_cut {
+            context.warning(format!(
+                "{}: at the ends of the spectrum the lens forms no image that fits its PSFs; the bands, {}, leave out {:.2} % of the electrons that white would give",
+                conditions.lens.name,
+                range_nm(&self.band_um),
+                100.0 * self.left_out
+            ));
+        } else if self.left_out > WARNED_SHARE {
             let file = whose.map(|path| format!("{}: ", path.display())).unwrap_or_default();
             context.warning(format!(
                 "{file}the bands, {}, leave out {:.1} % of the electrons that white would give",
@@ -203,4 +220,35 @@ fn warn_of_cut_light(conditions: &Conditions, sensor: &SensorModel, context: &Co
 
 fn range_nm(band_um: &[f64]) -> String {
     format!("{:.0} to {:.0} nm", 1000.0 * band_um[0], 1000.0 * band_um[band_um.len() - 1])
+}
+
+/// The part of a range of wavelengths, um, in which the lens forms an image on its PSFs' grid, and whether that is less than all. All of it
+/// where the rest has too much of the light: then the simulation says which bands fail.
+fn imaged_range(
+    request: &Request,
+    conditions: &Conditions,
+    rig: &Rig,
+    range: (f64, f64),
+) -> Result<((f64, f64), bool), JobError> {
+    if request.spectral.three_band {
+        return Ok((range, false));
+    }
+    let is_imaged = |um: f64| {
+        let plan = PsfPlan { wavelengths_um: [um; 3], ..conditions.plan.clone() };
+        plan.bank(&conditions.lens).is_ok()
+    };
+    let (mut low, mut high) = range;
+    while low < MIDDLE_UM.0 && !is_imaged(low) {
+        low += CUT_STEP_UM;
+    }
+    while high > MIDDLE_UM.1 && !is_imaged(high) {
+        high -= CUT_STEP_UM;
+    }
+    let (sensor, optics, illuminant) = (&rig.sensor, &conditions.optics, &conditions.illuminant);
+    let is_cut = (low, high) != range;
+    if !is_cut || low >= high {
+        return Ok((range, false));
+    }
+    let share = share_outside(sensor, optics, illuminant, (low, high)).map_err(DesignError::from)?;
+    Ok(if share <= MOST_CUT { ((low, high), true) } else { (range, false) })
 }

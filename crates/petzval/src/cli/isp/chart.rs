@@ -127,15 +127,14 @@ fn table(response: &Response) -> String {
         let snr = noise.snr_db.map_or("-".to_owned(), |v| format!("{v:.1}"));
         text += &format!("{name:<14}  {snr:>6}  {:>8.2}  {chroma:>10.2}\n", 255.0 * noise.luma);
     }
-    text += "\nedge at field   contrast   MTF50/px   overshoot %\n";
+    text += "\nedge at field   contrast         MTF50/px     overshoot %\n";
     for edge in &figures.edges {
-        let mtf50 = edge.mtf50_per_px.map_or("-".to_owned(), |v| format!("{v:.3}"));
-        text += &format!(
-            "{:<14.2}  {:>8}  {mtf50:>9}  {:>12.1}\n",
-            edge.field,
-            edge.contrast,
-            100.0 * edge.overshoot
-        );
+        let mtf50 = match (edge.mtf50_per_px, edge.mtf50_standard_error) {
+            (Some(value), Some(error)) => format!("{value:.4} ± {error:.4}"),
+            _ => "-".to_owned(),
+        };
+        let overshoot = format!("{:.1} ± {:.1}", 100.0 * edge.overshoot, 100.0 * edge.overshoot_error[0]);
+        text += &format!("{:<14.2}  {:>8}  {mtf50:>15}  {overshoot:>14}\n", edge.field, edge.contrast);
     }
     text + &format!("\n{}\n", response.page.display())
 }

@@ -69,11 +69,14 @@ fn table(response: &Response) -> String {
     );
     let in_mm = response.pixel_um.map(|um| (um, "  MTF50, 1/mm"));
     text += &format!(
-        "{:<22}  {:<9}  {:<14}  MTF50, 1/px{}  MTF at 0.25/px  overshoot %  scatter %\n",
+        "{:<22}  {:<9}  {:<14}  {:<17}{}  {:<15}  {:<13}  scatter %\n",
         "region",
         "channel",
         "edge",
-        in_mm.map_or("", |(_, head)| head)
+        "MTF50, 1/px",
+        in_mm.map_or("", |(_, head)| head),
+        "MTF at 0.25/px",
+        "overshoot %"
     );
     for edge in &response.edges {
         for mtf in &edge.channels {
@@ -85,13 +88,17 @@ fn table(response: &Response) -> String {
             let mm = in_mm.map_or(String::new(), |(um, _)| {
                 format!("  {:>11}", shown(mtf.mtf50_per_px.map(|f| per_mm(f, um)), 2))
             });
+            let errors = &mtf.standard_errors;
+            let mtf50 = match (mtf.mtf50_per_px, errors.mtf50_per_px) {
+                (Some(value), Some(error)) => format!("{value:.4} ± {error:.4}"),
+                _ => "-".to_owned(),
+            };
             text += &format!(
-                "{:<22}  {:<9}  {lies:<14}  {:>11}{mm}  {:>14.3}  {:>11.1}  {:>9.1}\n",
+                "{:<22}  {:<9}  {lies:<14}  {mtf50:<17}{mm}  {:<15}  {:<13}  {:>9.1}\n",
                 edge.region.to_string(),
                 mtf.channel,
-                shown(mtf.mtf50_per_px, 3),
-                mtf.mtf_at_half_nyquist,
-                100.0 * mtf.overshoot,
+                format!("{:.3} ± {:.3}", mtf.mtf_at_half_nyquist, errors.mtf_at_half_nyquist),
+                format!("{:.1} ± {:.1}", 100.0 * mtf.overshoot, 100.0 * errors.overshoot),
                 100.0 * mtf.scatter
             );
         }

@@ -1,9 +1,10 @@
-//! Where the edge lies: the centroid of the derivative of every row, and the straight line through them.
+//! A quick look whether a window may hold a slanted edge: the centroid of the derivative of every row, and the straight line through them.
+//!
+//! A search over a frame looks at every window this way, and measures those that pass.
 
 use petzval_camera::render::Window;
 
-use super::error::SfrError;
-use super::limits::{LEAST_ROWS, STEEPEST_DEG};
+use super::limits::LEAST_SIDE;
 use super::plane::Plane;
 
 /// How often the centroids are computed, each time in windows about the line of the time before.
@@ -12,25 +13,37 @@ const PASSES: usize = 4;
 /// Least ratio of the step to the noise of the two ends of a row, in the mean over the rows.
 const LEAST_STEP: f64 = 1.0;
 
+/// How near the middle of a window an edge may lie: pixels between it and the nearer end, if the window may hold a straight edge of an
+/// inclination within `angles_deg`, with at least `least_half` pixels on either side, whose rows lie within `roughness_px` of a line.
+pub fn may_be_edge(
+    plane: &Plane,
+    window: &Window,
+    angles_deg: &std::ops::RangeInclusive<f64>,
+    least_half: f64,
+    roughness_px: f64,
+) -> Option<f64> {
+    let line = Rows::across_edge(plane, window).and_then(|rows| Line::through(&rows))?;
+    let is_one = angles_deg.contains(&line.slope.atan().to_degrees().abs())
+        && line.nearest_px >= least_half
+        && line.roughness_px < roughness_px;
+    is_one.then_some(line.nearest_px)
+}
+
 /// Rows across a nearly vertical edge, from dark on the left to bright on the right.
-pub struct Rows {
-    pub height: usize,
-    pub width: usize,
-    pub values: Vec<f64>,
-    /// Whether they are rows of the picture; otherwise they are its columns.
-    pub is_upright: bool,
+struct Rows {
+    height: usize,
+    width: usize,
+    values: Vec<f64>,
 }
 
 impl Rows {
     /// The rows, or for a nearly horizontal edge the columns, of a window.
-    pub fn across_edge(plane: &Plane, window: &Window) -> Result<Self, SfrError> {
+    fn across_edge(plane: &Plane, window: &Window) -> Option<Self> {
         let (top, left) = (window.placement.row, window.placement.col);
         let (height, width) = (window.height, window.width);
-        if left + width > plane.width || (top + height) * plane.width > plane.values.len() {
-            return Err(SfrError::Outside);
-        }
-        if height.min(width) < LEAST_ROWS {
-            return Err(SfrError::Small { along: height.min(width), across: width / 2 });
+        let is_inside = left + width <= plane.width && (top + height) * plane.width <= plane.values.len();
+        if !is_inside || height.min(width) < LEAST_SIDE {
+            return None;
         }
         let at = |row: usize, col: usize| f64::from(plane.values[(top + row) * plane.width + left + col]);
         // The light changes from side to side across the edge, and little along it.
@@ -50,45 +63,67 @@ impl Rows {
             if is_vertical { at(row, col) } else { at(col, row) }
         };
         let values = (0..height * width).map(|i| value(i / width, i % width)).collect();
-        Ok(Self { height, width, values, is_upright: is_vertical })
+        Some(Self { height, width, values })
     }
 
-    pub fn row(&self, row: usize) -> &[f64] {
+    fn row(&self, row: usize) -> &[f64] {
         &self.values[row * self.width..][..self.width]
+    }
+
+    /// Whether the two ends differ by more than they scatter.
+    fn has_step(&self) -> bool {
+        let fifth = self.width / 5;
+        let (mut step, mut scatter) = (0.0, 0.0);
+        for row in 0..self.height {
+            let [dark, bright] = [&self.row(row)[..fifth], &self.row(row)[self.width - fifth..]];
+            let mean = |side: &[f64]| side.iter().sum::<f64>() / side.len() as f64;
+            let variance = |side: &[f64], mean: f64| {
+                side.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / side.len() as f64
+            };
+            let means = [mean(dark), mean(bright)];
+            step += means[1] - means[0];
+            scatter += variance(dark, means[0]) + variance(bright, means[1]);
+        }
+        let count = self.height as f64;
+        step / count > LEAST_STEP * (0.5 * scatter / count).sqrt()
     }
 }
 
 /// The edge: `x = start + slope * row`, in pixels from the left end of the rows, where the middle of the first pixel is at 1/2.
-pub struct Line {
-    pub start: f64,
-    pub slope: f64,
+struct Line {
+    start: f64,
+    slope: f64,
     /// Root mean square distance of the rows' centroids from the line, pixels.
-    pub roughness_px: f64,
+    roughness_px: f64,
+    /// Distance of the line from the nearer end of the rows, pixels.
+    nearest_px: f64,
 }
 
 impl Line {
     /// The line through the centroids of all rows.
-    pub fn through(rows: &Rows) -> Result<Self, SfrError> {
-        check_step(rows)?;
-        let mut line = Self { start: 0.5 * rows.width as f64, slope: 0.0, roughness_px: f64::INFINITY };
+    fn through(rows: &Rows) -> Option<Self> {
+        if !rows.has_step() {
+            return None;
+        }
+        let middle = 0.5 * rows.width as f64;
+        let mut line = Self { start: middle, slope: 0.0, roughness_px: f64::INFINITY, nearest_px: middle };
         for _ in 0..PASSES {
             let found: Vec<(f64, f64)> = (0..rows.height)
                 .filter_map(|row| Some((row as f64, centroid(rows.row(row), line.at(row as f64))?)))
                 .collect();
             if found.len() < rows.height.div_ceil(2) {
-                return Err(SfrError::NoEdge);
+                return None;
             }
             line = Self::fitted(&found);
         }
-        let deg = line.slope.atan().to_degrees();
-        if line.slope.abs() * (rows.height as f64) < 1.0 || deg.abs() > STEEPEST_DEG {
-            return Err(SfrError::Angle { deg });
-        }
-        Ok(line)
+        let ends = [line.at(0.0), line.at((rows.height - 1) as f64)];
+        line.nearest_px =
+            ends.iter().fold(f64::INFINITY, |near, at| near.min(*at).min(rows.width as f64 - at));
+        Some(line)
     }
 
     /// Where the line crosses a row.
-    pub fn at(&self, row: f64) -> f64 {
+    fn at(&self, row: f64) -> f64 {
         self.start + self.slope * row
     }
 
@@ -99,7 +134,7 @@ impl Line {
         let mean_at = points.iter().map(|p| p.1).sum::<f64>() / count;
         let spread: f64 = points.iter().map(|p| (p.0 - mean_row).powi(2)).sum();
         let slope = points.iter().map(|p| (p.0 - mean_row) * (p.1 - mean_at)).sum::<f64>() / spread;
-        let line = Self { start: mean_at - slope * mean_row, slope, roughness_px: 0.0 };
+        let line = Self { start: mean_at - slope * mean_row, slope, roughness_px: 0.0, nearest_px: 0.0 };
         let squares: f64 = points.iter().map(|p| (p.1 - line.at(p.0)).powi(2)).sum();
         Self { roughness_px: (squares / count).sqrt(), ..line }
     }
@@ -122,23 +157,4 @@ fn centroid(row: &[f64], near: f64) -> Option<f64> {
     }
     let at = near + moment / sum;
     (sum > 0.0 && at > 0.0 && at < last).then_some(at)
-}
-
-/// Refuses a window whose two ends differ by less than they scatter.
-fn check_step(rows: &Rows) -> Result<(), SfrError> {
-    let fifth = rows.width / 5;
-    let (mut step, mut scatter) = (0.0, 0.0);
-    for row in 0..rows.height {
-        let [dark, bright] = [&rows.row(row)[..fifth], &rows.row(row)[rows.width - fifth..]];
-        let mean = |side: &[f64]| side.iter().sum::<f64>() / side.len() as f64;
-        let variance = |side: &[f64], mean: f64| {
-            side.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / side.len() as f64
-        };
-        let means = [mean(dark), mean(bright)];
-        step += means[1] - means[0];
-        scatter += variance(dark, means[0]) + variance(bright, means[1]);
-    }
-    let count = rows.height as f64;
-    let (step, scatter) = (step / count, (0.5 * scatter / count).sqrt());
-    if step > LEAST_STEP * scatter { Ok(()) } else { Err(SfrError::NoEdge) }
 }

@@ -1,0 +1,66 @@
+//! A side that ends at one value, because the light beyond it was cut off.
+
+use super::error::{SfrError, Side};
+use super::profile::Profile;
+
+/// Share of the pixels of a side at its extreme value from which it may be clipped.
+const LEAST_SHARE: f64 = 0.5;
+
+/// Noise of the blurred zone, of the step and in steps of the values, from which a side without noise is clipped.
+const LEAST_NOISE: f64 = 0.003;
+const NOISE_STEPS: f64 = 1.5;
+
+/// Without noise: how far inside the first pixel of the extreme value the profile is looked at, pixels; what it lacks there of the level, of the
+/// step and in steps of the values; and how many times that of the other side it is. A profile that is not cut off comes near its level first.
+const INSIDE_PX: f64 = 0.3;
+const LEAST_LACK: f64 = 0.01;
+const LACK_STEPS: f64 = 8.0;
+const OTHER_LACK: f64 = 3.0;
+
+/// The end of one side.
+struct End {
+    /// Share of the pixels beyond the blur at the extreme value.
+    share: f64,
+    /// Difference to the next value, of the step.
+    gap: f64,
+    /// What the profile lacks of the level just inside the pixels of the extreme value, of the step.
+    lack: f64,
+}
+
+/// Refuses an edge one of whose sides is clipped: its level, and the shape of the profile below it, are unknown.
+pub fn check(profile: &Profile) -> Result<(), SfrError> {
+    let [dark, bright] = [-1.0, 1.0].map(|sign| End::of(profile, sign));
+    for (side, sign, end, other) in [(Side::Dark, -1.0, &dark, &bright), (Side::Bright, 1.0, &bright, &dark)]
+    {
+        if end.share < LEAST_SHARE {
+            continue;
+        }
+        let noise = profile.noise_of_blur(sign);
+        let is_noisy = noise > LEAST_NOISE && noise > NOISE_STEPS * end.gap;
+        let is_abrupt = end.lack > LEAST_LACK.max(LACK_STEPS * end.gap) && end.lack > OTHER_LACK * other.lack;
+        if is_noisy || is_abrupt {
+            return Err(SfrError::Clipped { side, share: end.share });
+        }
+    }
+    Ok(())
+}
+
+impl End {
+    fn of(profile: &Profile, sign: f64) -> Self {
+        let even: Vec<f64> = profile.even_pixels(sign).map(|v| sign * v).collect();
+        let extreme = even.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let share = even.iter().filter(|v| **v >= extreme).count() as f64 / even.len().max(1) as f64;
+        let mut next = f64::NEG_INFINITY;
+        let mut last_px = 0.0_f64;
+        for (distance, value) in profile.values() {
+            if sign * value < extreme {
+                next = next.max(sign * value);
+                last_px = last_px.max(sign * distance);
+            }
+        }
+        let level = if sign > 0.0 { 1.0 } else { 0.0 };
+        let inside = profile.spline.at(sign * (last_px - INSIDE_PX));
+        let lack = inside.map_or(0.0, |share| (level - share).abs());
+        Self { share, gap: (extreme - next) / profile.step(), lack }
+    }
+}
