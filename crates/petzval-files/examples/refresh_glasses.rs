@@ -126,7 +126,7 @@ fn read(maker: &Maker, folder: &Path) -> Result<Vec<Glass>, String> {
         let name = stem.strip_suffix("star").map_or(stem.to_string(), |name| format!("{name}*"));
         let file = parse_rii(&page, &name, maker.name).map_err(|e| format!("{}: {e}", path.display()))?;
         for warning in &file.warnings {
-            eprintln!("{}: {warning}", path.display());
+            eprintln!("{}: {}", path.display(), warning.error);
         }
         for mut glass in file.glasses {
             glass.status = if maker.built_in.contains(&None) { None } else { Some(status(&page)) };

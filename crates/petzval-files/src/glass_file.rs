@@ -10,14 +10,74 @@ use petzval_optics::glass::{Catalog, Glass};
 pub struct GlassFile {
     /// The glasses, in the order of the file.
     pub glasses: Vec<Glass>,
-    /// Lines that were left out or look wrong.
-    pub warnings: Vec<FileError>,
+    /// Glasses that were left out.
+    pub refused: Vec<Refused>,
+    /// Lines that were left out or look wrong, those of [`GlassFile::refused`] first.
+    pub warnings: Vec<GlassWarning>,
+}
+
+/// A glass that was left out.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Refused {
+    /// Its name, if it has one.
+    pub name: Option<String>,
+    /// The reason.
+    pub error: FileError,
+}
+
+impl Refused {
+    /// A glass without a name.
+    pub(super) fn unnamed(error: FileError) -> Self {
+        Self { name: None, error }
+    }
+}
+
+/// A warning about a line of a glass file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GlassWarning {
+    /// The line, and what is wrong with it.
+    pub error: FileError,
+    /// What all warnings of its kind have in common.
+    pub kind: String,
+}
+
+impl GlassWarning {
+    /// The warning for a glass that is left out.
+    pub(super) fn of_refused(refused: &Refused) -> Self {
+        let mut error = refused.error.clone();
+        error.message += ": the glass is left out";
+        Self { error, kind: "the glass is left out".to_owned() }
+    }
+
+    /// The first warning of each kind, in their order, with the number of further ones.
+    pub fn by_kind<'a>(warnings: impl IntoIterator<Item = &'a Self>) -> Vec<(&'a Self, usize)> {
+        let mut kinds: Vec<(&Self, usize)> = Vec::new();
+        for warning in warnings {
+            match kinds.iter_mut().find(|(first, _)| first.kind == warning.kind) {
+                Some((_, more)) => *more += 1,
+                None => kinds.push((warning, 0)),
+            }
+        }
+        kinds
+    }
+}
+
+/// Warnings with the same message are of one kind.
+impl From<FileError> for GlassWarning {
+    fn from(error: FileError) -> Self {
+        Self { kind: error.message.clone(), error }
+    }
 }
 
 impl GlassFile {
     /// The glasses by name.
     pub fn into_catalog(self) -> Catalog {
         let mut catalog = Catalog::default();
+        for Refused { name, error } in self.refused {
+            if let Some(name) = name {
+                catalog.refuse(&name, error.message);
+            }
+        }
         for glass in self.glasses {
             let name = glass.name.clone();
             catalog.insert(&name, Arc::new(glass));

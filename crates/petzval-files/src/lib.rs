@@ -35,7 +35,7 @@ pub use draft::{Import, with_open_surfaces};
 pub use encoding::decode;
 pub use export::Export;
 pub use float_file::{exr_bytes, npy_bytes, save_exr, save_npy};
-pub use glass_file::GlassFile;
+pub use glass_file::{GlassFile, GlassWarning, Refused};
 pub use glass_toml::{is_meant_as_catalog, parse_catalog, write_catalog};
 pub use lens_toml::{
     Expect, Expected, ExpectedSpots, LensFile, lens_schema, parse_lens, parse_lens_start, write_lens,

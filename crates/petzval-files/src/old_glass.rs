@@ -70,7 +70,7 @@ pub(super) fn unknown_glass(record: &Record, unknown: &UnknownGlass) -> FileErro
         "the nearest names are {}; --glasses FILE reads a catalogue that has it (.agf, .toml)",
         unknown.nearest.join(", ")
     );
-    record.error(format!("no glass is called `{}`", unknown.name)).hint(hint)
+    record.error(unknown.reason()).hint(hint)
 }
 
 /// What stands in for a glass that no catalogue holds, and what is said of it.

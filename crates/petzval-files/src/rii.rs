@@ -20,7 +20,7 @@
 //! and some crystals; no page states this in a machine-readable way, so they are read unchanged. `glass_status` is left out,
 //! because it differs from the status in the makers' own files.
 
-use crate::glass_file::{GlassFile, shifted};
+use crate::glass_file::{GlassFile, GlassWarning, shifted};
 use crate::yaml::{self, Node};
 use petzval_base::FileError;
 use petzval_optics::glass::{Absorption, Dispersion, Expansion, Glass, Printed, Thermal};
@@ -83,8 +83,11 @@ pub fn parse_rii(text: &str, name: &str, maker: &str) -> Result<GlassFile, FileE
     if let Some(properties) = page.get("PROPERTIES") {
         read_properties(properties, reference_c(&page), &mut glass, &mut warnings)?;
     }
-    warnings.extend(glass.drop_misprints().into_iter().map(|message| data.error("DATA", message)));
-    Ok(GlassFile { glasses: vec![glass], warnings })
+    if let Some(misprint) = glass.misprint() {
+        return Err(data.error("DATA", misprint.to_string()));
+    }
+    let warnings = warnings.into_iter().map(GlassWarning::from).collect();
+    Ok(GlassFile { glasses: vec![glass], refused: Vec::new(), warnings })
 }
 
 /// The temperature of the measurement, degrees Celsius; 20 if the page has none.
@@ -414,16 +417,15 @@ PROPERTIES:
     fn a_row_of_negative_extinction_is_left_out() {
         let file = parse_rii(&PAGE.replace("1.0227E-08", "-1.0227E-08"), "X", "").unwrap();
         assert_eq!(file.glasses[0].absorption, Some(Absorption::Extinction(vec![[0.39, 1.3731e-8]])));
-        assert_eq!(file.warnings[0].line, Some(8));
-        assert!(file.warnings[0].message.contains("at least 0"), "{}", file.warnings[0]);
+        let warning = &file.warnings[0].error;
+        assert_eq!(warning.line, Some(8));
+        assert!(warning.message.contains("at least 0"), "{warning}");
     }
 
     #[test]
-    fn printed_values_that_contradict_the_formula_are_left_out() {
-        let file = parse_rii(&PAGE.replace("Vd: 64.17", "Vd: 46.17"), "X", "").unwrap();
-        let glass = &file.glasses[0];
-        assert_eq!((glass.printed_nd.is_some(), glass.printed_vd), (true, None));
-        assert!(file.warnings[0].message.contains("gives vd = 64.167"), "{:?}", file.warnings);
+    fn a_page_whose_formula_contradicts_its_printed_values_is_refused() {
+        let error = parse_rii(&PAGE.replace("Vd: 64.17", "Vd: 46.17"), "X", "").unwrap_err();
+        assert!(error.message.contains("gives Vd = 64.167") && error.message.contains("46.17"), "{error}");
     }
 
     #[test]

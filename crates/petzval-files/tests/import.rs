@@ -486,7 +486,7 @@ fn apertures_that_are_not_round_or_off_the_vertex() {
     assert_eq!(clear("  FLAP 0 6 0"), (6.0, 0));
     assert_eq!(clear("  SQAP 6 8"), (10.0, 1));
     assert_eq!(clear("  CLAP 2 6"), (6.0, 1));
-    assert_eq!(clear("  CLAP 0 6\n  OBDC 0 2"), (8.0, 1));
+    assert_eq!(clear("  CLAP 0 8\n  OBDC 0 2"), (10.0, 1));
     assert_eq!(clear("  CLAP 0 6\n  OBSC 0 1"), (6.0, 1));
     // Without an aperture a semi-diameter blocks no light; the pupil determines that of the stop.
     assert_eq!(clear(""), (5.0, 0));
@@ -495,8 +495,78 @@ fn apertures_that_are_not_round_or_off_the_vertex() {
         (import.file.lens.surfaces[0].semi_diameter_mm, import.losses.len())
     };
     assert_eq!(clear("  REX 6; REY 8"), (10.0, 2));
-    assert_eq!(clear("  CIR 6; ADY 2"), (8.0, 1));
+    assert_eq!(clear("  CIR 8; ADY 2"), (10.0, 1));
     assert_eq!(clear("  CIR EDG 7; CIR 6; CIR OBS 1"), (6.0, 1));
+}
+
+#[test]
+fn a_clear_aperture_of_the_stop_that_cuts_the_beam_narrows_the_entrance_pupil() {
+    // The stop is the front surface: its beam is the entrance pupil, 10 mm wide.
+    let pupil = |import: &Import| (import.file.lens.entrance_pupil_mm, losses(import).join("; "));
+    for (record, diameter) in
+        [("  CLAP 0 3 0", 6.0), ("  CLAP 0 4.9 0", 9.8), ("  SQAP 1 1", 2.0 * 2_f64.sqrt())]
+    {
+        let (found, said) = pupil(&zmx(&changed(ZMX, "  CLAP 0 6 0", record)));
+        assert!((found - diameter).abs() < 1e-12, "{record}: {found}");
+        assert!(
+            said.contains("is narrowed from 10 to") && said.contains("the clear aperture of the stop"),
+            "{said}"
+        );
+    }
+    let (found, said) = pupil(&seq(&changed(SEQ, "  CIR 6", "  CIR 3")));
+    assert!((found - 6.0).abs() < 1e-12 && said.contains("narrowed from 10 to 6 mm"), "{found} {said}");
+    // A wider one does not, nor one that was printed with few digits, nor one that the program fits to its rays.
+    for record in ["  CLAP 0 6 0", "  CLAP 0 5 0", "  CLAP 0 4.9998 0", "  FLAP 0 6 0"] {
+        assert_eq!(pupil(&zmx(&changed(ZMX, "  CLAP 0 6 0", record))), (10.0, String::new()), "{record}");
+    }
+    let floating = changed(&changed(ZMX, "  CLAP 0 6 0", "  FLAP 0 6 0"), "DIAM 6 1", "DIAM 4.9 1");
+    assert_eq!(zmx(&floating).file.lens.entrance_pupil_mm, 10.0);
+    // Behind a lens the beam at the stop is narrower than the pupil. The stop is 40 mm behind a thin lens of 100 mm: 6 mm of 10.
+    let behind = changed(
+        ZMX,
+        "  STOP\n  TYPE STANDARD\n  CURV 0.02 0 0 0 0 \"\"\n  DISZ 4\n  GLAS N-BK7 0 0 1.5168 64.17\n  DIAM 6 1 0 0 1 \"\"\n  CLAP 0 6 0",
+        "  TYPE PARAXIAL\n  PARM 1 100\n  DISZ 40",
+    );
+    let behind =
+        changed(&behind, "SURF 2\n  TYPE STANDARD", "SURF 2\n  STOP\n  CLAP 0 1.5 0\n  TYPE STANDARD");
+    let (found, said) = pupil(&zmx(&behind));
+    assert!((found - 5.0).abs() < 1e-12 && said.contains("the beam of 3 mm"), "{found} {said}");
+}
+
+/// Share of the light of a wide stop that an aperture of the stop lets through on the axis.
+fn light(lens: &Lens) -> f64 {
+    let quadrature = petzval_optics::pupil::Quadrature::grid(256).unwrap();
+    let sequence = lens.at_wavelength(lens.reference_um);
+    let stop = first_order(&sequence).stop_radius_mm;
+    let beam = petzval_optics::pupil::trace_beam(&sequence, 0.0, stop, &quadrature);
+    let mut open = lens.clone();
+    open.surfaces.iter_mut().for_each(|s| s.semi_diameter_mm = 20.0);
+    let all =
+        petzval_optics::pupil::trace_beam(&open.at_wavelength(lens.reference_um), 0.0, stop, &quadrature);
+    beam.light() / all.light()
+}
+
+#[test]
+fn an_aperture_of_the_stop_off_its_vertex_lets_its_own_light_through() {
+    // Circles within the beam of 5 mm let through the ratio of the areas.
+    for (clap, offset, share) in [("2", "2 0", 0.16), ("3", "2 -1", 0.355_6), ("1", "0 3.5", 0.04)] {
+        let record = format!("  CLAP 0 {clap} 0\n  OBDC {offset}");
+        let import = zmx(&changed(ZMX, "  CLAP 0 6 0", &record));
+        let lens = &import.file.lens;
+        assert_eq!((lens.stop, lens.surfaces.len(), lens.entrance_pupil_mm), (1, 3, 10.0));
+        assert!((light(lens) - share).abs() < 2e-3, "{clap} {offset}: {}", light(lens));
+        assert!(losses(&import).join("").contains("line 20: `OBDC"), "{:?}", import.losses);
+        // It is as long, and has the same power, as without the aperture.
+        let plain = zmx(&changed(ZMX, "  CLAP 0 6 0", "")).file.lens;
+        assert_eq!((efl_mm(lens), lens.total_track_mm()), (efl_mm(&plain), plain.total_track_mm()));
+    }
+    let import = seq(&changed(SEQ, "  CIR 6", "  CIR 2; ADX 0; ADY 2"));
+    assert!((light(&import.file.lens) - 0.16).abs() < 2e-3 && import.losses.len() == 1);
+    // Fields off the y-z plane need a round lens: there a circle about the vertex encloses the aperture.
+    let skew =
+        changed(&changed(ZMX, "  CLAP 0 6 0", "  CLAP 0 2 0\n  OBDC 2 0"), "YFLN 0 2", "XFLN 0 1\nYFLN 0 2");
+    let import = zmx(&skew);
+    assert!((import.file.lens.entrance_pupil_mm - 8.0).abs() < 1e-12, "{:?}", import.losses);
 }
 
 /// A stop that is too large for the surfaces: the beams are narrowed, with a message.
@@ -714,8 +784,8 @@ fn the_loss_of_a_shifted_aperture_describes_its_treatment() {
         let import = zmx(&changed(ZMX, "  CLAP 0 6 0", records));
         (import.file.lens.surfaces[0].semi_diameter_mm, losses(&import).join("\n"))
     };
-    let (semi, told) = said("  CLAP 0 6\n  OBDC 0 2");
-    assert!(semi == 8.0 && told.contains("encloses it"), "{told}");
+    let (semi, told) = said("  CLAP 0 8\n  OBDC 0 2");
+    assert!(semi == 10.0 && told.contains("encloses it"), "{told}");
     let (semi, told) = said("  FLAP 0 6\n  OBDC 0 2");
     assert!(semi == 6.0 && told.contains("stays at the vertex"), "{told}");
     assert!(said("  OBDC 0 2").1.contains("no aperture that is kept"));

@@ -25,7 +25,8 @@ pub struct ParaxialRay {
     pub w: Vec<f64>,
 }
 
-/// First-order properties, for an image in the medium behind the last surface.
+/// First-order properties, for an image in the medium behind the last surface. A quantity that lies at infinity is not finite: the focal length
+/// of an afocal lens, the image of an object at the front focus, the exit pupil of a lens that is telecentric towards its image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FirstOrder {
     /// Effective focal length, the reciprocal of the power, mm.
@@ -34,7 +35,7 @@ pub struct FirstOrder {
     pub bfl_mm: f64,
     /// From the last vertex to the paraxial image of the object, mm.
     pub image_distance_mm: f64,
-    /// EFL divided by the entrance pupil diameter.
+    /// EFL divided by the entrance pupil diameter, without its sign.
     pub f_number: f64,
     /// Entrance pupil, from the first vertex, mm.
     pub entrance_pupil_at_mm: f64,
@@ -104,22 +105,51 @@ pub fn paraxial_ray(sequence: &Sequence, y_mm: f64, u: f64) -> ParaxialRay {
     through(sequence, 0..sequence.surfaces.len(), y_mm, n * u)
 }
 
+/// Share of the largest part of a sum below which the sum is rounding: of a power, a height or a slope that would be zero with exact numbers.
+const ROUNDING: f64 = 1e-9;
+
+/// A height or slope behind the last of some surfaces, or zero where it is nothing but rounding: `parts` are what it is the sum of.
+fn without_rounding(sum: f64, parts: impl Iterator<Item = f64>) -> f64 {
+    let largest = parts.fold(0.0_f64, |most, part| most.max(part.abs()));
+    if sum.abs() <= ROUNDING * largest { 0.0 } else { sum }
+}
+
+impl ParaxialRay {
+    /// Its slope behind the last surface of `range`, at whose beginning it starts, or zero where that is rounding.
+    fn slope_behind(&self, sequence: &Sequence, range: Range<usize>) -> f64 {
+        let end = self.w[range.len()];
+        let bends = range.zip(&self.y).map(|(i, y)| y * power(sequence, i));
+        without_rounding(end, bends.chain([self.w[0]]))
+    }
+
+    /// Its height on the last surface of `range`, at whose beginning it starts, or zero where that is rounding.
+    fn height_at_end(&self, sequence: &Sequence, range: Range<usize>) -> f64 {
+        let end = self.y[range.len() - 1];
+        let rise = |(s, w): (&SurfaceAtWavelength, &f64)| s.thickness_mm * w / s.n_after;
+        let gaps = &sequence.surfaces[range.start..range.end - 1];
+        let rises = gaps.iter().zip(&self.w[1..]).map(rise);
+        without_rounding(end, rises.chain([self.y[0]]))
+    }
+}
+
 /// First-order properties at the sequence's wavelength.
 pub fn first_order(sequence: &Sequence) -> FirstOrder {
     let last = sequence.surfaces.len() - 1;
     let n_image = sequence.surfaces[last].n_after;
 
+    let (all, to_stop) = (0..last + 1, 0..sequence.stop + 1);
+
     // Trace a ray parallel to the axis: it gives the focal lengths and the ratio of stop to pupil.
     let parallel = paraxial_ray(sequence, 1.0, 0.0);
-    let w_end = parallel.w[last + 1];
+    let w_end = parallel.slope_behind(sequence, all.clone());
     let efl_mm = -1.0 / w_end;
-    let bfl_mm = -parallel.y[last] * n_image / w_end;
-    let stop_per_pupil = parallel.y[sequence.stop];
+    let bfl_mm = -parallel.height_at_end(sequence, all) * n_image / w_end + 0.0;
+    let stop_per_pupil = parallel.height_at_end(sequence, to_stop.clone());
 
     // Trace a ray through the first vertex: every other ray is a combination of the two. The entrance pupil is the apparent
     // position of the stop's centre.
     let oblique = paraxial_ray(sequence, 0.0, 1.0);
-    let entrance_pupil_at_mm = oblique.y[sequence.stop] / stop_per_pupil;
+    let entrance_pupil_at_mm = oblique.height_at_end(sequence, to_stop) / stop_per_pupil;
 
     // Trace rays from the centre and from the rim of the stop to the exit pupil.
     let s = &sequence.surfaces[sequence.stop];
@@ -128,7 +158,8 @@ pub fn first_order(sequence: &Sequence) -> FirstOrder {
         (0.0, 1.0)
     } else {
         let centre = through(sequence, first..last + 1, s.thickness_mm, s.n_after);
-        let at = -centre.y[last - first] * n_image / centre.w[last + 1 - first];
+        let w_centre = centre.slope_behind(sequence, first..last + 1);
+        let at = -centre.height_at_end(sequence, first..last + 1) * n_image / w_centre + 0.0;
         let rim = through(sequence, first..last + 1, 1.0, 0.0);
         (at, rim.y[last - first] + at * rim.w[last + 1 - first] / n_image)
     };
@@ -137,16 +168,18 @@ pub fn first_order(sequence: &Sequence) -> FirstOrder {
     let image_distance_mm = match sequence.object {
         ObjectDistance::Infinity => bfl_mm,
         ObjectDistance::Finite(distance) => {
-            let y = parallel.y[last] * distance + oblique.y[last];
-            let w = w_end * distance + oblique.w[last + 1];
-            -y * n_image / w
+            let y_parts = [parallel.y[last] * distance, oblique.y[last]];
+            let w_parts = [w_end * distance, oblique.w[last + 1]];
+            let y = without_rounding(y_parts[0] + y_parts[1], y_parts.into_iter());
+            let w = without_rounding(w_parts[0] + w_parts[1], w_parts.into_iter());
+            -y * n_image / w + 0.0
         }
     };
     FirstOrder {
         efl_mm,
         bfl_mm,
         image_distance_mm,
-        f_number: efl_mm / sequence.entrance_pupil_mm,
+        f_number: (efl_mm / sequence.entrance_pupil_mm).abs(),
         entrance_pupil_at_mm,
         exit_pupil_at_mm,
         exit_pupil_mm: 2.0 * (stop_radius_mm * exit_magnification).abs(),
@@ -191,7 +224,8 @@ pub fn image_height_per_tangent(sequence: &Sequence) -> f64 {
     match sequence.object {
         ObjectDistance::Infinity => first_order(sequence).efl_mm,
         ObjectDistance::Finite(distance) => {
-            -distance / paraxial_ray(sequence, distance, 1.0).w[sequence.surfaces.len()]
+            -distance
+                / paraxial_ray(sequence, distance, 1.0).slope_behind(sequence, 0..sequence.surfaces.len())
         }
     }
 }

@@ -241,15 +241,38 @@ fn a_folder_may_hold_other_files_and_invalid_glasses() {
 }
 
 #[test]
-fn a_lens_with_a_misprinted_glass_can_be_written_and_read_again() {
+fn a_misprinted_glass_is_refused_wherever_it_is_named() {
     let folder = tempfile::tempdir().unwrap();
     write(folder.path(), "mine.agf", &AGF.replace("ONLY-HERE 1 0 1.5168 64.2", "ONLY-HERE 1 0 1.6 50"));
     let lens = read(&data(&format!("lenses/{LENS}.toml"))).replace("\"N-SF11\"", "\"ONLY-HERE\"");
     write(folder.path(), "lens.toml", &lens);
-    let with = ["--glasses", "mine.agf", "lens", "convert", "lens.toml", "again.toml"];
-    assert!(run_ok(folder.path(), &with).says("the formula gives nd = 1.51680, not 1.6"));
-    let shown = run_ok(folder.path(), &["lens", "show", "again.toml", "--json"]).json();
-    assert!((flint_nd(&shown) - 1.5168).abs() < 1e-5, "{}", flint_nd(&shown));
+    let both = "`ONLY-HERE` was left out: the formula gives nd = 1.51680, and 1.6 is printed";
+    for args in [&["lens", "show", "lens.toml"][..], &["glass", "show", "only-here"]] {
+        let failed = run_fails(folder.path(), &[&["--glasses", "mine.agf"], args].concat(), 2, &[]);
+        let text = failed.stderr.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(text.to_lowercase().contains(&both.to_lowercase()), "{text}");
+    }
+    // Glasses that are right can be used beside it.
+    run_ok(folder.path(), &["--glasses", "mine.agf", "glass", "show", "N-SF11"]);
+}
+
+#[test]
+fn every_kind_of_warning_about_a_catalogue_is_said_and_its_repeats_are_counted() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "words\n".repeat(2000) + AGF + "NM LATE 1 0 1.7 64.2 0 0\nCD 2.27 -0.0092 0.0116\n";
+    write(folder.path(), "mine.agf", &text);
+    let shown = run_ok(folder.path(), &["lens", "show", LENS, "--glasses", "mine.agf"]);
+    for says in [
+        "(and 1999 more like it)",
+        "line 2008: `IT 0.5 what 10`: the numbers do not fit the record: left out",
+        "line 2009: `LATE`: the formula gives nd = 1.5",
+        "`petzval glass list` shows every line",
+    ] {
+        assert!(shown.says(says), "{says}\n{}", shown.stderr);
+    }
+    assert_eq!(shown.stderr.matches("mine.agf: ").count(), 3, "{}", shown.stderr);
+    let all = run_ok(folder.path(), &["glass", "list", "--glasses", "mine.agf"]);
+    assert_eq!(all.stderr.matches("mine.agf: ").count(), 2002, "{}", all.stderr);
 }
 
 #[test]

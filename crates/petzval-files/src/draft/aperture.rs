@@ -1,8 +1,9 @@
 //! Converts every kind of aperture to the diameter of the entrance pupil.
 
-use super::item::Clear;
+use super::item::{Clear, Drafted};
 use super::record::Record;
 use crate::decimal::shown;
+use crate::loss::{Effect, Losses};
 use petzval_base::FileError;
 use petzval_optics::lens::{Lens, ObjectDistance};
 use petzval_optics::paraxial::{first_order, paraxial_ray};
@@ -72,7 +73,7 @@ pub(super) fn entrance_pupil_mm(
             return Err(record.error(message));
         }
         (Aperture::StopSize, _) => {
-            let (Clear::Edge(semi) | Clear::Open(semi)) = stop;
+            let (Clear::Edge(semi) | Clear::Beam(semi) | Clear::Open(semi)) = stop;
             if semi <= 0.0 {
                 let message = "the stop's size is the aperture, but the stop has no semi-diameter";
                 return Err(record.error(message));
@@ -98,4 +99,34 @@ pub(super) fn entrance_pupil_mm(
             Err(record.error(message).hint("is the lens afocal, or the stop at a focus?"))
         }
     }
+}
+
+/// Share by which the beam may be wider than the edge of the stop: edges are printed with few digits.
+const AS_WIDE: f64 = 1.0 + 1e-4;
+
+/// The diameter of the entrance pupil, mm, within the clear aperture of the stop.
+///
+/// Programs clip at a narrower one, and go on to compute f-numbers from the aperture of the file. Here the stop is what limits the beam.
+pub(super) fn within_stop(lens: &Lens, stop: &Drafted, losses: &mut Losses) -> f64 {
+    let diameter = lens.entrance_pupil_mm;
+    let beam = first_order(&lens.at_wavelength(lens.reference_um)).stop_radius_mm.abs();
+    let Clear::Edge(edge) = stop.clear else { return diameter };
+    if !(beam > edge * AS_WIDE) || !beam.is_finite() {
+        return diameter;
+    }
+    let narrowed = diameter * edge / beam;
+    let message = format!(
+        "the clear aperture of the stop, {} mm from the axis, is narrower than the beam of {} mm: the entrance pupil is narrowed from {} to {} mm",
+        shown(edge),
+        rounded(beam),
+        rounded(diameter),
+        rounded(narrowed)
+    );
+    losses.add(stop.record.line, &stop.record.text, Effect::Approximated, message);
+    narrowed
+}
+
+/// A length in a message, to a tenth of a micrometre.
+fn rounded(mm: f64) -> String {
+    shown((mm * 1e4).round() * 1e-4)
 }

@@ -47,7 +47,7 @@ pub(super) fn with_semi_diameters(
     clears: &[Clear],
     losses: &mut Losses,
 ) -> Result<(Lens, Option<LensDefect>), LensDefect> {
-    if clears.iter().all(|clear| matches!(clear, Clear::Edge(_))) {
+    if clears.iter().all(|clear| matches!(clear, Clear::Edge(_) | Clear::Beam(_))) {
         let lens = filled(&lens, clears, |_, _| 0.0);
         traceable(&lens)?;
         let flaw = validate(&lens).err();
@@ -99,7 +99,7 @@ fn filled(lens: &Lens, clears: &[Clear], open: impl Fn(usize, f64) -> f64) -> Le
     let stop_radius = first_order(&lens.at_wavelength(lens.reference_um)).stop_radius_mm.abs();
     for (i, clear) in clears.iter().copied().enumerate() {
         lens.surfaces[i].semi_diameter_mm = match clear {
-            Clear::Edge(mm) => mm,
+            Clear::Edge(mm) | Clear::Beam(mm) => mm,
             Clear::Open(_) if i == lens.stop && stop_radius > 0.0 && stop_radius.is_finite() => stop_radius,
             Clear::Open(printed) => {
                 let semi = open(i, printed);
@@ -115,7 +115,7 @@ fn filled(lens: &Lens, clears: &[Clear], open: impl Fn(usize, f64) -> f64) -> Le
 fn beam_heights(lens: &Lens, clears: &[Clear]) -> Vec<f64> {
     let mut lens = lens.clone();
     for (surface, clear) in lens.surfaces.iter_mut().zip(clears) {
-        if let Clear::Edge(mm) = clear {
+        if let Clear::Edge(mm) | Clear::Beam(mm) = clear {
             surface.semi_diameter_mm = *mm;
         }
     }

@@ -8,6 +8,8 @@ use petzval_optics::lens::Surface;
 pub(crate) enum Clear {
     /// The surface clips light beyond this height, mm.
     Edge(f64),
+    /// The surface clips light beyond this height, mm, which the program set to that of its beam.
+    Beam(f64),
     /// The surface does not clip; the file prints this height for information, mm, or 0.
     Open(f64),
 }
@@ -18,6 +20,17 @@ pub(crate) struct Drafted {
     /// The surface, still without its clear semi-diameter and, for a mirror, the medium behind it.
     pub surface: Surface,
     pub clear: Clear,
+    pub record: Record,
+    /// Where the aperture stands that [`Clear::Edge`] encloses, if that is off the vertex.
+    pub offset: Option<Offset>,
+}
+
+/// A round aperture off the vertex of its surface.
+#[derive(Clone, Debug)]
+pub(crate) struct Offset {
+    /// Its middle, mm.
+    pub at_mm: [f64; 2],
+    pub radius_mm: f64,
     pub record: Record,
 }
 

@@ -8,6 +8,7 @@ mod clear;
 mod field;
 mod idle;
 mod item;
+mod offset;
 mod place;
 mod power;
 mod record;
@@ -16,7 +17,7 @@ pub(super) use aperture::Aperture;
 pub use clear::with_open_surfaces;
 use clear::with_semi_diameters;
 pub(super) use field::{FieldKind, Fields};
-pub(super) use item::{Break, Clear, Drafted, Item};
+pub(super) use item::{Break, Clear, Drafted, Item, Offset};
 pub(super) use place::{check_angles, is_bend, undone};
 pub(super) use power::{in_mm, set_powers};
 pub(super) use record::{Record, line_end};
@@ -122,6 +123,8 @@ impl Draft {
             lens = petzval_optics::solve::with_paraxial_focus(&lens, 0.0);
         }
         lens.entrance_pupil_mm = aperture::entrance_pupil_mm(&lens, &self.aperture, drafted[stop].clear)?;
+        let (mut lens, drafted) = offset::with_planes(lens, drafted, &self.fields, &mut losses);
+        lens.entrance_pupil_mm = aperture::within_stop(&lens, &drafted[lens.stop], &mut losses);
         lens.fields_deg = field::angles_deg(&lens, &self.fields, &mut losses)?;
         if let Some(record) = &self.fields.telecentric {
             field::check_telecentric(&lens, &lens.fields_deg, record, &mut losses)?;

@@ -159,6 +159,7 @@ fn dummies(b: &Break, front: &Arc<Glass>) -> Vec<Drafted> {
         },
         clear: Clear::Open(0.0),
         record: b.record.clone(),
+        offset: None,
     };
     moves.into_iter().enumerate().map(dummy).collect()
 }

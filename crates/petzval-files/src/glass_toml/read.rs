@@ -9,7 +9,9 @@ use toml::Spanned;
 use super::text::{GlassTables, GlassText, Placed, Thickness};
 use crate::toml_number::Number;
 use petzval_base::FileError;
-use petzval_optics::glass::{Absorption, Catalog, Dispersion, Expansion, Glass, Printed, Status, Thermal};
+use petzval_optics::glass::{
+    Absorption, Catalog, Dispersion, Expansion, Glass, Misprint, Printed, Status, Thermal,
+};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields, expecting = "a table")]
@@ -93,20 +95,18 @@ fn read_glass(text: &str, name: &Spanned<String>, table: &GlassText) -> Result<G
     }
     glass.density_g_cm3 = not_negative(text, "density_g_cm3", &table.density_g_cm3)?;
     glass.relative_cost = not_negative(text, "relative_cost", &table.relative_cost)?;
-    match (glass.misprint(), &table.nd, &table.vd) {
-        (Some(("nd", gives)), Some(nd), _) => {
-            Err(misprint(text, nd, "nd", format!("{} gives nd = {gives:.5}", glass.name)))
-        }
-        (Some((_, gives)), _, Some(vd)) => {
-            Err(misprint(text, vd, "vd", format!("{} gives vd = {gives:.2}", glass.name)))
-        }
-        _ => Ok(glass),
+    match glass.misprint() {
+        Some(misprint) => Err(contradiction(text, table, &glass.name, &misprint)),
+        None => Ok(glass),
     }
 }
 
 /// The error for a formula that contradicts a printed value: a mistyped coefficient changes n_d or V_d.
-fn misprint(text: &str, number: &Placed, key: &str, gives: String) -> FileError {
-    FileError::at(text, number.span(), key, format!("the formula of {gives}")).hint("one of them is mistyped")
+fn contradiction(text: &str, table: &GlassText, name: &str, misprint: &Misprint) -> FileError {
+    let number = if misprint.figure == "nd" { &table.nd } else { &table.vd };
+    let span = number.as_ref().map_or(0..0, Spanned::span);
+    let key = misprint.figure.to_lowercase();
+    FileError::at(text, span, &key, format!("{name}: {misprint}")).hint("one of them is mistyped")
 }
 
 /// The one formula of a glass table.

@@ -44,7 +44,7 @@ impl Reader<'_> {
             None if action == Action::Reflect => front.unwrap_or_else(Glass::air),
             None => Glass::air(),
             Some(name) => glasses.get(name.get_ref()).map_err(|unknown| {
-                let message = format!("surface {number}: no glass is called `{}`", unknown.name);
+                let message = format!("surface {number}: {}", unknown.reason());
                 self.error("glass", name.span(), message).hint(format!(
                     "the nearest names are {}; a glass of your own goes into [glass.NAME]",
                     unknown.nearest.join(", ")

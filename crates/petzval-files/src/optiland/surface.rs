@@ -144,7 +144,7 @@ impl<'a> RawSurface<'a> {
             action,
             ..Surface::default()
         };
-        Ok(Drafted { surface, clear: self.clear(losses)?, record: self.record.clone() })
+        Ok(Drafted { surface, clear: self.clear(losses)?, record: self.record.clone(), offset: None })
     }
 
     /// The shape: `z = r^2 / (R (1 + sqrt(1 - (1 + k) r^2 / R^2)))` and, with i from 0, `C_i r^(2 i + 2)` of an even asphere or

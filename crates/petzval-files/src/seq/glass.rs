@@ -171,6 +171,7 @@ fn by_name(name: &str, catalog: &Catalog, record: &Record) -> Result<Arc<Glass>,
             // If another maker has the name, look for names near the whole text.
             let nearest = catalog.get(asked).err().or_else(|| catalog.get(&name.replace('_', "-")).err());
             Err(match nearest {
+                Some(unknown) if unknown.refused.is_some() => unknown_glass(record, &unknown),
                 Some(unknown) => FileError { message, ..unknown_glass(record, &unknown) },
                 None => record.error(message),
             })

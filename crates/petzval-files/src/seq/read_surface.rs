@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::command::{Command, Word};
 use super::glass::PrivateGlasses;
-use crate::draft::{Break, Clear, Drafted, Record, check_angles, in_mm, is_bend, set_powers};
+use crate::draft::{Break, Clear, Drafted, Offset, Record, check_angles, in_mm, is_bend, set_powers};
 use crate::loss::{Effect, Losses};
 use crate::old_glass::substitute;
 use petzval_base::FileError;
@@ -84,6 +84,8 @@ pub(super) struct RawSurface {
     edge: Option<f64>,
     half_widths: [f64; 2],
     offset: [f64; 2],
+    /// The command of its offset.
+    offset_at: Record,
     label: String,
 }
 
@@ -149,6 +151,7 @@ impl RawSurface {
             edge: None,
             half_widths: [0.0; 2],
             offset: [0.0; 2],
+            offset_at: Record::default(),
             label: String::new(),
         };
         for (i, word) in command.words.iter().enumerate().skip(2) {
@@ -273,14 +276,11 @@ impl RawSurface {
                 // Offsets of edges and obscurations are not kept, like these themselves.
                 if !["EDG", "OBS", "HOL"].iter().any(|what| says(words, what)) {
                     self.offset[usize::from(name == "ADY")] = value;
+                    self.offset_at = command.record.clone();
                 }
             }
             "ARO" => {}
             _ => lose(Effect::NoRay, "coatings are not read"),
-        }
-        if matches!(name, "ADX" | "ADY") && self.offset != [0.0; 2] {
-            let message = "the aperture is off the vertex; a circle about the vertex encloses it";
-            losses.add(command.record.line, &command.record.text, Effect::Approximated, message);
         }
         Ok(())
     }
@@ -431,8 +431,13 @@ impl RawSurface {
             ..Surface::default()
         };
         let clear = edge.map_or(Clear::Open(0.0), Clear::Edge);
+        let offset = self.edge.filter(|_| self.offset != [0.0; 2]).map(|edge| Offset {
+            at_mm: self.offset.map(|v| v * mm),
+            radius_mm: edge * mm,
+            record: self.offset_at.clone(),
+        });
         Ok(Made {
-            drafted: Drafted { surface, clear, record: self.record.clone() },
+            drafted: Drafted { surface, clear, record: self.record.clone(), offset },
             along_mm,
             behind: behind.map(|b| Break { thickness_mm, ..b }),
             substituted,

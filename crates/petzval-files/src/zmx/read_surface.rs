@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::record::{Line, SOLVES, SURFACE_BOOKKEEPING, SURFACE_LOST};
 use crate::decimal::shown;
-use crate::draft::{Break, Clear, Drafted};
+use crate::draft::{Break, Clear, Drafted, Offset};
 use crate::loss::{Effect, Losses};
 use crate::old_glass::{substitute, unknown_glass};
 use petzval_base::FileError;
@@ -46,7 +46,7 @@ pub(super) struct RawSurface<'a> {
     comment: String,
     /// Radius of the aperture, or of the circle that encloses it, in units of the file.
     aperture: Option<(f64, Line<'a>)>,
-    offset: Option<Said<'a>>,
+    offset: Option<([f64; 2], Line<'a>)>,
     floats: bool,
     turned: Option<Line<'a>>,
     /// Records of [`ONCE`] that were read.
@@ -130,8 +130,8 @@ impl<'a> RawSurface<'a> {
                 self.aperture = Some((around, line));
             }
             "OBDC" => {
-                let offset = line.needed(0)?.hypot(line.needed(1)?);
-                if offset != 0.0 {
+                let offset = [line.needed(0)?, line.needed(1)?];
+                if offset != [0.0; 2] {
                     self.offset = Some((offset, line));
                 }
             }
@@ -272,20 +272,20 @@ impl<'a> RawSurface<'a> {
             ..Surface::default()
         };
         let record = self.kind.as_ref().unwrap_or(&self.line).record();
-        Ok(Drafted { surface, clear: self.clear(shapes, losses)?, record })
+        let offset = self.offset_aperture(shapes);
+        Ok(Drafted { surface, clear: self.clear(shapes, losses)?, record, offset })
     }
 
     /// The clear semi-diameter. Only an aperture blocks light; a semi-diameter without one does not.
     fn clear(&self, shapes: &Shapes<'_>, losses: &mut Losses) -> Result<Clear, FileError> {
-        if let Some((_, line)) = &self.offset {
-            let message = match self.aperture {
-                Some(_) => "the aperture is off the vertex; a circle about the vertex encloses it",
-                None if self.floats => "a floating aperture stays at the vertex; its shift is not kept",
-                None => "this shifts no aperture that is kept",
+        if let Some((_, line)) = self.offset.as_ref().filter(|_| self.aperture.is_none()) {
+            let message = match self.floats {
+                true => "a floating aperture stays at the vertex; its shift is not kept",
+                false => "this shifts no aperture that is kept",
             };
             losses.add(line.number, line.text, Effect::Approximated, message);
         }
-        let offset = self.offset.as_ref().map_or(0.0, |said| said.0);
+        let offset = self.offset.as_ref().map_or(0.0, |([x, y], _)| x.hypot(*y));
         let printed = match &self.semi_diameter {
             None => 0.0,
             Some(line) => line.needed(0)?.abs() * shapes.mm,
@@ -295,9 +295,16 @@ impl<'a> RawSurface<'a> {
                 edge if edge > 0.0 => Ok(Clear::Edge(edge)),
                 _ => Err(line.error("the aperture must be positive")),
             },
-            None if self.floats && printed > 0.0 => Ok(Clear::Edge(printed)),
+            None if self.floats && printed > 0.0 => Ok(Clear::Beam(printed)),
             None => Ok(Clear::Open(printed)),
         }
+    }
+
+    /// The aperture, if it is off the vertex.
+    fn offset_aperture(&self, shapes: &Shapes<'_>) -> Option<Offset> {
+        let ((at, line), (radius, _)) = (self.offset.as_ref()?, self.aperture.as_ref()?);
+        let at_mm = at.map(|v| v * shapes.mm);
+        Some(Offset { at_mm, radius_mm: radius * shapes.mm, record: line.record() })
     }
 
     /// The medium of `GLAS name state pickup nd Vd ...`.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use petzval_base::FileError;
 use petzval_design::error::DesignError;
-use petzval_files::{decode, is_meant_as_catalog, parse_agf, parse_catalog, parse_rii};
+use petzval_files::{GlassWarning, decode, is_meant_as_catalog, parse_agf, parse_catalog, parse_rii};
 use petzval_optics::glass::Catalog;
 
 use crate::error::JobError;
@@ -16,7 +16,30 @@ pub struct ChosenGlasses {
     /// The glasses; those of later files count where a name is in several.
     pub catalog: Catalog,
     /// Lines that were left out, or look wrong, with their files.
-    pub warnings: Vec<(PathBuf, FileError)>,
+    pub warnings: Vec<(PathBuf, GlassWarning)>,
+}
+
+impl ChosenGlasses {
+    /// One line for each kind of warning about each file: its first, and how many more there are.
+    pub fn warning_lines(&self) -> Vec<String> {
+        let of_files = self.warnings.chunk_by(|(a, _), (b, _)| a == b);
+        let kinds = of_files.flat_map(|of_file| {
+            let kinds = GlassWarning::by_kind(of_file.iter().map(|(_, warning)| warning));
+            kinds.into_iter().map(|(first, more)| (&of_file[0].0, first, more))
+        });
+        let line = |(path, first, more): (&PathBuf, &GlassWarning, usize)| match more {
+            0 => format!("{}: {}", path.display(), first.error),
+            more => format!("{}: {} (and {more} more like it)", path.display(), first.error),
+        };
+        kinds.map(line).collect()
+    }
+
+    /// Every warning, one line each.
+    pub fn all_warning_lines(&self) -> Vec<String> {
+        let line =
+            |(path, warning): &(PathBuf, GlassWarning)| format!("{}: {}", path.display(), warning.error);
+        self.warnings.iter().map(line).collect()
+    }
 }
 
 const ENDINGS: &str = ".agf, .toml, .yml or .yaml";
@@ -46,7 +69,8 @@ pub fn read_glasses(paths: &[PathBuf]) -> Result<ChosenGlasses, JobError> {
             match read_file(&file, &mut chosen) {
                 Err(JobError::File { path, mut error }) if !is_broken_catalogue(&file) => {
                     error.message += ": the file is left out";
-                    chosen.warnings.push((path, *error));
+                    let kind = "the file is left out".to_owned();
+                    chosen.warnings.push((path, GlassWarning { error: *error, kind }));
                 }
                 other => {
                     other?;

@@ -162,7 +162,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let glass = catalog.get(&request.name).map_err(|unknown| {
         let nearest = unknown.nearest.join(", ");
         let hint = format!("the nearest names are {nearest}; `petzval glass list` shows every glass");
-        JobError::input(format!("no glass is called `{}`", unknown.name), hint)
+        JobError::input(unknown.reason(), hint)
     })?;
     let air = request.air()?;
     if air.is_some() && glass.index_at(LINE_D_UM, DN_DT_C[0], 1.0).is_none() {

@@ -4,13 +4,13 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use petzval_design::lens_view::surfaces;
-use petzval_optics::analysis::{AnalysisOptions, analyze, first_order_table};
+use petzval_optics::analysis::{AnalysisOptions, analyze};
 use petzval_optics::lens::Lens;
 use petzval_report::lens_sheet::{PICTURES, Picture, page};
 use serde::{Deserialize, Serialize};
 
 use super::analysis_csv::TABLES;
-use super::focus::{FocusAt, focused};
+use super::focus::{FocusAt, check_image, focused};
 use crate::context::Context;
 use crate::error::{JobError, make_folder, write_file};
 use crate::results::check_folder;
@@ -25,9 +25,6 @@ const CSV: &str = "csv";
 /// Most fields and most wavelengths that are analysed: of more, so many are taken evenly. More make no curve smoother and no picture clearer, but
 /// take minutes.
 const MOST: usize = 31;
-
-/// Track over focal length of a lens that counts as afocal: rounding leaves an afocal lens some power.
-const LEAST_POWER: f64 = 1e-9;
 
 /// Highest frequency of a request, cycles/mm: beyond the cutoff of any lens for light.
 const MOST_PER_MM: f64 = 2e4;
@@ -200,18 +197,4 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 /// [`MOST`] of a longer list, evenly from the first to the last.
 fn thinned(list: &[f64]) -> Vec<f64> {
     (0..MOST).map(|i| list[i * (list.len() - 1) / (MOST - 1)]).collect()
-}
-
-/// Refuses a lens that has no entrance pupil or no focus: the analyses start from both.
-fn check_image(name: &str, lens: &Lens) -> Result<(), JobError> {
-    let table = first_order_table(lens);
-    let power = table.efl_mm.map_or(0.0, |efl| (lens.total_track_mm() / efl).abs());
-    if power < LEAST_POWER || !table.cutoff_per_mm.is_normal() {
-        return Err(JobError::input(
-            format!("{name}: the lens is afocal in the y-z plane, or telecentric on the side of its object"),
-            "neither has an entrance pupil and a focus to start from; a thin lens of known focal length behind an afocal lens makes an \
-             image",
-        ));
-    }
-    Ok(())
 }

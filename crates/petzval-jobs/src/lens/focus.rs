@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 
 use petzval_files::{LensFile, Loss};
-use petzval_optics::lens::Lens;
+use petzval_optics::lens::{Lens, ObjectDistance};
+use petzval_optics::paraxial::first_order;
 use petzval_optics::pupil::Quadrature;
 use petzval_optics::solve::{with_best_focus, with_paraxial_focus};
 use petzval_optics::spot::mean_square_spot_traced;
@@ -65,18 +66,13 @@ pub struct Response {
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let file = context.assets.lens(&request.lens)?;
     let before = file.lens.clone();
-    // From a plane far away the spots are no guide: the paraxial focus is nearer.
-    let start = match request.focus {
-        FocusAt::File => before.clone(),
-        FocusAt::Paraxial | FocusAt::Best => with_paraxial_focus(&before, 0.0),
+    let lens = if request.focus == FocusAt::File {
+        before.clone()
+    } else {
+        check_image(&request.lens, &before)?;
+        // From a plane far away the spots are no guide: the paraxial focus is nearer.
+        focused(with_paraxial_focus(&before, 0.0), request.focus)?
     };
-    let lens = focused(start, request.focus)?;
-    if !lens.image_distance_mm().is_finite() {
-        return Err(JobError::input(
-            format!("{}: the lens has no focus: its light leaves it parallel", request.lens),
-            "an afocal lens needs another lens behind it",
-        ));
-    }
     let quadrature = Quadrature::grid(PUPIL_CELLS).map_err(|e| JobError::failed(e.to_string()))?;
     let fields: Vec<f64> = lens.fields_deg.iter().map(|f| f.to_radians()).collect();
     let rms_um =
@@ -100,20 +96,42 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 
 /// The lens with its image plane there.
 pub(super) fn focused(lens: Lens, focus: FocusAt) -> Result<Lens, JobError> {
-    match focus {
-        FocusAt::File => Ok(lens),
-        FocusAt::Paraxial => Ok(with_paraxial_focus(&lens, 0.0)),
-        FocusAt::Best => {
-            let quadrature = Quadrature::grid(PUPIL_CELLS).map_err(|e| JobError::failed(e.to_string()))?;
-            let fields: Vec<f64> = lens.fields_deg.iter().map(|f| f.to_radians()).collect();
-            with_best_focus(&lens, &fields, &quadrature).ok_or_else(|| {
-                JobError::setting(
-                    "focus",
-                    "best",
-                    "at some field no ray reaches the image",
-                    "--focus file leaves the image plane where the file puts it",
-                )
-            })
-        }
+    let refused = |said: &str| {
+        let name = if focus == FocusAt::Best { "best" } else { "paraxial" };
+        JobError::setting("focus", name, said, "--focus file leaves the image plane where the file puts it")
+    };
+    if focus == FocusAt::File {
+        return Ok(lens);
     }
+    if let Some(reason) = no_image(&lens) {
+        return Err(refused(reason));
+    }
+    if focus == FocusAt::Paraxial {
+        return Ok(with_paraxial_focus(&lens, 0.0));
+    }
+    let quadrature = Quadrature::grid(PUPIL_CELLS).map_err(|e| JobError::failed(e.to_string()))?;
+    let fields: Vec<f64> = lens.fields_deg.iter().map(|f| f.to_radians()).collect();
+    with_best_focus(&lens, &fields, &quadrature)
+        .ok_or_else(|| refused("at some field no ray reaches the image"))
+}
+
+/// Why a lens has no entrance pupil or no image at a finite distance, from which analyses and tolerances start.
+fn no_image(lens: &Lens) -> Option<&'static str> {
+    let order = first_order(&lens.at_wavelength(lens.reference_um));
+    if order.stop_radius_mm == 0.0 {
+        return Some("the lens is telecentric on the side of its object: its entrance pupil is at infinity");
+    }
+    if order.image_distance_mm.is_finite() {
+        return None;
+    }
+    Some(match lens.object {
+        ObjectDistance::Infinity => "the lens is afocal in the y-z plane: it has no focus",
+        ObjectDistance::Finite(_) => "the object is at the front focus: its image is at infinity",
+    })
+}
+
+/// Refuses a lens that has no entrance pupil or no image at a finite distance.
+pub(super) fn check_image(name: &str, lens: &Lens) -> Result<(), JobError> {
+    let hint = "a thin lens of known focal length behind it makes an image of parallel light";
+    no_image(lens).map_or(Ok(()), |reason| Err(JobError::input(format!("{name}: {reason}"), hint)))
 }

@@ -2,7 +2,7 @@
 
 use petzval_design::glass_warnings::glass_warnings;
 use petzval_files::lens_toml::special_lines;
-use petzval_optics::analysis::first_order_table;
+use petzval_optics::analysis::{Cone, first_order_table};
 use petzval_optics::lens::{Action, Lens, ObjectDistance};
 use petzval_optics::paraxial::{FirstOrder, first_order};
 use petzval_optics::pupil::{PupilRefinement, Quadrature, Refined, paraxial_launch, trace_beam};
@@ -21,6 +21,9 @@ const SPOTS: PupilRefinement = PupilRefinement { tolerance: 1e-3, first_cells: 6
 
 /// A stop with a clear radius of so many times that of the beam gets a warning.
 const WIDE_STOP: f64 = 3.0;
+
+/// Length over focal length of a lens that is nearly afocal.
+const NEARLY_AFOCAL: f64 = 1e-4;
 
 /// Which lens to show.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -60,10 +63,16 @@ pub struct Figures {
     pub object_distance_mm: Option<f64>,
     /// Lateral magnification of a near object.
     pub magnification: Option<f64>,
-    /// 1 / (2 NA) of the paraxial cone at the image.
+    /// Numerical aperture at the image by real marginal rays; 0 where light leaves parallel.
+    pub image_na: f64,
+    /// `1 / (2 NA)`.
     pub working_f_number: Option<f64>,
-    /// From the first vertex to the paraxial image, as lens tables print it, mm.
+    /// Of an afocal lens: tangent of the angle at which a field leaves over that at which it comes.
+    pub angular_magnification: Option<f64>,
+    /// From the first vertex to the paraxial image, as lens tables print it, mm; along the axis where mirrors bend it.
     pub total_track_mm: Option<f64>,
+    /// Whether mirrors bend the axis.
+    pub is_folded: bool,
     /// From the last vertex to the image plane, mm.
     pub image_distance_mm: f64,
     /// Image plane from the paraxial image, mm.
@@ -193,8 +202,11 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
                 ObjectDistance::Finite(distance) => Some(distance),
             },
             magnification: table.magnification,
-            working_f_number: finite(table.working_f_number),
-            total_track_mm: finite(lens.total_track_mm() - image_distance_mm + order.image_distance_mm),
+            image_na: table.image_na,
+            working_f_number: table.working_f_number,
+            angular_magnification: table.angular_magnification,
+            total_track_mm: finite(lens.with_image_distance(order.image_distance_mm).axis_length_mm()),
+            is_folded: lens.is_folded(),
             image_distance_mm,
             defocus_mm: finite(image_distance_mm - order.image_distance_mm),
             entrance_pupil_from_first_vertex_mm: finite(order.entrance_pupil_at_mm),
@@ -289,6 +301,25 @@ fn warnings(lens: &Lens, order: &FirstOrder, spots: &[Spots]) -> Vec<String> {
     }
     if !order.efl_mm.is_finite() {
         found.push("the lens is afocal in the y-z plane: it has no focal length".to_owned());
+    } else if (lens.total_track_mm() / order.efl_mm).abs() < NEARLY_AFOCAL {
+        found.push(format!(
+            "the lens is nearly afocal: its focal length is {:.0} times its length",
+            (order.efl_mm / lens.total_track_mm()).abs()
+        ));
+    }
+    if matches!(lens.object, ObjectDistance::Finite(_)) && !order.image_distance_mm.is_finite() {
+        found.push("the object is at the front focus: its image is at infinity".to_owned());
+    }
+    if !order.image_distance_mm.is_finite() {
+        found.push(
+            "light leaves the lens parallel: spots are beam widths on the plane of the file".to_owned(),
+        );
+    } else if !Cone::of(lens).is_real {
+        found.push(
+            "a ray through the rim of the stop is lost on the axis: NA and working f-number are those of the paraxial \
+             marginal ray"
+                .to_owned(),
+        );
     }
     if !lens.is_rotationally_symmetric() {
         found.push(

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::options::{airy_radius_um, cutoff_per_mm, image_f_number};
+use super::cone::Cone;
 use crate::lens::{Lens, ObjectDistance};
 use crate::paraxial::{first_order, image_height_per_tangent, paraxial_ray, rectilinear_tangent};
 use crate::seidel::marginal_and_chief;
@@ -17,10 +17,16 @@ pub struct FirstOrderTable {
     pub bfl_mm: Option<f64>,
     /// From the first vertex to the front focal point, mm, negative in front of the lens.
     pub ffl_mm: Option<f64>,
-    /// Focal length divided by the entrance pupil diameter.
+    /// Focal length divided by the entrance pupil diameter, without its sign.
     pub f_number: Option<f64>,
-    /// 1 / (2 NA) of the paraxial cone at the image, for the actual object distance.
-    pub working_f_number: f64,
+    /// Numerical aperture at the image by real marginal rays, see [`Cone`]; 0 where light leaves parallel.
+    pub image_na: f64,
+    /// `1 / (2 NA)`, for the actual object distance.
+    pub working_f_number: Option<f64>,
+    /// Whether the numerical aperture is that of real rays; else of the paraxial marginal ray, because a real one is lost.
+    pub is_image_na_real: bool,
+    /// Of a far object through an afocal lens: tangent of the angle at which a field leaves over that at which it comes.
+    pub angular_magnification: Option<f64>,
     /// From the first vertex to the object, mm, negative.
     pub object_mm: Option<f64>,
     /// Lateral magnification of a near object.
@@ -29,7 +35,7 @@ pub struct FirstOrderTable {
     pub image_mm: f64,
     /// Image plane from the paraxial image, mm.
     pub defocus_mm: Option<f64>,
-    /// From the first vertex to the image plane, mm.
+    /// From the first vertex to the image plane, mm; along the axis where mirrors bend it.
     pub total_track_mm: f64,
     /// Entrance pupil diameter, mm.
     pub entrance_pupil_mm: f64,
@@ -49,9 +55,9 @@ pub struct FirstOrderTable {
     pub lagrange_invariant_mm: Option<f64>,
     /// Radius of the Petzval surface, mm; negative if its centre is at smaller z, as for most lenses.
     pub petzval_radius_mm: Option<f64>,
-    /// Radius of the first dark ring of a perfect lens, um.
-    pub airy_radius_um: f64,
-    /// Frequency beyond which nothing is resolved on the axis, cycles/mm.
+    /// Radius of the first dark ring of a perfect lens of that numerical aperture, um.
+    pub airy_radius_um: Option<f64>,
+    /// Frequency beyond which nothing is resolved on the axis, cycles/mm; 0 where light leaves parallel.
     pub cutoff_per_mm: f64,
 }
 
@@ -76,17 +82,22 @@ pub fn first_order_table(lens: &Lens) -> FirstOrderTable {
     let bends =
         sequence.surfaces.iter().map(|s| s.shape.paraxial_curvature() * (1.0 / s.n_after - 1.0 / s.n_before));
     let n_image = sequence.surfaces.last().map_or(1.0, |s| s.n_after);
+    let cone = Cone::of(lens);
+    let is_afocal = lens.object == ObjectDistance::Infinity && !order.efl_mm.is_finite();
     FirstOrderTable {
         efl_mm: exists(order.efl_mm),
         bfl_mm: exists(order.bfl_mm),
         ffl_mm: exists(b / a),
         f_number: exists(order.f_number),
-        working_f_number: image_f_number(lens),
+        image_na: cone.na,
+        working_f_number: exists(cone.working_f_number()),
+        is_image_na_real: cone.is_real,
+        angular_magnification: exists(b / n_image.abs()).filter(|_| is_afocal),
         object_mm,
         magnification,
         image_mm: lens.image_distance_mm(),
         defocus_mm: exists(lens.image_distance_mm() - order.image_distance_mm),
-        total_track_mm: lens.total_track_mm(),
+        total_track_mm: lens.axis_length_mm(),
         entrance_pupil_mm: lens.entrance_pupil_mm,
         entrance_pupil_at_mm: exists(order.entrance_pupil_at_mm),
         exit_pupil_mm: exists(order.exit_pupil_mm),
@@ -96,7 +107,7 @@ pub fn first_order_table(lens: &Lens) -> FirstOrderTable {
         image_height_mm: exists(per_tangent * rectilinear_tangent(full)),
         lagrange_invariant_mm: exists(marginal.w[0] * chief.y[0] - chief.w[0] * marginal.y[0]),
         petzval_radius_mm: exists(1.0 / (n_image * bends.sum::<f64>())),
-        airy_radius_um: airy_radius_um(lens),
-        cutoff_per_mm: cutoff_per_mm(lens),
+        airy_radius_um: exists(cone.airy_radius_um(lens.reference_um)),
+        cutoff_per_mm: cone.cutoff_per_mm(lens.reference_um),
     }
 }

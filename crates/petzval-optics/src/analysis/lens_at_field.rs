@@ -52,9 +52,9 @@ impl<'a> LensAtField<'a> {
             .collect()
     }
 
-    /// Radius of the first dark ring of a perfect image with the paraxial cone of the axis, at the reference wavelength, um.
+    /// Radius of the first dark ring of a perfect image with the cone of the axis, at the reference wavelength, um.
     pub fn airy_radius_um(&self) -> f64 {
-        super::options::airy_radius_um(self.lens)
+        super::cone::Cone::of(self.lens).airy_radius_um(self.lens.reference_um)
     }
 }
 

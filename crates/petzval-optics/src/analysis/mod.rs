@@ -5,6 +5,7 @@
 //! stop. All colours have equal weight.
 
 mod axial_colour;
+mod cone;
 mod encircled_energy;
 mod error;
 mod fan;
@@ -19,6 +20,7 @@ mod third_order;
 mod wavefront;
 
 pub use axial_colour::{AxialColour, LongitudinalAberration, axial_colour, longitudinal_aberration};
+pub use cone::Cone;
 pub use encircled_energy::{EncircledEnergy, encircled_energy};
 pub use error::AnalysisError;
 pub use fan::{Fan, fan};

@@ -1,7 +1,9 @@
 //! Resolution and range of the analyses.
 
+use super::cone::Cone;
 use crate::lens::Lens;
 use crate::paraxial::first_order;
+use crate::seidel::marginal_and_chief;
 
 /// Resolution and range of the analyses.
 #[derive(Clone, Debug, PartialEq)]
@@ -136,27 +138,25 @@ pub(super) fn round_up(value: f64) -> f64 {
     digit.unwrap_or(10.0) * decade
 }
 
-/// 1 / (2 NA) of the paraxial cone at the image: the distance from the exit pupil, divided by the pupil's diameter and
-/// the index.
+/// `1 / (2 n' tan U')` of the paraxial cone at the image, by which the light on a sensor is counted: the distance from the exit pupil, divided by
+/// the pupil's diameter and the index. [`Cone`] has the numerical aperture of real rays.
 pub fn image_f_number(lens: &Lens) -> f64 {
     let sequence = lens.at_wavelength(lens.reference_um);
     let order = first_order(&sequence);
     let index = sequence.surfaces.last().map_or(1.0, |s| s.n_after.abs());
     let along = (order.image_distance_mm - order.exit_pupil_at_mm).abs();
-    match along.is_finite() {
-        true => along / (order.exit_pupil_mm * index),
-        // The exit pupil is at infinity: the cone is that of the marginal ray from the rear focus.
-        false => order.f_number.abs(),
+    if along.is_finite() {
+        return along / (order.exit_pupil_mm * index);
     }
+    if !order.image_distance_mm.is_finite() {
+        return f64::INFINITY;
+    }
+    // The exit pupil is at infinity: the cone is that of the marginal ray.
+    let (marginal, _) = marginal_and_chief(&sequence, 0.0);
+    marginal.w.last().map_or(f64::INFINITY, |w| 0.5 / w.abs())
 }
 
-/// Cutoff frequency of the MTF on the axis, cycles/mm: `2 NA / wavelength`, for the paraxial cone at the
-/// reference wavelength.
-pub(super) fn cutoff_per_mm(lens: &Lens) -> f64 {
-    1e3 / (lens.reference_um * image_f_number(lens))
-}
-
-/// Radius of the first dark ring of a perfect image with the paraxial cone of the axis, um: `0.61 wavelength / NA`.
-pub(super) fn airy_radius_um(lens: &Lens) -> f64 {
-    1.219_67 * lens.reference_um * image_f_number(lens)
+/// Cutoff frequency of the MTF on the axis, cycles/mm.
+fn cutoff_per_mm(lens: &Lens) -> f64 {
+    Cone::of(lens).cutoff_per_mm(lens.reference_um)
 }

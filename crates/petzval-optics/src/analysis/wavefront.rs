@@ -4,17 +4,14 @@ use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
 use super::AnalysisError;
-use super::lens_at_field::{LensAtField, pupil};
+use super::lens_at_field::LensAtField;
 use crate::lens::Lens;
-use crate::pupil::Sides;
+use crate::pupil::{PupilBasis, PupilSampling, Sides};
 use crate::trace::Sequence;
 use crate::wave::{PupilPlane, WaveChannel, opd};
 
 /// Terms of the Zernike fit: the fringe (University of Arizona) set.
 pub const ZERNIKE_TERMS: usize = 37;
-
-/// Cells a side of the pupil for wavefronts.
-const CELLS: usize = 32;
 
 /// Least ratio of the singular values of a valid fit; over the whole stop it is about 0.1.
 const LEAST_CONDITION: f64 = 1e-2;
@@ -104,7 +101,9 @@ struct Samples {
 }
 
 fn samples(field: &LensAtField, colour: &Sequence) -> Result<Samples, AnalysisError> {
-    let (mut points, mut areas) = pupil(CELLS).on(Sides::Both);
+    // Take Gaussian points, which integrate a wavefront over the whole disk, up to its rim.
+    let basis = PupilBasis::of(PupilSampling::Fine);
+    let (mut points, mut areas) = (Sides::Both.points(&basis.samples), Sides::Both.weights(&basis.weights));
     // Add points on the rim without weight: they count for the highest and the lowest value only.
     for k in 0..RIM {
         let (sin, cos) = (std::f64::consts::TAU * k as f64 / RIM as f64).sin_cos();
@@ -243,7 +242,8 @@ mod tests {
 
     #[test]
     fn a_sum_of_terms_is_found_again() {
-        let (points, shares) = pupil(24).on(Sides::Both);
+        let basis = PupilBasis::of(PupilSampling::Fine);
+        let (points, shares) = (Sides::Both.points(&basis.samples), Sides::Both.weights(&basis.weights));
         let wanted: Vec<f64> = (0..ZERNIKE_TERMS).map(|k| (k as f64 * 1.3).sin()).collect();
         let waves: Vec<f64> = points
             .iter()

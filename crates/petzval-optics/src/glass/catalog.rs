@@ -1,6 +1,7 @@
 //! A catalogue: glasses by name.
 
 use std::collections::BTreeMap;
+use std::fmt;
 use std::sync::Arc;
 
 use super::Glass;
@@ -13,16 +14,37 @@ use super::Glass;
 pub struct Catalog {
     /// By upper-case name, one for each maker; the last one is meant by the name alone.
     glasses: BTreeMap<String, Vec<Arc<Glass>>>,
+    /// By upper-case name: why a glass of a file was left out.
+    refused: BTreeMap<String, String>,
 }
 
 /// There is no glass of that name.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("no glass is called `{name}`; the nearest names are {}", .nearest.join(", "))]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UnknownGlass {
     /// The requested name.
     pub name: String,
+    /// Why a file's glass of that name was left out.
+    pub refused: Option<String>,
     /// The nearest known names, best first. They are a hint, never a substitute.
     pub nearest: Vec<String>,
+}
+
+impl fmt::Display for UnknownGlass {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}; the nearest names are {}", self.reason(), self.nearest.join(", "))
+    }
+}
+
+impl std::error::Error for UnknownGlass {}
+
+impl UnknownGlass {
+    /// The reason, without the nearest names.
+    pub fn reason(&self) -> String {
+        match &self.refused {
+            Some(reason) => format!("the glass `{}` was left out: {reason}", self.name),
+            None => format!("no glass is called `{}`", self.name),
+        }
+    }
 }
 
 const AIR: &str = "AIR";
@@ -30,7 +52,7 @@ const AIR: &str = "AIR";
 impl Default for Catalog {
     /// A catalogue with air alone.
     fn default() -> Self {
-        Self { glasses: BTreeMap::from([(AIR.into(), vec![Glass::air()])]) }
+        Self { glasses: BTreeMap::from([(AIR.into(), vec![Glass::air()])]), refused: BTreeMap::new() }
     }
 }
 
@@ -47,8 +69,14 @@ impl Catalog {
         makers.push(glass);
     }
 
+    /// Notes why a glass of a file was left out, for whoever asks for it and finds no other glass of that name.
+    pub fn refuse(&mut self, name: &str, reason: String) {
+        self.refused.insert(name.to_uppercase(), reason);
+    }
+
     /// Adds all glasses of another catalogue, which take precedence for common names.
     pub fn merge(&mut self, other: Self) {
+        self.refused.extend(other.refused);
         for (name, makers) in other.glasses {
             for glass in makers {
                 self.insert(&name, glass);
@@ -78,7 +106,9 @@ impl Catalog {
             }
             _ => self.glasses.keys().cloned().collect(),
         };
-        Err(UnknownGlass { name: name.into(), nearest: nearest_names(&wanted, known) })
+        let bare = qualified.map_or(wanted.as_str(), |(_, name)| name);
+        let refused = self.refused.get(bare).cloned();
+        Err(UnknownGlass { name: name.into(), refused, nearest: nearest_names(&wanted, known) })
     }
 
     /// All glasses of a name, one for each maker; the last one is meant by the name alone.

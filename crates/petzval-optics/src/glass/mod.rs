@@ -176,36 +176,39 @@ impl Glass {
         (self.index(LINE_G_UM) - n_f) / (n_f - self.index(LINE_C_UM))
     }
 
-    /// A disagreement between the formula and the printed n_d or V_d that is so large that one of them must be
-    /// mistyped: `nd` or `vd`, and the value of the formula. Lines outside the range of the formula are ignored.
-    pub fn misprint(&self) -> Option<(&'static str, f64)> {
-        const ND_SLIP: f64 = 1e-3;
-        const VD_SLIP: f64 = 0.02;
-        if [LINE_F_UM, LINE_D_UM, LINE_C_UM].iter().any(|line| self.is_outside_range(*line)) {
-            return None;
-        }
+    /// A printed n_d or V_d that contradicts the formula: one of the two must be mistyped, or a coefficient is missing.
+    ///
+    /// n_d contradicts it where the indices differ by more than [`MISPRINT`], V_d where the dispersions `n_F - n_C` do, each beyond the rounding
+    /// of the printed digits. Rounded indices and fits of makers differ by up to 6e-5. Lines outside the range of the formula are ignored.
+    pub fn misprint(&self) -> Option<Misprint> {
+        let holds = |lines: &[f64]| lines.iter().all(|line| !self.is_outside_range(*line));
         let (nd, vd) = (self.nd(), self.abbe_vd());
-        let agrees = |off: f64, slip: f64| off.abs() <= slip;
-        if self.printed_nd.is_some_and(|printed| !agrees(nd - printed.value, ND_SLIP)) {
-            return Some(("nd", nd));
+        // A formula without a real value contradicts every print.
+        let agrees = |off: f64, rounding: f64| off.abs() <= MISPRINT + rounding;
+        if let Some(printed) = self.printed_nd.filter(|_| holds(&[LINE_D_UM]))
+            && !agrees(nd - printed.value, printed.rounding())
+        {
+            return Some(Misprint { figure: "nd", formula: nd, printed });
         }
-        if self.printed_vd.is_some_and(|printed| !agrees(vd / printed.value - 1.0, VD_SLIP)) {
-            return Some(("vd", vd));
-        }
-        None
+        let printed = self.printed_vd.filter(|_| holds(&[LINE_F_UM, LINE_D_UM, LINE_C_UM]))?;
+        let dispersion = (nd - 1.0) / printed.value;
+        let rounding = dispersion * printed.rounding() / printed.value;
+        let is_contradicted = !agrees((nd - 1.0) / vd - dispersion, rounding.abs());
+        is_contradicted.then_some(Misprint { figure: "Vd", formula: vd, printed })
     }
+}
 
-    /// Removes a printed value that disagrees with the formula, and returns a message. This is for files of other
-    /// programs; a glass in a file of our own must agree with its formula.
-    pub fn drop_misprints(&mut self) -> Vec<String> {
-        let mut said = Vec::new();
-        while let Some((what, gives)) = self.misprint() {
-            let printed = if what == "nd" { self.printed_nd.take() } else { self.printed_vd.take() };
-            let Some(printed) = printed else { break };
-            said.push(format!(
-                "the formula gives {what} = {gives:.5}, not {printed}: what is printed is left out"
-            ));
-        }
-        said
-    }
+/// Difference of indices from which a printed value contradicts a formula, see [`Glass::misprint`].
+pub const MISPRINT: f64 = 1e-4;
+
+/// A printed value that contradicts the formula.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("the formula gives {figure} = {formula:.5}, and {printed} is printed")]
+pub struct Misprint {
+    /// `nd` or `Vd`.
+    pub figure: &'static str,
+    /// Its value by the formula.
+    pub formula: f64,
+    /// Its printed value.
+    pub printed: Printed,
 }

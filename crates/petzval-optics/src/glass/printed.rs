@@ -38,9 +38,13 @@ impl Printed {
 
     /// Whether a computed value rounds to this number.
     pub fn agrees(&self, computed: f64) -> bool {
-        // Accept both directions for a tie.
+        (computed - self.value).abs() <= self.rounding()
+    }
+
+    /// Half a unit of the last decimal, and a little for a tie.
+    pub(super) fn rounding(&self) -> f64 {
         const HALF: f64 = 0.5 + 1e-6;
-        (computed - self.value).abs() <= HALF * 10_f64.powi(-i32::from(self.decimals))
+        HALF * 10_f64.powi(-i32::from(self.decimals))
     }
 }
 

@@ -90,12 +90,28 @@ impl Lens {
         self.surfaces[..=surface].iter().filter(|s| s.action == Action::Reflect).count().is_multiple_of(2)
     }
 
-    /// Whether the thickness behind a surface leads against the light, and no [stop at a rim](Lens::stop_at_rim) explains it.
+    /// Whether the distance behind a surface to the next one leads against the light. [Planes without effect](Lens::is_idle_plane) between the
+    /// two do not count: light passes them on a straight line, in whatever order they stand.
     pub fn goes_against_the_light(&self, surface: usize) -> bool {
-        let thickness_mm = self.surfaces[surface].thickness_mm;
-        let is_against =
-            if self.light_goes_forwards(surface) { thickness_mm < 0.0 } else { thickness_mm > 0.0 };
-        is_against && !self.is_beside_stop_at_rim(surface)
+        // The distance from the last surface with an effect; in front of the first one there is none.
+        let Some(from) = (0..=surface).rev().find(|i| !self.is_idle_plane(*i)) else { return false };
+        let gap_mm = self.gap_behind_mm(from);
+        if self.light_goes_forwards(surface) { gap_mm < 0.0 } else { gap_mm > 0.0 }
+    }
+
+    /// Distance from a surface to the next one, or to the image plane, that is not a [plane without effect](Lens::is_idle_plane), mm.
+    pub fn gap_behind_mm(&self, surface: usize) -> f64 {
+        let idle = (surface + 1..self.surfaces.len()).take_while(|i| self.is_idle_plane(*i));
+        self.surfaces[surface].thickness_mm + idle.map(|i| self.surfaces[i].thickness_mm).sum::<f64>()
+    }
+
+    /// Whether a surface is a plane that does nothing to light and leaves the axis where it is: a stop, or a dummy to measure from or to clip at.
+    /// It is no thing that glass or mirrors could run into.
+    pub fn is_idle_plane(&self, surface: usize) -> bool {
+        let s = &self.surfaces[surface];
+        s.shape == SurfaceShape::PLANE
+            && s.placement.is_none_or(|p| p.axis == Axis::Returns)
+            && self.is_dummy(surface)
     }
 
     /// Whether a surface does nothing to light: it lies between equal media, without a mirror, a thin lens or a structure.
@@ -133,6 +149,23 @@ impl Lens {
     /// Distance from the first vertex to the image plane, mm.
     pub fn total_track_mm(&self) -> f64 {
         self.surfaces.iter().map(|s| s.thickness_mm).sum()
+    }
+
+    /// Whether mirrors bend the axis, so that distances along z before and behind them do not add.
+    pub fn is_folded(&self) -> bool {
+        let turns =
+            |s: &Surface| s.placement.is_some_and(|p| p.axis != Axis::Returns && p.tilt_rad != [0.0; 3]);
+        self.surfaces.iter().any(turns) && self.surfaces.iter().any(|s| s.action == Action::Reflect)
+    }
+
+    /// Length from the first vertex to the image plane, mm: [`Lens::total_track_mm`] or, where the axis is [folded](Lens::is_folded), the length
+    /// of the axis in the direction of the light.
+    pub fn axis_length_mm(&self) -> f64 {
+        if !self.is_folded() {
+            return self.total_track_mm();
+        }
+        let forwards = |i: usize| if self.light_goes_forwards(i) { 1.0 } else { -1.0 };
+        self.surfaces.iter().enumerate().map(|(i, s)| forwards(i) * s.thickness_mm).sum()
     }
 
     /// Distance from the last vertex to the image plane, mm.

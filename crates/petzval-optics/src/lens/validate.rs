@@ -47,10 +47,10 @@ pub enum LensDefect {
     )]
     EdgeThickness { surface: usize, glass: String, thickness_mm: f64, height_mm: f64 },
     #[error(
-        "surfaces {surface} and {} cross: the air gap is {gap_mm:.4} mm at {height_mm:.4} mm from \
-         the axis", surface + 1
+        "surfaces {surface} and {next} cross: the air gap is {gap_mm:.4} mm at {height_mm:.4} mm from \
+         the axis"
     )]
-    AirGap { surface: usize, gap_mm: f64, height_mm: f64 },
+    AirGap { surface: usize, next: usize, gap_mm: f64, height_mm: f64 },
     #[error("surface {surface}: the axis bends at a surface that is no mirror")]
     BendsWithoutMirror { surface: usize },
     #[error("surface {surface}: a thin lens is a plane, without a diffractive structure")]
@@ -88,32 +88,27 @@ impl LensDefect {
 /// Checks that a lens can exist. Defects that no ray passes are reported before those that only prevent its manufacture, each kind from the front.
 pub fn validate(lens: &Lens) -> Result<(), LensDefect> {
     traceable(lens)?;
-    for (i, surface) in lens.surfaces.iter().enumerate() {
-        if lens.goes_against_the_light(i) {
+    let solid = solid(lens);
+    for (i, surface) in &solid {
+        if lens.goes_against_the_light(*i) {
             let (medium, thickness_mm) = (surface.glass.name.clone(), surface.thickness_mm);
             return Err(LensDefect::CentreThickness { surface: i + 1, medium, thickness_mm });
         }
     }
-    for pair in without_stop_at_rim(lens).windows(2) {
-        let [(i, front), (_, back)] = pair else { continue };
+    for pair in solid.windows(2) {
+        let [(i, front), (j, back)] = pair else { continue };
         // The distance between surfaces that are turned against each other is no question of their sags.
         if is_straight(front) && is_straight(back) {
-            check_gap(i + 1, front, back, lens.light_goes_forwards(*i))?;
+            check_gap([i + 1, j + 1], front, back, lens.light_goes_forwards(*i))?;
         }
     }
     Ok(())
 }
 
-/// The surfaces with their indices; where the stop stands at the rim of a surface, without it, its distances joined.
-fn without_stop_at_rim(lens: &Lens) -> Vec<(usize, Surface)> {
-    let mut solid: Vec<(usize, Surface)> = lens.surfaces.iter().cloned().enumerate().collect();
-    if let Some(stop) = lens.stop_at_rim() {
-        let (_, removed) = solid.remove(stop);
-        if let Some(before) = stop.checked_sub(1) {
-            solid[before].1.thickness_mm += removed.thickness_mm;
-        }
-    }
-    solid
+/// The surfaces with their indices, without planes that do nothing to light: these are no things, and the distances on both sides are joined.
+fn solid(lens: &Lens) -> Vec<(usize, Surface)> {
+    let real = (0..lens.surfaces.len()).filter(|i| !lens.is_idle_plane(*i));
+    real.map(|i| (i, Surface { thickness_mm: lens.gap_behind_mm(i), ..lens.surfaces[i].clone() })).collect()
 }
 
 /// Checks that every number of a lens has a meaning. Its surfaces may still cross and its glass be thinner than nothing, which is enough to begin an
@@ -262,7 +257,12 @@ fn check_special(number: usize, surface: &Surface) -> Result<(), LensDefect> {
 ///
 /// An element needs glass up to the larger of its two clear semi-diameters. Across air the smaller
 /// one counts, since beyond it there is a mount and no surface.
-fn check_gap(number: usize, front: &Surface, back: &Surface, forwards: bool) -> Result<(), LensDefect> {
+fn check_gap(
+    [surface, next]: [usize; 2],
+    front: &Surface,
+    back: &Surface,
+    forwards: bool,
+) -> Result<(), LensDefect> {
     let (a, b) = (front.semi_diameter_mm, back.semi_diameter_mm);
     let edge_mm = if front.glass.is_air() { a.min(b) } else { a.max(b) };
     for (direction, i) in azimuths(&[front, back]).iter().flat_map(|d| (1..=HEIGHTS).map(move |i| (d, i))) {
@@ -275,9 +275,9 @@ fn check_gap(number: usize, front: &Surface, back: &Surface, forwards: bool) -> 
             continue;
         }
         return Err(match front.glass.is_air() {
-            true => LensDefect::AirGap { surface: number, gap_mm, height_mm },
+            true => LensDefect::AirGap { surface, next, gap_mm, height_mm },
             false => LensDefect::EdgeThickness {
-                surface: number,
+                surface,
                 glass: front.glass.name.clone(),
                 thickness_mm: gap_mm,
                 height_mm,

@@ -15,7 +15,7 @@ pub(super) fn lateral_colour(analysis: &Analysis) -> Sheet {
     if has_one_field(&data.field_deg) {
         return without_curves(analysis, class, title);
     }
-    let airy = analysis.first_order.airy_radius_um;
+    let airy = analysis.first_order.airy_radius_um.unwrap_or(f64::NAN);
     let edge = Pen::thin(MUTED).dashed();
     let mut curves: Vec<Curve> =
         [-airy, airy].map(|x| over_field(data, edge.clone(), 0, &vec![x; data.field_deg.len()])).into();

@@ -15,12 +15,13 @@ pub(super) fn first_order(analysis: &Analysis) -> Markup {
     let o = &analysis.first_order;
     let mm = |v: Option<f64>| v.map(|v| format!("{} mm", number::fixed(v, 4)));
     let plain = |v: Option<f64>, decimals: usize| v.map(|v| number::fixed(v, decimals));
-    let rows: [(&str, Option<String>); 22] = [
+    let rows: [(&str, Option<String>); 23] = [
         ("focal length", mm(o.efl_mm)),
         ("back focal length", mm(o.bfl_mm)),
         ("front focal length", mm(o.ffl_mm)),
         ("f-number", plain(o.f_number, 3)),
-        ("working f-number", plain(Some(o.working_f_number), 3)),
+        ("numerical aperture at the image", plain(Some(o.image_na), 4)),
+        ("working f-number, 1 / (2 NA)", plain(o.working_f_number, 3)),
         ("object from the first vertex", Some(mm(o.object_mm).unwrap_or_else(|| "at infinity".into()))),
         ("magnification", plain(o.magnification, 4)),
         ("full field", Some(field_name(o.full_field_deg))),
@@ -35,7 +36,7 @@ pub(super) fn first_order(analysis: &Analysis) -> Markup {
         ("stop, radius", mm(Some(o.stop_radius_mm))),
         ("Petzval radius", mm(o.petzval_radius_mm)),
         ("Lagrange invariant", mm(o.lagrange_invariant_mm)),
-        ("Airy disk, radius", Some(format!("{} µm", number::fixed(o.airy_radius_um, 3)))),
+        ("Airy disk, radius", o.airy_radius_um.map(|radius| format!("{} µm", number::fixed(radius, 3)))),
         ("cutoff", Some(format!("{} cycles/mm", number::fixed(o.cutoff_per_mm, 1)))),
         ("reference wavelength", Some(wavelength_name(analysis.reference_um))),
     ];

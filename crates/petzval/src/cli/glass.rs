@@ -35,10 +35,9 @@ pub fn run(verb: GlassVerb, terminal: &Terminal) -> Result<ExitCode, Failure> {
 }
 
 /// Reads the catalogues of PETZVAL_GLASSES and of the command line, and returns the built-in library with these
-/// glasses. Prints a warning for each line that was not understood: all of them if the command is about glass, else the
-/// first few.
+/// glasses. Prints a warning for each line that was not understood: all of them if the command is about glass, else one of
+/// each kind.
 pub fn chosen(named: &[PathBuf], in_full: bool) -> Result<Assets, Failure> {
-    const FEW: usize = 2;
     let listed = std::env::var_os("PETZVAL_GLASSES").unwrap_or_default();
     let listed = std::env::split_paths(&listed).filter(|path| *path != Path::new(""));
     let paths: Vec<PathBuf> = listed.chain(named.iter().cloned()).collect();
@@ -46,13 +45,12 @@ pub fn chosen(named: &[PathBuf], in_full: bool) -> Result<Assets, Failure> {
         return Ok(built_in_assets());
     }
     let chosen = read_glasses(&paths)?;
-    let shown = if in_full { chosen.warnings.len() } else { FEW.min(chosen.warnings.len()) };
-    for (path, warning) in &chosen.warnings[..shown] {
-        noteln!("warning: {}: {warning}", path.display());
+    let lines = if in_full { chosen.all_warning_lines() } else { chosen.warning_lines() };
+    for line in &lines {
+        noteln!("warning: {line}");
     }
-    if shown < chosen.warnings.len() {
-        let more = chosen.warnings.len() - shown;
-        noteln!("warning: {more} more lines of glass catalogues; `petzval glass list` shows all");
+    if lines.len() < chosen.warnings.len() {
+        noteln!("warning: `petzval glass list` shows every line of glass catalogues that is left out");
     }
     Ok(built_in_assets().with_glasses(chosen.catalog))
 }

@@ -16,6 +16,7 @@ use petzval_optics::tolerance::{self, Study, ToleranceError, inverse, monte_carl
 use serde::{Deserialize, Serialize};
 
 use self::findings::Findings;
+use super::focus::check_image;
 use crate::context::Context;
 use crate::error::{JobError, make_folder};
 use crate::results::check_folder;
@@ -190,6 +191,7 @@ pub(crate) fn read(path: &Path, lens: &Lens) -> Result<ToleranceFile, JobError> 
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     request.check()?;
     let lens = context.assets.lens(&request.lens)?.lens;
+    check_image(&request.lens, &lens)?;
     let tolerances =
         request.tolerance_file(&lens)?.tolerances(&lens, request.compensate == Compensate::Focus);
     if tolerances.perturbations.is_empty() {

@@ -90,6 +90,7 @@ fn summary(analysis: &Analysis) -> String {
     if let Some(f_number) = order.f_number {
         first.push(format!("f/{f_number:.3}"));
     }
+    first.push(format!("NA {:.4}", order.image_na));
     if let Some(magnification) = order.magnification {
         first.push(format!("magnification {magnification:.4}"));
     }

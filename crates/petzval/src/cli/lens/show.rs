@@ -89,19 +89,31 @@ fn print(response: &Response) {
         Some(distance) => format!("{distance} mm before the first vertex"),
     };
     outln!("\n  object              {object}");
-    outln!("  focal length        {:>9} mm at {} um", figure(f.efl_mm, 4), f.reference_um);
+    match f.efl_mm {
+        Some(efl) => outln!("  focal length        {efl:>9.4} mm at {} um", f.reference_um),
+        None => outln!("  focal length                - (afocal at {} um)", f.reference_um),
+    }
     outln!("  back focal length   {:>9} mm", figure(f.bfl_mm, 4));
     outln!("  f-number            {:>9}    entrance pupil {:.4} mm", figure(f.f_number, 4), f.epd_mm);
+    outln!("  working f-number    {:>9}    NA {:.4} at the image", figure(f.working_f_number, 4), f.image_na);
     if let Some(magnification) = f.magnification {
-        outln!(
-            "  magnification       {magnification:>+9.4}    working f-number {}",
-            figure(f.working_f_number, 4)
-        );
+        outln!("  magnification       {magnification:>+9.4}");
     }
-    let image = if f.magnification.is_some() { "image" } else { "focus" };
-    outln!("  total track         {:>9} mm to the paraxial {image}", figure(f.total_track_mm, 4));
-    let defocus = f.defocus_mm.map_or_else(|| "-".to_owned(), |defocus| format!("{defocus:+.4}"));
-    outln!("  image plane         {defocus:>9} mm from the paraxial {image}");
+    if let Some(magnification) = f.angular_magnification {
+        outln!("  angular magnification {magnification:>+7.4}");
+    }
+    let image = if f.object_distance_mm.is_some() { "image" } else { "focus" };
+    match (f.total_track_mm, f.defocus_mm) {
+        (Some(track), Some(defocus)) => {
+            let folded = if f.is_folded { ", along the folded axis" } else { "" };
+            outln!("  total track         {track:>9.4} mm to the paraxial {image}{folded}");
+            outln!("  image plane         {defocus:>+9.4} mm from the paraxial {image}");
+        }
+        _ => outln!(
+            "  image plane         {:>9.4} mm behind the last vertex; the paraxial {image} is at infinity",
+            f.image_distance_mm
+        ),
+    }
     match &f.seidel {
         Some(s) => outln!(
             "\n  Seidel sums, mm     S1 {:+.5}  S2 {:+.5}  S3 {:+.5}  S4 {:+.5}  S5 {:+.5}",

@@ -1,0 +1,96 @@
+//! The cone of light on the axis, by real rays: numerical aperture, working f-number, resolution.
+
+use std::f64::consts::{PI, TAU};
+
+use crate::lens::Lens;
+use crate::paraxial::first_order;
+use crate::pupil::aim_one;
+use crate::seidel::marginal_and_chief;
+use crate::trace::{Sequence, launch, trace_ray};
+use crate::vector::{Vec3, along, dot};
+
+/// Rays along the rim of the stop.
+const RIM: usize = 16;
+
+/// The cone of light that meets the image on the axis, at the reference wavelength.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cone {
+    /// Numerical aperture `n' sin U` of the marginal rays; 0 of light that leaves the lens parallel.
+    ///
+    /// Of a cone that is not round, that of the round cone whose direction cosines fill the same area, which is the one with as much light.
+    pub na: f64,
+    /// Whether it is that of real rays through the rim of the stop; else of the paraxial marginal ray, because a real one is lost.
+    pub is_real: bool,
+}
+
+impl Cone {
+    /// The cone of a lens.
+    pub fn of(lens: &Lens) -> Self {
+        let sequence = lens.at_wavelength(lens.reference_um);
+        if !first_order(&sequence).image_distance_mm.is_finite() {
+            return Self { na: 0.0, is_real: false };
+        }
+        match real_na(&sequence) {
+            Some(na) => Self { na, is_real: true },
+            None => Self { na: paraxial_na(&sequence), is_real: false },
+        }
+    }
+
+    /// Working f-number `1 / (2 NA)`; infinite of light that leaves the lens parallel.
+    pub fn working_f_number(&self) -> f64 {
+        0.5 / self.na
+    }
+
+    /// Frequency beyond which nothing is resolved on the axis, cycles/mm: `2 NA / wavelength`.
+    pub fn cutoff_per_mm(&self, wavelength_um: f64) -> f64 {
+        2e3 * self.na / wavelength_um
+    }
+
+    /// Radius of the first dark ring of a perfect image, um: `0.61 wavelength / NA`.
+    pub fn airy_radius_um(&self, wavelength_um: f64) -> f64 {
+        1.219_67 * wavelength_um * self.working_f_number()
+    }
+}
+
+/// Numerical aperture by rays through the rim of the stop; `None` if one of them is lost.
+///
+/// The rays cut the plane across the chief ray in a polygon of direction cosines. Inscribed in an ellipse at evenly spaced angles, it has
+/// `sin(step) / step` of the ellipse's area.
+fn real_na(sequence: &Sequence) -> Option<f64> {
+    let stop_radius_mm = first_order(sequence).stop_radius_mm;
+    let direction = |p: [f64; 2]| -> Option<Vec3> {
+        let at = aim_one(sequence, 0.0, stop_radius_mm, p)?;
+        Some(trace_ray(sequence, launch(sequence, 0.0, at).ray).image?.direction)
+    };
+    // Axes across the chief ray, from x and y in turn; it is never near x, since lines have a positive z component.
+    let chief = direction([0.0; 2])?;
+    let across = |axis: Vec3| along(axis, -dot(axis, chief), chief);
+    let x = across([1.0, 0.0, 0.0]);
+    let x = x.map(|v| v / dot(x, x).sqrt());
+    let y = [1, 2, 0].map(|i| chief[i] * x[(i + 1) % 3] - chief[(i + 1) % 3] * x[i]);
+    let mut rim = Vec::with_capacity(RIM);
+    for k in 0..RIM {
+        let (sin, cos) = (TAU * k as f64 / RIM as f64).sin_cos();
+        let d = direction([cos, sin])?;
+        rim.push([dot(d, x), dot(d, y)]);
+    }
+    // The area of the polygon, then that of the cone.
+    let pairs = rim.iter().zip(rim.iter().cycle().skip(1));
+    let area: f64 = pairs.map(|(a, b)| 0.5 * (a[0] * b[1] - a[1] * b[0])).sum();
+    let step = TAU / RIM as f64;
+    let na = index_behind(sequence) * (area.abs() * step / step.sin() / PI).sqrt();
+    na.is_finite().then_some(na)
+}
+
+/// Numerical aperture of the paraxial marginal ray, whose slope is the tangent of its angle.
+fn paraxial_na(sequence: &Sequence) -> f64 {
+    let n = index_behind(sequence);
+    let (marginal, _) = marginal_and_chief(sequence, 0.0);
+    let slope = marginal.w.last().copied().unwrap_or(0.0) / n;
+    n * slope.abs() / slope.hypot(1.0)
+}
+
+/// Index behind the last surface, without the sign of mirrors.
+fn index_behind(sequence: &Sequence) -> f64 {
+    sequence.surfaces.last().map_or(1.0, |s| s.n_after.abs())
+}
