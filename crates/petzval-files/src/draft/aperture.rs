@@ -111,7 +111,7 @@ pub(super) fn within_stop(lens: &Lens, stop: &Drafted, losses: &mut Losses) -> f
     let diameter = lens.entrance_pupil_mm;
     let beam = first_order(&lens.at_wavelength(lens.reference_um)).stop_radius_mm.abs();
     let Clear::Edge(edge) = stop.clear else { return diameter };
-    if !(beam > edge * AS_WIDE) || !beam.is_finite() {
+    if beam <= edge * AS_WIDE || !beam.is_finite() {
         return diameter;
     }
     let narrowed = diameter * edge / beam;

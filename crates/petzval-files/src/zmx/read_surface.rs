@@ -279,10 +279,8 @@ impl<'a> RawSurface<'a> {
     /// The clear semi-diameter. Only an aperture blocks light; a semi-diameter without one does not.
     fn clear(&self, shapes: &Shapes<'_>, losses: &mut Losses) -> Result<Clear, FileError> {
         if let Some((_, line)) = self.offset.as_ref().filter(|_| self.aperture.is_none()) {
-            let message = match self.floats {
-                true => "a floating aperture stays at the vertex; its shift is not kept",
-                false => "this shifts no aperture that is kept",
-            };
+            let floating = "a floating aperture stays at the vertex; its shift is not kept";
+            let message = if self.floats { floating } else { "this shifts no aperture that is kept" };
             losses.add(line.number, line.text, Effect::Approximated, message);
         }
         let offset = self.offset.as_ref().map_or(0.0, |([x, y], _)| x.hypot(*y));
