@@ -324,7 +324,7 @@ fn check_directions(problem: &Problem) -> Result<(), JobError> {
         None => Ok(()),
         Some(i) => {
             let surface = &lens.surfaces[i];
-            let (number, glass, thickness) = (i + 1, &surface.glass.name, surface.thickness_mm);
+            let (number, glass, thickness) = (i + 1, &surface.glass.name, lens.gap_behind_mm(i));
             let message = format!(
                 "surface {number}: the thickness of {thickness} mm of {glass} goes against the light, and no variable corrects it"
             );
