@@ -7,17 +7,20 @@
 //! | [`read_whole`], [`read_text`], [`open_file`] | read files, and refuse what may have no end |
 //! | [`write_whole`] | writes a file completely or not at all |
 //! | [`lossy_path`] | writes paths that are not UTF-8 |
+//! | [`PartFolder`], [`sweep_parts`] | what is not whole yet, and the removal of what killed processes have left of it |
 //! | [`simd`] | chooses the instruction set of the vector kernels |
 //! | [`random`] | random numbers as a function of seed, frame, stage and place |
-//! | [`statistics`] | the median |
+//! | [`statistics`] | the median; minimum and maximum that pass on what is no number |
 
 mod file_error;
 pub mod lossy_path;
 pub mod parameter;
+mod part;
 pub mod random;
 pub mod simd;
 pub mod statistics;
 mod whole_file;
 
 pub use file_error::{FileError, nearest, quote};
+pub use part::{PartFolder, sweep_parts, sweep_parts_in};
 pub use whole_file::{LONGEST_NAME, open_file, read_at_most, read_text, read_whole, write_whole};

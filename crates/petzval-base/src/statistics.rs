@@ -21,9 +21,28 @@ pub fn median(values: impl IntoIterator<Item = f64>) -> f64 {
     }
 }
 
+/// The greater of two numbers; NaN if either is none, where [`f64::max`] gives the other.
+pub fn maximum(a: f64, b: f64) -> f64 {
+    if a.is_nan() || b.is_nan() { f64::NAN } else { a.max(b) }
+}
+
+/// The lesser of two numbers; NaN if either is none, where [`f64::min`] gives the other.
+pub fn minimum(a: f64, b: f64) -> f64 {
+    if a.is_nan() || b.is_nan() { f64::NAN } else { a.min(b) }
+}
+
 #[cfg(test)]
 mod tests {
-    use super::median;
+    use super::{maximum, median, minimum};
+
+    #[test]
+    fn what_is_no_number_is_the_least_and_the_greatest() {
+        assert_eq!([maximum(1.0, 2.0), minimum(1.0, 2.0)], [2.0, 1.0]);
+        for values in [[1.0, f64::NAN, 3.0], [f64::NAN, 1.0, 2.0], [1.0, 2.0, f64::NAN]] {
+            assert!(values.into_iter().fold(0.0, maximum).is_nan());
+            assert!(values.into_iter().fold(0.0, minimum).is_nan());
+        }
+    }
 
     #[test]
     fn median_of_odd_even_single_and_empty() {

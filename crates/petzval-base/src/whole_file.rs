@@ -1,10 +1,10 @@
 //! Reading files of limited size, and writing a file completely or not at all.
 
-use std::ffi::{OsStr, OsString};
 use std::fs::File;
 use std::io::{self, Read, Write};
 use std::path::Path;
-use std::sync::atomic::{AtomicU64, Ordering};
+
+use crate::part::{held, part_name};
 
 /// Most bytes of a file that is read as a whole: more than a stack of the largest sensors has.
 const MOST_BYTES: u64 = 8 << 30;
@@ -75,38 +75,23 @@ pub const LONGEST_NAME: usize = 255;
 ///
 /// Fails with `InvalidInput` if `path` names no file, with `IsADirectory` if it is a folder, and with the system's errors.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    static FILES: AtomicU64 = AtomicU64::new(0);
-    let Some(name) = path.file_name() else {
+    if path.file_name().is_none() {
         return Err(io::Error::new(io::ErrorKind::InvalidInput, "the path names no file"));
-    };
+    }
     // A file cannot replace a folder. Checking here gives the same message on every system.
     if path.is_dir() {
         return Err(io::Error::new(io::ErrorKind::IsADirectory, "this is a folder"));
     }
-    let number = FILES.fetch_add(1, Ordering::Relaxed);
-    let beside = path.with_file_name(hidden(name, &format!(".{}-{number}.part", std::process::id())));
+    let beside = part_name(path);
     let written = File::create(&beside)
-        .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
-        .and_then(|()| std::fs::rename(&beside, path));
+        .map(held)
+        .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()).map(|()| file))
+        .and_then(|_held| std::fs::rename(&beside, path));
     if written.is_err() {
         // Return the first error. Removal may fail too, because the temporary file may not exist.
         let _ = std::fs::remove_file(&beside);
     }
     written
-}
-
-/// The temporary name of a file: hidden, and cut where the ending would make it too long.
-fn hidden(name: &OsStr, ending: &str) -> OsString {
-    let mut hidden = OsString::from(".");
-    let room = LONGEST_NAME - 1 - ending.len();
-    if name.len() <= room {
-        hidden.push(name);
-    } else {
-        let name = name.to_string_lossy();
-        hidden.push(&name[..name.floor_char_boundary(room)]);
-    }
-    hidden.push(ending);
-    hidden
 }
 
 #[cfg(test)]

@@ -17,6 +17,14 @@ pub enum QualityError {
         /// Values of the stated shape.
         expected: usize,
     },
+    /// A picture holds a value that is no finite number.
+    #[error("value {index} of a picture is {value}, which is no finite number")]
+    NotFinite {
+        /// Place in the picture, channel-major.
+        index: usize,
+        /// The value, as text.
+        value: String,
+    },
     /// SSIM needs at least one whole window.
     #[error("SSIM needs at least 11x11 pixels, the pictures have {height}x{width}")]
     TooSmall {
@@ -29,13 +37,24 @@ pub enum QualityError {
 
 /// Peak signal-to-noise ratio in dB over all channels jointly, `10 log10(R^2 / MSE)` with peak `R = 1`.
 ///
-/// Identical pictures give `f64::INFINITY`, which a report must print as "inf". Fails on empty pictures or different lengths.
+/// Identical pictures give `f64::INFINITY`, which a report must print as "inf". Fails on empty pictures, different lengths, and values that
+/// are no finite numbers.
 pub fn psnr(a: &[f32], b: &[f32]) -> Result<f64, QualityError> {
     if a.len() != b.len() || a.is_empty() {
         return Err(QualityError::Length { a: a.len(), b: b.len(), expected: a.len().max(1) });
     }
+    check_finite(a)?;
+    check_finite(b)?;
     let squares: f64 = a.iter().zip(b).map(|(&x, &y)| (x as f64 - y as f64).powi(2)).sum();
     Ok(-10.0 * (squares / a.len() as f64).log10())
+}
+
+/// Refuses a picture with a value that is no finite number: no score follows from it.
+fn check_finite(picture: &[f32]) -> Result<(), QualityError> {
+    match picture.iter().position(|v| !v.is_finite()) {
+        Some(index) => Err(QualityError::NotFinite { index, value: picture[index].to_string() }),
+        None => Ok(()),
+    }
 }
 
 const RADIUS: usize = 5;
@@ -70,6 +89,8 @@ pub fn ssim_gaussian_wang(
     if height < SSIM_WINDOW || width < SSIM_WINDOW {
         return Err(QualityError::TooSmall { height, width });
     }
+    check_finite(a)?;
+    check_finite(b)?;
     let plane = height * width;
     let per_channel = |c: usize| {
         let part = c * plane..(c + 1) * plane;
@@ -148,6 +169,20 @@ mod tests {
             Err(QualityError::TooSmall { .. })
         ));
         assert!(ssim_gaussian_wang(&[0.0; 121], &[0.0; 122], 1, 11, 11).is_err());
+    }
+
+    #[test]
+    fn what_is_no_number_has_no_score() {
+        let good = vec![0.5; 121];
+        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+            let mut picture = good.clone();
+            picture[7] = bad;
+            for (a, b) in [(&good, &picture), (&picture, &good)] {
+                let expected = QualityError::NotFinite { index: 7, value: bad.to_string() };
+                assert_eq!(psnr(a, b), Err(expected.clone()));
+                assert_eq!(ssim_gaussian_wang(a, b, 1, 11, 11), Err(expected));
+            }
+        }
     }
 
     #[test]

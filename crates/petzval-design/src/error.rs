@@ -163,6 +163,11 @@ pub enum DesignError {
     /// The tape has no gradient where a block needs one.
     #[error("{0} have no gradient; this is a defect of the program or of the device")]
     NoGradient(&'static str),
+    /// What a camera gives is no finite number.
+    #[error(
+        "{0} is no number everywhere, and so has no score; hint: its network or its lens is damaged, or went astray in training"
+    )]
+    NotFinite(String),
     /// A loss that is no number, or has grown beyond all that training can bring back.
     #[error("{camera}, {block}, step {step}: the loss diverges, it is {value:.4}{}{hint}",
         first.map(|first| format!(" after {first:.4} at the first step of the stage")).unwrap_or_default())]

@@ -3,6 +3,7 @@
 
 use std::f64::consts::{FRAC_PI_4, PI};
 
+use petzval_base::statistics::{maximum, minimum};
 use petzval_camera::psf::PsfBank;
 use petzval_camera::render::{Distortion, RenderError, RenderGeometry};
 use petzval_camera::sensor::SensorModel;
@@ -81,7 +82,7 @@ impl BankWithTape {
     /// Least share of a PSF's light that its grid holds, over fields and colours.
     pub fn captured(&self) -> f64 {
         let all = self.fields.iter().flat_map(|(psf, _)| &psf.captured);
-        all.fold(1.0, |least, share| least.min(*share))
+        all.copied().fold(1.0, minimum)
     }
 }
 
@@ -173,7 +174,7 @@ impl PsfPlan {
             })
             .collect::<Result<_, DesignError>>()?;
         let cells = found.iter().map(|f| f.0).max().unwrap_or(self.quadrature.cells);
-        let error = found.iter().fold(0.0_f64, |largest, f| largest.max(f.1));
+        let error = found.iter().map(|f| f.1).fold(0.0, maximum);
         Ok((Self { quadrature: Quadrature::grid(cells)?, ..self.clone() }, error))
     }
 

@@ -20,7 +20,7 @@ use petzval_optics::spot::spot;
 use rayon::prelude::*;
 
 use crate::boxes::{with_detections, with_truth};
-use crate::camera::{Camera, host_image};
+use crate::camera::{Camera, host_image, within_range};
 use crate::error::DesignError;
 use crate::input_list::InputList;
 use crate::restored::{brightened, percent};
@@ -143,6 +143,7 @@ impl Scorer {
             white_e: metrics.white_e * camera.light() * f64::from(exposed_longer),
             ..metrics
         };
+        metrics.check_finite()?;
         Ok((metrics, pictures))
     }
 
@@ -205,7 +206,7 @@ impl Scorer {
             let shots = [shot];
             let frames = camera.take(&shots, &noise)?;
             // As a stored picture would be.
-            let finished = frames.finished.clone().clamp(0.0, 1.0);
+            let finished = within_range(frames.finished.clone())?;
             let developed = host_image(srgb_encode_op(frames.developed.clone()))?;
             pictures.push(match &self.judge {
                 Judge::Pictures(scores) => {
@@ -291,16 +292,14 @@ fn windows_of(pictures: &[ScoredPicture]) -> Vec<Picture> {
 
 /// Those of the known scores that are named, in that order.
 fn named<S>(names: &[String], known: Vec<S>, name_of: impl Fn(&S) -> &str) -> Result<Vec<S>, DesignError> {
+    let all = known.iter().map(&name_of).collect::<Vec<_>>().join(", ");
     let mut known: Vec<Option<S>> = known.into_iter().map(Some).collect();
     let mut scores = Vec::new();
     for name in names {
         let is_it = |s: &&mut Option<S>| s.as_ref().is_some_and(|s| name_of(s) == name);
         match known.iter_mut().find(is_it).and_then(Option::take) {
             Some(score) => scores.push(score),
-            None => {
-                let known: Vec<&str> = known.iter().flatten().map(&name_of).collect();
-                return Err(DesignError::UnknownScore { name: name.clone(), known: known.join(", ") });
-            }
+            None => return Err(DesignError::UnknownScore { name: name.clone(), known: all }),
         }
     }
     Ok(scores)

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use petzval_base::LONGEST_NAME;
+use petzval_base::{LONGEST_NAME, PartFolder, sweep_parts_in};
 
 use crate::context::Context;
 use crate::error::JobError;
@@ -126,9 +126,9 @@ fn check_unused(path: &Path, context: &Context) -> Result<(), JobError> {
 
 /// Fails if no file can be made in a folder; `named` is what the request names.
 fn check_writable(folder: &Path, named: &Path) -> Result<(), JobError> {
-    let probe = folder.join(format!(".petzval-{}.part", std::process::id()));
-    let made = std::fs::File::create(&probe).and_then(|_| std::fs::remove_file(&probe));
-    made.map_err(|e| {
+    sweep_parts_in(folder);
+    let made = PartFolder::beside(&folder.join("results"));
+    made.map(drop).map_err(|e| {
         refused(named, &format!("nothing can be written there: {e}"), "name a place that can be written")
     })
 }

@@ -8,20 +8,24 @@ use safetensors::{Dtype, SafeTensorError, SafeTensors};
 
 use crate::network::NetworkError;
 
-/// Values of a tensor of f16 or f32. The error says what is there in place of a tensor of this shape.
+/// Values of a tensor of f16 or f32, all finite. The error says what is there in place of a tensor of this shape.
 pub(crate) fn read_weights(file: &SafeTensors, name: &str, shape: &[usize]) -> Result<Vec<f32>, String> {
     let view = file.tensor(name).map_err(|_| "missing".to_owned())?;
     if view.shape() != shape {
         return Err(format!("of shape {:?}", view.shape()));
     }
-    match view.dtype() {
+    let values: Vec<f32> = match view.dtype() {
         Dtype::F16 => {
-            Ok(view.data().chunks_exact(2).map(|b| f16::from_le_bytes([b[0], b[1]]).to_f32()).collect())
+            view.data().chunks_exact(2).map(|b| f16::from_le_bytes([b[0], b[1]]).to_f32()).collect()
         }
         Dtype::F32 => {
-            Ok(view.data().chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect())
+            view.data().chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect()
         }
-        other => Err(format!("{other:?}")),
+        other => return Err(format!("{other:?}")),
+    };
+    match values.iter().all(|v| v.is_finite()) {
+        true => Ok(values),
+        false => Err("not finite everywhere".to_owned()),
     }
 }
 
@@ -133,6 +137,14 @@ impl ModuleMapper for WeightReader<'_> {
     fn exit_module(&mut self, _name: &str, container: &str) {
         self.path.exit(container);
     }
+}
+
+/// The path of the first weight of a network that is not finite everywhere.
+pub(crate) fn not_finite<M: Module>(network: &M) -> Option<String> {
+    let mut found = NamedWeights::default();
+    network.visit(&mut found);
+    let is_finite = |data: TensorData| data.iter::<f32>().all(|v| v.is_finite());
+    found.tensors.into_iter().find(|(_, _, data)| !is_finite(data.clone())).map(|(name, _, _)| name)
 }
 
 /// Collects the weights of a network with their paths.

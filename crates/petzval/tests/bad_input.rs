@@ -37,7 +37,22 @@ fn experiments() {
             &["`batchsize = 1`", "no such key", "help: did you mean `batch`?"],
         ),
         case("white_e = ", "white = ", &["`white = 16000.0`", "no such key", "did you mean `white_e`?"]),
+        case("l1_weight = ", "l1_wieght = ", &["no such key", "help: did you mean `l1_weight`?"]),
         case("batch = 1", "batch = 0", &["`batch = 0`", "must lie between 1 and 1024", "help: 2 to 8"]),
+        case(
+            "places_per_side = 1",
+            "places_per_side = 1\nscores = [\"ssim\", \"psnr\"]",
+            &[
+                "`scores = \"psnr\"`: `psnr` is no score of pictures",
+                "scores of pictures are one_minus_lpips, psnr_db, ssim",
+            ],
+        ),
+        case(
+            "name = \"nominal\"",
+            "name = \"scene\"",
+            &["`scene` is no name for a camera", "give it another name"],
+        ),
+        case("name = \"spot-optimised\"", "name = \"Nominal\"", &["`Nominal` and `nominal` are one folder"]),
         case("batch = 1", "batch = -1", &["`batch = -1`: expected a number from 0"]),
         case(
             "batch = 1",

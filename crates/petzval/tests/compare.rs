@@ -98,6 +98,15 @@ fn all_experiments_are_run_with_every_seed_and_compared_and_the_same_command_goe
         &["figures.csv: exists already"],
     );
     run_fails(folder.path(), &["compare", "all"], 2, &["not a run folder"]);
+    // Names say what the files hold.
+    for (more, needles) in [
+        (["--out", "page.csv"], ["--out page.csv", "the page is HTML", "--csv page.csv"]),
+        (["--out", "page.json"], ["--out page.json", "the page is HTML", "--json"]),
+        (["--out", "page"], ["--out page", "the page is HTML", "page.html"]),
+        (["--csv", "page.html"], ["--csv page.html", "the figures are CSV", "page.csv"]),
+    ] {
+        run_fails(folder.path(), &[&["compare", "all/tiny-seed-1"], &more[..]].concat(), 2, &needles);
+    }
     run_fails(folder.path(), &["experiment", "run-all", "--only", "nowhere", "--out", "x"], 2, &["nowhere"]);
     let below_a_file = ["experiment", "run-all", "--only", "tiny.toml", "--out", "tiny.toml/below"];
     run_fails(folder.path(), &below_a_file, 2, &["tiny.toml/below: nothing can be written there"]);

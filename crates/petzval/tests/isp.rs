@@ -63,6 +63,35 @@ fn raw_frames_become_pictures_and_a_strip() {
     assert_eq!((&written[0]["height"], &written[0]["width"]), (&32.into(), &48.into()));
     let picture = image::open(folder.path().join("out/left.png")).unwrap();
     assert_eq!((picture.color(), picture.width(), picture.height()), (image::ColorType::Rgb8, 48, 32));
+    // The name of a file is that of the only picture, and says what it is.
+    let one = ["isp", "develop", "raws/left.tiff", "--out"];
+    for (name, more) in
+        [("one.png", &[][..]), ("clips/one.y4m", &["--format", "y4m"]), ("one.YUV", &["--format", "yuv"])]
+    {
+        run_ok(folder.path(), &[&one[..], &[name], more].concat());
+        assert!(folder.path().join(name).is_file(), "{name}");
+    }
+    assert_eq!(
+        std::fs::read(folder.path().join("one.png")).unwrap(),
+        std::fs::read(folder.path().join("out/left.png")).unwrap()
+    );
+    assert!(std::fs::read(folder.path().join("clips/one.y4m")).unwrap().starts_with(b"YUV4MPEG2"));
+    for (args, needles) in [
+        (&[&one[..], &["two.y4m"]].concat()[..], &["--out two.y4m", "help: --format y4m"][..]),
+        (&[&one[..], &["two.jpg"]].concat(), &["two.jpg: this is the name of a file", "such as two"]),
+        (&[&args[..4], &["--out", "both.png"]].concat(), &["both.png", "2 pictures", "name a folder"]),
+        (&[&one[..], &["one.png"]].concat(), &["one.png: exists already"]),
+    ] {
+        run_fails(folder.path(), args, 2, needles);
+    }
+    // Pages are results, too.
+    std::fs::remove_file(folder.path().join("out/left.png")).unwrap();
+    run_fails(
+        folder.path(),
+        &[&one[..], &["out", "--strip"]].concat(),
+        2,
+        &["left-strip.html: exists already"],
+    );
     let strip = read(&folder.path().join("out/left-strip.html"));
     assert!(strip.contains("left.tiff") && strip.contains("<img") && !strip.contains("http"));
     // 16 bits, brighter, with estimated white.
@@ -587,7 +616,13 @@ fn signalled(folder: &Path, signal: &str, args: &[&str]) -> common::Outcome {
     assert!(Command::new("kill").args(["-s", signal, &running.id().to_string()]).status().unwrap().success());
     let outcome = common::outcome(running.wait_with_output().unwrap());
     assert!(signalled.elapsed() < Duration::from_secs(5), "{args:?}: {:?}", signalled.elapsed());
-    assert_eq!(std::fs::read_dir(&temporary).unwrap().count(), 0, "{args:?}: a folder is left");
+    // After SIGKILL somebody else has to remove it.
+    let is_left = || std::fs::read_dir(&temporary).unwrap().next().is_some();
+    let patience = if signal == "KILL" { Duration::from_secs(5) } else { Duration::ZERO };
+    while is_left() && signalled.elapsed() < patience {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    assert!(!is_left(), "{args:?}: a folder is left");
     // A process that was killed may need a moment to disappear.
     let state = || std::fs::read_to_string(format!("/proc/{}/stat", read(&child_file).trim()));
     let is_gone = (0..200).any(|_| {
@@ -621,6 +656,19 @@ fn a_signal_stops_an_external_isp_that_hangs_and_what_was_finished_stays() {
     assert_eq!(stopped.code, Some(1), "{}", stopped.stderr);
     assert!(stopped.says("Ten-line ISP was stopped"), "{}", stopped.stderr);
     assert_eq!(std::fs::read_dir(folder.path().join("simulated")).unwrap().count(), 0);
+}
+
+/// Killed without a word, the command cannot stop anything itself.
+#[cfg(target_os = "linux")]
+#[test]
+fn an_external_isp_dies_with_its_master_and_leaves_no_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let lab = folder.path().join("lab");
+    write_raws(&folder.path().join("raws"));
+    write_hanging(&lab, 0);
+    let develop = ["isp", "develop", "raws/left.tiff", "raws/right.tiff", "--isp", "lab/external-isp.toml"];
+    let killed = signalled(folder.path(), "KILL", &[&develop[..], &["--out", "out"]].concat());
+    assert_eq!((killed.code, killed.stderr.as_str()), (None, ""));
 }
 
 #[cfg(unix)]

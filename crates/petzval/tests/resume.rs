@@ -144,17 +144,23 @@ fn half_written_files_of_a_crash_are_ignored() {
     let half = run.join("checkpoints/.partial-000009");
     std::fs::create_dir_all(&half).unwrap();
     std::fs::write(half.join("position.json"), "{\"st").unwrap();
+    // No step of this run is kept as the five hundredth, and no process has this number.
+    let left =
+        ["checkpoints/.partial-000500", "cameras/.nominal.1073741824-0.part", ".run.json.1073741824-12.part"];
+    std::fs::create_dir_all(run.join(left[0])).unwrap();
+    left[1..].iter().for_each(|name| std::fs::write(run.join(name), "{").unwrap());
     std::fs::write(run.join("metrics.json.partial"), "{").unwrap();
     let log = run.join("events.jsonl");
     std::fs::write(&log, read(&log) + "{\"step\":8,\"cam").unwrap();
     run_ok(folder.path(), &["design", "--resume", "run"]);
     assert_eq!(read(&run.join("metrics.json")), WHOLE.0);
+    assert!(left.iter().all(|name| !run.join(name).exists()), "what crashes have left is still there");
 }
 
 #[test]
 fn a_signal_stops_after_a_checkpoint_and_the_run_resumes() {
-    // HUP is what a lost terminal sends.
-    for (signal, steps) in [("TERM", 0), ("INT", 2), ("HUP", 7), ("INT", 13), ("TERM", 17)] {
+    // HUP is what a lost terminal sends, USR1 and USR2 what batch systems send before a time limit.
+    for (signal, steps) in [("TERM", 0), ("USR1", 2), ("HUP", 7), ("INT", 13), ("USR2", 17)] {
         let folder = tempfile::tempdir().unwrap();
         let (child, run) = started(folder.path(), steps);
         let pid = child.id().to_string();
@@ -418,16 +424,71 @@ fn asked(address: &str, path: &str) -> (String, String) {
     (head.lines().next().unwrap().to_owned(), body.to_owned())
 }
 
-#[test]
-fn a_run_at_work_is_shown_as_it_grows() {
-    let folder = tempfile::tempdir().unwrap();
-    let run = killed(folder.path(), 7);
-    let mut command = petzval(folder.path());
+/// Shows the run in the folder `run` to browsers: the process, and its address.
+fn watched(folder: &Path) -> (Child, String) {
+    let mut command = petzval(folder);
     command.args(["report", "run", "--watch", "--port", "0"]).stdout(Stdio::piped());
     let mut server = command.spawn().unwrap();
     let mut line = String::new();
     BufReader::new(server.stdout.take().unwrap()).read_line(&mut line).unwrap();
     let address = line.split(['/', ' ']).find(|part| part.starts_with("127.0.0.1:")).unwrap().to_owned();
+    (server, address)
+}
+
+/// The first line of the answer to a request of these bytes.
+fn status_of(address: &str, request: &[u8]) -> String {
+    let mut stream = TcpStream::connect(address).unwrap();
+    // The server may end the connection before it has read everything.
+    let _cut = stream.write_all(request);
+    let mut answer = Vec::new();
+    let _cut = stream.read_to_end(&mut answer);
+    String::from_utf8_lossy(&answer).lines().next().unwrap_or_default().to_owned()
+}
+
+#[test]
+fn slow_readers_hold_up_no_other_and_only_this_machine_is_answered() {
+    let folder = tempfile::tempdir().unwrap();
+    killed(folder.path(), 7);
+    let (mut server, address) = watched(folder.path());
+    // One that never asks, one that never ends its question, one that asks and never reads.
+    let mut slow: Vec<TcpStream> = (0..3).map(|_| TcpStream::connect(&address).unwrap()).collect();
+    write!(slow[1], "GET / HTTP/1.1\r\nHost: localhost\r\n").unwrap();
+    write!(slow[2], "GET / HTTP/1.1\r\nHost: localhost\r\n\r\n").unwrap();
+    let began = Instant::now();
+    assert!(asked(&address, "/").0.ends_with("200 OK"));
+    assert!(began.elapsed() < Duration::from_secs(4), "{:?}", began.elapsed());
+
+    for (request, status) in [
+        ("GET / HTTP/1.1\r\nHost: localhost:1234\r\n\r\n", "200"),
+        ("HEAD / HTTP/1.1\r\nHost: [::1]\r\n\r\n", "200"),
+        ("GET / HTTP/1.1\r\nHost: example.org\r\n\r\n", "403"),
+        ("GET / HTTP/1.1\r\nHost: 127.0.0.1.example.org\r\n\r\n", "403"),
+        ("GET / HTTP/1.1\r\n\r\n", "403"),
+        ("GET / HTTP/1.1\r\nHost: localhost\r\nHost: example.org\r\n\r\n", "403"),
+        ("POST / HTTP/1.1\r\nHost: localhost\r\n\r\n", "405"),
+        ("GET /events.jsonl HTTP/1.1\r\nHost: localhost\r\n\r\n", "404"),
+        ("\u{1}\u{2}\r\n\r\n", "400"),
+    ] {
+        let found = status_of(&address, request.as_bytes());
+        assert!(found.starts_with(&format!("HTTP/1.1 {status}")), "{request:?}: {found}");
+    }
+    // Headers have an end: in their length and in their number.
+    let long = format!("GET / HTTP/1.1\r\nHost: localhost\r\nX: {}\r\n\r\n", "x".repeat(1 << 20));
+    assert!(status_of(&address, long.as_bytes()).starts_with("HTTP/1.1 431"));
+    let many = format!("GET / HTTP/1.1\r\nHost: localhost\r\n{}\r\n", "X: y\r\n".repeat(1000));
+    assert!(status_of(&address, many.as_bytes()).starts_with("HTTP/1.1 400"));
+    // One that does not ask in time is left.
+    slow[0].set_read_timeout(Some(Duration::from_secs(20))).unwrap();
+    assert_eq!(slow[0].read(&mut [0; 16]).unwrap(), 0);
+    server.kill().unwrap();
+    server.wait().unwrap();
+}
+
+#[test]
+fn a_run_at_work_is_shown_as_it_grows() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = killed(folder.path(), 7);
+    let (mut server, address) = watched(folder.path());
 
     let (status, page) = asked(&address, "/");
     assert!(status.ends_with("200 OK"), "{status}");

@@ -178,6 +178,9 @@ impl Block for ExposureBlock {
         if places.len() != self.places.len() {
             return Err(format!("{PLACES}: {OTHER_SETTINGS}"));
         }
+        if !places.iter().all(|place| place.is_finite()) {
+            return Err(format!("{PLACES}: not finite everywhere"));
+        }
         self.places = places;
         Ok(())
     }

@@ -240,6 +240,9 @@ impl Block for IspBlock {
         if places.len() != self.places.len() {
             return Err(format!("{PLACES}: {OTHER_PARAMETERS}"));
         }
+        if !places.iter().all(|place| place.is_finite()) {
+            return Err(format!("{PLACES}: not finite everywhere"));
+        }
         self.imitation = match Imitation::is_in(state) {
             true => {
                 let mut imitation = self.new_imitation().map_err(|e| e.to_string())?;

@@ -35,7 +35,7 @@ use serde::{Deserialize, Serialize};
 use crate::error::DesignError;
 
 pub use chip::{Chip, ChipValues, ideal_input, raw_inputs};
-pub use host::{host_image, to_host};
+pub use host::{host_image, to_host, within_range};
 pub use psf_source::{ByLens, PsfSource, Psfs};
 
 /// Most values of the kernels of a camera that are kept: 64 MB.
@@ -434,7 +434,7 @@ impl Camera {
 
     /// The finished picture of one shot, sRGB-encoded, 0 to 1.
     pub fn finished(&self, shot: Shot, noise: &Noise) -> Result<LinearImage, DesignError> {
-        host_image(self.take(&[shot], noise)?.finished.clamp(0.0, 1.0))
+        host_image(within_range(self.take(&[shot], noise)?.finished)?)
     }
 
     /// The finished picture of a raw frame of the whole sensor or a window of it, sRGB-encoded, 0 to 1: digital numbers row by row, as
@@ -452,7 +452,7 @@ impl Camera {
         let raw = Tensor::from_data(TensorData::new(dn, [1, 1, height, width]), device);
         let whole = Window { placement: capture.placement, height, width };
         let finished = self.process(&psfs, &raw, &illumination, &[capture], &[whole])?.finished;
-        host_image(finished.clamp(0.0, 1.0))
+        host_image(within_range(finished)?)
     }
 
     /// Refuses a camera whose detector sees the truth, which a raw frame does not contain.

@@ -319,12 +319,12 @@ impl Experiment {
         };
         if let Some((i, unknown)) = scores.iter().enumerate().find(|(_, name)| !known.contains(name)) {
             let of = if self.task.finds_objects() { "of objects" } else { "of pictures" };
-            let path = ["scoring", "scores", &i.to_string()];
-            let error = variants::at(text, &path, format!("`{unknown}` is no score {of}"));
+            let message = format!("`{unknown}` is no score {of}");
+            let error = variants::at(text, &["scoring", "scores", &i.to_string()], message);
             let words: Vec<&str> = known.iter().map(String::as_str).collect();
-            let near = nearest(unknown, &words)
-                .map_or_else(String::new, |near| format!("did you mean \"{near}\"? "));
-            return Err(error.hint(format!("{near}scores {of} are {}", known.join(", "))));
+            let near = nearest(unknown, &words).map(|near| format!("did you mean \"{near}\"? "));
+            let hint = format!("{}scores {of} are {}", near.unwrap_or_default(), known.join(", "));
+            return Err(FileError { key: "scores".to_owned(), ..error }.hint(hint));
         }
         let twice = scores.iter().enumerate().find(|(i, name)| scores[..*i].contains(name));
         let wrong = match twice {

@@ -1,5 +1,6 @@
 //! How far a network's PSFs are from exact ones, on lenses that training has not seen.
 
+use petzval_base::statistics::maximum;
 use petzval_camera::linear_limit::{LimitGradient, LinearLimit};
 use petzval_camera::psf::PsfBank;
 use petzval_optics::lens::Lens;
@@ -240,7 +241,7 @@ fn moments(psf: &[f32], grid: usize, pitch_um: f64) -> Moments {
     };
     let (x_um, y_um) = (mean(&|x, _| x), mean(&|_, y| y));
     let square = mean(&|x, y| (x - x_um).powi(2) + (y - y_um).powi(2));
-    Moments { x_um, y_um, rms_um: square.max(0.0).sqrt() }
+    Moments { x_um, y_um, rms_um: maximum(square, 0.0).sqrt() }
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use super::folder::PARTIAL;
 use super::{Digests, EventsDigest, RunFolder, write_file};
 use crate::block::{Block, BlockName, BlockState};
 use crate::error::DesignError;
@@ -19,7 +20,7 @@ pub fn save_checkpoint(
     fill: impl FnOnce(&Path) -> Result<(), DesignError>,
 ) -> Result<(), DesignError> {
     let root = run.checkpoints();
-    let hidden = root.join(format!(".partial-{step:06}"));
+    let hidden = root.join(format!("{PARTIAL}{step:06}"));
     let last = root.join(format!("{PREFIX}{step:06}"));
     // A run is a function of its experiment: a checkpoint of this step already holds the same.
     if last.exists() {

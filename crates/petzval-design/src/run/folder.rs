@@ -3,9 +3,12 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use petzval_base::write_whole;
+use petzval_base::{sweep_parts, write_whole};
 
 use crate::error::DesignError;
+
+/// Begins the name of a checkpoint that is not whole yet.
+pub(super) const PARTIAL: &str = ".partial-";
 
 /// A run folder on disk.
 #[derive(Clone, Debug)]
@@ -58,12 +61,26 @@ impl RunFolder {
         let path = self.root.join("run.lock");
         let file = fs::File::create(&path).map_err(DesignError::io(&path))?;
         match file.try_lock() {
-            Ok(()) => Ok(file),
+            Ok(()) => {
+                self.sweep();
+                Ok(file)
+            }
             Err(fs::TryLockError::WouldBlock) => {
                 let problem = "another process is working on this run; wait for it to end".to_owned();
                 Err(DesignError::Run { path: self.root.clone(), problem })
             }
             Err(fs::TryLockError::Error(error)) => Err(DesignError::Io { path, error }),
+        }
+    }
+
+    /// Removes what processes that were killed have left unfinished. Nobody else works on the run while it is locked.
+    fn sweep(&self) {
+        sweep_parts(&self.root);
+        for entry in fs::read_dir(self.checkpoints()).into_iter().flatten().flatten() {
+            if entry.file_name().to_string_lossy().starts_with(PARTIAL) {
+                // What cannot be removed does no harm.
+                let _stays = fs::remove_dir_all(entry.path());
+            }
         }
     }
 

@@ -2,10 +2,12 @@
 
 use std::collections::BTreeMap;
 
+use petzval_base::statistics::{maximum, minimum};
 use petzval_learn::score::ScoreDescription;
 use serde::{Deserialize, Serialize};
 
 use crate::camera::PsfErrors;
+use crate::error::DesignError;
 
 /// Scores of every camera on held-out pictures.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -34,7 +36,7 @@ impl Metrics {
     /// Photoelectrons of white on the axis: `16000` of every camera, or `212 to 310` where a lens that gathers more light has more of them.
     pub fn electrons_of_white(&self) -> String {
         let all = || self.rows.iter().map(|row| row.white_e);
-        let (least, most) = (all().fold(f64::INFINITY, f64::min), all().fold(0.0, f64::max));
+        let (least, most) = (all().fold(f64::INFINITY, minimum), all().fold(0.0, maximum));
         if least < most { format!("{least:.0} to {most:.0}") } else { most.to_string() }
     }
 
@@ -168,6 +170,25 @@ pub struct CameraMetrics {
     pub rms_spot_by_field_um: Vec<f64>,
     /// Each picture.
     pub pictures: Vec<PictureScore>,
+}
+
+impl CameraMetrics {
+    /// Fails on the first figure that is no finite number. JSON has no such numbers, and no mean has a meaning with them.
+    pub(crate) fn check_finite(&self) -> Result<(), DesignError> {
+        let named = |name: &str, value: f64| (name.to_owned(), value);
+        let lens = [("RMS spot", self.rms_spot_um), ("PSF", self.psf_captured), ("white", self.white_e)];
+        let restored = self.restored_error_percent.map(|error| ("linear limit", error));
+        let figures = lens.into_iter().chain(restored).map(|(name, value)| named(name, value));
+        let of_pictures = self.pictures.iter().flat_map(|picture| {
+            picture.scores.iter().map(|(name, value)| (format!("{name} of {}", picture.photo), *value))
+        });
+        let scores = self.scores.iter().map(|(name, value)| named(name, *value));
+        let ends = self.intervals.iter().flat_map(|(name, ends)| ends.map(|end| named(name, end)));
+        match figures.chain(of_pictures).chain(scores).chain(ends).find(|(_, value)| !value.is_finite()) {
+            Some((name, _)) => Err(DesignError::NotFinite(format!("{}: {name}", self.camera))),
+            None => Ok(()),
+        }
+    }
 }
 
 /// One held-out picture at one place of the sensor.

@@ -3,6 +3,7 @@
 use std::io::{Error, ErrorKind};
 use std::path::{Path, PathBuf};
 
+use petzval_base::PartFolder;
 use petzval_camera::image::LinearImage;
 use petzval_camera::sensor::{Raw, SensorModel};
 use petzval_design::error::DesignError;
@@ -140,25 +141,16 @@ fn not_written(path: &Path, error: &std::io::Error) -> JobError {
     )
 }
 
-/// A hidden folder for files that are not whole yet; it goes when this goes.
-struct Unfinished(PathBuf);
+/// A hidden folder for files that are not whole yet.
+struct Unfinished(PartFolder);
 
 impl Unfinished {
     fn new(folder: &Path, name: &str) -> Result<Self, JobError> {
-        let path = folder.join(format!(".{name}-{}.part", std::process::id()));
-        std::fs::create_dir_all(&path).map_err(|error| not_written(folder, &error))?;
-        Ok(Self(path))
+        PartFolder::beside(&folder.join(name)).map(Self).map_err(|error| not_written(folder, &error))
     }
 
     /// Where the file of that name is made.
     fn part(&self, path: &Path) -> PathBuf {
-        self.0.join(path.file_name().unwrap_or_default())
-    }
-}
-
-impl Drop for Unfinished {
-    fn drop(&mut self) {
-        // Nobody is left to handle an error.
-        let _ = std::fs::remove_dir_all(&self.0);
+        self.0.path().join(path.file_name().unwrap_or_default())
     }
 }

@@ -1,5 +1,6 @@
 //! All figures of a developed chart.
 
+use petzval_base::statistics::maximum;
 use petzval_camera::image::srgb_decode;
 use petzval_camera::isp::RgbPicture;
 use petzval_camera::render::{Placement, Window};
@@ -80,7 +81,7 @@ pub fn measure(
     let lightness = |factor: f64, of: fn(&PatchFigures) -> f64| Lightness {
         factor,
         mean_delta_e_2000: patches.iter().map(of).sum::<f64>() / patches.len() as f64,
-        max_delta_e_2000: patches.iter().map(of).fold(0.0, f64::max),
+        max_delta_e_2000: patches.iter().map(of).fold(0.0, maximum),
     };
     let edges = chart
         .targets()

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use super::captures::{CaptureError, Kind, MANIFEST, SERIES, SensorFacts};
 use super::manifest::{self, Listed};
 use super::plan::{Plan, PlannedPoint};
-use petzval_base::write_whole;
+use petzval_base::{sweep_parts, write_whole};
 use petzval_camera::image::{CHANNELS, LinearImage};
 use petzval_camera::render::Placement;
 use petzval_camera::sensor::{Capture, Exposure, Noise, NoiseMode, SensorModel, expose};
@@ -54,6 +54,7 @@ pub fn write_series(
     let identity = toml::to_string(&Identity { plan, sensor }).map_err(unwritable)?;
     check_folder(folder, &identity)?;
     std::fs::create_dir_all(folder).map_err(io(folder))?;
+    sweep_parts(folder);
     let series = folder.join(SERIES);
     write_whole(&series, identity.as_bytes()).map_err(io(&series))?;
 

@@ -17,7 +17,7 @@ use super::proposals::BETA;
 use super::roi_align::{Region, RoiAlign};
 use super::sampler::sample;
 use super::{BBox, Detection, Truth, seen_sides};
-use crate::loss::{LossError, image_loss::read_values};
+use crate::loss::{LossError, image_loss::read_numbers};
 use crate::network::NetworkError;
 
 /// Smallest side of a detected box, pixels.
@@ -165,7 +165,8 @@ impl BoxHead {
             return Ok(found);
         }
         let ([logits, offsets], order) = self.look(maps, &regions, picture);
-        let (scores, offsets) = (read_values(softmax(logits, 1))?, read_values(offsets)?);
+        let scores = read_numbers(softmax(logits, 1), "scores of objects")?;
+        let offsets = read_numbers(offsets, "boxes of objects")?;
         let outputs = self.config.classes + 1;
         for (row, region) in order.iter().enumerate() {
             let Region { picture: item, bbox: proposal } = regions[*region];

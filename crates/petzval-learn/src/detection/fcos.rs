@@ -12,7 +12,7 @@ use super::loss::{binary_cross_entropy, focal, generalised_iou};
 use super::parameters::{Parameters, Start, tensor};
 use super::pyramid::Pyramid;
 use super::{BBox, Detection, Detector, Truth, normalized, seen_sides};
-use crate::loss::image_loss::read_values;
+use crate::loss::image_loss::read_numbers;
 use crate::loss::{LossError, NamedLoss};
 use crate::network::NetworkError;
 
@@ -269,8 +269,9 @@ impl Detector for Fcos {
         let [batch, _, height, width] = pictures.dims();
         let seen = self.look(pictures);
         let [_, count, classes] = seen.logits.dims();
-        let scores = read_values((sigmoid(seen.logits) * sigmoid(seen.centredness)).sqrt())?;
-        let distances = read_values(seen.distances.exp())?;
+        let scores = (sigmoid(seen.logits) * sigmoid(seen.centredness)).sqrt();
+        let scores = read_numbers(scores, "scores of objects")?;
+        let distances = read_numbers(seen.distances.exp(), "boxes of objects")?;
         let of_picture = |item: usize| {
             let mut found = Vec::new();
             for (i, place) in seen.places.iter().enumerate() {

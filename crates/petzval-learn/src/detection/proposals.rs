@@ -15,7 +15,7 @@ use super::nms::suppress;
 use super::parameters::{Parameters, Start, tensor};
 use super::sampler::sample;
 use super::{BBox, Truth};
-use crate::loss::{LossError, image_loss::read_values};
+use crate::loss::{LossError, image_loss::read_numbers};
 use crate::network::NetworkError;
 
 /// Distance below which the loss of boxes is quadratic, for the proposals and for the boxes.
@@ -127,8 +127,8 @@ impl ProposalNetwork {
         is_training: bool,
     ) -> Result<Vec<Vec<BBox>>, LossError> {
         let [batch, all] = seen.logits.dims();
-        let scores = read_values(sigmoid(seen.logits.clone()))?;
-        let offsets = read_values(seen.offsets.clone())?;
+        let scores = read_numbers(sigmoid(seen.logits.clone()), "scores of proposals")?;
+        let offsets = read_numbers(seen.offsets.clone(), "boxes of proposals")?;
         let mode = usize::from(!is_training);
         let of_picture = |item: usize| {
             let (mut boxes, mut kept_scores, mut levels) = (Vec::new(), Vec::new(), Vec::new());
@@ -142,7 +142,7 @@ impl ProposalNetwork {
                     let at = item * all + anchor;
                     let offset = std::array::from_fn(|i| offsets[4 * at + i]);
                     let bbox = BoxCoder::PROPOSALS.decode(offset, &seen.anchors[anchor]).clipped(picture);
-                    if bbox.is_at_least(LEAST_SIDE) && scores[at].is_finite() {
+                    if bbox.is_at_least(LEAST_SIDE) {
                         boxes.push(bbox);
                         kept_scores.push(scores[at]);
                         levels.push(level);

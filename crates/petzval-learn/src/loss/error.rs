@@ -64,6 +64,9 @@ pub enum LossError {
     /// Objects are to be found, and nothing looks at the pictures.
     #[error("objects are to be found, and the camera has no detector")]
     NoDetector,
+    /// A network gave what is no number.
+    #[error("{0} are no numbers; the weights or the picture are damaged, or the training went astray")]
+    NotANumber(&'static str),
     /// The loss values could not be read back from the device.
     #[error("the loss could not be read back from the device: {0}")]
     ReadBack(String),

@@ -128,3 +128,12 @@ pub(crate) fn read_back(value: &Tensor<1>) -> Result<f32, LossError> {
 pub(crate) fn read_values<const D: usize>(values: Tensor<D>) -> Result<Vec<f32>, LossError> {
     values.detach().into_data().try_to_vec::<f32>().map_err(|error| LossError::ReadBack(format!("{error:?}")))
 }
+
+/// The same of what is compared with limits and with each other: NaN would drop out there in silence. Fails on the first one.
+pub(crate) fn read_numbers<const D: usize>(
+    values: Tensor<D>,
+    what: &'static str,
+) -> Result<Vec<f32>, LossError> {
+    let values = read_values(values)?;
+    if values.iter().any(|v| v.is_nan()) { Err(LossError::NotANumber(what)) } else { Ok(values) }
+}

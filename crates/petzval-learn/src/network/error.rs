@@ -16,6 +16,11 @@ pub enum NetworkError {
     /// The stored weights cannot be read, or belong to another network.
     #[error("stored weights do not fit this network ({0}); use the configuration they were trained with")]
     BadWeights(String),
+    /// A stored weight is no finite number.
+    #[error(
+        "the stored weight {0} is not finite everywhere; the file is damaged, or the training went astray"
+    )]
+    NotFinite(String),
     /// The weights could not be stored.
     #[error("the weights could not be stored: {0}")]
     NotStored(String),

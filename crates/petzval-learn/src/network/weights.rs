@@ -12,6 +12,7 @@ use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 
 use super::NetworkError;
+use crate::weight_file::not_finite;
 
 /// Draws initial weights and parameter numbers from a seed, so that the same seed gives the same network.
 pub(crate) struct Initializer {
@@ -67,11 +68,15 @@ pub(crate) fn to_bytes<M: Module>(network: &M) -> Result<Vec<u8>, NetworkError> 
     Ok(bytes.map_err(|error| NetworkError::NotStored(error.to_string()))?.to_vec())
 }
 
-/// Loads weights that [`to_bytes`] wrote. Fails if they belong to another configuration.
+/// Loads weights that [`to_bytes`] wrote. Fails if they belong to another configuration, and if one is no finite number.
 pub(crate) fn load_bytes<M: Module>(network: M, bytes: Vec<u8>) -> Result<M, NetworkError> {
     let refuse = |error: RecordError| NetworkError::BadWeights(error.to_string());
     let record = ModuleRecord::from_bytes(Bytes::from_bytes_vec(bytes)).map_err(refuse)?;
-    network.try_load_record(record).map_err(refuse)
+    let network = network.try_load_record(record).map_err(refuse)?;
+    match not_finite(&network) {
+        Some(name) => Err(NetworkError::NotFinite(name)),
+        None => Ok(network),
+    }
 }
 
 /// Checks `(name, value, permitted values, the same in words)` of the sizes of a network.

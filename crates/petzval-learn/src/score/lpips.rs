@@ -1,7 +1,7 @@
 //! `1 - LPIPS`: perceived similarity.
 
 use super::{Score, ScoreError, ScoredPair};
-use crate::loss::{Lpips, image_loss::read_values};
+use crate::loss::{LossError, Lpips, image_loss::read_values};
 
 /// `1 - LPIPS` (AlexNet, v0.1): 1 for a picture equal to its truth.
 pub struct OneMinusLpips(pub Lpips);
@@ -26,6 +26,9 @@ impl Score for OneMinusLpips {
     fn of(&self, pair: &ScoredPair) -> Result<f64, ScoreError> {
         let target = self.0.target(pair.truth_tensor.clone())?;
         let distances = read_values(self.0.distance_to(pair.finished_tensor.clone().detach(), &target)?)?;
-        Ok(distances.first().map_or(f64::NAN, |d| f64::from(1.0 - d)))
+        match distances.first() {
+            Some(distance) if distance.is_finite() => Ok(f64::from(1.0 - distance)),
+            _ => Err(LossError::NotANumber("features of the pictures").into()),
+        }
     }
 }

@@ -67,7 +67,7 @@ pub trait Score {
         true
     }
 
-    /// The score of one picture.
+    /// The score of one picture, a finite number. Fails where a picture holds what is none.
     fn of(&self, pair: &ScoredPair) -> Result<f64, ScoreError>;
 }
 

@@ -32,6 +32,7 @@ impl Score for Psnr {
     }
 
     fn of(&self, pair: &ScoredPair) -> Result<f64, ScoreError> {
+        // Pictures of finite numbers have a PSNR, or equal their truth: no NaN is hidden by the limit.
         Ok(psnr(&pair.truth.data, &pair.finished.data)?.min(MOST_DB))
     }
 }

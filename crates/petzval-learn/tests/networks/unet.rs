@@ -171,6 +171,20 @@ fn weights_of_another_network_are_refused() {
 }
 
 #[test]
+fn weights_that_are_no_numbers_are_refused_by_name() {
+    let device = Device::flex();
+    let unet = UNetConfig::default().init(1, &device).unwrap();
+    let mut stored = unet.to_bytes().unwrap();
+    for bad in [f32::NAN, f32::INFINITY] {
+        // The values end the file.
+        let last = stored.len() - 4;
+        stored[last..].copy_from_slice(&bad.to_le_bytes());
+        let refused = unet.clone().load_bytes(stored.clone()).err();
+        assert!(matches!(&refused, Some(NetworkError::NotFinite(name)) if !name.is_empty()), "{refused:?}");
+    }
+}
+
+#[test]
 fn impossible_sizes_are_refused_by_name() {
     let device = Device::flex();
     for (config, name) in [

@@ -1,5 +1,6 @@
 //! Encircled energy: the share of the light of a point within a circle.
 
+use petzval_base::statistics::maximum;
 use serde::Serialize;
 
 use super::lens_at_field::{LensAtField, pupil};
@@ -52,7 +53,7 @@ pub fn encircled_energy(
                 .map(|i| (distance(i), unit * beam.weight[i])),
         );
     }
-    let farthest = rays.iter().map(|r| r.0).fold(0.0, f64::max);
+    let farthest = rays.iter().map(|r| r.0).fold(0.0, maximum);
     let radius = round_up(1.1 * farthest.max(4.0 * field.airy_radius_um()));
     let radius_um = evenly(0.0, radius, options.radius_points.max(2));
     let geometric = within(rays.into_iter(), &radius_um);

@@ -2,6 +2,7 @@
 
 use std::f64::consts::TAU;
 
+use petzval_base::statistics::maximum;
 use serde::Serialize;
 
 use super::lens_at_field::{LensAtField, pupil};
@@ -79,7 +80,7 @@ pub fn spot_diagram(
     Ok(SpotDiagram {
         field_deg,
         chief_mm: field.chief_mm,
-        geometric_radius_um: points_um.iter().flatten().map(from_centroid).fold(0.0, f64::max),
+        geometric_radius_um: points_um.iter().flatten().map(from_centroid).fold(0.0, maximum),
         points_um,
         centroid_um,
         rms_um: radii.rms_poly_um,

@@ -1,6 +1,7 @@
 //! Wavefronts: their errors, Zernike coefficients and Strehl ratios.
 
 use nalgebra::{DMatrix, DVector};
+use petzval_base::statistics::{maximum, minimum};
 use serde::Serialize;
 
 use super::AnalysisError;
@@ -68,8 +69,8 @@ pub fn wavefront(lens: &Lens, field_deg: f64) -> Result<Wavefront, AnalysisError
             continue;
         }
         let Samples { points, waves, shares } = samples(&field, colour)?;
-        let lowest = waves.iter().copied().fold(f64::INFINITY, f64::min);
-        let highest = waves.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let lowest = waves.iter().copied().fold(f64::INFINITY, minimum);
+        let highest = waves.iter().copied().fold(f64::NEG_INFINITY, maximum);
         found.peak_to_valley_waves.push(highest - lowest);
         found.rms_waves.push(rms(&residual(&points, &waves, &shares, 1).unwrap_or(waves.clone()), &shares));
         // The first three terms are piston and the two tilts.

@@ -11,6 +11,7 @@ pub(crate) use sampled::field_mean_square_sampled;
 pub use sampled::{mean_square_spot, mean_square_spot_sampled};
 pub use traced::mean_square_spot_traced;
 
+use petzval_base::statistics::maximum;
 use rayon::prelude::*;
 
 use crate::gradient::LensGradient;
@@ -54,9 +55,9 @@ pub fn spot_converged(
     refinement: &PupilRefinement,
 ) -> Option<Refined<FieldSpot>> {
     let difference = |a: &FieldSpot, b: &FieldSpot| {
-        let of_radius = (a.rms_poly_um - b.rms_poly_um).abs() / b.rms_poly_um.max(PERFECT_UM);
+        let of_radius = (a.rms_poly_um - b.rms_poly_um).abs() / maximum(b.rms_poly_um, PERFECT_UM);
         let of_light = a.illumination.iter().zip(&b.illumination).map(|(a, b)| (a / b - 1.0).abs());
-        of_light.fold(of_radius, f64::max)
+        of_light.fold(of_radius, maximum)
     };
     refine(refinement, |quadrature| spot(lens, field_rad, quadrature), difference)
 }
@@ -115,7 +116,7 @@ pub fn spot(lens: &Lens, field_rad: f64, quadrature: &Quadrature) -> Option<Fiel
     let centres: Vec<[f64; 2]> = traced.iter().map(|t| centroid(&t.sequence, &t.beam)).collect();
     let count = traced.len() as f64;
     let common = mean_of(&centres);
-    let rms = |square_mm2: f64| 1e3 * square_mm2.max(0.0).sqrt();
+    let rms = |square_mm2: f64| 1e3 * square_mm2.sqrt();
     Some(FieldSpot {
         field_rad,
         rms_um: traced.iter().zip(&centres).map(|(t, c)| rms(mean_square(&t.beam, *c))).collect(),

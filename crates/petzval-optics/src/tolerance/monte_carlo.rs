@@ -35,8 +35,11 @@ pub fn monte_carlo(study: &Study, seed: u64, trials: usize, progress: &(dyn Fn()
         let made = study.make(&study.draw(seed, number as u64));
         progress();
         match made {
-            Some(made) => Trial { value: Some(made.value), compensators: made.compensators },
-            None => Trial { value: None, compensators: Vec::new() },
+            Some(made) if made.value.is_finite() => {
+                Trial { value: Some(made.value), compensators: made.compensators }
+            }
+            // Without an image, or with one of which nothing can be said: it could not be ranked.
+            _ => Trial { value: None, compensators: Vec::new() },
         }
     };
     let trials = (0..trials).into_par_iter().map(trial).collect();

@@ -3,10 +3,14 @@
 //! A call writes the frame into a new temporary folder (`frame.toml`, `raw.bin`), runs the command with that folder as its last
 //! argument, and reads the picture that the command leaves there (`rgb.npy`, `rgb.png` or `rgb.ppm`). A call that takes too long, fails,
 //! or leaves no picture of the frame is repeated as often as the description says, then fails with the end of what the command wrote to
-//! standard error. A job that is cancelled stops the command with all its processes. Pictures are kept by the hash of all that they depend on, if the description names a folder for them.
+//! standard error. A job that is cancelled stops the command with all its processes, and so does the death
+//! of this process, by whatever cause (where there is a POSIX shell). Pictures are kept by the hash of all that they depend on, if the description names a folder for them.
 
 mod cache;
+#[cfg_attr(not(unix), path = "no_guard.rs")]
+mod guard;
 mod process;
+mod workplace;
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -20,6 +24,7 @@ use petzval_files::isp_file::{
 
 use self::cache::Cache;
 use self::process::{End, run_within};
+use self::workplace::Workplace;
 
 /// Longest picture file that is read: three values of eight bytes for each pixel, text of as many characters, and a header.
 const MOST_BYTES_PER_PIXEL: u64 = 32;
@@ -77,9 +82,8 @@ impl ExternalIsp {
         raw: &[u8],
     ) -> Result<(&'static str, Vec<u8>, RgbPicture), NoPicture> {
         let system = |what: &str, error: std::io::Error| format!("{what}: {error}");
-        let folder =
-            tempfile::Builder::new().prefix("petzval-isp-").tempdir().map_err(|e| system("folder", e))?;
-        let folder_path = folder.path();
+        let workplace = Workplace::new().map_err(|e| system("folder", e))?;
+        let folder_path = workplace.folder();
         std::fs::write(folder_path.join(FRAME_FILE), text).map_err(|e| system(FRAME_FILE, e))?;
         std::fs::write(folder_path.join(RAW_FILE), raw).map_err(|e| system(RAW_FILE, e))?;
 
@@ -90,7 +94,7 @@ impl ExternalIsp {
         let mut command = std::process::Command::new(self.program());
         command.args(&self.about.command[1..]).arg(folder_path).current_dir(&self.home);
         let limit = Duration::from_secs_f64(self.about.timeout_s);
-        let ended = run_within(command, folder_path, limit, &self.cancelled)
+        let ended = run_within(command, &workplace, limit, &self.cancelled)
             .map_err(|error| format!("the command {} cannot be run: {error}", self.program().display()))?;
         match ended.end {
             End::TimedOut => {

@@ -7,6 +7,8 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use super::workplace::Workplace;
+
 /// Bytes of the end of standard error that an error shows.
 const SHOWN_BYTES: u64 = 800;
 
@@ -36,14 +38,15 @@ impl Ended {
     }
 }
 
-/// Runs a command, at most for `limit` and until `cancelled` is set. Standard output and error go to files in `folder`: a pipe that a forgotten process holds open
+/// Runs a command, at most for `limit` and until `cancelled` is set. Standard output and error go to files in its folder: a pipe that a forgotten process holds open
 /// would never end.
 pub(super) fn run_within(
     mut command: Command,
-    folder: &Path,
+    workplace: &Workplace,
     limit: Duration,
     cancelled: &AtomicBool,
 ) -> std::io::Result<Ended> {
+    let folder = workplace.folder();
     let stderr = folder.join("stderr.txt");
     command
         .stdin(Stdio::null())
@@ -54,6 +57,10 @@ pub(super) fn run_within(
     std::os::unix::process::CommandExt::process_group(&mut command, 0);
     let start = Instant::now();
     let mut child = command.spawn()?;
+    if let Err(error) = workplace.begins(child.id()) {
+        stop(&mut child);
+        return Err(error);
+    }
     let mut pause = Duration::from_millis(1);
     let end = loop {
         if let Some(status) = child.try_wait()? {

@@ -101,6 +101,7 @@ impl TuneFolder {
         };
         let text = petzval_base::read_text(&path).map_err(|e| wrong(e.to_string()))?;
         let kept = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
+        petzval_base::sweep_parts(root);
         Ok((folder, kept))
     }
 

@@ -150,6 +150,7 @@ impl History {
             let hint = format!("the last is {}", steps.len().saturating_sub(1));
             return Err(JobError::setting("rewind", step, "there is no such step", hint));
         }
+        petzval_base::sweep_parts(root);
         let gone = rewind.map_or_else(Vec::new, |step| steps.split_off(step + 1));
         let history = Self { root: root.to_path_buf(), steps, file };
         if let (Some(_), Some(last)) = (rewind, history.steps.last()) {

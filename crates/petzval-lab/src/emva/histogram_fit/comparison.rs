@@ -1,5 +1,6 @@
 //! Compares captured histograms with those of the model.
 
+use petzval_base::statistics::maximum;
 use serde::Serialize;
 
 use super::parameter::Numbers;
@@ -139,7 +140,7 @@ pub fn goodness(captured: &[u64], expected: &[f64], n: f64) -> GoodnessOfFit {
     for (c, e) in captured.iter().map(|c| *c as f64).zip(expected) {
         c_sum += c;
         e_sum += e;
-        ks = ks.max((c_sum - e_sum).abs() / n);
+        ks = maximum(ks, (c_sum - e_sum).abs() / n);
         variation += 0.5 * (c - e).abs() / n;
         // Merge neighbouring digital numbers until a bin has ten expected samples, or ten captured ones where the model
         // has none.

@@ -1,5 +1,6 @@
 //! Result of the fit to the histograms.
 
+use petzval_base::statistics::maximum;
 use serde::Serialize;
 
 use super::comparison::HistogramComparison;
@@ -118,6 +119,6 @@ pub fn test_of(histograms: &[HistogramComparison], parameters: usize, is_poor: b
 
 /// Whether the model describes the cores of the histograms.
 pub fn describes(histograms: &[HistogramComparison]) -> bool {
-    let worst = histograms.iter().map(|h| h.core_reduced_chi2).fold(0.0, f64::max);
+    let worst = histograms.iter().map(|h| h.core_reduced_chi2).fold(0.0, maximum);
     mean_core_chi2(histograms) <= POOR_MEAN && worst <= POOR_WORST
 }

@@ -7,7 +7,9 @@ use super::picture::Xywh;
 pub fn overlap(found: Xywh, object: Xywh, is_crowd: bool) -> f64 {
     let width = (found[0] + found[2]).min(object[0] + object[2]) - found[0].max(object[0]);
     let height = (found[1] + found[3]).min(object[1] + object[3]) - found[1].max(object[1]);
-    if width <= 0.0 || height <= 0.0 {
+    // Minimum and maximum pass over what is no number: a box of such numbers overlaps nothing.
+    let is_box = found.iter().chain(&object).all(|v| v.is_finite());
+    if !is_box || width <= 0.0 || height <= 0.0 {
         return 0.0;
     }
     let shared = width * height;
