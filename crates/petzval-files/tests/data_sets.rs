@@ -552,8 +552,11 @@ fn write_turned_png(path: &Path, width: u32, height: u32, exif: u8) {
     std::fs::write(path, bytes).unwrap();
 }
 
-/// A data set of one picture, checked: its size, its box, and how often the kinds of turns were noted.
-fn of_turned(picture: &str, exif: u8, bbox: &str) -> (Option<(u32, u32)>, Option<[f64; 4]>, [usize; 3]) {
+/// Size and box of the picture, if they are left, and how often the kinds of turns were noted.
+type OfTurned = (Option<(u32, u32)>, Option<[f64; 4]>, [usize; 3]);
+
+/// What a check leaves of a data set of one picture.
+fn of_turned(picture: &str, exif: u8, bbox: &str) -> OfTurned {
     let folder = tempfile::tempdir().unwrap();
     write_turned_png(&folder.path().join("a.png"), 40, 30, exif);
     let annotation = format!(r#"{{"id": 1, "image_id": 1, "category_id": 1, "bbox": {bbox}, "area": 72}}"#);
