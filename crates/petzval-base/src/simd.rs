@@ -11,7 +11,7 @@ use pulp::{Arch, Simd, WithSimd};
 /// The instruction set that `PETZVAL_SIMD` names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Asked {
-    /// The widest of the machine: the variable is unset.
+    /// The widest of the machine: `best`, or the variable is unset or empty.
     Best,
     /// AVX2 with fused multiply-add if the machine has it, else the widest.
     Avx2,
@@ -23,10 +23,10 @@ impl Asked {
     /// The instruction set of a value of the variable; `None` if there is none of this name.
     fn of(variable: Option<&OsStr>) -> Option<Self> {
         match variable.map(|value| value.to_str()) {
+            Some(Some("best" | "")) | None => Some(Self::Best),
             Some(Some("avx2")) => Some(Self::Avx2),
             Some(Some("scalar")) => Some(Self::Scalar),
             Some(_) => None,
-            None => Some(Self::Best),
         }
     }
 }
@@ -39,7 +39,7 @@ fn asked() -> Asked {
     *ASKED.get_or_init(|| Asked::of(std::env::var_os(VARIABLE).as_deref()).unwrap_or(Asked::Best))
 }
 
-/// Fails with the value of `PETZVAL_SIMD` if it is neither `avx2` nor `scalar`. [`dispatch`] takes the widest instruction set then.
+/// Fails with the value of `PETZVAL_SIMD` if it is none of `avx2`, `scalar` and `best`. [`dispatch`] takes the widest instruction set then.
 pub fn check_variable() -> Result<(), OsString> {
     match std::env::var_os(VARIABLE) {
         Some(value) if Asked::of(Some(&value)).is_none() => Err(value),
@@ -140,7 +140,8 @@ mod tests {
     fn the_variable_selects_a_narrower_instruction_set() {
         let level = |variable: Option<&str>| level_as(Asked::of(variable.map(OsStr::new)).unwrap());
         assert_eq!(level(Some("scalar")), "scalar");
-        for unknown in ["avx1024", "foo", "", "AVX2", " scalar"] {
+        assert_eq!([level(None), level(Some(""))], [level(Some("best")); 2]);
+        for unknown in ["avx1024", "foo", "AVX2", " scalar"] {
             assert_eq!(Asked::of(Some(OsStr::new(unknown))), None, "{unknown:?}");
         }
         #[cfg(target_arch = "x86_64")]

@@ -24,11 +24,10 @@ use petzval_learn::score::ScoreDescription;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
-use crate::error::{JobError, json, make_folder};
+use crate::error::{JobError, check_length, json, make_folder};
 use crate::init;
 use crate::machine::environment;
 use crate::own_lens::{is_lens, own_lens};
-use crate::results::check_length;
 
 pub use petzval_design::first_look::FirstLook;
 pub use petzval_design::run::Metrics;

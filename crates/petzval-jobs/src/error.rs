@@ -3,13 +3,11 @@
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use petzval_base::{FileError, write_whole};
+use petzval_base::{FileError, LONGEST_NAME, write_whole};
 use petzval_camera::isp::IspError;
 use petzval_design::error::DesignError;
 use petzval_files::raw_file::RawFileError;
 use petzval_files::{ImageError, decode};
-
-use crate::results::check_length;
 
 /// Who has to change something before the job can succeed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -169,8 +167,42 @@ pub(crate) fn make_folder(path: &Path) -> Result<(), JobError> {
     std::fs::create_dir_all(path).map_err(|e| wrong(e.to_string()))
 }
 
+/// Bytes of the longest path that systems take, with room for the names of files in a folder of results.
+const LONGEST_PATH: usize = 3900;
+
+/// Fails if a name or a path is longer than file systems hold. A folder that does not exist yet would tell only when it is made.
+pub(crate) fn check_length(path: &Path) -> Result<(), JobError> {
+    let whole = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let bytes = whole.as_os_str().len();
+    let longest = whole.components().map(|part| part.as_os_str().len()).max().unwrap_or(0);
+    let (message, hint) = if longest > LONGEST_NAME {
+        let message = format!("a name of {longest} bytes is too long: file systems hold {LONGEST_NAME}");
+        (message, "give a shorter name")
+    } else if bytes > LONGEST_PATH {
+        (format!("the path of {bytes} bytes is too long"), "give a place with a shorter path")
+    } else {
+        return Ok(());
+    };
+    Err(JobError::input(format!("{}: {message}", path.display()), hint))
+}
+
 /// A value as indented JSON, with the keys of its objects in alphabetical order.
 pub fn json(value: &impl serde::Serialize) -> Result<String, JobError> {
     let text = || serde_json::to_string_pretty(&serde_json::to_value(value)?);
     text().map_err(|e: serde_json::Error| JobError::failed(e.to_string()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_that_no_file_system_holds_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        assert!(check_length(&folder.path().join("a".repeat(LONGEST_NAME))).is_ok());
+        let long = check_length(&folder.path().join("ä".repeat(128))).unwrap_err().to_string();
+        assert!(long.contains("256 bytes"), "{long}");
+        let deep = ["a"; 2000].join("/");
+        assert!(check_length(Path::new(&deep)).unwrap_err().to_string().contains("path"));
+    }
 }

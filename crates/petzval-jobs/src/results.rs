@@ -3,10 +3,10 @@
 
 use std::path::Path;
 
-use petzval_base::{LONGEST_NAME, PartFolder, sweep_parts_in};
+use petzval_base::{PartFolder, sweep_parts_in};
 
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::{JobError, check_length};
 
 /// Endings of files that are read or written here, or that people would expect.
 const FILE_ENDINGS: [&str; 26] = [
@@ -98,24 +98,6 @@ pub(crate) fn check_file(path: &Path, context: &Context) -> Result<(), JobError>
     check_unused(path, context)
 }
 
-/// Bytes of the longest path that systems take, with room for the names of files in a folder of results.
-const LONGEST_PATH: usize = 3900;
-
-/// Fails if a name or a path is longer than file systems hold. A folder that does not exist yet would tell only when it is made.
-pub(crate) fn check_length(path: &Path) -> Result<(), JobError> {
-    let whole = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-    let longest = whole.components().map(|part| part.as_os_str().len()).max().unwrap_or(0);
-    if longest > LONGEST_NAME {
-        let message = format!("a name of {longest} bytes is too long: file systems hold {LONGEST_NAME}");
-        return Err(refused(path, &message, "give a shorter name"));
-    }
-    if whole.as_os_str().len() > LONGEST_PATH {
-        let message = format!("the path of {} bytes is too long", whole.as_os_str().len());
-        return Err(refused(path, &message, "give a place with a shorter path"));
-    }
-    Ok(())
-}
-
 /// Fails if a file is there that the context does not let a job overwrite.
 fn check_unused(path: &Path, context: &Context) -> Result<(), JobError> {
     match path.is_file() && !context.overwrites() {
@@ -135,19 +117,4 @@ fn check_writable(folder: &Path, named: &Path) -> Result<(), JobError> {
 
 fn refused(path: &Path, message: &str, hint: &str) -> JobError {
     JobError::input(format!("{}: {message}", path.display()), hint)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_that_no_file_system_holds_are_refused() {
-        let folder = tempfile::tempdir().unwrap();
-        assert!(check_length(&folder.path().join("a".repeat(LONGEST_NAME))).is_ok());
-        let long = check_length(&folder.path().join("ä".repeat(128))).unwrap_err().to_string();
-        assert!(long.contains("256 bytes"), "{long}");
-        let deep = ["a"; 2000].join("/");
-        assert!(check_length(Path::new(&deep)).unwrap_err().to_string().contains("path"));
-    }
 }
