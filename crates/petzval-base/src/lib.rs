@@ -22,5 +22,5 @@ pub mod statistics;
 mod whole_file;
 
 pub use file_error::{FileError, nearest, quote};
-pub use part::{PartFolder, sweep_parts, sweep_parts_in};
-pub use whole_file::{LONGEST_NAME, open_file, read_at_most, read_text, read_whole, write_whole};
+pub use part::{LONGEST_NAME, PartFolder, sweep_parts, sweep_parts_in};
+pub use whole_file::{open_file, read_at_most, read_text, read_whole, write_whole};

@@ -9,7 +9,8 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use crate::whole_file::LONGEST_NAME;
+/// Bytes of the longest name of a file that file systems hold.
+pub const LONGEST_NAME: usize = 255;
 
 /// Folders below the swept one that are looked into.
 const DEPTH: usize = 6;

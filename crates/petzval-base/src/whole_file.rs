@@ -67,9 +67,6 @@ fn megabytes(bytes: u64) -> String {
     }
 }
 
-/// Bytes of the longest name of a file that file systems hold.
-pub const LONGEST_NAME: usize = 255;
-
 /// Writes a file under a temporary name in the same folder, then renames it. No reader sees an incomplete file, and after a
 /// failure, also of the power, the old file is unchanged.
 ///
@@ -97,6 +94,7 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::part::LONGEST_NAME;
 
     #[test]
     fn a_failure_leaves_nothing_behind() {

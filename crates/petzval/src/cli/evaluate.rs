@@ -8,6 +8,7 @@ use petzval::jobs::evaluate::{
 };
 
 use super::failure::Failure;
+use super::number::figure;
 use super::psf::Kind;
 use super::score_table;
 use super::signals;
@@ -173,14 +174,14 @@ fn print_made(made: &MadeMetrics) {
     for row in &made.rows {
         for score in &made.scores {
             let (figures, d) = (&row.scores[&score.name], score.decimals);
-            let or_nan = |value: Option<f64>| value.unwrap_or(f64::NAN);
+            let known = |value: Option<f64>| figure(value, d);
             outln!(
-                "{:<16} {:<12} {:>9.d$} {:>9.d$} {:>11.d$} {:>9.d$} {:>10.0}",
+                "{:<16} {:<12} {:>9} {:>9} {:>11} {:>9.d$} {:>10.0}",
                 row.camera,
                 score.heading(),
-                or_nan(figures.drawn),
-                or_nan(figures.mean),
-                or_nan(figures.of_90_percent),
+                known(figures.drawn),
+                known(figures.mean),
+                known(figures.of_90_percent),
                 made.limits[&score.name],
                 100.0 * figures.share
             );

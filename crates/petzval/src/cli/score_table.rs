@@ -2,6 +2,8 @@
 
 use petzval::jobs::design::Metrics;
 
+use super::number::figure;
+
 /// Prints the table at the end of a run.
 pub fn print(metrics: &Metrics) {
     // A score for which there is nothing to find has no column.
@@ -26,12 +28,12 @@ pub fn print(metrics: &Metrics) {
     for r in &metrics.rows {
         out!("{:<16}", r.camera);
         for (score, _, width) in &columns {
-            let value = r.scores.get(&score.name).copied().unwrap_or(f64::NAN);
-            out!(" {value:>width$.d$}", d = score.decimals);
+            let value = figure(r.scores.get(&score.name).copied(), score.decimals);
+            out!(" {value:>width$}");
         }
         out!(
-            " {:>14.3} {:>12.2} {:>8.3} {:>6.3} {:>8.2}",
-            r.restored_error_percent.unwrap_or(f64::NAN),
+            " {:>14} {:>12.2} {:>8.3} {:>6.3} {:>8.2}",
+            figure(r.restored_error_percent, 3),
             r.rms_spot_um,
             r.efl_mm,
             r.f_number,
