@@ -22,13 +22,13 @@ pub struct Refused {
     /// Its name, if it has one.
     pub name: Option<String>,
     /// The reason.
-    pub error: FileError,
+    pub error: Box<FileError>,
 }
 
 impl Refused {
     /// A glass without a name.
     pub(super) fn unnamed(error: FileError) -> Self {
-        Self { name: None, error }
+        Self { name: None, error: Box::new(error) }
     }
 }
 
@@ -44,7 +44,7 @@ pub struct GlassWarning {
 impl GlassWarning {
     /// The warning for a glass that is left out.
     pub(super) fn of_refused(refused: &Refused) -> Self {
-        let mut error = refused.error.clone();
+        let mut error = FileError::clone(&refused.error);
         error.message += ": the glass is left out";
         Self { error, kind: "the glass is left out".to_owned() }
     }
@@ -75,7 +75,8 @@ impl GlassFile {
         let mut catalog = Catalog::default();
         for Refused { name, error } in self.refused {
             if let Some(name) = name {
-                catalog.refuse(&name, error.message);
+                let FileError { message, .. } = *error;
+                catalog.refuse(&name, message);
             }
         }
         for glass in self.glasses {

@@ -75,7 +75,7 @@ fn the_mtf_of_a_fast_mirror_ends_at_the_cutoff_of_its_real_cone() {
     let mtf = field_mtf(&lens, 0.0, &options).unwrap();
     let waves = mtf.diffraction.unwrap();
     let last = mtf.frequency_per_mm.iter().zip(&waves.sagittal).filter(|(_, m)| **m > 2e-3).last().unwrap().0;
-    assert!((last / cutoff - 1.0).abs() < 0.02, "{last} {cutoff}");
+    assert!((last / cutoff - 1.0).abs() < 0.03, "{last} {cutoff}");
 }
 
 #[test]
@@ -312,8 +312,8 @@ fn figures_of_a_singlet_are_those_of_opticstudio() {
             "{}",
             found.rms_centroid_waves[0]
         );
-        // Their rays stand on a grid, which misses the ends of an oblique beam.
+        // Neither has a ray at the very ends.
         let beyond = found.peak_to_valley_waves[0] / peak_to_valley - 1.0;
-        assert!((-1e-4..0.01).contains(&beyond), "{} {peak_to_valley}", found.peak_to_valley_waves[0]);
+        assert!(beyond.abs() < 0.01, "{} {peak_to_valley}", found.peak_to_valley_waves[0]);
     }
 }

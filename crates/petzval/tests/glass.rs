@@ -10,7 +10,7 @@ use serde_json::Value;
 const LENS: &str = "cooke-triplet-nominal";
 
 /// N-SF11 with an index that no other glass has.
-const AGF: &str = "CC test\nNM N-SF11 2 785257 1.99468 25.68 0 1\n\
+const AGF: &str = "CC test\nNM N-SF11 2 785257 1.98216 25.68 0 1\n\
     CD 2.46 1.34282066E-02 3.08177248E-01 5.95e-2 1.48746e0 1.74e2\nLD 0.37 0.6\n\
     NM ONLY-HERE 1 0 1.5168 64.2 0 0\n\
     CD 2.2702566 -0.0091988101 0.011609706 -7.6123911e-05 2.8558727e-05 -1.2566486e-06\n\
@@ -247,10 +247,8 @@ fn a_misprinted_glass_is_refused_wherever_it_is_named() {
     let lens = read(&data(&format!("lenses/{LENS}.toml"))).replace("\"N-SF11\"", "\"ONLY-HERE\"");
     write(folder.path(), "lens.toml", &lens);
     let both = "`ONLY-HERE` was left out: the formula gives nd = 1.51680, and 1.6 is printed";
-    for args in [&["lens", "show", "lens.toml"][..], &["glass", "show", "only-here"]] {
-        let failed = run_fails(folder.path(), &[&["--glasses", "mine.agf"], args].concat(), 2, &[]);
-        let text = failed.stderr.split_whitespace().collect::<Vec<_>>().join(" ");
-        assert!(text.to_lowercase().contains(&both.to_lowercase()), "{text}");
+    for args in [&["lens", "show", "lens.toml"][..], &["glass", "show", "ONLY-HERE"]] {
+        run_fails(folder.path(), &[&["--glasses", "mine.agf"], args].concat(), 2, &[both]);
     }
     // Glasses that are right can be used beside it.
     run_ok(folder.path(), &["--glasses", "mine.agf", "glass", "show", "N-SF11"]);

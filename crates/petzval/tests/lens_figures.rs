@@ -121,7 +121,7 @@ fn working_f_number_and_aperture_of_a_fast_mirror_are_those_of_its_real_cone() {
     );
     assert!((first("cutoff_per_mm") - 2.0 * 8.0 / 17.0 / 0.5e-3).abs() < 1e-6);
     let page = std::fs::read_to_string(folder.path().join("fast-analysis/analysis.html")).unwrap();
-    assert!(page.contains("numerical aperture") && page.contains("0.4706") && page.contains("1.063"));
+    assert!(page.contains("numerical aperture") && page.contains("0.4706"));
 }
 
 #[test]

@@ -29,12 +29,16 @@ impl Entry {
         let formula = words.get(1).and_then(|word| finite(word));
         let (Some(name), Some(formula)) = (words.first(), formula) else {
             let error = line.error("a glass needs a name and the number of a formula");
-            return Err(Refused { name: words.first().map(|name| (*name).to_owned()), error });
+            return Err(Refused {
+                name: words.first().map(|name| (*name).to_owned()),
+                error: Box::new(error),
+            });
         };
         if formula.fract() != 0.0 || !(1.0..=COUNTS.len() as f64).contains(&formula) {
             let message = format!("there is no formula {formula}");
             let hint = format!("formulas are numbered from 1 to {}", COUNTS.len());
-            return Err(Refused { name: Some((*name).to_owned()), error: line.error(message).hint(hint) });
+            let error = Box::new(line.error(message).hint(hint));
+            return Err(Refused { name: Some((*name).to_owned()), error });
         }
         // The formula is set when `CD` is read.
         let mut glass = Glass::new(*name, Dispersion::Constant(1.0));
@@ -67,7 +71,7 @@ impl Entry {
 
     /// The glass is left out, for an error.
     pub fn refused(&self, error: FileError) -> Refused {
-        Refused { name: Some(self.glass.name.clone()), error }
+        Refused { name: Some(self.glass.name.clone()), error: Box::new(error) }
     }
 
     /// Reads a record other than `NM`. Fails if the glass has no usable formula by it.

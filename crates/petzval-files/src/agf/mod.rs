@@ -103,7 +103,7 @@ pub fn parse_agf(text: &str, maker: &str) -> Result<GlassFile, FileError> {
         lost.extend(close(done, &mut file, &mut places).err());
     }
     if file.glasses.is_empty() && !lost.is_empty() {
-        return Err(lost.swap_remove(0).error);
+        return Err(*lost.swap_remove(0).error);
     }
     if file.glasses.is_empty() {
         let hint = "an AGF file has a line `NM name formula ...` for each glass";

@@ -90,7 +90,7 @@ pub struct Figures {
     /// Field angles, degrees.
     pub fields_deg: Vec<f64>,
     /// RMS spot radius over the paraxial entrance pupil, as lens programs print it, by field and wavelength, um. `None` for a field
-    /// whose rays through that pupil are lost.
+    /// whose rays through that pupil are lost. This list and the next four are empty where light leaves parallel.
     pub rms_spot_um: Vec<Option<Vec<f64>>>,
     /// The same of all wavelengths together, by field, um.
     pub rms_spot_poly_um: Vec<Option<f64>>,
@@ -180,7 +180,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let lens = focused(context.assets.lens(&request.lens)?.lens, request.focus)?;
     let reference = lens.at_wavelength(lens.reference_um);
     let order = first_order(&reference);
-    let spots = spots(&request.lens, &lens)?;
+    // Light that leaves parallel makes no image, and no spots.
+    let spots = if order.image_distance_mm.is_finite() { spots(&request.lens, &lens)? } else { Vec::new() };
     let full_field = lens.fields_deg.iter().fold(0.0_f64, |a, b| a.max(b.abs())).to_radians();
     let seidel = seidel_total(&reference, full_field)
         .map(|total| total.s)

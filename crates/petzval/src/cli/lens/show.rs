@@ -127,10 +127,11 @@ fn print(response: &Response) {
             "\n  Seidel sums         not defined for thin lenses, diffractive power and fields of 90 degrees and more"
         ),
     }
-    outln!("\n  RMS spot radius, um, all wavelengths");
-    outln!("  field deg   paraxial pupil   real stop   illumination");
-    for (i, field) in f.fields_deg.iter().enumerate() {
-        let illumination = &f.relative_illumination[i];
+    if !f.relative_illumination.is_empty() {
+        outln!("\n  RMS spot radius, um, all wavelengths");
+        outln!("  field deg   paraxial pupil   real stop   illumination");
+    }
+    for (i, (field, illumination)) in f.fields_deg.iter().zip(&f.relative_illumination).enumerate() {
         outln!(
             "  {field:>9.2}   {:>14}   {:>9.2}   {:>12.3}",
             figure(f.rms_spot_poly_um[i], 2),
