@@ -3,10 +3,23 @@
 use serde::{Deserialize, Serialize};
 
 use super::analysis::{Analysis, figures};
-use super::levenberg::Stop;
 use super::problem::Problem;
 use crate::design_space::DesignSpace;
 use crate::merit::Landings;
+
+/// Why a descent ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Stop {
+    /// An iteration brought less than the tolerance.
+    Converged,
+    /// No step improves the merit.
+    Stuck,
+    /// All iterations are done.
+    Exhausted,
+    /// The caller asked.
+    Asked,
+}
 
 /// All that a descent needs to go on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -5,10 +5,9 @@
 //! against are held; a step that leaves the bounds is cut at them.
 
 use nalgebra::{DMatrix, DVector};
-use serde::{Deserialize, Serialize};
 
 use super::analysis::{Analysis, Linearised, analyse, linearise, obstacle};
-use super::descent_state::{DescentState, Way};
+use super::descent_state::{DescentState, Stop, Way};
 use super::problem::Problem;
 use crate::design_space::{DesignSpace, DesignSpaceError};
 
@@ -25,20 +24,6 @@ impl Default for LevenbergOptions {
     fn default() -> Self {
         Self { iterations: 200, tolerance: 1e-7 }
     }
-}
-
-/// Why a descent ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Stop {
-    /// An iteration brought less than the tolerance.
-    Converged,
-    /// No step improves the merit.
-    Stuck,
-    /// All iterations are done.
-    Exhausted,
-    /// The caller asked.
-    Asked,
 }
 
 /// The way down.

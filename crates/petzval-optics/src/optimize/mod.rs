@@ -14,9 +14,9 @@ mod search;
 mod tests;
 
 pub use analysis::Analysis;
-pub use descent_state::{DescentState, Way};
+pub use descent_state::{DescentState, Stop, Way};
 pub use levenberg::{
-    Descent, LevenbergOptions, SOFT_UM_PER_MM, Stop, descend, descend_on, descend_softly, descend_watched,
+    Descent, LevenbergOptions, SOFT_UM_PER_MM, descend, descend_on, descend_softly, descend_watched,
 };
 pub use problem::{Apertures, GlassChoice, Goal, Limits, Problem};
 pub use search::{Found, Kept, Search, SearchOptions, SearchState};
