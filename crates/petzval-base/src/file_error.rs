@@ -238,9 +238,7 @@ fn key_hint(unknown: &str, known: &[&str]) -> Option<String> {
     if let Some(key) = known.iter().find(nearly) {
         return Some(format!("did you mean `{key}`?"));
     }
-    // The name lacks its unit or its last words.
-    let begins = |key: &&&str| key.strip_prefix(unknown).is_some_and(|rest| rest.starts_with('_'));
-    if let Some(key) = known.iter().filter(begins).min_by_key(|key| key.len()) {
+    if let Some(key) = begun(unknown, known) {
         return Some(format!("did you mean `{key}`?"));
     }
     // The same quantity in another unit. The last word of `l1_wieght` is no unit, but a misspelling.
@@ -264,8 +262,17 @@ fn key_hint(unknown: &str, known: &[&str]) -> Option<String> {
     })
 }
 
-/// The known word that an unknown one misspells: at most half of its letters differ.
+/// The shortest known word of which an unknown one lacks the unit or the last words.
+fn begun<'k>(unknown: &str, known: &[&'k str]) -> Option<&'k str> {
+    let begins = |word: &&str| word.strip_prefix(unknown).is_some_and(|rest| rest.starts_with('_'));
+    known.iter().copied().filter(begins).min_by_key(|word| word.len())
+}
+
+/// The known word that an unknown one begins, as `psnr` does `psnr_db`, or misspells: at most half of its letters differ.
 pub fn nearest<'k>(unknown: &str, known: &[&'k str]) -> Option<&'k str> {
+    if let Some(word) = begun(unknown, known) {
+        return Some(word);
+    }
     let distance = |word: &&str| strsim::damerau_levenshtein(unknown, word);
     let near = known.iter().copied().min_by_key(distance)?;
     (2 * distance(&near) <= unknown.chars().count()).then_some(near)
@@ -280,6 +287,7 @@ mod tests {
         let loss = ["l1_weight", "lpips_weight", "ssim_weight"];
         assert_eq!(key_hint("l1_wieght", &loss).unwrap(), "did you mean `l1_weight`?");
         assert_eq!(key_hint("wieght", &["goal", "weight", "weight_mm"]).unwrap(), "did you mean `weight`?");
+        assert_eq!(super::nearest("psnr", &["one_minus_lpips", "psnr_db", "ssim"]), Some("psnr_db"));
         assert_eq!(key_hint("ssim_scale", &loss).unwrap(), "did you mean `ssim_weight`?");
         let lens = ["radius_mm", "thickness_mm", "semi_diameter_mm"];
         assert_eq!(key_hint("radius_mn", &lens).unwrap(), "did you mean `radius_mm`?");

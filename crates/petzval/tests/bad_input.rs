@@ -44,6 +44,7 @@ fn experiments() {
             "places_per_side = 1\nscores = [\"ssim\", \"psnr\"]",
             &[
                 "`scores = \"psnr\"`: `psnr` is no score of pictures",
+                "did you mean \"psnr_db\"?",
                 "scores of pictures are one_minus_lpips, psnr_db, ssim",
             ],
         ),

@@ -22,7 +22,7 @@ const QUICK: [&[&str]; 16] = [
     &["lens", "list"],
     &["lens", "show", "cooke-triplet-nominal"],
     &["lens", "show", "cooke-triplet-nominal", "--json"],
-    &["lens", "trace", "cooke-triplet-nominal"],
+    &["lens", "trace", "cooke-triplet-nominal", "--field", "5", "--wavelength", "0.55", "--pupil", "0,0.7"],
     &["glass", "list"],
     &["glass", "show", "N-BK7"],
     &["glass", "find", "--nd", "1.6", "--vd", "50"],

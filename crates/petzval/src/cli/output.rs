@@ -11,7 +11,7 @@ use std::io::{self, ErrorKind, Write};
 use std::process::ExitCode;
 use std::sync::OnceLock;
 
-use super::failure::{EXIT_INPUT, Failure};
+use super::failure::{self, EXIT_INPUT, Failure};
 use super::plain;
 
 /// Writes formatted data to stdout.
@@ -84,6 +84,7 @@ pub fn usage(said: &clap::Error) -> ExitCode {
         note(format_args!("{}", text.trim_end()));
         return ExitCode::from(EXIT_INPUT);
     }
+    failure::keep_lines_whole();
     let written = said.print();
     if said.use_stderr() {
         return ExitCode::from(EXIT_INPUT);
