@@ -288,7 +288,10 @@ mod tests {
         assert_eq!(key_hint("l1_wieght", &loss).unwrap(), "did you mean `l1_weight`?");
         assert_eq!(key_hint("wieght", &["goal", "weight", "weight_mm"]).unwrap(), "did you mean `weight`?");
         assert_eq!(super::nearest("psnr", &["one_minus_lpips", "psnr_db", "ssim"]), Some("psnr_db"));
-        assert_eq!(key_hint("ssim_scale", &loss).unwrap(), "did you mean `ssim_weight`?");
+        assert_eq!(
+            key_hint("ssim_scale", &loss).unwrap(),
+            "the keys here are l1_weight, lpips_weight, ssim_weight"
+        );
         let lens = ["radius_mm", "thickness_mm", "semi_diameter_mm"];
         assert_eq!(key_hint("radius_mn", &lens).unwrap(), "did you mean `radius_mm`?");
         for unit in ["um", "cm", "inch", "furlongs"] {
