@@ -164,12 +164,19 @@ impl LineCovariance {
             (-reach..=reach).map(each).sum()
         };
         let variance_dn2 = after(0)?;
-        let others = (1..=reach).map_while(after).map(|c| 2.0 * c * c).sum::<f64>();
-        let correlation = if variance_dn2 > 0.0 { 1.0 + others / (variance_dn2 * variance_dn2) } else { 1.0 };
-        let specimens = self.weights[0] / step as f64;
+        // Sum the squared correlations over all lags, less what chance adds to them.
+        let specimens = self.weights[0].max(1.0);
+        let others: Vec<f64> = (1..self.sums.len()).map_while(after).map(|c| 2.0 * c * c).collect();
+        let chance = 1.0 + 2.0 * others.len() as f64 / specimens;
+        let squares = variance_dn2 * variance_dn2;
+        let correlation = if squares > 0.0 {
+            ((1.0 + others.iter().sum::<f64>() / squares) / chance).max(1.0)
+        } else {
+            1.0
+        };
         Some(Filtered {
             variance_dn2,
-            standard_error_dn2: variance_dn2.abs() * (2.0 * correlation / specimens.max(1.0)).sqrt(),
+            standard_error_dn2: variance_dn2.abs() * (2.0 * correlation / specimens).sqrt(),
             correlation,
         })
     }
