@@ -65,7 +65,9 @@ pub fn fits(found: &Characterization) -> Vec<NamedFit> {
             all.push(NamedFit { name, linear_gain, colour, test, model_share, cause });
         };
         let dark = &gain.dark;
-        add("dark mean over time", None, dark.mean_test, dark.mean.slope.value(), None);
+        let hot = gain.pixel_dark_currents.as_ref().and_then(|p| p.hot_share.value());
+        let fills = hot.map(|_| "hot pixels fill");
+        add("dark mean over time", None, dark.mean_test, dark.mean.slope.value(), fills);
         add("dark variance over time", None, dark.variance_test, dark.variance.slope.value(), None);
         if let Some(test) = gain.pixel_dark_currents.as_ref().and_then(|p| p.hot_test) {
             add("hot pixels", None, test, None, None);

@@ -361,7 +361,10 @@ fn period(rest: &[f64], lines: f64, degrees: f64) -> Option<(usize, f64)> {
     };
     let between: Vec<f64> = (1..*n).map(mean_of).collect();
     let middle = between.iter().sum::<f64>() / between.len() as f64;
-    between.iter().all(|c| (c - middle).abs() < 0.25 * level).then_some((*n, *level))
+    // They differ by chance: `n` numbers a frame have few products.
+    let chance = 3.5 / (degrees * *n as f64).sqrt();
+    let limit = level * chance.clamp(0.25, 0.6);
+    between.iter().all(|c| (c - middle).abs() < limit).then_some((*n, *level))
 }
 
 /// The least lag of [`WINDOW`] correlation lengths; `None` if the lines are too few for one.
