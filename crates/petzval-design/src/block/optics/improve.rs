@@ -2,11 +2,14 @@
 
 use std::collections::BTreeMap;
 
-use petzval_optics::design_space::AtBound;
+use petzval_optics::design_space::{AtBound, Focus};
 use petzval_optics::lens::Lens;
+use petzval_optics::merit::SpotResiduals;
 use petzval_optics::optimize::{
-    Analysis, Descent, LevenbergOptions, SOFT_UM_PER_MM, Search, SearchOptions, descend, descend_softly,
+    Analysis, Apertures, Descent, LevenbergOptions, Problem, SOFT_UM_PER_MM, Search, SearchOptions, descend,
+    descend_softly,
 };
+use petzval_optics::pupil::PupilSampling;
 
 use super::{OpticsBlock, PENALTY};
 use crate::error::DesignError;
@@ -62,9 +65,12 @@ impl OpticsBlock {
         seen?;
         // Spots cost little: the stiff penalty alone leads further from some lenses.
         if goal == LensGoal::Spot {
-            let other = descend(&problem(lens), &options, &mut |_, _, _| true)?;
-            if other.best.merit < WORTH_IT * best.best.merit {
-                best = other;
+            let other = descend(&problem(lens.clone()), &options, &mut |_, _, _| true)?;
+            let others = [Some(other), as_exactly(&problem(lens), &options)];
+            for other in others.into_iter().flatten() {
+                if other.best.merit < WORTH_IT * best.best.merit {
+                    best = other;
+                }
             }
         }
         let as_it_is = LevenbergOptions { iterations: 0, ..options };
@@ -121,6 +127,16 @@ impl OpticsBlock {
         }
         Ok(search.best().map_or(lens, |best| best.analysis.lens.clone()))
     }
+}
+
+/// A descent as `lens optimize` makes it, with a free image plane and clear radii as the beams need them, and from its end one of the problem as it
+/// is; `None` if there is no way.
+fn as_exactly(problem: &Problem, options: &LevenbergOptions) -> Option<Descent> {
+    let merit = SpotResiduals { sampling: PupilSampling::Degree(6), ..problem.merit.clone() };
+    let (apertures, focus) = (Apertures::Fitted, Focus::Free);
+    let free = Problem { merit, apertures, focus, ..problem.clone() };
+    let base = descend(&free, options, &mut |_, _, _| true).ok()?.best.lens;
+    descend(&Problem { base, ..problem.clone() }, options, &mut |_, _, _| true).ok()
 }
 
 /// The root of the mean square spot over the fields, the error after restoration if that is the goal, and the sum of squared violations of the
