@@ -233,6 +233,12 @@ fn a_lens_is_focused_into_a_file_of_its_own() {
     let figure = |key: &str| found[key].as_f64().unwrap();
     assert_eq!(figure("image_distance_before_mm"), 61.4875);
     assert!(figure("rms_spot_um") < figure("rms_spot_before_um"), "{found}");
+    // The RMS over the fields of the spots that `lens show` finds.
+    let shown = run_ok(folder.path(), &["lens", "show", "sharp.toml", "--json"]).json();
+    let spots = shown["rms_spot_poly_real_stop_um"].as_array().unwrap();
+    let squares: f64 = spots.iter().map(|um| um.as_f64().unwrap().powi(2)).sum();
+    let rms_um = (squares / spots.len() as f64).sqrt();
+    assert!((figure("rms_spot_um") / rms_um - 1.0).abs() < 0.02, "{found} {rms_um}");
     // The file holds the plane, and no plane beside it has smaller spots.
     let again = run_ok(folder.path(), &["lens", "focus", "sharp.toml", "--json"]).json();
     assert!(

@@ -35,7 +35,7 @@ pub(super) fn best(lens: &Lens, start: &Lens, fields_rad: &[f64]) -> Option<Focu
     let quadrature = Quadrature::grid(CELLS).ok()?;
     let at = with_best_focus(&lens.with_image_distance(start.image_distance_mm()), fields_rad, &quadrature)?;
     let rms_um =
-        |lens: &Lens| Some(1e3 * mean_square_spot_traced(lens, fields_rad, &quadrature)?.0.max(0.0).sqrt());
+        |lens: &Lens| Some(mean_square_spot_traced(lens, fields_rad, &quadrature)?.0.max(0.0).sqrt());
     let (own, best) = (rms_um(lens), rms_um(&at)?);
     if own.is_some_and(|own| own <= (1.0 + CLOSE) * best) {
         return Some(Focused { distance_mm: lens.image_distance_mm(), note: None });

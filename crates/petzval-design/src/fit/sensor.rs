@@ -80,7 +80,7 @@ fn with_corner(sensor: &SensorModel, radius_mm: f64) -> (SensorModel, f64) {
     let (height, width) = (even(kept), even(kept * sensor.width as f64 / sensor.height as f64));
     let pixel_um = match kept == rows {
         true => sensor.pixel_um,
-        false => round(2e3 * radius_mm / (height as f64).hypot(width as f64)),
+        false => three_digits(2e3 * radius_mm / (height as f64).hypot(width as f64)),
     };
     let area = (pixel_um / sensor.pixel_um).powi(2);
     let of_pixel = if area == 1.0 { String::new() } else { format!(" of {pixel_um} um") };
@@ -96,6 +96,12 @@ fn with_corner(sensor: &SensorModel, radius_mm: f64) -> (SensorModel, f64) {
         ..sensor.clone()
     };
     (model, area)
+}
+
+/// A number to three significant digits.
+fn three_digits(value: f64) -> f64 {
+    let decimals = (2.0 - value.log10().floor()).max(0.0) as usize;
+    format!("{value:.decimals$}").parse().unwrap_or(value)
 }
 
 impl Picked {

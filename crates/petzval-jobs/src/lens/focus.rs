@@ -75,8 +75,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     };
     let quadrature = Quadrature::grid(PUPIL_CELLS).map_err(|e| JobError::failed(e.to_string()))?;
     let fields: Vec<f64> = lens.fields_deg.iter().map(|f| f.to_radians()).collect();
-    let rms_um =
-        |lens: &Lens| Some(1e3 * mean_square_spot_traced(lens, &fields, &quadrature)?.0.max(0.0).sqrt());
+    let rms_um = |lens: &Lens| Some(mean_square_spot_traced(lens, &fields, &quadrature)?.0.max(0.0).sqrt());
     let mut response = Response {
         name: lens.name.clone(),
         image_distance_before_mm: before.image_distance_mm(),
