@@ -165,6 +165,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             let problem = config.goal.problem(history.start(), assets)?;
             warn_of_another_level(&config, context);
             let (config, upto) = continued(config, request, &history)?;
+            // Everything is checked before the folder changes.
+            check_trade(&config)?;
             history.keep_config(&config)?;
             (history, config, problem, upto)
         }
@@ -186,7 +188,6 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             (History::create(out, &file, &config)?, config, problem, upto)
         }
     };
-    check_trade(&config)?;
     note_held_radius(&problem, history.start(), &config.goal, context);
 
     let start = at_the_start(&problem);
