@@ -97,7 +97,7 @@ pub fn slanted_edge(plane: &Plane, window: &Window) -> Result<EdgeResponse, SfrE
     let across = if is_upright { guess.normal[0] } else { guess.normal[1] };
     let region = Region::turned(&pixels, is_upright, across < 0.0);
     let fit = fit_edge(&region, &guess).ok_or(SfrError::NoEdge)?;
-    if !(fit.step > LEAST_STEP_SIGMAS * fit.step_error) {
+    if fit.step.is_nan() || fit.step <= LEAST_STEP_SIGMAS * fit.step_error {
         return Err(SfrError::NoEdge);
     }
     let crossed = (0..region.height)

@@ -1,6 +1,9 @@
 //! The profile of an edge: a spline through all pixels at their distances from its path.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{DMatrix, DVector};
+use petzval_base::statistics::{SIGMA_OVER_MEDIAN, median};
 
 use super::Estimate;
 use super::defects::marked;
@@ -33,8 +36,12 @@ const FIRST_DEVIATION: f64 = 0.3;
 const PENALTY: f64 = 1e-5;
 const PENALTY_NOISE: f64 = 0.2;
 
-/// How far an even side may leave its level, of the step, beyond noise.
+/// How far an even side may leave its level, of the step, beyond so many standard deviations of noise; and the parts in which it is compared:
+/// pixels at a distance, and squares of a side, with so many pixels at least.
 const LARGEST_DEVIATION: f64 = 0.1;
+const NOISE_SIGMAS: f64 = 6.0;
+const SQUARE_PX: f64 = 8.0;
+const LEAST_OF_PART: f64 = 8.0;
 
 /// Modulation at the highest frequency that the pixels sample without ambiguity, above which an edge is sampled too coarsely.
 const LARGEST_ALIAS: f64 = 0.05;
@@ -128,6 +135,11 @@ impl<'a> Profile<'a> {
                 Some(Point { sample, distance: s.distance, share: sides.share(s.at, s.value)? })
             })
             .collect();
+        let within = samples.iter().filter(|s| s.distance.abs() <= half as f64).count();
+        // Sides that meet, or change beyond the step between them, are those of no edge.
+        if sides.levels[1] <= sides.levels[0] || 2 * points.len() < within {
+            return Err(SfrError::Uneven { deviation: 1.0 });
+        }
         let density = points.len() as f64 / basis.len() as f64;
         let fitted = |weight: f64| {
             let factor = Factor::of(basis, points.iter().map(|p| p.distance), weight);
@@ -363,21 +375,32 @@ impl<'a> Profile<'a> {
         (rows, spread)
     }
 
-    /// Refuses sides that leave their levels.
+    /// Refuses sides that leave their levels: at a distance from the edge, or in a square of pixels.
     pub fn check_sides(&self) -> Result<(), SfrError> {
         let far = self.far();
-        let half = self.half();
-        let mut bins = vec![[0.0; 2]; 2 * half];
-        for p in self.points.iter().filter(|p| p.distance.abs() > far) {
-            let bin = ((p.distance + half as f64) as usize).min(2 * half - 1);
-            let level = if p.distance > 0.0 { 1.0 } else { 0.0 };
-            bins[bin][0] += p.share - level;
-            bins[bin][1] += 1.0;
+        let even = || self.points.iter().filter(|p| p.distance.abs() > far);
+        let beyond = |p: &Point| p.share - if p.distance > 0.0 { 1.0 } else { 0.0 };
+        // Noise by neighbours in a row, which share whatever else is in the picture.
+        let neighbours = self.points.windows(2).filter(|pair| {
+            let [a, b] = [pair[0], pair[1]].map(|p| self.samples[p.sample].at);
+            a[1] == b[1] && b[0] - a[0] == 1.0 && pair.iter().all(|p| p.distance.abs() > far)
+        });
+        let differences = neighbours.map(|pair| (beyond(&pair[1]) - beyond(&pair[0])).abs());
+        let noise = SIGMA_OVER_MEDIAN * median(differences) / 2f64.sqrt();
+        let mut parts: BTreeMap<[i64; 3], [f64; 2]> = BTreeMap::new();
+        for p in even() {
+            let [x, y] = self.samples[p.sample].at.map(|v| (v / SQUARE_PX) as i64);
+            let side = i64::from(p.distance > 0.0);
+            for part in [[2, 0, p.distance.floor() as i64], [side, x, y]] {
+                let [sum, count] = parts.entry(part).or_default();
+                *sum += beyond(p);
+                *count += 1.0;
+            }
         }
-        let deviation = bins
-            .iter()
-            .filter(|bin| bin[1] > 3.0)
-            .map(|[sum, count]| (sum / count).abs() - 5.0 * self.scatter / count.sqrt())
+        let deviation = parts
+            .values()
+            .filter(|part| part[1] >= LEAST_OF_PART)
+            .map(|[sum, count]| (sum / count).abs() - NOISE_SIGMAS * noise / count.sqrt())
             .fold(self.sides.unlike(), f64::max);
         if deviation > LARGEST_DEVIATION { Err(SfrError::Uneven { deviation }) } else { Ok(()) }
     }
