@@ -21,7 +21,10 @@ const LEVEL_SHARE: f64 = 0.2;
 
 /// The variance ratio (F) from which a change of the light counts, and the least change over the region, of the step.
 const LEAST_RATIO: f64 = 12.0;
-const LEAST_CHANGE: f64 = 0.002;
+const LEAST_CHANGE: f64 = 0.02;
+
+/// Least change over the region, of the step, of light that may be bent.
+const LEAST_BENT: f64 = 0.1;
 
 /// Difference of the changes of both sides that is one light, of the greater; the change below which it does not count, of the step; and the
 /// level of the dark side below which it has no share, of the bright one.
@@ -103,8 +106,11 @@ impl Sides {
         let flat = Surfaces::fitted(self, beyond, 0, far)?;
         let planes = Surfaces::fitted(self, beyond, 2, far)?;
         let mut best = planes.ratio_over(&flat).filter(|ratio| *ratio > LEAST_RATIO).map(|_| planes)?;
-        // A surface needs a side that is deeper than what it is continued over.
+        // A surface needs a side that is deeper than what it is continued over, and light that changes by more than the tails of a blur do.
+        let linear = best.changes().iter().map(|c| 2.0 * (c[0].abs() + c[1].abs())).fold(0.0, f64::max);
+        let step = (flat.numbers[1] - flat.numbers[0]).abs();
         if half > 3.0 * far
+            && linear > LEAST_BENT * step
             && let Some(surfaces) = Surfaces::fitted(self, beyond, TERMS, far)
             && surfaces.ratio_over(&best).is_some_and(|ratio| ratio > LEAST_RATIO)
         {
