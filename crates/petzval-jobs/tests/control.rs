@@ -35,8 +35,8 @@ const LENSES: [&str; 10] = [
     "telescope-48-inch",
 ];
 
-/// Lenses whose stage may still end in another minimum than `lens optimize`, and how much larger its spots may be.
-const KNOWN_GAPS: [(&str, f64); 2] = [("petzval", 1.39), ("triplet-telescope", 1.02)];
+/// Lenses whose stage still ends in another minimum than `lens optimize`, and how much larger its spots are.
+const KNOWN_GAPS: [(&str, f64); 1] = [("petzval", 1.39)];
 
 /// Iterations at most of either side.
 const ITERATIONS: usize = 200;
