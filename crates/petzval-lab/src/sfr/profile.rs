@@ -149,6 +149,9 @@ impl<'a> Profile<'a> {
             (factor, spline, (squares / points.len().max(1) as f64).sqrt())
         };
         let (_, _, scatter) = fitted(PENALTY * density);
+        if !scatter.is_finite() || !sides.levels.iter().all(|level| level.is_finite()) {
+            return Err(SfrError::Uneven { deviation: 1.0 });
+        }
         let (factor, spline, scatter) = fitted((PENALTY * density).max((scatter / PENALTY_NOISE).powi(2)));
         let left_out = is_left_out.iter().filter(|is| **is).count();
         Ok(Self {
@@ -230,7 +233,7 @@ impl<'a> Profile<'a> {
     fn refined_path(&self) -> Path {
         let count = self.path.coefficients.len();
         let (mut g, mut right) = (DMatrix::zeros(count, count), DVector::zeros(count));
-        let limit = 4.0 * self.scatter + 1e-12;
+        let limit = (4.0 * self.scatter).max(0.0) + 1e-12;
         for p in &self.points {
             let Some(slope) = self.spline.slope(p.distance) else { continue };
             let beside = self.path.beside(self.samples[p.sample].at);
