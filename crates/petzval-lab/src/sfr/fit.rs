@@ -26,8 +26,11 @@ const LEAST_GAIN: f64 = 12.0;
 /// Most pixels of a fit; of larger regions every n-th row counts.
 const MOST_PIXELS: usize = 40_000;
 
-/// Rounds of weights, and steps in each.
-const ROUNDS: usize = 3;
+/// Least width of Huber's weights in each round, of the step: wide while the path is a guess, so that the pixels of the edge outweigh dead columns;
+/// never narrower than the blur is unlike a normal one.
+const LEAST_WIDTHS: [f64; 3] = [0.3, 0.1, 0.02];
+
+/// Steps in a round.
 const STEPS: usize = 12;
 
 /// Numbers beside the path: the logarithm of s, and three of each plane.
@@ -147,8 +150,8 @@ impl Problem<'_> {
     /// Levenberg-Marquardt with Huber's weights, whose width follows the residuals.
     fn solved(&self, mut numbers: Vec<f64>) -> Option<State> {
         let mut width = f64::INFINITY;
-        for _ in 0..ROUNDS {
-            width = self.huber_width(&numbers).min(width);
+        for least in LEAST_WIDTHS {
+            width = self.huber_width(&numbers, least).min(width);
             let mut damping = 1e-3;
             let mut loss = self.loss(&numbers, width);
             for _ in 0..STEPS {
@@ -174,11 +177,11 @@ impl Problem<'_> {
         Some(State { numbers, loss })
     }
 
-    /// Three standard deviations of the ordinary pixels, and never less than a fiftieth of the step: the shape of the blur is not quite normal.
-    fn huber_width(&self, numbers: &[f64]) -> f64 {
+    /// Three standard deviations of the ordinary pixels, and never less than a share of the step.
+    fn huber_width(&self, numbers: &[f64], least: f64) -> f64 {
         let rest = &numbers[Self::degree(numbers) + 1..];
         let noise = SIGMA_OVER_MEDIAN * median(self.residuals(numbers).into_iter().map(f64::abs));
-        (3.0 * noise).max(0.02 * (rest[4] - rest[1]).abs()).max(1e-12)
+        (3.0 * noise).max(least * (rest[4] - rest[1]).abs()).max(1e-12)
     }
 
     fn loss(&self, numbers: &[f64], width: f64) -> f64 {
@@ -245,7 +248,7 @@ impl Problem<'_> {
         let State { numbers, .. } = state;
         let degree = Self::degree(&numbers);
         let path = self.path.with(&numbers[..=degree]);
-        let width = self.huber_width(&numbers);
+        let width = self.huber_width(&numbers, LEAST_WIDTHS[2]);
         let noise = SIGMA_OVER_MEDIAN * median(self.residuals(&numbers).into_iter().map(f64::abs));
         let middle = [path.at(0.5 * self.region.height as f64), 0.5 * self.region.height as f64];
         let modelled = self.modelled(&numbers, &path, middle);

@@ -45,7 +45,14 @@ impl Edge {
     fn distance(&self, x: f64, y: f64) -> f64 {
         let (sin, cos) = self.angle_deg.to_radians().sin_cos();
         let (across, along) = ((x - self.offset) * cos - y * sin, (x - self.offset) * sin + y * cos);
-        if self.radius.is_finite() { self.radius - (self.radius - across).hypot(along) } else { across }
+        let radius = self.radius.abs();
+        if radius.is_infinite() {
+            across
+        } else if self.radius > 0.0 {
+            radius - (radius - across).hypot(along)
+        } else {
+            (radius + across).hypot(along) - radius
+        }
     }
 
     /// The light that square pixels collect, blurred by a Gaussian. Straight edges are integrated exactly along the rows.
