@@ -456,7 +456,8 @@ fn slow_readers_hold_up_no_other_and_only_this_machine_is_answered() {
     write!(slow[2], "GET / HTTP/1.1\r\nHost: localhost\r\n\r\n").unwrap();
     let began = Instant::now();
     assert!(asked(&address, "/").0.ends_with("200 OK"));
-    assert!(began.elapsed() < Duration::from_secs(4), "{:?}", began.elapsed());
+    // A page takes a second or two to make, and longer on a busy machine; a reader may take a minute.
+    assert!(began.elapsed() < Duration::from_secs(30), "{:?}", began.elapsed());
 
     for (request, status) in [
         ("GET / HTTP/1.1\r\nHost: localhost:1234\r\n\r\n", "200"),
