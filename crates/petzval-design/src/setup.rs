@@ -48,7 +48,7 @@ use crate::variant::{Stage, Variant};
 
 /// Pixels that are exposed around a window whose picture is restored. The filters reach 31 pixels, but nearly all of their weight lies within
 /// these, so that the window is restored as it would be in the whole frame.
-const SURROUND: usize = 8;
+pub(crate) const SURROUND: usize = 8;
 
 /// Everything that the design loop needs and that does not change during it.
 pub struct Setup {

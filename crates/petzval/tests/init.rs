@@ -180,10 +180,11 @@ fn lenses_without_a_picture_are_refused() {
             surface(1)
         )
     };
-    // A telescope, and a lens behind which light spreads.
+    // A telescope, a lens behind which light spreads, and one in which nothing could move.
     for (name, text, said) in [
         ("telescope", lens([240.0, 48.0], [200.0, 40.0]), "the lens is afocal"),
         ("negative", lens([1.0, 48.0], [-200.0, -300.0]), "the image is virtual"),
+        ("ideal", lens([1.0, 120.0], [200.0, 300.0]), "no curved surface between two media"),
     ] {
         std::fs::write(folder.path().join(format!("{name}.toml")), text).unwrap();
         let file = format!("{name}.toml");

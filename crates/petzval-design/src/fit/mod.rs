@@ -6,6 +6,7 @@ mod focus;
 mod grid;
 mod limits;
 mod sensor;
+mod windows;
 
 pub use sensor::white_that_fits;
 
@@ -19,6 +20,7 @@ use petzval_optics::number::Number;
 use petzval_optics::paraxial::first_order;
 
 use crate::assets::Assets;
+use crate::block::BlockName;
 use crate::error::DesignError;
 use crate::experiment::Experiment;
 
@@ -127,6 +129,7 @@ pub fn fit(of: FitOf, assets: &Assets) -> Result<Fitted, DesignError> {
     let found = grid::fit(&mut experiment.psf, &picked.model, &in_colours(&own.lens))?;
     notes.extend(found.note);
     warnings.extend(found.warning);
+    notes.extend(windows::fit(&mut experiment, &picked.model)?);
     notes.extend(sensor::fit_exposure(&mut experiment.exposure, &picked));
 
     let solves = Solves { efl: own.efl_solve, length: own.length_solve, ..Solves::default() };
@@ -135,6 +138,11 @@ pub fn fit(of: FitOf, assets: &Assets) -> Result<Fitted, DesignError> {
     if let Some((variables, solve)) = usual {
         (own.variables, own.efl_solve) = (variables, Some(solve));
         notes.push(variables_in_words(&own));
+    }
+    let moves = experiment.variants().iter().any(|variant| variant.steps_of(BlockName::Optics) > 0);
+    if moves && own.variables.is_empty() {
+        let hint = "give its file [[variable]] entries with bounds";
+        return Err(refuse("the lens has no curved surface between two media that could be varied", hint));
     }
     Ok(Fitted {
         changes_lens: own != given,
