@@ -1,9 +1,12 @@
 //! What a manufacturer or a camera needs of a lens: constraints, each with its violation and the gradient of that.
 
+mod clear_radii;
 mod rim;
 
 use std::fmt;
 
+pub(crate) use clear_radii::direction_of_light;
+pub use clear_radii::{ClearRadii, SemiDiameters};
 use rim::{Rim, reach, thinnest};
 
 use crate::gradient::LensGradient;
@@ -122,35 +125,6 @@ pub enum Constraint {
         /// Greatest distance from it, mm.
         tolerance_mm: f64,
     },
-}
-
-/// The radii at which the surfaces of a lens must be clear.
-pub trait ClearRadii {
-    /// The clear radius of a surface, mm.
-    fn radius_mm(&self, surface: usize) -> f64;
-
-    /// How far edges reach beyond the clear radius, mm.
-    fn mount_mm(&self) -> f64;
-
-    /// Adds the gradient of a loss that depends on the clear radius of a surface, `bar` per mm; `None` if a ray is lost.
-    fn pull_back(&self, surface: usize, bar: f64, gradient: &mut LensGradient) -> Option<()>;
-}
-
-/// The clear semi-diameters of a lens as they are: fixed places at which edges are measured, not numbers that move.
-pub struct SemiDiameters<'a>(pub &'a Lens);
-
-impl ClearRadii for SemiDiameters<'_> {
-    fn radius_mm(&self, surface: usize) -> f64 {
-        self.0.surfaces[surface].semi_diameter_mm
-    }
-
-    fn mount_mm(&self) -> f64 {
-        0.0
-    }
-
-    fn pull_back(&self, _: usize, _: f64, _: &mut LensGradient) -> Option<()> {
-        Some(())
-    }
 }
 
 impl Constraint {
@@ -384,11 +358,6 @@ pub fn penalty(constraints: &[Constraint], lens: &Lens) -> Option<(f64, LensGrad
         }
     }
     Some((value, gradient))
-}
-
-/// 1 where light goes along +z behind a surface, -1 behind an odd number of mirrors.
-pub(crate) fn direction_of_light(lens: &Lens, surface: usize) -> f64 {
-    if lens.light_goes_forwards(surface) { 1.0 } else { -1.0 }
 }
 
 /// Adds the gradient of a loss that depends on the sag of a surface at a point, `bar` per mm.

@@ -1,6 +1,6 @@
 //! Rims: how far two neighbouring surfaces are apart where their clear radii end.
 
-use super::{ClearRadii, direction_of_light};
+use super::clear_radii::{ClearRadii, direction_of_light};
 use crate::lens::{Departure, Lens, Surface, SurfaceShape, azimuths, reach_mm};
 
 /// Share of the reach of a shape up to which it counts: its slope is infinite at the reach itself.

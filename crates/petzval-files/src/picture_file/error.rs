@@ -1,0 +1,104 @@
+//! Why a picture could not be read or written.
+
+use std::error::Error;
+use std::path::PathBuf;
+
+use ::image::ExtendedColorType;
+use ::image::error::UnsupportedErrorKind;
+
+use super::cut_off::CUT_OFF;
+
+/// Most bytes of memory that reading one picture may take.
+pub(crate) const MOST_PICTURE_BYTES: u64 = 2_000_000_000;
+
+/// Why a picture could not be read or written.
+#[derive(Debug, thiserror::Error)]
+pub enum ImageError {
+    /// The file cannot be opened, read or written.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// The error of the system.
+        source: std::io::Error,
+    },
+    /// The content is not a picture that we can decode.
+    #[error(
+        "{name}: cannot decode the picture: {reason}; hint: give a PNG, JPEG, TIFF, OpenEXR or Radiance HDR file"
+    )]
+    Decode {
+        /// The file or the name of the buffer.
+        name: String,
+        /// The error of the decoder.
+        reason: String,
+    },
+    /// The picture cannot be encoded.
+    #[error("{name}: cannot encode the picture: {reason}")]
+    Encode {
+        /// The file.
+        name: String,
+        /// The error of the encoder.
+        reason: String,
+    },
+    /// The picture has no pixels.
+    #[error("{name}: the picture is empty ({height}x{width})")]
+    Empty {
+        /// The file or the name of the buffer.
+        name: String,
+        /// Rows.
+        height: usize,
+        /// Columns.
+        width: usize,
+    },
+    /// Reading the picture would take too much memory.
+    #[error(
+        "{name}: the picture of {width} x {height} pixels takes {:.1} GB of memory to read, and at most {:.0} GB are used; hint: scale it \
+         down, or cut it into parts",
+        *bytes as f64 / 1e9, MOST_PICTURE_BYTES as f64 / 1e9
+    )]
+    TooLarge {
+        /// The file or the name of the buffer.
+        name: String,
+        /// Columns.
+        width: u32,
+        /// Rows.
+        height: u32,
+        /// Bytes of memory.
+        bytes: u64,
+    },
+    /// A floating-point picture holds infinity or no number.
+    #[error(
+        "{name}: the light in row {row}, column {column} is {value}; hint: write a finite number of at least 0, white is 1"
+    )]
+    NotFinite {
+        /// The file or the name of the buffer.
+        name: String,
+        /// The value.
+        value: f32,
+        /// Row, from 0.
+        row: usize,
+        /// Column, from 0.
+        column: usize,
+    },
+}
+
+/// The reason of a decoder's error, in terms of the picture.
+pub(crate) fn undecoded(error: &::image::ImageError) -> String {
+    if let ::image::ImageError::Unsupported(unsupported) = error
+        && let UnsupportedErrorKind::Color(ExtendedColorType::Unknown(bits)) = unsupported.kind()
+    {
+        return format!("it has pixels of {bits} bits of a kind that is not read, such as gray floats");
+    }
+    // An I/O error is the decoder's error itself or one of its causes.
+    let is_end = |io: &std::io::Error| io.kind() == std::io::ErrorKind::UnexpectedEof;
+    let mut is_cut_off = matches!(error, ::image::ImageError::IoError(io) if is_end(io));
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        is_cut_off |= error.downcast_ref().is_some_and(is_end);
+        cause = error.source();
+    }
+    if is_cut_off {
+        return CUT_OFF.to_owned();
+    }
+    error.to_string()
+}

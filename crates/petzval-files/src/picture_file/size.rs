@@ -1,0 +1,80 @@
+//! The size of a picture file and the memory that it takes, before its pixels are light.
+
+use std::io::{BufRead, BufReader, Cursor, Seek, SeekFrom};
+use std::path::Path;
+
+use ::image::codecs::hdr::HdrDecoder;
+use ::image::{DynamicImage, ImageFormat, ImageReader};
+
+use super::cut_off::{CUT_OFF, is_cut_off};
+use super::error::{ImageError, undecoded};
+use super::head::{OLD_HDR, PictureHead, decoder_limits};
+use super::{exr_file, load_image_bytes, picture_bytes};
+
+/// Columns and rows of a picture as [`load_image`](super::load_image) reads it, the right way up. Pixels are not decoded.
+pub fn picture_size(path: &Path) -> Result<(u32, u32), ImageError> {
+    Ok(picture_head(path)?.upright())
+}
+
+/// The head of a picture file. Fails where the picture is empty or too large to be read.
+pub(crate) fn picture_head(path: &Path) -> Result<PictureHead, ImageError> {
+    let io = |source| ImageError::Io { path: path.to_owned(), source };
+    let file = petzval_base::open_file(path).map_err(io)?;
+    let file_bytes = file.metadata().map_err(io)?.len();
+    let name = path.display().to_string();
+    head_of(BufReader::new(file), file_bytes, &name)?.checked(&name)
+}
+
+fn head_of<R: BufRead + Seek>(source: R, file_bytes: u64, name: &str) -> Result<PictureHead, ImageError> {
+    let decode = |reason: String| ImageError::Decode { name: name.to_owned(), reason };
+    let undecodable = |e: ::image::ImageError| decode(undecoded(&e));
+    let system = |e: std::io::Error| decode(e.to_string());
+    let mut reader = ImageReader::new(source).with_guessed_format().map_err(system)?;
+    reader.limits(decoder_limits());
+    let format = reader.format();
+    match format {
+        Some(ImageFormat::OpenExr) => {
+            let mut source = reader.into_inner();
+            source.seek(SeekFrom::Start(0)).map_err(system)?;
+            exr_file::head(source, file_bytes).map_err(decode)
+        }
+        Some(ImageFormat::Hdr) | None => {
+            let mut source = reader.into_inner();
+            source.seek(SeekFrom::Start(0)).map_err(system)?;
+            let is_old = source.fill_buf().map_err(system)?.starts_with(OLD_HDR);
+            if format.is_none() && !is_old {
+                let reason = "it is of no format that is read".to_owned();
+                return Err(decode(reason));
+            }
+            let mut decoder = HdrDecoder::with_strictness(source, !is_old).map_err(undecodable)?;
+            Ok(PictureHead::of(&mut decoder, Some(ImageFormat::Hdr), file_bytes))
+        }
+        Some(_) => {
+            let mut decoder = reader.into_decoder().map_err(undecodable)?;
+            Ok(PictureHead::of(&mut decoder, format, file_bytes))
+        }
+    }
+}
+
+/// [`picture_head`] of a file that is decoded from its first byte to its last: [`load_image`](super::load_image) does not fail with it.
+pub(crate) fn decoded_head(path: &Path) -> Result<PictureHead, ImageError> {
+    let head = picture_head(path)?;
+    let bytes = picture_bytes(path)?;
+    let name = path.display().to_string();
+    let format = ::image::guess_format(&bytes).ok();
+    // The samples of the two common kinds are numbers in any case: turning them into light would take most of the time.
+    if !matches!(format, Some(ImageFormat::Png | ImageFormat::Jpeg)) {
+        load_image_bytes(&bytes, &name)?;
+        return Ok(head);
+    }
+    let decode = |reason: String| ImageError::Decode { name: name.clone(), reason };
+    if is_cut_off(&bytes) {
+        return Err(decode(CUT_OFF.to_owned()));
+    }
+    let mut reader =
+        ImageReader::new(Cursor::new(&bytes)).with_guessed_format().map_err(|e| decode(e.to_string()))?;
+    reader.limits(decoder_limits());
+    let decoder = reader.into_decoder().map_err(|e| decode(undecoded(&e)))?;
+    DynamicImage::from_decoder(decoder).map_err(|e| decode(undecoded(&e)))?;
+    Ok(head)
+}
