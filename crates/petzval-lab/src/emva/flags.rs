@@ -15,7 +15,6 @@
 
 use super::block_means::BLOCKS;
 use super::captures::{Captures, Kind, Point};
-use super::gain_lines::pixel_dn2;
 use super::point::PointStatistics;
 use petzval_base::statistics::median;
 
@@ -233,7 +232,7 @@ fn movement(
     let (frames, blocks) = (found.frames as f64, BLOCKS as f64);
     let of_others = frames / (frames - 1.0);
     let [row_dn2, column_dn2] = found.all.line_noise.certain_dn2();
-    let pixel_dn2 = pixel_dn2(&found.all);
+    let pixel_dn2 = found.all.pixel_dn2();
     let beyond_noise = |frame: usize, difference_dn: f64, variance_dn2: f64| {
         let found = Movement {
             frame,

@@ -33,7 +33,7 @@ fn of_point(found: &PointStatistics) -> [f64; 2] {
     let frames = found.frames as f64;
     let all: Vec<Deviations> =
         found.block_deviations_dn.iter().map(|d| Deviations::of(d, &found.block_pixels)).collect();
-    let of_pixels = pixel_dn2(&found.all) * BLOCKS as f64 / found.all.pixels as f64;
+    let of_pixels = found.all.pixel_dn2() * BLOCKS as f64 / found.all.pixels as f64;
     let of = |values: &dyn Fn(&Deviations) -> Vec<f64>| {
         let sizes = all.iter().flat_map(|d| values(d)).map(f64::abs);
         let sigma = SIGMA_OVER_MEDIAN * median(sizes);
@@ -41,11 +41,6 @@ fn of_point(found: &PointStatistics) -> [f64; 2] {
         sigma * sigma * (frames - 1.0) / frames - std::f64::consts::FRAC_PI_2 * of_pixels
     };
     [of(&|d| d.rows_dn.clone()), of(&|d| d.columns_dn.clone())]
-}
-
-/// Temporal variance of single pixels, DN^2.
-pub fn pixel_dn2(moments: &Moments) -> f64 {
-    moments.line_noise.pixel_dn2.value().unwrap_or(moments.variance_dn2).max(0.0)
 }
 
 /// The noise of rows and of columns of these points, whose frames are neither clipped at zero nor moved: that of the dark ones, or of the

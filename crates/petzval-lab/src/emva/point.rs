@@ -67,6 +67,11 @@ pub struct Moments {
 }
 
 impl Moments {
+    /// Temporal variance of single pixels, DN^2: without the noise that rows and columns share, where that is known.
+    pub fn pixel_dn2(&self) -> f64 {
+        self.line_noise.pixel_dn2.value().unwrap_or(self.variance_dn2).max(0.0)
+    }
+
     /// Sets the standard errors for lines with this noise: rows and columns are few, and correlated ones are fewer still, so that their
     /// mean and their variance scatter more than those of the pixels.
     pub fn set_lines(&mut self, models: &[LineModel; 2]) {

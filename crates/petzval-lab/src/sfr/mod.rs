@@ -15,6 +15,7 @@
 mod clipping;
 mod defects;
 mod error;
+mod estimate;
 mod fit;
 mod limits;
 mod path;
@@ -38,6 +39,7 @@ use self::region::{Pixels, Region};
 use self::search::best_step;
 
 pub use error::{SfrError, Side};
+pub use estimate::Estimate;
 pub use plane::Plane;
 pub use response::{Crossing, FREQUENCY_STEP, Sfr};
 pub(crate) use screen::may_be_edge;
@@ -47,15 +49,6 @@ const LEAST_STEP_SIGMAS: f64 = 8.0;
 
 /// Points of the path that are returned.
 const PATH_POINTS: usize = 33;
-
-/// A figure with its standard error from the noise of the pixels.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Estimate {
-    /// The figure.
-    pub value: f64,
-    /// Its standard error.
-    pub standard_error: f64,
-}
 
 /// What an edge says about the picture.
 #[derive(Clone, Debug, PartialEq)]

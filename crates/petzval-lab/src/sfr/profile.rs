@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use nalgebra::{DMatrix, DVector};
 use petzval_base::statistics::{SIGMA_OVER_MEDIAN, median};
 
-use super::Estimate;
 use super::defects::marked;
 use super::error::SfrError;
+use super::estimate::Estimate;
 use super::fit::Fit;
 use super::limits::{LARGEST_GAP_PX, LEAST_HALF, MOST_LEFT_OUT};
 use super::path::Path;

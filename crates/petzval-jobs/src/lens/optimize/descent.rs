@@ -8,7 +8,7 @@ use petzval_optics::optimize::{
 };
 
 use super::history::{History, KeptDescent};
-use super::{Clock, KEEP_EVERY, STEP_SHARE, Upto, WORTH_IT, line, not_optimisable};
+use super::progress::{Clock, KEEP_EVERY, STEP_SHARE, Upto, WORTH_IT, line, not_optimisable};
 use crate::context::Context;
 use crate::error::JobError;
 

@@ -5,7 +5,8 @@ use petzval_optics::lens::Lens;
 use petzval_optics::optimize::Problem;
 use petzval_report::optimize_sheet::{self, FigureRow, LensState, OptimizeSheet};
 
-use super::{Figures, Found};
+use super::figures::Figures;
+use super::request::Found;
 
 /// The page that shows a lens before and after.
 pub(super) fn page(problem: &Problem, found: &Found, before: Option<&Lens>, after: &Lens) -> String {

@@ -6,7 +6,8 @@ use petzval_optics::design_space::DesignSpaceError;
 use petzval_optics::optimize::{Analysis, Found, Kept, Problem, Search, SearchOptions, SearchState};
 
 use super::history::{Config, History, KeptSearch};
-use super::{Clock, KEEP_EVERY, Request, STEP_SHARE, line, not_optimisable, with_more_rays};
+use super::progress::{Clock, KEEP_EVERY, STEP_SHARE, line, not_optimisable, with_more_rays};
+use super::request::Request;
 use crate::context::Context;
 use crate::error::JobError;
 

@@ -8,20 +8,10 @@ use serde::{Deserialize, Serialize};
 
 use super::goal::Goal;
 use super::history::Config;
-use super::{ROUNDS, Request, line, not_optimisable, violations, with_more_rays};
+use super::progress::{line, not_optimisable, violations, with_more_rays};
+use super::request::{ROUNDS, Request, Trade};
 use crate::context::Context;
 use crate::error::JobError;
-
-/// The best lens of a search with a further requirement.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Trade {
-    /// The requirement, in words.
-    pub asked: String,
-    /// Mean over the fields of the RMS spot radius, um.
-    pub mean_rms_um: f64,
-    /// How many limits are violated.
-    pub violations: usize,
-}
 
 /// Refuses to compare searches where none is made.
 pub(super) fn check_trade(config: &Config) -> Result<(), JobError> {

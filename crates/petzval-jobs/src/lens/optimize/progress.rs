@@ -1,0 +1,111 @@
+//! How far an optimisation goes and has come, and the line about each better lens.
+
+use std::time::{Duration, Instant};
+
+use petzval_optics::design_space::{DesignSpaceError, Solves};
+use petzval_optics::lens::Lens;
+use petzval_optics::merit::SpotResiduals;
+use petzval_optics::optimize::{Analysis, LevenbergOptions, Problem, descend};
+use petzval_optics::pupil::PupilSampling;
+
+use super::figures::{VIOLATED_MM, is_restored};
+use super::history::{Config, History};
+use super::request::{ITERATIONS, ROUNDS};
+use crate::error::JobError;
+
+/// A step of the history is better than the one before by this share at least.
+pub(super) const STEP_SHARE: f64 = 1e-3;
+
+/// The share of the merit, squared, below which another descent takes the place of the usual one: half a percent of the spot.
+pub(super) const WORTH_IT: f64 = 0.99;
+
+/// How often a search writes its state, so that it can continue from there whatever ends the process.
+pub(super) const KEEP_EVERY: Duration = Duration::from_secs(1);
+
+/// How far a call goes, with what was done before it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Upto {
+    /// Iterations of a descent.
+    pub iterations: usize,
+    /// Whether a descent that found no better lens any more begins again.
+    pub again: bool,
+    /// Rounds of a search.
+    pub rounds: u64,
+}
+
+impl Upto {
+    /// To the end of what was asked for.
+    pub fn of(config: &Config) -> Self {
+        let (iterations, rounds) = (config.iterations.unwrap_or(ITERATIONS), config.rounds.unwrap_or(ROUNDS));
+        Self { iterations, again: false, rounds }
+    }
+}
+
+/// Seconds of work on an optimisation, those of earlier calls included.
+pub(super) struct Clock {
+    began: Instant,
+    before: f64,
+}
+
+impl Clock {
+    pub fn start(history: &History) -> Self {
+        Self { began: Instant::now(), before: history.best().map_or(0.0, |step| step.seconds) }
+    }
+
+    pub fn seconds(&self) -> f64 {
+        self.before + self.began.elapsed().as_secs_f64()
+    }
+}
+
+pub(super) fn not_optimisable(error: &DesignSpaceError) -> JobError {
+    JobError::input(error.to_string(), "correct the variables or solves of the lens file, or --efl")
+}
+
+/// A lens traced with more rays than an optimisation traces, its image plane where they are best; `None` if they do not reach
+/// the image.
+pub(super) fn with_more_rays(problem: &Problem, lens: &Lens) -> Option<Analysis> {
+    let only_image_plane = Problem { base: lens.clone(), ..only_image_plane(problem) };
+    descend(&only_image_plane, &LevenbergOptions::default(), &mut |_, _, _| true).ok().map(|d| d.best)
+}
+
+/// The problem with more rays, in which the image plane alone moves.
+pub(super) fn only_image_plane(problem: &Problem) -> Problem {
+    Problem {
+        merit: SpotResiduals { sampling: PupilSampling::Degree(10), ..problem.merit.clone() },
+        variables: Vec::new(),
+        pickups: Vec::new(),
+        glasses: Vec::new(),
+        solves: Solves::default(),
+        ..problem.clone()
+    }
+}
+
+/// The limits that a lens does not keep, each with by how much.
+pub(super) fn named_violations(analysis: &Analysis) -> Vec<String> {
+    let broken = analysis.violations.iter().filter(|(_, mm)| *mm > VIOLATED_MM);
+    broken.map(|(what, mm)| format!("{what}, by {mm:.4} mm")).collect()
+}
+
+pub(super) fn violations(analysis: &Analysis) -> usize {
+    analysis.violations.iter().filter(|(_, mm)| *mm > VIOLATED_MM).count()
+}
+
+/// A line about a better lens.
+pub(super) fn line(what: &str, seconds: f64, problem: &Problem, analysis: &Analysis) -> String {
+    let fields: Vec<String> = analysis.rms_um.iter().map(|r| format!("{r:.2}")).collect();
+    let violated = match &named_violations(analysis)[..] {
+        [] => String::new(),
+        [one] => format!("; not kept: {one}"),
+        [first, more @ ..] => format!("; not kept: {first}; and {} more", more.len()),
+    };
+    let is_restored = problem.goals.first().is_some_and(is_restored);
+    let merit = match (is_restored, analysis.goals.first()) {
+        (true, Some(percent)) => format!("error {percent:8.4} %"),
+        _ => format!("merit {:8.3} um", analysis.merit.sqrt()),
+    };
+    format!(
+        "{seconds:8.2} s  {what:<14} {merit}  spots {:.3} um ({}){violated}",
+        analysis.mean_rms_um(),
+        fields.join(" ")
+    )
+}
