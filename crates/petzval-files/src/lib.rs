@@ -26,6 +26,7 @@ pub mod seq;
 pub mod spectral_file;
 mod tolerance_toml;
 mod toml_number;
+mod wavelength;
 mod yaml;
 mod ycbcr_file;
 pub mod zmx;

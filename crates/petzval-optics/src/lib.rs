@@ -21,6 +21,10 @@
 #[cfg(test)]
 extern crate self as petzval_optics;
 
+#[cfg(test)]
+#[path = "../tests/common/mod.rs"]
+mod common;
+
 pub mod analysis;
 pub mod constraint;
 pub mod design_space;

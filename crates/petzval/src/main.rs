@@ -16,7 +16,7 @@ static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
 fn main() -> ExitCode {
     match cli::Cli::try_parse() {
-        Ok(cli) => cli::output::finish(cli::run(cli)),
-        Err(said) => cli::output::usage(&said),
+        Ok(cli) => cli::ending::finish(cli::run(cli)),
+        Err(said) => cli::ending::usage(&said),
     }
 }

@@ -22,8 +22,8 @@ pub(super) use place::{check_angles, is_bend, undone};
 pub(super) use power::{in_mm, set_powers};
 pub(super) use record::{Record, line_end};
 
-use super::lens_toml::OPTICAL_UM;
 use super::loss::{Effect, Loss, Losses};
+use crate::wavelength::OPTICAL_UM;
 use petzval_base::FileError;
 
 use super::LensFile;

@@ -55,7 +55,6 @@ mod text;
 mod write;
 
 pub use parameter::parameter_name;
-pub(super) use read::OPTICAL_UM;
 pub use read::{parse_lens, parse_lens_start};
 pub use write::{special_lines, write_lens};
 

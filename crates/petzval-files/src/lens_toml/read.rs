@@ -1,6 +1,6 @@
 //! Reads a lens file and checks every number, so that errors name its line.
 
-use std::ops::{Range, RangeInclusive};
+use std::ops::Range;
 
 use toml::Spanned;
 
@@ -11,6 +11,7 @@ use super::text::{
 use super::{Expect, Expected, ExpectedSpots, LensFile};
 use crate::draft::{Import, with_open_surfaces};
 use crate::glass_toml::read_glasses;
+use crate::wavelength::OPTICAL_UM;
 use petzval_base::FileError;
 use petzval_optics::design_space::{EflSolve, Pickup, Variable};
 use petzval_optics::glass::Catalog;
@@ -20,9 +21,6 @@ use petzval_optics::solve::with_length;
 
 /// Default reference wavelength, the helium d line, um.
 const DEFAULT_REFERENCE_UM: f64 = 0.5876;
-
-/// Permitted wavelengths of a lens, um.
-pub(crate) const OPTICAL_UM: RangeInclusive<f64> = 0.2..=20.0;
 
 /// Reads a lens file. Glasses are looked up first in the file's own tables, then in `catalog`.
 pub fn parse_lens(text: &str, catalog: &Catalog) -> Result<LensFile, FileError> {

@@ -35,7 +35,7 @@ fn of_point(found: &PointStatistics) -> [f64; 2] {
         found.block_deviations_dn.iter().map(|d| Deviations::of(d, &found.block_pixels)).collect();
     let of_pixels = found.all.pixel_dn2() * BLOCKS as f64 / found.all.pixels as f64;
     let of = |values: &dyn Fn(&Deviations) -> Vec<f64>| {
-        let sizes = all.iter().flat_map(|d| values(d)).map(f64::abs);
+        let sizes = all.iter().flat_map(values).map(f64::abs);
         let sigma = SIGMA_OVER_MEDIAN * median(sizes);
         // A frame is compared with the mean of the others.
         sigma * sigma * (frames - 1.0) / frames - std::f64::consts::FRAC_PI_2 * of_pixels

@@ -340,7 +340,7 @@ fn period(rest: &[f64], lines: f64, degrees: f64) -> Option<(usize, f64)> {
     let lags = rest.len() - 1;
     let squares = square_sum(rest, rest[0], lines * degrees);
     let level_of = |n: usize| {
-        let at: Vec<usize> = (1..).map(|i| i * n).take_while(|lag| lag + 1 <= lags).collect();
+        let at: Vec<usize> = (1..).map(|i| i * n).take_while(|lag| *lag < lags).collect();
         let peak = |lag: &usize| rest[*lag] - 0.5 * (rest[lag - 1] + rest[lag + 1]);
         let count = at.len() as f64;
         // The lag 0 is a neighbour of the first multiple only for a period of one line.

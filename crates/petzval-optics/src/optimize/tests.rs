@@ -16,10 +16,7 @@ use crate::paraxial::first_order;
 use crate::psf::PsfKind;
 use crate::pupil::PupilSampling;
 
-#[path = "../../tests/common/mod.rs"]
-mod common;
-
-use common::{mangin, nominal_triplet, special_lenses, telescope};
+use crate::common::{mangin, nominal_triplet, special_lenses, telescope};
 
 fn variable(surface: usize, number: Number, min: f64, max: f64) -> Variable {
     Variable { surface, number, min, max }

@@ -13,6 +13,7 @@ mod data;
 mod design;
 mod detect;
 mod doctor;
+pub mod ending;
 mod evaluate;
 mod experiment;
 mod failure;

@@ -3,15 +3,13 @@
 //! Neither holds control characters: names and values of others may contain them. Lines of notes are cut.
 //!
 //! Notes that cannot be written are dropped, so that a lost terminal or a full disk ends no run. Data that cannot be written are
-//! dropped as well, while the job goes on with its files; [`finish`] then ends the command with a sentence and exit code 1. A closed
+//! dropped as well, while the job goes on with its files; [`finish`](super::ending::finish) then ends the command with a sentence and exit code 1. A closed
 //! pipe, as behind `| head`, ends it quietly.
 
 use std::fmt::Arguments;
-use std::io::{self, ErrorKind, Write};
-use std::process::ExitCode;
+use std::io::{self, Write};
 use std::sync::OnceLock;
 
-use super::failure::{self, EXIT_INPUT, Failure};
 use super::plain;
 
 /// Writes formatted data to stdout.
@@ -51,61 +49,38 @@ pub fn styled_note(text: &str) {
     let _dropped = io::stderr().lock().write_all(format!("{text}\n").as_bytes());
 }
 
+/// The first error of stdout, if data could not be written.
+pub(super) fn lost() -> Option<&'static io::Error> {
+    LOST.get()
+}
+
 /// Whether data could not be written.
 pub fn is_lost() -> bool {
     LOST.get().is_some()
 }
 
-/// Ends the command: reports a failure, writes what is left of the data, and chooses the exit code.
-pub fn finish(ending: Result<ExitCode, Failure>) -> ExitCode {
-    let code = ending.unwrap_or_else(Failure::report);
-    keep(io::stdout().flush());
-    let has_succeeded = code == ExitCode::SUCCESS;
-    match LOST.get() {
-        None => code,
-        Some(error) if error.kind() == ErrorKind::BrokenPipe => {
-            if has_succeeded {
-                end_by_broken_pipe();
-            }
-            code
-        }
-        Some(error) => {
-            let lost = Failure::job(format!("stdout: the results cannot be printed: {error}")).report();
-            if has_succeeded { lost } else { code }
-        }
-    }
+/// Whether what the parser of arguments says is an error, for stderr; else it is the help or the version, for stdout.
+pub(super) fn is_error(said: &clap::Error) -> bool {
+    said.use_stderr()
 }
 
-/// Ends the command after arguments that cannot be parsed, or after `--help` and `--version`.
-pub fn usage(said: &clap::Error) -> ExitCode {
-    // Arguments are quoted as they are.
-    let text = said.render().to_string();
-    if said.use_stderr() && plain::message(&text) != text {
-        note(format_args!("{}", text.trim_end()));
-        return ExitCode::from(EXIT_INPUT);
-    }
-    failure::keep_lines_whole();
+/// Writes what the parser of arguments says.
+pub(super) fn of_arguments(said: &clap::Error) {
     let written = said.print();
-    if said.use_stderr() {
-        return ExitCode::from(EXIT_INPUT);
+    if !is_error(said) {
+        keep(written);
     }
-    keep(written);
-    finish(Ok(ExitCode::SUCCESS))
 }
 
+/// Writes what is left of the data.
+pub(super) fn flush() {
+    keep(io::stdout().flush());
+}
+
+/// Keeps the first error of stdout.
 fn keep(written: io::Result<()>) {
     if let Err(error) = written {
         // Only the first error counts.
         let _later = LOST.set(error);
     }
 }
-
-/// Dies of SIGPIPE, as other programs do whose reader is gone.
-#[cfg(unix)]
-fn end_by_broken_pipe() {
-    // If this fails, the exit code remains.
-    let _lives = signal_hook::low_level::emulate_default_handler(signal_hook::consts::SIGPIPE);
-}
-
-#[cfg(not(unix))]
-fn end_by_broken_pipe() {}

@@ -2,16 +2,13 @@
 
 use super::super::map::{WavePoint, WavePointBar};
 use super::*;
+use crate::common::{nominal_triplet, special_lenses};
 use crate::gradient::LensGradient;
 use crate::lens::Lens;
 use crate::number::Number;
 use crate::paraxial::first_order;
 use crate::pupil::chief_ray;
 use crate::trace::Sequence;
-
-#[path = "../../../tests/common/mod.rs"]
-#[allow(dead_code)]
-mod common;
 
 fn scattered(i: usize, salt: f64) -> f64 {
     2.0 * (i as f64 * 0.754_877_666 + salt).fract() - 1.0
@@ -43,11 +40,10 @@ fn map_of(lens: &Lens, field_deg: f64) -> (Sequence, WaveMap) {
 #[test]
 fn several_nodes_at_a_time_equal_one_at_a_time_and_back() {
     // Without and with rays cut by an aperture in front of the stop, and a lens without a plane of symmetry.
-    let mut cut = common::nominal_triplet();
+    let mut cut = nominal_triplet();
     cut.surfaces[0].semi_diameter_mm = 3.5;
-    let mut lenses = vec![(common::nominal_triplet(), 0.0), (common::nominal_triplet(), 14.0), (cut, 10.0)];
-    lenses
-        .extend(common::special_lenses().into_iter().filter(|l| l.name.contains("tilted")).map(|l| (l, 5.0)));
+    let mut lenses = vec![(nominal_triplet(), 0.0), (nominal_triplet(), 14.0), (cut, 10.0)];
+    lenses.extend(special_lenses().into_iter().filter(|l| l.name.contains("tilted")).map(|l| (l, 5.0)));
     assert!(lenses.len() > 3);
     for (lens, field_deg) in lenses {
         let (sequence, map) = map_of(&lens, field_deg);
