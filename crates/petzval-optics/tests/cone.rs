@@ -303,13 +303,15 @@ fn figures_of_a_singlet_are_those_of_opticstudio() {
     }
     // On the axis, and at 10 and 20 degrees in x and y, which is one field in the plane of the two.
     let oblique = 10_f64.to_radians().tan().hypot(20_f64.to_radians().tan()).atan().to_degrees();
-    for (field, rms, centroid, peak_to_valley) in
-        [(0.0, 0.00684787, 0.00684787, 0.02350575), (oblique, 2.59513577, 2.58361616, 11.43021185)]
-    {
+    // Off the axis OpticStudio's own two ways of integration differ by 1.2e-3; ours lies within 1e-4 of the one by coefficients.
+    for (field, rms, centroid, peak_to_valley, share) in [
+        (0.0, 0.00684787, 0.00684787, 0.02350575, 2e-5),
+        (oblique, 2.59513577, 2.58361616, 11.43021185, 1e-4),
+    ] {
         let found = wavefront(&singlet(field), field).unwrap();
-        assert!((found.rms_waves[0] / rms - 1.0).abs() < 2e-5, "{} {rms}", found.rms_waves[0]);
+        assert!((found.rms_waves[0] / rms - 1.0).abs() < share, "{} {rms}", found.rms_waves[0]);
         assert!(
-            (found.rms_centroid_waves[0] / centroid - 1.0).abs() < 2e-5,
+            (found.rms_centroid_waves[0] / centroid - 1.0).abs() < share,
             "{}",
             found.rms_centroid_waves[0]
         );

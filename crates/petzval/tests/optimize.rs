@@ -404,7 +404,9 @@ fn interrupted(folder: &Path, args: &[&str], steps_before: usize, signal: &str) 
 #[test]
 fn an_interrupted_optimisation_resumes_to_the_same_bits_with_what_it_began_with() {
     let search = ["--global", "--wavelengths", "0.5876", "--rounds", "3"];
-    let cases: [(&[&str], &[(usize, &str)]); 2] = [
+    /// Options, and after how many steps which signal interrupts.
+    type Case<'a> = (&'a [&'a str], &'a [(usize, &'a str)]);
+    let cases: [Case; 2] = [
         (&["--iterations", "60"], &[(1, "KILL"), (4, "TERM"), (6, "KILL")]),
         (&search, &[(1, "TERM"), (2, "KILL")]),
     ];

@@ -219,7 +219,8 @@ fn what_was_changed_in_a_finished_run_is_named_and_not_believed() {
         let kept: Vec<&str> = text.lines().take(3).collect();
         std::fs::write(path, kept.join("\n") + "\n").unwrap();
     };
-    let cases: [(&str, &dyn Fn(&Path)); 4] = [
+    type Change<'a> = (&'a str, &'a dyn Fn(&Path));
+    let cases: [Change; 4] = [
         ("metrics.json", &edit),
         ("events.jsonl", &shorten),
         ("cameras/nominal/blocks/network/weights.bin", &flip_a_bit),

@@ -5,7 +5,6 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use petzval_design::lens_view::surfaces;
 use petzval_optics::analysis::{AnalysisOptions, analyze};
-use petzval_optics::lens::Lens;
 use petzval_report::lens_sheet::{PICTURES, Picture, page};
 use serde::{Deserialize, Serialize};
 

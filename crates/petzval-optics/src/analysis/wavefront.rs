@@ -17,7 +17,7 @@ pub const ZERNIKE_TERMS: usize = 37;
 /// Least ratio of the singular values of a valid fit; over the whole stop it is about 0.1.
 const LEAST_CONDITION: f64 = 1e-2;
 
-/// Points on its rim.
+/// Points on the rim of the stop.
 const RIM: usize = 64;
 
 /// Wavefronts of a field, by wavelength.
@@ -105,7 +105,9 @@ fn samples(field: &LensAtField, colour: &Sequence) -> Result<Samples, AnalysisEr
     // Take Gaussian points, which integrate a wavefront over the whole disk, up to its rim.
     let basis = PupilBasis::of(PupilSampling::Fine);
     let (mut points, mut areas) = (Sides::Both.points(&basis.samples), Sides::Both.weights(&basis.weights));
-    // Add points on the rim without weight: they count for the highest and the lowest value only.
+    // Add the middle and points on the rim without weight: they count for the highest and the lowest value only.
+    points.push([0.0; 2]);
+    areas.push(0.0);
     for k in 0..RIM {
         let (sin, cos) = (std::f64::consts::TAU * k as f64 / RIM as f64).sin_cos();
         points.push([sin, cos]);

@@ -43,7 +43,7 @@ impl Upto {
 
 /// Seconds of work on an optimisation, those of earlier calls included.
 pub(super) struct Clock {
-    began: Instant,
+    pub began: Instant,
     before: f64,
 }
 

@@ -4,7 +4,6 @@ use std::time::Instant;
 
 use petzval_files::LensFile;
 use petzval_optics::optimize::{Search, SearchOptions};
-use serde::{Deserialize, Serialize};
 
 use super::goal::Goal;
 use super::history::Config;
