@@ -108,6 +108,10 @@ fn check_unused(path: &Path, context: &Context) -> Result<(), JobError> {
 
 /// Fails if no file can be made in a folder; `named` is what the request names.
 fn check_writable(folder: &Path, named: &Path) -> Result<(), JobError> {
+    if !folder.is_dir() {
+        let what = format!("nothing can be written there: {} is no folder", folder.display());
+        return Err(refused(named, &what, "make the folder, or name a place that can be written"));
+    }
     sweep_parts_in(folder);
     let made = PartFolder::beside(&folder.join("results"));
     made.map(drop).map_err(|e| {

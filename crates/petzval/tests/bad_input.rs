@@ -40,8 +40,8 @@ fn experiments() {
         case("l1_weight = ", "l1_wieght = ", &["no such key", "help: did you mean `l1_weight`?"]),
         case("batch = 1", "batch = 0", &["`batch = 0`", "must lie between 1 and 1024", "help: 2 to 8"]),
         case(
-            "places_per_side = 1",
-            "places_per_side = 1\nscores = [\"ssim\", \"psnr\"]",
+            "places_per_side = 1\n",
+            "places_per_side = 1\nscores = [\"ssim\", \"psnr\"]\n",
             &[
                 "`scores = \"psnr\"`: `psnr` is no score of pictures",
                 "did you mean \"psnr_db\"?",
