@@ -178,8 +178,10 @@ fn lens_units_become_mm() {
 fn apertures_of_every_kind() {
     let pupil = |line: &str| zmx(&changed(ZMX, "ENPD 10", line)).file.lens.entrance_pupil_mm;
     let efl = efl_mm(&zmx(ZMX).file.lens);
-    assert!((pupil("FNUM 8 0") - efl / 8.0).abs() < 1e-12);
-    assert!((pupil("FNUM 8 1") - efl / 8.0).abs() < 1e-12);
+    assert!((pupil("FNUM 9 0") - efl / 9.0).abs() < 1e-12);
+    assert!((pupil("FNUM 9 1") - efl / 9.0).abs() < 1e-12);
+    // At f/8 the clear aperture of the stop, of 6 mm, is narrower.
+    assert!(efl / 8.0 > 12.0 && (pupil("FNUM 8 0") - 12.0).abs() < 1e-12);
     assert!((pupil("FLOA") - 12.0).abs() < 1e-12);
     // A near object; the first surface is the stop.
     let near = changed(ZMX, "DISZ INFINITY", "DISZ 200");
@@ -548,8 +550,8 @@ fn light(lens: &Lens) -> f64 {
 
 #[test]
 fn an_aperture_of_the_stop_off_its_vertex_lets_its_own_light_through() {
-    // Circles within the beam of 5 mm let through the ratio of the areas.
-    for (clap, offset, share) in [("2", "2 0", 0.16), ("3", "2 -1", 0.355_6), ("1", "0 3.5", 0.04)] {
+    // A circle within the beam of 5 mm lets through the ratio of the areas; one that crosses its rim their common area.
+    for (clap, offset, share) in [("2", "2 0", 0.16), ("3", "2 -1", 0.352_86), ("1", "0 3.5", 0.04)] {
         let record = format!("  CLAP 0 {clap} 0\n  OBDC {offset}");
         let import = zmx(&changed(ZMX, "  CLAP 0 6 0", &record));
         let lens = &import.file.lens;
