@@ -245,7 +245,11 @@ impl Assets {
     /// looked for beside it first.
     pub fn experiment(&self, name: &str) -> Result<Experiment, DesignError> {
         let source = self.text("experiment", "experiments", name)?;
-        let experiment = Experiment::parse(&source.text).map_err(DesignError::input(&source.path))?;
+        let experiment = Experiment::parse(&source.text).and_then(|experiment| {
+            experiment.check_standard_scores(&source.text)?;
+            Ok(experiment)
+        });
+        let experiment = experiment.map_err(DesignError::input(&source.path))?;
         self.located(experiment, &source)
     }
 

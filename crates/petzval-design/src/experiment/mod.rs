@@ -198,7 +198,8 @@ impl Default for Experiment {
 }
 
 impl Experiment {
-    /// Reads and checks an experiment. Errors name line, key, value and a hint.
+    /// Reads and checks an experiment, but for whether its scores are known: see [`Experiment::check_standard_scores`]. Errors name line, key,
+    /// value and a hint.
     pub fn parse(text: &str) -> Result<Self, FileError> {
         let mut experiment: Self = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
         if experiment.task.finds_objects() && !names_scores(text) {
@@ -206,6 +207,25 @@ impl Experiment {
         }
         experiment.check(text)?;
         Ok(experiment)
+    }
+
+    /// Checks that the scores are among those that come with the program. One who scores by others, with scorers of their own, leaves this out.
+    pub fn check_standard_scores(&self, text: &str) -> Result<(), FileError> {
+        let scores = &self.scoring.scores;
+        let known: Vec<String> = match self.task.finds_objects() {
+            true => object_scores(self.task.classes()).into_iter().map(|score| score.about.name).collect(),
+            false => STANDARD_SCORES.map(str::to_owned).to_vec(),
+        };
+        if let Some((i, unknown)) = scores.iter().enumerate().find(|(_, name)| !known.contains(name)) {
+            let of = if self.task.finds_objects() { "of objects" } else { "of pictures" };
+            let message = format!("`{unknown}` is no score {of}");
+            let error = variants::at(text, &["scoring", "scores", &i.to_string()], message);
+            let words: Vec<&str> = known.iter().map(String::as_str).collect();
+            let near = nearest(unknown, &words).map(|near| format!("did you mean \"{near}\"? "));
+            let hint = format!("{}scores {of} are {}", near.unwrap_or_default(), known.join(", "));
+            return Err(FileError { key: "scores".to_owned(), ..error }.hint(hint));
+        }
+        Ok(())
     }
 
     /// [`Experiment::parse`] for the `config.toml` of a run, which must hold every key that `complete` holds: a default in place of a key that
@@ -313,19 +333,6 @@ impl Experiment {
             return Err(error.hint("give at least one part a positive weight"));
         }
         let scores = &self.scoring.scores;
-        let known: Vec<String> = match self.task.finds_objects() {
-            true => object_scores(self.task.classes()).into_iter().map(|score| score.about.name).collect(),
-            false => STANDARD_SCORES.map(str::to_owned).to_vec(),
-        };
-        if let Some((i, unknown)) = scores.iter().enumerate().find(|(_, name)| !known.contains(name)) {
-            let of = if self.task.finds_objects() { "of objects" } else { "of pictures" };
-            let message = format!("`{unknown}` is no score {of}");
-            let error = variants::at(text, &["scoring", "scores", &i.to_string()], message);
-            let words: Vec<&str> = known.iter().map(String::as_str).collect();
-            let near = nearest(unknown, &words).map(|near| format!("did you mean \"{near}\"? "));
-            let hint = format!("{}scores {of} are {}", near.unwrap_or_default(), known.join(", "));
-            return Err(FileError { key: "scores".to_owned(), ..error }.hint(hint));
-        }
         let twice = scores.iter().enumerate().find(|(i, name)| scores[..*i].contains(name));
         let wrong = match twice {
             Some((_, name)) => Some((format!("`{name}` is named twice"), "name each score once")),
