@@ -182,7 +182,7 @@ pub enum DesignError {
         value: f64,
         /// That of the first step of the block in this stage, where the loss is a number.
         first: Option<f64>,
-        /// What to try, where nothing else says so.
+        /// What to try.
         hint: &'static str,
     },
     /// A run that went astray.

@@ -134,7 +134,7 @@ impl Position {
         }
         let steps = |block: BlockName| variant.stages.get(self.stage).map_or(0, |s| s.steps_of(block));
         if self.taken.iter().any(|(block, taken)| *taken > steps(*block)) {
-            return Err("more steps were taken than config.toml asks for; has it been changed?");
+            return Err("more steps were taken than config.toml states; has it been changed?");
         }
         Ok(())
     }

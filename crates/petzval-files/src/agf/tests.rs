@@ -152,7 +152,7 @@ fn a_formula_that_contradicts_its_printed_index_or_abbe_number_is_refused_with_b
         let warning = &file.warnings[0].error;
         assert!(both.iter().all(|value| warning.message.contains(value)), "{warning}");
         assert!(warning.message.ends_with("is left out") && warning.line == Some(1), "{warning}");
-        // Whoever asks for it learns why it is not there.
+        // A lens that names the glass gets the reason.
         let unknown = file.into_catalog().get("crown").unwrap_err();
         assert!(both.iter().all(|value| unknown.reason().contains(value)), "{unknown}");
     }

@@ -191,7 +191,7 @@ impl PackedLayout {
     }
 }
 
-/// Checks the length of a packed file, of which the padding after the last row may be missing.
+/// Checks the length of a packed file. The padding after the last row may be missing.
 pub(super) fn check_length(layout: &PackedLayout, got: u64) -> Result<(), PackingError> {
     let &PackedLayout { height, width, bits, packing, row_stride_bytes: stride, .. } = layout;
     let needed = layout.file_bytes()?;

@@ -69,7 +69,7 @@ impl Catalog {
         makers.push(glass);
     }
 
-    /// Notes why a glass of a file was left out, for whoever asks for it and finds no other glass of that name.
+    /// Notes why a glass of a file was left out. A lookup that finds no glass of that name gives the reason.
     pub fn refuse(&mut self, name: &str, reason: String) {
         self.refused.insert(name.to_uppercase(), reason);
     }

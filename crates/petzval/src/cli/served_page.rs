@@ -21,7 +21,7 @@ const MOST_HEAD: usize = 16 << 10;
 /// Most headers of a request.
 const MOST_HEADERS: usize = 64;
 
-/// Most readers at one time; further ones are told to come back.
+/// Most readers at one time; further ones get status 503.
 const MOST_READERS: usize = 32;
 
 /// Time in which a reader has to ask.

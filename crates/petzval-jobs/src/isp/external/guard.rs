@@ -25,7 +25,7 @@ impl Guard {
     pub fn of(folder: &Path) -> io::Result<Self> {
         let mut shell = Command::new("/bin/sh");
         shell.args(["-c", SCRIPT, "petzval-guard"]).arg(folder).current_dir("/").process_group(0);
-        // It holds nothing else open, so that who reads the master's output sees its end.
+        // It holds no other file open: otherwise a reader of the master's output would never see its end.
         shell.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::null());
         Ok(Self(shell.spawn()?))
     }
