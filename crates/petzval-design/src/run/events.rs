@@ -131,19 +131,24 @@ pub fn read_events(path: &Path) -> Result<Vec<Event>, DesignError> {
 mod tests {
     use super::*;
 
+    /// A step of the network of camera `a`.
+    fn event(step: u64, losses: &[(&str, f64)]) -> Event {
+        Event {
+            step,
+            camera: "a".to_owned(),
+            block: "network".to_owned(),
+            losses: losses.iter().map(|(name, loss)| ((*name).to_owned(), *loss)).collect(),
+            lowered: Vec::new(),
+            learning_rate: 1e-3,
+            seconds: 0.1,
+        }
+    }
+
     #[test]
     fn a_last_line_that_is_cut_short_is_left_out_and_any_other_is_an_error() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("events.jsonl");
-        let event = |step: u64| Event {
-            step,
-            camera: "a".to_owned(),
-            block: "network".to_owned(),
-            losses: BTreeMap::from([("loss".to_owned(), 0.5), ("psnr".to_owned(), f64::INFINITY)]),
-            lowered: Vec::new(),
-            learning_rate: 1e-3,
-            seconds: 0.1,
-        };
+        let event = |step| event(step, &[("loss", 0.5), ("psnr", f64::INFINITY)]);
         let mut log = EventLog::resume(&path, 0).unwrap();
         (1..=3).for_each(|step| log.write(&event(step)).unwrap());
         let steps = |path: &Path| read_events(path).map(|all| all.iter().map(|e| e.step).collect::<Vec<_>>());
@@ -162,15 +167,7 @@ mod tests {
     fn a_log_goes_on_behind_the_digest_of_a_checkpoint_and_not_where_it_was_changed() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("events.jsonl");
-        let event = |step: u64| Event {
-            step,
-            camera: "a".to_owned(),
-            block: "network".to_owned(),
-            losses: BTreeMap::from([("loss".to_owned(), 0.1 + 0.2)]),
-            lowered: Vec::new(),
-            learning_rate: 1e-3,
-            seconds: 0.1,
-        };
+        let event = |step| event(step, &[("loss", 0.1 + 0.2)]);
         let mut log = EventLog::resume(&path, 0).unwrap();
         (1..=2).for_each(|step| log.write(&event(step)).unwrap());
         let until = log.digest().unwrap();

@@ -64,6 +64,23 @@ pub struct FitTest {
     pub model_error: f64,
 }
 
+impl FitTest {
+    /// A fit of which nothing is tested yet.
+    pub fn untested(points: usize, degrees_of_freedom: usize) -> Self {
+        Self {
+            points,
+            degrees_of_freedom,
+            reduced_chi2: 0.0,
+            p_value: 1.0,
+            curvature_sigmas: None,
+            curvature_p_value: None,
+            alpha: ALPHA,
+            verdict: Verdict::Untested,
+            model_error: 0.0,
+        }
+    }
+}
+
 /// What a departure from the model adds to the errors of a fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Departure {
@@ -212,17 +229,7 @@ fn curvature(bent: &Fitted, degrees: usize) -> (f64, f64) {
 /// Tests a fit of these points whose coefficients came out as `found`, in the order of [`Model`].
 pub fn test(points: &Points, model: Model, found: &[f64]) -> (FitTest, Departure) {
     let n = points.x.len();
-    let mut test = FitTest {
-        points: n,
-        degrees_of_freedom: n.saturating_sub(model.powers().len()),
-        reduced_chi2: 0.0,
-        p_value: 1.0,
-        curvature_sigmas: None,
-        curvature_p_value: None,
-        alpha: ALPHA,
-        verdict: Verdict::Untested,
-        model_error: 0.0,
-    };
+    let mut test = FitTest::untested(n, n.saturating_sub(model.powers().len()));
     let Some(straight) = fit(points, model.powers()).filter(|_| test.degrees_of_freedom > 0) else {
         return (test, Departure::NONE);
     };

@@ -94,19 +94,14 @@ impl Neighbours {
         let p_value = chi2_beyond(chi2, degrees_of_freedom);
         let matters = departures.iter().any(|d| d.abs() > LEAST);
         FitTest {
-            points: self.pixels as usize,
-            degrees_of_freedom,
             reduced_chi2: chi2 / degrees_of_freedom as f64,
             p_value,
-            curvature_sigmas: None,
-            curvature_p_value: None,
-            alpha: ALPHA,
             verdict: match p_value < ALPHA && matters {
                 _ if self.pixels == 0.0 => Verdict::Untested,
                 true => Verdict::Widened,
                 false => Verdict::Holds,
             },
-            model_error: 0.0,
+            ..FitTest::untested(self.pixels as usize, degrees_of_freedom)
         }
     }
 

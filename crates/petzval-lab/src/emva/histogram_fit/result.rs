@@ -100,20 +100,15 @@ pub fn test_of(histograms: &[HistogramComparison], parameters: usize, is_poor: b
     let degrees_of_freedom = bins.saturating_sub(parameters);
     let p_value = chi2_beyond(chi2, degrees_of_freedom);
     FitTest {
-        points: bins + histograms.len(),
-        degrees_of_freedom,
         reduced_chi2: chi2 / degrees_of_freedom.max(1) as f64,
         p_value,
-        curvature_sigmas: None,
-        curvature_p_value: None,
-        alpha: ALPHA,
         verdict: match p_value < ALPHA {
             _ if degrees_of_freedom == 0 => Verdict::Untested,
             _ if is_poor => Verdict::Withdrawn,
             true => Verdict::Widened,
             false => Verdict::Holds,
         },
-        model_error: 0.0,
+        ..FitTest::untested(bins + histograms.len(), degrees_of_freedom)
     }
 }
 
