@@ -180,7 +180,7 @@ fn shots(request: &Request) -> Result<(PathBuf, Shots), JobError> {
         return Ok((out.clone(), shots));
     };
     let own = extension(request);
-    if ending != own {
+    if !own.eq_ignore_ascii_case(ending) {
         let message = format!("the name of a {ending} file, and the picture is a {own} file");
         let hint = format!("--format {ending} writes such a file");
         return Err(JobError::setting("out", out.display(), message, hint));
@@ -226,13 +226,16 @@ fn encoded(request: &Request, picture: &RgbPicture) -> Result<Vec<u8>, JobError>
 /// Endings of pictures.
 const ENDINGS: [&str; 3] = ["png", "y4m", "yuv"];
 
-/// The ending of the pictures.
-fn extension(request: &Request) -> &'static str {
-    match request.ycbcr.map(|file| file.container) {
+/// The ending of the pictures, in the letters of `out` if that is the name of a file.
+fn extension(request: &Request) -> String {
+    let usual = match request.ycbcr.map(|file| file.container) {
         None => "png",
         Some(Container::Y4m) => "y4m",
         Some(Container::Yuv) => "yuv",
-    }
+    };
+    let out = &request.out;
+    let own = out.extension().filter(|_| has_ending(out, usual) && !out.is_dir());
+    own.map_or_else(|| usual.to_owned(), |own| own.to_string_lossy().into_owned())
 }
 
 /// The page of all stages. The numbers of a stage without a picture stand at the one that is its picture too.

@@ -297,7 +297,7 @@ fn warnings(lens: &Lens, order: &FirstOrder, spots: &[Spots]) -> Vec<String> {
     }
     let last = lens.surfaces.len() - 1;
     let direction = if lens.light_goes_forwards(last) { 1.0 } else { -1.0 };
-    if order.image_distance_mm * direction < 0.0 {
+    if order.image_distance_mm.is_finite() && order.image_distance_mm * direction < 0.0 {
         found.push("the paraxial image is virtual: it lies in front of the last surface".to_owned());
     }
     if !order.efl_mm.is_finite() {

@@ -171,17 +171,19 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         ));
     }
     let budget = request.evaluations.or(kept.evaluations).unwrap_or(EVALUATIONS);
-    if kept.evaluations != Some(budget) {
-        kept.evaluations = Some(budget);
-        tuner.keep(&folder, &kept)?;
-    }
+    let is_new_budget = kept.evaluations.replace(budget) != Some(budget);
     let tried = 1 + kept.search.evaluations();
     if kept.start.is_some() && tried + kept.search.population() > budget {
         context.note(format!(
             "{tried} of {budget} settings are tried: nothing is left; more with --evaluations"
         ));
     }
-    tuner.tune(budget, &folder, &mut kept)
+    let found = tuner.tune(budget, &folder, &mut kept)?;
+    // Every generation keeps the budget; without one it is kept here. A search that fails leaves the folder as it was.
+    if is_new_budget {
+        tuner.keep(&folder, &kept)?;
+    }
+    Ok(found)
 }
 
 fn check_budget(evaluations: usize, least: usize) -> Result<(), JobError> {
