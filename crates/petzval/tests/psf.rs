@@ -103,5 +103,5 @@ fn a_path_that_cannot_be_written_is_named() {
     std::fs::write(folder.path().join("file"), "").unwrap();
     let failed = run(folder.path(), &[&["psf", LENS, "--out", "file/psf"], &QUICK[..]].concat());
     assert_eq!(failed.code, Some(2), "{}", failed.stderr);
-    assert!(failed.says("file/psf: nothing can be written there: Not a directory"), "{}", failed.stderr);
+    assert!(failed.says("file/psf: nothing can be written there: file is no folder"), "{}", failed.stderr);
 }

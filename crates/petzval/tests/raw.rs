@@ -107,7 +107,10 @@ fn what_cannot_be_read_or_written_is_named_and_nothing_is_written() {
             ["--packing mipi: only .raw files are packed", "leave"],
         ),
         (&["convert", "frame.tiff", "a.png", "--cfa", "RGX"], ["RGX", "RGGB"]),
-        (&["convert", "frame.tiff", "none/a.png"], ["none/a.png", "No such file"]),
+        (
+            &["convert", "frame.tiff", "none/a.png"],
+            ["none/a.png: nothing can be written there: none is no folder", "make the folder"],
+        ),
     ] {
         run_fails(folder.path(), &[&["raw"], args].concat(), 2, &needles);
     }

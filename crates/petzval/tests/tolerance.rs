@@ -172,7 +172,7 @@ fn wrong_input_is_refused_with_its_place() {
     for (args, needles) in [
         (&["--trials", "2000000"][..], &["--trials", "at most 1000000"][..]),
         (&["--merit", "mtf", "--frequency", "0"], &["--frequency", "cycles per mm"]),
-        (&["--merit", "mtf", "--frequency", "500"], &["--frequency 500", "resolves nothing beyond 387"]),
+        (&["--merit", "mtf", "--frequency", "500"], &["--frequency 500", "resolves nothing beyond 383"]),
         (&["--limit", "-1"], &["--limit", "um for the RMS spot"]),
         (&["--merit", "mtf", "--limit", "1.5"], &["--limit", "0 to 1"]),
         (&["--inverse", "nan"], &["--inverse", "above 0"]),
