@@ -65,15 +65,16 @@ pub enum Ending {
     Stopped(u64),
 }
 
-/// The camera of a lens at rest as it is scored: with the network, and the hardware ISP in whole numbers.
+/// The camera of a variant's lens at rest as it is scored: with the network, and the hardware ISP in whole numbers.
 pub fn finished_camera(
     setup: &Setup,
+    variant: &Variant,
     lens: Lens,
     exposure: &ExposureBlock,
     isp: &IspBlock,
     network: &NetworkBlock,
 ) -> Result<Camera, DesignError> {
-    Ok(finished(&setup.camera(lens, false)?, exposure, isp, network))
+    Ok(finished(&setup.camera_of(variant, lens, false)?, exposure, isp, network))
 }
 
 /// A camera with its exposure, the network, and the hardware ISP in whole numbers.
@@ -441,7 +442,7 @@ impl DesignLoop {
         moves: &BTreeMap<BlockName, Schedule>,
     ) -> Result<f64, DesignError> {
         let at_rest = match self.is_moving(moves) {
-            true => self.setup.camera(self.lens(variant)?, false)?,
+            true => self.setup.camera_of(variant, self.lens(variant)?, false)?,
             false => self.camera(variant, moves)?,
         };
         let Blocks { exposure, isp, network, .. } = &self.blocks;
@@ -606,7 +607,7 @@ impl DesignLoop {
                 let lens = drawn.map_or_else(|| self.lens(variant), Ok)?;
                 self.setup.moving_camera(variant, lens)?
             }
-            None => self.setup.camera(self.lens(variant)?, false)?,
+            None => self.setup.camera_of(variant, self.lens(variant)?, false)?,
         };
         self.camera = Some(camera.clone());
         Ok(self.held(&camera))
@@ -676,7 +677,7 @@ impl DesignLoop {
         let lens = self.lens(variant)?;
         validate(&lens).map_err(|defect| DesignError::Unmakeable { camera: variant.name.clone(), defect })?;
         let Blocks { exposure, isp, network, .. } = &self.blocks;
-        let camera = finished_camera(&self.setup, lens.clone(), exposure, isp, network)?;
+        let camera = finished_camera(&self.setup, variant, lens.clone(), exposure, isp, network)?;
         let (metrics, pictures) = self.scorer.score(&variant.name, &camera)?;
         let [isp_steps, network_steps] =
             [BlockName::Isp, BlockName::Network].map(|block| self.position.before(block));

@@ -45,7 +45,7 @@ pub enum DesignError {
     #[error(
         "no light reaches the image at {field_deg:.2} degrees within the PSF's grid: rays miss a surface, are vignetted, or \
          land further from the chief ray than the grid reaches (is the image in focus?); by diffraction also: rays of the \
-         stop are lost, the wavefront is too rough, or grid and spot together are too wide"
+         stop are lost, the wavefront is too rough, or grid and spot together are too wide (psf.kind = \"geometric\" takes rays)"
     )]
     NoLight {
         /// Field angle, degrees.

@@ -11,8 +11,8 @@ use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::{Lens, ObjectDistance};
 use petzval_optics::paraxial::image_height_per_tangent;
 use petzval_optics::psf::{
-    FieldPsf, PsfCotangent, PsfKind, PsfOptions, PsfTape, airy_psf, focused_thin_lens_mm, psf_converged,
-    psf_with_tape,
+    FieldPsf, PerfectImage, PsfCotangent, PsfKind, PsfMethod, PsfOptions, PsfTape, focused_thin_lens_mm,
+    perfect_psf, psf_converged, psf_with_tape,
 };
 use petzval_optics::pupil::{PupilRefinement, Quadrature, chief_ray, field_imaged_at, pull_back_chief};
 use petzval_optics::trace::Sequence;
@@ -35,6 +35,21 @@ pub struct PsfPlan {
     pub options: PsfOptions,
     /// The pupil's quadrature.
     pub quadrature: Quadrature,
+    /// What a lens without aberrations makes of a point.
+    pub perfect_image: PerfectImage,
+    /// What is done, where PSFs are by waves, at a field of which no wave can be computed.
+    pub rough_fields: RoughFields,
+}
+
+/// Fields of which no wave can be computed: rays through the stop are lost, or the wavefront is too rough for polynomials.
+#[derive(Clone, Debug, PartialEq)]
+pub enum RoughFields {
+    /// They are an error.
+    Refused,
+    /// Their PSFs are by rays, whatever the lens.
+    ByRays,
+    /// PSFs of the fields that are marked are by rays, and those of all others by waves: what changes with the lens does so without jumps.
+    Held(Vec<bool>),
 }
 
 /// PSFs of every field, with what their gradient needs.
@@ -47,11 +62,14 @@ pub struct BankWithTape {
 }
 
 impl PsfConfig {
-    /// The plan for a sensor, with `cells` cells across the pupil.
+    /// The plan for a sensor, with `cells` cells across the pupil. The image of a lens without aberrations is that of the kind,
+    /// and PSFs of rough fields are by rays.
     pub fn plan(&self, sensor: &SensorModel, cells: usize) -> Result<PsfPlan, DesignError> {
         let corner_mm = 0.5e-3 * sensor.pixel_um * (sensor.height as f64).hypot(sensor.width as f64);
         let options = PsfOptions { grid: self.grid, pitch_um: self.pitch_um, kind: self.kind };
-        Ok(PsfPlan::new(self.fields, corner_mm, self.wavelengths_um, options, Quadrature::grid(cells)?))
+        let plan =
+            PsfPlan::new(self.fields, corner_mm, self.wavelengths_um, options, Quadrature::grid(cells)?);
+        Ok(PsfPlan { perfect_image: PerfectImage::of(self.kind), rough_fields: RoughFields::ByRays, ..plan })
     }
 
     /// What to say of PSFs whose grid holds no more than a share `captured` of their light at some place; `None` if it holds nearly all.
@@ -62,6 +80,17 @@ impl PsfConfig {
                  too sharp there",
                 self.grid as f64 * self.pitch_um,
                 100.0 * captured
+            )
+        })
+    }
+
+    /// What to say of a camera of which a share `by_rays` of the fields has PSFs by rays where waves were asked for; `None` if it has not.
+    pub fn rough_fields(&self, by_rays: f64) -> Option<String> {
+        (self.kind == PsfKind::Diffraction && by_rays > 0.0).then(|| {
+            format!(
+                "PSFs of {:.0} % of the fields are by rays: no wave can be computed there, because rays through the stop are lost or the \
+                 wavefront is too rough",
+                100.0 * by_rays
             )
         })
     }
@@ -83,6 +112,15 @@ impl BankWithTape {
     pub fn captured(&self) -> f64 {
         let all = self.fields.iter().flat_map(|(psf, _)| &psf.captured);
         all.copied().fold(1.0, minimum)
+    }
+
+    /// Share of the fields whose PSFs are by rays in whole or in part.
+    pub fn by_rays(&self) -> f64 {
+        let is_by_rays = |psf: &FieldPsf| {
+            psf.method.iter().any(|m| matches!(m, PsfMethod::Polynomial { .. } | PsfMethod::Traced))
+        };
+        let count = self.fields.iter().filter(|(psf, _)| is_by_rays(psf)).count();
+        count as f64 / self.fields.len().max(1) as f64
     }
 }
 
@@ -128,7 +166,8 @@ fn field_imaged(reference: &Sequence, radius_mm: f64, guess_rad: f64) -> Result<
 }
 
 impl PsfPlan {
-    /// Fields evenly spaced in image radius from the axis to `corner_mm`.
+    /// Fields evenly spaced in image radius from the axis to `corner_mm`. A lens without aberrations has an Airy disk, and
+    /// rough fields are refused.
     pub fn new(
         fields: usize,
         corner_mm: f64,
@@ -138,13 +177,27 @@ impl PsfPlan {
     ) -> Self {
         let last = fields.saturating_sub(1).max(1) as f64;
         let field_radius_mm = (0..fields).map(|i| corner_mm * i as f64 / last).collect();
-        Self { field_radius_mm, held_fields_rad: None, wavelengths_um, options, quadrature }
+        Self {
+            field_radius_mm,
+            held_fields_rad: None,
+            wavelengths_um,
+            options,
+            quadrature,
+            perfect_image: PerfectImage::AiryDisk,
+            rough_fields: RoughFields::Refused,
+        }
     }
 
     /// The same with another number of fields.
     pub fn with_fields(&self, fields: usize) -> Self {
         let corner_mm = self.field_radius_mm.last().copied().unwrap_or(0.0);
-        Self::new(fields, corner_mm, self.wavelengths_um, self.options, self.quadrature.clone())
+        let plan = Self::new(fields, corner_mm, self.wavelengths_um, self.options, self.quadrature.clone());
+        let rough_fields = match &self.rough_fields {
+            RoughFields::Refused => RoughFields::Refused,
+            // Marks are of the fields as they were.
+            RoughFields::ByRays | RoughFields::Held(_) => RoughFields::ByRays,
+        };
+        Self { perfect_image: self.perfect_image, rough_fields, ..plan }
     }
 
     /// The same with as many pupil cells as the PSFs of a lens need for an error of `tolerance`, and the error that is reached.
@@ -267,8 +320,11 @@ impl PsfPlan {
             return Err(DesignError::NotSymmetric(lens.name.clone()));
         }
         let angles = self.field_angles(lens)?;
-        let traced: Vec<(FieldPsf, Option<PsfTape>)> =
-            angles.par_iter().map(|field| self.psf(lens, *field)).collect::<Result<_, _>>()?;
+        let traced: Vec<(FieldPsf, Option<PsfTape>)> = angles
+            .par_iter()
+            .enumerate()
+            .map(|(i, field)| self.psf(lens, i, *field))
+            .collect::<Result<_, _>>()?;
         let mut bank = PsfBank {
             field_radius_mm: match self.held_fields_rad {
                 Some(_) => traced.iter().map(|(psf, _)| psf.chief_y_mm).collect(),
@@ -290,16 +346,52 @@ impl PsfPlan {
 
     /// PSFs of every field in double precision, for analysis and for files.
     pub fn psfs(&self, lens: &Lens) -> Result<Vec<FieldPsf>, DesignError> {
-        self.field_angles(lens)?.par_iter().map(|field| Ok(self.psf(lens, *field)?.0)).collect()
+        let angles = self.field_angles(lens)?;
+        angles.par_iter().enumerate().map(|(i, field)| Ok(self.psf(lens, i, *field)?.0)).collect()
     }
 
-    /// The PSF of a field: by tracing, with its tape, or of a lens without aberrations.
-    fn psf(&self, lens: &Lens, field_rad: f64) -> Result<(FieldPsf, Option<PsfTape>), DesignError> {
+    /// The same for lenses that move from this one: PSFs of the fields of which no wave can be computed now are by rays, and stay so.
+    pub fn held_for(&self, lens: &Lens) -> Result<Self, DesignError> {
+        if self.options.kind == PsfKind::Geometric {
+            return Ok(self.clone());
+        }
+        let strict = Self { rough_fields: RoughFields::Refused, ..self.clone() };
+        let angles = self.field_angles(lens)?;
+        let is_rough = |(i, field): (usize, &f64)| strict.psf(lens, i, *field).is_err();
+        let marked = angles.par_iter().enumerate().map(is_rough).collect();
+        Ok(Self { rough_fields: RoughFields::Held(marked), ..strict })
+    }
+
+    /// Whether the PSF of a field is by waves, if it can be.
+    fn is_by_waves(&self, field: usize) -> bool {
+        let is_marked = match &self.rough_fields {
+            RoughFields::Held(marked) => marked.get(field).copied().unwrap_or(false),
+            RoughFields::Refused | RoughFields::ByRays => false,
+        };
+        self.options.kind == PsfKind::Diffraction && !is_marked
+    }
+
+    /// The PSF of a field, which is the `index`-th: by tracing, with its tape, or of a lens without aberrations.
+    fn psf(
+        &self,
+        lens: &Lens,
+        index: usize,
+        field_rad: f64,
+    ) -> Result<(FieldPsf, Option<PsfTape>), DesignError> {
         let (colours, options) = (&self.wavelengths_um, &self.options);
-        if let Some(perfect) = airy_psf(lens, field_rad, colours, options) {
+        if let Some(perfect) = perfect_psf(lens, field_rad, colours, options, self.perfect_image) {
             return Ok((perfect, None));
         }
-        let traced = psf_with_tape(lens, field_rad, colours, &self.quadrature, options);
+        let of_kind = |kind: PsfKind| {
+            psf_with_tape(lens, field_rad, colours, &self.quadrature, &PsfOptions { kind, ..*options })
+        };
+        let traced = match self.is_by_waves(index) {
+            true => of_kind(PsfKind::Diffraction).or_else(|| {
+                let takes_rays = self.rough_fields == RoughFields::ByRays;
+                takes_rays.then(|| of_kind(PsfKind::Geometric)).flatten()
+            }),
+            false => of_kind(PsfKind::Geometric),
+        };
         let (psf, tape) = traced.ok_or(DesignError::NoLight { field_deg: field_rad.to_degrees() })?;
         Ok((psf, Some(tape)))
     }
@@ -355,40 +447,4 @@ impl PsfPlan {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::assets::Assets;
-    use petzval_optics::solve::with_paraxial_focus;
-
-    #[test]
-    fn light_beyond_the_grid_is_named() {
-        let psf = PsfConfig::default();
-        assert_eq!(psf.lost_light(0.985), None);
-        let said = psf.lost_light(0.5).unwrap();
-        assert!(said.contains("grid of 128 um holds 50 % of the light"), "{said}");
-    }
-
-    #[test]
-    fn fields_are_those_which_the_lens_images_at_the_radii_from_any_distance() {
-        let data = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data");
-        let assets = Assets::from_folder(&data).unwrap();
-        let nominal = assets.lens("cooke-triplet-nominal").unwrap().lens;
-        let quadrature = Quadrature::grid(16).unwrap();
-        let plan = PsfPlan::new(4, 6.0, [0.62, 0.55, 0.486], PsfOptions::default(), quadrature);
-        for object in
-            [100.0, 400.0, 1e5].map(ObjectDistance::Finite).into_iter().chain([ObjectDistance::Infinity])
-        {
-            let lens = with_paraxial_focus(&Lens { object, ..nominal.clone() }, 0.0);
-            for (field, radius) in plan.field_angles(&lens).unwrap().into_iter().zip(&plan.field_radius_mm) {
-                let chief = chief_ray(&lens.at_wavelength(lens.reference_um), field).unwrap();
-                assert!((chief.y_mm - radius).abs() < 1e-9, "{object:?}: {}", chief.y_mm);
-            }
-            // The map has the scale of the image near the axis, and the distortion of the chief rays.
-            let map = plan.distortion(&lens).unwrap();
-            let field = plan.field_angle(&lens, 6.0).unwrap();
-            let near = plan.field_angle(&lens, 0.01).unwrap();
-            let wanted = 0.01 / near.tan() * field.tan();
-            assert!((map.ideal_mm(6.0) / wanted - 1.0).abs() < 1e-5, "{object:?}");
-        }
-    }
-}
+mod tests;

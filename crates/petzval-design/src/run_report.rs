@@ -148,7 +148,7 @@ fn gathered(
                 SHOWN_OF_NYQUIST * nyquist_per_mm,
             ),
             over_field: lens_view::to_full_field(lens, full_rad, &plan.wavelengths_um),
-            psfs: psf_views(plan, lens)?,
+            psfs: psf_views(&PsfPlan { perfect_image: variant.perfect_image, ..plan.clone() }, lens)?,
             changes: match variant.moves_lens() {
                 false => Vec::new(),
                 true => changes(&setup.start(variant).lens_file, lens),

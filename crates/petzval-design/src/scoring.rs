@@ -138,6 +138,7 @@ impl Scorer {
         };
         let metrics = CameraMetrics {
             psf_errors: camera.psf_errors(),
+            psf_by_rays: camera.psfs().by_rays(),
             restored_error_percent: Some(percent(limit)),
             intervals: self.intervals(&pictures),
             white_e: metrics.white_e * camera.light() * f64::from(exposed_longer),
@@ -343,6 +344,7 @@ fn camera_metrics(
         fov_deg: 2.0 * corner_field.to_degrees(),
         corner_distortion_percent: 100.0 * corner_distortion,
         psf_captured,
+        psf_by_rays: 0.0,
         psf_errors: None,
         white_e: f64::from(setup.experiment.exposure.white_e),
         isp_steps: 0,

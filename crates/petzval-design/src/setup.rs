@@ -25,6 +25,7 @@ use petzval_learn::objective::{FindObjects, ImageQuality, Objective};
 use petzval_learn::score::{Field, standard_scores};
 use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::image_brightness;
+use petzval_optics::psf::PerfectImage;
 use serde::Deserialize;
 
 use crate::assets::Assets;
@@ -266,11 +267,29 @@ impl Setup {
     /// The camera of a lens, without a network. A lens on its way is sampled as its gradient is; one at rest finely, with
     /// `psf.scoring_fields` and as many patches as `psf.scoring_blend_error` needs.
     pub fn camera(&self, lens: Lens, is_moving: bool) -> Result<Camera, DesignError> {
+        let moving = is_moving.then(|| self.moving_plan.clone());
+        self.camera_with(lens, moving, PerfectImage::of(self.experiment.psf.kind))
+    }
+
+    /// [`Setup::camera`] of a variant's lens, which may be without aberrations.
+    pub fn camera_of(&self, variant: &Variant, lens: Lens, is_moving: bool) -> Result<Camera, DesignError> {
+        // While a lens moves, its fields are by waves or by rays as they were at the start.
+        let moving = is_moving.then(|| self.start(variant).plan().clone());
+        self.camera_with(lens, moving, variant.perfect_image)
+    }
+
+    fn camera_with(
+        &self,
+        lens: Lens,
+        moving_plan: Option<PsfPlan>,
+        perfect_image: PerfectImage,
+    ) -> Result<Camera, DesignError> {
         let traced = |lens: Lens, plan: PsfPlan| -> Result<Arc<Psfs>, DesignError> {
+            let plan = PsfPlan { perfect_image, ..plan };
             Ok(Arc::new(PsfSource::Traced { lens: Box::new(lens), plan }.psfs()?))
         };
-        if is_moving {
-            return Camera::new(self.body.clone(), traced(lens, self.moving_plan.clone())?);
+        if let Some(plan) = moving_plan {
+            return Camera::new(self.body.clone(), traced(lens, plan)?);
         }
         let psf = &self.experiment.psf;
         let plan = self.fixed_plan.with_fields(psf.scoring_fields);
@@ -281,10 +300,10 @@ impl Setup {
         Ok(camera.with_psf_errors(PsfErrors { pupil, blend: blend.median }))
     }
 
-    /// The camera of a variant's lens on its way, without a network: [`Setup::camera`], or with PSFs from the network that the variant names.
+    /// The camera of a variant's lens on its way, without a network: [`Setup::camera_of`], or with PSFs from the network that the variant names.
     pub fn moving_camera(&self, variant: &Variant, lens: Lens) -> Result<Camera, DesignError> {
         let Some(proxy) = variant.optics_proxy.as_ref().map(|path| self.optics_proxies[path].clone()) else {
-            return self.camera(lens, true);
+            return self.camera_of(variant, lens, true);
         };
         let field_radius_mm = self.moving_plan.field_radius_mm.clone();
         let source = PsfSource::Proxy { lens: Box::new(lens), field_radius_mm, proxy };

@@ -135,12 +135,12 @@ impl Start {
             DesignError::misfit(Path::new(name), &e, hint)
         })?;
         Ok(Self {
-            lens_file,
             names_variables,
             space,
             requirements,
             spot_fields_rad,
-            plan: plan.clone(),
+            plan: plan.held_for(&lens_file.lens)?,
+            lens_file,
             limit: limit.clone(),
             stated_brightness,
         })

@@ -5,6 +5,7 @@
 use std::collections::BTreeMap;
 
 use petzval_camera::sensor::NoiseMode;
+use petzval_optics::psf::PerfectImage;
 
 use crate::adam::cosine_rate;
 use crate::block::{BlockName, StepMethod, StepRule};
@@ -32,6 +33,8 @@ pub struct Variant {
     pub zoomed_like: Option<String>,
     /// What its detector sees.
     pub sees: DetectorInput,
+    /// What its lens makes of a point, if it has no aberrations.
+    pub perfect_image: PerfectImage,
     /// Whether a variant of the chain from which it starts moves the lens.
     pub starts_moved: bool,
     /// What is done with it, in this order.

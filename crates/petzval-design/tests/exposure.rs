@@ -192,7 +192,9 @@ fn a_run_keeps_the_exposure_of_its_cameras_and_reports_it() {
     let blocks: [&mut dyn Block; 2] = [&mut exposure, &mut network];
     load_blocks(&run.camera("a"), blocks, Kept::Numbers).unwrap();
     let lens = camera_lens(&run, "a").unwrap().lens;
-    let camera = finished_camera(&setup, lens, &exposure, &setup.isp().unwrap(), &network).unwrap();
+    let camera =
+        finished_camera(&setup, &setup.variants[0], lens, &exposure, &setup.isp().unwrap(), &network)
+            .unwrap();
     assert_eq!(scorer().score("a", &camera).unwrap().0.scores, row.scores);
     std::fs::write(run.environment(), "{}").unwrap();
     let report = report_of_run(&setup, &run, "").unwrap();

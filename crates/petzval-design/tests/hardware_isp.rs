@@ -250,7 +250,8 @@ fn a_scored_camera_develops_in_whole_numbers_and_its_truth_is_the_preset_on_perf
     let setup = setup("").unwrap();
     let lens = setup.nominal().lens_file.lens.clone();
     let (isp, network) = (setup.isp().unwrap(), setup.network().unwrap());
-    let camera = finished_camera(&setup, lens, &setup.exposure(), &isp, &network).unwrap();
+    let camera =
+        finished_camera(&setup, &setup.variants[0], lens, &setup.exposure(), &isp, &network).unwrap();
     let shot = Shot { kept: None, ..training_shots(&setup, &camera, 0).unwrap().remove(0) };
     let shots = [Shot { placement: Placement { row: 300, col: 501 }, ..shot }];
     let finished = to_host(camera.take(&shots, &QUIET).unwrap().finished).unwrap();

@@ -31,6 +31,7 @@ use petzval_optics::lens::Lens;
 use petzval_optics::merit::Merit;
 use petzval_optics::number::Number;
 use petzval_optics::paraxial::{FirstOrderCotangent, first_order, pull_back_first_order};
+use petzval_optics::psf::PerfectImage;
 use petzval_optics::solve::thin_equivalent;
 use petzval_optics::spot::mean_square_spot;
 
@@ -165,6 +166,11 @@ fn variants_that_cannot_be_made_are_refused_with_a_hint() {
         (variant("a", "[[variant.stage]]\nmoves = [\"isp\"]\n"), "isp"),
         (variant("a", &format!("noise = \"exact\"\n{JOINT}")), "no gradient to the lens"),
         (variant("a", &format!("noise = \"loud\"\n{JOINT}")), "loud"),
+        (
+            variant("a", &format!("perfect_image = \"point\"\n{NETWORK}")),
+            "not said to be without aberrations",
+        ),
+        (variant("a", &format!("lens = \"perfect\"\nperfect_image = \"disk\"\n{NETWORK}")), "airy-disk"),
     ] {
         let said = refused(&variants);
         assert!(said.contains(words), "{variants}: {said}");
@@ -388,6 +394,65 @@ fn a_lens_without_variables_stays_in_a_control_and_moves_near_its_own_numbers() 
     // A thin lens has nothing that could move.
     let refused = setup("perfect", JOINT).err().unwrap().to_string();
     assert!(refused.contains("no variables"), "{refused}");
+}
+
+/// Beside lenses without diffraction a perfect lens has none, unless its variant says so; what starts from the variant has it as well.
+#[test]
+fn a_perfect_lens_is_a_point_or_an_airy_disk() {
+    let image = |text: &str, name: &str| {
+        let variants = Experiment::parse(&format!("{TINY}{text}")).unwrap().variants();
+        variants.iter().find(|v| v.name == name).unwrap().perfect_image
+    };
+    let perfect = |more: &str| variant("a", &format!("lens = \"perfect\"\n{more}{NETWORK}"));
+    assert_eq!(image(&perfect(""), "a"), PerfectImage::Point);
+    let disk = perfect("perfect_image = \"airy-disk\"\n");
+    assert_eq!(image(&disk, "a"), PerfectImage::AiryDisk);
+    let child = |more: &str| format!("{disk}{}", variant("b", &format!("from = \"a\"\n{more}{NETWORK}")));
+    assert_eq!(image(&child(""), "b"), PerfectImage::AiryDisk);
+    assert_eq!(image(&child("lens = \"perfect\"\n"), "b"), PerfectImage::Point);
+    let waves = TINY.replace("[psf]\n", "[psf]\nkind = \"diffraction\"\n");
+    assert_ne!(waves, TINY);
+    let by_waves = Experiment::parse(&format!("{waves}{}", perfect(""))).unwrap().variants();
+    assert_eq!(by_waves[0].perfect_image, PerfectImage::AiryDisk);
+
+    let setup = |text: &str| {
+        let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+        Setup::new(Experiment::parse(&format!("{TINY}{text}")).unwrap(), &assets, Device::flex().autodiff())
+            .unwrap()
+    };
+    let brightest = |setup: &Setup| {
+        let variant = &setup.variants[0];
+        let lens = setup.start(variant).lens_file.lens.clone();
+        let [at_rest, moving] = [false, true].map(|is_moving| {
+            let camera = setup.camera_of(variant, lens.clone(), is_moving).unwrap();
+            camera.psfs().bank().values.iter().copied().fold(0.0, f32::max)
+        });
+        assert_eq!(at_rest, moving);
+        at_rest
+    };
+    // A point between four cells gives a quarter of its light to each.
+    assert!((brightest(&setup(&perfect(""))) - 0.25).abs() < 1e-6);
+    assert!(brightest(&setup(&disk)) < 0.24);
+}
+
+#[test]
+fn every_built_in_experiment_says_whether_its_psfs_are_by_rays_or_by_waves() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/experiments");
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let text = std::fs::read_to_string(&path).unwrap();
+        let table: toml::Table = text.parse().unwrap();
+        let kind = table["psf"].get("kind").and_then(|kind| kind.as_str()).map(str::to_owned);
+        assert!(kind.is_some(), "{}", path.display());
+        // A detector learns behind an Airy disk, and a perfect camera by rays has a point.
+        for variant in Experiment::parse(&text).unwrap().variants() {
+            let has_disk = variant.name == "trained" || kind.as_deref() == Some("diffraction");
+            let wanted = if has_disk { PerfectImage::AiryDisk } else { PerfectImage::Point };
+            if variant.lens == "perfect" {
+                assert_eq!(variant.perfect_image, wanted, "{}: {}", path.display(), variant.name);
+            }
+        }
+    }
 }
 
 #[test]

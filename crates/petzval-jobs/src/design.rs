@@ -553,6 +553,9 @@ impl Observer for Watch<'_> {
         if let Some(lost) = self.psf.lost_light(m.psf_captured) {
             self.context.warning(format!("{}: {lost}; a larger psf.pitch_um holds more", m.camera));
         }
+        if let Some(rough) = self.psf.rough_fields(m.psf_by_rays) {
+            self.context.warning(format!("{}: {rough}", m.camera));
+        }
         let Some(errors) = m.psf_errors else { return };
         for (what, error, key, wanted) in [
             (

@@ -302,10 +302,12 @@ pub(crate) fn camera_of(setup: &Setup, folder: &RunFolder, name: &str) -> Result
     let blocks: [&mut dyn Block; 3] = [&mut exposure, &mut isp, &mut network];
     load_blocks(&folder.camera(name), blocks, Kept::Numbers)?;
     let lens = camera_lens(folder, name)?.lens;
-    if let Some(variant) = setup.variants.iter().find(|variant| variant.name == name) {
-        set_detector_view(&mut network, folder, variant, &lens)?;
-    }
-    Ok(finished_camera(setup, lens, &exposure, &isp, &network)?)
+    let variant = setup.variants.iter().find(|variant| variant.name == name).ok_or_else(|| {
+        let message = format!("{}: its experiment has no variant `{name}`", folder.root().display());
+        JobError::Input { message, hint: "put the experiment of the run back as it was".to_owned() }
+    })?;
+    set_detector_view(&mut network, folder, variant, &lens)?;
+    Ok(finished_camera(setup, variant, lens, &exposure, &isp, &network)?)
 }
 
 /// A camera of a run whose lens can be made, and what its lens can be off by.

@@ -101,6 +101,8 @@ pub enum Method {
     },
     /// From one traced ray per pupil cell.
     Traced,
+    /// The point of a thin lens without aberrations.
+    Point,
     /// The pattern of Airy, of a thin lens without aberrations.
     Airy,
     /// By diffraction, from polynomials of this total degree.
@@ -115,6 +117,7 @@ impl From<&PsfMethod> for Method {
         match *method {
             PsfMethod::Polynomial { degree, residual_um } => Self::Polynomial { degree, residual_um },
             PsfMethod::Traced => Self::Traced,
+            PsfMethod::Point => Self::Point,
             PsfMethod::Airy => Self::Airy,
             PsfMethod::Wave { degree } => Self::Wave { degree },
         }

@@ -31,11 +31,12 @@ fn doctor_describes_the_machine() {
 }
 
 /// Every workload name that programs may rely on; they arrive with their stages.
-const WORKLOADS: [&str; 30] = [
+const WORKLOADS: [&str; 31] = [
     "psf_rgb",
     "psf_rgb_gradient",
     "psf_13_fields",
     "joint_psfs",
+    "joint_psfs_waves",
     "trace",
     "trace_all_aspheres",
     "trace_adjoint",

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use petzval_camera::psf::PsfBank;
 use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::Lens;
+use petzval_optics::psf::PsfKind;
 
 use crate::error::DesignError;
 use crate::optics_proxy::{ProxyOptics, ProxyPsfs};
@@ -101,6 +102,16 @@ impl Psfs {
         match &self.kind {
             Kind::Traced { traced, .. } => Some(traced.captured()),
             Kind::Proxy { .. } | Kind::Measured(_) => None,
+        }
+    }
+
+    /// Share of the fields whose PSFs are by rays although those of their plan are by waves.
+    pub fn by_rays(&self) -> f64 {
+        match &self.kind {
+            Kind::Traced { plan, traced, .. } if plan.options.kind == PsfKind::Diffraction => {
+                traced.by_rays()
+            }
+            Kind::Traced { .. } | Kind::Proxy { .. } | Kind::Measured(_) => 0.0,
         }
     }
 

@@ -1,5 +1,7 @@
 //! Variants as the loop goes through them, from those of the file.
 
+use petzval_optics::psf::PerfectImage;
+
 use super::{Experiment, ScheduleConfig, StageConfig, VariantConfig};
 use crate::block::{BlockName, StepMethod};
 use crate::variant::{LensGoal, LensSearch, Schedule, Stage, Variant};
@@ -17,6 +19,7 @@ impl Experiment {
             field: v.field,
             zoomed_like: v.zoomed_like.clone(),
             sees: v.sees,
+            perfect_image: self.perfect_image_of(v),
             starts_moved: v.lens.is_none() && self.parent(v).is_some_and(|parent| self.moves_lens(parent)),
             stages: v.stage.iter().map(|s| stage(self, s)).collect(),
         };
@@ -26,6 +29,16 @@ impl Experiment {
     /// The lens that a variant names, or the nearest one in the chain of `from`.
     fn lens_of(&self, variant: &VariantConfig) -> Option<String> {
         variant.lens.clone().or_else(|| self.parent(variant).and_then(|parent| self.lens_of(parent)))
+    }
+
+    /// The image of a perfect lens of the variant that names the lens of this one.
+    fn perfect_image_of(&self, variant: &VariantConfig) -> PerfectImage {
+        let parent = self.parent(variant).filter(|_| variant.lens.is_none());
+        let named = variant.perfect_image;
+        named.unwrap_or_else(|| match parent {
+            Some(parent) => self.perfect_image_of(parent),
+            None => PerfectImage::of(self.psf.kind),
+        })
     }
 
     /// The variant from which another starts: one earlier in the file, so that every chain ends.

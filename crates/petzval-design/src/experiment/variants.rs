@@ -5,10 +5,11 @@ use std::collections::BTreeMap;
 use petzval_base::FileError;
 use petzval_base::parameter::Parameters;
 use petzval_camera::sensor::NoiseMode;
+use petzval_optics::psf::PerfectImage;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::OpticsConfig;
+use super::{OpticsConfig, PERFECT_LENS};
 use crate::block::{BlockName, StepMethod};
 use crate::camera::DetectorInput;
 use crate::requirements::FieldOfView;
@@ -50,6 +51,10 @@ pub struct VariantConfig {
     /// seen through the chief rays of the lens, and developed by the ISP with its values of the start.
     #[serde(default, skip_serializing_if = "is_picture")]
     pub sees: DetectorInput,
+    /// What its lens makes of a point, if the lens is `"perfect"`: a `"point"`, as where PSFs are by rays, or an `"airy-disk"`, as where they are by
+    /// waves.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub perfect_image: Option<PerfectImage>,
     /// What is done with it, in this order.
     #[schemars(length(min = 1))]
     pub stage: Vec<StageConfig>,
@@ -149,6 +154,7 @@ pub fn standard_variants() -> Vec<VariantConfig> {
         field: FieldOfView::Held,
         zoomed_like: None,
         sees: DetectorInput::Picture,
+        perfect_image: None,
         stage,
     };
     let network = stage(Goal::Task, &[BlockName::Network]);
@@ -329,6 +335,11 @@ fn check_origin(
         if !message.is_empty() {
             return Err(("zoomed_like", message, hint.to_owned()));
         }
+    }
+    if variant.perfect_image.is_some() && variant.lens.as_deref() != Some(PERFECT_LENS) {
+        let message = format!("the lens of `{name}` is not said to be without aberrations");
+        let hint = format!("leave it out, or write `lens = \"{PERFECT_LENS}\"`");
+        return Err(("perfect_image", message, hint));
     }
     if variant.stage.is_empty() {
         let hint = "add a [[variant.stage]] with `moves = [\"network\"]`".to_owned();

@@ -2,6 +2,7 @@
 
 use petzval_camera::sensor::SensorModel;
 use petzval_optics::lens::Lens;
+use petzval_optics::psf::PsfKind;
 
 use crate::error::DesignError;
 use crate::experiment::PsfConfig;
@@ -78,6 +79,20 @@ pub(super) fn fit(psf: &mut PsfConfig, sensor: &SensorModel, lens: &Lens) -> Res
     });
     let warning = psf.lost_light(held).map(|lost| format!("{lost}; the lens is far from an image there"));
     Ok(Found { note, warning })
+}
+
+/// Takes rays for a lens of which no wave can be computed at some field.
+pub(super) fn rays_or_waves(
+    psf: &mut PsfConfig,
+    sensor: &SensorModel,
+    lens: &Lens,
+) -> Result<Option<String>, DesignError> {
+    let by_rays = psf.plan(sensor, CELLS)?.trace(lens)?.by_rays();
+    let rough = psf.rough_fields(by_rays);
+    if rough.is_some() {
+        psf.kind = PsfKind::Geometric;
+    }
+    Ok(rough.map(|rough| format!("psf.kind: geometric, rays alone; by waves, {rough}")))
 }
 
 /// A pitch to two significant digits.

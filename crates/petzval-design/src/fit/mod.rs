@@ -129,6 +129,7 @@ pub fn fit(of: FitOf, assets: &Assets) -> Result<Fitted, DesignError> {
     let found = grid::fit(&mut experiment.psf, &picked.model, &in_colours(&own.lens))?;
     notes.extend(found.note);
     warnings.extend(found.warning);
+    notes.extend(grid::rays_or_waves(&mut experiment.psf, &picked.model, &in_colours(&own.lens))?);
     notes.extend(windows::fit(&mut experiment, &picked.model)?);
     notes.extend(sensor::fit_exposure(&mut experiment.exposure, &picked));
 

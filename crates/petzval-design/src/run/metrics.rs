@@ -156,6 +156,9 @@ pub struct CameraMetrics {
     pub corner_distortion_percent: f64,
     /// Least share of a PSF's light that its grid holds, over fields and wavelengths.
     pub psf_captured: f64,
+    /// Share of the fields whose PSFs are by rays although those of the experiment are by waves.
+    #[serde(default, skip_serializing_if = "is_none")]
+    pub psf_by_rays: f64,
     /// Errors of the PSFs that the camera was scored with; absent in runs of versions that did not measure them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub psf_errors: Option<PsfErrors>,
@@ -205,6 +208,10 @@ pub struct PictureScore {
 
 fn is_zero(steps: &usize) -> bool {
     *steps == 0
+}
+
+fn is_none(share: &f64) -> bool {
+    *share == 0.0
 }
 
 #[cfg(test)]

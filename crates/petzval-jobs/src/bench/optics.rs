@@ -14,7 +14,7 @@ use petzval_optics::merit::SpotResiduals;
 use petzval_optics::number::Number;
 use petzval_optics::optimize::{LevenbergOptions, Problem, descend};
 use petzval_optics::paraxial::first_order;
-use petzval_optics::psf::{PsfCotangent, PsfOptions, psf, psf_with_tape};
+use petzval_optics::psf::{PsfCotangent, PsfKind, PsfOptions, psf, psf_with_tape};
 use petzval_optics::pupil::{PupilSampling, Quadrature};
 use petzval_optics::spot::mean_square_spot_sampled;
 use petzval_optics::trace::{RayBundle, Seeds, launch, pull_back, trace};
@@ -46,6 +46,7 @@ pub(super) fn workloads() -> Vec<Workload> {
         Workload { name: "psf_rgb_gradient", simd: level, prepare: psf_rgb_gradient },
         Workload { name: "psf_13_fields", simd: level, prepare: psf_13_fields },
         Workload { name: "joint_psfs", simd: level, prepare: joint_psfs },
+        Workload { name: "joint_psfs_waves", simd: level, prepare: joint_psfs_waves },
         Workload { name: "lm_iteration", simd: level, prepare: lm_iteration },
         Workload { name: "triplet_recovery", simd: level, prepare: triplet_recovery },
         Workload { name: "lens_analyze", simd: level, prepare: lens_analyze },
@@ -185,13 +186,23 @@ fn psf_13_fields() -> Result<Prepared, JobError> {
     })
 }
 
-/// The optics of `joint_step`: its settings are those of the built-in experiments.
+/// The optics of `joint_step` by rays: its settings are those of the built-in experiments.
 fn joint_psfs() -> Result<Prepared, JobError> {
-    let (lens, config) = (nominal()?, PsfConfig::default());
+    let PsfConfig { pupil_cells, .. } = PsfConfig::default();
+    joint_psfs_of(PsfKind::Geometric, &format!("pupil of {pupil_cells} x {pupil_cells} cells"))
+}
+
+/// The same by waves.
+fn joint_psfs_waves() -> Result<Prepared, JobError> {
+    joint_psfs_of(PsfKind::Diffraction, "by waves")
+}
+
+fn joint_psfs_of(kind: PsfKind, how: &str) -> Result<Prepared, JobError> {
+    let (lens, config) = (nominal()?, PsfConfig { kind, ..PsfConfig::default() });
     let plan = config.plan(&built_in_assets().sensor("imx249-fitted")?, config.pupil_cells)?;
     let work = format!(
-        "{} fields x RGB, {} x {}, pupil of {} x {} cells, and back to every number of the lens: the optics of joint_step",
-        config.fields, config.grid, config.grid, config.pupil_cells, config.pupil_cells
+        "{} fields x RGB, {} x {}, {how}, and back to every number of the lens",
+        config.fields, config.grid, config.grid
     );
     Ok(Prepared {
         work,

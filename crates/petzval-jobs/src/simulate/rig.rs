@@ -22,6 +22,7 @@ use petzval_lab::psf_calibration::psf_file::{AXES_FILE, load_psfs};
 use petzval_learn::Device;
 use petzval_learn::detection::Truth;
 use petzval_optics::lens::Lens;
+use petzval_optics::psf::PerfectImage;
 
 use super::highlights::capacity_e;
 use super::request::Request;
@@ -115,6 +116,8 @@ impl Rig {
             None => {
                 let lens = context.assets.lens(&request.lens)?.lens;
                 let plan = psf.plan(&sensor, psf.scoring_pupil_cells)?.with_fields(psf.scoring_fields);
+                // A picture is what a camera takes: even a lens without aberrations has its pupil.
+                let plan = PsfPlan { perfect_image: PerfectImage::AiryDisk, ..plan };
                 let (plan, error) = plan.converged(&lens, psf.scoring_pupil_error)?;
                 if error > psf.scoring_pupil_error {
                     context.warning(format!(

@@ -57,6 +57,8 @@ pub enum PsfMethod {
     },
     /// From one traced ray per pupil cell.
     Traced,
+    /// The point of a thin lens without aberrations.
+    Point,
     /// The pattern of Airy, of a thin lens without aberrations.
     Airy,
     /// By diffraction, from polynomials of this total degree over the direction cosines at the image.

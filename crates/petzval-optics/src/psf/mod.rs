@@ -5,18 +5,19 @@
 //! too much, or if rays through the stop are lost, it traces a ray for every pupil cell, as the reference
 //! [`psf_traced`] always does.
 //!
-//! A thin lens has no aberrations: [`airy_psf`]. [`PsfKind::Diffraction`] adds waves instead of rays, see [`wave`](crate::wave).
+//! A thin lens has no aberrations: [`perfect_psf`]. [`PsfKind::Diffraction`] adds waves instead of rays, see [`wave`](crate::wave).
 
 mod airy;
 mod converged;
 mod grid;
+mod perfect;
 mod polynomial;
 mod splat;
 mod traced;
 
-pub use airy::{airy_psf, focused_thin_lens_mm};
 pub use converged::psf_converged;
 pub use grid::{PsfKind, PsfMethod, PsfOptions};
+pub use perfect::{PerfectImage, focused_thin_lens_mm, perfect_psf};
 
 use grid::{LightCotangent, with_mirror_image};
 use polynomial::{Blocks, PolynomialChannel};

@@ -11,6 +11,7 @@ use petzval_design::optics_proxy::{
 use petzval_design::setup::Setup;
 use petzval_files::optics_proxy_file::OpticsProxyFile;
 use petzval_files::write_lens;
+use petzval_optics::psf::PsfKind;
 use petzval_report::optics_proxy_sheet::{PsfRow, Sheet, page};
 use serde::{Deserialize, Serialize};
 
@@ -112,7 +113,13 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let plan = Plan { experiment: located(&plan.experiment)?, ..plan };
     check(&plan.training)?;
     let device = context.device("cpu")?;
-    let experiment = context.assets.experiment(&plan.experiment)?;
+    let mut experiment = context.assets.experiment(&plan.experiment)?;
+    if experiment.psf.kind != PsfKind::Geometric {
+        experiment.psf.kind = PsfKind::Geometric;
+        context.note(
+            "the network learns the PSFs of rays: experiments that use it have psf.kind = \"geometric\"",
+        );
+    }
     let setup = Setup::without_photos(experiment, &context.assets, device.clone())?;
     let start = setup.nominal().clone();
     if start.space.space().variables().is_empty() {

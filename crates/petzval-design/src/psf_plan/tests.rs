@@ -1,0 +1,110 @@
+use super::*;
+use crate::assets::Assets;
+use petzval_optics::solve::with_paraxial_focus;
+
+#[test]
+fn light_beyond_the_grid_is_named() {
+    let psf = PsfConfig::default();
+    assert_eq!(psf.lost_light(0.985), None);
+    let said = psf.lost_light(0.5).unwrap();
+    assert!(said.contains("grid of 128 um holds 50 % of the light"), "{said}");
+}
+
+#[test]
+fn fields_are_those_which_the_lens_images_at_the_radii_from_any_distance() {
+    let nominal = assets().lens("cooke-triplet-nominal").unwrap().lens;
+    let quadrature = Quadrature::grid(16).unwrap();
+    let plan = PsfPlan::new(4, 6.0, [0.62, 0.55, 0.486], PsfOptions::default(), quadrature);
+    for object in
+        [100.0, 400.0, 1e5].map(ObjectDistance::Finite).into_iter().chain([ObjectDistance::Infinity])
+    {
+        let lens = with_paraxial_focus(&Lens { object, ..nominal.clone() }, 0.0);
+        for (field, radius) in plan.field_angles(&lens).unwrap().into_iter().zip(&plan.field_radius_mm) {
+            let chief = chief_ray(&lens.at_wavelength(lens.reference_um), field).unwrap();
+            assert!((chief.y_mm - radius).abs() < 1e-9, "{object:?}: {}", chief.y_mm);
+        }
+        // The map has the scale of the image near the axis, and the distortion of the chief rays.
+        let map = plan.distortion(&lens).unwrap();
+        let field = plan.field_angle(&lens, 6.0).unwrap();
+        let near = plan.field_angle(&lens, 0.01).unwrap();
+        let wanted = 0.01 / near.tan() * field.tan();
+        assert!((map.ideal_mm(6.0) / wanted - 1.0).abs() < 1e-5, "{object:?}");
+    }
+}
+
+fn assets() -> Assets {
+    Assets::from_folder(&std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap()
+}
+
+/// Waves on few cells.
+fn by_waves(rough_fields: RoughFields) -> PsfPlan {
+    let options = PsfOptions { grid: 64, pitch_um: 2.0, kind: PsfKind::Diffraction };
+    let plan = PsfPlan::new(5, 6.0, [0.62, 0.55, 0.486], options, Quadrature::grid(32).unwrap());
+    PsfPlan { rough_fields, ..plan }
+}
+
+/// The nominal triplet so wide open that no wave can be computed at some of its fields.
+fn rough_somewhere() -> Lens {
+    let nominal = assets().lens("cooke-triplet-nominal").unwrap().lens;
+    let widened = (2..30).map(|k| {
+        let entrance_pupil_mm = nominal.entrance_pupil_mm * (1.0 + 0.1 * f64::from(k));
+        Lens { entrance_pupil_mm, ..nominal.clone() }
+    });
+    let rough = |lens: &Lens| match by_waves(RoughFields::ByRays).trace(lens) {
+        Ok(bank) => (0.1..0.9).contains(&bank.by_rays()),
+        Err(_) => false,
+    };
+    widened.into_iter().find(rough).expect("a pupil at which waves fail at some fields and not at others")
+}
+
+#[test]
+fn a_field_of_which_no_wave_can_be_computed_is_refused_or_by_rays() {
+    let lens = rough_somewhere();
+    assert!(matches!(by_waves(RoughFields::Refused).bank(&lens), Err(DesignError::NoLight { .. })));
+    let mixed = by_waves(RoughFields::ByRays).trace(&lens).unwrap();
+    let rays = PsfOptions { kind: PsfKind::Geometric, ..by_waves(RoughFields::ByRays).options };
+    let all_rays = PsfPlan { options: rays, ..by_waves(RoughFields::Refused) }.trace(&lens).unwrap();
+    // Each field is wholly one or the other.
+    let cells = 3 * 64 * 64;
+    let same = (0..5)
+        .filter(|f| mixed.bank.values[f * cells..][..cells] == all_rays.bank.values[f * cells..][..cells]);
+    assert_eq!(same.count() as f64 / 5.0, mixed.by_rays());
+    let config = PsfConfig { kind: PsfKind::Diffraction, ..PsfConfig::default() };
+    assert!(config.rough_fields(mixed.by_rays()).unwrap().contains("% of the fields are by rays"));
+    assert_eq!(config.rough_fields(0.0), None);
+}
+
+#[test]
+fn fields_by_rays_stay_so_while_a_lens_moves() {
+    let lens = rough_somewhere();
+    let held = by_waves(RoughFields::ByRays).held_for(&lens).unwrap();
+    let RoughFields::Held(marked) = &held.rough_fields else { panic!("{:?}", held.rough_fields) };
+    assert!(marked.contains(&true) && marked.contains(&false), "{marked:?}");
+    // The PSFs of the lens are as without marks; those of the narrower lens keep their marks, although its waves could be computed.
+    let free = by_waves(RoughFields::ByRays);
+    assert_eq!(held.bank(&lens).unwrap().values, free.bank(&lens).unwrap().values);
+    let nominal = assets().lens("cooke-triplet-nominal").unwrap().lens;
+    assert_eq!(free.trace(&nominal).unwrap().by_rays(), 0.0);
+    let share = marked.iter().filter(|is_rough| **is_rough).count() as f64 / marked.len() as f64;
+    assert_eq!(held.trace(&nominal).unwrap().by_rays(), share);
+    // With other fields the marks are gone.
+    assert_eq!(held.with_fields(7).rough_fields, RoughFields::ByRays);
+}
+
+#[test]
+fn a_perfect_lens_has_the_image_of_the_kind_unless_another_is_named() {
+    let perfect =
+        petzval_optics::solve::thin_equivalent(&assets().lens("cooke-triplet-nominal").unwrap().lens);
+    let sensor = assets().sensor("imx249-fitted").unwrap();
+    let brightest = |kind: PsfKind, image: Option<PerfectImage>| {
+        let plan = PsfConfig { kind, fields: 2, ..PsfConfig::default() }.plan(&sensor, 32).unwrap();
+        let plan = PsfPlan { perfect_image: image.unwrap_or(plan.perfect_image), ..plan };
+        plan.bank(&perfect).unwrap().values.iter().copied().fold(0.0, f32::max)
+    };
+    // A point between four cells gives each a quarter of its light; the Airy disk of f/4.4 in blue has 5.2 um across its first dark ring.
+    let point = brightest(PsfKind::Geometric, None);
+    assert!((point - 0.25).abs() < 1e-6, "{point}");
+    let airy = brightest(PsfKind::Diffraction, None);
+    assert!((0.1..0.2).contains(&airy), "{airy}");
+    assert_eq!(brightest(PsfKind::Geometric, Some(PerfectImage::AiryDisk)), airy);
+}
