@@ -23,10 +23,12 @@ pub struct DataSet {
 }
 
 /// A picture.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Image {
     /// Its number in the data set.
     pub id: u64,
+    /// Its id in the file, where ids of pictures are texts there.
+    pub text_id: Option<String>,
     /// Its file, relative to the folder of the data set.
     pub file_name: String,
     /// Columns, px.
@@ -34,13 +36,10 @@ pub struct Image {
     /// Rows, px.
     pub height: u32,
     /// The film that it is from: pictures of one film resemble each other.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub sequence: Option<String>,
     /// The part of the data set that it belongs to, such as `train` or `valid`.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub split: Option<String>,
     /// Where EXIF turns the picture: whether boxes are of the turned picture, or of the stored pixels. None if the file does not say.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub turned: Option<bool>,
 }
 

@@ -53,7 +53,7 @@ kinds! {
     MissingField Error "A record lacks a value that it needs; it is left out."
         "images need id and file_name, categories id and name, annotations image_id, category_id and bbox";
     WrongType Error "A value is of the wrong type; its record is left out."
-        "ids are whole numbers from 0, sizes numbers, names texts, a bbox is [x, y, width, height]; one with an angle is not read";
+        "ids are whole numbers from 0, or texts where none is a number; sizes are numbers, names texts, a bbox is [x, y, width, height]; one with an angle is not read; a mask has the size of its picture";
     NotFinite Error "A box holds NaN, infinity or no number; it is left out."
         "find the program that wrote it; a division by zero is the usual cause";
     NegativeSize Error "A box has a negative width or height; it is left out."
@@ -86,7 +86,7 @@ kinds! {
         "fine; look at some with `data check --out DIR`";
     TurnedPicture Warning "EXIF turns a picture; its boxes are taken as of the turned one, which is what this format means."
         "fine if the program for labelling obeyed EXIF, as most do; look at some with `data check --out DIR`";
-    OutlineBox Warning "An object is an outline; the box around it is taken."
+    OutlineBox Warning "An object is an outline or a mask; the box around it is taken."
         "fine for outlines; numbers that are keypoints need `kpt_shape` in data.yaml";
     RotatedBox Warning "A box is rotated; the upright box around it is taken, which is larger."
         "fine, but tighter upright boxes give better detectors";

@@ -39,6 +39,8 @@ pub(super) enum Wrong {
     /// The value, as a message shows it.
     Type(String),
     NotFinite(String),
+    /// An id that no record has.
+    Unlisted(String),
 }
 
 impl Loose {
@@ -100,7 +102,7 @@ impl Loose {
                     *number = value.number().map_err(|wrong| match wrong {
                         Wrong::Type(_) => Wrong::Type(self.to_string()),
                         // `null` in place of a number is how JSON writers without NaN write it.
-                        Wrong::NotFinite(_) | Wrong::Absent => Wrong::NotFinite(self.to_string()),
+                        _ => Wrong::NotFinite(self.to_string()),
                     })?;
                 }
                 Ok(four)

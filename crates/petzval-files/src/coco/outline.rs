@@ -1,10 +1,12 @@
-//! The bounds of an outline (`segmentation`) in a file of COCO, found while it is read, so that its points need no memory.
+//! The bounds of an outline or a mask (`segmentation`) in a file of COCO, found while it is read, so that its points need no memory.
 
 use std::fmt;
 
 use serde::de::{Deserialize, Deserializer, IgnoredAny, MapAccess, SeqAccess, Visitor};
 
 use super::bounds::Bounds;
+use super::loose::Loose;
+use super::mask::{MOST_RUNS, Mask, runs_of_text};
 
 /// What is known of an outline.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -14,13 +16,16 @@ pub(super) enum Outline {
     Absent,
     /// Polygons within these bounds: `[[x, y, x, y, ...], ...]`.
     Polygons(Bounds),
-    /// A mask, an outline without points, or something else.
+    /// A mask with at least one pixel.
+    Mask(Mask),
+    /// An outline without points, a mask that makes no sense, or something else.
     Other,
 }
 
-/// A list of numbers or of such lists.
+/// A list of numbers or of such lists, or a mask.
 enum Part {
     Number(f64),
+    Mask(Mask),
     /// The bounds of the points in a list of pairs.
     Points(Option<Bounds>),
     /// A list without a number.
@@ -34,6 +39,7 @@ impl<'de> Deserialize<'de> for Outline {
             None => Self::Absent,
             Some(Part::Empty) => Self::Absent,
             Some(Part::Points(Some(bounds))) => Self::Polygons(bounds),
+            Some(Part::Mask(mask)) => Self::Mask(mask),
             Some(_) => Self::Other,
         })
     }
@@ -79,8 +85,21 @@ impl<'de> Visitor<'de> for PartVisitor {
     }
 
     fn visit_map<A: MapAccess<'de>>(self, mut table: A) -> Result<Part, A::Error> {
-        while table.next_entry::<IgnoredAny, IgnoredAny>()?.is_some() {}
-        Ok(Part::Other)
+        let (mut size, mut counts) = (None, None);
+        while let Some(key) = table.next_key::<String>()? {
+            match key.as_str() {
+                "size" => size = table.next_value::<Runs>()?.0,
+                "counts" => counts = table.next_value::<Runs>()?.0,
+                _ => drop(table.next_value::<IgnoredAny>()?),
+            }
+        }
+        let sides: Option<Vec<u32>> =
+            size.and_then(|sides| sides.into_iter().map(|side| u32::try_from(side).ok()).collect());
+        let mask = match (sides.as_deref(), counts) {
+            (Some(&[rows, columns]), Some(runs)) => Mask::of_runs([rows, columns], &runs),
+            _ => None,
+        };
+        Ok(mask.map_or(Part::Other, Part::Mask))
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Part, A::Error> {
@@ -110,12 +129,71 @@ impl<'de> Visitor<'de> for PartVisitor {
     }
 }
 
+/// A list of whole numbers from 0, or the text of one; `None` for anything else.
+struct Runs(Option<Vec<u64>>);
+
+impl<'de> Deserialize<'de> for Runs {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(RunsVisitor)
+    }
+}
+
+struct RunsVisitor;
+
+impl<'de> Visitor<'de> for RunsVisitor {
+    type Value = Runs;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("the runs of a mask")
+    }
+
+    fn visit_u64<E>(self, _: u64) -> Result<Runs, E> {
+        Ok(Runs(None))
+    }
+
+    fn visit_i64<E>(self, _: i64) -> Result<Runs, E> {
+        Ok(Runs(None))
+    }
+
+    fn visit_f64<E>(self, _: f64) -> Result<Runs, E> {
+        Ok(Runs(None))
+    }
+
+    fn visit_bool<E>(self, _: bool) -> Result<Runs, E> {
+        Ok(Runs(None))
+    }
+
+    fn visit_unit<E>(self) -> Result<Runs, E> {
+        Ok(Runs(None))
+    }
+
+    fn visit_str<E>(self, text: &str) -> Result<Runs, E> {
+        Ok(Runs(runs_of_text(text)))
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut table: A) -> Result<Runs, A::Error> {
+        while table.next_entry::<IgnoredAny, IgnoredAny>()?.is_some() {}
+        Ok(Runs(None))
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Runs, A::Error> {
+        let mut runs = Some(Vec::new());
+        while let Some(value) = list.next_element::<Loose>()? {
+            match (value.whole(), &mut runs) {
+                (Ok(length), Some(lengths)) if lengths.len() < MOST_RUNS => lengths.push(length),
+                _ => runs = None,
+            }
+        }
+        Ok(Runs(runs))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn polygons_have_bounds_and_everything_else_has_none() {
+    fn polygons_and_masks_have_bounds_and_everything_else_has_none() {
         let of = |text: &str| serde_json::from_str::<Outline>(text).unwrap();
         assert_eq!(of("null"), Outline::Absent);
         assert_eq!(of("[]"), Outline::Absent);
@@ -124,8 +202,20 @@ mod tests {
         assert_eq!(of("[100, 80, 160, 80, 160, 200]"), Outline::Polygons(one));
         let both = Bounds::from([-1.0, 2.0, 161.0, 198.0]);
         assert_eq!(of("[[100, 80, 160, 200], [-1, 2, 3, 4]]"), Outline::Polygons(both));
+        let mask = Outline::Mask(Mask { size: [4, 5], bounds: Bounds::from([1.0, 1.0, 2.0, 2.0]) });
+        assert_eq!(of(r#"{"counts": [5, 2, 2.0, 2, 9], "size": [4, 5]}"#), mask);
+        assert_eq!(of(r#"{"size": [4, 5], "counts": "52207", "area": {"px": [4]}}"#), mask);
         for other in [
             r#"{"counts": [1, 2], "size": [4, 5]}"#,
+            r#"{"counts": [5, -2, 17], "size": [4, 5]}"#,
+            r#"{"counts": [5, [2], 13], "size": [4, 5]}"#,
+            r#"{"counts": {"a": 1}, "size": [4, 5]}"#,
+            r#"{"counts": "5 207", "size": [4, 5]}"#,
+            r#"{"counts": "52207", "size": [4, 5, 1]}"#,
+            r#"{"counts": "52207", "size": 20}"#,
+            r#"{"counts": "52207"}"#,
+            r#"[{"counts": "52207", "size": [4, 5]}]"#,
+            "{}",
             "[[1, 2, 3]]",
             "[[1, null]]",
             "[[]]",

@@ -26,7 +26,8 @@ pub(super) fn joined(parts: Vec<(String, DataSet)>) -> DataSet {
         for mut image in data.images {
             let id = whole.images.len() as u64 + 1;
             image_ids.insert(image.id, id);
-            image.id = id;
+            // A text may be the id of two pictures in two files.
+            (image.id, image.text_id) = (id, None);
             image.split.get_or_insert_with(|| part.clone());
             whole.images.push(image);
         }

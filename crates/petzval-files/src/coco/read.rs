@@ -1,6 +1,6 @@
 //! Reads annotations in COCO format.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
 use petzval_base::FileError;
 use serde::Deserialize;
@@ -10,6 +10,7 @@ use serde::de::{Deserializer, MapAccess, Visitor};
 use super::bounds::Bounds;
 use super::data_set::{Annotation, Attribute, Category, DataSet, Image};
 use super::defect::{DefectKind, Defects, note_unread};
+use super::ids::Ids;
 use super::loose::{Fields, Loose, Record, Wrong};
 use super::numbers::mark_numbers;
 use super::outline::Outline;
@@ -172,7 +173,8 @@ impl<'de> Deserialize<'de> for Attributes {
 }
 
 /// Reads annotations in COCO format. Records that lack a value or hold one of a wrong type are defects and left out; ids and boxes are
-/// as written, see [`check_values`](super::check_values). Text that is not JSON, or not of this format, is an error.
+/// as written, see [`check_values`](super::check_values). Ids of pictures or annotations that are all texts become numbers. Text that is not
+/// JSON, or not of this format, is an error.
 pub fn parse_coco(mut bytes: Vec<u8>, defects: &mut Defects) -> Result<DataSet, FileError> {
     // A byte order mark is not JSON; one of UTF-16 says how to read the rest.
     if bytes.starts_with(b"\xef\xbb\xbf") {
@@ -200,16 +202,22 @@ pub fn parse_coco(mut bytes: Vec<u8>, defects: &mut Defects) -> Result<DataSet, 
         _ => Vec::new(),
     };
     let mut data = DataSet { info, licenses, ..DataSet::default() };
+    let image_ids = Ids::of(file.images.iter().filter_map(Record::table).map(|record| &record.id));
+    let annotation_ids = Ids::of(file.annotations.iter().filter_map(Record::table).map(|record| &record.id));
     for (i, record) in file.images.into_iter().enumerate() {
-        data.images.extend(usable(with(record, image), || format!("images[{i}]"), defects));
+        let found = with(record, |record| image(record, &image_ids));
+        data.images.extend(usable(found, || format!("images[{i}]"), defects));
     }
+    let sizes: HashMap<u64, [u32; 2]> =
+        data.images.iter().map(|image| (image.id, [image.height, image.width])).collect();
+    let pictures = Pictures { ids: image_ids, sizes };
     for (i, record) in file.categories.into_iter().enumerate() {
         data.categories.extend(usable(with(record, category), || format!("categories[{i}]"), defects));
     }
     for (i, record) in file.annotations.into_iter().enumerate() {
         let place = || format!("annotations[{i}]");
         let mut warn = |kind, what| defects.add(kind, || format!("{}: {what}", place()));
-        let found = with(record, |record| annotation(record, i, &mut warn));
+        let found = with(record, |record| annotation(record, i, &annotation_ids, &pictures, &mut warn));
         data.annotations.extend(usable(found, place, defects));
     }
     Ok(data)
@@ -259,12 +267,13 @@ fn usable<T>(
         Wrong::Absent => (DefectKind::MissingField, format!("{key} is missing")),
         Wrong::Type(value) => (DefectKind::WrongType, format!("{key} is {value}")),
         Wrong::NotFinite(value) => (DefectKind::NotFinite, format!("{key} is {value}")),
+        Wrong::Unlisted(value) => (DefectKind::UnknownImage, format!("{key} is {value}")),
     };
     defects.add(kind, || format!("{}: {what}", place()));
     None
 }
 
-fn image(record: ImageRecord) -> Result<Image, (&'static str, Wrong)> {
+fn image(record: ImageRecord, ids: &Ids) -> Result<Image, (&'static str, Wrong)> {
     // Many files state no size, or 0; the file of the picture then tells.
     let side = |value: &Loose, key| match value {
         Loose::Absent => Ok(0),
@@ -276,7 +285,8 @@ fn image(record: ImageRecord) -> Result<Image, (&'static str, Wrong)> {
     let sequence = record.sequence.name().map_err(|wrong| ("sequence", wrong))?;
     let video = record.video_id.name().map_err(|wrong| ("video_id", wrong))?;
     Ok(Image {
-        id: record.id.whole().map_err(|wrong| ("id", wrong))?,
+        id: ids.number(&record.id).map_err(|wrong| ("id", wrong))?,
+        text_id: ids.text(&record.id),
         file_name: record.file_name.text().map_err(|wrong| ("file_name", wrong))?.to_owned(),
         width: side(&record.width, "width")?,
         height: side(&record.height, "height")?,
@@ -297,26 +307,49 @@ fn category(record: CategoryRecord) -> Result<Category, (&'static str, Wrong)> {
     })
 }
 
+/// What annotations have to know of pictures.
+struct Pictures {
+    ids: Ids,
+    /// Rows and columns by number, px; 0 where the file states none.
+    sizes: HashMap<u64, [u32; 2]>,
+}
+
 fn annotation(
     record: AnnotationRecord,
     place: usize,
+    ids: &Ids,
+    pictures: &Pictures,
     warn: &mut impl FnMut(DefectKind, String),
 ) -> Result<Annotation, (&'static str, Wrong)> {
     // Detectron2 counts its kinds of boxes: 1 is the one of COCO.
     if !matches!(record.bbox_mode, Loose::Absent | Loose::Whole(1)) {
         return Err(("bbox_mode", Wrong::Type(record.bbox_mode.to_string())));
     }
+    let image_id = pictures.ids.number(&record.image_id).map_err(|wrong| ("image_id", wrong))?;
     let mut bounds = match record.segmentation {
         Outline::Polygons(bounds) if record.is_outline_alone() => {
             warn(DefectKind::OutlineBox, bounds.to_string());
             bounds
+        }
+        Outline::Mask(mask) if record.is_outline_alone() => {
+            // A mask of another size is of other pixels.
+            let stated = pictures.sizes.get(&image_id).filter(|size| !size.contains(&0));
+            if stated.is_some_and(|stated| *stated != mask.size) {
+                let [rows, columns] = mask.size;
+                return Err(("segmentation", Wrong::Type(format!("a mask of {columns} x {rows} px"))));
+            }
+            warn(DefectKind::OutlineBox, mask.bounds.to_string());
+            mask.bounds
+        }
+        Outline::Other if record.is_outline_alone() => {
+            return Err(("bbox", Wrong::Type("missing, and segmentation no outline or mask".to_owned())));
         }
         _ => Bounds::from(record.bbox.four().map_err(|wrong| ("bbox", wrong))?),
     };
     let id = match record.id {
         // An annotation without id is usual in files made by hand; its place is one.
         Loose::Absent => place as u64 + 1,
-        id => id.whole().map_err(|wrong| ("id", wrong))?,
+        id => ids.number(&id).map_err(|wrong| ("id", wrong))?,
     };
     let mut attributes = BTreeMap::new();
     for (name, value) in record.attributes.0.into_iter().chain([("state".to_owned(), record.state)]) {
@@ -344,7 +377,7 @@ fn annotation(
     }
     Ok(Annotation {
         id,
-        image_id: record.image_id.whole().map_err(|wrong| ("image_id", wrong))?,
+        image_id,
         category_id: record.category_id.whole().map_err(|wrong| ("category_id", wrong))?,
         bounds,
         // An area that is no number is that of the box, which the check of values notes.

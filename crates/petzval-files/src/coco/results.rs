@@ -1,6 +1,6 @@
 //! Detections in the format of COCO results: a list of `{image_id, category_id, bbox, score}`.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
 use petzval_base::{FileError, write_whole};
@@ -8,26 +8,26 @@ use serde::{Deserialize, Serialize};
 
 use super::bounded::read_bounded;
 use super::bounds::Bounds;
-use super::data_set::DataSet;
+use super::data_set::{DataSet, Image};
 use super::defect::{DefectKind, Defects};
 use super::error::CocoError;
+use super::ids::Ids;
 use super::loose::{Fields, Loose, Record, Wrong};
 use super::numbers::mark_numbers;
 use super::read::json_error;
-use super::write::append_records;
+use super::write::{ImageId, TextIds, append_records};
 
 /// Largest file of detections that is read.
 pub const LARGEST_RESULTS: u64 = 1 << 30;
 
 /// An object that a detector reports.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Detection {
     /// Number of the picture.
     pub image_id: u64,
     /// Number of the class.
     pub category_id: u64,
     /// Its bounds.
-    #[serde(rename = "bbox")]
     pub bounds: Bounds,
     /// How sure the detector is; only the order counts.
     pub score: f64,
@@ -45,7 +45,7 @@ struct ResultRecord {
 impl Fields for ResultRecord {}
 
 /// Reads detections. Records that cannot be used are noted and left out. With a data set, so are detections in pictures or of
-/// classes that it does not have.
+/// classes that it does not have. Where ids of its pictures are texts, those of detections are, too.
 pub fn parse_results(
     mut bytes: Vec<u8>,
     data: Option<&DataSet>,
@@ -64,12 +64,19 @@ pub fn parse_results(
         let categories: HashSet<u64> = data.categories.iter().map(|category| category.id).collect();
         (images, categories)
     });
+    let images = data.map_or(&[][..], |data| &data.images);
+    let texts: HashMap<String, u64> =
+        images.iter().filter_map(|image| Some((image.text_id.clone()?, image.id))).collect();
+    let ids = if texts.is_empty() { Ids::Numbers } else { Ids::Texts(texts) };
     let mut detections = Vec::with_capacity(records.len());
     for (i, record) in records.iter().enumerate() {
-        let fault = match detection(record) {
+        let fault = match detection(record, &ids) {
             Err((key, Wrong::Absent)) => Some((DefectKind::MissingField, format!("{key} is missing"))),
             Err((key, Wrong::Type(value))) => Some((DefectKind::WrongType, format!("{key} is {value}"))),
             Err((key, Wrong::NotFinite(value))) => Some((DefectKind::NotFinite, format!("{key} is {value}"))),
+            Err((key, Wrong::Unlisted(value))) => {
+                Some((DefectKind::UnknownImage, format!("{key} is {value}")))
+            }
             Ok(found) => {
                 let fault = fault(&found, known.as_ref());
                 if fault.is_none() {
@@ -85,13 +92,13 @@ pub fn parse_results(
     Ok(detections)
 }
 
-fn detection(record: &Record<ResultRecord>) -> Result<Detection, (&'static str, Wrong)> {
+fn detection(record: &Record<ResultRecord>, ids: &Ids) -> Result<Detection, (&'static str, Wrong)> {
     let record = match record {
         Record::Table(record) => record,
         Record::Other(other) => return Err(("the record", Wrong::Type(other.to_string()))),
     };
     Ok(Detection {
-        image_id: record.image_id.whole().map_err(|wrong| ("image_id", wrong))?,
+        image_id: ids.number(&record.image_id).map_err(|wrong| ("image_id", wrong))?,
         category_id: record.category_id.whole().map_err(|wrong| ("category_id", wrong))?,
         bounds: Bounds::from(record.bbox.four().map_err(|wrong| ("bbox", wrong))?),
         score: record.score.number().map_err(|wrong| ("score", wrong))?,
@@ -125,15 +132,31 @@ pub fn load_results(
     parse_results(bytes, data, defects).map_err(|error| CocoError::file(path, error))
 }
 
-/// The bytes of a file of detections, one in a line.
-pub fn results_bytes(detections: &[Detection]) -> Vec<u8> {
+/// A detection as its file spells it.
+#[derive(Serialize)]
+struct DetectionRecord<'a> {
+    image_id: ImageId<'a>,
+    category_id: u64,
+    bbox: Bounds,
+    score: f64,
+}
+
+/// The bytes of a file of detections in these pictures, one in a line.
+pub fn results_bytes(detections: &[Detection], images: &[Image]) -> Vec<u8> {
+    let ids = TextIds::of(images);
+    let record = |found: &Detection| DetectionRecord {
+        image_id: ids.id(found.image_id),
+        category_id: found.category_id,
+        bbox: found.bounds,
+        score: found.score,
+    };
     let mut out = Vec::new();
-    append_records(&mut out, detections);
+    append_records(&mut out, detections.iter().map(record));
     out.push(b'\n');
     out
 }
 
-/// Writes a file of detections, completely or not at all.
-pub fn save_results(detections: &[Detection], path: &Path) -> Result<(), CocoError> {
-    write_whole(path, &results_bytes(detections)).map_err(CocoError::io(path))
+/// Writes a file of detections in these pictures, completely or not at all.
+pub fn save_results(detections: &[Detection], images: &[Image], path: &Path) -> Result<(), CocoError> {
+    write_whole(path, &results_bytes(detections, images)).map_err(CocoError::io(path))
 }

@@ -1,16 +1,66 @@
 //! Writes annotations in COCO format.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
 use serde::Serialize;
 
-use super::data_set::{Annotation, Attribute, DataSet};
+use super::data_set::{Annotation, Attribute, DataSet, Image};
+
+/// The id of a picture as its file spells it.
+#[derive(Clone, Copy, Serialize)]
+#[serde(untagged)]
+pub(super) enum ImageId<'a> {
+    Number(u64),
+    Text(&'a str),
+}
+
+/// The ids of pictures that are texts in their file, by number.
+pub(super) struct TextIds<'a>(HashMap<u64, &'a str>);
+
+impl<'a> TextIds<'a> {
+    pub fn of(images: &'a [Image]) -> Self {
+        Self(images.iter().filter_map(|image| Some((image.id, image.text_id.as_deref()?))).collect())
+    }
+
+    pub fn id(&self, number: u64) -> ImageId<'a> {
+        self.0.get(&number).map_or(ImageId::Number(number), |text| ImageId::Text(text))
+    }
+}
+
+/// A picture as its file spells it.
+#[derive(Serialize)]
+struct ImageRecord<'a> {
+    id: ImageId<'a>,
+    file_name: &'a str,
+    width: u32,
+    height: u32,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sequence: Option<&'a str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    split: Option<&'a str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    turned: Option<bool>,
+}
+
+impl<'a> From<&'a Image> for ImageRecord<'a> {
+    fn from(image: &'a Image) -> Self {
+        Self {
+            id: image.text_id.as_deref().map_or(ImageId::Number(image.id), ImageId::Text),
+            file_name: &image.file_name,
+            width: image.width,
+            height: image.height,
+            sequence: image.sequence.as_deref(),
+            split: image.split.as_deref(),
+            turned: image.turned,
+        }
+    }
+}
 
 /// An annotation as its file spells it.
 #[derive(Serialize)]
 struct AnnotationRecord<'a> {
     id: u64,
-    image_id: u64,
+    image_id: ImageId<'a>,
     category_id: u64,
     bbox: [f64; 4],
     area: f64,
@@ -25,11 +75,11 @@ fn is_zero(n: &u8) -> bool {
     *n == 0
 }
 
-impl<'a> From<&'a Annotation> for AnnotationRecord<'a> {
-    fn from(a: &'a Annotation) -> Self {
+impl<'a> AnnotationRecord<'a> {
+    fn of(a: &'a Annotation, ids: &TextIds<'a>) -> Self {
         Self {
             id: a.id,
-            image_id: a.image_id,
+            image_id: ids.id(a.image_id),
             category_id: a.category_id,
             bbox: a.bounds.into(),
             area: a.area,
@@ -40,14 +90,16 @@ impl<'a> From<&'a Annotation> for AnnotationRecord<'a> {
     }
 }
 
-/// The bytes of a file in COCO format, one record in a line, so that two versions can be compared line by line.
+/// The bytes of a file in COCO format, one record in a line, so that two versions can be compared line by line. Ids of pictures that were texts
+/// are texts again.
 pub fn coco_bytes(data: &DataSet) -> Vec<u8> {
     let mut out = b"{\n\"info\": ".to_vec();
     append(&mut out, &data.info);
     append_list(&mut out, "licenses", &data.licenses);
-    append_list(&mut out, "images", &data.images);
+    append_list(&mut out, "images", data.images.iter().map(ImageRecord::from));
     append_list(&mut out, "categories", &data.categories);
-    append_list(&mut out, "annotations", data.annotations.iter().map(AnnotationRecord::from));
+    let ids = TextIds::of(&data.images);
+    append_list(&mut out, "annotations", data.annotations.iter().map(|a| AnnotationRecord::of(a, &ids)));
     out.extend_from_slice(b"\n}\n");
     out
 }

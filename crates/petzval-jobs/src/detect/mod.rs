@@ -187,7 +187,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         data.images = images;
         let seen: HashSet<u64> = data.images.iter().map(|image| image.id).collect();
         data.annotations.retain(|object| seen.contains(&object.image_id));
-        save_results(&results, &out.join("detections.json"))?;
+        save_results(&results, &data.images, &out.join("detections.json"))?;
         save_coco(&data, &out.join(ANNOTATIONS))?;
     }
     outcome?;

@@ -289,6 +289,7 @@ fn wrong_value(key: &str, wrong: &Wrong, wanted: &str) -> FileError {
         Wrong::Absent => ("", "the value is missing"),
         Wrong::Type(value) => (value.as_str(), "this is of the wrong type"),
         Wrong::NotFinite(value) => (value.as_str(), "this is no finite number"),
+        Wrong::Unlisted(value) => (value.as_str(), "this is not listed"),
     };
     FileError {
         line: None,

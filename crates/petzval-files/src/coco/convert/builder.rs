@@ -118,8 +118,8 @@ impl Builder {
             width,
             height,
             split,
-            sequence: None,
             turned: head.is_turned().then_some(true),
+            ..Image::default()
         });
         self.data.images.last_mut()
     }

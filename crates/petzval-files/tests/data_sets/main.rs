@@ -1,5 +1,8 @@
 //! Data sets in COCO format: every defect is found, and what is read is written again.
 
+mod forms;
+mod turned;
+
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -90,10 +93,16 @@ fn every_defect_of_a_value_is_found_and_named() {
         (boxed("38, 2, 5, 4"), DefectKind::ClippedBox, 2, "[38, 2, 5, 4], 3.0 px over"),
         (boxed("1, 2, 3, 4"), DefectKind::AreaBeyondBox, 2, "200 px^2, box 12 px^2"),
         (
-            with("\"bbox\": [1.5, 2, 10, 20],", ""),
+            with("\"bbox\": [0, 0, 40, 30], ", ""),
             DefectKind::MissingField,
             1,
-            "annotations[0]: bbox is missing",
+            "annotations[1]: bbox is missing",
+        ),
+        (
+            with("\"bbox\": [1.5, 2, 10, 20],", ""),
+            DefectKind::WrongType,
+            1,
+            "annotations[0]: bbox is missing, and segmentation no outline or mask",
         ),
         (with("\"area\": 200", "\"area\": -3"), DefectKind::AreaNotStated, 2, "-3 px^2"),
         (
@@ -500,12 +509,12 @@ fn detections_are_read_checked_and_written() {
     ];
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("found.json");
-    save_results(&detections, &path).unwrap();
+    save_results(&detections, &data.images, &path).unwrap();
     let mut defects = Defects::default();
     assert_eq!(load_results(&path, Some(&data), &mut defects).unwrap(), detections);
     assert_eq!(defects.iter().count(), 0);
 
-    let line = String::from_utf8(results_bytes(&detections[..1])).unwrap();
+    let line = String::from_utf8(results_bytes(&detections[..1], &data.images)).unwrap();
     assert_eq!(line, "[\n{\"image_id\":1,\"category_id\":1,\"bbox\":[1.0,2.5,3.0,4.0],\"score\":0.75}]\n");
     for (from, to, kind) in [
         ("0.75", "NaN", DefectKind::NotFinite),
@@ -537,112 +546,6 @@ fn figures_count_classes_and_sizes() {
     assert_eq!(class.states, BTreeMap::from([("off".to_owned(), 1), ("red".to_owned(), 1)]));
     assert!((class.side_px[0] - 200f64.sqrt()).abs() < 1e-12);
     assert!(Statistics::of(&DataSet::default()).classes.is_empty());
-}
-
-/// A PNG of a gradient whose EXIF says that it is to be turned.
-fn write_turned_png(path: &Path, width: u32, height: u32, exif: u8) {
-    use image::ImageEncoder;
-    let picture = image::RgbImage::from_fn(width, height, |x, y| image::Rgb([x as u8, y as u8, 9]));
-    let mut bytes = Vec::new();
-    let mut encoder = image::codecs::png::PngEncoder::new(&mut bytes);
-    let about = [b"MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0", &[exif][..], b"\0\0\0\0\0\0"].concat();
-    encoder.set_exif_metadata(about).unwrap();
-    encoder.write_image(&picture, width, height, image::ExtendedColorType::Rgb8).unwrap();
-    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-    std::fs::write(path, bytes).unwrap();
-}
-
-/// Size and box of the picture, if they are left, and how often the kinds of turns were noted.
-type OfTurned = (Option<(u32, u32)>, Option<[f64; 4]>, [usize; 3]);
-
-/// What a check leaves of a data set of one picture.
-fn of_turned(picture: &str, exif: u8, bbox: &str) -> OfTurned {
-    let folder = tempfile::tempdir().unwrap();
-    write_turned_png(&folder.path().join("a.png"), 40, 30, exif);
-    let annotation = format!(r#"{{"id": 1, "image_id": 1, "category_id": 1, "bbox": {bbox}, "area": 72}}"#);
-    let annotation = if bbox.is_empty() { "" } else { &annotation };
-    let text = format!(
-        r#"{{"images": [{{"id": 1, "file_name": "a.png", {picture}}}], "categories": [{{"id": 1, "name": "car"}}],
-            "annotations": [{annotation}]}}"#
-    );
-    std::fs::write(folder.path().join("annotations.json"), text).unwrap();
-    let mut loaded = load_coco(folder.path()).unwrap();
-    check_pictures(&mut loaded, &|_| ());
-    let size = loaded.data.images.first().map(|image| (image.width, image.height));
-    let bounds = loaded.data.annotations.first().map(|a| a.bounds.into());
-    let kinds = [DefectKind::TurnedBoxes, DefectKind::UnknownTurn, DefectKind::OtherPictureSize];
-    // What is written after the check is read as it is.
-    save_coco(&loaded.data, &folder.path().join("annotations.json")).unwrap();
-    let mut again = load_coco(folder.path()).unwrap();
-    check_pictures(&mut again, &|_| ());
-    let noted = kinds.map(|kind| loaded.defects.count(kind));
-    loaded.data.annotations.iter_mut().for_each(|a| a.unclipped = None);
-    assert_eq!((again.data, again.defects.count(DefectKind::TurnedBoxes)), (loaded.data, 0));
-    (size, bounds, noted)
-}
-
-#[test]
-fn boxes_turn_with_pictures_that_exif_turns_or_are_not_guessed() {
-    let stored = r#""width": 40, "height": 30"#;
-    // Orientation 6 is a quarter turn clockwise: what is 10 px above the lower edge is 10 px right of the left one.
-    let quarter = of_turned(stored, 6, "[10, 8, 6, 12]");
-    assert_eq!(quarter, (Some((30, 40)), Some([10.0, 10.0, 12.0, 6.0]), [1, 0, 0]));
-    // A box that reaches out of the stored picture is clipped there.
-    let clipped = of_turned(stored, 6, "[-4, 8, 10, 12]");
-    assert_eq!(clipped, (Some((30, 40)), Some([10.0, 0.0, 12.0, 6.0]), [1, 0, 0]));
-    let upright = of_turned(r#""width": 30, "height": 40"#, 6, "[10, 8, 6, 12]");
-    assert_eq!(upright, (Some((30, 40)), Some([10.0, 8.0, 6.0, 12.0]), [0, 0, 0]));
-    // Upside down the sizes say nothing: a picture with boxes is left out unless its entry says of what they are.
-    assert_eq!(of_turned(stored, 3, "[10, 8, 6, 12]"), (None, None, [0, 1, 0]));
-    assert_eq!(of_turned(stored, 3, ""), (Some((40, 30)), None, [0, 0, 0]));
-    let turned = of_turned(&format!("{stored}, \"turned\": true"), 3, "[10, 8, 6, 12]");
-    assert_eq!(turned, (Some((40, 30)), Some([10.0, 8.0, 6.0, 12.0]), [0, 0, 0]));
-    let as_stored = of_turned(&format!("{stored}, \"turned\": false"), 3, "[10, 8, 6, 12]");
-    assert_eq!(as_stored, (Some((40, 30)), Some([24.0, 10.0, 6.0, 12.0]), [1, 0, 0]));
-    // Without a stated size nothing says it either.
-    assert_eq!(of_turned(r#""license": 1"#, 6, "[10, 8, 6, 12]"), (None, None, [0, 1, 0]));
-    assert_eq!(of_turned(r#""width": 41, "height": 30"#, 6, "[1, 8, 6, 12]"), (None, None, [0, 0, 1]));
-    assert_eq!(
-        of_turned(stored, 1, "[10, 8, 6, 12]"),
-        (Some((40, 30)), Some([10.0, 8.0, 6.0, 12.0]), [0, 0, 0])
-    );
-}
-
-#[test]
-fn outlines_and_rotated_boxes_become_the_boxes_around_them() {
-    let outline = r#""segmentation": [[10, 8, 16, 8, 16, 20.5, 10, 20]]"#;
-    let (data, defects) = read(&GOOD.replacen(r#""bbox": [1.5, 2, 10, 20], "#, "", 1).replacen(
-        r#""segmentation": [[1, 2, 3]]"#,
-        outline,
-        1,
-    ));
-    assert_eq!(data.annotations[0].bounds, Bounds::from([10.0, 8.0, 6.0, 12.5]));
-    assert_eq!((defects.count(DefectKind::OutlineBox), defects.count(DefectKind::UnreadField)), (1, 0));
-    // An empty list is no box; a mask has no points.
-    let masked = GOOD.replacen("[1.5, 2, 10, 20]", "[]", 1).replacen(
-        "[[1, 2, 3]]",
-        r#"{"counts": "abc", "size": [30, 40]}"#,
-        1,
-    );
-    let (data, defects) = read(&masked);
-    assert_eq!((data.annotations.len(), defects.errors()), (1, 1));
-
-    // A quarter turn about the middle of the box, (6.5, 12).
-    let (data, defects) = with(r#""distance_m": 31.5"#, r#""rotation": 90"#);
-    let found = <[f64; 4]>::from(data.annotations[0].bounds);
-    for (found, wanted) in found.into_iter().zip([0.0, 7.0, 16.5, 10.0]) {
-        assert!((found - wanted).abs() < 1e-9, "{:?}", data.annotations[0].bounds);
-    }
-    assert_eq!((defects.count(DefectKind::RotatedBox), defects.count(DefectKind::ClippedBox)), (1, 1));
-    assert!(!data.annotations[0].attributes.contains_key("rotation"));
-    let (data, defects) = with(r#""distance_m": 31.5"#, r#""rotation": 0.0"#);
-    assert_eq!((data.annotations.len(), defects.count(DefectKind::RotatedBox)), (2, 0));
-    // Detectron2's number for two corners is no box of COCO.
-    let (_, defects) = with(r#""area": 200"#, r#""area": 200, "bbox_mode": 0"#);
-    assert_eq!(defects.count(DefectKind::WrongType), 1);
-    assert_eq!(with(r#""area": 200"#, r#""area": 200, "bbox_mode": 1"#).1.errors(), 0);
-    // Five values are a rotated box of which nothing says how it is written.
-    assert_eq!(with("[1.5, 2, 10, 20]", "[6, 12, 10, 20, 30]").1.count(DefectKind::WrongType), 1);
 }
 
 #[test]
