@@ -16,12 +16,21 @@ use super::path::{Beside, Path};
 use super::region::Region;
 use super::search::Step;
 
+/// Depth of the sides whose levels a guess has, pixels.
+const NEAR_PX: f64 = 8.0;
+
+/// Pixels to either side by which a guess is moved.
+const SHIFTS: i32 = 8;
+
 /// Highest degree of a path, and the least number of rows for each degree.
 const MOST_DEGREE: usize = 4;
 const ROWS_PER_DEGREE: usize = 12;
 
 /// What a higher degree has to gain, as a difference of twice the logarithm of the likelihood: chance does so once in two thousand.
 const LEAST_GAIN: f64 = 12.0;
+
+/// Largest sagitta of a path, of its rows: an edge that bends further is a corner.
+const MOST_SAGITTA: f64 = 0.1;
 
 /// Most pixels of a fit; of larger regions every n-th row counts.
 const MOST_PIXELS: usize = 40_000;
@@ -30,8 +39,12 @@ const MOST_PIXELS: usize = 40_000;
 /// never narrower than the blur is unlike a normal one.
 const LEAST_WIDTHS: [f64; 3] = [0.3, 0.1, 0.02];
 
-/// Steps in a round.
+/// Steps in a round, and the share of the loss that a step has to gain for another.
 const STEPS: usize = 12;
+const LEAST_GAIN_OF_STEP: f64 = 1e-7;
+
+/// Standard deviations of the blur beyond which a pixel has the value of its side.
+const EVEN_BLURS: f64 = 6.5;
 
 /// Numbers beside the path: the logarithm of s, and three of each plane.
 const BESIDE_PATH: usize = 7;
@@ -53,23 +66,7 @@ pub struct Fit {
 
 /// Fits an edge near a first guess.
 pub fn fit_edge(region: &Region, guess: &Step) -> Option<Fit> {
-    // The guess in the coordinates of the turned region.
-    let [nx, ny] = if region.is_upright { guess.normal } else { [guess.normal[1], guess.normal[0]] };
-    let offset =
-        if region.is_mirrored { guess.offset_px - nx * region.width as f64 } else { guess.offset_px };
-    let nx = if region.is_mirrored { -nx } else { nx };
-    let slope = -ny / nx;
-    let middle = offset / nx + slope * 0.5 * region.height as f64;
-    let path = Path::straight(middle, slope, region.height);
-    let every = region.values.len().div_ceil(MOST_PIXELS);
-    let pixels: Vec<([f64; 2], f64)> = (0..region.values.len())
-        .filter(|i| (i / region.width).is_multiple_of(every))
-        .map(|i| (region.middle(i), region.values[i]))
-        .collect();
-    let levels = levels(&pixels, &path, guess.cell_px);
-    let mut numbers = path.coefficients.clone();
-    numbers.extend([guess.cell_px.max(1.0).ln(), levels[0], 0.0, 0.0, levels[1], 0.0, 0.0]);
-    let problem = Problem { region, pixels, path };
+    let (problem, numbers) = Problem::near(region, guess, f64::INFINITY);
     let mut best = problem.solved(numbers)?;
     // A higher degree counts if it explains more than chance would.
     let most = MOST_DEGREE.min(region.height / ROWS_PER_DEGREE);
@@ -81,21 +78,61 @@ pub fn fit_edge(region: &Region, guess: &Step) -> Option<Fit> {
         let count = problem.pixels.len() as f64;
         let gain = count * (best.loss / next.loss.max(1e-300)).ln();
         let added = (next.numbers.len() - best.numbers.len()) as f64;
+        let sagitta = problem.path.with(&next.numbers[..=degree]).sagitta();
         tried = next.clone();
-        if gain > LEAST_GAIN * added {
+        if gain > LEAST_GAIN * added && sagitta < MOST_SAGITTA * region.height as f64 {
             best = next;
         }
     }
-    problem.fit(best)
+    problem.fit(best.numbers)
 }
 
-/// Medians of the pixels on both sides of a path, away from it.
-fn levels(pixels: &[([f64; 2], f64)], path: &Path, cell_px: f64) -> [f64; 2] {
-    let of = |sign: f64| {
-        let side = pixels.iter().filter(|(at, _)| sign * path.beside(*at).distance > cell_px + 1.0);
-        median(side.map(|(_, v)| *v))
+/// The guess itself, straight: moved across to where the pixels near it differ most, with their medians as levels.
+pub fn guessed(region: &Region, guess: &Step) -> Option<Fit> {
+    let moved = |by_px: f64| {
+        let guess = Step { offset_px: guess.offset_px + by_px, ..*guess };
+        let (problem, numbers) = Problem::near(region, &guess, NEAR_PX);
+        let step = numbers[numbers.len() - 3] - numbers[numbers.len() - 6];
+        (step, problem, numbers)
     };
-    [of(-1.0), of(1.0)]
+    let all = (-SHIFTS..=SHIFTS).map(|k| moved(f64::from(k)));
+    let (_, problem, numbers) = all.max_by(|a, b| a.0.total_cmp(&b.0))?;
+    problem.fit(numbers)
+}
+
+impl<'a> Problem<'a> {
+    /// The pixels of a region, and the numbers of a straight edge where the guess lies, with the levels of so many pixels on both sides.
+    fn near(region: &'a Region, guess: &Step, reach_px: f64) -> (Self, Vec<f64>) {
+        // The guess in the coordinates of the turned region.
+        let [nx, ny] = if region.is_upright { guess.normal } else { [guess.normal[1], guess.normal[0]] };
+        let offset =
+            if region.is_mirrored { guess.offset_px - nx * region.width as f64 } else { guess.offset_px };
+        let nx = if region.is_mirrored { -nx } else { nx };
+        let slope = -ny / nx;
+        let middle = offset / nx + slope * 0.5 * region.height as f64;
+        let path = Path::straight(middle, slope, region.height);
+        let every = region.values.len().div_ceil(MOST_PIXELS);
+        let pixels: Vec<([f64; 2], f64)> = (0..region.values.len())
+            .filter(|i| (i / region.width).is_multiple_of(every) && !region.is_dead[*i])
+            .map(|i| (region.middle(i), region.values[i]))
+            .collect();
+        let levels = levels(&pixels, &path, guess.cell_px + 1.0, reach_px).unwrap_or_default();
+        let mut numbers = path.coefficients.clone();
+        numbers.extend([guess.cell_px.max(1.0).ln(), levels[0], 0.0, 0.0, levels[1], 0.0, 0.0]);
+        (Self { region, pixels, path }, numbers)
+    }
+}
+
+/// Medians of the pixels on both sides of a path, from a distance on and over so many pixels; none where a side has no pixels.
+fn levels(pixels: &[([f64; 2], f64)], path: &Path, from_px: f64, reach_px: f64) -> Option<[f64; 2]> {
+    let mut sides = [Vec::new(), Vec::new()];
+    for (at, value) in pixels {
+        let distance = path.beside(*at).distance;
+        if distance.abs() > from_px && distance.abs() < from_px + reach_px {
+            sides[usize::from(distance > 0.0)].push(*value);
+        }
+    }
+    sides.iter().all(|side| !side.is_empty()).then(|| sides.map(median))
 }
 
 /// Numbers with the mean loss of their residuals.
@@ -115,7 +152,8 @@ struct Problem<'a> {
 /// The model at a pixel.
 struct Modelled {
     value: f64,
-    beside: Beside,
+    /// None beyond the blur.
+    beside: Option<Beside>,
     /// `Phi` and its derivative by d.
     rise: [f64; 2],
     /// `1, x, y` of the planes, and the step there.
@@ -130,10 +168,16 @@ impl Problem<'_> {
 
     fn modelled(&self, numbers: &[f64], path: &Path, at: [f64; 2]) -> Modelled {
         let rest = &numbers[path.degree() + 1..];
-        let beside = path.beside(at);
         let blur = rest[0].exp();
-        let z = beside.distance / blur;
-        let rise = [0.5 * libm::erfc(-z / SQRT_2), (-0.5 * z * z).exp() / ((2.0 * PI).sqrt() * blur)];
+        let side = path.side_beyond(at, EVEN_BLURS * blur);
+        let (beside, rise) = if let Some(side) = side {
+            (None, [0.5 + 0.5 * side, 0.0])
+        } else {
+            let beside = path.beside(at);
+            let z = beside.distance / blur;
+            let density = (-0.5 * z * z).exp() / ((2.0 * PI).sqrt() * blur);
+            (Some(beside), [0.5 * libm::erfc(-z / SQRT_2), density])
+        };
         let half = [0.5 * self.region.width as f64, 0.5 * self.region.height as f64];
         let plane = [1.0, at[0] / half[0] - 1.0, at[1] / half[1] - 1.0];
         let of = |side: &[f64]| (0..3).map(|k| side[k] * plane[k]).sum::<f64>();
@@ -161,7 +205,7 @@ impl Problem<'_> {
                     let next = self.moved(&numbers, &curvature, &slope, damping)?;
                     let next_loss = self.loss(&next, width);
                     if next_loss <= loss {
-                        is_better = next_loss < loss * (1.0 - 1e-9);
+                        is_better = next_loss < loss * (1.0 - LEAST_GAIN_OF_STEP);
                         (numbers, loss) = (next, next_loss);
                         damping = (damping * 0.1).max(1e-9);
                         break;
@@ -196,21 +240,31 @@ impl Problem<'_> {
     fn normal(&self, numbers: &[f64], width: f64) -> (DMatrix<f64>, DVector<f64>) {
         let (count, degree) = (numbers.len(), Self::degree(numbers));
         let path = self.path.with(&numbers[..=degree]);
-        let blur = numbers[degree + 1].exp();
         let (mut curvature, mut slope) = (DMatrix::zeros(count, count), DVector::zeros(count));
         let mut row = vec![0.0; count];
         for (at, value) in &self.pixels {
             let m = self.modelled(numbers, &path, *at);
             let residual = value - m.value;
             let weight = (width / residual.abs().max(1e-300)).min(1.0);
+            // Beyond the blur only the plane of one side counts.
+            let Some(beside) = m.beside else {
+                let first = degree + if m.rise[0] > 0.0 { 5 } else { 2 };
+                for i in 0..3 {
+                    let weighted = weight * m.plane[i];
+                    slope[first + i] += weighted * residual;
+                    for j in 0..=i {
+                        curvature[(first + i, first + j)] += weighted * m.plane[j];
+                    }
+                }
+                continue;
+            };
             let by_distance = m.step * m.rise[1];
-            let mut power = -by_distance * m.beside.cosine;
+            let mut power = -by_distance * beside.cosine;
             for j in row.iter_mut().take(degree + 1) {
                 *j = power;
-                power *= m.beside.u;
+                power *= beside.u;
             }
-            row[degree + 1] = -by_distance * m.beside.distance;
-            debug_assert!(blur > 0.0);
+            row[degree + 1] = -by_distance * beside.distance;
             for k in 0..3 {
                 row[degree + 2 + k] = (1.0 - m.rise[0]) * m.plane[k];
                 row[degree + 5 + k] = m.rise[0] * m.plane[k];
@@ -244,8 +298,7 @@ impl Problem<'_> {
         next.iter().all(|n| n.is_finite()).then_some(next)
     }
 
-    fn fit(&self, state: State) -> Option<Fit> {
-        let State { numbers, .. } = state;
+    fn fit(&self, numbers: Vec<f64>) -> Option<Fit> {
         let degree = Self::degree(&numbers);
         let path = self.path.with(&numbers[..=degree]);
         let width = self.huber_width(&numbers, LEAST_WIDTHS[2]);
@@ -276,6 +329,11 @@ fn solve(curvature: &DMatrix<f64>, slope: &DVector<f64>, damping: f64) -> Option
 }
 
 impl Fit {
+    /// Whether the step exceeds so many of its standard errors.
+    pub fn has_step(&self, sigmas: f64) -> bool {
+        self.step > sigmas * self.step_error
+    }
+
     /// The light of the fit at a pixel, for a first look at outliers.
     pub fn value(&self, region: &Region, at: [f64; 2]) -> f64 {
         let problem = Problem { region, pixels: Vec::new(), path: self.path.clone() };

@@ -13,12 +13,15 @@
 //! pixels.
 
 mod clipping;
+mod dead_lines;
 mod defects;
 mod error;
 mod estimate;
 mod fit;
+mod light;
 mod limits;
 mod path;
+mod place;
 mod plane;
 mod profile;
 mod region;
@@ -32,11 +35,11 @@ mod tests;
 
 use petzval_camera::render::Window;
 
-use self::fit::fit_edge;
+use self::fit::{Fit, fit_edge, guessed};
 use self::limits::{LEAST_HALF, LEAST_SIDE};
 use self::profile::Profile;
 use self::region::{Pixels, Region};
-use self::search::best_step;
+use self::search::{Step, best_step};
 
 pub use error::{SfrError, Side};
 pub use estimate::Estimate;
@@ -89,20 +92,7 @@ pub fn slanted_edge(plane: &Plane, window: &Window) -> Result<EdgeResponse, SfrE
     let is_upright = guess.normal[0].abs() >= guess.normal[1].abs();
     let across = if is_upright { guess.normal[0] } else { guess.normal[1] };
     let region = Region::turned(&pixels, is_upright, across < 0.0);
-    let fit = fit_edge(&region, &guess).ok_or(SfrError::NoEdge)?;
-    if fit.step.is_nan() || fit.step <= LEAST_STEP_SIGMAS * fit.step_error {
-        return Err(SfrError::NoEdge);
-    }
-    let crossed = (0..region.height)
-        .filter(|row| (0.0..region.width as f64).contains(&fit.path.at(*row as f64 + 0.5)))
-        .count();
-    if crossed < LEAST_SIDE.min(region.height) {
-        return Err(SfrError::Small { along: crossed, across: region.width / 2 });
-    }
-    let profile = Profile::of(&region, fit)?;
-    if profile.half() < LEAST_HALF {
-        return Err(SfrError::Small { along: crossed, across: profile.half() });
-    }
+    let profile = profile_of(&region, &guess)?;
     profile.check_sides()?;
     clipping::check(&profile)?;
     let sfr = profile.sfr();
@@ -131,4 +121,39 @@ pub fn slanted_edge(plane: &Plane, window: &Window) -> Result<EdgeResponse, SfrE
         profile: profile.points(),
         path,
     })
+}
+
+/// The profile across the edge near a guess.
+fn profile_of<'a>(region: &'a Region, guess: &Step) -> Result<Profile<'a>, SfrError> {
+    let fit = fit_edge(region, guess).ok_or(SfrError::NoEdge)?;
+    let found =
+        if fit.has_step(LEAST_STEP_SIGMAS) { profile_across(region, fit) } else { Err(SfrError::NoEdge) };
+    // No edge is found in the pixels of several edges either. A straight edge well inside the window then has sides that are not even.
+    found.map_err(|error| {
+        let room = (2 * LEAST_HALF) as f64;
+        let is_inside = |fit: &Fit| {
+            let middle = fit.path.at(0.5 * region.height as f64);
+            middle > room && middle < region.width as f64 - room
+        };
+        let straight = guessed(region, guess).filter(|fit| fit.has_step(LEAST_STEP_SIGMAS) && is_inside(fit));
+        match straight.map(|fit| profile_across(region, fit)?.check_sides()) {
+            Some(Err(uneven @ SfrError::Uneven { .. })) => uneven,
+            _ => error,
+        }
+    })
+}
+
+/// The profile across a fitted edge, if the edge crosses enough rows and has enough pixels on both sides.
+fn profile_across(region: &Region, fit: Fit) -> Result<Profile<'_>, SfrError> {
+    let crossed = (0..region.height)
+        .filter(|row| (0.0..region.width as f64).contains(&fit.path.at(*row as f64 + 0.5)))
+        .count();
+    if crossed < LEAST_SIDE.min(region.height) {
+        return Err(SfrError::Small { along: crossed, across: region.width / 2 });
+    }
+    let profile = Profile::of(region, fit)?;
+    if profile.half() < LEAST_HALF {
+        return Err(SfrError::Small { along: crossed, across: profile.half() });
+    }
+    Ok(profile)
 }

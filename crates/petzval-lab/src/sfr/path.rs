@@ -70,8 +70,17 @@ impl Path {
             t -= ((x - p) * slope + y - t) / change;
         }
         let [p, slope, _] = self.derivatives(t);
-        let cosine = 1.0 / slope.hypot(1.0);
+        let cosine = 1.0 / (1.0 + slope * slope).sqrt();
         Beside { distance: (x - p) / cosine, u: (t - self.middle) / self.half, cosine }
+    }
+
+    /// On which side of the path a point lies, if it is farther from it than `px`: without the foot of the perpendicular.
+    pub fn side_beyond(&self, [x, y]: [f64; 2], px: f64) -> Option<f64> {
+        // No slope within the rows is greater than the sum of all terms' slopes there.
+        let terms = self.coefficients.iter().enumerate();
+        let steepest = terms.map(|(k, c)| k as f64 * c.abs()).sum::<f64>() / self.half;
+        let shift = x - self.at(y);
+        (shift * shift > px * px * (1.0 + steepest * steepest)).then(|| shift.signum())
     }
 
     /// Largest distance of the path from the chord between its ends, pixels.
@@ -101,7 +110,10 @@ mod tests {
         assert!((curve.sagitta() - 0.4).abs() < 1e-9);
         for [x, y] in [[30.0, 10.0], [8.0, 35.0]] {
             let from_centre = (x - 520.0_f64).hypot(y - 20.0);
-            assert!((curve.beside([x, y]).distance - (500.0 - from_centre)).abs() < 2e-3, "{x} {y}");
+            let distance = 500.0 - from_centre;
+            assert!((curve.beside([x, y]).distance - distance).abs() < 2e-3, "{x} {y}");
+            assert_eq!(curve.side_beyond([x, y], distance.abs() + 0.1), None);
+            assert_eq!(curve.side_beyond([x, y], 0.9 * distance.abs()), Some(distance.signum()));
         }
     }
 }

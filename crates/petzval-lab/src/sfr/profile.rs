@@ -11,9 +11,10 @@ use super::estimate::Estimate;
 use super::fit::Fit;
 use super::limits::{LARGEST_GAP_PX, LEAST_HALF, MOST_LEFT_OUT};
 use super::path::Path;
+use super::place::Sample;
 use super::region::Region;
 use super::response::Sfr;
-use super::sides::{Sample, Sides, far_px};
+use super::sides::{Sides, far_px};
 use super::spline::{Basis, Factor, Spline, gathered};
 
 /// Longest profile on either side, pixels.
@@ -35,6 +36,9 @@ const FIRST_DEVIATION: f64 = 0.3;
 /// Weight of the spline's penalty: of the pixels at a knot, and by their noise, of the step.
 const PENALTY: f64 = 1e-5;
 const PENALTY_NOISE: f64 = 0.2;
+
+/// Share of pixels left out from which they are the reason if there is no profile without them.
+const MANY_LEFT_OUT: f64 = 0.03;
 
 /// How far an even side may leave its level, of the step, beyond so many standard deviations of noise; and the parts in which it is compared:
 /// pixels at a distance, and squares of a side, with so many pixels at least.
@@ -80,23 +84,26 @@ impl<'a> Profile<'a> {
         let bands = (region.height / ROWS_OF_BAND).min(BANDS);
         let mut path = fit.path.clone();
         // The first profile leaves out what is far from the fitted step.
-        let mut is_left_out: Vec<bool> = (0..region.values.len())
-            .map(|i| {
-                let deviation = (region.values[i] - fit.value(region, region.middle(i))).abs();
-                deviation > (FIRST_DEVIATION * fit.step).max(7.0 * fit.noise)
-            })
+        let mut deviations: Vec<f64> = (0..region.values.len())
+            .map(|i| (region.values[i] - fit.value(region, region.middle(i))).abs() / fit.step)
             .collect();
-        let mut found = Self::about(region, &path, fit.blur_px, &is_left_out, bands)?;
+        let limit = FIRST_DEVIATION.max(7.0 * fit.noise / fit.step);
+        let mut is_left_out: Vec<bool> =
+            deviations.iter().zip(&region.is_dead).map(|(d, is_dead)| *is_dead || *d > limit).collect();
+        let mut found = Self::about(region, &path, fit.blur_px, &is_left_out, bands)
+            .map_err(|error| because(error, &deviations, &is_left_out))?;
         for _ in 0..ROUNDS {
             path = found.refined_path();
             found = Self::about(region, &path, fit.blur_px, &is_left_out, bands)?;
-            is_left_out = marked(region, &found.deviations());
+            let compared = found.deviations();
+            is_left_out = marked(region, &compared);
+            deviations = compared.iter().map(|of| of.map_or(0.0, |(deviation, _)| deviation.abs())).collect();
             let left_out = is_left_out.iter().filter(|is| **is).count();
             if left_out as f64 > MOST_LEFT_OUT * region.values.len() as f64 {
-                let deviation = left_out as f64 / region.values.len() as f64;
-                return Err(SfrError::Uneven { deviation });
+                return Err(because(SfrError::Uneven { deviation: 0.0 }, &deviations, &is_left_out));
             }
-            found = Self::about(region, &path, fit.blur_px, &is_left_out, bands)?;
+            found = Self::about(region, &path, fit.blur_px, &is_left_out, bands)
+                .map_err(|error| because(error, &deviations, &is_left_out))?;
         }
         Ok(found)
     }
@@ -123,9 +130,7 @@ impl<'a> Profile<'a> {
         if half < LEAST_HALF {
             return Err(SfrError::Small { along: region.height, across: half });
         }
-        let middle_y = 0.5 * region.height as f64;
-        let middle = [path.at(middle_y).clamp(0.0, region.width as f64), middle_y];
-        let sides = Sides::of(region, &samples, middle, blur_px, half, bands);
+        let sides = Sides::of(region, &samples, path, blur_px, half, bands);
         let basis = Basis { half };
         let points: Vec<Point> = samples
             .iter()
@@ -378,25 +383,29 @@ impl<'a> Profile<'a> {
         (rows, spread)
     }
 
-    /// Refuses sides that leave their levels: at a distance from the edge, or in a square of pixels.
+    /// Refuses sides that leave their levels: at a distance from the edge, or in a square of pixels; also where only one side is in the window.
     pub fn check_sides(&self) -> Result<(), SfrError> {
         let far = self.far();
-        let even = || self.points.iter().filter(|p| p.distance.abs() > far);
-        let beyond = |p: &Point| p.share - if p.distance > 0.0 { 1.0 } else { 0.0 };
+        let beyond = |s: &Sample| {
+            let level = if s.distance > 0.0 { 1.0 } else { 0.0 };
+            Some((*s, self.sides.share(s.at, s.value)? - level))
+        };
+        let even: Vec<(Sample, f64)> =
+            self.samples.iter().filter(|s| s.distance.abs() > far).filter_map(beyond).collect();
         // Noise by neighbours in a row, which share whatever else is in the picture.
-        let neighbours = self.points.windows(2).filter(|pair| {
-            let [a, b] = [pair[0], pair[1]].map(|p| self.samples[p.sample].at);
-            a[1] == b[1] && b[0] - a[0] == 1.0 && pair.iter().all(|p| p.distance.abs() > far)
+        let neighbours = even.windows(2).filter(|pair| {
+            let [a, b] = [pair[0].0.at, pair[1].0.at];
+            a[1] == b[1] && b[0] - a[0] == 1.0
         });
-        let differences = neighbours.map(|pair| (beyond(&pair[1]) - beyond(&pair[0])).abs());
-        let noise = SIGMA_OVER_MEDIAN * median(differences) / 2f64.sqrt();
+        let noise =
+            SIGMA_OVER_MEDIAN * median(neighbours.map(|pair| (pair[1].1 - pair[0].1).abs())) / 2f64.sqrt();
         let mut parts: BTreeMap<[i64; 3], [f64; 2]> = BTreeMap::new();
-        for p in even() {
-            let [x, y] = self.samples[p.sample].at.map(|v| (v / SQUARE_PX) as i64);
-            let side = i64::from(p.distance > 0.0);
-            for part in [[2, 0, p.distance.floor() as i64], [side, x, y]] {
+        for (sample, deviation) in &even {
+            let [x, y] = sample.at.map(|v| (v / SQUARE_PX) as i64);
+            let side = i64::from(sample.distance > 0.0);
+            for part in [[2, 0, sample.distance.floor() as i64], [side, x, y]] {
                 let [sum, count] = parts.entry(part).or_default();
-                *sum += beyond(p);
+                *sum += deviation;
                 *count += 1.0;
             }
         }
@@ -404,7 +413,7 @@ impl<'a> Profile<'a> {
             .values()
             .filter(|part| part[1] >= LEAST_OF_PART)
             .map(|[sum, count]| (sum / count).abs() - NOISE_SIGMAS * noise / count.sqrt())
-            .fold(self.sides.unlike(), f64::max);
+            .fold(0.0, f64::max);
         if deviation > LARGEST_DEVIATION { Err(SfrError::Uneven { deviation }) } else { Ok(()) }
     }
 
@@ -423,6 +432,13 @@ impl<'a> Profile<'a> {
         }
         Ok(())
     }
+}
+
+/// Why there is no profile without the pixels that are left out: their deviation, unless only few are left out.
+fn because(error: SfrError, deviations: &[f64], is_left_out: &[bool]) -> SfrError {
+    let left_out = || deviations.iter().zip(is_left_out).filter(|(_, is)| **is).map(|(d, _)| *d);
+    let is_many = left_out().count() as f64 > MANY_LEFT_OUT * deviations.len() as f64;
+    if is_many { SfrError::Uneven { deviation: median(left_out()) } } else { error }
 }
 
 /// Deviation of a pixel from the profile.

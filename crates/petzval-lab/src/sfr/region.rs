@@ -2,6 +2,7 @@
 
 use petzval_camera::render::Window;
 
+use super::dead_lines::dead_lines;
 use super::error::SfrError;
 use super::limits::LEAST_SIDE;
 use super::plane::Plane;
@@ -11,6 +12,8 @@ pub struct Pixels {
     pub height: usize,
     pub width: usize,
     pub values: Vec<f64>,
+    /// Whether a pixel lies on a dead row or column.
+    pub is_dead: Vec<bool>,
 }
 
 impl Pixels {
@@ -34,7 +37,8 @@ impl Pixels {
         if values.iter().any(|v| !v.is_finite()) {
             return Err(SfrError::NotFinite);
         }
-        Ok(Self { height, width, values })
+        let is_dead = dead_lines(&values, height, width);
+        Ok(Self { height, width, values, is_dead })
     }
 }
 
@@ -43,6 +47,8 @@ pub struct Region {
     pub height: usize,
     pub width: usize,
     pub values: Vec<f64>,
+    /// Whether a pixel lies on a dead row or column.
+    pub is_dead: Vec<bool>,
     /// Whether rows are rows of the picture; otherwise they are its columns.
     pub is_upright: bool,
     /// Whether the rows run backwards.
@@ -54,13 +60,21 @@ impl Region {
     pub fn turned(pixels: &Pixels, is_upright: bool, is_mirrored: bool) -> Self {
         let (height, width) =
             if is_upright { (pixels.height, pixels.width) } else { (pixels.width, pixels.height) };
-        let value = |i: usize| {
+        let source = |i: usize| {
             let (row, col) = (i / width, i % width);
             let col = if is_mirrored { width - 1 - col } else { col };
             let (row, col) = if is_upright { (row, col) } else { (col, row) };
-            pixels.values[row * pixels.width + col]
+            row * pixels.width + col
         };
-        Self { height, width, values: (0..height * width).map(value).collect(), is_upright, is_mirrored }
+        let sources = || (0..height * width).map(source);
+        Self {
+            height,
+            width,
+            values: sources().map(|i| pixels.values[i]).collect(),
+            is_dead: sources().map(|i| pixels.is_dead[i]).collect(),
+            is_upright,
+            is_mirrored,
+        }
     }
 
     /// `x` and `y` of the middle of a pixel.

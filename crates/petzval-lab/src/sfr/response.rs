@@ -19,7 +19,7 @@ const NARROWEST_BLURS: f64 = 3.5;
 const NARROWEST_PX: f64 = 2.0;
 
 /// A narrow window serves where it agrees with all wider ones: to so many standard errors of the difference, and to so much modulation.
-const AGREE_SIGMAS: f64 = 2.5;
+const AGREE_SIGMAS: f64 = 4.0;
 const AGREE: f64 = 2e-4;
 
 /// Modulation over frequency, 1 at frequency 0.

@@ -61,8 +61,13 @@ fn coarse(pixels: &Pixels, cell: usize) -> Vec<Cell> {
     let value = |i: usize| {
         let (row, col) = (i / cols * cell + cell / 2, i % cols * cell + cell / 2);
         let square = around(row, pixels.height)
-            .flat_map(|r| around(col, pixels.width).map(move |c| pixels.values[r * pixels.width + c]));
-        Cell { at: [col as f64 + 0.5, row as f64 + 0.5], value: median(square), plane: [0.0; 3] }
+            .flat_map(|r| around(col, pixels.width).map(move |c| r * pixels.width + c));
+        let value = |is_dead: bool| {
+            let own = square.clone().filter(|i| is_dead || !pixels.is_dead[*i]).map(|i| pixels.values[i]);
+            own.clone().next().is_some().then(|| median(own))
+        };
+        let value = value(false).or_else(|| value(true)).unwrap_or(0.0);
+        Cell { at: [col as f64 + 0.5, row as f64 + 0.5], value, plane: [0.0; 3] }
     };
     (0..rows * cols).map(value).collect()
 }
