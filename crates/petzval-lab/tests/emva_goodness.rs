@@ -41,6 +41,8 @@ fn a_response_that_bends_widens_the_error_of_k() {
             within(&format!("{what}: straightened"), transfer.straightened_gain_dn_per_e.unwrap(), 0.38, 3.5);
             assert!(share_of_error(k) < 3.0 * compression.abs(), "{what}: {k:?}");
             assert_eq!(verdict(&found, "K"), Verdict::Widened, "{what}");
+            // Errors of linearity are the bend itself.
+            assert_eq!(verdict(&found, "linearity"), Verdict::Stated, "{what}");
             // What follows from K has its error.
             let qe = gain.channels[0].figure("QE").unwrap().best();
             within(&format!("{what}: QE"), qe, 50.0, 3.0);

@@ -25,6 +25,8 @@ pub enum Verdict {
     Holds,
     /// They do not: the stated errors contain by how much.
     Widened,
+    /// They do not, and by how much is what the figure states.
+    Stated,
     /// They are so far off that the figure is withdrawn.
     Withdrawn,
 }
@@ -36,6 +38,7 @@ impl Verdict {
             Self::Untested => "not tested",
             Self::Holds => "holds",
             Self::Widened => "departs; errors widened",
+            Self::Stated => "departs; the figure states by how much",
             Self::Withdrawn => "departs; withdrawn",
         }
     }

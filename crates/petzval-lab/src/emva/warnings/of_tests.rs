@@ -7,16 +7,16 @@ use crate::emva::goodness::Verdict;
 /// Share of a number from which on the error that a departure adds is worth a warning: every real lamp drifts by less.
 const WORTH_A_WARNING: f64 = 0.01;
 
-/// The fits that are withdrawn, or widened by more than a hundredth of their number. Linearity states its deviations as figures, and histograms and hot pixels that fill have
-/// warnings of their own.
+/// The fits that are withdrawn, or widened by more than a hundredth of their number. Histograms and hot pixels that fill have warnings of their
+/// own.
 pub fn departures(fits: &[NamedFit]) -> Vec<Warning> {
     let is_worth_it = |fit: &&NamedFit| match fit.test.verdict {
-        Verdict::Untested | Verdict::Holds => false,
+        Verdict::Untested | Verdict::Holds | Verdict::Stated => false,
         Verdict::Withdrawn => true,
         Verdict::Widened => fit.model_share.is_none_or(|share| share > WORTH_A_WARNING),
     };
     let fills = |fit: &NamedFit| fit.name == "dark mean over time" && fit.cause.is_some();
-    let has_own = |fit: &&NamedFit| matches!(fit.name, "linearity" | "histograms") || fills(fit);
+    let has_own = |fit: &&NamedFit| fit.name == "histograms" || fills(fit);
     let warning = |fit: &NamedFit| Warning::FitDeparts {
         fit: fit.name,
         place: fit.place(),
