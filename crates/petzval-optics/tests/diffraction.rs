@@ -53,7 +53,7 @@ fn diffraction_psfs_equal_those_of_huygens_wavelets() {
         let sequence = lens.at_wavelength(lens.reference_um);
         let field = f64::to_radians(field_deg);
         let options = PsfOptions { grid: 24, pitch_um: 1.0, kind: PsfKind::Diffraction };
-        let quadrature = Quadrature::grid(384).unwrap();
+        let quadrature = Quadrature::grid(256).unwrap();
         let p = psf(&lens, field, &[lens.reference_um], &quadrature, &options)
             .unwrap_or_else(|| panic!("{} {field_deg}", lens.name));
         let reference = huygens_psf(&sequence, field, &quadrature, 24, 1.0).unwrap();
