@@ -19,8 +19,11 @@ const AZIMUTHS: usize = 12;
 /// Traced pupil radii: the rim, then smaller radii if the ray at the rim does not reach the image.
 const RADII: [f64; 3] = [1.0, 0.7, 0.3];
 
-/// Largest number of steps of 3 % by which beams are narrowed if the surfaces cannot be as large as the beams.
-const NARROWER: i32 = 60;
+/// Factor by which a surface is made smaller at a time if it cannot be as large as the beams.
+const NARROWER: f64 = 0.99;
+
+/// Least share of the beams that a surface takes.
+const NARROWEST: f64 = 0.15;
 
 /// A lens whose surfaces `open` (from 0) have no edge of their own, with clear semi-diameters large enough for the beams of its fields and no smaller
 /// than they are; with what is approximated in it, and why it cannot be built if it cannot. Fails where a surface ends within its edge.
@@ -40,7 +43,7 @@ pub fn with_open_surfaces(
 /// The lens with clear semi-diameters everywhere.
 ///
 /// Surfaces without an edge are made large enough for their beams, and as large as the file prints if that lens is possible.
-/// If the surfaces cannot be as large as the beams, the beams are narrowed. A lens that cannot be built even then comes with the reason. Fails where a
+/// Surfaces that cannot be as large as the beams narrow them. A lens that cannot be built even then comes with the reason. Fails where a
 /// surface ends within its edge.
 pub(super) fn with_semi_diameters(
     lens: Lens,
@@ -69,23 +72,53 @@ pub(super) fn with_semi_diameters(
             return Ok((lens, None));
         }
     }
-    // Narrow the beams until the surfaces are possible.
-    for k in 1..=NARROWER {
-        let share = 0.97_f64.powi(k);
-        let lens = filled(&lens, clears, |i, _| heights[i] * share);
-        if validate(&lens).is_ok() {
-            let message = format!(
-                "the beams are wider than the surfaces can be; the clear semi-diameters take {:.0} % of them",
-                100.0 * share
-            );
-            losses.add(0, "", Effect::Approximated, message);
-            return Ok((lens, None));
-        }
+    if let Some((lens, shares)) = narrowed(&lens, clears, &heights) {
+        let cut = shares.iter().enumerate().filter(|(_, share)| **share < 1.0);
+        let cut: Vec<String> =
+            cut.map(|(i, share)| format!("{:.0} % of them at surface {}", 100.0 * share, i + 1)).collect();
+        let message = format!(
+            "the beams are wider than the surfaces can be; the clear semi-diameters take {}",
+            cut.join(", ")
+        );
+        losses.add(0, "", Effect::Approximated, message);
+        return Ok((lens, None));
     }
     let lens = filled(&lens, clears, |i, _| heights[i]);
     traceable(&lens)?;
     let flaw = validate(&lens).err();
     Ok((lens, flaw))
+}
+
+/// The lens with clear semi-diameters that its surfaces can have, and their shares of the beams' heights: only surfaces that end or cross within
+/// the beams are made smaller. `None` where that mends nothing.
+fn narrowed(lens: &Lens, clears: &[Clear], heights: &[f64]) -> Option<(Lens, Vec<f64>)> {
+    let mut shares = vec![1.0; heights.len()];
+    loop {
+        let lens = filled(lens, clears, |i, _| heights[i] * shares[i]);
+        let Err(defect) = validate(&lens) else { return Some((lens, shares)) };
+        let too_wide = too_wide(&defect, &lens, clears)?;
+        shares[too_wide] *= NARROWER;
+        if shares[too_wide] < NARROWEST {
+            return None;
+        }
+    }
+}
+
+/// The surface without an edge, from 0, that has to be smaller for a defect to vanish. The stop is as large as the pupil makes it.
+fn too_wide(defect: &LensDefect, lens: &Lens, clears: &[Clear]) -> Option<usize> {
+    let is_open = |i: &usize| *i != lens.stop && matches!(clears.get(*i), Some(Clear::Open(_)));
+    let semi = |i: &usize| lens.surfaces[*i].semi_diameter_mm;
+    match *defect {
+        LensDefect::SurfaceEnds { surface, .. } => Some(surface - 1).filter(is_open),
+        // Glass is thinnest at the larger of its two radii; air is measured at the smaller.
+        LensDefect::EdgeThickness { surface, .. } => {
+            [surface - 1, surface].into_iter().filter(is_open).max_by(|a, b| semi(a).total_cmp(&semi(b)))
+        }
+        LensDefect::AirGap { surface, next, .. } => {
+            [surface - 1, next - 1].into_iter().filter(is_open).min_by(|a, b| semi(a).total_cmp(&semi(b)))
+        }
+        _ => None,
+    }
 }
 
 /// Whether a surface without an edge becomes smaller than the file prints.
