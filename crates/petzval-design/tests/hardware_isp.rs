@@ -175,8 +175,8 @@ fn the_chip_is_improved_without_its_gradient_and_a_search_continues_with_the_sam
 
 #[test]
 fn a_network_that_imitates_the_chip_leads_it_and_the_lens_and_continues_with_the_same_bits() {
-    let isp =
-        "vary = [\"gain.stops\", \"gamma.exponent\"]\nproxy_warm_up = 25\nproxy_steps = 4\nsteps = 20\n";
+    // The rate at which the network learns has fallen when it begins to lead: weights that still jump would make other figures on every machine.
+    let isp = "vary = [\"gain.stops\", \"gamma.exponent\"]\nproxy_warm_up = 60\nproxy_steps = 4\nsteps = 1\n";
     let setup = setup(isp).unwrap();
     let camera = setup.camera(setup.nominal().lens_file.lens.clone(), true).unwrap();
     let shots = training_shots(&setup, &camera, 0).unwrap();
@@ -199,16 +199,14 @@ fn a_network_that_imitates_the_chip_leads_it_and_the_lens_and_continues_with_the
     let step = |isp: &mut IspBlock| isp.step(&batch(), rule(StepMethod::Proxy)).unwrap();
     let first = step(&mut isp);
     assert!(first.contains_key("imitation_gradient_cosine") && !first.contains_key("total"), "{first:?}");
-    for _ in 1..25 {
+    for _ in 1..60 {
         step(&mut isp);
     }
     // So far the network has learnt and the parameters have rested.
     assert_eq!(isp.values(), start);
     isp.begin_stage(true);
     let judged = step(&mut isp);
-    // It begins with the form of an ISP, and so with slopes that are roughly right.
     assert!(judged["imitation_psnr_db"] > first["imitation_psnr_db"] + 0.5, "{first:?} {judged:?}");
-    assert!(judged["imitation_gradient_cosine"] > 0.95, "{first:?} {judged:?}");
     assert!(judged.contains_key("total"), "{judged:?}");
     // The gap of a score is what the ISP has beyond the network: less than what separates their pictures.
     assert!(judged["imitation_gap_psnr_db"].abs() < 6.0, "{judged:?}");
@@ -227,6 +225,16 @@ fn a_network_that_imitates_the_chip_leads_it_and_the_lens_and_continues_with_the
     let after = on_chip(&isp);
     assert!(after < 0.9 * before, "{before} {after}");
 
+    // Its slopes are near those of the ISP in floating point. Here none is near zero, where the direction of a gradient is chance.
+    let mut smooth = setup.isp().unwrap();
+    let mut numbers = isp.save_numbers().unwrap();
+    numbers.retain(|part, _| part == "places.json");
+    smooth.load_numbers(&numbers).unwrap();
+    let [network, form] = [&isp, &smooth].map(|isp| isp.gradient(&batch()).unwrap().1);
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let cosine = |a: &[f64], b: &[f64]| dot(a, b) / (dot(a, a) * dot(b, b)).sqrt();
+    assert!(cosine(&network, &form) > 0.95, "{network:?} {form:?}");
+
     // The lens moves by it, too: its gradient is near that through the ISP in floating point.
     let optics = setup.blocks(&setup.variants[0]).unwrap().optics;
     let gradient = |chip: ChipValues| {
@@ -235,13 +243,8 @@ fn a_network_that_imitates_the_chip_leads_it_and_the_lens_and_continues_with_the
         optics.gradient(&batch).unwrap().1
     };
     let device = &camera.body().device;
-    let mut smooth = setup.isp().unwrap();
-    let mut numbers = isp.save_numbers().unwrap();
-    numbers.retain(|part, _| part == "places.json");
-    smooth.load_numbers(&numbers).unwrap();
     let (a, b) = (gradient(isp.held(device)), gradient(smooth.held(device)));
-    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-    let cosine = dot(&a, &b) / (dot(&a, &a) * dot(&b, &b)).sqrt();
+    let cosine = cosine(&a, &b);
     assert!(cosine > 0.6 && cosine < 0.99999, "{cosine}");
 }
 
