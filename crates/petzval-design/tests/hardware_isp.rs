@@ -176,7 +176,7 @@ fn the_chip_is_improved_without_its_gradient_and_a_search_continues_with_the_sam
 #[test]
 fn a_network_that_imitates_the_chip_leads_it_and_the_lens_and_continues_with_the_same_bits() {
     // The rate at which the network learns has fallen when it begins to lead: weights that still jump would make other figures on every machine.
-    let isp = "vary = [\"gain.stops\", \"gamma.exponent\"]\nproxy_warm_up = 60\nproxy_steps = 4\nsteps = 1\n";
+    let isp = "vary = [\"gain.stops\", \"gamma.exponent\"]\nproxy_warm_up = 50\nproxy_steps = 4\nsteps = 1\n";
     let setup = setup(isp).unwrap();
     let camera = setup.camera(setup.nominal().lens_file.lens.clone(), true).unwrap();
     let shots = training_shots(&setup, &camera, 0).unwrap();
@@ -199,7 +199,7 @@ fn a_network_that_imitates_the_chip_leads_it_and_the_lens_and_continues_with_the
     let step = |isp: &mut IspBlock| isp.step(&batch(), rule(StepMethod::Proxy)).unwrap();
     let first = step(&mut isp);
     assert!(first.contains_key("imitation_gradient_cosine") && !first.contains_key("total"), "{first:?}");
-    for _ in 1..60 {
+    for _ in 1..50 {
         step(&mut isp);
     }
     // So far the network has learnt and the parameters have rested.
