@@ -5,6 +5,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
+use std::sync::LazyLock;
 
 use serde_json::Value;
 
@@ -171,6 +172,27 @@ pub fn tiny_run(folder: &Path, name: &str, more: &[&str]) -> PathBuf {
     write_tiny(folder);
     run_ok(folder, &[&["design", "tiny.toml", "--out", name], more].concat());
     folder.join(name)
+}
+
+/// The finished tiny experiment as the folder `run`, beside its file. A test program makes it once; every folder gets a copy.
+pub fn finished_run(folder: &Path) -> PathBuf {
+    static FILES: LazyLock<BTreeMap<PathBuf, Option<Vec<u8>>>> = LazyLock::new(|| {
+        let folder = tempfile::tempdir().expect("a folder");
+        let run = tiny_run(folder.path(), "run", &[]);
+        let below = |path: &Path| path.strip_prefix(folder.path()).expect("below the folder").to_owned();
+        let file = |(path, bytes): (PathBuf, Vec<u8>)| (below(&path), path.is_file().then_some(bytes));
+        snapshot(&run).into_iter().map(file).collect()
+    });
+    write_tiny(folder);
+    for (path, bytes) in FILES.iter() {
+        let path = folder.join(path);
+        let parent = if bytes.is_some() { path.parent().expect("a folder") } else { &path };
+        std::fs::create_dir_all(parent).expect("a new folder");
+        if let Some(bytes) = bytes {
+            std::fs::write(&path, bytes).expect("a copy");
+        }
+    }
+    folder.join("run")
 }
 
 /// The events of a run, in order.

@@ -1,0 +1,8 @@
+//! Jobs, without the command.
+
+mod control;
+mod lens_and_glass;
+mod lens_mtf;
+mod measuring;
+mod one_development;
+mod pinhole_captures;

@@ -1,0 +1,138 @@
+//! What `petzval lens` says of lenses that people bring: afocal ones, fast ones, folded ones, stops at concave surfaces.
+
+use std::path::Path;
+
+use crate::common::{run_fails, run_ok};
+use serde_json::Value;
+
+/// A lens file for 0.5 um.
+fn lens(folder: &Path, name: &str, head: &str, surfaces: &str) -> String {
+    let text = format!(
+        "name = \"{name}\"\nunits = \"mm\"\n{head}[wavelengths]\num = [0.5]\nreference_um = 0.5\n[fields]\nangle_deg = [0.0, 0.5]\n{surfaces}"
+    );
+    let file = format!("{name}.toml");
+    std::fs::write(folder.join(&file), text).unwrap();
+    file
+}
+
+fn pupil(diameter_mm: f64) -> String {
+    format!("[aperture]\nentrance_pupil_diameter_mm = {diameter_mm:?}\n")
+}
+
+fn shown(folder: &Path, file: &str) -> (Value, String) {
+    let json = run_ok(folder, &["lens", "show", file, "--json"]).json();
+    (json, run_ok(folder, &["lens", "show", file]).stdout)
+}
+
+/// Kepler's telescope of 200 and 40 mm.
+fn telescope(folder: &Path) -> String {
+    let surfaces = "[[surface]]\nstop = true\nradius_mm = inf\nthin_lens = { focal_length_mm = 200.0 }\nthickness_mm = 240.0\nsemi_diameter_mm = 10.0\n\
+        [[surface]]\nradius_mm = inf\nthin_lens = { focal_length_mm = 40.0 }\nthickness_mm = 48.0\nsemi_diameter_mm = 10.0\n";
+    lens(folder, "telescope", &pupil(20.0), surfaces)
+}
+
+#[test]
+fn an_afocal_lens_is_called_afocal_everywhere() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = telescope(folder.path());
+    let (json, text) = shown(folder.path(), &file);
+    for key in ["efl_mm", "bfl_mm", "f_number", "working_f_number", "total_track_mm", "defocus_mm"] {
+        assert!(json[key].is_null(), "{key}: {}", json[key]);
+    }
+    assert_eq!(json["image_na"], 0.0);
+    assert!((json["angular_magnification"].as_f64().unwrap() + 5.0).abs() < 1e-9);
+    assert!((json["exit_pupil_mm"].as_f64().unwrap() - 4.0).abs() < 1e-9);
+    // No number is longer than a length can be.
+    let longest =
+        text.split_whitespace().filter(|word| word.parse::<f64>().is_ok()).map(str::len).max().unwrap();
+    assert!(longest < 12, "{text}");
+    for says in
+        ["afocal at 0.5 um", "angular magnification", "the lens is afocal in the y-z plane", "parallel"]
+    {
+        assert!(text.contains(says), "{says}\n{text}");
+    }
+    assert!(!text.contains("virtual"), "{text}");
+    for args in [
+        &["lens", "analyze", &file][..],
+        &["lens", "show", &file, "--focus", "paraxial"],
+        &["lens", "show", &file, "--focus", "best"],
+        &["lens", "tolerance", &file, "--trials", "0"],
+        &["psf", &file, "--out", "psf"],
+    ] {
+        run_fails(folder.path(), args, 2, &["the lens is afocal in the y-z plane"]);
+    }
+}
+
+#[test]
+fn an_object_at_the_front_focus_has_its_image_at_infinity() {
+    let folder = tempfile::tempdir().unwrap();
+    let head = pupil(10.0) + "[object]\ndistance_mm = 100.0\n";
+    let surfaces = "[[surface]]\nstop = true\nradius_mm = inf\nthin_lens = { focal_length_mm = 100.0 }\nthickness_mm = 50.0\nsemi_diameter_mm = 6.0\n";
+    let file = lens(folder.path(), "collimator", &head, surfaces);
+    let (json, text) = shown(folder.path(), &file);
+    assert!((json["efl_mm"].as_f64().unwrap() - 100.0).abs() < 1e-9);
+    assert!(
+        json["defocus_mm"].is_null() && json["magnification"].is_null() && json["total_track_mm"].is_null()
+    );
+    assert!(text.contains("the object is at the front focus") && !text.contains("virtual"), "{text}");
+    run_fails(folder.path(), &["lens", "analyze", &file], 2, &["the object is at the front focus"]);
+}
+
+#[test]
+fn a_stop_at_the_vertex_of_a_concave_mirror_is_read_and_analysed() {
+    let folder = tempfile::tempdir().unwrap();
+    let surfaces = "[[surface]]\nstop = true\nradius_mm = inf\nthickness_mm = 0.0\nsemi_diameter_mm = 25.0\n\
+        [[surface]]\nmirror = true\nradius_mm = -400.0\nconic = -1.0\nthickness_mm = -200.0\nsemi_diameter_mm = 26.0\n";
+    let file = lens(folder.path(), "newton", &pupil(50.0), surfaces);
+    let (json, _) = shown(folder.path(), &file);
+    assert!(
+        json["rms_spot_poly_real_stop_um"][0].as_f64().unwrap() < 1e-6,
+        "{}",
+        json["rms_spot_poly_real_stop_um"]
+    );
+    // The ray at 25 mm meets the axis at the angle U with tan(U / 2) = 25 / 400.
+    let na = (2.0 * (25.0 / 400.0_f64).atan()).sin();
+    assert!((json["image_na"].as_f64().unwrap() - na).abs() < 1e-12);
+    let analysis = run_ok(folder.path(), &["lens", "analyze", &file, "--only", "json", "--json"]).json();
+    assert!(analysis["wavefronts"][0]["rms_waves"][0].as_f64().unwrap() < 1e-6);
+}
+
+#[test]
+fn working_f_number_and_aperture_of_a_fast_mirror_are_those_of_its_real_cone() {
+    let folder = tempfile::tempdir().unwrap();
+    let surfaces = "[[surface]]\nstop = true\nradius_mm = inf\nthickness_mm = 120.0\nsemi_diameter_mm = 50.0\n\
+        [[surface]]\nmirror = true\nradius_mm = -200.0\nconic = -1.0\nthickness_mm = -100.0\nsemi_diameter_mm = 60.0\n";
+    let file = lens(folder.path(), "fast", &pupil(100.0), surfaces);
+    let (json, text) = shown(folder.path(), &file);
+    let number = |key: &str| json[key].as_f64().unwrap();
+    // At f/1 the sine is 8 / 17, and the working f-number 17 / 16.
+    assert!(
+        (number("image_na") - 8.0 / 17.0).abs() < 1e-9 && (number("working_f_number") - 1.0625).abs() < 1e-9
+    );
+    assert!(text.contains("1.0625    NA 0.4706 at the image"), "{text}");
+    let analysis = run_ok(folder.path(), &["lens", "analyze", &file, "--json"]).json();
+    let first = |key: &str| analysis["first_order"][key].as_f64().unwrap();
+    assert!(
+        (first("airy_radius_um") - 0.609_835 * 0.5 * 17.0 / 8.0).abs() < 1e-6,
+        "{}",
+        first("airy_radius_um")
+    );
+    assert!((first("cutoff_per_mm") - 2.0 * 8.0 / 17.0 / 0.5e-3).abs() < 1e-6);
+    let page = std::fs::read_to_string(folder.path().join("fast-analysis/analysis.html")).unwrap();
+    assert!(page.contains("numerical aperture") && page.contains("0.4706"));
+}
+
+#[test]
+fn a_folded_axis_is_as_long_as_the_straight_one_and_an_f_number_has_no_sign() {
+    let folder = tempfile::tempdir().unwrap();
+    let surfaces = "[[surface]]\nstop = true\nradius_mm = inf\nthin_lens = { focal_length_mm = 100.0 }\nthickness_mm = 60.0\nsemi_diameter_mm = 10.0\n\
+        [[surface]]\nmirror = true\nradius_mm = inf\nthickness_mm = -40.0\nsemi_diameter_mm = 25.0\n\
+        placement = { tilt_deg = [45.0, 0.0, 0.0], axis = \"bends\" }\n";
+    let file = lens(folder.path(), "folded", &pupil(10.0), surfaces);
+    let (json, text) = shown(folder.path(), &file);
+    assert!((json["total_track_mm"].as_f64().unwrap() - 100.0).abs() < 1e-9 && json["is_folded"] == true);
+    assert!(text.contains("along the folded axis"), "{text}");
+    assert!((json["f_number"].as_f64().unwrap() - 10.0).abs() < 1e-9);
+    // A tilt is printed as the file has it.
+    assert!(text.contains("tilt_deg = [45.0, 0.0, 0.0]"), "{text}");
+}

@@ -1,0 +1,118 @@
+//! Figures that an optimisation should reach, from a file of operands.
+
+use crate::common::{run_fails, run_ok};
+use serde_json::Value;
+
+/// The value of an operand, by the beginning of its name.
+fn value(figures: &Value, of: &str) -> f64 {
+    let all = figures["operands"].as_array().unwrap();
+    let found = all.iter().find(|o| o["of"].as_str().unwrap().starts_with(of));
+    found.unwrap_or_else(|| panic!("{of} in {all:?}"))["value"].as_f64().unwrap()
+}
+
+#[test]
+fn contrast_is_raised_and_bounds_are_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    write(
+        "mtf.toml",
+        "spot_weight = 0.0\n[[operand]]\nof = \"mtf\"\nfrequency_per_mm = 60.0\nat_least = 1.0\n",
+    );
+    let lens = "cooke-triplet-spot";
+    let optimize = |operands: &str, out: &str| {
+        let limits = ["--iterations", "40", "--json"];
+        run_ok(
+            folder.path(),
+            &[&["lens", "optimize", lens, "--operands", operands, "--out", out], &limits[..]].concat(),
+        )
+        .json()
+    };
+    let found = optimize("mtf.toml", "mtf");
+    // One figure for each field; their mean rises although the spots are the least already.
+    let mean = |figures: &Value| {
+        let all = figures["operands"].as_array().unwrap();
+        assert_eq!(all.len(), 4, "{all:?}");
+        all.iter().map(|o| o["value"].as_f64().unwrap()).sum::<f64>() / 4.0
+    };
+    let (before, after) = (mean(&found["start"]), mean(&found["best"]));
+    assert!(after > before + 0.01, "{before} {after}");
+    assert!(value(&found["best"], "MTF at 60/mm, 15 deg") > 0.0);
+    // At the start the image plane is where the spots are least.
+    let rms = found["start"]["mean_rms_spot_um"].as_f64().unwrap();
+    assert!(rms < 7.8, "{rms}");
+
+    // The distortion of the spot lens is pressed below a bound, at the price of spots; its track keeps one that it has already.
+    let bounds = "[[operand]]\nof = \"track\"\nat_most = 50.0\nweight_um = 1000.0\n\
+        [[operand]]\nof = \"distortion\"\nfield_deg = 14.0\nat_most = 0.005\nweight_um = 1000.0\n";
+    write("bounds.toml", bounds);
+    let found = optimize("bounds.toml", "bounds");
+    let [start, best] =
+        ["start", "best"].map(|of| ["track", "distortion"].map(|figure| value(&found[of], figure)));
+    assert!(start[0] == 0.0 && best[0] == 0.0 && start[1] > 0.1 && best[1] < 0.01, "{start:?} {best:?}");
+    let rms = |of: &str| found[of]["mean_rms_spot_um"].as_f64().unwrap();
+    assert!(rms("best") > rms("start"), "{} {}", rms("best"), rms("start"));
+    // The goal is kept with the folder.
+    let resumed = ["lens", "optimize", "--resume", "bounds", "--iterations", "2", "--json"];
+    let track = value(&run_ok(folder.path(), &resumed).json()["best"], "track");
+    assert!(track < 0.05, "{track}");
+    // The printed table tells a limit, which is missed by so much, from a figure.
+    let again = ["lens", "optimize", "--resume", "bounds", "--iterations", "3"];
+    let table = run_ok(folder.path(), &again).stdout;
+    let row = |name: &str| table.lines().filter(|line| line.starts_with(name)).count();
+    assert_eq!([row("track: missed by"), row("track to the image")], [1, 1], "{table}");
+}
+
+#[test]
+fn a_bound_binds_whatever_its_weight_and_a_missed_one_is_listed() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    let optimize = |operands: &str, out: &str| {
+        let args = ["lens", "optimize", "cooke-triplet-nominal", "--operands", operands, "--out", out];
+        run_ok(folder.path(), &[&args[..], &["--iterations", "60"]].concat())
+    };
+    let distortion = |table: &str| {
+        let row = table.lines().find(|line| line.starts_with("distortion  ")).unwrap().to_owned();
+        row.split_whitespace().rev().nth(1).unwrap().parse::<f64>().unwrap()
+    };
+    for (name, weight) in [("plain", ""), ("light", "weight_um = 1.0\n")] {
+        write(
+            &format!("{name}.toml"),
+            &format!("[[operand]]\nof = \"distortion\"\nat_most = 0.01\n{weight}"),
+        );
+        let table = optimize(&format!("{name}.toml"), name).stdout;
+        assert!(distortion(&table).abs() <= 1.0, "{table}");
+        assert!(!table.contains("not met: "), "{table}");
+        assert!(table.contains("not met at the start: distortion, on the image, by "), "{table}");
+    }
+    // No triplet of this speed reaches it.
+    write(
+        "mtf.toml",
+        "[[operand]]\nof = \"mtf\"\nfield_deg = 15.0\nfrequency_per_mm = 60.0\nat_least = 0.99\n",
+    );
+    let table = optimize("mtf.toml", "mtf").stdout;
+    assert!(table.contains("not met: MTF at 60/mm, 15 deg: 0.") && table.contains(" for 0.9900"), "{table}");
+}
+
+#[test]
+fn files_that_say_nothing_sensible_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    for (text, needles) in [
+        ("spot_weight = 1.0\noperand = []\n", &["there are no operands", "[[operand]]"][..]),
+        ("[[operand]]\nof = \"mtf\"\nat_least = 0.5\n", &["frequency_per_mm", "a positive frequency"][..]),
+        ("[[operand]]\nof = \"track\"\nat_least = 5.0\n", &["the bound that it needs", "at_most for"][..]),
+        ("[[operand]]\nof = \"mft\"\nat_least = 5.0\n", &["mft", "mtf"][..]),
+        ("[[operand]]\nof = \"spot\"\nat_most = 5.0\nwaves = true\n", &["only contrast"][..]),
+        ("[[operand]]\nof = \"focal-length\"\nat_least = 9.0\nat_most = 8.0\n", &["is above at_most"][..]),
+        ("[[operand]]\nof = \"spot\"\nat_most = nan\n", &["must be a number"][..]),
+        (
+            "[[operand]]\nof = \"spot\"\nat_most = 1.0\nfield_deg = 95.0\n",
+            &["RMS spot, 95 deg", "no such figure"][..],
+        ),
+    ] {
+        std::fs::write(folder.path().join("o.toml"), text).unwrap();
+        let optimize =
+            ["lens", "optimize", "cooke-triplet-nominal", "--operands", "o.toml", "--out", "never"];
+        run_fails(folder.path(), &optimize, 2, needles);
+        assert!(!folder.path().join("never").exists(), "{text}");
+    }
+}
