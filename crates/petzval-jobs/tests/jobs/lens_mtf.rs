@@ -1,4 +1,5 @@
-//! A slanted edge goes through a lens onto pixels, and the MTF that is measured of the raw frame is that of the lens times that of the pixel.
+//! A slanted edge goes through a lens onto pixels, and the MTF that is measured of the raw frame is that of the lens times that of the pixel, and
+//! of the cells on which the picture is computed.
 
 use std::f64::consts::PI;
 use std::path::Path;
@@ -120,11 +121,22 @@ fn of_lens(radius_mm: f64, wavelengths_um: &[f64]) -> FieldMtf {
     field_mtf(&lens, field, &options).unwrap()
 }
 
-/// The response of a square pixel across an inclined edge.
-fn of_pixel(frequency: f64) -> f64 {
+/// Cells of the PSFs of pictures, um.
+const CELL_UM: f64 = 1.0;
+
+/// The response of a square of so many pixels a side across an inclined edge.
+fn of_square(side_px: f64, frequency: f64) -> f64 {
     let sinc = |x: f64| if x == 0.0 { 1.0 } else { (PI * x).sin() / (PI * x) };
     let (sin, cos) = ANGLE_DEG.to_radians().sin_cos();
-    sinc(frequency * cos) * sinc(frequency * sin)
+    sinc(frequency * side_px * cos) * sinc(frequency * side_px * sin)
+}
+
+/// The response of all that lies between the scene and the frame apart from the lens: the pixel; the samples of the scene; and the cells of the
+/// PSF, over which a quadratic B-spline spreads every ray. That is a square cell three times over.
+fn beside_the_lens(frequency: f64) -> f64 {
+    of_square(1.0, frequency)
+        * of_square(1.0 / SAMPLES as f64, frequency)
+        * of_square(CELL_UM / PIXEL_UM, frequency).powi(3)
 }
 
 /// The largest difference up to Nyquist's frequency.
@@ -133,7 +145,9 @@ fn largest_difference(found: &EdgeMtf, lens: &[f64]) -> f64 {
         let k = found.frequency_per_px.iter().position(|f| (f - frequency).abs() < 1e-9).unwrap();
         found.modulation[k]
     };
-    (0..=50).map(|k| (at(0.01 * k as f64) - lens[k] * of_pixel(0.01 * k as f64)).abs()).fold(0.0, f64::max)
+    (0..=50)
+        .map(|k| (at(0.01 * k as f64) - lens[k] * beside_the_lens(0.01 * k as f64)).abs())
+        .fold(0.0, f64::max)
 }
 
 #[test]
