@@ -37,6 +37,7 @@ pub mod pictures;
 pub mod plausible;
 mod position;
 pub mod psf_plan;
+mod report_pictures;
 pub mod requirements;
 pub mod restored;
 pub mod run;

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use petzval_base::parameter::Parameter;
-use petzval_files::{LensFile, parse_lens, picture_size};
+use petzval_files::{LensFile, parse_lens};
 use petzval_optics::analysis::first_order_table;
 use petzval_optics::design_space::Variable;
 use petzval_optics::glass::Catalog;
@@ -20,21 +20,20 @@ use crate::error::DesignError;
 use crate::experiment::SameOf;
 use crate::lens_numbers::{full_name, surface_name, unit_of};
 use crate::lens_view;
-use crate::pictures::{file_name, spread_pictures, whole_name};
 use crate::psf_plan::PsfPlan;
+use crate::report_pictures::{frames, held_out, in_order, pictures};
 use crate::run::{
     CameraMetrics, Event, Kept, MadeFigures, MadeMetrics, Metrics, RunFolder, RunRecord, load_blocks,
     read_events,
 };
 use crate::run_progress::{self, is_scored, moved_part};
-use crate::seen_windows;
 use crate::setup::Setup;
 use crate::validation::VALIDATION;
 use crate::variant::{LensGoal, Variant};
 use petzval_learn::score::ScoreDescription;
 use petzval_report::design_report::{
-    CameraPicture, CameraView, Change, FrameView, LossCurve, MadeCamera, MadeCameras, MadeScore, OneSeed,
-    PictureView, PsfView, Report, Score, TableRow,
+    CameraView, Change, LossCurve, MadeCamera, MadeCameras, MadeScore, OneSeed, PsfView, Report, Score,
+    TableRow,
 };
 
 /// Fields whose PSFs the report shows, as indices into the experiment's fields in quarters of the field.
@@ -164,7 +163,7 @@ fn gathered(
         });
     }
     let e = &setup.experiment;
-    Ok(Report {
+    let report = Report {
         title: e.name.clone(),
         subtitle: String::new(),
         command_line: String::new(),
@@ -176,7 +175,8 @@ fn gathered(
         wavelengths_um: plan.wavelengths_um.to_vec(),
         half_diagonal_mm: setup.corner_mm(),
         nyquist_per_mm,
-        pictures: pictures(run, metrics)?,
+        held_out: held_out(run, metrics)?,
+        pictures: Vec::new(),
         frames: frames(run, &setup.variants)?,
         has_isp: setup.body.chip.is_some(),
         pictures_in_all: metrics.held_out_images * metrics.held_out_places,
@@ -191,7 +191,8 @@ fn gathered(
         },
         environment: [record.map_or_else(Vec::new, |r| r.facts()), environment(&run.environment())?].concat(),
         notes: if metrics.rows.is_empty() { Vec::new() } else { notes(setup, metrics) },
-    })
+    };
+    Ok(Report { pictures: pictures(run, metrics, &report)?, ..report })
 }
 
 /// `3 cameras: nominal (800 network steps), ...`, with the steps that were taken.
@@ -320,11 +321,6 @@ fn score(of: &ScoreDescription) -> Score {
     }
 }
 
-/// The values of the scores, in their order; NaN for one that is missing.
-fn in_order(scores: &[ScoreDescription], values: &BTreeMap<String, f64>) -> Vec<f64> {
-    scores.iter().map(|score| values.get(&score.name).copied().unwrap_or(f64::NAN)).collect()
-}
-
 /// What moved of a camera's exposure and of its hardware ISP, before and after.
 fn setting_changes(setup: &Setup, variant: &Variant, run: &RunFolder) -> Result<Vec<Change>, DesignError> {
     // Values come back from their places with a rounding error: of a block that stays they are not compared.
@@ -396,81 +392,6 @@ fn changes(nominal: &LensFile, after: &Lens) -> Vec<Change> {
     }
     all
 }
-
-/// Some of the held-out pictures, of `side` x `side` pixels.
-fn pictures(run: &RunFolder, metrics: &Metrics) -> Result<Vec<PictureView>, DesignError> {
-    let read = |file: String| {
-        let path = run.picture(&file);
-        petzval_base::read_whole(&path).map_err(DesignError::io(&path))
-    };
-    let Some(first) = metrics.rows.first() else { return Ok(Vec::new()) };
-    let windows = seen_windows::read(run, &first.camera)?.unwrap_or_default();
-    // First every photograph in the corner and in the middle of the field, then the other places.
-    let shown = MOST_PICTURES.min(LEAST_PICTURES.max(MOST_OF_CAMERAS / metrics.rows.len()));
-    let mut order = spread_pictures(metrics.held_out_images, metrics.held_out_places, shown);
-    order.retain(|index| *index < first.pictures.len());
-    let field = |i: &usize| first.pictures[*i].relative_field;
-    let outermost = order.iter().map(field).fold(0.0, f64::max);
-    let rank = |i: &usize| match field(i) {
-        f if f >= outermost => 0,
-        f if f < 0.05 => 1,
-        _ => 2,
-    };
-    order.sort_by_key(rank);
-    let mut all = Vec::new();
-    for index in order {
-        let picture = &first.pictures[index];
-        let mut cameras = Vec::new();
-        for m in &metrics.rows {
-            let Some(picture) = m.pictures.get(index) else { continue };
-            cameras.push(CameraPicture {
-                camera: m.camera.clone(),
-                developed_png: read(file_name(index, "developed", Some(&m.camera)))?,
-                output_png: read(file_name(index, "output", Some(&m.camera)))?,
-                scores: in_order(&metrics.scores, &picture.scores),
-            });
-        }
-        let title =
-            picture.photo.rsplit_once('.').map_or(picture.photo.as_str(), |(stem, _)| stem).to_owned();
-        let place = match picture.relative_field {
-            f if f < 0.05 => "centre of the field".to_owned(),
-            f => format!("{:.0} % of the half-diagonal", 100.0 * f),
-        };
-        let objects = windows.get(index).map_or(&[][..], |window| &window.truth.objects);
-        let largest = objects.iter().max_by(|a, b| a.bbox.area().total_cmp(&b.bbox.area()));
-        let truth = file_name(index, "truth", None);
-        // Boxes are those of the first camera, which the truth is of.
-        let (side, _) = picture_size(&run.picture(&truth))?;
-        let focus = largest.map_or([0.5; 2], |o| o.bbox.centre().map(|v| f64::from(v) / f64::from(side)));
-        all.push(PictureView { title, place, focus, truth_png: read(truth)?, cameras });
-    }
-    Ok(all)
-}
-
-/// Whole frames of a photograph, if they were made: the scene and those of the cameras.
-fn frames(run: &RunFolder, variants: &[Variant]) -> Result<Vec<FrameView>, DesignError> {
-    if !run.picture(&whole_name(None)).is_file() {
-        return Ok(Vec::new());
-    }
-    let mut all = Vec::new();
-    for camera in [None].into_iter().chain(variants.iter().map(|variant| Some(variant.name.as_str()))) {
-        let path = run.picture(&whole_name(camera));
-        if path.is_file() {
-            let png = petzval_base::read_whole(&path).map_err(DesignError::io(&path))?;
-            all.push(FrameView { name: camera.unwrap_or("the scene").to_owned(), png });
-        }
-    }
-    Ok(all)
-}
-
-/// Most pictures that a page shows: all of three photographs at nine places. Each takes about 0.13 MB.
-const MOST_PICTURES: usize = 27;
-
-/// Most pictures of cameras on a page, each finished and as a raw frame: a page of many cameras shows fewer scenes.
-const MOST_OF_CAMERAS: usize = 120;
-
-/// Scenes that a page shows however many cameras there are.
-const LEAST_PICTURES: usize = 6;
 
 fn loss_curves(events: Vec<Event>) -> Vec<LossCurve> {
     type Key = (String, String, String);

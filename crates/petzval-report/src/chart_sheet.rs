@@ -6,7 +6,7 @@ use petzval_camera::spectral::{CHART_COLUMNS, apply, d65_white, xyz_of_lab};
 use petzval_lab::chart::{ChartFigures, EdgeFigures, PatchFigures};
 use petzval_lab::sfr::FREQUENCY_STEP;
 
-use crate::number::fixed;
+use crate::number::{fixed, with_error};
 use crate::page::{Page, caption, facts, figure, section, with_contents};
 use crate::plot::{Axes, Chart, Series, chart_svg, plain};
 use crate::rgb_picture::{rgb_picture, shrunk};
@@ -175,12 +175,11 @@ fn sharpness(edges: &[EdgeFigures]) -> Markup {
             fixed(edge.field, 2),
             [
                 edge.contrast.clone(),
-                edge.mtf50_per_px.map_or("–".to_owned(), |v| fixed(v, 3)),
-                edge.mtf50_standard_error.map_or("–".to_owned(), |v| fixed(v, 4)),
-                fixed(100.0 * edge.overshoot, 1),
-                fixed(100.0 * edge.overshoot_error[0], 1),
-                fixed(100.0 * edge.undershoot, 1),
-                fixed(100.0 * edge.overshoot_error[1], 1),
+                edge.mtf50_per_px.map_or("–".to_owned(), |v| {
+                    with_error(v, edge.mtf50_standard_error.unwrap_or(f64::NAN), 4)
+                }),
+                with_error(100.0 * edge.overshoot, 100.0 * edge.overshoot_error[0], 2),
+                with_error(100.0 * edge.undershoot, 100.0 * edge.overshoot_error[1], 2),
             ],
         )
     };
@@ -188,11 +187,8 @@ fn sharpness(edges: &[EdgeFigures]) -> Markup {
         Column::new("field").unit("of the half diagonal"),
         Column::new("contrast"),
         Column::new("MTF50").unit("cycles per pixel"),
-        Column::new("±"),
         Column::new("overshoot").unit("%"),
-        Column::new("±"),
         Column::new("undershoot").unit("%"),
-        Column::new("±"),
     ];
     let profile = |(k, (name, edge)): (usize, (&str, &EdgeFigures))| Series {
         name: name.to_owned(),
@@ -291,8 +287,9 @@ mod tests {
             "axis, upright edges",
             "corner, lying edges",
             "0.84",
-            "0.310",
-            "0.0021",
+            "0.310 ± 0.002",
+            "12.0 ± 0.3",
+            "4.0 ± 0.2",
             "31.5",
         ] {
             assert!(page.contains(words), "{words}");

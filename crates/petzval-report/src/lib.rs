@@ -13,6 +13,7 @@
 //! | [`comparison`] | several runs |
 //! | [`side_by_side`] | one picture by several cameras |
 //! | [`isp_strip`] | the stages of an ISP |
+//! | [`isp_proxy_sheet`] | an ISP and the network that imitates it |
 //! | [`chart_sheet`] | a developed test chart: colours, noise, sharpness |
 //! | [`mtf_sheet`] | the MTF at slanted edges |
 //! | [`data_sheet`] | a data set for object detection: classes, defects, samples with their boxes |
@@ -26,6 +27,7 @@ pub mod chart_sheet;
 pub mod comparison;
 pub mod data_sheet;
 pub mod design_report;
+pub mod isp_proxy_sheet;
 pub mod isp_strip;
 pub mod layout;
 pub mod lens_sheet;

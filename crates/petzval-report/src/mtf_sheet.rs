@@ -4,6 +4,7 @@ use maud::{Markup, html};
 use petzval_camera::sensor::Colour;
 use petzval_lab::edge_mtf::{EdgeMtf, NYQUIST, Region, RegionPicture};
 
+use crate::number;
 use crate::palette::{INK, LIMIT, MUTED, mosaic};
 use crate::plot::{Axis, Curve, Key, Panel, Pen, Sheet, WIDTH_PX, grid, px, span};
 use crate::png::gray_png;
@@ -137,10 +138,12 @@ fn facts(edge: &EdgePanel) -> Vec<String> {
     lines
 }
 
+/// Most decimals of a frequency, cycles per pixel.
+const MOST_DECIMALS: usize = 5;
+
 /// A frequency that ends where its error begins.
 fn with_error(value: f64, error: f64) -> String {
-    let decimals = (1.0 - error.max(1e-5).log10().floor()).clamp(2.0, 5.0) as usize;
-    format!("{value:.decimals$} ± {error:.decimals$} cycles per px")
+    format!("{} cycles per px", number::with_error(value, error, MOST_DECIMALS))
 }
 
 /// The profile of every channel.
@@ -262,7 +265,7 @@ mod tests {
         assert_eq!((svg.matches("data:image/png").count(), svg.matches("class=\"path\"").count()), (2, 2));
         for words in [
             "a &lt;frame&gt;",
-            "0.2000 ± 0.0040",
+            "0.200 ± 0.004",
             "light changes by 25 %",
             "64 px left out",
             "row 40, column 8: upright edge, 5.0°",

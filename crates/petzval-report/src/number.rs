@@ -44,6 +44,55 @@ pub(crate) fn is_nothing(value: f64, decimals: usize) -> bool {
     (value * 10_f64.powi(decimals as i32)).round() == 0.0
 }
 
+/// Decimals at which a value with a standard error ends: those of the first digit of the error, or of its second where the first is 1.
+///
+/// Negative for an error above 20: the value ends at tens. `None` without an error above 0. An error of 0.23 gives 1, one of 0.12 gives
+/// 2, so that rounding changes the error by less than a quarter of it.
+pub(crate) fn decimals_of(error: f64) -> Option<i32> {
+    if !(error > 0.0 && error.is_finite()) {
+        return None;
+    }
+    // Rounded to two digits first: 0.0996 is 0.10, not 0.1.
+    let digits = format!("{error:.1e}");
+    let (first, exponent) = (digits.as_bytes()[0], digits.split_once('e')?.1.parse::<i32>().ok()?);
+    Some(if first == b'1' { 1 - exponent } else { -exponent })
+}
+
+/// A value that ends where its standard error begins, with the error: `1.3 ± 0.2`. Without an error, or with one that rounds to nothing at
+/// the most `decimals`, the value alone.
+pub(crate) fn with_error(value: f64, error: f64, decimals: usize) -> String {
+    joined(value, error, decimals, fixed)
+}
+
+/// The same with the sign of the value: `+1.3 ± 0.2`.
+pub(crate) fn signed_with_error(value: f64, error: f64, decimals: usize) -> String {
+    joined(value, error, decimals, signed)
+}
+
+fn joined(value: f64, error: f64, decimals: usize, text: fn(f64, usize) -> String) -> String {
+    match decimals_of(error).filter(|_| !is_nothing(error, decimals)) {
+        Some(known) => {
+            let known = known.min(decimals as i32);
+            format!("{} ± {}", text(whole(value, known), known.max(0) as usize), rounded(error, known))
+        }
+        None => text(value, decimals),
+    }
+}
+
+/// A value to a number of decimals; a negative number of them ends at tens, hundreds, ...
+pub(crate) fn rounded(value: f64, decimals: i32) -> String {
+    fixed(whole(value, decimals), decimals.max(0) as usize)
+}
+
+/// A value whose last places are 0 where it ends before its decimal point.
+fn whole(value: f64, decimals: i32) -> f64 {
+    if decimals >= 0 {
+        return value;
+    }
+    let unit = 10_f64.powi(-decimals);
+    (value / unit).round() * unit
+}
+
 /// A number of unknown size with about five significant digits: `11.340`, `−4.0600·10⁻⁵`, `∞`.
 pub(crate) fn significant(value: f64) -> String {
     if value.is_infinite() {
@@ -127,6 +176,31 @@ mod tests {
         assert_eq!(signed(0.0125, 3), "+0.013");
         assert_eq!(signed(-0.0125, 2), "\u{2212}0.01");
         assert_eq!(signed(-0.0001, 3), "±0.000");
+    }
+
+    #[test]
+    fn a_value_ends_where_its_error_begins() {
+        for (value, error, wanted) in [
+            (1.2963, 0.2312, "1.3 ± 0.2"),
+            (1.2963, 0.1212, "1.30 ± 0.12"),
+            (1.2963, 0.0996, "1.30 ± 0.10"),
+            (1.2963, 0.0312, "1.30 ± 0.03"),
+            (31.2, 4.4, "31 ± 4"),
+            (1234.5, 36.0, "1230 ± 40"),
+            (1234.6, 12.3, "1235 ± 12"),
+            (107.7, 135.0, "110 ± 140"),
+            (-0.0004, 0.03, "0.00 ± 0.03"),
+            (0.5, 0.0, "0.500"),
+            (0.5, 1e-17, "0.500"),
+            (0.5, 0.00071, "0.500 ± 0.001"),
+            (0.5, f64::NAN, "0.500"),
+        ] {
+            assert_eq!(with_error(value, error, 3), wanted);
+        }
+        assert_eq!(signed_with_error(1.2963, 0.23, 3), "+1.3 ± 0.2");
+        assert_eq!(signed_with_error(-0.0129, 0.0031, 4), "\u{2212}0.013 ± 0.003");
+        assert_eq!(signed_with_error(-0.04, 0.5, 3), "±0.0 ± 0.5");
+        assert_eq!(decimals_of(f64::INFINITY), None);
     }
 
     #[test]

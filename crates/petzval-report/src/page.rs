@@ -114,14 +114,53 @@ pub(crate) fn with_contents(sections: &[Section]) -> Markup {
     }
 }
 
-/// A drawing in the colours of the page.
+/// A drawing in the colours of the page. On a phone it stays so wide that its smallest text can be read, and scrolls in its frame.
 pub(crate) fn figure(svg: &str) -> Markup {
-    html! { figure { (PreEscaped(palette::for_page(svg))) } }
+    let width = least_width_px(svg).map(|px| format!("--least:{px:.0}px"));
+    html! { figure style=[width] { (PreEscaped(palette::for_page(svg))) } }
+}
+
+/// Size below which a text cannot be read, px.
+pub(crate) const SMALLEST_TEXT_PX: f64 = 10.0;
+
+/// Width of a drawing at which its smallest text has [`SMALLEST_TEXT_PX`], px; none for one without a view box or text.
+fn least_width_px(svg: &str) -> Option<f64> {
+    let value = |start: &str| svg.split(start).nth(1)?.split('"').next();
+    let width: f64 = value("viewBox=\"")?.split_whitespace().nth(2)?.parse().ok()?;
+    let sizes =
+        svg.split("font-size=\"").skip(1).filter_map(|rest| rest.split('"').next()?.parse::<f64>().ok());
+    let smallest = sizes.filter(|size| *size > 0.0).min_by(f64::total_cmp)?;
+    Some((width * SMALLEST_TEXT_PX / smallest).ceil())
 }
 
 /// The explanation of a table or a figure.
 pub(crate) fn caption(text: impl Render) -> Markup {
     html! { p.caption { (text) } }
+}
+
+/// A number that a page begins with.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Tile {
+    /// The number with its error and unit.
+    pub value: String,
+    /// What it is.
+    pub label: String,
+    /// Whether it is an improvement; none for a plain figure, or a difference within its error.
+    pub is_gain: Option<bool>,
+}
+
+/// Numbers in large type, three in a row.
+pub(crate) fn numbers(tiles: &[Tile]) -> Markup {
+    html! {
+        dl.numbers {
+            @for tile in tiles {
+                div {
+                    dd class=[tile.is_gain.map(|is_gain| if is_gain { "gain" } else { "loss" })] { (tile.value) }
+                    dt { (tile.label) }
+                }
+            }
+        }
+    }
 }
 
 /// Names and values in two columns; unknown values are left out.
@@ -153,7 +192,7 @@ pub(crate) fn assert_readable(page: &str) {
         assert!(page.contains(&format!("--{name}:")), "--{name} has no value");
     }
     // What a test chart measures keeps its colour; glass is tinted by its dispersion.
-    for figure in page.split("<figure>").skip(1).filter_map(|rest| rest.split("</figure>").next()) {
+    for figure in page.split("<figure").skip(1).filter_map(|rest| rest.split("</figure>").next()) {
         for element in figure.split('<').filter(|e| !e.starts_with("path class=\"element\"")) {
             assert!(!element.contains("=\"#"), "a fixed colour: {element}");
         }
@@ -180,9 +219,75 @@ pub(crate) fn assert_readable(page: &str) {
     }
 }
 
+/// Checks that no text of a page is smaller than [`SMALLEST_TEXT_PX`] on a screen of 390 px: that of drawings by the width at which they
+/// stay, that of elements by the style sheet.
+#[cfg(test)]
+pub(crate) fn assert_legible_on_a_phone(page: &str) {
+    for drawing in page.split("<figure").skip(1).filter_map(|rest| rest.split("</figure>").next()) {
+        let number = |start: &str, end: char| -> Option<f64> {
+            drawing.split(start).nth(1)?.split([end, ' ']).next()?.trim_end_matches("px").parse().ok()
+        };
+        let Some(view_box) =
+            drawing.split("viewBox=\"").nth(1).and_then(|v| v.split(['"', ' ']).nth(2)?.parse::<f64>().ok())
+        else {
+            continue;
+        };
+        // The width that is left between the margins of the page, or that at which the drawing stays.
+        let shown = number("--least:", '"').unwrap_or(0.0).max(342.0);
+        for size in drawing
+            .split("font-size=\"")
+            .skip(1)
+            .filter_map(|rest| rest.split('"').next()?.parse::<f64>().ok())
+        {
+            let px = size * shown / view_box;
+            assert!(
+                px >= SMALLEST_TEXT_PX - 0.01,
+                "{px} px in a drawing of {view_box} px: {}",
+                &drawing[..200.min(drawing.len())]
+            );
+        }
+    }
+    let style = page.split("<style>").nth(1).and_then(|rest| rest.split("</style>").next()).unwrap_or("");
+    for size in style.split("font-size:").skip(1).filter_map(|rest| rest.split([';', '}']).next()) {
+        let size = size.trim();
+        let px =
+            size.strip_suffix("rem").map_or(f64::NAN, |rem| 16.0 * rem.parse::<f64>().unwrap_or(f64::NAN));
+        // A size by the text around it has a floor of its own.
+        assert!(px.is_nan() || px >= SMALLEST_TEXT_PX, "font-size: {size}");
+        assert!(
+            !size.ends_with("em") || size.ends_with("rem") || size.starts_with("max("),
+            "font-size: {size}"
+        );
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_drawing_stays_as_wide_as_its_smallest_text_needs() {
+        let svg = "<svg viewBox=\"0 0 900 300\"><text font-size=\"12\">a</text><text font-size=\"11.5\">b</text></svg>";
+        assert_eq!(least_width_px(svg), Some(783.0));
+        let page = figure(svg).into_string();
+        assert!(page.starts_with("<figure style=\"--least:783px\">"), "{page}");
+        assert_legible_on_a_phone(&page);
+        assert_eq!(least_width_px("<svg/>"), None);
+    }
+
+    #[test]
+    #[should_panic(expected = "px in a drawing")]
+    fn the_check_finds_small_text_in_drawings() {
+        assert_legible_on_a_phone(
+            "<figure><svg viewBox=\"0 0 900 300\"><text font-size=\"12\">a</text></svg></figure>",
+        );
+    }
+
+    #[test]
+    #[should_panic(expected = "font-size: .5rem")]
+    fn the_check_finds_small_text_in_style_sheets() {
+        assert_legible_on_a_phone("<style>p { font-size: .5rem; }</style>");
+    }
 
     #[test]
     fn names_are_escaped_and_nothing_is_fetched() {

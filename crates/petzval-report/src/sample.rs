@@ -11,8 +11,8 @@ use petzval_optics::psf::{PsfOptions, psf};
 use petzval_optics::pupil::Quadrature;
 
 use crate::design_report::{
-    CameraPicture, CameraView, Change, FieldPoint, FrameView, LossCurve, PictureView, PsfView, Report, Score,
-    TableRow,
+    CameraPicture, CameraView, Change, FieldPoint, FrameView, HeldOutScores, LossCurve, PictureView, PsfView,
+    Report, Role, Score, TableRow,
 };
 use crate::prescription::SurfaceView;
 
@@ -212,10 +212,11 @@ pub(crate) fn report() -> Report {
         output_png: picture_png(64, 64, 2 - i as u32),
         scores: vec![0.92, 30.0, 0.9],
     };
-    let picture = |place: &str| PictureView {
+    let picture = |number: usize| PictureView {
         title: "stripes".into(),
-        place: place.into(),
-        focus: [0.5, 0.5],
+        number,
+        role: None,
+        focus: None,
         truth_png: picture_png(64, 64, 0),
         cameras: (0..3).map(shot).collect(),
     };
@@ -238,7 +239,8 @@ pub(crate) fn report() -> Report {
         wavelengths_um: WAVELENGTHS_UM.to_vec(),
         half_diagonal_mm: 6.1,
         nyquist_per_mm: 85.32,
-        pictures: vec![picture("centre"), picture("corner, 14.2°")],
+        held_out: Vec::new(),
+        pictures: vec![picture(0), picture(1)],
         frames: ["scene", "nominal", "end-to-end"].map(frame).into(),
         has_isp: false,
         pictures_in_all: 2,
@@ -251,4 +253,42 @@ pub(crate) fn report() -> Report {
         environment: vec![("threads".into(), "2".into())],
         notes: vec!["one seed".into()],
     }
+}
+
+/// Scores of three photographs at three places: by PSNR the last camera is 1.0 dB behind the first on the axis, and 2.9 dB ahead at 0.93.
+pub(crate) fn held_out() -> Vec<HeldOutScores> {
+    let places = [(0.0, [0.4, -1.0]), (0.7, [0.8, 1.2]), (0.93, [1.1, 2.9])];
+    let mut all = Vec::new();
+    for (i, photograph) in ["a", "b", "c"].into_iter().enumerate() {
+        for (relative_field, gains) in places {
+            // Photographs differ by 1 dB, and gains by 0.1 dB.
+            let shift = i as f64 - 1.0;
+            let psnr = |gain: f64| 30.0 + shift + gain;
+            let of = |psnr: f64| vec![0.9, psnr, 0.87];
+            let gained = gains.map(|gain| of(psnr(gain + 0.1 * shift)));
+            let [spot, end_to_end] = gained;
+            all.push(HeldOutScores {
+                photograph: photograph.into(),
+                relative_field,
+                scores: vec![of(psnr(0.0)), spot, end_to_end],
+                found: Vec::new(),
+            });
+        }
+    }
+    all
+}
+
+/// The whole report with the scores of every picture, and the pictures that are chosen by them.
+pub(crate) fn answered() -> Report {
+    let report = report();
+    let picture = |(number, role): (usize, Role)| PictureView {
+        number,
+        role: Some(role),
+        ..report.pictures[0].clone()
+    };
+    let roles =
+        [(8, Role::MostGain), (6, Role::Axis), (5, Role::Corner), (1, Role::Zone), (4, Role::MedianGain)];
+    let pictures =
+        roles.map(picture).into_iter().chain([PictureView { number: 2, ..report.pictures[0].clone() }]);
+    Report { held_out: held_out(), pictures: pictures.collect(), pictures_in_all: 9, ..report }
 }

@@ -6,7 +6,8 @@ use std::io::Cursor;
 use image::{ImageFormat, Rgba};
 use maud::{Markup, html};
 
-use super::view::{CameraDetection, DetectionView, Mistake, Report, camera_colour};
+use super::found_answer::{Found, ap50};
+use super::view::{CameraDetection, DetectionView, GroupFigure, Mistake, Range, Report, camera_colour};
 use crate::number;
 use crate::page::{caption, figure};
 use crate::plot::{Axes, Chart, Series, chart_svg};
@@ -16,42 +17,84 @@ use crate::{palette, png};
 /// Decimals of average precisions.
 const DECIMALS: usize = 3;
 
-/// The section; nothing where no objects are looked for.
+/// The section; nothing where no objects are looked for. AP50 with its range is in front, the rest is folded.
 pub(super) fn detection(report: &Report) -> Markup {
     let Some(view) = &report.detection else { return html! {} };
     html! {
-        (by_group(report, view))
+        (front(report, view))
         (caption(format!(
-            "Average precision at an overlap of 0.5, with the range that it has in 95 % of draws of the {} windows with repetition, those of one film \
-             or of one picture together; a single film has no range. The ranges of cameras overlap more than their differences are uncertain, because all see the same windows. The second and the third figure are differences over \
-             the same draws: the AP50 of each camera less that of {}, and the AP50 of {} less that of each camera.",
+            "Average precision of all objects at an overlap of 0.5, with the range that it has in 95 % of draws of the {} windows with repetition, those of one film \
+             or of one picture together; a single film has no range. The ranges of cameras overlap more than their differences are uncertain, because all see the same windows: the \
+             differences are over the same draws, the AP50 of each camera less that of {}, and the AP50 of {} less that of each camera.",
             view.windows, view.baseline, view.design
         )))
-        div.charts { @for class in classes(view) { (figure(&chart_svg(&precision_recall(report, view, class)))) } }
-        (lost(report, view))
-        (caption(
-            "Beside the picture are objects on which a window lies and which the lens of the experiment would show, but this one does not. The detector \
-             of each camera looks at four pictures of every window: what the camera would make of the scene with perfect optics and \
-             without noise; the light on the pixels; the raw frame in a plain development; the finished picture. An object that is not found in the \
-             last (score 0.5, overlap 0.5) is counted at the first in which it is not found. A detector was trained on finished pictures, unless the list of cameras says that it sees the scenes: the \
-             tones of the second and third are not those that it knows, so that losses there are upper bounds.",
-        ))
-        (at_stages(report, view))
-        (caption(
-            "AP50 of the detector of each camera in the same four pictures. The first is what it finds behind perfect optics and without noise. It need \
-             not be the best: a detector that was trained on finished pictures knows their noise and tones.",
-        ))
+        details {
+            summary { "AP50 by class, size and place" }
+            (by_group(report, view))
+            (caption("Small: the range in 95 % of draws."))
+        }
+        details {
+            summary { "Precision over recall" }
+            div.charts { @for class in classes(view) { (figure(&chart_svg(&precision_recall(report, view, class)))) } }
+        }
+        details {
+            summary { "Where objects are lost" }
+            (lost(report, view))
+            (caption(
+                "Beside the picture are objects on which a window lies and which the lens of the experiment would show, but this one does not. The detector \
+                 of each camera looks at four pictures of every window: what the camera would make of the scene with perfect optics and \
+                 without noise; the light on the pixels; the raw frame in a plain development; the finished picture. An object that is not found in the \
+                 last (score 0.5, overlap 0.5) is counted at the first in which it is not found. A detector was trained on finished pictures, unless the list of cameras says that it sees the scenes: the \
+                 tones of the second and third are not those that it knows, so that losses there are upper bounds.",
+            ))
+            (at_stages(report, view))
+            (caption(
+                "AP50 of the detector of each camera in the same four pictures. The first is what it finds behind perfect optics and without noise. It need \
+                 not be the best: a detector that was trained on finished pictures knows their noise and tones.",
+            ))
+        }
         @for (i, camera) in view.cameras.iter().enumerate() { (mistakes(report, camera, i)) }
         (caption("Misses: the largest objects that are not found (blue). False alarms: the surest detections where no object of their class is (red). At \
              most one of a window; other boxes in the colours of the pictures."))
     }
 }
 
+/// A row a camera: AP50 with its range, and its differences with theirs.
+fn front(report: &Report, view: &DetectionView) -> Markup {
+    let columns = [
+        "camera".to_owned(),
+        "AP50".to_owned(),
+        "95 % range".to_owned(),
+        format!("against {}", view.baseline),
+        format!("{} against it", view.design),
+    ];
+    let row = |(i, camera): (usize, &CameraDetection)| {
+        let found = ap50(camera).map(|(value, range)| Found::figure(value, range));
+        let ends = found.as_ref().and_then(|found| found.ends.as_ref());
+        let value = html! { b { (found.as_ref().map_or("–", |found| &*found.value)) } };
+        let range = html! { @if let Some([low, high]) = ends { (low) " … " (high) } @else { "–" } };
+        let differences = [camera.against_baseline, camera.design_against].map(difference);
+        let cells = [value, range].into_iter().chain(differences);
+        Row::new(&camera.camera, cells).of_camera(camera_colour(&report.cameras, &camera.camera, i))
+    };
+    Table::new(columns.iter().map(Column::new))
+        .class("scores")
+        .rows(view.cameras.iter().enumerate().map(row))
+        .html()
+}
+
+/// A difference with its range below it.
+fn difference(range: Option<Range>) -> Markup {
+    let Some(range) = range else { return html! { "–" } };
+    let found = Found::difference(range);
+    html! { (found.value) @if let Some([low, high]) = found.ends { span.delta { (low) " … " (high) } } }
+}
+
 fn classes(view: &DetectionView) -> BTreeSet<&str> {
     view.cameras.iter().flat_map(|c| c.curves.iter().map(|curve| curve.class.as_str())).collect()
 }
 
-/// A row a camera, a column a group.
+/// A row a camera, a column a group of objects.
 fn by_group(report: &Report, view: &DetectionView) -> Markup {
     let mut names: Vec<&str> = Vec::new();
     for figure in view.cameras.iter().flat_map(|c| &c.groups) {
@@ -59,38 +102,16 @@ fn by_group(report: &Report, view: &DetectionView) -> Markup {
             names.push(&figure.name);
         }
     }
-    let differences =
-        [format!("AP50 against {}", view.baseline), format!("AP50 of {} against it", view.design)];
-    // All objects, the differences in them, and then the groups: a wide table is cut off at its right.
-    let (all, groups) = names.split_at(names.len().min(1));
-    let columns = ["camera"]
-        .into_iter()
-        .chain(all.iter().copied())
-        .chain(differences.iter().map(String::as_str))
-        .chain(groups.iter().copied())
-        .map(Column::new);
-    let cell = |value: Option<f64>, range: Option<[f64; 2]>, sign: bool| {
-        html! {
-            @if let Some(value) = value {
-                @if sign && value > 0.0 { "+" }
-                (number::fixed(value, DECIMALS))
-                @if let Some([low, high]) = range {
-                    span.delta { (number::fixed(low, DECIMALS)) " … " (number::fixed(high, DECIMALS)) }
-                }
-            } @else { "–" }
-        }
+    let cell = |group: Option<&GroupFigure>| {
+        let Some(group) = group else { return html! { "–" } };
+        let found = Found::figure(group.value, group.range);
+        html! { (found.value) @if let Some([low, high]) = found.ends { span.delta { (low) " … " (high) } } }
     };
     let row = |(i, camera): (usize, &CameraDetection)| {
-        let of_group = |name: &&str| {
-            let group = camera.groups.iter().find(|g| g.name == **name);
-            cell(group.map(|g| g.value), group.and_then(|g| g.range), false)
-        };
-        let differences = [camera.against_baseline, camera.design_against]
-            .map(|range| cell(range.map(|r| r.value), range.map(|r| [r.low, r.high]), true));
-        let cells: Vec<Markup> =
-            all.iter().map(of_group).chain(differences).chain(groups.iter().map(of_group)).collect();
+        let cells = names.iter().map(|name| cell(camera.groups.iter().find(|g| g.name == **name)));
         Row::new(&camera.camera, cells).of_camera(camera_colour(&report.cameras, &camera.camera, i))
     };
+    let columns = ["camera"].into_iter().chain(names.iter().copied()).map(Column::new);
     Table::new(columns).class("scores").rows(view.cameras.iter().enumerate().map(row)).html()
 }
 
@@ -170,7 +191,7 @@ fn mistakes(report: &Report, camera: &CameraDetection, i: usize) -> Markup {
         }
     };
     html! {
-        details open[i + 1 == report.cameras.len()] {
+        details {
             summary { span.shot-name style=(palette::camera_style(colour)) { (camera.camera) } ": misses and false alarms" }
             (strip("Misses", &camera.misses, MISSED))
             (strip("False alarms", &camera.false_alarms, ALARM))
@@ -257,13 +278,13 @@ mod tests {
         assert!(pictures(&report).into_string().contains("Boxes in the scene"));
         let page = detection(&report).into_string();
         for text in [
-            "0.713",
-            "0.651",
+            "0.71",
+            "0.65 … 0.77",
             "0.432",
             "+0.021",
-            "0.041",
+            "+0.041",
             "+0.011",
-            "AP50 of end-to-end against it",
+            "end-to-end against it",
             ">61<",
             ">12<",
             "0.831",
@@ -272,6 +293,15 @@ mod tests {
         ] {
             assert!(page.contains(text), "{text}: {page}");
         }
+        // AP50 with its range is in front, and everything else is folded.
+        let (front, folded) = page.split_once("<details").unwrap();
+        assert!(
+            front.contains("<b>0.71</b>") && front.contains("0.65 … 0.77") && front.contains("+0.021"),
+            "{front}"
+        );
+        assert!(!front.contains("0.432") && !front.contains("<svg") && !front.contains("<img"));
+        assert!(!page.contains("<details open"));
+        assert!(folded.contains("0.432") && folded.contains("<svg"));
         // The picture that cannot be decoded is left out.
         assert_eq!(page.matches("<img").count(), 2);
     }

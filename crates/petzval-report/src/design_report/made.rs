@@ -11,7 +11,7 @@ use crate::table::{Column, Row, Table};
 /// The table, one row a camera and score; nothing without such cameras.
 pub(super) fn made_table(report: &Report) -> Markup {
     let Some(made) = &report.made else { return html! {} };
-    let figures = picture_scores(&report.scores);
+    let figures = picture_scores(report);
     let columns = [
         Column::new("camera"),
         Column::new("score").text(),

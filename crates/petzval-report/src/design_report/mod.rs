@@ -3,32 +3,44 @@
 //! The input is plain data and the output is text: nothing here traces a lens or reads a file, a clock or the network.
 //! The page contains everything it shows, so that it can be mailed, archived and printed.
 
+mod answer;
+mod answer_view;
 mod attribution;
 mod change;
+mod choice;
+mod detail;
 mod detection;
+mod found_answer;
 mod frames;
 mod made;
 mod mtf;
 mod page;
 mod picture;
+mod place_chart;
 mod progress;
 mod psf_table;
 mod reading;
 mod score_table;
+mod scored_answer;
+mod standing;
 mod view;
+mod words;
 
+pub use choice::choice;
+pub use detail::detail;
 pub(crate) use page::{lenses, over_the_field, over_the_run};
 pub(crate) use picture::pictures;
 pub use view::{
     Attribution, CameraDetection, CameraPicture, CameraProgress, CameraState, CameraView, Change,
-    DetectionView, FieldPoint, FrameView, GroupFigure, LossCurve, LostObjects, MadeCamera, MadeCameras,
-    MadeScore, Mistake, OneSeed, PictureView, PrecisionCurve, Progress, PsfView, Range, Report, Score,
-    SeedDifference, SeedStudy, Spread, TableRow,
+    DetectionView, FieldPoint, FrameView, GroupFigure, HeldOutScores, LossCurve, LostObjects, MadeCamera,
+    MadeCameras, MadeScore, Mistake, OneSeed, PictureView, PrecisionCurve, Progress, PsfView, Range, Report,
+    Role, Score, SeedDifference, SeedStudy, Spread, TableRow,
 };
 
-/// The result in sentences, as the page has it. Empty if there are no cameras to compare.
+/// The result in sentences, as the page has it: the answer first. Empty if there are no cameras to compare.
 pub fn sentences(report: &Report) -> Vec<String> {
-    reading::reading(report)
+    let answer = answer::answer(report).map(|answer| answer.sentence);
+    answer.into_iter().chain(reading::reading(report)).collect()
 }
 
 /// The report as one self-contained HTML file.

@@ -2,13 +2,15 @@
 
 use maud::{Markup, html};
 
+use super::answer::answer;
 use super::attribution::{attribution, has_attribution};
 use super::change::change_table;
 use super::detection::detection;
 use super::frames::frames;
 use super::made::made_table;
 use super::mtf::{has_mtf, mtf};
-use super::picture::pictures;
+use super::picture::{ends, has_ends, has_more, more_pictures, most_gain};
+use super::place_chart::{has_places, place_chart};
 use super::progress::progress;
 use super::psf_table::psf_table;
 use super::reading::reading;
@@ -30,10 +32,12 @@ pub(super) fn page(report: &Report) -> String {
     let has_settings = report.cameras.iter().any(|c| !c.setting_changes.is_empty());
     let sections = [
         section_of("At work", report.progress.is_some(), || progress(report)),
-        result(report),
-        section_of("Pictures", !report.pictures.is_empty(), || pictures(report)),
-        section_of("Whole frames", !report.frames.is_empty(), || frames(report)),
         section_of("Detection", report.detection.is_some(), || detection(report)),
+        section_of("Axis and corner", has_ends(report), || ends(report)),
+        section_of("Score over the field", has_places(report), || place_chart(report)),
+        result(report),
+        section_of("Pictures", has_more(report), || more_pictures(report)),
+        section_of("Whole frames", !report.frames.is_empty(), || frames(report)),
         section_of("As made", report.made.is_some(), || made_table(report)),
         section_of("Lenses", has_cameras, || lenses(report)),
         section_of("Exposure and image signal processor", has_settings, || settings(report)),
@@ -45,15 +49,21 @@ pub(super) fn page(report: &Report) -> String {
         how_it_was_made(report),
     ];
     let main = with_contents(&sections.into_iter().flatten().collect::<Vec<Section>>());
-    let command = html! {
-        @if !report.command_line.is_empty() { pre.command { code { "$ " (report.command_line) } } }
+    let answer = answer(report);
+    // Without an answer the page begins with what the run is; with one this stands below the answer, in the result.
+    let subtitle = if answer.is_some() {
+        html! {}
+    } else {
+        html! { (report.subtitle) }
     };
     Page {
         title: report.title.clone(),
         style: include_str!("page.css"),
         headline: report.title.clone(),
-        subtitle: html! { (report.subtitle) },
-        lead: command,
+        subtitle,
+        lead: html! {
+            @if let Some(answer) = &answer { (answer.shown()) (most_gain(report)) }
+        },
         main,
         script: Some((viewer(), include_str!("page.js"))),
         again_s: report.progress.as_ref().map(|progress| progress.again_s),
@@ -66,18 +76,24 @@ fn section_of(headline: &str, is_there: bool, body: impl FnOnce() -> Markup) -> 
     is_there.then(|| section(headline, body()))
 }
 
-/// The reading, the scores, and the remarks.
+/// The scores, what they say in sentences, and folded the remarks.
 fn result(report: &Report) -> Option<Section> {
-    let sentences = reading(report);
+    let has_answer = answer(report).is_some();
     section_of("Result", !report.table.is_empty() || !report.notes.is_empty(), || {
         html! {
-            @if let Some((first, rest)) = sentences.split_first() {
-                p.lead { (first) }
-                @for sentence in rest { p.reading { (sentence) } }
+            @if has_answer { p { (report.subtitle) } }
+            @if report.detection.is_some() {
+                // AP50 with its range stands above; the other scores of objects fill a wide table.
+                details { summary { "All scores and lenses" } (score_table(report)) }
+            } @else {
+                (score_table(report))
             }
-            (score_table(&report.scores, &report.table, &report.cameras))
+            @for sentence in reading(report) { p.reading { (sentence) } }
             @if !report.notes.is_empty() {
-                ul.notes { @for note in &report.notes { li { (note) } } }
+                details {
+                    summary { "How scores and lenses are measured" }
+                    ul.notes { @for note in &report.notes { li { (note) } } }
+                }
             }
         }
     })
@@ -227,6 +243,7 @@ fn how_it_was_made(report: &Report) -> Option<Section> {
     let is_there = !report.environment.is_empty() || !report.config_toml.is_empty();
     section_of("How it was made", is_there, || {
         html! {
+            @if !report.command_line.is_empty() { pre.command { code { "$ " (report.command_line) } } }
             @if !report.environment.is_empty() {
                 (facts(report.environment.iter().map(|(name, value)| (name.as_str(), Some(value.clone())))))
             }
@@ -298,6 +315,39 @@ mod tests {
         assert!(page.contains("class=\"ghost\""));
         assert_eq!(page.matches("<img").count(), page.matches(" alt=\"").count());
         assert!(!page.contains("NaN"));
+    }
+
+    #[test]
+    fn the_answer_comes_first_and_what_explains_it_in_the_order_of_its_worth() {
+        let report = sample::answered();
+        let page = page(&report);
+        assert_readable(&page);
+        let at = |text: &str| page.find(text).unwrap_or_else(|| panic!("{text}"));
+        let order = [
+            "End-to-end scores highest: +1.30",
+            "class=\"numbers\"",
+            "Most gain: +3.0",
+            "<nav class=\"contents\"",
+            "<h2>Axis and corner</h2>",
+            "On the axis: \u{2212}0.9",
+            "In the corner: +2.9",
+            "<h2>Score over the field</h2>",
+            "End-to-end is ahead of nominal at 2 of 3 places",
+            "<h2>Result</h2>",
+            "<h2>Pictures</h2>",
+            "In the zone",
+            "Median gain",
+            "more held-out pictures",
+            "<h2>Lenses</h2>",
+            "<h2>How it was made</h2>",
+            "petzval design",
+        ];
+        let places: Vec<usize> = order.iter().map(|text| at(text)).collect();
+        assert!(places.is_sorted(), "{:?}", order.iter().zip(places).collect::<Vec<_>>());
+        // Each picture once: truth and three cameras, twice for those before the pictures and with the raw frame for the others.
+        assert_eq!(page.matches("class=\"comparison\"").count(), report.pictures.len());
+        // The run is described once.
+        assert_eq!(page.matches("of a report").count(), 1);
     }
 
     #[test]

@@ -5,7 +5,9 @@ use std::io::Cursor;
 use image::ImageFormat;
 use maud::{Markup, html};
 
-use super::view::{CameraPicture, PictureView, Report, camera_colour};
+use super::detail::focus;
+use super::standing::{Standing, place_in_words};
+use super::view::{CameraPicture, PictureView, Report, Role, camera_colour};
 use crate::number;
 use crate::page::caption;
 use crate::{palette, png};
@@ -16,23 +18,80 @@ const ZOOM: f64 = 0.25;
 /// Number of pictures that are shown at once; the others are shown on demand.
 const UNFOLDED: usize = 6;
 
+/// Pictures that the page shows before this section: that of most gain as part of the answer, and those on the axis and in the corner.
+const SHOWN_BEFORE: [Role; 3] = [Role::MostGain, Role::Axis, Role::Corner];
+
+/// The picture of a role, with its place in [`Report::pictures`].
+fn of_role(report: &Report, role: Role) -> Option<(usize, &PictureView)> {
+    report.pictures.iter().enumerate().find(|(_, picture)| picture.role == Some(role))
+}
+
+/// The picture of most gain, as part of the answer.
+pub(super) fn most_gain(report: &Report) -> Markup {
+    html! {
+        @if let Some((i, picture)) = of_role(report, Role::MostGain) {
+            div.answer-pictures { (comparison(report, picture, i, Rows::Finished)) }
+        }
+    }
+}
+
+/// Whether there are pictures on the axis and in the corner.
+pub(super) fn has_ends(report: &Report) -> bool {
+    [Role::Axis, Role::Corner].into_iter().any(|role| of_role(report, role).is_some())
+}
+
+/// The pictures on the axis and in the corner.
+pub(super) fn ends(report: &Report) -> Markup {
+    html! {
+        @for (i, picture) in [Role::Axis, Role::Corner].into_iter().filter_map(|role| of_role(report, role)) {
+            (comparison(report, picture, i, Rows::Finished))
+        }
+        (caption(
+            "One picture of each place, of the photograph with the most detail that is not shown above. The framed part is the one with the most \
+             detail. Select a picture to see it large; the arrow keys then switch cameras in place."
+        ))
+    }
+}
+
+/// Whether there are pictures beside those of the answer and of both ends of the field.
+pub(super) fn has_more(report: &Report) -> bool {
+    report.pictures.iter().any(|picture| !is_shown_before(picture))
+}
+
+fn is_shown_before(picture: &PictureView) -> bool {
+    picture.role.is_some_and(|role| SHOWN_BEFORE.contains(&role))
+}
+
+/// The other pictures of a page that begins with its answer.
+pub(super) fn more_pictures(report: &Report) -> Markup {
+    let others: Vec<(usize, &PictureView)> =
+        report.pictures.iter().enumerate().filter(|(_, picture)| !is_shown_before(picture)).collect();
+    shown(report, &others)
+}
+
 /// All pictures. A click enlarges a picture, and arrow keys then switch between the cameras.
 pub(crate) fn pictures(report: &Report) -> Markup {
-    let (shown, all) = (report.pictures.len(), report.pictures_in_all);
+    shown(report, &report.pictures.iter().enumerate().collect::<Vec<_>>())
+}
+
+/// Pictures with their places in [`Report::pictures`]: those with a role, or the first ones, and the others folded.
+fn shown(report: &Report, all: &[(usize, &PictureView)]) -> Markup {
+    let (on_page, in_all) = (report.pictures.len(), report.pictures_in_all);
+    let chosen = all.iter().take_while(|(_, picture)| picture.role.is_some()).count();
+    let (first, rest) = all.split_at(if chosen > 0 { chosen } else { all.len().min(UNFOLDED) });
     html! {
-        @if shown < all {
-            p { (shown) " of " (all) " held-out pictures, spread evenly over photographs and places; the scores are of all." }
+        @if on_page < in_all {
+            p { (on_page) " of " (in_all) " held-out pictures: by what is gained in them, by place and by photograph; the others are spread evenly. The scores are of all." }
         }
-        @let (first, rest) = report.pictures.split_at(report.pictures.len().min(UNFOLDED));
-        @for (i, picture) in first.iter().enumerate() { (comparison(report, picture, i)) }
+        @for (i, picture) in first { (comparison(report, picture, *i, Rows::All)) }
         @if !rest.is_empty() {
             details {
                 summary { (rest.len()) " more held-out pictures" }
-                @for (i, picture) in rest.iter().enumerate() { (comparison(report, picture, UNFOLDED + i)) }
+                @for (i, picture) in rest { (comparison(report, picture, *i, Rows::All)) }
             }
         }
         (caption(
-            "Below each picture the framed part is enlarged without smoothing: the largest object that is to be found, or the middle; the last row is the raw frame in a plain development, \
+            "Below each picture the framed part is enlarged without smoothing: the largest object that is to be found, or the part with the most detail; the last row is the raw frame in a plain development, \
              without network or hardware ISP. Select a picture to see it large; the arrow keys then switch cameras in place.",
         ))
         @if report.detection.is_some() {
@@ -45,16 +104,66 @@ pub(crate) fn pictures(report: &Report) -> Markup {
     }
 }
 
+/// What is shown of each camera.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Rows {
+    /// The finished picture.
+    Finished,
+    /// The raw frame in a plain development as well.
+    All,
+}
+
+/// The name of a role above its picture.
+fn in_words(role: Role) -> &'static str {
+    match role {
+        Role::MostGain => "Most gain",
+        Role::Axis => "On the axis",
+        Role::Corner => "In the corner",
+        Role::Zone => "In the zone",
+        Role::MedianGain => "Median gain",
+        Role::LeastGain => "Least gain",
+    }
+}
+
+/// Why a picture is shown, and what is gained in it: `Most gain: +4.1 dB against nominal`.
+fn reason(report: &Report, picture: &PictureView) -> Option<String> {
+    let role = in_words(picture.role?);
+    let (standing, scores) = (Standing::of(report)?, report.held_out.get(picture.number)?);
+    let gain = standing.gain_in(scores);
+    let about = standing.about();
+    let gain = match scores.found.is_empty() {
+        _ if !gain.is_finite() => return Some(role.to_owned()),
+        true => {
+            let sign = if about.higher_is_better { gain } else { -gain };
+            let unit = if about.unit.is_empty() { about.title.clone() } else { about.unit.clone() };
+            // One picture is worth a digit less than the mean over all.
+            format!("{}\u{a0}{unit}", number::signed(sign, about.decimals.saturating_sub(1)))
+        }
+        false => format!("{} objects found", number::signed(gain, 0)),
+    };
+    let [camera, baseline] = [standing.subject, standing.baseline].map(|camera| standing.name(camera));
+    Some(format!("{role}: {gain}, {camera} against {baseline}"))
+}
+
 /// One scene in columns: truth, then the cameras.
-fn comparison(report: &Report, picture: &PictureView, group: usize) -> Markup {
-    let (columns, corner) = (picture.cameras.len() + 1, corner(picture.focus));
+fn comparison(report: &Report, picture: &PictureView, group: usize, rows: Rows) -> Markup {
+    let focus = picture.focus.unwrap_or_else(|| focus(&picture.truth_png, ZOOM));
+    let (columns, corner) = (picture.cameras.len() + 1, corner(focus));
+    let place = report.held_out.get(picture.number).map(|scores| place_in_words(scores.relative_field));
+    let reason = reason(report, picture);
     // Scores over all pictures at once, as of objects that are found, have no value for one.
     let has_value =
         |i: &usize| picture.cameras.iter().any(|shot| shot.scores.get(*i).is_some_and(|v| v.is_finite()));
     let shown: Vec<usize> = (0..report.scores.len()).filter(has_value).collect();
     html! {
         article.comparison {
-            p { b { (picture.title) } span.muted { " " (picture.place) } }
+            p {
+                b { (reason.as_ref().unwrap_or(&picture.title)) }
+                span.muted {
+                    @if reason.is_some() { " " (picture.title) }
+                    @if let Some(place) = place { ", " (place) }
+                }
+            }
             div.comparison-grid style=(format!("--columns:{columns}")) {
                 div.shot {
                     div.shot-name style="--camera:currentColor" { "truth" span.muted { " the scene" } }
@@ -66,7 +175,7 @@ fn comparison(report: &Report, picture: &PictureView, group: usize) -> Markup {
                     div.shot-note { "the framed part, enlarged" }
                 }
                 @for (i, shot) in picture.cameras.iter().enumerate() {
-                    (camera_column(report, picture, shot, i, (&shown, group, corner)))
+                    (camera_column(report, picture, shot, i, (&shown, group, corner, rows)))
                 }
             }
         }
@@ -78,7 +187,7 @@ fn camera_column(
     picture: &PictureView,
     shot: &CameraPicture,
     i: usize,
-    (shown, group, corner): (&[usize], usize, [f64; 2]),
+    (shown, group, corner, rows): (&[usize], usize, [f64; 2], Rows),
 ) -> Markup {
     let colour = camera_colour(&report.cameras, &shot.camera, i);
     let alt = |what: &str| format!("{}: {what} of the {} camera", picture.title, shot.camera);
@@ -97,9 +206,11 @@ fn camera_column(
                 }
             }
             (zoomed(&shot.output_png, &alt("finished picture, enlarged,"), corner))
-            div.shot-note { (if report.has_isp { "after the ISP" } else { "after the network" }) }
-            (zoomed(&shot.developed_png, &alt("developed raw frame, enlarged,"), corner))
-            div.shot-note { (if report.has_isp { "developed plainly" } else { "before the network" }) }
+            @if rows == Rows::All {
+                div.shot-note { (if report.has_isp { "after the ISP" } else { "after the network" }) }
+                (zoomed(&shot.developed_png, &alt("developed raw frame, enlarged,"), corner))
+                div.shot-note { (if report.has_isp { "developed plainly" } else { "before the network" }) }
+            }
         }
     }
 }
@@ -162,9 +273,9 @@ mod tests {
     #[test]
     fn a_choice_of_the_pictures_says_how_many_there_are() {
         let mut report = sample::report();
-        assert!(!pictures(&report).into_string().contains("held-out pictures, spread"));
+        assert!(!pictures(&report).into_string().contains("held-out pictures: by what"));
         report.pictures_in_all = 450;
-        assert!(pictures(&report).into_string().contains("2 of 450 held-out pictures, spread evenly"));
+        assert!(pictures(&report).into_string().contains("2 of 450 held-out pictures: by what is gained"));
     }
 
     #[test]

@@ -1,8 +1,10 @@
 //! The reading: the result of the scores in plain sentences, also if there is no gain. A run has one seed, so they say what differs,
 //! and not which camera is better.
 
+use super::found_answer::Found;
 use super::score_table::{Figure, first_order, picture_scores, spot};
-use super::view::{DetectionView, OneSeed, Range, Report, SeedStudy, TableRow};
+use super::view::{DetectionView, OneSeed, Report, SeedStudy, TableRow};
+use super::words::capitalised;
 use crate::number;
 
 /// The scores of all objects. Those of groups have a table of their own, with ranges.
@@ -21,7 +23,7 @@ pub(super) fn reading(report: &Report) -> Vec<String> {
         return Vec::new();
     }
     let is_read = |s: &Figure| report.detection.is_none() || OF_ALL_OBJECTS.contains(&s.name.as_str());
-    let scores: Vec<Figure> = picture_scores(&report.scores).into_iter().filter(is_read).collect();
+    let scores: Vec<Figure> = picture_scores(report).into_iter().filter(is_read).collect();
     let (ceiling, rows): (Vec<TableRow>, Vec<TableRow>) =
         report.table.iter().cloned().partition(|r| r.is_ceiling);
     let [baseline, between @ .., design] = &rows[..] else { return Vec::new() };
@@ -31,8 +33,7 @@ pub(super) fn reading(report: &Report) -> Vec<String> {
     // A camera before it is one from which others start.
     let top = ceiling.last().filter(|top| report.detection.as_ref().is_none_or(|view| is_ahead(view, top)));
     sentences.extend(top.and_then(|top| gap_sentence(&scores, baseline, &others, top)));
-    sentences
-        .extend(report.one_seed.as_ref().map(|known| seed_sentence(&picture_scores(&report.scores), known)));
+    sentences.extend(report.one_seed.as_ref().map(|known| seed_sentence(&picture_scores(report), known)));
     sentences.extend(spot_sentence(scores.first(), design, baseline, between));
     sentences.extend(rows.iter().filter_map(|r| unlike(r, baseline)));
     sentences
@@ -47,12 +48,8 @@ fn is_ahead(view: &DetectionView, camera: &TableRow) -> bool {
 /// Compares a camera with another in the scores of pictures; what is found with the range of the difference.
 fn compare(report: &Report, scores: &[Figure], design: &TableRow, other: &TableRow) -> String {
     let seen = report.detection.iter().flat_map(|view| &view.cameras).find(|c| c.camera == other.camera);
-    let range = |s: &Figure| match seen.and_then(|seen| seen.design_against).filter(|_| s.name == AP50) {
-        Some(Range { low, high, .. }) => {
-            let [low, high] = [low, high].map(|end| number::signed(end, s.decimals));
-            format!(" (95 % range {low} to {high})")
-        }
-        None => String::new(),
+    let found = |s: &Figure| {
+        seen.and_then(|seen| seen.design_against).filter(|_| s.name == AP50).map(Found::difference)
     };
     let known: Vec<&Figure> = scores.iter().filter(|s| s.gain(other, design).is_finite()).collect();
     let against = &other.camera;
@@ -62,7 +59,10 @@ fn compare(report: &Report, scores: &[Figure], design: &TableRow, other: &TableR
     }
     let differences: Vec<String> = known
         .iter()
-        .map(|s| difference(s, &number::signed(s.of(design) - s.of(other), s.decimals)) + &range(s))
+        .map(|s| match found(s) {
+            Some(found) => difference(s, &found.value) + &found.range(),
+            None => difference(s, &number::signed(s.of(design) - s.of(other), s.decimals)),
+        })
         .collect();
     format!("{name} against {against}: {}.", differences.join(", "))
 }
@@ -124,9 +124,8 @@ const OTHER_SEEDS: usize = 2;
 fn studied(scores: &[Figure], study: &SeedStudy) -> String {
     let differences = study.differences.iter().filter(|d| !d.spreads.is_empty()).map(|d| {
         let spreads = d.spreads.iter().map(|s| {
-            let (figure, decimals) = (&scores[s.score], scores[s.score].decimals);
-            let value = number::signed(s.mean, decimals);
-            difference(figure, &format!("{value} ± {}", number::fixed(s.deviation, decimals)))
+            let figure = &scores[s.score];
+            difference(figure, &number::signed_with_error(s.mean, s.deviation, figure.decimals))
         });
         format!("{} against {}: {}", d.camera, d.against, spreads.collect::<Vec<_>>().join(", "))
     });
@@ -213,15 +212,10 @@ fn unlike(row: &TableRow, baseline: &TableRow) -> Option<String> {
     })
 }
 
-fn capitalised(name: &str) -> String {
-    let mut letters = name.chars();
-    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::design_report::{CameraDetection, Score, SeedDifference, Spread};
+    use crate::design_report::{CameraDetection, Range, Score, SeedDifference, Spread};
     use crate::sample::{rows, scores};
 
     /// The reading without its unbreakable spaces.
@@ -311,7 +305,7 @@ mod tests {
         assert_eq!(
             all[2],
             "This run has one seed, and one seed is one sample: another seed gives other differences. For comparison, the-main-job \
-             with 3 seeds and 800 network steps, mean and standard deviation: end-to-end against spot-optimised: +0.0053 ± 0.0031 \
+             with 3 seeds and 800 network steps, mean and standard deviation: end-to-end against spot-optimised: +0.005 ± 0.003 \
              in 1 − LPIPS, \u{2212}0.04 ± 0.16 dB PSNR."
         );
         for word in ["beat", "win", "lose", "better", "worse"] {

@@ -2,7 +2,8 @@
 
 use maud::{Markup, html};
 
-use super::view::{CameraView, Score, TableRow, baseline, camera_colour};
+use super::standing::difference;
+use super::view::{Report, Score, TableRow, baseline, camera_colour};
 use crate::number;
 use crate::page::caption;
 use crate::table::{Column, Row, Table};
@@ -83,16 +84,26 @@ impl Figure {
     }
 }
 
-/// The scores of the pictures.
-pub(super) fn picture_scores(scores: &[Score]) -> Vec<Figure> {
+/// The scores of the pictures. Their numbers end where the smallest error of a difference to the baseline begins.
+pub(super) fn picture_scores(report: &Report) -> Vec<Figure> {
     let figure = |(i, score): (usize, &Score)| Figure {
         name: score.title.replace(' ', "\u{a0}"),
         unit: score.unit.clone(),
         better: Some(if score.higher_is_better { Better::Higher } else { Better::Lower }),
-        decimals: score.decimals,
+        decimals: known_decimals(report, i).unwrap_or(score.decimals).min(score.decimals),
         place: Place::Score(i),
     };
-    scores.iter().enumerate().map(figure).collect()
+    report.scores.iter().enumerate().map(figure).collect()
+}
+
+/// Decimals of a score by the smallest error of a difference to the baseline: that of the score itself is mostly the content of the pictures,
+/// which all cameras share.
+fn known_decimals(report: &Report, score: usize) -> Option<usize> {
+    let baseline = baseline(&report.table);
+    let others = (0..report.table.len()).filter(|camera| *camera != baseline);
+    let errors = others.map(|camera| difference(report, score, camera, baseline).error);
+    let least = errors.filter(|error| *error > 0.0).min_by(f64::total_cmp)?;
+    Some(number::decimals_of(least)?.max(0) as usize)
 }
 
 /// RMS spot radius.
@@ -115,28 +126,46 @@ pub(super) fn first_order() -> [Figure; 3] {
 }
 
 /// The table, in the colours of the cameras.
-pub(super) fn score_table(scores: &[Score], rows: &[TableRow], cameras: &[CameraView]) -> Markup {
+pub(super) fn score_table(report: &Report) -> Markup {
+    let rows = &report.table;
     let place = baseline(rows);
     let Some(baseline) = rows.get(place) else { return html! {} };
-    let mut figures = picture_scores(scores);
+    let mut figures = picture_scores(report);
     figures.push(restored());
     figures.push(spot());
     figures.extend(first_order());
     let columns = [Column::new("camera")].into_iter().chain(figures.iter().map(Figure::column));
     let lines = rows.iter().enumerate().map(|(i, row)| {
-        let cells = figures.iter().map(|figure| cell(figure, row, rows, baseline, i != place));
-        Row::new(&row.camera, cells).of_camera(camera_colour(cameras, &row.camera, i))
+        let error = |figure: &Figure| match figure.place {
+            Place::Score(score) => difference(report, score, i, place).error,
+            Place::Field(_) => f64::NAN,
+        };
+        let cells = figures
+            .iter()
+            .map(|figure| cell(figure, row, rows, baseline, (i != place).then(|| error(figure))));
+        Row::new(&row.camera, cells).of_camera(camera_colour(&report.cameras, &row.camera, i))
+    });
+    let has_errors = (0..rows.len()).any(|i| {
+        i != place && (0..report.scores.len()).any(|score| difference(report, score, i, place).error > 0.0)
     });
     html! {
         (Table::new(columns).class("scores").rows(lines).html())
-        (caption(format!(
-            "Over all held-out pictures. Bold: the best printed value. Small: the difference to {}.",
-            baseline.camera
-        )))
+        (caption(html! {
+            "Over all held-out pictures. Bold: the best printed value. Small: the difference to " (baseline.camera)
+            @if has_errors { ", ± its standard error over photographs; numbers end where it begins" }
+            "."
+        }))
     }
 }
 
-fn cell(figure: &Figure, row: &TableRow, rows: &[TableRow], baseline: &TableRow, differs: bool) -> Markup {
+/// A cell; `error`: that of the difference to the baseline, NaN if it is not known, none for the baseline.
+fn cell(
+    figure: &Figure,
+    row: &TableRow,
+    rows: &[TableRow],
+    baseline: &TableRow,
+    error: Option<f64>,
+) -> Markup {
     let value = number::fixed(figure.of(row), figure.decimals);
     let gain = figure.gain(baseline, row);
     let class = match figure.better {
@@ -146,9 +175,9 @@ fn cell(figure: &Figure, row: &TableRow, rows: &[TableRow], baseline: &TableRow,
     };
     html! {
         @if figure.is_best(row, rows) { b { (value) } } @else { (value) }
-        @if differs {
+        @if let Some(error) = error {
             span class=(class) {
-                (number::signed(figure.of(row) - figure.of(baseline), figure.decimals))
+                (number::signed_with_error(figure.of(row) - figure.of(baseline), error, figure.decimals))
             }
         }
     }
@@ -159,11 +188,37 @@ mod tests {
     use super::*;
     use crate::sample;
 
+    fn table_of(rows: &[TableRow]) -> String {
+        score_table(&of(rows)).into_string()
+    }
+
+    fn of(rows: &[TableRow]) -> Report {
+        Report { scores: sample::scores(), table: rows.to_vec(), ..Report::default() }
+    }
+
+    #[test]
+    fn numbers_end_where_the_error_of_a_difference_begins() {
+        // The errors of PSNR are 0.06 dB and nothing; those of the other scores are nothing.
+        let report = Report { held_out: sample::held_out(), ..of(&sample::rows()) };
+        let table = score_table(&report).into_string();
+        assert!(
+            table.contains("+1.30 ± 0.06") && table.contains("+0.0187") && table.contains("over photographs"),
+            "{table}"
+        );
+        let mut report = report;
+        report.held_out.iter_mut().enumerate().for_each(|(i, picture)| {
+            picture.scores[2][1] += i as f64 - 4.0;
+            picture.scores[1][1] += i as f64 - 4.0;
+        });
+        let table = score_table(&report).into_string();
+        assert!(table.contains("+1.3 ± 1.8") && table.contains("<b>31.1</b>"), "{table}");
+    }
+
     #[test]
     fn the_best_is_bold_and_differences_have_signs() {
         let mut rows = sample::rows();
         rows[1].camera = "<i>".into();
-        let table = score_table(&sample::scores(), &rows, &[]).into_string();
+        let table = table_of(&rows);
         assert!(table.contains("<b>0.9312</b>") && table.contains("+0.0187"));
         assert!(table.contains("&lt;i&gt;") && !table.contains("<i>"));
         // Lower spots are better.
@@ -171,14 +226,14 @@ mod tests {
         assert!(!table.contains("NaN"));
         // A ceiling from which others start is no baseline.
         rows.insert(0, TableRow { camera: "trained".into(), is_ceiling: true, ..rows[2].clone() });
-        let table = score_table(&sample::scores(), &rows, &[]).into_string();
+        let table = table_of(&rows);
         assert!(table.contains("the difference to nominal") && table.contains("+0.0187"));
     }
 
     #[test]
     fn ties_are_all_best_and_no_gain() {
         let mut rows = sample::rows();
-        let [_, psnr, ssim] = &picture_scores(&sample::scores())[..] else { panic!("three scores") };
+        let [_, psnr, ssim] = &picture_scores(&of(&rows))[..] else { panic!("three scores") };
         rows[1].scores[1] = rows[0].scores[1] + 0.001;
         assert_eq!(psnr.gain(&rows[0], &rows[1]), 0.0);
         rows.truncate(2);

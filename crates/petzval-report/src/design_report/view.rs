@@ -31,7 +31,9 @@ pub struct Report {
     pub half_diagonal_mm: f64,
     /// The Nyquist frequency of the sensor, half a cycle a pixel, cycles/mm.
     pub nyquist_per_mm: f64,
-    /// Held-out pictures, taken by each camera: all of them, or some.
+    /// The scores of every held-out picture.
+    pub held_out: Vec<HeldOutScores>,
+    /// Held-out pictures, taken by each camera, those with a role first.
     pub pictures: Vec<PictureView>,
     /// Whole frames of one photograph: the scene first, then one of each camera; or none.
     pub frames: Vec<FrameView>,
@@ -170,6 +172,19 @@ pub struct TableRow {
     pub fov_deg: f64,
     /// Steps that its network, or its hardware ISP, got.
     pub steps: usize,
+}
+
+/// The scores of a held-out picture by every camera: the figures of `pictures.csv`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct HeldOutScores {
+    /// Photograph of which it is a part.
+    pub photograph: String,
+    /// Distance of its centre from the axis over that of the sensor's corner, 0..1.
+    pub relative_field: f64,
+    /// `[camera][score]`, in the order of [`Report::table`] and [`Report::scores`]; NaN if not measured.
+    pub scores: Vec<Vec<f64>>,
+    /// Objects that each camera finds in it, in the order of [`Report::table`]; empty if none are looked for.
+    pub found: Vec<usize>,
 }
 
 /// Place of the camera with which the others are compared: the first whose lens is no ceiling, or the first.
@@ -411,15 +426,34 @@ pub struct Change {
     pub max: f64,
 }
 
+/// Why a picture is shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// At the place of most gain, the picture that gains most.
+    MostGain,
+    /// On the axis, or as near to it as pictures are.
+    Axis,
+    /// In the corner, or as near to it as pictures are.
+    Corner,
+    /// In the zone between them.
+    Zone,
+    /// Of all pictures, that of median gain.
+    MedianGain,
+    /// Of all pictures, that of the least gain.
+    LeastGain,
+}
+
 /// One held-out picture.
 #[derive(Clone, Debug)]
 pub struct PictureView {
     /// Title.
     pub title: String,
-    /// Position on the sensor: `centre`, `corner, 14.2 deg`.
-    pub place: String,
-    /// The middle of the part that is enlarged, shares of width and height.
-    pub focus: [f64; 2],
+    /// Its place in [`Report::held_out`].
+    pub number: usize,
+    /// Why it is shown; none for one that is shown because it is there.
+    pub role: Option<Role>,
+    /// The middle of the part that is enlarged, shares of width and height; none for the part with the most detail.
+    pub focus: Option<[f64; 2]>,
     /// The scene, PNG.
     pub truth_png: Vec<u8>,
     /// The picture of each camera, in the order of [`Report::cameras`].

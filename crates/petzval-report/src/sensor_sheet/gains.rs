@@ -10,7 +10,7 @@ use crate::number;
 use crate::plot::{Key, KeyLine, Panel, Pen, Points, Sheet};
 
 /// The colour that represents a gain: green if the mosaic has it.
-fn standing_for(channels: &[ChannelResult]) -> Option<&ChannelResult> {
+pub(super) fn standing_for(channels: &[ChannelResult]) -> Option<&ChannelResult> {
     channels.iter().find(|c| c.colour == Colour::Green).or_else(|| channels.first())
 }
 

@@ -6,6 +6,7 @@
 
 mod calibration;
 mod dark;
+mod front;
 mod gains;
 mod goodness;
 mod histograms;

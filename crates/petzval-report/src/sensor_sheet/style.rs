@@ -61,17 +61,19 @@ pub(super) fn colour_keys(shown: &Shown<'_>) -> Vec<Key> {
     shown.channels().iter().map(|channel| entry(channel.colour)).collect()
 }
 
-/// A measured number to the second digit of its standard error, `0.1402 ± 0.0003`; `None` if it is not resolved.
+/// Most decimals of a measured number.
+const MOST_DECIMALS: usize = 9;
+
+/// A measured number that ends where its standard error begins, `0.1402 ± 0.0003`; `None` if it is not resolved.
 pub(super) fn with_error(measured: &Measured) -> Option<String> {
     let value = measured.value()?;
     let Some(error) = measured.standard_error().filter(|e| *e > 0.0) else {
         return Some(significant(value, 5));
     };
-    let digits = (1.0 - error.log10().floor()).clamp(0.0, 9.0) as usize;
     if value.abs().max(error) >= 1e6 || (error < 1e-8 && value != 0.0) {
         return Some(format!("{} ± {}", number::significant(value), number::significant(error)));
     }
-    Some(format!("{} ± {}", number::fixed(value, digits), number::fixed(error, digits)))
+    Some(number::with_error(value, error, MOST_DECIMALS))
 }
 
 /// A symbol with its index as a subscript: `σ_d`.

@@ -50,7 +50,7 @@ const FIGURES: [(&str, &str); 32] = [
 ];
 
 /// A unit as it is printed: `e-/um2` becomes e⁻/µm².
-fn unit(text: &str) -> String {
+pub(super) fn unit(text: &str) -> String {
     text.replace("e-", "e⁻").replace("um2", "µm²").replace("DN2", "DN²")
 }
 

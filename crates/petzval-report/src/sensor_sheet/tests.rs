@@ -90,7 +90,7 @@ fn the_page_is_self_contained_and_states_values_with_their_errors() {
     let page = page(&found);
     crate::page::assert_readable(&page);
     assert!(page.contains("Sony IMX249 &lt;simulated&gt; &amp; "));
-    assert_eq!(page.matches("<figure>").count(), 16);
+    assert_eq!(page.matches("<figure").count(), 16);
     let elsewhere = page.replace("http://www.w3.org/2000/svg", "");
     assert!(!elsewhere.contains("http") && !elsewhere.contains("url(") && !elsewhere.contains("@import"));
     // The printed tables of the paper stand beside what was measured.
@@ -107,11 +107,65 @@ fn the_page_is_self_contained_and_states_values_with_their_errors() {
     assert!(fits.contains("level of 1e-4") && fits.contains("3 of 3 hold"), "{fits}");
     let gain = style::with_error(&found.joint.gain_dn_per_e).unwrap();
     assert!(gain.contains(" ± ") && page.contains(&gain), "{gain}");
+    // Six figures with their errors and two plots stand in front of everything.
+    let (front, rest) = page.split_once("<nav").unwrap();
+    let figures = front.split("class=\"numbers\"").nth(1).unwrap().split("</dl>").next().unwrap();
+    let count = figures.matches("<dd>").count();
+    assert!((3..=6).contains(&count) && figures.matches(" ± ").count() == count, "{figures}");
+    for name in ["quantum efficiency", "system gain", "temporal dark noise"] {
+        assert!(figures.contains(name), "{name}: {figures}");
+    }
+    let classes = |part: &str| {
+        ["photon-transfer", "snr"].map(|class| part.matches(&format!("class=\"{class}\"")).count())
+    };
+    assert_eq!((classes(front), front.matches("<figure").count()), ([1, 1], 2));
+    assert_eq!(classes(rest), [0, 0]);
+    assert!(front.contains("the green pixels"));
+    crate::page::assert_legible_on_a_phone(&page);
     // The sheet of the standard comes first; differing values of the library are folded away.
     let at = |words: &str| page.find(words).unwrap_or_else(|| panic!("{words}"));
     assert!(at("Plots of EMVA 1288") < at("Calibration over all gains"));
     assert!(at("Different values of the EMVA 1288 Python library") > at("<details>"));
     assert!(!page.contains("library:"));
+}
+
+#[test]
+fn the_front_has_the_first_six_figures_that_are_resolved() {
+    use petzval_lab::emva::{Measured, Unresolved};
+    let folder = tempfile::tempdir().unwrap();
+    let mut found = series(folder.path(), false);
+    let mut set = |name: &str, value: Measured| {
+        for channel in found.gains.iter_mut().flat_map(|gain| &mut gain.channels) {
+            for figure in channel.figures.iter_mut().filter(|figure| figure.name == name) {
+                (figure.value, figure.corrected) = (value, None);
+            }
+        }
+    };
+    for (name, value, error) in [
+        ("QE", 67.123, 1.8),
+        ("K", 0.13912, 0.0041),
+        ("sigma_d", 7.812, 0.23),
+        ("DR_dB", 61.7, 0.21),
+        ("PRNU1288", 0.7123, 0.033),
+        ("DSNU1288", 3.712, 0.12),
+        ("u_e_min", 6.1, 0.2),
+    ] {
+        set(name, Measured::new(value, error));
+    }
+    // What is not resolved is no figure of the front, and the next ones take its place.
+    set("u_e_sat", Measured::none(Unresolved::NoStack));
+    let tiles = front::figures(&shown::Shown::choose(&found).unwrap());
+    let texts: Vec<(String, &str)> =
+        tiles.iter().map(|tile| (tile.value.replace('\u{a0}', " "), &*tile.label)).collect();
+    let wanted = [
+        ("67.1 ± 1.8 %", "quantum efficiency"),
+        ("0.139 ± 0.004 DN/e⁻", "system gain"),
+        ("7.8 ± 0.2 e⁻", "temporal dark noise"),
+        ("61.7 ± 0.2 dB", "dynamic range"),
+        ("0.71 ± 0.03 %", "PRNU"),
+        ("3.71 ± 0.12 e⁻", "DSNU"),
+    ];
+    assert_eq!(texts, wanted.map(|(value, label)| (value.to_owned(), label)));
 }
 
 #[test]
@@ -210,12 +264,12 @@ fn a_report_is_a_page_and_its_pictures() {
 }
 
 #[test]
-fn values_are_written_to_the_second_digit_of_their_error() {
+fn values_end_where_their_errors_begin() {
     use petzval_lab::emva::{Measured, Unresolved};
     let text = |value, error| style::with_error(&Measured::new(value, error)).unwrap();
-    assert_eq!(text(0.140_234, 0.000_312), "0.14023 ± 0.00031");
-    assert_eq!(text(24_913.05, 120.0), "24913 ± 120");
-    assert_eq!(text(-0.5, 0.25), "\u{2212}0.50 ± 0.25");
+    assert_eq!(text(0.140_234, 0.000_312), "0.1402 ± 0.0003");
+    assert_eq!(text(24_913.05, 120.0), "24910 ± 120");
+    assert_eq!(text(-0.5, 0.25), "\u{2212}0.5 ± 0.2");
     assert_eq!(style::with_error(&Measured::exact(12.0)).unwrap(), "12");
     assert_eq!(style::with_error(&Measured::none(Unresolved::NoStack)), None);
 }

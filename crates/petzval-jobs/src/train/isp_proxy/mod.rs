@@ -4,14 +4,16 @@ mod plan;
 
 use std::path::PathBuf;
 
-use petzval_camera::isp::{Demosaic, Domain, Isp, RgbPicture};
+use petzval_camera::isp::{Demosaic, Domain, Isp};
 use petzval_design::error::DesignError;
 use petzval_design::experiment::DevelopmentConfig;
 use petzval_design::inputs;
-use petzval_design::isp_proxy::{Frame, FrameSource, Judge, ProxyTrainer, StepLosses};
+use petzval_design::isp_proxy::{
+    Frame, FrameSource, Judge, ParameterSlope, ProxyTrainer, ScoreGap, StepLosses,
+};
 use petzval_design::setup::Setup;
 use petzval_files::isp_file::IspProxyFile;
-use petzval_report::isp_strip::{Strip, StripStep, page};
+use petzval_report::isp_proxy_sheet::{Pair, ScoreRow, Sheet, Slope, page};
 use serde::{Deserialize, Serialize};
 
 use super::folder::{Kept as AnyKept, Training, WEIGHTS, train};
@@ -120,16 +122,17 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let judge = Judge { isp: named.isp(), frames: &frames, scores: &context.scores()? };
     let judged = || {
         let gap = judge.gap(trainer.proxy(), &values, &device)?;
-        Ok((gap, strip(&named, &frames, &trainer, &values)?))
+        let sheet = sheet(&named, &gap, pictures(&named, &frames, &trainer, &values)?);
+        Ok((gap, sheet))
     };
-    let (gap, strip) = match judged() {
+    let (gap, sheet) = match judged() {
         // The training is kept; a resumed one compares again.
         Err(JobError::Stopped(_)) => return Ok(response),
         judged => judged?,
     };
     let description = description(&plan, &named, &varied, &values, &kept, &gap)?;
     let weights = [&trainer.save()?[0][..], &trainer.safetensors()?];
-    folder.finish(weights, &page(&strip), &[], &description)?;
+    folder.finish(weights, &page(&sheet), &[], &description)?;
     Ok(Response { gap: Some(gap), ..response })
 }
 
@@ -212,30 +215,39 @@ fn table(value: &impl Serialize) -> Result<toml::Table, JobError> {
     toml::Table::try_from(value).map_err(|e| JobError::failed(e.to_string()))
 }
 
-/// The pictures of ISP and proxy, one below the other.
-fn strip(
+/// What the page shows.
+fn sheet(named: &NamedIsp, gap: &Gap, pictures: Vec<Pair>) -> Sheet {
+    let score = |of: &ScoreGap| ScoreRow {
+        title: of.score.title.clone(),
+        unit: of.score.unit.clone(),
+        decimals: of.score.decimals,
+        isp: of.isp,
+        proxy: of.proxy,
+    };
+    let slope = |of: &ParameterSlope| Slope { parameter: of.name.clone(), isp: of.isp, proxy: of.proxy };
+    Sheet {
+        isp: named.isp().name().to_owned(),
+        frames: gap.frames,
+        psnr_db: [gap.psnr_at_centre_db, gap.psnr_near_db, gap.psnr_far_db],
+        scores: gap.scores.iter().map(score).collect(),
+        gradient_cosine: gap.gradient_cosine,
+        slopes: gap.slopes.iter().map(slope).collect(),
+        pictures,
+    }
+}
+
+/// Some of the frames by ISP and proxy.
+fn pictures(
     named: &NamedIsp,
     frames: &[Frame],
     trainer: &ProxyTrainer,
     values: &[f64],
-) -> Result<Strip, JobError> {
-    let step = |who: &str, i: usize, picture: &RgbPicture| StripStep {
-        stage: format!("{who}, frame {}", i + 1),
-        shared: Vec::new(),
-        height: picture.height,
-        width: picture.width,
-        encoded: picture.encoded(),
-        parameters: Vec::new(),
-    };
-    let mut steps = Vec::new();
-    for (i, frame) in frames.iter().step_by((frames.len() / SHOWN).max(1)).take(SHOWN).enumerate() {
-        for (who, isp) in [("ISP", named.isp()), ("proxy", trainer.proxy())] {
-            steps.push(step(who, i, &isp.develop(&frame.raw, values).map_err(DesignError::from)?));
-        }
+) -> Result<Vec<Pair>, JobError> {
+    let mut pairs = Vec::new();
+    for frame in frames.iter().step_by((frames.len() / SHOWN).max(1)).take(SHOWN) {
+        let isp = named.isp().develop(&frame.raw, values).map_err(DesignError::from)?;
+        let proxy = trainer.proxy().develop(&frame.raw, values).map_err(DesignError::from)?;
+        pairs.push(Pair { height: isp.height, width: isp.width, isp: isp.encoded(), proxy: proxy.encoded() });
     }
-    Ok(Strip {
-        raw: "frames of unseen scenes".to_owned(),
-        isp: format!("{} and its proxy", named.isp().name()),
-        steps,
-    })
+    Ok(pairs)
 }

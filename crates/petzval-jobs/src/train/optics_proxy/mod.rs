@@ -6,13 +6,13 @@ use cpu_time::ProcessTime;
 use petzval_camera::psf::PsfBank;
 use petzval_design::lens_sampler::LensSampler;
 use petzval_design::optics_proxy::{
-    FILES, OpticsGap, OpticsJudge, OpticsLosses, ProxyDomain, ProxyOptics, ProxyOpticsTrainer,
+    FILES, OpticsFieldGap, OpticsGap, OpticsJudge, OpticsLosses, ProxyDomain, ProxyOptics, ProxyOpticsTrainer,
 };
 use petzval_design::setup::Setup;
 use petzval_files::optics_proxy_file::OpticsProxyFile;
 use petzval_files::write_lens;
 use petzval_optics::psf::PsfKind;
-use petzval_report::optics_proxy_sheet::{PsfRow, Sheet, page};
+use petzval_report::optics_proxy_sheet::{FieldGap, Gap as ShownGap, PsfRow, Sheet, page};
 use serde::{Deserialize, Serialize};
 
 use super::folder::{Kept as AnyKept, Training, WEIGHTS, train};
@@ -163,7 +163,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let judge = OpticsJudge { sampler: &unseen, lenses: JUDGED_LENSES, limit: &setup.limit, clock: &clock };
     let watch = |done| context.progress(done as u64, JUDGED_LENSES as u64, "comparing");
     let gap = judge.gap(trainer.proxy(), &watch)?;
-    let sheet = sheet(&unseen, trainer.proxy())?;
+    let sheet = sheet(&unseen, trainer.proxy(), &gap)?;
     let description = description(&plan, &setup, &domain, trainer.proxy(), &kept, &gap)?;
     let weights = [&trainer.save()?[0][..], &trainer.safetensors()?];
     folder.finish(weights, &page(&sheet), &[(FILES[1], &kept.inputs.lens)], &description)?;
@@ -215,7 +215,7 @@ fn description(
 }
 
 /// PSFs of unseen lenses, exact ones above those of the network.
-fn sheet(unseen: &LensSampler, proxy: &ProxyOptics) -> Result<Sheet, JobError> {
+fn sheet(unseen: &LensSampler, proxy: &ProxyOptics, gap: &OpticsGap) -> Result<Sheet, JobError> {
     let radii = &unseen.plan().field_radius_mm;
     let last = radii.len() - 1;
     let shown: Vec<usize> = (0..SHOWN_FIELDS).map(|i| i * last / (SHOWN_FIELDS - 1)).collect();
@@ -230,7 +230,30 @@ fn sheet(unseen: &LensSampler, proxy: &ProxyOptics) -> Result<Sheet, JobError> {
     }
     let name = unseen.start().lens_file.lens.name.clone();
     let fields_mm = shown.iter().map(|field| radii[*field]).collect();
-    Ok(Sheet { lens: name, grid: proxy.domain().grid, pitch_um: proxy.domain().pitch_um, fields_mm, rows })
+    let (grid, pitch_um) = (proxy.domain().grid, proxy.domain().pitch_um);
+    Ok(Sheet { lens: name, grid, pitch_um, fields_mm, rows, gap: shown_gap(gap) })
+}
+
+/// The figures of the comparison as the page shows them.
+fn shown_gap(gap: &OpticsGap) -> ShownGap {
+    let field = |of: &OpticsFieldGap| FieldGap {
+        radius_mm: of.radius_mm,
+        l1: of.l1,
+        exact_rms_um: of.exact_rms_um,
+        rms_um: of.rms_um,
+    };
+    ShownGap {
+        lenses: gap.lenses,
+        l1: gap.l1,
+        exact_rms_um: gap.exact_rms_um,
+        rms_um: gap.rms_um,
+        centroid_um: gap.centroid_um,
+        illumination: gap.illumination,
+        gradient_cosine: [gap.gradient_cosine, gap.low_gradient_cosine],
+        psfs_s: [gap.psfs.exact, gap.psfs.proxy],
+        gradient_s: [gap.gradient.exact, gap.gradient.proxy],
+        fields: gap.fields.iter().map(field).collect(),
+    }
 }
 
 /// The three colours of a field.

@@ -1,0 +1,134 @@
+//! The answer where objects are looked for in all pictures.
+
+use super::answer_view::Answer;
+use super::view::{CameraDetection, DetectionView, Range, Report};
+use super::words::capitalised;
+use crate::number;
+use crate::page::Tile;
+
+/// Decimals of average precisions without a range.
+const DECIMALS: usize = 3;
+
+/// A figure as exact as its 95 % range is wide.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Found {
+    /// The figure: `0.71`, `+0.021`.
+    pub value: String,
+    /// Ends of its range.
+    pub ends: Option<[String; 2]>,
+}
+
+impl Found {
+    /// An average precision.
+    pub fn figure(value: f64, range: Option<[f64; 2]>) -> Self {
+        Self::of(value, range, number::fixed)
+    }
+
+    /// A difference between two of them.
+    pub fn difference(range: Range) -> Self {
+        Self::of(range.value, Some([range.low, range.high]), number::signed)
+    }
+
+    fn of(value: f64, range: Option<[f64; 2]>, text: fn(f64, usize) -> String) -> Self {
+        // 95 % of a normal distribution lie within 1.96 standard deviations.
+        let known = range.and_then(|[low, high]| number::decimals_of((high - low) / (2.0 * 1.96)));
+        let decimals = known.map_or(DECIMALS, |known| (known.max(0) as usize).min(DECIMALS));
+        Self { value: text(value, decimals), ends: range.map(|ends| ends.map(|end| text(end, decimals))) }
+    }
+
+    /// The range in brackets; nothing where there is none.
+    pub fn range(&self) -> String {
+        self.ends.as_ref().map_or_else(String::new, |[low, high]| format!(" (95 % range {low} to {high})"))
+    }
+}
+
+/// The average precision of all objects, with its range.
+pub(super) fn ap50(camera: &CameraDetection) -> Option<(f64, Option<[f64; 2]>)> {
+    let all = camera.groups.first().filter(|group| group.value.is_finite())?;
+    Some((all.value, all.range))
+}
+
+/// The answer; none without a camera that could find something.
+pub(super) fn answer(report: &Report, view: &DetectionView) -> Option<Answer> {
+    let is_design = |camera: &&CameraDetection| {
+        report.table.iter().any(|row| row.camera == camera.camera && !row.is_ceiling)
+    };
+    let mut ranked: Vec<(&CameraDetection, f64)> =
+        view.cameras.iter().filter(is_design).filter_map(|camera| Some((camera, ap50(camera)?.0))).collect();
+    ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let (best, value) = *ranked.first()?;
+    let found = Found::figure(value, ap50(best)?.1);
+    let mut sentence =
+        format!("{} finds most: AP50 {}{}", capitalised(&best.camera), found.value, found.range());
+    let label = format!("AP50 of {}{}", best.camera, found.range());
+    let mut numbers = vec![Tile { value: found.value, label, is_gain: None }];
+    // The differences that are known: of each camera to the baseline, and of the design to each camera.
+    let next = ranked.iter().map(|(camera, _)| *camera);
+    let next = next.filter(|other| ![&best.camera, &view.baseline].contains(&&other.camera));
+    let over_next = next
+        .filter(|_| best.camera == view.design)
+        .find_map(|other| Some((&other.camera, other.design_against?)));
+    let over_baseline = best.against_baseline.map(|range| (&view.baseline, range));
+    for (other, range) in over_baseline.into_iter().chain(over_next) {
+        let difference = Found::difference(range);
+        let joint = if numbers.len() == 1 { "; " } else { ", " };
+        sentence += &format!("{joint}{}{} over {other}", difference.value, difference.range());
+        numbers.push(Tile {
+            label: format!("AP50, {} against {other}{}", best.camera, difference.range()),
+            value: difference.value,
+            is_gain: (range.low > 0.0 || range.high < 0.0).then_some(range.value > 0.0),
+        });
+    }
+    Some(Answer { sentence: sentence + ".", numbers })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::design_report::GroupFigure;
+    use crate::sample;
+
+    fn report(values: [f64; 3]) -> Report {
+        let range = |value: f64| Some(Range { value, low: value - 0.03, high: value + 0.03 });
+        let cameras = ["nominal", "spot-optimised", "end-to-end"].into_iter().zip(values).enumerate();
+        let cameras = cameras.map(|(i, (camera, value))| CameraDetection {
+            camera: camera.into(),
+            groups: vec![GroupFigure {
+                name: "AP50".into(),
+                value,
+                range: Some([value - 0.06, value + 0.06]),
+            }],
+            against_baseline: if i > 0 { range(value - values[0]) } else { None },
+            design_against: if i < 2 { range(values[2] - value) } else { None },
+            ..CameraDetection::default()
+        });
+        let view = DetectionView {
+            baseline: "nominal".into(),
+            design: "end-to-end".into(),
+            windows: 192,
+            cameras: cameras.collect(),
+        };
+        Report { detection: Some(view), ..sample::report() }
+    }
+
+    #[test]
+    fn the_front_is_ap50_with_its_range_and_the_differences_with_theirs() {
+        let report = report([0.7012, 0.7236, 0.7519]);
+        let answer = answer(&report, report.detection.as_ref().unwrap()).unwrap();
+        assert_eq!(
+            answer.sentence,
+            "End-to-end finds most: AP50 0.75 (95 % range 0.69 to 0.81); +0.051 (95 % range +0.021 to +0.081) over nominal, +0.028 (95 % range \
+             \u{2212}0.002 to +0.058) over spot-optimised."
+        );
+        let numbers: Vec<(&str, Option<bool>)> =
+            answer.numbers.iter().map(|n| (&*n.value, n.is_gain)).collect();
+        assert_eq!(numbers, [("0.75", None), ("+0.051", Some(true)), ("+0.028", None)]);
+    }
+
+    #[test]
+    fn a_baseline_that_finds_most_has_no_gain_over_itself() {
+        let report = report([0.81, 0.7236, 0.7519]);
+        let answer = answer(&report, report.detection.as_ref().unwrap()).unwrap();
+        assert_eq!(answer.sentence, "Nominal finds most: AP50 0.81 (95 % range 0.75 to 0.87).");
+    }
+}
