@@ -250,7 +250,6 @@ mod tests {
     fn gap_and_cosine_come_first_and_both_pictures_stand_side_by_side_with_their_difference() {
         let page = page(&sheet());
         crate::page::assert_readable(&page);
-        crate::page::assert_legible_on_a_phone(&page);
         let (front, rest) = page.split_once("<nav").unwrap();
         for text in [
             "27 frames",

@@ -121,7 +121,7 @@ pub(crate) fn figure(svg: &str) -> Markup {
 }
 
 /// Size below which a text cannot be read, px.
-pub(crate) const SMALLEST_TEXT_PX: f64 = 10.0;
+const SMALLEST_TEXT_PX: f64 = 10.0;
 
 /// Width of a drawing at which its smallest text has [`SMALLEST_TEXT_PX`], px; none for one without a view box or text.
 fn least_width_px(svg: &str) -> Option<f64> {
@@ -174,10 +174,11 @@ pub(crate) fn facts<'a>(rows: impl IntoIterator<Item = (&'a str, Option<String>)
     }
 }
 
-/// Checks what holds of every page: what is linked exists once, drawings have the colours of the page, and headings and
-/// drawings have words instead of the names of keys.
+/// Checks what holds of every page: what is linked exists once, drawings have the colours of the page, headings and
+/// drawings have words instead of the names of keys, and a phone shows no text below [`SMALLEST_TEXT_PX`].
 #[cfg(test)]
 pub(crate) fn assert_readable(page: &str) {
+    assert_legible_on_a_phone(page);
     let values = |page: &str, start: &str| -> Vec<String> {
         page.split(start).skip(1).filter_map(|rest| Some(rest.split_once('"')?.0.to_owned())).collect()
     };
@@ -222,7 +223,7 @@ pub(crate) fn assert_readable(page: &str) {
 /// Checks that no text of a page is smaller than [`SMALLEST_TEXT_PX`] on a screen of 390 px: that of drawings by the width at which they
 /// stay, that of elements by the style sheet.
 #[cfg(test)]
-pub(crate) fn assert_legible_on_a_phone(page: &str) {
+fn assert_legible_on_a_phone(page: &str) {
     for drawing in page.split("<figure").skip(1).filter_map(|rest| rest.split("</figure>").next()) {
         let number = |start: &str, end: char| -> Option<f64> {
             drawing.split(start).nth(1)?.split([end, ' ']).next()?.trim_end_matches("px").parse().ok()

@@ -9,7 +9,7 @@ use super::detection::detection;
 use super::frames::frames;
 use super::made::made_table;
 use super::mtf::{has_mtf, mtf};
-use super::picture::{ends, has_ends, has_more, more_pictures, most_gain};
+use super::picture::{ends, has_ends, has_more, more_pictures, most_gain, pictures};
 use super::place_chart::{has_places, place_chart};
 use super::progress::progress;
 use super::psf_table::psf_table;
@@ -30,13 +30,17 @@ const LAYOUT_PX: f64 = 1020.0;
 pub(super) fn page(report: &Report) -> String {
     let has_cameras = !report.cameras.is_empty();
     let has_settings = report.cameras.iter().any(|c| !c.setting_changes.is_empty());
+    let answer = answer(report);
+    let has_answer = answer.is_some();
     let sections = [
         section_of("At work", report.progress.is_some(), || progress(report)),
         section_of("Detection", report.detection.is_some(), || detection(report)),
-        section_of("Axis and corner", has_ends(report), || ends(report)),
+        section_of("Axis and corner", has_answer && has_ends(report), || ends(report)),
         section_of("Score over the field", has_places(report), || place_chart(report)),
         result(report),
-        section_of("Pictures", has_more(report), || more_pictures(report)),
+        // Without an answer no picture stands before this section.
+        section_of("Pictures", !has_answer && !report.pictures.is_empty(), || pictures(report)),
+        section_of("Pictures", has_answer && has_more(report), || more_pictures(report)),
         section_of("Whole frames", !report.frames.is_empty(), || frames(report)),
         section_of("As made", report.made.is_some(), || made_table(report)),
         section_of("Lenses", has_cameras, || lenses(report)),
@@ -49,7 +53,6 @@ pub(super) fn page(report: &Report) -> String {
         how_it_was_made(report),
     ];
     let main = with_contents(&sections.into_iter().flatten().collect::<Vec<Section>>());
-    let answer = answer(report);
     // Without an answer the page begins with what the run is; with one this stands below the answer, in the result.
     let subtitle = if answer.is_some() {
         html! {}
@@ -348,6 +351,11 @@ mod tests {
         assert_eq!(page.matches("class=\"comparison\"").count(), report.pictures.len());
         // The run is described once.
         assert_eq!(page.matches("of a report").count(), 1);
+        // A run at work has no answer, and all its pictures in one place.
+        let progress = Some(super::super::Progress::default());
+        let page = super::page(&Report { progress, ..sample::answered() });
+        assert!(!page.contains("scores highest") && !page.contains("<h2>Axis and corner</h2>"));
+        assert_eq!(page.matches("class=\"comparison\"").count(), report.pictures.len());
     }
 
     #[test]

@@ -35,9 +35,10 @@ impl Difference {
         let value = photographs.iter().map(|(_, sum, _)| sum).sum::<f64>() / all;
         let clusters = photographs.len() as f64;
         let squares = photographs.iter().map(|(_, sum, count)| ((sum - count * value) / all).powi(2));
-        let error = match clusters > 1.0 {
-            true => (clusters / (clusters - 1.0) * squares.sum::<f64>()).sqrt(),
-            false => f64::NAN,
+        let error = if clusters > 1.0 {
+            (clusters / (clusters - 1.0) * squares.sum::<f64>()).sqrt()
+        } else {
+            f64::NAN
         };
         Self { value, error }
     }
@@ -65,12 +66,15 @@ const SAME_PLACE: f64 = 0.005;
 /// A place nearer to the axis than this is on it: half a window is further.
 const ON_AXIS: f64 = 0.05;
 
+/// What distances from the axis are shares of.
+pub(super) const OF_WHAT: &str = " of the half-diagonal";
+
 /// Where a picture is, by its distance from the axis over that of the corner.
 pub(super) fn place_in_words(relative_field: f64) -> String {
     if relative_field < ON_AXIS {
         return "on the axis".to_owned();
     }
-    format!("at {} % of the half-diagonal", number::fixed(100.0 * relative_field, 0))
+    format!("at {} %{OF_WHAT}", number::fixed(100.0 * relative_field, 0))
 }
 
 /// The places of pictures, from the axis outwards.

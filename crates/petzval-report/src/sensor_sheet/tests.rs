@@ -121,7 +121,6 @@ fn the_page_is_self_contained_and_states_values_with_their_errors() {
     assert_eq!((classes(front), front.matches("<figure").count()), ([1, 1], 2));
     assert_eq!(classes(rest), [0, 0]);
     assert!(front.contains("the green pixels"));
-    crate::page::assert_legible_on_a_phone(&page);
     // The sheet of the standard comes first; differing values of the library are folded away.
     let at = |words: &str| page.find(words).unwrap_or_else(|| panic!("{words}"));
     assert!(at("Plots of EMVA 1288") < at("Calibration over all gains"));

@@ -40,6 +40,13 @@ fn a_run_writes_all_its_files() {
     let run = folder.path().join("deep/run");
     assert!(done.stdout.contains("spot-optimised") && done.stdout.contains("report: deep/run/report.html"));
     assert!(done.says("run folder: deep/run") && done.says("nominal: 1 − LPIPS"), "{}", done.stderr);
+    // The terminal and the page begin their result with the same sentence.
+    let answer = done.stdout.lines().find(|line| line.contains(" scores highest: "));
+    let answer = answer.unwrap_or_else(|| panic!("{}", done.stdout));
+    assert!(done.stdout.split("\n\n").any(|part| part.starts_with(answer)), "{}", done.stdout);
+    let page = read(&run.join("report.html"));
+    let at = |text: &str| page.find(text).unwrap_or_else(|| panic!("{text}"));
+    assert!(at(answer) < at("class=\"numbers\"") && at("class=\"numbers\"") < at("<h2>Result</h2>"));
     let kept = names(&run);
     for name in [
         "cameras",
