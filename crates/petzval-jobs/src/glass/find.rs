@@ -1,12 +1,11 @@
 //! `glass find`: the glasses nearest to an index and an Abbe number.
 
-use petzval_optics::glass::{Near, Status, nearest};
+use petzval_optics::glass::{LINE_C_UM, LINE_F_UM, LINE_G_UM, Near, Status, nearest};
 use serde::{Deserialize, Serialize};
 
-use super::{is_made_by, status};
+use super::{at_lines, is_made_by, nd_and_vd, status};
 use crate::context::Context;
 use crate::error::JobError;
-use crate::finite::finite;
 
 /// Which glasses to look for. The distance is `sqrt((dnd / 0.01)^2 + dVd^2)`: 0.01 of index counts as much as 1 of Abbe
 /// number.
@@ -56,13 +55,14 @@ pub struct Found {
 impl From<&Near> for Found {
     fn from(near: &Near) -> Self {
         let glass = &near.glass;
+        let [nd, vd] = nd_and_vd(glass);
         Self {
             name: glass.name.clone(),
             maker: glass.maker.clone(),
             status: status(glass),
-            nd: finite(glass.nd()),
-            vd: finite(glass.abbe_vd()),
-            p_gf: finite(glass.partial_dispersion_gf()),
+            nd,
+            vd,
+            p_gf: at_lines(glass, &[LINE_G_UM, LINE_F_UM, LINE_C_UM], glass.partial_dispersion_gf()),
             relative_cost: glass.relative_cost,
             distance: near.distance,
         }

@@ -5,10 +5,9 @@ use std::sync::Arc;
 use petzval_optics::glass::{Catalog, Glass};
 use serde::{Deserialize, Serialize};
 
-use super::{is_made_by, status};
+use super::{is_made_by, nd_and_vd, status};
 use crate::context::Context;
 use crate::error::JobError;
-use crate::finite::finite;
 
 /// Which glasses to list.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -54,12 +53,13 @@ impl Listed {
             Ok(meant) if *meant != *glass => format!("{}:{}", glass.maker.to_uppercase(), glass.name),
             _ => glass.name.clone(),
         };
+        let [nd, vd] = nd_and_vd(glass);
         Self {
             name,
             maker: glass.maker.clone(),
             status: status(glass),
-            nd: finite(glass.nd()),
-            vd: finite(glass.abbe_vd()),
+            nd,
+            vd,
             printed_nd: glass.printed_nd.map(|p| p.value),
             printed_vd: glass.printed_vd.map(|p| p.value),
             agrees_with_print: agrees_with_print(glass),
@@ -80,8 +80,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 }
 
 fn agrees_with_print(glass: &Glass) -> Option<bool> {
-    let nd = glass.printed_nd.map(|printed| printed.agrees(glass.nd()));
-    let vd = glass.printed_vd.map(|printed| printed.agrees(glass.abbe_vd()));
+    let [nd, vd] = nd_and_vd(glass);
+    let nd = glass.printed_nd.zip(nd).map(|(printed, nd)| printed.agrees(nd));
+    let vd = glass.printed_vd.zip(vd).map(|(printed, vd)| printed.agrees(vd));
     match (nd, vd) {
         (None, None) => None,
         (nd, vd) => Some(nd != Some(false) && vd != Some(false)),

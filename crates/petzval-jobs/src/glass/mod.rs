@@ -5,13 +5,29 @@ pub mod find;
 pub mod list;
 pub mod show;
 
-use petzval_optics::glass::Glass;
+use petzval_optics::glass::{Glass, LINE_C_UM, LINE_D_UM, LINE_F_UM};
+
+use crate::finite::finite;
 
 pub use catalogs::{ChosenGlasses, read_glasses};
 
 /// Whether a glass is of a maker, by any part of the maker's name in upper or lower case; without a maker every glass is.
 fn is_made_by(glass: &Glass, maker: Option<&str>) -> bool {
     maker.is_none_or(|maker| glass.maker.to_lowercase().contains(&maker.to_lowercase()))
+}
+
+/// A figure of a glass that takes the index at these lines, um; `None` where its formula does not hold at one of them, as at the d line for a glass
+/// of the infrared.
+fn at_lines(glass: &Glass, lines_um: &[f64], value: f64) -> Option<f64> {
+    finite(value).filter(|_| !lines_um.iter().any(|um| glass.is_outside_range(*um)))
+}
+
+/// Index at the d line, and Abbe number.
+pub(crate) fn nd_and_vd(glass: &Glass) -> [Option<f64>; 2] {
+    [
+        at_lines(glass, &[LINE_D_UM], glass.nd()),
+        at_lines(glass, &[LINE_F_UM, LINE_D_UM, LINE_C_UM], glass.abbe_vd()),
+    ]
 }
 
 /// How the maker offers a glass, as the word of glass files: preferred, standard, special, obsolete or melt.

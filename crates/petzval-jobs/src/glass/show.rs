@@ -4,10 +4,9 @@ use petzval_files::write_catalog;
 use petzval_optics::glass::{Glass, LINE_C_UM, LINE_D_UM, LINE_F_UM, LINE_G_UM};
 use serde::{Deserialize, Serialize};
 
-use super::status;
+use super::{at_lines, nd_and_vd, status};
 use crate::context::Context;
 use crate::error::JobError;
-use crate::finite::finite;
 
 /// Path of [`Line::transmission_10_mm`], mm.
 pub const PATH_MM: f64 = 10.0;
@@ -181,7 +180,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 }
 
 fn figures(glass: &Glass, air: Option<Air>, others_of_this_name: Vec<String>) -> Figures {
-    let p_gf = glass.partial_dispersion_gf();
+    let [nd, vd] = nd_and_vd(glass);
+    let p_gf = at_lines(glass, &[LINE_G_UM, LINE_F_UM, LINE_C_UM], glass.partial_dispersion_gf());
     let on_normal_line = NORMAL_LINE[0] + NORMAL_LINE[1] * glass.abbe_vd();
     let has_formula = |um: f64| !glass.is_outside_range(um) && glass.index(um).is_finite();
     Figures {
@@ -189,12 +189,12 @@ fn figures(glass: &Glass, air: Option<Air>, others_of_this_name: Vec<String>) ->
         maker: glass.maker.clone(),
         source: glass.source.clone(),
         status: status(glass),
-        nd: finite(glass.nd()),
-        vd: finite(glass.abbe_vd()),
-        n_f: finite(glass.index(LINE_F_UM)),
-        n_c: finite(glass.index(LINE_C_UM)),
-        p_gf: finite(p_gf),
-        p_gf_anomaly: finite(p_gf - on_normal_line),
+        nd,
+        vd,
+        n_f: at_lines(glass, &[LINE_F_UM], glass.index(LINE_F_UM)),
+        n_c: at_lines(glass, &[LINE_C_UM], glass.index(LINE_C_UM)),
+        p_gf,
+        p_gf_anomaly: p_gf.map(|p_gf| p_gf - on_normal_line),
         printed_nd: glass.printed_nd.map(|printed| printed.value),
         printed_vd: glass.printed_vd.map(|printed| printed.value),
         range_um: glass.range_um,

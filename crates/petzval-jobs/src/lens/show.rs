@@ -15,6 +15,7 @@ use super::focus::{FocusAt, focused};
 use crate::context::Context;
 use crate::error::JobError;
 use crate::finite::finite;
+use crate::glass::nd_and_vd;
 
 /// The accuracy of spots and illumination: 0.1 %.
 const SPOTS: PupilRefinement = PupilRefinement { tolerance: 1e-3, first_cells: 64, most_cells: 1024 };
@@ -69,7 +70,8 @@ pub struct Figures {
     pub working_f_number: Option<f64>,
     /// Of an afocal lens: tangent of the angle at which a field leaves over that at which it comes.
     pub angular_magnification: Option<f64>,
-    /// From the first vertex to the paraxial image, as lens tables print it, mm; along the axis where mirrors bend it.
+    /// Greatest distance between any two of the vertices and the paraxial image, as lens tables print it, mm; where mirrors bend the axis, along it
+    /// from the first vertex to that image.
     pub total_track_mm: Option<f64>,
     /// Whether mirrors bend the axis.
     pub is_folded: bool,
@@ -359,8 +361,8 @@ fn surfaces(lens: &Lens) -> Vec<Surface> {
         asphere_a2_to_a16: s.shape.asphere.to_vec(),
         thickness_mm: s.thickness_mm,
         glass: s.glass.name.clone(),
-        nd: finite(s.glass.nd()),
-        vd: finite(s.glass.abbe_vd()).filter(|_| !s.glass.is_air()),
+        nd: nd_and_vd(&s.glass)[0],
+        vd: nd_and_vd(&s.glass)[1],
         semi_diameter_mm: s.semi_diameter_mm,
         stop: i == lens.stop,
         special: special_lines(s).lines().map(str::to_owned).collect(),

@@ -159,6 +159,26 @@ impl Watcher for Canceller {
     }
 }
 
+/// The formula of germanium holds from 2 um on: it has no index at the d line.
+#[test]
+fn a_glass_has_no_figures_at_lines_beyond_its_formula() {
+    let show = |name: &str| {
+        let request = glass::show::Request { name: name.to_owned(), temperature: None, pressure: None };
+        run(glass::show::run, request).glass
+    };
+    let germanium = show("GERMANIUM");
+    assert!(germanium.range_um.unwrap()[0] > 1.0);
+    assert_eq!(
+        [germanium.nd, germanium.vd, germanium.n_f, germanium.n_c, germanium.p_gf, germanium.p_gf_anomaly],
+        [None; 6]
+    );
+    let listed = run(glass::list::run, glass::list::Request { maker: None }).glasses;
+    let [infrared, crown] =
+        ["GERMANIUM", "N-BK7"].map(|name| listed.iter().find(|g| g.name == name).unwrap());
+    assert_eq!((infrared.nd, infrared.vd, infrared.agrees_with_print), (None, None, None));
+    assert!((crown.nd.unwrap() - 1.5168).abs() < 1e-5 && (crown.vd.unwrap() - 64.17).abs() < 0.01);
+}
+
 #[test]
 fn a_cancelled_search_stops_after_its_round_with_what_it_found() {
     let folder = tempfile::tempdir().unwrap();
