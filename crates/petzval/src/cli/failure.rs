@@ -30,7 +30,7 @@ pub struct Failure {
 impl Failure {
     /// The request was right, but the job failed.
     pub fn job(message: impl Into<String>) -> Self {
-        Self { report: Report::new(MietteDiagnostic::new(plain::message(&message.into()))), code: EXIT_JOB }
+        Self { report: Report::new(diagnostic(&message.into(), "")), code: EXIT_JOB }
     }
 
     /// The request or a file is wrong.
@@ -75,8 +75,12 @@ impl Failure {
     }
 }
 
-/// A message with a hint, which may be empty.
+/// A message with a hint, which may be empty. Errors of libraries have theirs at the end of the message, behind `; hint: `.
 fn diagnostic(message: &str, hint: &str) -> MietteDiagnostic {
+    let (message, hint) = match hint {
+        "" => message.split_once("; hint: ").unwrap_or((message, "")),
+        hint => (message, hint),
+    };
     let diagnostic = MietteDiagnostic::new(plain::message(message));
     match hint {
         "" => diagnostic,
@@ -120,6 +124,15 @@ impl From<JobError> for Failure {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_hint_at_the_end_of_a_message_is_one() {
+        for (message, hint) in [("no light; hint: open the stop", ""), ("no light", "open the stop")] {
+            let made = diagnostic(message, hint);
+            assert_eq!((made.message.as_str(), made.help.as_deref()), ("no light", Some("open the stop")));
+        }
+        assert_eq!(diagnostic("no light", "").help, None);
+    }
 
     #[test]
     fn an_excerpt_keeps_the_numbers_of_lines_and_cuts_them() {

@@ -4,7 +4,8 @@
 //!
 //! Notes that cannot be written are dropped, so that a lost terminal or a full disk ends no run. Data that cannot be written are
 //! dropped as well, while the job goes on with its files; [`finish`](super::ending::finish) then ends the command with a sentence and exit code 1. A closed
-//! pipe, as behind `| head`, ends it quietly.
+//! pipe, as behind `| head`, ends it quietly. A stdout that is closed from the start (`>&-`) is as `/dev/null`, which Rust opens in its place
+//! before `main`; nothing tells the two apart.
 
 use std::fmt::Arguments;
 use std::io::{self, Write};
