@@ -441,7 +441,7 @@ fn network_weights(
     }
     let drawn = kind.init(base_channels, levels, experiment.seed, device)?;
     if experiment.network.has_built_in_weights() {
-        let bytes = assets.bytes("weights/restoration_naf.safetensors")?;
+        let bytes = assets.bytes(experiment.network.built_in_file(experiment.psf.kind))?;
         return Ok(drawn.with_weights(bytes).is_ok().then(|| bytes.to_vec()));
     }
     let path = Path::new(weights);

@@ -108,7 +108,8 @@ parameters! {
         kind: NetworkKind = NetworkKind::RestorationNaf;
         /// The weights from which the network of every camera starts. "built-in": those that come with the program, of a network that has learnt behind
         /// many lenses and at many exposures, if the network is of their kind and sizes (restoration-naf, 16 channels, 3 levels), else drawn
-        /// from the seed. "none": drawn from the seed. Or a file `cameras/NAME/network.safetensors` of a run.
+        /// from the seed. It learnt by rays or by waves, as `psf.kind` says; "built-in-rays" or "built-in-waves" takes one of the two in any case.
+        /// "none": drawn from the seed. Or a file `cameras/NAME/network.safetensors` of a run.
         weights: String = BUILT_IN_WEIGHTS.to_owned();
     }
 }
@@ -116,8 +117,14 @@ parameters! {
 /// No weights to start from.
 const NO_WEIGHTS: &str = "none";
 
-/// The weights that come with the program.
+/// The weights that come with the program, for the PSFs of the experiment.
 const BUILT_IN_WEIGHTS: &str = "built-in";
+
+/// Those of a network that learnt behind PSFs by rays, whatever those of the experiment.
+const BUILT_IN_BY_RAYS: &str = "built-in-rays";
+
+/// Those of a network that learnt behind PSFs by waves, whatever those of the experiment.
+const BUILT_IN_BY_WAVES: &str = "built-in-waves";
 
 impl NetworkConfig {
     /// Whether its weights are drawn whatever its kind.
@@ -125,9 +132,22 @@ impl NetworkConfig {
         self.weights == NO_WEIGHTS
     }
 
-    /// Whether it starts from the weights that come with the program, if it can.
+    /// Whether it starts from weights that come with the program, if it can.
     pub fn has_built_in_weights(&self) -> bool {
-        self.weights == BUILT_IN_WEIGHTS
+        [BUILT_IN_WEIGHTS, BUILT_IN_BY_RAYS, BUILT_IN_BY_WAVES].contains(&self.weights.as_str())
+    }
+
+    /// The file of the weights that come with the program, for PSFs of this kind, below the folder of built-in data.
+    pub fn built_in_file(&self, psfs: PsfKind) -> &'static str {
+        let learnt_behind = match self.weights.as_str() {
+            BUILT_IN_BY_RAYS => PsfKind::Geometric,
+            BUILT_IN_BY_WAVES => PsfKind::Diffraction,
+            _ => psfs,
+        };
+        match learnt_behind {
+            PsfKind::Geometric => "weights/restoration_naf.safetensors",
+            PsfKind::Diffraction => "weights/restoration_naf_waves.safetensors",
+        }
     }
 }
 

@@ -29,7 +29,7 @@ use petzval_optics::lens::Lens;
 use petzval_optics::merit::Merit;
 use petzval_optics::number::Number;
 use petzval_optics::paraxial::{FirstOrderCotangent, first_order, pull_back_first_order};
-use petzval_optics::psf::PerfectImage;
+use petzval_optics::psf::{PerfectImage, PsfKind};
 use petzval_optics::solve::thin_equivalent;
 use petzval_optics::spot::mean_square_spot;
 
@@ -451,6 +451,28 @@ fn every_built_in_experiment_says_whether_its_psfs_are_by_rays_or_by_waves() {
             }
         }
     }
+}
+
+/// Networks start from weights that learnt behind PSFs of the experiment's kind, or of the kind that it names.
+#[test]
+fn built_in_weights_are_those_for_the_psfs_of_the_experiment() {
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data");
+    let assets = Assets::from_folder(&data).unwrap();
+    let [rays, waves] = ["restoration_naf", "restoration_naf_waves"]
+        .map(|name| std::fs::read(data.join(format!("weights/{name}.safetensors"))).unwrap());
+    assert_ne!(rays, waves);
+    let started = |kind: PsfKind, weights: &str| {
+        let mut experiment = assets.experiment("cooke-triplet-image-quality").unwrap();
+        experiment.psf.kind = kind;
+        experiment.network.weights = weights.to_owned();
+        let setup = Setup::without_photos(experiment, &assets, Device::flex().autodiff()).unwrap();
+        assert!(setup.experiment.network.has_built_in_weights());
+        setup.network_weights.unwrap()
+    };
+    assert_eq!(started(PsfKind::Geometric, "built-in"), rays);
+    assert_eq!(started(PsfKind::Diffraction, "built-in"), waves);
+    assert_eq!(started(PsfKind::Diffraction, "built-in-rays"), rays);
+    assert_eq!(started(PsfKind::Geometric, "built-in-waves"), waves);
 }
 
 #[test]
