@@ -62,11 +62,14 @@ fn sentence(standing: &Standing) -> String {
     )
 }
 
+/// A place, % of the half-diagonal, with a difference there and its error.
+type At = (f64, f64, f64);
+
 /// One line for each camera but the baseline, which is the line at zero.
 fn chart(report: &Report, standing: &Standing) -> Sheet {
     let baseline = standing.baseline;
     let others: Vec<usize> = (0..report.table.len()).filter(|camera| *camera != baseline).collect();
-    let points = |camera: usize| -> Vec<(f64, f64, f64)> {
+    let points = |camera: usize| -> Vec<At> {
         let at = |place: usize| {
             let Difference { value, error } = standing.at(place, camera, baseline);
             let error = if error.is_finite() { error } else { 0.0 };
@@ -74,7 +77,7 @@ fn chart(report: &Report, standing: &Standing) -> Sheet {
         };
         (0..standing.places.len()).map(at).filter(|(_, value, _)| value.is_finite()).collect()
     };
-    let lines: Vec<(usize, Vec<(f64, f64, f64)>)> =
+    let lines: Vec<(usize, Vec<At>)> =
         others.into_iter().map(|camera| (camera, points(camera))).filter(|(_, at)| !at.is_empty()).collect();
     let ends = lines.iter().flat_map(|(_, at)| at.iter().flat_map(|(_, y, e)| [y - e, y + e]));
     let (low, high) = span(ends.chain([0.0])).unwrap_or((0.0, 1.0));
