@@ -208,7 +208,8 @@ fn curved_edges_have_the_response_of_straight_ones() {
 #[test]
 fn light_that_falls_across_the_window_is_divided_out() {
     let side = SIDE as f64;
-    let falls: [(f64, &dyn Fn(f64, f64) -> f64); 7] = [
+    type Light<'a> = &'a dyn Fn(f64, f64) -> f64;
+    let falls: [(f64, Light); 7] = [
         (5.0, &|x, _| 1.0 - 0.25 * x),
         (5.0, &|x, _| 0.75 + 0.25 * x),
         (5.0, &|_, y| 1.0 - 0.25 * y),
