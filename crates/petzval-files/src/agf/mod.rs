@@ -9,7 +9,7 @@
 //! | `GC` | a remark |
 //! | `ED` | expansion from -30 to 70 C and from 100 to 300 C, 1e-6/K, density, g/cm^3, dP_gF, a flag |
 //! | `CD` | coefficients of the formula |
-//! | `TD` | D0, D1, D2, E0, E1, w_tk and reference temperature of [`Thermal`] |
+//! | `TD` | D0, D1, D2, E0, E1, w_tk and reference temperature of its change with temperature |
 //! | `OD` | relative cost, resistance to climate, stain, acid, alkali, phosphate; -1 where unknown |
 //! | `LD` | shortest and longest wavelength, um |
 //! | `IT` | wavelength, um, internal transmittance, thickness, mm |

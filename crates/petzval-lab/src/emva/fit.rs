@@ -58,7 +58,7 @@ pub struct TestedLine {
     pub test: FitTest,
 }
 
-/// [`line`] with the test of its points.
+/// [`line()`] with the test of its points.
 pub fn tested_line(x: &[f64], y: &[f64], w: &[f64], y_se: &[f64]) -> TestedLine {
     let by_noise = line(x, y, w, y_se);
     let found = [by_noise.intercept, by_noise.slope].map(|m| m.value().unwrap_or(0.0));

@@ -10,7 +10,7 @@
 //! | flags: what the captures show about the use of each point | `flags` |
 //! | find where the converter clips, from all samples | [`samples`] |
 //! | select the points of one gain by their flags, and evaluate them | `gain` |
-//! | whether the points of a fit lie on its model, and what a departure adds to the errors | [`goodness`], [`fits`] |
+//! | whether the points of a fit lie on its model, and what a departure adds to the errors | [`goodness`], [`mod@fits`] |
 //! | photon transfer: R, K, QE, linearity | [`transfer_point`], [`transfer`] |
 //! | find where the signal ends | [`mod@saturation`] |
 //! | dark frames over exposure time, and pixel by pixel | [`dark`], [`hot_pixels`] |
