@@ -25,6 +25,7 @@ use petzval_learn::network::NetworkKind;
 use petzval_learn::objective::{Labels, NamedLoss, Objective, Taken};
 use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::image_brightness;
+use petzval_optics::psf::PsfKind;
 
 fn setup() -> Setup {
     setup_with(false)
@@ -37,6 +38,7 @@ fn setup_with(restore: bool) -> Setup {
     experiment.development =
         DevelopmentConfig { demosaic: Demosaic::Bilinear, domain: Domain::Linear, restore };
     experiment.network.kind = if restore { NetworkKind::Restoration } else { NetworkKind::UNet };
+    experiment.psf.kind = PsfKind::Geometric;
     experiment.psf.fields = 5;
     experiment.psf.pupil_cells = 32;
     experiment.psf.scoring_pupil_cells = 32;

@@ -139,6 +139,7 @@ pub fn tiny_experiment() -> String {
     for (section, key, value) in [
         ("psf", "fields", toml::Value::Integer(3)),
         ("psf", "grid", toml::Value::Integer(64)),
+        ("psf", "kind", toml::Value::String("geometric".to_owned())),
         ("psf", "scoring_pupil_error", toml::Value::Float(2.0)),
         ("psf", "patches", toml::Value::Array(vec![toml::Value::Integer(2); 2])),
         ("psf", "pupil_cells", toml::Value::Integer(16)),
