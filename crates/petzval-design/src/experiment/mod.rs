@@ -1,11 +1,13 @@
 //! An experiment: everything that a run depends on, as one TOML file. Every key has a default.
 
 mod commented;
+mod derived_lens;
 mod resolve;
 mod tables;
 mod variants;
 
 pub use commented::{commented_toml, reference_markdown};
+pub use derived_lens::{BOX_CENTRE_LENS, PERFECT_LENS, is_derived_lens};
 pub use tables::{
     CheckpointConfig, ConstraintConfig, DetectorConfig, DevelopmentConfig, ExposureConfig, ExposureSetting,
     IspConfig, Keep, NO_ISP, NetworkConfig, OpticsConfig, PsfConfig, SameOf, ScoringConfig, SpotConfig,
@@ -51,18 +53,6 @@ const FULL_CHECKPOINT: usize = 2000;
 
 /// Most channels of a network.
 const MOST_CHANNELS: usize = 256;
-
-/// The name of a variant's lens that has no aberrations: a thin lens of the focal length and the entrance pupil of the experiment's lens,
-/// whose points of light are those of diffraction. It is the ceiling of what any lens of this f-number could reach.
-pub const PERFECT_LENS: &str = "perfect";
-
-/// The name of a variant's lens that has every variable of the experiment's lens in the middle of its bounds: what the bounds alone say.
-pub const BOX_CENTRE_LENS: &str = "box-centre";
-
-/// Whether a name stands for a lens that is made from the experiment's lens, and not for a file.
-pub fn is_derived_lens(name: &str) -> bool {
-    [PERFECT_LENS, BOX_CENTRE_LENS].contains(&name)
-}
 
 /// A joint design of lens and network, and the two controls it is compared with.
 ///

@@ -9,7 +9,8 @@ use petzval_optics::psf::PerfectImage;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{OpticsConfig, PERFECT_LENS};
+use super::OpticsConfig;
+use super::derived_lens::PERFECT_LENS;
 use crate::block::{BlockName, StepMethod};
 use crate::camera::DetectorInput;
 use crate::requirements::FieldOfView;
