@@ -114,13 +114,18 @@ impl BankWithTape {
         all.copied().fold(1.0, minimum)
     }
 
-    /// Share of the fields whose PSFs are by rays in whole or in part.
-    pub fn by_rays(&self) -> f64 {
-        let is_by_rays = |psf: &FieldPsf| {
+    /// Of each field, whether its PSFs are by rays in whole or in part.
+    fn fields_by_rays(&self) -> Vec<bool> {
+        let is_by_rays = |(psf, _): &(FieldPsf, Option<PsfTape>)| {
             psf.method.iter().any(|m| matches!(m, PsfMethod::Polynomial { .. } | PsfMethod::Traced))
         };
-        let count = self.fields.iter().filter(|(psf, _)| is_by_rays(psf)).count();
-        count as f64 / self.fields.len().max(1) as f64
+        self.fields.iter().map(is_by_rays).collect()
+    }
+
+    /// Share of the fields whose PSFs are by rays in whole or in part.
+    pub fn by_rays(&self) -> f64 {
+        let fields = self.fields_by_rays();
+        fields.iter().filter(|by_rays| **by_rays).count() as f64 / fields.len().max(1) as f64
     }
 }
 
@@ -350,16 +355,14 @@ impl PsfPlan {
         angles.par_iter().enumerate().map(|(i, field)| Ok(self.psf(lens, i, *field)?.0)).collect()
     }
 
-    /// The same for lenses that move from this one: PSFs of the fields of which no wave can be computed now are by rays, and stay so.
-    pub fn held_for(&self, lens: &Lens) -> Result<Self, DesignError> {
-        if self.options.kind == PsfKind::Geometric {
-            return Ok(self.clone());
+    /// The same for lenses that move from one whose PSFs are these: those of the fields that are by rays now stay so.
+    pub fn held_as(&self, traced: &BankWithTape) -> Self {
+        match self.options.kind {
+            PsfKind::Geometric => self.clone(),
+            PsfKind::Diffraction => {
+                Self { rough_fields: RoughFields::Held(traced.fields_by_rays()), ..self.clone() }
+            }
         }
-        let strict = Self { rough_fields: RoughFields::Refused, ..self.clone() };
-        let angles = self.field_angles(lens)?;
-        let is_rough = |(i, field): (usize, &f64)| strict.psf(lens, i, *field).is_err();
-        let marked = angles.par_iter().enumerate().map(is_rough).collect();
-        Ok(Self { rough_fields: RoughFields::Held(marked), ..strict })
     }
 
     /// Whether the PSF of a field is by waves, if it can be.

@@ -127,7 +127,7 @@ impl Start {
             .map(|radius| plan.field_angle(lens, *radius))
             .collect::<Result<_, _>>()?;
         // A lens whose light does not arrive is refused now, not after the first step.
-        plan.bank(&lens_file.lens).map_err(|e| {
+        let traced = plan.trace(&lens_file.lens).map_err(|e| {
             let hint = match e {
                 DesignError::NotSymmetric(_) => "leave tilts and decentres out, or name another lens",
                 _ => "`petzval lens show` lists the light of each field; PSFs may also miss a small psf.grid",
@@ -135,12 +135,12 @@ impl Start {
             DesignError::misfit(Path::new(name), &e, hint)
         })?;
         Ok(Self {
+            lens_file,
             names_variables,
             space,
             requirements,
             spot_fields_rad,
-            plan: plan.held_for(&lens_file.lens)?,
-            lens_file,
+            plan: plan.held_as(&traced),
             limit: limit.clone(),
             stated_brightness,
         })

@@ -77,11 +77,11 @@ fn a_field_of_which_no_wave_can_be_computed_is_refused_or_by_rays() {
 #[test]
 fn fields_by_rays_stay_so_while_a_lens_moves() {
     let lens = rough_somewhere();
-    let held = by_waves(RoughFields::ByRays).held_for(&lens).unwrap();
+    let free = by_waves(RoughFields::ByRays);
+    let held = free.held_as(&free.trace(&lens).unwrap());
     let RoughFields::Held(marked) = &held.rough_fields else { panic!("{:?}", held.rough_fields) };
     assert!(marked.contains(&true) && marked.contains(&false), "{marked:?}");
     // The PSFs of the lens are as without marks; those of the narrower lens keep their marks, although its waves could be computed.
-    let free = by_waves(RoughFields::ByRays);
     assert_eq!(held.bank(&lens).unwrap().values, free.bank(&lens).unwrap().values);
     let nominal = assets().lens("cooke-triplet-nominal").unwrap().lens;
     assert_eq!(free.trace(&nominal).unwrap().by_rays(), 0.0);

@@ -157,7 +157,7 @@ pub struct CameraMetrics {
     /// Least share of a PSF's light that its grid holds, over fields and wavelengths.
     pub psf_captured: f64,
     /// Share of the fields whose PSFs are by rays although those of the experiment are by waves.
-    #[serde(default, skip_serializing_if = "is_none")]
+    #[serde(default, skip_serializing_if = "is_zero")]
     pub psf_by_rays: f64,
     /// Errors of the PSFs that the camera was scored with; absent in runs of versions that did not measure them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -206,12 +206,8 @@ pub struct PictureScore {
     pub scores: BTreeMap<String, f64>,
 }
 
-fn is_zero(steps: &usize) -> bool {
-    *steps == 0
-}
-
-fn is_none(share: &f64) -> bool {
-    *share == 0.0
+fn is_zero<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 #[cfg(test)]

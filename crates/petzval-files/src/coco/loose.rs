@@ -8,6 +8,7 @@ use serde::de::{
     Deserialize, DeserializeSeed, Deserializer, IgnoredAny, IntoDeserializer, MapAccess, SeqAccess, Visitor,
 };
 
+use super::defect::DefectKind;
 use super::numbers::NO_NUMBER;
 
 /// Values of a list that are kept: one more than a box has.
@@ -41,6 +42,23 @@ pub(super) enum Wrong {
     NotFinite(String),
     /// An id that no record has.
     Unlisted(String),
+}
+
+impl Wrong {
+    /// What a record with such a value for a key is, and in words.
+    pub fn defect(self, key: &str) -> (DefectKind, String) {
+        let kind = match &self {
+            Self::Absent => DefectKind::MissingField,
+            Self::Type(_) => DefectKind::WrongType,
+            Self::NotFinite(_) => DefectKind::NotFinite,
+            Self::Unlisted(_) => DefectKind::UnknownImage,
+        };
+        let what = match self {
+            Self::Absent => "missing".to_owned(),
+            Self::Type(value) | Self::NotFinite(value) | Self::Unlisted(value) => value,
+        };
+        (kind, format!("{key} is {what}"))
+    }
 }
 
 impl Loose {

@@ -263,12 +263,7 @@ fn usable<T>(
         Ok(record) => return Some(record),
         Err(wrong) => wrong,
     };
-    let (kind, what) = match wrong {
-        Wrong::Absent => (DefectKind::MissingField, format!("{key} is missing")),
-        Wrong::Type(value) => (DefectKind::WrongType, format!("{key} is {value}")),
-        Wrong::NotFinite(value) => (DefectKind::NotFinite, format!("{key} is {value}")),
-        Wrong::Unlisted(value) => (DefectKind::UnknownImage, format!("{key} is {value}")),
-    };
+    let (kind, what) = wrong.defect(key);
     defects.add(kind, || format!("{}: {what}", place()));
     None
 }

@@ -71,12 +71,7 @@ pub fn parse_results(
     let mut detections = Vec::with_capacity(records.len());
     for (i, record) in records.iter().enumerate() {
         let fault = match detection(record, &ids) {
-            Err((key, Wrong::Absent)) => Some((DefectKind::MissingField, format!("{key} is missing"))),
-            Err((key, Wrong::Type(value))) => Some((DefectKind::WrongType, format!("{key} is {value}"))),
-            Err((key, Wrong::NotFinite(value))) => Some((DefectKind::NotFinite, format!("{key} is {value}"))),
-            Err((key, Wrong::Unlisted(value))) => {
-                Some((DefectKind::UnknownImage, format!("{key} is {value}")))
-            }
+            Err((key, wrong)) => Some(wrong.defect(key)),
             Ok(found) => {
                 let fault = fault(&found, known.as_ref());
                 if fault.is_none() {

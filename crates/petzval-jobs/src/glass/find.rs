@@ -1,9 +1,9 @@
 //! `glass find`: the glasses nearest to an index and an Abbe number.
 
-use petzval_optics::glass::{LINE_C_UM, LINE_F_UM, LINE_G_UM, Near, Status, nearest};
+use petzval_optics::glass::{Near, Status, nearest};
 use serde::{Deserialize, Serialize};
 
-use super::{at_lines, is_made_by, nd_and_vd, status};
+use super::{is_made_by, nd_and_vd, p_gf, status};
 use crate::context::Context;
 use crate::error::JobError;
 
@@ -62,7 +62,7 @@ impl From<&Near> for Found {
             status: status(glass),
             nd,
             vd,
-            p_gf: at_lines(glass, &[LINE_G_UM, LINE_F_UM, LINE_C_UM], glass.partial_dispersion_gf()),
+            p_gf: p_gf(glass),
             relative_cost: glass.relative_cost,
             distance: near.distance,
         }

@@ -5,7 +5,7 @@ pub mod find;
 pub mod list;
 pub mod show;
 
-use petzval_optics::glass::{Glass, LINE_C_UM, LINE_D_UM, LINE_F_UM};
+use petzval_optics::glass::{Glass, LINE_C_UM, LINE_D_UM, LINE_F_UM, LINE_G_UM};
 
 use crate::finite::finite;
 
@@ -28,6 +28,11 @@ pub(crate) fn nd_and_vd(glass: &Glass) -> [Option<f64>; 2] {
         at_lines(glass, &[LINE_D_UM], glass.nd()),
         at_lines(glass, &[LINE_F_UM, LINE_D_UM, LINE_C_UM], glass.abbe_vd()),
     ]
+}
+
+/// Partial dispersion from the g to the F line.
+fn p_gf(glass: &Glass) -> Option<f64> {
+    at_lines(glass, &[LINE_G_UM, LINE_F_UM, LINE_C_UM], glass.partial_dispersion_gf())
 }
 
 /// How the maker offers a glass, as the word of glass files: preferred, standard, special, obsolete or melt.

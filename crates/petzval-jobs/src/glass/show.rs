@@ -4,7 +4,7 @@ use petzval_files::write_catalog;
 use petzval_optics::glass::{Glass, LINE_C_UM, LINE_D_UM, LINE_F_UM, LINE_G_UM};
 use serde::{Deserialize, Serialize};
 
-use super::{at_lines, nd_and_vd, status};
+use super::{at_lines, nd_and_vd, p_gf, status};
 use crate::context::Context;
 use crate::error::JobError;
 
@@ -181,7 +181,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 
 fn figures(glass: &Glass, air: Option<Air>, others_of_this_name: Vec<String>) -> Figures {
     let [nd, vd] = nd_and_vd(glass);
-    let p_gf = at_lines(glass, &[LINE_G_UM, LINE_F_UM, LINE_C_UM], glass.partial_dispersion_gf());
+    let p_gf = p_gf(glass);
     let on_normal_line = NORMAL_LINE[0] + NORMAL_LINE[1] * glass.abbe_vd();
     let has_formula = |um: f64| !glass.is_outside_range(um) && glass.index(um).is_finite();
     Figures {

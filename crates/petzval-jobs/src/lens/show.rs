@@ -70,8 +70,7 @@ pub struct Figures {
     pub working_f_number: Option<f64>,
     /// Of an afocal lens: tangent of the angle at which a field leaves over that at which it comes.
     pub angular_magnification: Option<f64>,
-    /// Greatest distance between any two of the vertices and the paraxial image, as lens tables print it, mm; where mirrors bend the axis, along it
-    /// from the first vertex to that image.
+    /// From the first vertex to the paraxial image, as lens tables print it, mm; along the axis where mirrors bend it.
     pub total_track_mm: Option<f64>,
     /// Whether mirrors bend the axis.
     pub is_folded: bool,
@@ -353,19 +352,22 @@ fn warnings(lens: &Lens, order: &FirstOrder, spots: &[Spots]) -> Vec<String> {
 }
 
 fn surfaces(lens: &Lens) -> Vec<Surface> {
-    let surfaces = lens.surfaces.iter().enumerate().map(|(i, s)| Surface {
-        surface: i + 1,
-        label: s.label.clone(),
-        radius_mm: (s.shape.curvature != 0.0).then(|| 1.0 / s.shape.curvature),
-        conic: s.shape.conic,
-        asphere_a2_to_a16: s.shape.asphere.to_vec(),
-        thickness_mm: s.thickness_mm,
-        glass: s.glass.name.clone(),
-        nd: nd_and_vd(&s.glass)[0],
-        vd: nd_and_vd(&s.glass)[1],
-        semi_diameter_mm: s.semi_diameter_mm,
-        stop: i == lens.stop,
-        special: special_lines(s).lines().map(str::to_owned).collect(),
+    let surfaces = lens.surfaces.iter().enumerate().map(|(i, s)| {
+        let [nd, vd] = nd_and_vd(&s.glass);
+        Surface {
+            surface: i + 1,
+            label: s.label.clone(),
+            radius_mm: (s.shape.curvature != 0.0).then(|| 1.0 / s.shape.curvature),
+            conic: s.shape.conic,
+            asphere_a2_to_a16: s.shape.asphere.to_vec(),
+            thickness_mm: s.thickness_mm,
+            glass: s.glass.name.clone(),
+            nd,
+            vd,
+            semi_diameter_mm: s.semi_diameter_mm,
+            stop: i == lens.stop,
+            special: special_lines(s).lines().map(str::to_owned).collect(),
+        }
     });
     surfaces.collect()
 }

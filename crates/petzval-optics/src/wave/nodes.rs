@@ -203,7 +203,10 @@ impl<'a> NodeRow<'a> {
         let stop = [self.odd.at(&row.stop[0], q), self.even.at(&row.stop[1], q)];
         let radius_square = stop[0].mul_add(stop[0], stop[1] * stop[1]);
         let rim = soft_edge(radius_square * (self.rim_scale * self.rim_scale), self.rim_scale);
-        let inside = rim.as_ref().map_or(is_node, |edge| edge.transmission * is_node);
+        let inside = match &rim {
+            Some(edge) => edge.transmission * is_node,
+            None => is_node,
+        };
         if !zero.lt(inside).any() {
             return None;
         }
@@ -247,8 +250,8 @@ impl WithSimd for Forward<'_> {
         for j in 0..grid.nodes {
             let row = NodeRow::new(&grid, map, grid.q(j));
             for start in (0..columns.len()).step_by(width::<S>()) {
-                let at = |of: &[f64]| Lanes::load(simd, &of[start..]);
-                let Some(block) = row.block(at(&q), at(&is_node), &mut edges) else { continue };
+                let (q, is_node) = (Lanes::load(simd, &q[start..]), Lanes::load(simd, &is_node[start..]));
+                let Some(block) = row.block(q, is_node, &mut edges) else { continue };
                 // The amplitude is the root of the light per area of the image; a soft edge halves the amplitude where it halves the light.
                 let share = block.inside * block.through;
                 let amplitude = (block.density * block.per_slant).sqrt() * share;
@@ -289,8 +292,8 @@ impl WithSimd for Backward<'_> {
             let row = NodeRow::new(&grid, map, grid.q(j));
             moments.clear();
             for start in (0..columns.len()).step_by(width::<S>()) {
-                let at = |of: &[f64]| Lanes::load(simd, &of[start..]);
-                let Some(block) = row.block(at(&q), at(&is_node), &mut edges) else { continue };
+                let (q, is_node) = (Lanes::load(simd, &q[start..]), Lanes::load(simd, &is_node[start..]));
+                let Some(block) = row.block(q, is_node, &mut edges) else { continue };
                 let end = (start + width::<S>()).min(columns.len());
                 let place = j * columns.len() + start..j * columns.len() + end;
                 re[..end - start].copy_from_slice(&bar.wave.re.as_slice()[place.clone()]);

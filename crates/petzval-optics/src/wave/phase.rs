@@ -35,14 +35,21 @@ pub(super) fn sin_cos<S: Simd>(turns: Lanes<S>) -> [Lanes<S>; 2] {
     // Leave out whole turns: half of the phase is then within a quarter turn.
     let t = turns - ((turns + ROUNDING) - ROUNDING);
     let square = t * t;
-    let sum = |of: &[f64; TERMS]| {
-        let first = t.constant(of[TERMS - 1]);
-        of[..TERMS - 1].iter().rev().fold(first, |sum, c| sum.mul_add(square, t.constant(*c)))
-    };
-    let (half_sin, half_cos) = (t * sum(&SINE), sum(&COSINE));
+    let (half_sin, half_cos) = (t * polynomial(&SINE, square), polynomial(&COSINE, square));
     // Double the angle.
     let twice = half_sin + half_sin;
     [twice * half_cos, t.constant(1.0) - twice * half_sin]
+}
+
+/// The series at `square`, by Horner's rule.
+#[inline(always)]
+fn polynomial<S: Simd>(series: &[f64; TERMS], square: Lanes<S>) -> Lanes<S> {
+    let mut sum = square.constant(series[TERMS - 1]);
+    // A loop, because a closure in place of it is compiled without the vector instructions of `S`.
+    for c in series[..TERMS - 1].iter().rev() {
+        sum = sum.mul_add(square, square.constant(*c));
+    }
+    sum
 }
 
 #[cfg(test)]

@@ -37,7 +37,7 @@ pub(super) fn page(report: &Report) -> String {
         section_of("Detection", report.detection.is_some(), || detection(report)),
         section_of("Axis and corner", has_answer && has_ends(report), || ends(report)),
         section_of("Score over the field", has_places(report), || place_chart(report)),
-        result(report),
+        result(report, has_answer),
         // Without an answer no picture stands before this section.
         section_of("Pictures", !has_answer && !report.pictures.is_empty(), || pictures(report)),
         section_of("Pictures", has_answer && has_more(report), || more_pictures(report)),
@@ -54,7 +54,7 @@ pub(super) fn page(report: &Report) -> String {
     ];
     let main = with_contents(&sections.into_iter().flatten().collect::<Vec<Section>>());
     // Without an answer the page begins with what the run is; with one this stands below the answer, in the result.
-    let subtitle = if answer.is_some() {
+    let subtitle = if has_answer {
         html! {}
     } else {
         html! { (report.subtitle) }
@@ -80,8 +80,7 @@ fn section_of(headline: &str, is_there: bool, body: impl FnOnce() -> Markup) -> 
 }
 
 /// The scores, what they say in sentences, and folded the remarks.
-fn result(report: &Report) -> Option<Section> {
-    let has_answer = answer(report).is_some();
+fn result(report: &Report, has_answer: bool) -> Option<Section> {
     section_of("Result", !report.table.is_empty() || !report.notes.is_empty(), || {
         html! {
             @if has_answer { p { (report.subtitle) } }

@@ -107,7 +107,7 @@ pub(super) struct Standing<'a> {
     pub baseline: usize,
     /// The camera with the highest score whose lens is no ceiling.
     pub best: usize,
-    /// The camera whose places are told: the best, or the second best where the baseline is the best.
+    /// The camera that is compared with the baseline place by place: the best, or the second best where the baseline is the best.
     pub subject: usize,
     /// The highest of the others.
     pub runner_up: Option<usize>,
