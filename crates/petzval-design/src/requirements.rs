@@ -45,7 +45,8 @@ impl Requirements {
             .ok_or(DesignError::NoLight { field_deg: corner_field_rad.to_degrees() })?;
         let mut constraints = config.of_lens(lens);
         let solved = nominal.efl_solve.and_then(|solve| Some((solve.surface, solve.radius_mm?)));
-        constraints.extend(solved.map(|(surface, radius_mm)| Constraint::Radius { surface, radius_mm }));
+        constraints
+            .extend(solved.map(|(surface, radius_mm)| Constraint::SolvedRadius { surface, radius_mm }));
         constraints.push(Constraint::ChiefHeight {
             field_rad: corner_field_rad,
             wanted_mm: chief.y_mm,

@@ -87,7 +87,7 @@ pub enum Figure {
     FocalLength,
     /// Paraxial back focal length, mm.
     BackFocalLength,
-    /// Distance from the first vertex to the image plane, mm.
+    /// Greatest distance between any two of the vertices and the image plane, mm.
     Track,
     /// Distortion, a share of the ideal image height.
     Distortion,

@@ -61,13 +61,6 @@ pub enum Constraint {
         /// Bounds of the radius, mm.
         radius_mm: [f64; 2],
     },
-    /// Bounds of a radius; violated by a radius, mm.
-    Radius {
-        /// Surface.
-        surface: usize,
-        /// Bounds, mm.
-        radius_mm: [f64; 2],
-    },
     /// Least and greatest effective focal length.
     FocalLength {
         /// Bounds, mm.
@@ -201,16 +194,6 @@ impl Constraint {
                 }
                 Some(scale * beyond)
             }
-            Self::Radius { surface, radius_mm: [min, max] } => {
-                let radius = 1.0 / lens.surfaces[surface].shape.curvature;
-                let excess = (radius - max).max(min - radius);
-                if let Some((bar, g)) = pull {
-                    // dR/dc = -R^2
-                    let sign = if radius > max { -1.0 } else { 1.0 };
-                    g[(surface, Number::Curvature)] += sign * bar * radius * radius;
-                }
-                Some(excess)
-            }
             Self::FocalLength { between_mm: [min, max] } => {
                 let sequence = sequence();
                 let found = first_order(&sequence).efl_mm;
@@ -329,7 +312,6 @@ impl fmt::Display for Constraint {
             Self::SolvedRadius { .. } => {
                 write!(f, "bounds of the radius that holds the focal length, as a sag")
             }
-            Self::Radius { surface, .. } => write!(f, "radius of surface {}", surface + 1),
             Self::FocalLength { .. } => write!(f, "focal length"),
             Self::BackFocal { .. } => write!(f, "back focal length"),
             Self::ImageDistance { .. } => write!(f, "distance from the last vertex to the image"),

@@ -214,6 +214,9 @@ fn the_track_of_a_folded_lens_is_that_of_the_straight_one() {
     let mirror = |thickness_mm| Surface { action: Action::Reflect, ..plane(thickness_mm, 12.0) };
     let cassegrain = lens(10.0, vec![plane(100.0, 12.0), mirror(-100.0), mirror(130.0)]);
     assert_eq!(first_order_table(&cassegrain).total_track_mm, 130.0);
+    // A mirror alone is as long as from its image to its vertex, and with a stop in front of it as far as the stop.
+    let newtonian = |stop_mm| lens(10.0, vec![plane(stop_mm, 12.0), mirror(-200.0)]);
+    assert_eq!([0.0, 150.0, 300.0].map(|mm| newtonian(mm).axis_length_mm()), [200.0, 200.0, 300.0]);
 }
 
 #[test]

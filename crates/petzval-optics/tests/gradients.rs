@@ -524,27 +524,41 @@ fn clearances() {
     // The semi-diameter is where the edge is measured, not a variable of the penalty.
     let mut lens = lens;
     lens.entrance_pupil_mm = 5.7;
-    let loss = |l: &Lens| {
-        let mut same = l.clone();
-        for (a, b) in same.surfaces.iter_mut().zip(&lens.surfaces) {
-            a.semi_diameter_mm = b.semi_diameter_mm;
-        }
-        penalty(&constraints, &same).unwrap().0
-    };
+    let loss = |l: &Lens| penalty(&constraints, &with_radii_of(&lens, l)).unwrap().0;
     check(&lens, &gradient, &loss, &[1.0], 1e-6);
+}
+
+/// A lens with the clear radii of another: there constraints are measured, and no penalty moves them.
+fn with_radii_of(clear: &Lens, lens: &Lens) -> Lens {
+    let mut same = lens.clone();
+    for (a, b) in same.surfaces.iter_mut().zip(&clear.surfaces) {
+        a.semi_diameter_mm = b.semi_diameter_mm;
+    }
+    same
 }
 
 #[test]
 fn radius_and_field_of_view() {
     let lens = nominal_triplet();
     let of_radius = |l: &Lens, surface: usize, radius_mm: [f64; 2]| {
-        penalty(&[Constraint::Radius { surface, radius_mm }], l).unwrap()
+        penalty(&[Constraint::SolvedRadius { surface, radius_mm }], l).unwrap()
     };
-    let loss = |l: &Lens| of_radius(l, 6, [-12.5, -11.0]).0 + of_radius(l, 1, [12.0, 14.0]).0;
+    let loss = |l: &Lens| {
+        let same = with_radii_of(&lens, l);
+        of_radius(&same, 6, [-12.5, -11.0]).0 + of_radius(&same, 1, [12.0, 14.0]).0
+    };
     let (low, mut gradient) = of_radius(&lens, 6, [-12.5, -11.0]);
     let (high, other) = of_radius(&lens, 1, [12.0, 14.0]);
     gradient += &other;
-    assert!((low - 0.55_f64.powi(2)).abs() < 1e-12 && (high - 0.55_f64.powi(2)).abs() < 1e-12);
+    // The sag at the clear radius between the shape and that of the bound, which is 1e-4 of the width inside.
+    let sag_mm2 = |surface: usize, bound_mm: f64, other_mm: f64| {
+        let surface = &lens.surfaces[surface];
+        let inside = 1e-4 * (1.0 / bound_mm - 1.0 / other_mm).abs();
+        let beyond = (surface.shape.curvature - 1.0 / bound_mm).abs() + inside;
+        (0.5 * surface.semi_diameter_mm.powi(2) * beyond).powi(2)
+    };
+    assert!((low / sag_mm2(6, -12.5, -11.0) - 1.0).abs() < 1e-9 && low > 1e-3);
+    assert!((high / sag_mm2(1, 14.0, 12.0) - 1.0).abs() < 1e-9 && high > 1e-3);
     check(&lens, &gradient, &loss, &[1.0], 1e-6);
     assert_eq!(of_radius(&lens, 6, [-15.05, -11.5]).0, 0.0);
 

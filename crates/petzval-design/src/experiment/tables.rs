@@ -339,7 +339,7 @@ parameters! {
         /// Learning rate at the end over that at the start.
         final_learning_rate: f64 = 0.1, "", 0..1, Linear, "a share of the first";
         /// Half-range of the image plane around the paraxial focus.
-        defocus_mm: f64 = 0.5, "mm", 1e-3..10, Log, "half-range around the paraxial focus";
+        defocus_mm: f64 = 0.5, "mm", 1e-3..100, Log, "half-range around the paraxial focus";
         /// Weight of the lens's proximal term, per squared coordinate.
         proximal: f64 = 0.0, "", 0..1e6, Log, "0 leaves the proximal term out";
         /// Standard deviation of random errors of the lens in each of its steps for the task, as a share of the range between the bounds of each

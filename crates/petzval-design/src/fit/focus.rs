@@ -19,7 +19,7 @@ const RANGE: f64 = 0.02;
 const TWICE: f64 = 2.0;
 
 /// Bounds of `optics.defocus_mm`.
-const RANGE_MM: [f64; 2] = [1e-3, 10.0];
+const RANGE_MM: [f64; 2] = [1e-3, 100.0];
 
 /// The place of an image plane.
 pub(super) struct Focused {

@@ -11,11 +11,12 @@ const LEAST_NOISE: f64 = 0.003;
 const NOISE_STEPS: f64 = 1.5;
 
 /// Without noise: how far inside the first pixel of the extreme value the profile is looked at, pixels; what it lacks there of the level, of the
-/// step and in steps of the values; and how many times that of the other side it is. A profile that is not cut off comes near its level first.
+/// step and in steps of the values; and what the other side lacks as far from the edge as this side ends. A blur comes near its level on both
+/// sides.
 const INSIDE_PX: f64 = 0.3;
 const LEAST_LACK: f64 = 0.01;
 const LACK_STEPS: f64 = 8.0;
-const OTHER_LACK: f64 = 3.0;
+const OTHER_LACK: f64 = 0.02;
 
 /// The end of one side.
 struct End {
@@ -23,21 +24,22 @@ struct End {
     share: f64,
     /// Difference to the next value, of the step.
     gap: f64,
-    /// What the profile lacks of the level just inside the pixels of the extreme value, of the step.
-    lack: f64,
+    /// Distance from the edge of the last pixel of another value.
+    last_px: f64,
 }
 
 /// Refuses an edge one of whose sides is clipped: its level, and the shape of the profile below it, are unknown.
 pub fn check(profile: &Profile) -> Result<(), SfrError> {
-    let [dark, bright] = [-1.0, 1.0].map(|sign| End::of(profile, sign));
-    for (side, sign, end, other) in [(Side::Dark, -1.0, &dark, &bright), (Side::Bright, 1.0, &bright, &dark)]
-    {
+    for (side, sign) in [(Side::Dark, -1.0), (Side::Bright, 1.0)] {
+        let end = End::of(profile, sign);
         if end.share < LEAST_SHARE {
             continue;
         }
         let noise = profile.noise_of_blur(sign);
         let is_noisy = noise > LEAST_NOISE && noise > NOISE_STEPS * end.gap;
-        let is_abrupt = end.lack > LEAST_LACK.max(LACK_STEPS * end.gap) && end.lack > OTHER_LACK * other.lack;
+        let least = LEAST_LACK.max(LACK_STEPS * end.gap);
+        let is_abrupt = lack(profile, sign * (end.last_px - INSIDE_PX)) > least
+            && lack(profile, -sign * end.last_px) > OTHER_LACK.max(least);
         if is_noisy || is_abrupt {
             return Err(SfrError::Clipped { side, share: end.share });
         }
@@ -58,9 +60,12 @@ impl End {
                 last_px = last_px.max(sign * distance);
             }
         }
-        let level = if sign > 0.0 { 1.0 } else { 0.0 };
-        let inside = profile.spline.at(sign * (last_px - INSIDE_PX));
-        let lack = inside.map_or(0.0, |share| (level - share).abs());
-        Self { share, gap: (extreme - next) / profile.step(), lack }
+        Self { share, gap: (extreme - next) / profile.step(), last_px }
     }
+}
+
+/// What the profile lacks of the level of its side, at a distance from the edge, of the step.
+fn lack(profile: &Profile, distance: f64) -> f64 {
+    let level = if distance > 0.0 { 1.0 } else { 0.0 };
+    profile.spline.at(distance).map_or(0.0, |share| (level - share).abs())
 }

@@ -282,6 +282,21 @@ fn light_cut_off_at_either_end_is_refused() {
     edge.assert_mtf50(&cut, 0.02);
 }
 
+/// A dark side of few steps of the values ends sharply without being cut off.
+#[test]
+fn a_dark_side_without_noise_is_not_taken_for_a_clipped_one() {
+    for (angle, sigma) in [(3.0, 0.4), (5.0, 0.6), (8.0, 0.9), (12.0, 1.4)] {
+        for dark in [0.0025, 0.005, 0.01, 0.02] {
+            for white in [1023.0, 4095.0, 16383.0] {
+                let light = Edge { levels: [dark, 0.6], ..Edge::at(angle, sigma) };
+                let values: Vec<f32> = light.light().iter().map(|v| (v * white).round() / white).collect();
+                let found = light.measured(&values);
+                assert!(found.is_ok(), "{angle} {sigma} {dark} {white}: {:?}", found.err());
+            }
+        }
+    }
+}
+
 #[test]
 fn dead_and_hot_pixels_and_columns_do_not_count() {
     let edge = Edge::at(5.0, SIGMA);

@@ -35,7 +35,7 @@ pub struct FirstOrderTable {
     pub image_mm: f64,
     /// Image plane from the paraxial image, mm.
     pub defocus_mm: Option<f64>,
-    /// From the first vertex to the image plane, mm; along the axis where mirrors bend it.
+    /// Length with the image plane, mm, see [`Lens::axis_length_mm`].
     pub total_track_mm: f64,
     /// Entrance pupil diameter, mm.
     pub entrance_pupil_mm: f64,

@@ -158,14 +158,20 @@ impl Lens {
         self.surfaces.iter().any(turns) && self.surfaces.iter().any(|s| s.action == Action::Reflect)
     }
 
-    /// Length from the first vertex to the image plane, mm: [`Lens::total_track_mm`] or, where the axis is [folded](Lens::is_folded), the length
-    /// of the axis in the direction of the light.
+    /// Length of the lens with its image plane, mm: the greatest distance between any two of the vertices and the image plane or,
+    /// where the axis is [folded](Lens::is_folded), the length of the axis from the first vertex in the direction of the light. Not finite if the
+    /// image distance is not.
     pub fn axis_length_mm(&self) -> f64 {
-        if !self.is_folded() {
-            return self.total_track_mm();
+        if self.is_folded() {
+            let forwards = |i: usize| if self.light_goes_forwards(i) { 1.0 } else { -1.0 };
+            return self.surfaces.iter().enumerate().map(|(i, s)| forwards(i) * s.thickness_mm).sum();
         }
-        let forwards = |i: usize| if self.light_goes_forwards(i) { 1.0 } else { -1.0 };
-        self.surfaces.iter().enumerate().map(|(i, s)| forwards(i) * s.thickness_mm).sum()
+        let (mut at, mut front, mut back) = (0.0_f64, 0.0_f64, 0.0_f64);
+        for surface in &self.surfaces {
+            at += surface.thickness_mm;
+            (front, back) = (front.min(at), back.max(at));
+        }
+        if at.is_finite() { back - front } else { at }
     }
 
     /// Distance from the last vertex to the image plane, mm.

@@ -61,7 +61,7 @@ pub struct Limits {
     pub air_gap_mm: Option<f64>,
     /// Least and greatest back focal length (paraxial).
     pub back_focal_mm: Option<[f64; 2]>,
-    /// Greatest distance from the first vertex to the image plane.
+    /// Greatest distance between any two of the vertices and the image plane.
     pub track_mm: Option<f64>,
     /// Greatest clear diameter: no ray of any field may need more.
     pub clear_diameter_mm: Option<f64>,

@@ -28,7 +28,7 @@ pub(super) fn first_order(analysis: &Analysis) -> Markup {
         ("height of the paraxial image", mm(o.image_height_mm)),
         ("image plane from the last vertex", mm(Some(o.image_mm))),
         ("image plane from the paraxial image", mm(o.defocus_mm)),
-        ("first vertex to the image plane", mm(Some(o.total_track_mm))),
+        ("total track to the image plane", mm(Some(o.total_track_mm))),
         ("entrance pupil, diameter", mm(Some(o.entrance_pupil_mm))),
         ("entrance pupil from the first vertex", mm(o.entrance_pupil_at_mm)),
         ("exit pupil, diameter", mm(o.exit_pupil_mm)),

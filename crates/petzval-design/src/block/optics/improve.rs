@@ -66,8 +66,7 @@ impl OpticsBlock {
         // Spots cost little: the stiff penalty alone leads further from some lenses.
         if goal == LensGoal::Spot {
             let other = descend(&problem(lens.clone()), &options, &mut |_, _, _| true)?;
-            let others = [Some(other), as_exactly(&problem(lens), &options)];
-            for other in others.into_iter().flatten() {
+            for other in std::iter::once(other).chain(as_exactly(&problem(lens), &options)) {
                 if other.best.merit < WORTH_IT * best.best.merit {
                     best = other;
                 }
@@ -129,14 +128,18 @@ impl OpticsBlock {
     }
 }
 
-/// A descent as `lens optimize` makes it, with a free image plane and clear radii as the beams need them, and from its end one of the problem as it
-/// is; `None` if there is no way.
-fn as_exactly(problem: &Problem, options: &LevenbergOptions) -> Option<Descent> {
+/// Descents as `lens optimize` makes them, with a free image plane and clear radii as the beams need them, and from the end of each one of the
+/// problem as it is.
+fn as_exactly(problem: &Problem, options: &LevenbergOptions) -> Vec<Descent> {
     let merit = SpotResiduals { sampling: PupilSampling::Degree(6), ..problem.merit.clone() };
     let (apertures, focus) = (Apertures::Fitted, Focus::Free);
     let free = Problem { merit, apertures, focus, ..problem.clone() };
-    let base = descend(&free, options, &mut |_, _, _| true).ok()?.best.lens;
-    descend(&Problem { base, ..problem.clone() }, options, &mut |_, _, _| true).ok()
+    let ends = [descend, descend_softly].map(|way| way(&free, options, &mut |_, _, _| true));
+    let as_it_is = |end: Descent| {
+        let problem = Problem { base: end.best.lens, ..problem.clone() };
+        descend(&problem, options, &mut |_, _, _| true).ok()
+    };
+    ends.into_iter().flatten().filter_map(as_it_is).collect()
 }
 
 /// The root of the mean square spot over the fields, the error after restoration if that is the goal, and the sum of squared violations of the

@@ -30,11 +30,9 @@ pub(super) fn descent(
     }
     let problem = &own;
     let options = LevenbergOptions { iterations, ..LevenbergOptions::default() };
-    let mut met_limits = kept.as_ref().is_some_and(|kept| kept.met_limits);
     let mut went_softly = kept.as_ref().is_some_and(|kept| kept.went_softly);
     let (mut failure, mut kept_at) = (None::<JobError>, Instant::now());
     let mut watch = |way: &Way| {
-        met_limits |= !way.best.violations.is_empty();
         context.progress(way.iterations as u64, iterations as u64, "descent");
         let mut step = || {
             let is_step = history.is_better(&way.best, STEP_SHARE);
@@ -42,7 +40,7 @@ pub(super) fn descent(
                 add(problem, history, &clock, way.iterations, &way.best, &way.at, context)?;
             }
             if is_step || kept_at.elapsed() > KEEP_EVERY {
-                history.keep_descent(&KeptDescent { state: way.state(), met_limits, went_softly })?;
+                history.keep_descent(&KeptDescent { state: way.state(), went_softly })?;
                 kept_at = Instant::now();
             }
             Ok(())
@@ -63,27 +61,27 @@ pub(super) fn descent(
     if let Some(failure) = failure {
         return Err(failure);
     }
-    history.keep_descent(&KeptDescent { state: descent.state.clone(), met_limits, went_softly })?;
+    history.keep_descent(&KeptDescent { state: descent.state.clone(), went_softly })?;
     if descent.stop == Stop::Asked {
         // No step of the history: without the interruption there would be none.
         history.keep_best(problem, &descent.best)?;
         return Ok(noted(descent, context));
     }
-    // Another way there may lead further, where limits stood in this one. Spots cost little, other goals do not.
+    // Where there are limits another way may lead further. Spots cost little, other goals do not.
     let is_of_spots = problem.goals.iter().all(|goal| goal.weight_um == 0.0);
-    let goes_softly = met_limits && is_of_spots && !went_softly;
-    let softly = || descend_softly(problem, &options, &mut |_, _, _| true).ok();
+    let goes_softly = is_of_spots && !went_softly && !problem.constraints().is_empty();
+    let softly = || descend_softly(problem, &options, &mut |_, _, _| !context.is_cancelled()).ok();
     let other = if goes_softly { softly() } else { None };
     let descent = match other.filter(|other| other.best.merit < WORTH_IT * descent.best.merit) {
-        Some(other) => other,
-        None => descent,
+        Some(other) if other.stop != Stop::Asked => other,
+        _ => descent,
     };
     // The last lens counts, however little it gained.
     if history.is_better(&descent.best, 0.0) {
         add(problem, history, &clock, descent.iterations, &descent.best, &descent.at, context)?;
     }
-    went_softly |= goes_softly;
-    history.keep_descent(&KeptDescent { state: descent.state.clone(), met_limits, went_softly })?;
+    went_softly |= goes_softly && !context.is_cancelled();
+    history.keep_descent(&KeptDescent { state: descent.state.clone(), went_softly })?;
     Ok(noted(descent, context))
 }
 

@@ -70,7 +70,7 @@ pub struct Goal {
     pub centre: Option<f64>,
     /// Least air between elements, on the axis and at the edge, mm, 0.01 at least.
     pub air: Option<f64>,
-    /// Greatest track, first vertex to image, mm.
+    /// Greatest track, mm: between any two of the vertices and the image plane.
     pub track: Option<f64>,
     /// Greatest clear diameter of any surface, mm.
     pub clear_diameter: Option<f64>,

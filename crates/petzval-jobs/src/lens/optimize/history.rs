@@ -63,8 +63,6 @@ pub struct Config {
 pub struct KeptDescent {
     /// The descent itself.
     pub state: DescentState,
-    /// Whether a limit was violated on the way.
-    pub met_limits: bool,
     /// Whether the way along a soft penalty has been tried.
     pub went_softly: bool,
 }

@@ -69,7 +69,7 @@ pub struct GoalArgs {
     /// Least air between elements, on the axis and at the edge, mm; 0.01 unless more is asked for
     #[arg(long, value_name = "MM")]
     air: Option<f64>,
-    /// Greatest track, first vertex to image, mm
+    /// Greatest track, mm: between any two of the vertices and the image plane
     #[arg(long, value_name = "MM")]
     track: Option<f64>,
     /// Greatest clear diameter of any surface, mm
