@@ -9,7 +9,10 @@ use crate::pupil::Symmetry;
 pub(super) struct PlaneFit {
     /// Powers (i, j) of the first and the second coordinate.
     pub powers: Vec<(usize, usize)>,
-    points: Vec<[f64; 2]>,
+    /// Total degree.
+    degree: usize,
+    /// Powers of the coordinates of each point.
+    points: Vec<[Powers; 2]>,
     /// Coefficients from values.
     solve: DMatrix<f64>,
 }
@@ -25,11 +28,13 @@ impl PlaneFit {
         };
         let powers: Vec<(usize, usize)> =
             (first..=degree).step_by(step).flat_map(|i| (0..=degree - i).map(move |j| (i, j))).collect();
-        let value = DMatrix::from_fn(points.len(), powers.len(), |r, c| term(powers[c], points[r]));
+        let points: Vec<[Powers; 2]> =
+            points.iter().map(|point| point.map(|v| powers_of(v, degree))).collect();
+        let value = DMatrix::from_fn(points.len(), powers.len(), |r, c| term(powers[c], &points[r]));
         let qr = value.qr();
         let q_t = qr.q().transpose();
         let solve = qr.r().solve_upper_triangular(&q_t)?;
-        solve.iter().all(|v| v.is_finite()).then(|| Self { powers, points: points.to_vec(), solve })
+        solve.iter().all(|v| v.is_finite()).then_some(Self { powers, degree, points, solve })
     }
 
     /// Coefficients of the polynomial through values at the points.
@@ -53,7 +58,7 @@ impl PlaneFit {
         let by_value = self.solve.tr_mul(&bar);
         for (i, bar) in by_value.iter().enumerate() {
             values_bar[i] += bar;
-            let [x, y] = self.slope(coefficients, self.points[i]);
+            let [x, y] = self.slope(coefficients, &self.points[i]);
             points_bar[i][0] -= bar * x;
             points_bar[i][1] -= bar * y;
         }
@@ -61,17 +66,17 @@ impl PlaneFit {
 
     /// The polynomial at a point.
     pub fn value(&self, coefficients: &[f64], at: [f64; 2]) -> f64 {
-        self.powers.iter().zip(coefficients).map(|(p, c)| c * term(*p, at)).sum()
+        let at = at.map(|v| powers_of(v, self.degree));
+        self.powers.iter().zip(coefficients).map(|(p, c)| c * term(*p, &at)).sum()
     }
 
-    /// Its slopes at a point.
-    fn slope(&self, coefficients: &[f64], [x, y]: [f64; 2]) -> [f64; 2] {
-        let power = |v: f64, n: usize| v.powi(n as i32);
-        let by = |v: f64, n: usize| if n == 0 { 0.0 } else { n as f64 * power(v, n - 1) };
+    /// Its slopes at a point, of whose coordinates the powers are given.
+    fn slope(&self, coefficients: &[f64], [x, y]: &[Powers; 2]) -> [f64; 2] {
+        let by = |powers: &Powers, n: usize| if n == 0 { 0.0 } else { n as f64 * powers[n - 1] };
         let mut sum = [0.0; 2];
         for ((i, j), c) in self.powers.iter().zip(coefficients) {
-            sum[0] += c * by(x, *i) * power(y, *j);
-            sum[1] += c * power(x, *i) * by(y, *j);
+            sum[0] += c * by(x, *i) * y[*j];
+            sum[1] += c * x[*i] * by(y, *j);
         }
         sum
     }
@@ -84,7 +89,7 @@ impl PlaneFit {
     /// Coefficients of the powers of the first coordinate at one value of the second.
     pub fn along(&self, coefficients: &[f64], y: f64) -> Vec<f64> {
         let mut row = vec![0.0; self.highest() + 1];
-        let powers: Vec<f64> = std::iter::successors(Some(1.0), |p| Some(p * y)).take(MAX_POWER).collect();
+        let powers = products_of(y);
         for ((i, j), c) in self.powers.iter().zip(coefficients) {
             row[*i] += c * powers[*j];
         }
@@ -93,18 +98,39 @@ impl PlaneFit {
 
     /// The transpose of [`PlaneFit::along`]: adds the cotangents of the coefficients, from those of a row.
     pub fn pull_back_along(&self, row_bar: &[f64], y: f64, coefficients_bar: &mut [f64]) {
-        let powers: Vec<f64> = std::iter::successors(Some(1.0), |p| Some(p * y)).take(MAX_POWER).collect();
+        let powers = products_of(y);
         for ((i, j), bar) in self.powers.iter().zip(coefficients_bar) {
             *bar += row_bar[*i] * powers[*j];
         }
     }
 }
 
-/// Bound above the highest power of the second coordinate.
+/// Bound above the highest power of a coordinate.
 const MAX_POWER: usize = 24;
 
-fn term((i, j): (usize, usize), [x, y]: [f64; 2]) -> f64 {
-    x.powi(i as i32) * y.powi(j as i32)
+/// The powers of a coordinate from 0 on.
+type Powers = [f64; MAX_POWER];
+
+/// Powers up to a degree, each to the last digit; zeros above.
+fn powers_of(v: f64, degree: usize) -> Powers {
+    let mut all = [0.0; MAX_POWER];
+    for (n, power) in all.iter_mut().enumerate().take(degree + 1) {
+        *power = v.powi(n as i32);
+    }
+    all
+}
+
+/// Powers by repeated products.
+fn products_of(v: f64) -> Powers {
+    let mut all = [1.0; MAX_POWER];
+    for n in 1..MAX_POWER {
+        all[n] = all[n - 1] * v;
+    }
+    all
+}
+
+fn term((i, j): (usize, usize), [x, y]: &[Powers; 2]) -> f64 {
+    x[i] * y[j]
 }
 
 /// A row at one value of the first coordinate, by Horner's rule.
