@@ -5,6 +5,7 @@ use serde::Serialize;
 
 use super::dark::{DarkPoint, DarkSeries, dark_series};
 use super::measured::{Measured, Unresolved};
+use super::plane_moments::SharedScatter;
 pub use super::rounding::QUANTISATION_DN2;
 use super::rounding::{LEAST_DARK_VARIANCE_DN2, RoundingError};
 use super::spatial::{Components, Spatial, StackVariances, Variances};
@@ -199,10 +200,10 @@ fn values(basis: &Basis<'_>, rules: Rules) -> Vec<Measured> {
         }
     };
     let snr = u_e_sat.root();
-    let dr = match (rules, u_p_sat.reason()) {
-        // Without photons the dynamic range is that of the electrons.
-        (Rules::Ours, Some(Unresolved::NoPhotons)) => u_e_sat.over(u_e_min),
-        _ => u_p_sat.over(u_p_min),
+    let dr = match rules {
+        // K and R are in both numbers, and their errors cancel.
+        Rules::Ours => transfer.saturation_signal_dn.over(threshold_dn),
+        Rules::Library => u_p_sat.over(u_p_min),
     };
     let dr = or_limit(dr);
     let db = |m: Measured| m.map(|v| 20.0 * v.log10(), |v| 20.0 / (v * std::f64::consts::LN_10));
@@ -220,8 +221,11 @@ fn values(basis: &Basis<'_>, rules: Rules) -> Vec<Measured> {
     });
     let linearity = transfer.linearity.as_ref();
     let too_few = Measured::none(transfer.no_linearity.unwrap_or(Unresolved::NotFinite));
-    let le_max = linearity.map_or(too_few, |l| Measured::new(l.max_percent, l.se_percent.1));
-    let le_min = linearity.map_or(too_few, |l| Measured::new(l.min_percent, l.se_percent.0));
+    let [le_min, le_max] = match linearity {
+        None => [too_few; 2],
+        Some(l) if ours => l.response_percent,
+        Some(l) => [l.min_percent, l.max_percent].map(Measured::exact),
+    };
     let index = |i: Option<usize>| i.map_or(too_few, |i| Measured::exact(i as f64));
     let dsnu = non_uniformity(basis, k, ours);
     let raw = |f: fn(&Variances) -> f64, dark: bool| match basis.spatial {
@@ -319,10 +323,13 @@ fn non_uniformity(basis: &Basis<'_>, k: Measured, ours: bool) -> NonUniformityFi
             v.with_error(|v| v.pixel),
         ]
     };
-    let filtered = |c: &Components| [c.total, c.row, c.column, c.pixel];
-    let (dark, flat) = match ours {
-        true => (filtered(&s.dark_components), filtered(&s.flat_components)),
-        false => (plain(&s.dark), plain(&s.flat)),
+    let (dark, light) = if ours {
+        let dark = &s.dark_components;
+        let light = of_light(&s.flat_components, dark, s.shared);
+        ([dark.total, dark.row, dark.column, dark.pixel], light)
+    } else {
+        let (dark, flat) = (plain(&s.dark), plain(&s.flat));
+        (dark, std::array::from_fn(|i| flat[i].minus(dark[i])))
     };
     let root = |m: Measured| if ours { m.if_above_noise().root() } else { m.root() };
     let signal_dn = s.flat.mean_dn - s.dark.mean_dn;
@@ -330,18 +337,23 @@ fn non_uniformity(basis: &Basis<'_>, k: Measured, ours: bool) -> NonUniformityFi
     NonUniformityFigures {
         dsnu_e: std::array::from_fn(|i| root(dark[i]).over(k)),
         dsnu_dn: root(dark[0]),
-        prnu_percent: std::array::from_fn(|i| percent(root(of_light(flat[i], dark[i])))),
+        prnu_percent: std::array::from_fn(|i| percent(root(light[i]))),
     }
 }
 
-/// The spatial variance that light adds to that of the dark.
-pub(super) fn of_light(flat: Measured, dark: Measured) -> Measured {
-    match (flat.value(), dark.value()) {
-        (Some(f), Some(d)) => match (flat.standard_error(), dark.standard_error()) {
-            (Some(a), Some(b)) => Measured::new(f - d, a.hypot(b)),
-            _ => Measured::exact(f - d),
-        },
-        (None, _) => flat,
-        (_, None) => dark,
-    }
+/// The spatial variances that light adds to those of the dark: total, row, column, pixel. `shared` is the share of their scatter over specimens that
+/// cancels in the difference.
+pub fn of_light(flat: &Components, dark: &Components, shared: SharedScatter) -> [Measured; 4] {
+    let parts = |c: &Components| [c.total, c.row, c.column, c.pixel];
+    let (flat, dark) = (parts(flat), parts(dark));
+    let product = |i: usize| flat[i].error_or_zero() * dark[i].error_or_zero();
+    let [row, column, pixel] =
+        [shared.row * product(1), shared.column * product(2), shared.pixel * product(3)];
+    let covariances = [row + column + pixel, row, column, pixel];
+    std::array::from_fn(|i| match flat[i].minus(dark[i]) {
+        Measured::Value { value, standard_error: Some(error) } => {
+            Measured::new(value, (error * error - 2.0 * covariances[i]).max(0.0).sqrt())
+        }
+        other => other,
+    })
 }

@@ -10,6 +10,7 @@
 //! the points scatter more than noise does (Birge 1932), for few degrees of freedom more.
 
 use nalgebra::{DMatrix, DVector};
+use rand_distr::{Distribution, StandardNormal};
 use serde::Serialize;
 
 /// Level of each test: a model that holds fails one in ten thousand.
@@ -156,6 +157,17 @@ impl Points {
     fn covariance(&self, i: usize, j: usize) -> f64 {
         let shared = self.shared.iter().map(|s| s[i] * s[j]).sum::<f64>();
         shared + if i == j { self.own_se[i].powi(2) } else { 0.0 }
+    }
+
+    /// One draw of the errors of the ordinates.
+    pub fn draw(&self, rng: &mut impl rand::Rng) -> Vec<f64> {
+        let mut one = || -> f64 { StandardNormal.sample(rng) };
+        let mut errors: Vec<f64> = self.own_se.iter().map(|s| s * one()).collect();
+        for shared in &self.shared {
+            let common = one();
+            errors.iter_mut().zip(shared).for_each(|(e, s)| *e += s * common);
+        }
+        errors
     }
 
     /// Standard error of `sum(weights * y)`.

@@ -94,6 +94,27 @@ impl HighPass {
         }
     }
 
+    /// Variance of the means over `across` filtered pixels, over that of as many independent ones: what independent pixels leave in the means of rows
+    /// or columns. With the mean `b` over the pixels, the low-passes `l_x` along and `l_y` across the means, and `c = b * l_y`,
+    ///
+    /// ```text
+    /// across sum (b^2 - 2 l_x(0) b c + sum(l_x^2) c^2)
+    /// ```
+    ///
+    /// which is [`Passed::line`] of many pixels. Few are as many as the filter is wide: the low-pass across reaches beyond them.
+    pub fn passed_by_means(self, across: usize) -> f64 {
+        let kernel = self.kernel();
+        if kernel.is_empty() {
+            return 1.0;
+        }
+        let own = vec![1.0 / across as f64; across];
+        let low = convolve(&own, &kernel);
+        let power: f64 = kernel.iter().map(|k| k * k).sum();
+        let squares = |values: &[f64]| values.iter().map(|v| v * v).sum::<f64>();
+        let product: f64 = own.iter().zip(&low[self.border()..]).map(|(b, c)| b * c).sum();
+        across as f64 * (squares(&own) - 2.0 * kernel[kernel.len() / 2] * product + power * squares(&low))
+    }
+
     /// The filtered picture without its border; `None` if nothing is left.
     pub fn apply(self, plane: &Plane) -> Option<Plane> {
         let (kernel, border) = (self.kernel(), self.border());
@@ -154,6 +175,26 @@ pub fn high_pass_5x5_times_25(values: &[i64], height: usize, width: usize) -> (V
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn independent_pixels_leave_their_share_in_means_of_few_pixels() {
+        // The mean of the middle column is linear in the pixels: sum the squares of its answers to one bright pixel each.
+        for (filter, across) in [(HighPass::R31, 5), (HighPass::R31, 12), (HighPass::R4, 8)] {
+            let (height, width) = (across + 2 * filter.border(), 2 * filter.border() + 1);
+            let of_pixel = |bright: usize| {
+                let values = (0..height * width).map(|i| if i == bright { 1.0 } else { 0.0 }).collect();
+                let filtered = filter.apply(&Plane { height, width, values }).unwrap();
+                (filtered.values.iter().sum::<f64>() / across as f64).powi(2)
+            };
+            let variance: f64 = (0..height * width).map(of_pixel).sum();
+            let share = filter.passed_by_means(across);
+            assert!((across as f64 * variance - share).abs() < 1e-12, "{filter:?} {across}: {share}");
+            // More than many pixels leave, which is the limit.
+            assert!(share > 1.01 * filter.passed().line, "{filter:?} {across}: {share}");
+            assert!((filter.passed_by_means(20_000) / filter.passed().line - 1.0).abs() < 1e-3);
+        }
+        assert_eq!(HighPass::None.passed_by_means(7), 1.0);
+    }
 
     #[test]
     fn shares_equal_those_of_filtered_patterns() {

@@ -48,6 +48,8 @@ struct DarkEnd<'a> {
     stack: &'a Stack,
     /// Temporal variance of a frame, DN^2.
     variance_dn2: f64,
+    /// Variance of the mean of a frame by the noise of its rows and columns, DN^2.
+    lines_dn2: f64,
 }
 
 /// Dark currents of the pixels at one gain.
@@ -115,6 +117,7 @@ fn dark_end<'a>(end: Option<&'a FlaggedPoint<'_>>) -> Option<DarkEnd<'a>> {
         exposure_s: point.exposure_s,
         stack: found.stack.as_ref()?,
         variance_dn2: found.all.variance_dn2,
+        lines_dn2: found.all.lines_of_frame_dn2,
     })
 }
 
@@ -144,7 +147,10 @@ fn pixel_dark_currents(short: &DarkEnd<'_>, long: &DarkEnd<'_>, max_dn: f64) -> 
     let within = |x: &f64| (x - median).abs() <= threshold - median;
     let (core, core_sum) = currents().filter(within).fold((0.0, 0.0), |(n, sum), x| (n + 1.0, sum + x));
     let core_mean = core_sum / core;
-    let core_se = spread / f64::sqrt(core);
+    // Noise that rows and columns share moves all pixels of a frame together.
+    let lines_of = |end: &DarkEnd<'_>| end.lines_dn2 / end.stack.frames as f64;
+    let lines_se = (lines_of(short) + lines_of(long)).sqrt() / time_s;
+    let core_se = (spread / f64::sqrt(core)).hypot(lines_se);
 
     // Collect the outliers: dark current, and digital number at the longer exposure.
     let long_dn = |sum: u32| f64::from(sum) / long_frames as f64;
@@ -170,7 +176,10 @@ fn pixel_dark_currents(short: &DarkEnd<'_>, long: &DarkEnd<'_>, max_dn: f64) -> 
         short_s: short.exposure_s,
         long_s: long.exposure_s,
         // The standard error of a median is sqrt(pi/2) times that of the mean for normally distributed numbers.
-        median_dn_per_s: Measured::new(median, (0.5 * std::f64::consts::PI / pixels).sqrt() * spread),
+        median_dn_per_s: Measured::new(
+            median,
+            ((0.5 * std::f64::consts::PI / pixels).sqrt() * spread).hypot(lines_se),
+        ),
         ordinary_dn_per_s: Measured::new(core_mean, core_se),
         spread_dn_per_s: spread,
         threshold_dn_per_s: threshold,
@@ -293,7 +302,7 @@ mod tests {
     }
 
     fn found(stacks: &[Stack; 2]) -> PixelDarkCurrents {
-        let end = |stack, exposure_s| DarkEnd { exposure_s, stack, variance_dn2: 4.1 };
+        let end = |stack, exposure_s| DarkEnd { exposure_s, stack, variance_dn2: 4.1, lines_dn2: 0.0 };
         pixel_dark_currents(&end(&stacks[0], 0.001), &end(&stacks[1], 1.0), 4095.0)
     }
 
@@ -358,7 +367,7 @@ mod tests {
             variance_dn2: Vec::new(),
         };
         let (short, long) = (stack(4, 100), stack(6, 110));
-        let end = |stack, exposure_s| DarkEnd { exposure_s, stack, variance_dn2: 0.0 };
+        let end = |stack, exposure_s| DarkEnd { exposure_s, stack, variance_dn2: 0.0, lines_dn2: 0.0 };
         let f = pixel_dark_currents(&end(&short, 1.0), &end(&long, 3.0), 4095.0);
         assert_eq!(f.ordinary_dn_per_s.value(), Some(5.0));
         assert!((f.median_dn_per_s.value().unwrap() - 5.0).abs() < 1e-12 && f.outliers == 0);

@@ -53,9 +53,9 @@ pub struct GainRow {
     pub rounding_error_dn2: f64,
     /// `(I_g - 1/12) / K_g^2`, e-^2: read noise if there were no electronics noise.
     pub naive_read_variance_e2: Measured,
-    /// Dark current from the mean with the errors of noise alone, e-/s.
+    /// Dark current from the mean less that from the variance, with the errors of noise alone, e-/s.
     #[serde(skip)]
-    pub dark_current_by_noise_e_per_s: Measured,
+    pub dark_current_difference_e_per_s: Measured,
 }
 
 impl GainRow {
@@ -92,7 +92,7 @@ pub struct JointFit {
     pub dark_current_e_per_s: Measured,
     /// mu_I from their variance, e-/s.
     pub dark_current_variance_e_per_s: Measured,
-    /// The first minus the second, e-/s: zero within its error unless light leaks in or the offset drifts.
+    /// Mean over the gains of the first minus the second, e-/s: zero within its error unless light leaks in or the offset drifts.
     pub dark_current_difference_e_per_s: Measured,
     /// Median of the pixels' dark currents, e-/s: EMVA's mu_I is the mean, which hot pixels raise.
     pub dark_current_median_e_per_s: Measured,
@@ -161,8 +161,8 @@ pub fn joint_fit(inputs: &[GainInput<'_>], black_level_dn: Option<f64>) -> Joint
     let of_variances = weighted_mean(rows.iter().map(|r| r.dark_current_variance_e_per_s));
     let from_variance = with_share(of_variances, 2.0 * common);
     // A departure of the mean from its line is what this difference is to show: judge it by noise.
-    let by_noise = weighted_mean(rows.iter().map(|r| r.dark_current_by_noise_e_per_s));
-    let dark_current_difference_e_per_s = by_noise.minus(from_variance);
+    let difference = weighted_mean(rows.iter().map(|r| r.dark_current_difference_e_per_s));
+    let dark_current_difference_e_per_s = difference.with_error(common * from_mean.value().unwrap_or(0.0));
 
     let pixels = pixel_dark_currents_e(inputs, &rows);
 
@@ -310,11 +310,22 @@ fn row(input: &GainInput<'_>) -> GainRow {
         gain_at_unit_dn_per_e: k.scale(1.0 / input.linear_gain),
         dark_current_mean_e_per_s: mean.slope.over(k_by_noise),
         dark_current_variance_e_per_s: variance.slope.over(k_squared),
-        dark_current_by_noise_e_per_s: input.dark.mean_by_noise.slope.over(k_by_noise),
+        dark_current_difference_e_per_s: dark_current_difference(input.dark, k_by_noise),
         dark_variance_dn2: variance.intercept,
         dark_mean_dn: mean.intercept,
         rounding_error_dn2: rounding.variance_dn2,
         naive_read_variance_e2: variance.intercept.map(|v| v - QUANTISATION_DN2, |_| 1.0).over(k_squared),
+    }
+}
+
+/// Dark current from the mean less that from the variance, `b / K - v / K^2`, e-/s. Both contain the error of K, which changes the difference by `(2 v / K - b) / K^2`.
+fn dark_current_difference(dark: &DarkSeries, k: Measured) -> Measured {
+    let (mean, variance) = (dark.mean_by_noise.slope, dark.variance.slope);
+    let Some(gain) = k.value() else { return k };
+    let difference = mean.scale(1.0 / gain).minus(variance.scale(1.0 / (gain * gain)));
+    match (mean.value(), variance.value()) {
+        (Some(b), Some(v)) => difference.with_error((2.0 * v / gain - b) / (gain * gain) * k.error_or_zero()),
+        _ => difference,
     }
 }
 

@@ -133,6 +133,17 @@ impl LineCovariance {
         (squares * n / (n - 1.0)).sqrt() / self.weights[0]
     }
 
+    /// Degrees of freedom in time of as many points with equal noise: the noisier ones, at long exposures, scatter most and count as few.
+    fn alike_degrees(&self) -> f64 {
+        let (mut sum, mut squares) = (0.0, 0.0);
+        for (degrees, of_lines) in &self.squares {
+            let of_point = of_lines.iter().sum::<f64>();
+            sum += of_point;
+            squares += of_point * of_point / degrees;
+        }
+        if squares > 0.0 { sum * sum / squares } else { self.degrees }
+    }
+
     /// `c(h)`, DN^2; `None` beyond the largest lag, or where no two lines of this distance have pixels.
     fn at(&self, lag: usize) -> Option<f64> {
         let (sum, weight) = (self.sums.get(lag)?, self.weights.get(lag)?);
@@ -164,6 +175,9 @@ impl LineCovariance {
             (-reach..=reach).map(each).sum()
         };
         let variance_dn2 = after(0)?;
+        // The lines have the same variance less what the mean of the frame took, where the taps do not cancel it.
+        let is_free = if kernel.is_empty() { 1.0 - self.kinds as f64 / self.lines as f64 } else { 1.0 };
+        let pixel_share = weights[0] * is_free * self.shares / self.degrees;
         // Sum the squared correlations over all lags, less what chance adds to them.
         let specimens = self.weights[0].max(1.0);
         let others: Vec<f64> = (1..self.sums.len()).map_while(after).map(|c| 2.0 * c * c).collect();
@@ -176,6 +190,7 @@ impl LineCovariance {
         };
         Some(Filtered {
             variance_dn2,
+            pixel_share,
             standard_error_dn2: variance_dn2.abs() * (2.0 * correlation / specimens).sqrt(),
             correlation,
         })
@@ -187,6 +202,8 @@ impl LineCovariance {
 pub struct Filtered {
     /// The variance, DN^2.
     pub variance_dn2: f64,
+    /// Share of the temporal variance of single pixels in it.
+    pub pixel_share: f64,
     /// Its standard error, DN^2.
     pub standard_error_dn2: f64,
     /// Sum of the squared correlations with all lines: the factor by which they raise the variance of a variance.
@@ -252,7 +269,7 @@ impl LineModel {
         let whole = rest[0];
         // Independent lines have this error; more is certain noise of lines, whose correlation can be looked at.
         let kinds = found.kinds as f64;
-        let specimens = (lines - kinds).max(1.0) * degrees;
+        let specimens = (lines - kinds).max(1.0) * found.alike_degrees();
         let of_pixels = share * pixel_dn2.error_or_zero();
         let independent_se = whole * (2.0 / specimens).sqrt();
         rest[0] -= share * pixel * (1.0 - kinds / lines);

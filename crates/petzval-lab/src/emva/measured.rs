@@ -131,7 +131,11 @@ impl fmt::Display for Unresolved {
                 write!(f, "{} with K and a dark series, {need} are needed", counted(*got, "linear gain"))
             }
             Self::FewInLinearRange(got) => {
-                write!(f, "{} within 5 to 95 % of saturation, two or more are needed", counted(*got, "point"))
+                write!(
+                    f,
+                    "{} within 5 to 95 % of saturation, three or more are needed",
+                    counted(*got, "point")
+                )
             }
             Self::OneLight => f.write_str("one exposure time and no photons: the light is not known"),
             Self::TooFewExposures { got, need } => {

@@ -11,11 +11,11 @@
 //! | find where the converter clips, from all samples | [`samples`] |
 //! | select the points of one gain by their flags, and evaluate them | `gain` |
 //! | whether the points of a fit lie on its model, and what a departure adds to the errors | [`goodness`], [`mod@fits`] |
-//! | photon transfer: R, K, QE, linearity | [`transfer_point`], [`transfer`] |
+//! | photon transfer: R, K, QE, linearity | [`transfer_point`], [`transfer`], `deviation_noise` |
 //! | find where the signal ends | [`mod@saturation`] |
 //! | dark frames over exposure time, and pixel by pixel | [`dark`], [`hot_pixels`] |
 //! | whether pixels differ independently of their neighbours | `neighbours` |
-//! | non-uniformity, spectrograms, profiles, histograms of defects | [`spatial`], [`high_pass`], [`spectrogram`], [`histogram`] |
+//! | non-uniformity, spectrograms, profiles, histograms of defects | [`spatial`], [`plane_moments`], [`high_pass`], [`spectrogram`], [`histogram`] |
 //! | pixels that do not answer light | [`mod@defects`] |
 //! | figures under the names of the EMVA 1288 Python library | [`figures`] |
 //! | all gains together | [`joint`] |
@@ -39,6 +39,7 @@ pub mod dark;
 pub mod defects;
 pub mod derived;
 pub mod descriptor;
+mod deviation_noise;
 pub mod figures;
 pub mod fit;
 pub mod fits;
@@ -59,6 +60,7 @@ pub mod measured;
 mod neighbours;
 mod open;
 pub mod plan;
+pub mod plane_moments;
 pub mod pmf;
 pub mod point;
 pub mod result;

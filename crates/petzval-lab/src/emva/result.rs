@@ -101,10 +101,11 @@ impl ChannelResult {
     /// DSNU, e-, and PRNU, %, with the pixels that do not answer light, which the figures leave out; `None` if there are none.
     pub fn non_uniformity_with_defects(&self) -> Option<[Measured; 2]> {
         let spatial = self.spatial.as_ref()?;
-        let [flat, dark] = spatial.components_with_defects.as_ref()?.map(|components| components.total);
+        let [flat, dark] = spatial.components_with_defects.as_ref()?;
+        let [light, ..] = of_light(flat, dark, spatial.shared);
         let gain = self.figure("K").map_or(Measured::none(Unresolved::FollowsFrom("K")), Figure::best);
         let root = |variance: Measured| variance.if_above_noise().root();
         let percent_per_dn = 100.0 / (spatial.flat.mean_dn - spatial.dark.mean_dn);
-        Some([root(dark).over(gain), root(of_light(flat, dark)).scale(percent_per_dn)])
+        Some([root(dark.total).over(gain), root(light).scale(percent_per_dn)])
     }
 }

@@ -5,7 +5,7 @@
 //! level, which is the capacity of the pixel. So we take the saturation signal from this level:
 //!
 //! ```text
-//! y_sat    = max mu_y - mu_dark                      [DN]
+//! y_sat    = level of mu_y - mu_dark                 [DN]
 //! u_e.sat  = y_sat / K,   u_p.sat = y_sat / R
 //! ```
 //!
@@ -103,7 +103,11 @@ fn plateau(points: &[TransferPoint]) -> Option<usize> {
 /// that keeps three quarters of its variance.
 const SHORT_OF_LEVEL: f64 = 1.5;
 
-/// Signal at which the series ends: the largest mean from the peak of the noise on, above the dark at that peak.
+/// Standard errors within which a mean is as large as the largest.
+const LEVEL_SIGMAS: f64 = 3.0;
+
+/// Signal at which the series ends: the mean over the points from the peak of the noise on that are as bright as the brightest, above the dark
+/// at that peak. The brightest alone would be above the level by noise, the more so the more points there are.
 ///
 /// Its standard error has three parts: that of the means; the distance of the largest mean from the level, estimated
 /// from the remaining shot noise, since full pixels have none ([`SHORT_OF_LEVEL`]); and the growth of the dark signal
@@ -112,7 +116,15 @@ fn level(points: &[TransferPoint], peak: usize) -> Measured {
     let at_peak = &points[peak];
     let beyond = points[peak..].iter().max_by(|a, b| a.mean_dn.total_cmp(&b.mean_dn));
     let full = beyond.unwrap_or(at_peak);
-    let signal_dn = full.mean_dn - at_peak.dark_mean_dn;
+    let is_as_bright =
+        |p: &&TransferPoint| full.mean_dn - p.mean_dn <= LEVEL_SIGMAS * full.mean_se_dn.hypot(p.mean_se_dn);
+    let (mut count, mut sum_dn, mut squares) = (0.0, 0.0, 0.0);
+    for point in points[peak..].iter().filter(is_as_bright) {
+        count += 1.0;
+        sum_dn += point.mean_dn;
+        squares += point.mean_se_dn.powi(2);
+    }
+    let signal_dn = sum_dn / count - at_peak.dark_mean_dn;
 
     let noise_of_all = at_peak.shot_variance_dn2() * signal_dn / at_peak.signal_dn();
     let left = match full.shot_variance_dn2() / noise_of_all {
@@ -122,6 +134,6 @@ fn level(points: &[TransferPoint], peak: usize) -> Measured {
     let short_dn = SHORT_OF_LEVEL * left * at_peak.total_variance_dn2.max(0.0).sqrt();
     let next = points.get(peak + 1).unwrap_or(at_peak);
     let dark_growth_dn = (next.dark_mean_dn - at_peak.dark_mean_dn) / 3.0_f64.sqrt();
-    let means_dn = full.mean_se_dn.hypot(at_peak.dark_mean_se_dn);
+    let means_dn = (squares.sqrt() / count).hypot(at_peak.dark_mean_se_dn);
     Measured::new(signal_dn, means_dn.hypot(short_dn).hypot(dark_growth_dn))
 }

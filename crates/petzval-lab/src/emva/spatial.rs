@@ -10,8 +10,9 @@
 //! Ar = var(row means)        = R + P / N
 //! ```
 //!
-//! After a high-pass the three parts count with their remaining shares (`g_p`, `g_l`, [`HighPass::passed`]):
-//! `C = Ac/g_l - P/M`, `R = Ar/g_l - P/N`, `P = (V - Ac - Ar) / (g_p - g_l/M - g_l/N)`. With `g = 1` these are the formulas
+//! After a high-pass the three parts count with their remaining shares (`g_p`, `g_l`, [`HighPass::passed`]), and single pixels in the means of rows and
+//! columns with `g_r` and `g_c` ([`HighPass::passed_by_means`]):
+//! `C = (Ac - g_c P/M) / g_l`, `R = (Ar - g_r P/N) / g_l`, `P = (V - Ac - Ar) / (g_p - g_c/M - g_r/N)`. With `g = 1` these are the formulas
 //! of EMVA 1288 release 4.
 //!
 //! Before this split the temporal variance is freed of flicker, as it is for pairs. Of the temporal noise of rows and
@@ -30,10 +31,10 @@ use super::histogram::{Histogram, MOST_BINS, accumulated, histogram};
 use super::line_covariance::LineCovariance;
 use super::measured::{Measured, Unresolved};
 use super::neighbours::Neighbours;
+use super::plane_moments::{SharedScatter, moments};
 use super::point::{Moments, PointStatistics, Stack};
 use super::rounding::Steps;
 use super::spectrogram::{column_spectrogram, row_spectrogram};
-use petzval_base::statistics::{SIGMA_OVER_MEDIAN, median};
 use petzval_camera::sensor::{CfaPattern, Colour};
 
 /// Variances of the mean of a stack, DN^2, or their standard errors.
@@ -144,6 +145,9 @@ pub struct Spatial {
     pub flat_components: Components,
     /// Dark stack after the filter.
     pub dark_components: Components,
+    /// Share of the scatter over specimens that the components of both stacks have in common.
+    #[serde(skip)]
+    pub shared: SharedScatter,
     /// Pixels that do not answer light as others do; the components leave them out.
     pub defects: Vec<Defect>,
     /// Components of the flat and of the dark stack with these pixels, if there are any.
@@ -222,6 +226,7 @@ pub fn spatial(
         high_pass,
         flat: mean_of(&flat),
         dark: mean_of(&dark),
+        shared: shared_scatter(&clean_flat, &clean_dark, high_pass),
         flat_components: components(&clean_flat, high_pass),
         dark_components: components(&clean_dark, high_pass),
         dark_components_without_hot: (!hot_pixels.is_empty()).then(|| components(&not_hot, high_pass)),
@@ -305,58 +310,6 @@ impl Sub {
     }
 }
 
-/// Moments of a picture: mean, variance, variance of the column means and of the row means, and the standard error of the
-/// variance that is left when the means of rows and columns are taken away.
-struct PlaneMoments {
-    mean: f64,
-    variance: f64,
-    pixel_se: f64,
-    /// Variance of what is left from the median of its size, which a few pixels far off do not change.
-    pixel_core: f64,
-    column_means: f64,
-    row_means: f64,
-}
-
-fn moments(plane: &Plane) -> PlaneMoments {
-    let (m, n) = (plane.height as f64, plane.width as f64);
-    let mean = plane.values.iter().sum::<f64>() / (m * n);
-    let mut second = 0.0;
-    let mut columns = vec![0.0; plane.width];
-    let mut rows = Vec::with_capacity(plane.height);
-    for row in plane.values.chunks_exact(plane.width) {
-        let mut sum = 0.0;
-        for (column, v) in columns.iter_mut().zip(row) {
-            let d = v - mean;
-            sum += d;
-            *column += d;
-            second += d * d;
-        }
-        rows.push(sum / n);
-    }
-    columns.iter_mut().for_each(|c| *c /= m);
-    // Subtract rows and columns, so that their patterns do not count as errors of the pixels.
-    let (mut squares, mut fourth) = (0.0, 0.0);
-    let mut sizes = Vec::with_capacity(plane.values.len());
-    for (row, of_row) in plane.values.chunks_exact(plane.width).zip(&rows) {
-        for (v, of_column) in row.iter().zip(&columns) {
-            let d2 = (v - mean - of_row - of_column).powi(2);
-            squares += d2;
-            fourth += d2 * d2;
-            sizes.push(d2.sqrt());
-        }
-    }
-    let pixels = squares / (m * n);
-    let variance = second / (m * n - 1.0);
-    PlaneMoments {
-        mean,
-        variance,
-        pixel_se: ((fourth / (m * n) - pixels * pixels).max(0.0) / (m * n)).sqrt(),
-        pixel_core: (SIGMA_OVER_MEDIAN * median(sizes)).powi(2),
-        column_means: columns.iter().map(|c| c * c).sum::<f64>() / n,
-        row_means: rows.iter().map(|r| r * r).sum::<f64>() / m,
-    }
-}
-
 /// The split of release 4 without a filter.
 fn variances(sub: &Sub) -> StackVariances {
     let (m, n, l) = (sub.height as f64, sub.width as f64, sub.frames as f64);
@@ -436,10 +389,13 @@ fn components(subs: &[Sub], high_pass: HighPass) -> Components {
         };
         let (m, n, l) = (plane.height as f64, plane.width as f64, sub.frames as f64);
         let found = moments(&plane);
-        let (ac, ar) = (found.column_means, found.row_means);
-        let shares = passed.pixel - passed.line / m - passed.line / n;
+        // Without a filter the means of rows and columns are about their own mean, which has a share of their variance.
+        let freed = |lines: f64| if high_pass == HighPass::None { lines / (lines - 1.0) } else { 1.0 };
+        let (ac, ar) = (found.column_means * freed(n), found.row_means * freed(m));
+        let of_means = [plane.width, plane.height].map(|across| high_pass.passed_by_means(across));
+        let shares = passed.pixel - of_means[1] / (m * freed(n)) - of_means[0] / (n * freed(m));
         let of_lines = |lines: f64| (2.0 / lines * passed.line_correlation).sqrt();
-        let p = (found.variance - ac - ar) / shares;
+        let p = (found.variance - found.column_means - found.row_means) / shares;
         let p_se = found.pixel_se * passed.pixel_correlation.sqrt() / shares;
         // Of the temporal variance of pixels, and of that of rows and columns after the filter, 1/L remains in the mean frame.
         let pixels = sub.pixel_temporal.value().unwrap_or(sub.temporal - sub.flicker);
@@ -455,16 +411,23 @@ fn components(subs: &[Sub], high_pass: HighPass) -> Components {
         let kernel = high_pass.kernel();
         let of_axis = |axis: usize, means: f64, lines: f64, across: f64| {
             let temporal = sub.lines[axis].filtered(&kernel, sub.steps[axis]);
-            let (left, left_se, left_correlation) = match temporal {
-                Some(t) => (t.variance_dn2 / l, t.standard_error_dn2 / l, t.correlation),
-                None => (passed.line * pixels / (across * l), 0.0, 1.0),
+            let of_pixels = of_means[axis] / across;
+            // What the temporal noise of lines leaves in the mean frame, what that of their pixels does, and what all of the pixels do.
+            let (alone, alone_se, correlation) = match temporal {
+                Some(t) => {
+                    let se = t.standard_error_dn2.hypot(t.pixel_share * pixels_se) / l;
+                    ((t.variance_dn2 - t.pixel_share * pixels) * freed(lines) / l, se, t.correlation)
+                }
+                None => (0.0, 0.0, 1.0),
             };
+            let (noise, by_pixels) = (of_pixels * pixels / l, of_pixels * p);
             // What differs between specimens scatters as independent lines do, what is left of the temporal noise as its own correlation says.
-            let fixed = (means - left).max(0.0);
-            let means_se = fixed * of_lines(lines) + left * (2.0 / lines * left_correlation).sqrt();
-            // The noise of pixels is in both: in the means of lines over the filtered frame, and in their temporal variance.
-            let value = (means - left) / passed.line - (p - pixels / l) / across;
-            (value, (means_se.hypot(left_se) / passed.line).hypot(p_se / across))
+            // What is found is no less than what pixels and noise leave: chance must not make its error small.
+            let fixed = (means - alone - by_pixels).max(0.0) + (by_pixels - noise).max(0.0);
+            let left = alone.max(0.0) + noise;
+            let means_se = fixed * of_lines(lines) + left * (2.0 / lines * correlation).sqrt();
+            let value = (means - alone - by_pixels) / passed.line;
+            (value, means_se.hypot(alone_se).hypot(of_pixels * p_se) / passed.line)
         };
         let (column, column_se) = of_axis(1, ac, n, m);
         let (row, row_se) = of_axis(0, ar, m, n);
@@ -490,6 +453,14 @@ fn components(subs: &[Sub], high_pass: HighPass) -> Components {
         Measured::new(value, se)
     };
     Components { total: of(0), row: of(1), column: of(2), pixel: of(3), test: Some(neighbours.test()) }
+}
+
+/// What the filtered mean frames of both stacks have in common, over the places of a colour.
+fn shared_scatter(flat: &[Sub], dark: &[Sub], high_pass: HighPass) -> SharedScatter {
+    let of_place = |(flat, dark): (&Sub, &Sub)| {
+        Some(SharedScatter::of(&high_pass.apply(&flat.mean())?, &high_pass.apply(&dark.mean())?))
+    };
+    SharedScatter::mean(flat.iter().zip(dark).filter_map(of_place))
 }
 
 fn profiles(plane: &Plane) -> (Profile, Profile) {

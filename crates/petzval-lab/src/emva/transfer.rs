@@ -13,6 +13,7 @@
 
 use serde::Serialize;
 
+use super::deviation_noise::DeviationNoise;
 use super::fit::{Line, line};
 use super::goodness::{FitTest, Model, Points, Verdict, significant_bend, test};
 use super::measured::{Measured, Unresolved};
@@ -36,8 +37,10 @@ pub struct Linearity {
     pub min_percent: f64,
     /// Largest deviation within the range, percent.
     pub max_percent: f64,
-    /// Standard errors of least and largest deviation from the noise of their points, percent.
-    pub se_percent: (f64, f64),
+    /// Standard errors of the deviations, percent: noise of the point and of the line.
+    pub deviation_se_percent: Vec<f64>,
+    /// Least and largest deviation of the response itself, percent, without what noise adds to the extremes of several points.
+    pub response_percent: [Measured; 2],
     /// Whether the deviations are noise. They are what this fit is made for, and are stated either way.
     pub test: FitTest,
 }
@@ -297,13 +300,17 @@ fn linearity(points: &[TransferPoint], signal: &[f64], end_dn: f64) -> Result<Li
         (first..=last).min_by(by_deviation).unwrap_or(first),
         (first..=last).max_by(by_deviation).unwrap_or(last),
     );
-    let se = |i: usize| 100.0 * points[i].signal_se_dn() / signal[i].abs();
     let response = response_points(x[first..=last].to_vec(), &points[first..=last]);
     // Errors of linearity are departures from the line, so that nothing has to be added to them.
     let (mut test, _) = test(&response, Model::Line, &[offset_dn, slope]);
     if test.verdict == Verdict::Widened {
         test.verdict = Verdict::Stated;
     }
+    let noise = DeviationNoise::of(response_points(x, points), (first, last), [offset_dn, slope]);
+    let response_percent = match range_of((first, last)) {
+        2 => [Measured::none(Unresolved::FewInLinearRange(2)); 2],
+        _ => noise.extremes_of_response(&deviation_percent[first..=last], &test),
+    };
     Ok(Linearity {
         test,
         slope,
@@ -311,7 +318,8 @@ fn linearity(points: &[TransferPoint], signal: &[f64], end_dn: f64) -> Result<Li
         range: (first, last),
         min_percent: deviation_percent[low],
         max_percent: deviation_percent[high],
-        se_percent: (se(low), se(high)),
+        deviation_se_percent: noise.errors(),
+        response_percent,
         deviation_percent,
     })
 }
@@ -361,9 +369,9 @@ mod tests {
         let series = points(&signals, &[50.0, 100.0, 150.0, 200.0, 5.1, 5.0, 5.2, 5.0], 0.05);
         let ours = photon_transfer(&series, Rules::Ours).unwrap();
         assert!(ours.saturated && ours.saturation == 3 && ours.used == 2, "{ours:?}");
-        // The pixels are full at the level of the plateau; the peak of the noise is 100 DN before.
+        // The pixels are full at the level of the plateau, its mean; the peak of the noise is 100 DN before.
         let (level, se) = (ours.saturation_signal_dn.value(), ours.saturation_signal_dn.standard_error());
-        assert!((level.unwrap() - 2100.2).abs() < 1e-9 && se.unwrap() < 0.7, "{level:?} +- {se:?}");
+        assert!((level.unwrap() - 2100.025).abs() < 1e-9 && se.unwrap() < 0.7, "{level:?} +- {se:?}");
         // A signal that stays while the noise does not fall: the light no longer reaches the pixels.
         let series = points(&[1000.0, 2000.0, 2010.0, 2009.0], &[100.0, 200.0, 201.0, 203.0], 5.0);
         let ours = photon_transfer(&series, Rules::Ours).unwrap();

@@ -53,9 +53,8 @@ pub(super) fn linearity(shown: &Shown<'_>) -> Option<Sheet> {
 pub(super) fn deviation(shown: &Shown<'_>) -> Option<Sheet> {
     let fits = fits(shown);
     let (first, _) = fits.first()?;
-    let error = |p: &TransferPoint| 100.0 * p.signal_se_dn() / p.signal_dn().abs();
-    let ends = |(channel, fit): &(&ChannelResult, &Linearity)| {
-        let of = |i: usize| fit.deviation_percent[i].abs() + error(&channel.points[i]);
+    let ends = |(_, fit): &(&ChannelResult, &Linearity)| {
+        let of = |i: usize| fit.deviation_percent[i].abs() + fit.deviation_se_percent[i];
         (fit.range.0..=fit.range.1).map(of).fold(0.0, f64::max)
     };
     let reach = fits.iter().map(ends).fold(1e-3, f64::max);
@@ -65,10 +64,8 @@ pub(super) fn deviation(shown: &Shown<'_>) -> Option<Sheet> {
     let mut panel = Panel::new("", names, axis_from_zero(every(), 8), y);
     for (channel, fit) in &fits {
         let (x, _) = light_axis(&channel.points);
-        let at = (fit.range.0..=fit.range.1).map(|i| {
-            let p = &channel.points[i];
-            ((x[i], fit.deviation_percent[i], error(p)), true)
-        });
+        let at = (fit.range.0..=fit.range.1)
+            .map(|i| ((x[i], fit.deviation_percent[i], fit.deviation_se_percent[i]), true));
         panel.points.extend(points_of(Some(channel.colour), at));
         panel.notes.push(format!(
             "{}: {} … {} %",

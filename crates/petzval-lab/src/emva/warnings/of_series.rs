@@ -100,8 +100,8 @@ fn not_linear(gain: &GainResult) -> Vec<Warning> {
         let (first, last) = linearity.range;
         let off = |i: &usize| linearity.deviation_percent[*i].abs();
         let worst = (first..=last).max_by(|a, b| off(a).total_cmp(&off(b)))?;
-        let (low, high) = linearity.se_percent;
-        (off(&worst) > NOT_LINEAR_PERCENT && off(&worst) > 6.0 * low.max(high)).then(|| Warning::NotLinear {
+        let error = linearity.deviation_se_percent[worst];
+        (off(&worst) > NOT_LINEAR_PERCENT && off(&worst) > 6.0 * error).then(|| Warning::NotLinear {
             linear_gain: gain.linear_gain,
             colour: c.colour,
             percent: linearity.deviation_percent[worst],
