@@ -4,7 +4,7 @@ mod common;
 
 use common::bench::Bench;
 use common::within;
-use petzval_lab::emva::goodness::{ALPHA, chi2_beyond};
+use petzval_lab::emva::goodness::ALPHA;
 use petzval_lab::emva::{Characterization, Measured, Verdict, fits};
 
 fn warned(found: &Characterization, fit: &str) -> Vec<String> {
@@ -119,78 +119,4 @@ fn an_offset_and_a_lamp_that_drift_widen_the_errors() {
         within(&format!("{what}: R"), transfer.responsivity_dn, 0.19, 4.0);
         within(&format!("{what}: K"), found.joint.gain_dn_per_e, 0.38, 3.5);
     }
-}
-
-/// Deviations from the truth in standard errors, by quantity.
-fn z_scores(seed: u64) -> Vec<(&'static str, f64)> {
-    let bench = Bench {
-        size: [48, 72],
-        linear_gains: vec![1.0, 2.0, 4.0],
-        row_noise_e: 1.0,
-        dsnu_e: 2.0,
-        dark_current_e_per_s: 200.0,
-        stack: 8,
-        seed,
-        ..Bench::default()
-    };
-    let found = bench.measured();
-    let (joint, gain) = (&found.joint, &found.gains[0]);
-    let transfer = &gain.channels[0].transfer;
-    let k2 = 0.38 * 0.38;
-    let spatial = gain.channels[0].spatial.as_ref().unwrap();
-    let all = [
-        ("K at gain 1", transfer.gain_dn_per_e, 0.38),
-        ("R", transfer.responsivity_dn, 0.19),
-        ("K", joint.gain_dn_per_e, 0.38),
-        ("mu_I of the mean", joint.dark_current_e_per_s, 200.0),
-        ("mu_I of the variance at gain 1", gain.dark.variance.slope, 200.0 * k2),
-        ("sigma_r^2", joint.read_variance_e2, 10.0),
-        ("mu_r", joint.read_noise_mean_e, 0.0),
-        ("BL + mu_el", joint.dark_offset_dn, 64.0),
-        ("rows at gain 1", gain.line_noise.row_dn2, k2),
-        ("columns at gain 1", gain.line_noise.column_dn2, 0.0),
-        ("DSNU of pixels", spatial.dark_components.pixel, 4.0 * k2),
-        ("DSNU of rows", spatial.dark_components.row, 0.0),
-    ];
-    let z = |(name, found, truth): (&'static str, Measured, f64)| {
-        let (Some(value), Some(se)) = (found.value(), found.standard_error()) else {
-            panic!("{name}: {found:?}")
-        };
-        (name, (value - truth) / se)
-    };
-    all.map(z).to_vec()
-}
-
-/// Largest distance of sorted numbers in 0..1 from even spacing, times the root of their count.
-fn kolmogorov_smirnov(mut all: Vec<f64>) -> f64 {
-    all.sort_by(f64::total_cmp);
-    let n = all.len() as f64;
-    let off = |(i, p): (usize, &f64)| (p - i as f64 / n).abs().max((p - (i as f64 + 1.0) / n).abs());
-    n.sqrt() * all.iter().enumerate().map(off).fold(0.0, f64::max)
-}
-
-/// The deviations of the figures from the truth, over their standard errors, are standard normal: mean, sum of squares and
-/// Kolmogorov-Smirnov distance, each tested at [`ALPHA`]. `PETZVAL_SEEDS` sets the number of series.
-#[test]
-fn deviations_over_standard_errors_are_standard_normal() {
-    let seeds: u64 = std::env::var("PETZVAL_SEEDS").ok().and_then(|n| n.parse().ok()).unwrap_or(60);
-    use rayon::prelude::*;
-    let all: Vec<Vec<(&str, f64)>> = (1..=seeds).into_par_iter().map(z_scores).collect();
-    let normal_below = |z: f64| 0.5 * libm::erfc(-z * std::f64::consts::FRAC_1_SQRT_2);
-    let mut wrong = Vec::new();
-    for (i, (name, _)) in all[0].iter().enumerate() {
-        let z: Vec<f64> = all.iter().map(|of_seed| of_seed[i].1).collect();
-        let n = z.len() as f64;
-        let mean = z.iter().sum::<f64>() / n;
-        let squares: f64 = z.iter().map(|z| z * z).sum();
-        let above = chi2_beyond(squares, z.len());
-        let ks = kolmogorov_smirnov(z.iter().map(|z| normal_below(*z)).collect());
-        let line = format!("{name}: mean {mean:+.3}, scatter {:.3}, KS {ks:.2}", (squares / n).sqrt());
-        println!("{line}");
-        // 3.89 and 2.23 are what a normal mean and the Kolmogorov-Smirnov distance exceed once in ten thousand.
-        if mean.abs() * n.sqrt() > 3.89 || 2.0 * above.min(1.0 - above) < ALPHA || ks > 2.23 {
-            wrong.push(line);
-        }
-    }
-    assert!(wrong.is_empty(), "{wrong:#?}");
 }

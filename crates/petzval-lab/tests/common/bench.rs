@@ -55,7 +55,14 @@ pub struct Bench {
     pub linear_gains: Vec<f64>,
     /// DN/e- at linear gain 1.
     pub gain_dn_per_e: f64,
+    pub bits: u32,
+    /// Colour filter array; all colours see the same light.
+    pub cfa: &'static str,
+    /// Electrons that a pixel holds.
+    pub full_well_e: f64,
     pub read_noise_e: f64,
+    /// Noise behind the gain, DN.
+    pub electronics_noise_dn: f64,
     pub row_noise_e: f64,
     pub rows: Correlation,
     pub column_noise_e: f64,
@@ -63,11 +70,17 @@ pub struct Bench {
     /// Fixed: standard deviation of the offsets of pixels and of rows.
     pub dsnu_e: f64,
     pub dsnu_row_e: f64,
+    /// Fixed: standard deviation of the response of pixels, share.
+    pub prnu: f64,
     pub dark_current_e_per_s: f64,
     /// Black level at each gain, DN.
     pub black_dn: Vec<f64>,
     /// Electrons of the flat points, at exposure times in proportion.
     pub flat_e: Vec<f64>,
+    /// Whether the list states the photons: two an electron.
+    pub has_photons: bool,
+    /// Frames of a point.
+    pub frames: usize,
     /// Exposure times of the dark points that have no flat ones, s.
     pub dark_s: Vec<f64>,
     /// Frames of a flat and of a dark stack at half of the brightest flat point; none if 0.
@@ -92,16 +105,23 @@ impl Default for Bench {
             size: [160, 240],
             linear_gains: vec![1.0],
             gain_dn_per_e: 0.38,
+            bits: 12,
+            cfa: "mono",
+            full_well_e: f64::INFINITY,
             read_noise_e: 3.0,
+            electronics_noise_dn: 0.0,
             row_noise_e: 0.0,
             rows: Correlation::Independent,
             column_noise_e: 0.0,
             columns: Correlation::Independent,
             dsnu_e: 0.0,
             dsnu_row_e: 0.0,
+            prnu: 0.0,
             dark_current_e_per_s: 5.0,
             black_dn: vec![64.0],
             flat_e: [0.1, 0.2, 0.3, 0.4, 0.5, 0.6].map(|share| share * FULL_E).to_vec(),
+            has_photons: true,
+            frames: 2,
             dark_s: vec![0.02, 0.04, 0.06, 0.08],
             stack: 0,
             compression: 0.0,
@@ -132,9 +152,23 @@ impl Bench {
             (0..count).map(|_| sigma * Distribution::<f64>::sample(&StandardNormal, &mut rng)).collect()
         };
         let (of_pixels, of_rows) = (normal(self.dsnu_e, height * width), normal(self.dsnu_row_e, height));
-        let fixed: Vec<f64> = (0..height * width).map(|i| of_pixels[i] + of_rows[i / width]).collect();
-        let mut list =
-            format!("[sensor]\nname = \"bench\"\nbits = 12\nblack_level_dn = {:?}\n", self.black_dn[0]);
+        // Offsets and responses are about their mean in each place of a tile of two by two: R and the black level are those of the pixels.
+        let mut of_response = ChaCha8Rng::seed_from_u64(self.seed ^ 0x5eed);
+        let mut response = || self.prnu * Distribution::<f64>::sample(&StandardNormal, &mut of_response);
+        let mut fixed: Vec<[f64; 2]> =
+            (0..height * width).map(|i| [of_pixels[i] + of_rows[i / width], 1.0 + response()]).collect();
+        for place in 0..4 {
+            let is_here = |i: &usize| (i / width % 2, i % width % 2) == (place / 2, place % 2);
+            let here: Vec<usize> = (0..height * width).filter(is_here).collect();
+            for (k, centre) in [0.0, 1.0].into_iter().enumerate() {
+                let mean = here.iter().map(|i| fixed[*i][k]).sum::<f64>() / here.len() as f64;
+                here.iter().for_each(|i| fixed[*i][k] += centre - mean);
+            }
+        }
+        let mut list = format!(
+            "[sensor]\nname = \"bench\"\nbits = {}\ncfa = \"{}\"\nblack_level_dn = {:?}\n",
+            self.bits, self.cfa, self.black_dn[0]
+        );
         for (i, gain) in self.linear_gains.iter().enumerate() {
             let black_dn = self.black_dn[i % self.black_dn.len()];
             let mut take = |kind: &str, electrons: f64, exposure_s: f64, frames: usize| {
@@ -147,7 +181,7 @@ impl Bench {
                     tiff.write_image::<Gray16>(width as u32, height as u32, &dn).unwrap();
                 }
                 let photons = match kind {
-                    "flat" => format!("photons = {:?}\n", 2.0 * electrons),
+                    "flat" if self.has_photons => format!("photons = {:?}\n", 2.0 * electrons),
                     _ => String::new(),
                 };
                 list += &format!(
@@ -156,11 +190,11 @@ impl Bench {
                 );
             };
             for electrons in self.flat_e.iter().map(|e| e / gain) {
-                take("flat", electrons, electrons * SECONDS_PER_E, 2);
-                take("dark", 0.0, electrons * SECONDS_PER_E, 2);
+                take("flat", electrons, electrons * SECONDS_PER_E, self.frames);
+                take("dark", 0.0, electrons * SECONDS_PER_E, self.frames);
             }
             for exposure_s in &self.dark_s {
-                take("dark", 0.0, *exposure_s, 2);
+                take("dark", 0.0, *exposure_s, self.frames);
             }
             if self.stack > 0 && i == 0 {
                 let half = 0.5 * self.flat_e.iter().copied().fold(0.0, f64::max);
@@ -175,7 +209,7 @@ impl Bench {
     fn frame(
         &self,
         rng: &mut ChaCha8Rng,
-        fixed: &[f64],
+        fixed: &[[f64; 2]],
         linear_gain: f64,
         black_dn: f64,
         electrons: f64,
@@ -187,15 +221,23 @@ impl Bench {
         let (light, drift_dn) = (electrons * (1.0 + self.flicker * one()), self.drift_dn * one());
         let rows = self.rows.draw(height, rng);
         let columns = self.columns.draw(width, rng);
-        let collected = Poisson::new(light + self.dark_current_e_per_s * exposure_s + 1e-9).unwrap();
+        let dark = self.dark_current_e_per_s * exposure_s + 1e-9;
+        let mut collected = Poisson::new(light + dark).unwrap();
         let read = Normal::new(0.0, self.read_noise_e).unwrap();
+        let electronics = Normal::new(0.0, self.electronics_noise_dn).unwrap();
+        let max_dn = f64::from((1u32 << self.bits) - 1);
         (0..height * width)
             .map(|i| {
-                let e: f64 = collected.sample(rng);
+                let [offset, response] = fixed[i];
+                if self.prnu > 0.0 {
+                    collected = Poisson::new(light * response.max(0.0) + dark).unwrap();
+                }
+                let e = Distribution::<f64>::sample(&collected, rng).min(self.full_well_e);
                 let bent = e * (1.0 - self.compression * e / FULL_E);
                 let lines = self.row_noise_e * rows[i / width] + self.column_noise_e * columns[i % width];
-                let dn = black_dn + drift_dn + k * (bent + fixed[i] + lines + read.sample(rng));
-                dn.round().clamp(0.0, 4095.0) as u16
+                let dn = black_dn + drift_dn + k * (bent + offset + lines + read.sample(rng));
+                let behind = if electronics.std_dev() > 0.0 { electronics.sample(rng) } else { 0.0 };
+                (dn + behind).round().clamp(0.0, max_dn) as u16
             })
             .collect()
     }

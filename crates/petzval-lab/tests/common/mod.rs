@@ -31,6 +31,7 @@ pub fn small_mono(full_well_e: f64, nonuniformity: NonUniformity) -> SensorModel
     }
 }
 
+#[allow(dead_code, reason = "each test file takes what it needs of this one")]
 #[track_caller]
 pub fn within(what: &str, found: Measured, truth: f64, sigmas: f64) {
     let (Some(value), Some(se)) = (found.value(), found.standard_error()) else {
