@@ -472,3 +472,160 @@ fn letters_of_labels_are_never_guessed() {
         fails(SourceFormat::Voc, &root.join("voc"), &["a.xml: line", needle]);
     }
 }
+
+/// In every format a picture whose only label cannot be used is no background.
+#[test]
+fn pictures_of_lost_labels_are_not_converted() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    for name in ["b/a.png", "b/b.png", "b/c.png", "y/a.png", "y/b.png", "v/a.png", "v/b.png"] {
+        write_png(root, name, 100, 40);
+    }
+    for name in ["k/image_2/a.png", "k/image_2/b.png"] {
+        write_png(root, name, 100, 40);
+    }
+    let car = r#"{"category": "car", "box2d": {"x1": 1, "y1": 2, "x2": 30, "y2": 20}}"#;
+    let labels = format!(
+        r#"[{{"name": "a.png", "labels": [{{"category": "person", "poly2d": []}}]}}, {{"name": "b.png", "labels": [{car}]}},
+            {{"name": "c.png", "labels": [{{"category": "lane", "poly2d": []}}]}}]"#
+    );
+    write(root, "b/labels.json", &labels);
+    write(root, "y/classes.txt", "car\n");
+    write(root, "y/a.txt", "0 0.5 0.5 0 0.5\n");
+    write(root, "y/b.txt", "0 0.5 0.5 0.25 0.5\n");
+    let line = |left: i32| format!("Car 0 0 0 {left} 5 60 35 1.7 0.5 0.8 4 2 20 0.1\n");
+    write(root, "k/label_2/a.txt", &line(60));
+    write(root, "k/label_2/b.txt", &line(20));
+    let object = |left: i32| {
+        format!(
+            "<annotation><object><name>car</name><bndbox><xmin>{left}</xmin><ymin>2</ymin><xmax>{}</xmax><ymax>9</ymax>\
+             </bndbox></object></annotation>",
+            left + 9
+        )
+    };
+    write(root, "v/a.xml", &object(400));
+    write(root, "v/b.xml", &object(4));
+    for (format, name, left) in [
+        (SourceFormat::Bdd100k, "b", &["images/b.png", "images/c.png"][..]),
+        (SourceFormat::Yolo, "y", &["images/b.png"]),
+        (SourceFormat::Kitti, "k", &["images/b.png"]),
+        (SourceFormat::Voc, "v", &["images/b.png"]),
+    ] {
+        let converted = convert(format, &root.join(name)).unwrap();
+        let names: Vec<&str> = converted.data.images.iter().map(|image| image.file_name.as_str()).collect();
+        assert_eq!(names, left, "{:?}", converted.defects);
+        assert_eq!(converted.sources.len(), left.len());
+        assert_eq!(converted.data.annotations.len(), 1);
+        let lost = converted.defects.iter().find(|d| d.kind == DefectKind::PictureOfLostLabels).unwrap();
+        assert_eq!((lost.count, &lost.first[..]), (1, &["images/a.png".to_owned()][..]));
+    }
+}
+
+/// The bright object of a picture lies in its box, whichever way EXIF turns the picture, or the picture is left out.
+#[test]
+fn boxes_lie_on_their_objects_for_every_orientation() {
+    for exif in 1..=8 {
+        let folder = tempfile::tempdir().unwrap();
+        let root = folder.path();
+        // The object is at 8..20 x 3..9 of 40 x 30 stored pixels.
+        write_turned_object(&root.join("a.jpg"), exif);
+        let light = petzval_files::load_image(&root.join("a.jpg")).unwrap().light;
+        let (width, height) = (light.width, light.height);
+        assert_eq!((width, height), if exif < 5 { (40, 30) } else { (30, 40) });
+        let bright: Vec<[f64; 2]> = (0..height)
+            .flat_map(|row| (0..width).map(move |column| (row, column)))
+            .filter(|(row, column)| light.get(1, *row, *column) > 0.3)
+            .map(|(row, column)| [column as f64, row as f64])
+            .collect();
+        let around = Bounds::around(bright).unwrap();
+        let truth = [around.x, around.y, around.width + 1.0, around.height + 1.0];
+        assert_eq!(truth[2] * truth[3], 12.0 * 6.0, "orientation {exif}");
+
+        // YOLO labels are of the turned picture.
+        let [x, y, w, h] = truth;
+        let shares = [
+            (x + 0.5 * w) / width as f64,
+            (y + 0.5 * h) / height as f64,
+            w / width as f64,
+            h / height as f64,
+        ];
+        write(root, "classes.txt", "car\n");
+        write(root, "a.txt", &format!("0 {} {} {} {}\n", shares[0], shares[1], shares[2], shares[3]));
+        let found = |format| {
+            let converted = convert(format, root).unwrap();
+            let bounds = converted.data.annotations.first().map(|a| <[f64; 4]>::from(a.bounds));
+            (bounds, converted.data.images.len(), converted.defects)
+        };
+        let is_truth = |bounds: Option<[f64; 4]>| {
+            bounds.is_some_and(|b| b.iter().zip(truth).all(|(found, wanted)| (found - wanted).abs() < 1e-9))
+        };
+        assert!(is_truth(found(SourceFormat::Yolo).0), "orientation {exif}");
+
+        // Pascal VOC states a size: that of the stored pixels, or of the turned picture. Of half a turn and of mirrors it says nothing.
+        let voc = |[x, y, w, h]: [f64; 4], size: [usize; 2]| {
+            format!(
+                "<annotation><size><width>{}</width><height>{}</height></size><object><name>car</name><bndbox><xmin>{}</xmin>\
+                 <ymin>{}</ymin><xmax>{}</xmax><ymax>{}</ymax></bndbox></object></annotation>",
+                size[0],
+                size[1],
+                x + 1.0,
+                y + 1.0,
+                x + w,
+                y + h
+            )
+        };
+        let stored = [8.0, 3.0, 12.0, 6.0];
+        for (bounds, size) in [(stored, [40, 30]), (truth, [width, height])] {
+            write(root, "a.xml", &voc(bounds, size));
+            let (found, pictures, defects) = found(SourceFormat::Voc);
+            if (2..=4).contains(&exif) {
+                assert_eq!((found, pictures, defects.count(DefectKind::UnknownTurn)), (None, 0, 1));
+            } else {
+                assert!(is_truth(found), "orientation {exif}, stated {size:?}: {found:?}");
+            }
+        }
+        std::fs::remove_file(root.join("a.xml")).unwrap();
+
+        // BDD100K states none.
+        let corners = format!(r#"{{"x1": {x}, "y1": {y}, "x2": {}, "y2": {}}}"#, x + w, y + h);
+        let label =
+            format!(r#"[{{"name": "a.jpg", "labels": [{{"category": "car", "box2d": {corners}}}]}}]"#);
+        write(root, "labels.json", &label);
+        let (bounds, pictures, defects) = found(SourceFormat::Bdd100k);
+        if exif == 1 {
+            assert!(is_truth(bounds));
+        } else {
+            assert_eq!((bounds, pictures, defects.count(DefectKind::UnknownTurn)), (None, 0, 1));
+        }
+        std::fs::remove_file(root.join("labels.json")).unwrap();
+
+        // An entry of a file in COCO format may say it.
+        for (is_turned, bounds) in [(true, truth), (false, stored)] {
+            let annotation =
+                format!(r#"{{"id": 1, "image_id": 1, "category_id": 1, "area": 72, "bbox": {bounds:?}}}"#);
+            let text = format!(
+                r#"{{"images": [{{"id": 1, "file_name": "a.jpg", "turned": {is_turned}}}],
+                    "categories": [{{"id": 1, "name": "car"}}], "annotations": [{annotation}]}}"#
+            );
+            write(root, "annotations.json", &text);
+            let mut loaded = petzval_files::coco::load_coco(root).unwrap();
+            petzval_files::coco::check_pictures(&mut loaded, &|_| ());
+            let bounds = loaded.data.annotations.first().map(|a| a.bounds.into());
+            assert!(is_truth(bounds), "orientation {exif}, turned {is_turned}: {bounds:?}");
+        }
+    }
+}
+
+/// A JPEG of 40 x 30 stored pixels with a bright object, whose EXIF says how it is to be turned.
+fn write_turned_object(path: &Path, exif: u8) {
+    use image::ImageEncoder;
+    let inside = |x: u32, y: u32| (8..20).contains(&x) && (3..9).contains(&y);
+    let picture =
+        image::RgbImage::from_fn(40, 30, |x, y| image::Rgb([if inside(x, y) { 240 } else { 20 }; 3]));
+    let mut bytes = Vec::new();
+    let mut encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, 100);
+    let about = [b"MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0", &[exif][..], b"\0\0\0\0\0\0"].concat();
+    encoder.set_exif_metadata(about).unwrap();
+    encoder.write_image(&picture, 40, 30, image::ExtendedColorType::Rgb8).unwrap();
+    std::fs::write(path, bytes).unwrap();
+}

@@ -27,6 +27,25 @@ pub(super) fn check_entries(data: &mut DataSet, defects: &mut Defects) {
     check_images(data, defects);
     check_categories(data, defects);
     check_annotations(data, defects);
+    leave_out_pictures_of_lost_labels(data, defects);
+}
+
+/// Takes out pictures none of whose labels can be used: they would be learned from and judged on as if they showed no object.
+fn leave_out_pictures_of_lost_labels(data: &mut DataSet, defects: &mut Defects) {
+    let mut lost = defects.take_lost_labels();
+    if lost.is_empty() {
+        return;
+    }
+    for annotation in &data.annotations {
+        lost.remove(&annotation.image_id);
+    }
+    data.images.retain(|image| {
+        let is_lost = lost.contains(&image.id);
+        if is_lost {
+            defects.add(DefectKind::PictureOfLostLabels, || image.file_name.clone());
+        }
+        !is_lost
+    });
 }
 
 fn check_images(data: &mut DataSet, defects: &mut Defects) {
@@ -93,9 +112,11 @@ fn check_annotations(data: &mut DataSet, defects: &mut Defects) {
                 let Annotation { id, category_id, .. } = annotation;
                 format!("annotation {id} of {}: category {category_id}", image.file_name)
             });
+            defects.lose_label(image.id);
             return false;
         }
         if !check_bounds(annotation, image, defects) {
+            defects.lose_label(image.id);
             return false;
         }
         check_area(annotation, image, defects);

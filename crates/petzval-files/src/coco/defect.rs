@@ -1,6 +1,6 @@
 //! Defects of a data set: each kind with a count, the first cases and the worst one.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
@@ -80,6 +80,8 @@ kinds! {
         "look at a picture with its boxes: for boxes of the turned picture write `turned: true` into its entry in `images`, for boxes of the stored pixels `turned: false`; in other formats set the orientation of the file to 1 for these (`exiftool -n -Orientation=1 FILE`)";
     LabelWithoutBox Error "A label of an object has no box that is read; it is left out."
         "write a box for it, or take it out if it is no object";
+    PictureOfLostLabels Error "No label of a picture can be used; the picture is left out, because it is no background."
+        "correct its labels, which are named above; or take them out if the picture shows no object";
     NoPicture Error "The data set has no picture that can be used."
         "correct the entries above, or name the file that lists the pictures";
     TurnedBoxes Warning "EXIF turns a picture whose stated size is that of its stored pixels; its boxes are turned with it."
@@ -164,12 +166,24 @@ impl Defect {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Defects {
     by_kind: BTreeMap<DefectKind, (Defect, f64)>,
+    /// Pictures of labels that are left out, until the pictures are checked.
+    lost_labels: BTreeSet<u64>,
 }
 
 impl Defects {
     /// Adds a case.
     pub fn add(&mut self, kind: DefectKind, example: impl FnOnce() -> String) {
         self.add_measured(kind, f64::NEG_INFINITY, example);
+    }
+
+    /// Remembers that a label of a picture is left out.
+    pub(super) fn lose_label(&mut self, image_id: u64) {
+        self.lost_labels.insert(image_id);
+    }
+
+    /// The pictures of labels that are left out, which are forgotten.
+    pub(super) fn take_lost_labels(&mut self) -> BTreeSet<u64> {
+        std::mem::take(&mut self.lost_labels)
     }
 
     /// Adds a case that is as bad as `extent`; the case of the largest extent is the worst.

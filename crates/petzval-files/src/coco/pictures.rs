@@ -16,6 +16,10 @@ use super::folder::Loaded;
 use super::turned::{BoxesOf, boxes_of, turned};
 use crate::picture_file::{MOST_PICTURE_BYTES, PictureHead, decoded_head, picture_head};
 
+/// What a second check of the values finds once sizes are known.
+const NOTED_AGAIN: [DefectKind; 3] =
+    [DefectKind::OutsidePicture, DefectKind::PictureOfLostLabels, DefectKind::ClippedBox];
+
 /// Checks that the file of every picture exists, can be decoded from end to end, and has the stated size, and that no two have one content.
 /// After every picture `watch` is called with the number of pictures that are decoded so far, by several threads at once.
 ///
@@ -92,7 +96,7 @@ pub fn check_pictures(loaded: &mut Loaded, watch: &(dyn Fn(usize) + Sync)) {
     if is_clipping_due {
         let mut again = Defects::default();
         check_entries(&mut loaded.data, &mut again);
-        loaded.defects.add_kinds(again, &[DefectKind::OutsidePicture, DefectKind::ClippedBox]);
+        loaded.defects.add_kinds(again, &NOTED_AGAIN);
     }
     if loaded.data.images.is_empty() && listed > 0 {
         loaded.defects.add(DefectKind::NoPicture, || format!("of {listed} listed pictures none is left"));

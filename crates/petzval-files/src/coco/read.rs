@@ -217,8 +217,14 @@ pub fn parse_coco(mut bytes: Vec<u8>, defects: &mut Defects) -> Result<DataSet, 
     for (i, record) in file.annotations.into_iter().enumerate() {
         let place = || format!("annotations[{i}]");
         let mut warn = |kind, what| defects.add(kind, || format!("{}: {what}", place()));
+        let image_id = record.table().and_then(|record| pictures.ids.number(&record.image_id).ok());
         let found = with(record, |record| annotation(record, i, &annotation_ids, &pictures, &mut warn));
-        data.annotations.extend(usable(found, place, defects));
+        let found = usable(found, place, defects);
+        match (found, image_id) {
+            (Some(annotation), _) => data.annotations.push(annotation),
+            (None, Some(image_id)) => defects.lose_label(image_id),
+            (None, None) => {}
+        }
     }
     Ok(data)
 }

@@ -23,8 +23,9 @@ fn outlines_and_rotated_boxes_become_the_boxes_around_them() {
         1,
     );
     let (data, defects) = read(&masked);
-    assert_eq!((data.annotations.len(), defects.errors()), (1, 1));
-    assert_eq!(defects.count(DefectKind::WrongType), 1);
+    assert_eq!((data.annotations.len(), defects.errors()), (1, 2));
+    let of = [DefectKind::WrongType, DefectKind::PictureOfLostLabels].map(|kind| defects.count(kind));
+    assert_eq!(of, [1, 1]);
 
     // A quarter turn about the middle of the box, (6.5, 12).
     let (data, defects) = with(r#""distance_m": 31.5"#, r#""rotation": 90"#);
@@ -127,7 +128,7 @@ fn ids_that_are_texts_are_names_that_must_agree() {
         (r#""id": "img_b""#, r#""id": 2"#, DefectKind::WrongType, 1, 0),
         (r#""id": "img_b""#, r#""id": "000000001""#, DefectKind::RepeatedImageId, 1, 1),
         (r#""id": "img_b""#, r#""id": """#, DefectKind::WrongType, 1, 1),
-        (r#""id": "y""#, r#""id": 7"#, DefectKind::WrongType, 2, 1),
+        (r#""id": "y""#, r#""id": 7"#, DefectKind::WrongType, 1, 1),
         (r#""id": "y""#, r#""id": "x""#, DefectKind::RepeatedAnnotationId, 2, 2),
     ] {
         let (data, defects) = read(&NAMED.replacen(from, to, 1));

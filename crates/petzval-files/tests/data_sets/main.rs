@@ -500,6 +500,54 @@ fn a_picture_that_is_left_out_is_no_background() {
     assert_eq!((count(DefectKind::MissingPicture), count(DefectKind::PictureWithoutBoxes)), (1, 1));
 }
 
+/// Without its labels a picture would be learned from as one that shows no object. One that lists none is background.
+#[test]
+fn a_picture_whose_labels_cannot_be_used_is_left_out() {
+    let names = |data: &DataSet| data.images.iter().map(|image| image.file_name.clone()).collect::<Vec<_>>();
+    let first = "\"bbox\": [1.5, 2, 10, 20]";
+    let cases = [
+        with(first, "\"bbox\": [1.5, 2, 0, 20]"),
+        with(first, "\"bbox\": [1.5, 2, -10, 20]"),
+        with(first, "\"bbox\": [1.5, NaN, 10, 20]"),
+        with(first, "\"bbox\": [60, 2, 10, 20]"),
+        with(first, "\"bbox\": [6, 12, 10, 20, 30]"),
+        with(first, "\"bbox\": [1.5, 2, 10, 20], \"bbox_mode\": 0"),
+        with("\"image_id\": 1, \"category_id\": 1", "\"image_id\": 1, \"category_id\": 9"),
+        with("\"image_id\": 1, \"category_id\": 1", "\"image_id\": 1, \"category_id\": \"car\""),
+    ];
+    for (data, defects) in cases {
+        assert_eq!(names(&data), ["b.png"], "{defects:?}");
+        let found = defects.iter().find(|defect| defect.kind == DefectKind::PictureOfLostLabels).unwrap();
+        assert_eq!((found.count, &found.first[..]), (1, &["a.png".to_owned()][..]));
+        assert_eq!(defects.count(DefectKind::PictureWithoutBoxes), 0);
+    }
+    // Another object of it can still be used.
+    let two = first.to_owned()
+        + r#", "area": 200}, {"id": 9, "image_id": 1, "category_id": 1, "bbox": [1, 2, 0, 4]"#;
+    let (data, defects) = with(first, &two);
+    assert_eq!((names(&data).len(), defects.count(DefectKind::ZeroSize)), (2, 1));
+    assert_eq!(defects.count(DefectKind::PictureOfLostLabels), 0);
+    // No object at all.
+    let (data, defects) = with("\"image_id\": 1, \"category_id\"", "\"image_id\": 2, \"category_id\"");
+    assert_eq!((names(&data).len(), defects.count(DefectKind::PictureWithoutBoxes)), (2, 1));
+
+    // The size of the picture may be known from its file alone, where one label was lost before.
+    let folder = tempfile::tempdir().unwrap();
+    write_png(&folder.path().join("a.png"), 40, 30);
+    write_png(&folder.path().join("b.png"), 41, 30);
+    let text = GOOD.replace("\"width\": 40, \"height\": 30, ", "").replacen(first, &two, 1);
+    std::fs::write(
+        folder.path().join("annotations.json"),
+        text.replacen("[1.5, 2, 10, 20]", "[60, 2, 10, 20]", 1),
+    )
+    .unwrap();
+    let mut loaded = load_coco(folder.path()).unwrap();
+    assert_eq!(loaded.data.images.len(), 2);
+    check_pictures(&mut loaded, &|_| ());
+    assert_eq!(names(&loaded.data), ["b.png"]);
+    assert_eq!(loaded.defects.count(DefectKind::PictureOfLostLabels), 1);
+}
+
 #[test]
 fn detections_are_read_checked_and_written() {
     let (data, _) = read(GOOD);

@@ -141,7 +141,11 @@ pub(super) fn convert_bdd100k(root: &Path) -> Result<Converted, CocoError> {
                 let place = || format!("{name}: labels[{i}]");
                 match label(object, &place, &mut builder.defects) {
                     Ok(Some(label)) => builder.object(id, label),
-                    Ok(None) => {}
+                    Ok(None) => {
+                        if !object.table().is_some_and(Object::is_lane_or_area) {
+                            builder.lose_label(id);
+                        }
+                    }
                     Err(mut error) => {
                         error.key = format!("{name}: labels[{i}].{}", error.key);
                         builder.wrong(path, error);

@@ -181,6 +181,11 @@ impl Builder {
         });
     }
 
+    /// Remembers that a label of a picture is left out.
+    pub fn lose_label(&mut self, image_id: u64) {
+        self.defects.lose_label(image_id);
+    }
+
     /// Classes added so far.
     pub fn class_names(&self) -> Vec<String> {
         self.data.categories.iter().map(|category| category.name.clone()).collect()

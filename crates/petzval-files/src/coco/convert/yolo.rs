@@ -75,8 +75,9 @@ pub(super) fn convert_yolo(root: &Path) -> Result<Converted, CocoError> {
                     Bounds::around(points)
                 }
             };
-            if let Some(bounds) = bounds {
-                builder.object(id, Label::new(&names[class], bounds));
+            match bounds {
+                Some(bounds) => builder.object(id, Label::new(&names[class], bounds)),
+                None => builder.lose_label(id),
             }
         }
         used.insert(path);
