@@ -17,6 +17,7 @@ use crate::error::DesignError;
 use crate::experiment::{BUILT_IN_PHOTOS, Experiment, STREET};
 use crate::glass_warnings::glass_warnings;
 use crate::input_list::pictures_of_run;
+use crate::path_text::path_text;
 use crate::run::{RunFolder, RunRecord, read_config};
 
 /// Files built into the program, by their path below `data/`.
@@ -304,7 +305,7 @@ impl Assets {
             let may_be_missing =
                 may_be_missing.contains(&path[0]) && ![BUILT_IN_PHOTOS, STREET].contains(&input.as_str());
             if beside.exists() || may_be_missing {
-                *input = beside.display().to_string();
+                *input = path_text(&beside)?;
             }
             if may_be_missing {
                 continue;

@@ -12,6 +12,7 @@ use crate::assets::Assets;
 use crate::error::DesignError;
 use crate::experiment::{BUILT_IN_PHOTOS, Experiment, STREET};
 use crate::input_list::InputList;
+use crate::path_text::path_text;
 use crate::run::{CameraMetrics, DigestCheck, Metrics, RunFolder, RunRecord, hex, quoted, read_config};
 use crate::run_report::read_metrics;
 use crate::study::{MeanAndDeviation, is_same_lens};
@@ -304,7 +305,7 @@ fn printed_for(
     let Some(table) = tables.iter().find(|table| table.experiments.contains(&config.name)) else {
         return Ok(None);
     };
-    let lens = run.root.join(&config.lens).display().to_string();
+    let lens = path_text(&run.root.join(&config.lens))?;
     for name in assets.names("experiments") {
         let built_in = assets.experiment(name)?;
         let has_camera = |name: &str| built_in.variant.iter().any(|variant| variant.name == name);

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::DesignError;
 use crate::experiment::{BUILT_IN_PHOTOS, Experiment, STREET};
+use crate::path_text::path_text;
 use crate::run::{RunFolder, write_file};
 
 /// Most inputs that a message names.
@@ -115,7 +116,7 @@ pub fn pictures_of_run(
 ) -> Result<(), DesignError> {
     let place = if experiment.task.finds_objects() { &mut experiment.data } else { &mut experiment.photos };
     if let Some(now) = now {
-        *place = now.display().to_string();
+        *place = path_text(now)?;
         return Ok(());
     }
     if [BUILT_IN_PHOTOS, STREET].contains(&place.as_str()) || Path::new(place).exists() {
@@ -123,7 +124,7 @@ pub fn pictures_of_run(
     }
     let pictures = InputList::read(run)?.and_then(|list| list.pictures);
     if let Some(pictures) = pictures.filter(|pictures| pictures.place.exists()) {
-        *place = pictures.place.display().to_string();
+        *place = path_text(&pictures.place)?;
     }
     Ok(())
 }

@@ -14,6 +14,7 @@ use crate::error::DesignError;
 use crate::experiment::{BUILT_IN_PHOTOS, Experiment, is_derived_lens};
 use crate::input_list::{InputList, Pictures};
 use crate::optics_proxy::FILES;
+use crate::path_text::path_text;
 use crate::run::{RunFolder, RunRecord, hex, write_file};
 use crate::setup::Setup;
 
@@ -158,7 +159,7 @@ pub fn keep_inputs(setup: &Setup, assets: &Assets, run: &RunFolder) -> Result<()
     // A run and its pictures can be moved together.
     let root = std::fs::canonicalize(run.root()).map_err(DesignError::io(run.root()))?;
     if let Some(Pictures { place, .. }) = &inputs.list.pictures {
-        let there = relative(place, &root).display().to_string();
+        let there = path_text(&relative(place, &root))?;
         if experiment.task.finds_objects() { kept.data = there } else { kept.photos = there }
     }
     if kept.isp.is_used() {
@@ -169,7 +170,7 @@ pub fn keep_inputs(setup: &Setup, assets: &Assets, run: &RunFolder) -> Result<()
             Some(_) => "inputs/isp.toml".to_owned(),
             None => {
                 let there = std::fs::canonicalize(&preset.path).map_err(DesignError::io(&preset.path))?;
-                relative(&there, &root).display().to_string()
+                path_text(&relative(&there, &root))?
             }
         };
     }

@@ -33,6 +33,7 @@ pub mod lens_view;
 pub mod made_cameras;
 pub mod optics_proxy;
 pub mod parts;
+pub mod path_text;
 pub mod pictures;
 pub mod plausible;
 mod position;

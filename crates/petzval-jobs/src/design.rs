@@ -12,6 +12,7 @@ use petzval_design::experiment::{BUILT_IN_PHOTOS, Experiment, PsfConfig, STREET}
 use petzval_design::first_look::first_look;
 use petzval_design::input_list::{InputList, check_pictures_are_there};
 use petzval_design::inputs::{Inputs, check_inputs, keep_inputs};
+use petzval_design::path_text::path_text;
 use petzval_design::plausible::check;
 use petzval_design::run::{
     CameraMetrics, DigestCheck, Event, RunFolder, RunRecord, VERSION, changed_config, extend_run,
@@ -24,10 +25,11 @@ use petzval_learn::score::ScoreDescription;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
-use crate::error::{JobError, check_length, json, make_folder};
+use crate::error::{JobError, json, make_folder};
 use crate::init;
 use crate::machine::environment;
 use crate::own_lens::{is_lens, own_lens};
+use crate::results::check_folder;
 
 pub use petzval_design::first_look::FirstLook;
 pub use petzval_design::run::Metrics;
@@ -176,7 +178,6 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             (scorer(setup)?, folder, lock)
         }
         Run::New(new) => {
-            new.out.iter().try_for_each(|out| check_length(out))?;
             // Everything is checked before the folder is made, so that a mistake leaves nothing behind.
             let (setup, look, own) = looked_at(new, device, context)?;
             if let Some(problem) = look.problems.first() {
@@ -186,9 +187,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             context.note(look.steps_in_words());
             let scorer = scorer(setup)?;
             let setup = scorer.setup();
-            let root = new.out.clone().unwrap_or_else(|| {
-                default_root(&new.experiment, new.changes.variant.as_deref(), &setup.experiment)
-            });
+            let root = root_of(new, &setup.experiment);
             if !root.exists() {
                 make_folder(&root)?;
             }
@@ -302,6 +301,7 @@ fn looked_at(
     context: &Context,
 ) -> Result<(Setup, FirstLook, Context), JobError> {
     let (experiment, own) = prepared(new, context)?;
+    check_root(new, &experiment, context)?;
     let setup = set_up(experiment, device, &own)?;
     let source = match is_lens(&new.experiment, context) {
         // There is no file of the experiment to show.
@@ -498,7 +498,29 @@ fn absolute(path: &Path) -> Result<String, JobError> {
     let path = std::fs::canonicalize(path).map_err(|error| {
         JobError::input(format!("{}: {error}", path.display()), "give a folder or file that exists")
     })?;
-    Ok(path.display().to_string())
+    Ok(path_text(&path)?)
+}
+
+/// Sees that a new run can have its folder. A folder that the request leaves out may hold a run, so that its experiment can be looked at again.
+fn check_root(new: &NewRun, experiment: &Experiment, context: &Context) -> Result<(), JobError> {
+    let root = root_of(new, experiment);
+    // A run is opened again by this text.
+    path_text(&root)?;
+    check_folder(&root, NO_NAMES, context)?;
+    if new.out.is_some() {
+        RunFolder::check_new(&root)?;
+    }
+    Ok(())
+}
+
+/// No files: those of a run have names of their own.
+const NO_NAMES: [&Path; 0] = [];
+
+/// The folder of a new run.
+fn root_of(new: &NewRun, experiment: &Experiment) -> PathBuf {
+    new.out
+        .clone()
+        .unwrap_or_else(|| default_root(&new.experiment, new.changes.variant.as_deref(), experiment))
 }
 
 fn default_root(name: &str, variant: Option<&str>, experiment: &Experiment) -> PathBuf {

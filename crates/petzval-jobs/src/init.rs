@@ -8,6 +8,7 @@ use petzval_camera::sensor::Colour;
 use petzval_design::error::DesignError;
 use petzval_design::experiment::{BUILT_IN_PHOTOS, Experiment, commented_toml, is_derived_lens};
 use petzval_design::fit::white_that_fits;
+use petzval_design::path_text::path_text;
 use petzval_files::{parse_lens, parse_sensor, write_lens};
 use petzval_optics::design_space::{Solves, near_variables};
 use serde::{Deserialize, Serialize};
@@ -97,8 +98,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     // What lies beside another experiment is found from the new folder as well.
     let named = experiment.inputs_mut().map(|(_, name)| name);
     for path in named.filter(|name| Path::new(name.as_str()).exists()) {
-        *path =
-            std::path::absolute(&*path).map_err(DesignError::io(Path::new(&*path)))?.display().to_string();
+        *path = path_text(&std::path::absolute(&*path).map_err(DesignError::io(Path::new(&*path)))?)?;
     }
     let text = format!(
         "# From the experiment `{from}`, with every key, its unit and its range. `petzval design {}` runs it.\n\n{}",

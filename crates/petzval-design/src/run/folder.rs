@@ -17,8 +17,18 @@ pub struct RunFolder {
 }
 
 impl RunFolder {
-    /// Makes a new, empty run folder; refuses one that already holds a run.
+    /// Makes a new, empty run folder. Fails as [`check_new`](Self::check_new) does, and with the system's errors.
     pub fn create(root: &Path) -> Result<Self, DesignError> {
+        Self::check_new(root)?;
+        for part in ["checkpoints", "lens", "cameras", "pictures", "inputs"] {
+            let path = root.join(part);
+            fs::create_dir_all(&path).map_err(DesignError::io(&path))?;
+        }
+        Ok(Self { root: root.to_path_buf() })
+    }
+
+    /// Sees that a new run can begin in this folder, which need not exist. Fails if it is a file, or holds a run or a part of one.
+    pub fn check_new(root: &Path) -> Result<(), DesignError> {
         let folder = Self { root: root.to_path_buf() };
         if root.exists() && !root.is_dir() {
             let problem = "this is a file; --out takes a folder, which is made if need be".to_owned();
@@ -38,11 +48,7 @@ impl RunFolder {
                 "this folder holds checkpoints, though no config.toml; choose another with --out".to_owned();
             return Err(DesignError::Run { path: root.to_path_buf(), problem });
         }
-        for part in ["checkpoints", "lens", "cameras", "pictures", "inputs"] {
-            let path = root.join(part);
-            fs::create_dir_all(&path).map_err(DesignError::io(&path))?;
-        }
-        Ok(folder)
+        Ok(())
     }
 
     /// Opens a run folder that exists.

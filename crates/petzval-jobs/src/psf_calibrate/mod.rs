@@ -10,6 +10,7 @@ use petzval_camera::psf::PsfBank;
 use petzval_camera::sensor::SensorModel;
 use petzval_design::assets::Assets;
 use petzval_design::error::DesignError;
+use petzval_design::path_text::path_text;
 use petzval_files::npy_bytes;
 use petzval_lab::psf_calibration::compare::{Comparison, compare};
 use petzval_lab::psf_calibration::estimate::{FieldEstimate, Place, estimate_bank};
@@ -180,7 +181,7 @@ fn measure(
 /// The sensor that the manifest names: a file beside it, or a built-in one.
 fn sensor(manifest: &Manifest, text: &str, path: &Path, assets: &Assets) -> Result<SensorModel, JobError> {
     let beside = path.parent().unwrap_or(Path::new("")).join(&manifest.sensor);
-    let name = if beside.is_file() { beside.display().to_string() } else { manifest.sensor.clone() };
+    let name = if beside.is_file() { path_text(&beside)? } else { manifest.sensor.clone() };
     assets.sensor(&name).map_err(|error| match error {
         DesignError::Unknown { .. } => {
             let at = FileError::at_key(text, &["sensor"], error.to_string());

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf, absolute};
 
 use petzval_camera::sensor::OutOfRange;
+use petzval_design::path_text::path_text;
 use petzval_files::raw_file::{RawFormat, RawFrame, RawInfo, load_any_raw, save_raw, sidecar_path};
 use serde::{Deserialize, Serialize};
 
@@ -68,7 +69,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         if from != to {
             let path = from.unwrap_or(Path::new("")).join(&*file);
             let path = absolute(&path).map_err(|e| JobError::failed(format!("{}: {e}", path.display())))?;
-            *file = path.display().to_string();
+            *file = path_text(&path)?;
         }
     }
     let bits = frame.info.bits.unwrap_or(16);

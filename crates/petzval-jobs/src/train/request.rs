@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use petzval_design::path_text::path_text;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
@@ -75,5 +76,5 @@ pub(super) fn located(name: &str) -> Result<String, JobError> {
         return Ok(name.to_owned());
     }
     let path = std::path::absolute(path).map_err(|e| JobError::failed(e.to_string()))?;
-    Ok(path.display().to_string())
+    Ok(path_text(&path)?)
 }

@@ -8,7 +8,7 @@ use petzval::jobs::apply::{self, Request};
 use super::failure::Failure;
 use super::signals;
 use super::simulate::Place;
-use super::terminal::{Terminal, print_json};
+use super::terminal::{Terminal, print_json, shown};
 
 /// Take pictures of your own with the cameras of a finished run: whole frames through lens, sensor, development and network.
 ///
@@ -64,8 +64,8 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         return print_json(&response);
     }
     for p in &response.pictures {
-        outln!("{}  {} x {}, {:.1} s", p.picture.display(), p.width, p.height, p.seconds);
+        outln!("{}  {} x {}, {:.1} s", shown(&p.picture), p.width, p.height, p.seconds);
     }
-    response.pages.iter().for_each(|page| outln!("{}", page.display()));
+    response.pages.iter().for_each(|page| outln!("{}", shown(&page)));
     Ok(ExitCode::SUCCESS)
 }

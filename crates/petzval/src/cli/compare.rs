@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use petzval::jobs::compare::{self, Request};
 
 use super::failure::Failure;
-use super::terminal::{Terminal, print_json};
+use super::terminal::{Terminal, print_json, shown};
 
 /// Put finished runs on one page: tables with means over seeds, the share of the gap to perfect optics that is closed, the figures of the
 /// paper, lenses, curves and the same pictures by every camera.
@@ -43,7 +43,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         return print_json(&response.comparisons);
     }
     outln!("{}", response.markdown);
-    outln!("page: {}", response.page.display());
-    request.csv.iter().for_each(|path| outln!("figures: {}", path.display()));
+    outln!("page: {}", shown(&response.page));
+    request.csv.iter().for_each(|path| outln!("figures: {}", shown(&path)));
     Ok(ExitCode::SUCCESS)
 }

@@ -10,7 +10,7 @@ use super::failure::Failure;
 use super::first_look;
 use super::score_table;
 use super::signals;
-use super::terminal::{EXIT_STOPPED, Terminal, pasted};
+use super::terminal::{EXIT_STOPPED, Terminal, pasted, shown};
 
 /// Design lens and network together, and compare with controls.
 ///
@@ -132,7 +132,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
                 outln!();
             }
             sentences.iter().for_each(|sentence| outln!("{sentence}"));
-            outln!("\nreport: {}", report.display());
+            outln!("\nreport: {}", shown(&report));
             Ok(ExitCode::SUCCESS)
         }
     }

@@ -9,7 +9,7 @@ use petzval::jobs::detect::{self, BackboneKind, Overhanging, Request, Scores, Se
 
 use super::failure::Failure;
 use super::signals;
-use super::terminal::{Terminal, print_json};
+use super::terminal::{Terminal, print_json, shown};
 
 /// Find objects in pictures: by the detector of a finished camera, or by weights of torchvision.
 ///
@@ -123,8 +123,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         [] => Ok(ExitCode::SUCCESS),
         [first, ..] => {
             let (unread, all) = (response.unread.len(), response.unread.len() + response.pictures.len());
-            let message =
-                format!("{unread} of {all} pictures cannot be read, the first is {}", first.display());
+            let message = format!("{unread} of {all} pictures cannot be read, the first is {}", shown(first));
             Err(Failure::input(message, "the warnings above say why; all others were looked at"))
         }
     }
@@ -136,7 +135,7 @@ fn print_found(pictures: &[Seen]) {
     for seen in pictures {
         for found in &seen.found {
             let [x, y, width, height] = found.bbox;
-            let file = seen.file.display().to_string().replace('"', "\"\"");
+            let file = shown(&seen.file).replace('"', "\"\"");
             outln!("\"{file}\",{},{:.3},{x:.1},{y:.1},{width:.1},{height:.1}", found.class, found.score);
         }
     }

@@ -1,9 +1,14 @@
 //! How the command ends: with a failure, with data that could not be written, or well.
 
+use std::ffi::OsString;
 use std::io::ErrorKind;
 use std::process::ExitCode;
 
+use clap::Parser;
+use clap::error::ErrorKind as ErrorKindOfArguments;
+
 use super::failure::{self, EXIT_INPUT, Failure};
+use super::terminal::shown;
 use super::{output, plain};
 
 /// Ends the command: reports a failure, writes what is left of the data, and chooses the exit code.
@@ -28,16 +33,38 @@ pub fn finish(ending: Result<ExitCode, Failure>) -> ExitCode {
 
 /// Ends the command after arguments that cannot be parsed, or after `--help` and `--version`.
 pub fn usage(said: &clap::Error) -> ExitCode {
+    if said.kind() == ErrorKindOfArguments::InvalidUtf8
+        && let Some(refused) = not_text(std::env::args_os().collect())
+    {
+        let message =
+            format!("{}: this argument is not UTF-8, and a name or a value is wanted here", shown(refused));
+        return Failure::input(message, "rename the file; or copy it, or link to it, under another name")
+            .report();
+    }
     // Arguments are quoted as they are.
     let text = said.render().to_string();
     let is_error = output::is_error(said);
-    if is_error && plain::message(&text) != text {
+    if is_error && plain::messages(&text) != text {
         output::note(format_args!("{}", text.trim_end()));
         return ExitCode::from(EXIT_INPUT);
     }
     failure::keep_lines_whole();
     output::of_arguments(said);
     if is_error { ExitCode::from(EXIT_INPUT) } else { finish(Ok(ExitCode::SUCCESS)) }
+}
+
+/// The argument that is refused because it is not UTF-8. Folders and many files may have such names, so that not every one is refused.
+fn not_text(arguments: Vec<OsString>) -> Option<OsString> {
+    let is_refused = |place: usize| {
+        let others = arguments.iter().enumerate().map(|(other, argument)| match other == place {
+            true => argument.clone(),
+            false => argument.to_string_lossy().into_owned().into(),
+        });
+        super::Cli::try_parse_from(others).is_err_and(|e| e.kind() == ErrorKindOfArguments::InvalidUtf8)
+    };
+    let place =
+        (0..arguments.len()).find(|place| arguments[*place].to_str().is_none() && is_refused(*place))?;
+    arguments.get(place).cloned()
 }
 
 /// Dies of SIGPIPE, as other programs do whose reader is gone.

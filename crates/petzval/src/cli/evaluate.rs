@@ -12,7 +12,7 @@ use super::number::figure;
 use super::psf::Kind;
 use super::score_table;
 use super::signals;
-use super::terminal::{Terminal, print_json};
+use super::terminal::{Terminal, print_json, shown};
 
 /// Score the cameras of a finished run again: lenses by exact tracing, pictures on the held-out photographs.
 ///
@@ -96,7 +96,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     if let Some(place) = other_pictures {
         print_ranges(&metrics);
         print_differences(&metrics, &differences);
-        outln!("other pictures than those of the run: {}", place.display());
+        outln!("other pictures than those of the run: {}", shown(&place));
     }
     if let Some(largest) = response.largest_difference_from_run {
         let of = response.largest_difference_of.map_or_else(String::new, |of| format!(" ({of})"));
@@ -151,7 +151,7 @@ fn source(name: PathBuf) -> Result<LensTolerances, Failure> {
         Some("default" | "precision") => LensTolerances::Grade(Grade::Precision),
         Some("high") => LensTolerances::Grade(Grade::High),
         _ if name.extension().is_none() && !name.exists() => {
-            let message = format!("--tolerances {}: neither a grade nor a file", name.display());
+            let message = format!("--tolerances {}: neither a grade nor a file", shown(&name));
             let hint = "grades are default, commercial, precision and high; `petzval lens tolerance --help` says what a file holds";
             return Err(Failure::input(message, hint));
         }

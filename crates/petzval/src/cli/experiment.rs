@@ -10,7 +10,7 @@ use petzval::jobs::run_all::{self, Request};
 
 use super::failure::Failure;
 use super::signals;
-use super::terminal::{EXIT_STOPPED, Terminal, print_json};
+use super::terminal::{EXIT_STOPPED, Terminal, print_json, shown};
 
 /// Verbs about experiments.
 #[derive(Debug, Subcommand)]
@@ -94,10 +94,10 @@ fn run_all(args: RunAllArgs, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let response = run_all::run(&request, &context)?;
     drop(context);
     if let Some(compared) = &response.compared {
-        outln!("{}\npage: {}", compared.markdown, compared.page.display());
+        outln!("{}\npage: {}", compared.markdown, shown(&compared.page));
     }
     for (run, message) in &response.failed {
-        noteln!("failed: {}: {message}", run.display());
+        noteln!("failed: {}: {message}", shown(&run));
     }
     Ok(match (response.is_stopped, response.failed.is_empty()) {
         (true, _) => {

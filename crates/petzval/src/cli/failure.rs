@@ -7,6 +7,7 @@ use miette::{LabeledSpan, MietteDiagnostic, MietteHandlerOpts, NamedSource, Repo
 use petzval::base::FileError;
 use petzval::jobs::{Fault, JobError, text_of_file};
 
+use super::terminal::shown;
 use super::{output, plain};
 
 /// The job failed.
@@ -45,10 +46,11 @@ impl Failure {
     }
 
     fn in_file(path: &Path, error: &FileError) -> Self {
+        let name = shown(path);
         let place = match (error.line, error.column) {
-            (Some(line), Some(column)) => format!("{}:{line}:{column}", path.display()),
-            (Some(line), None) => format!("{}:{line}", path.display()),
-            _ => path.display().to_string(),
+            (Some(line), Some(column)) => format!("{name}:{line}:{column}"),
+            (Some(line), None) => format!("{name}:{line}"),
+            _ => name.clone(),
         };
         let said = match (error.key.is_empty(), error.value.is_empty()) {
             (false, false) => format!("`{} = {}`: ", error.key, error.value),
@@ -66,8 +68,7 @@ impl Failure {
                 let start: usize = text.split_inclusive('\n').take(line as usize - 1).map(str::len).sum();
                 let length = text[start..].lines().next().map_or(0, str::len);
                 diagnostic = diagnostic.with_label(LabeledSpan::at(start..start + length, "here"));
-                let name = plain::message(&path.display().to_string());
-                Report::new(diagnostic).with_source_code(NamedSource::new(name, text))
+                Report::new(diagnostic).with_source_code(NamedSource::new(plain::message(&name), text))
             }
             None => Report::new(diagnostic),
         };

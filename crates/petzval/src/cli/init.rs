@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use petzval::jobs::init::{self, Request};
 
 use super::failure::Failure;
-use super::terminal::{Terminal, pasted, print_json};
+use super::terminal::{Terminal, pasted, print_json, shown};
 
 /// Write an experiment with its lens and its sensor as files of your own, to edit and run.
 ///
@@ -48,9 +48,9 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         true => "  with variables that the file did not name: look at their bounds",
         false => "",
     };
-    outln!("{}{variables}", response.lens.display());
-    outln!("{}", response.sensor.display());
-    outln!("{}", response.experiment.display());
+    outln!("{}{variables}", shown(&response.lens));
+    outln!("{}", shown(&response.sensor));
+    outln!("{}", shown(&response.experiment));
     let photos = if response.needs_gray_photos { " --photos FOLDER_OF_GRAY_PHOTOGRAPHS" } else { "" };
     outln!("\nnext: petzval design {}{photos}", pasted(&response.experiment));
     Ok(ExitCode::SUCCESS)

@@ -41,7 +41,7 @@ pub fn data(text: Arguments) {
 
 /// Writes a line to stderr. See `noteln!`.
 pub fn note(text: Arguments) {
-    styled_note(&plain::message(&text.to_string()));
+    styled_note(&plain::messages(&text.to_string()));
 }
 
 /// Writes a line to stderr that has colours. The names and values in it are [`plain`] already.

@@ -31,6 +31,14 @@ pub fn plain(text: &str) -> Cow<'_, str> {
     Cow::Owned(out)
 }
 
+/// Plain text on one line: ends of lines and tabs are written as `\n`, `\r` and `\t`.
+pub fn line(text: &str) -> Cow<'_, str> {
+    if !text.contains(['\n', '\r', '\t']) {
+        return plain(text);
+    }
+    Cow::Owned(plain(&text.replace('\n', "\\n").replace('\r', "\\r").replace('\t', "\\t")).into_owned())
+}
+
 /// JSON without control characters in its texts: they are written as JSON writes them, so that its readers find them again.
 pub fn json(text: &str) -> Cow<'_, str> {
     if !text.chars().any(is_control) {
@@ -46,8 +54,13 @@ fn is_control(c: char) -> bool {
     (c.is_control() && c != '\n' && c != '\t') || turns_direction
 }
 
-/// [`plain`] text whose lines are not longer than a message needs.
+/// [`line`] of a message, which says one thing: not longer than needed. A break in it is that of a name or a value.
 pub fn message(text: &str) -> String {
+    line(&cut(text, LONGEST_LINE, KEPT_END)).into_owned()
+}
+
+/// [`plain`] text whose lines are not longer than a message needs.
+pub fn messages(text: &str) -> String {
     let lines: Vec<Cow<str>> = text.split('\n').map(|line| cut(line, LONGEST_LINE, KEPT_END)).collect();
     plain(&lines.join("\n")).into_owned()
 }
@@ -89,6 +102,8 @@ mod tests {
         assert_eq!(plain("gnp\u{202e}.exe\u{9b}2J"), r"gnp\u{202e}.exe\u{9b}2J");
         assert_eq!(plain("one\r\ntwo\tthree\rfour"), "one\ntwo\tthree\\u{d}four");
         assert!(matches!(plain("Gauß, 行人\n"), Cow::Borrowed(_)));
+        assert_eq!(line("a\r\nwarning:\tb\u{1b}"), r"a\r\nwarning:\tb\u{1b}");
+        assert_eq!(message("none\n.zmx: no such file"), r"none\n.zmx: no such file");
     }
 
     #[test]
@@ -103,7 +118,7 @@ mod tests {
     #[test]
     fn long_lines_keep_their_start_and_end() {
         let long = format!("{}ä{}", "a".repeat(3000), "b".repeat(3000));
-        let short = message(&format!("{long}\nnext"));
+        let short = messages(&format!("{long}\nnext"));
         assert!(short.starts_with("aaa") && short.ends_with("bbb\nnext"), "{short}");
         assert!(short.contains("(5001 characters)") && short.len() < 1100, "{short}");
         let path = "/x".repeat(400);

@@ -7,7 +7,7 @@ use clap::ValueEnum;
 use petzval::jobs::psf::{self, PsfKind};
 
 use super::failure::Failure;
-use super::terminal::{Terminal, print_json};
+use super::terminal::{Terminal, print_json, shown};
 
 /// Rays or waves.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -82,6 +82,6 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         kind: args.kind.into(),
     };
     let response = psf::run(&request, &terminal.context())?;
-    noteln!("{} fields x 3 wavelengths written to {}", request.fields, request.out.display());
+    noteln!("{} fields x 3 wavelengths written to {}", request.fields, shown(&request.out));
     if args.json { print_json(&response.axes) } else { Ok(ExitCode::SUCCESS) }
 }

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use petzval::jobs::psf_calibrate::{self, Figures, HeldOutBy};
 
 use super::failure::Failure;
-use super::terminal::{Terminal, print_json};
+use super::terminal::{Terminal, print_json, shown};
 
 /// Measure point-spread functions from captures of a pinhole.
 ///
@@ -51,7 +51,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         return print_json(&response.figures);
     }
     out!("{}", summary(&response.figures));
-    outln!("\nresults in {}; open psf-calibration.html", response.out.display());
+    outln!("\nresults in {}; open psf-calibration.html", shown(&response.out));
     Ok(ExitCode::SUCCESS)
 }
 

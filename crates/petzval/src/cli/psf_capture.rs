@@ -7,7 +7,7 @@ use clap::ValueEnum;
 use petzval::jobs::psf_capture;
 
 use super::failure::Failure;
-use super::terminal::{Terminal, print_json};
+use super::terminal::{Terminal, print_json, shown};
 
 /// Focus of the lens.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -117,7 +117,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         seed: args.seed,
     };
     let response = psf_capture::run(&request, &terminal.context())?;
-    let out = request.out.display();
+    let out = shown(&request.out);
     noteln!(
         "{} positions, {} frames in {out}; measure them with `petzval psf-calibrate {out} --lens {}`",
         response.captures.positions.len(),

@@ -7,7 +7,7 @@ use petzval::jobs::report;
 
 use super::failure::Failure;
 use super::served_page;
-use super::terminal::Terminal;
+use super::terminal::{Terminal, shown};
 
 /// Write report.html of a finished run again, from the contents of its folder.
 ///
@@ -43,6 +43,6 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     }
     let request = report::Request { run: args.run, photo: args.photo, accept_changed: args.accept_changed };
     let response = report::run(&request, &context)?;
-    outln!("{}", response.report.display());
+    outln!("{}", shown(&response.report));
     Ok(ExitCode::SUCCESS)
 }

@@ -34,11 +34,27 @@ pub fn print_json(value: &impl serde::Serialize) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// A path as it can be pasted into a shell: one with spaces is quoted.
+/// A path on one line, whatever its name.
+pub fn shown(path: impl AsRef<Path>) -> String {
+    plain::line(&path.as_ref().display().to_string()).into_owned()
+}
+
+/// A path as it can be pasted into a shell: one with spaces is quoted, bytes that a terminal would obey or not show are written by their numbers.
 pub fn pasted(path: &Path) -> String {
-    let path = path.display().to_string();
     let is_plain = |c: char| c.is_alphanumeric() || "/._-+,:@%\\".contains(c);
-    if path.chars().all(is_plain) { path } else { format!("'{}'", path.replace('\'', "'\\''")) }
+    match path.to_str() {
+        Some(text) if text.chars().all(is_plain) => text.to_owned(),
+        Some(text) if plain::line(text) == text => format!("'{}'", text.replace('\'', "'\\''")),
+        _ => {
+            let byte = |byte: &u8| match byte {
+                b'\'' | b'\\' => format!("\\{}", char::from(*byte)),
+                b' '..=b'~' => char::from(*byte).to_string(),
+                other => format!("\\x{other:02x}"),
+            };
+            let text: String = path.as_os_str().as_encoded_bytes().iter().map(byte).collect();
+            format!("$'{text}'")
+        }
+    }
 }
 
 /// How a training ended after so many steps, as an exit code. One that was stopped says how to go on.
@@ -48,4 +64,32 @@ pub fn training_ending(is_finished: bool, steps: usize) -> ExitCode {
     }
     noteln!("stopped after {steps} steps; --resume continues");
     ExitCode::from(EXIT_STOPPED)
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use std::ffi::OsStr;
+    use std::os::unix::ffi::OsStrExt;
+
+    use super::*;
+
+    /// A shell reads what is pasted as the path itself.
+    #[test]
+    fn pasted_paths_are_those_of_the_shell() {
+        for name in
+            [&b"a/b.toml"[..], b"it's mine", b"a\nb\x1b[31m", b"\xff'\\ \xc3\xbc", "gr\u{202e}ün".as_bytes()]
+        {
+            let path = Path::new(OsStr::from_bytes(name));
+            let pasted = pasted(path);
+            assert!(
+                !shown(path).contains(char::is_control) && !pasted.contains(char::is_control),
+                "{pasted}"
+            );
+            let shell =
+                std::process::Command::new("bash").args(["-c", &format!("printf %s {pasted}")]).output();
+            if let Ok(shell) = shell {
+                assert_eq!(shell.stdout, name, "{pasted}");
+            }
+        }
+    }
 }

@@ -59,7 +59,9 @@ impl Stderr {
         Self { is_plain: bar.is_hidden(), bar, phase: Mutex::new(None) }
     }
 
+    /// Writes a warning or a note. It says one thing, on one line.
     fn line(&self, text: &str) {
+        let text = plain::line(text);
         match self.is_plain {
             true => noteln!("{text}"),
             false => self.bar.suspend(|| noteln!("{text}")),
@@ -78,6 +80,7 @@ impl Watcher for Stderr {
 
     fn progress(&self, progress: &Progress) {
         let Progress { done, total, text } = progress;
+        let text = plain::message(text);
         // The numbers stay valid if a thread panics while it holds the lock.
         let mut phase = self.phase.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         let phase = match &mut *phase {
@@ -87,7 +90,7 @@ impl Watcher for Stderr {
                 *phase = Some(Phase { start: now, first: *done, total: *total, last_line: now });
                 self.bar.set_length(*total);
                 self.bar.set_position(*done);
-                self.bar.set_message(plain::message(text));
+                self.bar.set_message(text.clone());
                 self.bar.set_prefix("");
                 if !self.is_plain {
                     self.bar.enable_steady_tick(REDRAWN_EVERY);
@@ -96,7 +99,7 @@ impl Watcher for Stderr {
             }
         };
         if !self.is_plain {
-            self.bar.set_message(plain::message(text));
+            self.bar.set_message(text.clone());
             self.bar.set_position(*done);
             self.bar.set_prefix(phase.left(*done));
         } else if *done > phase.first

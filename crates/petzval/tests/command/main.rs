@@ -8,4 +8,5 @@ mod data;
 mod detect;
 mod files;
 mod machine;
+mod names;
 mod schema;

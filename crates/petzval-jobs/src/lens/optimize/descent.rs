@@ -2,6 +2,7 @@
 
 use std::time::Instant;
 
+use petzval_design::path_text::path_text;
 use petzval_optics::lens::Lens;
 use petzval_optics::optimize::{
     Analysis, Descent, LevenbergOptions, Problem, Stop, Way, descend_on, descend_softly, descend_watched,
@@ -25,7 +26,7 @@ pub(super) fn descent(
     // The folder of an earlier version, or one that was taken back to a step: the best lens is where it begins again.
     if kept.is_none() && history.best().is_some() {
         // An import reports no warnings: those of the glasses were reported with the first lens of the history.
-        let best = context.assets.import(&history.best_lens().display().to_string())?.file.lens;
+        let best = context.assets.import(&path_text(&history.best_lens())?)?.file.lens;
         own.base = Lens { entrance_pupil_mm: problem.base.entrance_pupil_mm, ..best };
     }
     let problem = &own;

@@ -4,6 +4,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use petzval_design::path_text::path_text;
 use petzval_files::{LensFile, write_lens};
 use petzval_optics::design_space::{EflSolve, Variable};
 use petzval_optics::lens::{LensDefect, validate};
@@ -110,6 +111,8 @@ impl History {
                 format!("continue it with --resume {}, or choose another folder with --out", root.display());
             return Err(JobError::input(format!("{}: holds an optimisation already", root.display()), hint));
         }
+        // What is kept is found again by this text.
+        path_text(root)?;
         make_folder(root)?;
         make_folder(&root.join("lens"))?;
         let history = Self { root: root.to_path_buf(), steps: Vec::new(), file: file.clone() };
@@ -135,7 +138,7 @@ impl History {
         let config: Config =
             serde_json::from_str(&read("config.json")?).map_err(|e| bad("config.json", e))?;
         read("start.toml")?;
-        let file = context.assets.start(&root.join("start.toml").display().to_string())?;
+        let file = context.assets.start(&path_text(&root.join("start.toml"))?)?;
         // A search that was cut off before it found a lens has no step yet.
         let mut steps: Vec<Step> = text_if_there(&root.join("history.jsonl"))?
             .unwrap_or_default()

@@ -2,6 +2,7 @@
 
 use std::time::Instant;
 
+use petzval_design::path_text::path_text;
 use petzval_optics::design_space::DesignSpaceError;
 use petzval_optics::optimize::{Analysis, Found, Kept, Problem, Search, SearchOptions, SearchState};
 
@@ -74,7 +75,7 @@ pub(super) fn search(
     if let Some(step) = history.best()
         && best.as_ref().is_none_or(|b| step.merit_um < b.merit.sqrt() * (1.0 - 1e-9))
     {
-        let known = context.assets.import(&history.best_lens().display().to_string())?.file.lens;
+        let known = context.assets.import(&path_text(&history.best_lens())?)?.file.lens;
         best = with_more_rays(problem, &known).or(best);
     }
     Ok(best)

@@ -177,11 +177,11 @@ impl Light {
         match &self.matrix {
             _ if request.spectral.no_colour_matrix => {}
             Some(matrix) => says.push_str(&format!(
-                "\nthe colour matrix shows the ColorChecker with a mean dE*ab of {:.1}, at most {:.1}",
+                "; the colour matrix shows the ColorChecker with a mean dE*ab of {:.1}, at most {:.1}",
                 matrix.mean_delta_e, matrix.worst_delta_e
             )),
             None if coloured => {
-                says.push_str("\nthere is no colour matrix: the curves of the pixels tell no colours apart");
+                says.push_str("; there is no colour matrix: the curves of the pixels tell no colours apart");
             }
             None => {}
         }

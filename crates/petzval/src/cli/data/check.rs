@@ -7,7 +7,7 @@ use petzval::jobs::data::check::{self, Request};
 
 use super::defects::table;
 use crate::cli::failure::{EXIT_INPUT, Failure};
-use crate::cli::terminal::{Terminal, print_json};
+use crate::cli::terminal::{Terminal, print_json, shown};
 
 /// Show what a data set in COCO format holds: pictures, boxes by class and size, and everything that is wrong with it.
 ///
@@ -41,7 +41,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     } else {
         out!("{}", table(&response.statistics, &response.defects));
         if let Some(page) = &response.page {
-            outln!("\n{}", page.display());
+            outln!("\n{}", shown(&page));
         }
     }
     Ok(if response.errors > 0 { ExitCode::from(EXIT_INPUT) } else { ExitCode::SUCCESS })

@@ -9,7 +9,7 @@ use petzval::jobs::data::convert::{self, Request};
 
 use super::defects::table;
 use crate::cli::failure::{EXIT_INPUT, Failure};
-use crate::cli::terminal::{Terminal, print_json};
+use crate::cli::terminal::{Terminal, print_json, shown};
 
 /// Format of a data set.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -66,7 +66,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         out!("{}", table(&response.statistics, &response.defects));
         outln!(
             "\n{} ({} pictures linked, {} copied)",
-            response.annotations.display(),
+            shown(&response.annotations),
             response.linked,
             response.copied
         );

@@ -9,7 +9,7 @@ use petzval::jobs::simulate;
 use super::inputs::IspArgs;
 use crate::cli::failure::Failure;
 use crate::cli::signals;
-use crate::cli::terminal::{Terminal, print_json};
+use crate::cli::terminal::{Terminal, print_json, shown};
 
 /// Take a test chart through a lens onto a sensor, develop it with an ISP, and measure the picture.
 ///
@@ -136,5 +136,5 @@ fn table(response: &Response) -> String {
         let overshoot = format!("{:.1} ± {:.1}", 100.0 * edge.overshoot, 100.0 * edge.overshoot_error[0]);
         text += &format!("{:<14.2}  {:>8}  {mtf50:>15}  {overshoot:>14}\n", edge.field, edge.contrast);
     }
-    text + &format!("\n{}\n", response.page.display())
+    text + &format!("\n{}\n", shown(&response.page))
 }

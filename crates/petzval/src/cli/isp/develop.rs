@@ -10,7 +10,7 @@ use petzval::jobs::isp::develop::{self, Chroma, Container, Range, Standard, Ycbc
 use super::inputs::{FrameArgs, IspArgs};
 use crate::cli::failure::Failure;
 use crate::cli::signals;
-use crate::cli::terminal::{Terminal, print_json};
+use crate::cli::terminal::{Terminal, print_json, shown};
 
 /// Develop raw frames to pictures, NAME.* to NAME.png.
 ///
@@ -162,9 +162,9 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         return print_json(&response.pictures);
     }
     for developed in &response.pictures {
-        outln!("{}", developed.picture.display());
+        outln!("{}", shown(&developed.picture));
         if let Some(strip) = &developed.strip {
-            outln!("{}", strip.display());
+            outln!("{}", shown(&strip));
         }
     }
     Ok(ExitCode::SUCCESS)

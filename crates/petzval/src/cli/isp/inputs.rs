@@ -1,7 +1,5 @@
 //! Arguments that verbs about ISPs share.
 
-use std::path::PathBuf;
-
 use petzval::jobs::isp::{FrameOptions, NEUTRAL};
 
 /// What raw files leave open.
@@ -42,13 +40,12 @@ pub struct IspArgs {
     preset: Option<String>,
     /// File of a preset, of settings, or of the description of an external ISP
     #[arg(long, value_name = "FILE")]
-    isp: Option<PathBuf>,
+    isp: Option<String>,
 }
 
 impl IspArgs {
     /// As jobs take it.
     pub fn name(self) -> String {
-        let file = self.isp.map(|path| path.display().to_string());
-        self.preset.or(file).unwrap_or_else(|| NEUTRAL.to_owned())
+        self.preset.or(self.isp).unwrap_or_else(|| NEUTRAL.to_owned())
     }
 }

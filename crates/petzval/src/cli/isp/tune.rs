@@ -9,7 +9,7 @@ use super::inputs::{FrameArgs, IspArgs};
 use crate::cli::failure::Failure;
 use crate::cli::number::six_digits;
 use crate::cli::signals;
-use crate::cli::terminal::{EXIT_STOPPED, Terminal, print_json};
+use crate::cli::terminal::{EXIT_STOPPED, Terminal, print_json, shown};
 
 /// Find the parameters of an ISP that bring developed frames nearest to references.
 ///
@@ -126,7 +126,7 @@ fn summary(found: &Response) -> String {
         found.generations,
         found.restarts,
         found.seconds,
-        found.tuned.display()
+        shown(&found.tuned)
     );
     text
 }

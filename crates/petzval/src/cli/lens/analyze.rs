@@ -8,7 +8,7 @@ use petzval::jobs::lens::analyze::{self, Analysis};
 
 use super::focus::FocusAt;
 use crate::cli::failure::Failure;
-use crate::cli::terminal::Terminal;
+use crate::cli::terminal::{Terminal, shown};
 
 /// Write the analyses of lens design: pictures (SVG), a page with all of them, and their data (JSON, CSV).
 ///
@@ -66,7 +66,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         1 => "1 file".to_owned(),
         several => format!("{several} files"),
     };
-    let written = format!("{files} in {}", response.folder.display());
+    let written = format!("{files} in {}", shown(&response.folder));
     if args.json {
         // On one line, in the order of analysis.json.
         let data = serde_json::to_string(&response.analysis).map_err(|e| Failure::job(e.to_string()))?;

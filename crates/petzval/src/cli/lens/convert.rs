@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use petzval::jobs::lens::convert;
 
 use crate::cli::failure::Failure;
-use crate::cli::terminal::{Terminal, print_json};
+use crate::cli::terminal::{Terminal, print_json, shown};
 
 /// Convert a lens between the formats of Petzval (.toml), Zemax (.zmx) and CODE V (.seq); files of Optiland (.json) are read, too. The
 /// endings of the names choose them.
@@ -37,6 +37,6 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
             noteln!("{}: {}", loss.effect.name(), loss.in_file(file));
         }
     }
-    outln!("{}", to.display());
+    outln!("{}", shown(&to));
     Ok(ExitCode::SUCCESS)
 }

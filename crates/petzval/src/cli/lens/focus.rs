@@ -7,7 +7,7 @@ use clap::ValueEnum;
 use petzval::jobs::lens::{self, focus};
 
 use crate::cli::failure::Failure;
-use crate::cli::terminal::{Terminal, print_json};
+use crate::cli::terminal::{Terminal, print_json, shown};
 
 /// Move the image plane of a lens to its best focus, and write the lens to another file.
 ///
@@ -44,7 +44,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         for loss in &response.losses_of_writing {
             noteln!("{}: {}", loss.effect.name(), loss.in_file(to));
         }
-        outln!("{}", to.display());
+        outln!("{}", shown(&to));
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -7,7 +7,7 @@ use clap::ValueEnum;
 use petzval::jobs::raw::convert::{self, CfaPattern, Packing};
 
 use crate::cli::failure::Failure;
-use crate::cli::terminal::{Terminal, print_json};
+use crate::cli::terminal::{Terminal, print_json, shown};
 
 /// Packing of digital numbers in a `.raw` file.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -86,6 +86,6 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     if args.json {
         return print_json(&response.frame);
     }
-    outln!("{}\n{}", response.frame.file, response.sidecar.display());
+    outln!("{}\n{}", shown(&response.frame.file), shown(&response.sidecar));
     Ok(ExitCode::SUCCESS)
 }

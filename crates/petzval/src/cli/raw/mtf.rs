@@ -7,7 +7,7 @@ use petzval::jobs::raw::convert::CfaPattern;
 use petzval::jobs::raw::mtf::{self, Region, Response, per_mm};
 
 use crate::cli::failure::Failure;
-use crate::cli::terminal::{Terminal, print_json};
+use crate::cli::terminal::{Terminal, print_json, shown};
 
 /// Measure the MTF at slanted edges of a raw frame or a picture, after ISO 12233.
 ///
@@ -105,7 +105,7 @@ fn table(response: &Response) -> String {
     }
     if !response.files.is_empty() {
         text.push('\n');
-        response.files.iter().for_each(|file| text += &format!("{}\n", file.display()));
+        response.files.iter().for_each(|file| text += &format!("{}\n", shown(&file)));
     }
     text
 }

@@ -7,7 +7,7 @@ use clap::ValueEnum;
 use petzval::jobs::sensor::capture;
 
 use crate::cli::failure::Failure;
-use crate::cli::terminal::{Terminal, print_json};
+use crate::cli::terminal::{Terminal, print_json, shown};
 
 /// Format of the frames.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -112,7 +112,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     if args.json {
         return print_json(&written);
     }
-    outln!("{}", written.list.display());
+    outln!("{}", shown(&written.list));
     if written.kept > 0 {
         noteln!("{} of {} frames already existed", written.kept, written.frames);
     }

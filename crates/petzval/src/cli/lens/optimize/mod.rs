@@ -11,7 +11,7 @@ use petzval::jobs::lens::optimize::{self, Figures, Goal, Response, Restored, Sta
 use self::goal::GoalArgs;
 use crate::cli::failure::Failure;
 use crate::cli::signals;
-use crate::cli::terminal::{EXIT_STOPPED, Terminal, print_json};
+use crate::cli::terminal::{EXIT_STOPPED, Terminal, print_json, shown};
 
 /// Make the spots of a lens smaller, within its bounds and the limits below.
 ///
@@ -144,7 +144,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     } else {
         print(&response);
         print_trades(&response.found.trades);
-        outln!("\nlens: {}\npage: {}", response.found.lens.display(), response.found.page.display());
+        outln!("\nlens: {}\npage: {}", shown(&response.found.lens), shown(&response.found.page));
     }
     Ok(if response.is_cancelled { ExitCode::from(EXIT_STOPPED) } else { ExitCode::SUCCESS })
 }

@@ -9,7 +9,7 @@ use clap::ValueEnum;
 use petzval::jobs::lens::tolerance::{self, PsfKind};
 
 use crate::cli::failure::Failure;
-use crate::cli::terminal::{Terminal, print_json};
+use crate::cli::terminal::{Terminal, print_json, shown};
 
 /// Grade of manufacturing.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -137,7 +137,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     }
     table::print(&response, args.all);
     if let Some(out) = &request.out {
-        noteln!("written to {}", out.display());
+        noteln!("written to {}", shown(&out));
     }
     Ok(ExitCode::SUCCESS)
 }
