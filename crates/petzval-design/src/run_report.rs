@@ -438,7 +438,15 @@ fn loss_in_words(name: &str) -> String {
         "rms_spot_um" => "RMS spot radius, µm".to_owned(),
         "restored_error_percent" => "error after restoration, % of white".to_owned(),
         "imitation_error" => "error of the network that imitates the ISP".to_owned(),
-        other => other.replace('_', " "),
+        "imitation_psnr_db" => "PSNR of that network against the ISP, dB".to_owned(),
+        "imitation_gradient_cosine" => {
+            "cosine between the gradients of ISP and network, a tenth of every range beside the parameters"
+                .to_owned()
+        }
+        other => match other.strip_prefix("imitation_gap_") {
+            Some(score) => format!("score of the ISP less that of the network: {}", score.replace('_', " ")),
+            None => other.replace('_', " "),
+        },
     }
 }
 

@@ -80,7 +80,10 @@ pub fn page(sheet: &Sheet) -> String {
     let tiles = [
         (db(centre), "PSNR against the ISP, with the parameters of the training"),
         (db(far), "PSNR against the ISP, with a tenth of the parameters anywhere"),
-        (number::fixed(sheet.gradient_cosine, 3), "cosine between both gradients; 1: the same direction"),
+        (
+            number::fixed(sheet.gradient_cosine, 2),
+            "cosine between both gradients beside the parameters of the training; 1: the same direction",
+        ),
     ];
     let tiles = tiles.map(|(value, label)| Tile { value, label: label.to_owned(), is_gain: None });
     let sections: Vec<Section> = [
@@ -207,8 +210,8 @@ fn gradients(sheet: &Sheet) -> Markup {
     html! {
         (figure(&bars_svg(&chart)))
         (caption(html! {
-            "The gradient of the mean squared error by the place of each parameter in its range. Cosine between both: "
-            (number::fixed(sheet.gradient_cosine, 3)) "."
+            "The gradient of the mean squared error by the place of each parameter in its range, a tenth of it beside the parameters of the \
+             training: at these the error is least and has no slope. Cosine between both: " (number::fixed(sheet.gradient_cosine, 2)) "."
             @if order.len() > MOST_BARS { " The " (MOST_BARS) " largest of " (order.len()) "." }
         }))
         details { summary { "All slopes" } (Table::new(columns).class("narrow").rows(order.iter().map(row)).html()) }
@@ -255,7 +258,7 @@ mod tests {
             "27 frames",
             "35.2\u{a0}dB",
             "28.4\u{a0}dB",
-            "0.876",
+            ">0.88<",
             "leads where that of the ISP leads (cosine 0.88)",
         ] {
             assert!(front.contains(text), "{text}: {front}");

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::Frame;
-use super::sampling::{far, near};
+use super::sampling::{beside, far, near};
 use super::trainer::dn_on;
 use crate::camera::to_host;
 use crate::error::DesignError;
@@ -38,9 +38,10 @@ pub struct Gap {
     /// What either makes of the scores, with the parameters about which the proxy was trained.
     pub scores: Vec<ScoreGap>,
     /// Cosine between the two gradients of the mean squared error of the picture by the place of each parameter in its range: the ISP's
-    /// by central differences, and the proxy's.
+    /// by central differences, and the proxy's. Every parameter is a tenth of its range beside the one about which the proxy was trained: there the
+    /// error is least, and what is left of its slopes is noise.
     pub gradient_cosine: f64,
-    /// The two gradients.
+    /// The two gradients, at the same place.
     pub slopes: Vec<ParameterSlope>,
 }
 
@@ -96,7 +97,7 @@ impl Judge<'_> {
         let truths: Vec<LinearImage> = self.frames.iter().map(truth).collect::<Result<_, _>>()?;
         let at_centre = self.pictures(proxy, &same, device)?;
         let scores = self.scores.iter().map(|score| score_gap(score.as_ref(), &at_centre, &truths, device));
-        let slopes = self.slopes(proxy, &truths, &centre, device)?;
+        let slopes = self.slopes(proxy, &truths, &beside(&centre, &mut random), device)?;
         Ok(Gap {
             frames: count,
             psnr_at_centre_db: psnr_db(&at_centre),
@@ -128,13 +129,13 @@ impl Judge<'_> {
         &self,
         proxy: &ProxyIsp,
         truths: &[LinearImage],
-        centre: &[f64],
+        point: &[f64],
         device: &Device,
     ) -> Result<Vec<ParameterSlope>, DesignError> {
         let count = self.frames.len() as f64;
-        let mut by_proxy = vec![0.0; centre.len()];
+        let mut by_proxy = vec![0.0; point.len()];
         for (frame, truth) in self.frames.iter().zip(truths) {
-            let places = at(centre, device).require_grad();
+            let places = at(point, device).require_grad();
             let truth = TensorData::new(truth.data.clone(), [1, 3, truth.height, truth.width]);
             let error = develop(proxy, frame, places.clone(), device)? - Tensor::from_data(truth, device);
             let gradients = error.square().mean().backward();
@@ -153,9 +154,9 @@ impl Judge<'_> {
         };
         let mut slopes = Vec::new();
         for (i, (parameter, by_proxy)) in proxy.varied().zip(by_proxy).enumerate() {
-            let (mut low, mut high) = (centre.to_vec(), centre.to_vec());
-            low[i] = (centre[i] - HALF_STEP).max(0.0);
-            high[i] = (centre[i] + HALF_STEP).min(1.0);
+            let (mut low, mut high) = (point.to_vec(), point.to_vec());
+            low[i] = (point[i] - HALF_STEP).max(0.0);
+            high[i] = (point[i] + HALF_STEP).min(1.0);
             let isp = (mean_square_of(&high)? - mean_square_of(&low)?) / (high[i] - low[i]);
             slopes.push(ParameterSlope { name: parameter.name.clone(), isp, proxy: by_proxy });
         }

@@ -11,6 +11,9 @@ const DEVIATION: f64 = 0.05;
 /// picture would be left: most would be white, black or of one colour.
 const FAR: f64 = 0.1;
 
+/// Distance of parameters at which slopes are compared, as a share of their ranges.
+const BESIDE: f64 = 0.1;
+
 /// Keeps these draws apart from all else that is drawn from a seed.
 const OWN: u64 = 0x0070_6172_616d_7332;
 
@@ -39,6 +42,15 @@ pub(super) fn far(centre: &[f64], random: &mut impl Rng) -> Vec<f64> {
     point
 }
 
+/// A point whose every coordinate is a tenth of its range beside another, on one side or the other, and inside.
+pub(super) fn beside(centre: &[f64], random: &mut impl Rng) -> Vec<f64> {
+    let mut moved = |at: &f64| {
+        let off = if random.random_bool(0.5) { BESIDE } else { -BESIDE };
+        if (0.0..=1.0).contains(&(at + off)) { at + off } else { at - off }
+    };
+    centre.iter().map(&mut moved).collect()
+}
+
 /// A point about another; what would leave the unit cube is reflected at its face.
 pub(super) fn near(centre: &[f64], random: &mut impl Rng) -> Vec<f64> {
     let mut moved = |at: &f64| {
@@ -51,6 +63,20 @@ pub(super) fn near(centre: &[f64], random: &mut impl Rng) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn points_beside_are_a_tenth_away_and_inside() {
+        let centre = [0.0, 0.05, 0.5, 0.97, 1.0];
+        let mut random = ChaCha8Rng::seed_from_u64(1);
+        let points: Vec<Vec<f64>> = (0..20).map(|_| beside(&centre, &mut random)).collect();
+        for (at, centre) in points.iter().flat_map(|point| point.iter().zip(centre)) {
+            assert!(
+                (0.0..=1.0).contains(at) && ((at - centre).abs() - 0.1).abs() < 1e-12,
+                "{at} beside {centre}"
+            );
+        }
+        assert!(points.iter().any(|p| p[2] > 0.5) && points.iter().any(|p| p[2] < 0.5));
+    }
 
     #[test]
     fn pairs_lie_in_the_cube_half_of_them_about_the_centre_and_come_again() {

@@ -253,6 +253,13 @@ mod tests {
         assert!(before.gradient_cosine == 0.0 && after.gradient_cosine > 0.97, "{after:?}");
         // Both slopes through the ISP are real ones.
         assert!(after.slopes.iter().all(|slope| slope.isp.abs() > 1e-4), "{after:?}");
+        // So they are where the ISP has its best parameters, at which the error has no slope.
+        let best: Vec<Frame> =
+            unseen.iter().map(|frame| Frame { raw: frame.raw.clone(), ideal: frame.raw.clone() }).collect();
+        let judge = Judge { isp: &isp, frames: &best, scores: &[] };
+        let at_best = judge.gap(trainer.proxy(), &isp.defaults(), &device).unwrap();
+        assert!(at_best.slopes.iter().all(|slope| slope.isp.abs() > 1e-4), "{at_best:?}");
+        assert!(at_best.gradient_cosine > 0.9, "{at_best:?}");
     }
 
     #[test]

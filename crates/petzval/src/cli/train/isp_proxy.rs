@@ -10,7 +10,7 @@ use crate::cli::failure::Failure;
 use crate::cli::isp::inputs::IspArgs;
 use crate::cli::number::six_digits;
 use crate::cli::signals;
-use crate::cli::terminal::{Terminal, print_json, training_ending};
+use crate::cli::terminal::{Terminal, print_json, shown, training_ending};
 
 /// Parameters whose slopes the summary shows: those of the largest.
 const SHOWN_SLOPES: usize = 10;
@@ -118,7 +118,7 @@ fn summary(response: &Response) -> String {
         );
     }
     text += &format!(
-        "\ngradient of the mean squared error by the parameters: cosine {:.3}; the largest slopes, by the share of the range:\n  {:<24}  \
+        "\ngradient of the mean squared error, a tenth of every range beside the parameters: cosine {:.2}; the largest slopes:\n  {:<24}  \
          {:>12}  {:>12}\n",
         gap.gradient_cosine, "parameter", "ISP", "proxy"
     );
@@ -132,6 +132,6 @@ fn summary(response: &Response) -> String {
             six_digits(slope.proxy)
         );
     }
-    text += &format!("\n{}\n{}\n", response.proxy.display(), response.page.display());
+    text += &format!("\n{}\n{}\n", shown(&response.proxy), shown(&response.page));
     text
 }
