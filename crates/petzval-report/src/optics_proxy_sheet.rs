@@ -100,10 +100,10 @@ pub fn page(sheet: &Sheet) -> String {
             format!("error of the RMS spot radius, of {} µm", number::fixed(gap.exact_rms_um, 2)),
         ),
         (
-            number::fixed(cosine, 3),
+            number::fixed(cosine, 2),
             format!(
                 "cosine between both gradients, median; a tenth of the lenses is below {}",
-                number::fixed(low, 3)
+                number::fixed(low, 2)
             ),
         ),
     ];
@@ -117,7 +117,8 @@ pub fn page(sheet: &Sheet) -> String {
     );
     Page {
         title: format!("PSFs of a network and of ray tracing: {}", plain(&sheet.lens)),
-        style: "img.psfs { image-rendering: pixelated; width: 100%; max-width: 60rem; display: block; }",
+        style: "img.psfs { image-rendering: pixelated; width: 100%; max-width: 60rem; display: block; margin-bottom: .9rem; }
+                h3 { margin: 1.6rem 0 .4rem; } img.psfs + p, h3 + p { margin-bottom: .3rem; }",
         headline: "PSFs of a network beside exact ones".to_owned(),
         subtitle: html! { "Random lenses about " (plain(&sheet.lens)) "." },
         lead: html! { p.lead { (sentence) } (numbers(&tiles)) },
@@ -234,7 +235,7 @@ mod tests {
         crate::page::assert_readable(&page);
         // Gap and cosine come first, then the pictures.
         let (front, rest) = page.split_once("<nav").unwrap();
-        for text in ["50 lenses", "6.3", "0.31\u{a0}µm", "0.931", "below 0.710"] {
+        for text in ["50 lenses", "6.3", "0.31\u{a0}µm", ">0.93<", "below 0.71"] {
             assert!(front.contains(text), "{text}: {front}");
         }
         assert!(rest.find("<img").unwrap() < rest.find("<svg").unwrap());

@@ -8,7 +8,7 @@ use petzval::jobs::train::optics_proxy::{self, OpticsTraining, Plan, Request, Re
 
 use crate::cli::failure::Failure;
 use crate::cli::signals;
-use crate::cli::terminal::{Terminal, print_json, training_ending};
+use crate::cli::terminal::{Terminal, print_json, shown, training_ending};
 
 /// Train a network that gives the point spread functions of a lens in place of ray tracing, as the paper did.
 ///
@@ -103,7 +103,7 @@ fn summary(response: &Response) -> String {
         "mean", gap.l1, gap.centroid_um, gap.exact_rms_um, gap.rms_um, gap.illumination
     );
     text += &format!(
-        "\ngradient of the error after restoration by the lens: cosine to the exact one {:.3} in the median, below {:.3} for a tenth of the \
+        "\ngradient of the error after restoration by the lens: cosine to the exact one {:.2} in the median, below {:.2} for a tenth of the \
          lenses\n",
         gap.gradient_cosine, gap.low_gradient_cosine
     );
@@ -115,6 +115,6 @@ fn summary(response: &Response) -> String {
         per_psf(gap.gradient.proxy),
         per_psf(gap.gradient.exact)
     );
-    text += &format!("\n{}\n{}\n", response.proxy.display(), response.page.display());
+    text += &format!("\n{}\n{}\n", shown(&response.proxy), shown(&response.page));
     text
 }
