@@ -8,7 +8,8 @@ use crate::error::DesignError;
 pub fn path_text(path: &Path) -> Result<String, DesignError> {
     path.to_str().map(str::to_owned).ok_or_else(|| {
         let message = "the path is not UTF-8, and is kept in files of text";
-        let hint = "rename it; or change into the folder and name it `.`, or what is in it";
+        let hint =
+            "rename it, or the folders above it; a run can also be opened from inside its folder, as `.`";
         DesignError::misfit(path, &message, hint)
     })
 }

@@ -93,6 +93,22 @@ pub struct RandomLenses {
     pub worst: Vec<WorstLens>,
 }
 
+impl RandomLenses {
+    /// Decimals up to the standard error of a mean over the lenses, at most so many.
+    fn decimals(&self, deviation: f64, most: usize) -> usize {
+        let error = deviation / (self.merits.len() as f64).sqrt();
+        number::decimals_of(error).map_or(most, |known| (known.max(0) as usize).min(most))
+    }
+
+    /// A share of the lenses, 0..1, in per cent. It ends where its standard error begins, `sqrt(p (1 - p) / n)`.
+    fn percent(&self, share: f64) -> String {
+        let error = 100.0 * (share * (1.0 - share) / self.trials as f64).sqrt();
+        let decimals =
+            number::decimals_of(error).map_or(0, |known| (known.max(0) as usize).min(SHARE_DECIMALS));
+        format!("{} %", number::fixed(100.0 * share, decimals))
+    }
+}
+
 /// How far a compensator goes over the lenses, counted from the lens as drawn; NaN where unknown.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CompensatorTravel {
@@ -118,13 +134,33 @@ pub struct WorstLens {
 impl ToleranceSheet {
     /// A merit with its unit.
     fn with_unit(&self, value: f64) -> String {
+        self.united(self.value(value))
+    }
+
+    /// A merit of the random lenses with its unit.
+    fn random_with_unit(&self, random: &RandomLenses, value: f64) -> String {
+        self.united(self.random_value(random, value))
+    }
+
+    /// A number with the unit of merits.
+    fn united(&self, value: String) -> String {
         let unit = number::unit(&self.unit);
-        if unit.is_empty() { self.value(value) } else { format!("{}\u{a0}{unit}", self.value(value)) }
+        if unit.is_empty() { value } else { format!("{value}\u{a0}{unit}") }
     }
 
     /// A merit.
     fn value(&self, value: f64) -> String {
-        number::fixed(value, if self.unit.is_empty() { 4 } else { 3 })
+        number::fixed(value, self.decimals())
+    }
+
+    /// A merit of the random lenses. It ends where the standard error of their mean begins, `s / sqrt(n)`.
+    fn random_value(&self, random: &RandomLenses, value: f64) -> String {
+        number::fixed(value, random.decimals(random.mean_and_deviation[1], self.decimals()))
+    }
+
+    /// Decimals of merits that are computed.
+    fn decimals(&self) -> usize {
+        if self.unit.is_empty() { 4 } else { 3 }
     }
 
     /// An axis for merits.
@@ -236,7 +272,9 @@ fn marks(sheet: &ToleranceSheet, random: &RandomLenses) -> Vec<(String, &'static
     let mut marks = vec![(format!("as drawn: {}", sheet.with_unit(sheet.nominal)), MUTED, sheet.nominal)];
     for (percent, colour) in [(50.0, palette::field(1)), (90.0, palette::field(2))] {
         let reached = random.percentiles.iter().find(|p| p.0 == percent).and_then(|p| p.1);
-        marks.extend(reached.map(|at| (format!("{percent} %: {}", sheet.with_unit(at)), colour, at)));
+        marks.extend(
+            reached.map(|at| (format!("{percent} %: {}", sheet.random_with_unit(random, at)), colour, at)),
+        );
     }
     marks.extend(
         random
@@ -269,23 +307,30 @@ pub fn page(sheet: &ToleranceSheet) -> String {
 /// The result in a few sentences, and the figures.
 fn summary(sheet: &ToleranceSheet) -> Markup {
     let random = sheet.random.as_ref();
-    let reached = |percent: f64| random?.percentiles.iter().find(|p| p.0 == percent)?.1;
+    let reached = |percent: f64| {
+        let at = random?.percentiles.iter().find(|p| p.0 == percent)?.1?;
+        Some(sheet.random_with_unit(random?, at))
+    };
     let adjusted = match &sheet.compensators[..] {
         [] => "Nothing is adjusted on a finished lens.".to_owned(),
         names => format!("Adjusted on every lens: {}.", names.join(", ")),
     };
     let reach = if sheet.higher_is_better { "at least" } else { "at most" };
     let value = |v: f64| v.is_finite().then(|| sheet.with_unit(v));
-    let percent = |share: f64| format!("{} %", number::fixed(100.0 * share, SHARE_DECIMALS));
+    let of_random = |i: usize| {
+        let random = random.filter(|random| random.mean_and_deviation[i].is_finite())?;
+        Some(sheet.random_with_unit(random, random.mean_and_deviation[i]))
+    };
+    let reach_limit = random.and_then(|r| Some((r.limit?.0, r.percent(r.limit?.1))));
     let estimate = sheet.estimate.as_ref();
     html! {
         p {
             "As drawn the lens has " (sheet.with_unit(sheet.nominal)) "."
             @if let Some(at) = reached(90.0) {
-                " Nine in ten lenses made within the tolerances have " (reach) " " (sheet.with_unit(at)) "."
+                " Nine in ten lenses made within the tolerances have " (reach) " " (at) "."
             }
-            @if let Some((limit, share)) = random.and_then(|r| r.limit) {
-                " The limit of " (sheet.with_unit(limit)) " is reached by " (percent(share)) " of them."
+            @if let Some((limit, share)) = &reach_limit {
+                " The limit of " (sheet.with_unit(*limit)) " is reached by " (share) " of them."
             }
             @if let Some(row) = sheet.rows.first() {
                 " The most expensive tolerance is " (plain(&row.name)) ", " (tolerance(row)) "."
@@ -303,10 +348,10 @@ fn summary(sheet: &ToleranceSheet) -> Markup {
             ("standard deviation, estimated", estimate.and_then(|e| value(e.standard_deviation))),
             ("lenses made at random", random.map(|r| r.trials.to_string())),
             ("of these without an image", random.map(|r| (r.trials - r.merits.len()).to_string())),
-            ("mean of the others", random.and_then(|r| value(r.mean_and_deviation[0]))),
-            ("standard deviation of the others", random.and_then(|r| value(r.mean_and_deviation[1]))),
+            ("mean of the others", of_random(0)),
+            ("standard deviation of the others", of_random(1)),
             ("limit", random.and_then(|r| value(r.limit?.0))),
-            ("lenses that reach the limit", random.and_then(|r| Some(percent(r.limit?.1)))),
+            ("lenses that reach the limit", reach_limit.map(|(_, share)| share)),
             ("seed", random.map(|r| r.seed.to_string())),
         ]))
     }
@@ -315,7 +360,10 @@ fn summary(sheet: &ToleranceSheet) -> Markup {
 /// Histogram, yield, percentiles, and how far compensators go.
 fn distribution(sheet: &ToleranceSheet, random: &RandomLenses) -> Markup {
     let of_percent = |(percent, merit): &(f64, Option<f64>)| {
-        Row::new(format!("{} %", number::short(*percent, 1)), [merit.map_or("–".into(), |m| sheet.value(m))])
+        Row::new(
+            format!("{} %", number::short(*percent, 1)),
+            [merit.map_or("–".into(), |m| sheet.random_value(random, m))],
+        )
     };
     let reach = if sheet.higher_is_better { "have at least" } else { "have at most" };
     let unit = number::unit(&sheet.unit);
@@ -323,7 +371,10 @@ fn distribution(sheet: &ToleranceSheet, random: &RandomLenses) -> Markup {
         .class("narrow")
         .rows(random.percentiles.iter().map(of_percent));
     let travel = |t: &CompensatorTravel| {
-        let places = t.places.map(|v| number::fixed(v, 4));
+        let [mean, deviation, lowest, highest] = t.places;
+        let decimals = random.decimals(deviation, 4);
+        let places = [(mean, decimals), (deviation, decimals), (lowest, 4), (highest, 4)];
+        let places = places.map(|(v, decimals)| number::fixed(v, decimals));
         Row::new(plain(&t.name), places.into_iter().chain([number::unit(&t.unit)]))
     };
     let names = ["compensator", "mean", "standard deviation", "lowest", "highest"].map(Column::new);
@@ -489,10 +540,13 @@ mod tests {
         for words in [
             "Tolerances of a &lt;triplet&gt;",
             "As drawn the lens has 13.100 µm.",
-            "Nine in ten lenses made within the tolerances have at most 13.900 µm.",
-            "The limit of 13.400 µm is reached by 39.4 % of them.",
+            "Nine in ten lenses made within the tolerances have at most 13.90 µm.",
+            "The limit of 13.400 µm is reached by 39 % of them.",
             "The most expensive tolerance is surface 1 thickness, ±0.05 mm.",
             "<dt>of these without an image</dt><dd>4</dd>",
+            // 0.29 of 100 lenses: means are known to 0.029.
+            "<dt>mean of the others</dt><dd>13.49 µm</dd>",
+            "<dt>standard deviation of the others</dt><dd>0.29 µm</dd>",
             "+0.500",
             "no image",
             "tilt \u{2212}0.97",

@@ -2,7 +2,9 @@
 
 use std::path::Path;
 
-use petzval_files::coco::{DefectKind, check_pictures, load_coco, save_coco};
+use petzval_files::coco::convert::{SourceFormat, convert};
+use petzval_files::coco::{Bounds, DefectKind, check_pictures, load_coco, save_coco};
+use petzval_files::load_image;
 
 /// A PNG of a gradient whose EXIF says that it is to be turned.
 fn write_turned_png(path: &Path, width: u32, height: u32, exif: u8) {
@@ -71,4 +73,117 @@ fn boxes_turn_with_pictures_that_exif_turns_or_are_not_guessed() {
         of_turned(stored, 1, "[10, 8, 6, 12]"),
         (Some((40, 30)), Some([10.0, 8.0, 6.0, 12.0]), [0, 0, 0])
     );
+}
+
+fn write(root: &Path, name: &str, text: &str) {
+    std::fs::write(root.join(name), text).unwrap();
+}
+
+/// The bright object of a picture lies in its box, whichever way EXIF turns the picture, or the picture is left out.
+#[test]
+fn boxes_lie_on_their_objects_for_every_orientation() {
+    for exif in 1..=8 {
+        let folder = tempfile::tempdir().unwrap();
+        let root = folder.path();
+        // The object is at 8..20 x 3..9 of 40 x 30 stored pixels.
+        write_turned_object(&root.join("a.jpg"), exif);
+        let light = load_image(&root.join("a.jpg")).unwrap().light;
+        let (width, height) = (light.width, light.height);
+        assert_eq!((width, height), if exif < 5 { (40, 30) } else { (30, 40) });
+        let bright: Vec<[f64; 2]> = (0..height)
+            .flat_map(|row| (0..width).map(move |column| (row, column)))
+            .filter(|(row, column)| light.get(1, *row, *column) > 0.3)
+            .map(|(row, column)| [column as f64, row as f64])
+            .collect();
+        let around = Bounds::around(bright).unwrap();
+        let truth = [around.x, around.y, around.width + 1.0, around.height + 1.0];
+        assert_eq!(truth[2] * truth[3], 12.0 * 6.0, "orientation {exif}");
+
+        // YOLO labels are of the turned picture.
+        let [x, y, w, h] = truth;
+        let shares = [
+            (x + 0.5 * w) / width as f64,
+            (y + 0.5 * h) / height as f64,
+            w / width as f64,
+            h / height as f64,
+        ];
+        write(root, "classes.txt", "car\n");
+        write(root, "a.txt", &format!("0 {} {} {} {}\n", shares[0], shares[1], shares[2], shares[3]));
+        let found = |format| {
+            let converted = convert(format, root).unwrap();
+            let bounds = converted.data.annotations.first().map(|a| <[f64; 4]>::from(a.bounds));
+            (bounds, converted.data.images.len(), converted.defects)
+        };
+        let is_truth = |bounds: Option<[f64; 4]>| {
+            bounds.is_some_and(|b| b.iter().zip(truth).all(|(found, wanted)| (found - wanted).abs() < 1e-9))
+        };
+        assert!(is_truth(found(SourceFormat::Yolo).0), "orientation {exif}");
+
+        // Pascal VOC states a size: that of the stored pixels, or of the turned picture. Of half a turn and of mirrors it says nothing.
+        let voc = |[x, y, w, h]: [f64; 4], size: [usize; 2]| {
+            format!(
+                "<annotation><size><width>{}</width><height>{}</height></size><object><name>car</name><bndbox><xmin>{}</xmin>\
+                 <ymin>{}</ymin><xmax>{}</xmax><ymax>{}</ymax></bndbox></object></annotation>",
+                size[0],
+                size[1],
+                x + 1.0,
+                y + 1.0,
+                x + w,
+                y + h
+            )
+        };
+        let stored = [8.0, 3.0, 12.0, 6.0];
+        for (bounds, size) in [(stored, [40, 30]), (truth, [width, height])] {
+            write(root, "a.xml", &voc(bounds, size));
+            let (found, pictures, defects) = found(SourceFormat::Voc);
+            if (2..=4).contains(&exif) {
+                assert_eq!((found, pictures, defects.count(DefectKind::UnknownTurn)), (None, 0, 1));
+            } else {
+                assert!(is_truth(found), "orientation {exif}, stated {size:?}: {found:?}");
+            }
+        }
+        std::fs::remove_file(root.join("a.xml")).unwrap();
+
+        // BDD100K states none.
+        let corners = format!(r#"{{"x1": {x}, "y1": {y}, "x2": {}, "y2": {}}}"#, x + w, y + h);
+        let label =
+            format!(r#"[{{"name": "a.jpg", "labels": [{{"category": "car", "box2d": {corners}}}]}}]"#);
+        write(root, "labels.json", &label);
+        let (bounds, pictures, defects) = found(SourceFormat::Bdd100k);
+        if exif == 1 {
+            assert!(is_truth(bounds));
+        } else {
+            assert_eq!((bounds, pictures, defects.count(DefectKind::UnknownTurn)), (None, 0, 1));
+        }
+        std::fs::remove_file(root.join("labels.json")).unwrap();
+
+        // An entry of a file in COCO format may say it.
+        for (is_turned, bounds) in [(true, truth), (false, stored)] {
+            let annotation =
+                format!(r#"{{"id": 1, "image_id": 1, "category_id": 1, "area": 72, "bbox": {bounds:?}}}"#);
+            let text = format!(
+                r#"{{"images": [{{"id": 1, "file_name": "a.jpg", "turned": {is_turned}}}],
+                    "categories": [{{"id": 1, "name": "car"}}], "annotations": [{annotation}]}}"#
+            );
+            write(root, "annotations.json", &text);
+            let mut loaded = load_coco(root).unwrap();
+            check_pictures(&mut loaded, &|_| ());
+            let bounds = loaded.data.annotations.first().map(|a| a.bounds.into());
+            assert!(is_truth(bounds), "orientation {exif}, turned {is_turned}: {bounds:?}");
+        }
+    }
+}
+
+/// A JPEG of 40 x 30 stored pixels with a bright object, whose EXIF says how it is to be turned.
+fn write_turned_object(path: &Path, exif: u8) {
+    use image::ImageEncoder;
+    let inside = |x: u32, y: u32| (8..20).contains(&x) && (3..9).contains(&y);
+    let picture =
+        image::RgbImage::from_fn(40, 30, |x, y| image::Rgb([if inside(x, y) { 240 } else { 20 }; 3]));
+    let mut bytes = Vec::new();
+    let mut encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, 100);
+    let about = [b"MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0", &[exif][..], b"\0\0\0\0\0\0"].concat();
+    encoder.set_exif_metadata(about).unwrap();
+    encoder.write_image(&picture, 40, 30, image::ExtendedColorType::Rgb8).unwrap();
+    std::fs::write(path, bytes).unwrap();
 }

@@ -38,6 +38,7 @@ pub fn usage(said: &clap::Error) -> ExitCode {
     {
         let message =
             format!("{}: this argument is not UTF-8, and a name or a value is wanted here", shown(refused));
+        failure::keep_lines_whole();
         return Failure::input(message, "rename the file; or copy it, or link to it, under another name")
             .report();
     }

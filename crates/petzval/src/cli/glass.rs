@@ -12,7 +12,7 @@ use petzval::jobs::glass::read_glasses;
 use petzval::jobs::{Assets, built_in_assets};
 
 use super::failure::Failure;
-use super::terminal::Terminal;
+use super::terminal::{Terminal, shown};
 
 /// Verbs about glass.
 #[derive(Debug, Subcommand)]
@@ -47,7 +47,7 @@ pub fn chosen(named: &[PathBuf], in_full: bool) -> Result<Assets, Failure> {
     let chosen = read_glasses(&paths)?;
     let lines = if in_full { chosen.all_warning_lines() } else { chosen.warning_lines() };
     for line in &lines {
-        noteln!("warning: {line}");
+        noteln!("warning: {}", shown(line));
     }
     if lines.len() < chosen.warnings.len() {
         noteln!("warning: `petzval glass list` shows every line of glass catalogues that is left out");

@@ -34,7 +34,7 @@ pub fn print_json(value: &impl serde::Serialize) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// A path on one line, whatever its name.
+/// A path, or a sentence that names one, on one line, whatever its name.
 pub fn shown(path: impl AsRef<Path>) -> String {
     plain::line(&path.as_ref().display().to_string()).into_owned()
 }

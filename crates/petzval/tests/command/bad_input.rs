@@ -413,7 +413,7 @@ fn a_folder_that_cannot_be_made() {
     let design = |out, needle| {
         run_fails(folder.path(), &["design", "tiny.toml", "--out", out], 2, &[out, needle]);
     };
-    design("tiny.toml", "takes a folder");
+    design("tiny.toml", "give a folder");
     design("tiny.toml/run", "help: give a folder");
 }
 

@@ -34,7 +34,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let (from, to) = (Path::new(&response.from), response.to.as_path());
     for (losses, file) in [(&response.losses_of_reading, from), (&response.losses_of_writing, to)] {
         for loss in losses {
-            noteln!("{}: {}", loss.effect.name(), loss.in_file(file));
+            noteln!("{}: {}", loss.effect.name(), shown(loss.in_file(file)));
         }
     }
     outln!("{}", shown(&to));

@@ -42,7 +42,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     outln!("  RMS spot     {}, before {}", spot(response.rms_spot_um), spot(response.rms_spot_before_um));
     if let Some(to) = &response.to {
         for loss in &response.losses_of_writing {
-            noteln!("{}: {}", loss.effect.name(), loss.in_file(to));
+            noteln!("{}: {}", loss.effect.name(), shown(loss.in_file(to)));
         }
         outln!("{}", shown(&to));
     }

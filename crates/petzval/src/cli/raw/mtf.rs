@@ -62,7 +62,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
 fn table(response: &Response) -> String {
     let mut text = format!(
         "{}\n  {} rows x {} columns, {}\n\n",
-        response.file,
+        shown(&response.file),
         response.height,
         response.width,
         response.light.words()

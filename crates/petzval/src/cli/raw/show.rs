@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use petzval::jobs::raw::{RawInfo, show};
 
 use crate::cli::failure::Failure;
-use crate::cli::terminal::{Terminal, print_json};
+use crate::cli::terminal::{Terminal, print_json, shown};
 
 /// Show a raw frame: size, camera and exposure from its sidecar, and its digital numbers colour by colour.
 ///
@@ -27,7 +27,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     if args.json {
         return print_json(&frame);
     }
-    outln!("{}", frame.file);
+    outln!("{}", shown(&frame.file));
     outln!("  {:<13} {} rows x {} columns", "size", frame.height, frame.width);
     facts(&frame.info).iter().for_each(|(name, value)| outln!("  {name:<13} {value}"));
     outln!();
