@@ -97,7 +97,8 @@ pub fn page(sheet: &DataSheet) -> String {
 .samples p { margin: .3rem 0 0; overflow-wrap: anywhere; }
 .legend { display: flex; flex-wrap: wrap; gap: .3rem 1.2rem; margin: 0 0 1rem; padding: 0; list-style: none; }
 .legend span { display: inline-block; width: .9em; height: .9em; border-radius: 2px; margin-right: .45em; vertical-align: -.1em; }
-td.note-cell details { margin: 0; }",
+td.note-cell details { margin: 0; }
+@media (min-width: 641px) { tr.error > th, tr.note > th { white-space: normal; max-width: 22rem; } }",
         headline: "Data set".to_owned(),
         subtitle: html! {
             @match (errors, warnings) {

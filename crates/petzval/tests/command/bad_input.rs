@@ -414,7 +414,7 @@ fn a_folder_that_cannot_be_made() {
         run_fails(folder.path(), &["design", "tiny.toml", "--out", out], 2, &[out, needle]);
     };
     design("tiny.toml", "give a folder");
-    design("tiny.toml/run", "help: give a folder");
+    design("tiny.toml/run", "tiny.toml is no folder");
 }
 
 /// A run that was interrupted: its last checkpoint is that of step 18.
