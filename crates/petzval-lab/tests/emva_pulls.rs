@@ -320,10 +320,14 @@ impl Pulls {
     }
 }
 
-/// `PETZVAL_SEEDS` sets the number of series of each sensor.
+/// Series of each sensor: as many as `PETZVAL_SEEDS` says.
+fn seeds_or(few: u64) -> u64 {
+    std::env::var("PETZVAL_SEEDS").ok().and_then(|n| n.parse().ok()).unwrap_or(few)
+}
+
 #[test]
 fn figures_scatter_about_the_truth_by_their_standard_errors() {
-    let seeds: u64 = std::env::var("PETZVAL_SEEDS").ok().and_then(|n| n.parse().ok()).unwrap_or(6);
+    let seeds = seeds_or(6);
     let sensors = sensors();
     let plan: Vec<(usize, u64)> =
         (0..sensors.len()).flat_map(|i| (0..seeds).map(move |seed| (i, seed))).collect();
@@ -413,7 +417,7 @@ fn errors_of_linearity_are_those_of_the_response() {
         let last = signal.len() - 1;
         let truth = deviations_percent(&bench.flat_e[..last], &signal[..last]);
         let ends = [f64::min, f64::max].map(|f| truth.iter().copied().reduce(f).unwrap());
-        let seeds = 30;
+        let seeds = seeds_or(30);
         let pulls: Vec<[f64; 2]> = (1..=seeds)
             .into_par_iter()
             .map(|seed| {
