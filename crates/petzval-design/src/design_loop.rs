@@ -22,13 +22,14 @@ use petzval_optics::lens::{Lens, validate};
 use petzval_optics::number::Number;
 use petzval_optics::paraxial::image_height_per_tangent;
 
-use crate::block::{Batch, Block, BlockName, Blocks, ExposureBlock, IspBlock, NetworkBlock, StepMethod};
+use crate::block::{Batch, Block, Blocks, ExposureBlock, IspBlock, NetworkBlock};
 use crate::camera::{Camera, ChipValues, Shot};
 use crate::error::DesignError;
-use crate::experiment::PERFECT_LENS;
+use crate::experiment::{
+    BlockName, FieldOfView, LensGoal, LensSearch, PERFECT_LENS, Schedule, Stage, StepMethod, Variant, turn_of,
+};
 use crate::parts::PartInputs;
 use crate::position::{Done, POSITION_FILE, Position, Restored, last_variant};
-use crate::requirements::FieldOfView;
 use crate::run::{
     CameraMetrics, ChangedFile, DigestCheck, Digests, Event, EventLog, Kept, Metrics, RunFolder, RunRecord,
     all_checkpoints, forget_most_memory, latest_checkpoint, load_blocks, note_digests, save_blocks,
@@ -42,7 +43,6 @@ use crate::seen_windows::{self, SeenWindow};
 use crate::setup::Setup;
 use crate::shots::{items_of, magnified_shots, training_shots, validation_shots};
 use crate::validation::{VALIDATION, Validations, validation_loss};
-use crate::variant::{LensGoal, LensSearch, Schedule, Stage, Variant, turn_of};
 
 /// Someone who watches a run.
 pub trait Observer {

@@ -11,12 +11,10 @@ use petzval_optics::pupil::{Quadrature, chief_ray};
 use petzval_optics::spot::spot;
 use serde::{Deserialize, Serialize};
 
-use crate::block::BlockName;
 use crate::error::DesignError;
-use crate::experiment::PERFECT_LENS;
+use crate::experiment::{BlockName, PERFECT_LENS, Stage, Variant};
 use crate::setup::Setup;
 use crate::start::Start;
-use crate::variant::{Stage, Variant};
 
 /// Fields from the axis to the corner of the sensor.
 const FIELDS: usize = 5;

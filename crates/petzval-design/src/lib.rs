@@ -53,4 +53,3 @@ pub mod spectral_light;
 pub mod start;
 pub mod study;
 pub mod validation;
-pub mod variant;

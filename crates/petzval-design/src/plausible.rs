@@ -10,11 +10,9 @@ use petzval_optics::number::Number;
 use petzval_optics::paraxial::{first_order, image_brightness};
 
 use crate::assets::Text;
-use crate::block::BlockName;
 use crate::error::DesignError;
-use crate::requirements::FieldOfView;
+use crate::experiment::{BlockName, FieldOfView, Variant};
 use crate::setup::Setup;
-use crate::variant::Variant;
 
 /// Largest relative difference of first-order data between comparable cameras.
 const LIKE_FOR_LIKE: f64 = 0.01;

@@ -5,12 +5,12 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use crate::block::{BlockName, Blocks};
+use crate::block::Blocks;
 use crate::error::DesignError;
+use crate::experiment::{BlockName, Stage, Variant};
 use crate::run::{DigestCheck, Digests, EventsDigest, Kept, RunFolder, load_blocks};
 use crate::setup::Setup;
 use crate::validation::{Course, Validations};
-use crate::variant::{Stage, Variant};
 
 /// The file of a checkpoint that holds the position.
 pub(crate) const POSITION_FILE: &str = "position.json";

@@ -9,10 +9,10 @@ use petzval_report::design_report::{
 };
 
 use crate::error::DesignError;
+use crate::experiment::Variant;
 use crate::pictures::{file_name, spread_pictures, whole_name};
 use crate::run::{CameraMetrics, Metrics, PictureScore, RunFolder};
 use crate::seen_windows::{self, SeenWindow};
-use crate::variant::Variant;
 
 /// Most pictures that a page shows: all of three photographs at nine places. Each takes about 0.13 MB.
 const MOST_PICTURES: usize = 27;

@@ -5,22 +5,9 @@ use petzval_optics::constraint::{Constraint, penalty};
 use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::Lens;
 use petzval_optics::pupil::chief_ray;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 
 use crate::error::DesignError;
-use crate::experiment::ConstraintConfig;
-
-/// Whether a lens that moves for the task keeps its field of view, and so its focal length.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum FieldOfView {
-    /// That of the lens from which it starts, as far as `constraints.distortion_tolerance` allows.
-    #[default]
-    Held,
-    /// It takes the one that is best for the task.
-    Free,
-}
+use crate::experiment::{ConstraintConfig, FieldOfView};
 
 /// Requirements of the moving lenses of an experiment, the same for the control and for end to end.
 #[derive(Clone, Debug)]

@@ -7,11 +7,10 @@ use petzval_optics::glass::Catalog;
 use petzval_optics::lens::Lens;
 use petzval_report::design_report::{CameraProgress, CameraState, Progress};
 
-use crate::block::BlockName;
 use crate::error::DesignError;
+use crate::experiment::{BlockName, Stage, Variant};
 use crate::run::{Event, Metrics, RunFolder};
 use crate::setup::Setup;
-use crate::variant::{Stage, Variant};
 
 /// The block of the event of a camera that was scored.
 pub(crate) const SCORE: &str = "score";

@@ -13,11 +13,9 @@ use petzval_optics::number::Number;
 use petzval_optics::psf::FieldPsf;
 
 use crate::attribution::attribution;
-use crate::block::BlockName;
-use crate::camera::DetectorInput;
 use crate::detection_view::detection_view;
 use crate::error::DesignError;
-use crate::experiment::SameOf;
+use crate::experiment::{BlockName, DetectorInput, LensGoal, SameOf, Variant};
 use crate::lens_numbers::{full_name, surface_name, unit_of};
 use crate::lens_view;
 use crate::psf_plan::PsfPlan;
@@ -29,7 +27,6 @@ use crate::run::{
 use crate::run_progress::{self, is_scored, moved_part};
 use crate::setup::Setup;
 use crate::validation::VALIDATION;
-use crate::variant::{LensGoal, Variant};
 use petzval_learn::score::ScoreDescription;
 use petzval_report::design_report::{
     CameraView, Change, LossCurve, MadeCamera, MadeCameras, MadeScore, OneSeed, PsfView, Report, Score,

@@ -29,23 +29,18 @@ use petzval_optics::psf::PerfectImage;
 use serde::Deserialize;
 
 use crate::assets::Assets;
-use crate::block::{
-    BlockName, Blocks, ExposureBlock, ImitationPlan, IspBlock, Learning, NetworkBlock, OpticsBlock,
-    StepMethod,
-};
+use crate::block::{Blocks, ExposureBlock, ImitationPlan, IspBlock, Learning, NetworkBlock, OpticsBlock};
 use crate::camera::{Body, Camera, Chip, PsfErrors, PsfSource, Psfs, SameTime};
 use crate::error::DesignError;
 use crate::experiment::{
-    BUILT_IN_PHOTOS, DetectorConfig, Experiment, ExposureSetting, NetworkConfig, OF_THE_WHOLE_FRAME, SameOf,
-    TaskKind, TrainingConfig, places_of,
+    BUILT_IN_PHOTOS, BlockName, DetectorConfig, Experiment, ExposureSetting, FieldOfView, NetworkConfig,
+    OF_THE_WHOLE_FRAME, SameOf, Stage, StepMethod, TaskKind, TrainingConfig, Variant, places_of,
 };
 use crate::optics_proxy::{ProxyOptics, read_proxy_optics};
 use crate::psf_plan::PsfPlan;
-use crate::requirements::FieldOfView;
 use crate::scenes::Scenes;
 use crate::start::{Start, StartOf};
 use crate::study::Study;
-use crate::variant::{Stage, Variant};
 
 /// Pixels that are exposed around a window whose picture is restored. The filters reach 31 pixels, but nearly all of their weight lies within
 /// these, so that the window is restored as it would be in the whole frame.

@@ -18,11 +18,10 @@ use petzval_optics::solve::{thin_equivalent, with_best_focus};
 
 use crate::assets::Assets;
 use crate::error::DesignError;
-use crate::experiment::{BOX_CENTRE_LENS, Experiment, PERFECT_LENS};
+use crate::experiment::{BOX_CENTRE_LENS, Experiment, FieldOfView, LensGoal, PERFECT_LENS};
 use crate::psf_plan::PsfPlan;
-use crate::requirements::{FieldOfView, Requirements};
+use crate::requirements::Requirements;
 use crate::restored::RestoredError;
-use crate::variant::LensGoal;
 
 /// A lens from which variants start.
 pub struct Start {

@@ -6,10 +6,10 @@ use std::path::Path;
 use petzval_camera::sensor::Noise;
 use serde::{Deserialize, Serialize};
 
-use crate::block::{Block, BlockName, BlockState, Blocks, LossOf};
+use crate::block::{Block, BlockState, Blocks, LossOf};
 use crate::camera::{Camera, Shot, to_host};
 use crate::error::DesignError;
-use crate::experiment::Keep;
+use crate::experiment::{BlockName, Keep};
 use crate::run::{load_state, save_state};
 
 /// Name of the figure among the losses of a step.

@@ -1,6 +1,7 @@
 //! The blocks of a camera in work.
 
-use super::{Block, BlockName, ExposureBlock, IspBlock, NetworkBlock, OpticsBlock};
+use super::{Block, ExposureBlock, IspBlock, NetworkBlock, OpticsBlock};
+use crate::experiment::BlockName;
 
 /// The blocks of a variant, each with its present numbers.
 pub struct Blocks {

@@ -11,9 +11,9 @@ use petzval_base::random::{Stage, Stream};
 use petzval_camera::sensor::Exposure;
 use serde::{Deserialize, Serialize};
 
-use super::{Batch, Block, BlockName, BlockState, StepMethod, StepRule, Way, named, parsed};
+use super::{Batch, Block, BlockState, Way, named, parsed};
 use crate::error::DesignError;
-use crate::experiment::ExposureSetting;
+use crate::experiment::{BlockName, ExposureSetting, StepMethod, StepRule};
 
 const PLACES: &str = "places.json";
 const PROGRESS: &str = "progress.json";

@@ -10,9 +10,10 @@ use serde::{Deserialize, Serialize};
 
 use super::generations::{FirstGeneration, Generations, PointScore};
 use super::imitation::{Imitation, ImitationFigures, ImitationPlan};
-use super::{Batch, Block, BlockName, BlockState, StepMethod, StepRule, Way, backward, named, parsed};
+use super::{Batch, Block, BlockState, Way, backward, named, parsed};
 use crate::camera::{ChipValues, to_host};
 use crate::error::DesignError;
+use crate::experiment::{BlockName, StepMethod, StepRule};
 
 const PLACES: &str = "places.json";
 const PROGRESS: &str = "progress.json";

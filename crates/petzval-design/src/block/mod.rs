@@ -19,13 +19,13 @@ use std::collections::BTreeMap;
 use burn::tensor::Gradients;
 use petzval_camera::sensor::Noise;
 use petzval_learn::objective::NamedLoss;
-use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::adam::Adam;
 use crate::camera::{Camera, Shot};
 use crate::error::DesignError;
+use crate::experiment::{BlockName, StepRule};
 
 pub use blocks::Blocks;
 pub use exposure::ExposureBlock;
@@ -34,71 +34,8 @@ pub use isp::IspBlock;
 pub use network::{Learning, NetworkBlock};
 pub use optics::OpticsBlock;
 
-/// A block of the camera, by name. The order is that of the light.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum BlockName {
-    /// The free numbers of the lens.
-    Optics,
-    /// Exposure time and gain of the sensor.
-    Exposure,
-    /// The parameters of the hardware ISP.
-    Isp,
-    /// The weights of the network.
-    Network,
-}
-
-impl BlockName {
-    /// Every block.
-    pub const ALL: [Self; 4] = [Self::Optics, Self::Exposure, Self::Isp, Self::Network];
-
-    /// Whether the PSFs of the camera change when the block moves.
-    pub fn moves_psfs(self) -> bool {
-        self == Self::Optics
-    }
-
-    /// The name in experiments, events and checkpoints.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Optics => "optics",
-            Self::Exposure => "exposure",
-            Self::Isp => "isp",
-            Self::Network => "network",
-        }
-    }
-}
-
 /// What a checkpoint keeps of a block: bytes by the name of their part.
 pub type BlockState = BTreeMap<String, Vec<u8>>;
-
-/// How a block finds its step.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum StepMethod {
-    /// Down the gradient of the loss, by Adam. The two settings of the exposure have it by differences.
-    #[default]
-    Gradient,
-    /// Without a gradient, by a generation of CMA-ES: of the hardware ISP as a black box in whole numbers, or of the lens.
-    Evolution,
-    /// By the curvature of the loss as lifted to the rays, after Levenberg and Marquardt: of the lens.
-    Levenberg,
-    /// Down the gradient of a network that imitates the hardware ISP as a black box, and learns on while the parameters move.
-    Proxy,
-    /// At random, so that a network learns to work behind many lenses or at many exposures: each step draws the numbers anew around those at
-    /// the start of the stage, with which the stage ends again. The learning rate is the share of the way to the bounds that a draw may go.
-    Random,
-}
-
-/// How a block steps.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct StepRule {
-    /// The method.
-    pub method: StepMethod,
-    /// Learning rate of this step; CMA-ES has none, and for random draws it is their reach.
-    pub rate: f64,
-    /// Weight mu of the proximal term `mu / 2 |theta - theta_0|^2`, where theta_0 are the free numbers at the start of the stage.
-    pub proximal: f64,
-}
 
 /// The loss of what a camera took, as the objective of the stage defines it.
 pub type LossOf<'a> =

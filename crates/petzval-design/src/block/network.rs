@@ -13,9 +13,10 @@ use petzval_learn::detection::{Zoom, Zoomed};
 use petzval_learn::network::{Network, PictureNetwork};
 use petzval_learn::optimizer::muon_and_adam;
 
-use super::{Batch, Block, BlockName, BlockState, StepRule, backward, named, part};
-use crate::camera::{Camera, DetectorInput};
+use super::{Batch, Block, BlockState, backward, named, part};
+use crate::camera::Camera;
 use crate::error::DesignError;
+use crate::experiment::{BlockName, DetectorInput, StepRule};
 
 const WEIGHTS: &str = "weights.bin";
 const OPTIMIZER: &str = "optimizer.bin";

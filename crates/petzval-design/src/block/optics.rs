@@ -19,13 +19,11 @@ use serde::{Deserialize, Serialize};
 use super::average::Average;
 use super::generations::{FirstGeneration, Generations, PointScore};
 use super::lifted::Lifted;
-use super::{
-    Batch, Block, BlockName, BlockState, Magnified, StepMethod, StepRule, Way, backward, named, parsed,
-};
+use super::{Batch, Block, BlockState, Magnified, Way, backward, named, parsed};
 use crate::camera::{ByLens, Camera, PsfLeaves, Psfs, Shot, to_host};
 use crate::error::DesignError;
+use crate::experiment::{BlockName, FieldOfView, StepMethod, StepRule};
 use crate::lens_sampler::LensSampler;
-use crate::requirements::FieldOfView;
 use crate::restored::with_brightness;
 use crate::start::Start;
 

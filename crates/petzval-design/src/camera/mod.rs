@@ -29,10 +29,10 @@ use petzval_learn::detection::{Detector, Truth};
 use petzval_learn::network::{NetworkInput, PictureNetwork};
 use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::image_brightness;
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::error::DesignError;
+use crate::experiment::DetectorInput;
 
 pub use chip::{Chip, ChipValues, ideal_input, raw_inputs};
 pub use host::{host_image, to_host, within_range};
@@ -57,17 +57,6 @@ pub struct Shot {
     /// Whether it is exposed for as long behind every lens, if cameras have the [`SameTime`]: not where an automatic exposure takes back what a
     /// lens brings.
     pub follows_light: bool,
-}
-
-/// What the detector of a camera sees, in training and in scores.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum DetectorInput {
-    /// The finished pictures of the camera.
-    #[default]
-    Picture,
-    /// The scenes without blur and noise: seen through the chief rays of the lens, and developed by the ISP with its values of the start.
-    Truth,
 }
 
 /// Cameras that are exposed for the same time, so that a lens which gathers more light gives more electrons.

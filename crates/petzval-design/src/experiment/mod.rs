@@ -2,12 +2,16 @@
 
 mod commented;
 mod derived_lens;
+mod names;
+mod plan;
 mod resolve;
 mod tables;
 mod variants;
 
 pub use commented::{commented_toml, reference_markdown};
 pub use derived_lens::{BOX_CENTRE_LENS, PERFECT_LENS, is_derived_lens};
+pub use names::{BlockName, DetectorInput, FieldOfView, LensGoal, StepMethod};
+pub use plan::{LensSearch, Schedule, Stage, StepRule, Variant, turn_of};
 pub use tables::{
     CheckpointConfig, ConstraintConfig, DetectorConfig, DevelopmentConfig, ExposureConfig, ExposureSetting,
     IspConfig, Keep, NO_ISP, NetworkConfig, OpticsConfig, PsfConfig, SameOf, ScoringConfig, SpotConfig,
@@ -28,10 +32,7 @@ use petzval_learn::score::{STANDARD_SCORES, object_scores};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::block::BlockName;
-use crate::camera::DetectorInput;
 use crate::error::DesignError;
-use crate::variant::Variant;
 
 /// The name of the built-in photographs in [`Experiment::photos`].
 pub const BUILT_IN_PHOTOS: &str = "built-in";

@@ -3,8 +3,7 @@
 use petzval_optics::psf::PerfectImage;
 
 use super::{Experiment, ScheduleConfig, StageConfig, VariantConfig};
-use crate::block::{BlockName, StepMethod};
-use crate::variant::{LensGoal, LensSearch, Schedule, Stage, Variant};
+use crate::experiment::{BlockName, LensGoal, LensSearch, Schedule, Stage, StepMethod, Variant};
 
 impl Experiment {
     /// The variants in the order of the file, with the experiment's own values for all that they leave out.

@@ -11,10 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::OpticsConfig;
 use super::derived_lens::PERFECT_LENS;
-use crate::block::{BlockName, StepMethod};
-use crate::camera::DetectorInput;
-use crate::requirements::FieldOfView;
-use crate::variant::LensGoal;
+use crate::experiment::{BlockName, DetectorInput, FieldOfView, LensGoal, StepMethod};
 
 /// Letters of the longest name of a variant: names of files are longer than that by what they hold.
 const LONGEST_NAME: usize = 100;

@@ -20,9 +20,8 @@ use petzval_optics::number::Number;
 use petzval_optics::paraxial::first_order;
 
 use crate::assets::Assets;
-use crate::block::BlockName;
 use crate::error::DesignError;
-use crate::experiment::Experiment;
+use crate::experiment::{BlockName, Experiment};
 
 /// A lens to fit an experiment to.
 pub struct FitOf<'a> {

@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 
 use super::folder::PARTIAL;
 use super::{Digests, EventsDigest, RunFolder, write_file};
-use crate::block::{Block, BlockName, BlockState};
+use crate::block::{Block, BlockState};
 use crate::error::DesignError;
+use crate::experiment::BlockName;
 
 const PREFIX: &str = "step-";
 

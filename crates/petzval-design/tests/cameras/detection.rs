@@ -14,14 +14,15 @@ use petzval_camera::render::Placement;
 use petzval_camera::sensor::{Noise, NoiseMode};
 use petzval_camera::tape::Frames;
 use petzval_design::assets::Assets;
-use petzval_design::block::{Batch, Block, OpticsBlock, StepMethod, StepRule};
-use petzval_design::camera::{Camera, ChipValues, DetectorInput, PsfSource, Shot};
+use petzval_design::block::{Batch, Block, OpticsBlock};
+use petzval_design::camera::{Camera, ChipValues, PsfSource, Shot};
 use petzval_design::design_loop::{DesignLoop, Ending, zoom_of};
 use petzval_design::error::DesignError;
-use petzval_design::experiment::{Experiment, VariantConfig};
+use petzval_design::experiment::{
+    DetectorInput, Experiment, FieldOfView, StepMethod, StepRule, VariantConfig,
+};
 use petzval_design::inputs::keep_inputs;
 use petzval_design::psf_plan::PsfPlan;
-use petzval_design::requirements::FieldOfView;
 use petzval_design::run::{Kept, Metrics, RunFolder, load_blocks};
 use petzval_design::scoring::Scorer;
 use petzval_design::seen_windows::{SeenWindow, Stage};

@@ -11,14 +11,15 @@ use petzval_camera::render::Placement;
 use petzval_camera::sensor::{Exposure, Noise, NoiseMode};
 use petzval_camera::tape::Frames;
 use petzval_design::assets::Assets;
-use petzval_design::block::{Batch, Block, OpticsBlock, StepMethod, StepRule};
+use petzval_design::block::{Batch, Block, OpticsBlock};
 use petzval_design::camera::{Camera, PsfSource, SameTime, Shot};
-use petzval_design::experiment::{DevelopmentConfig, ExposureSetting, VariantConfig};
+use petzval_design::experiment::{
+    DevelopmentConfig, ExposureSetting, FieldOfView, LensGoal, LensSearch, StepMethod, StepRule,
+    VariantConfig,
+};
 use petzval_design::psf_plan::PsfPlan;
-use petzval_design::requirements::FieldOfView;
 use petzval_design::setup::Setup;
 use petzval_design::start::Start;
-use petzval_design::variant::{LensGoal, LensSearch};
 use petzval_learn::Device;
 use petzval_learn::detection::Truth;
 use petzval_learn::network::NetworkKind;

@@ -8,18 +8,16 @@ use crate::common::Silent;
 use nalgebra::{DMatrix, DVector};
 use petzval_camera::sensor::NoiseMode;
 use petzval_design::assets::Assets;
-use petzval_design::block::{BlockName, OpticsBlock};
+use petzval_design::block::OpticsBlock;
 use petzval_design::design_loop::{DesignLoop, Ending};
-use petzval_design::experiment::Experiment;
+use petzval_design::experiment::{BlockName, Experiment, FieldOfView, LensGoal, LensSearch, Stage};
 use petzval_design::inputs::keep_inputs;
 use petzval_design::psf_plan::PsfPlan;
-use petzval_design::requirements::FieldOfView;
 use petzval_design::restored::RestoredError;
 use petzval_design::run::{CameraMetrics, Event, Metrics, RunFolder, read_events};
 use petzval_design::scoring::Scorer;
 use petzval_design::setup::Setup;
 use petzval_design::shots::validation_shots;
-use petzval_design::variant::{LensGoal, LensSearch, Stage};
 use petzval_learn::Device;
 use petzval_learn::dataset::NamedPhoto;
 use petzval_learn::score::{Score, ScoreError, ScoredPair, standard_scores};
@@ -485,7 +483,7 @@ fn an_extension_adds_a_stage_to_every_variant_that_trains_the_network() {
     let experiment = Experiment::parse(&format!("{TINY}{}", text.concat())).unwrap();
     let longer = experiment.extended_to(8).unwrap();
     let steps = |e: &Experiment| {
-        let of = |v: &petzval_design::variant::Variant| {
+        let of = |v: &petzval_design::experiment::Variant| {
             [v.steps_of(BlockName::Network), v.task_steps_of(BlockName::Optics)]
         };
         e.variants().iter().map(of).collect::<Vec<_>>()

@@ -1,9 +1,9 @@
 //! Workloads of joint optimisation: steps of networks, of the hardware ISP and of lenses in the built-in experiments.
 
 use petzval_base::simd::widest;
-use petzval_design::block::BlockName;
 use petzval_design::design_loop::DesignLoop;
 use petzval_design::error::DesignError;
+use petzval_design::experiment::BlockName;
 use petzval_design::parts::Part;
 use petzval_design::run::RunFolder;
 use petzval_design::setup::Setup;

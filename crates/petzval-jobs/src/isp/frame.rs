@@ -3,9 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use petzval_camera::develop::dark_mean_dn;
-use petzval_camera::isp::{BalanceOptions, ExposureOptions};
-use petzval_camera::isp::{FrameData, MergeOptions, NoiseProfile, RawInput, Statistics};
-use petzval_camera::isp::{auto_balance, auto_exposure_ev, merge_exposures};
+use petzval_camera::isp::{
+    BalanceOptions, ExposureOptions, FrameData, MergeOptions, NoiseProfile, RawInput, Statistics,
+    auto_balance, auto_exposure_ev, merge_exposures,
+};
 use petzval_camera::sensor::{CfaPattern, Colour, Exposure, SensorModel};
 use petzval_design::assets::Assets;
 use petzval_files::raw_file::{FrameCalibration, RawFileError, RawInfo, load_any_raw, sidecar_path};

@@ -3,12 +3,11 @@
 use petzval_camera::image::CHANNELS;
 use petzval_camera::psf::PsfBank;
 use petzval_camera::sensor::{CfaPattern, SensorModel};
-use petzval_lab::psf_calibration::ExposureReport;
 use petzval_lab::psf_calibration::compare::Comparison;
 use petzval_lab::psf_calibration::estimate::FieldEstimate;
 use petzval_lab::psf_calibration::held_out::HeldOutBy;
 use petzval_lab::psf_calibration::measure::COLOURS;
-use petzval_lab::psf_calibration::{CROP, CalibratedPosition};
+use petzval_lab::psf_calibration::{CROP, CalibratedPosition, ExposureReport};
 use petzval_report::psf_calibration_sheet::Calibration;
 use serde::{Deserialize, Serialize};
 

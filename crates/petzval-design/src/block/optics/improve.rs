@@ -13,7 +13,7 @@ use petzval_optics::pupil::PupilSampling;
 
 use super::{OpticsBlock, PENALTY};
 use crate::error::DesignError;
-use crate::variant::{LensGoal, LensSearch};
+use crate::experiment::{LensGoal, LensSearch};
 
 /// The cost of a violated requirement, um per mm: so stiff that the requirements are kept to 1e-6 mm.
 const STIFFNESS_UM_PER_MM: f64 = 1e4;

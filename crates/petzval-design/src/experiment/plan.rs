@@ -7,10 +7,8 @@ use std::collections::BTreeMap;
 use petzval_camera::sensor::NoiseMode;
 use petzval_optics::psf::PerfectImage;
 
+use super::names::{BlockName, DetectorInput, FieldOfView, LensGoal, StepMethod};
 use crate::adam::cosine_rate;
-use crate::block::{BlockName, StepMethod, StepRule};
-use crate::camera::DetectorInput;
-use crate::requirements::FieldOfView;
 
 /// A camera of the comparison.
 #[derive(Clone, Debug, PartialEq)]
@@ -66,34 +64,15 @@ pub struct LensSearch {
     pub seed: u64,
 }
 
-/// What a lens is improved for without pictures.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum LensGoal {
-    /// The RMS spot, whatever the rest of the camera is.
-    Spot,
-    /// The error of the best linear restoration of raw frames.
-    Restored,
-}
-
-impl LensGoal {
-    /// Every goal.
-    pub const ALL: [Self; 2] = [Self::Spot, Self::Restored];
-
-    /// The block of its events.
-    pub fn event(self) -> &'static str {
-        match self {
-            Self::Spot => "spot",
-            Self::Restored => "restored",
-        }
-    }
-
-    /// What a camera has that was made for it.
-    pub fn in_words(self) -> &'static str {
-        match self {
-            Self::Spot => "least spots",
-            Self::Restored => "least error after restoration",
-        }
-    }
+/// How a block steps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StepRule {
+    /// The method.
+    pub method: StepMethod,
+    /// Learning rate of this step; CMA-ES has none, and for random draws it is their reach.
+    pub rate: f64,
+    /// Weight mu of the proximal term `mu / 2 |theta - theta_0|^2`, where theta_0 are the free numbers at the start of the stage.
+    pub proximal: f64,
 }
 
 /// How many steps a block takes in a stage, and how long they are.

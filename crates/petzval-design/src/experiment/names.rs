@@ -1,0 +1,108 @@
+//! The words of the experiment file that are more than text and numbers.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A block of the camera, by name. The order is that of the light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum BlockName {
+    /// The free numbers of the lens.
+    Optics,
+    /// Exposure time and gain of the sensor.
+    Exposure,
+    /// The parameters of the hardware ISP.
+    Isp,
+    /// The weights of the network.
+    Network,
+}
+
+impl BlockName {
+    /// Every block.
+    pub const ALL: [Self; 4] = [Self::Optics, Self::Exposure, Self::Isp, Self::Network];
+
+    /// Whether the PSFs of the camera change when the block moves.
+    pub fn moves_psfs(self) -> bool {
+        self == Self::Optics
+    }
+
+    /// The name in experiments, events and checkpoints.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Optics => "optics",
+            Self::Exposure => "exposure",
+            Self::Isp => "isp",
+            Self::Network => "network",
+        }
+    }
+}
+
+/// How a block finds its step.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum StepMethod {
+    /// Down the gradient of the loss, by Adam. The two settings of the exposure have it by differences.
+    #[default]
+    Gradient,
+    /// Without a gradient, by a generation of CMA-ES: of the hardware ISP as a black box in whole numbers, or of the lens.
+    Evolution,
+    /// By the curvature of the loss as lifted to the rays, after Levenberg and Marquardt: of the lens.
+    Levenberg,
+    /// Down the gradient of a network that imitates the hardware ISP as a black box, and learns on while the parameters move.
+    Proxy,
+    /// At random, so that a network learns to work behind many lenses or at many exposures: each step draws the numbers anew around those at
+    /// the start of the stage, with which the stage ends again. The learning rate is the share of the way to the bounds that a draw may go.
+    Random,
+}
+
+/// What the detector of a camera sees, in training and in scores.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum DetectorInput {
+    /// The finished pictures of the camera.
+    #[default]
+    Picture,
+    /// The scenes without blur and noise: seen through the chief rays of the lens, and developed by the ISP with its values of the start.
+    Truth,
+}
+
+/// Whether a lens that moves for the task keeps its field of view, and so its focal length.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum FieldOfView {
+    /// That of the lens from which it starts, as far as `constraints.distortion_tolerance` allows.
+    #[default]
+    Held,
+    /// It takes the one that is best for the task.
+    Free,
+}
+
+/// What a lens is improved for without pictures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LensGoal {
+    /// The RMS spot, whatever the rest of the camera is.
+    Spot,
+    /// The error of the best linear restoration of raw frames.
+    Restored,
+}
+
+impl LensGoal {
+    /// Every goal.
+    pub const ALL: [Self; 2] = [Self::Spot, Self::Restored];
+
+    /// The block of its events.
+    pub fn event(self) -> &'static str {
+        match self {
+            Self::Spot => "spot",
+            Self::Restored => "restored",
+        }
+    }
+
+    /// What a camera has that was made for it.
+    pub fn in_words(self) -> &'static str {
+        match self {
+            Self::Spot => "least spots",
+            Self::Restored => "least error after restoration",
+        }
+    }
+}
