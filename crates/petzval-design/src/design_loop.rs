@@ -30,13 +30,13 @@ use crate::experiment::{
 };
 use crate::parts::PartInputs;
 use crate::position::{Done, POSITION_FILE, Position, Restored, last_variant};
+use crate::report::run_report::camera_lens;
 use crate::run::{
     CameraMetrics, ChangedFile, DigestCheck, Digests, Event, EventLog, Kept, Metrics, RunFolder, RunRecord,
     all_checkpoints, forget_most_memory, latest_checkpoint, load_blocks, note_digests, save_blocks,
     save_checkpoint, set_aside, write_file,
 };
 use crate::run_progress::{SCORE, TOTAL};
-use crate::run_report::camera_lens;
 use crate::scenes::{Eye, Scenes};
 use crate::scoring::{Scorer, collect_metrics};
 use crate::seen_windows::{self, SeenWindow};

@@ -13,8 +13,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::DesignError;
 use crate::experiment::{BlockName, PERFECT_LENS, Stage, Variant};
+use crate::lens::start::Start;
 use crate::setup::Setup;
-use crate::start::Start;
 
 /// Fields from the axis to the corner of the sensor.
 const FIELDS: usize = 5;

@@ -10,11 +10,11 @@ use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
 use crate::assets::Assets;
+use crate::camera::optics_proxy::FILES;
 use crate::error::DesignError;
 use crate::experiment::{BUILT_IN_PHOTOS, Experiment, is_derived_lens};
-use crate::input_list::{InputList, Pictures};
-use crate::optics_proxy::FILES;
 use crate::path_text::path_text;
+use crate::run::input_list::{InputList, Pictures};
 use crate::run::{RunFolder, RunRecord, hex, write_file};
 use crate::setup::Setup;
 

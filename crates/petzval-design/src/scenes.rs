@@ -18,7 +18,7 @@ use rand_chacha::ChaCha8Rng;
 use crate::camera::{Camera, Shot, crop_window};
 use crate::error::DesignError;
 use crate::experiment::{Experiment, STREET, StreetConfig};
-use crate::psf_plan::PsfPlan;
+use crate::lens::psf_plan::PsfPlan;
 
 pub use petzval_learn::dataset::List;
 

@@ -29,18 +29,18 @@ use petzval_optics::psf::PerfectImage;
 use serde::Deserialize;
 
 use crate::assets::Assets;
+use crate::assets::study::Study;
 use crate::block::{Blocks, ExposureBlock, ImitationPlan, IspBlock, Learning, NetworkBlock, OpticsBlock};
+use crate::camera::optics_proxy::{ProxyOptics, read_proxy_optics};
 use crate::camera::{Body, Camera, Chip, PsfErrors, PsfSource, Psfs, SameTime};
 use crate::error::DesignError;
 use crate::experiment::{
     BUILT_IN_PHOTOS, BlockName, DetectorConfig, Experiment, ExposureSetting, FieldOfView, NetworkConfig,
     OF_THE_WHOLE_FRAME, SameOf, Stage, StepMethod, TaskKind, TrainingConfig, Variant, places_of,
 };
-use crate::optics_proxy::{ProxyOptics, read_proxy_optics};
-use crate::psf_plan::PsfPlan;
+use crate::lens::psf_plan::PsfPlan;
+use crate::lens::start::{Start, StartOf};
 use crate::scenes::Scenes;
-use crate::start::{Start, StartOf};
-use crate::study::Study;
 
 /// Pixels that are exposed around a window whose picture is restored. The filters reach 31 pixels, but nearly all of their weight lies within
 /// these, so that the window is restored as it would be in the whole frame.
@@ -532,7 +532,7 @@ fn chip(
             Chip::built_in(IspSettings { bits: 16, ..settings })
         }
         IspFile::External(_) | IspFile::Settings(_) => {
-            let chip = assets.external_chip(&source.path)?;
+            let chip = Chip::external(assets.external_isp(&source.path)?);
             variants
                 .iter()
                 .try_for_each(|variant| check_without_gradient(variant, experiment, &source.path))?;

@@ -7,7 +7,7 @@ use petzval_camera::spectral::{ColourElectrons, ElectronsError};
 use petzval_optics::lens::Lens;
 
 use crate::error::DesignError;
-use crate::psf_plan::PsfPlan;
+use crate::lens::psf_plan::PsfPlan;
 
 /// The bands of a scene, made when they are needed.
 pub struct Bands<'a> {

@@ -3,12 +3,12 @@
 use std::path::PathBuf;
 
 use petzval_base::write_whole;
-use petzval_design::comparison::{Comparison, compare, comparison_csv};
+use petzval_design::assets::study::MeanAndDeviation;
 use petzval_design::error::DesignError;
+use petzval_design::report::comparison::{Comparison, compare, comparison_csv};
+use petzval_design::report::run_report::report_of_run;
 use petzval_design::run::RunFolder;
-use petzval_design::run_report::report_of_run;
 use petzval_design::setup::Setup;
-use petzval_design::study::MeanAndDeviation;
 use petzval_learn::score::ScoreDescription;
 use petzval_report::comparison::{Group, SHOWN, TextTable, page};
 use serde::{Deserialize, Serialize};
@@ -233,7 +233,7 @@ fn tables(comparison: &Comparison) -> Vec<TextTable> {
         });
     }
     if let Some(paper) = paper {
-        let value = |score: &ScoreDescription, of: &petzval_design::comparison::PaperRow| {
+        let value = |score: &ScoreDescription, of: &petzval_design::report::comparison::PaperRow| {
             of.scores.get(&score.name).map_or_else(|| "-".to_owned(), |v| v.to_string())
         };
         tables.push(TextTable {

@@ -11,7 +11,7 @@ use petzval_learn::score::{Score, standard_scores};
 
 use crate::device;
 use crate::error::JobError;
-use crate::isp::external_chip;
+use crate::isp::external_isp;
 
 /// Receives what a job reports while it works. The command prints it, a studio draws it.
 pub trait Watcher: Send + Sync {
@@ -103,7 +103,7 @@ impl Context {
     /// The same context with a flag that stops its jobs once it is set.
     pub fn with_cancellation(self, cancelled: Arc<AtomicBool>) -> Self {
         let flag = cancelled.clone();
-        let assets = self.assets.with_external_isps(Arc::new(move |path| external_chip(path, &flag)));
+        let assets = self.assets.with_external_isps(Arc::new(move |path| external_isp(path, &flag)));
         Self { assets, cancelled, ..self }
     }
 

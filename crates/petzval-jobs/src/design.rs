@@ -10,10 +10,10 @@ use petzval_design::design_loop::{DesignLoop, Ending, Observer};
 use petzval_design::error::DesignError;
 use petzval_design::experiment::{BUILT_IN_PHOTOS, Experiment, PsfConfig, STREET};
 use petzval_design::first_look::first_look;
-use petzval_design::input_list::{InputList, check_pictures_are_there};
 use petzval_design::inputs::{Inputs, check_inputs, keep_inputs};
 use petzval_design::path_text::path_text;
 use petzval_design::plausible::check;
+use petzval_design::run::input_list::{InputList, check_pictures_are_there};
 use petzval_design::run::{
     CameraMetrics, DigestCheck, Event, RunFolder, RunRecord, VERSION, changed_config, extend_run,
     read_config, write_file,

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use petzval_base::write_whole;
 use petzval_design::error::DesignError;
-use petzval_design::psf_plan::PsfPlan;
+use petzval_design::lens::psf_plan::PsfPlan;
 use petzval_files::npy_bytes;
 use petzval_optics::paraxial::first_order;
 use petzval_optics::psf::{FieldPsf, PsfMethod, PsfOptions};

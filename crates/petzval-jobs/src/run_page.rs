@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
+use petzval_design::report::run_report::report_of_run;
 use petzval_design::run::{RunFolder, RunRecord, changed_config, write_file};
-use petzval_design::run_report::report_of_run;
 use petzval_design::setup::Setup;
 use petzval_report::design_report::{Report, html, sentences};
 

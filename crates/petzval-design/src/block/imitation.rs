@@ -11,8 +11,8 @@ use serde::{Deserialize, Serialize};
 
 use super::{Batch, BlockState, part};
 use crate::camera::ChipValues;
+use crate::camera::isp_proxy::{Frame, Judge, ProxyTrainer, ProxyTraining, take};
 use crate::error::DesignError;
-use crate::isp_proxy::{Frame, Judge, ProxyTrainer, ProxyTraining, take};
 
 const WEIGHTS: &str = "imitation-weights.bin";
 const OPTIMIZER: &str = "imitation-optimizer.bin";

@@ -4,6 +4,7 @@
 //! A block is held or it moves. While one moves, the others are held: the loss goes back on the tape to the moving block
 //! alone, which takes one step down its gradient.
 
+pub mod adam;
 mod average;
 mod blocks;
 mod exposure;
@@ -22,7 +23,7 @@ use petzval_learn::objective::NamedLoss;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use crate::adam::Adam;
+use crate::block::adam::Adam;
 use crate::camera::{Camera, Shot};
 use crate::error::DesignError;
 use crate::experiment::{BlockName, StepRule};

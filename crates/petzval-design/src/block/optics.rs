@@ -23,9 +23,9 @@ use super::{Batch, Block, BlockState, Magnified, Way, backward, named, parsed};
 use crate::camera::{ByLens, Camera, PsfLeaves, Psfs, Shot, to_host};
 use crate::error::DesignError;
 use crate::experiment::{BlockName, FieldOfView, StepMethod, StepRule};
-use crate::lens_sampler::LensSampler;
-use crate::restored::with_brightness;
-use crate::start::Start;
+use crate::lens::restored::with_brightness;
+use crate::lens::sampler::LensSampler;
+use crate::lens::start::Start;
 
 const COORDINATES: &str = "coordinates.json";
 const EARLIER: &str = "earlier.json";

@@ -13,6 +13,7 @@ use petzval_learn::proxy_isp::{LEAST_SHADE, ProxyIsp};
 use rayon::prelude::*;
 
 use super::host::to_host;
+use crate::assets::OutsideIsp;
 use crate::error::DesignError;
 
 /// Nodes along a side of the mesh by which the shading of a window is corrected.
@@ -37,8 +38,8 @@ impl Chip {
         Self { isp: Arc::new(HardwareIsp { settings }), values, smooth, description: String::new() }
     }
 
-    /// An ISP of which nothing is known but what it makes of raw frames. A run goes on only as long as its description, any text, stays.
-    pub fn external(isp: Arc<dyn Isp>, values: Vec<f64>, description: String) -> Self {
+    /// An ISP outside this program.
+    pub fn external(OutsideIsp { isp, values, description }: OutsideIsp) -> Self {
         Self { isp, values, smooth: None, description }
     }
 

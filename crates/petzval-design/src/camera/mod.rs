@@ -6,6 +6,8 @@
 
 mod chip;
 mod host;
+pub mod isp_proxy;
+pub mod optics_proxy;
 mod psf_source;
 
 use std::rc::Rc;

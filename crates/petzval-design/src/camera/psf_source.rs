@@ -7,9 +7,9 @@ use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::Lens;
 use petzval_optics::psf::PsfKind;
 
+use crate::camera::optics_proxy::{ProxyOptics, ProxyPsfs};
 use crate::error::DesignError;
-use crate::optics_proxy::{ProxyOptics, ProxyPsfs};
-use crate::psf_plan::{BankWithTape, PsfPlan};
+use crate::lens::psf_plan::{BankWithTape, PsfPlan};
 
 /// Where the PSFs of a camera come from.
 #[derive(Clone)]

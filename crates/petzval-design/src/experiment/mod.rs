@@ -11,7 +11,7 @@ mod variants;
 pub use commented::{commented_toml, reference_markdown};
 pub use derived_lens::{BOX_CENTRE_LENS, PERFECT_LENS, is_derived_lens};
 pub use names::{BlockName, DetectorInput, FieldOfView, LensGoal, StepMethod};
-pub use plan::{LensSearch, Schedule, Stage, StepRule, Variant, turn_of};
+pub use plan::{LensSearch, Schedule, Stage, StepRule, Variant, cosine_rate, turn_of};
 pub use tables::{
     CheckpointConfig, ConstraintConfig, DetectorConfig, DevelopmentConfig, ExposureConfig, ExposureSetting,
     IspConfig, Keep, NO_ISP, NetworkConfig, OpticsConfig, PsfConfig, SameOf, ScoringConfig, SpotConfig,

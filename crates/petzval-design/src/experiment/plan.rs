@@ -8,7 +8,6 @@ use petzval_camera::sensor::NoiseMode;
 use petzval_optics::psf::PerfectImage;
 
 use super::names::{BlockName, DetectorInput, FieldOfView, LensGoal, StepMethod};
-use crate::adam::cosine_rate;
 
 /// A camera of the comparison.
 #[derive(Clone, Debug, PartialEq)]
@@ -100,6 +99,13 @@ impl Schedule {
         let rate = cosine_rate(self.learning_rate, self.final_learning_rate, step, self.steps);
         StepRule { method: self.method, rate, proximal: self.proximal }
     }
+}
+
+/// A learning rate that falls along a half cosine from `first` to `first * last_share`.
+pub fn cosine_rate(first: f64, last_share: f64, step: usize, steps: usize) -> f64 {
+    let t = if steps > 1 { step as f64 / (steps - 1) as f64 } else { 0.0 };
+    let share = last_share + (1.0 - last_share) * 0.5 * (1.0 + (std::f64::consts::PI * t.min(1.0)).cos());
+    first * share
 }
 
 impl Stage {
@@ -222,5 +228,12 @@ mod tests {
             turns(&Stage::Lens { goal: LensGoal::Spot, iterations: 200, search: LensSearch::default() }),
             "o"
         );
+    }
+
+    #[test]
+    fn the_rate_falls_from_first_to_last() {
+        assert_eq!(cosine_rate(2.0, 0.1, 0, 100), 2.0);
+        assert!((cosine_rate(2.0, 0.1, 99, 100) - 0.2).abs() < 1e-12);
+        assert_eq!(cosine_rate(2.0, 0.1, 0, 1), 2.0);
     }
 }

@@ -29,7 +29,7 @@ pub struct VariantConfig {
     /// The variant, earlier in the file, whose finished lens, ISP and network it starts from.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub from: Option<String>,
-    /// The description of a [network](crate::optics_proxy) from which its PSFs come while its lens moves for the task, in place of exact
+    /// The description of a [network](crate::camera::optics_proxy) from which its PSFs come while its lens moves for the task, in place of exact
     /// tracing. Lenses at rest and every score are traced.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub optics_proxy: Option<String>,

@@ -7,7 +7,7 @@ use petzval_optics::pupil::{Quadrature, chief_ray};
 use petzval_optics::spot::spot;
 
 use super::focus;
-use crate::psf_plan::field_angle;
+use crate::lens::psf_plan::field_angle;
 
 /// Pupil cells a side where light is looked for.
 const CELLS: usize = 24;

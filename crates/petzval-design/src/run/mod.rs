@@ -9,7 +9,9 @@
 mod checkpoint;
 mod digests;
 mod events;
+mod experiment;
 mod folder;
+pub mod input_list;
 mod made;
 mod metrics;
 mod record;

@@ -5,7 +5,7 @@ use std::path::Path;
 use petzval_camera::psf::PsfBank;
 use petzval_camera::render::{PatchKernels, RenderGeometry, blend_error, patch_kernels, with_patches_for};
 use petzval_design::assets::Assets;
-use petzval_design::psf_plan::PsfPlan;
+use petzval_design::lens::psf_plan::PsfPlan;
 use petzval_optics::psf::PsfOptions;
 use petzval_optics::pupil::Quadrature;
 

@@ -22,7 +22,7 @@ use petzval_design::experiment::{
     DetectorInput, Experiment, FieldOfView, StepMethod, StepRule, VariantConfig,
 };
 use petzval_design::inputs::keep_inputs;
-use petzval_design::psf_plan::PsfPlan;
+use petzval_design::lens::psf_plan::PsfPlan;
 use petzval_design::run::{Kept, Metrics, RunFolder, load_blocks};
 use petzval_design::scoring::Scorer;
 use petzval_design::seen_windows::{SeenWindow, Stage};
@@ -230,7 +230,7 @@ fn a_detector_leads_the_isp_by_a_network_in_its_place_or_as_a_black_box() {
         assert!(isp.values() != start, "{}: the parameters stay", row.camera);
         assert!(row.scores["ap50"].is_finite());
     }
-    let lens = petzval_design::run_report::camera_lens(&run, "by-proxy").unwrap().lens;
+    let lens = petzval_design::report::run_report::camera_lens(&run, "by-proxy").unwrap().lens;
     assert!(lens != setup.nominal().lens_file.lens, "the loss reaches the lens through the network");
 }
 
@@ -256,7 +256,7 @@ fn a_run_trains_a_detector_behind_a_moving_lens_and_scores_what_it_finds() {
     let [trained, joint] = &metrics.rows[..] else { panic!("two cameras") };
     // The second takes over the detector of the first, and starts from a lens of its own.
     assert_eq!((trained.network_steps, joint.network_steps, joint.isp_steps), (4, 8, 2));
-    let lens = petzval_design::run_report::camera_lens(&run, "end-to-end").unwrap().lens;
+    let lens = petzval_design::report::run_report::camera_lens(&run, "end-to-end").unwrap().lens;
     let moved = lens.surfaces.iter().zip(&spot.surfaces).any(|(a, b)| a.shape != b.shape);
     let away = (joint.efl_mm - trained.efl_mm).abs() / trained.efl_mm;
     assert!(moved && away < 0.02, "{away}");
@@ -290,7 +290,7 @@ fn a_lens_with_a_free_field_has_a_control_that_is_zoomed_like_it() {
     // White has the electrons of the image's brightness.
     assert!((free.white_e / nominal.white_e * ratio * ratio - 1.0).abs() < 1e-6, "{}", free.white_e);
     assert_eq!(zoomed.efl_mm, nominal.efl_mm);
-    let lens = petzval_design::run_report::camera_lens(&run, "zoomed").unwrap().lens;
+    let lens = petzval_design::report::run_report::camera_lens(&run, "zoomed").unwrap().lens;
     let zoom = zoom_of(&run, &setup.variants[2], &lens).unwrap();
     assert!((zoom / ratio - 1.0).abs() < 1e-9, "{zoom} {ratio}");
     assert_eq!(zoom_of(&run, &setup.variants[0], &lens).unwrap(), 1.0);

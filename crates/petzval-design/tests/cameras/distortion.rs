@@ -8,7 +8,7 @@ use petzval_camera::render::{
     with_patches_for,
 };
 use petzval_design::assets::Assets;
-use petzval_design::psf_plan::PsfPlan;
+use petzval_design::lens::psf_plan::PsfPlan;
 use petzval_optics::lens::Lens;
 use petzval_optics::number::Number;
 use petzval_optics::psf::PsfOptions;

@@ -8,13 +8,13 @@ use petzval_camera::isp::{HardwareIsp, Isp, IspError, IspParameter, RawInput, Rg
 use petzval_camera::render::{Placement, Window};
 use petzval_camera::sensor::{Noise, NoiseMode};
 use petzval_camera::tape::Frames;
-use petzval_design::assets::Assets;
+use petzval_design::assets::{Assets, OutsideIsp};
 use petzval_design::block::{Batch, Block, IspBlock, OpticsBlock};
-use petzval_design::camera::{Camera, Chip, ChipValues, PsfSource, Shot, ideal_input, to_host};
+use petzval_design::camera::{Camera, ChipValues, PsfSource, Shot, ideal_input, to_host};
 use petzval_design::design_loop::finished_camera;
 use petzval_design::error::DesignError;
 use petzval_design::experiment::{Experiment, StepMethod, StepRule};
-use petzval_design::psf_plan::PsfPlan;
+use petzval_design::lens::psf_plan::PsfPlan;
 use petzval_design::setup::Setup;
 use petzval_design::shots::training_shots;
 use petzval_files::isp_file::parse_external_isp;
@@ -345,7 +345,7 @@ fn foreign_setup(folder: &Path, isp: &str, variant: &str) -> Result<Setup, Desig
         .unwrap()
         .with_external_isps(Arc::new(|_| {
             let defaults = Foreign.defaults();
-            Ok(Chip::external(Arc::new(Foreign), defaults, "version 1".to_owned()))
+            Ok(OutsideIsp { isp: Arc::new(Foreign), values: defaults, description: "version 1".to_owned() })
         }));
     let text = format!(
         "[psf]\nfields = 5\npupil_cells = 32\nscoring_pupil_cells = 32\nscoring_pupil_error = 2.0\n\

@@ -17,9 +17,9 @@ use petzval_design::experiment::{
     DevelopmentConfig, ExposureSetting, FieldOfView, LensGoal, LensSearch, StepMethod, StepRule,
     VariantConfig,
 };
-use petzval_design::psf_plan::PsfPlan;
+use petzval_design::lens::psf_plan::PsfPlan;
+use petzval_design::lens::start::Start;
 use petzval_design::setup::Setup;
-use petzval_design::start::Start;
 use petzval_learn::Device;
 use petzval_learn::detection::Truth;
 use petzval_learn::network::NetworkKind;

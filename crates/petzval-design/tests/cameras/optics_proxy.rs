@@ -4,9 +4,9 @@ use std::path::Path;
 
 use burn::prelude::*;
 use petzval_design::assets::Assets;
+use petzval_design::camera::optics_proxy::{OpticsJudge, OpticsTraining, ProxyDomain, ProxyOpticsTrainer};
 use petzval_design::experiment::Experiment;
-use petzval_design::lens_sampler::LensSampler;
-use petzval_design::optics_proxy::{OpticsJudge, OpticsTraining, ProxyDomain, ProxyOpticsTrainer};
+use petzval_design::lens::sampler::LensSampler;
 use petzval_design::setup::Setup;
 
 const STEPS: usize = 60;

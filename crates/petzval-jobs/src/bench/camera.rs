@@ -12,7 +12,7 @@ use petzval_camera::sensor::{
 };
 use petzval_design::error::DesignError;
 use petzval_design::experiment::PsfConfig;
-use petzval_design::psf_plan::PsfPlan;
+use petzval_design::lens::psf_plan::PsfPlan;
 use petzval_optics::psf::PsfOptions;
 use petzval_optics::pupil::Quadrature;
 

@@ -10,5 +10,5 @@ pub mod show;
 pub mod tune;
 
 pub use frame::{FrameOptions, Merge};
-pub(crate) use named::external_chip;
+pub(crate) use named::external_isp;
 pub use named::{NEUTRAL, NamedIsp, isp_by_name};

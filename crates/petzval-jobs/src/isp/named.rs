@@ -7,8 +7,7 @@ use std::sync::atomic::AtomicBool;
 use petzval_camera::isp::{
     HardwareIsp, Isp, IspError, IspParameter, IspPreset, IspSettings, RawInput, RgbPicture, check_values,
 };
-use petzval_design::assets::Assets;
-use petzval_design::camera::Chip;
+use petzval_design::assets::{Assets, OutsideIsp};
 use petzval_design::error::DesignError;
 use petzval_files::isp_file::{
     ExternalIspFile, IspFile, IspProxyFile, parse_isp_file, preset_toml, settings_toml,
@@ -79,7 +78,7 @@ pub fn isp_by_name(name: &str, assets: &Assets, cancelled: &Arc<AtomicBool>) -> 
 }
 
 /// The external ISP of a description, or of settings for one, in a camera that is designed. The flag stops its calls.
-pub(crate) fn external_chip(path: &Path, cancelled: &Arc<AtomicBool>) -> Result<Chip, DesignError> {
+pub(crate) fn external_isp(path: &Path, cancelled: &Arc<AtomicBool>) -> Result<OutsideIsp, DesignError> {
     let named =
         isp_by_name(&path.display().to_string(), &Assets::default(), cancelled).map_err(
             |error| match error {
@@ -90,8 +89,8 @@ pub(crate) fn external_chip(path: &Path, cancelled: &Arc<AtomicBool>) -> Result<
     let Kind::External { isp, values, description } = named.kind else {
         return Err(DesignError::misfit(path, &"describes no external ISP", "give its description"));
     };
-    let text = petzval_base::read_text(&description).map_err(DesignError::io(&description))?;
-    Ok(Chip::external(Arc::from(isp as Box<dyn Isp>), values, text))
+    let description = petzval_base::read_text(&description).map_err(DesignError::io(&description))?;
+    Ok(OutsideIsp { isp: Arc::from(isp as Box<dyn Isp>), values, description })
 }
 
 impl NamedIsp {

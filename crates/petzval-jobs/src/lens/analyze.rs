@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use petzval_design::lens_view::surfaces;
+use petzval_design::lens::view::surfaces;
 use petzval_optics::analysis::{AnalysisOptions, analyze};
 use petzval_report::lens_sheet::{PICTURES, Picture, page};
 use serde::{Deserialize, Serialize};

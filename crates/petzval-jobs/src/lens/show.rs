@@ -1,6 +1,6 @@
 //! `lens show`: what a lens is, in numbers.
 
-use petzval_design::glass_warnings::glass_warnings;
+use petzval_design::assets::glass_warnings::glass_warnings;
 use petzval_files::lens_toml::special_lines;
 use petzval_optics::analysis::{Cone, first_order_table};
 use petzval_optics::lens::{Action, Lens, ObjectDistance};

@@ -15,7 +15,7 @@ use petzval_camera::sensor::{Capture, Exposure, Noise, NoiseMode, SensorModel, e
 use petzval_design::camera::{Body, Camera, PsfSource, Psfs, Shot};
 use petzval_design::error::DesignError;
 use petzval_design::experiment::PsfConfig;
-use petzval_design::psf_plan::PsfPlan;
+use petzval_design::lens::psf_plan::PsfPlan;
 use petzval_lab::psf_calibration::PsfCalibrationError;
 use petzval_lab::psf_calibration::manifest::MANIFEST_FILE;
 use petzval_lab::psf_calibration::psf_file::{AXES_FILE, load_psfs};

@@ -9,7 +9,7 @@ use petzval_camera::linear_limit::{LinearLimit, NaturalScenes};
 use petzval_camera::sensor::SensorModel;
 use petzval_design::block::OpticsBlock;
 use petzval_design::experiment::{Experiment, FieldOfView, LensGoal, LensSearch};
-use petzval_design::start::{Start, StartOf};
+use petzval_design::lens::start::{Start, StartOf};
 use petzval_files::{Figure, LensFile, Operand, OperandFile, write_lens};
 use petzval_jobs::lens::optimize;
 use petzval_jobs::{Context, Silent, built_in_assets};

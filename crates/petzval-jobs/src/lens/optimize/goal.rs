@@ -7,7 +7,7 @@ use petzval_camera::linear_limit::{LinearLimit, NaturalScenes};
 use petzval_camera::sensor::Exposure;
 use petzval_design::assets::Assets;
 use petzval_design::experiment::{ExposureConfig, PsfConfig};
-use petzval_design::restored::RestoredError;
+use petzval_design::lens::restored::RestoredError;
 use petzval_files::{LensFile, OperandFile};
 use petzval_optics::analysis::first_order_table;
 use petzval_optics::design_space::{

@@ -1,6 +1,6 @@
 //! The page of an optimisation.
 
-use petzval_design::lens_view::{section, surfaces};
+use petzval_design::lens::view::{section, surfaces};
 use petzval_optics::lens::Lens;
 use petzval_optics::optimize::Problem;
 use petzval_report::optimize_sheet::{self, FigureRow, LensState, OptimizeSheet};

@@ -7,9 +7,9 @@ use petzval_camera::spectral::{
     ElectronsError, Illuminant, IlluminantError, PixelOptics, Spectrum, SpectrumTable,
 };
 use petzval_design::assets::Assets;
+use petzval_design::assets::glass_warnings::glass_warnings;
 use petzval_design::error::DesignError;
-use petzval_design::glass_warnings::glass_warnings;
-use petzval_design::psf_plan::PsfPlan;
+use petzval_design::lens::psf_plan::PsfPlan;
 use petzval_optics::analysis::image_f_number;
 use petzval_optics::glass::Catalog;
 use petzval_optics::lens::Lens;

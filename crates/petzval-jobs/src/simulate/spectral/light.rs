@@ -8,7 +8,7 @@ use petzval_camera::spectral::{
     share_outside, white_range_um,
 };
 use petzval_design::error::DesignError;
-use petzval_design::psf_plan::PsfPlan;
+use petzval_design::lens::psf_plan::PsfPlan;
 use petzval_files::raw_file::shortest;
 use serde_json::{Map, Value, json};
 

@@ -5,12 +5,11 @@ mod plan;
 use std::path::PathBuf;
 
 use petzval_camera::isp::{Demosaic, Domain, Isp};
+use petzval_design::camera::isp_proxy::{Frame, Judge, ParameterSlope, ProxyTrainer, ScoreGap, StepLosses};
 use petzval_design::error::DesignError;
 use petzval_design::experiment::DevelopmentConfig;
 use petzval_design::inputs;
-use petzval_design::isp_proxy::{
-    Frame, FrameSource, Judge, ParameterSlope, ProxyTrainer, ScoreGap, StepLosses,
-};
+use petzval_design::isp_frames::FrameSource;
 use petzval_design::setup::Setup;
 use petzval_files::isp_file::IspProxyFile;
 use petzval_report::isp_proxy_sheet::{Pair, ScoreRow, Sheet, Slope, page};
@@ -23,7 +22,7 @@ use crate::error::JobError;
 use crate::isp::{NamedIsp, isp_by_name};
 
 pub use self::plan::Plan;
-pub use petzval_design::isp_proxy::{Gap, ProxyTraining};
+pub use petzval_design::camera::isp_proxy::{Gap, ProxyTraining};
 
 /// Frames of a training step, and their side in pixels: with the mirrored pixels around them 32 cells of the filter array, which three
 /// levels halve without a rest.

@@ -1,6 +1,6 @@
 //! The plan of a training.
 
-use petzval_design::isp_proxy::ProxyTraining;
+use petzval_design::camera::isp_proxy::ProxyTraining;
 use serde::{Deserialize, Serialize};
 
 /// What is imitated, and how.

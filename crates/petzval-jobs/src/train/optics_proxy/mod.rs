@@ -4,10 +4,10 @@ use std::path::PathBuf;
 
 use cpu_time::ProcessTime;
 use petzval_camera::psf::PsfBank;
-use petzval_design::lens_sampler::LensSampler;
-use petzval_design::optics_proxy::{
+use petzval_design::camera::optics_proxy::{
     FILES, OpticsFieldGap, OpticsGap, OpticsJudge, OpticsLosses, ProxyDomain, ProxyOptics, ProxyOpticsTrainer,
 };
+use petzval_design::lens::sampler::LensSampler;
 use petzval_design::setup::Setup;
 use petzval_files::optics_proxy_file::OpticsProxyFile;
 use petzval_files::write_lens;
@@ -40,7 +40,7 @@ pub struct Plan {
     pub training: OpticsTraining,
 }
 
-pub use petzval_design::optics_proxy::OpticsTraining;
+pub use petzval_design::camera::optics_proxy::OpticsTraining;
 
 /// A training of a network.
 pub type Request = AnyRequest<Plan>;

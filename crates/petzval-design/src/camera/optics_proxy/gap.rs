@@ -8,8 +8,8 @@ use serde::{Deserialize, Serialize};
 
 use super::proxy::ProxyOptics;
 use crate::error::DesignError;
-use crate::lens_sampler::LensSampler;
-use crate::psf_plan::{BankWithTape, PsfPlan};
+use crate::lens::psf_plan::{BankWithTape, PsfPlan};
+use crate::lens::sampler::LensSampler;
 
 /// What the network costs. Means over lenses, fields and colours, unless said otherwise.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::camera::to_host;
 use crate::error::DesignError;
-use crate::psf_plan::PsfPlan;
+use crate::lens::psf_plan::PsfPlan;
 
 /// Mean and standard deviation of the inputs of a network over random lenses of its design space: the coordinates of the design space, and
 /// last the image radius of the field, mm.

@@ -9,10 +9,10 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::proxy::{ProxyDomain, ProxyOptics, Scale};
-use crate::adam::cosine_rate;
 use crate::error::DesignError;
-use crate::lens_sampler::LensSampler;
-use crate::psf_plan::BankWithTape;
+use crate::experiment::cosine_rate;
+use crate::lens::psf_plan::BankWithTape;
+use crate::lens::sampler::LensSampler;
 
 /// Learning rate at the start, and its share at the end.
 const LEARNING_RATE: f64 = 2e-3;

@@ -37,16 +37,10 @@ impl Adam {
     }
 }
 
-/// A learning rate that falls along a half cosine from `first` to `first * last_share`.
-pub fn cosine_rate(first: f64, last_share: f64, step: usize, steps: usize) -> f64 {
-    let t = if steps > 1 { step as f64 / (steps - 1) as f64 } else { 0.0 };
-    let share = last_share + (1.0 - last_share) * 0.5 * (1.0 + (std::f64::consts::PI * t.min(1.0)).cos());
-    first * share
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::experiment::cosine_rate;
 
     #[test]
     fn a_badly_scaled_quadratic_is_minimised() {
@@ -56,12 +50,5 @@ mod tests {
             adam.step(&mut x, &gradient, cosine_rate(0.1, 0.001, step, 400));
         }
         assert!(x[0].abs() < 1e-2 && (x[1] - 1.0).abs() < 1e-2, "{x:?}");
-    }
-
-    #[test]
-    fn the_rate_falls_from_first_to_last() {
-        assert_eq!(cosine_rate(2.0, 0.1, 0, 100), 2.0);
-        assert!((cosine_rate(2.0, 0.1, 99, 100) - 0.2).abs() < 1e-12);
-        assert_eq!(cosine_rate(2.0, 0.1, 0, 1), 2.0);
     }
 }

@@ -1,24 +1,25 @@
 //! The built-in library of lenses, glasses, sensors, experiments, photographs and weights, and the rule by
 //! which a name on the command line or in an experiment becomes text.
 
+pub mod glass_warnings;
+pub mod study;
+
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 use petzval_base::FileError;
+use petzval_camera::isp::Isp;
 use petzval_camera::sensor::SensorModel;
 use petzval_files::{
     Import, LensFile, decode, parse_lens_start, parse_optiland_start, parse_seq_start, parse_zmx_start,
 };
 use petzval_optics::glass::Catalog;
 
-use crate::camera::Chip;
+use crate::assets::glass_warnings::glass_warnings;
 use crate::error::DesignError;
 use crate::experiment::{BUILT_IN_PHOTOS, Experiment, STREET};
-use crate::glass_warnings::glass_warnings;
-use crate::input_list::pictures_of_run;
 use crate::path_text::path_text;
-use crate::run::{RunFolder, RunRecord, read_config};
 
 /// Files built into the program, by their path below `data/`.
 #[derive(Clone, Default)]
@@ -32,8 +33,19 @@ pub struct Assets {
     external_isps: Option<ExternalIsps>,
 }
 
+/// An ISP outside this program, of which nothing is known but what it makes of raw frames.
+#[derive(Clone)]
+pub struct OutsideIsp {
+    /// Its interface.
+    pub isp: Arc<dyn Isp>,
+    /// A value for each of its parameters.
+    pub values: Vec<f64>,
+    /// The text that describes it. A run goes on only as long as it stays.
+    pub description: String,
+}
+
 /// Makes the ISP of a file that describes one outside this program.
-pub type ExternalIsps = Arc<dyn Fn(&Path) -> Result<Chip, DesignError> + Send + Sync>;
+pub type ExternalIsps = Arc<dyn Fn(&Path) -> Result<OutsideIsp, DesignError> + Send + Sync>;
 
 /// Receives one line per warning.
 pub type WarningSink = Arc<dyn Fn(&str) + Send + Sync>;
@@ -79,7 +91,7 @@ impl Assets {
     }
 
     /// The external ISP of a file.
-    pub fn external_chip(&self, path: &Path) -> Result<Chip, DesignError> {
+    pub fn external_isp(&self, path: &Path) -> Result<OutsideIsp, DesignError> {
         match &self.external_isps {
             Some(make) => make(path),
             None => Err(DesignError::misfit(
@@ -254,45 +266,13 @@ impl Assets {
         self.located(experiment, &source)
     }
 
-    /// The experiment that a run was made from, by its record; that of its `config.toml` if it has none.
-    pub fn experiment_of_run(&self, run: &RunFolder) -> Result<Experiment, DesignError> {
-        self.experiment_of_run_with(run, None)
-    }
-
-    /// The same, whose pictures are where the user says, if `pictures` are given.
-    pub fn experiment_of_run_with(
-        &self,
-        run: &RunFolder,
-        pictures: Option<&Path>,
-    ) -> Result<Experiment, DesignError> {
-        let config = match RunRecord::read(run)? {
-            Some(record) => record.config,
-            None => read_config(run)?,
-        };
-        self.experiment_in(run, config, pictures)
-    }
-
-    /// An experiment with its lens, sensor and pictures looked for in a run folder. Pictures need not be there; `pictures` says where
-    /// they are now.
-    pub fn experiment_in(
-        &self,
-        run: &RunFolder,
-        config: Experiment,
-        pictures: Option<&Path>,
-    ) -> Result<Experiment, DesignError> {
-        let source = Text { path: run.config(), text: config.to_toml()? };
-        let mut experiment = self.beside(config, &source, &["photos", "data"])?;
-        pictures_of_run(run, &mut experiment, pictures)?;
-        Ok(experiment)
-    }
-
     /// An experiment with the paths that it names made those of files beside its own.
     fn located(&self, experiment: Experiment, source: &Text) -> Result<Experiment, DesignError> {
         self.beside(experiment, source, &[])
     }
 
     /// The same, where the inputs of some keys need not be there.
-    fn beside(
+    pub(crate) fn beside(
         &self,
         mut experiment: Experiment,
         source: &Text,

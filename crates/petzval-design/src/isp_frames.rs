@@ -6,8 +6,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-use super::frame::{Frame, take};
 use crate::camera::Camera;
+use crate::camera::isp_proxy::{Frame, take};
 use crate::error::DesignError;
 use crate::setup::Setup;
 use crate::shots::{held_out_shots, training_shots};

@@ -12,14 +12,14 @@ use petzval_optics::lens::Lens;
 use petzval_optics::number::Number;
 use petzval_optics::psf::FieldPsf;
 
-use crate::attribution::attribution;
 use crate::detection_view::detection_view;
 use crate::error::DesignError;
 use crate::experiment::{BlockName, DetectorInput, LensGoal, SameOf, Variant};
-use crate::lens_numbers::{full_name, surface_name, unit_of};
-use crate::lens_view;
-use crate::psf_plan::PsfPlan;
-use crate::report_pictures::{frames, held_out, in_order, pictures};
+use crate::lens::numbers::{full_name, surface_name, unit_of};
+use crate::lens::psf_plan::PsfPlan;
+use crate::lens::view;
+use crate::report::attribution::attribution;
+use crate::report::pictures::{frames, held_out, in_order, pictures};
 use crate::run::{
     CameraMetrics, Event, Kept, MadeFigures, MadeMetrics, Metrics, RunFolder, RunRecord, load_blocks,
     read_events,
@@ -135,15 +135,15 @@ fn gathered(
         cameras.push(CameraView {
             name: variant.name.clone(),
             first_order: first_order_table(lens),
-            surfaces: lens_view::surfaces(lens),
-            layout: lens_view::section(lens, &layout_fields_deg),
-            mtf: lens_view::modulation(
+            surfaces: view::surfaces(lens),
+            layout: view::section(lens, &layout_fields_deg),
+            mtf: view::modulation(
                 lens,
                 &layout_fields_deg,
                 &plan.wavelengths_um,
                 SHOWN_OF_NYQUIST * nyquist_per_mm,
             ),
-            over_field: lens_view::to_full_field(lens, full_rad, &plan.wavelengths_um),
+            over_field: view::to_full_field(lens, full_rad, &plan.wavelengths_um),
             psfs: psf_views(&PsfPlan { perfect_image: variant.perfect_image, ..plan.clone() }, lens)?,
             changes: match variant.moves_lens() {
                 false => Vec::new(),
@@ -224,7 +224,7 @@ fn psf_views(plan: &PsfPlan, lens: &Lens) -> Result<Vec<PsfView>, DesignError> {
     let last = psfs.len() - 1;
     let shown = SHOWN_QUARTERS.map(|q| &psfs[(q * last + 2) / 4]);
     let view = |psf: &&FieldPsf| {
-        let spot = lens_view::at_fields(lens, &[psf.field_rad], &plan.wavelengths_um);
+        let spot = view::at_fields(lens, &[psf.field_rad], &plan.wavelengths_um);
         PsfView::new(psf, &plan.options, spot.first().map_or(f64::NAN, |s| s.rms_um))
     };
     Ok(shown.iter().filter_map(view).collect())

@@ -1,19 +1,17 @@
 //! Training of networks that imitate an image signal processor (ISP) which has no gradient, and what the imitation costs.
 //!
 //! ```text
-//! FrameSource -> raw frames -> the ISP, seen only through its interface -> pictures -> ProxyTrainer -> ProxyIsp -> Gap
+//! raw frames -> the ISP, seen only through its interface -> pictures -> ProxyTrainer -> ProxyIsp -> Gap
 //! ```
 //!
 //! Source of the method: E. Tseng et al., "Hyperparameter optimization in black-box image processing using differentiable proxies", ACM
 //! TOG 2019.
 
 mod frame;
-mod frames;
 mod gap;
 mod sampling;
 mod trainer;
 
 pub use frame::{Frame, take};
-pub use frames::FrameSource;
 pub use gap::{Gap, Judge, ParameterSlope, ScoreGap};
 pub use trainer::{ProxyTrainer, ProxyTraining, StepLosses};

@@ -7,8 +7,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use crate::error::DesignError;
-use crate::psf_plan::{BankWithTape, PsfPlan};
-use crate::start::Start;
+use crate::lens::psf_plan::{BankWithTape, PsfPlan};
+use crate::lens::start::Start;
 
 /// Least width of the draws about the centre over the largest: the logarithm of the width is drawn evenly between them.
 const LEAST_WIDTH: f64 = 0.03;

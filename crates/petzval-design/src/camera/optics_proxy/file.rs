@@ -10,8 +10,8 @@ use petzval_optics::design_space::Focus;
 
 use super::proxy::{ProxyDomain, ProxyOptics, Scale};
 use crate::error::DesignError;
-use crate::psf_plan::PsfPlan;
-use crate::start::Start;
+use crate::lens::psf_plan::PsfPlan;
+use crate::lens::start::Start;
 
 /// The files of a network's folder.
 pub const FILES: [&str; 3] = ["proxy.toml", "lens.toml", "weights.bin"];

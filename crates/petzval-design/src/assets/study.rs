@@ -142,8 +142,9 @@ mod tests {
     #[test]
     fn the_study_is_that_of_the_book() {
         let study: Study =
-            toml::from_str(include_str!("../../../data/studies/cooke-triplet-image-quality.toml")).unwrap();
-        let book = include_str!("../../../book/src/experiments.md");
+            toml::from_str(include_str!("../../../../data/studies/cooke-triplet-image-quality.toml"))
+                .unwrap();
+        let book = include_str!("../../../../book/src/experiments.md");
         assert_eq!(study.seeds, [1, 2, 3]);
         for difference in &study.difference {
             let cell = |score: &str, decimals: usize| {

@@ -12,8 +12,8 @@ use serde::{Deserialize, Serialize};
 
 use super::Frame;
 use super::sampling::pair;
-use crate::adam::cosine_rate;
 use crate::error::DesignError;
+use crate::experiment::cosine_rate;
 
 /// Learning rate at the start, and its share at the end.
 const LEARNING_RATE: f64 = 2e-3;

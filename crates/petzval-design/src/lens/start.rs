@@ -19,9 +19,9 @@ use petzval_optics::solve::{thin_equivalent, with_best_focus};
 use crate::assets::Assets;
 use crate::error::DesignError;
 use crate::experiment::{BOX_CENTRE_LENS, Experiment, FieldOfView, LensGoal, PERFECT_LENS};
-use crate::psf_plan::PsfPlan;
-use crate::requirements::Requirements;
-use crate::restored::RestoredError;
+use crate::lens::psf_plan::PsfPlan;
+use crate::lens::requirements::Requirements;
+use crate::lens::restored::RestoredError;
 
 /// A lens from which variants start.
 pub struct Start {
@@ -245,7 +245,7 @@ mod tests {
     use super::*;
 
     fn sensor(height: usize, width: usize, pixel_um: f64) -> SensorModel {
-        let text = include_str!("../../../data/sensors/imx249-fitted.toml");
+        let text = include_str!("../../../../data/sensors/imx249-fitted.toml");
         SensorModel { height, width, pixel_um, ..petzval_files::parse_sensor(text).unwrap() }
     }
 

@@ -12,7 +12,7 @@ use petzval_optics::number::Number;
 use petzval_optics::paraxial::{image_brightness, pull_back_log_brightness};
 
 use crate::error::DesignError;
-use crate::psf_plan::{BankWithTape, PsfPlan};
+use crate::lens::psf_plan::{BankWithTape, PsfPlan};
 
 /// The root of the expected squared error that the best linear restoration of raw frames leaves, in percent of white: the mean over
 /// sensor and colours, see [`LinearLimit`].

@@ -9,13 +9,13 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use crate::assets::Assets;
+use crate::assets::study::{MeanAndDeviation, is_same_lens};
 use crate::error::DesignError;
 use crate::experiment::{BUILT_IN_PHOTOS, Experiment, STREET};
-use crate::input_list::InputList;
 use crate::path_text::path_text;
+use crate::report::run_report::read_metrics;
+use crate::run::input_list::InputList;
 use crate::run::{CameraMetrics, DigestCheck, Metrics, RunFolder, RunRecord, hex, quoted, read_config};
-use crate::run_report::read_metrics;
-use crate::study::{MeanAndDeviation, is_same_lens};
 
 /// Finished runs of one experiment that differ in their seeds alone.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -2,9 +2,9 @@
 
 use petzval_report::design_report::Attribution;
 
-use crate::lens_numbers::{name, surface_name};
+use crate::lens::numbers::{name, surface_name};
+use crate::lens::start::Start;
 use crate::run::Event;
-use crate::start::Start;
 
 /// One entry for each coordinate of the lens: its variables, and last the image plane. Empty if no event is a lens step.
 pub fn attribution<'e>(start: &Start, events: impl Iterator<Item = &'e Event>) -> Vec<Attribution> {
