@@ -3,20 +3,24 @@
 //! A module is a file. It uses another if its code names an item of it by a path that begins with `crate`, `super`, `self`
 //! or one of its own children. A path that ends at a re-export counts as one to the module that defines the item, so a
 //! parent that only re-exports its children is no part of a circle. Comments, strings and tests do not count.
+//!
+//! Folders are judged as a reader sees them, by the path as it is written: two neighbours in a folder, each a file or a folder with
+//! all below it, must not use each other.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
-use std::fs;
 use std::path::Path;
 
-use super::layers::rust_files;
+use super::sources::{Module, read_modules};
 
 /// The path of a module below its crate: `["emva", "point"]`.
-type ModulePath = Vec<String>;
+pub(super) type ModulePath = Vec<String>;
 
 /// Modules that use each other, directly or by way of others.
 #[derive(Debug)]
 pub struct Circle {
+    /// What they are: modules or folders.
+    pub what: &'static str,
     /// The modules, `emva::point` and so on; the root of the crate is `crate`.
     pub modules: Vec<String>,
     /// Who uses whom among them, with the name that is used.
@@ -25,54 +29,96 @@ pub struct Circle {
 
 impl fmt::Display for Circle {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "circle of modules: {}", self.modules.join(", "))?;
+        write!(f, "circle of {}: {}", self.what, self.modules.join(", "))?;
         self.uses.iter().try_for_each(|one| write!(f, "\n    {one}"))
     }
 }
 
-/// What is known about one module.
-#[derive(Default)]
-struct Module {
-    /// Names that `use` brings in, with the path they stand for.
-    imports: BTreeMap<String, Vec<String>>,
-    /// Paths of `use module::*`.
-    globs: Vec<Vec<String>>,
-    /// Paths that the code names, beside those that it only re-exports.
-    paths: Vec<Vec<String>>,
-    /// Items that the module defines.
-    items: BTreeSet<String>,
-}
+/// Who uses whom, with a name that is used.
+type Edges = BTreeMap<ModulePath, BTreeMap<ModulePath, String>>;
 
-/// The circles of the modules below a folder of sources.
+/// The circles of the modules below a folder of sources: first those of files, then those of folders.
 pub fn find(sources: &Path) -> Vec<Circle> {
     let modules = read_modules(sources);
-    let mut edges: BTreeMap<&ModulePath, BTreeMap<ModulePath, String>> = BTreeMap::new();
+    let mut files = Edges::new();
+    let mut rooms = Edges::new();
     for (own, module) in &modules {
         for path in &module.paths {
             let Some((target, name)) = resolve(&modules, own, path, 0) else { continue };
             if target != *own {
-                edges.entry(own).or_default().entry(target).or_insert(name);
+                files.entry(own.clone()).or_default().entry(target).or_insert(name);
+            }
+            if let Some((from, to)) = rooms_of(&modules, own, path) {
+                let name = path.last().cloned().unwrap_or_default();
+                rooms
+                    .entry(from)
+                    .or_default()
+                    .entry(to)
+                    .or_insert_with(|| format!("{name} in {}", shown(own)));
             }
         }
     }
+    let mut found = circles("modules", &files);
+    let more = circles("folders", &rooms);
+    let is_new = |circle: &Circle| found.iter().all(|known| known.modules != circle.modules);
+    let more: Vec<Circle> = more.into_iter().filter(is_new).collect();
+    found.extend(more);
+    found
+}
 
-    // Two modules are in one circle if each reaches the other.
+/// The two neighbours in one folder that a path leads from and to, as a reader of the path sees it: re-exports are not followed.
+fn rooms_of(
+    modules: &BTreeMap<ModulePath, Module>,
+    own: &ModulePath,
+    path: &[String],
+) -> Option<(ModulePath, ModulePath)> {
+    let target = written(modules, own, path)?;
+    let common = own.iter().zip(&target).take_while(|(a, b)| a == b).count();
+    let is_apart = common < own.len() && common < target.len();
+    is_apart.then(|| (own[..=common].to_vec(), target[..=common].to_vec()))
+}
+
+/// The module that a path names as it is written.
+fn written(modules: &BTreeMap<ModulePath, Module>, from: &ModulePath, path: &[String]) -> Option<ModulePath> {
+    let mut current = from.clone();
+    for segment in path {
+        match segment.as_str() {
+            "crate" => current.clear(),
+            "super" => {
+                current.pop()?;
+            }
+            "self" => {}
+            _ => {
+                current.push(segment.clone());
+                if !modules.contains_key(&current) {
+                    current.pop();
+                    break;
+                }
+            }
+        }
+    }
+    Some(current)
+}
+
+/// Those that reach each other.
+fn circles(what: &'static str, edges: &Edges) -> Vec<Circle> {
     let reached: BTreeMap<&ModulePath, BTreeSet<&ModulePath>> =
-        modules.keys().map(|from| (from, reachable(from, &edges))).collect();
+        edges.keys().map(|from| (from, reachable(from, edges))).collect();
     let mut found = Vec::new();
     let mut seen: BTreeSet<&ModulePath> = BTreeSet::new();
-    for module in modules.keys() {
+    for module in edges.keys() {
         if !reached[module].contains(module) || seen.contains(module) {
             continue;
         }
-        let circle: Vec<&ModulePath> =
-            reached[module].iter().copied().filter(|other| reached[other].contains(module)).collect();
+        let reaches = |other: &&ModulePath| reached.get(*other).is_some_and(|all| all.contains(module));
+        let circle: Vec<&ModulePath> = reached[module].iter().copied().filter(reaches).collect();
         seen.extend(&circle);
         let uses = circle.iter().flat_map(|from| {
             let targets = edges[*from].iter().filter(|(to, _)| circle.contains(to));
             targets.map(|(to, name)| format!("{} uses {} ({name})", shown(from), shown(to)))
         });
-        found.push(Circle { uses: uses.collect(), modules: circle.iter().map(|m| shown(m)).collect() });
+        let modules = circle.iter().map(|m| shown(m)).collect();
+        found.push(Circle { what, uses: uses.collect(), modules });
     }
     found
 }
@@ -82,10 +128,7 @@ fn shown(module: &ModulePath) -> String {
 }
 
 /// Modules that can be reached from one, itself only by a circle.
-fn reachable<'a>(
-    from: &ModulePath,
-    edges: &'a BTreeMap<&ModulePath, BTreeMap<ModulePath, String>>,
-) -> BTreeSet<&'a ModulePath> {
+fn reachable<'a>(from: &ModulePath, edges: &'a Edges) -> BTreeSet<&'a ModulePath> {
     let (mut found, mut open) = (BTreeSet::new(), vec![from]);
     while let Some(module) = open.pop() {
         for target in edges.get(module).into_iter().flat_map(BTreeMap::keys) {
@@ -160,239 +203,13 @@ fn is_own(modules: &BTreeMap<ModulePath, Module>, from: &ModulePath, path: &[Str
     ["crate", "super", "self"].contains(&first.as_str()) || modules.contains_key(&child)
 }
 
-fn read_modules(sources: &Path) -> BTreeMap<ModulePath, Module> {
-    let mut tokens: BTreeMap<ModulePath, Vec<String>> = BTreeMap::new();
-    let mut tests: BTreeSet<ModulePath> = BTreeSet::new();
-    for file in rust_files(sources) {
-        let Some(path) = module_path(sources, &file) else { continue };
-        let (code, test_files) = without_tests(tokenize(&fs::read_to_string(&file).unwrap_or_default()));
-        tests.extend(test_files.into_iter().map(|name| path.iter().cloned().chain([name]).collect()));
-        tokens.entry(path).or_default().extend(code);
-    }
-    tokens.retain(|path, _| !tests.iter().any(|test: &ModulePath| path.starts_with(test)));
-    let names: BTreeSet<ModulePath> = tokens.keys().cloned().collect();
-    let children = |path: &ModulePath| -> BTreeSet<String> {
-        let below = names.iter().filter(|n| n.len() == path.len() + 1 && n.starts_with(path));
-        below.filter_map(|n| n.last().cloned()).collect()
-    };
-    tokens.iter().map(|(path, code)| (path.clone(), read_module(code, &children(path)))).collect()
-}
-
-/// `src/emva/point.rs` is `["emva", "point"]`; programs beside the library have no module path.
-fn module_path(sources: &Path, file: &Path) -> Option<ModulePath> {
-    let below = file.strip_prefix(sources).ok()?.with_extension("");
-    let mut path: ModulePath = below.iter().map(|s| s.to_string_lossy().into_owned()).collect();
-    if path.first().is_some_and(|first| first == "bin") || path == ["main"] {
-        return None;
-    }
-    if path == ["lib"] || path.last().is_some_and(|last| last == "mod") {
-        path.pop();
-    }
-    Some(path)
-}
-
-/// Words and signs of the code, without comments, strings and characters; `::` is one sign.
-fn tokenize(text: &str) -> Vec<String> {
-    let chars: Vec<char> = text.chars().collect();
-    let at = |i: usize| chars.get(i).copied().unwrap_or('\0');
-    let (mut tokens, mut i) = (Vec::new(), 0);
-    while i < chars.len() {
-        let c = at(i);
-        let start = i;
-        if c == '/' && at(i + 1) == '/' {
-            while i < chars.len() && at(i) != '\n' {
-                i += 1;
-            }
-        } else if c == '/' && at(i + 1) == '*' {
-            while i < chars.len() && (at(i), at(i + 1)) != ('*', '/') {
-                i += 1;
-            }
-            i += 2;
-        } else if c.is_alphanumeric() || c == '_' {
-            while at(i).is_alphanumeric() || at(i) == '_' {
-                i += 1;
-            }
-            let word: String = chars[start..i].iter().collect();
-            match is_raw_string(&word, &chars, i) {
-                true => i = end_of_raw_string(&chars, i),
-                false => tokens.push(word),
-            }
-        } else if c == '"' {
-            i += 1;
-            while i < chars.len() && at(i) != '"' {
-                i += if at(i) == '\\' { 2 } else { 1 };
-            }
-            i += 1;
-        } else if c == '\'' && (at(i + 1) == '\\' || at(i + 2) == '\'') {
-            i += if at(i + 1) == '\\' { 3 } else { 2 };
-            while i < chars.len() && at(i) != '\'' {
-                i += 1;
-            }
-            i += 1;
-        } else if c == ':' && at(i + 1) == ':' {
-            tokens.push("::".to_owned());
-            i += 2;
-        } else {
-            if !c.is_whitespace() {
-                tokens.push(c.to_string());
-            }
-            i += 1;
-        }
-    }
-    tokens
-}
-
-fn is_raw_string(word: &str, chars: &[char], next: usize) -> bool {
-    let after = chars[next..].iter().find(|c| **c != '#');
-    ["r", "br"].contains(&word) && chars.get(next).is_some_and(|c| "\"#".contains(*c)) && after == Some(&'"')
-}
-
-fn end_of_raw_string(chars: &[char], start: usize) -> usize {
-    let hashes = chars[start..].iter().take_while(|c| **c == '#').count();
-    let closes = |i: usize| chars[i] == '"' && chars[i + 1..].iter().take(hashes).all(|c| *c == '#');
-    let open = start + hashes + 1;
-    (open..chars.len()).find(|i| closes(*i)).map_or(chars.len(), |i| i + 1 + hashes)
-}
-
-/// The code without `#[cfg(test)]` items, and the names of the files that hold only tests.
-fn without_tests(tokens: Vec<String>) -> (Vec<String>, Vec<String>) {
-    let test = ["#", "[", "cfg", "(", "test", ")", "]"];
-    let (mut kept, mut files, mut i) = (Vec::new(), Vec::new(), 0);
-    while i < tokens.len() {
-        if !tokens[i..].iter().take(test.len()).map(String::as_str).eq(test) {
-            kept.push(tokens[i].clone());
-            i += 1;
-            continue;
-        }
-        // Up to the end of the item: a semicolon or the closing brace.
-        i += test.len();
-        let (mut depth, start) = (0usize, i);
-        while i < tokens.len() {
-            match tokens[i].as_str() {
-                "{" => depth += 1,
-                "}" => depth = depth.saturating_sub(1),
-                _ => {}
-            }
-            i += 1;
-            if depth == 0 && [";", "}"].contains(&tokens[i - 1].as_str()) {
-                break;
-            }
-        }
-        let item = &tokens[start..i];
-        if let Some(place) = item.iter().position(|t| t == "mod")
-            && item.last().is_some_and(|t| t == ";")
-        {
-            files.push(item[place + 1].clone());
-        }
-    }
-    (kept, files)
-}
-
-fn read_module(tokens: &[String], children: &BTreeSet<String>) -> Module {
-    const ITEMS: [&str; 8] = ["fn", "struct", "enum", "trait", "type", "const", "static", "union"];
-    let mut module = Module::default();
-    let mut re_exports: Vec<(String, Vec<String>)> = Vec::new();
-    let mut words: BTreeSet<&str> = BTreeSet::new();
-    let mut i = 0;
-    while i < tokens.len() {
-        let (token, before) = (tokens[i].as_str(), i.checked_sub(1).map_or("", |b| tokens[b].as_str()));
-        if token == "use" && before != "<" {
-            let end = (i..tokens.len()).find(|e| tokens[*e] == ";").unwrap_or(tokens.len());
-            let is_public = before == "pub" || before == ")";
-            for (name, path) in use_tree(&tokens[i + 1..end], &[]) {
-                if name == "*" {
-                    module.globs.push(path.clone());
-                } else {
-                    module.imports.insert(name.clone(), path.clone());
-                }
-                match is_public {
-                    true => re_exports.push((name, path)),
-                    false => module.paths.push(path),
-                }
-            }
-            i = end + 1;
-            continue;
-        }
-        // The name of a module is no use of an item that has the same name.
-        if token == "mod" {
-            i += 2;
-            continue;
-        }
-        if ITEMS.contains(&token)
-            && let Some(name) = tokens.get(i + 1)
-        {
-            module.items.insert(name.clone());
-            i += 2;
-            continue;
-        }
-        let begins = before != "::" && tokens.get(i + 1).is_some_and(|t| t == "::");
-        if begins && (["crate", "super", "self"].contains(&token) || children.contains(token)) {
-            let mut path = vec![token.to_owned()];
-            while tokens.get(i + 1).is_some_and(|t| t == "::")
-                && tokens.get(i + 2).is_some_and(|t| t.starts_with(|c: char| c.is_alphabetic() || c == '_'))
-            {
-                path.push(tokens[i + 2].clone());
-                i += 2;
-            }
-            module.paths.push(path);
-        } else {
-            words.insert(token);
-        }
-        i += 1;
-    }
-    // A re-export is a use of its own only if the code names it.
-    let named = re_exports.into_iter().filter(|(name, _)| words.contains(name.as_str()));
-    module.paths.extend(named.map(|(_, path)| path));
-    module.paths.retain(|path| {
-        path.first().is_some_and(|f| ["crate", "super", "self"].contains(&f.as_str()) || children.contains(f))
-    });
-    module
-}
-
-/// The names that a `use` brings in with their full paths; `*` for all of a module.
-fn use_tree(tokens: &[String], prefix: &[String]) -> Vec<(String, Vec<String>)> {
-    // Split at the commas outside of braces.
-    let mut found = Vec::new();
-    let (mut depth, mut start) = (0usize, 0);
-    for end in 0..=tokens.len() {
-        match tokens.get(end).map(String::as_str) {
-            Some("{") => depth += 1,
-            Some("}") => depth -= 1,
-            Some(",") | None if depth == 0 => {
-                found.extend(use_branch(&tokens[start..end], prefix));
-                start = end + 1;
-            }
-            _ => {}
-        }
-    }
-    found
-}
-
-fn use_branch(tokens: &[String], prefix: &[String]) -> Vec<(String, Vec<String>)> {
-    if let Some(open) = tokens.iter().position(|t| t == "{") {
-        let own = tokens[..open].iter().filter(|t| *t != "::").cloned();
-        let path: Vec<String> = prefix.iter().cloned().chain(own).collect();
-        return use_tree(&tokens[open + 1..tokens.len() - 1], &path);
-    }
-    let (named, alias) = match tokens.iter().position(|t| t == "as") {
-        Some(place) => (&tokens[..place], tokens.get(place + 1).cloned()),
-        None => (tokens, None),
-    };
-    let own = named.iter().filter(|t| *t != "::").cloned();
-    let mut path: Vec<String> = prefix.iter().cloned().chain(own).collect();
-    let Some(last) = path.last().cloned() else { return Vec::new() };
-    if last == "*" || (last == "self" && path.len() > 1) {
-        path.pop();
-    }
-    let name = if last == "self" { path.last().cloned().unwrap_or_default() } else { last };
-    vec![(alias.unwrap_or(name), path)]
-}
-
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
-    fn circles(files: &[(&str, &str)]) -> Vec<Circle> {
+    fn circles_of(files: &[(&str, &str)]) -> Vec<Circle> {
         let name = format!("petzval-circles-{}-{}", std::process::id(), files[0].1.len());
         let folder = std::env::temp_dir().join(name);
         for (file, text) in files {
@@ -407,7 +224,7 @@ mod tests {
 
     #[test]
     fn modules_that_use_each_other_are_a_circle() {
-        let found = circles(&[
+        let found = circles_of(&[
             ("lib.rs", "mod a; mod b; mod c;"),
             ("a.rs", "use super::b::{B, Other as O}; pub struct A(B);"),
             ("b.rs", "pub struct B(Option<Box<crate::a::A>>); pub struct Other;"),
@@ -425,11 +242,37 @@ mod tests {
             ("a.rs", "/// See [`crate::B`].\npub struct A; const C: char = '\"'; // use super::b::B;"),
             ("b.rs", "use super::A; pub struct B(A); #[cfg(test)] mod tests { use super::*; }"),
         ];
-        assert!(circles(&[("lib.rs", lib), children[0], children[1]]).is_empty());
+        assert!(circles_of(&[("lib.rs", lib), children[0], children[1]]).is_empty());
         // A parent whose own code needs the child that uses it is.
         let lib = "pub mod a; mod b; pub use a::A; fn f(_: b::B) {} pub struct Own;";
         let child = ("b.rs", "pub struct B(super::Own);");
-        let found = circles(&[("lib.rs", lib), children[0], child]);
+        let found = circles_of(&[("lib.rs", lib), children[0], child]);
         assert_eq!(found[0].modules, ["crate", "b"]);
+    }
+
+    #[test]
+    fn folders_that_use_each_other_by_different_files_are_a_circle() {
+        let found = circles_of(&[
+            ("lib.rs", "mod a; mod b;"),
+            ("a/mod.rs", "mod one; mod two; pub use two::Two;"),
+            ("a/one.rs", "pub struct One(crate::b::B);"),
+            ("a/two.rs", "pub struct Two;"),
+            ("b.rs", "pub struct B(crate::a::Two);"),
+        ]);
+        assert_eq!(found.len(), 1);
+        assert_eq!(
+            (found[0].what, &found[0].modules[..]),
+            ("folders", &["a".to_owned(), "b".to_owned()][..])
+        );
+        assert_eq!(found[0].uses, ["a uses b (B in a::one)", "b uses a (Two in b)"]);
+        // Neighbours inside a folder count as well, those in different folders do not.
+        let found = circles_of(&[
+            ("lib.rs", "mod a; mod b; "),
+            ("a/mod.rs", "mod one; mod two;"),
+            ("a/one.rs", "pub struct One(super::two::Two);"),
+            ("a/two.rs", "pub struct Two(Option<Box<super::one::One>>, crate::b::B);"),
+            ("b.rs", "pub struct B;"),
+        ]);
+        assert_eq!(found.iter().map(|c| (c.what, c.modules.len())).collect::<Vec<_>>(), [("modules", 2)]);
     }
 }

@@ -103,7 +103,7 @@ pub fn check() -> Result<String, Vec<String>> {
     }
     if problems.is_empty() {
         Ok(format!(
-            "layers: {edges} edges between {} crates, all along the light path; no circles of modules",
+            "layers: {edges} edges between {} crates, all along the light path; no circles of modules or folders",
             ORDER.concat().len()
         ))
     } else {

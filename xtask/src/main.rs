@@ -1,8 +1,9 @@
 //! Chores of the workspace: `cargo xtask layers` checks that the crates keep the order of the light path, and
-//! that no modules inside a crate use each other in a circle.
+//! that no modules and no folders inside a crate use each other in a circle.
 
 mod circles;
 mod layers;
+mod sources;
 
 use std::process::ExitCode;
 

@@ -65,6 +65,7 @@ pub mod quality;
 pub mod render;
 pub mod sensor;
 pub mod spectral;
+pub mod spectrum;
 pub mod tape;
 
 pub use develop::{correct_shading, dark_mean_dn, develop, develop_adjoint, develop_stops_adjoint};

@@ -15,7 +15,7 @@ use petzval_camera::isp::IspError;
 use petzval_camera::sensor::Noise;
 use petzval_camera::tape::Frames;
 use petzval_files::{LensFile, write_lens};
-use petzval_learn::detection::Zoom;
+use petzval_learn::camera_network::Zoom;
 use petzval_learn::objective::{LabelKind, Labels, NamedLoss, Objective, Taken};
 use petzval_optics::design_space::EflSolve;
 use petzval_optics::lens::{Lens, validate};

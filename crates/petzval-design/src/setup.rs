@@ -8,19 +8,20 @@ use std::sync::Arc;
 
 use burn::prelude::Device;
 use petzval_base::FileError;
-use petzval_camera::isp::{IspParameter, IspSettings, LinearIsp};
+use petzval_camera::develop::LinearIsp;
+use petzval_camera::isp::{IspParameter, IspSettings};
 use petzval_camera::linear_limit::{LinearLimit, NaturalScenes};
 use petzval_camera::psf::PsfLayout;
 use petzval_camera::render::{Wiener, kernel_radius, with_patches_for};
 use petzval_camera::sensor::SensorModel;
 use petzval_files::isp_file::{IspFile, parse_isp_file};
 use petzval_files::load_image_bytes;
+use petzval_learn::camera_network::Network;
 use petzval_learn::dataset::{
     CropPlan, DatasetError, Folder, NamedPhoto, PhotoSet, PhotoSplit, Purpose, load_folder,
 };
 use petzval_learn::detection::{AnyDetector, BackboneKind, DetectorKind, WeightsOf};
 use petzval_learn::loss::Lpips;
-use petzval_learn::network::Network;
 use petzval_learn::objective::{FindObjects, ImageQuality, Objective};
 use petzval_learn::score::{Field, standard_scores};
 use petzval_optics::lens::Lens;

@@ -9,8 +9,8 @@ use std::error::Error;
 use std::path::PathBuf;
 use std::time::Instant;
 
+use petzval_camera::develop::Demosaic;
 use petzval_camera::image::{LinearImage, srgb_encode};
-use petzval_camera::isp::Demosaic;
 use petzval_camera::quality::psnr;
 use petzval_camera::render::Placement;
 use petzval_camera::sensor::CfaPattern;

@@ -5,7 +5,7 @@ use std::io::Cursor;
 use exr::meta::MetaData;
 use exr::prelude::*;
 
-use crate::spectral_file::MAX_VALUES;
+use crate::limits::MAX_VALUES;
 
 /// What is wrong with a file, and what to do.
 pub type Wrong = (String, &'static str);

@@ -12,6 +12,7 @@ mod glass_file;
 mod glass_toml;
 pub mod isp_file;
 pub mod lens_toml;
+mod limits;
 mod loss;
 mod old_glass;
 mod operand_toml;

@@ -11,7 +11,7 @@ use petzval_learn::score::{Score, standard_scores};
 
 use crate::device;
 use crate::error::JobError;
-use crate::isp::external_isp;
+use crate::named_isp::external_isp;
 
 /// Receives what a job reports while it works. The command prints it, a studio draws it.
 pub trait Watcher: Send + Sync {

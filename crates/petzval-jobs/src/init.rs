@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use petzval_base::write_whole;
-use petzval_camera::isp::Demosaic;
+use petzval_camera::develop::Demosaic;
 use petzval_camera::sensor::Colour;
 use petzval_design::error::DesignError;
 use petzval_design::experiment::{BUILT_IN_PHOTOS, Experiment, commented_toml, is_derived_lens};

@@ -28,6 +28,7 @@ pub mod init;
 pub mod isp;
 pub mod lens;
 pub mod machine;
+mod named_isp;
 mod own_lens;
 pub mod pinhole;
 pub mod psf;

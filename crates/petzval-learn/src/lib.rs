@@ -5,6 +5,7 @@
 //! | module | holds |
 //! |---|---|
 //! | [`network`] | the network that improves the picture |
+//! | [`camera_network`] | the network of a camera, of any kind |
 //! | [`detection`] | networks that find objects |
 //! | [`loss`] | losses: the distance between a picture and the photograph |
 //! | [`objective`] | what a camera is optimised for: a named loss of what it took |
@@ -16,6 +17,7 @@
 //! Pictures are tensors of shape `[batch, channel, row, column]`, sRGB-encoded, about 0..1. Networks and losses take and
 //! return tensors on the device on which they were made. Files are read only by [`dataset::load_folder`].
 
+pub mod camera_network;
 pub mod dataset;
 pub mod detection;
 pub mod loss;

@@ -3,7 +3,6 @@
 use std::ops::{AddAssign, Index, IndexMut};
 
 use crate::number::Number;
-use crate::trace::Sequence;
 
 /// Derivatives with respect to the numbers of a lens, per mm, per 1/mm, ... as the number is:
 /// `gradient[(surface, Number::Thickness)]`.
@@ -48,19 +47,6 @@ impl LensGradient {
         }
         self.entrance_pupil *= factor;
         self
-    }
-
-    /// Zeroes the derivatives that mirror symmetry cancels: the gradient of half a beam, whose mirror image has the opposite
-    /// derivative by every number that breaks the symmetry.
-    pub(crate) fn keep_symmetry(&mut self, sequence: &Sequence) {
-        if !sequence.is_mirror_symmetric {
-            return;
-        }
-        for (surface, s) in sequence.surfaces.iter().enumerate() {
-            for number in Number::ALL.into_iter().filter(|n| n.breaks_mirror_symmetry(&s.shape)) {
-                self[(surface, number)] = 0.0;
-            }
-        }
     }
 }
 

@@ -2,10 +2,14 @@
 
 use std::fmt;
 
-use crate::lens::{DEPARTURE_NUMBERS, PHASE_TERMS};
-
 /// Number of even polynomial terms of a surface: a_2, a_4, ... a_16.
 pub const ASPHERE_TERMS: usize = 8;
+
+/// Numbers that the departure of a shape has at most.
+pub const DEPARTURE_NUMBERS: usize = 44;
+
+/// Number of coefficients of a radial phase: of r^2, r^4, ..., r^16.
+pub const PHASE_TERMS: usize = 8;
 
 /// A number of a surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -7,21 +7,32 @@
 //! The map is affine in the digital numbers; its linear part has the exact transpose [`develop_adjoint`]. Development does
 //! not clip saturated colours, so its gradient stays linear. For pictures to look at, apply [`clip_highlights`] first.
 
+mod bilinear;
 mod clear;
 mod demosaic;
 mod highlights;
+mod interpolation;
+mod linear;
 mod linear_interpolation;
+mod noise_level;
+mod stabilise;
 
-pub(crate) use demosaic::check_mosaic;
-pub use demosaic::{demosaic_bilinear, demosaic_bilinear_adjoint};
+pub(crate) use bilinear::check_mosaic;
+pub use bilinear::{demosaic_bilinear, demosaic_bilinear_adjoint};
+pub use demosaic::Demosaic;
 pub(crate) use highlights::clip_levels_dn;
 pub use highlights::{clip_highlights, saturated_share, white_capacity_e};
+pub use interpolation::{Domain, Interpolation};
+pub(crate) use linear::highest_light;
+pub use linear::{LinearIsp, SHADING_FLOOR};
+pub use noise_level::stabilised_noise;
+pub(crate) use noise_level::{Electrons, MEAN_LIGHT, NATURAL_POWER};
+pub use stabilise::Stabiliser;
 
 use std::borrow::Cow;
 
 use self::clear::ClearColours;
 use crate::image::{CHANNELS, LinearImage};
-use crate::isp::Interpolation;
 use crate::render::Placement;
 use crate::sensor::{Capture, Colour, Exposure, Raw, SensorError, SensorModel};
 

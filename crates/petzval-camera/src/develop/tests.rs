@@ -250,7 +250,7 @@ fn too_small_a_frame_is_an_error() {
 /// Development by every method with a gradient, in both domains: the adjoint is the derivative of a loss by the digital numbers.
 #[test]
 fn developments_by_other_interpolations_have_the_gradient_of_differences() {
-    use crate::isp::{Demosaic, Domain, Interpolation};
+    use crate::develop::{Demosaic, Domain, Interpolation};
     let (sensor, capture) = (sensor(), capture(1, 2));
     let (height, width) = (24, 30);
     // Mid-tones with strong structure: directions are decided, and nothing is near the bend of the stabiliser.

@@ -20,7 +20,8 @@ use super::stage::shading::Registers as Shades;
 use super::stage::stabilise::{Stable, rooted};
 use super::stage::tone_map::ToneMap;
 use super::stage::{colour_denoise, demosaic, white_balance};
-use super::{Domain, Isp, IspError, IspParameter, RawInput, RgbPicture};
+use super::{Isp, IspError, IspParameter, RawInput, RgbPicture};
+use crate::develop::Domain;
 use crate::sensor::CfaPattern;
 
 /// Bits that [`LINEAR`] has behind the point beyond those of [`ENCODED`].

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::IspError;
-use super::noise_level::Electrons;
+use crate::develop::Electrons;
 use crate::develop::{dark_mean_dn, white_capacity_e};
 use crate::image::LinearImage;
 use crate::sensor::{CfaPattern, Colour, Exposure, Raw, SensorError, SensorModel};

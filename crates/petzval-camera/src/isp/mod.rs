@@ -2,7 +2,6 @@
 
 mod auto_balance;
 mod auto_exposure;
-mod demosaic;
 mod dewarp_map;
 mod error;
 mod fine_mesh;
@@ -10,15 +9,11 @@ mod fixed;
 mod hardware;
 mod input;
 mod interface;
-mod interpolation;
-mod linear;
 mod merge;
 mod mesh;
-mod noise_level;
 mod notes;
 mod settings;
 mod smooth;
-mod stabilise;
 mod stage;
 mod statistics;
 mod tape_grid;
@@ -30,7 +25,6 @@ mod ycbcr_output;
 
 pub use auto_balance::{BalanceGains, BalanceMethod, BalanceOptions, auto_balance};
 pub use auto_exposure::{ExposureOptions, auto_exposure_ev};
-pub use demosaic::Demosaic;
 pub use dewarp_map::DewarpMap;
 pub use error::IspError;
 pub use hardware::HardwareIsp;
@@ -38,16 +32,10 @@ pub use input::{Companding, FrameData, Mesh, NoiseProfile, RawInput};
 pub use interface::{
     DifferentiableIsp, Isp, IspParameter, RgbPicture, check_values, developed_without_gradient,
 };
-pub use interpolation::{Domain, Interpolation};
-pub(crate) use linear::highest_light;
-pub use linear::{LinearIsp, SHADING_FLOOR};
 pub use merge::{MergeOptions, merge_exposures};
-pub use noise_level::stabilised_noise;
-pub(crate) use noise_level::{Electrons, MEAN_LIGHT, NATURAL_POWER};
 pub use notes::Watch;
 pub use settings::{GainKnot, IspPreset, IspSettings};
 pub use smooth::SmoothIsp;
-pub use stabilise::Stabiliser;
 pub use stage::output::{BT601, BT709, ycbcr};
 pub use stage::shading::Shading;
 pub use statistics::{BINS, Statistics, ZONES, Zone};

@@ -2,12 +2,13 @@
 
 use std::time::Instant;
 
+use super::RgbPicture;
 use super::fixed::{Grid, LINEAR, ROOT};
 use super::stage::demosaic;
 use super::stage::gamma::Gamma;
 use super::stage::output::Output;
 use super::stage::stabilise::{Stable, rooted};
-use super::{Demosaic, Domain, RgbPicture};
+use crate::develop::{Demosaic, Domain};
 use crate::sensor::CfaPattern;
 
 /// Someone who looks at the picture after every stage: the stage's name, and the picture as a display would show it.

@@ -23,7 +23,8 @@ use super::stage::sharpen::Sharpen;
 use super::stage::stabilise::Stabilise;
 use super::stage::tone_map::ToneMap;
 use super::stage::white_balance::WhiteBalance;
-use super::{Demosaic, Domain, IspError, IspParameter};
+use super::{IspError, IspParameter};
+use crate::develop::{Demosaic, Domain};
 
 /// Declares the settings from one list of stages, in the order of the light.
 macro_rules! settings {

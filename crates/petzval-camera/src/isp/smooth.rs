@@ -23,8 +23,9 @@ use super::stage::tone_map::ToneMap;
 use super::stage::white_balance::WhiteBalance;
 use super::tape_grid::{Theta, least};
 use super::{
-    DifferentiableIsp, Domain, Isp, IspError, IspParameter, RawInput, RgbPicture, developed_without_gradient,
+    DifferentiableIsp, Isp, IspError, IspParameter, RawInput, RgbPicture, developed_without_gradient,
 };
+use crate::develop::Domain;
 
 /// The automotive ISP in floating point.
 #[derive(Clone, Debug, Default, PartialEq)]

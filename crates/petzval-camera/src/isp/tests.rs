@@ -4,6 +4,7 @@ use burn::prelude::*;
 use burn::tensor::TensorData;
 
 use super::*;
+use crate::develop::{Demosaic, Domain};
 use crate::image::{CHANNELS, LinearImage};
 use crate::quality::psnr;
 use crate::render::Placement;

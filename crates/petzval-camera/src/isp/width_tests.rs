@@ -15,6 +15,7 @@ use super::stage::stabilise::Stable;
 use super::stage::tone_map::ToneMap;
 use super::stage::{colour, colour_denoise, demosaic};
 use super::*;
+use crate::develop::{Demosaic, Domain};
 use crate::sensor::CfaPattern;
 
 /// Wider than the blocks in which rows are computed.

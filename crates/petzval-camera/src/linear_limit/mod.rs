@@ -19,8 +19,8 @@ use rayon::prelude::*;
 use rustfft::num_complex::Complex64;
 use rustfft::{Fft, FftPlanner};
 
+use crate::develop::Electrons;
 use crate::image::CHANNELS;
-use crate::isp::Electrons;
 use crate::psf::PsfBank;
 use crate::render::{PatchKernels, RenderError, RenderGeometry, patch_kernels, patch_kernels_adjoint};
 use crate::sensor::{Exposure, SensorModel};

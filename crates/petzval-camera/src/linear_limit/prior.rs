@@ -1,7 +1,7 @@
 //! What natural scenes are like, as far as second-order statistics tell.
 
+use crate::develop::{MEAN_LIGHT, NATURAL_POWER};
 use crate::image::CHANNELS;
-use crate::isp::{MEAN_LIGHT, NATURAL_POWER};
 
 /// Second-order statistics of natural scenes in linear light: `S_ab(f) = power (0.1 / f)^2 (correlation + (1 - correlation) [a = b])`.
 ///

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::cfa::Colour;
 use super::error::OutOfRange;
-use crate::spectral::{PixelOptics, Spectrum};
+use crate::spectrum::{PixelOptics, Spectrum};
 
 /// Quantum efficiency curves, 0..1, on common wavelengths; linear between samples, zero outside.
 ///

@@ -2,8 +2,8 @@
 
 use std::sync::OnceLock;
 
-use super::spectrum::Spectrum;
 use super::table::SpectrumTable;
+use crate::spectrum::Spectrum;
 
 /// The measurement of the chart.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

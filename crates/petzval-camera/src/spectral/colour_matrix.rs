@@ -1,15 +1,15 @@
 //! The colour matrix from camera RGB to display RGB, fitted to a ColorChecker.
 
-use super::bands::{band_mean, ends};
 use super::colour::{Matrix3, apply, bradford, delta_e_1976, lab};
 use super::colour_checker::{ChartData, colour_checker};
 use super::electrons::{ElectronsError, band_weights};
 use super::illuminant::Illuminant;
 use super::observer::xyz_of_reflectance;
-use super::photons::PixelOptics;
-use super::spectrum::Spectrum;
 use super::upsampling::d65_white;
 use crate::sensor::{Colour, SensorModel};
+use crate::spectrum::PixelOptics;
+use crate::spectrum::Spectrum;
+use crate::spectrum::bands::{band_mean, ends};
 
 /// A colour matrix and its colour errors.
 #[derive(Debug, Clone, PartialEq)]
@@ -119,10 +119,10 @@ fn reference_white() -> Spectrum {
 
 #[cfg(test)]
 mod tests {
-    use super::super::bands::even_bands;
     use super::super::observer::cie1931;
     use super::*;
     use crate::sensor::QuantumEfficiency;
+    use crate::spectrum::bands::even_bands;
 
     fn sensor(curves: QuantumEfficiency) -> SensorModel {
         let text = include_str!("../../../../data/sensors/imx249-fitted.toml");

@@ -4,11 +4,11 @@ use rayon::prelude::*;
 
 use super::illuminant::Illuminant;
 use super::image::SpectralImage;
-use super::photons::{OpticsError, PixelOptics};
-use super::spectrum::Spectrum;
 use crate::image::{CHANNELS, LinearImage};
 use crate::render::Placement;
 use crate::sensor::{Colour, QuantumEfficiency, SensorModel};
+use crate::spectrum::Spectrum;
+use crate::spectrum::{OpticsError, PixelOptics};
 
 /// Mean electrons that each pixel would collect behind each of the sensor's filters, before dark current and noise.
 #[derive(Debug, Clone, PartialEq)]
@@ -181,10 +181,10 @@ impl ColourElectrons {
 
 #[cfg(test)]
 mod tests {
-    use super::super::bands::{bands_within, even_bands};
     use super::*;
     use crate::sensor::CfaPattern;
     use crate::spectral::ThreeBand;
+    use crate::spectrum::bands::{bands_within, even_bands};
 
     /// A monochrome sensor with a quantum efficiency of 0.6 from 0.3 to 1.1 um.
     fn mono() -> SensorModel {

@@ -3,8 +3,8 @@
 use std::sync::OnceLock;
 
 use super::observer::luminous;
-use super::spectrum::Spectrum;
 use super::table::SpectrumTable;
+use crate::spectrum::Spectrum;
 
 /// An illuminant and its name.
 #[derive(Debug, Clone, PartialEq)]

@@ -9,7 +9,6 @@
 //! is in W m-2 sr-1 nm-1, wavelengths are in um. [`ThreeBand`] is the fast path for RGB: it gives the same electrons as a
 //! [`SpectralImage`] made by [`upsample`].
 
-mod bands;
 mod colour;
 mod colour_checker;
 mod colour_matrix;
@@ -17,17 +16,18 @@ mod electrons;
 mod illuminant;
 mod image;
 mod observer;
-mod photons;
 mod reflectance_scene;
 mod scene;
 mod spectral_scene;
-mod spectrum;
 mod table;
 mod test_chart;
 mod three_band;
 mod upsampling;
 
-pub use bands::{band_mean, bands_within, even_bands};
+pub use crate::spectrum::{
+    LIGHT_M_PER_S, OpticsError, PLANCK_J_S, PixelOptics, Spectrum, SpectrumError, band_mean, bands_within,
+    even_bands, integral,
+};
 pub use colour::{
     Matrix3, SRGB_PRIMARIES, apply, bradford, delta_e_1976, delta_e_2000, inverse, lab, product,
     srgb_from_xyz, xyz_from_srgb, xyz_of_lab,
@@ -40,11 +40,9 @@ pub use illuminant::{
 };
 pub use image::{SpectralImage, SpectralImageError};
 pub use observer::{LUMENS_PER_WATT, chromaticity, cie1931, luminous, xyz, xyz_of_reflectance};
-pub use photons::{LIGHT_M_PER_S, OpticsError, PLANCK_J_S, PixelOptics};
 pub use reflectance_scene::ReflectanceScene;
 pub use scene::SceneKind;
 pub use spectral_scene::SpectralScene;
-pub use spectrum::{Spectrum, SpectrumError, integral};
 pub use table::SpectrumTable;
 pub use test_chart::{EdgeContrast, EdgeTarget, TestChart};
 pub use three_band::ThreeBand;

@@ -2,8 +2,8 @@
 
 use std::sync::OnceLock;
 
-use super::spectrum::{Spectrum, integral};
 use super::table::SpectrumTable;
+use crate::spectrum::{Spectrum, integral};
 
 /// Maximum luminous efficacy K_m, lm/W. CIE 15 allows 683 in place of 683.002, the value for the wavelength in standard air.
 pub const LUMENS_PER_WATT: f64 = 683.0;

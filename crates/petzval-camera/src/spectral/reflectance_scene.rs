@@ -2,10 +2,10 @@
 
 use rayon::prelude::*;
 
-use super::bands::{band_mean, ends};
 use super::illuminant::Illuminant;
 use super::image::SpectralImage;
-use super::spectrum::Spectrum;
+use crate::spectrum::Spectrum;
+use crate::spectrum::bands::{band_mean, ends};
 
 /// Sample points along a pixel's side, for pixels that an edge crosses.
 pub(super) const SUPERSAMPLING: usize = 8;

@@ -4,8 +4,8 @@ use rayon::prelude::*;
 
 use super::colour_checker::{CHART_COLUMNS, CHART_ROWS, ChartData, colour_checker};
 use super::reflectance_scene::{ReflectanceScene, SUPERSAMPLING};
-use super::spectrum::Spectrum;
 use super::test_chart::TestChart;
+use crate::spectrum::Spectrum;
 
 /// A built-in scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -129,9 +129,9 @@ fn two_tone(
 
 #[cfg(test)]
 mod tests {
-    use super::super::bands::even_bands;
     use super::super::illuminant::Illuminant;
     use super::*;
+    use crate::spectrum::bands::even_bands;
 
     #[test]
     fn black_and_white_have_the_reflectances_of_the_book() {

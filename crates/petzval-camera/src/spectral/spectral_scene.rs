@@ -59,10 +59,10 @@ impl SpectralScene {
 
 #[cfg(test)]
 mod tests {
-    use super::super::bands::even_bands;
     use super::super::scene::SceneKind;
     use super::super::upsampling::upsample;
     use super::*;
+    use crate::spectrum::bands::even_bands;
 
     #[test]
     fn bands_on_request_equal_those_of_the_whole_image() {

@@ -2,7 +2,7 @@
 
 use petzval_base::FileError;
 
-use super::spectrum::{Spectrum, SpectrumError};
+use crate::spectrum::{Spectrum, SpectrumError};
 
 /// Named curves.
 #[derive(Debug, Clone, PartialEq)]

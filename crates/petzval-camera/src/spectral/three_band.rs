@@ -12,10 +12,10 @@
 
 use super::electrons::{ColourElectrons, ElectronsError, band_weights};
 use super::illuminant::Illuminant;
-use super::photons::PixelOptics;
 use super::upsampling::basis_bands;
 use crate::image::{CHANNELS, LinearImage};
 use crate::sensor::{Colour, SensorModel};
+use crate::spectrum::PixelOptics;
 
 /// Electrons per unit of linear red, green and blue, 1.0 = the perfect diffuser, for each colour of a filter array.
 #[derive(Debug, Clone, PartialEq)]
@@ -93,13 +93,13 @@ impl ColourElectrons {
 
 #[cfg(test)]
 mod tests {
-    use super::super::bands::even_bands;
     use super::super::electrons::ColourElectrons;
     use super::super::upsampling::{srgb_basis, upsample};
     use super::*;
     use crate::image::{CHANNELS, LinearImage};
     use crate::render::Placement;
     use crate::sensor::{Capture, CfaPattern, Exposure, Noise, NoiseMode, QuantumEfficiency, expose};
+    use crate::spectrum::bands::even_bands;
     use rand::{RngExt, SeedableRng};
 
     fn sensor() -> SensorModel {

@@ -8,14 +8,14 @@
 
 use std::sync::OnceLock;
 
-use super::bands::{band_mean, ends};
 use super::colour::{Matrix3, apply, srgb_from_xyz, xyz_from_srgb};
 use super::illuminant::Illuminant;
 use super::image::SpectralImage;
 use super::observer::xyz_of_reflectance;
-use super::spectrum::Spectrum;
 use super::table::SpectrumTable;
 use crate::image::{CHANNELS, LinearImage};
+use crate::spectrum::Spectrum;
+use crate::spectrum::bands::{band_mean, ends};
 
 /// The three reflectances, 380..780 nm every 5 nm.
 pub fn srgb_basis() -> &'static [Spectrum; 3] {

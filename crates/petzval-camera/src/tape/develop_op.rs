@@ -8,9 +8,8 @@ use rayon::prelude::*;
 use super::expose_op::{changed, check_stops};
 use super::host_kernel::{HostKernel, apply, apply_two};
 use super::picture;
-use crate::develop::{check_colours, develop_by, develop_by_adjoint, develop_stops_adjoint};
+use crate::develop::{Interpolation, check_colours, develop_by, develop_by_adjoint, develop_stops_adjoint};
 use crate::image::{CHANNELS, LinearImage};
-use crate::isp::Interpolation;
 use crate::sensor::{Capture, Raw, SensorError, SensorModel};
 
 /// Develops a batch: digital numbers `[B,1,H,W]` to linear, white-balanced, demosaiced RGB `[B,3,H,W]`.

@@ -4,8 +4,8 @@ use burn::prelude::*;
 use burn::tensor::TensorData;
 
 use super::develop_op::develop_by_op;
+use crate::develop::LinearIsp;
 use crate::develop::clip_levels_dn;
-use crate::isp::LinearIsp;
 use crate::sensor::{Capture, SensorError, SensorModel};
 
 /// Develops a batch: digital numbers `[B,1,H,W]` and relative illumination `[B,3,H,W]` to linear light `[B,3,H,W]`,
@@ -27,7 +27,7 @@ pub fn linear_isp_op(
     let mut highest = Vec::with_capacity(batch);
     for capture in captures {
         levels.extend(clip_levels_dn(sensor, capture, height, width)?);
-        highest.push(crate::isp::highest_light(sensor, &capture.exposure)?);
+        highest.push(crate::develop::highest_light(sensor, &capture.exposure)?);
     }
     let check = || SensorError::Shape {
         what: "raw frames",

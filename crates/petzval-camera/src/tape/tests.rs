@@ -234,7 +234,7 @@ fn overexposed(sensor: &SensorModel) -> (Vec<f32>, Vec<Capture>, Vec<f32>) {
 
 #[test]
 fn the_linear_isp_on_the_tape_is_its_reference_to_the_bit() {
-    use crate::isp::{Demosaic, Domain, Interpolation, LinearIsp};
+    use crate::develop::{Demosaic, Domain, Interpolation, LinearIsp};
     use crate::sensor::Raw;
     let text = include_str!("../../../../data/sensors/imx249-fitted.toml");
     let sensor: SensorModel = toml::from_str(text).unwrap();
@@ -265,8 +265,8 @@ fn the_linear_isp_on_the_tape_is_its_reference_to_the_bit() {
 
 #[test]
 fn clipped_highlights_have_no_gradient() {
+    use crate::develop::LinearIsp;
     use crate::develop::{clip_levels_dn, develop_adjoint};
-    use crate::isp::LinearIsp;
     let text = include_str!("../../../../data/sensors/imx249-fitted.toml");
     let sensor: SensorModel = toml::from_str(text).unwrap();
     let (dn, captures, _) = overexposed(&sensor);

@@ -9,8 +9,9 @@ use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
 use burn::prelude::*;
 use burn::tensor::Bytes;
-use petzval_learn::detection::{Zoom, Zoomed};
-use petzval_learn::network::{Network, PictureNetwork};
+use petzval_learn::camera_network::CameraNetwork;
+use petzval_learn::camera_network::Network;
+use petzval_learn::camera_network::{Zoom, Zoomed};
 use petzval_learn::optimizer::muon_and_adam;
 
 use super::{Batch, Block, BlockState, backward, named, part};
@@ -90,7 +91,7 @@ impl NetworkBlock {
     }
 
     /// The network with its weights held: no gradient goes to them.
-    pub fn held(&self) -> Rc<dyn PictureNetwork> {
+    pub fn held(&self) -> Rc<dyn CameraNetwork> {
         self.behind_zoom(self.network.clone().no_grad())
     }
 
@@ -103,7 +104,7 @@ impl NetworkBlock {
         camera.with_network(self.behind_zoom(network)).seeing(self.sees)
     }
 
-    fn behind_zoom(&self, network: Network) -> Rc<dyn PictureNetwork> {
+    fn behind_zoom(&self, network: Network) -> Rc<dyn CameraNetwork> {
         match self.zoom {
             Zoom::Times(1.0) => Rc::new(network),
             zoom => Rc::new(Zoomed::new(network, zoom)),
@@ -230,7 +231,7 @@ impl ModuleMapper for Pull {
 mod tests {
     use super::*;
     use petzval_learn::Device;
-    use petzval_learn::network::NetworkKind;
+    use petzval_learn::camera_network::NetworkKind;
 
     fn weights(network: &Network) -> Vec<f32> {
         let mut all = Weights(Vec::new());

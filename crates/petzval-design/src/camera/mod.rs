@@ -15,8 +15,8 @@ use std::sync::{Arc, OnceLock};
 
 use burn::prelude::*;
 use burn::tensor::TensorData;
+use petzval_camera::develop::{LinearIsp, stabilised_noise};
 use petzval_camera::image::LinearImage;
-use petzval_camera::isp::{LinearIsp, stabilised_noise};
 use petzval_camera::psf::PsfBank;
 use petzval_camera::render::{
     KNOTS, PatchKernels, Placement, RenderGeometry, Wiener, Window, kernel_radius, patch_kernels,
@@ -26,9 +26,10 @@ use petzval_camera::tape::{
     Frames, PlacedScene, Restoration, expose_op, illumination_op, linear_isp_op, render_op, restore_op,
     srgb_encode_op,
 };
+use petzval_learn::camera_network::CameraNetwork;
 use petzval_learn::dataset::CropPlan;
 use petzval_learn::detection::{Detector, Truth};
-use petzval_learn::network::{NetworkInput, PictureNetwork};
+use petzval_learn::network::NetworkInput;
 use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::image_brightness;
 use serde::{Deserialize, Serialize};
@@ -124,7 +125,7 @@ pub struct Camera {
     /// Brightness of the image, in units of that of [`SameTime`]; 1 without it.
     light: f64,
     border: usize,
-    network: Option<Rc<dyn PictureNetwork>>,
+    network: Option<Rc<dyn CameraNetwork>>,
     /// What its detector sees.
     sees: DetectorInput,
     chip: Option<ChipValues>,
@@ -287,7 +288,7 @@ impl Camera {
     }
 
     /// The same camera with a network behind the development.
-    pub fn with_network(&self, network: Rc<dyn PictureNetwork>) -> Self {
+    pub fn with_network(&self, network: Rc<dyn CameraNetwork>) -> Self {
         Self { network: Some(network), ..self.clone() }
     }
 

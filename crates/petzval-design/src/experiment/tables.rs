@@ -3,10 +3,11 @@
 use petzval_base::parameters;
 use std::path::Path;
 
-use petzval_camera::isp::{Demosaic, Domain, Interpolation, IspParameter};
+use petzval_camera::develop::{Demosaic, Domain, Interpolation};
+use petzval_camera::isp::IspParameter;
 use petzval_camera::sensor::{Exposure, NoiseMode};
+use petzval_learn::camera_network::NetworkKind;
 use petzval_learn::detection::{BackboneKind, DetectorKind};
-use petzval_learn::network::NetworkKind;
 use petzval_optics::constraint::Constraint;
 use petzval_optics::lens::Lens;
 use petzval_optics::optimize::Limits;

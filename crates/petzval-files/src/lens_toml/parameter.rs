@@ -1,7 +1,8 @@
 //! Names of a surface's variable numbers in files.
 
-use petzval_optics::lens::{ASPHERE_TERMS, Action, Departure, PHASE_TERMS, Pattern, Surface, xy_powers};
+use petzval_optics::lens::{ASPHERE_TERMS, Action, Departure, Pattern, Surface, xy_powers};
 use petzval_optics::number::Number;
+use petzval_optics::number::PHASE_TERMS;
 
 /// The name of a curvature whose bounds enclose the plane; other curvatures vary by their radius.
 pub(super) const CURVATURE: &str = "curvature_per_mm";

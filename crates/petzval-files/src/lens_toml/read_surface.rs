@@ -9,9 +9,10 @@ use super::text::{ForbesText, Placed, PlacementText, SectionText, SurfaceText, T
 use petzval_base::FileError;
 use petzval_optics::glass::{Catalog, Glass};
 use petzval_optics::lens::{
-    ASPHERE_TERMS, Action, Axis, Departure, ODD_TERMS, PHASE_TERMS, Pattern, Phase, Placement, Q_TERMS,
-    Surface, SurfaceShape, XY_DEGREE, XY_TERMS, xy_index,
+    ASPHERE_TERMS, Action, Axis, Departure, ODD_TERMS, Pattern, Phase, Placement, Q_TERMS, Surface,
+    SurfaceShape, XY_DEGREE, XY_TERMS, xy_index,
 };
+use petzval_optics::number::PHASE_TERMS;
 
 /// In place of a clear semi-diameter that the file leaves out, until the beams are known: no shape ends within it.
 const UNSTATED_MM: f64 = 1e-9;

@@ -10,7 +10,6 @@
 //! names hold the wavelengths. An OpenEXR file that states another unit is refused without a factor.
 
 mod exr_file;
-mod limits;
 mod npy_file;
 mod sidecar;
 mod tiff_file;
@@ -19,7 +18,7 @@ use std::path::{Path, PathBuf};
 
 use petzval_base::FileError;
 
-pub use limits::MAX_VALUES;
+pub use crate::limits::MAX_VALUES;
 pub use sidecar::{Axes, Sidecar, sidecar_path};
 
 use petzval_base::write_whole;

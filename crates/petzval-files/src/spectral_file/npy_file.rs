@@ -2,8 +2,8 @@
 
 use npyz::NpyFile;
 
-use super::limits::MAX_VALUES;
 use super::sidecar::{Axes, Sidecar};
+use crate::limits::MAX_VALUES;
 use crate::npy_bytes;
 use petzval_camera::spectral::SpectralImage;
 

@@ -4,8 +4,8 @@ use std::io::Cursor;
 
 use tiff::decoder::{Decoder, DecodingResult};
 
-use super::limits::MAX_VALUES;
 use super::sidecar::Sidecar;
+use crate::limits::MAX_VALUES;
 use petzval_camera::spectral::SpectralImage;
 
 type Wrong = (String, &'static str);

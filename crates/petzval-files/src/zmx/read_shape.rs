@@ -3,7 +3,8 @@
 use super::read_surface::{RawSurface, Said, Shapes};
 use crate::draft::{in_mm, set_powers};
 use petzval_base::FileError;
-use petzval_optics::lens::{ASPHERE_TERMS, Departure, PHASE_TERMS, Pattern, Phase, SurfaceShape, XY_TERMS};
+use petzval_optics::lens::{ASPHERE_TERMS, Departure, Pattern, Phase, SurfaceShape, XY_TERMS};
+use petzval_optics::number::PHASE_TERMS;
 
 /// Index of the first extra value that is a coefficient. The values before it are their number and a normalisation radius.
 const FIRST_COEFFICIENT: usize = 3;

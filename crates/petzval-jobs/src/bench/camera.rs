@@ -4,8 +4,9 @@ use std::sync::Arc;
 
 use petzval_base::simd::level;
 use petzval_base::simd::widest;
+use petzval_camera::develop::Demosaic;
 use petzval_camera::image::LinearImage;
-use petzval_camera::isp::{Demosaic, Mesh, RawInput};
+use petzval_camera::isp::{Mesh, RawInput};
 use petzval_camera::render::{Placement, RenderGeometry, kernel_radius, render, with_patches_for};
 use petzval_camera::sensor::{
     Capture, CfaPattern, Exposure, Noise, NoiseMode, NonUniformity, SensorModel, expose,
@@ -19,7 +20,7 @@ use petzval_optics::pupil::Quadrature;
 use super::workload::{Prepared, Workload};
 use crate::built_in::built_in_assets;
 use crate::error::JobError;
-use crate::isp::isp_by_name;
+use crate::named_isp::isp_by_name;
 
 const FRAME: (usize, usize) = (1200, 1920);
 const ORIGIN: Placement = Placement { row: 0, col: 0 };

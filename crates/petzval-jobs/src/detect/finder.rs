@@ -12,8 +12,10 @@ use petzval_design::report::run_report::camera_lens;
 use petzval_design::run::{DigestCheck, Kept, RunFolder, load_blocks};
 use petzval_design::setup::Setup;
 use petzval_learn::Device;
-use petzval_learn::detection::{AnyDetector, BackboneKind, Zoom};
-use petzval_learn::network::{Network, PictureNetwork};
+use petzval_learn::camera_network::CameraNetwork;
+use petzval_learn::camera_network::Network;
+use petzval_learn::camera_network::Zoom;
+use petzval_learn::detection::{AnyDetector, BackboneKind};
 use serde::{Deserialize, Serialize};
 
 use crate::apply::none_finished;
@@ -50,7 +52,7 @@ pub enum Source {
 /// What finds objects.
 pub struct Finder {
     /// The detector with its weights held, so that no picture leaves anything in memory for a gradient.
-    pub network: Rc<dyn PictureNetwork>,
+    pub network: Rc<dyn CameraNetwork>,
     /// Names of its classes.
     pub classes: Vec<String>,
     /// The camera that develops raw frames, if there are any.

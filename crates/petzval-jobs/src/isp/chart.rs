@@ -10,9 +10,9 @@ use petzval_lab::chart::{ChartFigures, measure};
 use petzval_report::chart_sheet::{ChartSheet, page};
 use serde::{Deserialize, Serialize};
 
-use super::named::isp_by_name;
 use crate::context::Context;
 use crate::error::{JobError, make_folder, write_file};
+use crate::named_isp::isp_by_name;
 use crate::results::check_folder;
 use crate::simulate;
 use crate::simulate::spectral::scene_frame;

@@ -12,9 +12,9 @@ use petzval_report::isp_strip::{Strip, StripParameter, StripStep, page};
 use serde::{Deserialize, Serialize};
 
 use super::frame::{FrameOptions, Merge, read_frame, read_merged};
-use super::named::{NamedIsp, about_frame, isp_by_name};
 use crate::context::Context;
 use crate::error::{JobError, make_folder, write_file};
+use crate::named_isp::{NamedIsp, about_frame, isp_by_name};
 use crate::results::{check_folder, has_ending};
 
 /// Bits of the picture that luma and colour differences are computed from, so that they are rounded once.

@@ -12,10 +12,10 @@ use petzval_design::assets::Assets;
 use petzval_files::raw_file::{FrameCalibration, RawFileError, RawInfo, load_any_raw, sidecar_path};
 use serde::{Deserialize, Serialize};
 
-use super::named::about_frame;
 use super::pile::pile_up;
 use crate::context::Context;
 use crate::error::JobError;
+use crate::named_isp::about_frame;
 
 /// What raw files leave open.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

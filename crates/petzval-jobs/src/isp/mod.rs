@@ -2,13 +2,10 @@
 
 pub mod chart;
 pub mod develop;
-pub mod external;
 mod frame;
-mod named;
 mod pile;
 pub mod show;
 pub mod tune;
 
+pub use crate::named_isp::{NEUTRAL, NamedIsp, external, isp_by_name};
 pub use frame::{FrameOptions, Merge};
-pub(crate) use named::external_isp;
-pub use named::{NEUTRAL, NamedIsp, isp_by_name};

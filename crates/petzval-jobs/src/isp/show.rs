@@ -3,9 +3,9 @@
 use petzval_base::parameter::Scale;
 use serde::{Deserialize, Serialize};
 
-use super::named::isp_by_name;
 use crate::context::Context;
 use crate::error::JobError;
+use crate::named_isp::isp_by_name;
 
 /// An ISP to show.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

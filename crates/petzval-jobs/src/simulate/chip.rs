@@ -11,7 +11,7 @@ use petzval_files::isp_file::picture_png_bytes;
 
 use super::rig::{CHIP_BITS, Rig};
 use crate::error::JobError;
-use crate::isp::NamedIsp;
+use crate::named_isp::NamedIsp;
 
 /// Nodes along a side of the calibrated meshes.
 const MESH: usize = 33;

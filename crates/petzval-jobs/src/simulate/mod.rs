@@ -9,7 +9,7 @@ mod rig;
 mod shot;
 pub(crate) mod spectral;
 
-pub use petzval_camera::isp::{Demosaic, Domain, Interpolation};
+pub use petzval_camera::develop::{Demosaic, Domain, Interpolation};
 use serde::{Deserialize, Serialize};
 
 use self::request::{is_over_spectrum, result_name};

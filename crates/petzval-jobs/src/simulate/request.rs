@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use petzval_camera::develop::Interpolation;
 use petzval_camera::image::LinearImage;
-use petzval_camera::isp::Interpolation;
 use petzval_camera::render::Wiener;
 use petzval_camera::sensor::{Exposure, SensorModel};
 use petzval_files::spectral_file::is_spectral;

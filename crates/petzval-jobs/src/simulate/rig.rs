@@ -3,9 +3,9 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use petzval_camera::develop::LinearIsp;
 use petzval_camera::develop::develop;
 use petzval_camera::image::{CHANNELS, LinearImage};
-use petzval_camera::isp::LinearIsp;
 use petzval_camera::psf::PsfBank;
 use petzval_camera::render::{
     Distortion, MAX_SIDE, Placement, RenderError, RenderGeometry, Window, kernel_radius, light_on_pixels,
@@ -28,7 +28,7 @@ use super::highlights::capacity_e;
 use super::request::Request;
 use crate::context::Context;
 use crate::error::JobError;
-use crate::isp::{NamedIsp, isp_by_name};
+use crate::named_isp::{NamedIsp, isp_by_name};
 
 /// Most pixels of a simulated frame, and most samples of its scene: the largest sensors have 150 million pixels. Each pixel takes about
 /// 150 bytes, each further sample 12.

@@ -5,8 +5,9 @@ mod light;
 
 use std::path::Path;
 
+use petzval_camera::develop::LinearIsp;
 use petzval_camera::image::LinearImage;
-use petzval_camera::isp::{LinearIsp, RawInput};
+use petzval_camera::isp::RawInput;
 use petzval_camera::spectral::{ColourElectrons, Illuminant, ReflectanceScene, SceneKind, SpectralScene};
 use petzval_design::camera::Camera;
 use petzval_design::error::DesignError;

@@ -31,7 +31,6 @@ mod proposals;
 mod pyramid;
 mod roi_align;
 mod sampler;
-mod zoomed;
 
 #[cfg(test)]
 mod reference;
@@ -42,7 +41,6 @@ pub use boxes::BBox;
 pub use faster_rcnn::{FasterRcnn, FasterRcnnConfig};
 pub use fcos::{Fcos, FcosConfig};
 pub use matcher::Match;
-pub use zoomed::{Zoom, Zoomed};
 
 use burn::prelude::*;
 use burn::tensor::ops::PadMode;

@@ -10,12 +10,10 @@
 //! The operations below them are ours on the CPU and the framework's on other devices: [`conv_leaky`], [`depthwise`],
 //! [`pointwise`].
 
-mod any;
 mod conv;
 mod conv_kernel;
 pub(crate) mod cpu_op;
 mod depthwise;
-mod error;
 mod input;
 mod isp_proxy;
 mod leaky_conv;
@@ -28,12 +26,11 @@ mod restoration;
 mod tiles;
 mod trunk;
 mod unet;
-mod weights;
+pub(crate) mod weights;
 
-pub use any::{Network, NetworkKind};
+pub use crate::weight_file::NetworkError;
 pub use conv::{conv_leaky, conv3x3_leaky};
 pub use depthwise::depthwise;
-pub use error::NetworkError;
 pub use input::NetworkInput;
 pub use isp_proxy::{IspProxy, IspProxyConfig};
 pub use naf::{Naf, NafConfig};
@@ -45,8 +42,6 @@ pub use unet::{UNet, UNetConfig};
 pub(crate) use weights::Initializer;
 
 use burn::prelude::*;
-
-use crate::detection::Detector;
 
 /// Pixels a side of the tiles of large pictures, a multiple of every network's unit: a network of 16 channels takes half a gigabyte for one.
 pub const TILE: usize = 1024;
@@ -71,11 +66,6 @@ pub trait PictureNetwork {
 
     /// The curves `[3, KNOTS]` of the [restoration](petzval_camera::render::Wiener::curves) in front of it, if they are trained with it.
     fn curves(&self) -> Option<Tensor<2>> {
-        None
-    }
-
-    /// The detector that looks at the finished pictures, if the network is one.
-    fn detector(&self) -> Option<&dyn Detector> {
         None
     }
 }

@@ -2,7 +2,8 @@
 
 use burn::module::{Module, ModuleVisitor, Param};
 use burn::prelude::*;
-use petzval_learn::network::{IspProxyConfig, NetworkKind, OpticsProxyConfig};
+use petzval_learn::camera_network::NetworkKind;
+use petzval_learn::network::{IspProxyConfig, OpticsProxyConfig};
 use safetensors::{Dtype, SafeTensors};
 
 /// Collects shapes and bits of all weights.

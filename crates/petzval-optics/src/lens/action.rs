@@ -2,8 +2,7 @@
 
 use std::f64::consts::PI;
 
-/// Number of coefficients of a radial phase: of r^2, r^4, ..., r^16.
-pub const PHASE_TERMS: usize = 8;
+use crate::number::PHASE_TERMS;
 
 /// What a surface does to light.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -3,6 +3,7 @@
 use std::sync::OnceLock;
 
 use crate::jet::Real;
+use crate::number::DEPARTURE_NUMBERS;
 
 /// Number of odd polynomial terms: b_1, b_3, ..., b_15.
 pub const ODD_TERMS: usize = 8;
@@ -16,8 +17,9 @@ pub const XY_TERMS: usize = (XY_DEGREE + 1) * (XY_DEGREE + 2) / 2 - 1;
 /// Number of Forbes polynomials, m = 0 ... 12.
 pub const Q_TERMS: usize = 13;
 
-/// Numbers that a departure has at most.
-pub const DEPARTURE_NUMBERS: usize = XY_TERMS;
+// A departure has at most as many numbers as an XY polynomial.
+const _: () =
+    assert!(DEPARTURE_NUMBERS == XY_TERMS && ODD_TERMS <= DEPARTURE_NUMBERS && Q_TERMS <= DEPARTURE_NUMBERS);
 
 /// What a shape has beyond the conic `c`, `k` with the even polynomial `a_2, a_4, ...`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -8,10 +8,8 @@ mod shape;
 mod surface;
 mod validate;
 
-pub use action::{Action, PHASE_TERMS, Pattern, Phase};
-pub use departure::{
-    DEPARTURE_NUMBERS, Departure, ODD_TERMS, Q_TERMS, XY_DEGREE, XY_TERMS, xy_index, xy_powers,
-};
+pub use action::{Action, Pattern, Phase};
+pub use departure::{Departure, ODD_TERMS, Q_TERMS, XY_DEGREE, XY_TERMS, xy_index, xy_powers};
 pub use placement::{Axis, Placement};
 pub use shape::SurfaceShape;
 pub use surface::Surface;

@@ -2,7 +2,7 @@
 
 use super::departure::{self, Departure};
 use crate::jet::{Dual, Jet, Real};
-use crate::number::{ASPHERE_TERMS, Number};
+use crate::number::{ASPHERE_TERMS, DEPARTURE_NUMBERS, Number};
 
 /// A shape: a conic plus an even polynomial,
 ///
@@ -196,7 +196,7 @@ impl SurfaceShape {
     /// How sag, slopes and second derivatives at a point move with each number of the shape.
     #[inline(always)]
     pub(crate) fn sensitivities<R: Real>(&self, [x, y]: [R; 2]) -> Vec<(Number, Jet<R>)> {
-        let mut all = Vec::with_capacity(2 + ASPHERE_TERMS + departure::DEPARTURE_NUMBERS);
+        let mut all = Vec::with_capacity(2 + ASPHERE_TERMS + DEPARTURE_NUMBERS);
         // Coefficients, by the function that each of them is a factor of.
         let [jx, jy] = Jet::axes([x, y]);
         let u = jx * jx + jy * jy;

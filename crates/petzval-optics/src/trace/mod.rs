@@ -13,6 +13,7 @@ mod ray;
 mod sequence;
 mod soft_edge;
 mod surface_step;
+mod symmetry;
 
 pub use crate::vector::Vec3;
 pub use aim::{AimedRay, aim_at_stop};

@@ -2,9 +2,8 @@
 
 use super::ray::Ray;
 use crate::jet::Real;
-use crate::lens::{
-    Action, Axis, Departure, Lens, ObjectDistance, PHASE_TERMS, Pattern, Placement, SurfaceShape,
-};
+use crate::lens::{Action, Axis, Departure, Lens, ObjectDistance, Pattern, Placement, SurfaceShape};
+use crate::number::PHASE_TERMS;
 use crate::vector::{Matrix3, Vec3, apply, half_turned, transposed};
 
 /// A surface with the indices on both of its sides.

@@ -1,6 +1,6 @@
 //! Demosaicing of the roots of a mosaic, and suppression of false colours.
 //!
-//! The methods are those of [`Demosaic`](crate::isp::Demosaic), in whole numbers: the mean of neighbours, the filters of Malvar, He and
+//! The methods are those of [`Demosaic`](crate::develop::Demosaic), in whole numbers: the mean of neighbours, the filters of Malvar, He and
 //! Cutler (ICASSP 2004), the directional method of Menon, Andriani and Calvagno (2007) with its refinement, in
 //! `demosaic_directional.rs`, and ratio-corrected demosaicing (2017), in `demosaic_ratio.rs`. The differences of red and blue from green are then pulled towards their median over 3x3 pixels, which takes
 //! single pixels of wrong colour at edges out (W. T. Freeman, US patent 4,724,395, 1988).
@@ -13,8 +13,8 @@ use super::super::fixed::{Around, Grid, ROOT, WEIGHT, shift_round};
 use super::super::tape_grid::{Stencil, Theta};
 use super::demosaic_directional::directional;
 use super::demosaic_ratio;
+use crate::develop::Demosaic;
 use crate::image::{CHANNELS, LinearImage};
-use crate::isp::Demosaic;
 use crate::render::Placement;
 use crate::sensor::CfaPattern;
 use crate::tape::{HostKernel, apply};

@@ -241,7 +241,7 @@ mod tests {
     use burn::tensor::TensorData;
 
     use super::*;
-    use crate::isp::Demosaic;
+    use crate::develop::Demosaic;
     use crate::render::Placement;
 
     const SIDE: usize = 48;

@@ -9,9 +9,9 @@ use petzval_files::load_image;
 use petzval_files::raw_file::{Sidecar, holds_digital_numbers, sidecar_path};
 use sha2::{Digest, Sha256};
 
-use super::super::named::NamedIsp;
 use super::plan::Plan;
 use crate::error::JobError;
+use crate::named_isp::NamedIsp;
 
 /// A raw frame and its reference.
 pub(super) struct Case {

@@ -20,9 +20,9 @@ use serde::{Deserialize, Serialize};
 use self::cases::{Case, cases, fingerprint};
 use self::folder::{Checkpoint, TuneFolder};
 use super::frame::read_frame;
-use super::named::{NamedIsp, about_frame, isp_by_name};
 use crate::context::Context;
 use crate::error::JobError;
+use crate::named_isp::{NamedIsp, about_frame, isp_by_name};
 
 pub use self::folder::Generation;
 pub use self::plan::Plan;

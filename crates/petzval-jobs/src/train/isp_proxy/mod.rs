@@ -4,7 +4,8 @@ mod plan;
 
 use std::path::PathBuf;
 
-use petzval_camera::isp::{Demosaic, Domain, Isp};
+use petzval_camera::develop::{Demosaic, Domain};
+use petzval_camera::isp::Isp;
 use petzval_design::camera::isp_proxy::{Frame, Judge, ParameterSlope, ProxyTrainer, ScoreGap, StepLosses};
 use petzval_design::error::DesignError;
 use petzval_design::experiment::DevelopmentConfig;
@@ -19,7 +20,7 @@ use super::folder::{Kept as AnyKept, Training, WEIGHTS, train};
 use super::request::{Request as AnyRequest, located};
 use crate::context::Context;
 use crate::error::JobError;
-use crate::isp::{NamedIsp, isp_by_name};
+use crate::named_isp::{NamedIsp, isp_by_name};
 
 pub use self::plan::Plan;
 pub use petzval_design::camera::isp_proxy::{Gap, ProxyTraining};

@@ -11,8 +11,8 @@ use pulp::{Simd, WithSimd};
 use super::rays::{Meeting, Rays, Tangent};
 use crate::jet::{Dual, Jet};
 use crate::lanes::{Lanes, MAX_LANES, Mask, V3, along, dot, scaled};
-use crate::lens::PHASE_TERMS;
 use crate::number::Number;
+use crate::number::PHASE_TERMS;
 use crate::trace::sequence::{Bending, SurfaceAtWavelength, structure_path};
 
 /// Largest number of Newton steps.

@@ -1,5 +1,11 @@
 //! A curve over wavelength, and exact integrals of products of such curves.
 
+pub(crate) mod bands;
+mod photons;
+
+pub use bands::{band_mean, bands_within, even_bands};
+pub use photons::{LIGHT_M_PER_S, OpticsError, PLANCK_J_S, PixelOptics};
+
 use std::ops::RangeInclusive;
 
 /// A sampled curve: linear between its samples, zero outside them.

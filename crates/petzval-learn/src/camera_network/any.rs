@@ -7,7 +7,8 @@ use serde::{Deserialize, Serialize};
 use crate::detection::{AnyDetector, Detector};
 use crate::weight_file::{weights_file, with_weights_of};
 
-use super::{
+use super::CameraNetwork;
+use crate::network::{
     Naf, NetworkError, NetworkInput, PictureNetwork, Reach, RestorationNetwork, UNet, UNetConfig, weights,
 };
 
@@ -116,7 +117,9 @@ impl PictureNetwork for Network {
     fn curves(&self) -> Option<Tensor<2>> {
         self.of_kind()?.curves()
     }
+}
 
+impl CameraNetwork for Network {
     fn detector(&self) -> Option<&dyn Detector> {
         match self {
             Self::Detector(detector) => Some(detector),

@@ -1,12 +1,14 @@
 //! Weights of safetensors files.
 
+mod error;
+
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::prelude::*;
 use half::f16;
 use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
 
-use crate::network::NetworkError;
+pub use error::NetworkError;
 
 /// Values of a tensor of f16 or f32, all finite. The error says what is there in place of a tensor of this shape.
 pub(crate) fn read_weights(file: &SafeTensors, name: &str, shape: &[usize]) -> Result<Vec<f32>, String> {

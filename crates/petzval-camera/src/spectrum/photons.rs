@@ -11,7 +11,7 @@
 //! release 4.0, section 2 (irradiation of a pixel); h and c are exact in the SI (CODATA 2018).
 
 use super::bands::hat;
-use super::spectrum::{Spectrum, integral};
+use super::{Spectrum, integral};
 
 /// Planck's constant, J s (exact).
 pub const PLANCK_J_S: f64 = 6.626_070_15e-34;
@@ -87,9 +87,9 @@ impl PixelOptics {
 
 #[cfg(test)]
 mod tests {
-    use super::super::illuminant::Illuminant;
-    use super::super::observer::luminous;
     use super::*;
+    use crate::spectral::Illuminant;
+    use crate::spectral::luminous;
 
     fn optics() -> PixelOptics {
         PixelOptics { pixel_um: 5.0, f_number: 4.0, time_s: 0.01, transmission: None }

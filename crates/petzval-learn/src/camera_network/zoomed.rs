@@ -4,7 +4,8 @@ use burn::prelude::*;
 use burn::tensor::module::interpolate;
 use burn::tensor::ops::{InterpolateMode, InterpolateOptions};
 
-use super::{Detection, Detector, Object, Truth};
+use super::CameraNetwork;
+use crate::detection::{Detection, Detector, Object, Truth};
 use crate::loss::{LossError, NamedLoss};
 use crate::network::{NetworkInput, PictureNetwork};
 
@@ -45,7 +46,7 @@ impl Zoom {
     }
 }
 
-impl<N: PictureNetwork> Zoomed<N> {
+impl<N: CameraNetwork> Zoomed<N> {
     /// A network that sees enlarged pictures. Boxes are in pixels of the pictures as they were.
     pub fn new(network: N, zoom: Zoom) -> Self {
         Self { network, zoom }
@@ -65,7 +66,7 @@ impl<N: PictureNetwork> Zoomed<N> {
     }
 }
 
-impl<N: PictureNetwork> Detector for Zoomed<N> {
+impl<N: CameraNetwork> Detector for Zoomed<N> {
     fn loss(&self, pictures: Tensor<4>, truths: &[Truth], seed: u64) -> Result<NamedLoss, LossError> {
         let (enlarged, by) = self.enlarged(pictures);
         let object = |o: &Object| Object { bbox: o.bbox.scaled(by), ..*o };
@@ -86,7 +87,7 @@ impl<N: PictureNetwork> Detector for Zoomed<N> {
     }
 }
 
-impl<N: PictureNetwork> PictureNetwork for Zoomed<N> {
+impl<N: CameraNetwork> PictureNetwork for Zoomed<N> {
     fn finish(&self, input: &NetworkInput) -> Tensor<4> {
         self.network.finish(input)
     }
@@ -94,7 +95,9 @@ impl<N: PictureNetwork> PictureNetwork for Zoomed<N> {
     fn curves(&self) -> Option<Tensor<2>> {
         self.network.curves()
     }
+}
 
+impl<N: CameraNetwork> CameraNetwork for Zoomed<N> {
     fn detector(&self) -> Option<&dyn Detector> {
         self.network.detector().map(|_| self as &dyn Detector)
     }
@@ -103,8 +106,8 @@ impl<N: PictureNetwork> PictureNetwork for Zoomed<N> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Device;
     use crate::detection::BBox;
-    use crate::{Device, detection::parameters};
 
     /// Finds what is brighter than a half, and knows the sides of the picture it was asked about.
     struct Bright;
@@ -139,7 +142,9 @@ mod tests {
         fn finish(&self, input: &NetworkInput) -> Tensor<4> {
             input.picture()
         }
+    }
 
+    impl CameraNetwork for Bright {
         fn detector(&self) -> Option<&dyn Detector> {
             Some(self)
         }
@@ -151,7 +156,7 @@ mod tests {
         // A bright rectangle of 12 x 8 pixels at (10, 20) of 40 x 60.
         let is_bright = |i: usize| (10..22).contains(&(i % 60)) && (20..28).contains(&(i / 60 % 40));
         let data = (0..3 * 40 * 60).map(|i| f32::from(u8::from(is_bright(i)))).collect::<Vec<f32>>();
-        let picture = parameters::tensor(data, [1, 3, 40, 60], &device);
+        let picture = Tensor::from_data(TensorData::new(data, [1, 3, 40, 60]), &device);
         let truth = Truth {
             objects: vec![Object { bbox: BBox::new(10.0, 20.0, 22.0, 28.0), class: 0 }],
             ..Truth::default()

@@ -1,5 +1,7 @@
 //! ISPs by name: a preset of the built-in ISP, a file of settings, or the description of an external ISP or of a proxy.
 
+pub mod external;
+
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -16,7 +18,7 @@ use petzval_learn::Device;
 use petzval_learn::network::IspProxyConfig;
 use petzval_learn::proxy_isp::{FRAME_NUMBERS, ProxyIsp};
 
-use super::external::ExternalIsp;
+use self::external::ExternalIsp;
 use crate::error::JobError;
 
 /// Name of the settings in which every parameter of the built-in ISP has its default.

@@ -1,6 +1,6 @@
 //! The bands of a spectral image: their wavelengths, and the value of a curve in each band.
 
-use super::spectrum::{Spectrum, integral};
+use crate::spectrum::{Spectrum, integral};
 
 /// Centres, um, of `count` bands evenly spaced over `low_um..high_um`, both ends included, rounded to 1 pm.
 pub fn even_bands(low_um: f64, high_um: f64, count: usize) -> Vec<f64> {
@@ -29,7 +29,7 @@ pub fn band_mean(factors: &[&Spectrum], band_um: &[f64]) -> Vec<f64> {
 }
 
 /// First and last band, um.
-pub(super) fn ends(band_um: &[f64]) -> (f64, f64) {
+pub(crate) fn ends(band_um: &[f64]) -> (f64, f64) {
     (band_um.first().copied().unwrap_or(0.0), band_um.last().copied().unwrap_or(0.0))
 }
 
