@@ -17,7 +17,7 @@
 //! reports the rest as DSNU.
 //!
 //! The fit uses the core of each histogram (median +- 4 standard deviations from its quantiles), so that a tail of hot
-//! pixels is reported ([`DarkTail`](super::warnings::Warning::DarkTail)) and not fitted as noise. Histograms that reach
+//! pixels is reported ([`DarkTail`](super::warning::Warning::DarkTail)) and not fitted as noise. Histograms that reach
 //! the full well or leave the range of photon transfer are saturated and left out. Standard errors are those of
 //! temporal noise, with the pixels of this sensor fixed; where the cores scatter by more than their counts say, they are as many times
 //! larger.

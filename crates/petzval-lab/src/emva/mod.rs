@@ -75,6 +75,7 @@ pub mod spectrogram;
 pub mod transfer;
 pub mod transfer_point;
 mod usable;
+mod warning;
 pub mod warnings;
 
 pub use captures::{CaptureError, Captures, FrameFile, Kind, Point, SensorFacts};
@@ -96,4 +97,5 @@ pub use result_xml::{Values, result_xml};
 pub use sensor_file::sensor_toml;
 pub use series::{Written, write_series};
 pub use spatial::Spatial;
-pub use warnings::{Warning, warning_lines};
+pub use warning::Warning;
+pub use warnings::warning_lines;

@@ -15,7 +15,7 @@ use super::measured::{Measured, Unresolved};
 use super::spatial::Spatial;
 use super::transfer::PhotonTransfer;
 use super::transfer_point::TransferPoint;
-use super::warnings::Warning;
+use super::warning::Warning;
 use petzval_camera::sensor::Colour;
 
 /// Options of the evaluation of a series.

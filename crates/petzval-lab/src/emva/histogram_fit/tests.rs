@@ -3,7 +3,8 @@
 use super::*;
 use crate::emva::captures::Kind;
 use crate::emva::counts::Counts;
-use crate::emva::warnings::{Warning, fit_warnings};
+use crate::emva::warning::Warning;
+use crate::emva::warnings::fit_warnings;
 use crate::emva::{Captures, Characterization, Options, Plan, characterize, write_series};
 use petzval_camera::image::{CHANNELS, LinearImage};
 use petzval_camera::render::Placement;

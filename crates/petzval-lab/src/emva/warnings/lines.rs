@@ -1,6 +1,6 @@
 //! Warnings for a reader: one line for each kind, however many points have it.
 
-use super::kind::Warning;
+use crate::emva::warning::Warning;
 
 /// One line per kind of warning, in the order in which they first occur. Repeats give the count, the first and the worst.
 pub fn warning_lines(warnings: &[Warning]) -> Vec<String> {

@@ -1,9 +1,9 @@
 //! Warnings about the fit to the histograms: tails, no convergence, no agreement with the histograms or with the joint fit.
 
-use super::kind::Warning;
 use crate::emva::histogram_fit::{HistogramComparison, HistogramFit, Parameter, mean_core_chi2};
 use crate::emva::joint::JointFit;
 use crate::emva::measured::Measured;
+use crate::emva::warning::Warning;
 
 /// Multiple of the standard error above which a difference from the joint fit is not chance.
 const DIFFERENT_SIGMAS: f64 = 5.0;

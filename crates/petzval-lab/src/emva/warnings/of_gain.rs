@@ -1,10 +1,10 @@
 //! Warnings about the points of one gain.
 
-use super::kind::Warning;
 use crate::emva::captures::milliseconds;
 use crate::emva::dark::{DarkPoint, DarkSeries};
 use crate::emva::flags::{FlatFlags, FrameFlags, GainFlags, Signal, StackFlags, StackUse};
 use crate::emva::result::GainResult;
+use crate::emva::warning::Warning;
 
 /// Least number of points for a straight line.
 const LEAST_POINTS: usize = 3;

@@ -1,6 +1,5 @@
 //! Warnings about all gains of a series together.
 
-use super::kind::Warning;
 use crate::emva::captures::SensorFacts;
 use crate::emva::joint::{GainRow, JointFit};
 use crate::emva::result::{ChannelResult, GainResult};
@@ -8,6 +7,7 @@ use crate::emva::rounding::LEAST_DARK_VARIANCE_DN2;
 use crate::emva::samples::ConverterFlags;
 use crate::emva::spatial::Components;
 use crate::emva::transfer_point::TransferPoint;
+use crate::emva::warning::Warning;
 use petzval_base::statistics::median;
 
 /// The warnings about the converter, the gains and the joint fit.

@@ -1,8 +1,8 @@
 //! Warnings about fits whose points do not lie on their model.
 
-use super::kind::Warning;
 use crate::emva::fits::NamedFit;
 use crate::emva::goodness::Verdict;
+use crate::emva::warning::Warning;
 
 /// Share of a number from which on the error that a departure adds is worth a warning: every real lamp drifts by less.
 const WORTH_A_WARNING: f64 = 0.01;
