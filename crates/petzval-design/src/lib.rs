@@ -4,10 +4,10 @@
 //! Experiment -> Variants -> Camera -> Frames -> NamedLoss -> gradients -> Blocks -> run folder
 //! ```
 //!
-//! An [`experiment`] states what is designed and which [`variant`]s are compared; [`setup`] turns its names into values;
+//! An [`experiment`] states what is designed and which [variants](experiment::Variant) are compared; [`setup`] turns its names into values;
 //! the [`design_loop`] goes through the stages of each variant. In a step, the [`camera`] takes a batch of shots, the
 //! objective gives the loss, and one [`block`] of the camera moves down its gradient. [`scoring`] scores finished cameras on
-//! held-out photographs; [`run`] keeps everything in a folder; [`run_report`] gathers what the report shows.
+//! held-out photographs; [`run`] keeps everything in a folder; [`report`] gathers what the report shows.
 
 pub mod assets;
 pub mod block;
