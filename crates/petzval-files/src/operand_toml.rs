@@ -25,10 +25,11 @@
 //! ```
 
 use petzval_base::FileError;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Figures that a lens should reach.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct OperandFile {
     /// How much the RMS spots count beside them, from 0.
@@ -39,7 +40,7 @@ pub struct OperandFile {
 }
 
 /// A figure with its bounds.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Operand {
     /// The figure.
@@ -74,7 +75,7 @@ fn hundred() -> f64 {
 }
 
 /// A figure of a lens.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Figure {
     /// MTF at a frequency, mean of sagittal and tangential, 0 to 1.

@@ -16,6 +16,7 @@ use petzval_files::raw_file::{RawFrame, load_raw, sidecar_path};
 use petzval_files::{encoded_png_bytes, load_image};
 use petzval_learn::detection::{Truth, detect_in};
 use petzval_report::side_by_side::{View, page};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
@@ -27,7 +28,7 @@ use crate::run_page::warn_of_changed_config;
 pub use crate::simulate::Place;
 
 /// Pictures, and the cameras that take them.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
     /// Folder of the run.

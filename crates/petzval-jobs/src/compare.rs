@@ -11,6 +11,7 @@ use petzval_design::run::RunFolder;
 use petzval_design::setup::Setup;
 use petzval_learn::score::ScoreDescription;
 use petzval_report::comparison::{Group, SHOWN, TextTable, page};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
@@ -18,7 +19,7 @@ use crate::error::JobError;
 use crate::results::{check_file, has_ending};
 
 /// Runs to compare.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
     /// Folders of finished runs; those that differ in the seed alone are taken together.

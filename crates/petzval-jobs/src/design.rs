@@ -22,6 +22,7 @@ use petzval_design::scoring::Scorer;
 use petzval_design::setup::Setup;
 use petzval_learn::Device;
 use petzval_learn::score::ScoreDescription;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
@@ -44,7 +45,7 @@ pub const DEFAULT_EXPERIMENT: &str = "cooke-triplet-image-quality";
 pub const FITTED: &str = " (fitted)";
 
 /// A run to begin, or to go on with.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
     /// Begin a run, or go on with one.
@@ -54,7 +55,7 @@ pub struct Request {
 }
 
 /// Which run.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Run {
     /// A new one.
@@ -64,7 +65,7 @@ pub enum Run {
 }
 
 /// A run to go on with.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Resume {
     /// Its folder.
@@ -84,7 +85,7 @@ pub struct Resume {
 }
 
 /// A run to begin.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NewRun {
     /// Experiment file, or the name of a built-in one; or a lens file, for which one is made as `init` does.
@@ -99,7 +100,7 @@ pub struct NewRun {
 }
 
 /// What differs from the file of an experiment.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Changes {
     /// Seed of everything random.
@@ -284,6 +285,21 @@ fn warn_of_another_level(folder: &RunFolder, context: &Context) -> Result<(), Jo
         _ => {}
     }
     Ok(())
+}
+
+/// A run to look at before it begins.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LookRequest {
+    /// The run.
+    pub run: NewRun,
+    /// Where tensors live.
+    pub device: String,
+}
+
+/// As [`look`].
+pub fn look_at(request: &LookRequest, context: &Context) -> Result<FirstLook, JobError> {
+    look(&request.run, &request.device, context)
 }
 
 /// Looks at the experiment of a new run, as before its first step: what its lenses show on its sensor, what they violate, how its photographs fit, and

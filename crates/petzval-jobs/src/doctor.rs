@@ -1,5 +1,6 @@
 //! `doctor`: what this machine and this build offer, and whether every built-in file can be read.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
@@ -23,8 +24,13 @@ pub struct Response {
     pub experiments: Vec<String>,
 }
 
+/// Nothing is asked.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Request {}
+
 /// Looks at the machine, and reads every built-in file; one that cannot be read is an error.
-pub fn run(context: &Context) -> Result<Response, JobError> {
+pub fn run(_: &Request, context: &Context) -> Result<Response, JobError> {
     let assets = &context.assets;
     let names = |folder| assets.names(folder).into_iter().map(str::to_owned).collect::<Vec<_>>();
     let (lenses, sensors, experiments) = (names("lenses"), names("sensors"), names("experiments"));

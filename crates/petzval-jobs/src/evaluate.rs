@@ -20,6 +20,7 @@ use petzval_files::ToleranceFile;
 use petzval_optics::lens::Lens;
 use petzval_optics::psf::PsfKind;
 use petzval_optics::tolerance::Tolerances;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
@@ -36,7 +37,7 @@ pub use petzval_learn::score::ScoreDescription;
 const MOST_TRIALS: usize = 100_000;
 
 /// A finished run.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
     /// Its folder.
@@ -61,7 +62,7 @@ pub struct Request {
 }
 
 /// Cameras to be made at random from each design of a run.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Made {
     /// Their tolerances.
@@ -83,7 +84,7 @@ pub struct Made {
 }
 
 /// Where tolerances come from.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum LensTolerances {
     /// Good practice.

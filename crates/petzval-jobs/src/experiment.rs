@@ -2,7 +2,7 @@
 
 use petzval_camera::sensor::SensorModel;
 use petzval_design::experiment::{Experiment, commented_toml};
-use schemars::schema_for;
+use schemars::{JsonSchema, schema_for};
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
@@ -19,8 +19,13 @@ pub struct Entry {
     pub variants: Vec<String>,
 }
 
+/// Nothing is asked.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ListRequest {}
+
 /// The built-in experiments, by name.
-pub fn list(context: &Context) -> Result<Vec<Entry>, JobError> {
+pub fn list(_: &ListRequest, context: &Context) -> Result<Vec<Entry>, JobError> {
     let entry = |name: &str| {
         let experiment = context.assets.experiment(name)?;
         let variants = experiment.variant.iter().map(|v| v.name.clone()).collect();
@@ -29,9 +34,17 @@ pub fn list(context: &Context) -> Result<Vec<Entry>, JobError> {
     context.assets.names("experiments").into_iter().map(entry).collect()
 }
 
-/// The text of an experiment, by built-in name or path.
-pub fn show(name: &str, context: &Context) -> Result<String, JobError> {
-    Ok(context.assets.text("experiment", "experiments", name)?.text)
+/// Which experiment.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ShowRequest {
+    /// Experiment file, or the name of a built-in one.
+    pub name: String,
+}
+
+/// The text of an experiment.
+pub fn show(request: &ShowRequest, context: &Context) -> Result<String, JobError> {
+    Ok(context.assets.text("experiment", "experiments", &request.name)?.text)
 }
 
 /// An experiment as a file with every key, its unit and range in a comment, and its default where it differs.
@@ -40,7 +53,7 @@ pub fn with_every_key(experiment: &Experiment) -> Result<String, JobError> {
 }
 
 /// A kind of file that a user writes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum FileKind {
     /// An experiment of `petzval design`.
@@ -51,12 +64,20 @@ pub enum FileKind {
     Sensor,
 }
 
+/// Which files.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SchemaRequest {
+    /// Their kind.
+    pub kind: FileKind,
+}
+
 /// The JSON Schema of a kind of file: editors complete and check from it.
-pub fn schema(kind: FileKind) -> serde_json::Value {
-    let schema = match kind {
+pub fn schema(request: &SchemaRequest, _: &Context) -> Result<serde_json::Value, JobError> {
+    let schema = match request.kind {
         FileKind::Experiment => schema_for!(Experiment),
         FileKind::Lens => petzval_files::lens_schema(),
         FileKind::Sensor => schema_for!(SensorModel),
     };
-    schema.to_value()
+    Ok(schema.to_value())
 }

@@ -11,6 +11,7 @@ use petzval_design::fit::white_that_fits;
 use petzval_design::path_text::path_text;
 use petzval_files::{parse_lens, parse_sensor, write_lens};
 use petzval_optics::design_space::{Solves, near_variables};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
@@ -24,7 +25,7 @@ const LENS: &str = "lens.toml";
 const SENSOR: &str = "sensor.toml";
 
 /// What to start from.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
     /// The folder of the files; made if it is not there.

@@ -10,6 +10,7 @@ use petzval_optics::paraxial::first_order;
 use petzval_optics::psf::{FieldPsf, PsfMethod, PsfOptions};
 use petzval_optics::pupil::Quadrature;
 use petzval_report::psf_sheet::psf_sheet;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
@@ -22,7 +23,7 @@ pub use petzval_optics::psf::PsfKind;
 ///
 /// Files: `psf.npy`, float64 `[field, wavelength, row, column]`, each of unit sum, centred on the chief ray;
 /// `illumination.npy`, float64 `[field, wavelength]`; `psf.png`, a labelled sheet to look at; `psf.json`, the axes.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
     /// Lens file, or a built-in name.

@@ -14,6 +14,7 @@ use petzval_lab::psf_calibration::manifest::{
 };
 use petzval_lab::psf_calibration::measure::check_mosaic;
 use petzval_lab::psf_calibration::{CROP, FinePsf, Spot};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
@@ -26,7 +27,7 @@ use crate::pinhole::{PinholeError, PinholePsf, PinholeView, Refocus};
 /// A pinhole lit by a white diode of 4900 K is put at field radii along directions from the axis; fields that the sensor does
 /// not reach are left out. The camera turns towards the source. At each place frames are taken at several exposure times
 /// with the sensor's noise; only a window around the source is written. A folder that holds captures is not changed.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
     /// Lens file, or a built-in name.
@@ -63,7 +64,7 @@ pub struct Request {
 }
 
 /// Where the lens is focused.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Focus {
     /// On the source: the sensor moves as far as the paraxial image.
@@ -73,7 +74,7 @@ pub enum Focus {
 }
 
 /// A direction from the axis.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Axis {
     /// Along the columns of the sensor, downwards.

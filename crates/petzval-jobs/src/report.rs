@@ -11,6 +11,7 @@ use petzval_design::scoring::{Scorer, collect_so_far};
 use petzval_design::setup::Setup;
 use petzval_files::{encoded_png_bytes, load_image};
 use petzval_report::design_report::html;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::apply::taken;
@@ -25,7 +26,7 @@ use crate::simulate::Place;
 const SEED: u64 = 1;
 
 /// A finished run.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
     /// Its folder.

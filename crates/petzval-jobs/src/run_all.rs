@@ -7,6 +7,7 @@ use petzval_design::inputs::check_inputs;
 use petzval_design::run::{RunFolder, RunRecord};
 use petzval_design::setup::Setup;
 use petzval_files::write_lens;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::compare;
@@ -16,7 +17,7 @@ use crate::error::JobError;
 use crate::results::check_folder;
 
 /// What to run.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
     /// Folder for the runs, `EXPERIMENT-seed-SEED` each, and the page. Finished runs in it are kept, interrupted ones go on.

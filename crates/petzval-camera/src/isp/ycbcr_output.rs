@@ -11,13 +11,14 @@
 //! Colour differences of 4:2:2 and 4:2:0 lie on the left of each pair of columns, where the standards put them, and are the means `(1 2 1) / 4`
 //! over the three columns about it; in 4:2:0 they lie halfway between two rows, and are the means of both. Every value is rounded once.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::stage::output::{BT601, BT709};
 use super::{IspError, RgbPicture};
 
 /// The standard of luma.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Standard {
     /// ITU-R BT.601: standard definition, and JPEG.
@@ -28,7 +29,7 @@ pub enum Standard {
 }
 
 /// The codes between black and white.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Range {
     /// All of them.
@@ -39,7 +40,7 @@ pub enum Range {
 }
 
 /// How many colour differences there are.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum Chroma {
     /// 4:4:4: one for each pixel.
     #[serde(rename = "444")]

@@ -11,13 +11,14 @@
 //!
 //! Every row starts at a new byte.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::frame::MOST_PIXELS;
 use super::info::largest_dn;
 
 /// Arrangement of digital numbers in bytes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Packing {
     /// MIPI CSI-2: 8, 10, 12 or 14 bits.

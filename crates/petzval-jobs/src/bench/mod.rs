@@ -10,13 +10,15 @@ use std::time::Instant;
 
 use cpu_time::ProcessTime;
 use petzval_base::statistics::median;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use self::workload::Workload;
+use crate::context::Context;
 use crate::error::JobError;
 
 /// A workload to measure.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Request {
     /// Its name, one of [`names`].
@@ -62,7 +64,7 @@ pub fn names() -> Vec<&'static str> {
 }
 
 /// Runs a workload once to warm up, then for the time of the request.
-pub fn run(request: &Request) -> Result<Response, JobError> {
+pub fn run(request: &Request, _: &Context) -> Result<Response, JobError> {
     let Request { workload: name, seconds } = request;
     let Some(workload) = workloads().into_iter().find(|w| w.name == *name) else {
         return Err(JobError::setting("only", name, "no such workload", names().join(", ")));

@@ -7,6 +7,7 @@ use petzval_design::error::DesignError;
 use petzval_files::coco::{Annotation, Attribute, Defect, Loaded, Severity, Statistics, load_coco};
 use petzval_files::load_image;
 use petzval_report::data_sheet::{DataSheet, DefectRow, Sample, SampleBox, page};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::check_pictures_in;
@@ -15,7 +16,7 @@ use crate::error::{JobError, make_folder};
 use crate::results::check_folder;
 
 /// A data set to check. What is left out has the default of the command.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Request {
     /// Its folder, or its file of annotations.

@@ -4,13 +4,14 @@ use std::path::{Component, Path, PathBuf};
 
 use petzval_files::coco::convert::{SourceFormat, convert};
 use petzval_files::coco::{ANNOTATIONS, Defect, Statistics, save_coco};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
 use crate::error::{JobError, make_folder};
 
 /// A data set to convert.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
     /// Its format.

@@ -16,6 +16,7 @@ use petzval_learn::camera_network::CameraNetwork;
 use petzval_learn::camera_network::Network;
 use petzval_learn::camera_network::Zoom;
 use petzval_learn::detection::{AnyDetector, BackboneKind};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::apply::none_finished;
@@ -24,7 +25,7 @@ use crate::error::JobError;
 use crate::evaluate::camera_of;
 
 /// Where a detector comes from.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Source {
     /// A finished camera of a run; the last one if none is named.

@@ -17,6 +17,7 @@ use petzval_files::coco::{
 use petzval_files::{encoded_png_bytes, load_image};
 use petzval_learn::dataset::{in_classes, taken_as};
 use petzval_learn::detection::{Detection, detect_in};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use finder::Source;
@@ -33,7 +34,7 @@ use crate::error::{JobError, make_folder, write_file};
 use crate::results::check_folder;
 
 /// Pictures to look at, and the detector.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
     /// Pictures, and folders of pictures; for the camera of a run also raw frames, which it develops: DNG files, and files with a sidecar.

@@ -1,6 +1,7 @@
 //! `glass find`: the glasses nearest to an index and an Abbe number.
 
 use petzval_optics::glass::{Near, Status, nearest};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{is_made_by, nd_and_vd, p_gf, status};
@@ -9,7 +10,7 @@ use crate::error::JobError;
 
 /// Which glasses to look for. The distance is `sqrt((dnd / 0.01)^2 + dVd^2)`: 0.01 of index counts as much as 1 of Abbe
 /// number.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
     /// Index at the d line, 587.6 nm, 1 to 5.

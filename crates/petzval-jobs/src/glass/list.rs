@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use petzval_optics::glass::{Catalog, Glass};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{is_made_by, nd_and_vd, status};
@@ -10,7 +11,7 @@ use crate::context::Context;
 use crate::error::JobError;
 
 /// Which glasses to list.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
     /// Only glasses of this maker: any part of the name, in upper or lower case.

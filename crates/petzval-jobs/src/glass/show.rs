@@ -2,6 +2,7 @@
 
 use petzval_files::write_catalog;
 use petzval_optics::glass::{Glass, LINE_C_UM, LINE_D_UM, LINE_F_UM, LINE_G_UM};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{at_lines, nd_and_vd, p_gf, status};
@@ -36,7 +37,7 @@ const DN_DT_C: [f64; 2] = [20.0, 40.0];
 const NORMAL_LINE: [f64; 2] = [0.6438, -0.001682];
 
 /// Which glass to show, and in which air.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
     /// Its name, or `MAKER:NAME` where several makers have one of that name.

@@ -8,6 +8,7 @@ use petzval_design::error::DesignError;
 use petzval_files::isp_file::picture_png_bytes;
 use petzval_lab::chart::{ChartFigures, measure};
 use petzval_report::chart_sheet::{ChartSheet, page};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
@@ -24,7 +25,7 @@ const BITS: u32 = 16;
 const DEFAULT_QE: &str = "imx219";
 
 /// A camera and an ISP to measure. What is left out has the default of the command.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Request {
     /// Name of a preset, or a file of settings or of the description of an external ISP.

@@ -9,6 +9,7 @@ use petzval_camera::isp::{HardwareIsp, RawInput, RgbPicture, YcbcrFormat};
 use petzval_files::isp_file::picture_png_bytes;
 use petzval_files::{y4m_bytes, yuv_bytes};
 use petzval_report::isp_strip::{Strip, StripParameter, StripStep, page};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::frame::{FrameOptions, Merge, read_frame, read_merged};
@@ -24,7 +25,7 @@ const BITS_OF_YCBCR: u32 = 16;
 ///
 /// For each `NAME.*` the folder `out` gets `NAME.png`, or `NAME.y4m` or `NAME.yuv`, and, with `strip`, `NAME-strip.html`: the picture after
 /// every stage, with the parameters of the stage. Frames that are merged give one picture, named by the first.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
     /// The frames, in files with sidecars.
@@ -50,7 +51,7 @@ pub struct Request {
 }
 
 /// A file of luma and colour differences.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct YcbcrFile {
     /// The kind of file.
@@ -64,7 +65,7 @@ pub struct YcbcrFile {
 }
 
 /// What holds the planes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Container {
     /// Y4M (YUV4MPEG2).

@@ -10,6 +10,7 @@ use petzval_camera::isp::{
 use petzval_camera::sensor::{CfaPattern, Colour, Exposure, SensorModel};
 use petzval_design::assets::Assets;
 use petzval_files::raw_file::{FrameCalibration, RawFileError, RawInfo, load_any_raw, sidecar_path};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::pile::pile_up;
@@ -18,7 +19,7 @@ use crate::error::JobError;
 use crate::named_isp::about_frame;
 
 /// What raw files leave open.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FrameOptions {
     /// Sensor, a file or a built-in name; none means the built-in sensor that the sidecar names, if any.
@@ -47,7 +48,7 @@ const COARSE: f64 = 0.01;
 const LOW_PILE: f64 = 0.995;
 
 /// Several raw files as one frame.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Merge {
     /// Relative exposures, products of time and gain, one for each file; none takes them from the sidecars.

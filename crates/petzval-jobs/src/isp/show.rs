@@ -1,6 +1,7 @@
 //! `isp show`: the parameters of an ISP.
 
 use petzval_base::parameter::Scale;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
@@ -8,7 +9,7 @@ use crate::error::JobError;
 use crate::named_isp::isp_by_name;
 
 /// An ISP to show.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
     /// Name of a preset, or a file of settings or of the description of an external ISP.

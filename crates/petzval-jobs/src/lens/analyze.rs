@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use petzval_design::lens::view::surfaces;
 use petzval_optics::analysis::{AnalysisOptions, analyze};
 use petzval_report::lens_sheet::{PICTURES, Picture, page};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::analysis_csv::TABLES;
@@ -32,7 +33,7 @@ const MOST_PER_MM: f64 = 2e4;
 ///
 /// Files: one SVG for every [`Picture`]; `analysis.html`, all of them on one page; `analysis.json`, the data; the curves as CSV. Fields and
 /// wavelengths are those of the lens file, 31 of each at most; rays are aimed at the real stop.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
     /// Lens file, or a built-in name.

@@ -6,6 +6,7 @@ use petzval_base::FileError;
 use petzval_design::assets::extension;
 use petzval_files::{Export, LensFile, Loss, write_lens, write_seq, write_zmx};
 use petzval_optics::paraxial::first_order;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
@@ -14,7 +15,7 @@ use crate::finite::finite;
 use crate::results::check_file;
 
 /// A lens to be written in Petzval's format (`.toml`), Zemax's (`.zmx`) or CODE V's (`.seq`).
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
     /// Lens file, or a built-in name.

@@ -8,6 +8,7 @@ use petzval_optics::paraxial::first_order;
 use petzval_optics::pupil::Quadrature;
 use petzval_optics::solve::{with_best_focus, with_paraxial_focus};
 use petzval_optics::spot::mean_square_spot_traced;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::convert::write_as_named;
@@ -18,7 +19,7 @@ use crate::error::JobError;
 const PUPIL_CELLS: usize = 64;
 
 /// Where the image plane goes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum FocusAt {
     /// Where the file puts it.
@@ -31,7 +32,7 @@ pub enum FocusAt {
 }
 
 /// A lens to focus.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
     /// Lens file, or a built-in name.

@@ -1,6 +1,7 @@
 //! `lens list`: the built-in lenses.
 
 use petzval_optics::paraxial::first_order;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
@@ -8,7 +9,7 @@ use crate::error::JobError;
 use crate::finite::finite;
 
 /// The built-in lenses.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Request {}
 

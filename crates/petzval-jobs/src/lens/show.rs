@@ -9,6 +9,7 @@ use petzval_optics::pupil::{PupilRefinement, Quadrature, Refined, paraxial_launc
 use petzval_optics::seidel::seidel_total;
 use petzval_optics::spot::{FieldSpot, PrintedSpot, spot_converged, spot_paraxial_pupil};
 use petzval_optics::trace::{Fate, launch, trace_ray};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::focus::{FocusAt, focused};
@@ -27,7 +28,7 @@ const WIDE_STOP: f64 = 3.0;
 const NEARLY_AFOCAL: f64 = 1e-4;
 
 /// Which lens to show.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
     /// Lens file, or a built-in name.

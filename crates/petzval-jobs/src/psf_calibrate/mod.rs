@@ -20,6 +20,7 @@ use petzval_lab::psf_calibration::{
     CROP, CalibratedPosition, Manifest, PsfCalibrationError, calibrate_position, read_manifest,
 };
 use petzval_report::psf_calibration_sheet::{Calibration, page, sheet_png};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
@@ -39,7 +40,7 @@ pub use petzval_lab::psf_calibration::held_out::HeldOutBy;
 /// Files: `calibration.json`, all figures; `psf-calibration.html`, a page to look at; `psf-calibration.png`, all PSFs on a
 /// sheet; `measured.npy`, float64 `[position, channel, row, column]`; `psfs.toml` and `psfs.npy`, the bank of PSFs for the
 /// renderer.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
     /// Folder of captures, with `captures.toml`.

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf, absolute};
 use petzval_camera::sensor::OutOfRange;
 use petzval_design::path_text::path_text;
 use petzval_files::raw_file::{RawFormat, RawFrame, RawInfo, load_any_raw, save_raw, sidecar_path};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::FrameSummary;
@@ -19,7 +20,7 @@ pub use petzval_files::raw_file::Packing;
 ///
 /// Camera and exposure are those of the input and its sidecar, except where the request gives them; they go into the
 /// sidecar of the output.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
     /// The frame.

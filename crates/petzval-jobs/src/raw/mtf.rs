@@ -10,6 +10,7 @@ use petzval_lab::edge_mtf::{
     Channel, EdgeMtf, RegionPicture, edge_mtf, find_edges, picture_channels, raw_channels,
 };
 use petzval_report::mtf_sheet::{EdgePanel, mtf_svg};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
@@ -25,7 +26,7 @@ const FILES: [&str; 3] = ["mtf.csv", "mtf.json", "mtf.svg"];
 const PITCHES_UM: std::ops::RangeInclusive<f64> = 0.1..=1000.0;
 
 /// A frame to measure.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Request {
     /// A raw frame, as `raw show` reads it, or a picture.

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use petzval_files::raw_file::load_any_raw;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::FrameSummary;
@@ -11,7 +12,7 @@ use crate::error::JobError;
 
 /// A raw frame to summarise: gray TIFF or PNG of 8 or 16 bits, a NumPy array, a packed `.raw` with its sidecar, or DNG with
 /// the cargo feature `dng`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
     /// The frame.

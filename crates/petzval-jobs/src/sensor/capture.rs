@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use petzval_camera::sensor::SensorModel;
 use petzval_lab::emva::{Plan, Written, write_series};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
@@ -15,7 +16,7 @@ use crate::frames::Frames;
 ///
 /// The same request continues a series that was interrupted. An empty field takes its value from the series that `emva`
 /// chooses.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
     /// Sensor file, or a built-in name.
@@ -49,7 +50,7 @@ pub struct Request {
 }
 
 /// Format of the frames.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Format {
     /// 16-bit TIFF.

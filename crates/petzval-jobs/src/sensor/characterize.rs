@@ -8,6 +8,7 @@ use petzval_design::error::DesignError;
 use petzval_lab::emva::captures::milliseconds;
 use petzval_lab::emva::{Captures, Options, characterize, result_xml, sensor_toml, warning_lines};
 use petzval_report::sensor_sheet;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
@@ -23,7 +24,7 @@ pub use petzval_lab::emva::{
 };
 
 /// Captures from which to measure a sensor: EMVA 1288, and the paper's calibration over all gains.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
     /// Folder of the captures, or its `captures.toml`.

@@ -1,6 +1,7 @@
 //! `sensor show`: a sensor, and the EMVA 1288 figures that follow from its numbers.
 
 use petzval_lab::emva::{Derived, derived};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
@@ -9,7 +10,7 @@ use crate::error::JobError;
 pub use petzval_camera::sensor::{Colour, Electronics, SensorModel};
 
 /// A sensor to look at.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
     /// Sensor file, or a built-in name.

@@ -7,13 +7,14 @@ use petzval_camera::image::LinearImage;
 use petzval_camera::render::Wiener;
 use petzval_camera::sensor::{Exposure, SensorModel};
 use petzval_files::spectral_file::is_spectral;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// What the name of a built-in scene begins with.
 const SCENE: &str = "scene:";
 
 /// How a photograph lands on the sensor.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Place {
     /// Scaled to cover the sensor, the rest cut off.
@@ -35,7 +36,7 @@ impl Place {
 }
 
 /// Photographs and scenes to take. What is left out has the default of the command.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Request {
     /// Photographs (PNG, JPEG, TIFF; OpenEXR and Radiance HDR in linear light), spectral images, or `scene:NAME`.
@@ -110,7 +111,7 @@ impl Default for Request {
 }
 
 /// Restoration of a developed picture.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Restore {
     /// Power of noise over that of the picture at a tenth of a cycle per pixel; that of sensor, exposure and demosaicing if none is given.
@@ -133,7 +134,7 @@ impl Restore {
 const DEMOSAIC_ERROR: f32 = 0.0007;
 
 /// How the raw frame is written.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum RawAs {
     /// 16-bit gray TIFF.
@@ -148,7 +149,7 @@ pub enum RawAs {
 }
 
 /// How the developed picture is written.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum PictureAs {
     /// 8-bit sRGB PNG.
@@ -174,7 +175,7 @@ impl PictureAs {
 }
 
 /// The light, and how finely its spectrum is sampled. Any of these makes a simulation one over the spectrum.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Spectral {
     /// Light on the scene: D65, A, FL11, LED-B3, ..., daylight:KELVIN, blackbody:KELVIN, or a CSV file of wavelengths in nm and

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use petzval_design::path_text::path_text;
+use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
@@ -10,7 +11,7 @@ use super::folder::{Kept, TrainingFolder};
 use crate::error::JobError;
 
 /// A training that begins, or one that is continued.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Request<P> {
     /// From untrained weights.

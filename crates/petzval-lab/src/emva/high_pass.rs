@@ -5,6 +5,7 @@
 //! separable `l` of unit sum is `sum((delta - l_x)^2)`, and rows likewise. Release 3.1 (Sec. C.3) uses a 5x5 box,
 //! release 4 a 7x7 box, an 11x11 box and a 3x3 binomial kernel one after the other.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// A picture of numbers.
@@ -19,7 +20,7 @@ pub struct Plane {
 }
 
 /// The high-pass filter before the evaluation of non-uniformity.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum HighPass {
     /// No filter, as in the EMVA 1288 Python library.
     #[serde(rename = "none")]

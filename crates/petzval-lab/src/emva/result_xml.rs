@@ -2,6 +2,7 @@
 
 use quick_xml::Writer;
 use quick_xml::events::{BytesDecl, BytesEnd, BytesStart, BytesText, Event};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::high_pass::HighPass;
@@ -10,7 +11,7 @@ use super::measured::Measured;
 use super::result::ChannelResult;
 
 /// Which of the two values of a figure to write.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Values {
     /// Values as the library derives them, for comparison with it.

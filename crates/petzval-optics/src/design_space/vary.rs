@@ -1,5 +1,6 @@
 //! Variables by kind: all numbers of one kind that a designer would let vary, with bounds about their own values.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Variable;
@@ -8,7 +9,7 @@ use crate::lens::{Action, Departure, Lens};
 use crate::number::Number;
 
 /// A kind of numbers that may vary.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Vary {
     /// Curvatures of surfaces with power, up to one and a half times the strongest of them, of either sign.

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use petzval::jobs::bench;
 
 use super::failure::Failure;
-use super::terminal::print_json;
+use super::terminal::{Terminal, print_json};
 
 /// Measure standard workloads; times are medians.
 #[derive(Debug, clap::Args)]
@@ -25,7 +25,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let all = bench::names();
     if args.list {
         all.iter().for_each(|name| outln!("{name}"));
@@ -36,7 +36,10 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
     }
     let mut found = Vec::new();
     for name in all.into_iter().filter(|name| args.only.is_empty() || args.only.iter().any(|n| n == name)) {
-        let one = bench::run(&bench::Request { workload: name.to_owned(), seconds: args.seconds })?;
+        let one = bench::run(
+            &bench::Request { workload: name.to_owned(), seconds: args.seconds },
+            &terminal.context(),
+        )?;
         if !args.json {
             let (cpu_ms, wall_ms) = (1e3 * one.cpu_s, 1e3 * one.wall_s);
             outln!("{name:<26} {cpu_ms:>10.4} ms CPU {wall_ms:>10.4} ms wall   {}", one.work);

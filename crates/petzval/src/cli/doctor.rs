@@ -17,7 +17,7 @@ pub struct Args {
 
 /// Runs the verb.
 pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
-    let found = doctor::run(&terminal.context())?;
+    let found = doctor::run(&doctor::Request {}, &terminal.context())?;
     if args.json {
         return print_json(&found);
     }

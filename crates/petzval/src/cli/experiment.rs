@@ -5,8 +5,9 @@ use std::process::ExitCode;
 
 use clap::{Subcommand, ValueEnum};
 use petzval::jobs::design::Changes;
-use petzval::jobs::experiment::{self, FileKind};
+use petzval::jobs::experiment::{self, FileKind, SchemaRequest};
 use petzval::jobs::run_all::{self, Request};
+use petzval::jobs::{Call, row};
 
 use super::failure::Failure;
 use super::signals;
@@ -68,7 +69,7 @@ pub struct RunAllArgs {
 pub fn run(verb: ExperimentVerb, terminal: &Terminal) -> Result<ExitCode, Failure> {
     match verb {
         ExperimentVerb::List { json } => {
-            let entries = experiment::list(&terminal.context())?;
+            let entries = experiment::list(&experiment::ListRequest {}, &terminal.context())?;
             if json {
                 return print_json(&entries);
             }
@@ -76,7 +77,9 @@ pub fn run(verb: ExperimentVerb, terminal: &Terminal) -> Result<ExitCode, Failur
                 outln!("{}\n    {}\n    variants: {}", entry.name, entry.title, entry.variants.join(", "));
             }
         }
-        ExperimentVerb::Show { name } => out!("{}", experiment::show(&name, &terminal.context())?),
+        ExperimentVerb::Show { name } => {
+            out!("{}", experiment::show(&experiment::ShowRequest { name }, &terminal.context())?);
+        }
         ExperimentVerb::RunAll(args) => return run_all(args, terminal),
     }
     Ok(ExitCode::SUCCESS)
@@ -110,7 +113,7 @@ fn run_all(args: RunAllArgs, terminal: &Terminal) -> Result<ExitCode, Failure> {
 }
 
 /// Kinds of files that a user writes.
-#[derive(Clone, Copy, Debug, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Kind {
     /// An experiment of `petzval design`
     Experiment,
@@ -118,9 +121,13 @@ enum Kind {
     Lens,
     /// A sensor
     Sensor,
+    /// A call of `petzval call`
+    Call,
+    /// The request of a job, by its name
+    Job,
 }
 
-/// Print the JSON Schema of a kind of file, with which editors complete and check it.
+/// Print the JSON Schema of a kind of file, with which editors complete and check it; or that of a job's request.
 ///
 /// In VS Code with the extension Even Better TOML, write the schema to a file and name it in the first line of your own
 /// file: `#:schema ./experiment.schema.json`.
@@ -129,14 +136,25 @@ pub struct SchemaArgs {
     /// Kind of file
     #[arg(value_enum)]
     kind: Kind,
+    /// Name of the job whose request is meant; `petzval jobs` lists them
+    #[arg(value_name = "NAME", required_if_eq("kind", "job"))]
+    job: Option<String>,
 }
 
 /// Runs the verb.
-pub fn schema(args: SchemaArgs) -> Result<ExitCode, Failure> {
+pub fn schema(args: SchemaArgs, terminal: &Terminal) -> Result<ExitCode, Failure> {
+    if let (Some(job), false) = (&args.job, args.kind == Kind::Job) {
+        return Err(Failure::input(
+            format!("{job}: only the schema of a job has a name"),
+            format!("petzval schema job {job}"),
+        ));
+    }
     let kind = match args.kind {
         Kind::Experiment => FileKind::Experiment,
         Kind::Lens => FileKind::Lens,
         Kind::Sensor => FileKind::Sensor,
+        Kind::Call => return print_json(&Call::schema()),
+        Kind::Job => return print_json(&row(args.job.as_deref().unwrap_or_default())?.schema()),
     };
-    print_json(&experiment::schema(kind))
+    print_json(&experiment::schema(&SchemaRequest { kind }, &terminal.context())?)
 }

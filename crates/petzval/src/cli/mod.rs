@@ -8,6 +8,7 @@ pub mod output;
 
 mod apply;
 mod bench;
+mod call;
 mod compare;
 mod data;
 mod design;
@@ -79,7 +80,7 @@ enum Verb {
     /// List the built-in experiments, print one, or run them all
     #[command(subcommand)]
     Experiment(experiment::ExperimentVerb),
-    #[command(about = "Print the JSON Schema of experiment, lens or sensor files")]
+    #[command(about = "Print the JSON Schema of experiment, lens or sensor files, of calls and of requests")]
     Schema(experiment::SchemaArgs),
     #[command(about = "Write the report of a run again")]
     Report(report::Args),
@@ -120,6 +121,10 @@ enum Verb {
     /// Train networks that stand in for what has no gradient
     #[command(subcommand)]
     Train(train::TrainVerb),
+    #[command(about = "Run any job from a call in JSON, and print its response")]
+    Call(call::Args),
+    #[command(about = "List the jobs of `petzval call`")]
+    Jobs(call::JobsArgs),
     #[command(about = "Measure standard workloads")]
     Bench(bench::Args),
     #[command(about = "Show what this machine and this build offer")]
@@ -158,7 +163,7 @@ pub fn run(cli: Cli) -> Result<ExitCode, Failure> {
         Verb::Design(args) => design::run(args, &terminal),
         Verb::Init(args) => init::run(args, &terminal),
         Verb::Experiment(verb) => experiment::run(verb, &terminal),
-        Verb::Schema(args) => experiment::schema(args),
+        Verb::Schema(args) => experiment::schema(args, &terminal),
         Verb::Report(args) => report::run(args, &terminal),
         Verb::Compare(args) => compare::run(args, &terminal),
         Verb::Evaluate(args) => evaluate::run(args, &terminal),
@@ -175,7 +180,9 @@ pub fn run(cli: Cli) -> Result<ExitCode, Failure> {
         Verb::Detect(args) => detect::run(args, &terminal),
         Verb::Data(verb) => data::run(verb, &terminal),
         Verb::Train(verb) => train::run(verb, &terminal),
-        Verb::Bench(args) => bench::run(args),
+        Verb::Call(args) => call::run(args, &terminal),
+        Verb::Jobs(args) => call::list(args),
+        Verb::Bench(args) => bench::run(args, &terminal),
         Verb::Doctor(args) => doctor::run(args, &terminal),
     }
 }

@@ -8,6 +8,7 @@ use petzval_learn::network::IspProxyConfig;
 use petzval_learn::optimizer::muon_and_adam;
 use petzval_learn::proxy_isp::{FRAME_NUMBERS, ProxyIsp};
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Frame;
@@ -26,7 +27,7 @@ const DIFFERENCE_WEIGHT: f64 = 1.0;
 const PAIRS: usize = 2;
 
 /// How a proxy is trained.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ProxyTraining {
     /// Steps in all.

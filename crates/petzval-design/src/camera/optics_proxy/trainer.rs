@@ -6,6 +6,7 @@ use burn::tensor::{Bytes, TensorData};
 use petzval_learn::network::{OpticsProxyConfig, PredictedPsfs};
 use petzval_optics::lens::Lens;
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::proxy::{ProxyDomain, ProxyOptics, Scale};
@@ -19,7 +20,7 @@ const LEARNING_RATE: f64 = 2e-3;
 const FINAL_LEARNING_RATE: f64 = 0.02;
 
 /// How a network is trained.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct OpticsTraining {
     /// Steps in all.

@@ -13,6 +13,7 @@ mod voc_file;
 mod yolo;
 mod yolo_names;
 
+use schemars::JsonSchema;
 use std::path::Path;
 
 pub use builder::Converted;
@@ -20,7 +21,7 @@ pub use builder::Converted;
 use super::error::CocoError;
 
 /// A format that can be converted.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum SourceFormat {
     /// KITTI object detection: `label_2/*.txt` and `image_2/`.

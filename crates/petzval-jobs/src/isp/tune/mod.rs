@@ -15,6 +15,7 @@ use petzval_camera::isp::{IspError, RgbPicture};
 use petzval_design::evolution::{Evolution, EvolutionSettings};
 use petzval_learn::score::{Score, ScoreDescription, ScoredPair};
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use self::cases::{Case, cases, fingerprint};
@@ -28,7 +29,7 @@ pub use self::folder::Generation;
 pub use self::plan::Plan;
 
 /// A search that begins, or one that is continued, and how far it goes.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
     /// Where it starts.
@@ -43,7 +44,7 @@ pub struct Request {
 const EVALUATIONS: usize = 500;
 
 /// Where a search starts.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Start {
     /// At the settings of an ISP.

@@ -20,13 +20,14 @@ use petzval_optics::number::Number;
 use petzval_optics::optimize::{GlassChoice, Goal as MeritGoal, Limits, Problem};
 use petzval_optics::paraxial::{first_order, marginal_tangent};
 use petzval_optics::pupil::PupilSampling;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::operand::goals_of;
 use crate::error::JobError;
 
 /// The camera whose raw frames should be restored as well as possible.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Restored {
     /// Sensor, by file or built-in name.
@@ -36,7 +37,7 @@ pub struct Restored {
 }
 
 /// What an optimised lens has to be.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Goal {
     /// The error of the best linear restoration of the frames of a camera is minimised in place of the spots.

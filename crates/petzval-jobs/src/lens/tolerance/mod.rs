@@ -13,6 +13,7 @@ use petzval_optics::analysis::first_order_table;
 use petzval_optics::lens::Lens;
 use petzval_optics::merit::{self, Mtf, RmsSpot};
 use petzval_optics::tolerance::{self, Study, ToleranceError, inverse, monte_carlo, sensitivities};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use self::findings::Findings;
@@ -32,7 +33,7 @@ pub use petzval_report::tolerance_sheet::three_digits;
 const MOST_TRIALS: usize = 1_000_000;
 
 /// A lens with its tolerances, and what to find out.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
     /// Lens file, or a built-in name.
@@ -64,7 +65,7 @@ pub struct Request {
 }
 
 /// How exactly a lens is made.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Grade {
     /// What any shop holds.
@@ -86,7 +87,7 @@ impl From<Grade> for tolerance::Grade {
 }
 
 /// What a lens is judged by.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Merit {
     /// RMS spot radius, um.
@@ -97,7 +98,7 @@ pub enum Merit {
 }
 
 /// What is adjusted on every lens.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Compensate {
     /// The image plane goes where the merit is best.

@@ -1,10 +1,11 @@
 //! The plan of a training.
 
 use petzval_design::camera::isp_proxy::ProxyTraining;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// What is imitated, and how.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Plan {
     /// Name of a preset, or a file of settings or of the description of an external ISP.

@@ -13,6 +13,7 @@ use petzval_files::optics_proxy_file::OpticsProxyFile;
 use petzval_files::write_lens;
 use petzval_optics::psf::PsfKind;
 use petzval_report::optics_proxy_sheet::{FieldGap, Gap as ShownGap, PsfRow, Sheet, page};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::folder::{Kept as AnyKept, Training, WEIGHTS, train};
@@ -31,7 +32,7 @@ const SHOWN_FIELDS: usize = 5;
 const UNSEEN: u64 = 0x756e_7365_656e;
 
 /// What is imitated, and how.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Plan {
     /// Experiment that gives lens, bounds, sensor and PSFs.

@@ -1,0 +1,127 @@
+//! A job with all that it needs, as one value: a work unit, a call from another language, a request to a server.
+
+use std::path::{Path, PathBuf};
+
+use schemars::{JsonSchema, schema_for};
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+
+use crate::context::Context;
+use crate::error::JobError;
+use crate::glass::read_glasses;
+use crate::job::Row;
+use crate::table::jobs;
+
+/// The version of [`Call`] that this program writes and reads.
+pub const CALL_FORMAT: u32 = 1;
+
+/// Most threads of a call; far more would hang the machine.
+const MOST_THREADS: usize = 1024;
+
+/// A job with its request and its surroundings.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Call {
+    /// Version of this form: 1.
+    pub format: u32,
+    /// Name of the job; `petzval jobs` lists them.
+    pub job: String,
+    /// What it is asked; `petzval schema job NAME` prints what it may hold.
+    #[serde(default = "nothing")]
+    pub request: Value,
+    /// Glass catalogues whose glasses take precedence over the built-in ones, by path.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub glasses: Vec<PathBuf>,
+    /// Overwrite results that are there already.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub overwrite: bool,
+    /// Threads to use; 0 means those of the process. Results do not depend on it.
+    #[serde(default)]
+    pub threads: usize,
+}
+
+fn nothing() -> Value {
+    Value::Object(Map::new())
+}
+
+impl Call {
+    /// A call of a job by name, which takes what its surroundings are.
+    pub fn new(job: &str, request: Value) -> Self {
+        Self {
+            format: CALL_FORMAT,
+            job: job.to_owned(),
+            request,
+            glasses: Vec::new(),
+            overwrite: false,
+            threads: 0,
+        }
+    }
+
+    /// The JSON Schema of a call.
+    pub fn schema() -> Value {
+        schema_for!(Self).to_value()
+    }
+
+    /// Reads a call from a file. The error names the file, the line and the key.
+    pub fn read(path: &Path) -> Result<Self, JobError> {
+        let text = petzval_base::read_text(path).map_err(|e| {
+            JobError::input(format!("{}: {e}", path.display()), "give a call in JSON, as UTF-8 text")
+        })?;
+        Self::parse(&text).map_err(|error| match error {
+            JobError::Input { message, hint } => {
+                JobError::Input { message: format!("{}: {message}", path.display()), hint }
+            }
+            other => other,
+        })
+    }
+
+    /// Reads a call. The error names the line and the key.
+    pub fn parse(text: &str) -> Result<Self, JobError> {
+        let hint =
+            "a call is {\"format\": 1, \"job\": NAME, \"request\": {...}}; `petzval jobs` lists the names";
+        serde_json::from_str(text).map_err(|error| JobError::input(format!("call: {error}"), hint))
+    }
+
+    /// Makes it. Its glasses take precedence over those of the context.
+    pub fn run(self, context: &Context) -> Result<Value, JobError> {
+        if self.format != CALL_FORMAT {
+            return Err(JobError::setting(
+                "format",
+                self.format,
+                "this program does not know this form of calls",
+                format!("it writes and reads form {CALL_FORMAT}"),
+            ));
+        }
+        if self.threads > MOST_THREADS {
+            let most = format!("at most {MOST_THREADS}; 0 for those of the process");
+            return Err(JobError::setting("threads", self.threads, "too many", most));
+        }
+        let row = row(&self.job)?;
+        let mut context = context.clone().overwriting(self.overwrite);
+        if !self.glasses.is_empty() {
+            let chosen = read_glasses(&self.glasses)?;
+            chosen.warning_lines().iter().for_each(|line| context.warning(line));
+            let assets = context.assets.clone().with_glasses(chosen.catalog);
+            context = context.with_assets(assets);
+        }
+        if self.threads == 0 {
+            return row.run(self.request, &context);
+        }
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(self.threads).build();
+        let pool = pool.map_err(|e| JobError::failed(format!("{} threads: {e}", self.threads)))?;
+        pool.install(|| row.run(self.request, &context))
+    }
+}
+
+/// The row of a name. The error says which names come near.
+pub fn row(name: &str) -> Result<&'static Row, JobError> {
+    jobs().iter().find(|row| row.name == name).ok_or_else(|| {
+        let names: Vec<&str> = jobs().iter().map(|row| row.name).collect();
+        let near = petzval_base::nearest(name, &names);
+        let hint = match near {
+            Some(near) => format!("did you mean `{near}`?"),
+            None => format!("one of {}", names.join(", ")),
+        };
+        JobError::setting("job", name, "there is no such job", hint)
+    })
+}

@@ -1,0 +1,74 @@
+//! What a job is, and the table of all of them.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use schemars::{JsonSchema, schema_for};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use serde_json::Value;
+
+use crate::context::Context;
+use crate::error::JobError;
+
+/// A verb: a request comes in, a response goes out.
+pub trait Job {
+    /// Its name in a [`Call`](crate::Call): the words of the command, joined by hyphens.
+    const NAME: &'static str;
+    /// What it does, in one sentence.
+    const ABOUT: &'static str;
+    /// What it is asked.
+    type Request: Serialize + DeserializeOwned + JsonSchema;
+    /// What it answers.
+    type Response: Serialize;
+
+    /// Runs it.
+    fn run(request: &Self::Request, context: &Context) -> Result<Self::Response, JobError>;
+}
+
+/// A job whose types are JSON: a row of the [table](crate::jobs).
+#[derive(Clone, Copy, Serialize)]
+pub struct Row {
+    /// Its name.
+    pub name: &'static str,
+    /// What it does.
+    pub about: &'static str,
+    #[serde(skip)]
+    schema: fn() -> Value,
+    #[serde(skip)]
+    run: fn(Value, &Context) -> Result<Value, JobError>,
+}
+
+impl Row {
+    /// The row of a job.
+    pub(crate) const fn of<J: Job>() -> Self {
+        Self { name: J::NAME, about: J::ABOUT, schema: schema::<J>, run: run::<J> }
+    }
+
+    /// The JSON Schema of its request.
+    pub fn schema(&self) -> Value {
+        (self.schema)()
+    }
+
+    /// Runs it. A request that does not fit the schema is an error with the key that is wrong; a panic is a failure of this job alone.
+    pub fn run(&self, request: Value, context: &Context) -> Result<Value, JobError> {
+        // What a job leaves half done is dropped with it: its context is lent, and holds nothing that a panic could break.
+        let result = catch_unwind(AssertUnwindSafe(|| (self.run)(request, context)));
+        result.unwrap_or_else(|panic| {
+            let text = panic.downcast_ref::<String>().map(String::as_str);
+            let text = text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no reason given");
+            Err(JobError::failed(format!("{}: a fault of this program: {text}", self.name)))
+        })
+    }
+}
+
+fn schema<J: Job>() -> Value {
+    schema_for!(J::Request).to_value()
+}
+
+fn run<J: Job>(request: Value, context: &Context) -> Result<Value, JobError> {
+    let request: J::Request = serde_json::from_value(request).map_err(|error| {
+        let hint = format!("`petzval schema job {}` prints what a request may hold", J::NAME);
+        JobError::input(format!("request of {}: {error}", J::NAME), hint)
+    })?;
+    serde_json::to_value(J::run(&request, context)?).map_err(|e| JobError::failed(e.to_string()))
+}
