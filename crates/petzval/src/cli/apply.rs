@@ -6,9 +6,10 @@ use std::process::ExitCode;
 use petzval::jobs::apply::{self, Request};
 
 use super::failure::Failure;
+use super::plain::shown;
 use super::signals;
 use super::simulate::Place;
-use super::terminal::{Terminal, print_json, shown};
+use super::terminal::{Terminal, print_json};
 
 /// Take pictures of your own with the cameras of a finished run: whole frames through lens, sensor, development and network.
 ///

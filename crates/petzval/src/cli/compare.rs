@@ -6,7 +6,8 @@ use std::process::ExitCode;
 use petzval::jobs::compare::{self, Request};
 
 use super::failure::Failure;
-use super::terminal::{Terminal, print_json, shown};
+use super::plain::shown;
+use super::terminal::{Terminal, print_json};
 
 /// Put finished runs on one page: tables with means over seeds, the share of the gap to perfect optics that is closed, the figures of the
 /// paper, lenses, curves and the same pictures by every camera.

@@ -8,9 +8,10 @@ use petzval::jobs::experiment;
 
 use super::failure::Failure;
 use super::first_look;
+use super::plain::shown;
 use super::score_table;
 use super::signals;
-use super::terminal::{EXIT_STOPPED, Terminal, pasted, shown};
+use super::terminal::{EXIT_STOPPED, Terminal, pasted};
 
 /// Design lens and network together, and compare with controls.
 ///

@@ -8,8 +8,9 @@ use clap::ValueEnum;
 use petzval::jobs::detect::{self, BackboneKind, Overhanging, Request, Scores, Seen, Source};
 
 use super::failure::Failure;
+use super::plain::shown;
 use super::signals;
-use super::terminal::{Terminal, print_json, shown};
+use super::terminal::{Terminal, print_json};
 
 /// Find objects in pictures: by the detector of a finished camera, or by weights of torchvision.
 ///

@@ -8,7 +8,7 @@ use clap::Parser;
 use clap::error::ErrorKind as ErrorKindOfArguments;
 
 use super::failure::{self, EXIT_INPUT, Failure};
-use super::terminal::shown;
+use super::plain::shown;
 use super::{output, plain};
 
 /// Ends the command: reports a failure, writes what is left of the data, and chooses the exit code.

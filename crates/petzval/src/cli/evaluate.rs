@@ -9,10 +9,11 @@ use petzval::jobs::evaluate::{
 
 use super::failure::Failure;
 use super::number::figure;
+use super::plain::shown;
 use super::psf::Kind;
 use super::score_table;
 use super::signals;
-use super::terminal::{Terminal, print_json, shown};
+use super::terminal::{Terminal, print_json};
 
 /// Score the cameras of a finished run again: lenses by exact tracing, pictures on the held-out photographs.
 ///

@@ -10,8 +10,9 @@ use petzval::jobs::run_all::{self, Request};
 use petzval::jobs::{Call, row};
 
 use super::failure::Failure;
+use super::plain::shown;
 use super::signals;
-use super::terminal::{EXIT_STOPPED, Terminal, print_json, shown};
+use super::terminal::{EXIT_STOPPED, Terminal, print_json};
 
 /// Verbs about experiments.
 #[derive(Debug, Subcommand)]

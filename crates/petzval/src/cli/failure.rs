@@ -7,7 +7,7 @@ use miette::{LabeledSpan, MietteDiagnostic, MietteHandlerOpts, NamedSource, Repo
 use petzval::base::FileError;
 use petzval::jobs::{Fault, JobError, text_of_file};
 
-use super::terminal::shown;
+use super::plain::shown;
 use super::{output, plain};
 
 /// The job failed.

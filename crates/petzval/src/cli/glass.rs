@@ -12,7 +12,8 @@ use petzval::jobs::glass::read_glasses;
 use petzval::jobs::{Assets, built_in_assets};
 
 use super::failure::Failure;
-use super::terminal::{Terminal, shown};
+use super::plain::shown;
+use super::terminal::Terminal;
 
 /// Verbs about glass.
 #[derive(Debug, Subcommand)]

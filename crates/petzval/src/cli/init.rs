@@ -6,7 +6,8 @@ use std::process::ExitCode;
 use petzval::jobs::init::{self, Request};
 
 use super::failure::Failure;
-use super::terminal::{Terminal, pasted, print_json, shown};
+use super::plain::shown;
+use super::terminal::{Terminal, pasted, print_json};
 
 /// Write an experiment with its lens and its sensor as files of your own, to edit and run.
 ///

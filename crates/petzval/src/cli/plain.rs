@@ -1,6 +1,7 @@
 //! Text of others made fit for a terminal: names and values from files and arguments may hold control characters, and be very long.
 
 use std::borrow::Cow;
+use std::path::Path;
 
 /// Characters of the longest line of a message. Paths are shorter on nearly every system.
 const LONGEST_LINE: usize = 1000;
@@ -37,6 +38,11 @@ pub fn line(text: &str) -> Cow<'_, str> {
         return plain(text);
     }
     Cow::Owned(plain(&text.replace('\n', "\\n").replace('\r', "\\r").replace('\t', "\\t")).into_owned())
+}
+
+/// A path, or a sentence that names one, on one line, whatever its name.
+pub fn shown(path: impl AsRef<Path>) -> String {
+    line(&path.as_ref().display().to_string()).into_owned()
 }
 
 /// JSON without control characters in its texts: they are written as JSON writes them, so that its readers find them again.

@@ -7,7 +7,8 @@ use clap::ValueEnum;
 use petzval::jobs::psf::{self, PsfKind};
 
 use super::failure::Failure;
-use super::terminal::{Terminal, print_json, shown};
+use super::plain::shown;
+use super::terminal::{Terminal, print_json};
 
 /// Rays or waves.
 #[derive(Clone, Copy, Debug, ValueEnum)]

@@ -6,7 +6,8 @@ use std::process::ExitCode;
 use petzval::jobs::psf_calibrate::{self, Figures, HeldOutBy};
 
 use super::failure::Failure;
-use super::terminal::{Terminal, print_json, shown};
+use super::plain::shown;
+use super::terminal::{Terminal, print_json};
 
 /// Measure point-spread functions from captures of a pinhole.
 ///

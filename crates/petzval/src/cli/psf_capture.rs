@@ -7,7 +7,8 @@ use clap::ValueEnum;
 use petzval::jobs::psf_capture;
 
 use super::failure::Failure;
-use super::terminal::{Terminal, print_json, shown};
+use super::plain::shown;
+use super::terminal::{Terminal, print_json};
 
 /// Focus of the lens.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

@@ -6,8 +6,9 @@ use std::process::ExitCode;
 use petzval::jobs::report;
 
 use super::failure::Failure;
+use super::plain::shown;
 use super::served_page;
-use super::terminal::{Terminal, shown};
+use super::terminal::Terminal;
 
 /// Write report.html of a finished run again, from the contents of its folder.
 ///

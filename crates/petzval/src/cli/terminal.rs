@@ -34,11 +34,6 @@ pub fn print_json(value: &impl serde::Serialize) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// A path, or a sentence that names one, on one line, whatever its name.
-pub fn shown(path: impl AsRef<Path>) -> String {
-    plain::line(&path.as_ref().display().to_string()).into_owned()
-}
-
 /// A path as it can be pasted into a shell: one with spaces is quoted, bytes that a terminal would obey or not show are written by their numbers.
 pub fn pasted(path: &Path) -> String {
     let is_plain = |c: char| c.is_alphanumeric() || "/._-+,:@%\\".contains(c);
@@ -66,23 +61,24 @@ pub fn training_ending(is_finished: bool, steps: usize) -> ExitCode {
     ExitCode::from(EXIT_STOPPED)
 }
 
-#[cfg(all(test, unix))]
+#[cfg(test)]
 mod tests {
-    use std::ffi::OsStr;
-    use std::os::unix::ffi::OsStrExt;
-
     use super::*;
 
     /// A shell reads what is pasted as the path itself.
+    #[cfg(unix)]
     #[test]
     fn pasted_paths_are_those_of_the_shell() {
+        use std::ffi::OsStr;
+        use std::os::unix::ffi::OsStrExt;
+
         for name in
             [&b"a/b.toml"[..], b"it's mine", b"a\nb\x1b[31m", b"\xff'\\ \xc3\xbc", "gr\u{202e}ün".as_bytes()]
         {
             let path = Path::new(OsStr::from_bytes(name));
             let pasted = pasted(path);
             assert!(
-                !shown(path).contains(char::is_control) && !pasted.contains(char::is_control),
+                !plain::shown(path).contains(char::is_control) && !pasted.contains(char::is_control),
                 "{pasted}"
             );
             let shell =

@@ -1,6 +1,6 @@
 //! The temporary folder in which a command works, and its guard.
 
-use std::fs::File;
+use std::fs::{File, OpenOptions};
 use std::io;
 use std::path::Path;
 use std::sync::Mutex;
@@ -31,7 +31,8 @@ impl Workplace {
         let ending = format!(".{}-0.part", std::process::id());
         let folder = tempfile::Builder::new().prefix(".petzval-isp-").suffix(&ending).tempdir()?;
         // The lock protects the folder from processes that do not see this one. Not every system opens and locks folders.
-        let lock = File::open(folder.path()).ok().filter(|folder| folder.try_lock().is_ok());
+        let lock = OpenOptions::new().read(true).open(folder.path());
+        let lock = lock.ok().filter(|folder| folder.try_lock().is_ok());
         let guard = Mutex::new(Guard::of(folder.path())?);
         Ok(Self { folder, _lock: lock, guard })
     }

@@ -7,7 +7,8 @@ use petzval::jobs::data::check::{self, Request};
 
 use super::defects::table;
 use crate::cli::failure::{EXIT_INPUT, Failure};
-use crate::cli::terminal::{Terminal, print_json, shown};
+use crate::cli::plain::shown;
+use crate::cli::terminal::{Terminal, print_json};
 
 /// Show what a data set in COCO format holds: pictures, boxes by class and size, and everything that is wrong with it.
 ///

@@ -9,7 +9,8 @@ use petzval::jobs::data::convert::{self, Request};
 
 use super::defects::table;
 use crate::cli::failure::{EXIT_INPUT, Failure};
-use crate::cli::terminal::{Terminal, print_json, shown};
+use crate::cli::plain::shown;
+use crate::cli::terminal::{Terminal, print_json};
 
 /// Format of a data set.
 #[derive(Clone, Copy, Debug, ValueEnum)]

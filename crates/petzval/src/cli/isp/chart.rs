@@ -8,8 +8,9 @@ use petzval::jobs::simulate;
 
 use super::inputs::IspArgs;
 use crate::cli::failure::Failure;
+use crate::cli::plain::shown;
 use crate::cli::signals;
-use crate::cli::terminal::{Terminal, print_json, shown};
+use crate::cli::terminal::{Terminal, print_json};
 
 /// Take a test chart through a lens onto a sensor, develop it with an ISP, and measure the picture.
 ///

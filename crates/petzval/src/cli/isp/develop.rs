@@ -9,8 +9,9 @@ use petzval::jobs::isp::develop::{self, Chroma, Container, Range, Standard, Ycbc
 
 use super::inputs::{FrameArgs, IspArgs};
 use crate::cli::failure::Failure;
+use crate::cli::plain::shown;
 use crate::cli::signals;
-use crate::cli::terminal::{Terminal, print_json, shown};
+use crate::cli::terminal::{Terminal, print_json};
 
 /// Develop raw frames to pictures, NAME.* to NAME.png.
 ///

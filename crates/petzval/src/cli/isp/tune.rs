@@ -8,8 +8,9 @@ use petzval::jobs::isp::tune::{self, Plan, Response, Start};
 use super::inputs::{FrameArgs, IspArgs};
 use crate::cli::failure::Failure;
 use crate::cli::number::six_digits;
+use crate::cli::plain::shown;
 use crate::cli::signals;
-use crate::cli::terminal::{EXIT_STOPPED, Terminal, print_json, shown};
+use crate::cli::terminal::{EXIT_STOPPED, Terminal, print_json};
 
 /// Find the parameters of an ISP that bring developed frames nearest to references.
 ///

@@ -8,7 +8,8 @@ use petzval::jobs::lens::analyze::{self, Analysis};
 
 use super::focus::FocusAt;
 use crate::cli::failure::Failure;
-use crate::cli::terminal::{Terminal, shown};
+use crate::cli::plain::shown;
+use crate::cli::terminal::Terminal;
 
 /// Write the analyses of lens design: pictures (SVG), a page with all of them, and their data (JSON, CSV).
 ///

@@ -6,7 +6,8 @@ use std::process::ExitCode;
 use petzval::jobs::lens::convert;
 
 use crate::cli::failure::Failure;
-use crate::cli::terminal::{Terminal, print_json, shown};
+use crate::cli::plain::shown;
+use crate::cli::terminal::{Terminal, print_json};
 
 /// Convert a lens between the formats of Petzval (.toml), Zemax (.zmx) and CODE V (.seq); files of Optiland (.json) are read, too. The
 /// endings of the names choose them.

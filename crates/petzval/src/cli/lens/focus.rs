@@ -7,7 +7,8 @@ use clap::ValueEnum;
 use petzval::jobs::lens::{self, focus};
 
 use crate::cli::failure::Failure;
-use crate::cli::terminal::{Terminal, print_json, shown};
+use crate::cli::plain::shown;
+use crate::cli::terminal::{Terminal, print_json};
 
 /// Move the image plane of a lens to its best focus, and write the lens to another file.
 ///

@@ -7,7 +7,8 @@ use clap::ValueEnum;
 use petzval::jobs::raw::convert::{self, CfaPattern, Packing};
 
 use crate::cli::failure::Failure;
-use crate::cli::terminal::{Terminal, print_json, shown};
+use crate::cli::plain::shown;
+use crate::cli::terminal::{Terminal, print_json};
 
 /// Packing of digital numbers in a `.raw` file.
 #[derive(Clone, Copy, Debug, ValueEnum)]

@@ -7,7 +7,8 @@ use petzval::jobs::raw::convert::CfaPattern;
 use petzval::jobs::raw::mtf::{self, Region, Response, per_mm};
 
 use crate::cli::failure::Failure;
-use crate::cli::terminal::{Terminal, print_json, shown};
+use crate::cli::plain::shown;
+use crate::cli::terminal::{Terminal, print_json};
 
 /// Measure the MTF at slanted edges of a raw frame or a picture, after ISO 12233.
 ///

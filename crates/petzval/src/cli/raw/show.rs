@@ -6,7 +6,8 @@ use std::process::ExitCode;
 use petzval::jobs::raw::{RawInfo, show};
 
 use crate::cli::failure::Failure;
-use crate::cli::terminal::{Terminal, print_json, shown};
+use crate::cli::plain::shown;
+use crate::cli::terminal::{Terminal, print_json};
 
 /// Show a raw frame: size, camera and exposure from its sidecar, and its digital numbers colour by colour.
 ///

@@ -7,7 +7,8 @@ use clap::ValueEnum;
 use petzval::jobs::sensor::capture;
 
 use crate::cli::failure::Failure;
-use crate::cli::terminal::{Terminal, print_json, shown};
+use crate::cli::plain::shown;
+use crate::cli::terminal::{Terminal, print_json};
 
 /// Format of the frames.
 #[derive(Clone, Copy, Debug, ValueEnum)]

@@ -9,8 +9,9 @@ use petzval::jobs::train::isp_proxy::{self, Plan, ProxyTraining, Request, Respon
 use crate::cli::failure::Failure;
 use crate::cli::isp::inputs::IspArgs;
 use crate::cli::number::six_digits;
+use crate::cli::plain::shown;
 use crate::cli::signals;
-use crate::cli::terminal::{Terminal, print_json, shown, training_ending};
+use crate::cli::terminal::{Terminal, print_json, training_ending};
 
 /// Parameters whose slopes the summary shows: those of the largest.
 const SHOWN_SLOPES: usize = 10;

@@ -7,8 +7,9 @@ use petzval::jobs::design::DEFAULT_EXPERIMENT;
 use petzval::jobs::train::optics_proxy::{self, OpticsTraining, Plan, Request, Response};
 
 use crate::cli::failure::Failure;
+use crate::cli::plain::shown;
 use crate::cli::signals;
-use crate::cli::terminal::{Terminal, print_json, shown, training_ending};
+use crate::cli::terminal::{Terminal, print_json, training_ending};
 
 /// Train a network that gives the point spread functions of a lens in place of ray tracing, as the paper did.
 ///

@@ -10,8 +10,9 @@ use petzval::jobs::lens::optimize::{self, Figures, Goal, Response, Restored, Sta
 
 use self::goal::GoalArgs;
 use crate::cli::failure::Failure;
+use crate::cli::plain::shown;
 use crate::cli::signals;
-use crate::cli::terminal::{EXIT_STOPPED, Terminal, print_json, shown};
+use crate::cli::terminal::{EXIT_STOPPED, Terminal, print_json};
 
 /// Make the spots of a lens smaller, within its bounds and the limits below.
 ///

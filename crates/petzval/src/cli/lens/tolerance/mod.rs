@@ -9,7 +9,8 @@ use clap::ValueEnum;
 use petzval::jobs::lens::tolerance::{self, PsfKind};
 
 use crate::cli::failure::Failure;
-use crate::cli::terminal::{Terminal, print_json, shown};
+use crate::cli::plain::shown;
+use crate::cli::terminal::{Terminal, print_json};
 
 /// Grade of manufacturing.
 #[derive(Clone, Copy, Debug, ValueEnum)]
