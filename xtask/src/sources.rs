@@ -74,10 +74,7 @@ fn tokenize(text: &str) -> Vec<String> {
                 i += 1;
             }
             let word: String = chars[start..i].iter().collect();
-            match is_raw_string(&word, &chars, i) {
-                true => i = end_of_raw_string(&chars, i),
-                false => tokens.push(word),
-            }
+            if is_raw_string(&word, &chars, i) { i = end_of_raw_string(&chars, i) } else { tokens.push(word) }
         } else if c == '"' {
             i += 1;
             while i < chars.len() && at(i) != '"' {
@@ -166,10 +163,7 @@ fn read_module(tokens: &[String], children: &BTreeSet<String>) -> Module {
                 } else {
                     module.imports.insert(name.clone(), path.clone());
                 }
-                match is_public {
-                    true => re_exports.push((name, path)),
-                    false => module.paths.push(path),
-                }
+                if is_public { re_exports.push((name, path)) } else { module.paths.push(path) }
             }
             i = end + 1;
             continue;

@@ -80,10 +80,7 @@ pub fn finished_camera(
 /// A camera with its exposure, the network, and the hardware ISP in whole numbers.
 fn finished(camera: &Camera, exposure: &ExposureBlock, isp: &IspBlock, network: &NetworkBlock) -> Camera {
     let camera = network.attached_to(&camera.exposed_as(&exposure.exposure()));
-    match camera.body().chip.is_some() {
-        true => camera.with_chip(ChipValues::Exact(isp.values())),
-        false => camera,
-    }
+    if camera.body().chip.is_some() { camera.with_chip(ChipValues::Exact(isp.values())) } else { camera }
 }
 
 /// The lens of a variant as its blocks stand.
@@ -376,9 +373,10 @@ impl DesignLoop {
         // scored.
         let needs_none =
             matches!(block, BlockName::Network | BlockName::Exposure) || rule.method == StepMethod::Evolution;
-        let camera = match needs_none && camera.body().chip.is_some() {
-            true => camera.with_chip(ChipValues::Exact(self.blocks.isp.values())),
-            false => camera,
+        let camera = if needs_none && camera.body().chip.is_some() {
+            camera.with_chip(ChipValues::Exact(self.blocks.isp.values()))
+        } else {
+            camera
         };
         let objective = &self.objective;
         let loss = |camera: &Camera, frames: &Frames, shots: &[Shot]| {
@@ -441,9 +439,10 @@ impl DesignLoop {
         variant: &Variant,
         moves: &BTreeMap<BlockName, Schedule>,
     ) -> Result<f64, DesignError> {
-        let at_rest = match self.is_moving(moves) {
-            true => self.setup.camera_of(variant, self.lens(variant)?, false)?,
-            false => self.camera(variant, moves)?,
+        let at_rest = if self.is_moving(moves) {
+            self.setup.camera_of(variant, self.lens(variant)?, false)?
+        } else {
+            self.camera(variant, moves)?
         };
         let Blocks { exposure, isp, network, .. } = &self.blocks;
         let camera = finished(&at_rest, exposure, isp, network);
@@ -630,10 +629,7 @@ impl DesignLoop {
     fn held(&self, camera: &Camera) -> Camera {
         let Blocks { exposure, isp, network, .. } = &self.blocks;
         let camera = network.attached_to(&camera.exposed_as(&exposure.exposure_in_work()));
-        match camera.body().chip.is_some() {
-            true => camera.with_chip(isp.held(&camera.body().device)),
-            false => camera,
-        }
+        if camera.body().chip.is_some() { camera.with_chip(isp.held(&camera.body().device)) } else { camera }
     }
 
     fn checkpoint(&self) -> Result<(), DesignError> {

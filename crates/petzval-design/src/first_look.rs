@@ -271,9 +271,10 @@ fn doubts(look: &FirstLook, lens: &LensLook) -> Vec<String> {
     if let (Some(share), Some(circle_mm)) =
         (share.filter(|share| !FITS.contains(share)), lens.image_circle_mm)
     {
-        let what = match share < 1.0 {
-            true => "fields further out are neither seen nor improved",
-            false => "its file does not state such fields",
+        let what = if share < 1.0 {
+            "fields further out are neither seen nor improved"
+        } else {
+            "its file does not state such fields"
         };
         found.push(format!(
             "{}: the sensor's corner lies {:.2} mm from the axis, at {:.0} % of the image circle of its file ({circle_mm:.2} mm); {what}",

@@ -206,18 +206,17 @@ impl Scenes {
         let window = self.window(eye, List::Training, number)?;
         let [own, crops] = [self.crops(List::Training), self.training_crops].map(|c| self.behind(eye, c));
         let is_mirrored = random.random();
-        let mut window = match own == crops {
-            true => window,
-            false => {
-                // Chosen in the view as it is, and followed where it grows: a magnified window may show one object more or less.
-                let unmagnified = Eye { magnification: 1.0, ..eye };
-                let chosen = self.window(unmagnified, List::Training, number)?;
-                let middle = chosen.middle_of_part(own.crop, crops.crop, &mut random);
-                let axis = [crops.sensor_rows, crops.sensor_columns].map(|side| 0.5 * side as f32);
-                let by = eye.magnification as f32;
-                let middle = [0, 1].map(|i| axis[i] + by * (middle[i] - axis[i]));
-                Arc::new(window.part(&own, &crops, middle))
-            }
+        let mut window = if own == crops {
+            window
+        } else {
+            // Chosen in the view as it is, and followed where it grows: a magnified window may show one object more or less.
+            let unmagnified = Eye { magnification: 1.0, ..eye };
+            let chosen = self.window(unmagnified, List::Training, number)?;
+            let middle = chosen.middle_of_part(own.crop, crops.crop, &mut random);
+            let axis = [crops.sensor_rows, crops.sensor_columns].map(|side| 0.5 * side as f32);
+            let by = eye.magnification as f32;
+            let middle = [0, 1].map(|i| axis[i] + by * (middle[i] - axis[i]));
+            Arc::new(window.part(&own, &crops, middle))
         };
         if is_mirrored {
             window = Arc::new(window.mirrored(crops.crop, crops.sensor_columns));

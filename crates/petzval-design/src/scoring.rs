@@ -131,10 +131,10 @@ impl Scorer {
         let own = Exposure { white_e: stated.white_e * exposed_longer, ..own };
         let metrics = camera_metrics(&self.setup, name, lens, captured, scores, scored)?;
         let bright = brightened(camera.psfs().bank().clone(), camera.light());
-        let limit = match own == stated {
-            true => self.setup.limit.mean_square(&bright)?,
-            false => LinearLimit::new(&camera.body().sensor, &own, NaturalScenes::default())
-                .mean_square(&bright)?,
+        let limit = if own == stated {
+            self.setup.limit.mean_square(&bright)?
+        } else {
+            LinearLimit::new(&camera.body().sensor, &own, NaturalScenes::default()).mean_square(&bright)?
         };
         let metrics = CameraMetrics {
             psf_errors: camera.psf_errors(),

@@ -29,11 +29,10 @@ pub fn training_shots(setup: &Setup, camera: &Camera, step: u64) -> Result<Vec<S
         .map(|item| {
             let seed = setup.experiment.seed;
             let mut shot = shot_of(setup, setup.photos.training(), step, item)?;
-            match is_generated(shot.frame, training.dead_leaves) {
-                true => shot.scene = dead_leaves(setup.training_crops.window(), seed, step, item),
-                false => {
-                    relight(&mut shot.scene, light_factors(training.relight_ev, seed, step, item));
-                }
+            if is_generated(shot.frame, training.dead_leaves) {
+                shot.scene = dead_leaves(setup.training_crops.window(), seed, step, item)
+            } else {
+                relight(&mut shot.scene, light_factors(training.relight_ev, seed, step, item));
             }
             Ok(shot)
         })

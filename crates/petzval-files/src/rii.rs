@@ -182,10 +182,7 @@ fn rows<const N: usize>(entry: &Node) -> Result<Vec<[f64; N]>, FileError> {
     rows.sort_by(|a, b| a[0].total_cmp(&b[0]));
     // Keep one row per wavelength, because the slope between two would be infinite.
     rows.dedup_by(|later, earlier| later[0] == earlier[0]);
-    match rows.is_empty() {
-        true => Err(data.error("data", "the table has no rows")),
-        false => Ok(rows),
-    }
+    if rows.is_empty() { Err(data.error("data", "the table has no rows")) } else { Ok(rows) }
 }
 
 /// A formula by its number. The error describes what is wrong with its coefficients.
@@ -194,9 +191,12 @@ fn dispersion(number: &str, c: &[f64]) -> Result<Dispersion, String> {
     if matches!(number, "1" | "2" | "3" | "5" | "6") && c.len().is_multiple_of(2) {
         return Err(format!("formula {number} has an odd number of coefficients, not {}", c.len()));
     }
-    let at_most = |most: usize| match c.len() <= most {
-        true => Ok(c.iter().copied().chain(std::iter::repeat(0.0))),
-        false => Err(format!("formula {number} has at most {most} coefficients, not {}", c.len())),
+    let at_most = |most: usize| {
+        if c.len() <= most {
+            Ok(c.iter().copied().chain(std::iter::repeat(0.0)))
+        } else {
+            Err(format!("formula {number} has at most {most} coefficients, not {}", c.len()))
+        }
     };
     fn filled<const N: usize>(mut from: impl Iterator<Item = f64>) -> [f64; N] {
         std::array::from_fn(|_| from.next().unwrap_or(0.0))
@@ -211,9 +211,10 @@ fn dispersion(number: &str, c: &[f64]) -> Result<Dispersion, String> {
         "2" if c[0] == 0.0 => {
             let (b, c_um2): (Vec<f64>, Vec<f64>) =
                 pairs().filter(|p| p[0] != 0.0).map(|p| (p[0], p[1])).unzip();
-            match b.is_empty() {
-                true => return Err("there is no term".to_owned()),
-                false => Dispersion::Sellmeier { b, c_um2 },
+            if b.is_empty() {
+                return Err("there is no term".to_owned());
+            } else {
+                Dispersion::Sellmeier { b, c_um2 }
             }
         }
         "2" => Dispersion::Square { powers: one_and_offset(), resonances: resonances(1.0) },
@@ -223,9 +224,10 @@ fn dispersion(number: &str, c: &[f64]) -> Result<Dispersion, String> {
             }
             _ => {
                 let powers: Vec<[f64; 2]> = series();
-                match powers.is_empty() {
-                    true => return Err("all of them are 0".to_owned()),
-                    false => Dispersion::Square { powers, resonances: Vec::new() },
+                if powers.is_empty() {
+                    return Err("all of them are 0".to_owned());
+                } else {
+                    Dispersion::Square { powers, resonances: Vec::new() }
                 }
             }
         },
@@ -247,16 +249,18 @@ fn dispersion(number: &str, c: &[f64]) -> Result<Dispersion, String> {
             // Unused terms are filled with zeros; drop resonances of zero strength.
             let resonances = resonant.chunks(4).filter(|b| b[0] != 0.0).map(|b| [b[0], b[1], b[2], b[3]]);
             let resonances: Vec<[f64; 4]> = resonances.collect();
-            match powers.is_empty() && resonances.is_empty() {
-                true => return Err("all of them are 0".to_owned()),
-                false => Dispersion::Square { powers, resonances },
+            if powers.is_empty() && resonances.is_empty() {
+                return Err("all of them are 0".to_owned());
+            } else {
+                Dispersion::Square { powers, resonances }
             }
         }
         "5" => {
             let powers: Vec<[f64; 2]> = series();
-            match powers.is_empty() {
-                true => return Err("all of them are 0".to_owned()),
-                false => Dispersion::Powers(powers),
+            if powers.is_empty() {
+                return Err("all of them are 0".to_owned());
+            } else {
+                Dispersion::Powers(powers)
             }
         }
         "6" => Dispersion::Gas { a: c[0], terms: pairs().map(|p| [p[0], p[1]]).collect() },

@@ -17,12 +17,11 @@ pub fn parse_sensor(text: &str) -> Result<SensorModel, FileError> {
 /// Adds a hint to the error of a misplaced key that belongs to `[nonuniformity]`.
 fn in_its_table(error: FileError) -> FileError {
     let known = toml::Table::try_from(NonUniformity::default()).unwrap_or_default();
-    match known.contains_key(&error.key) && error.message.starts_with("no such key") {
-        true => {
-            let hint = format!("`{}` belongs below a line `[nonuniformity]`", error.key);
-            error.hint(hint)
-        }
-        false => error,
+    if known.contains_key(&error.key) && error.message.starts_with("no such key") {
+        let hint = format!("`{}` belongs below a line `[nonuniformity]`", error.key);
+        error.hint(hint)
+    } else {
+        error
     }
 }
 

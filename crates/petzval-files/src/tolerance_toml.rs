@@ -202,11 +202,14 @@ impl Reader<'_> {
         table: Range<usize>,
     ) -> Result<(usize, usize), FileError> {
         let count = self.lens.surfaces.len();
-        let check = |key: &str, span: Range<usize>, number: usize| match (1..=count).contains(&number) {
-            true => Ok(number - 1),
-            false => Err(self
-                .error(key, span, format!("surface {number} does not exist"))
-                .hint(format!("the lens has surfaces 1 to {count}"))),
+        let check = |key: &str, span: Range<usize>, number: usize| {
+            if (1..=count).contains(&number) {
+                Ok(number - 1)
+            } else {
+                Err(self
+                    .error(key, span, format!("surface {number} does not exist"))
+                    .hint(format!("the lens has surfaces 1 to {count}")))
+            }
         };
         match (surface, element) {
             (Some(s), None) => {
@@ -224,11 +227,10 @@ impl Reader<'_> {
                         .hint("for example `element = [1, 2]`"));
                 };
                 let (a, b) = (check("element", list.span(), first)?, check("element", list.span(), last)?);
-                match a <= b {
-                    true => Ok((a, b)),
-                    false => {
-                        Err(self.error("element", list.span(), "the last surface comes before the first"))
-                    }
+                if a <= b {
+                    Ok((a, b))
+                } else {
+                    Err(self.error("element", list.span(), "the last surface comes before the first"))
                 }
             }
             (Some(_), Some(list)) => Err(self
@@ -336,9 +338,12 @@ impl Reader<'_> {
 
 /// The text of a tolerance file with one table per tolerance. Reading it gives the same tolerances.
 pub fn write_tolerances(tolerances: &Tolerances) -> String {
-    let place = |freedom: &Freedom| match freedom.first == freedom.last {
-        true => format!("surface = {}", freedom.first + 1),
-        false => format!("element = [{}, {}]", freedom.first + 1, freedom.last + 1),
+    let place = |freedom: &Freedom| {
+        if freedom.first == freedom.last {
+            format!("surface = {}", freedom.first + 1)
+        } else {
+            format!("element = [{}, {}]", freedom.first + 1, freedom.last + 1)
+        }
     };
     let mut out = String::new();
     for p in &tolerances.perturbations {

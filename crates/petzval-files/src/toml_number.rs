@@ -58,10 +58,7 @@ fn shortest(near: f64, will_do: impl Fn(f64) -> bool) -> Option<f64> {
 
 /// The shortest decimal that reads back as the same bits.
 pub(crate) fn number(value: f64) -> String {
-    match value.is_nan() {
-        true => "nan".into(),
-        false => format!("{value:?}"),
-    }
+    if value.is_nan() { "nan".into() } else { format!("{value:?}") }
 }
 
 pub(crate) fn numbers(values: &[f64]) -> String {

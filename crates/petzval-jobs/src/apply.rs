@@ -183,9 +183,10 @@ fn chosen(request: &Request, folder: &RunFolder, all: &[String]) -> Result<Vec<S
     if finished.is_empty() {
         return Err(none_finished(&request.run));
     }
-    let asked = match request.cameras.is_empty() {
-        true => finished.iter().map(|name| (*name).to_owned()).collect(),
-        false => request.cameras.clone(),
+    let asked = if request.cameras.is_empty() {
+        finished.iter().map(|name| (*name).to_owned()).collect()
+    } else {
+        request.cameras.clone()
     };
     match asked.iter().find(|name| !finished.contains(&name.as_str())) {
         Some(missing) => {

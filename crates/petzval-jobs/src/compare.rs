@@ -178,9 +178,10 @@ fn tables(comparison: &Comparison) -> Vec<TextTable> {
         [vec![first.to_owned()], headings.clone(), further.to_vec()].concat()
     };
     let cell = |value: &MeanAndDeviation, decimals: usize, is_difference: bool| {
-        let mean = match is_difference {
-            true => format!("{:+.decimals$}", value.mean),
-            false => format!("{:.decimals$}", value.mean),
+        let mean = if is_difference {
+            format!("{:+.decimals$}", value.mean)
+        } else {
+            format!("{:.decimals$}", value.mean)
         };
         if is_several { format!("{mean} ± {:.decimals$}", value.deviation) } else { mean }
     };
@@ -210,15 +211,13 @@ fn tables(comparison: &Comparison) -> Vec<TextTable> {
         [camera.name.clone()].into_iter().chain(cells).collect()
     });
     let mut tables = vec![TextTable {
-        caption: match has_ceiling {
-            true => {
-                let baseline =
-                    cameras.iter().find(|camera| !camera.is_ceiling).map_or("", |camera| &camera.name);
-                format!(
-                    "Scores, and the share of the gap from {baseline} to a lens without aberrations that is closed."
-                )
-            }
-            false => "Scores.".to_owned(),
+        caption: if has_ceiling {
+            let baseline = cameras.iter().find(|camera| !camera.is_ceiling).map_or("", |camera| &camera.name);
+            format!(
+                "Scores, and the share of the gap from {baseline} to a lens without aberrations that is closed."
+            )
+        } else {
+            "Scores.".to_owned()
         },
         head: head("camera", &[shares, lens].concat()),
         rows: rows.collect(),

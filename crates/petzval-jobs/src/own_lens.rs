@@ -55,17 +55,19 @@ pub(crate) fn own_lens(
     fitted.warnings.iter().for_each(|warning| context.warning(format!("{lens}: {warning}")));
     // The text of a file that needs no change keeps its comments.
     let is_ours = !FOREIGN.contains(&extension(Path::new(lens)).as_str());
-    let lens_text = match fitted.changes_lens || !is_ours {
-        true => write_lens(&fitted.lens),
-        false => context.assets.text("lens", "lenses", lens)?.text,
+    let lens_text = if fitted.changes_lens || !is_ours {
+        write_lens(&fitted.lens)
+    } else {
+        context.assets.text("lens", "lenses", lens)?.text
     };
-    let sensor_text = match fitted.changes_sensor {
-        true => format!(
+    let sensor_text = if fitted.changes_sensor {
+        format!(
             "# The pixels of the sensor `{}` in an array that fits the lens.\n{}",
             fitted.sensor_name,
             toml::to_string(&fitted.sensor).map_err(|e| JobError::failed(e.to_string()))?
-        ),
-        false => context.assets.text("sensor", "sensors", &fitted.sensor_name)?.text,
+        )
+    } else {
+        context.assets.text("sensor", "sensors", &fitted.sensor_name)?.text
     };
     Ok(OwnLens {
         experiment: fitted.experiment,

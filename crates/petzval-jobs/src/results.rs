@@ -100,9 +100,10 @@ pub(crate) fn check_file(path: &Path, context: &Context) -> Result<(), JobError>
 
 /// Fails if a file is there that the context does not let a job overwrite.
 fn check_unused(path: &Path, context: &Context) -> Result<(), JobError> {
-    match path.is_file() && !context.overwrites() {
-        true => Err(refused(path, "exists already", "--force replaces it; or name another place")),
-        false => Ok(()),
+    if path.is_file() && !context.overwrites() {
+        Err(refused(path, "exists already", "--force replaces it; or name another place"))
+    } else {
+        Ok(())
     }
 }
 

@@ -62,10 +62,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     if request.seeds.is_empty() {
         return Err(JobError::input("there is no seed", "give one at least"));
     }
-    let names = match request.experiments.is_empty() {
-        true => comparisons(context)?,
-        false => request.experiments.clone(),
-    };
+    let names =
+        if request.experiments.is_empty() { comparisons(context)? } else { request.experiments.clone() };
     let pairs: Vec<(&String, u64)> =
         request.seeds.iter().flat_map(|seed| names.iter().map(move |name| (name, *seed))).collect();
     // What is wrong shows before hours are spent.
@@ -110,21 +108,20 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         }
         finished.push(root);
     }
-    let compared = match finished.is_empty() {
-        true => None,
-        false => {
-            let out = request.out.join("comparison.html");
-            // The page is made anew with every run that was added.
-            let context = context.clone().overwriting(true);
-            match compare::run(
-                &compare::Request { runs: finished, out: out.clone(), ..compare::Request::default() },
-                &context,
-            ) {
-                Ok(compared) => Some(compared),
-                Err(error) => {
-                    failed.push((out, error.to_string()));
-                    None
-                }
+    let compared = if finished.is_empty() {
+        None
+    } else {
+        let out = request.out.join("comparison.html");
+        // The page is made anew with every run that was added.
+        let context = context.clone().overwriting(true);
+        match compare::run(
+            &compare::Request { runs: finished, out: out.clone(), ..compare::Request::default() },
+            &context,
+        ) {
+            Ok(compared) => Some(compared),
+            Err(error) => {
+                failed.push((out, error.to_string()));
+                None
             }
         }
     };

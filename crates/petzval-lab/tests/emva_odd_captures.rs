@@ -504,9 +504,12 @@ fn points_with_movement_count_neither_for_the_gain_nor_as_saturation() {
     // Points of one setting, whose light alone differs, have one label: only the point that moved is left out.
     let at_4_ms = |point: &str| -> String {
         let is_flat = point.contains("flat");
-        let line = |l: &str| match is_flat && l.starts_with("exposure_ms") {
-            true => "exposure_ms = 4.0\n".to_owned(),
-            false => format!("{l}\n"),
+        let line = |l: &str| {
+            if is_flat && l.starts_with("exposure_ms") {
+                "exposure_ms = 4.0\n".to_owned()
+            } else {
+                format!("{l}\n")
+            }
         };
         point.lines().map(line).collect()
     };

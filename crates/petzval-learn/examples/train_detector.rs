@@ -59,9 +59,10 @@ struct Args {
 fn main() {
     let args = Args::parse();
     let kind = if args.one_stage { DetectorKind::Fcos } else { DetectorKind::FasterRcnn };
-    let (wanted, classes): (Wanted, &[&str]) = match args.traffic_lights {
-        true => (Wanted::TrafficLights, &["red", "yellow", "green", "off"]),
-        false => (Wanted::PeopleAndVehicles, &["pedestrian", "vehicle"]),
+    let (wanted, classes): (Wanted, &[&str]) = if args.traffic_lights {
+        (Wanted::TrafficLights, &["red", "yellow", "green", "off"])
+    } else {
+        (Wanted::PeopleAndVehicles, &["pedestrian", "vehicle"])
     };
     let families = if args.half_of_families { Families::First } else { Families::All };
     let Args { steps, windows, rate, batch, seed, .. } = args;

@@ -179,9 +179,8 @@ fn changes(sheet: &OptimizeSheet) -> Markup {
                 rows.push(Row::new((i + 1).to_string(), [what, a, b, unit.to_owned()]));
             }
         };
-        let of_radius = |s: &SurfaceView| match s.radius_mm.is_finite() {
-            true => number::significant(s.radius_mm),
-            false => "plane".to_owned(),
+        let of_radius = |s: &SurfaceView| {
+            if s.radius_mm.is_finite() { number::significant(s.radius_mm) } else { "plane".to_owned() }
         };
         add("radius".into(), of_radius(a), of_radius(b), "mm");
         let thickness = |s: &SurfaceView| number::fixed(s.thickness_mm, 4);

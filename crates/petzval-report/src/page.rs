@@ -96,9 +96,10 @@ pub(crate) fn with_contents(sections: &[Section]) -> Markup {
     let mut ids: Vec<String> = Vec::new();
     for section in sections {
         let slug = section.slug();
-        let id = match ids.contains(&slug) || slug.is_empty() {
-            true => format!("{slug}-section-{}", ids.len() + 1),
-            false => slug,
+        let id = if ids.contains(&slug) || slug.is_empty() {
+            format!("{slug}-section-{}", ids.len() + 1)
+        } else {
+            slug
         };
         ids.push(id);
     }

@@ -107,10 +107,8 @@ impl PointLight {
         let inverse = 1.0 / square.sqrt();
         let (incidence, along) = (facing * inverse, ahead * inverse);
         // Above its cut-off a dipped lamp keeps a few percent; the edge is a quarter of a degree wide on each side.
-        let kept = match self.dipped {
-            true => 0.03 + 0.97 * ((to.y * inverse + 0.004) / 0.008).clamp(0.0, 1.0),
-            false => 1.0,
-        };
+        let kept =
+            if self.dipped { 0.03 + 0.97 * ((to.y * inverse + 0.004) / 0.008).clamp(0.0, 1.0) } else { 1.0 };
         scaled(self.intensity_cd, (along.powi(self.power) * incidence * kept * faded * faded / square) as f32)
     }
 }

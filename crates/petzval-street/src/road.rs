@@ -174,9 +174,10 @@ impl Road {
                 albedo = if radius > 0.29 { [0.03; 3] } else { scaled([0.09, 0.08, 0.075], tone) };
             }
         }
-        let share = match self.painted(across, z) {
-            true => 0.25 + 0.75 * smooth(0.25, 0.5, fractal2(1.9 * p.x, 1.3 * z, 3, self.seed ^ 15)),
-            false => 0.0,
+        let share = if self.painted(across, z) {
+            0.25 + 0.75 * smooth(0.25, 0.5, fractal2(1.9 * p.x, 1.3 * z, 3, self.seed ^ 15))
+        } else {
+            0.0
         };
         let albedo = blend(albedo, scaled(self.paint, 0.8 + 0.2 * grain), share);
         // Water fills the hollows first.

@@ -72,9 +72,10 @@ impl Object {
         for p in self.parts.iter().flat_map(|part| part.outline(camera.origin)) {
             let v = inverse.point(p);
             let (mut place, cosine) = projection.pixel(v);
-            match cosine < LEAST_COSINE {
-                true => place = projection.pixel(turned_to_front(v)).0,
-                false => is_in_front = true,
+            if cosine < LEAST_COSINE {
+                place = projection.pixel(turned_to_front(v)).0
+            } else {
+                is_in_front = true
             }
             let [x, y] = place;
             whole = [whole[0].min(x), whole[1].min(y), whole[2].max(x), whole[3].max(y)];

@@ -43,9 +43,10 @@ pub fn auto_exposure_ev(statistics: &Statistics, response: [f64; 3], options: &E
 
     // The brightest colour must not pass the end of the range.
     let brightest = (0..3).map(|c| statistics.quantile(c, options.highlights)).fold(0.0, f64::max);
-    let guard = match brightest >= 0.98 * statistics.full {
-        true => SATURATED_STEP_EV,
-        false => (HIGHLIGHT_LEVEL * statistics.full / brightest.max(f64::MIN_POSITIVE)).log2(),
+    let guard = if brightest >= 0.98 * statistics.full {
+        SATURATED_STEP_EV
+    } else {
+        (HIGHLIGHT_LEVEL * statistics.full / brightest.max(f64::MIN_POSITIVE)).log2()
     };
     wanted.min(guard).clamp(-options.most_ev, options.most_ev)
 }

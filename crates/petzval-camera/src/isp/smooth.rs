@@ -66,9 +66,10 @@ impl DifferentiableIsp for SmoothIsp {
             .map(f64::from)
             .collect();
         // Values in f32 may leave their range by rounding.
-        let inside: Vec<f64> = match parameters.len() == host.len() {
-            true => host.iter().zip(&parameters).map(|(v, p)| v.clamp(p.about.min, p.about.max)).collect(),
-            false => host,
+        let inside: Vec<f64> = if parameters.len() == host.len() {
+            host.iter().zip(&parameters).map(|(v, p)| v.clamp(p.about.min, p.about.max)).collect()
+        } else {
+            host
         };
         let set = self.settings.with_values(&inside)?;
         let theta = Theta::new(values, parameters.into_iter().map(|p| p.name).collect());

@@ -164,9 +164,10 @@ impl Mosaic {
             }
             // The covariance S (1 - W A)' of what stays unknown, times W.
             let unexplained = Matrix::from_fn(CHANNELS * count, CHANNELS * count, |x, y| {
-                let own = match x / CHANNELS == y / CHANNELS {
-                    true => power[x / CHANNELS] * colours[x % CHANNELS][y % CHANNELS],
-                    false => 0.0,
+                let own = if x / CHANNELS == y / CHANNELS {
+                    power[x / CHANNELS] * colours[x % CHANNELS][y % CHANNELS]
+                } else {
+                    0.0
                 };
                 Complex64::from(own)
             }) - scaled.adjoint() * &restoration;

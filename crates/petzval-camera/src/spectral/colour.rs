@@ -186,10 +186,8 @@ mod tests {
         assert_eq!(srgb.len(), 5);
         for (srgb, wanted) in srgb.into_iter().zip(wanted) {
             // In f64: what f32 rounds of linear light is 2e-5 of a*.
-            let linear = srgb.map(|s: f64| match s <= 0.04045 {
-                true => s / 12.92,
-                false => ((s + 0.055) / 1.055).powf(2.4),
-            });
+            let linear =
+                srgb.map(|s: f64| if s <= 0.04045 { s / 12.92 } else { ((s + 0.055) / 1.055).powf(2.4) });
             let found = lab(apply(&ROUNDED, linear), D65);
             assert!((0..3).all(|i| (found[i] - wanted[i]).abs() < 1e-6), "{found:?} {wanted:?}");
             // The matrix of the exact chromaticities, and light in f32.

@@ -118,11 +118,10 @@ impl HostKernel for DevelopKernel {
             let gradient: LinearImage = picture(d_output, i, channels, height, width);
             let raw = self.raw(i, inputs[0], *capture);
             // A method without a gradient gives NaN, which no descent mistakes for a step.
-            let d_dn = match self.interpolation.demosaic.is_differentiable() {
-                true => {
-                    develop_by_adjoint(&gradient, &raw, &self.interpolation, &self.sensor).expect(CHECKED)
-                }
-                false => vec![f32::NAN; height * width],
+            let d_dn = if self.interpolation.demosaic.is_differentiable() {
+                develop_by_adjoint(&gradient, &raw, &self.interpolation, &self.sensor).expect(CHECKED)
+            } else {
+                vec![f32::NAN; height * width]
             };
             if inputs.len() == 1 {
                 return (d_dn, Vec::new());

@@ -111,9 +111,10 @@ impl IspBlock {
 
     /// The ISP with its values held, on the tape; itself, without a gradient, if it has no form in floating point and nothing imitates it yet.
     pub fn held(&self, device: &Device) -> ChipValues {
-        match self.is_smooth || self.ready_imitation().is_some() {
-            true => self.on_tape(self.tensor(device)),
-            false => ChipValues::Exact(self.values()),
+        if self.is_smooth || self.ready_imitation().is_some() {
+            self.on_tape(self.tensor(device))
+        } else {
+            ChipValues::Exact(self.values())
         }
     }
 
@@ -244,13 +245,12 @@ impl Block for IspBlock {
         if !places.iter().all(|place| place.is_finite()) {
             return Err(format!("{PLACES}: not finite everywhere"));
         }
-        self.imitation = match Imitation::is_in(state) {
-            true => {
-                let mut imitation = self.new_imitation().map_err(|e| e.to_string())?;
-                imitation.load(state)?;
-                Some(imitation)
-            }
-            false => None,
+        self.imitation = if Imitation::is_in(state) {
+            let mut imitation = self.new_imitation().map_err(|e| e.to_string())?;
+            imitation.load(state)?;
+            Some(imitation)
+        } else {
+            None
         };
         self.places = places;
         Ok(())

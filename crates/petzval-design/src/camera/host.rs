@@ -13,9 +13,10 @@ pub fn to_host<const D: usize>(tensor: Tensor<D>) -> Result<Vec<f32>, DesignErro
 /// Finished pictures as they are stored: within 0 to 1. Fails if a value is no finite number, which the limits would hide or a file show as
 /// black.
 pub fn within_range(finished: Tensor<4>) -> Result<Tensor<4>, DesignError> {
-    match to_host(finished.clone())?.iter().all(|v| v.is_finite()) {
-        true => Ok(finished.clamp(0.0, 1.0)),
-        false => Err(DesignError::NotFinite("the finished picture".to_owned())),
+    if to_host(finished.clone())?.iter().all(|v| v.is_finite()) {
+        Ok(finished.clamp(0.0, 1.0))
+    } else {
+        Err(DesignError::NotFinite("the finished picture".to_owned()))
     }
 }
 

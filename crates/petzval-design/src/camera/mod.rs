@@ -148,12 +148,11 @@ impl Optics {
         }
         let bank = self.psfs.bank();
         let values = geometry.patch_count() * 3 * (2 * border + 1).pow(2);
-        let kernels = match values <= MOST_KERNEL_VALUES {
-            true => {
-                let all = vec![true; geometry.patch_count()];
-                Some(Arc::new(patch_kernels(geometry, &bank.layout(), &bank.values, &all)?))
-            }
-            false => None,
+        let kernels = if values <= MOST_KERNEL_VALUES {
+            let all = vec![true; geometry.patch_count()];
+            Some(Arc::new(patch_kernels(geometry, &bank.layout(), &bank.values, &all)?))
+        } else {
+            None
         };
         Ok(self.kernels.get_or_init(|| kernels).clone())
     }

@@ -169,12 +169,11 @@ impl Distribution {
         let path = self.path.clone();
         self.add_outer(&path, weights.rank_one);
         for (y, w) in ranked.iter().zip(&weights.of_rank) {
-            let share = match *w < 0.0 {
-                true => {
-                    let white = self.whitened(y);
-                    w * dimension / dot(&white, &white).max(f64::MIN_POSITIVE)
-                }
-                false => *w,
+            let share = if *w < 0.0 {
+                let white = self.whitened(y);
+                w * dimension / dot(&white, &white).max(f64::MIN_POSITIVE)
+            } else {
+                *w
             };
             self.add_outer(y, weights.rank_mu * share);
         }

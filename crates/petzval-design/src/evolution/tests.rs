@@ -147,10 +147,7 @@ fn a_search_that_is_kept_and_read_continues_with_the_same_bits() {
 
 #[test]
 fn failed_evaluations_are_the_worst_and_lose_nothing() {
-    let f = |x: &[f64]| match x[0] > 0.6 {
-        true => f64::NAN,
-        false => (x[0] - 0.55).powi(2) + (x[1] - 0.5).powi(2),
-    };
+    let f = |x: &[f64]| if x[0] > 0.6 { f64::NAN } else { (x[0] - 0.55).powi(2) + (x[1] - 0.5).powi(2) };
     assert!(evaluations(f, &[0.5, 0.5], seed(4), 1e-9, 2000).is_some());
     // Nothing but failures: no best point, and the state still reads back.
     let mut search = Evolution::new(&[0.5, 0.5], seed(4)).unwrap();

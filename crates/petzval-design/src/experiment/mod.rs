@@ -203,9 +203,10 @@ impl Experiment {
     /// Checks that the scores are among those that come with the program. One who scores by others, with scorers of their own, leaves this out.
     pub fn check_standard_scores(&self, text: &str) -> Result<(), FileError> {
         let scores = &self.scoring.scores;
-        let known: Vec<String> = match self.task.finds_objects() {
-            true => object_scores(self.task.classes()).into_iter().map(|score| score.about.name).collect(),
-            false => STANDARD_SCORES.map(str::to_owned).to_vec(),
+        let known: Vec<String> = if self.task.finds_objects() {
+            object_scores(self.task.classes()).into_iter().map(|score| score.about.name).collect()
+        } else {
+            STANDARD_SCORES.map(str::to_owned).to_vec()
         };
         if let Some((i, unknown)) = scores.iter().enumerate().find(|(_, name)| !known.contains(name)) {
             let of = if self.task.finds_objects() { "of objects" } else { "of pictures" };

@@ -105,9 +105,10 @@ fn stage(experiment: &Experiment, config: &StageConfig) -> Stage {
             (default(*block), config.schedule.get(block).copied().unwrap_or_default());
         // Draws go on as long as the stage, and as far.
         let is_random = own.method == Some(StepMethod::Random);
-        let all = match is_random {
-            true => Schedule { share: 1.0, final_learning_rate: 1.0, error_share: 0.0, proximal: 0.0, ..all },
-            false => all,
+        let all = if is_random {
+            Schedule { share: 1.0, final_learning_rate: 1.0, error_share: 0.0, proximal: 0.0, ..all }
+        } else {
+            all
         };
         let schedule = Schedule {
             steps: own.steps.unwrap_or(all.steps),

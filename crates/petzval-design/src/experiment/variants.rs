@@ -260,9 +260,10 @@ fn check_origin(
         return Err(("name", message, format!("use at most {LONGEST_NAME}: files are named by it")));
     }
     if let Some(same) = earlier.iter().find(|v| v.name.eq_ignore_ascii_case(name)) {
-        let message = match same.name == name {
-            true => format!("two variants are called `{name}`"),
-            false => format!("`{name}` and `{}` are one folder on some systems", same.name),
+        let message = if same.name == name {
+            format!("two variants are called `{name}`")
+        } else {
+            format!("`{name}` and `{}` are one folder on some systems", same.name)
         };
         return Err(("name", message, "give each a name of its own".to_owned()));
     }
@@ -276,9 +277,10 @@ fn check_origin(
     {
         let message = format!("`{name}` starts from `{from}`, which is no earlier variant");
         let names: Vec<&str> = earlier.iter().map(|v| v.name.as_str()).collect();
-        let hint = match names.is_empty() {
-            true => "the first variant starts from a lens".to_owned(),
-            false => format!("earlier variants: {}", names.join(", ")),
+        let hint = if names.is_empty() {
+            "the first variant starts from a lens".to_owned()
+        } else {
+            format!("earlier variants: {}", names.join(", "))
         };
         return Err(("from", message, hint));
     }

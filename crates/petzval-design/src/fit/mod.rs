@@ -75,9 +75,10 @@ pub fn fit(of: FitOf, assets: &Assets) -> Result<Fitted, DesignError> {
     let given = own.clone();
 
     let title = own.lens.name.trim();
-    experiment.name = match title.is_empty() {
-        true => Path::new(lens_name).file_stem().unwrap_or_default().to_string_lossy().into_owned(),
-        false => title.to_owned(),
+    experiment.name = if title.is_empty() {
+        Path::new(lens_name).file_stem().unwrap_or_default().to_string_lossy().into_owned()
+    } else {
+        title.to_owned()
     };
 
     // Take the lens in the colours of its pictures.

@@ -78,9 +78,10 @@ fn with_corner(sensor: &SensorModel, radius_mm: f64) -> (SensorModel, f64) {
     // Whole cells of a colour array.
     let even = |count: f64| 2 * (0.5 * count).round() as usize;
     let (height, width) = (even(kept), even(kept * sensor.width as f64 / sensor.height as f64));
-    let pixel_um = match kept == rows {
-        true => sensor.pixel_um,
-        false => three_digits(2e3 * radius_mm / (height as f64).hypot(width as f64)),
+    let pixel_um = if kept == rows {
+        sensor.pixel_um
+    } else {
+        three_digits(2e3 * radius_mm / (height as f64).hypot(width as f64))
     };
     let area = (pixel_um / sensor.pixel_um).powi(2);
     let of_pixel = if area == 1.0 { String::new() } else { format!(" of {pixel_um} um") };

@@ -388,12 +388,13 @@ impl PsfPlan {
         let of_kind = |kind: PsfKind| {
             psf_with_tape(lens, field_rad, colours, &self.quadrature, &PsfOptions { kind, ..*options })
         };
-        let traced = match self.is_by_waves(index) {
-            true => of_kind(PsfKind::Diffraction).or_else(|| {
+        let traced = if self.is_by_waves(index) {
+            of_kind(PsfKind::Diffraction).or_else(|| {
                 let takes_rays = self.rough_fields == RoughFields::ByRays;
                 takes_rays.then(|| of_kind(PsfKind::Geometric)).flatten()
-            }),
-            false => of_kind(PsfKind::Geometric),
+            })
+        } else {
+            of_kind(PsfKind::Geometric)
         };
         let (psf, tape) = traced.ok_or(DesignError::NoLight { field_deg: field_rad.to_degrees() })?;
         Ok((psf, Some(tape)))

@@ -145,13 +145,15 @@ fn gathered(
             ),
             over_field: view::to_full_field(lens, full_rad, &plan.wavelengths_um),
             psfs: psf_views(&PsfPlan { perfect_image: variant.perfect_image, ..plan.clone() }, lens)?,
-            changes: match variant.moves_lens() {
-                false => Vec::new(),
-                true => changes(&setup.start(variant).lens_file, lens),
+            changes: if variant.moves_lens() {
+                changes(&setup.start(variant).lens_file, lens)
+            } else {
+                Vec::new()
             },
-            setting_changes: match is_scored(metrics, variant) {
-                true => setting_changes(setup, variant, run)?,
-                false => Vec::new(),
+            setting_changes: if is_scored(metrics, variant) {
+                setting_changes(setup, variant, run)?
+            } else {
+                Vec::new()
             },
             attribution: attribution(
                 setup.start(variant),
@@ -251,11 +253,7 @@ fn notes(setup: &Setup, metrics: &Metrics) -> Vec<String> {
         ),
         format!(
             "Lenses are traced exactly; the noise of scored pictures is exact Poisson and the same for every camera. {}",
-            match setup.experiment.finds_in_streets() {
-                true => "Streets are seen through the chief rays of each lens, distortion included.",
-                false =>
-                    "Distortion is not rendered: each place gets the PSF of the field whose chief ray lands there.",
-            }
+            if setup.experiment.finds_in_streets() { "Streets are seen through the chief rays of each lens, distortion included." } else { "Distortion is not rendered: each place gets the PSF of the field whose chief ray lands there." }
         ),
     ]
 }
@@ -275,9 +273,10 @@ fn made_view(scores: &[ScoreDescription], made: MadeMetrics) -> MadeCameras {
         scores: scores.iter().map(|s| score(row.scores.get(&s.name))).collect(),
     });
     let focus = if made.is_refocused { ", focused again" } else { "" };
-    let knowledge = match made.is_calibrated {
-        true => "Each is calibrated: development corrects shading and blur by the lens as made.",
-        false => "None is calibrated: development corrects shading and blur by the lens as drawn.",
+    let knowledge = if made.is_calibrated {
+        "Each is calibrated: development corrects shading and blur by the lens as made."
+    } else {
+        "None is calibrated: development corrects shading and blur by the lens as drawn."
     };
     let left_out = match made.left_out {
         0 => String::new(),

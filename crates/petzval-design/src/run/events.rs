@@ -61,9 +61,10 @@ impl EventLog {
     /// Opens the log for appending behind its first bytes, if they agree with the digest of a checkpoint; what follows them is taken away.
     /// None if they do not agree, or are not there.
     pub fn resume_at(path: &Path, until: &EventsDigest) -> Result<Option<Self>, DesignError> {
-        let mut bytes = match path.exists() {
-            true => petzval_base::read_whole(path).map_err(DesignError::io(path))?,
-            false => Vec::new(),
+        let mut bytes = if path.exists() {
+            petzval_base::read_whole(path).map_err(DesignError::io(path))?
+        } else {
+            Vec::new()
         };
         let is_longer = bytes.len() as u64 > until.bytes;
         bytes.truncate(until.bytes as usize);

@@ -42,12 +42,10 @@ impl Metrics {
 
     /// What the cameras are scored on: `4 held-out photographs at 16 places each`.
     pub fn scored_on(&self) -> String {
-        match self.is_of_objects() {
-            true => format!("{} windows of held-out scenes", self.held_out_images),
-            false => format!(
-                "{} held-out photographs at {} places each",
-                self.held_out_images, self.held_out_places
-            ),
+        if self.is_of_objects() {
+            format!("{} windows of held-out scenes", self.held_out_images)
+        } else {
+            format!("{} held-out photographs at {} places each", self.held_out_images, self.held_out_places)
         }
     }
 }
@@ -121,9 +119,10 @@ const LENS_COLUMNS: [&str; 9] = [
 
 /// A text as a field of comma-separated values (RFC 4180).
 pub(crate) fn quoted(text: &str) -> String {
-    match text.contains([',', '"', '\n', '\r']) {
-        true => format!("\"{}\"", text.replace('"', "\"\"")),
-        false => text.to_owned(),
+    if text.contains([',', '"', '\n', '\r']) {
+        format!("\"{}\"", text.replace('"', "\"\""))
+    } else {
+        text.to_owned()
     }
 }
 

@@ -108,9 +108,10 @@ fn now() -> String {
 /// The values of a run's `config.toml`.
 pub fn read_config(run: &RunFolder) -> Result<Experiment, DesignError> {
     let text = config_text(run)?;
-    let experiment = match run.record().exists() {
-        true => Experiment::parse_complete(&text, &json_record(run)?["config"]),
-        false => Experiment::parse(&text),
+    let experiment = if run.record().exists() {
+        Experiment::parse_complete(&text, &json_record(run)?["config"])
+    } else {
+        Experiment::parse(&text)
     };
     experiment.map_err(DesignError::input(&run.config()))
 }

@@ -272,9 +272,8 @@ fn check_lift(merit: &RestoredError, lens: &Lens, numbers: &[(usize, Number)]) {
         FirstOrderCotangent { stop_radius, ..Default::default() },
         &mut by_stop,
     );
-    let follow = DMatrix::from_fn(count + 1, count, |row, column| match row == count {
-        true => by_stop[numbers[column]],
-        false => f64::from(u8::from(row == column)),
+    let follow = DMatrix::from_fn(count + 1, count, |row, column| {
+        if row == count { by_stop[numbers[column]] } else { f64::from(u8::from(row == column)) }
     });
     let moved = follow.transpose() * gram.view((0, 0), (count + 1, count + 1)) * &follow;
     // Columns of unit length, so that eigenvalues can be compared.

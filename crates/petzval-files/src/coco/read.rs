@@ -401,9 +401,10 @@ pub(super) fn json_error(bytes: &[u8], error: &serde_json::Error) -> FileError {
         false if error.is_eof() => "the file is cut off; copy or export it again",
         false => "correct the JSON there, or export the file again",
     };
-    let message = match is_format {
-        true => format!("this is not the format: {message}"),
-        false => format!("this is not JSON: {message}"),
+    let message = if is_format {
+        format!("this is not the format: {message}")
+    } else {
+        format!("this is not JSON: {message}")
     };
     let near = bytes.split(|b| *b == b'\n').nth(error.line().saturating_sub(1)).unwrap_or(b"");
     // Files in one line have it up to the place.

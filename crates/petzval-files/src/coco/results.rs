@@ -54,9 +54,10 @@ pub fn parse_results(
     mark_numbers(&mut bytes);
     let records: Vec<Record<ResultRecord>> = serde_json::from_slice(&bytes).map_err(|e| {
         let error = json_error(&bytes, &e);
-        match e.is_data() {
-            true => error.hint("COCO results are a list of {image_id, category_id, bbox, score}"),
-            false => error,
+        if e.is_data() {
+            error.hint("COCO results are a list of {image_id, category_id, bbox, score}")
+        } else {
+            error
         }
     })?;
     let known = data.map(|data| {

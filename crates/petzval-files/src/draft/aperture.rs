@@ -87,17 +87,16 @@ pub(super) fn entrance_pupil_mm(
         (ObjectDistance::Finite(distance), Some((to_pupil, _))) => diameter * distance.abs() / to_pupil,
         _ => diameter,
     };
-    match PUPILS_MM.contains(&at_vertex) && diameter.is_finite() {
-        true => Ok(diameter),
-        false => {
-            let message = format!(
-                "this aperture gives a beam of {} mm at the first vertex; {} to {} mm can be traced",
-                shown(at_vertex),
-                shown(*PUPILS_MM.start()),
-                shown(*PUPILS_MM.end())
-            );
-            Err(record.error(message).hint("is the lens afocal, or the stop at a focus?"))
-        }
+    if PUPILS_MM.contains(&at_vertex) && diameter.is_finite() {
+        Ok(diameter)
+    } else {
+        let message = format!(
+            "this aperture gives a beam of {} mm at the first vertex; {} to {} mm can be traced",
+            shown(at_vertex),
+            shown(*PUPILS_MM.start()),
+            shown(*PUPILS_MM.end())
+        );
+        Err(record.error(message).hint("is the lens afocal, or the stop at a focus?"))
     }
 }
 

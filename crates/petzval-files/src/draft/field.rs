@@ -162,10 +162,7 @@ fn angle_deg(lens: &Lens, kind: FieldKind, value: f64) -> Option<f64> {
         }
         (FieldKind::RealImageHeight, _) => {
             let per_tangent = image_height_per_tangent(&sequence);
-            let height = match lens.is_rotationally_symmetric() {
-                true => value.copysign(per_tangent),
-                false => value,
-            };
+            let height = if lens.is_rotationally_symmetric() { value.copysign(per_tangent) } else { value };
             field_imaged_at(&sequence, height, (height / per_tangent).atan())?.to_degrees()
         }
     };

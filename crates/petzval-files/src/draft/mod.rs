@@ -178,9 +178,10 @@ fn wavelengths(
         return Err(record.error(message));
     };
     let judged = |(_, weight): &&(f64, f64)| *weight != 0.0;
-    let mut all: Vec<f64> = match list.iter().any(|w| w.1 != 0.0) {
-        true => list.iter().filter(judged).map(|w| w.0).collect(),
-        false => list.iter().map(|w| w.0).collect(),
+    let mut all: Vec<f64> = if list.iter().any(|w| w.1 != 0.0) {
+        list.iter().filter(judged).map(|w| w.0).collect()
+    } else {
+        list.iter().map(|w| w.0).collect()
     };
     all.sort_by(f64::total_cmp);
     all.dedup();

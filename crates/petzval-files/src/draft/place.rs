@@ -166,14 +166,13 @@ fn dummies(b: &Break, front: &Arc<Glass>) -> Vec<Drafted> {
 
 /// Checks that light along the axis meets a rotated surface from the front.
 pub(crate) fn check_angles([x, y, _]: &[f64; 3], record: &Record) -> Result<(), FileError> {
-    match x.cos() > 1e-6 && y.cos() > 1e-6 {
-        true => Ok(()),
-        false => {
-            let message = "a surface turned by 90 degrees or more is edge-on to light along the axis in front of it, \
+    if x.cos() > 1e-6 && y.cos() > 1e-6 {
+        Ok(())
+    } else {
+        let message = "a surface turned by 90 degrees or more is edge-on to light along the axis in front of it, \
                         and cannot be traced";
-            Err(record.error(message).hint(
-                "it cannot be left out: a plane perpendicular to that axis in its place would give another image",
-            ))
-        }
+        Err(record.error(message).hint(
+            "it cannot be left out: a plane perpendicular to that axis in its place would give another image",
+        ))
     }
 }

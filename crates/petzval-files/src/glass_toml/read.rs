@@ -279,9 +279,10 @@ fn check_finite(
     key: &str,
     mut numbers: impl Iterator<Item = f64>,
 ) -> Result<(), FileError> {
-    match numbers.all(f64::is_finite) {
-        true => Ok(()),
-        false => Err(FileError::at(text, span, key, "a number is not finite")),
+    if numbers.all(f64::is_finite) {
+        Ok(())
+    } else {
+        Err(FileError::at(text, span, key, "a number is not finite"))
     }
 }
 
@@ -294,17 +295,19 @@ fn check_ascending(text: &str, span: Range<usize>, key: &str, um: &[f64]) -> Res
 
 fn check_nd(text: &str, nd: &Placed) -> Result<f64, FileError> {
     let value = nd.get_ref().0;
-    match value > 1.0 && value.is_finite() {
-        true => Ok(value),
-        false => Err(FileError::at(text, nd.span(), "nd", "an index is a finite number above 1")),
+    if value > 1.0 && value.is_finite() {
+        Ok(value)
+    } else {
+        Err(FileError::at(text, nd.span(), "nd", "an index is a finite number above 1"))
     }
 }
 
 fn check_vd(text: &str, vd: &Placed) -> Result<f64, FileError> {
     let value = vd.get_ref().0;
-    match value > 0.0 && value.is_finite() {
-        true => Ok(value),
-        false => Err(FileError::at(text, vd.span(), "vd", "an Abbe number is finite and positive")),
+    if value > 0.0 && value.is_finite() {
+        Ok(value)
+    } else {
+        Err(FileError::at(text, vd.span(), "vd", "an Abbe number is finite and positive"))
     }
 }
 

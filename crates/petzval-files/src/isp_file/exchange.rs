@@ -170,9 +170,10 @@ pub fn picture_png_bytes(picture: &RgbPicture, bits: u32) -> Result<Vec<u8>, Str
     let highest = table.len() - 1;
     let samples =
         (0..3 * pixels).map(|k| table[usize::from(picture.data[k % 3 * pixels + k / 3]).min(highest)]);
-    let bytes: Vec<u8> = match is_deep {
-        true => samples.flat_map(u16::to_be_bytes).collect(),
-        false => samples.map(|v| v as u8).collect(),
+    let bytes: Vec<u8> = if is_deep {
+        samples.flat_map(u16::to_be_bytes).collect()
+    } else {
+        samples.map(|v| v as u8).collect()
     };
     encoded_png(&bytes, (height, width), bits).map_err(|e| e.to_string())
 }

@@ -42,8 +42,9 @@ pub fn parse_isp_file(text: &str) -> Result<IspFile, FileError> {
     if table.contains_key("proxy_of") {
         return IspProxyFile::parse(text).map(|proxy| IspFile::Proxy(Box::new(proxy)));
     }
-    match table.contains_key("isp") {
-        true => IspSettingsFile::parse(text).map(IspFile::Settings),
-        false => parse_isp_preset(text).map(|preset| IspFile::Preset(Box::new(preset))),
+    if table.contains_key("isp") {
+        IspSettingsFile::parse(text).map(IspFile::Settings)
+    } else {
+        parse_isp_preset(text).map(|preset| IspFile::Preset(Box::new(preset)))
     }
 }

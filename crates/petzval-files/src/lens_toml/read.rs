@@ -97,18 +97,16 @@ impl Reader<'_> {
 
     pub(super) fn finite(&self, key: &str, number: &Placed) -> Result<f64, FileError> {
         let value = number.get_ref().0;
-        match value.is_finite() {
-            true => Ok(value),
-            false => Err(self.error(key, number.span(), "this must be a finite number")),
+        if value.is_finite() {
+            Ok(value)
+        } else {
+            Err(self.error(key, number.span(), "this must be a finite number"))
         }
     }
 
     pub(super) fn positive(&self, key: &str, number: &Placed) -> Result<f64, FileError> {
         let value = self.finite(key, number)?;
-        match value > 0.0 {
-            true => Ok(value),
-            false => Err(self.error(key, number.span(), "this must be positive")),
-        }
+        if value > 0.0 { Ok(value) } else { Err(self.error(key, number.span(), "this must be positive")) }
     }
 
     /// Index of the one surface with `stop = true`.
@@ -159,9 +157,10 @@ impl Reader<'_> {
             );
             let error = self.error(key, number.span(), message);
             let from_nm = value / 1000.0;
-            Err(match OPTICAL_UM.contains(&from_nm) {
-                true => error.hint(format!("wavelengths are in um; did you mean {from_nm}?")),
-                false => error.hint("wavelengths are in um"),
+            Err(if OPTICAL_UM.contains(&from_nm) {
+                error.hint(format!("wavelengths are in um; did you mean {from_nm}?"))
+            } else {
+                error.hint("wavelengths are in um")
             })
         };
         let mut list = Vec::new();
@@ -242,9 +241,10 @@ impl Reader<'_> {
             let key = text.parameter.get_ref();
             let number = self.parameter(&text.parameter, &lens.surfaces[surface])?;
             let (min, max) = (self.finite("min", &text.min)?, self.finite("max", &text.max)?);
-            let variable = match key == CURVATURE {
-                true => self.curvature_variable(text, surface, [min, max], lens)?,
-                false => Variable { surface, number, min, max },
+            let variable = if key == CURVATURE {
+                self.curvature_variable(text, surface, [min, max], lens)?
+            } else {
+                Variable { surface, number, min, max }
             };
             if key != CURVATURE {
                 self.check_bounds(text, &variable, lens)?;

@@ -49,12 +49,11 @@ fn write(file: &LensFile, out: &mut String) -> std::fmt::Result {
         writeln!(out, "\n[[variable]]\nsurface = {}", v.surface + 1)?;
         // Radii of both signs pass through the plane: the bounds of the curvature say so.
         let is_through_plane = v.number == Number::Curvature && v.min < 0.0 && v.max > 0.0;
-        let (parameter, bounds) = match is_through_plane {
-            true => {
-                let curvature = |radius_mm: f64| exact_reciprocal(radius_mm).unwrap_or(1.0 / radius_mm);
-                (CURVATURE.to_owned(), [v.min, v.max].map(curvature))
-            }
-            false => (parameter_name(&lens.surfaces[v.surface], v.number), [v.min, v.max]),
+        let (parameter, bounds) = if is_through_plane {
+            let curvature = |radius_mm: f64| exact_reciprocal(radius_mm).unwrap_or(1.0 / radius_mm);
+            (CURVATURE.to_owned(), [v.min, v.max].map(curvature))
+        } else {
+            (parameter_name(&lens.surfaces[v.surface], v.number), [v.min, v.max])
         };
         writeln!(out, "parameter = {}", quoted(&parameter))?;
         writeln!(out, "min = {}\nmax = {}", number(bounds[0]), number(bounds[1]))?;

@@ -125,15 +125,16 @@ impl<'a> RawSurface<'a> {
             losses.add(acts.line("coating"), &self.record.text, Effect::NoRay, "coatings are not read");
         }
         let shape = self.shape(losses)?;
-        let action = match is_thin_lens {
-            false => Action::Refract,
-            true => match acts.needed_number("focal_length")? {
+        let action = if is_thin_lens {
+            match acts.needed_number("focal_length")? {
                 f if f != 0.0 => Action::ThinLens { power_per_mm: 1.0 / f },
                 _ => {
                     let message = format!("{}: a thin lens needs a focal length", self.record.text);
                     return Err(acts.error("focal_length", message));
                 }
-            },
+            }
+        } else {
+            Action::Refract
         };
         let material = self.object.needed_object("material_post")?;
         let surface = Surface {

@@ -88,12 +88,11 @@ pub(super) enum AnyFrame {
 impl AnyFrame {
     /// A frame of numbers of any size.
     pub fn of(RawFrame { height, width, dn, info }: RawFrame<u32>) -> Self {
-        match dn.iter().all(|dn| *dn <= u16::MAX.into()) {
-            true => {
-                let dn = dn.into_iter().map(|dn| dn as u16).collect();
-                Self::Narrow(RawFrame { height, width, dn, info })
-            }
-            false => Self::Wide(RawFrame { height, width, dn, info }),
+        if dn.iter().all(|dn| *dn <= u16::MAX.into()) {
+            let dn = dn.into_iter().map(|dn| dn as u16).collect();
+            Self::Narrow(RawFrame { height, width, dn, info })
+        } else {
+            Self::Wide(RawFrame { height, width, dn, info })
         }
     }
 

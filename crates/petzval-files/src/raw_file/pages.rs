@@ -78,9 +78,12 @@ pub(super) fn decode_page(file: impl Read + Seek, place: usize) -> Result<AnyFra
     limits.intermediate_buffer_size = most as usize;
     tiff.decoder = tiff.decoder.with_limits(limits);
     let (height, width) = (height as usize, width as usize);
-    let check_count = |count: usize| match count > 0 && count == height * width {
-        true => Ok(()),
-        false => Err(refused(format!("{count} numbers for {height}x{width} pixels"))),
+    let check_count = |count: usize| {
+        if count > 0 && count == height * width {
+            Ok(())
+        } else {
+            Err(refused(format!("{count} numbers for {height}x{width} pixels")))
+        }
     };
     let narrow = |dn: Vec<u16>, bits| {
         check_count(dn.len())?;

@@ -39,9 +39,10 @@ impl Command {
         }
         let first = words.remove(0);
         let upper = first.text.to_uppercase();
-        let name = match first.quoted || !upper.bytes().all(|b| b.is_ascii_alphabetic()) {
-            true => upper.clone(),
-            false => upper.chars().take(3).collect(),
+        let name = if first.quoted || !upper.bytes().all(|b| b.is_ascii_alphabetic()) {
+            upper.clone()
+        } else {
+            upper.chars().take(3).collect()
         };
         Some(Self { record: Record::new(line, text.trim()), name, full: upper, quoted: first.quoted, words })
     }

@@ -95,13 +95,14 @@ impl PrivateGlasses {
             return Ok(Glass::air());
         }
         if let Some((nd, vd)) = fictitious(&word.text) {
-            return match nd > 1.0 && nd < 10.0 && vd > 0.0 && vd.is_finite() {
-                true => Ok(Arc::new(Glass::new(&word.text, Dispersion::NdVd { nd, vd }))),
-                false => Err(record.error(format!(
+            return if nd > 1.0 && nd < 10.0 && vd > 0.0 && vd.is_finite() {
+                Ok(Arc::new(Glass::new(&word.text, Dispersion::NdVd { nd, vd })))
+            } else {
+                Err(record.error(format!(
                     "nd = {} and Vd = {} are not those of a glass",
                     shown(nd),
                     shown(vd)
-                ))),
+                )))
             };
         }
         if word.text.starts_with(|c: char| c.is_ascii_digit()) && word.text.parse::<f64>().is_ok() {

@@ -608,9 +608,10 @@ fn only_number(command: &Command, words: &[Word]) -> Result<f64, FileError> {
 /// The only number of a command, after its qualifiers.
 fn qualified_number(command: &Command, words: &[Word]) -> Result<f64, FileError> {
     let (last, before) = words.split_last().ok_or_else(|| command.error("a finite number is missing"))?;
-    match before.iter().any(|word| finite(word).is_some()) {
-        true => Err(command.error("one number is read, but there are more")),
-        false => only_number(command, std::slice::from_ref(last)),
+    if before.iter().any(|word| finite(word).is_some()) {
+        Err(command.error("one number is read, but there are more"))
+    } else {
+        only_number(command, std::slice::from_ref(last))
     }
 }
 

@@ -74,9 +74,10 @@ pub fn parse_zmx_start(text: &str, catalog: &Catalog) -> Result<Import, FileErro
 /// Refuses known keywords in lower case: the surfaces of the file would be lost.
 fn check_capitals(line: &Line<'_>) -> Result<(), FileError> {
     let upper = line.keyword.to_ascii_uppercase();
-    match upper != line.keyword && (upper == "SURF" || is_of_surface(&upper)) {
-        true => Err(line.error(format!("keywords are written in capitals: {upper}"))),
-        false => Ok(()),
+    if upper != line.keyword && (upper == "SURF" || is_of_surface(&upper)) {
+        Err(line.error(format!("keywords are written in capitals: {upper}")))
+    } else {
+        Ok(())
     }
 }
 

@@ -189,9 +189,10 @@ impl RawSurface<'_> {
 
     fn norm_radius_mm(&self, value: f64, shapes: &Shapes<'_>) -> Result<f64, FileError> {
         let mm = value * shapes.mm;
-        match (1e-6..=1e6).contains(&mm) {
-            true => Ok(mm),
-            false => Err(self.kind_error(format!("a normalisation radius of {mm} mm is not traced"))),
+        if (1e-6..=1e6).contains(&mm) {
+            Ok(mm)
+        } else {
+            Err(self.kind_error(format!("a normalisation radius of {mm} mm is not traced")))
         }
     }
 
@@ -206,9 +207,10 @@ impl RawSurface<'_> {
     /// An order of diffraction from a parameter.
     fn order(&self, index: usize, default: i32) -> Result<i32, FileError> {
         let Some((value, line)) = self.parameters.get(&index) else { return Ok(default) };
-        match value.fract() == 0.0 && value.abs() <= 1e6 {
-            true => Ok(*value as i32),
-            false => Err(line.error("an order of diffraction must be a whole number")),
+        if value.fract() == 0.0 && value.abs() <= 1e6 {
+            Ok(*value as i32)
+        } else {
+            Err(line.error("an order of diffraction must be a whole number"))
         }
     }
 }

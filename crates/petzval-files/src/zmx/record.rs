@@ -52,9 +52,10 @@ impl<'a> Line<'a> {
     /// Value `index` as a count from 0 to 1e6. Fails if it is missing.
     pub fn count(&self, index: usize) -> Result<usize, FileError> {
         let value = self.needed(index)?;
-        match (0.0..=1e6).contains(&value) && value.fract() == 0.0 {
-            true => Ok(value as usize),
-            false => Err(self.error(format!("value {} must be a whole number from 0", index + 1))),
+        if (0.0..=1e6).contains(&value) && value.fract() == 0.0 {
+            Ok(value as usize)
+        } else {
+            Err(self.error(format!("value {} must be a whole number from 0", index + 1)))
         }
     }
 

@@ -87,9 +87,10 @@ fn step(experiment: &str, kind: BlockName, what: &str) -> Result<Prepared, JobEr
     experiment.street.windows = WINDOWS;
     let training = experiment.training.clone();
     let network = &experiment.network;
-    let size = match has_network {
-        true => format!(", {} channels, {} levels", network.base_channels, network.levels),
-        false => String::new(),
+    let size = if has_network {
+        format!(", {} channels, {} levels", network.base_channels, network.levels)
+    } else {
+        String::new()
     };
     let setup = Setup::new(experiment, &assets, device("cpu")?)?;
     let mut design = design_loop(setup)?;

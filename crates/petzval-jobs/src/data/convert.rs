@@ -69,9 +69,10 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             return Err(JobError::Stopped(format!("stopped after {i} of {total} pictures")));
         }
         let target = inside(out, &image.file_name)?;
-        match place(source, &target, request.copy)? {
-            true => linked += 1,
-            false => copied += 1,
+        if place(source, &target, request.copy)? {
+            linked += 1
+        } else {
+            copied += 1
         }
         context.progress(i as u64 + 1, total as u64, "pictures");
     }
@@ -90,9 +91,10 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 /// A place inside the folder.
 fn inside(folder: &Path, name: &str) -> Result<PathBuf, JobError> {
     let is_plain = Path::new(name).components().all(|part| matches!(part, Component::Normal(_)));
-    match is_plain {
-        true => Ok(folder.join(name)),
-        false => Err(JobError::failed(format!("{name}: this is not a place inside the folder"))),
+    if is_plain {
+        Ok(folder.join(name))
+    } else {
+        Err(JobError::failed(format!("{name}: this is not a place inside the folder")))
     }
 }
 

@@ -309,21 +309,19 @@ fn in_classes_of(finder: &Finder, data: DataSet, context: &Context) -> Result<Da
         data.annotations.retain(|object| numbers.contains(&object.category_id));
         // Other programs obey crowds alone.
         data.annotations.iter_mut().for_each(|object| object.crowd |= object.ignore);
-        return match data.annotations.iter().any(|object| !object.crowd) {
-            true => Ok(data),
-            false => nothing(
-                "its categories need the numbers that the weights have for them, such as those of COCO",
-            ),
+        return if data.annotations.iter().any(|object| !object.crowd) {
+            Ok(data)
+        } else {
+            nothing("its categories need the numbers that the weights have for them, such as those of COCO")
         };
     };
     let (names, wanted) = (task.classes(), task.wanted());
     taken_as(&data, wanted, names).iter().for_each(|note| context.warning(note));
     let data = in_classes(&data, wanted, names);
-    match data.annotations.iter().any(|object| !object.crowd) {
-        true => Ok(data),
-        false => {
-            nothing("its categories are recognised by the words of their names; `data check` lists them")
-        }
+    if data.annotations.iter().any(|object| !object.crowd) {
+        Ok(data)
+    } else {
+        nothing("its categories are recognised by the words of their names; `data check` lists them")
     }
 }
 

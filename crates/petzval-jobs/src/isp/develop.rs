@@ -141,14 +141,13 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         let bytes = encoded(request, &picture)?;
         let path = out.join(format!("{name}.{}", extension(request)));
         write_file(&path, &bytes)?;
-        let strip = match request.strip {
-            true => {
-                let steps = named.develop_steps(&frame, &values).map_err(about_frame(raw))?;
-                let strip_path = out.join(page_of(name));
-                write_file(&strip_path, page(&strip(raw, &named, &values, &steps)).as_bytes())?;
-                Some(strip_path)
-            }
-            false => None,
+        let strip = if request.strip {
+            let steps = named.develop_steps(&frame, &values).map_err(about_frame(raw))?;
+            let strip_path = out.join(page_of(name));
+            write_file(&strip_path, page(&strip(raw, &named, &values, &steps)).as_bytes())?;
+            Some(strip_path)
+        } else {
+            None
         };
         let RgbPicture { height, width, .. } = picture;
         pictures.push(Developed { raw: raw.clone(), picture: path, strip, height, width, seconds });

@@ -91,10 +91,8 @@ pub(super) fn read_merged(
             return Err(JobError::setting("exposures", "", message, hint));
         }
     };
-    let merged = match merge.no_motion_check {
-        true => MergeOptions { motion_sigmas: None },
-        false => MergeOptions::default(),
-    };
+    let merged =
+        if merge.no_motion_check { MergeOptions { motion_sigmas: None } } else { MergeOptions::default() };
     let first = paths.first().map_or(Path::new(""), PathBuf::as_path);
     let mut frame = merge_exposures(&frames, &exposures, &merged).map_err(about_frame(first))?;
     estimate(&mut frame, options).map_err(about_frame(first))?;
@@ -153,14 +151,17 @@ fn read_exposure(
         None => saturated_dn(&raw.dn, raw.width, cfa, full_dn, info, path, context),
     };
     let white_dn = calibration.white_dn.unwrap_or(full_dn);
-    let check_white = |white_dn: f64| match white_dn > black_dn + 1.0 && white_dn <= 1e8 {
-        true => Ok(()),
-        false => Err(JobError::setting(
-            "white_dn",
-            white_dn,
-            format!("not above the black level of {black_dn} DN in {}", path.display()),
-            "give the digital number of a white surface in a green pixel",
-        )),
+    let check_white = |white_dn: f64| {
+        if white_dn > black_dn + 1.0 && white_dn <= 1e8 {
+            Ok(())
+        } else {
+            Err(JobError::setting(
+                "white_dn",
+                white_dn,
+                format!("not above the black level of {black_dn} DN in {}", path.display()),
+                "give the digital number of a white surface in a green pixel",
+            ))
+        }
     };
     check_white(white_dn)?;
     let range = white_dn - black_dn;
@@ -179,9 +180,10 @@ fn read_exposure(
                 .map_err(|e| JobError::input(format!("{}: {e}", path.display()), ""))?;
             // The model of a sensor knows nothing of numbers that its converter does not make, or that saturate below it.
             let is_below = info.white_level_dn.is_some_and(|stated| full_dn < stated);
-            let saturation = match info.companding.is_some() || bits > sensor.bits || is_below {
-                true => saturation(about.response),
-                false => about.saturation,
+            let saturation = if info.companding.is_some() || bits > sensor.bits || is_below {
+                saturation(about.response)
+            } else {
+                about.saturation
             };
             FrameData { black_dn, white_dn, saturation, ..about }
         }

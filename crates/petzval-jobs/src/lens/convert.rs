@@ -77,9 +77,10 @@ pub(super) fn write_as_named(file: &LensFile, to: &Path, context: &Context) -> R
 
 /// The bytes of a file. Zemax takes ASCII as it is, and other text in UTF-16 with a byte order mark.
 fn encoded(path: &Path, text: &str) -> Vec<u8> {
-    match extension(path) == "zmx" && !text.is_ascii() {
-        true => "\u{feff}".encode_utf16().chain(text.encode_utf16()).flat_map(u16::to_le_bytes).collect(),
-        false => text.as_bytes().to_vec(),
+    if extension(path) == "zmx" && !text.is_ascii() {
+        "\u{feff}".encode_utf16().chain(text.encode_utf16()).flat_map(u16::to_le_bytes).collect()
+    } else {
+        text.as_bytes().to_vec()
     }
 }
 

@@ -277,14 +277,15 @@ impl NamedIsp {
         }
         places.sort_unstable();
         places.dedup();
-        match places.is_empty() {
-            true => Err(JobError::setting(
+        if places.is_empty() {
+            Err(JobError::setting(
                 "vary",
                 "",
                 "no parameter varies",
                 "name parameters or stages, or give all",
-            )),
-            false => Ok(places),
+            ))
+        } else {
+            Ok(places)
         }
     }
 

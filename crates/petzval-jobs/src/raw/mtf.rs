@@ -256,12 +256,13 @@ fn found(file: &Path, frame: &Frame) -> Result<Vec<Edge>, JobError> {
         })
         .filter(|edge| !edge.channels.is_empty())
         .collect();
-    match edges.is_empty() {
-        true => Err(JobError::input(
+    if edges.is_empty() {
+        Err(JobError::input(
             format!("{}: no slanted edge was found", file.display()),
             "name one with --region ROW,COL,HEIGHT,WIDTH: a straight edge, about 5 degrees off the rows or columns, that crosses the region",
-        )),
-        false => Ok(edges),
+        ))
+    } else {
+        Ok(edges)
     }
 }
 

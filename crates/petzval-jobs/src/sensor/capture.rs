@@ -126,9 +126,10 @@ fn note_size(plan: &Plan, frames: usize, bytes: u64, context: &Context) {
     let most = if plan.format == "tiff" { "" } else { "at most " };
     let (height, width) = SMALLER;
     let smaller = bytes / (plan.height * plan.width) as u64 * (height * width) as u64;
-    let instead = match bytes > LARGE_BYTES && smaller < bytes {
-        true => format!("; --size {height}x{width} takes {} MB", megabytes(smaller)),
-        false => String::new(),
+    let instead = if bytes > LARGE_BYTES && smaller < bytes {
+        format!("; --size {height}x{width} takes {} MB", megabytes(smaller))
+    } else {
+        String::new()
     };
     context.note(format!("{frames} frames, {most}{} MB{instead}", megabytes(bytes)));
 }

@@ -86,9 +86,10 @@ impl Saturation {
         if self.highest >= 1.0 {
             return Some(format!("{saturated}: the scene is brighter than white there"));
         }
-        let mut ways = vec![match is_over_spectrum(request) && request.white_e.is_none() {
-            true => format!("--time-s {}", cut(f64::from(request.time_s) * self.highest)),
-            false => format!("--white-e {}", cut(f64::from(white_e) * self.highest)),
+        let mut ways = vec![if is_over_spectrum(request) && request.white_e.is_none() {
+            format!("--time-s {}", cut(f64::from(request.time_s) * self.highest))
+        } else {
+            format!("--white-e {}", cut(f64::from(white_e) * self.highest))
         }];
         // What white gives in the colour that saturates first.
         let time_s = f64::from(request.time_s);

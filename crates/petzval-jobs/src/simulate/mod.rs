@@ -42,9 +42,10 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let formats = (request.raw_format, request.picture_format);
     let written = names.iter().flat_map(|name| output::names(formats, name, request.isp.is_some()));
     check_folder(&request.out, written, context)?;
-    let images = match is_over_spectrum(request) {
-        true => spectral::run(request, context)?,
-        false => photographs::run(request, context)?,
+    let images = if is_over_spectrum(request) {
+        spectral::run(request, context)?
+    } else {
+        photographs::run(request, context)?
     };
     Ok(Response { images })
 }

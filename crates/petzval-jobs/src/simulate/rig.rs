@@ -216,9 +216,10 @@ impl Rig {
 
 /// Ends a cancelled job between two pictures; those that were taken before stay.
 pub fn check_not_stopped(taken: usize, request: &Request, context: &Context) -> Result<(), JobError> {
-    match context.is_cancelled() {
-        true => Err(JobError::Stopped(format!("stopped after {taken} of {} pictures", request.images.len()))),
-        false => Ok(()),
+    if context.is_cancelled() {
+        Err(JobError::Stopped(format!("stopped after {taken} of {} pictures", request.images.len())))
+    } else {
+        Ok(())
     }
 }
 
@@ -266,15 +267,10 @@ fn window(request: &Request, sensor: &SensorModel) -> Result<Window, JobError> {
 fn measured(path: &Path) -> Result<PsfBank, JobError> {
     let (results, list) = (path.join("psf-calibration"), path.join(MANIFEST_FILE));
     if list.is_file() && !path.join(AXES_FILE).is_file() {
-        let hint = match results.join(AXES_FILE).is_file() {
-            true => format!("the PSFs that were measured from them are in {}", results.display()),
-            false => {
-                format!(
-                    "run `petzval psf-calibrate {}` first, then give {}",
-                    path.display(),
-                    results.display()
-                )
-            }
+        let hint = if results.join(AXES_FILE).is_file() {
+            format!("the PSFs that were measured from them are in {}", results.display())
+        } else {
+            format!("run `petzval psf-calibrate {}` first, then give {}", path.display(), results.display())
         };
         return Err(JobError::input(
             format!("--psfs {}: these are captures, not PSFs", path.display()),

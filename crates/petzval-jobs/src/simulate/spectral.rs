@@ -234,9 +234,10 @@ fn open(
         return Ok((Opened::Bands(SpectralScene::image(image)), Some(light)));
     }
     let photo = placed(request, &photograph(path, context)?, rig.frame);
-    let opened = match request.spectral.three_band {
-        true => Opened::ThreeBands(photo),
-        false => Opened::Bands(SpectralScene::print(photo, illuminant, lux, band_um)),
+    let opened = if request.spectral.three_band {
+        Opened::ThreeBands(photo)
+    } else {
+        Opened::Bands(SpectralScene::print(photo, illuminant, lux, band_um))
     };
     Ok((opened, None))
 }

@@ -37,9 +37,10 @@ impl DarkPoint {
             exposure_s,
             mean_dn: dark.mean_dn,
             mean_se_dn: dark.mean_se_dn.hypot(rounding.mean_dn),
-            variance_dn2: match mean_difference {
-                true => dark.variance_dn2 + dark.lines_of_frame_dn2,
-                false => dark.variance_uncorrected_dn2,
+            variance_dn2: if mean_difference {
+                dark.variance_dn2 + dark.lines_of_frame_dn2
+            } else {
+                dark.variance_uncorrected_dn2
             },
             variance_se_dn2: dark.variance_se_dn2.hypot(rounding.variance_dn2),
         }

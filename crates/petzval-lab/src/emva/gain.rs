@@ -115,12 +115,13 @@ fn by_light(a: &&FlaggedPoint<'_>, b: &&FlaggedPoint<'_>) -> std::cmp::Ordering 
 fn signal(flat: &FlaggedPoint<'_>, dark: Option<&FlaggedPoint<'_>>) -> Signal {
     let Some(dark) = dark else { return Signal::NoDark };
     let (flat, dark) = (&flat.found.all, &dark.found.all);
-    match flat.mean_dn <= dark.mean_dn {
-        true => Signal::None {
+    if flat.mean_dn <= dark.mean_dn {
+        Signal::None {
             signal_dn: flat.mean_dn - dark.mean_dn,
             standard_error_dn: flat.mean_se_dn.hypot(dark.mean_se_dn),
-        },
-        false => Signal::Above,
+        }
+    } else {
+        Signal::Above
     }
 }
 
@@ -134,9 +135,10 @@ fn is_saturated(channel: &ChannelResult, point: usize) -> bool {
 fn is_darker(channel: &ChannelResult, point: usize) -> bool {
     let (before, own) = (&channel.points[point - 1], &channel.points[point]);
     let (low, high) = (before.signal_dn(), own.signal_dn());
-    match channel.transfer.is_beyond_saturation(point) {
-        true => high < 0.95 * low,
-        false => high < low - 6.0 * before.signal_se_dn().hypot(own.signal_se_dn()),
+    if channel.transfer.is_beyond_saturation(point) {
+        high < 0.95 * low
+    } else {
+        high < low - 6.0 * before.signal_se_dn().hypot(own.signal_se_dn())
     }
 }
 

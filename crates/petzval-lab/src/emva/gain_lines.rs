@@ -22,9 +22,10 @@ pub fn block_lines_dn2(points: &[(Kind, PointStatistics)]) -> [f64; 2] {
     let counts = |kind: Kind| kind == Kind::Dark || darks < ENOUGH_DARKS;
     let of_points: Vec<[f64; 2]> =
         points.iter().filter(|(kind, _)| counts(*kind)).map(|(_, found)| of_point(found)).collect();
-    match of_points.len() < ENOUGH_DARKS {
-        true => [0.0; 2],
-        false => [0, 1].map(|axis| median(of_points.iter().map(|p| p[axis])).max(0.0)),
+    if of_points.len() < ENOUGH_DARKS {
+        [0.0; 2]
+    } else {
+        [0, 1].map(|axis| median(of_points.iter().map(|p| p[axis])).max(0.0))
     }
 }
 

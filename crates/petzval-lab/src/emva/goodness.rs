@@ -232,12 +232,11 @@ pub fn significant_bend(points: &Points) -> Option<[f64; 3]> {
 fn curvature(bent: &Fitted, degrees: usize) -> (f64, f64) {
     let last = bent.coefficients.len() - 1;
     let sigmas = bent.coefficients[last] / bent.covariance[(last, last)].sqrt();
-    match degrees > 0 && chi2_beyond(bent.chi2, degrees) < ALPHA {
-        true => {
-            let sigmas = sigmas / (bent.chi2 / degrees as f64).sqrt();
-            (sigmas, student_beyond(sigmas, degrees))
-        }
-        false => (sigmas, normal_beyond(sigmas)),
+    if degrees > 0 && chi2_beyond(bent.chi2, degrees) < ALPHA {
+        let sigmas = sigmas / (bent.chi2 / degrees as f64).sqrt();
+        (sigmas, student_beyond(sigmas, degrees))
+    } else {
+        (sigmas, normal_beyond(sigmas))
     }
 }
 
@@ -303,9 +302,10 @@ pub fn chi2_beyond(chi2: f64, degrees: usize) -> f64 {
     // Terms (chi2/2)^k / k! for whole k, or for k = 1/2, 3/2 and so on.
     let half = 0.5 * chi2;
     let is_odd = degrees % 2 == 1;
-    let (mut term, mut sum, mut k) = match is_odd {
-        true => ((-half).exp() * 2.0 * (half / std::f64::consts::PI).sqrt(), libm::erfc(half.sqrt()), 1.5),
-        false => ((-half).exp(), 0.0, 1.0),
+    let (mut term, mut sum, mut k) = if is_odd {
+        ((-half).exp() * 2.0 * (half / std::f64::consts::PI).sqrt(), libm::erfc(half.sqrt()), 1.5)
+    } else {
+        ((-half).exp(), 0.0, 1.0)
     };
     for _ in 0..degrees / 2 {
         sum += term;
@@ -332,10 +332,7 @@ fn student_beyond(t: f64, degrees: usize) -> f64 {
         term *= cosine * cosine * (k + 1) as f64 / (k + 2) as f64;
         k += 2;
     }
-    let within = match is_odd {
-        true => 2.0 / std::f64::consts::PI * (angle + sine * sum),
-        false => sine * sum,
-    };
+    let within = if is_odd { 2.0 / std::f64::consts::PI * (angle + sine * sum) } else { sine * sum };
     (1.0 - within).clamp(0.0, 1.0)
 }
 

@@ -143,9 +143,10 @@ fn fit_in_steps(
         (Some(k), Some(c)) => Measured::new(numbers[p], scatter * c[(k, k)].max(0.0).sqrt()),
         _ => Measured::exact(numbers[p]),
     };
-    let prnu_percent = match free.contains(&Parameter::PrnuSquared) {
-        true => measured(Parameter::PrnuSquared).if_above_noise().root().scale(100.0),
-        false => Measured::none(Unresolved::TooFewExposures { got: 1, need: 2 }),
+    let prnu_percent = if free.contains(&Parameter::PrnuSquared) {
+        measured(Parameter::PrnuSquared).if_above_noise().root().scale(100.0)
+    } else {
+        Measured::none(Unresolved::TooFewExposures { got: 1, need: 2 })
     };
     let dark_offset_dn = measured(Parameter::DarkOffset);
     let of_gain = measured(Parameter::Gain).error_or_zero();

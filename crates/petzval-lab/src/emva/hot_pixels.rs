@@ -260,10 +260,7 @@ fn full_from(outliers: &[(f64, f64)], frame_noise_dn: f64, mean_excess_dn: f64) 
     let top = outliers.iter().map(|(_, dn)| *dn).fold(f64::NEG_INFINITY, f64::max);
     let from = top - THRESHOLD_SIGMAS * frame_noise_dn;
     let piled = outliers.iter().filter(|(_, dn)| *dn >= from).count();
-    match piled >= PILE && top - from <= 0.1 * mean_excess_dn {
-        true => from,
-        false => f64::INFINITY,
-    }
+    if piled >= PILE && top - from <= 0.1 * mean_excess_dn { from } else { f64::INFINITY }
 }
 
 /// The value below which a share `q` of whole numbers lies, each spread evenly over the unit around it. Sorts in part.

@@ -131,9 +131,10 @@ pub fn digital_numbers(rate_e: f64, response: &Response) -> Vec<f64> {
         let electrons = (rate_e + together * (count - rate_e)).min(response.full_well_e);
         let mean = gain * (electrons + response.read_noise_mean_e) + response.offset_dn;
         // Full pixels have no shot noise.
-        let sigma = match pattern > 0.0 && electrons < response.full_well_e {
-            true => (dark_variance + gain * gain * pattern * count).sqrt().max(1e-9),
-            false => dark_sigma,
+        let sigma = if pattern > 0.0 && electrons < response.full_well_e {
+            (dark_variance + gain * gain * pattern * count).sqrt().max(1e-9)
+        } else {
+            dark_sigma
         };
         spread(&mut p, *weight, mean, sigma);
     }

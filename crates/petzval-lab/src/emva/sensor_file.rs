@@ -289,12 +289,11 @@ fn stack_non_uniformity(has_hot: bool, gain: &GainResult, text: &mut String) {
         let all: Vec<Measured> = gain.channels.iter().filter_map(of_channel).collect();
         let known: Vec<f64> = all.iter().filter_map(Measured::value).collect();
         let count = known.len() as f64;
-        let measured = match known.is_empty() {
-            true => all.first().copied().unwrap_or(Measured::none(Unresolved::NoStack)),
-            false => {
-                let se = all.iter().filter_map(Measured::standard_error).map(|s| s * s).sum::<f64>().sqrt();
-                Measured::new(known.iter().sum::<f64>() / count, se / count)
-            }
+        let measured = if known.is_empty() {
+            all.first().copied().unwrap_or(Measured::none(Unresolved::NoStack))
+        } else {
+            let se = all.iter().filter_map(Measured::standard_error).map(|s| s * s).sum::<f64>().sqrt();
+            Measured::new(known.iter().sum::<f64>() / count, se / count)
         };
         line(text, key, measured, unit);
     }

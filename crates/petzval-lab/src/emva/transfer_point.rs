@@ -96,9 +96,10 @@ impl TransferPoint {
 /// Share of the samples at the digital number where they are clipped; zero if the mean is so far below that these are
 /// stuck pixels.
 fn share_at(flat: &Moments, clip_dn: u32) -> f64 {
-    match flat.reaches(clip_dn) {
-        true => flat.histogram.at(clip_dn.into()) as f64 / flat.histogram.total() as f64,
-        false => 0.0,
+    if flat.reaches(clip_dn) {
+        flat.histogram.at(clip_dn.into()) as f64 / flat.histogram.total() as f64
+    } else {
+        0.0
     }
 }
 

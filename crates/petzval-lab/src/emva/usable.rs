@@ -49,8 +49,9 @@ pub fn check_usable(
     let full = |g: &GainResult| {
         g.channels.iter().all(|c| c.transfer.gain_dn_per_e.reason() == Some(Unresolved::AllSaturated))
     };
-    match gains.iter().filter(|g| !g.channels.is_empty()).all(full) {
-        true => Err(CaptureError::AllSaturated { list: list(), points }),
-        false => Ok(()),
+    if gains.iter().filter(|g| !g.channels.is_empty()).all(full) {
+        Err(CaptureError::AllSaturated { list: list(), points })
+    } else {
+        Ok(())
     }
 }

@@ -475,20 +475,17 @@ impl fmt::Display for Warning {
             }
             Self::CommonFactor { factor, max_dn } => {
                 write!(f, "every sample is a multiple of {factor}: ")?;
-                match factor.is_power_of_two() {
-                    true => write!(
+                if factor.is_power_of_two() { write!(
                         f,
                         "are the frames left-aligned, {} bits in {}? Shift them down by {} bits and set `bits`; K, means and \
                          noise are {factor} times too large",
                         bits_of(max_dn / factor),
                         bits_of(*max_dn),
                         factor.trailing_zeros()
-                    ),
-                    false => write!(
+                    ) } else { write!(
                         f,
                         "they were multiplied after the converter, and K, means and noise with them"
-                    ),
-                }
+                    ) }
             }
             Self::TopNotReached { largest_dn, max_dn, piled } => {
                 write!(f, "no sample is above {largest_dn} of {max_dn}")?;

@@ -43,9 +43,10 @@ pub fn take_frame(
     // Set white to the brightest pixel, because the sensor takes light relative to white.
     let brightest = light.rate_e_per_s.iter().flatten().fold(0.0f64, |a, b| a.max(*b)).max(1e-6);
     let mut irradiance = LinearImage::zeros(CHANNELS, light.height, light.width);
-    let answers = match sensor.cfa == CfaPattern::MONO {
-        true => [sensor.clear_response.iter().sum(); CHANNELS],
-        false => sensor.relative_qe,
+    let answers = if sensor.cfa == CfaPattern::MONO {
+        [sensor.clear_response.iter().sum(); CHANNELS]
+    } else {
+        sensor.relative_qe
     };
     for (c, rate) in light.rate_e_per_s.iter().enumerate() {
         for (v, rate) in irradiance.plane_mut(c).iter_mut().zip(rate) {

@@ -241,9 +241,10 @@ fn fit_field(places: &[Place], members: &[usize], pixel_um: f64) -> Fitted {
         (ascent.chi2(), ascent.cells)
     };
     let green = fit(1, None);
-    let (red, blue) = match is_mono {
-        true => (green.clone(), green.clone()),
-        false => (fit(0, Some(&green.1)), fit(2, Some(&green.1))),
+    let (red, blue) = if is_mono {
+        (green.clone(), green.clone())
+    } else {
+        (fit(0, Some(&green.1)), fit(2, Some(&green.1)))
     };
     let light: f64 = green.1.iter().sum();
     let estimate = FieldEstimate {

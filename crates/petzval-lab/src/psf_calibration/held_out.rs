@@ -114,11 +114,10 @@ pub(super) fn choose(
     pixel_um: f64,
 ) -> ([Choice; CHANNELS], HeldOut) {
     let green = best(folds, 1, None, pixel_um);
-    let others: Vec<(Choice, Vec<Vec<f64>>)> = match is_mono {
-        true => Vec::new(),
-        false => {
-            [0, 2].into_par_iter().map(|c| best(folds, c, Some((&green.1, outward[c])), pixel_um)).collect()
-        }
+    let others: Vec<(Choice, Vec<Vec<f64>>)> = if is_mono {
+        Vec::new()
+    } else {
+        [0, 2].into_par_iter().map(|c| best(folds, c, Some((&green.1, outward[c])), pixel_um)).collect()
     };
     let channels = match &others[..] {
         [red, blue] => [red, &green, blue],

@@ -124,9 +124,8 @@ impl Leaf {
         let yellow_blue = strength * normal(random, 0.25) / 6.0_f64.sqrt();
         let red_green = strength * normal(random, 0.12) / 2.0_f64.sqrt();
         let logs = [luma + yellow_blue + red_green, luma + yellow_blue - red_green, luma - 2.0 * yellow_blue];
-        let waves = match random.random_bool(0.5) {
-            false => Vec::new(),
-            true => (0..3)
+        let waves = if random.random_bool(0.5) {
+            (0..3)
                 .map(|_| {
                     let period = 3.0 * SAMPLES as f64 * 16.0_f64.powf(random.random());
                     let (sin, cos) = random.random_range(0.0..std::f64::consts::TAU).sin_cos();
@@ -135,7 +134,9 @@ impl Leaf {
                     let phase = random.random_range(0.0..std::f64::consts::TAU);
                     (amplitude, phase, [sin / period, cos / period].map(|v| v * std::f64::consts::TAU))
                 })
-                .collect(),
+                .collect()
+        } else {
+            Vec::new()
         };
         Self {
             // Also beside the picture, as far as a large shape reaches into it.

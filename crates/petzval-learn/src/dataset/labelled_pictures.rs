@@ -335,9 +335,10 @@ impl LabelledPicture {
         let mut truth = Truth::default();
         for object in &self.truth.objects {
             let Some((bbox, share)) = inside(&object.bbox) else { continue };
-            match share >= LEAST_INSIDE && longer_side(&object.bbox) >= how.least_side_px {
-                true => truth.objects.push(Object { bbox, class: object.class }),
-                false => truth.ignored.push(bbox),
+            if share >= LEAST_INSIDE && longer_side(&object.bbox) >= how.least_side_px {
+                truth.objects.push(Object { bbox, class: object.class })
+            } else {
+                truth.ignored.push(bbox)
             }
         }
         truth.ignored.extend(self.truth.ignored.iter().filter_map(|bbox| Some(inside(bbox)?.0)));

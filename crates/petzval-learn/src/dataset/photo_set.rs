@@ -89,9 +89,10 @@ impl PhotoSet {
             let list = if (i + 1).is_multiple_of(every) { &mut validation } else { &mut training };
             list.push(photo);
         }
-        match training.is_empty() {
-            true => Err(DatasetError::EmptyList { list: "training" }),
-            false => Ok(Self { training, validation, held_out: self.held_out }),
+        if training.is_empty() {
+            Err(DatasetError::EmptyList { list: "training" })
+        } else {
+            Ok(Self { training, validation, held_out: self.held_out })
         }
     }
 

@@ -149,9 +149,10 @@ impl AnyDetector {
         let file = file(bytes)?;
         let outputs = file.tensor(BIAS_OF_CLASSES).map(|bias| bias.shape().to_vec());
         let from = Parameters::read(&file, 1, device);
-        let from = match outputs.is_ok_and(|shape| shape == [coco.len() + 1]) {
-            true => from,
-            false => from.taking(Outputs { of: COCO_OUTPUTS, taken: [&[0], coco].concat() }),
+        let from = if outputs.is_ok_and(|shape| shape == [coco.len() + 1]) {
+            from
+        } else {
+            from.taking(Outputs { of: COCO_OUTPUTS, taken: [&[0], coco].concat() })
         };
         Ok(Self::FasterRcnn(FasterRcnn::with(two_stages(backbone, coco.len()), &from)?))
     }

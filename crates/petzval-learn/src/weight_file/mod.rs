@@ -25,10 +25,7 @@ pub(crate) fn read_weights(file: &SafeTensors, name: &str, shape: &[usize]) -> R
         }
         other => return Err(format!("{other:?}")),
     };
-    match values.iter().all(|v| v.is_finite()) {
-        true => Ok(values),
-        false => Err("not finite everywhere".to_owned()),
-    }
+    if values.iter().all(|v| v.is_finite()) { Ok(values) } else { Err("not finite everywhere".to_owned()) }
 }
 
 /// All weights of a network as a safetensors file: 32-bit floats, row-major, under the path of fields and of places in lists, as

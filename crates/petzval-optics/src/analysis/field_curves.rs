@@ -84,9 +84,10 @@ pub fn field_curves(lens: &Lens, options: &AnalysisOptions) -> Result<FieldCurve
     let distortion = |ideal: &dyn Fn(f64) -> f64| {
         by_colour(&|i, colour| {
             let measure = ideal(field_deg[i].to_radians());
-            let found = match measure == 0.0 {
-                true => scales[colour],
-                false => (fields[i].height_mm[colour] - axis.height_mm[colour]) / measure,
+            let found = if measure == 0.0 {
+                scales[colour]
+            } else {
+                (fields[i].height_mm[colour] - axis.height_mm[colour]) / measure
             };
             100.0 * (found / reference_scale - 1.0)
         })

@@ -44,9 +44,10 @@ impl<'a> LensAtField<'a> {
             .iter()
             .map(|colour| {
                 let beam = trace_beam(colour, self.field_rad, self.stop_radius_mm, quadrature);
-                match beam.light() > 0.0 {
-                    true => Ok(beam),
-                    false => Err(AnalysisError::NoLight { field_deg: self.field_deg }),
+                if beam.light() > 0.0 {
+                    Ok(beam)
+                } else {
+                    Err(AnalysisError::NoLight { field_deg: self.field_deg })
                 }
             })
             .collect()

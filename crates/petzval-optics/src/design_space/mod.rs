@@ -60,9 +60,10 @@ impl fmt::Display for AtBound {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         // Four significant digits, without the rounding of reciprocals.
         let digits = 3 - self.bound.abs().max(1e-12).log10().floor() as i32;
-        let bound = match (0..=6).contains(&digits) {
-            true => format!("{:.*}", digits as usize, self.bound),
-            false => format!("{:.3e}", self.bound),
+        let bound = if (0..=6).contains(&digits) {
+            format!("{:.*}", digits as usize, self.bound)
+        } else {
+            format!("{:.3e}", self.bound)
         };
         write!(f, "{} of surface {} at {bound}", self.number, self.surface + 1)
     }

@@ -72,10 +72,7 @@ impl SmoothMap {
             return x;
         }
         const NEAREST: f64 = 0.9998;
-        match x.abs() <= NEAREST.asin() {
-            true => x,
-            false => x.sin().clamp(-NEAREST, NEAREST).asin(),
-        }
+        if x.abs() <= NEAREST.asin() { x } else { x.sin().clamp(-NEAREST, NEAREST).asin() }
     }
 }
 

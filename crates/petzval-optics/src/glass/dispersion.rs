@@ -127,9 +127,10 @@ fn series(powers: &[[f64; 2]], wavelength_um: f64) -> f64 {
 /// `base^exponent`; whole exponents, which nearly all are, also of negative bases.
 fn power(base: f64, exponent: f64) -> f64 {
     const LARGEST_WHOLE: f64 = 64.0;
-    match exponent.fract() == 0.0 && exponent.abs() <= LARGEST_WHOLE {
-        true => base.powi(exponent as i32),
-        false => base.powf(exponent),
+    if exponent.fract() == 0.0 && exponent.abs() <= LARGEST_WHOLE {
+        base.powi(exponent as i32)
+    } else {
+        base.powf(exponent)
     }
 }
 

@@ -147,9 +147,10 @@ impl Glass {
 
     /// Internal transmittance of a path in mm, without reflections at faces; `None` if it is not known. Air has 1.
     pub fn internal_transmission(&self, wavelength_um: f64, path_mm: f64) -> Option<f64> {
-        match self.is_air() {
-            true => Some(1.0),
-            false => self.absorption.as_ref()?.transmittance(wavelength_um, path_mm),
+        if self.is_air() {
+            Some(1.0)
+        } else {
+            self.absorption.as_ref()?.transmittance(wavelength_um, path_mm)
         }
     }
 

@@ -26,11 +26,10 @@ impl Thermal {
         let [d0, d1, d2] = self.d;
         let [e0, e1] = self.e;
         // Without resonant terms the resonance is arbitrary, and may be at this wavelength.
-        let resonant = match [e0, e1] == [0.0; 2] {
-            true => 0.0,
-            false => {
-                t * (e0 + t * e1) / (wavelength_um * wavelength_um - self.lambda_tk_um * self.lambda_tk_um)
-            }
+        let resonant = if [e0, e1] == [0.0; 2] {
+            0.0
+        } else {
+            t * (e0 + t * e1) / (wavelength_um * wavelength_um - self.lambda_tk_um * self.lambda_tk_um)
         };
         (n * n - 1.0) / (2.0 * n) * (t * (d0 + t * (d1 + t * d2)) + resonant)
     }

@@ -274,14 +274,15 @@ fn check_gap(
         if gap_mm >= -1e-9 {
             continue;
         }
-        return Err(match front.glass.is_air() {
-            true => LensDefect::AirGap { surface, next, gap_mm, height_mm },
-            false => LensDefect::EdgeThickness {
+        return Err(if front.glass.is_air() {
+            LensDefect::AirGap { surface, next, gap_mm, height_mm }
+        } else {
+            LensDefect::EdgeThickness {
                 surface,
                 glass: front.glass.name.clone(),
                 thickness_mm: gap_mm,
                 height_mm,
-            },
+            }
         });
     }
     Ok(())

@@ -35,9 +35,12 @@ impl FieldSet {
         if !lens.is_rotationally_symmetric() {
             return one_side;
         }
-        let both = |(field, share): &(f64, f64)| match *field == 0.0 {
-            true => vec![(0.0, *share)],
-            false => vec![(*field, 0.5 * share), (-field, 0.5 * share)],
+        let both = |(field, share): &(f64, f64)| {
+            if *field == 0.0 {
+                vec![(0.0, *share)]
+            } else {
+                vec![(*field, 0.5 * share), (-field, 0.5 * share)]
+            }
         };
         Self { fields: one_side.fields.iter().flat_map(both).collect(), both_sides: true, ..one_side }
     }

@@ -59,9 +59,8 @@ pub fn lifted_normal_equations(
     let mut by_stop = LensGradient::zero(lens.surfaces.len());
     let per_log = FirstOrderCotangent { stop_radius: 1.0 / stop_radius_mm, ..Default::default() };
     pull_back_first_order(&reference, per_log, &mut by_stop);
-    let follow = DMatrix::from_fn(count + 1, count, |row, column| match row == count {
-        true => by_stop[numbers[column]],
-        false => f64::from(u8::from(row == column)),
+    let follow = DMatrix::from_fn(count + 1, count, |row, column| {
+        if row == count { by_stop[numbers[column]] } else { f64::from(u8::from(row == column)) }
     });
     let moved = follow.transpose() * &motion * &follow;
     let half = DVector::from_fn(count, |i, _| 0.5 * gradient[numbers[i]]);

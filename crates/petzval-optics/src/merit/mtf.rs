@@ -140,9 +140,8 @@ impl Mtf {
             return Some((value, LensGradient::zero(lens.surfaces.len())));
         }
         // d|O| = (C dC + S dS) / |O|
-        let direction = |section: usize, size: f64| match size > 0.0 {
-            true => sums[section].map(|v| 0.5 * share * v / size),
-            false => [0.0; 2],
+        let direction = |section: usize, size: f64| {
+            if size > 0.0 { sums[section].map(|v| 0.5 * share * v / size) } else { [0.0; 2] }
         };
         let (by_x, by_y) = (direction(0, sagittal), direction(1, tangential));
         let along = |by: [f64; 2], phase: &[f64; 2]| by[0] * phase[0] + by[1] * phase[1];

@@ -168,10 +168,7 @@ impl Beam<'_> {
         let target = self.targets(&[point]);
         let paraxial = |field: f64| paraxial_launch(self.order, self.sequence, field, point);
         // Length across the direction of a launch coordinate y.
-        let across = |field: f64| match starts_across(self.sequence, field) {
-            true => 1.0,
-            false => field.cos(),
-        };
+        let across = |field: f64| if starts_across(self.sequence, field) { 1.0 } else { field.cos() };
         let aim = |field: f64, off: [f64; 2]| {
             let [x, y] = paraxial(field);
             let aimed =

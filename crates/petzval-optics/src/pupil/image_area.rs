@@ -40,9 +40,10 @@ impl ImageArea {
         let slope = (high.y_mm - low.y_mm) / (2.0 * STEP_RAD);
         // ln ratio = 2 ln s + ln(sin a) - ln(y - middle) - 3 ln(cos a) - ln(dy/da). On the axis y / sin a is dy/da.
         let is_axis = field_rad.abs() < STEP_RAD;
-        let (sagittal, by_height) = match is_axis {
-            true => (slope, 0.0),
-            false => ((chief.y_mm - middle) / field_rad.sin(), 1.0 / (chief.y_mm - middle)),
+        let (sagittal, by_height) = if is_axis {
+            (slope, 0.0)
+        } else {
+            ((chief.y_mm - middle) / field_rad.sin(), 1.0 / (chief.y_mm - middle))
         };
         let cosine = field_rad.cos().max(LEAST_COSINE);
         // Areas are positive, also where the image folds back.

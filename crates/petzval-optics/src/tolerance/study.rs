@@ -22,9 +22,12 @@ pub struct Tolerances {
 impl Tolerances {
     /// Checks them against a lens.
     pub fn check(&self, lens: &Lens) -> Result<(), ToleranceError> {
-        let positive = |freedom: &Freedom, tolerance: f64| match tolerance > 0.0 && tolerance.is_finite() {
-            true => Ok(()),
-            false => Err(ToleranceError::NotPositive { what: freedom.name(), tolerance }),
+        let positive = |freedom: &Freedom, tolerance: f64| {
+            if tolerance > 0.0 && tolerance.is_finite() {
+                Ok(())
+            } else {
+                Err(ToleranceError::NotPositive { what: freedom.name(), tolerance })
+            }
         };
         for p in &self.perturbations {
             p.freedom.check(lens)?;

@@ -31,9 +31,10 @@ pub fn starts_across(sequence: &Sequence, field_rad: f64) -> bool {
 /// The plane goes through the first vertex. It is z = 0 or, in a far field beyond [`ACROSS_FROM_RAD`], the plane across
 /// the direction `(0, sin(field), cos(field))`, with `(0, cos(field), -sin(field))` as its second axis.
 pub fn launch_axes(sequence: &Sequence, field_rad: f64) -> [Vec3; 2] {
-    let along_y = match starts_across(sequence, field_rad) {
-        true => [0.0, field_rad.cos(), -field_rad.sin()],
-        false => [0.0, 1.0, 0.0],
+    let along_y = if starts_across(sequence, field_rad) {
+        [0.0, field_rad.cos(), -field_rad.sin()]
+    } else {
+        [0.0, 1.0, 0.0]
     };
     [[1.0, 0.0, 0.0], along_y]
 }
@@ -45,9 +46,10 @@ pub fn launch_axes(sequence: &Sequence, field_rad: f64) -> [Vec3; 2] {
 /// allowed: the path to the surface is then negative.
 pub fn launch(sequence: &Sequence, field_rad: f64, at_mm: [f64; 2]) -> Launch {
     let position_by = launch_axes(sequence, field_rad);
-    let position = match starts_across(sequence, field_rad) {
-        true => [at_mm[0], at_mm[1] * position_by[1][1], at_mm[1] * position_by[1][2]],
-        false => [at_mm[0], at_mm[1], 0.0],
+    let position = if starts_across(sequence, field_rad) {
+        [at_mm[0], at_mm[1] * position_by[1][1], at_mm[1] * position_by[1][2]]
+    } else {
+        [at_mm[0], at_mm[1], 0.0]
     };
     match sequence.object {
         ObjectDistance::Infinity => Launch {

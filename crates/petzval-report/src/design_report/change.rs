@@ -38,9 +38,10 @@ pub(super) fn change_table(changes: &[Change], named: fn(&str) -> Markup) -> Mar
 /// The change in per cent of the old value; a dash if the old value is zero.
 fn percent(change: &Change) -> String {
     let share = 100.0 * (change.to - change.from) / change.from.abs();
-    match change.from == 0.0 || !share.is_finite() || share.abs() > 1e3 {
-        true => number::fixed(f64::NAN, 0),
-        false => format!("{} %", number::signed(share, 1)),
+    if change.from == 0.0 || !share.is_finite() || share.abs() > 1e3 {
+        number::fixed(f64::NAN, 0)
+    } else {
+        format!("{} %", number::signed(share, 1))
     }
 }
 

@@ -24,9 +24,10 @@ pub(super) fn frames(report: &Report) -> Markup {
 }
 
 fn one(report: &Report, frame: &FrameView, i: usize) -> Markup {
-    let style = match report.cameras.iter().any(|camera| camera.name == frame.name) {
-        true => palette::camera_style(camera_colour(&report.cameras, &frame.name, i)),
-        false => "--camera:currentColor".to_owned(),
+    let style = if report.cameras.iter().any(|camera| camera.name == frame.name) {
+        palette::camera_style(camera_colour(&report.cameras, &frame.name, i))
+    } else {
+        "--camera:currentColor".to_owned()
     };
     html! {
         div.shot {

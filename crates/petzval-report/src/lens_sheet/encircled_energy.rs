@@ -27,11 +27,10 @@ pub(super) fn encircled_energy(analysis: &Analysis) -> Sheet {
     let farthest = reach().fold(0.0, f64::max).min(COMMON * reach().fold(f64::INFINITY, f64::min));
     let frame = modulation_frame(Axis::between(0.0, round_up(1.2 * farthest), 8));
     let names = Names { head: "", x: "radius about the centroid, µm", y: "share of the light" };
-    let remark = match has_waves.contains(&false) {
-        false => "Light within circles about the centroid, mean of the wavelengths.",
-        true => {
-            "Light within circles about the centroid, mean of the wavelengths; waves where all rays of the stop arrive."
-        }
+    let remark = if has_waves.contains(&false) {
+        "Light within circles about the centroid, mean of the wavelengths; waves where all rays of the stop arrive."
+    } else {
+        "Light within circles about the centroid, mean of the wavelengths."
     };
     sheet(analysis, "encircled-energy", "Encircled energy", remark, keys, frame.draw(names, &curves))
 }

@@ -29,9 +29,10 @@ pub(super) fn spots(analysis: &Analysis, side_um: Option<f64>) -> Sheet {
             .map(|reach| round_up(2.06 * reach))
             .collect(),
     };
-    let boxes = match are_own(&sides_um) {
-        true => "Boxes, each on its own scale,".into(),
-        false => format!("Boxes {} µm wide", short(sides_um.first().copied().unwrap_or(f64::NAN), 3)),
+    let boxes = if are_own(&sides_um) {
+        "Boxes, each on its own scale,".into()
+    } else {
+        format!("Boxes {} µm wide", short(sides_um.first().copied().unwrap_or(f64::NAN), 3))
     };
     let columns = analysis.spots.len().clamp(1, COLUMNS);
     let left = 0.5 * (WIDTH_PX - columns as f64 * (BOX_PX + GAP_PX) + GAP_PX);

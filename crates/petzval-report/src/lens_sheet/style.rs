@@ -68,9 +68,10 @@ pub(super) fn scales(reach: &[f64]) -> Vec<f64> {
     let least = reach.iter().copied().fold(f64::INFINITY, f64::min);
     // Limit the magnification of a field without aberration.
     let own = |r: &f64| r.max(1e-3 * largest);
-    match largest > COMMON * least.max(1e-3 * largest) {
-        true => reach.iter().map(own).collect(),
-        false => vec![largest; reach.len()],
+    if largest > COMMON * least.max(1e-3 * largest) {
+        reach.iter().map(own).collect()
+    } else {
+        vec![largest; reach.len()]
     }
 }
 

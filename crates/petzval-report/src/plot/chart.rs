@@ -135,12 +135,11 @@ fn curves(series: &Series, smooth: bool, is_logarithmic: bool) -> Vec<Curve> {
     if !smooth || series.points.len() < FEWEST_TO_SMOOTH {
         return vec![curve(line(series), &series.points)];
     }
-    let through = match is_logarithmic {
-        true => {
-            let logarithms: Vec<_> = series.points.iter().map(|(x, y)| (*x, y.ln())).collect();
-            smoothed(&logarithms).into_iter().map(|(x, y)| (x, y.exp())).collect()
-        }
-        false => smoothed(&series.points),
+    let through = if is_logarithmic {
+        let logarithms: Vec<_> = series.points.iter().map(|(x, y)| (*x, y.ln())).collect();
+        smoothed(&logarithms).into_iter().map(|(x, y)| (x, y.exp())).collect()
+    } else {
+        smoothed(&series.points)
     };
     let faint = Pen { width: DATA_PX, opacity: FAINT, ..line(series) };
     vec![curve(faint, &series.points), curve(line(series), &through)]

@@ -191,9 +191,10 @@ fn around(
         None => format!(
             "At linear {}. Captured only: {}.",
             gain_name(gain),
-            match all.options.fit_histograms {
-                true => "the captures do not resolve the model well enough to fit it to histograms",
-                false => "the model was not fitted to the histograms (--fit-histograms)",
+            if all.options.fit_histograms {
+                "the captures do not resolve the model well enough to fit it to histograms"
+            } else {
+                "the model was not fitted to the histograms (--fit-histograms)"
             }
         ),
     };
@@ -234,9 +235,10 @@ fn panel(found: &[&Compared], seconds: f64, is_logarithmic: bool) -> Panel {
     };
     let head = format!("{} ms", short(1e3 * seconds, 3));
     let beyond = if is_logarithmic { 0.0 } else { found.iter().map(|h| share_beyond(h)).fold(0.0, f64::max) };
-    let x_name = match beyond >= LEAST_BEYOND {
-        true => format!("digital number, DN ({} % of the samples beyond)", significant(100.0 * beyond, 2)),
-        false => "digital number, DN".to_owned(),
+    let x_name = if beyond >= LEAST_BEYOND {
+        format!("digital number, DN ({} % of the samples beyond)", significant(100.0 * beyond, 2))
+    } else {
+        "digital number, DN".to_owned()
     };
     let mut panel = Panel::new(head, [&x_name, &samples], x, y);
     for h in found {

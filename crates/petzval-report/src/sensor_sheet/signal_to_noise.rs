@@ -57,9 +57,10 @@ pub(super) fn signal_to_noise(shown: &Shown<'_>) -> Option<Sheet> {
 
     let ideal = Pen { width: 2.0, ..Pen::thin(IDEAL) };
     panel.curves.push(Curve::over(ideal.clone(), 0, &grid, grid.iter().map(|p| Some(p.sqrt()))));
-    let marks = match in_photons {
-        true => [("u_p_min", "threshold"), ("u_p_sat", "saturation capacity")],
-        false => [("u_e_min", "threshold"), ("u_e_sat", "saturation capacity")],
+    let marks = if in_photons {
+        [("u_p_min", "threshold"), ("u_p_sat", "saturation capacity")]
+    } else {
+        [("u_e_min", "threshold"), ("u_e_sat", "saturation capacity")]
     };
     let (mut has_total, mut marked) = (false, Vec::new());
     for (channel, gain) in &channels {
@@ -113,10 +114,11 @@ pub(super) fn signal_to_noise(shown: &Shown<'_>) -> Option<Sheet> {
     let around = Around {
         class: "snr",
         title: "Signal-to-noise ratio",
-        remark: match has_total {
-            true => "Temporal noise; points and lines up to saturation.".into(),
-            false => "Temporal noise; points and lines up to saturation. Without resolved DSNU and PRNU there is no total ratio."
-                .into(),
+        remark: if has_total {
+            "Temporal noise; points and lines up to saturation.".into()
+        } else {
+            "Temporal noise; points and lines up to saturation. Without resolved DSNU and PRNU there is no total ratio."
+                .into()
         },
         keys,
         linear_gain: Some(shown.gain.linear_gain),

@@ -62,10 +62,7 @@ pub(super) fn spectrograms(shown: &Shown<'_>, stack: Stack) -> Option<Sheet> {
         return None;
     }
     let quantisation = Pen::thin(IDEAL);
-    let x_name = match is_mosaic(shown) {
-        true => "periods per pixel of the colour",
-        false => "periods per pixel",
-    };
+    let x_name = if is_mosaic(shown) { "periods per pixel of the colour" } else { "periods per pixel" };
     let panel = |head: &str, of: fn(&StackPlots) -> &Vec<f64>| {
         // Skip the first value, which is the remaining mean and not a pattern.
         let power = |spatial: &Spatial| {

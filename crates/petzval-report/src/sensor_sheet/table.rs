@@ -80,9 +80,10 @@ pub(super) fn operating_point(shown: &Shown<'_>) -> Markup {
     let range = |values: Vec<f64>, unit: &str| {
         let low = values.iter().copied().fold(f64::INFINITY, f64::min);
         let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let text = match high > low {
-            true => format!("{} … {} {unit}", significant(low, 4), significant(high, 4)),
-            false => format!("{} {unit}", significant(low, 4)),
+        let text = if high > low {
+            format!("{} … {} {unit}", significant(low, 4), significant(high, 4))
+        } else {
+            format!("{} {unit}", significant(low, 4))
         };
         (!values.is_empty()).then_some(text)
     };
@@ -96,10 +97,7 @@ pub(super) fn operating_point(shown: &Shown<'_>) -> Markup {
         HighPass::R31 => "release 3.1",
         HighPass::R4 => "release 4",
     };
-    let varied = match times.windows(2).any(|t| t[0] != t[1]) {
-        true => "exposure time",
-        false => "irradiance",
-    };
+    let varied = if times.windows(2).any(|t| t[0] != t[1]) { "exposure time" } else { "irradiance" };
     facts([
         ("linear gain", Some(short(gain.linear_gain, 3))),
         ("wavelength", s.wavelength_um.map(|um| format!("{} nm", short(1e3 * um, 1)))),

@@ -18,9 +18,10 @@ pub(super) const HEIGHT_PX: f64 = 400.0;
 pub(super) fn light_axis(points: &[TransferPoint]) -> (Vec<f64>, &'static str) {
     let known = points.iter().all(|p| p.photons.is_some());
     let values = light(points);
-    match known {
-        true => (values, "photons per pixel"),
-        false => (values.into_iter().map(|s| 1e3 * s).collect(), "exposure time, ms"),
+    if known {
+        (values, "photons per pixel")
+    } else {
+        (values.into_iter().map(|s| 1e3 * s).collect(), "exposure time, ms")
     }
 }
 
@@ -59,11 +60,10 @@ pub(super) fn sensitivity(shown: &Shown<'_>) -> Option<Sheet> {
             panel.notes.push(format!("{}: R = {r} DN per photon", colour_name(channel.colour)));
         }
     }
-    let remark = match panel.curves.is_empty() {
-        true => "The captures do not state photons: there is no responsivity.",
-        false => {
-            "Lines: responsivity R, through the origin, over the points of the fit; hollow points are beyond it."
-        }
+    let remark = if panel.curves.is_empty() {
+        "The captures do not state photons: there is no responsivity."
+    } else {
+        "Lines: responsivity R, through the origin, over the points of the fit; hollow points are beyond it."
     };
     let around = Around {
         class: "sensitivity",

@@ -43,9 +43,10 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     drop(context);
     print_json(&response)?;
     // A job that was stopped and can go on has answered with what it has.
-    Ok(match stop.load(std::sync::atomic::Ordering::Relaxed) {
-        true => ExitCode::from(EXIT_STOPPED),
-        false => ExitCode::SUCCESS,
+    Ok(if stop.load(std::sync::atomic::Ordering::Relaxed) {
+        ExitCode::from(EXIT_STOPPED)
+    } else {
+        ExitCode::SUCCESS
     })
 }
 

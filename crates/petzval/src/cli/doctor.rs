@@ -25,9 +25,10 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     outln!("petzval      {}", machine.version);
     outln!("system       {} {}", machine.os, machine.architecture);
     // An environment variable or an old CPU may limit the kernels to a narrower unit than the CPU reports.
-    let narrowed = match machine.simd_used == machine.simd {
-        true => String::new(),
-        false => format!("; {} used", machine.simd_used),
+    let narrowed = if machine.simd_used == machine.simd {
+        String::new()
+    } else {
+        format!("; {} used", machine.simd_used)
     };
     outln!("SIMD         {}{narrowed}", machine.simd);
     outln!("threads      {} of {} cores", machine.threads, machine.cores);

@@ -57,9 +57,8 @@ pub fn usage(said: &clap::Error) -> ExitCode {
 /// The argument that is refused because it is not UTF-8. Folders and many files may have such names, so that not every one is refused.
 fn not_text(arguments: Vec<OsString>) -> Option<OsString> {
     let is_refused = |place: usize| {
-        let others = arguments.iter().enumerate().map(|(other, argument)| match other == place {
-            true => argument.clone(),
-            false => argument.to_string_lossy().into_owned().into(),
+        let others = arguments.iter().enumerate().map(|(other, argument)| {
+            if other == place { argument.clone() } else { argument.to_string_lossy().into_owned().into() }
         });
         super::Cli::try_parse_from(others).is_err_and(|e| e.kind() == ErrorKindOfArguments::InvalidUtf8)
     };

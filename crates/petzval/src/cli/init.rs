@@ -45,9 +45,10 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     if args.json {
         return print_json(&response);
     }
-    let variables = match response.gave_variables {
-        true => "  with variables that the file did not name: look at their bounds",
-        false => "",
+    let variables = if response.gave_variables {
+        "  with variables that the file did not name: look at their bounds"
+    } else {
+        ""
     };
     outln!("{}{variables}", shown(&response.lens));
     outln!("{}", shown(&response.sensor));

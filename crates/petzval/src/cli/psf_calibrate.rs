@@ -70,9 +70,8 @@ fn summary(figures: &Figures) -> String {
         let floor = p.noise_floor.l1[1];
         out += &format!("  {:<16} {row:>8.2} {col:>8.2}   {error:.4}     {floor:.4}", p.name);
         if let Some(s) = &p.simulated {
-            let off = |error: [f64; 2]| match s.place_is_known {
-                true => format!("{:.4}", error[0].hypot(error[1])),
-                false => "-".into(),
+            let off = |error: [f64; 2]| {
+                if s.place_is_known { format!("{:.4}", error[0].hypot(error[1])) } else { "-".into() }
             };
             out += &format!(
                 "     {:.4}     {:.4}           {:<13}{}",

@@ -62,10 +62,7 @@ impl Stderr {
     /// Writes a warning or a note. It says one thing, on one line.
     fn line(&self, text: &str) {
         let text = plain::line(text);
-        match self.is_plain {
-            true => noteln!("{text}"),
-            false => self.bar.suspend(|| noteln!("{text}")),
-        }
+        if self.is_plain { noteln!("{text}") } else { self.bar.suspend(|| noteln!("{text}")) }
     }
 }
 

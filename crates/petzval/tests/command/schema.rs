@@ -41,9 +41,10 @@ fn assert_described(root: &Value, schema: &Value, value: &toml::Value, path: &st
             let is_map = schema["properties"].is_null() && schema["additionalProperties"].is_object();
             for (key, value) in table {
                 let path = format!("{path}.{key}");
-                let inner = match is_map {
-                    true => resolved(root, &schema["additionalProperties"]),
-                    false => property(root, schema, key).unwrap_or_else(|| panic!("no {path} in the schema")),
+                let inner = if is_map {
+                    resolved(root, &schema["additionalProperties"])
+                } else {
+                    property(root, schema, key).unwrap_or_else(|| panic!("no {path} in the schema"))
                 };
                 assert_described(root, inner, value, &path);
             }

@@ -211,9 +211,10 @@ fn a_run_on_a_full_disk_ends_with_an_error_and_resumes() {
         );
         let run = folder.path().join("run");
         // Where not even the experiment was kept, there is nothing to go on from, and the folder is taken again.
-        match run.join("config.toml").exists() {
-            true => run_ok(folder.path(), &["design", "--resume", "run"]),
-            false => run_ok(folder.path(), &["design", "tiny.toml", "--out", "run"]),
+        if run.join("config.toml").exists() {
+            run_ok(folder.path(), &["design", "--resume", "run"])
+        } else {
+            run_ok(folder.path(), &["design", "tiny.toml", "--out", "run"])
         };
         assert_eq!(read(&run.join("metrics.json")), WHOLE.0, "{blocks}");
     }

@@ -86,9 +86,10 @@ impl Fields for Corners {}
 /// Reads a JSON file, or all of those below a folder. Pictures are looked for by name below the folder.
 pub(super) fn convert_bdd100k(root: &Path) -> Result<Converted, CocoError> {
     // A single file has its pictures beside it or in the folders around.
-    let (labels, base) = match root.is_dir() {
-        true => (files_below(root)?.into_iter().filter(|p| ends_with(p, "json")).collect(), root.to_owned()),
-        false => (vec![root.to_owned()], folder_around(root)),
+    let (labels, base) = if root.is_dir() {
+        (files_below(root)?.into_iter().filter(|p| ends_with(p, "json")).collect(), root.to_owned())
+    } else {
+        (vec![root.to_owned()], folder_around(root))
     };
     if labels.is_empty() {
         return Err(CocoError::content(
@@ -182,11 +183,11 @@ fn pictures_of(path: &Path) -> Result<(Vec<Record<Picture>>, bool), CocoError> {
         let error = json_error(&bytes, &e);
         CocoError::file(
             path,
-            match e.is_data() {
-                true => error.hint(
-                    "a BDD100K file is a list of {name, labels: [{category, box2d: {x1, y1, x2, y2}}]}",
-                ),
-                false => error,
+            if e.is_data() {
+                error
+                    .hint("a BDD100K file is a list of {name, labels: [{category, box2d: {x1, y1, x2, y2}}]}")
+            } else {
+                error
             },
         )
     })?;

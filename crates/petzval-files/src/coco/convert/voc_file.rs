@@ -55,13 +55,10 @@ pub(super) fn parse(text: &str) -> Result<Labels, FileError> {
             let is_cut_off =
                 matches!(e, roxmltree::Error::UnexpectedEndOfStream | roxmltree::Error::UnclosedRootNode);
             // The reader gives no place for the end of the file.
-            let (line, column, hint) = match is_cut_off {
-                true => (
-                    text.trim_end().lines().count() as u32,
-                    None,
-                    "the file is cut off; copy or export it again",
-                ),
-                false => (e.pos().row, Some(e.pos().col), "correct the line, or export the file again"),
+            let (line, column, hint) = if is_cut_off {
+                (text.trim_end().lines().count() as u32, None, "the file is cut off; copy or export it again")
+            } else {
+                (e.pos().row, Some(e.pos().col), "correct the line, or export the file again")
             };
             let message = e.to_string();
             let reason = message.split(" at ").next().unwrap_or(&message);

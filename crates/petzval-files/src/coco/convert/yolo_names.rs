@@ -38,9 +38,10 @@ pub(super) fn names_of(root: &Path, files: &[PathBuf]) -> Result<Names, CocoErro
         let text = labels_text(path)?;
         let names: Vec<String> =
             text.lines().map(str::trim).filter(|l| !l.is_empty()).map(str::to_owned).collect();
-        return match names.is_empty() {
-            false => Ok(Names { classes: names, keypoints: None }),
-            true => Err(CocoError::content(path, "the file names no class", "write one name in a line")),
+        return if names.is_empty() {
+            Err(CocoError::content(path, "the file names no class", "write one name in a line"))
+        } else {
+            Ok(Names { classes: names, keypoints: None })
         };
     }
     let reason = match candidates.first() {

@@ -110,9 +110,10 @@ fn files(folder: &Path, key: &'static str, endings: &[&str]) -> Result<Vec<PathB
         }
     }
     found.sort();
-    match found.is_empty() {
-        true => Err(wrong(format!("holds no file with one of the endings {}", endings.join(", ")))),
-        false => Ok(found),
+    if found.is_empty() {
+        Err(wrong(format!("holds no file with one of the endings {}", endings.join(", "))))
+    } else {
+        Ok(found)
     }
 }
 

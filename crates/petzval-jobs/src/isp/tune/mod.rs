@@ -188,14 +188,15 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 }
 
 fn check_budget(evaluations: usize, least: usize) -> Result<(), JobError> {
-    match evaluations >= least && evaluations <= 10_000_000 {
-        true => Ok(()),
-        false => Err(JobError::setting(
+    if evaluations >= least && evaluations <= 10_000_000 {
+        Ok(())
+    } else {
+        Err(JobError::setting(
             "evaluations",
             evaluations,
             format!("must lie between {least} and 10000000: the start and one generation at least"),
             "a hundred for each varied parameter is usual",
-        )),
+        ))
     }
 }
 
@@ -280,15 +281,16 @@ impl Tuner<'_> {
 
     /// Checks that a kept search is one of these inputs.
     fn check_same(&self, kept: &Checkpoint, inputs: &str, folder: &TuneFolder) -> Result<(), JobError> {
-        match kept.inputs == inputs && kept.varied == self.names() {
-            true => Ok(()),
-            false => Err(JobError::input(
+        if kept.inputs == inputs && kept.varied == self.names() {
+            Ok(())
+        } else {
+            Err(JobError::input(
                 format!(
                     "{}: raw frames, references or the ISP have changed since the search began",
                     folder.root().display()
                 ),
                 "restore them, or begin a new search in another folder",
-            )),
+            ))
         }
     }
 

@@ -97,9 +97,8 @@ impl Figures {
         let mut rows: Vec<_> = restored.into_iter().collect();
         let unit = |unit: &str| ["mm", "um", "waves"].into_iter().find(|known| *known == unit).unwrap_or("");
         // A limit is counted by how far it is missed, other figures by themselves.
-        let named = |o: &OperandFigure| match o.unit == "mm" && o.target == 0.0 {
-            true => format!("{}: missed by", o.of),
-            false => o.of.clone(),
+        let named = |o: &OperandFigure| {
+            if o.unit == "mm" && o.target == 0.0 { format!("{}: missed by", o.of) } else { o.of.clone() }
         };
         rows.extend(self.operands.iter().map(|o| (named(o), Some(o.value), unit(&o.unit))));
         rows.push(("mean RMS spot".to_owned(), Some(self.mean_rms_spot_um), "um"));

@@ -353,9 +353,10 @@ fn holding(file: &LensFile) -> Option<(usize, Option<[f64; 2]>)> {
     let eligible: Vec<usize> = powered(&file.lens).filter(|s| !follows(*s) && !is_followed(*s)).collect();
     // A file that names variables says what may move: what it leaves out stays, such as a filter or a test plate's radius.
     let is_curved = |s: &&usize| file.lens.surfaces[**s].shape.curvature != 0.0;
-    let surface = match file.variables.is_empty() {
-        true => eligible.iter().rev().find(is_curved),
-        false => eligible.iter().rev().find(|s| of_radius(**s).is_some()),
+    let surface = if file.variables.is_empty() {
+        eligible.iter().rev().find(is_curved)
+    } else {
+        eligible.iter().rev().find(|s| of_radius(**s).is_some())
     };
     let surface = *surface?;
     Some((surface, of_radius(surface).map(|v| [file.variables[v].min, file.variables[v].max])))
@@ -418,9 +419,10 @@ fn check(
     is_in_range: impl Fn(f64) -> bool,
     hint: &str,
 ) -> Result<(), JobError> {
-    match values.iter().all(|v| is_in_range(*v)) {
-        true => Ok(()),
-        false => Err(JobError::setting(key, list(values), "out of range", hint)),
+    if values.iter().all(|v| is_in_range(*v)) {
+        Ok(())
+    } else {
+        Err(JobError::setting(key, list(values), "out of range", hint))
     }
 }
 

@@ -100,10 +100,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             "no lens was found that can be built{why}; let more numbers of the lens vary, widen their bounds, or search longer"
         )));
     }
-    let trades = match config.trade {
-        true => trades(&config, history.start(), request, context)?,
-        false => Vec::new(),
-    };
+    let trades = if config.trade { trades(&config, history.start(), request, context)? } else { Vec::new() };
     let found = Found {
         start: start.as_ref().map(|analysis| Figures::new(&problem, analysis)),
         best: Figures::new(&problem, &best),

@@ -14,12 +14,11 @@ use crate::error::JobError;
 
 /// Refuses to compare searches where none is made.
 pub(super) fn check_trade(config: &Config) -> Result<(), JobError> {
-    match config.trade && !config.global {
-        true => {
-            let message = "compares searches, and this is a descent";
-            Err(JobError::setting("trade", "", message, "begin a search with --global"))
-        }
-        false => Ok(()),
+    if config.trade && !config.global {
+        let message = "compares searches, and this is a descent";
+        Err(JobError::setting("trade", "", message, "begin a search with --global"))
+    } else {
+        Ok(())
     }
 }
 

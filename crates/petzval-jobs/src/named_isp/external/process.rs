@@ -31,10 +31,7 @@ pub(super) struct Ended {
 impl Ended {
     /// The end of standard error, as the end of a message; empty if the command wrote nothing.
     pub fn said(&self) -> String {
-        match self.stderr.is_empty() {
-            true => String::new(),
-            false => format!("; it wrote: {}", self.stderr),
-        }
+        if self.stderr.is_empty() { String::new() } else { format!("; it wrote: {}", self.stderr) }
     }
 }
 

@@ -71,9 +71,10 @@ impl MobileNetV2 {
                 let (inside, step) = (growth * inputs, if i == 0 { step } else { 1 });
                 let at = format!("{}.conv", blocks.len() + 1);
                 // A block that does not grow lacks the first convolution, and the numbers of the others move up.
-                let grow = match growth > 1 {
-                    true => Some(conv(format!("{at}.0"), ConvShape::new(inputs, inside, 1))?),
-                    false => None,
+                let grow = if growth > 1 {
+                    Some(conv(format!("{at}.0"), ConvShape::new(inputs, inside, 1))?)
+                } else {
+                    None
                 };
                 let filter = usize::from(grow.is_some());
                 let name = format!("{name}.{at}");

@@ -180,9 +180,10 @@ fn sides(front: Wall, rear: Wall, height_mm: f64) -> [Vec<[f64; 2]>; 2] {
 fn profile(wall: Wall, height_mm: f64, goes_on: bool) -> Vec<[f64; 2]> {
     let Wall { surface, place, .. } = wall;
     let sag = |y: f64| surface.shape.sag_at_mm([0.0, y]);
-    let curved_mm = match goes_on && sag(height_mm).is_some() && sag(-height_mm).is_some() {
-        true => height_mm,
-        false => surface.semi_diameter_mm.min(height_mm),
+    let curved_mm = if goes_on && sag(height_mm).is_some() && sag(-height_mm).is_some() {
+        height_mm
+    } else {
+        surface.semi_diameter_mm.min(height_mm)
     };
     let mut points: Vec<[f64; 2]> = (0..=STEPS)
         .map(|i| curved_mm * (2.0 * i as f64 / STEPS as f64 - 1.0))

@@ -87,16 +87,16 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     };
     let response = tune::run(&tune::Request { start, evaluations: args.evaluations }, &context)?;
     drop(context);
-    match args.json {
-        true => drop(print_json(&response)?),
-        false => out!("{}", summary(&response)),
+    if args.json {
+        print_json(&response)?;
+    } else {
+        out!("{}", summary(&response));
     }
-    match response.is_cancelled {
-        true => {
-            noteln!("stopped; --resume continues");
-            Ok(ExitCode::from(EXIT_STOPPED))
-        }
-        false => Ok(ExitCode::SUCCESS),
+    if response.is_cancelled {
+        noteln!("stopped; --resume continues");
+        Ok(ExitCode::from(EXIT_STOPPED))
+    } else {
+        Ok(ExitCode::SUCCESS)
     }
 }
 

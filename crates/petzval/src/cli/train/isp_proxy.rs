@@ -83,9 +83,10 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     };
     let response = isp_proxy::run(&request, &context)?;
     drop(context);
-    match args.json {
-        true => drop(print_json(&response)?),
-        false => out!("{}", summary(&response)),
+    if args.json {
+        print_json(&response)?;
+    } else {
+        out!("{}", summary(&response));
     }
     Ok(training_ending(response.gap.is_some(), response.steps))
 }
