@@ -29,7 +29,7 @@ pub use crate::simulate::Place;
 
 /// Pictures, and the cameras that take them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct Request {
     /// Folder of the run.
     pub run: PathBuf,
@@ -46,8 +46,22 @@ pub struct Request {
     /// Where tensors live.
     pub device: String,
     /// Files or folders of the run, by their path below it, that may differ from their digests.
-    #[serde(default)]
     pub accept_changed: Vec<String>,
+}
+
+impl Default for Request {
+    fn default() -> Self {
+        Self {
+            run: PathBuf::new(),
+            images: Vec::new(),
+            cameras: Vec::new(),
+            place: Place::default(),
+            seed: 1,
+            out: PathBuf::from("applied"),
+            device: "cpu".to_owned(),
+            accept_changed: Vec::new(),
+        }
+    }
 }
 
 /// What was written.

@@ -20,7 +20,7 @@ use crate::results::{check_file, has_ending};
 
 /// Runs to compare.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct Request {
     /// Folders of finished runs; those that differ in the seed alone are taken together.
     pub runs: Vec<PathBuf>,
@@ -29,7 +29,6 @@ pub struct Request {
     /// Comma-separated values of the cameras; not written without a name.
     pub csv: Option<PathBuf>,
     /// Files or folders of the runs, by their path below them, that may differ from their digests.
-    #[serde(default)]
     pub accept_changed: Vec<String>,
 }
 

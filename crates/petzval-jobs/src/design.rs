@@ -51,6 +51,7 @@ pub struct Request {
     /// Begin a run, or go on with one.
     pub run: Run,
     /// Where tensors live.
+    #[serde(default = "crate::device::usual")]
     pub device: String,
 }
 
@@ -86,17 +87,21 @@ pub struct Resume {
 
 /// A run to begin.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct NewRun {
     /// Experiment file, or the name of a built-in one; or a lens file, for which one is made as `init` does.
     pub experiment: String,
     /// Folder of the run; `runs/EXPERIMENT-seed-SEED` if none is given, where a file `experiment.toml` is called by its folder, and the name of
     /// a variant that is made alone stands before the seed.
-    #[serde(default)]
     pub out: Option<PathBuf>,
     /// What differs from the experiment's file.
-    #[serde(default)]
     pub changes: Changes,
+}
+
+impl Default for NewRun {
+    fn default() -> Self {
+        Self { experiment: DEFAULT_EXPERIMENT.to_owned(), out: None, changes: Changes::default() }
+    }
 }
 
 /// What differs from the file of an experiment.
@@ -294,6 +299,7 @@ pub struct LookRequest {
     /// The run.
     pub run: NewRun,
     /// Where tensors live.
+    #[serde(default = "crate::device::usual")]
     pub device: String,
 }
 

@@ -38,27 +38,36 @@ const MOST_TRIALS: usize = 100_000;
 
 /// A finished run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct Request {
     /// Its folder.
     pub run: PathBuf,
     /// Where tensors live.
     pub device: String,
     /// Photographs: those of the run where they are now, or others, all of which are scored.
-    #[serde(default)]
     pub photos: Option<PathBuf>,
     /// Labelled pictures: those of the run where they are now, or others, all of which are scored. A folder or a file of annotations.
-    #[serde(default)]
     pub data: Option<PathBuf>,
     /// Files or folders of the run, by their path below it, that may differ from their digests.
-    #[serde(default)]
     pub accept_changed: Vec<String>,
     /// PSFs by rays or by waves, in place of those of the run.
-    #[serde(default)]
     pub psf: Option<PsfKind>,
     /// Also make cameras at random, whose lenses are off by their tolerances, and score them.
-    #[serde(default)]
     pub made: Option<Made>,
+}
+
+impl Default for Request {
+    fn default() -> Self {
+        Self {
+            run: PathBuf::new(),
+            device: "cpu".to_owned(),
+            photos: None,
+            data: None,
+            accept_changed: Vec::new(),
+            psf: None,
+            made: None,
+        }
+    }
 }
 
 /// Cameras to be made at random from each design of a run.

@@ -26,7 +26,7 @@ const SENSOR: &str = "sensor.toml";
 
 /// What to start from.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct Request {
     /// The folder of the files; made if it is not there.
     pub out: PathBuf,
@@ -36,6 +36,17 @@ pub struct Request {
     pub lens: Option<String>,
     /// A sensor in place of the experiment's, by built-in name or path. Without one, a lens of one's own gets the sensor that fits it.
     pub sensor: Option<String>,
+}
+
+impl Default for Request {
+    fn default() -> Self {
+        Self {
+            out: PathBuf::new(),
+            from: crate::design::DEFAULT_EXPERIMENT.to_owned(),
+            lens: None,
+            sensor: None,
+        }
+    }
 }
 
 /// What was written.

@@ -16,6 +16,8 @@ pub trait Job {
     const NAME: &'static str;
     /// What it does, in one sentence.
     const ABOUT: &'static str;
+    /// Keys that a request must hold; every other key has a default.
+    const NEEDS: &'static [&'static str];
     /// What it is asked.
     type Request: Serialize + DeserializeOwned + JsonSchema;
     /// What it answers.
@@ -35,18 +37,25 @@ pub struct Row {
     #[serde(skip)]
     schema: fn() -> Value,
     #[serde(skip)]
+    filled_in: fn(Value) -> Result<Value, JobError>,
+    #[serde(skip)]
     run: fn(Value, &Context) -> Result<Value, JobError>,
 }
 
 impl Row {
     /// The row of a job.
     pub(crate) const fn of<J: Job>() -> Self {
-        Self { name: J::NAME, about: J::ABOUT, schema: schema::<J>, run: run::<J> }
+        Self { name: J::NAME, about: J::ABOUT, schema: schema::<J>, filled_in: filled_in::<J>, run: run::<J> }
     }
 
     /// The JSON Schema of its request.
     pub fn schema(&self) -> Value {
         (self.schema)()
+    }
+
+    /// A request with every default filled in. A request that does not fit the schema is an error with the key that is wrong.
+    pub fn filled_in(&self, request: Value) -> Result<Value, JobError> {
+        (self.filled_in)(request)
     }
 
     /// Runs it. A request that does not fit the schema is an error with the key that is wrong; a panic is a failure of this job alone.
@@ -62,13 +71,30 @@ impl Row {
 }
 
 fn schema<J: Job>() -> Value {
-    schema_for!(J::Request).to_value()
+    let mut schema = schema_for!(J::Request).to_value();
+    if let (Some(keys), false) = (schema.as_object_mut(), J::NEEDS.is_empty()) {
+        keys.insert("required".to_owned(), J::NEEDS.into());
+    }
+    schema
 }
 
-fn run<J: Job>(request: Value, context: &Context) -> Result<Value, JobError> {
-    let request: J::Request = serde_json::from_value(request).map_err(|error| {
+fn request<J: Job>(request: Value) -> Result<J::Request, JobError> {
+    let refused = |error: &dyn std::fmt::Display| {
         let hint = format!("`petzval schema job {}` prints what a request may hold", J::NAME);
         JobError::input(format!("request of {}: {error}", J::NAME), hint)
-    })?;
+    };
+    if let Some(missing) = J::NEEDS.iter().find(|key| request.get(key).is_none()) {
+        return Err(refused(&format!("`{missing}` is missing")));
+    }
+    serde_json::from_value(request).map_err(|error| refused(&error))
+}
+
+/// A request as the job reads it, with every default filled in.
+fn filled_in<J: Job>(of: Value) -> Result<Value, JobError> {
+    serde_json::to_value(request::<J>(of)?).map_err(|e| JobError::failed(e.to_string()))
+}
+
+fn run<J: Job>(of: Value, context: &Context) -> Result<Value, JobError> {
+    let request = request::<J>(of)?;
     serde_json::to_value(J::run(&request, context)?).map_err(|e| JobError::failed(e.to_string()))
 }

@@ -24,7 +24,7 @@ pub use petzval_optics::psf::PsfKind;
 /// Files: `psf.npy`, float64 `[field, wavelength, row, column]`, each of unit sum, centred on the chief ray;
 /// `illumination.npy`, float64 `[field, wavelength]`; `psf.png`, a labelled sheet to look at; `psf.json`, the axes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct Request {
     /// Lens file, or a built-in name.
     pub lens: String,
@@ -46,6 +46,23 @@ pub struct Request {
     pub pupil_error: f64,
     /// Rays or waves.
     pub kind: PsfKind,
+}
+
+impl Default for Request {
+    fn default() -> Self {
+        Self {
+            lens: String::new(),
+            out: PathBuf::new(),
+            fields: 13,
+            corner_mm: 6.634,
+            wavelengths: vec![0.62, 0.55, 0.486],
+            grid: 128,
+            pitch_um: 1.0,
+            pupil_cells: 256,
+            pupil_error: 0.02,
+            kind: PsfKind::default(),
+        }
+    }
 }
 
 /// What was written.

@@ -28,7 +28,7 @@ use crate::pinhole::{PinholeError, PinholePsf, PinholeView, Refocus};
 /// not reach are left out. The camera turns towards the source. At each place frames are taken at several exposure times
 /// with the sensor's noise; only a window around the source is written. A folder that holds captures is not changed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct Request {
     /// Lens file, or a built-in name.
     pub lens: String,
@@ -61,6 +61,28 @@ pub struct Request {
     pub window: usize,
     /// Seed of the noise and of the error of alignment, up to half a pixel.
     pub seed: u64,
+}
+
+impl Default for Request {
+    fn default() -> Self {
+        Self {
+            lens: String::new(),
+            out: PathBuf::new(),
+            sensor: "imx249-calibrated".to_owned(),
+            distance_mm: 1500.0,
+            pinhole_um: 75.0,
+            focus: Focus::Source,
+            fields: 9,
+            radius_mm: 6.4,
+            axes: vec![Axis::Vertical, Axis::Horizontal, Axis::Diagonal],
+            exposures_ms: vec![1.0, 4.0, 16.0],
+            frames: 20,
+            dark_frames: 0,
+            peak: 0.8,
+            window: 64,
+            seed: 1,
+        }
+    }
 }
 
 /// Where the lens is focused.

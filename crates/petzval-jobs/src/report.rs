@@ -26,16 +26,14 @@ use crate::simulate::Place;
 const SEED: u64 = 1;
 
 /// A finished run.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
 pub struct Request {
     /// Its folder.
     pub run: PathBuf,
     /// A photograph that every camera takes over its whole sensor. The frames stay in the folder, for later reports.
-    #[serde(default)]
     pub photo: Option<PathBuf>,
     /// Files or folders of the run, by their path below it, that may differ from their digests.
-    #[serde(default)]
     pub accept_changed: Vec<String>,
 }
 

@@ -18,7 +18,7 @@ use crate::results::check_folder;
 
 /// What to run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct Request {
     /// Folder for the runs, `EXPERIMENT-seed-SEED` each, and the page. Finished runs in it are kept, interrupted ones go on.
     pub out: PathBuf,
@@ -30,6 +30,18 @@ pub struct Request {
     pub changes: Changes,
     /// Where tensors live.
     pub device: String,
+}
+
+impl Default for Request {
+    fn default() -> Self {
+        Self {
+            out: PathBuf::from("runs"),
+            experiments: Vec::new(),
+            seeds: vec![1, 2, 3],
+            changes: Changes::default(),
+            device: "cpu".to_owned(),
+        }
+    }
 }
 
 /// How it went.

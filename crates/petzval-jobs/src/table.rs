@@ -5,7 +5,7 @@ use crate::error::JobError;
 use crate::job::{Job, Row};
 
 macro_rules! jobs {
-    ($($job:ident $name:literal $about:literal $request:ty => $response:ty, $run:path;)*) => {
+    ($($job:ident $name:literal $needs:tt $about:literal $request:ty => $response:ty, $run:path;)*) => {
         $(
             #[doc = $about]
             #[derive(Clone, Copy, Debug)]
@@ -14,6 +14,7 @@ macro_rules! jobs {
             impl Job for $job {
                 const NAME: &'static str = $name;
                 const ABOUT: &'static str = $about;
+                const NEEDS: &'static [&'static str] = &$needs;
                 type Request = $request;
                 type Response = $response;
 
@@ -28,93 +29,137 @@ macro_rules! jobs {
 }
 
 jobs! {
-    Design "design" "Designs lens and network together, and compares with controls."
+    Design "design" ["run"]
+        "Designs lens and network together, and compares with controls."
         crate::design::Request => crate::design::Response, crate::design::run;
-    DesignCheck "design-check" "Looks at an experiment as before its first step; writes nothing."
+    DesignCheck "design-check" ["run"]
+        "Looks at an experiment as before its first step; writes nothing."
         crate::design::LookRequest => petzval_design::first_look::FirstLook, crate::design::look_at;
-    Init "init" "Writes an experiment with its lens and sensor as files to edit."
+    Init "init" ["out"]
+        "Writes an experiment with its lens and sensor as files to edit."
         crate::init::Request => crate::init::Response, crate::init::run;
-    ExperimentList "experiment-list" "Lists the built-in experiments with their variants."
+    ExperimentList "experiment-list" []
+        "Lists the built-in experiments with their variants."
         crate::experiment::ListRequest => Vec<crate::experiment::Entry>, crate::experiment::list;
-    ExperimentShow "experiment-show" "Gives the text of an experiment."
+    ExperimentShow "experiment-show" ["name"]
+        "Gives the text of an experiment."
         crate::experiment::ShowRequest => String, crate::experiment::show;
-    ExperimentRunAll "experiment-run-all" "Runs the built-in experiments, or some, with several seeds."
+    ExperimentRunAll "experiment-run-all" []
+        "Runs the built-in experiments, or some, with several seeds."
         crate::run_all::Request => crate::run_all::Response, crate::run_all::run;
-    Schema "schema" "Gives the JSON Schema of experiment, lens or sensor files."
+    Schema "schema" ["kind"]
+        "Gives the JSON Schema of experiment, lens or sensor files."
         crate::experiment::SchemaRequest => serde_json::Value, crate::experiment::schema;
-    Report "report" "Writes the report of a run again."
+    Report "report" ["run"]
+        "Writes the report of a run again."
         crate::report::Request => crate::report::Response, crate::report::run;
-    Compare "compare" "Puts several runs on one page."
+    Compare "compare" ["runs"]
+        "Puts several runs on one page."
         crate::compare::Request => crate::compare::Response, crate::compare::run;
-    Evaluate "evaluate" "Scores the cameras of a run again, with exact optics."
+    Evaluate "evaluate" ["run"]
+        "Scores the cameras of a run again, with exact optics."
         crate::evaluate::Request => crate::evaluate::Response, crate::evaluate::run;
-    LensShow "lens-show" "Gives the prescription of a lens and its first-order data."
+    LensShow "lens-show" ["lens"]
+        "Gives the prescription of a lens and its first-order data."
         crate::lens::show::Request => crate::lens::show::Response, crate::lens::show::run;
-    LensTrace "lens-trace" "Traces one ray through a lens."
+    LensTrace "lens-trace" ["lens", "field", "wavelength", "pupil"]
+        "Traces one ray through a lens."
         crate::lens::trace::Request => crate::lens::trace::Response, crate::lens::trace::run;
-    LensAnalyze "lens-analyze" "Writes the analysis of a lens: pictures and data."
+    LensAnalyze "lens-analyze" ["lens"]
+        "Writes the analysis of a lens: pictures and data."
         crate::lens::analyze::Request => crate::lens::analyze::Response, crate::lens::analyze::run;
-    LensConvert "lens-convert" "Writes a lens in the format of another program."
+    LensConvert "lens-convert" ["from", "to"]
+        "Writes a lens in the format of another program."
         crate::lens::convert::Request => crate::lens::convert::Response, crate::lens::convert::run;
-    LensFocus "lens-focus" "Moves the image plane of a lens to its best focus."
+    LensFocus "lens-focus" ["lens"]
+        "Moves the image plane of a lens to its best focus."
         crate::lens::focus::Request => crate::lens::focus::Response, crate::lens::focus::run;
-    LensList "lens-list" "Lists the built-in lenses."
+    LensList "lens-list" []
+        "Lists the built-in lenses."
         crate::lens::list::Request => crate::lens::list::Response, crate::lens::list::run;
-    LensOptimize "lens-optimize" "Optimises a lens within limits."
+    LensOptimize "lens-optimize" ["start"]
+        "Optimises a lens within limits."
         crate::lens::optimize::Request => crate::lens::optimize::Response, crate::lens::optimize::run;
-    LensTolerance "lens-tolerance" "Tolerances a lens: sensitivities and lenses made at random."
+    LensTolerance "lens-tolerance" ["lens"]
+        "Tolerances a lens: sensitivities and lenses made at random."
         crate::lens::tolerance::Request => crate::lens::tolerance::Response, crate::lens::tolerance::run;
-    GlassFind "glass-find" "Finds the glasses nearest to an index and an Abbe number."
+    GlassFind "glass-find" ["nd", "vd"]
+        "Finds the glasses nearest to an index and an Abbe number."
         crate::glass::find::Request => crate::glass::find::Response, crate::glass::find::run;
-    GlassList "glass-list" "Lists every glass."
+    GlassList "glass-list" []
+        "Lists every glass."
         crate::glass::list::Request => crate::glass::list::Response, crate::glass::list::run;
-    GlassShow "glass-show" "Gives all data of a glass."
+    GlassShow "glass-show" ["name"]
+        "Gives all data of a glass."
         crate::glass::show::Request => crate::glass::show::Response, crate::glass::show::run;
-    Psf "psf" "Writes the point-spread functions of a lens."
+    Psf "psf" ["lens", "out"]
+        "Writes the point-spread functions of a lens."
         crate::psf::Request => crate::psf::Response, crate::psf::run;
-    PsfCalibrate "psf-calibrate" "Measures point-spread functions from captures of a pinhole."
+    PsfCalibrate "psf-calibrate" ["captures"]
+        "Measures point-spread functions from captures of a pinhole."
         crate::psf_calibrate::Request => crate::psf_calibrate::Response, crate::psf_calibrate::run;
-    PsfCapture "psf-capture" "Simulates captures of a pinhole for `psf-calibrate`."
+    PsfCapture "psf-capture" ["lens", "out"]
+        "Simulates captures of a pinhole for `psf-calibrate`."
         crate::psf_capture::Request => crate::psf_capture::Response, crate::psf_capture::run;
-    SensorList "sensor-list" "Lists the built-in sensors."
+    SensorList "sensor-list" []
+        "Lists the built-in sensors."
         crate::sensor::list::Request => crate::sensor::list::Response, crate::sensor::list::run;
-    SensorShow "sensor-show" "Gives the numbers of a sensor."
+    SensorShow "sensor-show" ["sensor"]
+        "Gives the numbers of a sensor."
         crate::sensor::show::Request => crate::sensor::show::Response, crate::sensor::show::run;
-    SensorCapture "sensor-capture" "Simulates the calibration series of a sensor."
+    SensorCapture "sensor-capture" ["sensor", "out"]
+        "Simulates the calibration series of a sensor."
         crate::sensor::capture::Request => crate::sensor::capture::Response, crate::sensor::capture::run;
-    SensorCharacterize "sensor-characterize" "Measures a sensor from captures, after EMVA 1288."
+    SensorCharacterize "sensor-characterize" ["dir"]
+        "Measures a sensor from captures, after EMVA 1288."
         crate::sensor::characterize::Request => crate::sensor::characterize::Response, crate::sensor::characterize::run;
-    Simulate "simulate" "Takes photographs through a lens: photograph, raw frame, developed picture."
+    Simulate "simulate" ["images"]
+        "Takes photographs through a lens: photograph, raw frame, developed picture."
         crate::simulate::Request => crate::simulate::Response, crate::simulate::run;
-    RawShow "raw-show" "Gives what raw frames say of themselves."
+    RawShow "raw-show" ["file"]
+        "Gives what raw frames say of themselves."
         crate::raw::show::Request => crate::raw::show::Response, crate::raw::show::run;
-    RawConvert "raw-convert" "Writes raw frames in another format."
+    RawConvert "raw-convert" ["input", "output"]
+        "Writes raw frames in another format."
         crate::raw::convert::Request => crate::raw::convert::Response, crate::raw::convert::run;
-    RawMtf "raw-mtf" "Measures slanted edges of raw frames."
+    RawMtf "raw-mtf" ["file"]
+        "Measures slanted edges of raw frames."
         crate::raw::mtf::Request => crate::raw::mtf::Response, crate::raw::mtf::run;
-    IspShow "isp-show" "Gives the parameters of an image signal processor."
+    IspShow "isp-show" []
+        "Gives the parameters of an image signal processor."
         crate::isp::show::Request => crate::isp::show::Response, crate::isp::show::run;
-    IspDevelop "isp-develop" "Develops raw frames."
+    IspDevelop "isp-develop" ["raws"]
+        "Develops raw frames."
         crate::isp::develop::Request => crate::isp::develop::Response, crate::isp::develop::run;
-    IspTune "isp-tune" "Tunes the parameters of an image signal processor."
+    IspTune "isp-tune" ["start"]
+        "Tunes the parameters of an image signal processor."
         crate::isp::tune::Request => crate::isp::tune::Response, crate::isp::tune::run;
-    IspChart "isp-chart" "Measures the developed test chart."
+    IspChart "isp-chart" []
+        "Measures the developed test chart."
         crate::isp::chart::Request => crate::isp::chart::Response, crate::isp::chart::run;
-    Apply "apply" "Takes pictures with the cameras of a run."
+    Apply "apply" ["run", "images"]
+        "Takes pictures with the cameras of a run."
         crate::apply::Request => crate::apply::Response, crate::apply::run;
-    Detect "detect" "Finds objects in pictures."
+    Detect "detect" ["detector"]
+        "Finds objects in pictures."
         crate::detect::Request => crate::detect::Response, crate::detect::run;
-    DataConvert "data-convert" "Converts a data set for object detection."
+    DataConvert "data-convert" ["format", "input", "out"]
+        "Converts a data set for object detection."
         crate::data::convert::Request => crate::data::convert::Response, crate::data::convert::run;
-    DataCheck "data-check" "Checks a data set for object detection."
+    DataCheck "data-check" ["data"]
+        "Checks a data set for object detection."
         crate::data::check::Request => crate::data::check::Response, crate::data::check::run;
-    TrainIspProxy "train-isp-proxy" "Trains a network that imitates an image signal processor."
+    TrainIspProxy "train-isp-proxy" []
+        "Trains a network that imitates an image signal processor."
         crate::train::isp_proxy::Request => crate::train::isp_proxy::Response, crate::train::isp_proxy::run;
-    TrainOpticsProxy "train-optics-proxy" "Trains a network in place of ray tracing."
+    TrainOpticsProxy "train-optics-proxy" []
+        "Trains a network in place of ray tracing."
         crate::train::optics_proxy::Request => crate::train::optics_proxy::Response, crate::train::optics_proxy::run;
-    Bench "bench" "Measures a standard workload."
+    Bench "bench" []
+        "Measures a standard workload."
         crate::bench::Request => crate::bench::Response, crate::bench::run;
-    Doctor "doctor" "Says what this machine and this build offer, and reads every built-in file."
+    Doctor "doctor" []
+        "Says what this machine and this build offer, and reads every built-in file."
         crate::doctor::Request => crate::doctor::Response, crate::doctor::run;
 }
 

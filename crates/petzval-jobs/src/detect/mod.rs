@@ -46,14 +46,20 @@ pub struct Request {
     /// Where the detector comes from.
     pub detector: Source,
     /// Least score of a detection, 0..1.
+    #[serde(default = "usual_least_score")]
     pub least_score: f32,
     /// Folder for results and drawn pictures.
     pub out: Option<PathBuf>,
     /// Device of the tensors.
+    #[serde(default = "crate::device::usual")]
     pub device: String,
     /// Files or folders of the run, by their path below it, that may differ from their digests.
     #[serde(default)]
     pub accept_changed: Vec<String>,
+}
+
+fn usual_least_score() -> f32 {
+    0.5
 }
 
 /// What was found.

@@ -11,7 +11,7 @@ use crate::error::JobError;
 /// Which glasses to look for. The distance is `sqrt((dnd / 0.01)^2 + dVd^2)`: 0.01 of index counts as much as 1 of Abbe
 /// number.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct Request {
     /// Index at the d line, 587.6 nm, 1 to 5.
     pub nd: f64,
@@ -23,6 +23,12 @@ pub struct Request {
     pub maker: Option<String>,
     /// Whether obsolete glasses count too.
     pub obsolete: bool,
+}
+
+impl Default for Request {
+    fn default() -> Self {
+        Self { nd: 0.0, vd: 0.0, count: 10, maker: None, obsolete: false }
+    }
 }
 
 /// The glasses that were found.

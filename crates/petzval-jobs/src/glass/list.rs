@@ -12,7 +12,7 @@ use crate::error::JobError;
 
 /// Which glasses to list.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct Request {
     /// Only glasses of this maker: any part of the name, in upper or lower case.
     pub maker: Option<String>,

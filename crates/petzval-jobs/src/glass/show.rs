@@ -37,8 +37,8 @@ const DN_DT_C: [f64; 2] = [20.0, 40.0];
 const NORMAL_LINE: [f64; 2] = [0.6438, -0.001682];
 
 /// Which glass to show, and in which air.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
 pub struct Request {
     /// Its name, or `MAKER:NAME` where several makers have one of that name.
     pub name: String,

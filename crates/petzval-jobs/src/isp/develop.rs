@@ -26,7 +26,7 @@ const BITS_OF_YCBCR: u32 = 16;
 /// For each `NAME.*` the folder `out` gets `NAME.png`, or `NAME.y4m` or `NAME.yuv`, and, with `strip`, `NAME-strip.html`: the picture after
 /// every stage, with the parameters of the stage. Frames that are merged give one picture, named by the first.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct Request {
     /// The frames, in files with sidecars.
     pub raws: Vec<PathBuf>,
@@ -37,17 +37,31 @@ pub struct Request {
     /// What the raw files leave open.
     pub frame: FrameOptions,
     /// Merge the frames, exposures of one scene, into one.
-    #[serde(default)]
     pub merge: Option<Merge>,
     /// Bits of the pictures, 8, 10 or 16; of luma and colour differences, 8 or 10. A PNG of 10 bits has its codes scaled to 16.
     pub bits: u32,
     /// Luma and colour differences in place of a PNG.
-    #[serde(default)]
     pub ycbcr: Option<YcbcrFile>,
     /// Whether to write the page of all stages.
     pub strip: bool,
     /// Folder for the pictures; or, where there is one picture, its file.
     pub out: PathBuf,
+}
+
+impl Default for Request {
+    fn default() -> Self {
+        Self {
+            raws: Vec::new(),
+            isp: super::NEUTRAL.to_owned(),
+            set: Vec::new(),
+            frame: FrameOptions::default(),
+            merge: None,
+            bits: 8,
+            ycbcr: None,
+            strip: false,
+            out: PathBuf::from("."),
+        }
+    }
 }
 
 /// A file of luma and colour differences.

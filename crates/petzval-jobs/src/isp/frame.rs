@@ -20,7 +20,7 @@ use crate::named_isp::about_frame;
 
 /// What raw files leave open.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct FrameOptions {
     /// Sensor, a file or a built-in name; none means the built-in sensor that the sidecar names, if any.
     pub sensor: Option<String>,

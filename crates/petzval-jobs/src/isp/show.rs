@@ -10,12 +10,18 @@ use crate::named_isp::isp_by_name;
 
 /// An ISP to show.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct Request {
     /// Name of a preset, or a file of settings or of the description of an external ISP.
     pub isp: String,
     /// Gain of the sensor above its lowest at which to show the values of a preset, EV.
     pub gain_ev: f64,
+}
+
+impl Default for Request {
+    fn default() -> Self {
+        Self { isp: super::NEUTRAL.to_owned(), gain_ev: 0.0 }
+    }
 }
 
 /// An ISP and its parameters.

@@ -33,8 +33,8 @@ const MOST_PER_MM: f64 = 2e4;
 ///
 /// Files: one SVG for every [`Picture`]; `analysis.html`, all of them on one page; `analysis.json`, the data; the curves as CSV. Fields and
 /// wavelengths are those of the lens file, 31 of each at most; rays are aimed at the real stop.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
 pub struct Request {
     /// Lens file, or a built-in name.
     pub lens: String,
@@ -45,10 +45,8 @@ pub struct Request {
     /// Where the image plane goes.
     pub focus: FocusAt,
     /// Sensor file, or a built-in name: its pixels' Nyquist frequency is marked in MTF curves.
-    #[serde(default)]
     pub sensor: Option<String>,
     /// Pixel pitch, um, 0.1 to 1000, in place of a sensor.
-    #[serde(default)]
     pub pixel_um: Option<f64>,
     /// Highest frequency of MTF curves, cycles/mm; if left out, 100, or about half of the cutoff if that is less, but beyond the Nyquist
     /// frequency.

@@ -15,8 +15,8 @@ use crate::finite::finite;
 use crate::results::check_file;
 
 /// A lens to be written in Petzval's format (`.toml`), Zemax's (`.zmx`) or CODE V's (`.seq`).
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
 pub struct Request {
     /// Lens file, or a built-in name.
     pub from: String,

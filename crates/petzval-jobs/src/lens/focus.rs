@@ -33,15 +33,20 @@ pub enum FocusAt {
 
 /// A lens to focus.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct Request {
     /// Lens file, or a built-in name.
     pub lens: String,
     /// Where its image plane goes.
     pub focus: FocusAt,
     /// The file to write, whose ending names the format; none to see the figures alone.
-    #[serde(default)]
     pub to: Option<PathBuf>,
+}
+
+impl Default for Request {
+    fn default() -> Self {
+        Self { lens: String::new(), focus: FocusAt::Best, to: None }
+    }
 }
 
 /// Where the image plane was, and where it is.

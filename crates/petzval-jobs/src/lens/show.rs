@@ -28,8 +28,8 @@ const WIDE_STOP: f64 = 3.0;
 const NEARLY_AFOCAL: f64 = 1e-4;
 
 /// Which lens to show.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
 pub struct Request {
     /// Lens file, or a built-in name.
     pub lens: String,

@@ -41,7 +41,7 @@ pub use petzval_lab::psf_calibration::held_out::HeldOutBy;
 /// sheet; `measured.npy`, float64 `[position, channel, row, column]`; `psfs.toml` and `psfs.npy`, the bank of PSFs for the
 /// renderer.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct Request {
     /// Folder of captures, with `captures.toml`.
     pub captures: PathBuf,
@@ -51,6 +51,12 @@ pub struct Request {
     pub out: Option<PathBuf>,
     /// Seed of the draws behind the noise floor.
     pub seed: u64,
+}
+
+impl Default for Request {
+    fn default() -> Self {
+        Self { captures: PathBuf::new(), lens: None, out: None, seed: 1 }
+    }
 }
 
 /// What was measured.

@@ -20,8 +20,8 @@ pub use petzval_files::raw_file::Packing;
 ///
 /// Camera and exposure are those of the input and its sidecar, except where the request gives them; they go into the
 /// sidecar of the output.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
 pub struct Request {
     /// The frame.
     pub input: PathBuf,

@@ -12,8 +12,8 @@ use crate::error::JobError;
 
 /// A raw frame to summarise: gray TIFF or PNG of 8 or 16 bits, a NumPy array, a packed `.raw` with its sidecar, or DNG with
 /// the cargo feature `dng`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
 pub struct Request {
     /// The frame.
     pub file: PathBuf,

@@ -17,7 +17,7 @@ use crate::frames::Frames;
 /// The same request continues a series that was interrupted. An empty field takes its value from the series that `emva`
 /// chooses.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct Request {
     /// Sensor file, or a built-in name.
     pub sensor: String,
@@ -47,6 +47,26 @@ pub struct Request {
     pub format: Format,
     /// Seed of the noise.
     pub seed: u64,
+}
+
+impl Default for Request {
+    fn default() -> Self {
+        Self {
+            sensor: String::new(),
+            out: PathBuf::new(),
+            emva: false,
+            gains: Vec::new(),
+            exposures: None,
+            dark_exposures: None,
+            stack: None,
+            size: None,
+            level: None,
+            quantum_efficiency: None,
+            wavelength: None,
+            format: Format::Tiff,
+            seed: 1,
+        }
+    }
 }
 
 /// Format of the frames.

@@ -25,7 +25,7 @@ pub use petzval_lab::emva::{
 
 /// Captures from which to measure a sensor: EMVA 1288, and the paper's calibration over all gains.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct Request {
     /// Folder of the captures, or its `captures.toml`.
     pub dir: PathBuf,
@@ -43,6 +43,20 @@ pub struct Request {
     pub fit_histograms: bool,
     /// Pixel pitch, um, 0.1 to 1000, if the list does not state it.
     pub pixel_um: Option<f64>,
+}
+
+impl Default for Request {
+    fn default() -> Self {
+        Self {
+            dir: PathBuf::new(),
+            out: None,
+            highpass: HighPass::R4,
+            values: Values::Library,
+            mean_difference: false,
+            fit_histograms: false,
+            pixel_um: None,
+        }
+    }
 }
 
 /// What was measured.

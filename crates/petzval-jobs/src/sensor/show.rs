@@ -10,8 +10,8 @@ use crate::error::JobError;
 pub use petzval_camera::sensor::{Colour, Electronics, SensorModel};
 
 /// A sensor to look at.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
 pub struct Request {
     /// Sensor file, or a built-in name.
     pub sensor: String,

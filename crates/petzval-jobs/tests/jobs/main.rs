@@ -6,3 +6,4 @@ mod lens_mtf;
 mod measuring;
 mod one_development;
 mod pinhole_captures;
+mod table;

@@ -31,7 +31,7 @@ pub struct Args {
     #[arg(long, value_enum, default_value_t = Place::Fill)]
     place: Place,
     /// Seed of the noise
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = petzval::jobs::apply::Request::default().seed)]
     seed: u64,
     /// Folder for the pictures
     #[arg(long, value_name = "DIR", default_value = "applied")]

@@ -40,25 +40,25 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// Number of fields from the axis to the corner
-    #[arg(long, default_value_t = 13)]
+    #[arg(long, default_value_t = petzval::jobs::psf::Request::default().fields)]
     fields: usize,
     /// Image radius of the last field, mm (the corner of a 1920 x 1200 sensor of 5.86 um)
-    #[arg(long, default_value_t = 6.634)]
+    #[arg(long, default_value_t = petzval::jobs::psf::Request::default().corner_mm)]
     corner_mm: f64,
     /// Wavelengths of the red, green and blue channel, um
     #[arg(long, value_name = "UM,UM,UM", value_delimiter = ',', default_value = "0.62,0.55,0.486")]
     wavelengths: Vec<f64>,
     /// Cells a side
-    #[arg(long, default_value_t = 128)]
+    #[arg(long, default_value_t = petzval::jobs::psf::Request::default().grid)]
     grid: usize,
     /// Cell size, um
-    #[arg(long, default_value_t = 1.0)]
+    #[arg(long, default_value_t = petzval::jobs::psf::Request::default().pitch_um)]
     pitch_um: f64,
     /// Least pupil cells a side; not for waves
-    #[arg(long, default_value_t = 256)]
+    #[arg(long, default_value_t = petzval::jobs::psf::Request::default().pupil_cells)]
     pupil_cells: usize,
     /// The pupil cells are doubled while the sum of absolute errors of a PSF of unit sum is larger than this
-    #[arg(long, default_value_t = 0.02)]
+    #[arg(long, default_value_t = petzval::jobs::psf::Request::default().pupil_error)]
     pupil_error: f64,
     /// Rays, accurate where aberrations spread light over many times the Airy disk, or waves
     #[arg(long, value_enum, default_value = "geometric")]

@@ -36,7 +36,7 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Seed of the noise draws for the noise floor
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = petzval::jobs::psf_calibrate::Request::default().seed)]
     seed: u64,
     /// Print all figures as JSON
     #[arg(long)]

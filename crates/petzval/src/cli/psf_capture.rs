@@ -48,19 +48,19 @@ pub struct Args {
     #[arg(long, default_value = "imx249-calibrated")]
     sensor: String,
     /// Distance of the pinhole from the lens, mm
-    #[arg(long, default_value_t = 1500.0)]
+    #[arg(long, default_value_t = petzval::jobs::psf_capture::Request::default().distance_mm)]
     distance_mm: f64,
     /// Diameter of the pinhole, um; its image may be at most a pixel wide
-    #[arg(long, default_value_t = 75.0, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = petzval::jobs::psf_capture::Request::default().pinhole_um, allow_negative_numbers = true)]
     pinhole_um: f64,
     /// Focus of the lens
     #[arg(long, value_enum, default_value = "source")]
     focus: Focus,
     /// Fields from the axis to --radius-mm
-    #[arg(long, default_value_t = 9)]
+    #[arg(long, default_value_t = petzval::jobs::psf_capture::Request::default().fields)]
     fields: usize,
     /// Image radius of the last field, mm
-    #[arg(long, default_value_t = 6.4)]
+    #[arg(long, default_value_t = petzval::jobs::psf_capture::Request::default().radius_mm)]
     radius_mm: f64,
     /// Directions in which the source is moved
     #[arg(
@@ -75,20 +75,20 @@ pub struct Args {
     #[arg(long, value_name = "MS,MS,...", value_delimiter = ',', default_value = "1,4,16")]
     exposures_ms: Vec<f64>,
     /// Frames of each exposure time
-    #[arg(long, default_value_t = 20)]
+    #[arg(long, default_value_t = petzval::jobs::psf_capture::Request::default().frames)]
     frames: usize,
     /// Dark frames of each exposure time and place
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = petzval::jobs::psf_capture::Request::default().dark_frames)]
     dark_frames: usize,
     /// Brightest pixel at the longest exposure, relative to the range of the converter or the full well, whichever is
     /// less; above 1 it clips
-    #[arg(long, default_value_t = 0.8)]
+    #[arg(long, default_value_t = petzval::jobs::psf_capture::Request::default().peak)]
     peak: f64,
     /// Pixels a side of the window that is written
-    #[arg(long, default_value_t = 64)]
+    #[arg(long, default_value_t = petzval::jobs::psf_capture::Request::default().window)]
     window: usize,
     /// Seed of the noise and of the error of alignment (up to half a pixel)
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = petzval::jobs::psf_capture::Request::default().seed)]
     seed: u64,
     /// Print the captures as JSON
     #[arg(long)]

@@ -126,7 +126,7 @@ pub struct Args {
     /// Samples of the scene along a side of a pixel, 1 to 8. With K the picture is laid on a frame of K x K samples a pixel, and
     /// each pixel collects the light that the lens brings to its square, so that detail finer than a pixel blurs and aliases
     /// as in a camera. Time and memory grow with K x K
-    #[arg(long, default_value_t = 1, value_name = "K")]
+    #[arg(long, default_value_t = petzval::jobs::simulate::Request::default().samples, value_name = "K")]
     samples: usize,
     /// How the two colours that a pixel did not measure are interpolated
     #[arg(long, value_enum, default_value = "bilinear")]
@@ -159,16 +159,16 @@ pub struct Args {
     #[arg(long, value_name = "HxW", value_parser = size)]
     size: Option<(usize, usize)>,
     /// Exposure time, s
-    #[arg(long, default_value_t = 0.005, value_name = "S", allow_negative_numbers = true)]
+    #[arg(long, default_value_t = petzval::jobs::simulate::Request::default().time_s, value_name = "S", allow_negative_numbers = true)]
     time_s: f32,
     /// Linear analogue gain
-    #[arg(long, default_value_t = 1.0, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = petzval::jobs::simulate::Request::default().gain, allow_negative_numbers = true)]
     gain: f32,
     /// Leave out all noise
     #[arg(long)]
     no_noise: bool,
     /// Seed of the noise
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = petzval::jobs::simulate::Request::default().seed)]
     seed: u64,
     #[command(flatten)]
     spectral: SpectralArgs,

@@ -9,7 +9,7 @@ use super::super::frame::FrameOptions;
 
 /// What is tuned for what.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct Plan {
     /// Folder of raw frames with sidecars.
     pub raws: PathBuf,
@@ -27,4 +27,19 @@ pub struct Plan {
     pub frame: FrameOptions,
     /// Seed of the search.
     pub seed: u64,
+}
+
+impl Default for Plan {
+    fn default() -> Self {
+        Self {
+            raws: PathBuf::new(),
+            reference: PathBuf::new(),
+            isp: crate::isp::NEUTRAL.to_owned(),
+            set: Vec::new(),
+            objective: "psnr".to_owned(),
+            vary: vec!["all".to_owned()],
+            frame: FrameOptions::default(),
+            seed: 1,
+        }
+    }
 }

@@ -38,16 +38,13 @@ pub struct Restored {
 
 /// What an optimised lens has to be.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct Goal {
     /// The error of the best linear restoration of the frames of a camera is minimised in place of the spots.
-    #[serde(default)]
     pub restored: Option<Restored>,
     /// Further figures, each with a bound and a weight, and the weight of the spots beside them.
-    #[serde(default)]
     pub operands: Option<OperandFile>,
     /// Kinds of numbers that vary beside the variables of the lens file; a lens whose file names none varies these alone.
-    #[serde(default)]
     pub vary: Vec<Vary>,
     /// Wavelengths, um, all of the same weight; those of the lens if empty.
     pub wavelengths: Vec<f64>,

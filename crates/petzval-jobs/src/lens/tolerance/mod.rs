@@ -34,7 +34,7 @@ const MOST_TRIALS: usize = 1_000_000;
 
 /// A lens with its tolerances, and what to find out.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct Request {
     /// Lens file, or a built-in name.
     pub lens: String,
@@ -62,6 +62,26 @@ pub struct Request {
     pub worst: usize,
     /// Folder for the results; nothing is written without one.
     pub out: Option<PathBuf>,
+}
+
+impl Default for Request {
+    fn default() -> Self {
+        Self {
+            lens: String::new(),
+            tolerances: None,
+            grade: None,
+            merit: Merit::default(),
+            frequency: 40.0,
+            kind: PsfKind::default(),
+            trials: 1000,
+            compensate: Compensate::default(),
+            limit: None,
+            inverse: None,
+            seed: 1,
+            worst: 3,
+            out: None,
+        }
+    }
 }
 
 /// How exactly a lens is made.

@@ -26,7 +26,7 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Pictures on the page
-    #[arg(long, default_value_t = 12, value_name = "N")]
+    #[arg(long, default_value_t = petzval::jobs::data::check::Request::default().samples, value_name = "N")]
     samples: usize,
     /// Print figures and defects as JSON
     #[arg(long)]

@@ -45,7 +45,7 @@ pub struct Args {
     ///
     /// PNG has no samples of 10 bits: they are scaled to 16, and the chunk sBIT says that 10 count. The code is the sample shifted right
     /// by 6 bits.
-    #[arg(long, default_value_t = 8)]
+    #[arg(long, default_value_t = petzval::jobs::isp::develop::Request::default().bits)]
     bits: u32,
     #[command(flatten)]
     file: FileArgs,

@@ -73,7 +73,7 @@ pub struct Args {
     #[arg(long, value_enum, default_value = "tiff")]
     format: Format,
     /// Seed of the noise
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = petzval::jobs::sensor::capture::Request::default().seed)]
     seed: u64,
     /// Print what was written as JSON
     #[arg(long)]

@@ -68,13 +68,13 @@ pub struct Args {
     #[arg(long, value_enum, default_value = "rms")]
     merit: MeritName,
     /// Spatial frequency of the MTF, cycles per mm
-    #[arg(long, default_value_t = 40.0, value_name = "PER_MM")]
+    #[arg(long, default_value_t = petzval::jobs::lens::tolerance::Request::default().frequency, value_name = "PER_MM")]
     frequency: f64,
     /// Kind of the MTF: rays, accurate where spots are many times the Airy disk, or waves
     #[arg(long, value_enum, default_value = "geometric")]
     kind: Kind,
     /// Number of random lenses
-    #[arg(long, default_value_t = 1000, value_name = "N")]
+    #[arg(long, default_value_t = petzval::jobs::lens::tolerance::Request::default().trials, value_name = "N")]
     trials: usize,
     /// What is adjusted on every lens
     #[arg(long, value_enum, default_value = "focus")]
@@ -86,10 +86,10 @@ pub struct Args {
     #[arg(long, value_name = "LOSS", allow_negative_numbers = true)]
     inverse: Option<f64>,
     /// Seed of the random lenses
-    #[arg(long, default_value_t = 1, value_name = "N")]
+    #[arg(long, default_value_t = petzval::jobs::lens::tolerance::Request::default().seed, value_name = "N")]
     seed: u64,
     /// Number of the worst lenses to write
-    #[arg(long, default_value_t = 3, value_name = "N")]
+    #[arg(long, default_value_t = petzval::jobs::lens::tolerance::Request::default().worst, value_name = "N")]
     worst: usize,
     /// Folder for the results
     #[arg(long, value_name = "DIR")]

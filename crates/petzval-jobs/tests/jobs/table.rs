@@ -1,0 +1,116 @@
+//! The table of jobs: stored calls stay readable, and every row can be called from JSON and stopped.
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use petzval_jobs::{Call, Context, Fault, JobError, Progress, Silent, Watcher, built_in_assets, jobs, row};
+use serde_json::{Value, json};
+
+/// A call of each row with its smallest request; `DIR` stands for an empty folder.
+const CALLS: &str = include_str!("../calls.json");
+
+fn calls(folder: &str) -> Vec<Call> {
+    let calls: Vec<Value> = serde_json::from_str(&CALLS.replace("DIR", folder)).unwrap();
+    calls.iter().map(|call| Call::parse(&call.to_string()).unwrap()).collect()
+}
+
+fn context() -> Context {
+    Context::new(built_in_assets(), Arc::new(Silent))
+}
+
+fn hint(error: &JobError) -> String {
+    match error {
+        JobError::Setting { hint, .. } | JobError::Input { hint, .. } => hint.clone(),
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn every_row_has_a_stored_call_whose_request_it_reads() {
+    let stored: BTreeSet<String> = calls("x").into_iter().map(|call| call.job).collect();
+    let rows: BTreeSet<String> = jobs().iter().map(|row| row.name.to_owned()).collect();
+    assert_eq!(stored, rows);
+    assert_eq!(rows.len(), jobs().len());
+    for call in calls("x") {
+        let row = row(&call.job).unwrap();
+        let whole = row.filled_in(call.request.clone()).unwrap_or_else(|e| panic!("{}: {e}", call.job));
+        assert_eq!(row.filled_in(whole.clone()).unwrap(), whole, "{}", call.job);
+        let back: Call = serde_json::from_value(serde_json::to_value(&call).unwrap()).unwrap();
+        assert_eq!(back, call);
+        // What the schema requires is what a request cannot do without.
+        let schema = row.schema();
+        assert!(schema.get("properties").or(schema.get("oneOf")).is_some(), "{}: {schema}", call.job);
+        for key in schema.get("required").and_then(Value::as_array).into_iter().flatten() {
+            let mut without = call.request.clone();
+            without.as_object_mut().unwrap().remove(key.as_str().unwrap()).unwrap();
+            let error = row.filled_in(without).unwrap_err();
+            assert!(error.to_string().contains("is missing"), "{}: {error}", call.job);
+        }
+    }
+}
+
+#[test]
+fn wrong_calls_are_refused_with_the_key_and_a_hint() {
+    let run = |job: &str, request: Value| Call::new(job, request).run(&context()).unwrap_err();
+    let error = run("lens-shwo", json!({}));
+    assert_eq!(hint(&error), "did you mean `lens-show`?");
+    let error = run("lens-show", json!({"lens": "cooke-triplet-nominal", "fokus": "file"}));
+    assert!(error.to_string().contains("unknown field `fokus`"), "{error}");
+    assert!(hint(&error).contains("petzval schema job lens-show"), "{}", hint(&error));
+    let error = run("lens-show", json!({}));
+    assert_eq!(error.to_string(), "request of lens-show: `lens` is missing");
+    for changed in [json!({"format": 2}), json!({"threads": 5000}), json!({"glasses": ["no-such.agf"]})] {
+        let mut call = json!({"format": 1, "job": "doctor"});
+        call.as_object_mut().unwrap().extend(changed.as_object().unwrap().clone());
+        let error = Call::parse(&call.to_string()).unwrap().run(&context()).unwrap_err();
+        assert_eq!(error.fault(), Fault::Input, "{error}");
+    }
+    assert!(Call::parse("{\"job\": \"doctor\"}").unwrap_err().to_string().contains("format"));
+    assert!(
+        Call::parse("{\"format\": 1,\n \"jobb\": \"doctor\"}").unwrap_err().to_string().contains("line 2")
+    );
+}
+
+#[test]
+fn a_call_answers_as_the_job_does_whatever_its_threads() {
+    let request = json!({"lens": "cooke-triplet-nominal", "field": 10, "wavelength": 0.55, "pupil": [0, 1]});
+    let call = Call::new("lens-trace", request);
+    let one = Call { threads: 1, ..call.clone() }.run(&context()).unwrap();
+    assert_eq!(one, call.run(&context()).unwrap());
+    assert_eq!(one["status"], "ok", "{one}");
+}
+
+/// Stops its job at the first thing that the job says.
+struct Stopper(Arc<AtomicBool>);
+
+impl Watcher for Stopper {
+    fn warning(&self, _: &str) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+
+    fn note(&self, _: &str) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+
+    fn progress(&self, _: &Progress) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
+#[test]
+fn every_row_is_started_from_its_smallest_request_and_stops_when_asked() {
+    let folder = tempfile::tempdir().unwrap();
+    for call in calls(&folder.path().display().to_string().replace('\\', "/")) {
+        let stop = Arc::new(AtomicBool::new(false));
+        let context = Context::new(built_in_assets(), Arc::new(Stopper(stop.clone())));
+        let job = call.job.clone();
+        let wants_what_is_missing = call.request.to_string().contains("missing");
+        match call.run(&context.with_cancellation(stop.clone())) {
+            Ok(_) => assert!(!wants_what_is_missing, "{job}"),
+            // A request that is right fails for no other reason than that it was stopped.
+            Err(error) if wants_what_is_missing => assert_eq!(error.fault(), Fault::Input, "{job}: {error}"),
+            Err(error) => assert!(stop.load(Ordering::Relaxed), "{job}: {error}"),
+        }
+    }
+}
