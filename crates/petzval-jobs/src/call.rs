@@ -79,25 +79,28 @@ impl Call {
     pub fn parse(text: &str) -> Result<Self, JobError> {
         let hint =
             "a call is {\"format\": 1, \"job\": NAME, \"request\": {...}}; `petzval jobs` lists the names";
-        serde_json::from_str(text).map_err(|error| JobError::input(format!("call: {error}"), hint))
+        let refused = |error: serde_json::Error| JobError::input(format!("call: {error}"), hint);
+        // A later form may have other keys: which form it is comes first.
+        #[derive(Deserialize)]
+        struct Form {
+            format: u32,
+        }
+        let Form { format } = serde_json::from_str(text).map_err(refused)?;
+        if format != CALL_FORMAT {
+            let hint = format!("this program reads and writes format {CALL_FORMAT}");
+            return Err(JobError::input(format!("call: format {format} is not known"), hint));
+        }
+        serde_json::from_str(text).map_err(refused)
     }
 
     /// Makes it. Its glasses take precedence over those of the context.
     pub fn run(self, context: &Context) -> Result<Value, JobError> {
-        if self.format != CALL_FORMAT {
-            return Err(JobError::setting(
-                "format",
-                self.format,
-                "this program does not know this form of calls",
-                format!("it writes and reads form {CALL_FORMAT}"),
-            ));
-        }
         if self.threads > MOST_THREADS {
-            let most = format!("at most {MOST_THREADS}; 0 for those of the process");
-            return Err(JobError::setting("threads", self.threads, "too many", most));
+            let message = format!("call: `threads` is {}, more than {MOST_THREADS}", self.threads);
+            return Err(JobError::input(message, "0 means those of the process"));
         }
         let row = row(&self.job)?;
-        let mut context = context.clone().overwriting(self.overwrite);
+        let mut context = context.clone().overwriting(self.overwrite || context.overwrites());
         if !self.glasses.is_empty() {
             let chosen = read_glasses(&self.glasses)?;
             chosen.warning_lines().iter().for_each(|line| context.warning(line));
@@ -122,6 +125,6 @@ pub fn row(name: &str) -> Result<&'static Row, JobError> {
             Some(near) => format!("did you mean `{near}`?"),
             None => format!("one of {}", names.join(", ")),
         };
-        JobError::setting("job", name, "there is no such job", hint)
+        JobError::input(format!("call: there is no job `{name}`"), hint)
     })
 }

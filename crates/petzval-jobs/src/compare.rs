@@ -19,7 +19,7 @@ use crate::error::JobError;
 use crate::results::{check_file, has_ending};
 
 /// Runs to compare.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Request {
     /// Folders of finished runs; those that differ in the seed alone are taken together.
@@ -30,6 +30,13 @@ pub struct Request {
     pub csv: Option<PathBuf>,
     /// Files or folders of the runs, by their path below them, that may differ from their digests.
     pub accept_changed: Vec<String>,
+}
+
+impl Default for Request {
+    fn default() -> Self {
+        let out = PathBuf::from("comparison.html");
+        Self { runs: Vec::new(), out, csv: None, accept_changed: Vec::new() }
+    }
 }
 
 /// The figures.

@@ -325,10 +325,11 @@ fn looked_at(
     let (experiment, own) = prepared(new, context)?;
     check_root(new, &experiment, context)?;
     let setup = set_up(experiment, device, &own)?;
-    let source = match is_lens(&new.experiment, context) {
+    let source = if is_lens(&new.experiment, context) {
         // There is no file of the experiment to show.
-        true => Text { path: PathBuf::from(&new.experiment), text: String::new() },
-        false => context.assets.text("experiment", "experiments", &new.experiment)?,
+        Text { path: PathBuf::from(&new.experiment), text: String::new() }
+    } else {
+        context.assets.text("experiment", "experiments", &new.experiment)?
     };
     let mut look = first_look(&setup)?;
     let others = check(&setup, &source)?;

@@ -161,6 +161,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             let hint = "made cameras are scored with the PSFs of the run; leave one of the two out";
             return Err(JobError::setting("psf", name, "not together with made cameras", hint));
         }
+        // The networks are those of the run, and so are the weights from which they started.
+        experiment.network.pin_weights(experiment.psf.kind);
         experiment.psf.kind = kind;
     }
     let (setup, are_others) = setup(experiment, &folder, place, request, context)?;

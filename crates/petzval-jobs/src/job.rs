@@ -98,3 +98,35 @@ fn run<J: Job>(of: Value, context: &Context) -> Result<Value, JobError> {
     let request = request::<J>(of)?;
     serde_json::to_value(J::run(&request, context)?).map_err(|e| JobError::failed(e.to_string()))
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::context::Silent;
+
+    struct Broken;
+
+    impl Job for Broken {
+        const NAME: &'static str = "broken";
+        const ABOUT: &'static str = "Panics.";
+        const NEEDS: &'static [&'static str] = &[];
+        type Request = u32;
+        type Response = u32;
+
+        fn run(request: &u32, _: &Context) -> Result<u32, JobError> {
+            assert!(*request > 0, "zero is nothing");
+            Ok(*request)
+        }
+    }
+
+    #[test]
+    fn a_panic_is_an_error_of_its_job_alone() {
+        let context = Context::new(crate::built_in_assets(), Arc::new(Silent));
+        let row = Row::of::<Broken>();
+        let error = row.run(0.into(), &context).unwrap_err();
+        assert_eq!(error.to_string(), "broken: a fault of this program: zero is nothing");
+        assert_eq!(row.run(2.into(), &context).unwrap(), 2);
+    }
+}

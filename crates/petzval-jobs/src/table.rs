@@ -128,13 +128,13 @@ jobs! {
     IspShow "isp-show" []
         "Gives the parameters of an image signal processor."
         crate::isp::show::Request => crate::isp::show::Response, crate::isp::show::run;
-    IspDevelop "isp-develop" ["raws"]
+    IspDevelop "isp-develop" ["raws", "out"]
         "Develops raw frames."
         crate::isp::develop::Request => crate::isp::develop::Response, crate::isp::develop::run;
     IspTune "isp-tune" ["start"]
         "Tunes the parameters of an image signal processor."
         crate::isp::tune::Request => crate::isp::tune::Response, crate::isp::tune::run;
-    IspChart "isp-chart" []
+    IspChart "isp-chart" ["out"]
         "Measures the developed test chart."
         crate::isp::chart::Request => crate::isp::chart::Response, crate::isp::chart::run;
     Apply "apply" ["run", "images"]

@@ -336,11 +336,11 @@ impl OpticsBlock {
             let Ok(drawn) = self.start.space.lens_at(&x) else { return Ok(None) };
             let camera = || -> Result<Camera, DesignError> {
                 let camera = batch.camera.with_lens(lens.clone())?;
-                match self.errors.is_empty() {
-                    true => Ok(camera),
-                    // As made, and taken for the lens as drawn.
-                    false => Ok(camera.taken_for(&batch.camera.with_lens(drawn)?)),
+                if self.errors.is_empty() {
+                    return Ok(camera);
                 }
+                // As made, and taken for the lens as drawn.
+                Ok(camera.taken_for(&batch.camera.with_lens(drawn)?))
             };
             let Some(camera) = unless_dark(camera())? else { return Ok(None) };
             let Some(violations) = unless_dark(self.start.requirements.violations(&lens, self.field))? else {

@@ -138,6 +138,17 @@ impl NetworkConfig {
         [BUILT_IN_WEIGHTS, BUILT_IN_BY_RAYS, BUILT_IN_BY_WAVES].contains(&self.weights.as_str())
     }
 
+    /// Takes the weights of PSFs of this kind from now on, whatever kind those of the experiment become.
+    pub fn pin_weights(&mut self, psfs: PsfKind) {
+        if self.weights == BUILT_IN_WEIGHTS {
+            let pinned = match psfs {
+                PsfKind::Geometric => BUILT_IN_BY_RAYS,
+                PsfKind::Diffraction => BUILT_IN_BY_WAVES,
+            };
+            self.weights = pinned.to_owned();
+        }
+    }
+
     /// The file of the weights that come with the program, for PSFs of this kind, below the folder of built-in data.
     pub fn built_in_file(&self, psfs: PsfKind) -> &'static str {
         let learnt_behind = match self.weights.as_str() {

@@ -470,6 +470,10 @@ fn built_in_weights_are_those_for_the_psfs_of_the_experiment() {
     assert_eq!(started(PsfKind::Diffraction, "built-in"), waves);
     assert_eq!(started(PsfKind::Diffraction, "built-in-rays"), rays);
     assert_eq!(started(PsfKind::Geometric, "built-in-waves"), waves);
+    // Cameras that are scored with other PSFs keep the weights from which they started.
+    let mut network = assets.experiment("cooke-triplet-image-quality").unwrap().network;
+    network.pin_weights(PsfKind::Diffraction);
+    assert_eq!(started(PsfKind::Geometric, &network.weights), waves);
 }
 
 #[test]

@@ -44,7 +44,7 @@ impl Default for Request {
             isp: super::NEUTRAL.to_owned(),
             set: Vec::new(),
             camera: simulate::Request::default(),
-            out: PathBuf::from("."),
+            out: PathBuf::new(),
         }
     }
 }

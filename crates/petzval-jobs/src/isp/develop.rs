@@ -59,7 +59,7 @@ impl Default for Request {
             bits: 8,
             ycbcr: None,
             strip: false,
-            out: PathBuf::from("."),
+            out: PathBuf::new(),
         }
     }
 }

@@ -304,10 +304,10 @@ fn warnings(lens: &Lens, order: &FirstOrder, spots: &[Spots]) -> Vec<String> {
     }
     if !order.efl_mm.is_finite() {
         found.push("the lens is afocal in the y-z plane: it has no focal length".to_owned());
-    } else if (lens.total_track_mm() / order.efl_mm).abs() < NEARLY_AFOCAL {
+    } else if (lens.axis_length_mm() / order.efl_mm).abs() < NEARLY_AFOCAL {
         found.push(format!(
             "the lens is nearly afocal: its focal length is {:.0} times its length",
-            (order.efl_mm / lens.total_track_mm()).abs()
+            (order.efl_mm / lens.axis_length_mm()).abs()
         ));
     }
     if matches!(lens.object, ObjectDistance::Finite(_)) && !order.image_distance_mm.is_finite() {

@@ -130,13 +130,11 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             return Err(JobError::setting("region", region, message, hint));
         }
     }
-    let edges = match request.regions.is_empty() {
-        true => found(&request.file, &frame)?,
-        false => request
-            .regions
-            .iter()
-            .map(|region| measured(region, &frame, context))
-            .collect::<Result<Vec<_>, _>>()?,
+    let edges = if request.regions.is_empty() {
+        found(&request.file, &frame)?
+    } else {
+        let each = request.regions.iter().map(|region| measured(region, &frame, context));
+        each.collect::<Result<Vec<_>, _>>()?
     };
     warn(&edges, &frame, context);
     let mut response = Response {

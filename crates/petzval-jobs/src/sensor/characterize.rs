@@ -51,8 +51,8 @@ impl Default for Request {
             dir: PathBuf::new(),
             out: None,
             highpass: HighPass::R4,
-            values: Values::Library,
-            mean_difference: false,
+            values: Values::Corrected,
+            mean_difference: true,
             fit_histograms: false,
             pixel_um: None,
         }

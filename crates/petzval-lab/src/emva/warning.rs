@@ -475,17 +475,18 @@ impl fmt::Display for Warning {
             }
             Self::CommonFactor { factor, max_dn } => {
                 write!(f, "every sample is a multiple of {factor}: ")?;
-                if factor.is_power_of_two() { write!(
-                        f,
-                        "are the frames left-aligned, {} bits in {}? Shift them down by {} bits and set `bits`; K, means and \
-                         noise are {factor} times too large",
-                        bits_of(max_dn / factor),
-                        bits_of(*max_dn),
-                        factor.trailing_zeros()
-                    ) } else { write!(
-                        f,
-                        "they were multiplied after the converter, and K, means and noise with them"
-                    ) }
+                if !factor.is_power_of_two() {
+                    return f.write_str(
+                        "they were multiplied after the converter, and K, means and noise with them",
+                    );
+                }
+                let (bits, most) = (bits_of(max_dn / factor), bits_of(*max_dn));
+                let shift = factor.trailing_zeros();
+                write!(
+                    f,
+                    "are the frames left-aligned, {bits} bits in {most}? Shift them down by {shift} bits and set `bits`; K, \
+                     means and noise are {factor} times too large"
+                )
             }
             Self::TopNotReached { largest_dn, max_dn, piled } => {
                 write!(f, "no sample is above {largest_dn} of {max_dn}")?;

@@ -38,8 +38,8 @@ pub fn check(profile: &Profile) -> Result<(), SfrError> {
         let noise = profile.noise_of_blur(sign);
         let is_noisy = noise > LEAST_NOISE && noise > NOISE_STEPS * end.gap;
         let least = LEAST_LACK.max(LACK_STEPS * end.gap);
-        let is_abrupt = lack(profile, sign * (end.last_px - INSIDE_PX)) > least
-            && lack(profile, -sign * end.last_px) > OTHER_LACK.max(least);
+        let is_abrupt = lack(profile, sign, end.last_px - INSIDE_PX) > least
+            && lack(profile, -sign, end.last_px) > OTHER_LACK.max(least);
         if is_noisy || is_abrupt {
             return Err(SfrError::Clipped { side, share: end.share });
         }
@@ -64,8 +64,8 @@ impl End {
     }
 }
 
-/// What the profile lacks of the level of its side, at a distance from the edge, of the step.
-fn lack(profile: &Profile, distance: f64) -> f64 {
-    let level = if distance > 0.0 { 1.0 } else { 0.0 };
-    profile.spline.at(distance).map_or(0.0, |share| (level - share).abs())
+/// What the profile lacks of the level of the bright side (`sign` 1) or the dark one (-1) so far on that side of the edge, of the step.
+fn lack(profile: &Profile, sign: f64, px: f64) -> f64 {
+    let level = if sign > 0.0 { 1.0 } else { 0.0 };
+    profile.spline.at(sign * px).map_or(0.0, |share| (level - share).abs())
 }

@@ -210,10 +210,12 @@ impl Problem {
         if v.number != Number::Thickness || v.surface + 1 >= count {
             return v;
         }
-        let least = match self.base.surfaces[v.surface].glass.is_air() {
-            true if has_open_gap(&self.base, v.surface) => None,
-            true => self.limits.air_gap_mm,
-            false => self.limits.element_centre_mm,
+        let least = if !self.base.surfaces[v.surface].glass.is_air() {
+            self.limits.element_centre_mm
+        } else if has_open_gap(&self.base, v.surface) {
+            None
+        } else {
+            self.limits.air_gap_mm
         };
         match (least, self.base.light_goes_forwards(v.surface)) {
             (None, _) => {}

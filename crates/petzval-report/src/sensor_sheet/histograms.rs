@@ -203,15 +203,16 @@ fn around(
 
 /// A frame of the histograms of one exposure time.
 fn panel(found: &[&Compared], seconds: f64, is_logarithmic: bool) -> Panel {
-    let (low, high) = match is_logarithmic {
+    let ends = if is_logarithmic {
         // Include the whole tail.
-        true => span(found.iter().flat_map(|h| {
+        span(found.iter().flat_map(|h| {
             let first = f64::from(h.first_dn);
             [first, first + h.captured.len() as f64]
-        })),
-        false => span(found.iter().flat_map(|h| <[f64; 2]>::from(core(h)))),
-    }
-    .unwrap_or((0.0, 1.0));
+        }))
+    } else {
+        span(found.iter().flat_map(|h| <[f64; 2]>::from(core(h))))
+    };
+    let (low, high) = ends.unwrap_or((0.0, 1.0));
     let each = (((high - low) / MOST_BARS as f64).ceil() as usize).max(1);
     let tallest = found
         .iter()

@@ -15,7 +15,7 @@ use super::terminal::{EXIT_STOPPED, Terminal, print_json};
 /// A call names a job and holds its request:
 ///
 ///     echo '{"format": 1, "job": "lens-trace", "request": {"lens": "cooke-triplet-nominal",
-///       "field_deg": 10, "wavelength_um": 0.55, "pupil": [0, 1]}}' | petzval call
+///       "field": 10, "wavelength": 0.55, "pupil": [0, 1]}}' | petzval call
 ///
 /// `petzval jobs` lists the jobs, `petzval schema job NAME` prints what a request may hold, and `petzval schema call` what
 /// stands beside it: glasses, overwrite, threads.
@@ -36,10 +36,9 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
             Call::parse(&text)?
         }
     };
-    let overwrite = call.overwrite || terminal.overwrites;
     let stop = signals::stop_on_signal()?;
     let context = terminal.context().with_cancellation(stop.clone());
-    let response = Call { overwrite, ..call }.run(&context)?;
+    let response = call.run(&context)?;
     drop(context);
     print_json(&response)?;
     // A job that was stopped and can go on has answered with what it has.

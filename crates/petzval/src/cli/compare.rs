@@ -45,6 +45,6 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     }
     outln!("{}", response.markdown);
     outln!("page: {}", shown(&response.page));
-    request.csv.iter().for_each(|path| outln!("figures: {}", shown(&path)));
+    request.csv.iter().for_each(|path| outln!("figures: {}", shown(path)));
     Ok(ExitCode::SUCCESS)
 }

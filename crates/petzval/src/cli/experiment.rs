@@ -101,7 +101,7 @@ fn run_all(args: RunAllArgs, terminal: &Terminal) -> Result<ExitCode, Failure> {
         outln!("{}\npage: {}", compared.markdown, shown(&compared.page));
     }
     for (run, message) in &response.failed {
-        noteln!("failed: {}: {message}", shown(&run));
+        noteln!("failed: {}: {message}", shown(run));
     }
     Ok(match (response.is_stopped, response.failed.is_empty()) {
         (true, _) => {

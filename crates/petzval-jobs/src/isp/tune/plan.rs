@@ -9,37 +9,44 @@ use super::super::frame::FrameOptions;
 
 /// What is tuned for what.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
+#[serde(deny_unknown_fields)]
 pub struct Plan {
     /// Folder of raw frames with sidecars.
     pub raws: PathBuf,
     /// Folder of the pictures that each should become: a picture of the same name, and of the same size.
     pub reference: PathBuf,
     /// Name of a preset, or a file of settings or of the description of an external ISP.
+    #[serde(default = "usual_isp")]
     pub isp: String,
     /// Further values, each `stage.key=value`.
+    #[serde(default)]
     pub set: Vec<String>,
     /// Score to raise: `psnr_db`, `ssim` or `one_minus_lpips`; `psnr` and `lpips` mean the same.
+    #[serde(default = "usual_objective")]
     pub objective: String,
     /// Parameters that vary: names, stages, or `all`.
+    #[serde(default = "everything")]
     pub vary: Vec<String>,
     /// What the raw files leave open.
+    #[serde(default)]
     pub frame: FrameOptions,
     /// Seed of the search.
+    #[serde(default = "usual_seed")]
     pub seed: u64,
 }
 
-impl Default for Plan {
-    fn default() -> Self {
-        Self {
-            raws: PathBuf::new(),
-            reference: PathBuf::new(),
-            isp: crate::isp::NEUTRAL.to_owned(),
-            set: Vec::new(),
-            objective: "psnr".to_owned(),
-            vary: vec!["all".to_owned()],
-            frame: FrameOptions::default(),
-            seed: 1,
-        }
-    }
+fn usual_isp() -> String {
+    crate::isp::NEUTRAL.to_owned()
+}
+
+fn usual_objective() -> String {
+    "psnr".to_owned()
+}
+
+fn everything() -> Vec<String> {
+    vec!["all".to_owned()]
+}
+
+fn usual_seed() -> u64 {
+    1
 }

@@ -68,10 +68,16 @@ pub(super) fn descent(
         history.keep_best(problem, &descent.best)?;
         return Ok(noted(descent, context));
     }
-    // Where there are limits another way may lead further. Spots cost little, other goals do not.
+    // Another way may lead further, because limits are penalties. Spots cost little, other goals do not.
     let is_of_spots = problem.goals.iter().all(|goal| goal.weight_um == 0.0);
-    let goes_softly = is_of_spots && !went_softly && !problem.constraints().is_empty();
-    let softly = || descend_softly(problem, &options, &mut |_, _, _| !context.is_cancelled()).ok();
+    let goes_softly = is_of_spots && !went_softly;
+    let softly = || {
+        let mut watch = |iteration: usize, _: &Analysis, _: &[f64]| {
+            context.progress(iteration as u64, iterations as u64, "descent with softer limits");
+            !context.is_cancelled()
+        };
+        descend_softly(problem, &options, &mut watch).ok()
+    };
     let other = if goes_softly { softly() } else { None };
     let descent = match other.filter(|other| other.best.merit < WORTH_IT * descent.best.merit) {
         Some(other) if other.stop != Stop::Asked => other,

@@ -33,6 +33,7 @@ pub struct Request {
     /// Stops a search after the round in which so many seconds have passed, if that is before its last round.
     pub seconds: Option<f64>,
     /// Whether to search again, for as many rounds, with each of some further requirements, to see what each costs.
+    #[serde(default)]
     pub trade: bool,
 }
 
@@ -47,10 +48,13 @@ pub enum Start {
         /// Folder for the lenses and the history; it must not hold an optimisation.
         out: PathBuf,
         /// What the lens has to be.
+        #[serde(default)]
         goal: Box<Goal>,
         /// Whether to search the whole of the bounds, not only downhill from the lens.
+        #[serde(default)]
         global: bool,
         /// Seed of the search.
+        #[serde(default = "usual_seed")]
         seed: u64,
     },
     /// Where the optimisation in a folder ended, with its goal.
@@ -60,6 +64,10 @@ pub enum Start {
         /// Forget every step after this one first.
         rewind: Option<usize>,
     },
+}
+
+fn usual_seed() -> u64 {
+    1
 }
 
 /// What was found.

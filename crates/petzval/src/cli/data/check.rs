@@ -42,7 +42,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     } else {
         out!("{}", table(&response.statistics, &response.defects));
         if let Some(page) = &response.page {
-            outln!("\n{}", shown(&page));
+            outln!("\n{}", shown(page));
         }
     }
     Ok(if response.errors > 0 { ExitCode::from(EXIT_INPUT) } else { ExitCode::SUCCESS })

@@ -165,7 +165,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     for developed in &response.pictures {
         outln!("{}", shown(&developed.picture));
         if let Some(strip) = &developed.strip {
-            outln!("{}", shown(&strip));
+            outln!("{}", shown(strip));
         }
     }
     Ok(ExitCode::SUCCESS)

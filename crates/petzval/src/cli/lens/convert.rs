@@ -38,6 +38,6 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
             noteln!("{}: {}", loss.effect.name(), shown(loss.in_file(file)));
         }
     }
-    outln!("{}", shown(&to));
+    outln!("{}", shown(to));
     Ok(ExitCode::SUCCESS)
 }

@@ -45,7 +45,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         for loss in &response.losses_of_writing {
             noteln!("{}: {}", loss.effect.name(), shown(loss.in_file(to)));
         }
-        outln!("{}", shown(&to));
+        outln!("{}", shown(to));
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -106,7 +106,7 @@ fn table(response: &Response) -> String {
     }
     if !response.files.is_empty() {
         text.push('\n');
-        response.files.iter().for_each(|file| text += &format!("{}\n", shown(&file)));
+        response.files.iter().for_each(|file| text += &format!("{}\n", shown(file)));
     }
     text
 }

@@ -138,7 +138,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     }
     table::print(&response, args.all);
     if let Some(out) = &request.out {
-        noteln!("written to {}", shown(&out));
+        noteln!("written to {}", shown(out));
     }
     Ok(ExitCode::SUCCESS)
 }
