@@ -80,7 +80,7 @@ impl Assets {
     }
 
     /// The same library, which from now on reports what a lens file of another program loses when it is read, and what is
-    /// odd about the glasses of any lens ([`glass_warnings`]).
+    /// odd about the glasses of any lens ([`glass_warnings()`]).
     pub fn reporting_warnings(self, warnings: WarningSink) -> Self {
         Self { warnings: Some(warnings), ..self }
     }
