@@ -27,6 +27,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
 use crate::error::{JobError, json, make_folder};
+pub use crate::experiment::DEFAULT_EXPERIMENT;
 use crate::init;
 use crate::machine::environment;
 use crate::own_lens::{is_lens, own_lens};
@@ -37,9 +38,6 @@ pub use petzval_design::run::Metrics;
 
 /// Most steps of a run: no block may take more than 1e8, and a lens may take several times as many as the network.
 const MOST_STEPS: usize = 10_000_000;
-
-/// The experiment that runs when none is named.
-pub const DEFAULT_EXPERIMENT: &str = "cooke-triplet-image-quality";
 
 /// How the names of a lens and a sensor end that are fitted to each other and are in no file.
 pub const FITTED: &str = " (fitted)";

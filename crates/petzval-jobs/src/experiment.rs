@@ -8,6 +8,9 @@ use serde::{Deserialize, Serialize};
 use crate::context::Context;
 use crate::error::JobError;
 
+/// The experiment that runs when none is named.
+pub const DEFAULT_EXPERIMENT: &str = "cooke-triplet-image-quality";
+
 /// A built-in experiment.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Entry {

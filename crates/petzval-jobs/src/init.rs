@@ -42,7 +42,7 @@ impl Default for Request {
     fn default() -> Self {
         Self {
             out: PathBuf::new(),
-            from: crate::design::DEFAULT_EXPERIMENT.to_owned(),
+            from: crate::experiment::DEFAULT_EXPERIMENT.to_owned(),
             lens: None,
             sensor: None,
         }
