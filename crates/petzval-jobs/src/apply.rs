@@ -58,7 +58,7 @@ impl Default for Request {
             place: Place::default(),
             seed: 1,
             out: PathBuf::from("applied"),
-            device: "cpu".to_owned(),
+            device: crate::usual::device(),
             accept_changed: Vec::new(),
         }
     }

@@ -15,8 +15,8 @@ use crate::table::jobs;
 /// The version of [`Call`] that this program writes and reads.
 pub const CALL_FORMAT: u32 = 1;
 
-/// Most threads of a call; far more would hang the machine.
-const MOST_THREADS: usize = 1024;
+/// Most threads of a call or of the command; far more would hang the machine.
+pub const MOST_THREADS: usize = 1024;
 
 /// A job with its request and its surroundings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -49,7 +49,7 @@ pub struct Request {
     /// Begin a run, or go on with one.
     pub run: Run,
     /// Where tensors live.
-    #[serde(default = "crate::device::usual")]
+    #[serde(default = "crate::usual::device")]
     pub device: String,
 }
 
@@ -297,7 +297,7 @@ pub struct LookRequest {
     /// The run.
     pub run: NewRun,
     /// Where tensors live.
-    #[serde(default = "crate::device::usual")]
+    #[serde(default = "crate::usual::device")]
     pub device: String,
 }
 

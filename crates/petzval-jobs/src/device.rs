@@ -15,11 +15,6 @@ pub fn compiled_in_devices() -> Vec<(&'static str, &'static str)> {
     ]
 }
 
-/// The name of the device that every build has.
-pub(crate) fn usual() -> String {
-    "cpu".to_owned()
-}
-
 /// The device of a name, with automatic differentiation.
 pub(crate) fn device(name: &str) -> Result<Device, JobError> {
     let device = match name {

@@ -60,7 +60,7 @@ impl Default for Request {
     fn default() -> Self {
         Self {
             run: PathBuf::new(),
-            device: "cpu".to_owned(),
+            device: crate::usual::device(),
             photos: None,
             data: None,
             accept_changed: Vec::new(),

@@ -45,9 +45,10 @@ pub mod sensor;
 pub mod simulate;
 pub mod table;
 pub mod train;
+mod usual;
 
 pub use built_in::built_in_assets;
-pub use call::{CALL_FORMAT, Call, row};
+pub use call::{CALL_FORMAT, Call, MOST_THREADS, row};
 pub use context::{Context, Progress, Silent, Watcher};
 pub use device::compiled_in_devices;
 pub use error::{Fault, JobError, json, text_of_file};

@@ -39,7 +39,7 @@ impl Default for Request {
             experiments: Vec::new(),
             seeds: vec![1, 2, 3],
             changes: Changes::default(),
-            device: "cpu".to_owned(),
+            device: crate::usual::device(),
         }
     }
 }

@@ -51,7 +51,7 @@ pub struct Request {
     /// Folder for results and drawn pictures.
     pub out: Option<PathBuf>,
     /// Device of the tensors.
-    #[serde(default = "crate::device::usual")]
+    #[serde(default = "crate::usual::device")]
     pub device: String,
     /// Files or folders of the run, by their path below it, that may differ from their digests.
     #[serde(default)]

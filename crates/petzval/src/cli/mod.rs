@@ -43,6 +43,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use petzval::jobs::MOST_THREADS;
 
 use self::terminal::Terminal;
 
@@ -130,9 +131,6 @@ enum Verb {
     #[command(about = "Show what this machine and this build offer")]
     Doctor(doctor::Args),
 }
-
-/// Largest number of threads; far more would hang the machine.
-const MOST_THREADS: usize = 1024;
 
 /// Runs a parsed command line.
 pub fn run(cli: Cli) -> Result<ExitCode, Failure> {

@@ -31,7 +31,7 @@ pub struct Plan {
     #[serde(default)]
     pub frame: FrameOptions,
     /// Seed of the search.
-    #[serde(default = "usual_seed")]
+    #[serde(default = "crate::usual::seed")]
     pub seed: u64,
 }
 
@@ -45,8 +45,4 @@ fn usual_objective() -> String {
 
 fn everything() -> Vec<String> {
     vec!["all".to_owned()]
-}
-
-fn usual_seed() -> u64 {
-    1
 }

@@ -54,7 +54,7 @@ pub enum Start {
         #[serde(default)]
         global: bool,
         /// Seed of the search.
-        #[serde(default = "usual_seed")]
+        #[serde(default = "crate::usual::seed")]
         seed: u64,
     },
     /// Where the optimisation in a folder ended, with its goal.
@@ -64,10 +64,6 @@ pub enum Start {
         /// Forget every step after this one first.
         rewind: Option<usize>,
     },
-}
-
-fn usual_seed() -> u64 {
-    1
 }
 
 /// What was found.
