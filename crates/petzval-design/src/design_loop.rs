@@ -15,14 +15,12 @@ use petzval_camera::isp::IspError;
 use petzval_camera::sensor::Noise;
 use petzval_camera::tape::Frames;
 use petzval_files::{LensFile, write_lens};
-use petzval_learn::camera_network::Zoom;
-use petzval_learn::objective::{LabelKind, Labels, NamedLoss, Objective, Taken};
 use petzval_optics::design_space::EflSolve;
 use petzval_optics::lens::{Lens, validate};
 use petzval_optics::number::Number;
 use petzval_optics::paraxial::image_height_per_tangent;
 
-use crate::block::{Batch, Block, Blocks, ExposureBlock, IspBlock, NetworkBlock};
+use crate::block::{Batch, Block, Blocks, ExposureBlock, IspBlock, NetworkBlock, Sight};
 use crate::camera::{Camera, ChipValues, Shot};
 use crate::error::DesignError;
 use crate::experiment::{
@@ -37,11 +35,9 @@ use crate::run::{
     save_checkpoint, set_aside, write_file,
 };
 use crate::run_progress::{SCORE, TOTAL};
-use crate::scenes::{Eye, Scenes};
-use crate::scoring::{Scorer, collect_metrics};
-use crate::seen_windows::{self, SeenWindow};
+use crate::scoring::{Scored, Scorer, collect_metrics};
 use crate::setup::Setup;
-use crate::shots::{items_of, magnified_shots, training_shots, validation_shots};
+use crate::task::{Objective, SceneView};
 use crate::validation::{VALIDATION, Validations, validation_loss};
 
 /// Someone who watches a run.
@@ -92,15 +88,14 @@ fn lens_of(setup: &Setup, variant: &Variant, blocks: &Blocks) -> Result<Lens, De
     Ok(Lens { name: format!("{}, {}", file.lens.name, variant.name), ..blocks.optics.lens()? })
 }
 
-/// Sets what the detector of a variant with this lens sees, and by how much it is enlarged. Earlier variants of the run must be finished.
-pub fn set_detector_view(
+/// Sets what the network of a variant with this lens sees, if it looks at finished pictures. Earlier variants of the run must be finished.
+pub fn set_sight(
     network: &mut NetworkBlock,
     run: &RunFolder,
     variant: &Variant,
     lens: &Lens,
 ) -> Result<(), DesignError> {
-    network.set_zoom(Zoom::Times(zoom_of(run, variant, lens)?));
-    network.set_sees(variant.sees);
+    network.set_sight(Sight { sees: variant.sees, zoom: zoom_of(run, variant, lens)? });
     Ok(())
 }
 
@@ -128,22 +123,6 @@ pub struct DesignLoop {
 /// A loss of so many times the first one of its block in the stage, and of so many times white, is no way to a camera.
 const DIVERGED: f64 = 100.0;
 
-/// The loss of frames that a camera took.
-fn loss_of(
-    objective: &dyn Objective,
-    camera: &Camera,
-    frames: &Frames,
-    shots: &[Shot],
-) -> Result<NamedLoss, DesignError> {
-    let labels = match objective.labels() {
-        LabelKind::Pictures => Labels::Pictures(camera.truths(shots)?),
-        LabelKind::Objects => Labels::Objects(shots.iter().map(|shot| shot.truth.clone()).collect()),
-    };
-    // The same batch draws the same, whichever block moves.
-    let seed = shots.first().map_or(0, |shot| shot.frame);
-    Ok(objective.loss(&Taken { frames, detector: camera.detector(), seed }, &labels)?)
-}
-
 /// The first variant in a stage of which a block and others move by their gradients, and how they move.
 fn moves_together(setup: &Setup, block: BlockName) -> Option<(&Variant, &BTreeMap<BlockName, Schedule>)> {
     let by_gradient = |s: &Schedule| matches!(s.method, StepMethod::Gradient | StepMethod::Levenberg);
@@ -159,13 +138,13 @@ fn moves_together(setup: &Setup, block: BlockName) -> Option<(&Variant, &BTreeMa
 
 /// Does some work, and meanwhile makes the windows of a batch that the camera will take next, where they take long to make.
 fn beside_windows<R>(setup: &Setup, camera: &Camera, batch: Option<u64>, work: impl FnOnce() -> R) -> R {
-    let (Some(scenes), Some(batch)) = (&setup.scenes, batch) else { return work() };
-    if rayon::current_num_threads() == 1 {
+    let (Ok(windows), Some(batch)) = (setup.task.windows(), batch) else { return work() };
+    if !windows.are_slow() || rayon::current_num_threads() == 1 {
         return work();
     }
-    let (eye, items) = (Eye::of(camera), items_of(setup, batch));
+    let (view, experiment) = (SceneView::of(camera), &setup.experiment);
     std::thread::scope(|scope| {
-        scope.spawn(move || scenes.prepare(eye, items));
+        scope.spawn(move || windows.make_ahead(experiment, view, batch));
         work()
     })
 }
@@ -232,7 +211,7 @@ impl DesignLoop {
         check.check_cameras(position.finished.keys().map(String::as_str))?;
         let mut blocks = blocks;
         let lens = lens_of(&setup, variant, &blocks)?;
-        set_detector_view(&mut blocks.network, &run, variant, &lens)?;
+        set_sight(&mut blocks.network, &run, variant, &lens)?;
         // Later events go only now that the checkpoint is known to be good.
         let path = run.events();
         let at_checkpoint = events.map(|events| EventLog::resume_at(&path, &events)).transpose()?;
@@ -344,11 +323,10 @@ impl DesignLoop {
         let setup = self.setup.clone();
         let Some((variant, moves)) = moves_together(&setup, BlockName::Optics) else { return Ok(None) };
         let camera = self.camera(variant, moves)?;
-        let shots = training_shots(&setup, &camera, 0)?;
+        let shots = setup.training_shots(&camera, 0)?;
         let objective = setup.objective()?;
-        let loss = move |camera: &Camera, frames: &Frames, shots: &[Shot]| {
-            loss_of(objective.as_ref(), camera, frames, shots)
-        };
+        let loss =
+            move |camera: &Camera, frames: &Frames, shots: &[Shot]| objective.loss(camera, frames, shots);
         PartInputs::new(Box::new(loss), camera, shots, self.noise(variant)).map(Some)
     }
 
@@ -368,7 +346,7 @@ impl DesignLoop {
             _ => self.camera(variant, moves)?,
         };
         let number = self.batch_number(moves, block, taken);
-        let shots = training_shots(&self.setup, &camera, number)?;
+        let shots = self.setup.training_shots(&camera, number)?;
         // A network behind the ISP needs no gradient by it, nor do a search and the differences of an exposure: they see the pictures that will be
         // scored.
         let needs_none =
@@ -379,15 +357,13 @@ impl DesignLoop {
             camera
         };
         let objective = &self.objective;
-        let loss = |camera: &Camera, frames: &Frames, shots: &[Shot]| {
-            loss_of(objective.as_ref(), camera, frames, shots)
-        };
+        let loss = |camera: &Camera, frames: &Frames, shots: &[Shot]| objective.loss(camera, frames, shots);
         let setup = self.setup.clone();
-        let further = |number: u64| training_shots(&setup, &camera, number);
-        let magnified = |by: f64| magnified_shots(&setup, &camera, number, by);
+        let further = |number: u64| setup.training_shots(&camera, number);
+        let magnified = |by: f64| setup.magnified_shots(&camera, number, by);
         let is_magnified = block == BlockName::Optics
             && variant.field == FieldOfView::Free
-            && setup.scenes.as_ref().is_some_and(Scenes::follow_the_lens);
+            && setup.task.windows()?.follow_the_lens();
         let noise = self.noise(variant);
         let batch = Batch {
             camera: &camera,
@@ -448,10 +424,8 @@ impl DesignLoop {
         let camera = finished(&at_rest, exposure, isp, network);
         let noise = self.noise(variant);
         let objective = &self.objective;
-        let loss = |camera: &Camera, frames: &Frames, shots: &[Shot]| {
-            loss_of(objective.as_ref(), camera, frames, shots)
-        };
-        let shots = validation_shots(&self.setup, &camera)?;
+        let loss = |camera: &Camera, frames: &Frames, shots: &[Shot]| objective.loss(camera, frames, shots);
+        let shots = self.setup.validation_shots(&camera)?;
         let loss = validation_loss(&camera, &shots, &noise, &loss)?;
         if !loss.is_finite() {
             let (camera, step) = (variant.name.clone(), self.position.step + 1);
@@ -674,7 +648,7 @@ impl DesignLoop {
         validate(&lens).map_err(|defect| DesignError::Unmakeable { camera: variant.name.clone(), defect })?;
         let Blocks { exposure, isp, network, .. } = &self.blocks;
         let camera = finished_camera(&self.setup, variant, lens.clone(), exposure, isp, network)?;
-        let (metrics, pictures) = self.scorer.score(&variant.name, &camera)?;
+        let Scored { metrics, pictures, findings } = self.scorer.score(&variant.name, &camera)?;
         let [isp_steps, network_steps] =
             [BlockName::Isp, BlockName::Network].map(|block| self.position.before(block));
         let is_ceiling = variant.lens == PERFECT_LENS;
@@ -686,16 +660,13 @@ impl DesignLoop {
         }
         save_blocks(&folder, self.blocks.all(), Kept::Numbers)?;
         if self.blocks.network.free_numbers() > 0 {
-            let weights = self.blocks.network.network().to_safetensors()?;
+            let weights = self.blocks.network.to_safetensors()?;
             write_file(&folder.join("network.safetensors"), &weights)?;
         }
         let text = DesignError::json("the figures of the run", &metrics)?;
         write_file(&self.run.camera_metrics(&variant.name), text.as_bytes())?;
         crate::pictures::save(&self.run, &variant.name, &pictures)?;
-        let windows: Vec<SeenWindow> = pictures.into_iter().filter_map(|picture| picture.objects).collect();
-        if !windows.is_empty() {
-            seen_windows::save(&folder, &windows)?;
-        }
+        findings.save(&folder)?;
         Digests::of_folder(&folder)?.write(&folder)?;
         observer.camera(&metrics);
         let done =
@@ -730,6 +701,6 @@ impl DesignLoop {
             self.blocks.begin_stage(|block| first.is_some_and(|stage| stage.improves(block)));
         }
         let lens = self.lens(next)?;
-        set_detector_view(&mut self.blocks.network, &self.run, next, &lens)
+        set_sight(&mut self.blocks.network, &self.run, next, &lens)
     }
 }

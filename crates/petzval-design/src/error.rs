@@ -160,6 +160,12 @@ pub enum DesignError {
         "the detector of this camera sees the scene without blur and noise, which a raw frame does not contain; hint: name another camera"
     )]
     NoTruth,
+    /// Windows are needed where none were loaded.
+    #[error("no pictures were loaded for this experiment; this is a defect of the program")]
+    NoWindows,
+    /// The labels of a window, or what reads a picture, are those of another task.
+    #[error("the camera and its windows are of another task; this is a defect of the task")]
+    OtherTask,
     /// The tape has no gradient where a block needs one.
     #[error("{0} have no gradient; this is a defect of the program or of the device")]
     NoGradient(&'static str),

@@ -3,7 +3,6 @@
 
 use std::collections::BTreeMap;
 
-use petzval_learn::dataset::NamedPhoto;
 use petzval_optics::constraint::SemiDiameters;
 use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::first_order;
@@ -15,6 +14,7 @@ use crate::error::DesignError;
 use crate::experiment::{BlockName, PERFECT_LENS, Stage, Variant};
 use crate::lens::start::Start;
 use crate::setup::Setup;
+use crate::task::PhotosLook;
 
 /// Fields from the axis to the corner of the sensor.
 const FIELDS: usize = 5;
@@ -110,23 +110,6 @@ pub struct Violated {
     pub by_mm: f64,
 }
 
-/// The photographs of an experiment.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct PhotosLook {
-    /// Photographs for training.
-    pub training: usize,
-    /// Photographs on which cameras are scored.
-    pub held_out: usize,
-    /// Pictures that cannot be used.
-    pub skipped: usize,
-    /// Side of the window of a photograph that a step takes, pixels. Windows are never enlarged.
-    pub window: usize,
-    /// Photographs that a whole frame of the sensor enlarges.
-    pub enlarged: usize,
-    /// By how much it enlarges the smallest of them; 1 if none.
-    pub most_enlarged: f64,
-}
-
 impl FirstLook {
     /// The steps of all cameras: `29 steps in all: nominal 10 network and 1 score, ...`.
     pub fn steps_in_words(&self) -> String {
@@ -152,7 +135,7 @@ pub fn first_look(setup: &Setup) -> Result<FirstLook, DesignError> {
             None => lenses.push(lens_look(setup, variant, setup.start(variant))?),
         }
     }
-    let photos = setup.scenes.is_none().then(|| photos_look(setup));
+    let photos = setup.task.windows()?.photos_look(setup);
     let cameras: Vec<Planned> = setup.variants.iter().map(planned).collect();
     let mut look = FirstLook {
         experiment: setup.experiment.name.clone(),
@@ -220,25 +203,6 @@ fn lens_look(setup: &Setup, variant: &Variant, start: &Start) -> Result<LensLook
         fields: fields.collect(),
         violated: violated.collect(),
     })
-}
-
-fn photos_look(setup: &Setup) -> PhotosLook {
-    let photos = &setup.photos;
-    let sensor = &setup.body.sensor;
-    let enlarged = |photo: &NamedPhoto| {
-        let (rows, columns) = (photo.image.height as f64, photo.image.width as f64);
-        (sensor.height as f64 / rows).max(sensor.width as f64 / columns)
-    };
-    let all = photos.training().iter().chain(photos.validation()).chain(photos.held_out());
-    let enlarged: Vec<f64> = all.map(enlarged).filter(|by| *by > 1.0).collect();
-    PhotosLook {
-        training: photos.training().len(),
-        held_out: photos.held_out().len(),
-        skipped: setup.skipped_photos.len(),
-        window: setup.training_crops.window().max(setup.scoring_crops.window()),
-        enlarged: enlarged.len(),
-        most_enlarged: enlarged.into_iter().fold(1.0, f64::max),
-    }
 }
 
 /// What to say of a lens whose light lies beyond the grid.

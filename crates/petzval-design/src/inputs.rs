@@ -5,21 +5,17 @@ use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
 
 use petzval_files::write_lens;
-use petzval_learn::dataset::{List, NamedPhoto, PhotoSet, PictureFile};
-use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
 use crate::assets::Assets;
 use crate::camera::optics_proxy::FILES;
 use crate::error::DesignError;
-use crate::experiment::{BUILT_IN_PHOTOS, Experiment, is_derived_lens};
+use crate::experiment::{Experiment, is_derived_lens};
 use crate::path_text::path_text;
-use crate::run::input_list::{InputList, Pictures};
+use crate::run::input_list::{BUILT_IN, InputList, Pictures};
 use crate::run::{RunFolder, RunRecord, hex, write_file};
 use crate::setup::Setup;
-
-/// The name of the built-in photographs among the inputs.
-const BUILT_IN: &str = "built-in photographs";
+use crate::task::WindowInputs;
 
 /// The inputs of a setup: one by one, and all of them in one digest.
 pub struct Inputs {
@@ -66,65 +62,14 @@ impl Inputs {
             }
             add(format!("network in place of tracing of {}", variant.name), &network);
         }
-        if let Some(weights) = &setup.network_weights {
+        if let Some(weights) = setup.task.given_weights() {
             add("given weights".to_owned(), weights);
         }
-        add_photos(&setup.photos, &mut hash);
-        let mut pictures = None;
-        let experiment = &setup.experiment;
-        if let Some(scenes) = &setup.scenes {
-            if let Some((files, known, labels)) = scenes.pictures()? {
-                hash.update(known);
-                let labels = Some(hex(Sha256::new_with_prefix(labels)));
-                pictures = Some(Pictures { place: absolute(&experiment.data)?, labels, files });
-            }
-        } else if experiment.photos == BUILT_IN_PHOTOS {
-            let mut own = Sha256::new();
-            add_photos(&setup.photos, &mut own);
-            parts.insert(BUILT_IN.to_owned(), hex(own));
-        } else {
-            let place = absolute(&experiment.photos)?;
-            pictures = Some(Pictures { files: photo_files(&place, &setup.photos)?, labels: None, place });
-        }
-        let list = InputList { parts, held_out: setup.held_out_pictures(), pictures };
+        let WindowInputs { parts: built_in, pictures } = setup.task.inputs(&setup.experiment, &mut hash)?;
+        parts.extend(built_in);
+        let list = InputList { parts, held_out: setup.held_out_pictures()?, pictures };
         Ok(Self { fingerprint: hex(hash), list })
     }
-}
-
-/// Adds every photograph by list, name and light.
-fn add_photos(photos: &PhotoSet, hash: &mut Sha256) {
-    let lists = [
-        ("training", photos.training()),
-        ("validation", photos.validation()),
-        ("held out", photos.held_out()),
-    ];
-    for (list, photos) in lists {
-        for photo in photos {
-            hash.update(format!("{list}: {} {}x{}", photo.name, photo.image.height, photo.image.width));
-            for value in &photo.image.data {
-                hash.update(value.to_le_bytes());
-            }
-        }
-    }
-}
-
-/// The files of photographs.
-fn photo_files(folder: &Path, photos: &PhotoSet) -> Result<Vec<PictureFile>, DesignError> {
-    let lists = [
-        (List::Training, photos.training()),
-        (List::Validation, photos.validation()),
-        (List::HeldOut, photos.held_out()),
-    ];
-    let all: Vec<(List, &NamedPhoto)> =
-        lists.into_iter().flat_map(|(list, photos)| photos.iter().map(move |photo| (list, photo))).collect();
-    let file = |(list, photo): &(List, &NamedPhoto)| {
-        Ok(PictureFile::read(&folder.join(&photo.name), &photo.name, *list)?)
-    };
-    all.par_iter().map(file).collect()
-}
-
-fn absolute(path: &str) -> Result<PathBuf, DesignError> {
-    std::fs::canonicalize(path).map_err(DesignError::io(Path::new(path)))
 }
 
 /// The way from a folder to a path, both absolute: through the folder that they share, or the path itself where they share none.
@@ -160,7 +105,7 @@ pub fn keep_inputs(setup: &Setup, assets: &Assets, run: &RunFolder) -> Result<()
     let root = std::fs::canonicalize(run.root()).map_err(DesignError::io(run.root()))?;
     if let Some(Pictures { place, .. }) = &inputs.list.pictures {
         let there = path_text(&relative(place, &root))?;
-        if experiment.task.finds_objects() { kept.data = there } else { kept.photos = there }
+        *kept.pictures_mut(setup.facts.pictures) = there;
     }
     if kept.isp.is_used() {
         let preset = assets.text("ISP", "isp", &kept.isp.preset)?;
@@ -174,18 +119,7 @@ pub fn keep_inputs(setup: &Setup, assets: &Assets, run: &RunFolder) -> Result<()
             }
         };
     }
-    // The built-in ones are known by their fingerprint, as the built-in photographs are.
-    if let Some(weights) = &setup.network_weights {
-        if kept.task.finds_objects() {
-            let ending = if kept.detector.safetensors().is_some() { "safetensors" } else { "bin" };
-            let name = format!("detector-weights.{ending}");
-            write_file(&run.input(&name), weights)?;
-            kept.detector.weights = Some(format!("inputs/{name}"));
-        } else if !kept.network.has_built_in_weights() {
-            write_file(&run.input("network.safetensors"), weights)?;
-            kept.network.weights = "inputs/network.safetensors".to_owned();
-        }
-    }
+    setup.task.keep_weights(run, &mut kept)?;
     for variant in &mut kept.variant {
         if let Some(name) = variant.lens.as_mut().filter(|name| !is_derived_lens(name)) {
             let file = format!("{}-lens.toml", variant.name);

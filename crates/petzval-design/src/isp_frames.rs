@@ -10,7 +10,6 @@ use crate::camera::Camera;
 use crate::camera::isp_proxy::{Frame, take};
 use crate::error::DesignError;
 use crate::setup::Setup;
-use crate::shots::{held_out_shots, training_shots};
 
 /// Lenses beside the experiment's own: its free coordinates moved at random by this standard deviation. A quarter of a coordinate is about
 /// an eighth of its range.
@@ -63,12 +62,12 @@ impl FrameSource {
         let mut random = ChaCha8Rng::seed_from_u64(self.setup.experiment.seed ^ OWN);
         random.set_stream(step);
         let camera = &self.cameras[random.random_range(0..self.cameras.len())];
-        take(camera, &training_shots(&self.setup, camera, step)?, self.setup.experiment.seed)
+        take(camera, &self.setup.training_shots(camera, step)?, self.setup.experiment.seed)
     }
 
     /// Frames of photographs that training never sees: each at every place of the experiment's scoring, by one camera after the other.
     pub fn held_out(&self) -> Result<Vec<Frame>, DesignError> {
-        let shots = held_out_shots(&self.setup, &self.cameras[0], &|_| true)?;
+        let shots = self.setup.held_out_shots(&self.cameras[0], &|_| true)?;
         let mut frames = Vec::new();
         for (i, held_out) in shots.into_iter().enumerate() {
             let camera = &self.cameras[i % self.cameras.len()];

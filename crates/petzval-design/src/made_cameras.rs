@@ -10,7 +10,7 @@ use petzval_optics::tolerance::{Freedom, MonteCarlo, Study, ToleranceError, Tole
 
 use crate::camera::Camera;
 use crate::error::DesignError;
-use crate::pictures::spread_pictures;
+use crate::run::picture_names::spread_pictures;
 use crate::run::{MadeFigures, MadeRow};
 use crate::scoring::Scorer;
 
@@ -74,7 +74,7 @@ pub fn made_cameras(
     let study = Study::new(lens, tolerances, &merit)?;
     let from_least_spots_mm = study.nominal().compensators.first().copied().unwrap_or(0.0);
 
-    let [photographs, places] = scorer.setup().held_out_pictures();
+    let [photographs, places] = scorer.setup().held_out_pictures()?;
     let chosen = spread_pictures(photographs, places, plan.pictures);
     let score = |camera: &Camera| scorer.means(camera, &|number| chosen.contains(&number));
 
@@ -132,15 +132,14 @@ mod tests {
     use petzval_learn::Device;
 
     use super::*;
-    use crate::assets::Assets;
     use crate::camera::to_host;
     use crate::experiment::Experiment;
+    use crate::library::Library;
     use crate::setup::Setup;
-    use crate::shots::training_shots;
 
     #[test]
     fn a_camera_that_was_not_calibrated_develops_the_light_of_its_lens_by_that_of_the_design() {
-        let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+        let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
         let text = "[psf]\nfields = 3\ngrid = 64\npatches = [2, 2]\npupil_cells = 16\nscoring_pupil_cells = 16\n\
                     scoring_pupil_error = 2.0\n[network]\nbase_channels = 4\nlevels = 1\nweights = \"none\"\n\
                     [training]\nsteps = 1\nbatch = 1\ncrop = 64\n[scoring]\nplaces_per_side = 1\ncrop = 64\n";
@@ -151,7 +150,7 @@ mod tests {
         let calibrated = drawn.with_lens(defocused).unwrap();
         let made = calibrated.taken_for(&drawn);
 
-        let shots = training_shots(&setup, &drawn, 0).unwrap();
+        let shots = setup.training_shots(&drawn, 0).unwrap();
         let noise = Noise { mode: NoiseMode::Exact, seed: 1 };
         let take = |camera: &Camera| camera.take(&shots, &noise).unwrap();
         let (of_made, of_calibrated) = (take(&made), take(&calibrated));

@@ -1,11 +1,8 @@
 //! What is checked of a new run before its first step: a camera that can give no meaningful result is refused, and a comparison that
 //! is not like for like is warned of.
 
-use std::path::Path;
-
 use petzval_base::FileError;
 use petzval_camera::sensor::Colour;
-use petzval_learn::dataset::NamedPhoto;
 use petzval_optics::number::Number;
 use petzval_optics::paraxial::{first_order, image_brightness};
 
@@ -17,12 +14,9 @@ use crate::setup::Setup;
 /// Largest relative difference of first-order data between comparable cameras.
 const LIKE_FOR_LIKE: f64 = 0.01;
 
-/// Difference between the planes of a picture, of white, above which it is in colour.
-const COLOUR: f32 = 0.01;
-
 /// Refuses cameras that can give no meaningful result; returns the warnings. `source` is the experiment's text.
 pub fn check(setup: &Setup, source: &Text) -> Result<Vec<String>, DesignError> {
-    check_colour(setup)?;
+    setup.task.windows()?.check_sensor(&setup.experiment, &setup.body.sensor)?;
     let mut warnings = check_exposure(setup, source)?;
     warnings.extend(brighter_lenses(setup));
     warnings.extend(drifting_lenses(setup));
@@ -30,31 +24,6 @@ pub fn check(setup: &Setup, source: &Text) -> Result<Vec<String>, DesignError> {
     warnings.extend(unlike_starts(setup));
     warnings.extend(unlike_steps(setup));
     Ok(warnings)
-}
-
-/// A sensor without colour filters cannot show the colours of its truth.
-fn check_colour(setup: &Setup) -> Result<(), DesignError> {
-    let sensor = &setup.body.sensor;
-    let photos = || setup.photos.training().iter().chain(setup.photos.held_out());
-    let coloured = photos().filter(|p| is_coloured(p)).count();
-    if coloured == 0 || sensor.cfa.colours() != [Colour::Clear] {
-        return Ok(());
-    }
-    let message = format!(
-        "`{}` is monochrome, and {coloured} of {} photographs are in colour: this camera cannot see what its pictures are compared with",
-        sensor.name,
-        photos().count()
-    );
-    let hint = "name a sensor with colour filters, or give gray photographs";
-    Err(DesignError::misfit(Path::new(&setup.experiment.sensor), &message, hint))
-}
-
-fn is_coloured(photo: &NamedPhoto) -> bool {
-    let image = &photo.image;
-    let (red, rest) = image.data.split_at(image.height * image.width);
-    let (green, blue) = rest.split_at(image.height * image.width);
-    let differs = |a: &[f32], b: &[f32]| a.iter().zip(b).any(|(a, b)| (a - b).abs() > COLOUR);
-    differs(red, green) || differs(green, blue)
 }
 
 /// White must fit into a green pixel; where it does not fit into one of another colour, it is clipped there.

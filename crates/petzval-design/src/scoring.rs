@@ -1,91 +1,56 @@
-//! Scores on held-out photographs: exact noise, fixed places from the sensor's centre to its corner.
+//! Scores on held-out pictures: exact noise, fixed places from the sensor's centre to its corner.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::Arc;
 
-use burn::prelude::*;
-use petzval_camera::image::LinearImage;
 use petzval_camera::linear_limit::{LinearLimit, NaturalScenes};
 use petzval_camera::sensor::{Exposure, Noise, NoiseMode};
 use petzval_camera::tape::srgb_encode_op;
-use petzval_learn::loss::LossError;
-use petzval_learn::score::detection::{Picture, clusters_of};
-use petzval_learn::score::{
-    ObjectScore, Score, ScoreDescription, ScoredPair, object_scores, range_of, standard_scores,
-};
+use petzval_learn::score::detection::clusters_of;
+use petzval_learn::score::{ScoreDescription, range_of};
 use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::first_order;
 use petzval_optics::spot::spot;
 use rayon::prelude::*;
 
-use crate::boxes::{with_detections, with_truth};
 use crate::camera::{Camera, host_image, within_range};
 use crate::error::DesignError;
 use crate::lens::restored::{brightened, percent};
 use crate::run::input_list::InputList;
 use crate::run::{CameraMetrics, Metrics, PictureScore, RunFolder, VERSION};
-use crate::seen_windows::{SeenWindow, clusters};
 use crate::setup::Setup;
-use crate::shots::{HeldOut, held_out_shots};
+use crate::task::{Depth, Findings, Judge, ScoredPicture, Taken};
 
 /// Seed of the noise in scored frames: the same for every camera and every run.
 const SCORING_SEED: u64 = 0x5C0_12E;
 
-/// A scored picture in its three states, sRGB-encoded.
-pub struct ScoredPicture {
-    /// Its scores.
-    pub score: PictureScore,
-    /// The photograph.
-    pub truth: LinearImage,
-    /// The developed raw frame, before the network.
-    pub developed: LinearImage,
-    /// The network's picture; where objects are found, with their boxes.
-    pub output: LinearImage,
-    /// The objects of the window and what was found, where objects are looked for.
-    pub objects: Option<SeenWindow>,
-}
-
 /// Scores cameras by what an experiment names.
 pub struct Scorer {
     setup: Arc<Setup>,
-    judge: Judge,
+    judge: Box<dyn Judge>,
 }
 
-/// What judges a camera.
-enum Judge {
-    /// Each finished picture by itself; the score of a camera is the mean.
-    Pictures(Vec<Box<dyn Score>>),
-    /// What its detector finds in all of them.
-    Objects(Vec<ObjectScore>),
-}
-
-/// In which pictures objects are looked for.
-#[derive(Clone, Copy)]
-enum Depth {
-    /// In those of all of [`Stage::ALL`](crate::seen_windows::Stage::ALL).
-    EveryStage,
-    /// In the finished one, for scores alone.
-    Finished,
+/// A camera with its scores.
+pub struct Scored {
+    /// Its figures.
+    pub metrics: CameraMetrics,
+    /// Its held-out pictures.
+    pub pictures: Vec<ScoredPicture>,
+    /// What was found in them.
+    pub findings: Box<dyn Findings>,
 }
 
 impl Scorer {
     /// The scores that `scoring.scores` names, in that order.
     pub fn new(setup: Arc<Setup>) -> Result<Self, DesignError> {
-        let experiment = &setup.experiment;
-        if !experiment.task.finds_objects() {
-            let known = standard_scores(&setup.lpips()?);
-            return Self::of_pictures(setup, known);
-        }
-        let known = object_scores(experiment.task.classes());
-        let judge = Judge::Objects(named(&experiment.scoring.scores, known, |score| &score.about.name)?);
+        let judge = setup.task.judge(&setup)?;
         Ok(Self { setup, judge })
     }
 
-    /// The scores of `known`, each of one picture, that `scoring.scores` names, in that order.
-    pub fn of_pictures(setup: Arc<Setup>, known: Vec<Box<dyn Score>>) -> Result<Self, DesignError> {
-        let judge = Judge::Pictures(named(&setup.experiment.scoring.scores, known, |score| score.name())?);
-        Ok(Self { setup, judge })
+    /// Scores by a judge of one's own.
+    pub fn with_judge(setup: Arc<Setup>, judge: impl Judge + 'static) -> Self {
+        Self { setup, judge: Box::new(judge) }
     }
 
     /// The experiment whose cameras are scored.
@@ -95,20 +60,11 @@ impl Scorer {
 
     /// The scores that are computed.
     pub fn scores(&self) -> Vec<ScoreDescription> {
-        match &self.judge {
-            Judge::Pictures(scores) => {
-                scores.iter().map(|score| ScoreDescription::of(score.as_ref())).collect()
-            }
-            Judge::Objects(scores) => scores.iter().map(|score| score.about.clone()).collect(),
-        }
+        self.judge.scores()
     }
 
     /// Scores a camera: its lens by exact tracing, its pictures on the held-out photographs.
-    pub fn score(
-        &self,
-        name: &str,
-        camera: &Camera,
-    ) -> Result<(CameraMetrics, Vec<ScoredPicture>), DesignError> {
+    pub fn score(&self, name: &str, camera: &Camera) -> Result<Scored, DesignError> {
         self.score_watched(name, camera, &|_, _| {})
     }
 
@@ -118,13 +74,13 @@ impl Scorer {
         name: &str,
         camera: &Camera,
         tick: &dyn Fn(usize, usize),
-    ) -> Result<(CameraMetrics, Vec<ScoredPicture>), DesignError> {
+    ) -> Result<Scored, DesignError> {
         let (Some(lens), Some(captured)) = (camera.psfs().lens(), camera.psfs().captured()) else {
             return Err(DesignError::NoLens);
         };
-        let pictures = self.pictures(camera, &|_| true, Depth::EveryStage, tick)?;
+        let (pictures, findings) = self.pictures(camera, &|_| true, Depth::EveryStage, tick)?;
         let scored = pictures.iter().map(|p| p.score.clone()).collect();
-        let scores = self.over_all(&pictures);
+        let scores = findings.scores();
         // The exposure behind the lens for which it is stated: brightness of the image comes on top.
         let (stated, own) = (self.setup.body.exposure, camera.body().exposure);
         let exposed_longer = own.time_s / stated.time_s;
@@ -140,12 +96,12 @@ impl Scorer {
             psf_errors: camera.psf_errors(),
             psf_by_rays: camera.psfs().by_rays(),
             restored_error_percent: Some(percent(limit)),
-            intervals: self.intervals(&pictures),
+            intervals: findings.intervals(),
             white_e: metrics.white_e * camera.light() * f64::from(exposed_longer),
             ..metrics
         };
         metrics.check_finite()?;
-        Ok((metrics, pictures))
+        Ok(Scored { metrics, pictures, findings })
     }
 
     /// Each score over those of the held-out pictures that are chosen by their number.
@@ -154,39 +110,7 @@ impl Scorer {
         camera: &Camera,
         is_chosen: &dyn Fn(usize) -> bool,
     ) -> Result<BTreeMap<String, f64>, DesignError> {
-        Ok(self.over_all(&self.pictures(camera, is_chosen, Depth::Finished, &|_, _| {})?))
-    }
-
-    /// The scores of a camera from its pictures, without those for which there is nothing to find.
-    fn over_all(&self, pictures: &[ScoredPicture]) -> BTreeMap<String, f64> {
-        match &self.judge {
-            Judge::Pictures(scores) => {
-                let mean = |name: &str| {
-                    let sum: f64 = pictures.iter().map(|picture| picture.score.scores[name]).sum();
-                    sum / pictures.len() as f64
-                };
-                scores.iter().map(|score| (score.name().to_owned(), mean(score.name()))).collect()
-            }
-            Judge::Objects(scores) => {
-                let (windows, classes) = (windows_of(pictures), self.setup.experiment.task.classes().len());
-                let value = |score: &ObjectScore| {
-                    Some((score.about.name.clone(), score.of(&windows, classes, self.setup.field())?))
-                };
-                scores.iter().filter_map(value).collect()
-            }
-        }
-    }
-
-    /// The ranges in which the scores of a camera lie if other windows had been drawn; none for scores of single pictures.
-    fn intervals(&self, pictures: &[ScoredPicture]) -> BTreeMap<String, [f64; 2]> {
-        let Judge::Objects(scores) = &self.judge else { return BTreeMap::new() };
-        let (windows, classes) = (windows_of(pictures), self.setup.experiment.task.classes().len());
-        let clusters = clusters(pictures.iter().filter_map(|picture| picture.objects.as_ref()));
-        let interval = |score: &ObjectScore| {
-            let range = score.interval(&windows, &clusters, classes, self.setup.field())?;
-            Some((score.about.name.clone(), range))
-        };
-        scores.iter().filter_map(interval).collect()
+        Ok(self.pictures(camera, is_chosen, Depth::Finished, &|_, _| {})?.1.scores())
     }
 
     /// Takes and scores those of the held-out pictures that are chosen by their number.
@@ -194,70 +118,23 @@ impl Scorer {
         &self,
         camera: &Camera,
         is_chosen: &dyn Fn(usize) -> bool,
-        how: Depth,
+        depth: Depth,
         tick: &dyn Fn(usize, usize),
-    ) -> Result<Vec<ScoredPicture>, DesignError> {
+    ) -> Result<(Vec<ScoredPicture>, Box<dyn Findings>), DesignError> {
         let noise = Noise { mode: NoiseMode::Exact, seed: SCORING_SEED };
+        let mut findings = self.judge.begin(depth);
         let mut pictures = Vec::new();
-        let shots = held_out_shots(&self.setup, camera, is_chosen)?;
-        let count = shots.len();
-        for (i, HeldOut { name: photo, sequence, relative_field, shot }) in shots.into_iter().enumerate() {
+        let windows = self.setup.held_out_shots(camera, is_chosen)?;
+        let count = windows.len();
+        for (i, window) in windows.into_iter().enumerate() {
             tick(i, count);
-            let at = camera.kept(&shot).placement;
-            let shots = [shot];
-            let frames = camera.take(&shots, &noise)?;
+            let frames = camera.take(std::slice::from_ref(&window.shot), &noise)?;
             // As a stored picture would be.
             let finished = within_range(frames.finished.clone())?;
             let developed = host_image(srgb_encode_op(frames.developed.clone()))?;
-            pictures.push(match &self.judge {
-                Judge::Pictures(scores) => {
-                    let truth_tensor = camera.truths(&shots)?;
-                    let pair = ScoredPair {
-                        truth: host_image(truth_tensor.clone())?,
-                        finished: host_image(finished.clone())?,
-                        finished_tensor: finished,
-                        truth_tensor,
-                    };
-                    let mut values = BTreeMap::new();
-                    for score in scores {
-                        values.insert(score.name().to_owned(), score.of(&pair)?);
-                    }
-                    ScoredPicture {
-                        score: PictureScore { photo, relative_field, scores: values },
-                        developed,
-                        truth: pair.truth,
-                        output: pair.finished,
-                        objects: None,
-                    }
-                }
-                Judge::Objects(_) => {
-                    let detector = camera.detector().ok_or(LossError::NoDetector)?;
-                    let found =
-                        |picture: Tensor<4>| Ok::<_, DesignError>(detector.detect(picture)?.swap_remove(0));
-                    let found = match how {
-                        Depth::EveryStage => [
-                            found(camera.truths(&shots)?.clamp(0.0, 1.0))?,
-                            found(encoded_light(frames.irradiance))?,
-                            found(encoded_light(frames.developed))?,
-                            found(finished.clone())?,
-                        ],
-                        Depth::Finished => [vec![], vec![], vec![], found(finished.clone())?],
-                    };
-                    let truth = &shots[0].truth;
-                    let window = SeenWindow { at: [at.row, at.col], sequence, truth: truth.clone(), found };
-                    let mut scene = camera.scenes(&shots)?.swap_remove(0);
-                    scene.data = scene.to_srgb();
-                    ScoredPicture {
-                        score: PictureScore { photo, relative_field, scores: BTreeMap::new() },
-                        developed,
-                        truth: with_truth(&scene, truth),
-                        output: with_detections(&host_image(finished)?, truth, window.finished()),
-                        objects: Some(window),
-                    }
-                }
-            });
+            pictures.push(findings.add(Taken { camera, window, frames, finished, developed })?);
         }
-        Ok(pictures)
+        Ok((pictures, findings))
     }
 }
 
@@ -279,31 +156,6 @@ fn mean_of(values: &[f64], counts: &[u32]) -> Option<f64> {
     let all: u32 = counts.iter().sum();
     let sum: f64 = values.iter().zip(counts).map(|(value, count)| value * f64::from(*count)).sum();
     (all > 0).then(|| sum / f64::from(all))
-}
-
-/// Linear light as a display shows it, within the range of a picture.
-fn encoded_light(light: Tensor<4>) -> Tensor<4> {
-    srgb_encode_op(light).clamp(0.0, 1.0)
-}
-
-/// The objects and detections of all windows.
-fn windows_of(pictures: &[ScoredPicture]) -> Vec<Picture> {
-    pictures.iter().filter_map(|picture| picture.objects.as_ref().map(SeenWindow::judged)).collect()
-}
-
-/// Those of the known scores that are named, in that order.
-fn named<S>(names: &[String], known: Vec<S>, name_of: impl Fn(&S) -> &str) -> Result<Vec<S>, DesignError> {
-    let all = known.iter().map(&name_of).collect::<Vec<_>>().join(", ");
-    let mut known: Vec<Option<S>> = known.into_iter().map(Some).collect();
-    let mut scores = Vec::new();
-    for name in names {
-        let is_it = |s: &&mut Option<S>| s.as_ref().is_some_and(|s| name_of(s) == name);
-        match known.iter_mut().find(is_it).and_then(Option::take) {
-            Some(score) => scores.push(score),
-            None => return Err(DesignError::UnknownScore { name: name.clone(), known: all }),
-        }
-    }
-    Ok(scores)
 }
 
 fn camera_metrics(
@@ -360,7 +212,7 @@ pub fn collect_metrics(
     run: &RunFolder,
     scores: Vec<ScoreDescription>,
 ) -> Result<Metrics, DesignError> {
-    collect(setup, run, scores, |_| true)
+    collect(setup, run, scores, setup.held_out_pictures()?, |_| true)
 }
 
 /// [`collect_metrics`] for a run at work, whose pictures need not be read: of the cameras that are finished so far.
@@ -369,11 +221,8 @@ pub fn collect_so_far(
     run: &RunFolder,
     scores: Vec<ScoreDescription>,
 ) -> Result<Metrics, DesignError> {
-    let metrics = collect(setup, run, scores, Path::is_file)?;
-    let Some(InputList { held_out: [held_out_images, held_out_places], .. }) = InputList::read(run)? else {
-        return Ok(metrics);
-    };
-    Ok(Metrics { held_out_images, held_out_places, ..metrics })
+    let held_out = InputList::read(run)?.map_or([0, 0], |list| list.held_out);
+    collect(setup, run, scores, held_out, Path::is_file)
 }
 
 /// The figures of the cameras whose file of figures is wanted.
@@ -381,6 +230,7 @@ fn collect(
     setup: &Setup,
     run: &RunFolder,
     scores: Vec<ScoreDescription>,
+    [held_out_images, held_out_places]: [usize; 2],
     is_wanted: impl Fn(&Path) -> bool,
 ) -> Result<Metrics, DesignError> {
     let figures = setup.variants.iter().map(|variant| run.camera_metrics(&variant.name));
@@ -392,8 +242,8 @@ fn collect(
         })
         .collect::<Result<_, _>>()?;
     Ok(Metrics {
-        held_out_images: setup.held_out_pictures()[0],
-        held_out_places: setup.held_out_pictures()[1],
+        held_out_images,
+        held_out_places,
         rows,
         seeds: vec![setup.experiment.seed],
         scores,

@@ -6,15 +6,13 @@ use std::time::Instant;
 use petzval_camera::image::LinearImage;
 use petzval_camera::render::Placement;
 use petzval_camera::sensor::{Capture, Noise, NoiseMode, SensorModel};
-use petzval_design::boxes::with_boxes;
-use petzval_design::camera::{Camera, Shot};
+use petzval_design::camera::{Camera, Labels, Shot};
 use petzval_design::error::DesignError;
 use petzval_design::experiment::SCENE;
 use petzval_design::run::{DigestCheck, RunFolder};
 use petzval_design::setup::Setup;
 use petzval_files::raw_file::{RawFrame, load_raw, sidecar_path};
 use petzval_files::{encoded_png_bytes, load_image};
-use petzval_learn::detection::{Truth, detect_in};
 use petzval_report::side_by_side::{View, page};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -93,9 +91,6 @@ pub struct Applied {
     pub seconds: f64,
 }
 
-/// Least score of a detection whose box is drawn.
-const LEAST_SCORE: f32 = 0.5;
-
 /// What a camera is given.
 enum Subject {
     /// A photograph that covers the sensor.
@@ -126,7 +121,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     check.check_cameras(names.iter().map(String::as_str))?;
 
     // Cameras are made before pictures are read: a run that lacks one is found at once.
-    let setup = Setup::without_photos(experiment, &context.assets, context.device(&request.device)?)?;
+    let setup = Setup::without_windows(experiment, &context.assets, context.device(&request.device)?)?;
     let cameras = names.iter().map(|name| camera_of(&setup, &folder, name)).collect::<Result<Vec<_>, _>>()?;
     if request.images.iter().any(|image| is_raw(image)) {
         cameras.iter().try_for_each(Camera::check_sees_frames)?;
@@ -138,7 +133,6 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         .collect::<Result<Vec<_>, _>>()?;
 
     make_folder(&request.out)?;
-    let classes = setup.experiment.task.classes();
     let (mut pictures, mut pages) = (Vec::new(), Vec::new());
     let total = (subjects.len() * cameras.len()) as u64;
     for (i, ((image, stem), subject)) in request.images.iter().zip(&stems).zip(&subjects).enumerate() {
@@ -165,7 +159,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
                 Subject::Raw(frame) => developed(camera, frame)?,
             };
             let picture = request.out.join(format!("{stem}-{name}.png"));
-            let shown = with_objects(camera, classes, finished.clone())?;
+            let shown = setup.task.drawn(camera, finished.clone())?;
             write_png(&picture, &shown)?;
             show(name, &shown);
             pictures.push(Applied {
@@ -304,7 +298,7 @@ pub(crate) fn taken(
         placement: Placement { row: 0, col: 0 },
         kept: None,
         frame,
-        truth: Truth::default(),
+        labels: Labels::default(),
         follows_light: true,
     };
     Ok(camera.finished(shot, &Noise { mode: NoiseMode::Exact, seed })?)
@@ -317,14 +311,6 @@ pub(crate) fn developed(camera: &Camera, frame: &RawFrame) -> Result<LinearImage
     let capture = Capture { exposure: body.exposure, placement, frame: 0 };
     let dn = frame.dn.iter().map(|dn| f32::from(*dn)).collect();
     Ok(camera.finished_raw(dn, [frame.height, frame.width], capture)?)
-}
-
-/// The picture, with the boxes of what the camera's detector finds in it, if it has one.
-fn with_objects(camera: &Camera, classes: &[&str], picture: LinearImage) -> Result<LinearImage, JobError> {
-    let Some(detector) = camera.detector() else { return Ok(picture) };
-    let found = detect_in(detector, &picture, &camera.body().device).map_err(DesignError::from)?;
-    let sure = found.iter().filter(|d| d.score >= LEAST_SCORE).map(|d| (d.bbox, d.class));
-    Ok(with_boxes(&picture, &sure.collect::<Vec<_>>(), classes))
 }
 
 fn write_png(path: &Path, encoded: &LinearImage) -> Result<(), JobError> {

@@ -4,11 +4,12 @@ use std::borrow::Cow;
 
 use include_dir::{Dir, include_dir};
 use petzval_design::assets::Assets;
+use petzval_design::library::Library;
 
 static DATA: Dir<'static> = include_dir!("$CARGO_MANIFEST_DIR/../../data");
 
 /// The built-in library of lenses, glasses, sensors, experiments, photographs and weights.
-pub fn built_in_assets() -> Assets {
+pub fn built_in_assets() -> Library {
     let (mut files, mut open) = (Vec::new(), vec![&DATA]);
     while let Some(folder) = open.pop() {
         open.extend(folder.dirs());
@@ -19,5 +20,5 @@ pub fn built_in_assets() -> Assets {
         );
     }
     files.sort();
-    Assets::new(files)
+    Assets::new(files).into()
 }

@@ -3,12 +3,12 @@
 use std::path::PathBuf;
 
 use petzval_base::write_whole;
-use petzval_design::assets::study::MeanAndDeviation;
 use petzval_design::error::DesignError;
 use petzval_design::report::comparison::{Comparison, compare, comparison_csv};
 use petzval_design::report::run_report::report_of_run;
 use petzval_design::run::RunFolder;
 use petzval_design::setup::Setup;
+use petzval_design::study::MeanAndDeviation;
 use petzval_learn::score::ScoreDescription;
 use petzval_report::comparison::{Group, SHOWN, TextTable, page};
 use schemars::JsonSchema;
@@ -121,7 +121,7 @@ fn check_endings(request: &Request) -> Result<(), JobError> {
 fn group(comparison: &Comparison, context: &Context) -> Result<Group, JobError> {
     let folder = RunFolder::open(&comparison.runs[0])?;
     let experiment = context.assets.experiment_of_run(&folder)?;
-    let setup = Setup::without_photos(experiment, &context.assets, context.device("cpu")?)?;
+    let setup = Setup::without_windows(experiment, &context.assets, context.device("cpu")?)?;
     let mut report = report_of_run(&setup, &folder, "")?;
     report.pictures.truncate(SHOWN);
     let seeds: Vec<String> = comparison.seeds.iter().map(u64::to_string).collect();

@@ -4,7 +4,7 @@ use std::collections::HashSet;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 
-use petzval_design::assets::Assets;
+use petzval_design::library::Library;
 use petzval_learn::Device;
 use petzval_learn::loss::Lpips;
 use petzval_learn::score::{Score, standard_scores};
@@ -76,8 +76,8 @@ impl Watcher for Once {
 /// Library, watcher and cancellation of a job.
 #[derive(Clone)]
 pub struct Context {
-    /// Lenses, glasses, sensors, experiments and weights by name.
-    pub assets: Assets,
+    /// Lenses, glasses, sensors, experiments, weights and tasks by name.
+    pub assets: Library,
     watcher: Arc<dyn Watcher>,
     cancelled: Arc<AtomicBool>,
     command: String,
@@ -86,7 +86,7 @@ pub struct Context {
 
 impl Context {
     /// A context whose library reports its warnings to the same watcher as its jobs; each warning is reported once.
-    pub fn new(assets: Assets, watcher: Arc<dyn Watcher>) -> Self {
+    pub fn new(assets: Library, watcher: Arc<dyn Watcher>) -> Self {
         let watcher = Arc::new(Once { watcher, said: Mutex::default() });
         let sink = watcher.clone();
         let assets = assets.reporting_warnings(Arc::new(move |text: &str| sink.warning(text)));
@@ -96,7 +96,7 @@ impl Context {
     }
 
     /// The same context with another library.
-    pub fn with_assets(self, assets: Assets) -> Self {
+    pub fn with_assets(self, assets: Library) -> Self {
         Self { assets, ..self }
     }
 

@@ -1,6 +1,5 @@
 //! `design`: the joint optimisation of a camera, and the comparison with its controls.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -8,18 +7,18 @@ use petzval_base::simd::level;
 use petzval_design::assets::Text;
 use petzval_design::design_loop::{DesignLoop, Ending, Observer};
 use petzval_design::error::DesignError;
-use petzval_design::experiment::{BUILT_IN_PHOTOS, Experiment, PsfConfig, STREET};
+use petzval_design::experiment::{BUILT_IN_PHOTOS, Experiment, PicturesKey, PsfConfig, STREET, TaskFacts};
 use petzval_design::first_look::first_look;
 use petzval_design::inputs::{Inputs, check_inputs, keep_inputs};
 use petzval_design::path_text::path_text;
 use petzval_design::plausible::check;
 use petzval_design::run::input_list::{InputList, check_pictures_are_there};
 use petzval_design::run::{
-    CameraMetrics, DigestCheck, Event, RunFolder, RunRecord, VERSION, changed_config, extend_run,
-    read_config, write_file,
+    CameraMetrics, DigestCheck, Event, RunFolder, RunRecord, VERSION, extend_run, write_file,
 };
 use petzval_design::scoring::Scorer;
 use petzval_design::setup::Setup;
+use petzval_design::task::Remark;
 use petzval_learn::Device;
 use petzval_learn::score::ScoreDescription;
 use schemars::JsonSchema;
@@ -167,15 +166,16 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             let folder = RunFolder::open(&resume.run)?;
             let lock = folder.lock()?;
             DigestCheck::new(&folder, accepted, &warn).check_before_going_on()?;
-            let (record, config) = resumed(resume, &folder)?;
+            let (record, config) = resumed(resume, &folder, context)?;
             if record.version != VERSION {
                 let begun = &record.version;
                 context.warning(format!("the run was begun by Petzval {begun}, and goes on with {VERSION}"));
             }
             warn_of_another_level(&folder, context)?;
-            let pictures = pictures_now(&config, resume.photos.as_deref(), resume.data.as_deref())?;
+            let key = facts_of(&config, context)?.pictures;
+            let pictures = pictures_now(key, resume.photos.as_deref(), resume.data.as_deref())?;
             let experiment = context.assets.experiment_in(&folder, config.clone(), pictures)?;
-            check_pictures_are_there(&folder, &experiment)?;
+            check_pictures_are_there(&folder, &experiment, key)?;
             let setup = set_up(experiment, device, context)?;
             remember_pictures(check_inputs(&setup, &folder)?, &folder)?;
             extension = (config != record.config).then_some((record, config));
@@ -230,17 +230,22 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 
 /// Where the user says that the pictures of a run are now. A run has either photographs or labelled pictures.
 pub(crate) fn pictures_now<'p>(
-    config: &Experiment,
+    key: PicturesKey,
     photos: Option<&'p Path>,
     data: Option<&'p Path>,
 ) -> Result<Option<&'p Path>, JobError> {
-    let there = match (config.task.finds_objects(), photos, data) {
-        (true, Some(photos), _) => {
-            let hint = "its pictures have boxes, in COCO format: name them with --data";
-            return Err(JobError::setting("photos", photos.display(), "the run looks for objects", hint));
+    let there = match (key, photos, data) {
+        (PicturesKey::Data, Some(photos), _) => {
+            let hint = "its pictures have labels: name them with --data";
+            return Err(JobError::setting(
+                "photos",
+                photos.display(),
+                "the run looks at labelled scenes",
+                hint,
+            ));
         }
-        (false, _, Some(data)) => {
-            let hint = "its pictures have no boxes: name them with --photos";
+        (PicturesKey::Photos, _, Some(data)) => {
+            let hint = "its pictures have no labels: name them with --photos";
             return Err(JobError::setting("data", data.display(), "the run makes pictures", hint));
         }
         (_, photos, data) => photos.or(data),
@@ -346,52 +351,21 @@ fn set_up(experiment: Experiment, device: Device, context: &Context) -> Result<S
 
 /// Lists the training, held-out and skipped pictures, and what their files say that is not obeyed.
 pub(crate) fn report_pictures(setup: &Setup, context: &Context) {
-    if let Some(scenes) = &setup.scenes {
-        context.note(scenes.in_words());
-        scenes.notes.iter().for_each(|note| context.warning(note.clone()));
-        return;
-    }
-    let (training, held_out) = (setup.photos.training(), setup.photos.held_out());
-    let list = |what: &str, names: Vec<&str>| {
-        context.note(format!("{what} pictures ({}): {}", names.len(), names.join(", ")));
-    };
-    if !training.is_empty() {
-        list("training", training.iter().map(|photo| photo.name.as_str()).collect());
-    }
-    if !setup.photos.validation().is_empty() {
-        list("validation", setup.photos.validation().iter().map(|photo| photo.name.as_str()).collect());
-    }
-    list("held-out", held_out.iter().map(|photo| photo.name.as_str()).collect());
-    if let Some((_, reason)) = setup.skipped_photos.first() {
-        let skipped = setup.skipped_photos.len();
-        let all = training.len() + held_out.len() + skipped;
-        let first = if skipped > 1 { "the first: " } else { "" };
-        context
-            .warning(format!("{skipped} of {all} pictures cannot be used and are skipped; {first}{reason}"));
-        list("skipped", setup.skipped_photos.iter().map(|(name, _)| name.as_str()).collect());
-    }
-    // One line for each note, with the first picture.
-    let mut noted: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
-    for (name, note) in &setup.photo_notes {
-        noted.entry(note).or_default().push(name);
-    }
-    for (note, names) in noted {
-        let others = match names.len() - 1 {
-            0 => String::new(),
-            1 => " and another picture".to_owned(),
-            n => format!(" and {n} other pictures"),
-        };
-        context.warning(format!("{}{others}: {note}", names[0]));
+    for remark in setup.task.remarks() {
+        match remark {
+            Remark::Note(text) => context.note(text),
+            Remark::Warning(text) => context.warning(text),
+        }
     }
 }
 
 /// Says from which weights the networks for pictures start, if they have any.
 fn report_weights(setup: &Setup, context: &Context) {
     let network = &setup.experiment.network;
-    if !setup.experiment.has_picture_network() {
+    if !setup.experiment.has_picture_network(setup.facts.network) {
         return;
     }
-    context.note(match &setup.network_weights {
+    context.note(match setup.task.given_weights() {
         Some(_) if network.has_built_in_weights() => "networks start from the built-in weights".to_owned(),
         Some(_) => format!("networks start from the weights of {}", network.weights),
         None => "networks start from weights drawn from the seed".to_owned(),
@@ -400,8 +374,12 @@ fn report_weights(setup: &Setup, context: &Context) {
 
 /// The record of a run and the experiment to go on with, which is longer where the request extends it. A `config.toml` that differs
 /// from the record is refused.
-fn resumed(resume: &Resume, folder: &RunFolder) -> Result<(RunRecord, Experiment), JobError> {
-    let found = read_config(folder)?;
+fn resumed(
+    resume: &Resume,
+    folder: &RunFolder,
+    context: &Context,
+) -> Result<(RunRecord, Experiment), JobError> {
+    let found = context.assets.config_of_run(folder)?;
     let record = RunRecord::read(folder)?.ok_or_else(|| {
         let message =
             format!("{}: is missing, or an earlier version began the run", folder.record().display());
@@ -414,12 +392,12 @@ fn resumed(resume: &Resume, folder: &RunFolder) -> Result<(RunRecord, Experiment
             let message = format!("more than {MOST_STEPS}");
             return Err(JobError::setting("extend_to", steps, message, "give a smaller number"));
         }
-        Some(steps) => (record.config.extended_to(steps))
+        Some(steps) => (record.config.extended_to(steps, facts_of(&record.config, context)?.network))
             .map_err(|(message, hint)| JobError::setting("extend_to", steps, message, hint))?,
     };
     // An extension that was cut short has changed config.toml already.
     if found != longer
-        && let Some(error) = changed_config(&record, folder)?
+        && let Some(error) = context.assets.changed_config(&record, folder)?
     {
         let hint = format!(
             "put it back as it was; or make all cameras longer with --extend-to N; or begin another run: petzval design {} --out FOLDER",
@@ -447,7 +425,7 @@ pub fn resolved(new: &NewRun, context: &Context) -> Result<Experiment, JobError>
 fn prepared(new: &NewRun, context: &Context) -> Result<(Experiment, Context), JobError> {
     if !is_lens(&new.experiment, context) {
         let experiment = context.assets.experiment(&new.experiment)?;
-        return Ok((changed(experiment, &new.changes)?, context.clone()));
+        return Ok((changed(experiment, &new.changes, context)?, context.clone()));
     }
     let made = own_lens(context.assets.experiment(DEFAULT_EXPERIMENT)?, &new.experiment, None, context)?;
     let stem = Path::new(&new.experiment).file_stem().unwrap_or_default().to_string_lossy();
@@ -456,25 +434,31 @@ fn prepared(new: &NewRun, context: &Context) -> Result<(Experiment, Context), Jo
     let files = files.map(|(folder, text)| (format!("{folder}/{name}.toml"), text));
     let assets = context.assets.clone().with_files(files);
     let experiment = Experiment { lens: name.clone(), sensor: name, ..made.experiment };
-    Ok((changed(experiment, &new.changes)?, context.clone().with_assets(assets)))
+    Ok((changed(experiment, &new.changes, context)?, context.clone().with_assets(assets)))
+}
+
+/// What the task of an experiment decides.
+pub(crate) fn facts_of(experiment: &Experiment, context: &Context) -> Result<TaskFacts, JobError> {
+    Ok(context.assets.tasks().of(experiment)?.facts())
 }
 
 /// An experiment with the changes of a request.
-fn changed(mut experiment: Experiment, changes: &Changes) -> Result<Experiment, JobError> {
+fn changed(mut experiment: Experiment, changes: &Changes, context: &Context) -> Result<Experiment, JobError> {
+    let facts = facts_of(&experiment, context)?;
     if let Some(seed) = changes.seed {
         experiment.seed = seed;
     }
     if let Some(photos) = &changes.photos {
-        if experiment.task.finds_objects() {
-            let hint = "pictures with boxes in COCO format are `data`";
-            let message = "the experiment looks for objects, and photographs have none";
+        if facts.pictures == PicturesKey::Data {
+            let hint = "pictures with labels are `data`";
+            let message = "the experiment needs labels, and photographs have none";
             return Err(JobError::setting("photos", photos.display(), message, hint));
         }
         experiment.photos = absolute(photos)?;
     }
     if let Some(data) = &changes.data {
-        if !experiment.task.finds_objects() {
-            let hint = "it is for experiments that look for objects, such as pedestrian-vehicle; pictures without boxes are `photos`";
+        if facts.pictures == PicturesKey::Photos {
+            let hint = "it is for experiments on labelled scenes, such as pedestrian-vehicle; pictures without labels are `photos`";
             return Err(JobError::setting("data", data.display(), "the experiment makes pictures", hint));
         }
         experiment.data = absolute(data)?;
@@ -492,7 +476,7 @@ fn changed(mut experiment: Experiment, changes: &Changes) -> Result<Experiment, 
             let hint = "the full size has its own: leave one of the two out";
             return Err(JobError::setting("steps", steps, "contradicts the full size", hint));
         }
-        experiment.to_full_size();
+        experiment.to_full_size(facts.network);
     }
     if let Some(steps) = changes.steps {
         if steps == 0 {
@@ -503,7 +487,7 @@ fn changed(mut experiment: Experiment, changes: &Changes) -> Result<Experiment, 
             let hint = "a few hundred on a CPU, some ten thousand on a GPU";
             return Err(JobError::setting("steps", steps, format!("more than {MOST_STEPS}"), hint));
         }
-        experiment.scale_steps(steps);
+        experiment.scale_steps(steps, facts.network);
     }
     if let Some(name) = &changes.variant {
         let known: Vec<&str> = experiment.variant.iter().map(|v| v.name.as_str()).collect();

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use petzval_design::block::Block;
 use petzval_design::camera::Camera;
-use petzval_design::design_loop::{finished_camera, set_detector_view};
+use petzval_design::design_loop::{finished_camera, set_sight};
 use petzval_design::experiment::Experiment;
 use petzval_design::inputs::{check_inputs, check_parts};
 use petzval_design::made_cameras::{MadeError, TrialPlan, made_cameras, symmetric};
@@ -24,7 +24,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
-use crate::design::{pictures_now, report_pictures, scorer};
+use crate::design::{facts_of, pictures_now, report_pictures, scorer};
 use crate::error::JobError;
 use crate::lens::tolerance::read as read_tolerances;
 use crate::run_page::warn_of_changed_config;
@@ -153,7 +153,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let designs = request.made.as_ref().map(|made| made.designs(&kept, &folder)).transpose()?;
     warn_of_changed_config(&folder, context)?;
     let mut experiment = context.assets.experiment_of_run(&folder)?;
-    let place = pictures_now(&experiment, request.photos.as_deref(), request.data.as_deref())?;
+    let key = facts_of(&experiment, context)?.pictures;
+    let place = pictures_now(key, request.photos.as_deref(), request.data.as_deref())?;
     if let Some(kind) = request.psf {
         // `tolerance.json` stands beside the scores of the run, and is compared with them.
         if request.made.is_some() && kind != experiment.psf.kind {
@@ -179,7 +180,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         context.note(format!("scoring {}", row.camera));
         let camera = camera_of(setup, &folder, &row.camera)?;
         let tick = |done, of| context.progress(done as u64, of as u64, &row.camera);
-        let found = scorer.score_watched(&row.camera, &camera, &tick)?.0;
+        let found = scorer.score_watched(&row.camera, &camera, &tick)?.metrics;
         let mut intervals = found.intervals.clone();
         if are_others {
             intervals.extend(ranges_of_means(&found.pictures));
@@ -193,7 +194,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         });
     }
     if are_others {
-        let [held_out_images, held_out_places] = setup.held_out_pictures();
+        let [held_out_images, held_out_places] = setup.held_out_pictures()?;
         let differences = differences(&rows, &kept.scores);
         return Ok(Response {
             metrics: Metrics { rows, held_out_images, held_out_places, ..kept },
@@ -229,12 +230,13 @@ fn setup(
 ) -> Result<(Setup, bool), JobError> {
     let device = || context.device(&request.device);
     let Some(place) = place else {
-        check_pictures_are_there(folder, &experiment)?;
+        check_pictures_are_there(folder, &experiment, facts_of(&experiment, context)?.pictures)?;
         let setup = Setup::new(experiment, &context.assets, device()?)?;
         check_inputs(&setup, folder)?;
         return Ok((setup, false));
     };
-    pictures_of_run(folder, &mut experiment, Some(place))?;
+    let key = facts_of(&experiment, context)?.pictures;
+    pictures_of_run(folder, &mut experiment, key, Some(place))?;
     // Pictures of the run that were moved are known by their content.
     let silent = context.assets.clone().reporting_warnings(Arc::new(|_: &str| ()));
     if let Ok(setup) = Setup::new(experiment.clone(), &silent, device()?)
@@ -318,7 +320,7 @@ pub(crate) fn camera_of(setup: &Setup, folder: &RunFolder, name: &str) -> Result
         let message = format!("{}: its experiment has no variant `{name}`", folder.root().display());
         JobError::Input { message, hint: "put the experiment of the run back as it was".to_owned() }
     })?;
-    set_detector_view(&mut network, folder, variant, &lens)?;
+    set_sight(&mut network, folder, variant, &lens)?;
     Ok(finished_camera(setup, variant, lens, &exposure, &isp, &network)?)
 }
 

@@ -6,7 +6,7 @@ use petzval_base::write_whole;
 use petzval_camera::develop::Demosaic;
 use petzval_camera::sensor::Colour;
 use petzval_design::error::DesignError;
-use petzval_design::experiment::{BUILT_IN_PHOTOS, Experiment, commented_toml, is_derived_lens};
+use petzval_design::experiment::{BUILT_IN_PHOTOS, Experiment, PicturesKey, commented_toml, is_derived_lens};
 use petzval_design::fit::white_that_fits;
 use petzval_design::path_text::path_text;
 use petzval_files::{parse_lens, parse_sensor, write_lens};
@@ -86,7 +86,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         experiment.development.demosaic = Demosaic::Bilinear;
         context.note(format!("development.demosaic is \"bilinear\", as `{sensor_name}` needs it"));
     }
-    let sees_photos = !experiment.task.finds_objects() && experiment.photos == BUILT_IN_PHOTOS;
+    let pictures = context.assets.tasks().of(&experiment)?.facts().pictures;
+    let sees_photos = pictures == PicturesKey::Photos && experiment.photos == BUILT_IN_PHOTOS;
     let needs_gray_photos = array.colours() == [Colour::Clear] && sees_photos;
     if needs_gray_photos {
         context.warning(format!(

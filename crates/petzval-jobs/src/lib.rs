@@ -53,5 +53,5 @@ pub use context::{Context, Progress, Silent, Watcher};
 pub use device::compiled_in_devices;
 pub use error::{Fault, JobError, json, text_of_file};
 pub use job::{Job, Row};
-pub use petzval_design::assets::Assets;
+pub use petzval_design::library::Library;
 pub use table::jobs;

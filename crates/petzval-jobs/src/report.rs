@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use petzval_camera::image::LinearImage;
 use petzval_design::error::DesignError;
-use petzval_design::pictures::whole_name;
 use petzval_design::report::run_report::{read_metrics, report_so_far};
+use petzval_design::run::picture_names::whole_name;
 use petzval_design::run::{DigestCheck, RunFolder, write_file};
 use petzval_design::scoring::{Scorer, collect_so_far};
 use petzval_design::setup::Setup;
@@ -55,7 +55,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     check.check_cameras(metrics.rows.iter().map(|row| row.camera.as_str()))?;
     warn_of_changed_config(&folder, context)?;
     let experiment = context.assets.experiment_of_run(&folder)?;
-    let setup = Setup::without_photos(experiment, &context.assets, context.device("cpu")?)?;
+    let setup = Setup::without_windows(experiment, &context.assets, context.device("cpu")?)?;
     if let Some(photo) = &request.photo {
         take_whole_frames(&setup, &folder, photo, context)?;
     }
@@ -73,7 +73,7 @@ impl Watched {
     pub fn open(run: &Path, context: &Context) -> Result<Self, JobError> {
         let folder = RunFolder::open(run)?;
         let experiment = context.assets.experiment_of_run(&folder)?;
-        let setup = Setup::without_photos(experiment, &context.assets, context.device("cpu")?)?;
+        let setup = Setup::without_windows(experiment, &context.assets, context.device("cpu")?)?;
         Ok(Self { folder, scorer: scorer(setup)? })
     }
 

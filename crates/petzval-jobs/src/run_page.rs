@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use petzval_design::report::run_report::report_of_run;
-use petzval_design::run::{RunFolder, RunRecord, changed_config, write_file};
+use petzval_design::run::{RunFolder, RunRecord, write_file};
 use petzval_design::setup::Setup;
 use petzval_report::design_report::{Report, html, sentences};
 
@@ -30,7 +30,7 @@ pub(crate) fn write(setup: &Setup, folder: &RunFolder) -> Result<(PathBuf, Vec<S
 /// Warns where `config.toml` is no longer what a finished run was made from: its figures are those of its record.
 pub(crate) fn warn_of_changed_config(folder: &RunFolder, context: &Context) -> Result<(), JobError> {
     if let Some(record) = RunRecord::read(folder)?
-        && let Some(error) = changed_config(&record, folder)?
+        && let Some(error) = context.assets.changed_config(&record, folder)?
     {
         context.warning(format!("{}; what follows is the run as it was made", error.message));
     }

@@ -8,7 +8,7 @@ use burn::optim::{GradientsAccumulator, GradientsParams};
 use burn::prelude::*;
 use burn::tensor::TensorData;
 use clap::Parser;
-use petzval_learn::dataset::{CropPlan, LabelledWindow, List, StreetPlan, StreetView, Wanted};
+use petzval_learn::dataset::{Classes, CropPlan, LabelledWindow, List, StreetPlan, StreetView};
 use petzval_learn::detection::{BackboneKind, Detector, DetectorKind, Truth};
 use petzval_learn::optimizer::muon_and_adam;
 use petzval_learn::score::{Field, judged, object_scores};
@@ -59,11 +59,13 @@ struct Args {
 fn main() {
     let args = Args::parse();
     let kind = if args.one_stage { DetectorKind::Fcos } else { DetectorKind::FasterRcnn };
-    let (wanted, classes): (Wanted, &[&str]) = if args.traffic_lights {
-        (Wanted::TrafficLights, &["red", "yellow", "green", "off"])
+    let of = if args.traffic_lights {
+        include_str!("../../../data/tasks/traffic-light.toml")
     } else {
-        (Wanted::PeopleAndVehicles, &["pedestrian", "vehicle"])
+        include_str!("../../../data/tasks/pedestrian-vehicle.toml")
     };
+    let of = Classes::parse(of).unwrap();
+    let classes = &of.names()[..];
     let families = if args.half_of_families { Families::First } else { Families::All };
     let Args { steps, windows, rate, batch, seed, .. } = args;
 
@@ -75,7 +77,7 @@ fn main() {
         seed: 1,
         light: Light::Day,
         busy: 0.4,
-        wanted,
+        classes: of.clone(),
         white_cd_m2: 3.0,
         samples: 2,
         on_objects: 0.9,
@@ -146,7 +148,7 @@ fn main() {
                 let judge = |window: &LabelledWindow| {
                     let seen = Tensor::from_data(picture(window), &device);
                     let found = held.detect(seen).unwrap().remove(0);
-                    judged(&window.truth, &found, window.at)
+                    judged(&window.truth, &found, window.at, classes.len())
                 };
                 let pictures: Vec<_> = windows.iter().map(judge).collect();
                 let field = Field { axis: [960.0, 600.0], corner_px: 1132.0 };

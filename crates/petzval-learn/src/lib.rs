@@ -5,27 +5,24 @@
 //! | module | holds |
 //! |---|---|
 //! | [`network`] | the network that improves the picture |
-//! | [`camera_network`] | the network of a camera, of any kind |
 //! | [`detection`] | networks that find objects |
 //! | [`loss`] | losses: the distance between a picture and the photograph |
-//! | [`objective`] | what a camera is optimised for: a named loss of what it took |
 //! | [`optimizer`] | how weights are moved where Adam alone is slow |
 //! | [`proxy_isp`] | a network in place of an image signal processor |
 //! | [`score`] | how good a picture is, and how well objects are detected in it, in the numbers of the literature |
+//! | [`weight_file`] | weights of any network as bytes |
 //! | [`dataset`] | photographs, split into training and held-out pictures |
 //!
 //! Pictures are tensors of shape `[batch, channel, row, column]`, sRGB-encoded, about 0..1. Networks and losses take and
 //! return tensors on the device on which they were made. Files are read only by [`dataset::load_folder`].
 
-pub mod camera_network;
 pub mod dataset;
 pub mod detection;
 pub mod loss;
 pub mod network;
-pub mod objective;
 pub mod optimizer;
 pub mod proxy_isp;
 pub mod score;
-mod weight_file;
+pub mod weight_file;
 
 pub use burn::prelude::Device;

@@ -1,7 +1,7 @@
 //! Windows of generated streets: what they depend on, and what is to be found in them.
 
 use petzval_base::statistics::median;
-use petzval_learn::dataset::{CropPlan, LabelledWindow, List, StreetPlan, StreetView, Wanted};
+use petzval_learn::dataset::{Classes, CropPlan, LabelledWindow, List, StreetPlan, StreetView};
 use petzval_learn::detection::{BBox, Object};
 use petzval_street::{Families, Light};
 
@@ -27,7 +27,7 @@ fn plan() -> StreetPlan {
         seed: 1,
         light: Light::Day,
         busy: 0.4,
-        wanted: Wanted::PeopleAndVehicles,
+        classes: Classes::parse(include_str!("../../../data/tasks/pedestrian-vehicle.toml")).unwrap(),
         white_cd_m2: 3.0,
         samples: 1,
         on_objects: 1.0,

@@ -2,7 +2,6 @@
 //! which a name on the command line or in an experiment becomes text.
 
 pub mod glass_warnings;
-pub mod study;
 
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -18,8 +17,6 @@ use petzval_optics::glass::Catalog;
 
 use crate::assets::glass_warnings::glass_warnings;
 use crate::error::DesignError;
-use crate::experiment::{BUILT_IN_PHOTOS, Experiment, STREET};
-use crate::path_text::path_text;
 
 /// Files built into the program, by their path below `data/`.
 #[derive(Clone, Default)]
@@ -252,89 +249,6 @@ impl Assets {
     pub fn sensor(&self, name: &str) -> Result<SensorModel, DesignError> {
         let source = self.text("sensor", "sensors", name)?;
         petzval_files::parse_sensor(&source.text).map_err(DesignError::input(&source.path))
-    }
-
-    /// An experiment by path or built-in name. Lens, sensor and photographs that it names by a relative path are
-    /// looked for beside it first.
-    pub fn experiment(&self, name: &str) -> Result<Experiment, DesignError> {
-        let source = self.text("experiment", "experiments", name)?;
-        let experiment = Experiment::parse(&source.text).and_then(|experiment| {
-            experiment.check_standard_scores(&source.text)?;
-            Ok(experiment)
-        });
-        let experiment = experiment.map_err(DesignError::input(&source.path))?;
-        self.located(experiment, &source)
-    }
-
-    /// An experiment with the paths that it names made those of files beside its own.
-    fn located(&self, experiment: Experiment, source: &Text) -> Result<Experiment, DesignError> {
-        self.beside(experiment, source, &[])
-    }
-
-    /// The same, where the inputs of some keys need not be there.
-    pub(crate) fn beside(
-        &self,
-        mut experiment: Experiment,
-        source: &Text,
-        may_be_missing: &[&str],
-    ) -> Result<Experiment, DesignError> {
-        let folder = source.path.parent().unwrap_or(Path::new(""));
-        for (key, input) in experiment.inputs_mut() {
-            let beside = folder.join(input.as_str());
-            let path: Vec<&str> = key.iter().map(String::as_str).collect();
-            let may_be_missing =
-                may_be_missing.contains(&path[0]) && ![BUILT_IN_PHOTOS, STREET].contains(&input.as_str());
-            if beside.exists() || may_be_missing {
-                *input = path_text(&beside)?;
-            }
-            if may_be_missing {
-                continue;
-            }
-            let Some(hint) = self.missing_input(&path, input) else { continue };
-            let error = FileError::at_key(&source.text, &path, "neither a file nor built in");
-            // A key that the file leaves out has a default that exists.
-            if error.line.is_some() {
-                return Err(DesignError::input(&source.path)(error.hint(hint)));
-            }
-        }
-        Ok(experiment)
-    }
-
-    /// What to write in place of an input of an experiment that is neither there nor built in; `None` if it is.
-    fn missing_input(&self, key: &[&str], name: &str) -> Option<String> {
-        let folder = match key[key.len() - 1] {
-            "lens" => "lenses",
-            "sensor" => "sensors",
-            "preset" => "isp",
-            "optics_proxy" => {
-                let hint = "the proxy.toml of a folder that `petzval train optics-proxy` made";
-                return (!Path::new(name).is_file()).then(|| hint.to_owned());
-            }
-            "weights" => {
-                let hint = match key[0] {
-                    "network" => {
-                        "cameras/NAME/network.safetensors in the folder of a run, \"built-in\" or \"none\""
-                    }
-                    _ => {
-                        "cameras/NAME/blocks/network/weights.bin in the folder of a run that looks for objects, or weights of torchvision (.safetensors)"
-                    }
-                };
-                return (!Path::new(name).is_file()).then(|| hint.to_owned());
-            }
-            "data" => {
-                let is_there = name == STREET || Path::new(name).exists();
-                return (!is_there).then(|| "a folder in COCO format, or \"street\"".to_owned());
-            }
-            _ => {
-                let is_there = name == BUILT_IN_PHOTOS || Path::new(name).exists();
-                return (!is_there).then(|| "a folder of pictures, or \"built-in\"".to_owned());
-            }
-        };
-        match self.text("input", folder, name) {
-            Err(DesignError::Unknown { near: Some(near), .. }) => Some(format!("did you mean \"{near}\"?")),
-            Err(DesignError::Unknown { known, .. }) => Some(format!("a path, or one of {known}")),
-            _ => None,
-        }
     }
 }
 

@@ -19,7 +19,7 @@ use std::collections::BTreeMap;
 
 use burn::tensor::Gradients;
 use petzval_camera::sensor::Noise;
-use petzval_learn::objective::NamedLoss;
+use petzval_learn::loss::NamedLoss;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
@@ -32,7 +32,7 @@ pub use blocks::Blocks;
 pub use exposure::ExposureBlock;
 pub use imitation::ImitationPlan;
 pub use isp::IspBlock;
-pub use network::{Learning, NetworkBlock};
+pub use network::{CameraNetwork, NetworkBlock, Sight};
 pub use optics::OpticsBlock;
 
 /// What a checkpoint keeps of a block: bytes by the name of their part.

@@ -1,18 +1,14 @@
-//! The network as a block: its weights, moved by Adam, or by the optimiser of detectors.
+//! The network as a block: its weights, moved by the optimiser of its kind.
 
+use std::any::Any;
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::rc::Rc;
 
-use burn::grad_clipping::GradientClippingConfig;
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
-use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
+use burn::optim::{GradientsParams, ModuleOptimizer};
 use burn::prelude::*;
-use burn::tensor::Bytes;
-use petzval_learn::camera_network::CameraNetwork;
-use petzval_learn::camera_network::Network;
-use petzval_learn::camera_network::{Zoom, Zoomed};
-use petzval_learn::optimizer::muon_and_adam;
+use burn::tensor::{Bytes, Gradients};
+use petzval_learn::weight_file::Weights;
 
 use super::{Batch, Block, BlockState, backward, named, part};
 use crate::camera::Camera;
@@ -23,57 +19,54 @@ const WEIGHTS: &str = "weights.bin";
 const OPTIMIZER: &str = "optimizer.bin";
 const ANCHOR: &str = "anchor.bin";
 
+/// How networks of a type work and learn in a camera.
+pub trait CameraNetwork: 'static {
+    /// The network.
+    type Module: Module + 'static;
+
+    /// The camera with a network: behind its development, or looking at its pictures.
+    fn attached(&self, network: Self::Module, camera: &Camera, sight: Sight) -> Camera;
+
+    /// An optimiser that has not seen a gradient yet.
+    fn optimizer(&self, network: &Self::Module) -> ModuleOptimizer;
+}
+
+/// What a network that looks at finished pictures gets to see.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sight {
+    /// The pictures, or the truth.
+    pub sees: DetectorInput,
+    /// By how much they are enlarged.
+    pub zoom: f64,
+}
+
+impl Default for Sight {
+    /// Finished pictures as they are.
+    fn default() -> Self {
+        Self { sees: DetectorInput::Picture, zoom: 1.0 }
+    }
+}
+
 /// A network of any kind with its optimiser.
 pub struct NetworkBlock {
-    network: Network,
-    optimizer: ModuleOptimizer,
-    /// The weights at the start of the stage: the centre of the proximal term.
-    anchor: Network,
-    /// By how much pictures are enlarged for its detector.
-    zoom: Zoom,
-    /// What its detector sees.
-    sees: DetectorInput,
-    /// How it learns, if it is not a detector.
-    learning: Learning,
-}
-
-/// How the weights of a network for pictures follow their gradients, by Adam.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Learning {
-    /// Decay of the mean of squared gradients.
-    pub beta2: f32,
-    /// Largest norm of the gradient of each weight tensor; none for no limit.
-    pub largest_gradient: Option<f32>,
-}
-
-impl Default for Learning {
-    /// Adam as it was published.
-    fn default() -> Self {
-        Self { beta2: 0.999, largest_gradient: None }
-    }
+    learner: Box<dyn Learner>,
+    sight: Sight,
 }
 
 impl NetworkBlock {
     /// A network at the start of its training.
-    pub fn new(network: Network) -> Self {
-        let learning = Learning::default();
-        let (anchor, optimizer) = (network.clone(), optimizer(&network, learning));
-        Self { anchor, optimizer, network, zoom: Zoom::Times(1.0), sees: DetectorInput::Picture, learning }
+    pub fn new<C: CameraNetwork>(network: C::Module, how: C) -> Self {
+        Self { learner: Box::new(InTraining::new(network, how)), sight: Sight::default() }
     }
 
-    /// The same, which learns so if it is not a detector.
-    pub fn with_learning(self, learning: Learning) -> Self {
-        Self { optimizer: optimizer(&self.network, learning), learning, ..self }
+    /// Sets what the network sees, if it looks at finished pictures.
+    pub fn set_sight(&mut self, sight: Sight) {
+        self.sight = sight;
     }
 
-    /// Puts a digital zoom in front of its detector.
-    pub fn set_zoom(&mut self, zoom: Zoom) {
-        self.zoom = zoom;
-    }
-
-    /// Sets what its detector sees.
-    pub fn set_sees(&mut self, sees: DetectorInput) {
-        self.sees = sees;
+    /// What the network sees, if it looks at finished pictures.
+    pub fn sight(&self) -> Sight {
+        self.sight
     }
 
     /// The same with the weights of the file `path`, `bytes`, which a network of the same kind wrote.
@@ -82,33 +75,24 @@ impl NetworkBlock {
             let hint = "weights of the same kind of network, backbone and number of classes are needed";
             DesignError::misfit(path, &problem, hint)
         })?;
-        Ok(Self::new(self.network))
+        self.begin_stage(true);
+        Ok(self)
     }
 
-    /// The network.
-    pub fn network(&self) -> Network {
-        self.network.clone()
+    /// The network with its weights held, if it is of this type.
+    pub fn network<C: CameraNetwork>(&self) -> Option<C::Module> {
+        let in_training = self.learner.as_any().downcast_ref::<InTraining<C>>()?;
+        Some(in_training.network.clone().no_grad())
     }
 
-    /// The network with its weights held: no gradient goes to them.
-    pub fn held(&self) -> Rc<dyn CameraNetwork> {
-        self.behind_zoom(self.network.clone().no_grad())
+    /// All weights as a safetensors file, for other programs.
+    pub fn to_safetensors(&self) -> Result<Vec<u8>, DesignError> {
+        self.learner.to_safetensors()
     }
 
-    /// A camera with this network, its weights held, which shows it what it sees.
+    /// A camera with this network, its weights held: no gradient goes to them.
     pub fn attached_to(&self, camera: &Camera) -> Camera {
-        self.attached(self.network.clone().no_grad(), camera)
-    }
-
-    fn attached(&self, network: Network, camera: &Camera) -> Camera {
-        camera.with_network(self.behind_zoom(network)).seeing(self.sees)
-    }
-
-    fn behind_zoom(&self, network: Network) -> Rc<dyn CameraNetwork> {
-        match self.zoom {
-            Zoom::Times(1.0) => Rc::new(network),
-            zoom => Rc::new(Zoomed::new(network, zoom)),
-        }
+        self.learner.attached(camera, self.sight, true)
     }
 }
 
@@ -118,28 +102,102 @@ impl Block for NetworkBlock {
     }
 
     fn free_numbers(&self) -> usize {
-        self.network.num_params()
+        self.learner.weights()
     }
 
     fn begin_stage(&mut self, _is_moving: bool) {
-        self.optimizer = optimizer(&self.network, self.learning);
-        self.anchor = self.network.clone();
+        self.learner.begin_stage();
     }
 
     fn step(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>, DesignError> {
-        let camera = self.attached(self.network.clone(), batch.camera);
+        let camera = self.learner.attached(batch.camera, self.sight, false);
         let frames = camera.take(batch.shots, &batch.noise)?;
         let loss = (batch.loss)(&camera, &frames, batch.shots)?;
         let losses = named(&loss);
         // A loss that is no number must not reach the weights; the caller ends the run.
         if losses.values().all(|v| v.is_finite()) {
-            let gradients = GradientsParams::from_grads(backward(loss), &self.network);
-            self.network = self.optimizer.step(rule.rate, self.network.clone(), gradients);
-            if rule.proximal > 0.0 {
-                self.network = pulled_towards(self.network.clone(), &self.anchor, rule.rate * rule.proximal);
-            }
+            self.learner.descend(backward(loss), rule);
         }
         Ok(losses)
+    }
+
+    fn save_numbers(&self) -> Result<BlockState, DesignError> {
+        self.learner.save_numbers()
+    }
+
+    fn load_numbers(&mut self, state: &BlockState) -> Result<(), String> {
+        self.learner.load_numbers(state)
+    }
+
+    fn save_progress(&self) -> Result<BlockState, DesignError> {
+        self.learner.save_progress()
+    }
+
+    fn load_progress(&mut self, state: &BlockState) -> Result<(), String> {
+        self.learner.load_progress(state)
+    }
+}
+
+/// A network in training, whatever its type.
+trait Learner {
+    fn as_any(&self) -> &dyn Any;
+    /// Number of its weights.
+    fn weights(&self) -> usize;
+    fn begin_stage(&mut self);
+    fn attached(&self, camera: &Camera, sight: Sight, is_held: bool) -> Camera;
+    /// Takes a step down the gradients of a loss, and towards the weights at the start of the stage.
+    fn descend(&mut self, gradients: Gradients, rule: StepRule);
+    fn to_safetensors(&self) -> Result<Vec<u8>, DesignError>;
+    fn save_numbers(&self) -> Result<BlockState, DesignError>;
+    fn load_numbers(&mut self, state: &BlockState) -> Result<(), String>;
+    fn save_progress(&self) -> Result<BlockState, DesignError>;
+    fn load_progress(&mut self, state: &BlockState) -> Result<(), String>;
+}
+
+/// A network of one type in training.
+struct InTraining<C: CameraNetwork> {
+    network: C::Module,
+    how: C,
+    optimizer: ModuleOptimizer,
+    /// The weights at the start of the stage: the centre of the proximal term.
+    anchor: C::Module,
+}
+
+impl<C: CameraNetwork> InTraining<C> {
+    fn new(network: C::Module, how: C) -> Self {
+        Self { anchor: network.clone(), optimizer: how.optimizer(&network), network, how }
+    }
+}
+
+impl<C: CameraNetwork> Learner for InTraining<C> {
+    fn as_any(&self) -> &dyn Any {
+        self
+    }
+
+    fn weights(&self) -> usize {
+        self.network.num_params()
+    }
+
+    fn begin_stage(&mut self) {
+        self.optimizer = self.how.optimizer(&self.network);
+        self.anchor = self.network.clone();
+    }
+
+    fn attached(&self, camera: &Camera, sight: Sight, is_held: bool) -> Camera {
+        let network = self.network.clone();
+        self.how.attached(if is_held { network.no_grad() } else { network }, camera, sight)
+    }
+
+    fn descend(&mut self, gradients: Gradients, rule: StepRule) {
+        let gradients = GradientsParams::from_grads(gradients, &self.network);
+        self.network = self.optimizer.step(rule.rate, self.network.clone(), gradients);
+        if rule.proximal > 0.0 {
+            self.network = pulled_towards(self.network.clone(), &self.anchor, rule.rate * rule.proximal);
+        }
+    }
+
+    fn to_safetensors(&self) -> Result<Vec<u8>, DesignError> {
+        Ok(self.network.to_safetensors()?)
     }
 
     fn save_numbers(&self) -> Result<BlockState, DesignError> {
@@ -160,21 +218,10 @@ impl Block for NetworkBlock {
     fn load_progress(&mut self, state: &BlockState) -> Result<(), String> {
         self.anchor = with_bytes(&self.anchor, state, ANCHOR)?;
         let optimizer = Bytes::from_bytes_vec(part(state, OPTIMIZER)?.to_vec());
-        self.optimizer = self::optimizer(&self.network, self.learning)
+        self.optimizer = (self.how.optimizer(&self.network))
             .from_bytes(optimizer)
             .map_err(|e| format!("{OPTIMIZER}: not the state of this optimiser: {e}"))?;
         Ok(())
-    }
-}
-
-/// An optimiser that has not seen a gradient yet.
-fn optimizer(network: &Network, learning: Learning) -> ModuleOptimizer {
-    match network {
-        Network::Detector(detector) => muon_and_adam(detector),
-        _ => {
-            let limit = learning.largest_gradient.map(GradientClippingConfig::Norm);
-            AdamConfig::new().with_beta_2(learning.beta2).with_grad_clipping(limit).init()
-        }
     }
 }
 
@@ -182,27 +229,27 @@ fn unwritable(problem: &dyn std::fmt::Display) -> DesignError {
     DesignError::Unwritable { what: "the network", problem: problem.to_string() }
 }
 
-fn bytes_of(network: &Network) -> Result<Vec<u8>, DesignError> {
+fn bytes_of<M: Module>(network: &M) -> Result<Vec<u8>, DesignError> {
     network.to_bytes().map_err(|e| unwritable(&e))
 }
 
 /// A network with the weights of a part of a state.
-fn with_bytes(network: &Network, state: &BlockState, name: &str) -> Result<Network, String> {
+fn with_bytes<M: Module>(network: &M, state: &BlockState, name: &str) -> Result<M, String> {
     let bytes = part(state, name)?.to_vec();
     network.clone().load_bytes(bytes).map_err(|e| format!("{name}: {e}"))
 }
 
 /// The proximal map of `strength / 2 |theta - anchor|^2`: `theta <- (theta + strength anchor) / (1 + strength)`.
-fn pulled_towards(network: Network, anchor: &Network, strength: f64) -> Network {
-    let mut centre = Weights(Vec::new());
+fn pulled_towards<M: Module>(network: M, anchor: &M, strength: f64) -> M {
+    let mut centre = WeightValues(Vec::new());
     anchor.visit(&mut centre);
     network.map(&mut Pull { anchor: centre.0.into_iter(), strength })
 }
 
 /// Collects the weights of a network in the order of a visit.
-struct Weights(Vec<TensorData>);
+struct WeightValues(Vec<TensorData>);
 
-impl ModuleVisitor for Weights {
+impl ModuleVisitor for WeightValues {
     fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
         self.0.push(param.val().detach().into_data());
     }
@@ -230,11 +277,26 @@ impl ModuleMapper for Pull {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use burn::optim::AdamConfig;
     use petzval_learn::Device;
-    use petzval_learn::camera_network::NetworkKind;
+    use petzval_learn::network::{Network, NetworkKind};
 
-    fn weights(network: &Network) -> Vec<f32> {
-        let mut all = Weights(Vec::new());
+    struct ByAdam;
+
+    impl CameraNetwork for ByAdam {
+        type Module = Network;
+
+        fn attached(&self, _: Network, camera: &Camera, _: Sight) -> Camera {
+            camera.clone()
+        }
+
+        fn optimizer(&self, _: &Network) -> ModuleOptimizer {
+            AdamConfig::new().init()
+        }
+    }
+
+    fn weights<M: Module>(network: &M) -> Vec<f32> {
+        let mut all = WeightValues(Vec::new());
         network.visit(&mut all);
         all.0.into_iter().flat_map(|data| data.try_to_vec::<f32>().unwrap()).collect()
     }
@@ -255,10 +317,9 @@ mod tests {
     fn a_restored_block_has_the_weights_and_the_anchor_of_the_kept_one() {
         let device = Device::flex().autodiff();
         let network = |seed| NetworkKind::Restoration.init(8, 1, seed, &device).unwrap();
-        // A block that has moved since its stage began.
-        let mut kept = NetworkBlock::new(network(1));
-        kept.network = network(2);
-        let mut restored = NetworkBlock::new(network(3));
+        // A network that has moved since its stage began.
+        let kept = InTraining { network: network(2), ..InTraining::new(network(1), ByAdam) };
+        let mut restored = InTraining::new(network(3), ByAdam);
         restored.load_numbers(&kept.save_numbers().unwrap()).unwrap();
         restored.load_progress(&kept.save_progress().unwrap()).unwrap();
         assert_eq!(weights(&restored.network), weights(&kept.network));

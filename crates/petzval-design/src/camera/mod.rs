@@ -7,10 +7,11 @@
 mod chip;
 mod host;
 pub mod isp_proxy;
+mod labels;
 pub mod optics_proxy;
 mod psf_source;
 
-use std::rc::Rc;
+use std::any::Any;
 use std::sync::{Arc, OnceLock};
 
 use burn::prelude::*;
@@ -26,10 +27,8 @@ use petzval_camera::tape::{
     Frames, PlacedScene, Restoration, expose_op, illumination_op, linear_isp_op, render_op, restore_op,
     srgb_encode_op,
 };
-use petzval_learn::camera_network::CameraNetwork;
 use petzval_learn::dataset::CropPlan;
-use petzval_learn::detection::{Detector, Truth};
-use petzval_learn::network::NetworkInput;
+use petzval_learn::network::{NetworkInput, PictureNetwork};
 use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::image_brightness;
 use serde::{Deserialize, Serialize};
@@ -38,7 +37,9 @@ use crate::error::DesignError;
 use crate::experiment::DetectorInput;
 
 pub use chip::{Chip, ChipValues, ideal_input, raw_inputs};
+
 pub use host::{host_image, to_host, within_range};
+pub use labels::Labels;
 pub use psf_source::{ByLens, PsfSource, Psfs};
 
 /// Most values of the kernels of a camera that are kept: 64 MB.
@@ -55,8 +56,8 @@ pub struct Shot {
     pub kept: Option<Window>,
     /// Number of the frame; it keys the noise.
     pub frame: u64,
-    /// What is to be found in the window that is kept, in its pixels; nothing where pictures alone count.
-    pub truth: Truth,
+    /// What the task knows of the window that is kept.
+    pub labels: Labels,
     /// Whether it is exposed for as long behind every lens, if cameras have the [`SameTime`]: not where an automatic exposure takes back what a
     /// lens brings.
     pub follows_light: bool,
@@ -125,8 +126,11 @@ pub struct Camera {
     /// Brightness of the image, in units of that of [`SameTime`]; 1 without it.
     light: f64,
     border: usize,
-    network: Option<Rc<dyn CameraNetwork>>,
-    /// What its detector sees.
+    /// What finishes its pictures.
+    network: Option<Arc<dyn PictureNetwork>>,
+    /// What looks at its finished pictures, of the type that its task gave it.
+    reader: Option<Arc<dyn Any + Send + Sync>>,
+    /// What the reader sees.
     sees: DetectorInput,
     chip: Option<ChipValues>,
     psf_errors: Option<PsfErrors>,
@@ -218,9 +222,18 @@ impl Camera {
     pub fn new(body: Arc<Body>, psfs: Arc<Psfs>) -> Result<Self, DesignError> {
         let border = kernel_radius(&body.geometry, &psfs.bank().layout())?;
         let optics = Optics { psfs, kernels: Arc::default() };
-        let (taken_for, network, chip, psf_errors) = (None, None, None, None);
-        let (light, sees) = (1.0, DetectorInput::Picture);
-        let camera = Self { body, optics, taken_for, light, border, network, sees, chip, psf_errors };
+        let camera = Self {
+            body,
+            optics,
+            taken_for: None,
+            light: 1.0,
+            border,
+            network: None,
+            reader: None,
+            sees: DetectorInput::Picture,
+            chip: None,
+            psf_errors: None,
+        };
         let Some(same) = camera.body.same_time else { return Ok(camera) };
         let lens = camera.psfs().lens().ok_or(DesignError::NoLens)?;
         let light = image_brightness(&lens.at_wavelength(lens.reference_um)) / same.brightness;
@@ -234,7 +247,8 @@ impl Camera {
         let plan = self.psfs().plan().ok_or(DesignError::NoLens)?.clone();
         let psfs = PsfSource::Traced { lens: Box::new(lens), plan }.psfs()?;
         let bare = Self::new(self.body.clone(), Arc::new(psfs))?;
-        Ok(Self { network: self.network.clone(), sees: self.sees, chip: self.chip.clone(), ..bare })
+        let (network, reader, chip) = (self.network.clone(), self.reader.clone(), self.chip.clone());
+        Ok(Self { network, reader, sees: self.sees, chip, ..bare })
     }
 
     /// The same camera as it was made from a design with a lens that is off, and not calibrated: development corrects shading and blur by the
@@ -287,18 +301,18 @@ impl Camera {
     }
 
     /// The same camera with a network behind the development.
-    pub fn with_network(&self, network: Rc<dyn CameraNetwork>) -> Self {
+    pub fn with_network(&self, network: Arc<dyn PictureNetwork>) -> Self {
         Self { network: Some(network), ..self.clone() }
     }
 
-    /// The same camera with another input of its detector.
-    pub fn seeing(&self, sees: DetectorInput) -> Self {
-        Self { sees, ..self.clone() }
+    /// The same camera with something that looks at this input.
+    pub fn with_reader<R: Any + Send + Sync>(&self, reader: R, sees: DetectorInput) -> Self {
+        Self { reader: Some(Arc::new(reader)), sees, ..self.clone() }
     }
 
-    /// What looks for objects in its finished pictures, if its network does.
-    pub fn detector(&self) -> Option<&dyn Detector> {
-        self.network.as_ref().and_then(|network| network.detector())
+    /// What looks at its finished pictures, if it is of this type.
+    pub fn reader<R: Any>(&self) -> Option<&R> {
+        self.reader.as_ref()?.downcast_ref()
     }
 
     /// The same camera with other values of its hardware ISP.
@@ -446,7 +460,7 @@ impl Camera {
         host_image(within_range(finished)?)
     }
 
-    /// Refuses a camera whose detector sees the truth, which a raw frame does not contain.
+    /// Refuses a camera whose reader sees the truth, which a raw frame does not contain.
     pub fn check_sees_frames(&self) -> Result<(), DesignError> {
         match self.sees {
             DetectorInput::Picture => Ok(()),

@@ -6,6 +6,7 @@ mod names;
 mod plan;
 mod resolve;
 mod tables;
+mod task_facts;
 mod variants;
 
 pub use commented::{commented_toml, reference_markdown};
@@ -18,6 +19,7 @@ pub use tables::{
     StreetConfig, TrainingConfig, ValidationConfig,
 };
 pub(crate) use tables::{OF_THE_WHOLE_FRAME, places_of};
+pub use task_facts::{NetworkRole, PicturesKey, TaskFacts};
 pub use variants::{Goal, SCENE, ScheduleConfig, StageConfig, VariantConfig, standard_variants};
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -26,9 +28,9 @@ use petzval_base::parameter::Parameters;
 use petzval_base::{FileError, nearest, quote};
 use petzval_camera::isp::IspSettings;
 use petzval_camera::sensor::NoiseMode;
-use petzval_learn::dataset::Wanted;
+use petzval_files::coco::LIGHT_STATES;
+use petzval_learn::dataset::{Classes, ObjectClass};
 use petzval_learn::loss::ImageLoss;
-use petzval_learn::score::{STANDARD_SCORES, object_scores};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -37,8 +39,8 @@ use crate::error::DesignError;
 /// The name of the built-in photographs in [`Experiment::photos`].
 pub const BUILT_IN_PHOTOS: &str = "built-in";
 
-/// What an experiment that looks for objects scores where it names no scores.
-const OBJECT_SCORES: [&str; 3] = ["ap50", "ap", "ap75"];
+/// The task of an experiment that names none.
+const DEFAULT_TASK: &str = "image-quality";
 
 /// The name of the generated streets in [`Experiment::data`].
 pub const STREET: &str = "street";
@@ -63,8 +65,8 @@ const MOST_CHANNELS: usize = 256;
 pub struct Experiment {
     /// Title of the report.
     pub name: String,
-    /// What the camera is for.
-    pub task: TaskKind,
+    /// What the camera is for: a task, or a preset of one with its classes.
+    pub task: String,
     /// The nominal lens.
     pub lens: String,
     /// The sensor.
@@ -105,56 +107,12 @@ pub struct Experiment {
     pub validation: ValidationConfig,
     /// How often the run can be resumed from.
     pub checkpoint: CheckpointConfig,
+    /// The classes of a task that has them, in the order of their numbers; those of its preset where none are stated.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub class: Vec<ObjectClass>,
     /// The cameras that are made and compared, in this order.
     #[schemars(length(min = 1))]
     pub variant: Vec<VariantConfig>,
-}
-
-/// What the camera is for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum TaskKind {
-    /// A picture for people to look at, made by a network from the developed raw frame.
-    ImageQuality,
-    /// People and vehicles in a street, found by a detector in the developed picture.
-    PedestrianVehicle,
-    /// Traffic lights in a street, with what they show.
-    TrafficLight,
-}
-
-impl TaskKind {
-    /// The classes of objects that are to be found, in the detector's order; none where a picture is what counts.
-    pub fn classes(self) -> &'static [&'static str] {
-        match self {
-            Self::ImageQuality => &[],
-            Self::PedestrianVehicle => &["pedestrian", "vehicle"],
-            Self::TrafficLight => &["red", "yellow", "green", "off"],
-        }
-    }
-
-    /// What is looked for in streets and data sets.
-    pub fn wanted(self) -> Wanted {
-        match self {
-            Self::TrafficLight => Wanted::TrafficLights,
-            Self::ImageQuality | Self::PedestrianVehicle => Wanted::PeopleAndVehicles,
-        }
-    }
-
-    /// The number in COCO of what is most like each class, from whose weights a detector may start.
-    pub(crate) fn coco_numbers(self) -> &'static [usize] {
-        match self {
-            Self::ImageQuality => &[],
-            // A person and a car.
-            Self::PedestrianVehicle => &[1, 3],
-            // A traffic light, whose state COCO does not know.
-            Self::TrafficLight => &[10; 4],
-        }
-    }
-
-    /// Whether a detector looks for objects in place of a person who looks at pictures.
-    pub fn finds_objects(self) -> bool {
-        !self.classes().is_empty()
-    }
 }
 
 impl Default for Experiment {
@@ -162,7 +120,7 @@ impl Default for Experiment {
     fn default() -> Self {
         Self {
             name: "Camera design".to_owned(),
-            task: TaskKind::ImageQuality,
+            task: DEFAULT_TASK.to_owned(),
             lens: "cooke-triplet-nominal".to_owned(),
             sensor: "imx249-fitted".to_owned(),
             photos: BUILT_IN_PHOTOS.to_owned(),
@@ -183,62 +141,68 @@ impl Default for Experiment {
             scoring: ScoringConfig::default(),
             validation: ValidationConfig::default(),
             checkpoint: CheckpointConfig::default(),
+            class: Vec::new(),
             variant: standard_variants(),
         }
     }
 }
 
 impl Experiment {
-    /// Reads and checks an experiment, but for whether its scores are known: see [`Experiment::check_standard_scores`]. Errors name line, key,
-    /// value and a hint.
-    pub fn parse(text: &str) -> Result<Self, FileError> {
-        let mut experiment: Self = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
-        if experiment.task.finds_objects() && !names_scores(text) {
-            experiment.scoring.scores = OBJECT_SCORES.map(str::to_owned).to_vec();
-        }
-        experiment.check(text)?;
-        Ok(experiment)
+    /// Reads an experiment without a check. Errors name line, key, value and a hint.
+    pub(crate) fn read(text: &str) -> Result<Self, FileError> {
+        toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))
     }
 
-    /// Checks that the scores are among those that come with the program. One who scores by others, with scorers of their own, leaves this out.
-    pub fn check_standard_scores(&self, text: &str) -> Result<(), FileError> {
-        let scores = &self.scoring.scores;
-        let known: Vec<String> = if self.task.finds_objects() {
-            object_scores(self.task.classes()).into_iter().map(|score| score.about.name).collect()
-        } else {
-            STANDARD_SCORES.map(str::to_owned).to_vec()
-        };
-        if let Some((i, unknown)) = scores.iter().enumerate().find(|(_, name)| !known.contains(name)) {
-            let of = if self.task.finds_objects() { "of objects" } else { "of pictures" };
-            let message = format!("`{unknown}` is no score {of}");
-            let error = variants::at(text, &["scoring", "scores", &i.to_string()], message);
-            let words: Vec<&str> = known.iter().map(String::as_str).collect();
-            let near = nearest(unknown, &words).map(|near| format!("did you mean \"{near}\"? "));
-            let hint = format!("{}scores {of} are {}", near.unwrap_or_default(), known.join(", "));
-            return Err(FileError { key: "scores".to_owned(), ..error }.hint(hint));
+    /// The experiment with the scores of its task if its text names none.
+    pub(crate) fn with_default_scores(mut self, text: &str, facts: &TaskFacts) -> Self {
+        if let Some(scores) = facts.default_scores.filter(|_| !names_scores(text)) {
+            self.scoring.scores = scores.iter().map(|score| (*score).to_owned()).collect();
         }
-        Ok(())
+        self
     }
 
-    /// [`Experiment::parse`] for the `config.toml` of a run, which must hold every key that `complete` holds: a default in place of a key that
-    /// was lost would make another run of it. Keys that are younger than a run are not in its record, the `complete`.
-    pub fn parse_complete(text: &str, complete: &serde_json::Value) -> Result<Self, FileError> {
-        let experiment = Self::parse(text)?;
+    /// Checks that the scores are among those that are known. One who scores by others, with scorers of their own, leaves this out.
+    pub(crate) fn check_scores(
+        &self,
+        text: &str,
+        known: &[String],
+        facts: &TaskFacts,
+    ) -> Result<(), FileError> {
+        let unknown = self.scoring.scores.iter().enumerate().find(|(_, name)| !known.contains(name));
+        let Some((i, unknown)) = unknown else { return Ok(()) };
+        let of = format!("of {}", facts.scored);
+        let message = format!("`{unknown}` is no score {of}");
+        let error = variants::at(text, &["scoring", "scores", &i.to_string()], message);
+        let words: Vec<&str> = known.iter().map(String::as_str).collect();
+        let near = nearest(unknown, &words).map(|near| format!("did you mean \"{near}\"? "));
+        let hint = format!("{}scores {of} are {}", near.unwrap_or_default(), known.join(", "));
+        Err(FileError { key: "scores".to_owned(), ..error }.hint(hint))
+    }
+
+    /// Refuses the text of a run's `config.toml` that lacks a key of its record, the `complete`: a default in place of a key that was lost would
+    /// make another run of it. Keys that are younger than a run are not in its record.
+    pub(crate) fn check_complete(text: &str, complete: &serde_json::Value) -> Result<(), FileError> {
         let found: serde_json::Value = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
         match missing_key(&found, complete) {
-            None => Ok(experiment),
+            None => Ok(()),
             Some(key) => Err(FileError::at_key(text, &[&key], "is missing")
                 .hint("the config.toml of a run holds every key; put it back as it was")),
         }
     }
 
-    /// The experiment as a file that [`Experiment::parse`] reads back to the same values.
+    /// The classes of its task.
+    pub fn classes(&self) -> Classes {
+        self.class.clone().into()
+    }
+
+    /// The experiment as a file that [`Tasks::parse`](crate::task::Tasks::parse) reads back to the same values.
     pub fn to_toml(&self) -> Result<String, DesignError> {
         toml::to_string(self)
             .map_err(|e| DesignError::Unwritable { what: "the experiment", problem: e.to_string() })
     }
 
-    fn check(&self, text: &str) -> Result<(), FileError> {
+    /// Checks everything that does not depend on the scores that are known.
+    pub(crate) fn check(&self, text: &str, facts: &TaskFacts) -> Result<(), FileError> {
         let tables = [
             ("exposure", self.exposure.out_of_range()),
             ("psf", self.psf.out_of_range()),
@@ -278,7 +242,7 @@ impl Experiment {
             ("sees", "only a detector can see the truth", first(&|v| v.sees == DetectorInput::Truth)),
         ];
         for (key, message, first) in for_detectors {
-            if let Some(i) = first.filter(|_| !self.task.finds_objects()) {
+            if let Some(i) = first.filter(|_| facts.network == NetworkRole::Finishes) {
                 let message = format!("{message}; where pictures are scored they stay as they are");
                 let error = FileError::at_key(text, &["variant", &i.to_string(), key], message);
                 return Err(error.hint("leave it out"));
@@ -292,7 +256,7 @@ impl Experiment {
             );
             return Err(error.hint("write \"menon\", \"malvar\" or \"bilinear\", or 0 for optics.steps"));
         }
-        if self.task == TaskKind::ImageQuality
+        if facts.network == NetworkRole::Finishes
             && self.network.kind.needs_restoration()
             && !self.development.restore
         {
@@ -303,7 +267,7 @@ impl Experiment {
         if self.isp.is_used() {
             self.check_isp(text)?;
         }
-        if !self.has_picture_network()
+        if !self.has_picture_network(facts.network)
             && !self.network.draws_weights()
             && !self.network.has_built_in_weights()
         {
@@ -311,7 +275,8 @@ impl Experiment {
             let error = FileError::at_key(text, &["network", "weights"], message);
             return Err(error.hint("leave it out; a detector starts from detector.weights"));
         }
-        self.check_exposure(text)?;
+        self.check_exposure(text, facts)?;
+        self.check_classes(text, facts)?;
         let waits =
             [("patience", self.validation.patience > 0), ("keep", self.validation.keep == Keep::Best)];
         if let Some((key, _)) = waits.into_iter().find(|(_, waits)| *waits && !self.validation.is_used()) {
@@ -319,7 +284,7 @@ impl Experiment {
             return Err(error.hint("give validation.every the steps between two of them, such as 25"));
         }
         variants::check_variants(&self.variant, text)?;
-        variants::check_blocks(&self.variant, &self.blocks(), text)?;
+        variants::check_blocks(&self.variant, &self.blocks(facts.network), text)?;
         if self.loss.is_empty() {
             let error = FileError::at_key(text, &["loss", "l1_weight"], "all weights of the loss are zero");
             return Err(error.hint("give at least one part a positive weight"));
@@ -378,7 +343,7 @@ impl Experiment {
     }
 
     /// Refuses settings of the exposure that cannot move, and ranges that do not hold what is stated.
-    fn check_exposure(&self, text: &str) -> Result<(), FileError> {
+    fn check_exposure(&self, text: &str, facts: &TaskFacts) -> Result<(), FileError> {
         let e = &self.exposure;
         let wrong = |key: &str, message: String, hint: &'static str| {
             Err(variants::at(text, &["exposure", key], message).hint(hint))
@@ -386,7 +351,7 @@ impl Experiment {
         if e.vary.iter().enumerate().any(|(i, setting)| e.vary[..i].contains(setting)) {
             return wrong("vary", "names a setting twice".to_owned(), "name each once");
         }
-        if !e.vary.is_empty() && self.finds_in_streets() {
+        if !e.vary.is_empty() && self.sees_streets(facts) {
             let message = "streets are exposed automatically, each for its own light".to_owned();
             return wrong("vary", message, "leave it out, or give photographs with boxes as `data`");
         }
@@ -410,36 +375,69 @@ impl Experiment {
         Ok(())
     }
 
-    /// Whether objects are to be found in generated streets.
-    pub fn finds_in_streets(&self) -> bool {
-        self.task.finds_objects() && self.data == STREET
+    /// Refuses classes that a task cannot have, that have no name or the same one, and lights that show what no light shows.
+    fn check_classes(&self, text: &str, facts: &TaskFacts) -> Result<(), FileError> {
+        let wrong = |i: usize, key: &str, message: String, hint: &str| {
+            Err(variants::at(text, &["class", &i.to_string(), key], message).hint(hint))
+        };
+        if !facts.has_classes && !self.class.is_empty() {
+            let message = format!("the task `{}` has no classes", self.task);
+            return wrong(0, "name", message, "leave [[class]] out, or name a task that has classes");
+        }
+        if facts.has_classes && self.class.is_empty() {
+            let message = format!("the task `{}` needs classes", self.task);
+            let hint = "add a table [[class]] with a name for each of them";
+            return Err(FileError::at_key(text, &["task"], message).hint(hint));
+        }
+        for (i, class) in self.class.iter().enumerate() {
+            let name = &class.name;
+            if name.is_empty() || !name.chars().all(|c| c.is_alphanumeric() || "-_".contains(c)) {
+                let message = format!("`{name}` is no name of a class");
+                let hint = "letters, digits, - and _: it stands in the names of scores, such as ap50_car";
+                return wrong(i, "name", message, hint);
+            }
+            if self.class[..i].iter().any(|other| other.name == *name) {
+                return wrong(i, "name", format!("`{name}` is named twice"), "name each class once");
+            }
+            if let Some(number) = class.coco.filter(|number| !(1..=90).contains(number)) {
+                let message = format!("COCO has no class {number}");
+                return wrong(i, "coco", message, "1 to 90; a person is 1, a car is 3");
+            }
+            let state = class.state.as_ref().filter(|state| !LIGHT_STATES.contains(&state.as_str()));
+            if let Some(state) = state {
+                let message = format!("`{state}` is no state of a traffic light");
+                return wrong(i, "state", message, "red, yellow, green or off");
+            }
+        }
+        Ok(())
     }
 
     /// Whether a network finishes the pictures of its cameras.
-    pub fn has_picture_network(&self) -> bool {
-        !self.task.finds_objects() && !self.isp.is_used()
+    pub fn has_picture_network(&self, role: NetworkRole) -> bool {
+        role == NetworkRole::Finishes && !self.isp.is_used()
     }
 
-    /// The blocks that a camera of the experiment has: a hardware ISP takes the place of a network for pictures, but stands before a detector.
-    pub fn blocks(&self) -> Vec<BlockName> {
+    /// The blocks that a camera of the experiment has: a hardware ISP takes the place of a network for pictures, but stands before one that reads
+    /// them.
+    pub fn blocks(&self, role: NetworkRole) -> Vec<BlockName> {
         let has = |block: &BlockName| match block {
             BlockName::Optics => true,
             BlockName::Exposure => !self.exposure.vary.is_empty(),
             BlockName::Isp => self.isp.is_used(),
-            BlockName::Network => self.task.finds_objects() || !self.isp.is_used(),
+            BlockName::Network => role == NetworkRole::Reads || !self.isp.is_used(),
         };
         BlockName::ALL.into_iter().filter(has).collect()
     }
 
     /// The last block of the camera: the network, or the hardware ISP in its place.
-    pub fn last_block(&self) -> BlockName {
-        if self.blocks().contains(&BlockName::Network) { BlockName::Network } else { BlockName::Isp }
+    pub fn last_block(&self, role: NetworkRole) -> BlockName {
+        if self.blocks(role).contains(&BlockName::Network) { BlockName::Network } else { BlockName::Isp }
     }
 
     /// Sets the steps of the network, or of the hardware ISP, in every stage that has no number of its own, and changes all other steps in
     /// proportion, rounded up. A longer training of the network has a limit to its gradients.
-    pub fn scale_steps(&mut self, steps: usize) {
-        let (is_isp, last_block) = (self.isp.is_used(), self.last_block());
+    pub fn scale_steps(&mut self, steps: usize, role: NetworkRole) {
+        let (is_isp, last_block) = (self.isp.is_used(), self.last_block(role));
         let last = match last_block {
             BlockName::Isp => &mut self.isp.steps,
             _ => &mut self.training.steps,
@@ -469,10 +467,10 @@ impl Experiment {
     /// Gives the experiment the budget of a night on a GPU in place of minutes on two cores: [`FULL_STEPS`] steps of the network or of the
     /// hardware ISP for the camera that takes the most, all other steps in proportion, batches of [`FULL_BATCH`] windows, twice as wide a
     /// network, which no built-in weights fit. Nothing else changes.
-    pub fn to_full_size(&mut self) {
-        let last_block = self.last_block();
+    pub fn to_full_size(&mut self, role: NetworkRole) {
+        let last_block = self.last_block(role);
         let own = if last_block == BlockName::Isp { self.isp.steps } else { self.training.steps };
-        self.scale_steps((FULL_STEPS * own).div_ceil(self.most_steps_of(last_block).max(1)));
+        self.scale_steps((FULL_STEPS * own).div_ceil(self.most_steps_of(last_block).max(1)), role);
         self.training.batch = FULL_BATCH;
         self.network.base_channels = (2 * self.network.base_channels).min(MOST_CHANNELS);
         self.checkpoint.every = self.checkpoint.every.max(FULL_CHECKPOINT);
@@ -495,7 +493,7 @@ impl Experiment {
     ///
     /// A stage of its own leaves the steps before it as they are: a run that is extended after its end and one that has this
     /// experiment from the beginning make the same cameras.
-    pub fn extended_to(&self, network_steps: usize) -> Result<Self, (String, String)> {
+    pub fn extended_to(&self, network_steps: usize, role: NetworkRole) -> Result<Self, (String, String)> {
         if let Some((name, from)) = self.variant.iter().find_map(|v| Some((&v.name, v.from.as_ref()?))) {
             let message =
                 format!("`{name}` starts from the finished `{from}`, which an extension would change");
@@ -508,7 +506,7 @@ impl Experiment {
             );
             return Err((message, "start a new run with more --steps".to_owned()));
         }
-        let network = self.last_block();
+        let network = self.last_block(role);
         let mut longer = self.clone();
         for (variant, config) in self.variants().iter().zip(&mut longer.variant) {
             let taken = variant.task_steps_of(network);

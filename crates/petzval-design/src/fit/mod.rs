@@ -21,7 +21,7 @@ use petzval_optics::paraxial::first_order;
 
 use crate::assets::Assets;
 use crate::error::DesignError;
-use crate::experiment::{BlockName, Experiment};
+use crate::experiment::{BlockName, Experiment, PicturesKey};
 
 /// A lens to fit an experiment to.
 pub struct FitOf<'a> {
@@ -33,6 +33,8 @@ pub struct FitOf<'a> {
     pub lens_name: &'a str,
     /// The sensor that the user names; without one it is chosen.
     pub sensor: Option<&'a str>,
+    /// The key of the pictures of its task.
+    pub pictures: PicturesKey,
 }
 
 /// An experiment that fits its lens.
@@ -68,7 +70,7 @@ const APART: f64 = 0.01;
 
 /// Fits an experiment to a lens. Refuses a lens that makes no picture on a sensor.
 pub fn fit(of: FitOf, assets: &Assets) -> Result<Fitted, DesignError> {
-    let FitOf { mut experiment, lens: Import { file: mut own, open, .. }, lens_name, sensor } = of;
+    let FitOf { mut experiment, lens: Import { file: mut own, open, .. }, lens_name, sensor, pictures } = of;
     let refuse = |message: &str, hint: &str| DesignError::misfit(Path::new(lens_name), &message, hint);
     check_forms_an_image(&own.lens).map_err(|(message, hint)| refuse(message, hint))?;
     let (mut notes, mut warnings) = (Vec::new(), Vec::new());
@@ -130,7 +132,7 @@ pub fn fit(of: FitOf, assets: &Assets) -> Result<Fitted, DesignError> {
     notes.extend(found.note);
     warnings.extend(found.warning);
     notes.extend(grid::rays_or_waves(&mut experiment.psf, &picked.model, &in_colours(&own.lens))?);
-    notes.extend(windows::fit(&mut experiment, &picked.model)?);
+    notes.extend(windows::fit(&mut experiment, pictures, &picked.model)?);
     notes.extend(sensor::fit_exposure(&mut experiment.exposure, &picked));
 
     let solves = Solves { efl: own.efl_solve, length: own.length_solve, ..Solves::default() };

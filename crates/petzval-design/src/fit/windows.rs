@@ -6,9 +6,9 @@ use petzval_camera::psf::PsfLayout;
 use petzval_camera::render::kernel_radius;
 use petzval_camera::sensor::SensorModel;
 
+use crate::cameras::SURROUND;
 use crate::error::DesignError;
-use crate::experiment::{BUILT_IN_PHOTOS, Experiment, PsfConfig};
-use crate::setup::SURROUND;
+use crate::experiment::{BUILT_IN_PHOTOS, Experiment, PicturesKey, PsfConfig};
 
 /// Shortest side of the built-in photographs, pixels.
 const SHORTEST: usize = 200;
@@ -18,8 +18,12 @@ const LEAST: usize = 64;
 
 /// Makes windows smaller, and if that is not enough the grid of the PSFs, so that the built-in photographs hold a window with all that blur brings
 /// into it; returns what to say then.
-pub(super) fn fit(experiment: &mut Experiment, sensor: &SensorModel) -> Result<Vec<String>, DesignError> {
-    if experiment.task.finds_objects() || experiment.photos != BUILT_IN_PHOTOS {
+pub(super) fn fit(
+    experiment: &mut Experiment,
+    pictures: PicturesKey,
+    sensor: &SensorModel,
+) -> Result<Vec<String>, DesignError> {
+    if pictures != PicturesKey::Photos || experiment.photos != BUILT_IN_PHOTOS {
         return Ok(Vec::new());
     }
     let room = |psf: &PsfConfig| -> Result<usize, DesignError> {
@@ -79,12 +83,12 @@ mod tests {
         let text = include_str!("../../../../data/sensors/imx249-fitted.toml");
         let sensor = petzval_files::parse_sensor(text).unwrap();
         let mut usual = Experiment::default();
-        assert!(fit(&mut usual, &sensor).unwrap().is_empty());
+        assert!(fit(&mut usual, PicturesKey::Photos, &sensor).unwrap().is_empty());
         assert_eq!(usual, Experiment::default());
         for (grid, pitch_um, keeps_grid) in [(256, 1.5, true), (512, 2.0, false)] {
             let mut experiment = Experiment::default();
             (experiment.psf.grid, experiment.psf.pitch_um) = (grid, pitch_um);
-            assert!(!fit(&mut experiment, &sensor).unwrap().is_empty());
+            assert!(!fit(&mut experiment, PicturesKey::Photos, &sensor).unwrap().is_empty());
             assert_eq!(experiment.psf.grid == grid, keeps_grid);
             assert!(experiment.scoring.crop >= LEAST && experiment.scoring.crop < 120);
             assert!(experiment.psf.grid.is_multiple_of(2));

@@ -8,14 +8,14 @@ use petzval_learn::score::ScoreDescription;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use crate::assets::Assets;
-use crate::assets::study::{MeanAndDeviation, is_same_lens};
 use crate::error::DesignError;
 use crate::experiment::{BUILT_IN_PHOTOS, Experiment, STREET};
+use crate::library::Library;
 use crate::path_text::path_text;
 use crate::report::run_report::read_metrics;
 use crate::run::input_list::InputList;
-use crate::run::{CameraMetrics, DigestCheck, Metrics, RunFolder, RunRecord, hex, quoted, read_config};
+use crate::run::{CameraMetrics, DigestCheck, Metrics, RunFolder, RunRecord, hex, quoted};
+use crate::study::{MeanAndDeviation, is_same_lens};
 
 /// Finished runs of one experiment that differ in their seeds alone.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -178,13 +178,13 @@ impl Finished {
 /// `warn` are those of a [`DigestCheck`].
 pub fn compare(
     runs: &[PathBuf],
-    assets: &Assets,
+    library: &Library,
     accepted: &[String],
     warn: &dyn Fn(&str),
 ) -> Result<Vec<Comparison>, DesignError> {
     let mut groups: Vec<Vec<Finished>> = Vec::new();
     for root in runs {
-        let run = finished(root, accepted, warn)?;
+        let run = finished(root, library, accepted, warn)?;
         let is_same = |group: &&mut Vec<Finished>| {
             group[0].repeated() == run.repeated()
                 && group[0].fingerprint == run.fingerprint
@@ -205,13 +205,13 @@ pub fn compare(
             None => groups.push(vec![run]),
         }
     }
-    let source = assets.text("table", "studies", "paper")?;
+    let source = library.text("table", "studies", "paper")?;
     let paper: PaperFile = toml::from_str(&source.text)
         .map_err(|e| DesignError::input(&source.path)(FileError::from_toml(&source.text, &e)))?;
     let differs = differences(&groups);
     let are_of_one_version = groups.iter().all(|group| group[0].version() == groups[0][0].version());
     let named = |(group, differs): (&Vec<Finished>, Vec<(String, String)>)| {
-        let paper = printed_for(&group[0], &paper.table, assets)?;
+        let paper = printed_for(&group[0], &paper.table, library)?;
         let found = Comparison { differs, ..comparison(group, paper) };
         Ok(match (are_of_one_version, group[0].version()) {
             (false, Some(version)) => {
@@ -277,7 +277,12 @@ fn facts(run: &RunFolder, fingerprint: &str) -> Result<BTreeMap<String, String>,
     Ok(facts)
 }
 
-fn finished(root: &Path, accepted: &[String], warn: &dyn Fn(&str)) -> Result<Finished, DesignError> {
+fn finished(
+    root: &Path,
+    library: &Library,
+    accepted: &[String],
+    warn: &dyn Fn(&str),
+) -> Result<Finished, DesignError> {
     let run = RunFolder::open(root)?;
     let check = DigestCheck::new(&run, accepted, warn);
     let metrics = read_metrics(&run)?;
@@ -286,7 +291,7 @@ fn finished(root: &Path, accepted: &[String], warn: &dyn Fn(&str)) -> Result<Fin
     let record = RunRecord::read(&run)?;
     let config = match &record {
         Some(record) => record.config.clone(),
-        None => read_config(&run)?,
+        None => library.config_of_run(&run)?,
     };
     let path = run.fingerprint();
     let fingerprint = petzval_base::read_text(&path).map_err(DesignError::io(&path))?;
@@ -299,20 +304,20 @@ fn finished(root: &Path, accepted: &[String], warn: &dyn Fn(&str)) -> Result<Fin
 fn printed_for(
     run: &Finished,
     tables: &[PaperTable],
-    assets: &Assets,
+    library: &Library,
 ) -> Result<Option<PaperTable>, DesignError> {
     let config = &run.config;
     let Some(table) = tables.iter().find(|table| table.experiments.contains(&config.name)) else {
         return Ok(None);
     };
     let lens = path_text(&run.root.join(&config.lens))?;
-    for name in assets.names("experiments") {
-        let built_in = assets.experiment(name)?;
+    for name in library.names("experiments") {
+        let built_in = library.experiment(name)?;
         let has_camera = |name: &str| built_in.variant.iter().any(|variant| variant.name == name);
         if built_in.name == config.name
             && built_in.task == config.task
             && config.variant.iter().all(|variant| has_camera(&variant.name))
-            && is_same_lens(&lens, &built_in.lens, assets).unwrap_or(false)
+            && is_same_lens(&lens, &built_in.lens, library).unwrap_or(false)
         {
             return Ok(Some(table.clone()));
         }

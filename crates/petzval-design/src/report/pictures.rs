@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 
-use petzval_files::picture_size;
 use petzval_learn::score::ScoreDescription;
 use petzval_report::design_report::{
     CameraPicture, FrameView, HeldOutScores, PictureView, Report, Role, choice, detail,
@@ -10,9 +9,9 @@ use petzval_report::design_report::{
 
 use crate::error::DesignError;
 use crate::experiment::Variant;
-use crate::pictures::{file_name, spread_pictures, whole_name};
+use crate::run::picture_names::{file_name, spread_pictures, whole_name};
 use crate::run::{CameraMetrics, Metrics, PictureScore, RunFolder};
-use crate::seen_windows::{self, SeenWindow};
+use crate::task::TaskReport;
 
 /// Most pictures that a page shows: all of three photographs at nine places. Each takes about 0.13 MB.
 const MOST_PICTURES: usize = 27;
@@ -29,15 +28,8 @@ pub(crate) fn in_order(scores: &[ScoreDescription], values: &BTreeMap<String, f6
 }
 
 /// The scores of every held-out picture by every camera, and the objects that are found in it.
-pub(crate) fn held_out(run: &RunFolder, metrics: &Metrics) -> Result<Vec<HeldOutScores>, DesignError> {
-    let Some(first) = metrics.rows.first() else { return Ok(Vec::new()) };
-    let mut seen = Vec::new();
-    for row in &metrics.rows {
-        seen.push(seen_windows::read(run, &row.camera)?.unwrap_or_default());
-    }
-    let found = |window: &SeenWindow| {
-        window.truth.objects.iter().filter(|object| window.lost_at(object).is_none()).count()
-    };
+pub(crate) fn held_out(metrics: &Metrics, of_task: &TaskReport) -> Vec<HeldOutScores> {
+    let Some(first) = metrics.rows.first() else { return Vec::new() };
     let scores = |row: &CameraMetrics, i: usize| {
         row.pictures.get(i).map_or_else(Vec::new, |picture| in_order(&metrics.scores, &picture.scores))
     };
@@ -46,19 +38,21 @@ pub(crate) fn held_out(run: &RunFolder, metrics: &Metrics) -> Result<Vec<HeldOut
         relative_field: picture.relative_field,
         scores: metrics.rows.iter().map(|row| scores(row, i)).collect(),
         // Counts of cameras that an earlier version scored are not known, and then none is compared.
-        found: seen
+        found: of_task
+            .found
             .iter()
-            .map(|windows| windows.get(i).map(found))
+            .map(|found| found.get(i).copied())
             .collect::<Option<_>>()
             .unwrap_or_default(),
     };
-    Ok(first.pictures.iter().enumerate().map(of).collect())
+    first.pictures.iter().enumerate().map(of).collect()
 }
 
 /// Some of the held-out pictures: those that a report chooses by gain and place, then others that are spread evenly.
 pub(crate) fn pictures(
     run: &RunFolder,
     metrics: &Metrics,
+    of_task: &TaskReport,
     report: &Report,
 ) -> Result<Vec<PictureView>, DesignError> {
     let read = |file: String| {
@@ -66,7 +60,6 @@ pub(crate) fn pictures(
         petzval_base::read_whole(&path).map_err(DesignError::io(&path))
     };
     let Some(first) = metrics.rows.first() else { return Ok(Vec::new()) };
-    let windows = seen_windows::read(run, &first.camera)?.unwrap_or_default();
     let truth = |index: usize| file_name(index, "truth", None);
     // A picture that cannot be read fails below, where it is shown.
     let chosen = choice(report, &|index| read(truth(index)).map_or(0.0, |png| detail(&png)));
@@ -94,11 +87,7 @@ pub(crate) fn pictures(
         }
         let title =
             picture.photo.rsplit_once('.').map_or(picture.photo.as_str(), |(stem, _)| stem).to_owned();
-        let objects = windows.get(index).map_or(&[][..], |window| &window.truth.objects);
-        let largest = objects.iter().max_by(|a, b| a.bbox.area().total_cmp(&b.bbox.area()));
-        // Boxes are those of the first camera, which the truth is of.
-        let (side, _) = picture_size(&run.picture(&truth(index)))?;
-        let focus = largest.map(|o| o.bbox.centre().map(|v| f64::from(v) / f64::from(side)));
+        let focus = of_task.focus.get(index).copied().flatten();
         all.push(PictureView { title, number: index, role, focus, truth_png: read(truth(index))?, cameras });
     }
     Ok(all)

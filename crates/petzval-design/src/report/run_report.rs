@@ -12,7 +12,6 @@ use petzval_optics::lens::Lens;
 use petzval_optics::number::Number;
 use petzval_optics::psf::FieldPsf;
 
-use crate::detection_view::detection_view;
 use crate::error::DesignError;
 use crate::experiment::{BlockName, DetectorInput, LensGoal, SameOf, Variant};
 use crate::lens::numbers::{full_name, surface_name, unit_of};
@@ -162,6 +161,7 @@ fn gathered(
         });
     }
     let e = &setup.experiment;
+    let mut of_task = setup.task.report(setup, run, metrics)?;
     let report = Report {
         title: e.name.clone(),
         subtitle: String::new(),
@@ -174,13 +174,14 @@ fn gathered(
         wavelengths_um: plan.wavelengths_um.to_vec(),
         half_diagonal_mm: setup.corner_mm(),
         nyquist_per_mm,
-        held_out: held_out(run, metrics)?,
+        held_out: held_out(metrics, &of_task),
         pictures: Vec::new(),
         frames: frames(run, &setup.variants)?,
         has_isp: setup.body.chip.is_some(),
         pictures_in_all: metrics.held_out_images * metrics.held_out_places,
         one_seed: None,
-        detection: detection_view(setup, run, metrics)?,
+        detection: of_task.detection.take(),
+        sections: std::mem::take(&mut of_task.sections),
         progress: None,
         made: MadeMetrics::read(run)?.map(|made| made_view(&metrics.scores, made)),
         losses: loss_curves(events),
@@ -191,13 +192,13 @@ fn gathered(
         environment: [record.map_or_else(Vec::new, |r| r.facts()), environment(&run.environment())?].concat(),
         notes: if metrics.rows.is_empty() { Vec::new() } else { notes(setup, metrics) },
     };
-    Ok(Report { pictures: pictures(run, metrics, &report)?, ..report })
+    Ok(Report { pictures: pictures(run, metrics, &of_task, &report)?, ..report })
 }
 
 /// `3 cameras: nominal (800 network steps), ...`, with the steps that were taken.
 fn cameras_in_words(setup: &Setup, events: &[Event]) -> String {
     let moved = |block: BlockName| match block {
-        BlockName::Network if setup.experiment.task.finds_objects() => "detector",
+        BlockName::Network => setup.facts.network_name,
         block => moved_part(block.name()),
     };
     let one = |v: &Variant| {
@@ -253,7 +254,7 @@ fn notes(setup: &Setup, metrics: &Metrics) -> Vec<String> {
         ),
         format!(
             "Lenses are traced exactly; the noise of scored pictures is exact Poisson and the same for every camera. {}",
-            if setup.experiment.finds_in_streets() { "Streets are seen through the chief rays of each lens, distortion included." } else { "Distortion is not rendered: each place gets the PSF of the field whose chief ray lands there." }
+            if setup.experiment.sees_streets(&setup.facts) { "Streets are seen through the chief rays of each lens, distortion included." } else { "Distortion is not rendered: each place gets the PSF of the field whose chief ray lands there." }
         ),
     ]
 }

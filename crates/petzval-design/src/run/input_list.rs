@@ -7,9 +7,12 @@ use petzval_learn::dataset::{List, PictureFile};
 use serde::{Deserialize, Serialize};
 
 use crate::error::DesignError;
-use crate::experiment::{BUILT_IN_PHOTOS, Experiment, STREET};
+use crate::experiment::{Experiment, PicturesKey};
 use crate::path_text::path_text;
 use crate::run::{RunFolder, write_file};
+
+/// The name of the built-in photographs among the inputs.
+pub(crate) const BUILT_IN: &str = "built-in photographs";
 
 /// Most inputs that a message names.
 const NAMED: usize = 3;
@@ -112,14 +115,15 @@ impl Pictures {
 pub fn pictures_of_run(
     run: &RunFolder,
     experiment: &mut Experiment,
+    key: PicturesKey,
     now: Option<&Path>,
 ) -> Result<(), DesignError> {
-    let place = if experiment.task.finds_objects() { &mut experiment.data } else { &mut experiment.photos };
+    let place = experiment.pictures_mut(key);
     if let Some(now) = now {
         *place = path_text(now)?;
         return Ok(());
     }
-    if [BUILT_IN_PHOTOS, STREET].contains(&place.as_str()) || Path::new(place).exists() {
+    if place == key.built_in() || Path::new(place).exists() {
         return Ok(());
     }
     let pictures = InputList::read(run)?.and_then(|list| list.pictures);
@@ -130,15 +134,17 @@ pub fn pictures_of_run(
 }
 
 /// Fails if the pictures of a run are not there, with what to do.
-pub fn check_pictures_are_there(run: &RunFolder, experiment: &Experiment) -> Result<(), DesignError> {
-    let finds_objects = experiment.task.finds_objects();
-    let place = if finds_objects { &experiment.data } else { &experiment.photos };
-    if [BUILT_IN_PHOTOS, STREET].contains(&place.as_str()) || Path::new(place).exists() {
+pub fn check_pictures_are_there(
+    run: &RunFolder,
+    experiment: &Experiment,
+    key: PicturesKey,
+) -> Result<(), DesignError> {
+    let place = experiment.pictures(key);
+    if place == key.built_in() || Path::new(place).exists() {
         return Ok(());
     }
     let was = InputList::read(run)?.and_then(|list| list.pictures).map(|pictures| pictures.place);
-    let (what, option) =
-        if finds_objects { ("labelled pictures", "--data") } else { ("photographs", "--photos") };
+    let [option, what] = key.in_words();
     let problem = format!(
         "the {what} of this run are not at {}; hint: say where they are now: {option} PATH",
         was.map_or_else(|| place.clone(), |was| was.display().to_string())

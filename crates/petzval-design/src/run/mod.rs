@@ -9,11 +9,11 @@
 mod checkpoint;
 mod digests;
 mod events;
-mod experiment;
 mod folder;
 pub mod input_list;
 mod made;
 mod metrics;
+pub mod picture_names;
 mod record;
 
 pub use checkpoint::{
@@ -28,4 +28,5 @@ pub use folder::{RunFolder, write_file};
 pub use made::{MadeFigures, MadeMetrics, MadeRow};
 pub(crate) use metrics::quoted;
 pub use metrics::{CameraMetrics, Metrics, PictureScore};
-pub use record::{Finish, RunRecord, VERSION, changed_config, extend_run, forget_most_memory, read_config};
+pub use record::{Finish, RunRecord, VERSION, extend_run, forget_most_memory};
+pub(crate) use record::{config_text, json_record};

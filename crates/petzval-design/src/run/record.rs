@@ -3,7 +3,6 @@
 
 use std::time::{Duration, SystemTime};
 
-use petzval_base::FileError;
 use serde::{Deserialize, Serialize};
 
 use super::{RunFolder, forget_digests, write_file};
@@ -105,32 +104,11 @@ fn now() -> String {
     humantime::format_rfc3339_seconds(SystemTime::now()).to_string()
 }
 
-/// The values of a run's `config.toml`.
-pub fn read_config(run: &RunFolder) -> Result<Experiment, DesignError> {
-    let text = config_text(run)?;
-    let experiment = if run.record().exists() {
-        Experiment::parse_complete(&text, &json_record(run)?["config"])
-    } else {
-        Experiment::parse(&text)
-    };
-    experiment.map_err(DesignError::input(&run.config()))
-}
-
 /// The record of a run as it is written.
-fn json_record(run: &RunFolder) -> Result<serde_json::Value, DesignError> {
+pub(crate) fn json_record(run: &RunFolder) -> Result<serde_json::Value, DesignError> {
     let path = run.record();
     let text = petzval_base::read_text(&path).map_err(DesignError::io(&path))?;
     serde_json::from_str(&text).map_err(|e| DesignError::Run { path, problem: e.to_string() })
-}
-
-/// How the values of a run's `config.toml` differ from those of its record: the place of the first key, and every key by name.
-pub fn changed_config(record: &RunRecord, run: &RunFolder) -> Result<Option<FileError>, DesignError> {
-    let changes = read_config(run)?.differences(&record.config);
-    let Some((first, _)) = changes.first() else { return Ok(None) };
-    let path: Vec<&str> = first.split('.').collect();
-    let was: Vec<String> = changes.iter().map(|(key, was)| format!("{key} was {was}")).collect();
-    let message = format!("config.toml has changed since the run was begun: {}", was.join(", "));
-    Ok(Some(FileError::at_key(&config_text(run)?, &path, message)))
 }
 
 /// Makes a run longer: `longer` becomes what it was begun with, and what was made of the finished cameras together is removed.
@@ -147,7 +125,8 @@ pub fn extend_run(run: &RunFolder, record: RunRecord, longer: Experiment) -> Res
     RunRecord { config: longer, finished: None, ..record }.write(run)
 }
 
-fn config_text(run: &RunFolder) -> Result<String, DesignError> {
+/// The `config.toml` of a run.
+pub(crate) fn config_text(run: &RunFolder) -> Result<String, DesignError> {
     let path = run.config();
     petzval_base::read_text(&path).map_err(DesignError::io(&path))
 }

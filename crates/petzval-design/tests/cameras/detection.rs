@@ -13,25 +13,25 @@ use petzval_camera::image::LinearImage;
 use petzval_camera::render::Placement;
 use petzval_camera::sensor::{Noise, NoiseMode};
 use petzval_camera::tape::Frames;
-use petzval_design::assets::Assets;
-use petzval_design::block::{Batch, Block, OpticsBlock};
-use petzval_design::camera::{Camera, ChipValues, PsfSource, Shot};
+use petzval_design::block::{Batch, Block, OpticsBlock, Sight};
+use petzval_design::camera::{Camera, ChipValues, Labels, PsfSource, Shot};
 use petzval_design::design_loop::{DesignLoop, Ending, zoom_of};
 use petzval_design::error::DesignError;
 use petzval_design::experiment::{
-    DetectorInput, Experiment, FieldOfView, StepMethod, StepRule, VariantConfig,
+    DetectorInput, Experiment, FieldOfView, NetworkRole, StepMethod, StepRule, VariantConfig,
 };
 use petzval_design::inputs::keep_inputs;
 use petzval_design::lens::psf_plan::PsfPlan;
+use petzval_design::library::Library;
 use petzval_design::run::{Kept, Metrics, RunFolder, load_blocks};
 use petzval_design::scoring::Scorer;
-use petzval_design::seen_windows::{SeenWindow, Stage};
 use petzval_design::setup::Setup;
-use petzval_design::shots::{HeldOut, held_out_shots, magnified_shots, training_shots};
+use petzval_design::task::HeldOut;
+use petzval_design::task::objects::seen_windows::{SeenWindow, Stage};
 use petzval_learn::Device;
 use petzval_learn::dataset::{List, StreetPlan, StreetView};
 use petzval_learn::detection::{BBox, Object, Truth};
-use petzval_learn::objective::{Labels, NamedLoss, Taken};
+use petzval_learn::loss::NamedLoss;
 use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::image_height_per_tangent;
 use petzval_optics::pupil::chief_ray;
@@ -66,8 +66,8 @@ fn setup(more: &str) -> Setup {
     setup_of(&format!("{TINY}{more}"))
 }
 
-fn assets() -> Assets {
-    Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap()
+fn assets() -> Library {
+    Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap()
 }
 
 /// The run of an experiment, from its start to its scores.
@@ -81,6 +81,11 @@ fn finished(setup: &Arc<Setup>, folder: &Path) -> (RunFolder, Metrics) {
     (run, *metrics)
 }
 
+/// The objects of a window.
+fn truth(shot: &Shot) -> &Truth {
+    shot.labels.of().unwrap()
+}
+
 fn setup_of(text: &str) -> Setup {
     let assets = assets();
     let experiment = Experiment::parse(text).unwrap();
@@ -92,30 +97,30 @@ fn windows_are_seen_through_the_chief_rays_of_the_lens() {
     let setup = setup("[[variant]]\nname = \"a\"\n[[variant.stage]]\nmoves = [\"network\"]\n");
     let lens = setup.nominal().lens_file.lens.clone();
     let camera = setup.camera(lens.clone(), true).unwrap();
-    let shots = training_shots(&setup, &camera, 0).unwrap();
-    let boxes = |shots: &[Shot]| shots.iter().map(|s| s.truth.objects.len()).sum::<usize>();
+    let shots = setup.training_shots(&camera, 0).unwrap();
+    let boxes = |shots: &[Shot]| shots.iter().map(|s| truth(s).objects.len()).sum::<usize>();
     // The same step gives the same windows; other steps give others.
-    let again = training_shots(&setup, &camera, 0).unwrap();
-    assert!(shots.iter().zip(&again).all(|(a, b)| a.scene == b.scene && a.truth == b.truth));
-    let all: Vec<Shot> = (0..6).flat_map(|step| training_shots(&setup, &camera, step).unwrap()).collect();
+    let again = setup.training_shots(&camera, 0).unwrap();
+    assert!(shots.iter().zip(&again).all(|(a, b)| a.scene == b.scene && truth(a) == truth(b)));
+    let all: Vec<Shot> = (0..6).flat_map(|step| setup.training_shots(&camera, step).unwrap()).collect();
     assert!(boxes(&all) > 3 && all.iter().any(|shot| shot.scene != shots[0].scene));
     for shot in &all {
         assert!(shot.scene.data.iter().all(|v| v.is_finite() && *v >= 0.0));
         let inside = |v: f32| (0.0..=96.0).contains(&v);
-        let corners = shot.truth.objects.iter().flat_map(|o| [o.bbox.x1, o.bbox.y1, o.bbox.x2, o.bbox.y2]);
+        let corners = truth(shot).objects.iter().flat_map(|o| [o.bbox.x1, o.bbox.y1, o.bbox.x2, o.bbox.y2]);
         assert!(corners.into_iter().all(inside));
     }
     // A lens that moves the image by a fraction of a pixel sees the same objects, at nearly the same places.
     let nearly = lens.with_image_distance(lens.image_distance_mm() + 1e-3);
     let nearly = setup.camera(nearly, true).unwrap();
-    let [own, others] = [&camera, &nearly].map(|camera| held_out_shots(&setup, camera, &|_| true).unwrap());
+    let [own, others] = [&camera, &nearly].map(|camera| setup.held_out_shots(camera, &|_| true).unwrap());
     // A few of them are the same as among all.
-    let few = held_out_shots(&setup, &camera, &|number| number == 1).unwrap();
+    let few = setup.held_out_shots(&camera, &|number| number == 1).unwrap();
     assert!(few.len() == 1 && few[0].name == own[1].name && few[0].shot.scene == own[1].shot.scene);
     assert!(own.iter().zip(&others).any(|(a, b)| a.shot.scene != b.shot.scene));
     for (HeldOut { shot: a, .. }, HeldOut { shot: b, .. }) in own.iter().zip(&others) {
-        assert_eq!(a.truth.objects.len(), b.truth.objects.len());
-        for (a, b) in a.truth.objects.iter().zip(&b.truth.objects) {
+        assert_eq!(truth(a).objects.len(), truth(b).objects.len());
+        for (a, b) in truth(a).objects.iter().zip(&truth(b).objects) {
             assert!(a.class == b.class && a.bbox.iou(&b.bbox) > 0.8, "{a:?} {b:?}");
         }
     }
@@ -125,7 +130,7 @@ fn windows_are_seen_through_the_chief_rays_of_the_lens() {
     let height = |lens: &Lens| image_height_per_tangent(&lens.at_wavelength(lens.reference_um));
     let longer = height(&long) / height(&setup.nominal().lens_file.lens);
     let long = setup.camera(long, true).unwrap();
-    let seen = training_shots(&setup, &long, 0).unwrap();
+    let seen = setup.training_shots(&long, 0).unwrap();
     assert!(shots.iter().zip(&seen).all(|(a, b)| a.scene != b.scene));
     // They show as much of the street, on more pixels.
     let [training, scoring] = [setup.training_crops, setup.scoring_crops].map(|crops| crops.scaled(longer));
@@ -136,21 +141,21 @@ fn windows_are_seen_through_the_chief_rays_of_the_lens() {
     // Their objects are the same, larger; the distortion of the two lenses differs a little.
     let (mut whole, mut same) = (0, 0);
     for step in 0..8 {
-        let [here, there] = [&camera, &long].map(|camera| training_shots(&setup, camera, step).unwrap());
+        let [here, there] = [&camera, &long].map(|camera| setup.training_shots(camera, step).unwrap());
         for (here, there) in here.iter().zip(&there) {
             let is_whole = |b: &BBox| b.x1.min(b.y1) > 4.0 && b.x2.max(b.y2) < 92.0;
-            for object in here.truth.objects.iter().filter(|o| is_whole(&o.bbox)) {
+            for object in truth(here).objects.iter().filter(|o| is_whole(&o.bbox)) {
                 let [x1, y1, x2, y2] = [object.bbox.x1, object.bbox.y1, object.bbox.x2, object.bbox.y2]
                     .map(|side| side * longer as f32);
                 let larger = BBox::new(x1, y1, x2, y2);
                 let is_it = |o: &Object| o.class == object.class && o.bbox.iou(&larger) > 0.7;
                 whole += 1;
-                same += usize::from(there.truth.objects.iter().any(is_it));
+                same += usize::from(truth(there).objects.iter().any(is_it));
             }
         }
     }
     assert!(whole >= 5 && same * 10 >= whole * 8, "{same} of {whole}");
-    for HeldOut { shot, .. } in held_out_shots(&setup, &long, &|_| true).unwrap() {
+    for HeldOut { shot, .. } in setup.held_out_shots(&long, &|_| true).unwrap() {
         let kept = long.kept(&shot);
         assert_eq!([kept.height, kept.width], [side; 2]);
     }
@@ -166,7 +171,7 @@ fn boxes_lie_where_chief_rays_that_are_traced_land() {
         seed: 1,
         light: config.light,
         busy: config.busy,
-        wanted: setup.experiment.task.wanted(),
+        classes: setup.experiment.classes(),
         white_cd_m2: config.white_cd_m2,
         samples: config.samples,
         on_objects: config.on_objects,
@@ -191,8 +196,8 @@ fn boxes_lie_where_chief_rays_that_are_traced_land() {
         (window.at, window.truth.objects)
     };
     let (mut compared, mut distorted) = (0, false);
-    for (number, shot) in (0..).zip(held_out_shots(&setup, &camera, &|_| true).unwrap()) {
-        let found = shot.shot.truth.objects;
+    for (number, shot) in (0..).zip(setup.held_out_shots(&camera, &|_| true).unwrap()) {
+        let found = truth(&shot.shot).objects.clone();
         let (_, expected) = boxes(&traced, number);
         assert_eq!(found.len(), expected.len());
         for (a, b) in found.iter().zip(&expected) {
@@ -303,7 +308,13 @@ fn a_lens_with_a_free_field_has_a_control_that_is_zoomed_like_it() {
         variant: setup.experiment.variant.iter().map(unchained).collect(),
         ..setup.experiment.clone()
     };
-    assert!(unchained.extended_to(9).unwrap_err().0.contains("`zoomed` is zoomed like the finished `free`"));
+    assert!(
+        unchained
+            .extended_to(9, NetworkRole::Reads)
+            .unwrap_err()
+            .0
+            .contains("`zoomed` is zoomed like the finished `free`")
+    );
 }
 
 /// A detector that sees the scenes without blur and noise learns and is scored so, also behind a hardware ISP.
@@ -339,18 +350,23 @@ fn neither_noise_nor_blur_reaches_a_detector_that_sees_the_truth() {
     assert!(scene != finished);
 
     let lens = setup.nominal().lens_file.lens.clone();
-    let camera = setup.camera(lens, true).unwrap().with_network(setup.network().unwrap().held());
-    let shots = training_shots(&setup, &camera, 0).unwrap();
+    let seeing = |sees: DetectorInput| {
+        let mut network = setup.network().unwrap();
+        network.set_sight(Sight { sees, zoom: 1.0 });
+        network.attached_to(&setup.camera(lens.clone(), true).unwrap())
+    };
+    let [camera, of_truth] = [DetectorInput::Picture, DetectorInput::Truth].map(seeing);
+    let shots = setup.training_shots(&camera, 0).unwrap();
     let noise = Noise { mode: NoiseMode::Exact, seed: 1 };
     let values = |tensor: Tensor<4>| tensor.into_data().try_to_vec::<f32>().unwrap();
     let seen = |camera: &Camera| values(camera.take(&shots, &noise).unwrap().finished);
     let truth = values(camera.truths(&shots).unwrap());
-    assert!(seen(&camera.seeing(DetectorInput::Truth)) == truth && seen(&camera) != truth);
+    assert!(seen(&of_truth) == truth && seen(&camera) != truth);
     // A raw frame does not contain it.
     let capture = camera.capture(&shots[0]);
     let raw = |camera: &Camera| camera.finished_raw(vec![100.0; 64 * 64], [64, 64], capture);
     assert!(raw(&camera).is_ok());
-    assert!(matches!(raw(&camera.seeing(DetectorInput::Truth)), Err(DesignError::NoTruth)));
+    assert!(matches!(raw(&of_truth), Err(DesignError::NoTruth)));
 }
 
 /// Variants that contradict themselves are refused where they stand.
@@ -395,17 +411,17 @@ fn a_lens_that_may_magnify_knows_what_that_does_to_the_loss() {
     let setup = setup(more);
     let start = setup.start(&setup.variants[0]).clone();
     let x = start.space.start().to_vec();
-    let network = setup.network().unwrap().held();
-    let camera = setup.camera(start.space.lens_at(&x).unwrap(), true).unwrap().with_network(network);
+    let camera = setup.camera(start.space.lens_at(&x).unwrap(), true).unwrap();
+    let camera = setup.network().unwrap().attached_to(&camera);
     let (step, noise) = (1, Noise { mode: NoiseMode::Off, seed: 1 });
-    let shots = training_shots(&setup, &camera, step).unwrap();
+    let shots = setup.training_shots(&camera, step).unwrap();
 
     // Magnified scenes show the same objects, in boxes that are larger by as much.
-    let magnified = |by: f64| magnified_shots(&setup, &camera, step, by);
+    let magnified = |by: f64| setup.magnified_shots(&camera, step, by);
     let same = magnified(1.0).unwrap();
-    assert!(shots.iter().zip(&same).all(|(a, b)| a.scene == b.scene && a.truth == b.truth));
+    assert!(shots.iter().zip(&same).all(|(a, b)| a.scene == b.scene && truth(a) == truth(b)));
     let larger = magnified(1.05).unwrap();
-    let pairs = shots.iter().zip(&larger).flat_map(|(a, b)| a.truth.objects.iter().zip(&b.truth.objects));
+    let pairs = shots.iter().zip(&larger).flat_map(|(a, b)| truth(a).objects.iter().zip(&truth(b).objects));
     // An object that an edge of the window cuts off does not grow.
     let inside = |o: &Object| o.bbox.x1 > 0.5 && o.bbox.y1 > 0.5 && o.bbox.x2 < 95.5 && o.bbox.y2 < 95.5;
     let whole: Vec<_> = pairs.filter(|(a, b)| inside(a) && inside(b)).collect();
@@ -425,8 +441,8 @@ fn a_lens_that_may_magnify_knows_what_that_does_to_the_loss() {
         [row as f64 + 0.5 * side - 600.0, col as f64 + 0.5 * side - 960.0]
     };
     for step in 2..14 {
-        let seen = training_shots(&setup, &camera, step).unwrap();
-        let larger = magnified_shots(&setup, &camera, step, 1.05).unwrap();
+        let seen = setup.training_shots(&camera, step).unwrap();
+        let larger = setup.magnified_shots(&camera, step, 1.05).unwrap();
         for (before, after) in seen.iter().zip(&larger).map(|(a, b)| (middle(a), middle(b))) {
             let most = [600.0, 960.0].map(|half| half - 0.5 * side);
             let expected = [0, 1].map(|i| (1.05 * before[i]).clamp(-most[i], most[i]));
@@ -437,9 +453,7 @@ fn a_lens_that_may_magnify_knows_what_that_does_to_the_loss() {
     // What the gradient has by way of the magnification is the difference of losses, times what the coordinates do to the focal length.
     let objective = setup.objective().unwrap();
     let loss = |camera: &Camera, frames: &Frames, shots: &[Shot]| -> Result<NamedLoss, DesignError> {
-        let labels = Labels::Objects(shots.iter().map(|shot| shot.truth.clone()).collect());
-        let taken = Taken { frames, detector: camera.detector(), seed: 3 };
-        Ok(objective.loss(&taken, &labels)?)
+        objective.loss(camera, frames, shots)
     };
     let further = |_: u64| Ok(Vec::new());
     let batch = |magnified| Batch {
@@ -525,11 +539,11 @@ fn gradient_by_the_lens(development: &str) {
     let x = nominal.space.start().to_vec();
     // The gradient is that at fixed fields.
     let fields = setup.moving_plan.field_angles(&lens_at(&x)).unwrap();
-    let network = setup.network().unwrap().held();
+    let network = setup.network().unwrap();
     let camera = |x: &[f64]| -> Camera {
         let plan = PsfPlan { held_fields_rad: Some(fields.clone()), ..setup.moving_plan.clone() };
         let psfs = PsfSource::Traced { lens: Box::new(lens_at(x)), plan }.psfs().unwrap();
-        let camera = Camera::new(setup.body.clone(), Arc::new(psfs)).unwrap().with_network(network.clone());
+        let camera = network.attached_to(&Camera::new(setup.body.clone(), Arc::new(psfs)).unwrap());
         let Some(chip) = &setup.body.chip else { return camera };
         let values: Vec<f32> = chip.values().iter().map(|v| *v as f32).collect();
         let values = Tensor::from_data(values.as_slice(), &Device::flex().autodiff());
@@ -537,9 +551,7 @@ fn gradient_by_the_lens(development: &str) {
     };
     let objective = setup.objective().unwrap();
     let loss = |camera: &Camera, frames: &Frames, shots: &[Shot]| -> Result<NamedLoss, DesignError> {
-        let labels = Labels::Objects(shots.iter().map(|shot| shot.truth.clone()).collect());
-        let taken = Taken { frames, detector: camera.detector(), seed: 3 };
-        Ok(objective.loss(&taken, &labels)?)
+        objective.loss(camera, frames, shots)
     };
     // Waves that reach every frequency the pixels can hold, far off the axis, with objects by decree.
     let side = setup.training_crops.window();
@@ -555,7 +567,7 @@ fn gradient_by_the_lens(development: &str) {
         placement: Placement { row, col },
         kept: None,
         frame: 0,
-        truth: Truth { objects: objects.to_vec(), ..Truth::default() },
+        labels: Labels::new(Truth { objects: objects.to_vec(), ..Truth::default() }),
         follows_light: true,
     };
     let shots = [shot(100, 200), shot(1000, 1700)];

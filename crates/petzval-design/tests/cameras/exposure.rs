@@ -7,20 +7,19 @@ use std::sync::atomic::AtomicBool;
 use crate::common::Silent;
 use petzval_camera::sensor::{Noise, NoiseMode};
 use petzval_camera::tape::Frames;
-use petzval_design::assets::Assets;
 use petzval_design::block::{Batch, Block, ExposureBlock};
 use petzval_design::camera::{Camera, Shot, to_host};
 use petzval_design::design_loop::{DesignLoop, Ending, finished_camera};
 use petzval_design::error::DesignError;
 use petzval_design::experiment::{BlockName, Experiment, StepMethod, StepRule};
 use petzval_design::inputs::keep_inputs;
+use petzval_design::library::Library;
 use petzval_design::report::run_report::{camera_lens, report_of_run};
 use petzval_design::run::{Kept, RunFolder, load_blocks};
 use petzval_design::scoring::Scorer;
 use petzval_design::setup::Setup;
-use petzval_design::shots::training_shots;
 use petzval_learn::Device;
-use petzval_learn::objective::NamedLoss;
+use petzval_learn::loss::NamedLoss;
 
 const NOISE: Noise = Noise { mode: NoiseMode::Exact, seed: 1 };
 
@@ -48,7 +47,7 @@ crop = 64
 const MOVES: &str = "[[variant]]\nname = \"a\"\n[[variant.stage]]\nmoves = [\"exposure\", \"network\"]\n";
 
 fn setup(more: &str) -> Setup {
-    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
     let experiment = Experiment::parse(&format!("{TINY}{more}")).unwrap();
     Setup::new(experiment, &assets, Device::flex().autodiff()).unwrap()
 }
@@ -67,7 +66,7 @@ fn rule(rate: f64) -> StepRule {
 /// Takes steps of the exposure alone. Returns the losses before the first and the last one.
 fn steps(setup: &Setup, block: &mut ExposureBlock, count: usize) -> [f64; 2] {
     let camera = setup.camera(setup.nominal().lens_file.lens.clone(), true).unwrap();
-    let shots = training_shots(setup, &camera, 3).unwrap();
+    let shots = setup.training_shots(&camera, 3).unwrap();
     block.begin_stage(true);
     let losses: Vec<f64> = (0..count)
         .map(|step| {
@@ -117,7 +116,7 @@ fn time_and_gain_go_where_pictures_are_best() {
 fn a_stage_goes_on_with_the_same_bits() {
     let setup = setup(&format!("[exposure]\nwhite_e = 500.0\nvary = [\"time\", \"gain\"]\n{MOVES}"));
     let camera = setup.camera(setup.nominal().lens_file.lens.clone(), true).unwrap();
-    let shots = training_shots(&setup, &camera, 0).unwrap();
+    let shots = setup.training_shots(&camera, 0).unwrap();
     let step = |block: &mut ExposureBlock| {
         let camera = camera.exposed_as(&block.exposure());
         let batch = Batch::new(&camera, &shots, NOISE, &loss_of);
@@ -164,7 +163,7 @@ fn a_lens_that_gathers_more_light_keeps_its_lead_at_another_time_and_the_truth_s
         // With another lens it keeps its time.
         let again = exposed.with_lens(own.psfs().lens().unwrap().clone()).unwrap();
         assert_eq!(again.body().exposure, exposed.body().exposure);
-        let shots = training_shots(&setup, &own, 0).unwrap();
+        let shots = setup.training_shots(&own, 0).unwrap();
         let truth = |camera: &Camera| to_host(camera.truths(&shots).unwrap()).unwrap();
         assert_eq!(truth(&own), truth(&exposed));
     }
@@ -174,7 +173,7 @@ fn a_lens_that_gathers_more_light_keeps_its_lead_at_another_time_and_the_truth_s
 fn a_run_keeps_the_exposure_of_its_cameras_and_reports_it() {
     let text = "[exposure]\nwhite_e = 100.0\nlinear_gain = 20.0\nvary = [\"time\"]\nsteps = 8\nlearning_rate = 0.1\n";
     let setup = Arc::new(setup(&format!("{text}{MOVES}")));
-    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let run = RunFolder::create(&folder.path().join("run")).unwrap();
     keep_inputs(&setup, &assets, &run).unwrap();
@@ -193,7 +192,7 @@ fn a_run_keeps_the_exposure_of_its_cameras_and_reports_it() {
     let camera =
         finished_camera(&setup, &setup.variants[0], lens, &exposure, &setup.isp().unwrap(), &network)
             .unwrap();
-    assert_eq!(scorer().score("a", &camera).unwrap().0.scores, row.scores);
+    assert_eq!(scorer().score("a", &camera).unwrap().metrics.scores, row.scores);
     std::fs::write(run.environment(), "{}").unwrap();
     let report = report_of_run(&setup, &run, "").unwrap();
     let [change] = &report.cameras[0].setting_changes[..] else { panic!("the time alone moved") };
@@ -211,7 +210,7 @@ fn a_network_that_learnt_behind_many_lenses_is_the_start_of_another_run() {
         schedule.exposure = { method = \"random\", steps = 2, learning_rate = 1.0 }\n\
         schedule.network = { steps = 2 }\n";
     let learnt = Arc::new(setup(text));
-    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let run = RunFolder::create(&folder.path().join("run")).unwrap();
     keep_inputs(&learnt, &assets, &run).unwrap();
@@ -235,13 +234,13 @@ fn a_network_that_learnt_behind_many_lenses_is_the_start_of_another_run() {
     };
     let started = with(&given).unwrap();
     let bytes = std::fs::read(&weights).unwrap();
-    assert_eq!(started.network().unwrap().network().to_safetensors().unwrap(), bytes);
+    assert_eq!(started.network().unwrap().to_safetensors().unwrap(), bytes);
     // The run keeps them, and its configuration names its own copy.
     let kept = RunFolder::create(&folder.path().join("kept")).unwrap();
     keep_inputs(&started, &assets, &kept).unwrap();
     assert_eq!(std::fs::read(kept.input("network.safetensors")).unwrap(), bytes);
     let again = Setup::new(assets.experiment_of_run(&kept).unwrap(), &assets, Device::flex().autodiff());
-    assert_eq!(again.unwrap().network_weights.unwrap(), bytes);
+    assert_eq!(again.unwrap().task.given_weights().unwrap(), bytes);
     // Weights of another size are refused before anything is begun.
     let Err(refused) = with(&format!("{given}kind = \"u-net\"\n")) else {
         panic!("another network takes the weights");

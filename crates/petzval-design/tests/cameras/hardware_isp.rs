@@ -8,18 +8,18 @@ use petzval_camera::isp::{HardwareIsp, Isp, IspError, IspParameter, RawInput, Rg
 use petzval_camera::render::{Placement, Window};
 use petzval_camera::sensor::{Noise, NoiseMode};
 use petzval_camera::tape::Frames;
-use petzval_design::assets::{Assets, OutsideIsp};
+use petzval_design::assets::OutsideIsp;
 use petzval_design::block::{Batch, Block, IspBlock, OpticsBlock};
 use petzval_design::camera::{Camera, ChipValues, PsfSource, Shot, ideal_input, to_host};
 use petzval_design::design_loop::finished_camera;
 use petzval_design::error::DesignError;
 use petzval_design::experiment::{Experiment, StepMethod, StepRule};
 use petzval_design::lens::psf_plan::PsfPlan;
+use petzval_design::library::Library;
 use petzval_design::setup::Setup;
-use petzval_design::shots::training_shots;
 use petzval_files::isp_file::parse_external_isp;
 use petzval_learn::Device;
-use petzval_learn::objective::NamedLoss;
+use petzval_learn::loss::NamedLoss;
 
 const QUIET: Noise = Noise { mode: NoiseMode::Off, seed: 1 };
 
@@ -28,7 +28,7 @@ fn setup(more: &str) -> Result<Setup, DesignError> {
 }
 
 fn setup_of(preset: &str, more: &str) -> Result<Setup, DesignError> {
-    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
     let text = format!(
         "[psf]\nfields = 5\npupil_cells = 32\nscoring_pupil_cells = 32\nscoring_pupil_error = 2.0\n\
          [training]\ncrop = 64\nbatch = 3\nrelight_ev = 0.0\n[isp]\npreset = \"{preset}\"\n{more}\
@@ -56,7 +56,7 @@ fn the_gradient_by_parameters_and_lens_is_that_of_differences() {
     let setup = setup_of("automotive", vary).unwrap();
     let start = setup.nominal();
     let camera = setup.camera(start.lens_file.lens.clone(), true).unwrap();
-    let shots = training_shots(&setup, &camera, 3).unwrap();
+    let shots = setup.training_shots(&camera, 3).unwrap();
     let isp = setup.isp().unwrap();
     let held = camera.with_chip(isp.held(&camera.body().device));
     let batch = Batch::new(&held, &shots, QUIET, &loss_of);
@@ -121,7 +121,7 @@ fn steps_by_the_smooth_form_improve_the_pictures_of_the_chip() {
     let setup = setup("").unwrap();
     let lens = setup.nominal().lens_file.lens.clone();
     let camera = setup.camera(lens, true).unwrap();
-    let shots = training_shots(&setup, &camera, 0).unwrap();
+    let shots = setup.training_shots(&camera, 0).unwrap();
     let loss = loss_of;
     let mut isp = setup.isp().unwrap();
     let on_chip = |isp: &IspBlock| value(&camera.with_chip(ChipValues::Exact(isp.values())), &shots);
@@ -153,7 +153,7 @@ fn rule(method: StepMethod) -> StepRule {
 fn the_chip_is_improved_without_its_gradient_and_a_search_continues_with_the_same_bits() {
     let setup = setup("vary = [\"luma_denoise\", \"sharpen\"]\n").unwrap();
     let camera = setup.camera(setup.nominal().lens_file.lens.clone(), true).unwrap();
-    let shots = training_shots(&setup, &camera, 0).unwrap();
+    let shots = setup.training_shots(&camera, 0).unwrap();
     let batch = || Batch::new(&camera, &shots, QUIET, &loss_of);
     let on_chip = |isp: &IspBlock| value(&camera.with_chip(ChipValues::Exact(isp.values())), &shots);
     let (mut isp, mut losses) = (setup.isp().unwrap(), Vec::new());
@@ -179,7 +179,7 @@ fn a_network_that_imitates_the_chip_leads_it_and_the_lens_and_continues_with_the
     let isp = "vary = [\"gain.stops\", \"gamma.exponent\"]\nproxy_warm_up = 50\nproxy_steps = 4\nsteps = 1\n";
     let setup = setup(isp).unwrap();
     let camera = setup.camera(setup.nominal().lens_file.lens.clone(), true).unwrap();
-    let shots = training_shots(&setup, &camera, 0).unwrap();
+    let shots = setup.training_shots(&camera, 0).unwrap();
     // The darker the better, so that both parameters have somewhere to go.
     let darkness = |frames: &Frames| {
         let total = frames.finished.clone().powi_scalar(2).mean();
@@ -187,7 +187,7 @@ fn a_network_that_imitates_the_chip_leads_it_and_the_lens_and_continues_with_the
         NamedLoss { total, parts: vec![("total", value)] }
     };
     let loss = |_: &Camera, frames: &Frames, _: &[Shot]| Ok(darkness(frames));
-    let further = |number: u64| training_shots(&setup, &camera, number);
+    let further = |number: u64| setup.training_shots(&camera, number);
     let batch = || Batch { further: &further, ..Batch::new(&camera, &shots, QUIET, &loss) };
     let on_chip = |isp: &IspBlock| {
         let camera = camera.with_chip(ChipValues::Exact(isp.values()));
@@ -255,7 +255,7 @@ fn a_scored_camera_develops_in_whole_numbers_and_its_truth_is_the_preset_on_perf
     let (isp, network) = (setup.isp().unwrap(), setup.network().unwrap());
     let camera =
         finished_camera(&setup, &setup.variants[0], lens, &setup.exposure(), &isp, &network).unwrap();
-    let shot = Shot { kept: None, ..training_shots(&setup, &camera, 0).unwrap().remove(0) };
+    let shot = Shot { kept: None, ..setup.training_shots(&camera, 0).unwrap().remove(0) };
     let shots = [Shot { placement: Placement { row: 300, col: 501 }, ..shot }];
     let finished = to_host(camera.take(&shots, &QUIET).unwrap().finished).unwrap();
     // Numbers of 16 bits.
@@ -298,7 +298,7 @@ fn parameters_that_do_not_exist_and_blocks_that_are_not_there_are_refused() {
 
 /// What is said of an experiment that cannot be made ready.
 fn not_ready(isp: &str) -> String {
-    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
     let text = format!("{isp}[[variant]]\nname = \"a\"\n[[variant.stage]]\nmoves = [\"isp\"]\n");
     let setup = Setup::new(Experiment::parse(&text).unwrap(), &assets, Device::flex().autodiff());
     setup.err().unwrap().to_string()
@@ -341,7 +341,7 @@ fn foreign_setup(folder: &Path, isp: &str, variant: &str) -> Result<Setup, Desig
     let description = folder.join("lab.toml");
     let text = "name = \"a\"\ncommand = [\"true\"]\n[[parameter]]\nname = \"tone.gain\"\nmin = 0\nmax = 1\ndefault = 1\nsentence = \"\"\n";
     std::fs::write(&description, text).unwrap();
-    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data"))
+    let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data"))
         .unwrap()
         .with_external_isps(Arc::new(|_| {
             let defaults = Foreign.defaults();
@@ -365,14 +365,14 @@ fn an_isp_outside_this_program_moves_by_evolution_and_leads_lens_and_itself_by_a
         [[variant.stage]]\nmoves = [\"optics\", \"isp\"]\nschedule.isp = { method = \"proxy\", steps = 3 }\n";
     let setup = foreign_setup(folder.path(), FOREIGN, stages).unwrap();
     let camera = setup.camera(setup.nominal().lens_file.lens.clone(), true).unwrap();
-    let shots = training_shots(&setup, &camera, 0).unwrap();
+    let shots = setup.training_shots(&camera, 0).unwrap();
     // Twice as bright as it is now, so that the gain has somewhere to go.
     let loss = |_: &Camera, frames: &Frames, _: &[Shot]| {
         let total = (frames.finished.clone() - 0.8).powi_scalar(2).mean();
         let value = f64::from(to_host(total.clone())?[0]);
         Ok(NamedLoss { total, parts: vec![("total", value)] })
     };
-    let further = |number: u64| training_shots(&setup, &camera, number);
+    let further = |number: u64| setup.training_shots(&camera, number);
     let batch = || Batch { further: &further, ..Batch::new(&camera, &shots, QUIET, &loss) };
     let by_itself = |isp: &IspBlock| {
         let camera = camera.with_chip(ChipValues::Exact(isp.values()));

@@ -10,20 +10,20 @@ use petzval_camera::image::LinearImage;
 use petzval_camera::render::Placement;
 use petzval_camera::sensor::{Exposure, Noise, NoiseMode};
 use petzval_camera::tape::Frames;
-use petzval_design::assets::Assets;
 use petzval_design::block::{Batch, Block, OpticsBlock};
-use petzval_design::camera::{Camera, PsfSource, SameTime, Shot};
+use petzval_design::camera::{Camera, Labels, PsfSource, SameTime, Shot};
 use petzval_design::experiment::{
     DevelopmentConfig, ExposureSetting, FieldOfView, LensGoal, LensSearch, StepMethod, StepRule,
     VariantConfig,
 };
 use petzval_design::lens::psf_plan::PsfPlan;
 use petzval_design::lens::start::Start;
+use petzval_design::library::Library;
 use petzval_design::setup::Setup;
+use petzval_design::task::Objective;
 use petzval_learn::Device;
-use petzval_learn::camera_network::NetworkKind;
-use petzval_learn::detection::Truth;
-use petzval_learn::objective::{Labels, NamedLoss, Objective, Taken};
+use petzval_learn::loss::NamedLoss;
+use petzval_learn::network::NetworkKind;
 use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::image_brightness;
 use petzval_optics::psf::PsfKind;
@@ -33,7 +33,7 @@ fn setup() -> Setup {
 }
 
 fn setup_with(restore: bool) -> Setup {
-    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
     let mut experiment = assets.experiment("cooke-triplet-image-quality").unwrap();
     // Without directions that are chosen pixel by pixel, which differences would step across.
     experiment.development =
@@ -73,7 +73,7 @@ fn shots(setup: &Setup) -> Vec<Shot> {
             placement: Placement { row: *row, col: *col },
             kept: None,
             frame: i as u64,
-            truth: Truth::default(),
+            labels: Labels::default(),
             follows_light: i != 1,
         })
         .collect()
@@ -96,15 +96,13 @@ fn camera_with(setup: &Setup, start: &Start, lens: Lens) -> Camera {
     let fields = moving.field_angles(&start.space.lens_at(start.space.start()).unwrap()).unwrap();
     let plan = PsfPlan { held_fields_rad: Some(fields), ..moving.clone() };
     let psfs = PsfSource::Traced { lens: Box::new(lens), plan }.psfs().unwrap();
-    Camera::new(setup.body.clone(), Arc::new(psfs)).unwrap().with_network(setup.network().unwrap().held())
+    setup.network().unwrap().attached_to(&Camera::new(setup.body.clone(), Arc::new(psfs)).unwrap())
 }
 
 fn loss(setup: &Setup, objective: &dyn Objective, x: &[f64], shots: &[Shot]) -> f64 {
     let camera = camera(setup, x);
     let frames = camera.take(shots, &Noise { mode: NoiseMode::Off, seed: 1 }).unwrap();
-    let labels = Labels::Pictures(camera.truths(shots).unwrap());
-    let taken = Taken { frames: &frames, detector: None, seed: 0 };
-    let parts = objective.loss(&taken, &labels).unwrap().parts;
+    let parts = objective.loss(&camera, &frames, shots).unwrap().parts;
     parts.iter().find(|(name, _)| *name == "total").unwrap().1
 }
 
@@ -112,10 +110,7 @@ fn loss(setup: &Setup, objective: &dyn Objective, x: &[f64], shots: &[Shot]) -> 
 fn gradient_at(setup: &Setup, x: &[f64], shots: &[Shot], noise: Noise) -> (BTreeMap<String, f64>, Vec<f64>) {
     let objective = setup.objective().unwrap();
     let camera = camera(setup, x);
-    let loss = |camera: &Camera, frames: &Frames, shots: &[Shot]| {
-        let taken = Taken { frames, detector: None, seed: 0 };
-        Ok(objective.loss(&taken, &Labels::Pictures(camera.truths(shots)?))?)
-    };
+    let loss = |camera: &Camera, frames: &Frames, shots: &[Shot]| objective.loss(camera, frames, shots);
     let batch = Batch::new(&camera, shots, noise, &loss);
     let block = block_at(setup.nominal(), x);
     assert_eq!(block.free_numbers(), block.coordinates().len());
@@ -212,7 +207,7 @@ fn the_gradient_of_a_camera_as_made_goes_through_its_lens_and_the_one_that_it_is
     let brightness = image_brightness(&own.at_wavelength(own.reference_um));
     let mut body = (*setup.body).clone();
     body.same_time = Some(SameTime { white_e: body.exposure.white_e, brightness, is_normalised: true });
-    setup.body = Arc::new(body);
+    setup.cameras.body = Arc::new(body);
     made_gradient(&setup, &start);
 }
 
@@ -267,7 +262,7 @@ fn the_gradient_goes_through_the_light_that_a_lens_gathers() {
     let mut with = |is_normalised| {
         let white_e = body.exposure.white_e;
         body.same_time = Some(SameTime { white_e, brightness, is_normalised });
-        setup.body = Arc::new(body.clone());
+        setup.cameras.body = Arc::new(body.clone());
         smooth_gradient(&setup, &start, 5e-4)
     };
     let (street, photograph) = (with(false), with(true));
@@ -333,7 +328,7 @@ fn steps_by_the_lifted_curvature_and_by_evolution_lower_the_loss_and_continue_wi
     };
     let block = || OpticsBlock::new(setup.nominal().clone(), 1.0);
     let camera_of =
-        |block: &OpticsBlock| setup.camera(block.lens().unwrap(), true).unwrap().with_network(network.held());
+        |block: &OpticsBlock| network.attached_to(&setup.camera(block.lens().unwrap(), true).unwrap());
     let step = |block: &mut OpticsBlock, method: StepMethod, rate: f64| {
         let camera = camera_of(block);
         let loss = |camera: &Camera, frames: &Frames, shots: &[Shot]| Ok(squared(frames, camera, shots));
@@ -364,7 +359,7 @@ fn steps_by_the_lifted_curvature_and_by_evolution_lower_the_loss_and_continue_wi
 #[test]
 fn random_steps_draw_lens_and_exposure_anew_and_leave_no_trace_when_the_stage_ends() {
     let mut setup = setup();
-    setup.experiment.exposure.vary = vec![ExposureSetting::Time];
+    setup.cameras.experiment.exposure.vary = vec![ExposureSetting::Time];
     let mut shots = shots(&setup);
     let nominal = setup.nominal().clone();
     let camera = camera(&setup, nominal.space.start());

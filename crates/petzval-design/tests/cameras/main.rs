@@ -9,4 +9,5 @@ mod hardware_isp;
 mod joint_gradient;
 mod line_integral;
 mod optics_proxy;
+mod toy_task;
 mod variants;

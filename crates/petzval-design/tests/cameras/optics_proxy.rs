@@ -3,19 +3,19 @@
 use std::path::Path;
 
 use burn::prelude::*;
-use petzval_design::assets::Assets;
 use petzval_design::camera::optics_proxy::{OpticsJudge, OpticsTraining, ProxyDomain, ProxyOpticsTrainer};
 use petzval_design::experiment::Experiment;
 use petzval_design::lens::sampler::LensSampler;
+use petzval_design::library::Library;
 use petzval_design::setup::Setup;
 
 const STEPS: usize = 60;
 const LEARNT_BY_HEART: usize = 400;
 
 fn setup() -> Setup {
-    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
     let text = "[psf]\nfields = 3\npupil_cells = 24\nscoring_pupil_cells = 24\nscoring_pupil_error = 2.0\n";
-    Setup::without_photos(Experiment::parse(text).unwrap(), &assets, Device::flex().autodiff()).unwrap()
+    Setup::without_windows(Experiment::parse(text).unwrap(), &assets, Device::flex().autodiff()).unwrap()
 }
 
 fn sampler(setup: &Setup, seed: u64) -> LensSampler {

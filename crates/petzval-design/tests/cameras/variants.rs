@@ -7,19 +7,21 @@ use std::sync::atomic::AtomicBool;
 use crate::common::Silent;
 use nalgebra::{DMatrix, DVector};
 use petzval_camera::sensor::NoiseMode;
-use petzval_design::assets::Assets;
 use petzval_design::block::OpticsBlock;
 use petzval_design::design_loop::{DesignLoop, Ending};
-use petzval_design::experiment::{BlockName, Experiment, FieldOfView, LensGoal, LensSearch, Stage};
+use petzval_design::experiment::{
+    BlockName, Experiment, FieldOfView, LensGoal, LensSearch, NetworkRole, Stage,
+};
 use petzval_design::inputs::keep_inputs;
 use petzval_design::lens::psf_plan::PsfPlan;
 use petzval_design::lens::restored::RestoredError;
+use petzval_design::library::Library;
 use petzval_design::run::{CameraMetrics, Event, Metrics, RunFolder, read_events};
 use petzval_design::scoring::Scorer;
 use petzval_design::setup::Setup;
-use petzval_design::shots::validation_shots;
+use petzval_design::task::Remark;
+use petzval_design::task::pictures::PictureJudge;
 use petzval_learn::Device;
-use petzval_learn::dataset::NamedPhoto;
 use petzval_learn::score::{Score, ScoreError, ScoredPair, standard_scores};
 use petzval_optics::design_space::SmoothSpace;
 use petzval_optics::gradient::LensGradient;
@@ -96,14 +98,15 @@ fn variant(name: &str, more: &str) -> String {
 
 /// Runs an experiment to its end with the further score.
 fn run(experiment: Experiment, folder: &Path) -> Metrics {
-    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
     let setup = Setup::new(experiment, &assets, Device::flex().autodiff()).unwrap();
     let folder = RunFolder::create(folder).unwrap();
     keep_inputs(&setup, &assets, &folder).unwrap();
     let setup = Arc::new(setup);
     let mut scores = standard_scores(&setup.lpips().unwrap());
     scores.push(Box::new(MeanAbsoluteError));
-    let design = DesignLoop::new(folder, Scorer::of_pictures(setup, scores).unwrap()).unwrap();
+    let judge = PictureJudge::new(&setup.experiment, scores).unwrap();
+    let design = DesignLoop::new(folder, Scorer::with_judge(setup, judge)).unwrap();
     match design.run(&mut Silent, &AtomicBool::new(false)).unwrap() {
         Ending::Finished(metrics) => *metrics,
         Ending::Stopped(step) => panic!("stopped at {step}"),
@@ -175,11 +178,11 @@ fn variants_that_cannot_be_made_are_refused_with_a_hint() {
 
 #[test]
 fn an_unknown_score_is_refused_with_the_known_ones() {
-    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
     let experiment = Experiment::parse(&format!("{TINY}scores = [\"beauty\"]\n")).unwrap();
     let setup = Setup::new(experiment, &assets, Device::flex().autodiff()).unwrap();
     let scores = standard_scores(&setup.lpips().unwrap());
-    let error = Scorer::of_pictures(Arc::new(setup), scores).err().unwrap();
+    let error = PictureJudge::new(&setup.experiment, scores).err().unwrap();
     assert!(error.is_input() && error.to_string().contains("psnr_db"), "{error}");
 }
 
@@ -187,7 +190,7 @@ fn an_unknown_score_is_refused_with_the_known_ones() {
 /// images in the corner of the sensor; to 14.8 degrees the spots would be 6.84 um.
 #[test]
 fn spots_are_minimised_to_convergence_under_the_requirements() {
-    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
     let setup = Setup::new(Experiment::parse("").unwrap(), &assets, Device::flex().autodiff()).unwrap();
     let minimised = || {
         let mut block = OpticsBlock::new(setup.start(&setup.variants[0]).clone(), 1.0);
@@ -220,7 +223,7 @@ fn spots_are_minimised_to_convergence_under_the_requirements() {
 /// The error after restoration: its gradient, and what a descent from the spot-optimised lens gains.
 #[test]
 fn a_lens_is_improved_for_the_restoration_of_its_frames() {
-    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
     let text = "[psf]\nfields = 7\ngrid = 96\npupil_cells = 48\n";
     let setup = Setup::new(Experiment::parse(text).unwrap(), &assets, Device::flex().autodiff()).unwrap();
     let start = setup.start(&setup.variants[0]);
@@ -317,7 +320,7 @@ fn check_gradient(merit: &RestoredError, space: &SmoothSpace, x: &[f64]) {
 /// table of scores.
 #[test]
 fn the_error_after_restoration_follows_the_light_of_the_lens() {
-    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
     let setup = |white_e: f64, same: &str| {
         let free = format!("field = \"free\"\n{JOINT}");
         let exposure = format!("[exposure]\nwhite_e = {white_e}\nsame = \"{same}\"\n");
@@ -346,10 +349,10 @@ fn the_error_after_restoration_follows_the_light_of_the_lens() {
     let mut dim = same_time;
     let mut body = (*dim.body).clone();
     body.same_time.as_mut().unwrap().brightness *= 0.25;
-    dim.body = Arc::new(body);
+    dim.cameras.body = Arc::new(body);
     let [bright, wanted] = [dim, more_electrons].map(|setup| {
         let camera = setup.camera(lens.clone(), false).unwrap();
-        let (row, _) = Scorer::new(Arc::new(setup)).unwrap().score("free", &camera).unwrap();
+        let row = Scorer::new(Arc::new(setup)).unwrap().score("free", &camera).unwrap().metrics;
         row.restored_error_percent.unwrap()
     });
     assert!((bright / wanted - 1.0).abs() < 1e-5, "{bright} {wanted}");
@@ -371,7 +374,7 @@ fn a_variant_that_starts_from_another_has_its_lens_and_counts_its_steps() {
 
 #[test]
 fn a_lens_without_variables_stays_in_a_control_and_moves_near_its_own_numbers() {
-    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
     let setup = |lens: &str, stage: &str| {
         let text = format!("{TINY}{}", variant("a", &format!("lens = \"{lens}\"\n{stage}")));
         Setup::new(Experiment::parse(&text).unwrap(), &assets, Device::flex().autodiff())
@@ -411,7 +414,7 @@ fn a_perfect_lens_is_a_point_or_an_airy_disk() {
     assert_eq!(by_waves[0].perfect_image, PerfectImage::AiryDisk);
 
     let setup = |text: &str| {
-        let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+        let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
         Setup::new(Experiment::parse(&format!("{TINY}{text}")).unwrap(), &assets, Device::flex().autodiff())
             .unwrap()
     };
@@ -454,7 +457,7 @@ fn every_built_in_experiment_says_whether_its_psfs_are_by_rays_or_by_waves() {
 #[test]
 fn built_in_weights_are_those_for_the_psfs_of_the_experiment() {
     let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data");
-    let assets = Assets::from_folder(&data).unwrap();
+    let assets = Library::from_folder(&data).unwrap();
     let [rays, waves] = ["restoration_naf", "restoration_naf_waves"]
         .map(|name| std::fs::read(data.join(format!("weights/{name}.safetensors"))).unwrap());
     assert_ne!(rays, waves);
@@ -462,9 +465,9 @@ fn built_in_weights_are_those_for_the_psfs_of_the_experiment() {
         let mut experiment = assets.experiment("cooke-triplet-image-quality").unwrap();
         experiment.psf.kind = kind;
         experiment.network.weights = weights.to_owned();
-        let setup = Setup::without_photos(experiment, &assets, Device::flex().autodiff()).unwrap();
+        let setup = Setup::without_windows(experiment, &assets, Device::flex().autodiff()).unwrap();
         assert!(setup.experiment.network.has_built_in_weights());
-        setup.network_weights.unwrap()
+        setup.task.given_weights().unwrap().to_vec()
     };
     assert_eq!(started(PsfKind::Geometric, "built-in"), rays);
     assert_eq!(started(PsfKind::Diffraction, "built-in"), waves);
@@ -484,7 +487,7 @@ fn an_extension_adds_a_stage_to_every_variant_that_trains_the_network() {
         variant("end-to-end", &format!("{SPOT}{JOINT}schedule.optics.learning_rate = 0.5\n")),
     ];
     let experiment = Experiment::parse(&format!("{TINY}{}", text.concat())).unwrap();
-    let longer = experiment.extended_to(8).unwrap();
+    let longer = experiment.extended_to(8, NetworkRole::Finishes).unwrap();
     let steps = |e: &Experiment| {
         let of = |v: &petzval_design::experiment::Variant| {
             [v.steps_of(BlockName::Network), v.task_steps_of(BlockName::Optics)]
@@ -498,14 +501,26 @@ fn an_extension_adds_a_stage_to_every_variant_that_trains_the_network() {
     assert_eq!((added.steps, added.learning_rate), (Some(3), Some(0.5)));
     // The file of the longer experiment says the same, and another extension goes on from there.
     assert_eq!(Experiment::parse(&longer.to_toml().unwrap()).unwrap(), longer);
-    assert_eq!(longer.extended_to(8).unwrap(), longer);
-    assert_eq!(steps(&longer.extended_to(10).unwrap()), [[10, 0], [0, 0], [10, 8]]);
+    assert_eq!(longer.extended_to(8, NetworkRole::Finishes).unwrap(), longer);
+    assert_eq!(steps(&longer.extended_to(10, NetworkRole::Finishes).unwrap()), [[10, 0], [0, 0], [10, 8]]);
     assert_eq!(longer.differences(&experiment).len(), 2);
 
-    assert!(experiment.extended_to(5).unwrap_err().0.contains("`unequal` has 6 network steps already"));
+    assert!(
+        experiment
+            .extended_to(5, NetworkRole::Finishes)
+            .unwrap_err()
+            .0
+            .contains("`unequal` has 6 network steps already")
+    );
     let child = variant("child", &format!("from = \"unequal\"\n{NETWORK}"));
     let chain = Experiment::parse(&format!("{TINY}{}{child}", text[0])).unwrap();
-    assert!(chain.extended_to(9).unwrap_err().0.contains("`child` starts from the finished `unequal`"));
+    assert!(
+        chain
+            .extended_to(9, NetworkRole::Finishes)
+            .unwrap_err()
+            .0
+            .contains("`child` starts from the finished `unequal`")
+    );
 }
 
 #[test]
@@ -526,7 +541,7 @@ fn a_camera_made_without_noise_is_scored_with_it() {
 
 #[test]
 fn the_lens_in_the_middle_of_its_bounds_keeps_the_focal_length() {
-    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
     let text = format!("{TINY}{}", variant("a", &format!("lens = \"box-centre\"\n{NETWORK}")));
     let setup = Setup::new(Experiment::parse(&text).unwrap(), &assets, Device::flex().autodiff()).unwrap();
     let (start, nominal) = (setup.start(&setup.variants[0]), setup.nominal());
@@ -546,7 +561,7 @@ fn the_lens_in_the_middle_of_its_bounds_keeps_the_focal_length() {
 /// `sequential` moves each block as often as the joint design, from a lens that was improved as often; `noise-off` alone is made without noise.
 #[test]
 fn built_in_controls_take_the_steps_of_the_joint_design() {
-    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
     for (name, last) in [
         ("cooke-triplet-image-quality-controls", vec![BlockName::Network]),
         ("cooke-triplet-image-quality-hardware-isp", vec![BlockName::Isp]),
@@ -630,19 +645,26 @@ fn a_stage_ends_with_the_numbers_of_its_best_validation() {
 
 #[test]
 fn validation_pictures_are_neither_trained_nor_scored_on_and_moving_lenses_are_validated_at_rest() {
-    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
     let setup = |text: &str| Setup::new(Experiment::parse(text).unwrap(), &assets, Device::flex().autodiff());
     let text = format!("{TINY}{VALIDATION}{}", variant("a", JOINT));
     let (with, without) = (setup(&text).unwrap(), setup(TINY).unwrap());
-    let names = |photos: &[NamedPhoto]| photos.iter().map(|p| p.name.clone()).collect::<Vec<_>>();
-    let validation = names(with.photos.validation());
+    let names = |setup: &Setup, list: &str| -> Vec<String> {
+        let listed = |remark: Remark| match remark {
+            Remark::Note(text) => Some(text.strip_prefix(list)?.split_once(": ")?.1.to_owned()),
+            Remark::Warning(_) => None,
+        };
+        let all = setup.task.remarks().into_iter().find_map(listed).unwrap_or_default();
+        all.split(", ").filter(|name| !name.is_empty()).map(str::to_owned).collect()
+    };
+    let validation = names(&with, "validation");
     assert_eq!(validation.len(), 2);
-    assert!(validation.iter().all(|name| !names(with.photos.training()).contains(name)));
-    assert_eq!(names(with.photos.held_out()), names(without.photos.held_out()));
-    assert_eq!(with.photos.training().len() + 2, without.photos.training().len());
-    assert!(without.photos.validation().is_empty());
+    assert!(validation.iter().all(|name| !names(&with, "training").contains(name)));
+    assert_eq!(names(&with, "held-out"), names(&without, "held-out"));
+    assert_eq!(names(&with, "training").len() + 2, names(&without, "training").len());
+    assert!(names(&without, "validation").is_empty());
     let camera = with.camera(with.nominal().lens_file.lens.clone(), true).unwrap();
-    let batches = validation_shots(&with, &camera).unwrap();
+    let batches = with.validation_shots(&camera).unwrap();
     assert_eq!(batches.iter().map(Vec::len).collect::<Vec<_>>(), [1, 1, 1]);
 
     // Losses of a moving lens and of the same lens at rest are comparable: the network hardly changes them in a few steps.

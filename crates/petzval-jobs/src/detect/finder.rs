@@ -1,26 +1,22 @@
 //! The detector of a request: that of a finished camera, or weights of torchvision.
 
 use std::path::PathBuf;
-use std::rc::Rc;
 
-use petzval_design::block::NetworkBlock;
 use petzval_design::camera::Camera;
-use petzval_design::design_loop::set_detector_view;
-use petzval_design::error::DesignError;
-use petzval_design::experiment::{DetectorConfig, TaskKind};
+use petzval_design::design_loop::set_sight;
 use petzval_design::report::run_report::camera_lens;
 use petzval_design::run::{DigestCheck, Kept, RunFolder, load_blocks};
 use petzval_design::setup::Setup;
+use petzval_design::task::objects::{detector_of, untrained};
 use petzval_learn::Device;
-use petzval_learn::camera_network::CameraNetwork;
-use petzval_learn::camera_network::Network;
-use petzval_learn::camera_network::Zoom;
-use petzval_learn::detection::{AnyDetector, BackboneKind};
+use petzval_learn::dataset::Classes;
+use petzval_learn::detection::{AnyDetector, BackboneKind, Detector, Zoom, Zoomed};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::apply::none_finished;
 use crate::context::Context;
+use crate::design::facts_of;
 use crate::error::JobError;
 use crate::evaluate::camera_of;
 
@@ -53,13 +49,13 @@ pub enum Source {
 /// What finds objects.
 pub struct Finder {
     /// The detector with its weights held, so that no picture leaves anything in memory for a gradient.
-    pub network: Rc<dyn CameraNetwork>,
+    pub detector: Box<dyn Detector>,
     /// Names of its classes.
     pub classes: Vec<String>,
     /// The camera that develops raw frames, if there are any.
     pub camera: Option<Camera>,
-    /// What the task of its run looks for; none of weights of torchvision, whose classes have the numbers of COCO.
-    pub task: Option<TaskKind>,
+    /// What of a data set its classes take; none of weights of torchvision, whose classes have the numbers of COCO.
+    pub taken: Option<Classes>,
 }
 
 /// The detector of a request, and a camera for its first raw frame and all others. `accepted`: files of the run that may differ from their
@@ -75,12 +71,12 @@ pub fn finder(
         Source::Run { run, camera } => {
             let folder = RunFolder::open(run)?;
             let experiment = context.assets.experiment_of_run(&folder)?;
-            if !experiment.task.finds_objects() {
-                let message = format!("{}: the cameras of this run make pictures", run.display());
-                return Err(JobError::input(
-                    message,
-                    "name a run that looks for objects, such as pedestrian-vehicle",
-                ));
+            let makes_pictures = || {
+                let message = format!("{}: the cameras of this run have no detector", run.display());
+                JobError::input(message, "name a run that looks for objects, such as pedestrian-vehicle")
+            };
+            if !facts_of(&experiment, context)?.has_classes {
+                return Err(makes_pictures());
             }
             let finished = folder.finished(experiment.variant.iter().map(|v| v.name.as_str()));
             let Some(last) = finished.last() else {
@@ -94,28 +90,26 @@ pub fn finder(
             }
             let warn = |text: &str| context.warning(text);
             DigestCheck::new(&folder, accepted, &warn).check_cameras([name])?;
-            let task = experiment.task;
-            let DetectorConfig { kind, backbone, .. } = experiment.detector;
-            let classes = experiment.task.classes();
-            let detector = kind.init(backbone, classes.len(), 1, device).map_err(DesignError::from)?;
-            let mut block = NetworkBlock::new(Network::Detector(detector));
+            let taken = experiment.classes();
+            let mut block = untrained(&experiment, device)?;
             load_blocks(&folder.camera(name), [&mut block as _], Kept::Numbers)?;
             if let Some(variant) = experiment.variants().iter().find(|variant| variant.name == name) {
                 let lens = camera_lens(&folder, name)?.lens;
-                set_detector_view(&mut block, &folder, variant, &lens)?;
+                set_sight(&mut block, &folder, variant, &lens)?;
             }
-            let classes = classes.iter().map(|class| (*class).to_owned()).collect();
+            let classes = taken.names().into_iter().map(str::to_owned).collect();
+            let detector = detector_of(&block).ok_or_else(makes_pictures)?;
             let camera = match raw {
                 Some(_) => {
                     let name = name.to_owned();
-                    let setup = Setup::without_photos(experiment, &context.assets, device.clone())?;
+                    let setup = Setup::without_windows(experiment, &context.assets, device.clone())?;
                     let camera = camera_of(&setup, &folder, &name)?;
                     camera.check_sees_frames()?;
                     Some(camera)
                 }
                 None => None,
             };
-            Ok(Finder { network: block.held(), classes, camera, task: Some(task) })
+            Ok(Finder { detector, classes, camera, taken: Some(taken) })
         }
         Source::Weights { file, backbone, classes, shorter, longer } => {
             if let Some(raw) = raw {
@@ -138,10 +132,10 @@ pub fn finder(
                             of a camera looks with --run and --camera";
                 JobError::input(format!("{}: {e}", file.display()), hint)
             })?;
-            let mut block = NetworkBlock::new(Network::Detector(detector));
-            block.set_zoom(Zoom::ToSides { shorter: *shorter, longer: *longer });
+            let zoom = Zoom::ToSides { shorter: *shorter, longer: *longer };
+            let detector = Box::new(Zoomed::new(detector.held(), zoom));
             let classes = (1..=*classes).map(|class| class.to_string()).collect();
-            Ok(Finder { network: block.held(), classes, camera: None, task: None })
+            Ok(Finder { detector, classes, camera: None, taken: None })
         }
     }
 }

@@ -8,9 +8,9 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use petzval_camera::image::LinearImage;
-use petzval_design::boxes::with_boxes;
 use petzval_design::camera::Camera;
 use petzval_design::error::DesignError;
+use petzval_design::task::objects::boxes::with_boxes;
 use petzval_files::coco::{
     self, ANNOTATIONS, Bounds, Category, DataSet, Image, load_coco, save_coco, save_results,
 };
@@ -130,7 +130,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     }
     let raw = looked.iter().map(|l| &l.file).find(|file| is_raw(file));
     let finder = finder(&request.detector, raw, &device, &request.accept_changed, context)?;
-    let detector = finder.network.detector().ok_or_else(|| JobError::failed("the network is no detector"))?;
+    let detector = finder.detector.as_ref();
     let whole = labelled.as_ref().and_then(DataSet::unclipped);
     let labelled = labelled.map(|data| in_classes_of(&finder, data, context)).transpose()?;
     // What is wrong with the classes was said of the boxes inside.
@@ -298,7 +298,7 @@ fn in_classes_of(finder: &Finder, data: DataSet, context: &Context) -> Result<Da
     let nothing = |hint: &str| {
         Err(JobError::input(format!("no box of {} is in this data set", listed(&finder.classes)), hint))
     };
-    let Some(task) = finder.task else {
+    let Some(classes) = &finder.taken else {
         let is_known = |category: &Category| (1..=finder.classes.len() as u64).contains(&category.id);
         let (known, unknown): (Vec<Category>, Vec<Category>) =
             data.categories.into_iter().partition(is_known);
@@ -321,9 +321,8 @@ fn in_classes_of(finder: &Finder, data: DataSet, context: &Context) -> Result<Da
             nothing("its categories need the numbers that the weights have for them, such as those of COCO")
         };
     };
-    let (names, wanted) = (task.classes(), task.wanted());
-    taken_as(&data, wanted, names).iter().for_each(|note| context.warning(note));
-    let data = in_classes(&data, wanted, names);
+    taken_as(&data, classes).iter().for_each(|note| context.warning(note));
+    let data = in_classes(&data, classes);
     if data.annotations.iter().any(|object| !object.crowd) {
         Ok(data)
     } else {

@@ -5,7 +5,7 @@ use petzval_learn::score::detection::{
     CocoSummary, Group, Interpolation, Protocol, Ranking, clusters_of_data_set, coco_summary,
     pictures_of_data_set, voc_average_precision,
 };
-use petzval_learn::score::{range_of, states};
+use petzval_learn::score::{confusion, range_of};
 use serde::{Deserialize, Serialize};
 
 /// How well the objects of a data set are found.
@@ -85,7 +85,7 @@ impl Scores {
             ap50_range: range(&half),
             classes: classes.iter().enumerate().map(by_class).collect(),
             overhanging: None,
-            state_accuracy: has_states.then(|| states(&pictures, classes.len()).accuracy()).flatten(),
+            state_accuracy: has_states.then(|| confusion(&pictures, classes.len()).accuracy()).flatten(),
             coco,
         }
     }

@@ -17,6 +17,7 @@ use petzval_files::isp_file::{
 use petzval_learn::Device;
 use petzval_learn::network::IspProxyConfig;
 use petzval_learn::proxy_isp::{FRAME_NUMBERS, ProxyIsp};
+use petzval_learn::weight_file::Weights;
 
 use self::external::ExternalIsp;
 use crate::error::JobError;

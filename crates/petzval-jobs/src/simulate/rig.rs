@@ -12,7 +12,7 @@ use petzval_camera::render::{
     with_patches_for,
 };
 use petzval_camera::sensor::{Capture, Exposure, Noise, NoiseMode, SensorModel, expose};
-use petzval_design::camera::{Body, Camera, PsfSource, Psfs, Shot};
+use petzval_design::camera::{Body, Camera, Labels, PsfSource, Psfs, Shot};
 use petzval_design::error::DesignError;
 use petzval_design::experiment::PsfConfig;
 use petzval_design::lens::psf_plan::PsfPlan;
@@ -20,7 +20,6 @@ use petzval_lab::psf_calibration::PsfCalibrationError;
 use petzval_lab::psf_calibration::manifest::MANIFEST_FILE;
 use petzval_lab::psf_calibration::psf_file::{AXES_FILE, load_psfs};
 use petzval_learn::Device;
-use petzval_learn::detection::Truth;
 use petzval_optics::lens::Lens;
 use petzval_optics::psf::PerfectImage;
 
@@ -208,7 +207,7 @@ impl Rig {
             placement: self.window.placement,
             kept: None,
             frame,
-            truth: Truth::default(),
+            labels: Labels::default(),
             follows_light: true,
         })
     }

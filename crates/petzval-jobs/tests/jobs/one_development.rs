@@ -8,13 +8,12 @@ use burn::tensor::TensorData;
 use petzval_camera::image::LinearImage;
 use petzval_camera::render::Window;
 use petzval_camera::sensor::{Noise, NoiseMode};
-use petzval_design::camera::{Shot, to_host};
+use petzval_design::camera::{Labels, Shot, to_host};
 use petzval_design::experiment::{DevelopmentConfig, Experiment};
 use petzval_design::setup::Setup;
 use petzval_files::save_png;
 use petzval_jobs::{Context, Silent, built_in_assets, simulate};
 use petzval_learn::Device;
-use petzval_learn::detection::Truth;
 
 const SIDE: usize = 96;
 
@@ -52,7 +51,7 @@ fn simulate_and_training_develop_a_raw_frame_to_the_same_bits() {
         experiment.exposure.white_e = white_e;
         let simulate::Interpolation { demosaic, domain } = request.development;
         experiment.development = DevelopmentConfig { demosaic, domain, restore: false };
-        let setup = Setup::without_photos(experiment, &context.assets, Device::flex().autodiff()).unwrap();
+        let setup = Setup::without_windows(experiment, &context.assets, Device::flex().autodiff()).unwrap();
         let lens = context.assets.lens("cooke-triplet-nominal").unwrap().lens;
         let camera = setup.camera(lens, false).unwrap();
         let sensor = &camera.body().sensor;
@@ -64,7 +63,7 @@ fn simulate_and_training_develop_a_raw_frame_to_the_same_bits() {
             placement: window.placement,
             kept: None,
             frame: 0,
-            truth: Truth::default(),
+            labels: Labels::default(),
             follows_light: true,
         };
         let off = Noise { mode: NoiseMode::Off, seed: 0 };

@@ -13,10 +13,10 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
+use super::classes::{taken_as, truth};
 use super::crop::around;
 use super::labelled_window::{LARGEST_SHARE, LEAST_INSIDE, crop_around, drawn_by_class, inside, off_middle};
-use super::named_objects::{taken_as, truth};
-use super::{CropPlan, DatasetError, LabelledWindow, List, PictureFile, Wanted};
+use super::{Classes, CropPlan, DatasetError, LabelledWindow, List, PictureFile};
 use crate::detection::{BBox, Object, Truth};
 
 /// Where a data set says nothing of its parts: of every so many sequences, the last is held out and the one before it is for validation.
@@ -77,12 +77,12 @@ impl LabelledPictures {
     /// fifth sequence is for validation, or the last of those for training where there are fewer; if not, they are for training.
     pub fn load(
         folder: &Path,
-        wanted: Wanted,
-        classes: &[&str],
+        classes: &Classes,
         crop: usize,
         least_side_px: f64,
         purpose: Purpose,
     ) -> Result<(Self, Vec<String>), DatasetError> {
+        let class_names = classes.names();
         let validated = purpose == Purpose::ValidatedTraining;
         let trains = purpose != Purpose::Scores;
         let mut loaded = load_coco(folder)?;
@@ -109,7 +109,7 @@ impl LabelledPictures {
                 folder.display()
             ));
         }
-        notes.extend(taken_as(data, wanted, classes).map(|note| format!("{}: {note}", folder.display())));
+        notes.extend(taken_as(data, classes).map(|note| format!("{}: {note}", folder.display())));
         let mut found = Self::default();
         let mut small = 0;
         for (image, objects) in data.images.iter().zip(&objects) {
@@ -124,7 +124,7 @@ impl LabelledPictures {
                 List::Validation if !validated => List::Training,
                 list => list,
             };
-            let truth = truth(data, objects, wanted);
+            let truth = truth(data, objects, classes);
             let (name, sequence) = (image.file_name.clone(), sequence(image).to_owned());
             found.list_mut(list).push(LabelledPicture { path, name, sequence, size, truth });
         }
@@ -165,7 +165,8 @@ impl LabelledPictures {
                 0 => String::new(),
                 more => format!(" and {more} more"),
             };
-            let [classes, names] = [classes, &names[..names.len().min(SHOWN)]].map(|list| list.join(", "));
+            let [classes, names] =
+                [&class_names[..], &names[..names.len().min(SHOWN)]].map(|list| list.join(", "));
             return Err(misfit(format!(
                 "no box of {classes} counts: it counts if the name of its category says so, if it is no crowd and not to be ignored, and if it is \
                  at least a pixel wide and high; the categories are {names}{more}"
@@ -182,7 +183,7 @@ impl LabelledPictures {
             if per_class.iter().all(|counts| counts[k] == 0) && (trains || purpose == "scoring") {
                 let problem = format!(
                     "no box of {} with a longer side of {least_side_px} pixels or more, `street.least_side_px`, is left for {purpose}",
-                    classes.join(", ")
+                    class_names.join(", ")
                 );
                 return Err(misfit(problem));
             }
@@ -195,7 +196,7 @@ impl LabelledPictures {
                 folder.display()
             ));
         }
-        for (class, [training, held_out]) in classes.iter().zip(&per_class) {
+        for (class, [training, held_out]) in class_names.iter().zip(&per_class) {
             if trains && (*training == 0 || *held_out == 0) {
                 notes.push(format!(
                     "{}: the class `{class}` has {training} boxes of {least_side_px} pixels or more for training and {held_out} for scoring",

@@ -72,16 +72,6 @@ pub enum List {
     HeldOut,
 }
 
-/// What is looked for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Wanted {
-    /// Pedestrians (class 0) and vehicles (class 1).
-    PeopleAndVehicles,
-    /// Traffic lights for the camera's lane, by what they show: red, yellow, green, off (classes 0 to 3). Lights for people on foot and
-    /// for other lanes are not among them, and finding them is a mistake.
-    TrafficLights,
-}
-
 /// A window of a scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LabelledWindow {

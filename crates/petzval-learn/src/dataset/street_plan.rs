@@ -4,14 +4,14 @@ use std::collections::BTreeMap;
 
 use petzval_camera::image::CHANNELS;
 use petzval_street::{
-    Families, LampColours, LampState, Light, NearObject, ObjectKind, Projection, SeenObject, Street,
-    StreetError, StreetSettings, Window,
+    Families, LampColours, Light, NearObject, Projection, SeenObject, Street, StreetError, StreetSettings,
+    Window,
 };
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::labelled_window::{LARGEST_SHARE, LEAST_INSIDE, crop_around, drawn_by_class, inside, off_middle};
-use super::{CropPlan, LabelledWindow, List, Wanted};
+use super::{Classes, CropPlan, LabelledWindow, List};
 use crate::detection::{BBox, Object, Truth};
 
 /// The automatic exposure makes the geometric mean of a street's luminance this share of white.
@@ -106,7 +106,7 @@ pub struct StreetPlan {
     /// Traffic and people, of those in a busy town, 0..1.
     pub busy: f64,
     /// What is looked for.
-    pub wanted: Wanted,
+    pub classes: Classes,
     /// Luminance that becomes 1 at the longest exposure, cd/m^2. Brighter streets are exposed for less.
     pub white_cd_m2: f64,
     /// Samples along a side of a pixel.
@@ -209,7 +209,7 @@ impl StreetPlan {
                 inside(&sensor_box(whole), at, crops.crop).is_some_and(|(_, share)| share >= LEAST_INSIDE)
             };
             let there = near.iter().find(|object| object.id == id).filter(|_| !is_enough(whole, crops, at));
-            let class = there.and_then(|object| class_of(self.wanted, object.kind, object.lamp));
+            let class = there.and_then(|object| self.classes.of_street(object.kind, object.lamp));
             if let Some((object, class)) = there.zip(class) {
                 // It counts only if it does in the reference view, whose picture is needed for this alone.
                 let at_there = crop_off(reference_crops, object.whole, off);
@@ -238,7 +238,7 @@ impl StreetPlan {
                 && share.is_some_and(|share| *share >= self.least_visible)
         };
         let with_class =
-            |object: &NearObject| Some((class_of(self.wanted, object.kind, object.lamp)?, object.id));
+            |object: &NearObject| Some((self.classes.of_street(object.kind, object.lamp)?, object.id));
         let counted = near.iter().filter(|object| counts(object)).filter_map(with_class);
         let is_on_object = random.random_bool(self.on_objects);
         let drawn = if is_on_object { drawn_by_class(counted, random) } else { None };
@@ -251,7 +251,7 @@ impl StreetPlan {
     fn truth(&self, objects: &[SeenObject], reference: &[NearObject], at: [usize; 2], crop: usize) -> Truth {
         let mut truth = Truth::default();
         for object in objects {
-            let Some(class) = class_of(self.wanted, object.kind, object.lamp) else { continue };
+            let Some(class) = self.classes.of_street(object.kind, object.lamp) else { continue };
             let Some((bbox, share)) = inside(&sensor_box(object.whole), at, crop) else { continue };
             let there = reference.iter().find(|near| near.id == object.id);
             let counts = longer_side(there.map_or(object.whole, |near| near.whole)) >= self.least_side_px
@@ -265,21 +265,6 @@ impl StreetPlan {
             }
         }
         truth
-    }
-}
-
-/// The class of an object; none for what is not looked for.
-fn class_of(wanted: Wanted, kind: ObjectKind, lamp: Option<LampState>) -> Option<usize> {
-    match (wanted, kind, lamp) {
-        (Wanted::PeopleAndVehicles, ObjectKind::Pedestrian, _) => Some(0),
-        (Wanted::PeopleAndVehicles, ObjectKind::Vehicle, _) => Some(1),
-        (Wanted::TrafficLights, ObjectKind::TrafficLight, Some(lamp)) => Some(match lamp {
-            LampState::Red => 0,
-            LampState::Yellow => 1,
-            LampState::Green => 2,
-            LampState::Off => 3,
-        }),
-        _ => None,
     }
 }
 

@@ -157,6 +157,11 @@ impl AnyDetector {
         Ok(Self::FasterRcnn(FasterRcnn::with(two_stages(backbone, coco.len()), &from)?))
     }
 
+    /// The same with its weights held: no gradient goes to them.
+    pub fn held(self) -> Self {
+        self.no_grad()
+    }
+
     fn of_kind(&self) -> &dyn Detector {
         match self {
             Self::FasterRcnn(detector) => detector,

@@ -31,6 +31,7 @@ mod proposals;
 mod pyramid;
 mod roi_align;
 mod sampler;
+mod zoomed;
 
 #[cfg(test)]
 mod reference;
@@ -41,6 +42,7 @@ pub use boxes::BBox;
 pub use faster_rcnn::{FasterRcnn, FasterRcnnConfig};
 pub use fcos::{Fcos, FcosConfig};
 pub use matcher::Match;
+pub use zoomed::{Zoom, Zoomed};
 
 use burn::prelude::*;
 use burn::tensor::ops::PadMode;
@@ -83,7 +85,7 @@ pub struct Detection {
 }
 
 /// A network that finds objects.
-pub trait Detector {
+pub trait Detector: Send + Sync {
     /// The loss of pictures `[batch, 3, height, width]`, sRGB-encoded, 0..1, one truth each. Its graph leads to the weights and to the
     /// pictures. `seed` decides of which boxes it is computed.
     fn loss(&self, pictures: Tensor<4>, truths: &[Truth], seed: u64) -> Result<NamedLoss, LossError>;

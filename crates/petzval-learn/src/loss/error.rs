@@ -58,12 +58,6 @@ pub enum LossError {
         /// The value.
         value: f32,
     },
-    /// An objective was given labels of another kind than it compares with.
-    #[error("the labels are not of the kind that this objective compares with")]
-    OtherLabels,
-    /// Objects are to be found, and nothing looks at the pictures.
-    #[error("objects are to be found, and the camera has no detector")]
-    NoDetector,
     /// A network gave what is no number.
     #[error("{0} are no numbers; the weights or the picture are damaged, or the training went astray")]
     NotANumber(&'static str),

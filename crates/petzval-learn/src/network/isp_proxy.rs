@@ -15,9 +15,8 @@ use super::{
     NetworkError,
     leaky_conv::{LeakyConv, SLOPE},
     trunk::{Trunk, crop, double, extend, shuffle},
-    weights::{self, Initializer, check_sizes},
+    weights::{Initializer, check_sizes},
 };
-use crate::weight_file::weights_file;
 
 /// Colours of the mosaic: red, green in the red row, green in the blue row, blue.
 const MOSAIC: usize = 4;
@@ -218,21 +217,6 @@ impl IspProxy {
             by_piece,
             by_feature,
         }
-    }
-
-    /// All weights as bytes in Burn's format, exact to the bit.
-    pub fn to_bytes(&self) -> Result<Vec<u8>, NetworkError> {
-        weights::to_bytes(self)
-    }
-
-    /// All weights as a safetensors file, for other programs; its names are the fields of this type and of those in it.
-    pub fn to_safetensors(&self) -> Result<Vec<u8>, NetworkError> {
-        weights_file(self)
-    }
-
-    /// Loads weights that [`to_bytes`](Self::to_bytes) wrote. Fails if they belong to another configuration.
-    pub fn load_bytes(self, bytes: Vec<u8>) -> Result<Self, NetworkError> {
-        weights::load_bytes(self, bytes)
     }
 }
 

@@ -10,6 +10,7 @@
 //! The operations below them are ours on the CPU and the framework's on other devices: [`conv_leaky`], [`depthwise`],
 //! [`pointwise`].
 
+mod any;
 mod conv;
 mod conv_kernel;
 pub(crate) mod cpu_op;
@@ -26,9 +27,10 @@ mod restoration;
 mod tiles;
 mod trunk;
 mod unet;
-pub(crate) mod weights;
+mod weights;
 
 pub use crate::weight_file::NetworkError;
+pub use any::{Network, NetworkKind};
 pub use conv::{conv_leaky, conv3x3_leaky};
 pub use depthwise::depthwise;
 pub use input::NetworkInput;
@@ -47,7 +49,7 @@ use burn::prelude::*;
 pub const TILE: usize = 1024;
 
 /// A network behind the development.
-pub trait PictureNetwork {
+pub trait PictureNetwork: Send + Sync {
     /// The finished pictures `[batch, 3, height, width]`, sRGB-encoded.
     fn finish(&self, input: &NetworkInput) -> Tensor<4>;
 

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::{
     NetworkError, Reach, conv_leaky, depthwise, gated_pointwise, normalized_pointwise, pointwise,
     trunk::{crop, double, extend},
-    weights::{self, Initializer, check_sizes},
+    weights::{Initializer, check_sizes},
 };
 
 /// Size of a [`Naf`] network.
@@ -239,15 +239,5 @@ impl Naf {
         let way = |level: usize| (2 * self.bottom.len() + 2) << level;
         let levels = (0..self.encoder.len()).map(way).sum::<usize>();
         Reach { pixels: 2 + levels + self.bottom.len() * self.unit(), unit: self.unit() }
-    }
-
-    /// All weights as bytes in Burn's format, exact to the bit.
-    pub fn to_bytes(&self) -> Result<Vec<u8>, NetworkError> {
-        weights::to_bytes(self)
-    }
-
-    /// Loads weights that [`to_bytes`](Self::to_bytes) wrote. Fails if they belong to another configuration.
-    pub fn load_bytes(self, bytes: Vec<u8>) -> Result<Self, NetworkError> {
-        weights::load_bytes(self, bytes)
     }
 }

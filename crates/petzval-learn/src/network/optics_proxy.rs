@@ -12,9 +12,8 @@ use super::{
     leaky_conv::{LeakyConv, SLOPE},
     pointwise,
     trunk::shuffle,
-    weights::{self, Initializer, check_sizes},
+    weights::{Initializer, check_sizes},
 };
-use crate::weight_file::weights_file;
 
 /// Colours of a PSF.
 const COLOURS: usize = 3;
@@ -171,21 +170,6 @@ impl OpticsProxy {
             illumination: softplus(light + UNIT, 1.0),
         }
     }
-
-    /// All weights as bytes in Burn's format, exact to the bit.
-    pub fn to_bytes(&self) -> Result<Vec<u8>, NetworkError> {
-        weights::to_bytes(self)
-    }
-
-    /// All weights as a safetensors file, for other programs; its names are the fields of this type and of those in it.
-    pub fn to_safetensors(&self) -> Result<Vec<u8>, NetworkError> {
-        weights_file(self)
-    }
-
-    /// Loads weights that [`to_bytes`](Self::to_bytes) wrote. Fails if they belong to another configuration.
-    pub fn load_bytes(self, bytes: Vec<u8>) -> Result<Self, NetworkError> {
-        weights::load_bytes(self, bytes)
-    }
 }
 
 #[cfg(test)]
@@ -193,6 +177,7 @@ mod tests {
     use burn::tensor::{module::conv_transpose2d, ops::ConvTransposeOptions};
 
     use super::*;
+    use crate::weight_file::Weights;
 
     fn host<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
         tensor.into_data().try_to_vec().unwrap()

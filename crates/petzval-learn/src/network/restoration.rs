@@ -36,7 +36,7 @@ pub struct RestorationNetwork<N: Module> {
 }
 
 /// A network that finds what is missing in a picture, and which share of the developed picture belongs into it.
-pub trait Correction: Module {
+pub trait Correction: Module + Sync {
     /// A network of these sizes, with weights drawn from `seed` alone, that finds nothing yet.
     fn init(base_channels: usize, levels: usize, seed: u64, device: &Device) -> Result<Self, NetworkError>;
 

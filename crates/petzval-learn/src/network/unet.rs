@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::{
     NetworkError, NetworkInput, PictureNetwork, Reach, pointwise,
     trunk::{Trunk, crop, extend},
-    weights::{self, Initializer, check_sizes},
+    weights::{Initializer, check_sizes},
 };
 
 /// Size of a [`UNet`].
@@ -88,16 +88,6 @@ impl UNet {
     /// How far it looks.
     pub fn reach(&self) -> Reach {
         self.trunk.reach()
-    }
-
-    /// All weights as bytes in Burn's format, exact to the bit.
-    pub fn to_bytes(&self) -> Result<Vec<u8>, NetworkError> {
-        weights::to_bytes(self)
-    }
-
-    /// Loads weights that [`to_bytes`](Self::to_bytes) wrote. Fails if they belong to another configuration.
-    pub fn load_bytes(self, bytes: Vec<u8>) -> Result<Self, NetworkError> {
-        weights::load_bytes(self, bytes)
     }
 }
 

@@ -1,18 +1,13 @@
-//! Initial weights from a seed, and weights as bytes.
+//! Initial weights from a seed.
 
 use std::ops::RangeInclusive;
 
-use burn::{
-    module::{Module, Param, ParamId},
-    prelude::*,
-    store::{ModuleRecord, RecordError},
-    tensor::Bytes,
-};
+use burn::module::{Param, ParamId};
+use burn::prelude::*;
 use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 
 use super::NetworkError;
-use crate::weight_file::not_finite;
 
 /// Draws initial weights and parameter numbers from a seed, so that the same seed gives the same network.
 pub(crate) struct Initializer {
@@ -59,23 +54,6 @@ impl Initializer {
         let parameter = Param::<Tensor<D>>::from_data(TensorData::new(values, shape), &self.device);
         Param::from_mapped_value(ParamId::from(id ^ (id >> 31)), parameter.val(), Default::default())
             .set_require_grad(true)
-    }
-}
-
-/// All weights of a network as bytes in Burn's format, exact to the bit.
-pub(crate) fn to_bytes<M: Module>(network: &M) -> Result<Vec<u8>, NetworkError> {
-    let bytes = network.clone().into_record().into_bytes();
-    Ok(bytes.map_err(|error| NetworkError::NotStored(error.to_string()))?.to_vec())
-}
-
-/// Loads weights that [`to_bytes`] wrote. Fails if they belong to another configuration, and if one is no finite number.
-pub(crate) fn load_bytes<M: Module>(network: M, bytes: Vec<u8>) -> Result<M, NetworkError> {
-    let refuse = |error: RecordError| NetworkError::BadWeights(error.to_string());
-    let record = ModuleRecord::from_bytes(Bytes::from_bytes_vec(bytes)).map_err(refuse)?;
-    let network = network.try_load_record(record).map_err(refuse)?;
-    match not_finite(&network) {
-        Some(name) => Err(NetworkError::NotFinite(name)),
-        None => Ok(network),
     }
 }
 

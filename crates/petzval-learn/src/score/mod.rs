@@ -10,7 +10,7 @@ mod psnr;
 mod ssim;
 mod standard;
 
-pub use objects::{Field, ObjectScore, judged, object_scores, range_of, states};
+pub use objects::{Field, ObjectScore, confusion, judged, object_scores, range_of};
 pub use standard::{STANDARD_SCORES, standard_scores};
 
 use burn::prelude::*;

@@ -10,7 +10,8 @@ use super::detection::{
 use crate::detection::{BBox, Detection, Truth};
 
 /// The objects of a window whose first pixel is at `at` on the sensor, row and column, and what was found there, in pixels of the sensor.
-pub fn judged(truth: &Truth, found: &[Detection], at: [usize; 2]) -> Picture {
+/// A region that is not judged is one for each of the `classes`.
+pub fn judged(truth: &Truth, found: &[Detection], at: [usize; 2], classes: usize) -> Picture {
     let bounds = |b: &BBox| -> Xywh {
         let [x, y] = [b.x1 + at[1] as f32, b.y1 + at[0] as f32].map(f64::from);
         [x, y, f64::from(b.width()), f64::from(b.height())]
@@ -23,7 +24,7 @@ pub fn judged(truth: &Truth, found: &[Detection], at: [usize; 2]) -> Picture {
     let mut objects: Vec<TrueObject> = all.map(|o| object(&o.bbox, o.class, false)).collect();
     // Whatever is found in a region that is not judged, of any class, is neither right nor wrong.
     for region in &truth.ignored {
-        objects.extend((0..MOST_CLASSES).map(|class| object(region, class, true)));
+        objects.extend((0..classes).map(|class| object(region, class, true)));
     }
     let detections = found
         .iter()
@@ -31,9 +32,6 @@ pub fn judged(truth: &Truth, found: &[Detection], at: [usize; 2]) -> Picture {
         .collect();
     Picture { objects, detections }
 }
-
-/// Classes that a task can have: for each of them a region that is not judged is one.
-const MOST_CLASSES: usize = 8;
 
 /// The sensor on which windows lie.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -56,8 +54,8 @@ pub struct ObjectScore {
 enum Kind {
     /// Average precision at some overlaps, of some objects.
     Ap(Overlaps, Objects),
-    /// Share of the lights found whose state is right.
-    States,
+    /// Share of the objects found whose class is right.
+    Confusion,
 }
 
 /// Overlaps from which a detection is of an object.
@@ -85,7 +83,7 @@ enum Objects {
 /// Draws of windows for an interval.
 const DRAWS: usize = 500;
 
-/// Score from which a detection counts for the accuracy of states.
+/// Score from which a detection counts for the accuracy of classes.
 const SURE: f64 = 0.5;
 
 /// Everything that is known to be computed, for the classes of a task.
@@ -152,11 +150,18 @@ pub fn object_scores(classes: &[&str]) -> Vec<ObjectScore> {
             add(format!("{name}_{group}"), format!("{title} {group}"), definition, objects);
         }
     }
-    if classes == LIGHT_STATES {
-        let definition = "share of the lights found (overlap 0.5, score 0.5) whose state is right".to_owned();
-        let about = about("state_accuracy".into(), "state".into(), definition);
-        all.push(ObjectScore { about, kind: Kind::States });
-    }
+    let of_found = |what: &str, class: &str| {
+        format!("share of the {what} found (overlap 0.5, score 0.5) whose {class} is right")
+    };
+    let confusion = match classes {
+        [] | [_] => None,
+        states if states == LIGHT_STATES => Some(("state_accuracy", "state", of_found("lights", "state"))),
+        _ => Some(("class_accuracy", "class", of_found("objects", "class"))),
+    };
+    all.extend(confusion.map(|(name, title, definition)| ObjectScore {
+        about: about(name.into(), title.into(), definition),
+        kind: Kind::Confusion,
+    }));
     all
 }
 
@@ -165,7 +170,7 @@ impl ObjectScore {
     pub fn of(&self, windows: &[Picture], classes: usize, field: Field) -> Option<f64> {
         match self.ranking(windows, classes, field) {
             Some(ranking) => self.area(&ranking, None),
-            None => states(windows, classes).accuracy(),
+            None => confusion(windows, classes).accuracy(),
         }
     }
 
@@ -182,8 +187,8 @@ impl ObjectScore {
             return range_of(clusters, |counts| self.area(&ranking, Some(counts)));
         }
         let of_window = |window| {
-            let states = states(std::slice::from_ref(window), classes);
-            [states.right(), states.detected()]
+            let found = confusion(std::slice::from_ref(window), classes);
+            [found.right(), found.detected()]
         };
         let of_windows: Vec<[u64; 2]> = windows.iter().map(of_window).collect();
         range_of(clusters, |counts| {
@@ -195,7 +200,7 @@ impl ObjectScore {
         })
     }
 
-    /// The detections of all windows, matched and in the order of their scores; none for the accuracy of states.
+    /// The detections of all windows, matched and in the order of their scores; none for the accuracy of classes.
     fn ranking(&self, windows: &[Picture], classes: usize, field: Field) -> Option<Ranking> {
         let Kind::Ap(overlaps, objects) = self.kind else { return None };
         let protocol = match overlaps {
@@ -229,8 +234,8 @@ pub fn range_of(clusters: &[usize], score: impl Fn(&[u32]) -> Option<f64> + Sync
     bootstrap(&how, score).map(|range| [range.low, range.high])
 }
 
-/// The states of lights, which are their classes, against those that were found with a score of 0.5 or more.
-pub fn states(windows: &[Picture], classes: usize) -> StateConfusion {
+/// Confusion matrix of classes: objects against detections of score 0.5 or more that overlap them by half.
+pub fn confusion(windows: &[Picture], classes: usize) -> StateConfusion {
     let of = StateOf {
         object: &|p, i| Some(windows[p].objects[i].class),
         detection: &|p, d| Some(windows[p].detections[d].class),
@@ -256,7 +261,7 @@ mod tests {
                 let x = if i % 3 == 0 || i >= 8 { 100.0 } else { 6.0 };
                 let found = |x, score| Detection { bbox: bbox(x), class: i % 2, score };
                 // What is found in a region that is not judged counts as nothing.
-                judged(&truth, &[found(x, 0.5 + 0.03 * i as f32), found(61.0, 0.99)], [100 * i, 50])
+                judged(&truth, &[found(x, 0.5 + 0.03 * i as f32), found(61.0, 0.99)], [100 * i, 50], 2)
             })
             .collect()
     }
@@ -271,7 +276,7 @@ mod tests {
         let truth =
             |beside: &[Object]| Truth { objects: vec![object], beside: beside.to_vec(), ..Truth::default() };
         let of = |name: &str, beside: &[Object]| {
-            let windows = [judged(&truth(beside), &found, [0, 1900])];
+            let windows = [judged(&truth(beside), &found, [0, 1900], 1)];
             object_scores(&["a"]).into_iter().find(|s| s.about.name == name).unwrap().of(&windows, 1, field)
         };
         assert!((of("ap50", &[]).unwrap() - 1.0).abs() < 1e-12);
@@ -322,7 +327,9 @@ mod tests {
         assert_eq!(of("ap75_medium"), (None, None));
         let by_class = [of("ap50_a").0.unwrap(), of("ap50_b").0.unwrap()];
         assert!((0.5 * (by_class[0] + by_class[1]) - half).abs() < 1e-12);
-        assert!(all.iter().all(|s| s.about.name != "state_accuracy"));
+        let right = all.iter().find(|s| s.about.name == "class_accuracy").unwrap();
+        assert_eq!(right.of(&windows(), 2, field), Some(1.0));
+        assert!(object_scores(&["a"]).iter().all(|s| s.about.name != "class_accuracy"));
         let lights = object_scores(&LIGHT_STATES);
         let states = lights.iter().find(|s| s.about.name == "state_accuracy").unwrap();
         assert_eq!(

@@ -1,14 +1,50 @@
-//! Weights of safetensors files.
+//! Weights of any network as bytes of Burn and as safetensors files.
 
 mod error;
 
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::prelude::*;
+use burn::store::{ModuleRecord, RecordError};
+use burn::tensor::Bytes;
 use half::f16;
 use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
 
 pub use error::NetworkError;
+
+/// Weights of a network, to be kept and to be taken over.
+pub trait Weights: Module {
+    /// All weights as bytes in Burn's format, exact to the bit.
+    fn to_bytes(&self) -> Result<Vec<u8>, NetworkError> {
+        let bytes = self.clone().into_record().into_bytes();
+        Ok(bytes.map_err(|error| NetworkError::NotStored(error.to_string()))?.to_vec())
+    }
+
+    /// Loads weights that [`to_bytes`](Self::to_bytes) wrote. Fails if they belong to another configuration, and if one is no finite number.
+    fn load_bytes(self, bytes: Vec<u8>) -> Result<Self, NetworkError> {
+        let refuse = |error: RecordError| NetworkError::BadWeights(error.to_string());
+        let record = ModuleRecord::from_bytes(Bytes::from_bytes_vec(bytes)).map_err(refuse)?;
+        let network = self.try_load_record(record).map_err(refuse)?;
+        match not_finite(&network) {
+            Some(name) => Err(NetworkError::NotFinite(name)),
+            None => Ok(network),
+        }
+    }
+
+    /// All weights as a safetensors file, for other programs: 32-bit floats, row-major, under the path of fields and of places in lists, as
+    /// `encoder.0.weight`. The values are those of the network to the bit.
+    fn to_safetensors(&self) -> Result<Vec<u8>, NetworkError> {
+        weights_file(self)
+    }
+
+    /// The network with the weights of a file that [`to_safetensors`](Self::to_safetensors) wrote, or of one with the same names in half
+    /// precision. Fails if a weight is missing or has another shape, and if the file has weights that the network does not have.
+    fn with_weights(self, file: &[u8]) -> Result<Self, NetworkError> {
+        with_weights_of(self, file)
+    }
+}
+
+impl<M: Module> Weights for M {}
 
 /// Values of a tensor of f16 or f32, all finite. The error says what is there in place of a tensor of this shape.
 pub(crate) fn read_weights(file: &SafeTensors, name: &str, shape: &[usize]) -> Result<Vec<f32>, String> {
@@ -28,9 +64,7 @@ pub(crate) fn read_weights(file: &SafeTensors, name: &str, shape: &[usize]) -> R
     if values.iter().all(|v| v.is_finite()) { Ok(values) } else { Err("not finite everywhere".to_owned()) }
 }
 
-/// All weights of a network as a safetensors file: 32-bit floats, row-major, under the path of fields and of places in lists, as
-/// `encoder.0.weight`. The values are those of the network to the bit.
-pub(crate) fn weights_file<M: Module>(network: &M) -> Result<Vec<u8>, NetworkError> {
+fn weights_file<M: Module>(network: &M) -> Result<Vec<u8>, NetworkError> {
     let not_stored = |error: &dyn std::fmt::Display| NetworkError::NotStored(error.to_string());
     let mut found = NamedWeights::default();
     network.visit(&mut found);
@@ -58,9 +92,7 @@ pub(crate) fn safetensors_of(tensors: &[NamedTensor]) -> Result<Vec<u8>, SafeTen
     safetensors::serialize(views, None)
 }
 
-/// A network with the weights of a file that [`weights_file`] wrote, or of one with the same names in half precision. Fails if a weight is
-/// missing or has another shape, and if the file has weights that the network does not have.
-pub(crate) fn with_weights_of<M: Module>(network: M, file: &[u8]) -> Result<M, NetworkError> {
+fn with_weights_of<M: Module>(network: M, file: &[u8]) -> Result<M, NetworkError> {
     let bad = |problem: String| NetworkError::BadWeights(problem);
     let file = SafeTensors::deserialize(file).map_err(|e| bad(format!("not a safetensors file: {e}")))?;
     let mut reader = WeightReader { file: &file, path: Path::default(), read: 0, problem: None };

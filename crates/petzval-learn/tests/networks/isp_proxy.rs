@@ -6,6 +6,7 @@ use burn::{
     tensor::DType,
 };
 use petzval_learn::network::{IspProxy, IspProxyConfig, NetworkError};
+use petzval_learn::weight_file::Weights;
 
 use crate::support::{assert_slope, doubled, random, shaken, values};
 

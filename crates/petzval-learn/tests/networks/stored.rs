@@ -2,8 +2,9 @@
 
 use burn::module::{Module, ModuleVisitor, Param};
 use burn::prelude::*;
-use petzval_learn::camera_network::NetworkKind;
+use petzval_learn::network::NetworkKind;
 use petzval_learn::network::{IspProxyConfig, OpticsProxyConfig};
+use petzval_learn::weight_file::Weights;
 use safetensors::{Dtype, SafeTensors};
 
 /// Collects shapes and bits of all weights.

@@ -1,7 +1,7 @@
 //! Tests of frames in tiles.
 
 use burn::prelude::*;
-use petzval_learn::camera_network::NetworkKind;
+use petzval_learn::network::NetworkKind;
 use petzval_learn::network::{NetworkInput, PictureNetwork, Reach, in_tiles};
 
 use crate::support::{largest_difference, random, shaken};

@@ -7,6 +7,7 @@ use burn::{
     tensor::Bytes,
 };
 use petzval_learn::network::{NetworkError, UNet, UNetConfig};
+use petzval_learn::weight_file::Weights;
 
 fn picture(shape: [usize; 4], seed: u32, device: &Device) -> Tensor<4> {
     let values: Vec<f32> = (0..shape.iter().product::<usize>() as u32)

@@ -34,7 +34,7 @@ pub use view::{
     Attribution, CameraDetection, CameraPicture, CameraProgress, CameraState, CameraView, Change,
     DetectionView, FieldPoint, FrameView, GroupFigure, HeldOutScores, LossCurve, LostObjects, MadeCamera,
     MadeCameras, MadeScore, Mistake, OneSeed, PictureView, PrecisionCurve, Progress, PsfView, Range, Report,
-    Role, Score, SeedDifference, SeedStudy, Spread, TableRow,
+    Role, Score, SeedDifference, SeedStudy, Spread, TableRow, TaskSection,
 };
 
 /// The result in sentences, as the page has it: the answer first. Empty if there are no cameras to compare.

@@ -1,6 +1,6 @@
 //! The page: first the result, then its explanation, last the configuration of the run.
 
-use maud::{Markup, html};
+use maud::{Markup, PreEscaped, html};
 
 use super::answer::answer;
 use super::attribution::{attribution, has_attribution};
@@ -52,7 +52,11 @@ pub(super) fn page(report: &Report) -> String {
         section_of("What lowered the loss", has_attribution(report), || attribution(report)),
         how_it_was_made(report),
     ];
-    let main = with_contents(&sections.into_iter().flatten().collect::<Vec<Section>>());
+    let of_task = report.sections.iter().map(|own| section(&own.title, PreEscaped(own.html.clone())));
+    // Behind the progress and what is detected: the task is what a reader came for.
+    let (first, rest) = sections.split_at(2);
+    let all = first.iter().flatten().cloned().chain(of_task).chain(rest.iter().flatten().cloned());
+    let main = with_contents(&all.collect::<Vec<Section>>());
     // Without an answer the page begins with what the run is; with one this stands below the answer, in the result.
     let subtitle = if has_answer {
         html! {}

@@ -45,6 +45,8 @@ pub struct Report {
     pub one_seed: Option<OneSeed>,
     /// What is found in the held-out pictures, if objects are looked for.
     pub detection: Option<DetectionView>,
+    /// Sections of the task's own.
+    pub sections: Vec<TaskSection>,
     /// How far the run has come, if it has not ended.
     pub progress: Option<Progress>,
     /// Cameras as they are made, if the run was evaluated with tolerances.
@@ -57,6 +59,15 @@ pub struct Report {
     pub environment: Vec<(String, String)>,
     /// Remarks for the interpretation of the numbers.
     pub notes: Vec<String>,
+}
+
+/// A section that a task adds to its report.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TaskSection {
+    /// Its headline.
+    pub title: String,
+    /// Its body in HTML, as it stands on the page.
+    pub html: String,
 }
 
 /// A run that has not ended.

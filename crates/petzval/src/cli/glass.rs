@@ -9,7 +9,7 @@ use std::process::ExitCode;
 
 use clap::Subcommand;
 use petzval::jobs::glass::read_glasses;
-use petzval::jobs::{Assets, built_in_assets};
+use petzval::jobs::{Library, built_in_assets};
 
 use super::failure::Failure;
 use super::plain::shown;
@@ -38,7 +38,7 @@ pub fn run(verb: GlassVerb, terminal: &Terminal) -> Result<ExitCode, Failure> {
 /// Reads the catalogues of PETZVAL_GLASSES and of the command line, and returns the built-in library with these
 /// glasses. Prints a warning for each line that was not understood: all of them if the command is about glass, else one of
 /// each kind.
-pub fn chosen(named: &[PathBuf], in_full: bool) -> Result<Assets, Failure> {
+pub fn chosen(named: &[PathBuf], in_full: bool) -> Result<Library, Failure> {
     let listed = std::env::var_os("PETZVAL_GLASSES").unwrap_or_default();
     let listed = std::env::split_paths(&listed).filter(|path| *path != Path::new(""));
     let paths: Vec<PathBuf> = listed.chain(named.iter().cloned()).collect();

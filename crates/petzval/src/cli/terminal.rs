@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
 
-use petzval::jobs::{Assets, Context, json};
+use petzval::jobs::{Context, Library, json};
 
 use super::failure::Failure;
 use super::plain;
@@ -16,7 +16,7 @@ pub const EXIT_STOPPED: u8 = 75;
 /// The environment of a verb: the library, and stderr for the reports of jobs.
 pub struct Terminal {
     /// The built-in library; the user's glasses take precedence.
-    pub assets: Assets,
+    pub assets: Library,
     /// Whether results that are there are overwritten.
     pub overwrites: bool,
 }

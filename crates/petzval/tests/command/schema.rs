@@ -5,6 +5,7 @@ use std::path::Path;
 use crate::common::*;
 use petzval::base::parameter::Parameters;
 use petzval::design::experiment::{Experiment, OpticsConfig, reference_markdown};
+use petzval::design::task::Tasks;
 use petzval::jobs::psf::PsfKind;
 use serde_json::Value;
 
@@ -118,7 +119,7 @@ fn the_printed_configuration_is_complete_and_reads_back_to_the_same_experiment()
     std::fs::write(folder.path().join("mine.toml"), "name = \"mine\"\n[training]\nsteps = 7\n").unwrap();
     let printed = run_ok(folder.path(), &["design", "mine.toml", "--seed", "5", "--print-config"]).stdout;
     let every_key = serde_json::to_value(Experiment::default()).unwrap();
-    let read_back = Experiment::parse_complete(&printed, &every_key).unwrap();
+    let read_back = Tasks::built_in().parse_complete(&printed, &every_key).unwrap();
     assert_eq!((read_back.name.as_str(), read_back.seed, read_back.training.steps), ("mine", 5, 7));
     assert_eq!(read_back.to_toml().unwrap().parse::<toml::Table>().unwrap(), printed.parse().unwrap());
     // An empty file is the main job, except for its title and the texts of its file. Its PSFs are by rays: files that say nothing of them are older

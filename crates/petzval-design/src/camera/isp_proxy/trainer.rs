@@ -7,6 +7,7 @@ use petzval_camera::isp::{Isp, RawInput, RgbPicture};
 use petzval_learn::network::IspProxyConfig;
 use petzval_learn::optimizer::muon_and_adam;
 use petzval_learn::proxy_isp::{FRAME_NUMBERS, ProxyIsp};
+use petzval_learn::weight_file::Weights;
 use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

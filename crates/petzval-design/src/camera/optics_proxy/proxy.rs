@@ -4,6 +4,7 @@ use burn::prelude::*;
 use burn::tensor::TensorData;
 use petzval_camera::psf::PsfBank;
 use petzval_learn::network::{OpticsProxy, OpticsProxyConfig, PROXY_GRID, PredictedPsfs};
+use petzval_learn::weight_file::Weights;
 use petzval_optics::design_space::DesignSpace;
 use petzval_optics::lens::Lens;
 use petzval_optics::psf::PsfKind;

@@ -4,6 +4,7 @@ use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
 use burn::prelude::*;
 use burn::tensor::{Bytes, TensorData};
 use petzval_learn::network::{OpticsProxyConfig, PredictedPsfs};
+use petzval_learn::weight_file::Weights;
 use petzval_optics::lens::Lens;
 use rayon::prelude::*;
 use schemars::JsonSchema;

@@ -121,7 +121,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             "the network learns the PSFs of rays: experiments that use it have psf.kind = \"geometric\"",
         );
     }
-    let setup = Setup::without_photos(experiment, &context.assets, device.clone())?;
+    let setup = Setup::without_windows(experiment, &context.assets, device.clone())?;
     let start = setup.nominal().clone();
     if start.space.space().variables().is_empty() {
         let hint = "add [[variable]] entries with bounds to its file, or name another experiment";

@@ -1,16 +1,10 @@
-//! Every kind of network that an experiment may name, as one module.
+//! Every kind of network for pictures that an experiment may name, as one module.
 
 use burn::{module::Module, prelude::*};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::detection::{AnyDetector, Detector};
-use crate::weight_file::{weights_file, with_weights_of};
-
-use super::CameraNetwork;
-use crate::network::{
-    Naf, NetworkError, NetworkInput, PictureNetwork, Reach, RestorationNetwork, UNet, UNetConfig, weights,
-};
+use super::{Naf, NetworkError, NetworkInput, PictureNetwork, Reach, RestorationNetwork, UNet, UNetConfig};
 
 /// A kind of network.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -36,8 +30,6 @@ pub enum Network {
     Restoration(RestorationNetwork<UNet>),
     /// The same with another network in it.
     RestorationNaf(RestorationNetwork<Naf>),
-    /// A detector, which leaves the picture as it is.
-    Detector(AnyDetector),
 }
 
 impl NetworkKind {
@@ -73,58 +65,26 @@ impl NetworkKind {
 }
 
 impl Network {
-    /// The network that changes pictures, if it is one.
-    fn of_kind(&self) -> Option<&dyn PictureNetwork> {
+    fn of_kind(&self) -> &dyn PictureNetwork {
         match self {
-            Self::UNet(network) => Some(network),
-            Self::Restoration(network) => Some(network),
-            Self::RestorationNaf(network) => Some(network),
-            Self::Detector(_) => None,
+            Self::UNet(network) => network,
+            Self::Restoration(network) => network,
+            Self::RestorationNaf(network) => network,
         }
-    }
-
-    /// All weights as bytes in Burn's format, exact to the bit.
-    pub fn to_bytes(&self) -> Result<Vec<u8>, NetworkError> {
-        weights::to_bytes(self)
-    }
-
-    /// All weights as a safetensors file, for other programs; its names are the fields of this type and of those in it.
-    pub fn to_safetensors(&self) -> Result<Vec<u8>, NetworkError> {
-        weights_file(self)
-    }
-
-    /// Takes the weights of a safetensors file with the names of [`to_safetensors`](Self::to_safetensors), of 32- or 16-bit floats. Fails if
-    /// they belong to another configuration.
-    pub fn with_weights(self, safetensors: &[u8]) -> Result<Self, NetworkError> {
-        with_weights_of(self, safetensors)
-    }
-
-    /// Loads weights that [`to_bytes`](Self::to_bytes) wrote. Fails if they belong to another configuration.
-    pub fn load_bytes(self, bytes: Vec<u8>) -> Result<Self, NetworkError> {
-        weights::load_bytes(self, bytes)
     }
 }
 
 impl PictureNetwork for Network {
     fn finish(&self, input: &NetworkInput) -> Tensor<4> {
-        self.of_kind().map_or_else(|| input.picture(), |network| network.finish(input))
+        self.of_kind().finish(input)
     }
 
     fn reach(&self) -> Option<Reach> {
-        self.of_kind()?.reach()
+        self.of_kind().reach()
     }
 
     fn curves(&self) -> Option<Tensor<2>> {
-        self.of_kind()?.curves()
-    }
-}
-
-impl CameraNetwork for Network {
-    fn detector(&self) -> Option<&dyn Detector> {
-        match self {
-            Self::Detector(detector) => Some(detector),
-            _ => None,
-        }
+        self.of_kind().curves()
     }
 }
 
@@ -133,6 +93,7 @@ mod tests {
     use burn::optim::{AdamConfig, GradientsParams};
 
     use super::*;
+    use crate::weight_file::Weights;
 
     fn input(device: &Device, side: usize) -> NetworkInput {
         let tensor = |channels: usize, scale: f32| {

@@ -4,15 +4,13 @@ use burn::prelude::*;
 use burn::tensor::module::interpolate;
 use burn::tensor::ops::{InterpolateMode, InterpolateOptions};
 
-use super::CameraNetwork;
-use crate::detection::{Detection, Detector, Object, Truth};
+use super::{Detection, Detector, Object, Truth};
 use crate::loss::{LossError, NamedLoss};
-use crate::network::{NetworkInput, PictureNetwork};
 
-/// A network whose detector looks at enlarged (or reduced) pictures. Objects are as large for it as through a lens of another focal length,
+/// A detector that looks at enlarged (or reduced) pictures. Objects are as large for it as through a lens of another focal length,
 /// without the detail that such a lens would show: the control for a lens whose focal length is free.
-pub struct Zoomed<N> {
-    network: N,
+pub struct Zoomed<D> {
+    detector: D,
     zoom: Zoom,
 }
 
@@ -46,14 +44,10 @@ impl Zoom {
     }
 }
 
-impl<N: CameraNetwork> Zoomed<N> {
-    /// A network that sees enlarged pictures. Boxes are in pixels of the pictures as they were.
-    pub fn new(network: N, zoom: Zoom) -> Self {
-        Self { network, zoom }
-    }
-
-    fn inner(&self) -> Result<&dyn Detector, LossError> {
-        self.network.detector().ok_or(LossError::NoDetector)
+impl<D: Detector> Zoomed<D> {
+    /// A detector that sees enlarged pictures. Boxes are in pixels of the pictures as they were.
+    pub fn new(detector: D, zoom: Zoom) -> Self {
+        Self { detector, zoom }
     }
 
     /// The enlarged pictures, and by how much they are really enlarged along x and y: their sides are whole pixels.
@@ -66,7 +60,7 @@ impl<N: CameraNetwork> Zoomed<N> {
     }
 }
 
-impl<N: CameraNetwork> Detector for Zoomed<N> {
+impl<D: Detector> Detector for Zoomed<D> {
     fn loss(&self, pictures: Tensor<4>, truths: &[Truth], seed: u64) -> Result<NamedLoss, LossError> {
         let (enlarged, by) = self.enlarged(pictures);
         let object = |o: &Object| Object { bbox: o.bbox.scaled(by), ..*o };
@@ -75,31 +69,15 @@ impl<N: CameraNetwork> Detector for Zoomed<N> {
             ignored: t.ignored.iter().map(|b| b.scaled(by)).collect(),
             beside: t.beside.iter().map(object).collect(),
         };
-        self.inner()?.loss(enlarged, &truths.iter().map(truth).collect::<Vec<_>>(), seed)
+        self.detector.loss(enlarged, &truths.iter().map(truth).collect::<Vec<_>>(), seed)
     }
 
     fn detect(&self, pictures: Tensor<4>) -> Result<Vec<Vec<Detection>>, LossError> {
         let (enlarged, by) = self.enlarged(pictures);
         let back = by.map(|factor| 1.0 / factor);
-        let mut found = self.inner()?.detect(enlarged)?;
+        let mut found = self.detector.detect(enlarged)?;
         found.iter_mut().flatten().for_each(|d| d.bbox = d.bbox.scaled(back));
         Ok(found)
-    }
-}
-
-impl<N: CameraNetwork> PictureNetwork for Zoomed<N> {
-    fn finish(&self, input: &NetworkInput) -> Tensor<4> {
-        self.network.finish(input)
-    }
-
-    fn curves(&self) -> Option<Tensor<2>> {
-        self.network.curves()
-    }
-}
-
-impl<N: CameraNetwork> CameraNetwork for Zoomed<N> {
-    fn detector(&self) -> Option<&dyn Detector> {
-        self.network.detector().map(|_| self as &dyn Detector)
     }
 }
 
@@ -135,18 +113,6 @@ mod tests {
                 end(&|p| p.1 + 1.0, f32::max, 0.0),
             );
             Ok(vec![vec![Detection { bbox, class: 0, score: 1.0 }]])
-        }
-    }
-
-    impl PictureNetwork for Bright {
-        fn finish(&self, input: &NetworkInput) -> Tensor<4> {
-            input.picture()
-        }
-    }
-
-    impl CameraNetwork for Bright {
-        fn detector(&self) -> Option<&dyn Detector> {
-            Some(self)
         }
     }
 

@@ -1,4 +1,4 @@
-//! The scenes in which an experiment looks for objects: generated streets, or the pictures of a folder. A window is made when it is first
+//! The scenes in which objects are looked for: generated streets, or the pictures of a folder. A window is made when it is first
 //! needed, streets for the chief rays of the lens that looks, and kept as long as that lens does.
 
 use std::collections::HashMap;
@@ -8,19 +8,20 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use petzval_camera::render::Placement;
 use petzval_learn::dataset::{
-    CropPlan, LabelledPictures, LabelledWindow, PictureFile, PictureWindows, Purpose, StreetPlan, StreetView,
+    self, CropPlan, LabelledPictures, LabelledWindow, List, PictureFile, PictureWindows, StreetPlan,
+    StreetView,
 };
 use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::image_height_per_tangent;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::camera::{Camera, Shot, crop_window};
+use crate::camera::{Camera, Labels, Shot, crop_window};
+use crate::cameras::Cameras;
 use crate::error::DesignError;
 use crate::experiment::{Experiment, STREET, StreetConfig};
 use crate::lens::psf_plan::PsfPlan;
-
-pub use petzval_learn::dataset::List;
+use crate::task::{HeldOut, Purpose, SceneView, WindowPlan, Windows, relative_field};
 
 /// The first frame of validations, beyond those of all steps. Scores have a noise of their own.
 const FIRST_VALIDATION: u64 = 1 << 62;
@@ -56,29 +57,6 @@ pub struct Scenes {
     scored: Mutex<Kept>,
 }
 
-/// A camera as it looks at scenes. Unlike the camera it can be lent to another thread.
-#[derive(Clone, Copy, Debug)]
-pub struct Eye<'a> {
-    /// Its lens; none if its PSFs were measured.
-    lens: Option<&'a Lens>,
-    /// Brightness of the image, against that of the experiment's lens.
-    light: f64,
-    /// Size of the image, against that of the lens.
-    magnification: f64,
-}
-
-impl<'a> Eye<'a> {
-    /// That of a camera.
-    pub fn of(camera: &'a Camera) -> Self {
-        Self { lens: camera.psfs().lens(), light: camera.light(), magnification: 1.0 }
-    }
-
-    /// The same, with an image that is so many times as large.
-    pub fn magnified(self, by: f64) -> Self {
-        Self { magnification: by * self.magnification, ..self }
-    }
-}
-
 /// The windows of one projection.
 #[derive(Default)]
 struct Kept {
@@ -88,19 +66,13 @@ struct Kept {
 }
 
 impl Scenes {
-    /// The scenes of an experiment on a sensor of these pixels. `crops` are those of training and of scores, and `plan` has the corner of the
-    /// sensor. Fails on a folder that cannot be read, or in which nothing is
-    /// left for its `purpose`. Places of windows in streets are chosen in the view of the `nominal` lens.
-    pub fn new(
-        experiment: &Experiment,
-        crops: [CropPlan; 2],
-        plan: &PsfPlan,
-        pixel_um: f64,
-        nominal: &Lens,
-        purpose: Purpose,
-    ) -> Result<Self, DesignError> {
+    /// The scenes of an experiment. Fails on a folder that cannot be read, or in which nothing is left for its purpose. Places of windows in
+    /// streets are chosen in the view of the experiment's lens.
+    pub fn new(plan: &WindowPlan) -> Result<Self, DesignError> {
+        let WindowPlan { experiment, training_crops, scoring_crops, fixed_plan, pixel_um, nominal, .. } =
+            *plan;
         let config = experiment.street.clone();
-        let wanted = experiment.task.wanted();
+        let classes = experiment.classes();
         // Scenes are the same for every seed of a run, as photographs are.
         let seed = 1;
         let mut notes = Vec::new();
@@ -109,7 +81,7 @@ impl Scenes {
                 seed,
                 light: config.light,
                 busy: config.busy,
-                wanted,
+                classes,
                 white_cd_m2: config.white_cd_m2,
                 samples: config.samples,
                 on_objects: config.on_objects,
@@ -118,18 +90,24 @@ impl Scenes {
             }),
             folder => {
                 let crop = experiment.training.crop.max(experiment.scoring.crop);
-                let classes = experiment.task.classes();
                 let (on_objects, least_side_px) = (config.on_objects, config.least_side_px);
                 let folder = Path::new(folder);
+                let purpose = match plan.purpose {
+                    Purpose::Scores => dataset::Purpose::Scores,
+                    Purpose::Training if experiment.validation.is_used() => {
+                        dataset::Purpose::ValidatedTraining
+                    }
+                    Purpose::Training => dataset::Purpose::Training,
+                };
                 let (pictures, defects) =
-                    LabelledPictures::load(folder, wanted, classes, crop, least_side_px, purpose)?;
+                    LabelledPictures::load(folder, &classes, crop, least_side_px, purpose)?;
                 notes = defects;
                 Source::Pictures(pictures, PictureWindows { seed, on_objects, least_side_px })
             }
         };
-        let [training_crops, scoring_crops] = crops;
-        crops.iter().try_for_each(CropPlan::check_sensor)?;
-        let (fields, pixel_mm) = (plan.with_fields(experiment.psf.scoring_fields), 1e-3 * pixel_um);
+        [training_crops, scoring_crops].iter().try_for_each(CropPlan::check_sensor)?;
+        let fields = fixed_plan.with_fields(experiment.psf.scoring_fields);
+        let pixel_mm = 1e-3 * pixel_um;
         Ok(Self {
             reference: view_of(nominal, &fields, &scoring_crops, pixel_mm)?,
             reference_height_mm: image_height_mm(nominal),
@@ -147,11 +125,6 @@ impl Scenes {
         })
     }
 
-    /// Whether what a camera sees of the scenes depends on the focal length of its lens. Pictures of a folder keep the geometry that they have.
-    pub fn follow_the_lens(&self) -> bool {
-        matches!(self.source, Source::Streets(_))
-    }
-
     /// The pictures of a folder: their files, what identifies them with their boxes, and the boxes alone. None of streets, which follow from
     /// the experiment and the version of the program. Reads every file.
     pub fn pictures(&self) -> Result<Option<(Vec<PictureFile>, String, String)>, DesignError> {
@@ -162,7 +135,7 @@ impl Scenes {
     }
 
     /// What a window of a list is called: its number from 1 on, and the picture that it is of.
-    pub fn name(&self, list: List, number: u64) -> String {
+    fn name(&self, list: List, number: u64) -> String {
         let scene = format!("scene {}", number + 1);
         match &self.source {
             Source::Streets(_) => scene,
@@ -173,7 +146,7 @@ impl Scenes {
     }
 
     /// The film of a window of a list, of which others resemble it; none of a street, which is seen once.
-    pub fn sequence(&self, list: List, number: u64) -> Option<&str> {
+    fn sequence(&self, list: List, number: u64) -> Option<&str> {
         match &self.source {
             Source::Streets(_) => None,
             Source::Pictures(pictures, _) => Some(pictures.sequence(list, [number, self.windows_of(list)])),
@@ -200,21 +173,30 @@ impl Scenes {
         }
     }
 
+    fn training_shots(
+        &self,
+        experiment: &Experiment,
+        view: SceneView,
+        step: u64,
+    ) -> Result<Vec<Shot>, DesignError> {
+        items_of(experiment, step).map(|item| self.training_shot(view, item)).collect()
+    }
+
     /// Item `item` of the training windows of a run: one of a fixed number of windows, every other time mirrored.
-    pub fn training_shot(&self, eye: Eye, item: u64) -> Result<Shot, DesignError> {
+    fn training_shot(&self, view: SceneView, item: u64) -> Result<Shot, DesignError> {
         let (number, mut random) = self.training_window(item);
-        let window = self.window(eye, List::Training, number)?;
-        let [own, crops] = [self.crops(List::Training), self.training_crops].map(|c| self.behind(eye, c));
+        let window = self.window(view, List::Training, number)?;
+        let [own, crops] = [self.crops(List::Training), self.training_crops].map(|c| self.behind(view, c));
         let is_mirrored = random.random();
         let mut window = if own == crops {
             window
         } else {
             // Chosen in the view as it is, and followed where it grows: a magnified window may show one object more or less.
-            let unmagnified = Eye { magnification: 1.0, ..eye };
+            let unmagnified = SceneView { magnification: 1.0, ..view };
             let chosen = self.window(unmagnified, List::Training, number)?;
             let middle = chosen.middle_of_part(own.crop, crops.crop, &mut random);
             let axis = [crops.sensor_rows, crops.sensor_columns].map(|side| 0.5 * side as f32);
-            let by = eye.magnification as f32;
+            let by = view.magnification as f32;
             let middle = [0, 1].map(|i| axis[i] + by * (middle[i] - axis[i]));
             Arc::new(window.part(&own, &crops, middle))
         };
@@ -231,15 +213,15 @@ impl Scenes {
         (random.random_range(0..self.config.windows as u64), random)
     }
 
-    /// Makes the windows of training items that are soon asked for. An error comes back when they are.
-    pub fn prepare(&self, eye: Eye, mut items: Range<u64>) {
+    /// Makes the windows of training items that are soon needed. An error comes back when they are.
+    fn prepare(&self, view: SceneView, mut items: Range<u64>) {
         let _later = items
-            .try_for_each(|item| self.window(eye, List::Training, self.training_window(item).0).map(|_| ()));
+            .try_for_each(|item| self.window(view, List::Training, self.training_window(item).0).map(|_| ()));
     }
 
     /// Window `number` of a list.
-    pub fn shot(&self, eye: Eye, list: List, number: u64) -> Result<Shot, DesignError> {
-        let window = self.window(eye, list, number)?;
+    fn shot(&self, view: SceneView, list: List, number: u64) -> Result<Shot, DesignError> {
+        let window = self.window(view, list, number)?;
         let frame = if list == List::Validation { FIRST_VALIDATION + number } else { number };
         Ok(shot(&window, &self.crops(list), frame))
     }
@@ -263,21 +245,22 @@ impl Scenes {
         }
     }
 
-    fn window(&self, eye: Eye, list: List, number: u64) -> Result<Arc<LabelledWindow>, DesignError> {
+    fn window(&self, view: SceneView, list: List, number: u64) -> Result<Arc<LabelledWindow>, DesignError> {
         let kept = if list == List::HeldOut { &self.scored } else { &self.moving };
         let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
         let crops = self.crops(list);
         let window = match &self.source {
             Source::Streets(plan) => {
-                let lens = eye.lens.ok_or(DesignError::NoLens)?;
-                let view = self.view(lens, eye.light, &mut kept)?;
+                let lens = view.lens.ok_or(DesignError::NoLens)?;
+                let magnification = view.magnification;
+                let view = self.view(lens, view.light, &mut kept)?;
                 let families = match list {
                     List::HeldOut => self.config.held_out_families,
                     _ => self.config.families,
                 };
-                if eye.magnification != 1.0 {
+                if magnification != 1.0 {
                     // Seen once, and not kept.
-                    let view = view.magnified(eye.magnification)?;
+                    let view = view.magnified(magnification)?;
                     let window = plan.window(list, families, number, [&view, &self.reference], &crops)?;
                     return Ok(Arc::new(window));
                 }
@@ -308,9 +291,9 @@ impl Scenes {
         count as u64
     }
 
-    /// How windows are cut behind the lens of an eye, which are cut like `crops` behind the experiment's lens.
-    fn behind(&self, eye: Eye, crops: CropPlan) -> CropPlan {
-        match (&self.source, eye.lens) {
+    /// How windows are cut behind the lens of a view, which are cut like `crops` behind the experiment's lens.
+    fn behind(&self, view: SceneView, crops: CropPlan) -> CropPlan {
+        match (&self.source, view.lens) {
             (Source::Streets(_), Some(lens)) => crops.scaled(self.scale(lens)),
             _ => crops,
         }
@@ -332,6 +315,73 @@ impl Scenes {
         *kept = Kept { lens: Some(lens.clone()), view: Some(view.clone()), windows: HashMap::new() };
         Ok(view)
     }
+}
+
+impl Windows for Scenes {
+    /// The same for every variant, but that streets are seen through the chief rays of the camera's lens.
+    fn training(&self, cameras: &Cameras, camera: &Camera, step: u64) -> Result<Vec<Shot>, DesignError> {
+        self.training_shots(&cameras.experiment, SceneView::of(camera), step)
+    }
+
+    /// Only streets change by it.
+    fn magnified(
+        &self,
+        cameras: &Cameras,
+        camera: &Camera,
+        step: u64,
+        by: f64,
+    ) -> Result<Option<Vec<Shot>>, DesignError> {
+        self.training_shots(&cameras.experiment, SceneView::of(camera).magnified(by), step).map(Some)
+    }
+
+    /// Pictures of a folder keep the geometry that they have.
+    fn follow_the_lens(&self) -> bool {
+        matches!(self.source, Source::Streets(_))
+    }
+
+    fn validation(&self, cameras: &Cameras, camera: &Camera) -> Result<Vec<Vec<Shot>>, DesignError> {
+        let (batch, windows) = (cameras.experiment.training.batch, self.validation_windows);
+        let shot = |i: usize| self.shot(SceneView::of(camera), List::Validation, i as u64);
+        let starts = (0..windows).step_by(batch);
+        starts.map(|first| (first..windows.min(first + batch)).map(shot).collect()).collect()
+    }
+
+    /// Each of a street of its own, or of a picture of a folder.
+    fn held_out(
+        &self,
+        cameras: &Cameras,
+        camera: &Camera,
+        is_chosen: &dyn Fn(usize) -> bool,
+    ) -> Result<Vec<HeldOut>, DesignError> {
+        let window = |i: usize| {
+            let shot = self.shot(SceneView::of(camera), List::HeldOut, i as u64)?;
+            Ok(HeldOut {
+                name: self.name(List::HeldOut, i as u64),
+                sequence: self.sequence(List::HeldOut, i as u64).map(str::to_owned),
+                relative_field: relative_field(cameras, camera, &shot),
+                shot,
+            })
+        };
+        (0..self.config.held_out).filter(|i| is_chosen(*i)).map(window).collect()
+    }
+
+    fn held_out_pictures(&self, _: &Experiment) -> [usize; 2] {
+        [self.config.held_out, 1]
+    }
+
+    fn make_ahead(&self, experiment: &Experiment, view: SceneView, step: u64) {
+        self.prepare(view, items_of(experiment, step));
+    }
+
+    fn are_slow(&self) -> bool {
+        true
+    }
+}
+
+/// The windows of a step by their numbers in the run.
+fn items_of(experiment: &Experiment, step: u64) -> Range<u64> {
+    let batch = experiment.training.batch as u64;
+    step * batch..(step + 1) * batch
 }
 
 /// Paraxial image height of a lens per tangent of the field angle, mm: its focal length.
@@ -361,7 +411,7 @@ fn shot(window: &LabelledWindow, crops: &CropPlan, frame: u64) -> Shot {
         placement: Placement { row: exposed.0, col: exposed.1 },
         kept: Some(crop_window(&crops, row, column)),
         frame,
-        truth: window.truth.clone(),
+        labels: Labels::new(window.truth.clone()),
         follows_light: window.follows_light,
     }
 }

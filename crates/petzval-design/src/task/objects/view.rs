@@ -1,5 +1,6 @@
 //! What the report of a run shows of detection: precision over recall, figures by group, where objects are lost, and mistakes.
 
+use petzval_files::picture_size;
 use petzval_learn::detection::BBox;
 use petzval_learn::score::detection::{
     Bootstrap, Group, Interpolation, Picture, Protocol, Ranking, bootstrap,
@@ -10,11 +11,12 @@ use petzval_report::design_report::{
 };
 use rayon::prelude::*;
 
+use super::seen_windows::{self, SeenWindow, Stage};
+use crate::cameras::Cameras;
 use crate::error::DesignError;
-use crate::pictures::file_name;
-use crate::run::{Metrics, RunFolder};
-use crate::seen_windows::{self, SeenWindow, Stage};
-use crate::setup::Setup;
+use crate::run::picture_names::file_name;
+use crate::run::{CameraMetrics, Metrics, RunFolder};
+use crate::task::TaskReport;
 
 /// Most misses and most false alarms that are shown of a camera.
 const MOST_MISTAKES: usize = 8;
@@ -22,19 +24,50 @@ const MOST_MISTAKES: usize = 8;
 /// First letters of the scores that are shown beside each other: all objects, each class, sizes and places.
 const SHOWN: &str = "ap50";
 
-/// What the cameras of a run find, without those that an earlier version scored; none if none looks for objects.
-pub(crate) fn detection_view(
-    setup: &Setup,
+/// What the report of a run shows of objects: what its cameras find, and where. Cameras that an earlier version scored are not counted.
+pub(super) fn report(
+    cameras: &Cameras,
     run: &RunFolder,
     metrics: &Metrics,
-) -> Result<Option<DetectionView>, DesignError> {
-    let mut cameras: Vec<Seen> = Vec::new();
+) -> Result<TaskReport, DesignError> {
+    let classes = cameras.experiment.classes();
+    let mut all: Vec<Option<Seen>> = Vec::new();
     for row in &metrics.rows {
-        let Some(windows) = seen_windows::read(run, &row.camera)? else { continue };
-        let judged = windows.iter().map(SeenWindow::judged).collect();
-        cameras.push(Seen { camera: &row.camera, is_ceiling: row.is_ceiling, windows, judged });
+        let windows = seen_windows::read(run, &row.camera)?;
+        all.push(windows.map(|windows| Seen::new(row, windows, classes.len())));
     }
-    let classes = setup.experiment.task.classes();
+    let is_found = |window: &SeenWindow| {
+        window.truth.objects.iter().filter(|object| window.lost_at(object).is_none()).count()
+    };
+    let found = |seen: &Option<Seen>| {
+        seen.as_ref().map_or_else(Vec::new, |seen| seen.windows.iter().map(is_found).collect())
+    };
+    // Boxes are those of the first camera, which the truth is of.
+    let first = all.first().and_then(Option::as_ref);
+    let focus = |(index, window): (usize, &SeenWindow)| {
+        let objects = window.truth.objects.iter();
+        let largest = objects.max_by(|a, b| a.bbox.area().total_cmp(&b.bbox.area()))?;
+        // A picture that cannot be read fails where it is shown.
+        let (side, _) = picture_size(&run.picture(&file_name(index, "truth", None))).ok()?;
+        Some(largest.bbox.centre().map(|v| f64::from(v) / f64::from(side)))
+    };
+    Ok(TaskReport {
+        found: all.iter().map(found).collect(),
+        focus: first.map_or_else(Vec::new, |seen| seen.windows.iter().enumerate().map(focus).collect()),
+        detection: detection_view(cameras, run, &all.into_iter().flatten().collect::<Vec<_>>())?,
+        sections: Vec::new(),
+    })
+}
+
+/// What the cameras of a run find; none without a camera.
+fn detection_view(
+    of: &Cameras,
+    run: &RunFolder,
+    cameras: &[Seen],
+) -> Result<Option<DetectionView>, DesignError> {
+    let all = of.experiment.classes();
+    let classes = &all.names()[..];
+    let field = of.field();
     // The ceiling is no baseline.
     let Some(baseline) = cameras.iter().find(|c| !c.is_ceiling).or(cameras.first()) else { return Ok(None) };
     let design = cameras.iter().rfind(|c| !c.is_ceiling).unwrap_or(baseline);
@@ -49,8 +82,8 @@ pub(crate) fn detection_view(
             Some(PrecisionCurve { class: classes[i].to_owned(), points })
         };
         let group = |score: &ObjectScore| {
-            let value = score.of(&seen.judged, classes.len(), setup.field())?;
-            let range = score.interval(&seen.judged, &clusters, classes.len(), setup.field());
+            let value = score.of(&seen.judged, classes.len(), field)?;
+            let range = score.interval(&seen.judged, &clusters, classes.len(), field);
             // All objects are headed `AP50`, a group of them by its name alone.
             let name = score.about.title.trim_start_matches("AP50 ").to_owned();
             Some(GroupFigure { name, value, range })
@@ -83,14 +116,20 @@ struct Seen<'a> {
     judged: Vec<Picture>,
 }
 
-impl Seen<'_> {
+impl<'a> Seen<'a> {
+    fn new(row: &'a CameraMetrics, windows: Vec<SeenWindow>, classes: usize) -> Self {
+        let judged = windows.iter().map(|window| window.judged(classes)).collect();
+        Self { camera: &row.camera, is_ceiling: row.is_ceiling, windows, judged }
+    }
+
     fn ranking(&self, classes: usize) -> Ranking {
         ranking(&self.judged, classes)
     }
 
     /// The average precision of its detector in the pictures of a stage.
     fn ap50_at(&self, stage: Stage, classes: usize) -> Option<f64> {
-        let judged: Vec<Picture> = self.windows.iter().map(|window| window.judged_at(stage)).collect();
+        let judged: Vec<Picture> =
+            self.windows.iter().map(|window| window.judged_at(stage, classes)).collect();
         ranking(&judged, classes).average_precision(Interpolation::Points101, None)
     }
 

@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use crate::assets::Assets;
 use crate::error::DesignError;
 use crate::experiment::Experiment;
+use crate::library::Library;
 
 /// The built-in study, a file of `data/studies/`.
 const STUDY: &str = "cooke-triplet-image-quality";
@@ -55,12 +56,12 @@ pub struct MeanAndDeviation {
 impl Study {
     /// The built-in study, if this is the experiment that it repeated: every key that a figure depends on agrees but the seed, and lens and sensor
     /// have the same content.
-    pub fn of(experiment: &Experiment, assets: &Assets) -> Result<Option<Self>, DesignError> {
-        let study = Self::built_in(assets)?;
-        let repeated = assets.experiment(&study.experiment)?;
+    pub fn of(experiment: &Experiment, library: &Library) -> Result<Option<Self>, DesignError> {
+        let study = Self::built_in(library)?;
+        let repeated = library.experiment(&study.experiment)?;
         let is_it = agrees(experiment, &repeated)
-            && is_same_lens(&experiment.lens, &repeated.lens, assets)?
-            && assets.sensor(&experiment.sensor)? == assets.sensor(&repeated.sensor)?;
+            && is_same_lens(&experiment.lens, &repeated.lens, library)?
+            && library.sensor(&experiment.sensor)? == library.sensor(&repeated.sensor)?;
         Ok(is_it.then_some(study))
     }
 
@@ -119,7 +120,7 @@ mod tests {
     #[test]
     fn the_study_is_quoted_for_its_own_experiment_alone() {
         let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data");
-        let assets = Assets::from_folder(&data).unwrap();
+        let assets = Library::from_folder(&data).unwrap();
         let own = assets.experiment(STUDY).unwrap();
         let is_quoted = |change: &dyn Fn(&mut Experiment)| {
             let mut experiment = own.clone();
@@ -142,9 +143,8 @@ mod tests {
     #[test]
     fn the_study_is_that_of_the_book() {
         let study: Study =
-            toml::from_str(include_str!("../../../../data/studies/cooke-triplet-image-quality.toml"))
-                .unwrap();
-        let book = include_str!("../../../../book/src/experiments.md");
+            toml::from_str(include_str!("../../../data/studies/cooke-triplet-image-quality.toml")).unwrap();
+        let book = include_str!("../../../book/src/experiments.md");
         assert_eq!(study.seeds, [1, 2, 3]);
         for difference in &study.difference {
             let cell = |score: &str, decimals: usize| {

@@ -56,13 +56,13 @@ impl SeenWindow {
     }
 
     /// Objects and detections of the finished picture for scores, in pixels of the sensor.
-    pub fn judged(&self) -> Picture {
-        self.judged_at(Stage::Finished)
+    pub fn judged(&self, classes: usize) -> Picture {
+        self.judged_at(Stage::Finished, classes)
     }
 
     /// The same of the picture at a stage.
-    pub fn judged_at(&self, stage: Stage) -> Picture {
-        judged(&self.truth, &self.found[stage as usize], self.at)
+    pub fn judged_at(&self, stage: Stage, classes: usize) -> Picture {
+        judged(&self.truth, &self.found[stage as usize], self.at, classes)
     }
 
     /// Whether an object is surely found at a stage, as what it is.
@@ -100,6 +100,9 @@ pub(crate) fn clusters<'a>(windows: impl IntoIterator<Item = &'a SeenWindow>) ->
 
 /// Writes the windows of a finished camera.
 pub fn save(folder: &Path, windows: &[SeenWindow]) -> Result<(), DesignError> {
+    if windows.is_empty() {
+        return Ok(());
+    }
     write_file(&path(folder), DesignError::json("the objects of the run", &windows)?.as_bytes())
 }
 

@@ -3,7 +3,7 @@
 use petzval_camera::image::LinearImage;
 use petzval_learn::detection::{BBox, Detection, Truth};
 
-use crate::seen_windows::{LEAST_SCORE, OVERLAP, is_unjudged};
+use super::seen_windows::{LEAST_SCORE, OVERLAP, is_unjudged};
 
 /// Colours of boxes, sRGB-encoded: objects, right detections, detections of the wrong class, false alarms, regions that are not judged.
 const OBJECT: [f32; 3] = [0.1, 0.9, 1.0];
@@ -35,6 +35,12 @@ pub fn with_detections(picture: &LinearImage, truth: &Truth, found: &[Detection]
         outline(&mut drawn, &detection.bbox, colour);
     }
     drawn
+}
+
+/// The picture with the boxes of the detections that are sure.
+pub fn with_sure(picture: &LinearImage, found: &[Detection], classes: &[&str]) -> LinearImage {
+    let sure = found.iter().filter(|d| d.score >= LEAST_SCORE).map(|d| (d.bbox, d.class));
+    with_boxes(picture, &sure.collect::<Vec<_>>(), classes)
 }
 
 /// A picture with boxes, each in the colour of its class: the one that the class is named after, as states of lights are, or one of a series.

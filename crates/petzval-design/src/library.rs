@@ -1,0 +1,209 @@
+//! The library of a program: its built-in files and its tasks, and the rule by which a name becomes an experiment.
+
+use std::ops::Deref;
+use std::path::Path;
+
+use petzval_base::FileError;
+use petzval_optics::glass::Catalog;
+
+use crate::assets::{Assets, ExternalIsps, Text, WarningSink};
+use crate::error::DesignError;
+use crate::experiment::{BUILT_IN_PHOTOS, Experiment, STREET};
+use crate::path_text::path_text;
+use crate::run::input_list::pictures_of_run;
+use crate::run::{RunFolder, RunRecord, config_text, json_record};
+use crate::task::Tasks;
+
+/// Built-in files and tasks.
+#[derive(Clone, Default)]
+pub struct Library {
+    assets: Assets,
+    tasks: Tasks,
+}
+
+impl Deref for Library {
+    type Target = Assets;
+
+    fn deref(&self) -> &Assets {
+        &self.assets
+    }
+}
+
+impl From<Assets> for Library {
+    /// These files, with the tasks of this program.
+    fn from(assets: Assets) -> Self {
+        Self { assets, tasks: Tasks::built_in() }
+    }
+}
+
+impl Library {
+    /// All files below a folder on disk, for tests and for a changed library.
+    pub fn from_folder(root: &Path) -> Result<Self, DesignError> {
+        Ok(Assets::from_folder(root)?.into())
+    }
+
+    /// The same files with other tasks.
+    pub fn with_tasks(self, tasks: Tasks) -> Self {
+        Self { tasks, ..self }
+    }
+
+    /// See [`Assets::with_glasses`].
+    pub fn with_glasses(self, chosen: Catalog) -> Self {
+        Self { assets: self.assets.with_glasses(chosen), ..self }
+    }
+
+    /// See [`Assets::with_files`].
+    pub fn with_files(self, more: impl IntoIterator<Item = (String, String)>) -> Self {
+        Self { assets: self.assets.with_files(more), ..self }
+    }
+
+    /// See [`Assets::reporting_warnings`].
+    pub fn reporting_warnings(self, warnings: WarningSink) -> Self {
+        Self { assets: self.assets.reporting_warnings(warnings), ..self }
+    }
+
+    /// See [`Assets::with_external_isps`].
+    pub fn with_external_isps(self, external_isps: ExternalIsps) -> Self {
+        Self { assets: self.assets.with_external_isps(external_isps), ..self }
+    }
+
+    /// The tasks that experiments may name.
+    pub fn tasks(&self) -> &Tasks {
+        &self.tasks
+    }
+
+    /// An experiment by path or built-in name. Lens, sensor and photographs that it names by a relative path are
+    /// looked for beside it first.
+    pub fn experiment(&self, name: &str) -> Result<Experiment, DesignError> {
+        let source = self.text("experiment", "experiments", name)?;
+        let experiment = self.tasks.parse(&source.text).and_then(|experiment| {
+            self.tasks.check_scores(&experiment, &source.text)?;
+            Ok(experiment)
+        });
+        let experiment = experiment.map_err(DesignError::input(&source.path))?;
+        self.located(experiment, &source)
+    }
+
+    /// An experiment with the paths that it names made those of files beside its own.
+    fn located(&self, experiment: Experiment, source: &Text) -> Result<Experiment, DesignError> {
+        self.beside(experiment, source, &[])
+    }
+
+    /// The same, where the inputs of some keys need not be there.
+    fn beside(
+        &self,
+        mut experiment: Experiment,
+        source: &Text,
+        may_be_missing: &[&str],
+    ) -> Result<Experiment, DesignError> {
+        let folder = source.path.parent().unwrap_or(Path::new(""));
+        for (key, input) in experiment.inputs_mut() {
+            let beside = folder.join(input.as_str());
+            let path: Vec<&str> = key.iter().map(String::as_str).collect();
+            let may_be_missing =
+                may_be_missing.contains(&path[0]) && ![BUILT_IN_PHOTOS, STREET].contains(&input.as_str());
+            if beside.exists() || may_be_missing {
+                *input = path_text(&beside)?;
+            }
+            if may_be_missing {
+                continue;
+            }
+            let Some(hint) = self.missing_input(&path, input) else { continue };
+            let error = FileError::at_key(&source.text, &path, "neither a file nor built in");
+            // A key that the file leaves out has a default that exists.
+            if error.line.is_some() {
+                return Err(DesignError::input(&source.path)(error.hint(hint)));
+            }
+        }
+        Ok(experiment)
+    }
+
+    /// What to write in place of an input of an experiment that is neither there nor built in; `None` if it is.
+    fn missing_input(&self, key: &[&str], name: &str) -> Option<String> {
+        let folder = match key[key.len() - 1] {
+            "lens" => "lenses",
+            "sensor" => "sensors",
+            "preset" => "isp",
+            "optics_proxy" => {
+                let hint = "the proxy.toml of a folder that `petzval train optics-proxy` made";
+                return (!Path::new(name).is_file()).then(|| hint.to_owned());
+            }
+            "weights" => {
+                let hint = match key[0] {
+                    "network" => {
+                        "cameras/NAME/network.safetensors in the folder of a run, \"built-in\" or \"none\""
+                    }
+                    _ => {
+                        "cameras/NAME/blocks/network/weights.bin in the folder of a run that looks for objects, or weights of torchvision (.safetensors)"
+                    }
+                };
+                return (!Path::new(name).is_file()).then(|| hint.to_owned());
+            }
+            "data" => {
+                let is_there = name == STREET || Path::new(name).exists();
+                return (!is_there).then(|| "a folder in COCO format, or \"street\"".to_owned());
+            }
+            _ => {
+                let is_there = name == BUILT_IN_PHOTOS || Path::new(name).exists();
+                return (!is_there).then(|| "a folder of pictures, or \"built-in\"".to_owned());
+            }
+        };
+        match self.text("input", folder, name) {
+            Err(DesignError::Unknown { near: Some(near), .. }) => Some(format!("did you mean \"{near}\"?")),
+            Err(DesignError::Unknown { known, .. }) => Some(format!("a path, or one of {known}")),
+            _ => None,
+        }
+    }
+
+    /// The experiment that a run was made from, by its record; that of its `config.toml` if it has none.
+    pub fn experiment_of_run(&self, run: &RunFolder) -> Result<Experiment, DesignError> {
+        let config = match RunRecord::read(run)? {
+            Some(record) => record.config,
+            None => self.config_of_run(run)?,
+        };
+        self.experiment_in(run, config, None)
+    }
+
+    /// An experiment with its lens, sensor and pictures looked for in a run folder. Pictures need not be there; `pictures` says where
+    /// they are now.
+    pub fn experiment_in(
+        &self,
+        run: &RunFolder,
+        mut config: Experiment,
+        pictures: Option<&Path>,
+    ) -> Result<Experiment, DesignError> {
+        self.tasks.complete(&mut config);
+        let source = Text { path: run.config(), text: config.to_toml()? };
+        let mut experiment = self.beside(config, &source, &["photos", "data"])?;
+        let key = self.tasks.of(&experiment)?.facts().pictures;
+        pictures_of_run(run, &mut experiment, key, pictures)?;
+        Ok(experiment)
+    }
+
+    /// The values of a run's `config.toml`, which must hold every key of its record.
+    pub fn config_of_run(&self, run: &RunFolder) -> Result<Experiment, DesignError> {
+        let text = config_text(run)?;
+        let experiment = if run.record().exists() {
+            self.tasks.parse_complete(&text, &json_record(run)?["config"])
+        } else {
+            self.tasks.parse(&text)
+        };
+        experiment.map_err(DesignError::input(&run.config()))
+    }
+
+    /// How the values of a run's `config.toml` differ from those of its record: the place of the first key, and every key by name.
+    pub fn changed_config(
+        &self,
+        record: &RunRecord,
+        run: &RunFolder,
+    ) -> Result<Option<FileError>, DesignError> {
+        let mut recorded = record.config.clone();
+        self.tasks.complete(&mut recorded);
+        let changes = self.config_of_run(run)?.differences(&recorded);
+        let Some((first, _)) = changes.first() else { return Ok(None) };
+        let path: Vec<&str> = first.split('.').collect();
+        let was: Vec<String> = changes.iter().map(|(key, was)| format!("{key} was {was}")).collect();
+        let message = format!("config.toml has changed since the run was begun: {}", was.join(", "));
+        Ok(Some(FileError::at_key(&config_text(run)?, &path, message)))
+    }
+}

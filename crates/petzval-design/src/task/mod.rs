@@ -1,0 +1,148 @@
+//! Tasks: what cameras are designed for. A task is a folder here and one row of [`Tasks::built_in`]; nothing else of the program knows it.
+//!
+//! | part | holds |
+//! |---|---|
+//! | [`Task`], [`PreparedTask`] | what a task states, and what it does for one experiment |
+//! | [`Windows`] | the windows of scenes that cameras take, with what the task knows of them |
+//! | [`Objective`] | the loss of what a camera took |
+//! | [`Judge`] | the scores of a camera |
+//! | [`Tasks`] | all tasks, by name |
+//! | [`pictures`] | pictures for people to look at |
+//! | [`objects`] | objects to be found, in classes of one's own |
+
+mod judge;
+pub mod objects;
+pub mod pictures;
+mod registry;
+mod windows;
+
+use std::collections::BTreeMap;
+
+use burn::prelude::Device;
+use petzval_base::FileError;
+use petzval_camera::image::LinearImage;
+use petzval_camera::tape::Frames;
+use petzval_learn::loss::NamedLoss;
+use petzval_report::design_report::{DetectionView, TaskSection};
+use sha2::Sha256;
+
+use crate::assets::Assets;
+use crate::block::NetworkBlock;
+use crate::camera::{Camera, Shot};
+use crate::cameras::Cameras;
+use crate::error::DesignError;
+use crate::experiment::{Experiment, TaskFacts};
+use crate::run::input_list::Pictures;
+use crate::run::{Metrics, RunFolder};
+
+pub use judge::{Depth, Findings, Judge, ScoredPicture, Taken, named_scores};
+pub use registry::Tasks;
+pub use windows::{HeldOut, PhotosLook, Purpose, SceneView, WindowPlan, Windows, relative_field};
+
+/// What cameras are designed for.
+pub trait Task: Send + Sync {
+    /// What it decides of its experiments.
+    fn facts(&self) -> TaskFacts;
+
+    /// Checks what it needs of an experiment besides.
+    fn check(&self, _experiment: &Experiment, _text: &str) -> Result<(), FileError> {
+        Ok(())
+    }
+
+    /// The names of all scores that it can compute.
+    fn scores(&self, experiment: &Experiment) -> Vec<String>;
+
+    /// Makes it ready for an experiment, without windows. Fails if given weights do not fit.
+    fn prepare(
+        &self,
+        experiment: &Experiment,
+        assets: &Assets,
+        device: &Device,
+    ) -> Result<Box<dyn PreparedTask>, DesignError>;
+}
+
+/// A task at work on an experiment.
+pub trait PreparedTask: Send + Sync {
+    /// Reads or plans its windows.
+    fn load_windows(&mut self, plan: &WindowPlan) -> Result<(), DesignError>;
+
+    /// Its windows, once they are loaded.
+    fn windows(&self) -> Result<&dyn Windows, DesignError>;
+
+    /// The network of a camera at the start, the same bits for every variant of a run.
+    fn network(&self, cameras: &Cameras) -> Result<NetworkBlock, DesignError>;
+
+    /// What its cameras are optimised for.
+    fn objective(&self, cameras: &Cameras) -> Result<Box<dyn Objective>, DesignError>;
+
+    /// What scores its cameras by the scores that the experiment names.
+    fn judge(&self, cameras: &Cameras) -> Result<Box<dyn Judge>, DesignError>;
+
+    /// Weights that the experiment names for its network; none for those drawn from the seed.
+    fn given_weights(&self) -> Option<&[u8]> {
+        None
+    }
+
+    /// Keeps the given weights in a new run folder, and names them so in its experiment.
+    fn keep_weights(&self, _run: &RunFolder, _kept: &mut Experiment) -> Result<(), DesignError> {
+        Ok(())
+    }
+
+    /// What identifies its windows; adds them to a hash.
+    fn inputs(&self, experiment: &Experiment, hash: &mut Sha256) -> Result<WindowInputs, DesignError>;
+
+    /// What its pictures are, and what of them cannot be used.
+    fn remarks(&self) -> Vec<Remark>;
+
+    /// A picture with what the network of the camera reads in it, for people to look at.
+    fn drawn(&self, _camera: &Camera, picture: LinearImage) -> Result<LinearImage, DesignError> {
+        Ok(picture)
+    }
+
+    /// What the report of a run shows besides.
+    fn report(
+        &self,
+        _cameras: &Cameras,
+        _run: &RunFolder,
+        _metrics: &Metrics,
+    ) -> Result<TaskReport, DesignError> {
+        Ok(TaskReport::default())
+    }
+}
+
+/// The loss of what a camera took.
+pub trait Objective {
+    /// The mean over the pictures of a batch. Its graph leads to whatever the graphs of the frames and of the camera's network lead to.
+    fn loss(&self, camera: &Camera, frames: &Frames, shots: &[Shot]) -> Result<NamedLoss, DesignError>;
+}
+
+/// What identifies the windows of an experiment.
+#[derive(Default)]
+pub struct WindowInputs {
+    /// SHA-256 of those that are built in, by name.
+    pub parts: BTreeMap<String, String>,
+    /// The user's pictures.
+    pub pictures: Option<Pictures>,
+}
+
+/// Something that a person should know of the pictures of an experiment.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Remark {
+    /// What they are.
+    Note(String),
+    /// What of them cannot be used, or is not obeyed.
+    Warning(String),
+}
+
+/// What the report of a run shows of a task.
+#[derive(Default)]
+pub struct TaskReport {
+    /// How objects are found.
+    pub detection: Option<DetectionView>,
+    /// Sections of its own.
+    pub sections: Vec<TaskSection>,
+    /// Objects found in each held-out window, by camera.
+    pub found: Vec<Vec<usize>>,
+    /// The place of each held-out window that a reader should see, x and y as shares of its side.
+    pub focus: Vec<Option<[f64; 2]>>,
+}

@@ -1,0 +1,176 @@
+//! All tasks, by name. A preset is a task with classes under a name of its own, from `data/tasks/`.
+
+use std::sync::Arc;
+
+use petzval_base::{FileError, nearest};
+use petzval_learn::dataset::Classes;
+use serde::Deserialize;
+
+use super::Task;
+use super::objects::Objects;
+use super::pictures::Pictures;
+use crate::error::DesignError;
+use crate::experiment::Experiment;
+
+/// The files of the presets by their names.
+const PRESETS: [(&str, &str); 2] = [
+    ("pedestrian-vehicle", include_str!("../../../../data/tasks/pedestrian-vehicle.toml")),
+    ("traffic-light", include_str!("../../../../data/tasks/traffic-light.toml")),
+];
+
+/// The tasks that experiments may name. Cheap to clone.
+#[derive(Clone)]
+pub struct Tasks {
+    rows: Vec<Arc<dyn Task>>,
+    presets: Vec<Preset>,
+}
+
+/// A task with its classes.
+#[derive(Clone)]
+struct Preset {
+    name: String,
+    task: String,
+    classes: Classes,
+}
+
+/// What a preset states beside its classes.
+#[derive(Deserialize)]
+struct PresetFile {
+    task: String,
+}
+
+impl Default for Tasks {
+    fn default() -> Self {
+        Self::built_in()
+    }
+}
+
+impl Tasks {
+    /// Those of this program: one row a task.
+    pub fn built_in() -> Self {
+        let none = Self { rows: Vec::new(), presets: Vec::new() };
+        let rows = none.with(Pictures).with(Objects);
+        PRESETS.into_iter().fold(rows, |tasks, (name, text)| {
+            tasks.with_preset(name, text).expect("the presets of this program are read by its tests")
+        })
+    }
+
+    /// The same with another task, which takes the place of one of the same name.
+    pub fn with(mut self, task: impl Task + 'static) -> Self {
+        self.rows.retain(|row| row.facts().name != task.facts().name);
+        self.rows.push(Arc::new(task));
+        self
+    }
+
+    /// The same with a preset: a text with `task = "NAME"` and tables `[[class]]`.
+    pub fn with_preset(mut self, name: &str, text: &str) -> Result<Self, FileError> {
+        let PresetFile { task } = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
+        self.presets.retain(|preset| preset.name != name);
+        self.presets.push(Preset { name: name.to_owned(), task, classes: Classes::parse(text)? });
+        Ok(self)
+    }
+
+    /// The names that an experiment may give as its task.
+    pub fn names(&self) -> Vec<&str> {
+        let rows = self.rows.iter().map(|row| row.facts().name);
+        rows.chain(self.presets.iter().map(|preset| preset.name.as_str())).collect()
+    }
+
+    /// The task of an experiment.
+    pub fn of(&self, experiment: &Experiment) -> Result<Arc<dyn Task>, DesignError> {
+        self.named(&experiment.task).ok_or_else(|| DesignError::Unknown {
+            kind: "task",
+            name: experiment.task.clone(),
+            near: nearest(&experiment.task, &self.names()).map(str::to_owned),
+            known: self.names().join(", "),
+        })
+    }
+
+    fn named(&self, name: &str) -> Option<Arc<dyn Task>> {
+        let preset = self.presets.iter().find(|preset| preset.name == name);
+        let name = preset.map_or(name, |preset| &preset.task);
+        self.rows.iter().find(|row| row.facts().name == name).cloned()
+    }
+
+    /// Gives an experiment the classes of its preset if it states none.
+    pub fn complete(&self, experiment: &mut Experiment) {
+        let preset = self.presets.iter().find(|preset| preset.name == experiment.task);
+        if let Some(preset) = preset.filter(|_| experiment.class.is_empty()) {
+            experiment.class = preset.classes.to_vec();
+        }
+    }
+
+    /// Reads and checks an experiment, but for whether its scores are known: see [`Tasks::check_scores`]. Errors name line, key, value and a hint.
+    pub fn parse(&self, text: &str) -> Result<Experiment, FileError> {
+        let mut experiment = Experiment::read(text)?;
+        let Some(task) = self.named(&experiment.task) else {
+            let name = &experiment.task;
+            let error = FileError::at_key(text, &["task"], format!("`{name}` is no task"));
+            let known = self.names();
+            let near = nearest(name, &known).map(|near| format!("did you mean \"{near}\"? "));
+            return Err(error.hint(format!("{}tasks are {}", near.unwrap_or_default(), known.join(", "))));
+        };
+        self.complete(&mut experiment);
+        let facts = task.facts();
+        let experiment = experiment.with_default_scores(text, &facts);
+        experiment.check(text, &facts)?;
+        task.check(&experiment, text)?;
+        Ok(experiment)
+    }
+
+    /// Checks that the scores of an experiment are among those that its task knows. One who scores by others leaves this out.
+    pub fn check_scores(&self, experiment: &Experiment, text: &str) -> Result<(), FileError> {
+        let Some(task) = self.named(&experiment.task) else { return Ok(()) };
+        experiment.check_scores(text, &task.scores(experiment), &task.facts())
+    }
+
+    /// [`Tasks::parse`] for the `config.toml` of a run, which must hold every key that `complete`, its record, holds.
+    pub fn parse_complete(&self, text: &str, complete: &serde_json::Value) -> Result<Experiment, FileError> {
+        let experiment = self.parse(text)?;
+        Experiment::check_complete(text, complete)?;
+        Ok(experiment)
+    }
+}
+
+impl Experiment {
+    /// [`Tasks::parse`] with the tasks of this program.
+    pub fn parse(text: &str) -> Result<Self, FileError> {
+        Tasks::built_in().parse(text)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::experiment::NetworkRole;
+
+    #[test]
+    fn presets_are_tasks_with_classes_and_ones_own_classes_win() {
+        let tasks = Tasks::built_in();
+        assert_eq!(tasks.names(), ["image-quality", "objects", "pedestrian-vehicle", "traffic-light"]);
+        let preset = tasks.parse("task = \"pedestrian-vehicle\"\n").unwrap();
+        assert_eq!(preset.classes().names(), ["pedestrian", "vehicle"]);
+        assert_eq!(preset.scoring.scores, ["ap50", "ap", "ap75"]);
+        assert_eq!(tasks.of(&preset).unwrap().facts().network, NetworkRole::Reads);
+        let own = "task = \"objects\"\ndata = \"faces\"\n[[class]]\nname = \"face\"\n";
+        assert_eq!(tasks.parse(own).unwrap().classes().names(), ["face"]);
+        let own = own.replace("objects", "traffic-light");
+        assert_eq!(tasks.parse(&own).unwrap().classes().names(), ["face"]);
+        // Written and read back it is the same.
+        assert_eq!(tasks.parse(&preset.to_toml().unwrap()).unwrap(), preset);
+    }
+
+    #[test]
+    fn tasks_and_classes_that_cannot_be_are_refused_with_their_place() {
+        let refused = |text: &str| Tasks::built_in().parse(text).unwrap_err().to_string();
+        let unknown = refused("seed = 1\ntask = \"object\"\n");
+        assert!(unknown.contains("line 2") && unknown.contains("did you mean \"objects\"?"), "{unknown}");
+        assert!(refused("task = \"objects\"\n").contains("needs classes"));
+        assert!(refused("[[class]]\nname = \"face\"\n").contains("`image-quality` has no classes"));
+        let class = |more: &str| refused(&format!("task = \"objects\"\n[[class]]\n{more}"));
+        assert!(class("name = \"a\"\n[[class]]\nname = \"a\"\n").contains("`a` is named twice"));
+        assert!(class("name = \"a b\"\n").contains("no name of a class"));
+        assert!(class("name = \"red\"\nstate = \"blue\"\n").contains("red, yellow, green or off"));
+        assert!(class("name = \"a\"\nfrm = [\"b\"]\n").contains("frm"));
+    }
+}

@@ -1,0 +1,290 @@
+//! A task from outside the crate: how bright is the scene? Its network reads a number in each finished picture.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use burn::module::{Module, Param};
+use burn::optim::{AdamConfig, ModuleOptimizer};
+use burn::prelude::*;
+use petzval_camera::tape::Frames;
+use petzval_design::assets::Assets;
+use petzval_design::block::{CameraNetwork, NetworkBlock, Sight};
+use petzval_design::camera::{Camera, Labels, Shot, host_image};
+use petzval_design::cameras::Cameras;
+use petzval_design::design_loop::{DesignLoop, Ending};
+use petzval_design::error::DesignError;
+use petzval_design::experiment::{Experiment, NetworkRole, PicturesKey, TaskFacts};
+use petzval_design::inputs::keep_inputs;
+use petzval_design::library::Library;
+use petzval_design::report::run_report::report_of_run;
+use petzval_design::run::{Metrics, PictureScore, RunFolder};
+use petzval_design::scoring::Scorer;
+use petzval_design::setup::Setup;
+use petzval_design::task::pictures::Photographs;
+use petzval_design::task::{
+    Depth, Findings, HeldOut, Judge, Objective, PreparedTask, Remark, ScoredPicture, Taken, Task, TaskReport,
+    Tasks, WindowInputs, WindowPlan, Windows,
+};
+use petzval_learn::loss::NamedLoss;
+use petzval_learn::score::ScoreDescription;
+use petzval_report::design_report::TaskSection;
+use sha2::Sha256;
+
+use crate::common::Silent;
+
+const EXPERIMENT: &str = r#"
+task = "brightness"
+lens = "cooke-triplet-nominal"
+[psf]
+kind = "geometric"
+fields = 3
+scoring_fields = 3
+grid = 64
+patches = [2, 2]
+pupil_cells = 16
+scoring_pupil_cells = 16
+scoring_pupil_error = 2.0
+scoring_blend_error = 2.0
+[training]
+steps = 40
+batch = 4
+crop = 64
+learning_rate = 0.02
+final_learning_rate = 0.02
+[scoring]
+places_per_side = 1
+crop = 64
+[[variant]]
+name = "a"
+[[variant.stage]]
+moves = ["network"]
+"#;
+
+struct Brightness;
+
+impl Task for Brightness {
+    fn facts(&self) -> TaskFacts {
+        TaskFacts {
+            name: "brightness",
+            about: "The mean brightness of a scene, read in its picture.",
+            network: NetworkRole::Reads,
+            network_name: "reader",
+            pictures: PicturesKey::Photos,
+            has_classes: false,
+            default_scores: Some(&["error"]),
+            scored: "readings",
+        }
+    }
+
+    fn scores(&self, _: &Experiment) -> Vec<String> {
+        vec!["error".to_owned()]
+    }
+
+    fn prepare(&self, _: &Experiment, _: &Assets, _: &Device) -> Result<Box<dyn PreparedTask>, DesignError> {
+        Ok(Box::new(Prepared(None)))
+    }
+}
+
+/// The photographs of the pictures' task, with a number for each window.
+struct Numbered(Photographs);
+
+fn numbered(shot: Shot) -> Shot {
+    let mean = shot.scene.data.iter().sum::<f32>() / shot.scene.data.len() as f32;
+    Shot { labels: Labels::new(mean), ..shot }
+}
+
+impl Windows for Numbered {
+    fn training(&self, cameras: &Cameras, camera: &Camera, step: u64) -> Result<Vec<Shot>, DesignError> {
+        Ok(self.0.training(cameras, camera, step)?.into_iter().map(numbered).collect())
+    }
+
+    fn validation(&self, cameras: &Cameras, camera: &Camera) -> Result<Vec<Vec<Shot>>, DesignError> {
+        let all = self.0.validation(cameras, camera)?.into_iter();
+        Ok(all.map(|batch| batch.into_iter().map(numbered).collect()).collect())
+    }
+
+    fn held_out(
+        &self,
+        cameras: &Cameras,
+        camera: &Camera,
+        is_chosen: &dyn Fn(usize) -> bool,
+    ) -> Result<Vec<HeldOut>, DesignError> {
+        let all = self.0.held_out(cameras, camera, is_chosen)?.into_iter();
+        Ok(all.map(|window| HeldOut { shot: numbered(window.shot), ..window }).collect())
+    }
+
+    fn held_out_pictures(&self, experiment: &Experiment) -> [usize; 2] {
+        self.0.held_out_pictures(experiment)
+    }
+}
+
+/// A number for each picture: a weighted mean of its colours, and an offset.
+#[derive(Module, Debug)]
+struct Reader {
+    weights: Param<Tensor<1>>,
+}
+
+impl Reader {
+    fn read(&self, pictures: Tensor<4>) -> Tensor<1> {
+        let [batch, ..] = pictures.dims();
+        let means = pictures.mean_dims(&[2, 3]).reshape([batch, 3]);
+        let ones = Tensor::ones([batch, 1], &means.device());
+        let columns = Tensor::cat(vec![means, ones], 1);
+        columns.matmul(self.weights.val().reshape([4, 1])).reshape([batch])
+    }
+}
+
+/// The reader as the camera holds it.
+struct Reading(Reader);
+
+struct LearnsToRead;
+
+impl CameraNetwork for LearnsToRead {
+    type Module = Reader;
+
+    fn attached(&self, network: Reader, camera: &Camera, sight: Sight) -> Camera {
+        camera.with_reader(Reading(network), sight.sees)
+    }
+
+    fn optimizer(&self, _: &Reader) -> ModuleOptimizer {
+        AdamConfig::new().init()
+    }
+}
+
+struct Prepared(Option<Numbered>);
+
+impl PreparedTask for Prepared {
+    fn load_windows(&mut self, plan: &WindowPlan) -> Result<(), DesignError> {
+        self.0 = Some(Numbered(Photographs::load(plan)?));
+        Ok(())
+    }
+
+    fn windows(&self) -> Result<&dyn Windows, DesignError> {
+        self.0.as_ref().map(|windows| windows as _).ok_or(DesignError::NoWindows)
+    }
+
+    fn network(&self, cameras: &Cameras) -> Result<NetworkBlock, DesignError> {
+        let weights = Tensor::zeros([4], &cameras.body.device);
+        let reader = Reader { weights: Param::from_tensor(weights) };
+        Ok(NetworkBlock::new(reader, LearnsToRead))
+    }
+
+    fn objective(&self, _: &Cameras) -> Result<Box<dyn Objective>, DesignError> {
+        Ok(Box::new(SquaredError))
+    }
+
+    fn judge(&self, _: &Cameras) -> Result<Box<dyn Judge>, DesignError> {
+        Ok(Box::new(Errors))
+    }
+
+    fn inputs(&self, _: &Experiment, _: &mut Sha256) -> Result<WindowInputs, DesignError> {
+        Ok(WindowInputs::default())
+    }
+
+    fn remarks(&self) -> Vec<Remark> {
+        Vec::new()
+    }
+
+    fn report(&self, _: &Cameras, _: &RunFolder, metrics: &Metrics) -> Result<TaskReport, DesignError> {
+        let html = format!("<p>{} cameras read brightness.</p>", metrics.rows.len());
+        let section = TaskSection { title: "Brightness".to_owned(), html };
+        Ok(TaskReport { sections: vec![section], ..TaskReport::default() })
+    }
+}
+
+fn reading(camera: &Camera, pictures: Tensor<4>) -> Result<Tensor<1>, DesignError> {
+    let reader = camera.reader::<Reading>().ok_or(DesignError::OtherTask)?;
+    Ok(reader.0.read(pictures))
+}
+
+struct SquaredError;
+
+impl Objective for SquaredError {
+    fn loss(&self, camera: &Camera, frames: &Frames, shots: &[Shot]) -> Result<NamedLoss, DesignError> {
+        let numbers: Option<Vec<f32>> = shots.iter().map(|shot| shot.labels.of().copied()).collect();
+        let numbers = numbers.ok_or(DesignError::OtherTask)?;
+        let device = &camera.body().device;
+        let wanted = Tensor::from_data(TensorData::new(numbers, [shots.len()]), device);
+        let error = reading(camera, frames.finished.clone())? - wanted;
+        Ok(NamedLoss::sum(vec![("squared_error", error.square().mean())])?)
+    }
+}
+
+struct Errors;
+
+impl Judge for Errors {
+    fn scores(&self) -> Vec<ScoreDescription> {
+        vec![ScoreDescription {
+            name: "error".to_owned(),
+            title: "error".to_owned(),
+            unit: String::new(),
+            definition: "the mean absolute error of brightness".to_owned(),
+            decimals: 4,
+            higher_is_better: false,
+        }]
+    }
+
+    fn begin(&self, _: Depth) -> Box<dyn Findings> {
+        Box::new(Found(Vec::new()))
+    }
+}
+
+struct Found(Vec<f64>);
+
+impl Findings for Found {
+    fn add(&mut self, taken: Taken) -> Result<ScoredPicture, DesignError> {
+        let Taken { camera, window, finished, developed, .. } = taken;
+        let wanted: f32 = *window.shot.labels.of().ok_or(DesignError::OtherTask)?;
+        let found = reading(camera, finished.clone())?.into_data().try_to_vec::<f32>().unwrap()[0];
+        self.0.push(f64::from((found - wanted).abs()));
+        let scores = BTreeMap::from([("error".to_owned(), self.0[self.0.len() - 1])]);
+        Ok(ScoredPicture {
+            score: PictureScore { photo: window.name, relative_field: window.relative_field, scores },
+            truth: host_image(camera.truths(&[window.shot])?)?,
+            developed,
+            output: host_image(finished)?,
+        })
+    }
+
+    fn scores(&self) -> BTreeMap<String, f64> {
+        BTreeMap::from([("error".to_owned(), self.0.iter().sum::<f64>() / self.0.len() as f64)])
+    }
+}
+
+#[test]
+fn a_task_from_outside_is_designed_for_scored_reported_and_read_again() {
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data");
+    let tasks = Tasks::built_in().with(Brightness);
+    let library = Library::from_folder(&data).unwrap().with_tasks(tasks.clone());
+    let folder = tempfile::tempdir().unwrap();
+    let run = RunFolder::create(&folder.path().join("run")).unwrap();
+    // Without it in the registry, the experiment names no task.
+    assert!(Experiment::parse(EXPERIMENT).unwrap_err().to_string().contains("`brightness` is no task"));
+
+    let experiment = tasks.parse(EXPERIMENT).unwrap();
+    let setup = Arc::new(Setup::new(experiment, &library, Device::flex().autodiff()).unwrap());
+    keep_inputs(&setup, &library, &run).unwrap();
+    let design = DesignLoop::new(run.clone(), Scorer::new(setup.clone()).unwrap()).unwrap();
+    let Ending::Finished(metrics) = design.run(&mut Silent, &AtomicBool::new(false)).unwrap() else {
+        panic!("nothing stops it");
+    };
+    // Pictures are bright by about 0.2: a reader that had learnt nothing would read 0.
+    let error = metrics.rows[0].scores["error"];
+    let bright: f32 = setup
+        .held_out_shots(&setup.camera(setup.nominal().lens_file.lens.clone(), true).unwrap(), &|_| true)
+        .unwrap()
+        .iter()
+        .map(|window| *window.shot.labels.of::<f32>().unwrap())
+        .sum::<f32>()
+        / metrics.held_out_images as f32;
+    assert!(error < 0.5 * f64::from(bright), "{error} {bright}");
+
+    let report = report_of_run(&setup, &run, "").unwrap();
+    assert_eq!(report.sections[0].title, "Brightness");
+    assert!(petzval_report::design_report::html(&report).contains("1 cameras read brightness."));
+    // The run names its task, and is read again where that is known.
+    let again = library.experiment_of_run(&run).unwrap();
+    assert_eq!((again.task.as_str(), &again.scoring.scores[..]), ("brightness", &["error".to_owned()][..]));
+}

@@ -1,0 +1,427 @@
+//! The classes of objects that a task looks for, and the objects of a data set or a street in them.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Deref;
+use std::sync::Arc;
+
+use petzval_base::FileError;
+use petzval_files::coco::{Annotation, Attribute, Bounds, Category, DataSet, LIGHT_STATES, light_state};
+use petzval_street::{LampState, ObjectKind};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::detection::{BBox, Object, Truth};
+
+/// A class of objects, and what of data sets and streets is of it.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ObjectClass {
+    /// Its name in scores, tables and pictures.
+    pub name: String,
+    /// Names of categories of a data set that are of this class: words of a name, in any spelling of capitals and plurals. Without them, and
+    /// without `categories`, its own name.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub from: Vec<String>,
+    /// Words in the name of a category that make it something else.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub not: Vec<String>,
+    /// Categories of a data set that are of this class, by their numbers there.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub categories: Vec<u64>,
+    /// What a traffic light of this class shows: `red`, `yellow`, `green` or `off`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub state: Option<String>,
+    /// Objects of generated streets that are of this class: `pedestrian`, `vehicle`, `traffic-light`, `pedestrian-light`, `turned-light`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(with = "Vec<String>")]
+    pub street: Vec<ObjectKind>,
+    /// The number in COCO of what is most like it, from whose weights a detector may start.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub coco: Option<usize>,
+}
+
+/// The classes of a task, in the order of their numbers. Cheap to clone.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Classes(Arc<[ObjectClass]>);
+
+/// What an annotation is.
+#[derive(Debug, PartialEq, Eq)]
+enum Named {
+    /// It is of this class.
+    Class(usize),
+    /// It is a traffic light whose state is not known: it is not judged.
+    Unknown,
+    /// It is something else.
+    Other,
+}
+
+impl Deref for Classes {
+    type Target = [ObjectClass];
+
+    fn deref(&self) -> &[ObjectClass] {
+        &self.0
+    }
+}
+
+impl From<Vec<ObjectClass>> for Classes {
+    fn from(classes: Vec<ObjectClass>) -> Self {
+        Self(classes.into())
+    }
+}
+
+/// The part of a file that holds classes.
+#[derive(Deserialize)]
+struct ClassTables {
+    class: Vec<ObjectClass>,
+}
+
+impl Classes {
+    /// The tables `[[class]]` of a text.
+    pub fn parse(text: &str) -> Result<Self, FileError> {
+        let tables: ClassTables = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
+        Ok(tables.class.into())
+    }
+
+    /// Their names.
+    pub fn names(&self) -> Vec<&str> {
+        self.iter().map(|class| class.name.as_str()).collect()
+    }
+
+    /// The class of an object of a street with this lamp; none for what is not looked for.
+    pub fn of_street(&self, kind: ObjectKind, lamp: Option<LampState>) -> Option<usize> {
+        let shows = |state: &String| lamp.is_some_and(|lamp| *state == LIGHT_STATES[lamp as usize]);
+        self.iter().position(|class| class.street.contains(&kind) && class.state.as_ref().is_none_or(shows))
+    }
+
+    /// What an annotation of a category is: of the first class that takes the category by its number, or by its name.
+    fn of_annotation(&self, category: &Category, annotation: &Annotation) -> Named {
+        let name = Name::of(&category.name);
+        let attribute = annotation.attributes.get("state").and_then(Attribute::text);
+        let state = attribute.and_then(light_state).or_else(|| light_state(&name.in_words()));
+        let mut named = Named::Other;
+        for (number, class) in self.iter().enumerate() {
+            let by_number = class.categories.contains(&category.id);
+            if !by_number && class.not.iter().any(|word| name.has(word)) {
+                continue;
+            }
+            let is_named = by_number || class.names().any(|word| name.has(word));
+            match (&class.state, state) {
+                (None, _) if is_named => return Named::Class(number),
+                (Some(wanted), Some(found)) if is_named || name.is_state_alone() => {
+                    if *wanted == LIGHT_STATES[found] {
+                        return Named::Class(number);
+                    }
+                }
+                (Some(_), None) if is_named => named = Named::Unknown,
+                _ => {}
+            }
+        }
+        named
+    }
+}
+
+impl ObjectClass {
+    /// Names of categories that are of this class.
+    fn names(&self) -> impl Iterator<Item = &str> {
+        let own = self.from.is_empty() && self.categories.is_empty();
+        self.from.iter().map(String::as_str).chain(own.then_some(self.name.as_str()))
+    }
+}
+
+/// The name of a category in words.
+struct Name(Vec<String>);
+
+impl Name {
+    /// Words in small letters: `TrafficLight-red` and `traffic_light red` are the same.
+    fn of(name: &str) -> Self {
+        let mut words = vec![String::new()];
+        let mut was_small = false;
+        for c in name.chars() {
+            if (was_small && c.is_uppercase()) || !c.is_alphanumeric() {
+                words.push(String::new());
+            }
+            if let (true, Some(word)) = (c.is_alphanumeric(), words.last_mut()) {
+                word.extend(c.to_lowercase());
+            }
+            was_small = c.is_lowercase();
+        }
+        words.retain(|word| !word.is_empty());
+        Self(words)
+    }
+
+    fn in_words(&self) -> String {
+        self.0.join(" ")
+    }
+
+    /// Whether the words of another name stand in this one, one after the other, each in the singular or the plural.
+    fn has(&self, other: &str) -> bool {
+        let words = Self::of(other).0;
+        let is_plural = |one: &str, many: &str| many.strip_suffix('s') == Some(one);
+        let are_alike = |(a, b): (&String, &String)| a == b || is_plural(a, b) || is_plural(b, a);
+        !words.is_empty() && self.0.windows(words.len()).any(|part| part.iter().zip(&words).all(are_alike))
+    }
+
+    /// Whether it is the name of a state of a traffic light and of nothing else, for all directions or for some.
+    fn is_state_alone(&self) -> bool {
+        let is_direction = |word: &&String| ["left", "right", "straight"].contains(&word.as_str());
+        let others: Vec<&String> = self.0.iter().filter(|word| !is_direction(word)).collect();
+        matches!(others[..], [word] if light_state(word).is_some())
+    }
+}
+
+/// How the categories of a data set are taken, if some of them are not looked for: else a misspelt one would be background without a word.
+pub fn taken_as(data: &DataSet, classes: &Classes) -> Option<String> {
+    let mut names: BTreeMap<String, BTreeSet<&str>> = BTreeMap::new();
+    let mut background = BTreeSet::new();
+    for annotation in &data.annotations {
+        let Some(category) = data.category(annotation.category_id) else { continue };
+        let taken = match classes.of_annotation(category, annotation) {
+            Named::Class(class) => format!("as `{}`", classes[class].name),
+            Named::Unknown => "as places that are not judged".to_owned(),
+            Named::Other => {
+                background.insert(category.name.as_str());
+                continue;
+            }
+        };
+        names.entry(taken).or_default().insert(&category.name);
+    }
+    let list = |names: &BTreeSet<&str>| names.iter().copied().collect::<Vec<_>>().join(", ");
+    let taken = names.iter().map(|(taken, names)| format!("; {taken}: {}", list(names)));
+    (!background.is_empty()).then(|| {
+        format!(
+            "boxes of these categories are background: {}{}",
+            list(&background),
+            taken.collect::<String>()
+        )
+    })
+}
+
+/// The objects of a picture. Crowds, objects that are to be ignored, and boxes that are thinner than a pixel are regions that are not judged.
+pub(super) fn truth(data: &DataSet, objects: &[usize], classes: &Classes) -> Truth {
+    let mut truth = Truth::default();
+    for annotation in objects.iter().map(|k| &data.annotations[*k]) {
+        let Some(category) = data.category(annotation.category_id) else { continue };
+        let class = match classes.of_annotation(category, annotation) {
+            Named::Class(class) => Some(class),
+            Named::Unknown => None,
+            Named::Other => continue,
+        };
+        let b = &annotation.bounds;
+        let [x1, y1, x2, y2] = [b.x, b.y, b.x + b.width, b.y + b.height].map(|v| v as f32);
+        let bbox = BBox::new(x1, y1, x2, y2);
+        match class.filter(|_| !annotation.crowd && !annotation.ignore && !b.is_thin()) {
+            Some(class) => truth.objects.push(Object { bbox, class }),
+            None => truth.ignored.push(bbox),
+        }
+    }
+    truth
+}
+
+/// The data set with the classes of a detector for categories: class `c` has the number `c + 1`. A region that is not judged is a crowd of
+/// every class, and everything that is not looked for is left out.
+pub fn in_classes(data: &DataSet, classes: &Classes) -> DataSet {
+    let mut annotations: Vec<Annotation> = Vec::new();
+    let mut add = |image_id: u64, bbox: &BBox, class: usize, crowd: bool| {
+        let [x1, y1, x2, y2] = [bbox.x1, bbox.y1, bbox.x2, bbox.y2].map(f64::from);
+        let bounds = Bounds::between(x1, y1, x2, y2);
+        annotations.push(Annotation {
+            id: annotations.len() as u64 + 1,
+            image_id,
+            category_id: class as u64 + 1,
+            bounds,
+            area: bounds.area(),
+            crowd,
+            ignore: false,
+            attributes: BTreeMap::new(),
+            unclipped: None,
+        });
+    };
+    for (image, objects) in data.images.iter().zip(data.objects_of_images()) {
+        let truth = truth(data, &objects, classes);
+        truth.objects.iter().for_each(|object| add(image.id, &object.bbox, object.class, false));
+        for region in &truth.ignored {
+            (0..classes.len()).for_each(|class| add(image.id, region, class, true));
+        }
+    }
+    let category = |(i, class): (usize, &ObjectClass)| Category {
+        id: i as u64 + 1,
+        name: class.name.clone(),
+        ..Category::default()
+    };
+    DataSet {
+        images: data.images.clone(),
+        categories: classes.iter().enumerate().map(category).collect(),
+        annotations,
+        ..DataSet::default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use petzval_files::coco::Image;
+
+    use super::*;
+
+    fn people_and_vehicles() -> Classes {
+        Classes::parse(include_str!("../../../../data/tasks/pedestrian-vehicle.toml")).unwrap()
+    }
+
+    fn traffic_lights() -> Classes {
+        Classes::parse(include_str!("../../../../data/tasks/traffic-light.toml")).unwrap()
+    }
+
+    fn annotation() -> Annotation {
+        Annotation {
+            id: 1,
+            image_id: 1,
+            category_id: 1,
+            bounds: Bounds { x: 0.0, y: 0.0, width: 4.0, height: 8.0 },
+            area: 32.0,
+            crowd: false,
+            ignore: false,
+            attributes: BTreeMap::new(),
+            unclipped: None,
+        }
+    }
+
+    fn class(classes: &Classes, name: &str, annotation: &Annotation) -> Named {
+        let category = Category { id: 1, name: name.to_owned(), ..Category::default() };
+        classes.of_annotation(&category, annotation)
+    }
+
+    #[test]
+    fn names_of_many_data_sets_are_understood() {
+        let annotation = annotation();
+        let [people, lights] = [people_and_vehicles(), traffic_lights()];
+        let class = |classes: &Classes, name: &str| match class(classes, name, &annotation) {
+            Named::Class(class) => Some(class as i32),
+            Named::Unknown => Some(-1),
+            Named::Other => None,
+        };
+        for (name, expected) in [
+            ("Pedestrians", Some(0)),
+            ("human--person--individual", Some(0)),
+            ("Person_sitting", Some(0)),
+            ("object--vehicle--car", Some(1)),
+            ("PickupTruck", Some(1)),
+            ("void--ego-vehicle", None),
+            ("void--car-mount", None),
+            ("Vehicle registration plate", None),
+            ("bus stop", None),
+            ("bicycle", None),
+        ] {
+            assert_eq!(class(&people, name), expected, "{name}");
+        }
+        for (name, expected) in [
+            ("red", Some(0)),
+            ("RedLeft", Some(0)),
+            ("GreenStraightRight", Some(2)),
+            ("off", Some(3)),
+            ("TrafficLightYellow", Some(1)),
+            ("traffic light", Some(-1)),
+            ("red car", None),
+            ("pedestrian light red", None),
+            ("object--street-light", None),
+            ("tail light red", None),
+        ] {
+            assert_eq!(class(&lights, name), expected, "{name}");
+        }
+    }
+
+    #[test]
+    fn a_state_makes_a_light_of_nothing_else() {
+        let mut annotation = annotation();
+        annotation.attributes.insert("state".to_owned(), Attribute::Text("off".to_owned()));
+        let lights = traffic_lights();
+        assert_eq!(class(&lights, "vehicle", &annotation), Named::Other);
+        assert_eq!(class(&lights, "traffic light", &annotation), Named::Class(3));
+    }
+
+    #[test]
+    fn classes_of_ones_own_take_categories_by_name_words_and_number() {
+        let own: Classes = vec![
+            ObjectClass { name: "cyclist".to_owned(), ..ObjectClass::default() },
+            ObjectClass {
+                name: "van".to_owned(),
+                from: vec!["Delivery van".to_owned(), "pick-up".to_owned()],
+                not: vec!["toy".to_owned()],
+                ..ObjectClass::default()
+            },
+            ObjectClass { name: "drone".to_owned(), categories: vec![7], ..ObjectClass::default() },
+        ]
+        .into();
+        let annotation = annotation();
+        for (id, name, expected) in [
+            (1, "Cyclists", Named::Class(0)),
+            (1, "delivery_vans", Named::Class(1)),
+            (1, "PickUp", Named::Class(1)),
+            (1, "van", Named::Other),
+            (1, "toy delivery van", Named::Other),
+            (7, "class_7", Named::Class(2)),
+            // With numbers, the name of the class says nothing.
+            (8, "drone", Named::Other),
+        ] {
+            let category = Category { id, name: name.to_owned(), ..Category::default() };
+            assert_eq!(own.of_annotation(&category, &annotation), expected, "{id} {name}");
+        }
+        assert_eq!(own.of_street(ObjectKind::Vehicle, None), None);
+        let lights = traffic_lights();
+        assert_eq!(lights.of_street(ObjectKind::TrafficLight, Some(LampState::Green)), Some(2));
+        assert_eq!(lights.of_street(ObjectKind::TurnedLight, Some(LampState::Green)), None);
+    }
+
+    #[test]
+    fn objects_get_the_classes_of_a_detector_and_crowds_are_of_all_of_them() {
+        let names = ["Pedestrians", "tree", "car", "traffic light"];
+        let category = |(i, name): (usize, &&str)| Category {
+            id: 10 * i as u64 + 7,
+            name: (*name).to_owned(),
+            ..Category::default()
+        };
+        let annotation = |category_id: u64, x: f64, crowd: bool, ignore: bool| Annotation {
+            id: 1,
+            image_id: 5,
+            category_id,
+            bounds: Bounds { x, y: 2.0, width: 4.0, height: 8.0 },
+            // That of an outline.
+            area: 20.0,
+            crowd,
+            ignore,
+            attributes: BTreeMap::new(),
+            unclipped: None,
+        };
+        let data = DataSet {
+            images: vec![Image { id: 5, ..Image::default() }],
+            categories: names.iter().enumerate().map(category).collect(),
+            annotations: vec![
+                annotation(7, 1.0, false, false),
+                annotation(17, 2.0, false, false),
+                annotation(27, 3.0, false, false),
+                annotation(27, 4.0, true, false),
+                annotation(37, 5.0, false, false),
+                annotation(7, 6.0, false, true),
+            ],
+            ..DataSet::default()
+        };
+        let ours = in_classes(&data, &people_and_vehicles());
+        let seen: Vec<_> =
+            ours.annotations.iter().map(|a| (a.id, a.image_id, a.category_id, a.bounds.x, a.crowd)).collect();
+        let expected = [
+            (1, 5, 1, 1.0, false),
+            (2, 5, 2, 3.0, false),
+            (3, 5, 1, 4.0, true),
+            (4, 5, 2, 4.0, true),
+            (5, 5, 1, 6.0, true),
+            (6, 5, 2, 6.0, true),
+        ];
+        assert_eq!(seen, expected);
+        assert!(ours.annotations.iter().all(|a| a.area == 32.0 && !a.ignore));
+        assert_eq!(
+            ours.categories.iter().map(|c| c.name.as_str()).collect::<Vec<_>>(),
+            ["pedestrian", "vehicle"]
+        );
+        // What is background is said.
+        let note = taken_as(&data, &people_and_vehicles()).unwrap();
+        assert!(note.contains("background: traffic light, tree; as `pedestrian`: Pedestrians"), "{note}");
+    }
+}
