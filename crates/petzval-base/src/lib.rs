@@ -10,8 +10,10 @@
 //! | [`PartFolder`], [`sweep_parts`] | what is not whole yet, and the removal of what killed processes have left of it |
 //! | [`simd`] | chooses the instruction set of the vector kernels |
 //! | [`random`] | random numbers as a function of seed, frame, stage and place |
+//! | [`counted`] | a number with its noun |
 //! | [`statistics`] | the median; minimum and maximum that pass on what is no number |
 
+mod counted;
 mod file_error;
 pub mod lossy_path;
 pub mod parameter;
@@ -21,6 +23,7 @@ pub mod simd;
 pub mod statistics;
 mod whole_file;
 
+pub use counted::counted;
 pub use file_error::{FileError, nearest, quote};
 pub use part::{LONGEST_NAME, PartFolder, sweep_parts, sweep_parts_in};
 pub use whole_file::{open_file, read_at_most, read_text, read_whole, write_whole};

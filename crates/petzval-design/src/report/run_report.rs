@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use petzval_base::counted;
 use petzval_base::parameter::Parameter;
 use petzval_files::{LensFile, parse_lens};
 use petzval_optics::analysis::first_order_table;
@@ -205,7 +206,7 @@ fn cameras_in_words(setup: &Setup, events: &[Event]) -> String {
         let taken = |block: &str| events.iter().filter(|e| e.camera == v.name && e.block == block).count();
         let steps = |block: BlockName| match taken(block.name()) {
             0 => None,
-            n => Some(format!("{n} {} steps", moved(block))),
+            n => Some(counted(n, &format!("{} step", moved(block)))),
         };
         let alone = LensGoal::ALL.into_iter().filter(|goal| taken(goal.event()) > 0);
         let alone = alone.map(|goal| goal.in_words().to_owned());
@@ -217,8 +218,7 @@ fn cameras_in_words(setup: &Setup, events: &[Event]) -> String {
         format!("{} ({})", v.name, all.join(", "))
     };
     let list: Vec<String> = setup.variants.iter().map(one).collect();
-    let count = if list.len() == 1 { "1 camera".to_owned() } else { format!("{} cameras", list.len()) };
-    format!("{count}: {},", list.join(", "))
+    format!("{}: {},", counted(list.len(), "camera"), list.join(", "))
 }
 
 /// PSFs at the shown fields, with their RMS radii.
@@ -282,15 +282,18 @@ fn made_view(scores: &[ScoreDescription], made: MadeMetrics) -> MadeCameras {
     let left_out = match made.left_out {
         0 => String::new(),
         n => format!(
-            " {n} tolerances are left out, decentres and tilts among them: the camera would lose its symmetry, and the yield is an upper \
-             bound."
+            " {} left out, decentres and tilts among them: the camera would lose its symmetry, and the yield is an upper \
+             bound.",
+            if n == 1 { "1 tolerance is".to_owned() } else { format!("{n} tolerances are") }
         ),
     };
     let conditions = format!(
-        "{} cameras of each design with lenses made at random by their tolerances ({}){focus}, with the network or ISP that was designed for \
-         the lens as drawn. {knowledge} Means over {} held-out pictures, for the camera as drawn too, so that they differ from those above. The limit is \
+        "{} of each design with lenses made at random by their tolerances ({}){focus}, with the network or ISP that was designed for \
+         the lens as drawn. {knowledge} Means over {}, for the camera as drawn too, so that they differ from those above. The limit is \
          the score of the first camera as drawn, unless another was given.{left_out}",
-        made.trials, made.tolerances, made.pictures
+        counted(made.trials, "camera"),
+        made.tolerances,
+        counted(made.pictures, "held-out picture")
     );
     MadeCameras { conditions, limits: in_order(scores, &made.limits), rows: rows.collect() }
 }

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use petzval_base::counted;
 use petzval_base::statistics::{maximum, minimum};
 use petzval_learn::score::ScoreDescription;
 use serde::{Deserialize, Serialize};
@@ -43,10 +44,11 @@ impl Metrics {
     /// What the cameras are scored on: `4 held-out photographs at 16 places each`.
     pub fn scored_on(&self) -> String {
         if self.is_of_objects() {
-            format!("{} windows of held-out scenes", self.held_out_images)
-        } else {
-            format!("{} held-out photographs at {} places each", self.held_out_images, self.held_out_places)
+            return format!("{} of held-out scenes", counted(self.held_out_images, "window"));
         }
+        let photographs = counted(self.held_out_images, "held-out photograph");
+        let each = if self.held_out_images == 1 { "" } else { " each" };
+        format!("{photographs} at {}{each}", counted(self.held_out_places, "place"))
     }
 }
 
@@ -236,6 +238,7 @@ mod tests {
             "camera,photo,relative_field,psnr_db\n\"wide, fast\",\"a \"\"b\"\"\",0.5,30.5\n"
         );
         assert_eq!(metrics.electrons_of_white(), "16000");
+        assert_eq!(metrics.scored_on(), "1 held-out photograph at 1 place");
         let brighter = CameraMetrics { white_e: 24_321.7, ..metrics.rows[0].clone() };
         let metrics = Metrics { rows: vec![brighter, metrics.rows[0].clone()], ..metrics };
         assert_eq!(metrics.electrons_of_white(), "16000 to 24322");

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use petzval_base::counted;
 use serde::{Serialize, Serializer};
 
 /// Multiple of the standard error within which a slope or a variance counts as zero.
@@ -168,11 +169,6 @@ impl fmt::Display for Unresolved {
             Self::NotFinite => f.write_str("a division by zero signal"),
         }
     }
-}
-
-/// A number with its noun: `1 point`, `3 points`.
-fn counted(n: usize, what: &str) -> String {
-    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
 }
 
 impl Serialize for Unresolved {

@@ -4,6 +4,7 @@ use std::io::Cursor;
 
 use image::ImageFormat;
 use maud::{Markup, html};
+use petzval_base::counted;
 
 use super::detail::focus;
 use super::standing::{Standing, place_in_words};
@@ -86,7 +87,7 @@ fn shown(report: &Report, all: &[(usize, &PictureView)]) -> Markup {
         @for (i, picture) in first { (comparison(report, picture, *i, Rows::All)) }
         @if !rest.is_empty() {
             details {
-                summary { (rest.len()) " more held-out pictures" }
+                summary { (counted(rest.len(), "more held-out picture")) }
                 @for (i, picture) in rest { (comparison(report, picture, *i, Rows::All)) }
             }
         }

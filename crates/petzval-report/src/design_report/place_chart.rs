@@ -1,6 +1,7 @@
 //! The score over the field: by how much each camera is ahead of the baseline, from the axis to the corner.
 
 use maud::{Markup, html};
+use petzval_base::counted;
 
 use super::standing::{Difference, Standing};
 use super::view::{Report, camera_colour};
@@ -34,7 +35,7 @@ pub(super) fn place_chart(report: &Report) -> Markup {
         p { (sentence(&standing)) }
         (figure(&chart(report, &standing).svg()))
         (caption(html! {
-            "Each point: the mean over " (photographs) " held-out photographs at one place, less that of " (standing.name(standing.baseline)) " on the same pictures, "
+            "Each point: the mean over " (counted(photographs, "held-out photograph")) " at one distance from the axis, less that of " (standing.name(standing.baseline)) " on the same pictures, "
             "so that their content cancels."
             @if photographs > 1 { " Bars: the standard error over photographs, where it is larger than the marker." }
             " The figures are those of " code { "pictures.csv" } "."
@@ -42,7 +43,7 @@ pub(super) fn place_chart(report: &Report) -> Markup {
     }
 }
 
-/// At how many places the subject is ahead and behind.
+/// At how many distances from the axis the subject is ahead and behind. Places of one distance are one.
 fn sentence(standing: &Standing) -> String {
     let (subject, baseline) = (standing.subject, standing.baseline);
     let all: Vec<Difference> =
@@ -55,10 +56,10 @@ fn sentence(standing: &Standing) -> String {
         level => format!(", and within the error of it at {level}"),
     };
     format!(
-        "{} is ahead of {} at {ahead} of {} places, behind at {behind}{level}.",
+        "{} is ahead of {} at {ahead} of {} from the axis, behind at {behind}{level}.",
         capitalised(standing.name(subject)),
         standing.name(baseline),
-        all.len()
+        counted(all.len(), "distance")
     )
 }
 
@@ -138,7 +139,10 @@ mod tests {
         let report = Report { held_out: sample::held_out(), ..sample::report() };
         assert!(has_places(&report) && !has_places(&sample::report()));
         let standing = Standing::of(&report).unwrap();
-        assert_eq!(sentence(&standing), "End-to-end is ahead of nominal at 2 of 3 places, behind at 1.");
+        assert_eq!(
+            sentence(&standing),
+            "End-to-end is ahead of nominal at 2 of 3 distances from the axis, behind at 1."
+        );
         let svg = chart(&report, &standing).svg();
         assert_eq!(svg.matches("class=\"curve\"").count(), 3);
         assert_eq!(svg.matches("class=\"points\"").count(), 2);
@@ -158,7 +162,7 @@ mod tests {
         let standing = Standing::of(&report).unwrap();
         assert_eq!(
             sentence(&standing),
-            "End-to-end is ahead of nominal at 2 of 3 places, behind at 0, and within the error of it at 1."
+            "End-to-end is ahead of nominal at 2 of 3 distances from the axis, behind at 0, and within the error of it at 1."
         );
     }
 }

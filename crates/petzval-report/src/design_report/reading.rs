@@ -1,6 +1,8 @@
 //! The reading: the result of the scores in plain sentences, also if there is no gain. A run has one seed, so they say what differs,
 //! and not which camera is better.
 
+use petzval_base::counted;
+
 use super::found_answer::Found;
 use super::score_table::{Figure, first_order, picture_scores, spot};
 use super::view::{DetectionView, OneSeed, Report, SeedStudy, TableRow};
@@ -134,9 +136,9 @@ fn studied(scores: &[Figure], study: &SeedStudy) -> String {
         return String::new();
     }
     format!(
-        " For comparison, {} with {} seeds and {} network steps, mean and standard deviation: {}.",
+        " For comparison, {} with {} and {} network steps, mean and standard deviation: {}.",
         study.experiment,
-        study.seeds,
+        counted(study.seeds, "seed"),
         study.network_steps,
         differences.join("; ")
     )

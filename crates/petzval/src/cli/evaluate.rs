@@ -7,6 +7,8 @@ use petzval::jobs::evaluate::{
     self, Compensate, Difference, Grade, LensTolerances, Made, MadeMetrics, Metrics, ScoreDescription,
 };
 
+use petzval_base::counted;
+
 use super::failure::Failure;
 use super::number::figure;
 use super::plain::shown;
@@ -189,5 +191,9 @@ fn print_made(made: &MadeMetrics) {
         }
     }
     let calibrated = if made.is_calibrated { "each calibrated" } else { "none calibrated" };
-    outln!("{} cameras of each design, {calibrated}, {} held-out pictures each", made.trials, made.pictures);
+    outln!(
+        "{} of each design, {calibrated}, {} each",
+        counted(made.trials, "camera"),
+        counted(made.pictures, "held-out picture")
+    );
 }
