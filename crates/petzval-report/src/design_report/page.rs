@@ -330,7 +330,7 @@ mod tests {
         assert_readable(&page);
         let at = |text: &str| page.find(text).unwrap_or_else(|| panic!("{text}"));
         let order = [
-            "End-to-end scores highest: +1.30",
+            "End-to-end scores highest in PSNR: +1.30",
             "class=\"numbers\"",
             "Most gain: +3.0",
             "<nav class=\"contents\"",
@@ -338,7 +338,7 @@ mod tests {
             "On the axis: \u{2212}0.9",
             "In the corner: +2.9",
             "<h2>Score over the field</h2>",
-            "End-to-end is ahead of nominal at 2 of 3 places",
+            "End-to-end is ahead of nominal at 2 of 3 distances from the axis",
             "<h2>Result</h2>",
             "<h2>Pictures</h2>",
             "In the zone",

@@ -1,6 +1,7 @@
 //! The answer where pictures are scored one by one.
 
 use super::answer_view::Answer;
+use super::score_table::{Figure, picture_scores};
 use super::standing::{Difference, OF_WHAT, Standing};
 use super::view::Report;
 use super::words::capitalised;
@@ -13,28 +14,48 @@ pub(super) fn answer(report: &Report) -> Option<Answer> {
     Some(Answer { sentence: sentence(&standing), numbers: tiles(&standing) })
 }
 
-/// `End-to-end scores highest: +1.1 dB PSNR over nominal, +1.1 dB over spot-optimised; against nominal it is ...`.
+/// `End-to-end scores highest in PSNR: +1.1 dB over nominal, +1.1 dB over spot-optimised; against nominal it is ... By SSIM, nominal is best.`
 fn sentence(standing: &Standing) -> String {
     let (best, score) = (standing.best, standing.about());
     let others = if best == standing.baseline { Some(standing.subject) } else { Some(standing.baseline) };
     let others = others.into_iter().chain(standing.runner_up);
-    let over = others.enumerate().map(|(i, other)| {
+    let over = others.map(|other| {
         let amount = signed_amount(standing, standing.difference(best, other));
-        match i {
-            0 => format!("{} over {}", named(&amount, standing), standing.name(other)),
-            _ => format!("{amount} over {}", standing.name(other)),
-        }
+        format!("{amount} over {}", standing.name(other))
     });
-    let highest = if score.higher_is_better { "highest" } else { "lowest, which is best" };
+    let highest = if score.higher_is_better { "highest" } else { "best (lowest)" };
     let head = format!(
-        "{} scores {highest}: {}",
+        "{} scores {highest} in {}: {}",
         capitalised(standing.name(best)),
+        title(&score.title),
         over.collect::<Vec<_>>().join(", ")
     );
     match places_in_words(standing) {
-        Some(places) => format!("{head}; {places}."),
-        None => format!("{head}."),
+        Some(places) => format!("{head}; {places}.{}", other_leaders(standing)),
+        None => format!("{head}.{}", other_leaders(standing)),
     }
+}
+
+/// The scores by which another camera is the best, as the bold figures of the table show: ` By SSIM, nominal is best.`
+fn other_leaders(standing: &Standing) -> String {
+    let report = standing.report;
+    let rows = || (0..report.table.len()).filter(|camera| !report.table[*camera].is_ceiling);
+    let leader = |figure: &Figure| {
+        let gain = |camera: &usize| figure.gain(&report.table[standing.best], &report.table[*camera]);
+        rows().filter(|camera| gain(camera) > 0.0).max_by(|a, b| gain(a).total_cmp(&gain(b)))
+    };
+    // Scores with the same leader share a sentence.
+    let mut led: Vec<(usize, String)> = Vec::new();
+    for figure in picture_scores(report) {
+        let Some(camera) = leader(&figure) else { continue };
+        match led.iter_mut().find(|known| known.0 == camera) {
+            Some((_, scores)) => *scores += &format!(" and {}", figure.name),
+            None => led.push((camera, figure.name)),
+        }
+    }
+    led.into_iter()
+        .map(|(camera, scores)| format!(" By {scores}, {} is best.", standing.name(camera)))
+        .collect()
 }
 
 /// Where the subject is behind the baseline and where it is ahead; none for less than two places.
@@ -108,11 +129,9 @@ fn signed_amount(standing: &Standing, difference: Difference) -> String {
     with_unit(standing, number::signed(difference.value, known))
 }
 
-/// An amount with the name of the score.
-fn named(amount: &str, standing: &Standing) -> String {
-    let score = standing.about();
-    let title = score.title.replace(' ', "\u{a0}");
-    if score.unit.is_empty() { format!("{amount} in {title}") } else { format!("{amount} {title}") }
+/// The name of a score, whose spaces do not break.
+fn title(name: &str) -> String {
+    name.replace(' ', "\u{a0}")
 }
 
 /// Over the baseline, over the next camera, and where it is furthest behind, or ahead the least.
@@ -174,7 +193,7 @@ mod tests {
         // Gains of three photographs scatter by 0.1 dB: 0.1 / sqrt(3) = 0.06.
         assert_eq!(
             said(&report()),
-            "End-to-end scores highest: +1.30 dB PSNR over nominal, +0.53 dB over spot-optimised; against nominal it is 1.00 dB behind on the \
+            "End-to-end scores highest in PSNR: +1.30 dB over nominal, +0.53 dB over spot-optimised; against nominal it is 1.00 dB behind on the \
              axis and 2.90 dB ahead at 93 % of the half-diagonal."
         );
         let numbers = answer(&report()).unwrap().numbers;
@@ -237,14 +256,28 @@ mod tests {
     }
 
     #[test]
+    fn scores_by_which_another_camera_is_best_are_named() {
+        let mut report = report();
+        report.table[0].scores[0] = 0.95;
+        report.table[1].scores[2] = 0.93;
+        let wanted =
+            "at 93 % of the half-diagonal. By 1 − LPIPS, nominal is best. By SSIM, spot-optimised is best.";
+        assert!(said(&report).ends_with(wanted), "{}", said(&report));
+        // A lens without aberrations is a ceiling, not a camera to choose.
+        report.table[0].is_ceiling = true;
+        report.table[1].scores[2] = 0.88;
+        assert!(!said(&report).contains(" By "), "{}", said(&report));
+    }
+
+    #[test]
     fn a_loss_is_stated_as_a_loss() {
         let mut report = report();
         report.table[0].scores[1] = 33.0;
         report.held_out.iter_mut().for_each(|picture| picture.scores[0][1] += 4.0);
         assert_eq!(
             said(&report),
-            "Nominal scores highest: +1.86 dB PSNR over end-to-end, +2.39 dB over spot-optimised; end-to-end is nowhere ahead, and 5.00 dB \
-             behind on the axis."
+            "Nominal scores highest in PSNR: +1.86 dB over end-to-end, +2.39 dB over spot-optimised; end-to-end is nowhere ahead, and 5.00 dB \
+             behind on the axis. By 1 − LPIPS and SSIM, end-to-end is best."
         );
         assert_eq!(answer(&report).unwrap().numbers[0].is_gain, Some(false));
     }
@@ -254,7 +287,7 @@ mod tests {
         let report = sample::report();
         assert_eq!(
             said(&report),
-            "End-to-end scores highest: +1.30 dB PSNR over nominal, +0.53 dB over spot-optimised."
+            "End-to-end scores highest in PSNR: +1.30 dB over nominal, +0.53 dB over spot-optimised."
         );
         assert!(answer(&Report { table: report.table[..1].to_vec(), ..report }).is_none());
     }

@@ -100,7 +100,7 @@ pub(super) fn leading_score(scores: &[Score]) -> usize {
 /// The camera that scores highest, and those that it is compared with, as places in [`Report::table`].
 #[derive(Clone, Debug)]
 pub(super) struct Standing<'a> {
-    report: &'a Report,
+    pub report: &'a Report,
     /// The score, as a place in [`Report::scores`].
     pub score: usize,
     /// The first camera whose lens is no ceiling.
