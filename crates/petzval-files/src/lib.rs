@@ -55,5 +55,6 @@ pub use rii::parse_rii;
 pub use sensor::parse_sensor;
 pub use seq::{parse_seq, parse_seq_start, write_seq};
 pub use tolerance_toml::{ToleranceFile, parse_tolerances, write_tolerances};
+pub use wavelength::{OPTICAL_UM, wavelength_hint, wavelength_message};
 pub use ycbcr_file::{y4m_bytes, yuv_bytes};
 pub use zmx::{parse_zmx, parse_zmx_start, write_zmx};

@@ -23,7 +23,7 @@ pub(super) use power::{in_mm, set_powers};
 pub(super) use record::{Record, line_end};
 
 use super::loss::{Effect, Loss, Losses};
-use crate::wavelength::OPTICAL_UM;
+use crate::wavelength::{OPTICAL_UM, wavelength_message};
 use petzval_base::FileError;
 
 use super::LensFile;
@@ -164,13 +164,7 @@ fn wavelengths(
 ) -> Result<(Vec<f64>, f64), FileError> {
     for (um, _) in list {
         if !OPTICAL_UM.contains(um) {
-            let message = format!(
-                "a wavelength of {} um is not optical ({} to {} um)",
-                super::decimal::shown(*um),
-                OPTICAL_UM.start(),
-                OPTICAL_UM.end()
-            );
-            return Err(record.error(message));
+            return Err(record.error(wavelength_message(super::decimal::shown(*um))));
         }
     }
     let Some((reference_um, _)) = list.get(reference) else {

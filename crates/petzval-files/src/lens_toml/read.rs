@@ -11,7 +11,7 @@ use super::text::{
 use super::{Expect, Expected, ExpectedSpots, LensFile};
 use crate::draft::{Import, with_open_surfaces};
 use crate::glass_toml::read_glasses;
-use crate::wavelength::OPTICAL_UM;
+use crate::wavelength::{OPTICAL_UM, wavelength_hint, wavelength_message};
 use petzval_base::FileError;
 use petzval_optics::design_space::{EflSolve, Pickup, Variable};
 use petzval_optics::glass::Catalog;
@@ -150,18 +150,8 @@ impl Reader<'_> {
             if OPTICAL_UM.contains(&value) {
                 return Ok(value);
             }
-            let message = format!(
-                "a wavelength of {value} um is not optical ({} to {} um)",
-                OPTICAL_UM.start(),
-                OPTICAL_UM.end()
-            );
-            let error = self.error(key, number.span(), message);
-            let from_nm = value / 1000.0;
-            Err(if OPTICAL_UM.contains(&from_nm) {
-                error.hint(format!("wavelengths are in um; did you mean {from_nm}?"))
-            } else {
-                error.hint("wavelengths are in um")
-            })
+            let error = self.error(key, number.span(), wavelength_message(value));
+            Err(error.hint(wavelength_hint(value)))
         };
         let mut list = Vec::new();
         for number in text.um.get_ref() {

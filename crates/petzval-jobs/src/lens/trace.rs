@@ -1,5 +1,6 @@
 //! `lens trace`: one ray through every surface.
 
+use petzval_files::{OPTICAL_UM, wavelength_hint};
 use petzval_optics::lens::{Lens, ObjectDistance};
 use petzval_optics::paraxial::first_order;
 use petzval_optics::pupil::{aim_one, paraxial_launch};
@@ -95,9 +96,9 @@ impl Request {
             return Err(JobError::setting("pupil", pupil(), message, "for example --pupil 0,0.7"));
         }
         let um = self.wavelength;
-        if !(0.2..=20.0).contains(&um) {
-            let hint = format!("wavelengths are in um; did you mean {}?", um * 1e-3);
-            return Err(JobError::setting("wavelength", um, "not between 0.2 and 20 um", hint));
+        if !OPTICAL_UM.contains(&um) {
+            let message = format!("not between {} and {} um", OPTICAL_UM.start(), OPTICAL_UM.end());
+            return Err(JobError::setting("wavelength", um, message, wavelength_hint(um)));
         }
         let limit_deg = lens.object.field_limit_deg();
         if !self.field.is_finite() || self.field.abs() >= limit_deg {
