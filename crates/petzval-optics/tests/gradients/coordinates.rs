@@ -3,7 +3,9 @@
 use super::near;
 use crate::common::{nominal_triplet, special_lenses};
 use petzval_optics::analysis::first_order_table;
-use petzval_optics::design_space::{DesignSpace, EflSolve, Focus, MagnificationSolve, Pickup, SmoothSpace, Solves, Variable};
+use petzval_optics::design_space::{
+    DesignSpace, EflSolve, Focus, MagnificationSolve, Pickup, SmoothSpace, Solves, Variable,
+};
 use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::{Departure, Lens, ObjectDistance};
 use petzval_optics::number::Number;

@@ -7,7 +7,10 @@ use petzval_optics::constraint::{Constraint, penalty};
 use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::{Lens, ObjectDistance};
 use petzval_optics::optimize::Limits;
-use petzval_optics::paraxial::{FirstOrderCotangent, first_order, image_brightness, image_height_per_tangent, pull_back_first_order, pull_back_image_distance, pull_back_image_height, pull_back_log_brightness};
+use petzval_optics::paraxial::{
+    FirstOrderCotangent, first_order, image_brightness, image_height_per_tangent, pull_back_first_order,
+    pull_back_image_distance, pull_back_image_height, pull_back_log_brightness,
+};
 use petzval_optics::pupil::chief_ray;
 use petzval_optics::solve::with_paraxial_focus;
 

@@ -149,7 +149,13 @@ fn shift_index(lens: &mut Lens, surface: usize, h: f64) {
 /// Compares with fourth-order central differences, each knob's step times the first of `steps` that fits: short
 /// steps drown in rounding, long ones in curvature, and not for every knob alike. `tolerance` is relative to the
 /// derivative, after what the rounding of the loss can explain.
-pub fn check(lens: &Lens, gradient: &LensGradient, loss: &dyn Fn(&Lens) -> f64, steps: &[f64], tolerance: f64) {
+pub fn check(
+    lens: &Lens,
+    gradient: &LensGradient,
+    loss: &dyn Fn(&Lens) -> f64,
+    steps: &[f64],
+    tolerance: f64,
+) {
     let size = loss(lens).abs();
     for knob in knobs(lens) {
         let at = |h: f64| {

@@ -4,7 +4,9 @@ use super::knobs::check;
 use super::{near, vignetted};
 use crate::common::{nominal_triplet, special_lenses};
 use petzval_optics::lens::Lens;
-use petzval_optics::psf::{FieldPsf, PsfCotangent, PsfKind, PsfOptions, PsfTape, psf_traced_with_tape, psf_with_tape};
+use petzval_optics::psf::{
+    FieldPsf, PsfCotangent, PsfKind, PsfOptions, PsfTape, psf_traced_with_tape, psf_with_tape,
+};
 use petzval_optics::pupil::Quadrature;
 
 #[test]
