@@ -175,6 +175,7 @@ fn lens_look(setup: &Setup, variant: &Variant, start: &Start) -> Result<LensLook
     let psfs = plan.psfs(lens)?;
     let quadrature = Quadrature::grid(CELLS)?;
     let in_colours = Lens { wavelengths_um: plan.wavelengths_um.to_vec(), ..lens.clone() };
+    let axis = spot(&in_colours, 0.0, &quadrature);
     let fields = plan.field_radius_mm.iter().zip(&psfs).map(|(image_mm, psf)| {
         let spot = spot(&in_colours, psf.field_rad, &quadrature);
         let mean = |all: &[f64]| all.iter().sum::<f64>() / all.len() as f64;
@@ -183,7 +184,8 @@ fn lens_look(setup: &Setup, variant: &Variant, start: &Start) -> Result<LensLook
             field_deg: psf.field_rad.to_degrees(),
             rms_spot_um: spot.as_ref().map(|spot| spot.rms_poly_um),
             light_on_grid: psf.captured.iter().copied().fold(1.0, f64::min),
-            illumination: spot.as_ref().map(|spot| mean(&spot.illumination)),
+            illumination: (spot.as_ref().zip(axis.as_ref()))
+                .map(|(spot, axis)| mean(&spot.relative_illumination(axis))),
         }
     });
     let reference = lens.at_wavelength(lens.reference_um);

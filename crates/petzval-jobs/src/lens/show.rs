@@ -190,6 +190,18 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         .map(|[s1, s2, s3, s4, s5]| Seidel { s1, s2, s3, s4, s5 });
     let reported_warnings = glass_warnings(&lens, &context.assets.catalog()?);
     let mut warnings = warnings(&lens, &order, &spots);
+    let relative_illumination = match axis_spot(&lens, &spots) {
+        Some(axis) => spots.iter().map(|s| s.real_stop.value.relative_illumination(&axis)).collect(),
+        None => {
+            if !spots.is_empty() {
+                warnings.push(
+                    "no light of the axis reaches the image: illumination is relative to that of the paraxial entrance pupil"
+                        .to_owned(),
+                );
+            }
+            spots.iter().map(|s| s.real_stop.value.illumination.clone()).collect()
+        }
+    };
     warnings.extend(reported_warnings.iter().cloned());
     let table = first_order_table(&lens);
     let image_distance_mm = lens.image_distance_mm();
@@ -219,7 +231,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             rms_spot_poly_um: spots.iter().map(|s| Some(s.paraxial_pupil.as_ref()?.rms_poly_um)).collect(),
             rms_spot_real_stop_um: spots.iter().map(|s| s.real_stop.value.rms_um.clone()).collect(),
             rms_spot_poly_real_stop_um: spots.iter().map(|s| s.real_stop.value.rms_poly_um).collect(),
-            relative_illumination: spots.iter().map(|s| s.real_stop.value.illumination.clone()).collect(),
+            relative_illumination,
             seidel,
             warnings,
             surfaces: surfaces(&lens),
@@ -257,6 +269,15 @@ fn spots(name: &str, lens: &Lens) -> Result<Vec<Spots>, JobError> {
         Ok(Spots { real_stop, paraxial_pupil, quadrature })
     };
     lens.fields_deg.iter().map(of_field).collect()
+}
+
+/// The spot on the axis, to which illumination is relative; `None` if no light arrives there.
+fn axis_spot(lens: &Lens, spots: &[Spots]) -> Option<FieldSpot> {
+    let known = lens.fields_deg.iter().position(|field_deg| *field_deg == 0.0);
+    match known.and_then(|i| spots.get(i)) {
+        Some(spots) => Some(spots.real_stop.value.clone()),
+        None => Some(spot_converged(lens, 0.0, &SPOTS)?.value),
+    }
 }
 
 /// Where the ray through the centre of the paraxial pupil ends, if it does.

@@ -36,9 +36,16 @@ pub struct FieldSpot {
     pub centroid_x_mm: f64,
     /// y of the common centroid on the image plane, mm.
     pub centroid_y_mm: f64,
-    /// Relative illumination per wavelength: irradiance of the image of a uniform scene, 1 on the axis of an unvignetted lens
-    /// without pupil aberration.
+    /// Illumination per wavelength: irradiance of the image of a uniform scene, over that of the paraxial entrance pupil. On the axis it is 1
+    /// without vignetting and pupil aberration: rays fill the real stop, and spherical aberration of the pupil makes its image another in size.
     pub illumination: Vec<f64>,
+}
+
+impl FieldSpot {
+    /// Illumination per wavelength relative to that of the spot on the axis.
+    pub fn relative_illumination(&self, axis: &Self) -> Vec<f64> {
+        self.illumination.iter().zip(&axis.illumination).map(|(here, on_axis)| here / on_axis).collect()
+    }
 }
 
 /// RMS radius, um, below which a spot is taken for a point.

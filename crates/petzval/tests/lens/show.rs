@@ -1,6 +1,6 @@
 //! `petzval lens`: the figures of the nominal triplet, and single rays through it.
 
-use crate::common::{data, run, run_fails, run_ok};
+use crate::common::{data, read, run, run_fails, run_ok};
 use serde_json::Value;
 
 const LENS: &str = "cooke-triplet-nominal";
@@ -77,6 +77,28 @@ fn every_built_in_lens_can_be_shown() {
         let shown = run_ok(folder.path(), &["lens", "show", lens.as_str().unwrap()]);
         assert!(shown.stdout.contains("focal length"), "{}", shown.stdout);
     }
+}
+
+#[test]
+fn illumination_is_relative_to_the_axis() {
+    let folder = tempfile::tempdir().unwrap();
+    // The soft edge of the triplet's stop and the aberration of a pupil change the light of the axis: it is the unit.
+    for name in [LENS, "cooke-triplet-spot"] {
+        let shown = run_ok(folder.path(), &["lens", "show", name, "--json"]).json();
+        let light = shown["relative_illumination"].as_array().unwrap();
+        assert_eq!(shown["fields_deg"][0], 0.0);
+        assert!(numbers(&light[0]).iter().all(|on_axis| *on_axis == 1.0), "{name}: {light:?}");
+        assert!(numbers(&light[1]).iter().all(|off_axis| *off_axis > 0.2 && *off_axis != 1.0), "{light:?}");
+    }
+    // Also where the file does not list the axis.
+    let text = read(&data("lenses/cooke-triplet-nominal.toml"));
+    let off_axis = text.replace("[0.0, 5.0, 10.0, 15.0]", "[5.0]").replace("[0, 5, 10, 15]", "[5]");
+    assert_ne!(off_axis, text);
+    std::fs::write(folder.path().join("off-axis.toml"), off_axis).unwrap();
+    let whole = run_ok(folder.path(), &["lens", "show", LENS, "--json"]).json();
+    let part = run_ok(folder.path(), &["lens", "show", "off-axis.toml", "--json"]).json();
+    let [whole, part] = [&whole["relative_illumination"][1], &part["relative_illumination"][0]].map(numbers);
+    assert!(whole.iter().zip(&part).all(|(a, b)| (a / b - 1.0).abs() < 2e-3), "{whole:?} {part:?}");
 }
 
 #[test]
