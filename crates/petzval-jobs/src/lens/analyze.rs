@@ -10,7 +10,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::analysis_csv::TABLES;
-use super::focus::{FocusAt, check_image, focused};
+use super::focus::{FocusAt, check_image, focused, out_of_focus};
 use crate::context::Context;
 use crate::error::{JobError, make_folder, write_file};
 use crate::results::check_folder;
@@ -134,6 +134,11 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         }
     }
     check_image(&request.lens, &lens)?;
+    if request.focus == FocusAt::File
+        && let Some(warning) = out_of_focus(&request.lens, &lens)
+    {
+        context.warning(format!("{}: {warning}", request.lens));
+    }
     let pixel_pitch_um = match &request.sensor {
         Some(name) => Some(context.assets.sensor(name)?.pixel_um),
         None => request.pixel_um,

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use petzval_files::{LensFile, Loss};
+use petzval_optics::analysis::Cone;
 use petzval_optics::lens::{Lens, ObjectDistance};
 use petzval_optics::paraxial::first_order;
 use petzval_optics::pupil::Quadrature;
@@ -17,6 +18,9 @@ use crate::error::JobError;
 
 /// Pupil cells a side of the best focus.
 const PUPIL_CELLS: usize = 64;
+
+/// How much smaller spots must be at best focus, as a share, for a lens to count as out of focus.
+const OUT_OF_FOCUS: f64 = 0.5;
 
 /// Where the image plane goes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -118,6 +122,28 @@ pub(super) fn focused(lens: Lens, focus: FocusAt) -> Result<Lens, JobError> {
     let fields: Vec<f64> = lens.fields_deg.iter().map(|f| f.to_radians()).collect();
     with_best_focus(&lens, &fields, &quadrature)
         .ok_or_else(|| refused("at some field no ray reaches the image"))
+}
+
+/// What to say of a lens whose image plane is so far from its best focus that spots and modulation show little else; `None` if it is in focus, has no
+/// focus, or blurs by diffraction more than by defocus. `name`: how the user calls the lens.
+pub(super) fn out_of_focus(name: &str, lens: &Lens) -> Option<String> {
+    if no_image(lens).is_some() {
+        return None;
+    }
+    // From a plane far away the spots are no guide: the paraxial focus is nearer.
+    let best = focused(with_paraxial_focus(lens, 0.0), FocusAt::Best).ok()?;
+    let quadrature = Quadrature::grid(PUPIL_CELLS).ok()?;
+    let fields: Vec<f64> = lens.fields_deg.iter().map(|f| f.to_radians()).collect();
+    let rms_um = |lens: &Lens| Some(mean_square_spot_traced(lens, &fields, &quadrature)?.0.max(0.0).sqrt());
+    let (here, there) = (rms_um(lens)?, rms_um(&best)?);
+    let airy_um = Cone::of(lens).airy_radius_um(lens.reference_um);
+    let moved_mm = best.image_distance_mm() - lens.image_distance_mm();
+    (there < OUT_OF_FOCUS * here && here > airy_um).then(|| {
+        format!(
+            "out of focus: the RMS spot over the fields is {here:.1} um, and {there:.1} um where the image plane lies {moved_mm:+.4} mm further; \
+             `petzval lens focus {name}` moves it there, `--focus best` shows the lens there"
+        )
+    })
 }
 
 /// Why a lens has no entrance pupil or no image at a finite distance, from which analyses and tolerances start.

@@ -12,7 +12,7 @@ use petzval_optics::trace::{Fate, launch, trace_ray};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::focus::{FocusAt, focused};
+use super::focus::{FocusAt, focused, out_of_focus};
 use crate::context::Context;
 use crate::error::JobError;
 use crate::finite::finite;
@@ -190,6 +190,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         .map(|[s1, s2, s3, s4, s5]| Seidel { s1, s2, s3, s4, s5 });
     let reported_warnings = glass_warnings(&lens, &context.assets.catalog()?);
     let mut warnings = warnings(&lens, &order, &spots);
+    if request.focus == FocusAt::File {
+        warnings.extend(out_of_focus(&request.lens, &lens));
+    }
     let relative_illumination = match axis_spot(&lens, &spots) {
         Some(axis) => spots.iter().map(|s| s.real_stop.value.relative_illumination(&axis)).collect(),
         None => {

@@ -76,6 +76,7 @@ fn every_built_in_lens_can_be_shown() {
     for lens in lenses {
         let shown = run_ok(folder.path(), &["lens", "show", lens.as_str().unwrap()]);
         assert!(shown.stdout.contains("focal length"), "{}", shown.stdout);
+        assert!(!shown.stdout.contains("out of focus"), "{}", shown.stdout);
     }
 }
 
@@ -99,6 +100,24 @@ fn illumination_is_relative_to_the_axis() {
     let part = run_ok(folder.path(), &["lens", "show", "off-axis.toml", "--json"]).json();
     let [whole, part] = [&whole["relative_illumination"][1], &part["relative_illumination"][0]].map(numbers);
     assert!(whole.iter().zip(&part).all(|(a, b)| (a / b - 1.0).abs() < 2e-3), "{whole:?} {part:?}");
+}
+
+#[test]
+fn a_lens_out_of_focus_is_told_how_to_be_focused() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = read(&data("lenses/cooke-triplet-nominal.toml"));
+    let moved = text.replacen("24.525171", "29.525171", 1);
+    assert_ne!(moved, text);
+    std::fs::write(folder.path().join("moved.toml"), moved).unwrap();
+    let hint = "`petzval lens focus moved.toml`";
+    let shown = run_ok(folder.path(), &["lens", "show", "moved.toml", "--json"]).json();
+    let warnings = shown["warnings"].as_array().unwrap();
+    assert!(warnings.iter().any(|warning| warning.as_str().unwrap().contains(hint)), "{warnings:?}");
+    let args = ["lens", "analyze", "moved.toml", "--only", "json", "--out"];
+    let analysed = run_ok(folder.path(), &[&args[..], &["out"]].concat());
+    assert!(analysed.says("out of focus") && analysed.says(hint), "{}", analysed.stderr);
+    let focused = run_ok(folder.path(), &[&args[..], &["focused", "--focus", "best"]].concat());
+    assert!(!focused.says("out of focus"), "{}", focused.stderr);
 }
 
 #[test]
