@@ -423,11 +423,20 @@ pub fn resolved(new: &NewRun, context: &Context) -> Result<Experiment, JobError>
 /// The experiment of a new run, and the context in which its lens and sensor are found: where the request names a lens in place of an experiment, they
 /// are fitted to each other as `init` does, and are in no file.
 fn prepared(new: &NewRun, context: &Context) -> Result<(Experiment, Context), JobError> {
+    let is_built_in = ["experiments", "lenses"]
+        .iter()
+        .any(|folder| context.assets.names(folder).contains(&new.experiment.as_str()));
+    if !is_built_in {
+        check_is_no_folder(Path::new(&new.experiment))?;
+    }
     if !is_lens(&new.experiment, context) {
         let experiment = context.assets.experiment(&new.experiment)?;
         return Ok((changed(experiment, &new.changes, context)?, context.clone()));
     }
-    let made = own_lens(context.assets.experiment(DEFAULT_EXPERIMENT)?, &new.experiment, None, context)?;
+    let usual = context.assets.experiment(DEFAULT_EXPERIMENT)?;
+    // What is refused for every lens is refused before this one is fitted, which takes seconds and many notes.
+    check_root(new, &changed(usual.clone(), &new.changes)?, context)?;
+    let made = own_lens(usual, &new.experiment, None, context)?;
     let stem = Path::new(&new.experiment).file_stem().unwrap_or_default().to_string_lossy();
     let name = format!("{stem}{FITTED}");
     let files = [("lenses", made.lens_text), ("sensors", made.sensor_text)];
@@ -440,6 +449,21 @@ fn prepared(new: &NewRun, context: &Context) -> Result<(Experiment, Context), Jo
 /// What the task of an experiment decides.
 pub(crate) fn facts_of(experiment: &Experiment, context: &Context) -> Result<TaskFacts, JobError> {
     Ok(context.assets.tasks().of(experiment)?.facts())
+}
+
+/// Refuses a folder in place of an experiment, and says how to go on with the run or the experiment in it.
+fn check_is_no_folder(path: &Path) -> Result<(), JobError> {
+    if !path.is_dir() {
+        return Ok(());
+    }
+    let (what, hint) = if RunFolder::open(path).is_ok() {
+        ("the folder of a run", format!("go on with it: petzval design --resume {}", path.display()))
+    } else if path.join(init::EXPERIMENT).is_file() {
+        ("a folder", format!("name the experiment in it: {}", path.join(init::EXPERIMENT).display()))
+    } else {
+        ("a folder", "name a file of an experiment or of a lens, or a built-in one".to_owned())
+    };
+    Err(JobError::input(format!("{}: is {what}, not an experiment", path.display()), hint))
 }
 
 /// An experiment with the changes of a request.

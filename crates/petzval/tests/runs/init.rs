@@ -256,3 +256,35 @@ fn a_lens_is_focused_into_a_file_of_its_own() {
     let plane = run_ok(folder.path(), &paraxial).json()["image_distance_mm"].as_f64().unwrap();
     assert!((plane - order["bfl_mm"].as_f64().unwrap()).abs() < 1e-9);
 }
+
+#[test]
+fn wrong_settings_are_refused_before_a_lens_is_fitted() {
+    let folder = with_double_gauss();
+    let lens = "my lenses/double-gauss.zmx";
+    std::fs::create_dir_all(folder.path().join("taken/checkpoints/one")).unwrap();
+    for (more, says) in [
+        (["--variant", "x"], ["--variant x: no such variant", "there are"]),
+        (["--steps", "0"], ["--steps 0: nothing to do", "at least one"]),
+        (["--out", "taken"], ["taken", "holds checkpoints"]),
+    ] {
+        let refused = run_fails(folder.path(), &[&["design", lens], &more[..]].concat(), 2, &says);
+        assert!(!refused.says("image circle") && !refused.says("a run takes"), "{}", refused.stderr);
+    }
+}
+
+#[test]
+fn a_folder_in_place_of_an_experiment_is_named_with_what_to_do() {
+    let folder = tempfile::tempdir().unwrap();
+    run_ok(folder.path(), &["init", "mine"]);
+    run_fails(
+        folder.path(),
+        &["design", "mine"],
+        2,
+        &["mine: is a folder, not an experiment", "mine/experiment.toml"],
+    );
+    std::fs::create_dir(folder.path().join("run")).unwrap();
+    std::fs::write(folder.path().join("run/config.toml"), "name = \"a run\"\n").unwrap();
+    run_fails(folder.path(), &["design", "run"], 2, &["the folder of a run", "petzval design --resume run"]);
+    std::fs::create_dir(folder.path().join("empty")).unwrap();
+    run_fails(folder.path(), &["design", "empty"], 2, &["empty: is a folder", "built-in one"]);
+}
