@@ -93,7 +93,7 @@ impl Call {
         serde_json::from_str(text).map_err(refused)
     }
 
-    /// Makes it. Its glasses take precedence over those of the context.
+    /// Makes it. Its glasses take precedence over those of the context. In a context without a command line, results name the job.
     pub fn run(self, context: &Context) -> Result<Value, JobError> {
         if self.threads > MOST_THREADS {
             let message = format!("call: `threads` is {}, more than {MOST_THREADS}", self.threads);
@@ -101,6 +101,10 @@ impl Call {
         }
         let row = row(&self.job)?;
         let mut context = context.clone().overwriting(self.overwrite || context.overwrites());
+        // A run says what made it, with or without a command line.
+        if context.command().is_empty() {
+            context = context.with_command(format!("petzval call # job {}", self.job));
+        }
         if !self.glasses.is_empty() {
             let chosen = read_glasses(&self.glasses)?;
             chosen.warning_lines().iter().for_each(|line| context.warning(line));

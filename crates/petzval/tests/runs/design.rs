@@ -41,7 +41,7 @@ fn a_run_writes_all_its_files() {
     assert!(done.stdout.contains("spot-optimised") && done.stdout.contains("report: deep/run/report.html"));
     assert!(done.says("run folder: deep/run") && done.says("nominal: 1 − LPIPS"), "{}", done.stderr);
     // The terminal and the page begin their result with the same sentence.
-    let answer = done.stdout.lines().find(|line| line.contains(" scores highest: "));
+    let answer = done.stdout.lines().find(|line| line.contains(" scores highest in "));
     let answer = answer.unwrap_or_else(|| panic!("{}", done.stdout));
     assert!(done.stdout.split("\n\n").any(|part| part.starts_with(answer)), "{}", done.stdout);
     let page = read(&run.join("report.html"));
@@ -625,4 +625,17 @@ fn a_command_outside_this_program_is_the_isp_of_a_design() {
     std::fs::write(&script, works).unwrap();
     run_ok(folder.path(), &["design", "--resume", "broken"]);
     assert_eq!(read_json(&broken.join("metrics.json"))["rows"], read_json(&run.join("metrics.json"))["rows"]);
+}
+
+#[test]
+fn a_run_by_a_call_names_its_job() {
+    let folder = tempfile::tempdir().unwrap();
+    write_tiny(folder.path());
+    let new = serde_json::json!({"experiment": "tiny.toml", "out": "run", "changes": {"variant": "nominal"}});
+    let call = serde_json::json!({"format": 1, "job": "design", "request": {"run": {"new": new}}});
+    std::fs::write(folder.path().join("call.json"), call.to_string()).unwrap();
+    run_ok(folder.path(), &["call", "call.json"]);
+    let environment = read_json(&folder.path().join("run/environment.json"));
+    assert_eq!(environment["command"], "petzval call # job design");
+    assert!(read(&folder.path().join("run/report.html")).contains("petzval call # job design"));
 }
