@@ -3,6 +3,8 @@
 
 use std::collections::BTreeMap;
 
+use petzval_base::counted;
+use petzval_camera::sensor::SensorModel;
 use petzval_optics::constraint::SemiDiameters;
 use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::first_order;
@@ -113,15 +115,26 @@ pub struct Violated {
 impl FirstLook {
     /// The steps of all cameras: `29 steps in all: nominal 10 network and 1 score, ...`.
     pub fn steps_in_words(&self) -> String {
-        let of = |camera: &Planned| {
-            let lens = (camera.lens_stages > 0).then(|| format!("{} of the lens alone", camera.lens_stages));
-            let blocks = camera.blocks.iter().map(|(block, steps)| format!("{steps} {block}"));
-            let parts: Vec<String> = lens.into_iter().chain(blocks).chain(["1 score".to_owned()]).collect();
-            format!("{} {}", camera.camera, parts.join(" + "))
-        };
-        let cameras: Vec<String> = self.cameras.iter().map(of).collect();
-        format!("{} steps in all: {}", self.steps, cameras.join("; "))
+        steps_in_words(&self.cameras)
     }
+}
+
+/// The steps of cameras: `29 steps in all: nominal 10 network and 1 score, ...`.
+pub(crate) fn steps_in_words(cameras: &[Planned]) -> String {
+    let of = |camera: &Planned| {
+        let lens = (camera.lens_stages > 0).then(|| format!("{} of the lens alone", camera.lens_stages));
+        let blocks = camera.blocks.iter().map(|(block, steps)| format!("{steps} {block}"));
+        let parts: Vec<String> = lens.into_iter().chain(blocks).chain(["1 score".to_owned()]).collect();
+        format!("{} {}", camera.camera, parts.join(" + "))
+    };
+    let all = cameras.iter().map(|camera| camera.steps).sum();
+    let cameras: Vec<String> = cameras.iter().map(of).collect();
+    format!("{} in all: {}", counted(all, "step"), cameras.join("; "))
+}
+
+/// How much a whole frame of a sensor enlarges a picture of so many rows and columns.
+pub(crate) fn enlarged_by(sensor: &SensorModel, (rows, columns): (usize, usize)) -> f64 {
+    (sensor.height as f64 / rows as f64).max(sensor.width as f64 / columns as f64)
 }
 
 /// Looks at an experiment that was made ready.
@@ -159,7 +172,7 @@ fn starts_alike(setup: &Setup, camera: &str, variant: &Variant) -> bool {
 }
 
 /// The steps of a variant.
-fn planned(variant: &Variant) -> Planned {
+pub(crate) fn planned(variant: &Variant) -> Planned {
     let taken = |block: BlockName| (block.name().to_owned(), variant.task_steps_of(block));
     Planned {
         camera: variant.name.clone(),

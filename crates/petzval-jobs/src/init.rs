@@ -7,7 +7,7 @@ use petzval_camera::develop::Demosaic;
 use petzval_camera::sensor::Colour;
 use petzval_design::error::DesignError;
 use petzval_design::experiment::{BUILT_IN_PHOTOS, Experiment, PicturesKey, commented_toml, is_derived_lens};
-use petzval_design::fit::white_that_fits;
+use petzval_design::fit::{demands, white_that_fits};
 use petzval_design::path_text::path_text;
 use petzval_files::{parse_lens, parse_sensor, write_lens};
 use petzval_optics::design_space::{Solves, near_variables};
@@ -81,7 +81,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let OwnLens { mut experiment, lens_text, sensor_text, sensor_name, gave_variables } = made;
     parse_lens(&lens_text, &context.assets.catalog()?).map_err(DesignError::input(&out.join(LENS)))?;
     // Checked as a run would, and written as it stands.
-    let array = parse_sensor(&sensor_text).map_err(DesignError::input(&out.join(SENSOR)))?.cfa;
+    let model = parse_sensor(&sensor_text).map_err(DesignError::input(&out.join(SENSOR)))?;
+    let array = model.cfa;
     if experiment.development.demosaic.check_array(array).is_err() {
         experiment.development.demosaic = Demosaic::Bilinear;
         context.note(format!("development.demosaic is \"bilinear\", as `{sensor_name}` needs it"));
@@ -94,6 +95,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             "`{sensor_name}` is monochrome, and the built-in photographs are in colour; give the experiment gray ones: `photos`, or `design --photos DIR`"
         ));
     }
+    demands(&experiment, &model, &context.assets)?.iter().for_each(|line| context.note(line));
 
     experiment.lens = LENS.to_owned();
     experiment.sensor = SENSOR.to_owned();

@@ -1,6 +1,7 @@
 //! An experiment fitted to a lens: focus, fields, sensor, grid of the PSFs, exposure, requirements and variables follow from the lens, and each
 //! choice is said.
 
+mod demands;
 mod field;
 mod focus;
 mod grid;
@@ -8,6 +9,7 @@ mod limits;
 mod sensor;
 mod windows;
 
+pub use demands::demands;
 pub use sensor::white_that_fits;
 
 use std::path::Path;

@@ -41,6 +41,11 @@ pub(super) fn corner_mm(sensor: &SensorModel) -> f64 {
     0.5e-3 * sensor.pixel_um * (sensor.height as f64).hypot(sensor.width as f64)
 }
 
+/// The size of a sensor: `31.3 megapixels`.
+pub(super) fn megapixels(sensor: &SensorModel) -> String {
+    format!("{:.1} megapixels", 1e-6 * (sensor.height * sensor.width) as f64)
+}
+
 /// The sensor that the user names; or the experiment's, or else another built-in one in colour, if it fits the image of the lens; or the pixels of the
 /// experiment's in an array that does.
 pub(super) fn choose(
@@ -110,15 +115,19 @@ impl Picked {
     pub fn in_words(&self, reach: &Reach) -> String {
         let (corner, name) = (corner_mm(&self.model), &self.name);
         if reach.circle_mm == 0.0 {
-            return format!("sensor: `{name}`, whose corner lies {corner:.2} mm from the axis");
+            return format!(
+                "sensor: `{name}`, {}, whose corner lies {corner:.2} mm from the axis",
+                megapixels(&self.model)
+            );
         }
         let percent = |corner_mm: f64| 100.0 * corner_mm / reach.circle_mm;
         let SensorModel { width, height, pixel_um, .. } = self.model;
         if self.is_fitted {
             return format!(
                 "sensor: the corner of `{name}` lies at {:.0} % of the image circle; its pixels are taken in an array of {width} x {height} pixels of \
-                 {pixel_um} um, whose corner lies at {:.0} % of it (--sensor names another sensor)",
+                 {pixel_um} um, {}, whose corner lies at {:.0} % of it (--sensor names another sensor)",
                 percent(self.before_mm),
+                megapixels(&self.model),
                 percent(corner)
             );
         }
@@ -128,7 +137,8 @@ impl Picked {
             _ => "",
         };
         format!(
-            "sensor: `{name}`, whose corner lies {corner:.2} mm from the axis, at {:.0} % of the image circle{use_of_it}",
+            "sensor: `{name}`, {}, whose corner lies {corner:.2} mm from the axis, at {:.0} % of the image circle{use_of_it}",
+            megapixels(&self.model),
             percent(corner)
         )
     }

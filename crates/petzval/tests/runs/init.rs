@@ -112,6 +112,12 @@ fn the_experiment_fits_a_lens_of_ones_own() {
     assert!(made.stdout.ends_with("next: petzval design 'my camera/experiment.toml'\n"), "{}", made.stdout);
     // By hand: 99.5 mm tan 14 degrees are 24.8 mm.
     assert!(made.says("an image circle of 24.") && made.says("of the image circle"), "{}", made.stderr);
+    // The sensor is large, and what that means is said: for photographs, for the work of a run and for memory.
+    assert!(made.says("megapixels, whose corner lies"), "{}", made.stderr);
+    assert!(made.says("enlarges 11 of the 11 built-in ones, up to"), "{}", made.stderr);
+    for said in ["a run takes ", " steps in all: ", "time goes into ", "GB of memory for a whole frame"] {
+        assert!(made.says(said), "{said}: {}", made.stderr);
+    }
     let file = |name: &str| read(&folder.path().join("my camera").join(name));
     let table = |name: &str| -> toml::Table { file(name).parse().unwrap() };
     let (experiment, sensor) = (table("experiment.toml"), table("sensor.toml"));
