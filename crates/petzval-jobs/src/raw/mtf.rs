@@ -286,10 +286,10 @@ fn warn(edges: &[Edge], frame: &Frame, context: &Context) {
                 ));
             }
             if mtf.left_out > 0 {
-                context.warning(format!(
-                    "{of}: {} pixels that do not fit the profile are left out",
-                    mtf.left_out
-                ));
+                context.warning(match mtf.left_out {
+                    1 => format!("{of}: 1 pixel that does not fit the profile is left out"),
+                    count => format!("{of}: {count} pixels that do not fit the profile are left out"),
+                });
             }
         }
     }

@@ -6,6 +6,7 @@ use petzval_camera::develop::Interpolation;
 use petzval_camera::image::LinearImage;
 use petzval_camera::render::Wiener;
 use petzval_camera::sensor::{Exposure, SensorModel};
+use petzval_camera::spectral::SceneKind;
 use petzval_files::spectral_file::is_spectral;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -49,8 +50,9 @@ pub struct Request {
     pub sensor: String,
     /// How a photograph lands on the sensor.
     pub place: Place,
-    /// Samples of the scene along a side of a pixel, 1 to 8: a pixel collects the light of `samples` x `samples` of them.
-    pub samples: usize,
+    /// Samples of the scene along a side of a pixel, 1 to 8: a pixel collects the light of `samples` x `samples` of them. If left out, 4 where every
+    /// image is a built-in scene of edges and at most a million pixels are read, and else 1.
+    pub samples: Option<usize>,
     /// How the colours of the mosaic are interpolated.
     pub development: Interpolation,
     /// Restoration of the developed picture with the PSFs of the lens; none leaves its blur.
@@ -91,7 +93,7 @@ impl Default for Request {
             psfs: None,
             sensor: "imx249-fitted".to_owned(),
             place: Place::Fill,
-            samples: 1,
+            samples: None,
             development: Interpolation::default(),
             restore: None,
             isp: None,
@@ -195,6 +197,42 @@ pub struct Spectral {
     pub no_colour_matrix: bool,
 }
 
+/// Samples along a side of a pixel of scenes of edges. One sample spreads the light of an edge over a pixel before the lens moves it, and the pixel
+/// collects it once more: the edge is softer than a camera shows it.
+const EDGE_SAMPLES: usize = 4;
+
+/// Most pixels that are read, and most samples of a scene, that are taken so finely without being asked for it: a minute on two cores.
+const MOST_PIXELS_UNASKED: usize = 1_000_000;
+const MOST_SAMPLES_UNASKED: usize = 50_000_000;
+
+/// Whether an image is a built-in scene that shows how sharp a camera is.
+fn has_edges(path: &Path) -> bool {
+    let scene = scene_name(path).and_then(SceneKind::named);
+    matches!(scene, Some(SceneKind::SlantedEdge | SceneKind::SiemensStar | SceneKind::TestChart))
+}
+
+impl Request {
+    /// Samples along a side of a pixel, and what to say if they soften the edges of a scene.
+    pub(super) fn samples_of(&self, sensor: &SensorModel) -> (usize, Option<String>) {
+        if let Some(samples) = self.samples {
+            return (samples, None);
+        }
+        let Some(edges) = self.images.iter().find(|path| has_edges(path)) else { return (1, None) };
+        let whole = sensor.height * sensor.width;
+        let read = self.size.map_or(whole, |(height, width)| height.saturating_mul(width));
+        let is_small = read <= MOST_PIXELS_UNASKED && whole * EDGE_SAMPLES.pow(2) <= MOST_SAMPLES_UNASKED;
+        if is_small && self.images.iter().all(|path| has_edges(path)) {
+            return (EDGE_SAMPLES, None);
+        }
+        let warning = format!(
+            "{}: one sample a pixel softens its edges, and lowers their MTF (by 0.15 at 0.25 cycles per pixel behind the built-in triplet); \
+             --samples 4 is right to 0.02 and takes 16 times as long, unless --size reads a part of the sensor alone",
+            edges.display()
+        );
+        (1, Some(warning))
+    }
+}
+
 /// Whether a request is one over the spectrum.
 pub fn is_over_spectrum(request: &Request) -> bool {
     request.spectral != Spectral::default() || request.images.iter().any(|path| kind(path) != Kind::Photo)
@@ -231,4 +269,32 @@ pub fn result_name(path: &Path) -> String {
         return scene.to_owned();
     }
     path.file_stem().map_or_else(|| "image".to_owned(), |s| s.to_string_lossy().into_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn small_frames_of_edges_are_drawn_finely_and_large_ones_warn() {
+        let whole =
+            petzval_files::parse_sensor(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap();
+        let small = SensorModel { width: 240, ..whole.clone() };
+        let samples =
+            |images: &[&str], sensor: &SensorModel, size: Option<(usize, usize)>, asked: Option<usize>| {
+                let images = images.iter().map(PathBuf::from).collect();
+                let (samples, warning) =
+                    Request { images, size, samples: asked, ..Request::default() }.samples_of(sensor);
+                (samples, warning.is_some())
+            };
+        assert_eq!(samples(&["scene:slanted-edge"], &small, None, None), (4, false));
+        assert_eq!(samples(&["scene:slanted-edge"], &whole, None, None), (1, true));
+        assert_eq!(samples(&["scene:test-chart"], &whole, Some((480, 640)), None), (4, false));
+        assert_eq!(samples(&["a.png", "scene:siemens-star"], &small, None, None), (1, true));
+        // What is asked for is taken, and what has no edges has one sample a pixel.
+        assert_eq!(samples(&["scene:slanted-edge"], &whole, None, Some(1)), (1, false));
+        for image in ["scene:flat", "scene:colorchecker", "a.png"] {
+            assert_eq!(samples(&[image], &small, None, None), (1, false));
+        }
+    }
 }

@@ -84,7 +84,8 @@ impl Rig {
                 return Err(JobError::input(message, "leave --isp out, or name another sensor"));
             }
         }
-        let samples = request.samples;
+        let (samples, warning) = request.samples_of(&sensor);
+        warning.into_iter().for_each(|warning| context.warning(warning));
         let sides = [sensor.height, sensor.width].map(|side| side * samples);
         if sides[0].saturating_mul(sides[1]) > MOST_PIXELS || sides.into_iter().any(|side| side > MAX_SIDE) {
             return Err(JobError::input(
@@ -240,10 +241,10 @@ pub fn check_numbers(request: &Request) -> Result<(), JobError> {
         let hint = "0.003 suits 16,000 electrons of white; more for less light";
         return Err(JobError::setting("restore", noise, "not above 0 and at most 10", hint));
     }
-    if !(1..=MOST_SAMPLES).contains(&request.samples) {
+    if let Some(samples) = request.samples.filter(|samples| !(1..=MOST_SAMPLES).contains(samples)) {
         let message = format!("not between 1 and {MOST_SAMPLES}");
         let hint = "with 4, a pixel collects the light of 4 x 4 samples of the scene";
-        return Err(JobError::setting("samples", request.samples, message, hint));
+        return Err(JobError::setting("samples", samples, message, hint));
     }
     Ok(())
 }

@@ -78,7 +78,7 @@ impl Target {
             images: vec![scene],
             lens: LENS.to_owned(),
             sensor: sensor.display().to_string(),
-            samples: SAMPLES,
+            samples: Some(SAMPLES),
             no_distortion: true,
             no_noise: true,
             white_e: Some(50_000.0),

@@ -125,9 +125,10 @@ pub struct Args {
     place: Place,
     /// Samples of the scene along a side of a pixel, 1 to 8. With K the picture is laid on a frame of K x K samples a pixel, and
     /// each pixel collects the light that the lens brings to its square, so that detail finer than a pixel blurs and aliases
-    /// as in a camera. Time and memory grow with K x K
-    #[arg(long, default_value_t = petzval::jobs::simulate::Request::default().samples, value_name = "K")]
-    samples: usize,
+    /// as in a camera. Time and memory grow with K x K [default: 4 for scene:slanted-edge, scene:siemens-star and scene:test-chart where at most
+    /// a million pixels are read, else 1]
+    #[arg(long, value_name = "K")]
+    samples: Option<usize>,
     /// How the two colours that a pixel did not measure are interpolated
     #[arg(long, value_enum, default_value = "bilinear")]
     demosaic: Demosaic,

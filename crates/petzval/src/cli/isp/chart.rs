@@ -84,7 +84,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         white_e: args.white_e,
         gain: args.gain,
         time_s: args.time_s,
-        samples: args.samples,
+        samples: Some(args.samples),
         no_distortion: args.no_distortion,
         no_noise: args.no_noise,
         seed: args.seed,
