@@ -1,6 +1,5 @@
 //! Free coordinates of design spaces.
 
-use super::near;
 use crate::common::{nominal_triplet, special_lenses};
 use petzval_optics::analysis::first_order_table;
 use petzval_optics::design_space::{
@@ -12,7 +11,6 @@ use petzval_optics::number::Number;
 use petzval_optics::paraxial::first_order;
 use petzval_optics::solve::with_paraxial_focus;
 use petzval_optics::spot::mean_square_spot;
-use petzval_optics::trace::pull_back;
 
 /// Compares the derivatives of a spot by the free coordinates of a space with central differences, for the lens as drawn and for one with errors;
 /// returns how many there are.

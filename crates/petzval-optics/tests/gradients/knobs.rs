@@ -2,7 +2,7 @@
 
 use petzval_optics::glass::{Dispersion, Glass};
 use petzval_optics::gradient::LensGradient;
-use petzval_optics::lens::{Action, Departure, Lens, Phase};
+use petzval_optics::lens::{Action, Departure, Lens};
 use petzval_optics::number::Number;
 
 type Shift = Box<dyn Fn(&mut Lens, f64)>;

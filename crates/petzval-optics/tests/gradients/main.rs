@@ -11,7 +11,6 @@ mod spots;
 
 use common::nominal_triplet;
 use petzval_optics::lens::{Lens, ObjectDistance};
-use petzval_optics::paraxial::first_order;
 use petzval_optics::pupil::Quadrature;
 use petzval_optics::spot::spot;
 

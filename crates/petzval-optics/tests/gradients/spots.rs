@@ -5,7 +5,7 @@ use super::{near, vignetted};
 use crate::common::{nominal_triplet, special_lenses};
 use petzval_optics::glass::Glass;
 use petzval_optics::gradient::LensGradient;
-use petzval_optics::lens::{Action, Departure, Lens, Pattern, Phase, Surface, SurfaceShape};
+use petzval_optics::lens::{Action, Lens, Pattern, Phase, Surface, SurfaceShape};
 use petzval_optics::merit::{Merit, SpotResiduals};
 use petzval_optics::number::Number;
 use petzval_optics::paraxial::{FirstOrderCotangent, first_order, pull_back_first_order};

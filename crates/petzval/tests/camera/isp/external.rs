@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::{write_raws, write_references};
-use crate::common::{self, read, read_json, run_fails, run_ok};
+use crate::common::{self, data, read, read_json, run_fails, run_ok};
 
 #[cfg(unix)]
 #[test]
