@@ -343,7 +343,7 @@ mod tests {
             "<h2>Pictures</h2>",
             "In the zone",
             "Median gain",
-            "more held-out pictures",
+            "1 more held-out picture<",
             "<h2>Lenses</h2>",
             "<h2>How it was made</h2>",
             "petzval design",
