@@ -262,7 +262,7 @@ fn key_hint(unknown: &str, known: &[&str]) -> Option<String> {
     })
 }
 
-/// The shortest known word of which an unknown one lacks the unit or the last words.
+/// The shortest known key that begins with the unknown one: it lacks the unit or the last words.
 fn begun<'k>(unknown: &str, known: &[&'k str]) -> Option<&'k str> {
     let begins = |word: &&str| word.strip_prefix(unknown).is_some_and(|rest| rest.starts_with('_'));
     known.iter().copied().filter(begins).min_by_key(|word| word.len())

@@ -1,8 +1,8 @@
 //! The one description of a number that a user may set: name, unit, range, scale, default, and a sentence.
 //!
-//! [`parameters!`](crate::parameters) declares the numbers of a configuration table once. From that declaration come the
-//! struct that serde reads from TOML with a default for every key, the check of its ranges with hints, its JSON Schema, the
-//! commented file that `--print-config` prints, and the bounds and scales of optimisers and sliders.
+//! [`parameters!`](crate::parameters) declares the numbers of a configuration table once. That one declaration gives the struct that serde
+//! reads from TOML, with a default for every key, and the check of its ranges, with hints. It also gives the JSON Schema, the commented
+//! file that `--print-config` prints, and the bounds and scales of optimisers and sliders.
 
 use schemars::Schema;
 

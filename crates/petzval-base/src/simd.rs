@@ -10,7 +10,7 @@ use pulp::{Arch, Simd, WithSimd};
 
 /// The instruction set that `PETZVAL_SIMD` names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Asked {
+enum Requested {
     /// The widest of the machine: `best`, or the variable is unset or empty.
     Best,
     /// AVX2 with fused multiply-add if the machine has it, else the widest.
@@ -19,7 +19,7 @@ enum Asked {
     Scalar,
 }
 
-impl Asked {
+impl Requested {
     /// The instruction set of a value of the variable; `None` if there is none of this name.
     fn of(variable: Option<&OsStr>) -> Option<Self> {
         match variable.map(|value| value.to_str()) {
@@ -34,15 +34,15 @@ impl Asked {
 /// The variable that names an instruction set.
 const VARIABLE: &str = "PETZVAL_SIMD";
 
-fn asked() -> Asked {
-    static ASKED: OnceLock<Asked> = OnceLock::new();
-    *ASKED.get_or_init(|| Asked::of(std::env::var_os(VARIABLE).as_deref()).unwrap_or(Asked::Best))
+fn requested() -> Requested {
+    static REQUESTED: OnceLock<Requested> = OnceLock::new();
+    *REQUESTED.get_or_init(|| Requested::of(std::env::var_os(VARIABLE).as_deref()).unwrap_or(Requested::Best))
 }
 
 /// Fails with the value of `PETZVAL_SIMD` if it is none of `avx2`, `scalar` and `best`. [`dispatch`] takes the widest instruction set then.
 pub fn check_variable() -> Result<(), OsString> {
     match std::env::var_os(VARIABLE) {
-        Some(value) if Asked::of(Some(&value)).is_none() => Err(value),
+        Some(value) if Requested::of(Some(&value)).is_none() => Err(value),
         _ => Ok(()),
     }
 }
@@ -52,12 +52,12 @@ pub fn check_variable() -> Result<(), OsString> {
 /// With `scalar` the operation runs as code for every machine of the architecture. In a plain loop the compiler may still
 /// use vectors that all of those machines have (SSE2 on x86-64).
 pub fn dispatch<Op: WithSimd>(operation: Op) -> Op::Output {
-    dispatch_as(asked(), operation)
+    dispatch_as(requested(), operation)
 }
 
 /// The instruction set that [`dispatch`] uses: `avx512`, `avx2`, `neon` or `scalar`.
 pub fn level() -> &'static str {
-    level_as(asked())
+    level_as(requested())
 }
 
 /// The widest vector unit that the CPU reports.
@@ -82,20 +82,20 @@ pub fn widest() -> &'static str {
     }
 }
 
-fn dispatch_as<Op: WithSimd>(asked: Asked, operation: Op) -> Op::Output {
-    match asked {
+fn dispatch_as<Op: WithSimd>(requested: Requested, operation: Op) -> Op::Output {
+    match requested {
         #[cfg(target_arch = "x86_64")]
-        Asked::Avx2 => match pulp::x86::V3::try_new() {
+        Requested::Avx2 => match pulp::x86::V3::try_new() {
             Some(v3) => v3.vectorize(Bound { simd: v3, operation }),
             None => Arch::new().dispatch(operation),
         },
-        Asked::Scalar => operation.with_simd(pulp::Scalar::new()),
+        Requested::Scalar => operation.with_simd(pulp::Scalar::new()),
         _ => Arch::new().dispatch(operation),
     }
 }
 
-fn level_as(asked: Asked) -> &'static str {
-    match dispatch_as(asked, Width) {
+fn level_as(requested: Requested) -> &'static str {
+    match dispatch_as(requested, Width) {
         8 => "avx512",
         4 => "avx2",
         2 => "neon",
@@ -138,11 +138,11 @@ mod tests {
 
     #[test]
     fn the_variable_selects_a_narrower_instruction_set() {
-        let level = |variable: Option<&str>| level_as(Asked::of(variable.map(OsStr::new)).unwrap());
+        let level = |variable: Option<&str>| level_as(Requested::of(variable.map(OsStr::new)).unwrap());
         assert_eq!(level(Some("scalar")), "scalar");
         assert_eq!([level(None), level(Some(""))], [level(Some("best")); 2]);
         for unknown in ["avx1024", "foo", "AVX2", " scalar"] {
-            assert_eq!(Asked::of(Some(OsStr::new(unknown))), None, "{unknown:?}");
+            assert_eq!(Requested::of(Some(OsStr::new(unknown))), None, "{unknown:?}");
         }
         #[cfg(target_arch = "x86_64")]
         {
