@@ -1,10 +1,9 @@
 //! Glass, lens, exact differentiable ray tracing, point-spread functions.
 //!
-//! The modules follow the light: [`glass`] gives every medium its index, [`lens`] places surfaces on
-//! the axis, [`trace`] sends rays through them and back (the adjoint), [`paraxial`] says what the
-//! lens is to first order, [`spot`], [`psf`] and [`wave`] say what it does to a point, [`analysis`] puts that
-//! into the figures that lens designers look at. Every number of a surface has a name ([`number`]), by which a [`gradient`] is
-//! indexed and a [`design_space`] says what may move; a [`merit`] judges a lens and a [`constraint`] limits it, for
+//! The modules follow the light. [`glass`] gives every medium its index, and [`lens`] places surfaces on the axis. [`trace`] sends rays
+//! through them and back (the adjoint). [`paraxial`] computes the first-order properties; [`spot`], [`psf`] and [`wave`] compute the image
+//! of a point. [`analysis`] computes the figures that lens designers look at. Every number of a surface has a name ([`number`]). It indexes
+//! a [`gradient`], and a [`design_space`] lists by it what may move. A [`merit`] judges a lens and a [`constraint`] limits it, for
 //! [`optimize`] and [`tolerance`].
 //!
 //! # Conventions

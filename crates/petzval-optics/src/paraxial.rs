@@ -25,8 +25,8 @@ pub struct ParaxialRay {
     pub w: Vec<f64>,
 }
 
-/// First-order properties, for an image in the medium behind the last surface. A quantity that lies at infinity is not finite: the focal length
-/// of an afocal lens, the image of an object at the front focus, the exit pupil of a lens that is telecentric towards its image.
+/// First-order properties, for an image in the medium behind the last surface. A quantity at infinity is not finite. Examples are the focal
+/// length of an afocal lens, the image of an object at the front focus, and the exit pupil of a lens that is telecentric towards its image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FirstOrder {
     /// Effective focal length, the reciprocal of the power, mm.

@@ -14,8 +14,8 @@ pub fn with_efl(lens: &Lens, surface: usize, efl_mm: f64) -> Option<Lens> {
     with_curvature(lens, surface, -1.0 / efl_mm, |sequence| -1.0 / first_order(sequence).efl_mm)
 }
 
-/// The lens with surface `surface`'s curvature solved so that the paraxial magnification of its near object is `magnification`, negative for an
-/// image that is upside down; `None` if that surface does not change it, or the object is at infinity.
+/// The lens with surface `surface`'s curvature solved so that the paraxial magnification of its near object is `magnification`, negative
+/// for an inverted image. The result is `None` if that surface does not change it, or the object is at infinity.
 pub fn with_magnification(lens: &Lens, surface: usize, magnification: f64) -> Option<Lens> {
     let ObjectDistance::Finite(distance_mm) = lens.object else { return None };
     // The final slope of a ray from the object's foot.

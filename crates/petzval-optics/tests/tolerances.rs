@@ -396,7 +396,7 @@ fn slopes_predict_the_spread_of_small_perturbations() {
     }
 }
 
-/// Decentres and tilts of a symmetric lens have no slope, and the second order says what they do.
+/// The merit of a symmetric lens has no first derivative by decentres and tilts: the second order must predict their effect.
 #[test]
 fn the_second_order_predicts_what_decentres_do() {
     let mut lens = nominal_triplet();
@@ -538,7 +538,7 @@ fn a_merit_without_gradient_is_compensated_alike() {
 }
 
 #[test]
-fn the_yield_falls_as_more_is_asked() {
+fn the_yield_falls_as_requirements_tighten() {
     let lens = nominal_triplet();
     let tolerances = Tolerances {
         perturbations: default_tolerances(&lens, Grade::Commercial, Distribution::Uniform, false),

@@ -10,8 +10,8 @@ use petzval_optics::paraxial::{first_order, image_height_per_tangent, marginal_t
 use petzval_optics::pupil::{aim_at_pupil, chief_ray};
 use petzval_optics::trace::launch;
 
-/// A sphere of radius R = 20 mm in front of glass of n = 1.5 images the point at R (1 + n) = 50 mm behind its vertex sharply to R (1 + 1 / n) =
-/// 33.333 mm (the aplanatic points), and a second sphere about that point lets the light through as it comes.
+/// The aplanatic points of a sphere of radius R = 20 mm in front of glass of n = 1.5: the point at R (1 + n) = 50 mm behind its vertex is
+/// imaged sharply to R (1 + 1 / n) = 33.333 mm. A second sphere about that point does not refract the light.
 fn aplanatic_lens() -> Lens {
     let glass = Arc::new(Glass::new("1.5", Dispersion::Constant(1.5)));
     let surface = |radius_mm: f64, thickness_mm, glass: &Arc<Glass>| Surface {

@@ -17,8 +17,8 @@ const POINTS: usize = 41;
 pub struct AxialColour {
     /// From the shortest to the longest wavelength of the lens, um.
     pub wavelength_um: Vec<f64>,
-    /// Paraxial image of the axis, z from that of the reference wavelength, mm; `None` if there is none or a glass has
-    /// no index.
+    /// Shift of the paraxial focus along z from the one of the reference wavelength, mm. `None` if there is no focus, or a glass has no
+    /// index.
     pub shift_mm: Vec<Option<f64>>,
 }
 

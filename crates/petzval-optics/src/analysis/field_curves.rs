@@ -10,8 +10,8 @@ use crate::paraxial::rectilinear_tangent;
 use crate::pupil::{aim_one, chief_ray};
 use crate::trace::{Ray, Sequence, launch, trace_ray};
 
-/// Distance on the launch plane of the two rays whose crossing is a focus, as a share of the entrance pupil: small enough
-/// that aberrations (which go with its square) do not count, large enough to keep eight digits.
+/// Distance on the launch plane of the two rays whose crossing is a focus, as a share of the entrance pupil. It is so small that
+/// aberrations, which grow with its square, do not count, and so large that eight digits are kept.
 const CLOSE: f64 = 1e-4;
 
 /// Field, as a share of the full one, whose chief rays are the reference of distortion.

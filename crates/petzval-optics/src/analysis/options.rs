@@ -62,7 +62,7 @@ impl Default for AnalysisOptions {
 /// Default of the highest frequency, cycles/mm.
 const COMMON_FREQUENCY: f64 = 100.0;
 
-/// Highest frequency over the Nyquist frequency, at least: the mark of that frequency is within the curves.
+/// Least ratio of the highest shown frequency to the Nyquist frequency, so that the mark of the Nyquist frequency lies within the curves.
 const SHOWN_OF_NYQUIST: f64 = 1.1;
 
 /// Default of the highest frequency for a lens with a lower cutoff, as a share of the cutoff.

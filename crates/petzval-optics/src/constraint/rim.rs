@@ -26,10 +26,11 @@ pub(super) struct Rim {
     pub heights: [Height; 2],
 }
 
-/// The thinnest place between a surface and the next at their rims, of some directions across the axis.
+/// The thinnest place between a surface and the next at their rims, over several directions across the axis.
 ///
-/// A surface has its shape up to its own clear radius, mount included, and goes on as a flat. An element is looked at where the larger of its
-/// surfaces ends and where the smaller does; air where the smaller does, since there is a mount beyond. `None` if a sag is no number.
+/// A surface has its shape up to its own clear radius, mount included, and goes on as a flat. An element is measured at the rim of its
+/// larger and of its smaller surface. Air is measured at the rim of the smaller surface only, since there is a mount beyond. `None` if a
+/// sag is no number.
 pub(super) fn thinnest(lens: &Lens, clear: &dyn ClearRadii, surface: usize, element: bool) -> Option<Rim> {
     let pair = [surface, surface + 1];
     let ends = pair.map(|s| Height { mm: clear.radius_mm(s) + clear.mount_mm(), follows: Some(s) });

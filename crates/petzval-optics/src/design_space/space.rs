@@ -226,7 +226,7 @@ impl DesignSpace {
         Some((surface, held))
     }
 
-    /// The lens at some coordinates, and its slopes by them.
+    /// The lens at the coordinates `at`, and the derivatives of its numbers by the coordinates.
     pub fn map(&self, at: &[f64]) -> Result<Mapped, DesignSpaceError> {
         let lens = self.lens_at(at)?;
         let (variables, coordinates) = (self.variables.len(), self.dimension());

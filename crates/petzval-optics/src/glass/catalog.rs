@@ -217,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn a_name_of_several_makers_is_told_apart_by_the_maker() {
+    fn a_name_of_several_makers_is_distinguished_by_the_maker() {
         let mut all = of("Schott", "F2", 1.62);
         all.merge(of("Hoya", "F2", 1.61));
         all.merge(of("Hoya", "F5", 1.60));

@@ -21,7 +21,7 @@ pub const Q_TERMS: usize = 13;
 const _: () =
     assert!(DEPARTURE_NUMBERS == XY_TERMS && ODD_TERMS <= DEPARTURE_NUMBERS && Q_TERMS <= DEPARTURE_NUMBERS);
 
-/// What a shape has beyond the conic `c`, `k` with the even polynomial `a_2, a_4, ...`.
+/// The part of the sag that is added to a conic `c`, `k` with the even polynomial `a_2, a_4, ...`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[expect(
     clippy::large_enum_variant,

@@ -119,8 +119,8 @@ impl Lens {
         s.glass == front && s.action == Action::Refract && s.phase.is_none()
     }
 
-    /// The stop, if it stands at the rim of one of its neighbours: a plane without effect on light, from or to which a thickness leads against
-    /// the light, while its neighbours stand in the order of the light.
+    /// The stop, if it stands at the rim of one of its neighbours. Such a stop is a plane without effect on light. A thickness from it or
+    /// to it is negative, while its neighbours stand in the order of the light.
     ///
     /// The rim of a curved surface lies in front of its vertex or behind it, and where the rim limits the light, the stop is a plane there.
     /// Rays are traced to that plane first, and from there back along the same straight line to the surface.
@@ -156,8 +156,8 @@ impl Lens {
         self.surfaces.iter().any(turns) && self.surfaces.iter().any(|s| s.action == Action::Reflect)
     }
 
-    /// Length of the lens with its image plane, mm: the greatest distance between any two of the vertices and the image plane or,
-    /// where the axis is [folded](Lens::is_folded), the length of the axis from the first vertex in the direction of the light. Not finite if the
+    /// Length of the lens with its image plane, mm: the greatest distance between any two of the vertices and the image plane. Of a
+    /// [folded](Lens::is_folded) lens it is the length of the axis from the first vertex, in the direction of the light. Not finite if the
     /// image distance is not.
     pub fn axis_length_mm(&self) -> f64 {
         if self.is_folded() {

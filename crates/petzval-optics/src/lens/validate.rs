@@ -4,7 +4,7 @@
 
 use super::{Action, Axis, Lens, Surface, SurfaceShape};
 
-/// Radii at which the distance between two surfaces is looked at, from axis to edge.
+/// Number of radii, from axis to edge, at which the distance between two surfaces is checked.
 const HEIGHTS: usize = 32;
 
 /// Directions across the axis in which surfaces without symmetry are looked at.
@@ -162,7 +162,7 @@ fn is_straight(surface: &Surface) -> bool {
     surface.placement.is_none_or(|p| p.tilt_rad == [0.0; 3])
 }
 
-/// What can be said of a surface without its neighbours.
+/// Checks a surface without its neighbours.
 fn check_surface(number: usize, surface: &Surface, lens: &Lens) -> Result<(), LensDefect> {
     let shape = &surface.shape;
     let not_finite = |quantity, value: f64| LensDefect::NotFinite { surface: number, quantity, value };
@@ -226,7 +226,7 @@ pub(crate) fn reach_mm(shape: &SurfaceShape, direction: [f64; 2], far_mm: f64) -
     inside
 }
 
-/// What can be said of departures, structures and places.
+/// Checks the departure, the diffractive structure and the placement of a surface.
 fn check_special(number: usize, surface: &Surface) -> Result<(), LensDefect> {
     let mut named: Vec<(&'static str, f64)> = Vec::new();
     named.extend(surface.shape.departure.numbers().into_iter().map(|v| ("a number of the departure", v)));

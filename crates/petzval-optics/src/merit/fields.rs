@@ -1,4 +1,4 @@
-//! Fields that a merit is a mean over.
+//! The fields over which a merit is averaged.
 
 use rayon::prelude::*;
 
@@ -21,14 +21,14 @@ pub struct FieldSet {
 }
 
 impl FieldSet {
-    /// Fields as they are, all of the same share.
+    /// The fields `fields_deg` on their own side of the axis only, all with the same share.
     pub fn new(lens: &Lens, fields_deg: &[f64]) -> Self {
         let share = 1.0 / fields_deg.len() as f64;
         let fields = fields_deg.iter().map(|f| (*f, share)).collect();
         Self { fields, both_sides: false, object: lens.object }
     }
 
-    /// The fields of a lens. A rotationally symmetric lens that is made loses its symmetry, so both sides of the axis count,
+    /// The fields of a lens. Manufacturing errors break the symmetry of a rotationally symmetric lens, so both sides of its axis count,
     /// each by half.
     pub fn of(lens: &Lens) -> Self {
         let one_side = Self::new(lens, &lens.fields_deg);

@@ -1,10 +1,11 @@
 //! Gauss and Newton's method for a loss that is no sum of squares: the loss is lifted to the rays.
 //!
-//! Image formation, sensor and network see the lens by where its rays land. Let e be the landing points, J their derivatives by the numbers
-//! of the lens, and g those of a loss L > 0 by e. The residuals `r = sqrt(w) (e - e')` with `e' = e_0 - 2 L g / |g|^2` and
-//! `w = |g|^2 / (4 L)` have the loss as the sum of their squares at e_0, and its gradient there (Côté, Tseng and Heide, 2026, with their
-//! factor 1/2 left out): the loss is replaced by a paraboloid over the rays with the same slope, that just touches zero. Its curvature by the
-//! numbers of the lens is `w J' J`, which knows what a sphere and an aspheric term have in common, and the loss itself does not have to.
+//! Image formation, sensor and network depend on the lens only through where its rays land. Let e be the landing points, J their
+//! derivatives by the numbers of the lens, and g those of a loss L > 0 by e. The residuals `r = sqrt(w) (e - e')` with
+//! `e' = e_0 - 2 L g / |g|^2` and `w = |g|^2 / (4 L)` reproduce the loss at e_0: the sum of their squares is L, and its gradient is g. The
+//! loss is replaced by a paraboloid over the rays that has the same slope and whose minimum is zero (Côté, Tseng and Heide, 2026, with
+//! their factor 1/2 left out). Its curvature by the numbers of the lens is `w J' J`: it knows how a sphere and an aspheric term couple, and
+//! needs no second derivative of the loss.
 //!
 //! e is the whole vector by which a loss sees a lens: where the rays of each field land, and the light of each field. A change of the light of a
 //! field by a share counts as a motion of its rays by that share of the RMS spot: both change a PSF of that size by that share. A loss that

@@ -37,8 +37,8 @@ pub enum Better {
 }
 
 impl Better {
-    /// The cost of a value: the square of what should be low, because sums of squares are nearly quadratic in small errors; or
-    /// the negative of what should be high.
+    /// The cost of a value. If low values are better it is the square, because sums of squares are nearly quadratic in small errors. If
+    /// high values are better it is the negative.
     pub(crate) fn cost(self, value: f64) -> f64 {
         match self {
             Self::Lower => value * value,

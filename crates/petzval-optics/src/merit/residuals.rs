@@ -61,7 +61,7 @@ pub(crate) enum Lost {
 /// Least share of the rays of a field that must arrive where lost ones are left out.
 const LEAST_ARRIVING: f64 = 0.5;
 
-/// How far beams reach on the surfaces.
+/// Largest beam radius on each surface.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Reach {
     /// Radius at which a surface must be clear, mm.
@@ -71,7 +71,7 @@ pub(crate) struct Reach {
 }
 
 impl Reach {
-    /// No beam at all.
+    /// Radius 0 on every surface, before the first beam is added.
     pub fn none(lens: &Lens) -> Self {
         let surfaces = lens.surfaces.len();
         Self { clear_mm: vec![0.0; surfaces], widest: vec![(0, 0, [0.0; 2]); surfaces] }
@@ -327,9 +327,11 @@ impl SpotResiduals {
         Some(gram)
     }
 
-    /// The products of the derivatives of where light lands, in um, by each of the numbers and by the logarithm of the stop radius: those of the
-    /// rays about the centroid of their field; or, with `places`, those of the rays about the chief ray of their field, and those of the chief
-    /// rays themselves. Lost rays are left out; `None` if most of a field are lost.
+    /// Gram matrix of the ray displacements, um^2: the products of the derivatives of the landing points by each of the numbers and by the
+    /// logarithm of the stop radius.
+    ///
+    /// Landing points are taken about the centroid of their field. With `places` they are taken about the chief ray of their field, and the
+    /// motion of the chief rays is added. Lost rays are left out; `None` if most rays of a field are lost.
     pub(crate) fn motion(
         &self,
         lens: &Lens,

@@ -5,8 +5,9 @@ use crate::gradient::LensGradient;
 use crate::lens::Lens;
 use crate::wave::SampledWave;
 
-/// The RMS wavefront error, waves: the root of the mean over fields and wavelengths of the variance, in waves of each wavelength and weighted by
-/// light, of the optical path to one sphere for all wavelengths of a field, whose centre on the image plane makes it least.
+/// The RMS wavefront error, waves: the root of the mean of the variance over fields and wavelengths. The variance is that of the optical
+/// path, in waves of each wavelength, weighted by light. The path is measured to one reference sphere for all wavelengths of a field; its
+/// centre on the image plane minimises the error.
 ///
 /// Lateral colour counts, since one sphere serves all wavelengths. At one wavelength it is the `rms_centroid_waves` of
 /// [`wavefront`](crate::analysis::wavefront). A lens whose rays through the stop are lost, or one with thin lenses, has none.

@@ -157,8 +157,8 @@ pub(super) fn linearise(
         let gram = problem.merit.gram(&mapped.lens, problem.sides(), &analysis.landings, numbers)?;
         add_gram(&gram, problem.spot_weight.powi(2));
     }
-    // A goal whose residuals are known and all of which should vanish adds all of them; any other adds one residual, its distance
-    // from the target.
+    // A goal adds all of its residuals if they are known and should all vanish. Any other goal adds one residual: its distance from the
+    // target.
     let mut single = Vec::new();
     for (goal, value) in problem.goals.iter().zip(&analysis.goals) {
         let residual_um = goal.residual_um(*value);

@@ -17,8 +17,8 @@ pub enum Stop {
     Stuck,
     /// All iterations are done.
     Exhausted,
-    /// The caller asked.
-    Asked,
+    /// The caller stopped it.
+    Interrupted,
 }
 
 /// All that a descent needs to go on.
@@ -40,7 +40,7 @@ pub struct DescentState {
 
 /// A descent under way: what its watcher sees before every iteration and at the end.
 #[derive(Clone, Debug)]
-pub struct Way {
+pub struct DescentProgress {
     /// The best lens so far.
     pub best: Analysis,
     /// Its coordinates, as in [`DescentState`].
@@ -51,7 +51,7 @@ pub struct Way {
     pub(super) calm: usize,
 }
 
-impl Way {
+impl DescentProgress {
     /// A descent that begins at a lens.
     pub(super) fn new(best: Analysis, at: Vec<f64>) -> Self {
         Self { best, at, iterations: 0, damping: 1e-3, calm: 0 }

@@ -7,7 +7,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::analysis::{Analysis, Linearised, analyse, linearise, obstacle};
-use super::descent_state::{DescentState, Stop, Way};
+use super::descent_state::{DescentProgress, DescentState, Stop};
 use super::problem::Problem;
 use crate::design_space::{DesignSpace, DesignSpaceError};
 
@@ -26,7 +26,7 @@ impl Default for LevenbergOptions {
     }
 }
 
-/// The way down.
+/// The result of a descent.
 #[derive(Clone, Debug)]
 pub struct Descent {
     /// The best lens.
@@ -42,9 +42,9 @@ pub struct Descent {
 }
 
 impl Descent {
-    fn new(way: Way, stop: Stop) -> Self {
-        let state = DescentState { stop: (stop != Stop::Asked).then_some(stop), ..way.state() };
-        let Way { best, at, iterations, .. } = way;
+    fn new(progress: DescentProgress, stop: Stop) -> Self {
+        let state = DescentState { stop: (stop != Stop::Interrupted).then_some(stop), ..progress.state() };
+        let DescentProgress { best, at, iterations, .. } = progress;
         Self { best, at, iterations, stop, state }
     }
 }
@@ -114,26 +114,28 @@ pub(super) fn descend_from(
     watch: &mut dyn FnMut(usize, &Analysis, &[f64]) -> bool,
 ) -> Option<Descent> {
     let best = analyse(problem, space.lens_at(&start).ok()?, None)?;
-    let way = Way::new(best, start);
-    go_down(problem, space, way, options, &mut |way| watch(way.iterations, &way.best, &way.at))
+    let progress = DescentProgress::new(best, start);
+    go_down(problem, space, progress, options, &mut |progress| {
+        watch(progress.iterations, &progress.best, &progress.at)
+    })
 }
 
 /// Goes on with a descent; `watch` sees it before every iteration and at the end, and says whether to go on.
 fn go_down(
     problem: &Problem,
     space: &DesignSpace,
-    mut way: Way,
+    mut progress: DescentProgress,
     options: &LevenbergOptions,
-    watch: &mut dyn FnMut(&Way) -> bool,
+    watch: &mut dyn FnMut(&DescentProgress) -> bool,
 ) -> Option<Descent> {
-    while way.iterations < options.iterations {
-        if !watch(&way) {
-            return Some(Descent::new(way, Stop::Asked));
+    while progress.iterations < options.iterations {
+        if !watch(&progress) {
+            return Some(Descent::new(progress, Stop::Interrupted));
         }
-        let Way { best, at, damping, .. } = &way;
+        let DescentProgress { best, at, damping, .. } = &progress;
         let mapped = space.map(at).ok()?;
         let Some(model) = linearise(problem, space, &mapped, best) else {
-            return Some(Descent::new(way, Stop::Stuck));
+            return Some(Descent::new(progress, Stop::Stuck));
         };
         let mut found: Option<(Analysis, Vec<f64>, f64)> = None;
         let attempt = |factor: f64, found: &mut Option<(Analysis, Vec<f64>, f64)>| {
@@ -155,17 +157,23 @@ fn go_down(
             }
             attempt(factor, &mut found);
         }
-        let Some((analysis, next, tried)) = found else { return Some(Descent::new(way, Stop::Stuck)) };
-        let gain = 1.0 - (analysis.merit / way.best.merit).sqrt();
-        let calm = if gain < options.tolerance { way.calm + 1 } else { 0 };
-        way = Way { best: analysis, at: next, iterations: way.iterations + 1, damping: tried, calm };
+        let Some((analysis, next, tried)) = found else { return Some(Descent::new(progress, Stop::Stuck)) };
+        let gain = 1.0 - (analysis.merit / progress.best.merit).sqrt();
+        let calm = if gain < options.tolerance { progress.calm + 1 } else { 0 };
+        progress = DescentProgress {
+            best: analysis,
+            at: next,
+            iterations: progress.iterations + 1,
+            damping: tried,
+            calm,
+        };
         if calm == CALM_ITERATIONS {
-            watch(&way);
-            return Some(Descent::new(way, Stop::Converged));
+            watch(&progress);
+            return Some(Descent::new(progress, Stop::Converged));
         }
     }
-    watch(&way);
-    Some(Descent::new(way, Stop::Exhausted))
+    watch(&progress);
+    Some(Descent::new(progress, Stop::Exhausted))
 }
 
 /// Goes on from the state of an interrupted descent of the same problem: to the same bits as without interruption. One that ended for want of a
@@ -175,13 +183,13 @@ pub fn descend_on(
     problem: &Problem,
     options: &LevenbergOptions,
     state: &DescentState,
-    watch: &mut dyn FnMut(&Way) -> bool,
+    watch: &mut dyn FnMut(&DescentProgress) -> bool,
 ) -> Result<Descent, DesignSpaceError> {
     let space = problem.space()?;
-    let way = Way::restore(problem, &space, state).ok_or(DesignSpaceError::NoRays)?;
+    let progress = DescentProgress::restore(problem, &space, state).ok_or(DesignSpaceError::NoRays)?;
     match state.stop {
-        Some(stop @ (Stop::Converged | Stop::Stuck)) => Ok(Descent::new(way, stop)),
-        _ => go_down(problem, &space, way, options, watch).ok_or(DesignSpaceError::NoRays),
+        Some(stop @ (Stop::Converged | Stop::Stuck)) => Ok(Descent::new(progress, stop)),
+        _ => go_down(problem, &space, progress, options, watch).ok_or(DesignSpaceError::NoRays),
     }
 }
 
@@ -189,7 +197,7 @@ pub fn descend_on(
 pub fn descend_watched(
     problem: &Problem,
     options: &LevenbergOptions,
-    watch: &mut dyn FnMut(&Way) -> bool,
+    watch: &mut dyn FnMut(&DescentProgress) -> bool,
 ) -> Result<Descent, DesignSpaceError> {
     let once = LevenbergOptions { iterations: 0, ..*options };
     let start = descend(problem, &once, &mut |_, _, _| true)?;
@@ -222,7 +230,7 @@ pub fn descend_softly(
     // A quarter of the iterations is left for the stiff penalty in any case: without it the limits would not be kept.
     let most = LevenbergOptions { iterations: options.iterations - options.iterations / 4, ..*options };
     let first = descend(&soft, &most, watch)?;
-    if first.stop == Stop::Asked {
+    if first.stop == Stop::Interrupted {
         return Ok(first);
     }
     let done = first.iterations;

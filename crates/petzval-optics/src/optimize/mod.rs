@@ -14,7 +14,7 @@ mod search;
 mod tests;
 
 pub use analysis::Analysis;
-pub use descent_state::{DescentState, Stop, Way};
+pub use descent_state::{DescentProgress, DescentState, Stop};
 pub use levenberg::{
     Descent, LevenbergOptions, SOFT_UM_PER_MM, descend, descend_on, descend_softly, descend_watched,
 };

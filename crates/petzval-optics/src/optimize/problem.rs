@@ -28,7 +28,7 @@ pub struct Goal {
     pub merit: Arc<dyn Merit>,
     /// What it should be, in its unit.
     pub target: f64,
-    /// Micrometres of spot that one unit beyond the target counts as much as.
+    /// Weight: one unit beyond the target costs as much as this many um of RMS spot.
     pub weight_um: f64,
 }
 
@@ -107,8 +107,8 @@ impl Limits {
     }
 }
 
-/// Whether a gap of air need not be kept: the lens itself has nothing there, beside a plane that divides nothing, such as a
-/// stop on a vertex or a coordinate break, or the stop stands at the rim of a surface.
+/// True if a gap of air needs no least width: the stop stands at the rim of a surface, or the lens itself has no gap there beside a dummy
+/// plane. Such a plane divides nothing: a stop on a vertex, or a coordinate break.
 fn has_open_gap(lens: &Lens, surface: usize) -> bool {
     let is_closed = lens.surfaces[surface].thickness_mm == 0.0;
     lens.is_beside_stop_at_rim(surface) || is_closed && (lens.is_dummy(surface) || lens.is_dummy(surface + 1))

@@ -1,9 +1,9 @@
 //! A global search that never stops improving: descents from random starts, from disturbed good lenses, and from blends of
 //! two of them.
 //!
-//! The search goes in rounds of a fixed number of candidates. What a candidate is depends on the seed, the round, its place
-//! in the round and what earlier rounds found, and on nothing else, so the same rounds give the same lenses on any number of
-//! threads. It can be asked for its best at any time, and goes on from a [`SearchState`].
+//! The search goes in rounds of a fixed number of candidates. A candidate depends only on the seed, the round, its place in the round and
+//! what earlier rounds found. So the same rounds give the same lenses on any number of threads. Its best lens can be read at any time, and
+//! it continues from a [`SearchState`].
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -164,7 +164,7 @@ fn a_lifted_merit_has_its_gradient_and_is_minimised_as_by_its_own_residuals() {
     assert!(by_slope > least + 0.3 * (start - least), "{start} {least} {by_slope}");
 }
 
-/// The curvature of a lifted loss by the numbers of a lens whose pupil is so many times as wide; None where the lift says nothing.
+/// The curvature of a lifted loss by the numbers of a lens whose pupil is `pupil` times as wide; `None` if the loss cannot be lifted.
 fn lifted_diagonal(pupil: f64) -> (bool, Option<Vec<f64>>) {
     let problem = problem();
     let mut lens = problem.base.clone();
@@ -622,10 +622,11 @@ fn an_interrupted_descent_goes_on_to_the_same_bits() {
     let problem = problem();
     let options = LevenbergOptions::default();
     let whole = descend(&problem, &options, &mut |_, _, _| true).unwrap();
-    assert!(whole.iterations > 4 && whole.stop != Stop::Asked, "{}", whole.iterations);
+    assert!(whole.iterations > 4 && whole.stop != Stop::Interrupted, "{}", whole.iterations);
     for interrupted_at in [0, 1, whole.iterations / 2, whole.iterations - 1] {
-        let part = descend_watched(&problem, &options, &mut |way| way.iterations < interrupted_at).unwrap();
-        assert_eq!((part.stop, part.iterations), (Stop::Asked, interrupted_at));
+        let part = descend_watched(&problem, &options, &mut |progress| progress.iterations < interrupted_at)
+            .unwrap();
+        assert_eq!((part.stop, part.iterations), (Stop::Interrupted, interrupted_at));
         let text = serde_json::to_string(&part.state).unwrap();
         let kept: DescentState = serde_json::from_str(&text).unwrap();
         let rest = descend_on(&problem, &options, &kept, &mut |_| true).unwrap();

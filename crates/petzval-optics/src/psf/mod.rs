@@ -94,14 +94,15 @@ enum Light {
 
 /// The fast path, or the reference.
 #[derive(Clone, Copy, PartialEq)]
-enum Way {
+enum Evaluation {
     Fast,
     Reference,
 }
 
-/// PSFs of a field at the given wavelengths; `None` if the field's chief ray does not reach the image
-/// or no light arrives; by diffraction also if rays through the stop are lost, the wavefront is not smooth, or grid and spot
-/// together are wider than the nodes of the pupil can hold.
+/// PSFs of a field at the given wavelengths.
+///
+/// `None` if the chief ray of the field does not reach the image, or no light arrives. By diffraction it is also `None` if rays through the
+/// stop are lost, if the wavefront is not smooth, or if grid and spot together are wider than the nodes of the pupil can hold.
 pub fn psf(
     lens: &Lens,
     field_rad: f64,
@@ -120,7 +121,7 @@ pub fn psf_traced(
     quadrature: &Quadrature,
     options: &PsfOptions,
 ) -> Option<FieldPsf> {
-    make(lens, field_rad, wavelengths_um, quadrature, options, Way::Reference).map(|(psf, _)| psf)
+    make(lens, field_rad, wavelengths_um, quadrature, options, Evaluation::Reference).map(|(psf, _)| psf)
 }
 
 /// [`psf`] with the tape for its gradient.
@@ -134,7 +135,7 @@ pub fn psf_with_tape(
     quadrature: &Quadrature,
     options: &PsfOptions,
 ) -> Option<(FieldPsf, PsfTape)> {
-    make(lens, field_rad, wavelengths_um, quadrature, options, Way::Fast)
+    make(lens, field_rad, wavelengths_um, quadrature, options, Evaluation::Fast)
 }
 
 /// [`psf_traced`] with the tape for its gradient.
@@ -145,7 +146,7 @@ pub fn psf_traced_with_tape(
     quadrature: &Quadrature,
     options: &PsfOptions,
 ) -> Option<(FieldPsf, PsfTape)> {
-    make(lens, field_rad, wavelengths_um, quadrature, options, Way::Reference)
+    make(lens, field_rad, wavelengths_um, quadrature, options, Evaluation::Reference)
 }
 
 fn make(
@@ -154,7 +155,7 @@ fn make(
     wavelengths_um: &[f64],
     quadrature: &Quadrature,
     options: &PsfOptions,
-    way: Way,
+    evaluation: Evaluation,
 ) -> Option<(FieldPsf, PsfTape)> {
     // Trace the chief ray of the reference wavelength, which is the centre of the grid.
     let reference = lens.at_wavelength(lens.reference_um);
@@ -199,7 +200,7 @@ fn make(
             continue;
         }
         // Rays: splat by the pupil polynomial, or trace a ray for every pupil cell if it does not hold.
-        let fitted = (way == Way::Fast).then(|| {
+        let fitted = (evaluation == Evaluation::Fast).then(|| {
             let like = channels.last().and_then(|c| c.light.map());
             PolynomialChannel::new(&sequence, field_rad, stop_radius_mm, like)
         });
@@ -255,7 +256,7 @@ impl Light {
 }
 
 impl PsfTape {
-    /// Gradient of a loss of the PSFs, of which `psf` are the values, with respect to every number of the lens.
+    /// Gradient of a loss of the PSFs `psf` with respect to every number of the lens.
     pub fn gradient(
         &self,
         psf: &FieldPsf,
@@ -267,12 +268,12 @@ impl PsfTape {
         let mut area_bar = 0.0;
         for (k, channel) in self.channels.iter().enumerate() {
             // Undo the normalisation P = G / S: Gbar = (Pbar - <Pbar, P>) / S. Then add the mirror image.
-            let wish = &cotangent.values[k];
-            if cotangent.illumination[k] == 0.0 && wish.iter().all(|w| *w == 0.0) {
+            let values_bar = &cotangent.values[k];
+            if cotangent.illumination[k] == 0.0 && values_bar.iter().all(|w| *w == 0.0) {
                 continue;
             }
-            let mean: f64 = wish.iter().zip(&psf.values[k]).map(|(a, b)| a * b).sum();
-            let raw: Vec<f64> = wish.iter().map(|w| (w - mean) / channel.total).collect();
+            let mean: f64 = values_bar.iter().zip(&psf.values[k]).map(|(a, b)| a * b).sum();
+            let raw: Vec<f64> = values_bar.iter().map(|w| (w - mean) / channel.total).collect();
             let is_half = self.reference.is_mirror_symmetric && !matches!(channel.light, Light::Wave(_));
             let bar = LightCotangent {
                 grid: if is_half { with_mirror_image(&raw, self.options.grid) } else { raw },
@@ -298,8 +299,8 @@ impl PsfTape {
         if area_bar != 0.0 {
             self.area.pull_back(&self.reference, area_bar, &mut gradient);
         }
-        let wish = FirstOrderCotangent { stop_radius: stop_radius_bar, ..Default::default() };
-        pull_back_first_order(&self.reference, wish, &mut gradient);
+        let first_order_bar = FirstOrderCotangent { stop_radius: stop_radius_bar, ..Default::default() };
+        pull_back_first_order(&self.reference, first_order_bar, &mut gradient);
         gradient.keep_symmetry(&self.reference);
         gradient
     }

@@ -328,14 +328,14 @@ impl<'a> DenseMap<'a> {
     /// Cotangents of the map's coefficients.
     pub fn pull_back(&self, sums: &DenseCotangent) -> MapCotangent {
         let basis = self.map.basis();
-        let mut wish = MapCotangent::zero(self.map);
-        sums.x.pull_back(self.rows, basis, &mut wish.image[0]);
-        sums.y.pull_back(self.rows, basis, &mut wish.image[1]);
-        sums.light.pull_back(self.rows, basis, &mut wish.light);
-        for (table, to) in sums.heights.iter().zip(&mut wish.heights) {
+        let mut map_bar = MapCotangent::zero(self.map);
+        sums.x.pull_back(self.rows, basis, &mut map_bar.image[0]);
+        sums.y.pull_back(self.rows, basis, &mut map_bar.image[1]);
+        sums.light.pull_back(self.rows, basis, &mut map_bar.light);
+        for (table, to) in sums.heights.iter().zip(&mut map_bar.heights) {
             table.pull_back(self.rows, basis, to);
         }
-        wish.semi_diameters.copy_from_slice(&sums.semi_diameters);
-        wish
+        map_bar.semi_diameters.copy_from_slice(&sums.semi_diameters);
+        map_bar
     }
 }

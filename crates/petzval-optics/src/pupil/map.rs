@@ -133,13 +133,13 @@ impl PupilMap {
     }
 
     /// Adds the gradient of a loss to `gradient` and returns its derivative by the stop radius.
-    pub fn pull_back(&self, sequence: &Sequence, wish: &MapCotangent, gradient: &mut LensGradient) -> f64 {
+    pub fn pull_back(&self, sequence: &Sequence, map_bar: &MapCotangent, gradient: &mut LensGradient) -> f64 {
         let (basis, sides) = (self.basis(), self.samples.sides);
         let mut at_samples = SamplesCotangent::zero(&self.samples);
-        basis.pull_back_fit(&wish.image[0], sides, &mut at_samples.seeds.image_x);
-        basis.pull_back_fit(&wish.image[1], sides, &mut at_samples.seeds.image_y);
-        basis.pull_back_fit(&wish.light, sides, &mut at_samples.light);
-        for ((h, bar), semi_bar) in self.heights.iter().zip(&wish.heights).zip(&wish.semi_diameters) {
+        basis.pull_back_fit(&map_bar.image[0], sides, &mut at_samples.seeds.image_x);
+        basis.pull_back_fit(&map_bar.image[1], sides, &mut at_samples.seeds.image_y);
+        basis.pull_back_fit(&map_bar.light, sides, &mut at_samples.light);
+        for ((h, bar), semi_bar) in self.heights.iter().zip(&map_bar.heights).zip(&map_bar.semi_diameters) {
             gradient[(h.surface, Number::SemiDiameter)] += semi_bar;
             if !bar.is_zero() {
                 let mut height = SquaredHeights::zero(h.surface, self.samples.x.len());

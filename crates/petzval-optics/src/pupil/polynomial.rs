@@ -1,8 +1,8 @@
 //! Polynomials over the whole pupil, as sums of both parities of a basis.
 //!
-//! In a lens whose y-z plane is a plane of symmetry one half of the pupil is the mirror image of the other: quantities
-//! are odd or even in p_x, and samples of one half are enough. In other lenses both halves are sampled at mirrored
-//! points, and a quantity is the sum of an even and an odd part, which are fitted separately.
+//! If the y-z plane is a plane of symmetry of the lens, one half of the pupil is the mirror image of the other. Quantities are then odd or
+//! even in p_x, and samples of one half are enough. In other lenses both halves are sampled at mirrored points, and a quantity is the sum
+//! of an even and an odd part, which are fitted separately.
 
 use super::basis::PupilBasis;
 use crate::trace::Sequence;
@@ -222,9 +222,9 @@ mod tests {
         let values: Vec<f64> = (0..count).map(wave).collect();
         let bars: [Vec<f64>; 2] = [3, 5].map(|k| (0..count).map(|i| wave(k * i + 1)).collect());
         let [by_x, by_y] = basis.slopes(&basis.fit(&values, Sides::Both, Symmetry::Odd), Sides::Both);
-        let wish = basis.pull_back_slopes([&bars[0], &bars[1]], Sides::Both, Symmetry::Odd);
+        let coefficients_bar = basis.pull_back_slopes([&bars[0], &bars[1]], Sides::Both, Symmetry::Odd);
         let mut values_bar = vec![0.0; count];
-        basis.pull_back_fit(&wish, Sides::Both, &mut values_bar);
+        basis.pull_back_fit(&coefficients_bar, Sides::Both, &mut values_bar);
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         let left = dot(&by_x, &bars[0]) + dot(&by_y, &bars[1]);
         let right = dot(&values, &values_bar);

@@ -190,11 +190,11 @@ impl PupilSamples {
     pub fn pull_back(
         &self,
         sequence: &Sequence,
-        wish: &SamplesCotangent,
+        samples_bar: &SamplesCotangent,
         gradient: &mut LensGradient,
     ) -> f64 {
-        let mut launch_bar = self.pull_back_light(sequence, &wish.light, gradient);
-        if let Some(wave) = &wish.seeds.wave {
+        let mut launch_bar = self.pull_back_light(sequence, &samples_bar.light, gradient);
+        if let Some(wave) = &samples_bar.seeds.wave {
             // The path in front of the launch plane grows with the launch point along the launch direction.
             for i in 0..self.x.len() {
                 let start = launch(sequence, self.field_rad, self.aimed.launch_of(i));
@@ -205,7 +205,7 @@ impl PupilSamples {
         }
         let launch_bar = launch_bar.each_ref().map(Vec::as_slice);
         let reaim = Reaim { aimed: &self.aimed, launch_bar };
-        pull_back(sequence, &self.aimed.bundle(sequence), &wish.seeds, Some(&reaim), gradient)
+        pull_back(sequence, &self.aimed.bundle(sequence), &samples_bar.seeds, Some(&reaim), gradient)
             / self.stop_radius_mm
     }
 

@@ -83,7 +83,7 @@ impl Moments {
 
 /// Factors of the cotangents of a point p with light w: by p `2 s w (p - c)`, by w `s (|p - c|^2 - m)`.
 #[derive(Clone, Copy)]
-struct Wish {
+struct CloudCotangent {
     scale: f64,
     centre: [f64; 2],
     mean_square: f64,
@@ -132,7 +132,7 @@ impl WithSimd for DenseMoments<'_> {
 struct DensePullBack<'a> {
     dense: &'a DenseMap<'a>,
     origin: [f64; 2],
-    wish: Wish,
+    cloud_bar: CloudCotangent,
     sums: &'a mut DenseCotangent,
 }
 
@@ -141,14 +141,15 @@ impl WithSimd for DensePullBack<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { dense, origin, wish, sums } = self;
+        let Self { dense, origin, cloud_bar, sums } = self;
         let sides = dense.sides();
         for row in 0..dense.rows() {
             for turn in 0..dense.turns::<S>(row) * sides.len() {
                 let p = dense.points(simd, row, turn / sides.len(), sides[turn % sides.len()]);
-                let (x, y) = (p.x - (origin[0] + wish.centre[0]), p.y - (origin[1] + wish.centre[1]));
-                let twice = p.weight * (2.0 * wish.scale);
-                let weight = (x * x + y * y - wish.mean_square) * wish.scale;
+                let (x, y) =
+                    (p.x - (origin[0] + cloud_bar.centre[0]), p.y - (origin[1] + cloud_bar.centre[1]));
+                let twice = p.weight * (2.0 * cloud_bar.scale);
+                let weight = (x * x + y * y - cloud_bar.mean_square) * cloud_bar.scale;
                 let bar = PointsCotangent { x: twice * x, y: twice * y, weight };
                 dense.pull_back_points(row, &p, bar, sums);
             }
@@ -207,7 +208,7 @@ impl Cloud {
         &self,
         sequence: &Sequence,
         origin: [f64; 2],
-        wish: Wish,
+        cloud_bar: CloudCotangent,
         gradient: &mut LensGradient,
     ) -> f64 {
         match self {
@@ -215,18 +216,18 @@ impl Cloud {
                 let mut bar = SamplesCotangent::zero(s);
                 for (i, share) in s.weights().into_iter().enumerate() {
                     let at = [s.x[i], s.y[i]];
-                    let [x, y] = [0, 1].map(|axis| at[axis] - origin[axis] - wish.centre[axis]);
-                    let twice = 2.0 * wish.scale * share * s.light[i];
+                    let [x, y] = [0, 1].map(|axis| at[axis] - origin[axis] - cloud_bar.centre[axis]);
+                    let twice = 2.0 * cloud_bar.scale * share * s.light[i];
                     bar.seeds.image_x[i] = twice * x;
                     bar.seeds.image_y[i] = twice * y;
-                    bar.light[i] = wish.scale * share * (x * x + y * y - wish.mean_square);
+                    bar.light[i] = cloud_bar.scale * share * (x * x + y * y - cloud_bar.mean_square);
                 }
                 s.pull_back(sequence, &bar, gradient)
             }
             Self::Cut(map) => {
                 let dense = DenseMap::new(map, rows());
                 let mut sums = dense.zero_cotangent();
-                dispatch(DensePullBack { dense: &dense, origin, wish, sums: &mut sums });
+                dispatch(DensePullBack { dense: &dense, origin, cloud_bar, sums: &mut sums });
                 map.pull_back(sequence, &dense.pull_back(&sums), gradient)
             }
         }
@@ -271,12 +272,12 @@ fn field_spot(
             continue;
         }
         // The common centroid c is the mean of the wavelengths' own, so the derivative of the sum of squares by c is zero.
-        let wish = Wish { scale: UM2_PER_MM2 / (count * m.light), centre, mean_square };
-        stop_radius_bar += cloud.pull_back(sequence, origin, wish, &mut gradient);
+        let cloud_bar = CloudCotangent { scale: UM2_PER_MM2 / (count * m.light), centre, mean_square };
+        stop_radius_bar += cloud.pull_back(sequence, origin, cloud_bar, &mut gradient);
     }
     if with_gradient {
-        let wish = FirstOrderCotangent { stop_radius: stop_radius_bar, ..Default::default() };
-        pull_back_first_order(&reference, wish, &mut gradient);
+        let first_order_bar = FirstOrderCotangent { stop_radius: stop_radius_bar, ..Default::default() };
+        pull_back_first_order(&reference, first_order_bar, &mut gradient);
     }
     Some((UM2_PER_MM2 * value, gradient))
 }

@@ -49,7 +49,7 @@ pub(super) fn field_mean_square(
         stop_radius_bar += beam.pull_back(&t.sequence, &bar, &mut gradient);
     }
     let reference = lens.at_wavelength(lens.reference_um);
-    let wish = FirstOrderCotangent { stop_radius: stop_radius_bar, ..Default::default() };
-    pull_back_first_order(&reference, wish, &mut gradient);
+    let first_order_bar = FirstOrderCotangent { stop_radius: stop_radius_bar, ..Default::default() };
+    pull_back_first_order(&reference, first_order_bar, &mut gradient);
     Some((UM2_PER_MM2 * value, gradient))
 }

@@ -1,8 +1,8 @@
 //! Setting compensators: a few adjustments that are made on every lens, such as its focus.
 //!
-//! Broyden, Fletcher, Goldfarb and Shanno's method. It starts with the Hessian of the nominal lens, which is nearly that of any
-//! lens made from it; by one compensator it is the secant method on the derivative, exact in one step where the cost is a
-//! parabola, as the mean square spot is by the image distance.
+//! Broyden, Fletcher, Goldfarb and Shanno's method. It starts with the Hessian of the nominal lens, which is nearly that of any lens made
+//! from it. With one compensator it is the secant method on the derivative. One step is exact where the cost is a parabola, as the mean
+//! square spot is in the image distance.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -69,7 +69,7 @@ pub(super) fn least<T>(
     let mut best = Least { cost: cost(&start)?, at: start };
     let mut hessian = hessian.clone();
     for _ in 0..MOST_STEPS {
-        // On a limit that the slope pushes against, nothing moves.
+        // A compensator at its limit stays if the descent direction points outward.
         let held = |i: usize| {
             limits[i].is_some_and(|limit| best.at[i].abs() >= limit && best.cost.by[i] * best.at[i] < 0.0)
         };

@@ -1,10 +1,10 @@
 //! Tolerances of good practice, for a lens that has none yet.
 //!
-//! The figures are of the order that shops offer, to begin with before a maker has been asked; none is that of a certain maker.
-//! The steps are those of published charts (commercial, precision, high precision), of which index and Abbe number of the first two
-//! grades were compared with that of Optimax Systems. Radius is in percent or in fringes, whichever is wider; wedge is the
-//! difference of edge thicknesses; glass of the high grade is bought with melt data. How well elements sit in a barrel (distances,
-//! decentres, tilts) is of the order of turned barrels.
+//! The figures are of the order that shops offer, for a first study before a maker is consulted. They are not those of a certain maker. The
+//! steps are those of published charts (commercial, precision, high precision), of which index and Abbe number of the first two grades were
+//! compared with that of Optimax Systems. Radius is in percent or in fringes, whichever is wider; wedge is the difference of edge
+//! thicknesses; glass of the high grade is bought with melt data. How well elements sit in a barrel (distances, decentres, tilts) is of the
+//! order of turned barrels.
 
 use super::freedom::{ARCMIN_PER_RAD, FRINGE_UM, Freedom, Quantity, elements};
 use super::{Distribution, Perturbation};
@@ -81,9 +81,9 @@ impl Grade {
     }
 }
 
-/// Every tolerance that a grade asks of a lens: radius or power and irregularity of each surface that bends light, thickness and
-/// glass of each element, wedge of each of its later surfaces, its decentre and tilt in both directions, and the distances between
-/// elements. What a lens does not allow (an element on a fold mirror that leads the axis elsewhere) is left out.
+/// Every tolerance of a grade for a lens. A surface that bends light has one on its radius or power and one on its irregularity. An element
+/// has tolerances on thickness, glass, decentre and tilt in both directions, and on the wedge of each of its later surfaces. The distances
+/// between elements have one each. What a lens does not allow (an element on a fold mirror that leads the axis elsewhere) is left out.
 ///
 /// The distance to the image plane is among them only if `with_image`: where the focus is set on each lens, it has no tolerance.
 pub fn default_tolerances(

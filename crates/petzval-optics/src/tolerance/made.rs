@@ -25,8 +25,8 @@ pub(super) fn drawn(lens: &Lens, freedoms: impl Iterator<Item = Freedom>) -> Len
     drawn
 }
 
-/// The lens with every freedom off by as much: first the numbers of the surfaces, then the surfaces that are moved alone, then
-/// groups, smaller ones first, so that an element sits askew in a barrel that sits askew.
+/// The lens with every freedom off by its value. The numbers of the surfaces change first, then surfaces that move alone, then groups,
+/// smaller ones first. So a tilted element can sit in a tilted barrel.
 ///
 /// The stop keeps the radius `stop_radius_mm`.
 pub(super) fn made(drawn: &Lens, off: &[Off], stop_radius_mm: f64) -> Lens {

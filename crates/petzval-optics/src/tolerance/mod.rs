@@ -1,21 +1,21 @@
-//! Tolerances: what becomes of a lens when it is made, and how exactly it must be.
+//! Tolerances: the effect of manufacturing errors on a lens, and the accuracy that it needs.
 //!
-//! A [`Freedom`] is a quantity of a surface or of an element that may be other than drawn; a [`Perturbation`] says how far and
-//! how often; a compensator is a freedom that is set anew on every lens, as the focus is. A [`Study`] holds them with the lens
-//! and a [`Merit`](crate::merit::Merit), any scalar of a lens. From it come
+//! A [`Freedom`] is a quantity of a surface or of an element that may deviate from the drawing. A [`Perturbation`] states its range and
+//! distribution. A compensator is a freedom that is adjusted on every lens, as the focus is. A [`Study`] holds them with the lens and a
+//! [`Merit`](crate::merit::Merit), any scalar of a lens. It gives
 //!
-//! - [`sensitivities`]: the merit at plus and minus each tolerance, its derivative, and what these say of the lens as built;
+//! - [`sensitivities`]: the merit at plus and minus each tolerance, its derivative, and the estimated merit of the lens as built;
 //! - [`monte_carlo`]: the merit of lenses made at random, with its percentiles and the yield;
 //! - [`inverse`]: the tolerances that share an allowed loss evenly.
 //!
 //! The stop is a piece of metal: it keeps its diameter, and the entrance pupil follows from it.
 //!
-//! # What is of which order
+//! # First and second order
 //!
-//! A merit has a slope by what keeps the symmetry of a lens (radii, thicknesses, indices), and the spread of the merit is
-//! `sqrt(sum (g_i sigma_i)^2)` as long as the perturbations are small. By decentres and tilts of a rotationally symmetric lens
-//! it has none, if fields on both sides of the axis count: there the second order rules, and only evaluations at plus and minus
-//! the tolerance show it. [`Estimate`] has both.
+//! Errors that keep the symmetry of a lens (radii, thicknesses, indices) change the merit to first order. Its spread is
+//! `sqrt(sum (g_i sigma_i)^2)` as long as the perturbations are small. Decentres and tilts of a rotationally symmetric lens have no first
+//! order, if fields on both sides of the axis count. Their effect is of second order, and only evaluations at plus and minus the tolerance
+//! show it. [`Estimate`] has both.
 
 mod compensator;
 mod freedom;

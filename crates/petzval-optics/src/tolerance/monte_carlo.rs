@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::Study;
 use crate::merit::Better;
 
-/// Shares of the lenses, percent, at which the merit is usually told.
+/// Shares of the lenses, percent, at which the merit is usually stated.
 pub const PERCENTILES: [f64; 7] = [2.0, 10.0, 20.0, 50.0, 80.0, 90.0, 98.0];
 
 /// One lens.
@@ -28,7 +28,7 @@ pub struct MonteCarlo {
     pub better: Better,
 }
 
-/// Makes lenses 0 ... `trials` - 1 of a seed, in parallel; the bits do not depend on the number of threads. `progress` is told of
+/// Makes lenses 0 ... `trials` - 1 of a seed, in parallel; the bits do not depend on the number of threads. `progress` is called after
 /// each.
 pub fn monte_carlo(study: &Study, seed: u64, trials: usize, progress: &(dyn Fn() + Sync)) -> MonteCarlo {
     let trial = |number: usize| {

@@ -1,7 +1,7 @@
-//! The sensitivity table: what each tolerance alone does, and what all of them together make of a lens.
+//! The sensitivity table: the effect of each tolerance alone, and the estimated merit of a lens with all of them.
 //!
-//! With the cost q (the squared merit where the least is best, its negative where the most is), independent perturbations of
-//! symmetric distributions, and `a_i`, `b_i`, `H_ij` its first, half of its second, and its mixed second derivatives,
+//! Let q be the cost: the squared merit if small is better, the negative merit if large is better. The perturbations are independent and
+//! symmetric. `a_i` is the first derivative of q by perturbation i, `b_i` half of the second, and `H_ij` the mixed second derivative. Then
 //!
 //! ```text
 //! mean(q)     = q_0 + sum b_i m2_i
@@ -39,7 +39,7 @@ impl Sensitivity {
     }
 }
 
-/// What the sensitivities say of lenses as built.
+/// The merit of built lenses, estimated from the sensitivities.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate {
     /// The nominal merit, worse by the root of the sum of squares of the changes at the tolerances (each the quadratic mean of

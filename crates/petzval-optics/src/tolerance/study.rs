@@ -133,7 +133,7 @@ impl<'a> Study<'a> {
         draw(&self.tolerances.perturbations, seed, trial)
     }
 
-    /// The lens of which every perturbation is off by `off`, in the order of the tolerances; `None` if it brings no image.
+    /// The lens with every perturbation set to its value in `off`, in the order of the tolerances; `None` if it forms no image.
     pub fn make(&self, off: &[f64]) -> Option<Made> {
         let perturbed = off.len();
         // To first order the compensators follow like this.

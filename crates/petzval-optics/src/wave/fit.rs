@@ -152,7 +152,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn moved_points_ask_for_what_differences_say() {
+    fn derivatives_by_moved_points_match_differences() {
         let point =
             |i: usize| [(i as f64 * 0.754_877_666).fract() - 0.5, (i as f64 * 0.569_840_291).fract() - 0.5];
         let points: Vec<[f64; 2]> = (0..60).map(point).collect();

@@ -396,16 +396,16 @@ impl WaveMap {
         let mut fixed = vec![0.0; count];
         odd.pull_back(&self.stop[0], &sums.stop[0], &mut fixed, &mut q_bar);
         self.even.pull_back(&self.stop[1], &sums.stop[1], &mut fixed, &mut q_bar);
-        let mut wish = SamplesCotangent::zero(s);
+        let mut samples_bar = SamplesCotangent::zero(s);
         for ((surface, _, coefficients), (bar, semi_bar)) in
             self.heights.iter().zip(sums.heights.iter().zip(&sums.semi_diameters))
         {
             gradient[(*surface, Number::SemiDiameter)] += semi_bar;
             let mut height = SquaredHeights::zero(*surface, count);
             self.even.pull_back(coefficients, bar, &mut height.values[..count], &mut q_bar);
-            wish.seeds.heights.push(height);
+            samples_bar.seeds.heights.push(height);
         }
-        self.pull_back_density(&density_bar, &mut wish.light, &mut q_bar);
+        self.pull_back_density(&density_bar, &mut samples_bar.light, &mut q_bar);
         // From W = L + n' run and q = (towards - middle) / scale to positions and directions on the image plane.
         let mut wave = WaveSeeds::zero(count);
         for i in 0..count {
@@ -415,20 +415,20 @@ impl WaveMap {
             let towards_bar = [0, 1].map(|axis| q_bar[i][axis] / self.scale[axis]);
             let (place_bar, direction_bar) =
                 self.sphere.pull_back(place, d, self.n_image * path_bar[i], towards_bar);
-            (wish.seeds.image_x[i], wish.seeds.image_y[i]) = (place_bar[0], place_bar[1]);
+            (samples_bar.seeds.image_x[i], samples_bar.seeds.image_y[i]) = (place_bar[0], place_bar[1]);
             for axis in 0..2 {
                 wave.direction[axis][i] = direction_bar[axis];
                 sums.origin[axis] -= place_bar[axis];
             }
         }
         // From the index behind the lens and from the samples to the numbers of the lens.
-        wish.seeds.wave = Some(wave);
+        samples_bar.seeds.wave = Some(wave);
         let last = sequence.surfaces.len() - 1;
         for i in 0..=last {
             gradient[(i, Number::Index)] +=
                 sequence.glass_index_bar(i, |j| if j == last { sums.n_image } else { 0.0 });
         }
-        s.pull_back(sequence, &wish, gradient)
+        s.pull_back(sequence, &samples_bar, gradient)
     }
 
     /// Pulls cotangents of the density back to the light and to the points q.

@@ -26,8 +26,8 @@ impl ReferenceSphere {
     /// Run of a ray from the image plane to the sphere along its direction, plus the radius, and the unit vector from
     /// there to the centre (as a line's direction).
     ///
-    /// With `e` from the centre to the ray's point on the image plane and `b = e.d`, the run `s = -b - sqrt(b^2 + R^2 - e^2)` (for
-    /// R > 0), of which `s + R = -b + (e^2 - b^2) / (R + sqrt(...))` keeps its digits for any radius.
+    /// With `e` from the centre to the ray's point on the image plane and `b = e.d`, the run is `s = -b - sqrt(b^2 + R^2 - e^2)` (for R >
+    /// 0). The form `s + R = -b + (e^2 - b^2) / (R + sqrt(...))` keeps its digits for any radius.
     pub fn run(&self, at_mm: [f64; 2], d: [f64; 3]) -> (f64, [f64; 3]) {
         let e = [at_mm[0] - self.centre_mm[0], at_mm[1] - self.centre_mm[1], 0.0];
         let b = e[0] * d[0] + e[1] * d[1];

@@ -1,9 +1,9 @@
 //! The transfer function at one frequency as the overlap of two shifted copies of a wave, with its gradient.
 //!
 //! A grating of f cycles per mm on the image plane turns a direction cosine by `f wavelength / n'`. With this shift s along x for sagittal
-//! structures, or along y for tangential ones, `O(f) = sum u(q + s / 2) conj(u(q - s / 2)) / E` with the energy E. One number needs far fewer nodes
-//! than a PSF, and no transform. What the soft rim of the stop takes from `sum |u|^2` a hard edge diffracts far away; its contrast fades over a
-//! shift of the width of the rim.
+//! structures, or along y for tangential ones, `O(f) = sum u(q + s / 2) conj(u(q - s / 2)) / E` with the energy E. One number needs far
+//! fewer nodes than a PSF, and no transform. The soft rim of the stop removes light from `sum |u|^2` that a hard edge would diffract far
+//! away. The contrast of that light fades over a shift of the width of the rim.
 
 use rustfft::num_complex::Complex64;
 
@@ -36,7 +36,7 @@ pub(crate) struct Overlap {
     energy: f64,
     /// Sums of the overlaps.
     sums: [Complex64; 2],
-    /// Contrast of what a hard edge diffracts far away.
+    /// Contrast of the light that a hard edge diffracts far away.
     far_contrast: [f64; 2],
     /// The transfer function for sagittal and for tangential structures.
     pub transfer: [Complex64; 2],
@@ -50,9 +50,9 @@ struct Rows {
 }
 
 impl Overlap {
-    /// The wave of a field about a point of the image plane; `None` where [`WaveMap::new`] has none, no light arrives, or the light spreads over more
-    /// periods than the nodes can follow. `further_mm` is by how much a shift of the image plane spreads it beyond that. `like` is the same field at
-    /// another wavelength.
+    /// The wave of a field about a point of the image plane; `None` where [`WaveMap::new`] has none, no light arrives, or the light spreads
+    /// over more periods than the nodes can follow. `further_mm`: additional spread by a shift of the image plane. `like` is the same field
+    /// at another wavelength.
     pub fn new(
         sequence: &Sequence,
         field_rad: f64,
@@ -158,8 +158,8 @@ impl Overlap {
 
     /// The transfer functions on image planes that are shifted along z.
     ///
-    /// The way of every wavelet of the reference sphere grows, and with the distance from the sphere the shift of the copies. Over the range of the
-    /// planes that shift changes by less than a hundredth, so that overlaps at its ends are interpolated.
+    /// The path of every wavelet from the reference sphere grows, and so does the shift of the copies. Over the range of the planes that
+    /// shift changes by less than a hundredth. So overlaps are computed at both ends of its range and interpolated.
     pub fn over_focus(&self, defocus_mm: &[f64]) -> Vec<[Complex64; 2]> {
         let growth = |dz: f64| self.map.sphere.further(self.map.slant(0.0, 0.0), dz).1;
         let all = defocus_mm.iter().map(|dz| growth(*dz));
@@ -187,7 +187,8 @@ impl Overlap {
         defocus_mm.iter().map(at).collect()
     }
 
-    /// The products of the copies at every node, for sagittal and for tangential structures, with the shift times `growth`.
+    /// The products of the two shifted copies of the wave at every node, for sagittal and for tangential structures. The shift is
+    /// multiplied by `growth`.
     fn products(&self, growth: f64) -> [Vec<Product>; 2] {
         let mut products: [Vec<Product>; 2] = Default::default();
         for j in 0..self.nodes {

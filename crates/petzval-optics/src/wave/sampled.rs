@@ -83,7 +83,7 @@ impl SampledWave {
         Some(Self { map, waves_per_mm, nodes, light })
     }
 
-    /// Whether the nodes are those of one half of a mirror-symmetric beam, of which a tilt along x is not to be had.
+    /// True if the nodes cover one half of a mirror-symmetric beam. Such nodes cannot give a tilt along x.
     pub fn is_half(&self) -> bool {
         self.map.samples.sides == Sides::Mirrored
     }

@@ -22,8 +22,8 @@ fn first_order_properties() {
         order.efl_mm + 0.5 * order.bfl_mm + 3.0 * order.stop_radius_mm
     };
     let mut gradient = LensGradient::zero(7);
-    let wish = FirstOrderCotangent { efl: 1.0, bfl: 0.5, stop_radius: 3.0 };
-    pull_back_first_order(&lens.at_wavelength(lens.reference_um), wish, &mut gradient);
+    let first_order_bar = FirstOrderCotangent { efl: 1.0, bfl: 0.5, stop_radius: 3.0 };
+    pull_back_first_order(&lens.at_wavelength(lens.reference_um), first_order_bar, &mut gradient);
     check(&lens, &gradient, &loss, &[1.0], 1e-6);
 
     let lens = near(lens);

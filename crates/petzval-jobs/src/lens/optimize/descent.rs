@@ -5,7 +5,8 @@ use std::time::Instant;
 use petzval_design::path_text::path_text;
 use petzval_optics::lens::Lens;
 use petzval_optics::optimize::{
-    Analysis, Descent, LevenbergOptions, Problem, Stop, Way, descend_on, descend_softly, descend_watched,
+    Analysis, Descent, DescentProgress, LevenbergOptions, Problem, Stop, descend_on, descend_softly,
+    descend_watched,
 };
 
 use super::history::{History, KeptDescent};
@@ -33,15 +34,15 @@ pub(super) fn descent(
     let options = LevenbergOptions { iterations, ..LevenbergOptions::default() };
     let mut went_softly = kept.as_ref().is_some_and(|kept| kept.went_softly);
     let (mut failure, mut kept_at) = (None::<JobError>, Instant::now());
-    let mut watch = |way: &Way| {
-        context.progress(way.iterations as u64, iterations as u64, "descent");
+    let mut watch = |progress: &DescentProgress| {
+        context.progress(progress.iterations as u64, iterations as u64, "descent");
         let mut step = || {
-            let is_step = history.is_better(&way.best, STEP_SHARE);
+            let is_step = history.is_better(&progress.best, STEP_SHARE);
             if is_step {
-                add(problem, history, &clock, way.iterations, &way.best, &way.at, context)?;
+                add(problem, history, &clock, progress.iterations, &progress.best, &progress.at, context)?;
             }
             if is_step || kept_at.elapsed() > KEEP_EVERY {
-                history.keep_descent(&KeptDescent { state: way.state(), went_softly })?;
+                history.keep_descent(&KeptDescent { state: progress.state(), went_softly })?;
                 kept_at = Instant::now();
             }
             Ok(())
@@ -63,7 +64,7 @@ pub(super) fn descent(
         return Err(failure);
     }
     history.keep_descent(&KeptDescent { state: descent.state.clone(), went_softly })?;
-    if descent.stop == Stop::Asked {
+    if descent.stop == Stop::Interrupted {
         // No step of the history: without the interruption there would be none.
         history.keep_best(problem, &descent.best)?;
         return Ok(noted(descent, context));
@@ -80,7 +81,7 @@ pub(super) fn descent(
     };
     let other = if goes_softly { softly() } else { None };
     let descent = match other.filter(|other| other.best.merit < WORTH_IT * descent.best.merit) {
-        Some(other) if other.stop != Stop::Asked => other,
+        Some(other) if other.stop != Stop::Interrupted => other,
         _ => descent,
     };
     // The last lens counts, however little it gained.
@@ -113,7 +114,7 @@ fn noted(descent: Descent, context: &Context) -> Analysis {
         Stop::Converged => "converged",
         Stop::Stuck => "no step makes it better",
         Stop::Exhausted => "all iterations are done; --resume with --iterations takes more",
-        Stop::Asked => "stopped; --resume continues",
+        Stop::Interrupted => "stopped; --resume continues",
     };
     context.note(format!("{} iterations: {why}", descent.iterations));
     descent.best

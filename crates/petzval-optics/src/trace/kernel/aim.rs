@@ -35,9 +35,9 @@ const LEAST_SHARE: f64 = 1e-6;
 /// How far Newton's method may go.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Newton {
-    /// Full steps that each leave at most a quarter of the miss: the root is the one next to the guess.
+    /// Full steps that each leave at most a quarter of the miss: this finds the root next to the guess.
     Direct,
-    /// A step that loses a ray or increases its miss is halved: the root may be any.
+    /// A step that loses a ray or increases its miss is halved: this may find any root.
     Damped,
 }
 
@@ -71,8 +71,8 @@ impl AimedRays {
     /// per ray. A step that loses a ray or increases its miss is halved. A ray that is not found keeps the guess as its
     /// launch point and has the fate `NotAimed`.
     ///
-    /// From a far guess the ray may be another one through the same point of the stop than that of the beam;
-    /// [`aim_at_pupil`](crate::pupil::aim_at_pupil) follows the beam from the axis.
+    /// Several rays of a field can pass the same point of the stop. From a far guess the method may find one outside the beam.
+    /// [`aim_at_pupil`](crate::pupil::aim_at_pupil) avoids this: it follows the beam from the axis.
     pub fn new(sequence: &Sequence, field_rad: f64, target_mm: &[[f64; 2]], guess_mm: &[[f64; 2]]) -> Self {
         Self::by(Newton::Damped, sequence, field_rad, target_mm, guess_mm)
     }

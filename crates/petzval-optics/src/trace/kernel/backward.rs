@@ -81,9 +81,9 @@ pub struct Reaim<'a> {
 /// The sums of a tilt are those of the torque about the same axis of the surface; [`Sums::by_tilt`] turns it into that of a tilt.
 #[derive(Clone)]
 pub(super) struct Sums<S: Simd> {
-    /// Those of a plain surface, by slot.
+    /// Sums of the numbers that every surface has, by slot.
     plain: [Lanes<S>; Number::PLAIN],
-    /// Those of the other slots; empty for a plain surface.
+    /// Sums of the other slots; empty for a plain surface.
     special: Vec<Lanes<S>>,
 }
 
@@ -155,11 +155,11 @@ pub(super) fn from_image<S: Simd>(
 ) -> (V3<S>, V3<S>, Lanes<S>) {
     // Differentiate x = p_x + s d_x with the run s = (thickness - p_z) / d_z.
     let d = arrival.ray.direction;
-    let mut asked = x * d[0] + y * d[1];
+    let mut run_total_bar = x * d[0] + y * d[1];
     if let Some(bar) = run_bar {
-        asked += bar;
+        run_total_bar += bar;
     }
-    let by_run = asked / d[2];
+    let by_run = run_total_bar / d[2];
     ([x, y, -by_run], [arrival.run * x, arrival.run * y, -(by_run * arrival.run)], by_run)
 }
 
@@ -184,7 +184,7 @@ impl<S: Simd> ReaimLanes<S> {
     /// Cotangent of launch coordinate j, given those of the point in the stop, whose normal is `n`, and of the direction in
     /// front of it.
     #[inline(always)]
-    fn wish(&self, j: usize, point_bar: V3<S>, before_bar: V3<S>, n: V3<S>) -> Lanes<S> {
+    fn launch_cotangent(&self, j: usize, point_bar: V3<S>, before_bar: V3<S>, n: V3<S>) -> Lanes<S> {
         let (qx, qy) = (self.q[0][j], self.q[1][j]);
         let qz = -(n[0] * qx + n[1] * qy);
         self.launch_bar[j] + dot(point_bar, [qx, qy, qz]) + dot(before_bar, self.d[j])
@@ -210,8 +210,8 @@ pub(super) struct Swept<S: Simd> {
     launch: Tangent<S>,
     /// `-l.q` of the rays: the cotangent of the stop radius times this radius.
     pub stop_bar: Lanes<S>,
-    /// Whether cotangents were added in front of the stop, after the re-aiming there.
-    asked_in_front: bool,
+    /// True if surfaces before the stop added cotangents, after the re-aiming at the stop.
+    cotangents_before_stop: bool,
 }
 
 /// Start of a backward sweep.
@@ -238,7 +238,7 @@ pub(super) fn sweep<S: Simd>(
     sums: &mut [Sums<S>],
 ) -> Swept<S> {
     let zero = point_bar[0].constant(0.0);
-    let (mut stop_bar, mut asked_in_front) = (zero, false);
+    let (mut stop_bar, mut cotangents_before_stop) = (zero, false);
     for i in (0..tape.len()).rev() {
         let (surface, crossing) = (&sequence.surfaces[i], &tape[i]);
         let ([x, y, _], d) = (crossing.point, crossing.direction);
@@ -248,10 +248,10 @@ pub(super) fn sweep<S: Simd>(
         {
             let after = Rays { position: crossing.point, direction: redirect(surface, crossing.point, d).0 };
             let behind = Tangent { position: point_bar, direction: direction_bar };
-            let mut asked = FrameSums { decenter: [zero; 2], torque: [zero; 3] };
-            let on = frame::pull_back_leave(frame, &after, &behind, &mut asked);
+            let mut frame_bar = FrameSums { decenter: [zero; 2], torque: [zero; 3] };
+            let on = frame::pull_back_leave(frame, &after, &behind, &mut frame_bar);
             (point_bar, direction_bar) = (on.position, on.direction);
-            add_frame(&asked, &mut sums[i]);
+            add_frame(&frame_bar, &mut sums[i]);
         }
         let u = x.mul_add(x, y * y);
 
@@ -266,7 +266,7 @@ pub(super) fn sweep<S: Simd>(
             point_bar[0] += g * x;
             point_bar[1] += g * y;
             sums[i].plain[Number::SemiDiameter.slot()] -= g * u.sqrt();
-            asked_in_front |= i < sequence.stop;
+            cotangents_before_stop |= i < sequence.stop;
         }
 
         // Add the cotangents of the squared height x^2 + y^2.
@@ -274,7 +274,7 @@ pub(super) fn sweep<S: Simd>(
             let twice = *bar + *bar;
             point_bar[0] += twice * x;
             point_bar[1] += twice * y;
-            asked_in_front |= i < sequence.stop;
+            cotangents_before_stop |= i < sequence.stop;
         }
 
         // Differentiate the optical path of a thin lens or a diffractive structure, which depends on the point.
@@ -328,8 +328,11 @@ pub(super) fn sweep<S: Simd>(
         if i == sequence.stop
             && let Some(reaim) = reaim
         {
-            let wish = [reaim.wish(0, point_bar, before_bar, n), reaim.wish(1, point_bar, before_bar, n)];
-            let multiplier = reaim.multiplier(wish);
+            let launch_bar = [
+                reaim.launch_cotangent(0, point_bar, before_bar, n),
+                reaim.launch_cotangent(1, point_bar, before_bar, n),
+            ];
+            let multiplier = reaim.multiplier(launch_bar);
             point_bar[0] += multiplier[0];
             point_bar[1] += multiplier[1];
             stop_bar -= multiplier[0] * x + multiplier[1] * y;
@@ -343,7 +346,7 @@ pub(super) fn sweep<S: Simd>(
                 sums[i - 1].plain[Number::Index.slot()] += bar * crossing.path;
             }
         }
-        asked_in_front |= optical_path_bar.is_some() && i <= sequence.stop;
+        cotangents_before_stop |= optical_path_bar.is_some() && i <= sequence.stop;
         let alpha = along_path / approach;
         let mut entry_bar = along(point_bar, -alpha, n);
         before_bar = along(before_bar, crossing.path, entry_bar);
@@ -362,10 +365,10 @@ pub(super) fn sweep<S: Simd>(
         // Transform the cotangents to the axis in front, and collect those of decentre and tilt.
         if let Some(frame) = &surface.frame {
             let bar = Tangent { position: entry_bar, direction: before_bar };
-            let mut asked = FrameSums { decenter: [zero; 2], torque: [zero; 3] };
-            let on_axis = frame::pull_back_enter(frame, &crossing.entry(), &bar, &mut asked);
+            let mut frame_bar = FrameSums { decenter: [zero; 2], torque: [zero; 3] };
+            let on_axis = frame::pull_back_enter(frame, &crossing.entry(), &bar, &mut frame_bar);
             (entry_bar, before_bar) = (on_axis.position, on_axis.direction);
-            add_frame(&asked, &mut sums[i]);
+            add_frame(&frame_bar, &mut sums[i]);
         }
 
         // Go back to the vertex before: p = q_previous - (0, 0, thickness).
@@ -375,7 +378,11 @@ pub(super) fn sweep<S: Simd>(
         point_bar = entry_bar;
         direction_bar = before_bar;
     }
-    Swept { launch: Tangent { position: point_bar, direction: direction_bar }, stop_bar, asked_in_front }
+    Swept {
+        launch: Tangent { position: point_bar, direction: direction_bar },
+        stop_bar,
+        cotangents_before_stop,
+    }
 }
 
 /// Intermediate results of a sweep for the numbers of a surface.
@@ -528,7 +535,7 @@ impl WithSimd for PullBack<'_> {
             stop_bar += swept.stop_bar;
             // Re-aim for cotangents in front of the stop: turn those left at the launch into a second multiplier at the
             // stop.
-            if let (Some(aim), true) = (&reaim, swept.asked_in_front) {
+            if let (Some(aim), true) = (&reaim, swept.cotangents_before_stop) {
                 let at = [Lanes::load(simd, &launched.x[at..]), Lanes::load(simd, &launched.y[at..])];
                 let field_rad = self.reaim.map_or(0.0, |r| r.aimed.field_rad);
                 let (_, by) = launched_rays(sequence, field_rad, at);

@@ -69,8 +69,8 @@ struct Step<S: Simd> {
     pub ok: Mask<S>,
 }
 
-/// Changes of a surface's own numbers, as they enter tangents: of the sag and its slopes, of `mu` and of the index
-/// behind, of the slopes of the structure's optical path at the point, and of the power of a thin lens.
+/// Changes of a surface's own numbers, as they enter tangents. They are changes of the sag and its slopes, of `mu` and the index behind, of
+/// the slopes of the structure's optical path at the point, and of the power of a thin lens.
 #[derive(Clone, Copy)]
 struct Own<S: Simd> {
     pub sag: Lanes<S>,
@@ -82,7 +82,7 @@ struct Own<S: Simd> {
 }
 
 /// Cotangents of the inputs of a step.
-struct Asked<S: Simd> {
+struct StepCotangent<S: Simd> {
     /// Of the direction in front, at a fixed point.
     pub before: V3<S>,
     /// Of the point, at a fixed direction in front.
@@ -238,11 +238,11 @@ impl<S: Simd> Step<S> {
 
     /// Pulls cotangents of the direction behind back to the inputs of the step.
     #[inline(always)]
-    pub fn pull_back(&self, s: &SurfaceAtWavelength, after_bar: V3<S>) -> Asked<S> {
+    pub fn pull_back(&self, s: &SurfaceAtWavelength, after_bar: V3<S>) -> StepCotangent<S> {
         let zero = self.b.constant(0.0);
         let (d, n) = (self.before, self.normal);
         let per_n = 1.0 / s.n_after;
-        let mut asked = Asked {
+        let mut inputs_bar = StepCotangent {
             before: [zero; 3],
             point: [zero; 3],
             slope: [zero; 2],
@@ -257,15 +257,15 @@ impl<S: Simd> Step<S> {
             for axis in 0..2 {
                 let bar = tan_bar[axis];
                 let before = d[axis] / d[2];
-                asked.mu += bar * before;
-                asked.power -= bar * self.point[axis] * per_n;
-                asked.n_after += bar * self.point[axis] * (power_per_mm * per_n * per_n);
-                asked.point[axis] = bar * (-power_per_mm * per_n);
+                inputs_bar.mu += bar * before;
+                inputs_bar.power -= bar * self.point[axis] * per_n;
+                inputs_bar.n_after += bar * self.point[axis] * (power_per_mm * per_n * per_n);
+                inputs_bar.point[axis] = bar * (-power_per_mm * per_n);
                 let before_bar = bar * self.mu / d[2];
-                asked.before[axis] = before_bar;
-                asked.before[2] -= before_bar * before;
+                inputs_bar.before[axis] = before_bar;
+                inputs_bar.before[2] -= before_bar * before;
             }
-            return asked;
+            return inputs_bar;
         }
         // Through d' = v + b N and b = (R - g) / q to g, q, 1 - v.v, the normal and v.
         let root_bar = dot(after_bar, n) / self.q;
@@ -280,23 +280,23 @@ impl<S: Simd> Step<S> {
             Some(jet) => {
                 v_bar = along(v_bar, -(under_bar + under_bar), self.v);
                 for axis in 0..2 {
-                    asked.path_slope[axis] = v_bar[axis] * per_n;
-                    asked.n_after -= asked.path_slope[axis] * jet.slope[axis] * per_n;
+                    inputs_bar.path_slope[axis] = v_bar[axis] * per_n;
+                    inputs_bar.n_after -= inputs_bar.path_slope[axis] * jet.slope[axis] * per_n;
                 }
-                let by_point = turn_transposed(jet, asked.path_slope);
-                asked.point[0] += by_point[0];
-                asked.point[1] += by_point[1];
+                let by_point = turn_transposed(jet, inputs_bar.path_slope);
+                inputs_bar.point[0] += by_point[0];
+                inputs_bar.point[1] += by_point[1];
             }
-            None => asked.mu -= under_bar * (2.0 * self.mu),
+            None => inputs_bar.mu -= under_bar * (2.0 * self.mu),
         }
-        asked.mu += dot(v_bar, d);
-        asked.before = scaled(zero.constant(self.mu), v_bar);
+        inputs_bar.mu += dot(v_bar, d);
+        inputs_bar.before = scaled(zero.constant(self.mu), v_bar);
         // The normal to the slopes of the sag, and these to the point.
-        asked.slope = [-normal_bar[0], -normal_bar[1]];
-        let by_point = turn_transposed(&self.sag, asked.slope);
-        asked.point[0] += by_point[0];
-        asked.point[1] += by_point[1];
-        asked
+        inputs_bar.slope = [-normal_bar[0], -normal_bar[1]];
+        let by_point = turn_transposed(&self.sag, inputs_bar.slope);
+        inputs_bar.point[0] += by_point[0];
+        inputs_bar.point[1] += by_point[1];
+        inputs_bar
     }
 
     /// Changes of the sag and its slopes when the numbers of the shape change by `change`, given by slot.
@@ -573,7 +573,7 @@ pub(super) struct Pulled<S: Simd> {
     pub normal: V3<S>,
     /// The normal times the direction in front.
     pub approach: Lanes<S>,
-    asked: Rows<5>,
+    slopes_and_power: Rows<5>,
 }
 
 struct PullBack<'a> {
@@ -590,11 +590,11 @@ impl WithSimd for PullBack<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> (Rows<12>, Rows<5>) {
         let step = Step::new(self.s, load(simd, &self.point), load(simd, &self.before));
-        let asked = step.pull_back(self.s, load(simd, &self.after_bar));
-        let ([a, b, c], [d, e, f], [g, h, i]) = (asked.before, asked.point, step.normal);
-        let first = store([a, b, c, d, e, f, asked.mu, asked.n_after, g, h, i, step.approach()]);
-        let ([sx, sy], [px, py]) = (asked.slope, asked.path_slope);
-        (first, store([sx, sy, px, py, asked.power]))
+        let inputs_bar = step.pull_back(self.s, load(simd, &self.after_bar));
+        let ([a, b, c], [d, e, f], [g, h, i]) = (inputs_bar.before, inputs_bar.point, step.normal);
+        let first = store([a, b, c, d, e, f, inputs_bar.mu, inputs_bar.n_after, g, h, i, step.approach()]);
+        let ([sx, sy], [px, py]) = (inputs_bar.slope, inputs_bar.path_slope);
+        (first, store([sx, sy, px, py, inputs_bar.power]))
     }
 }
 
@@ -607,14 +607,14 @@ pub(super) fn pull_back<S: Simd>(
     after_bar: V3<S>,
 ) -> Pulled<S> {
     let simd = point[0].simd();
-    let (first, asked) = simd.vectorize(PullBack {
+    let (first, slopes_and_power) = simd.vectorize(PullBack {
         s,
         point: store(point),
         before: store(before),
         after_bar: store(after_bar),
     });
     let [a, b, c, d, e, f, mu, n_after, g, h, i, approach] = load(simd, &first);
-    Pulled { before: [a, b, c], point: [d, e, f], mu, n_after, normal: [g, h, i], approach, asked }
+    Pulled { before: [a, b, c], point: [d, e, f], mu, n_after, normal: [g, h, i], approach, slopes_and_power }
 }
 
 struct AddedPath<'a> {
@@ -642,7 +642,7 @@ struct OwnSums<'a> {
     s: &'a SurfaceAtWavelength,
     point: Rows<3>,
     before: Rows<3>,
-    asked: &'a Rows<5>,
+    slopes_and_power: &'a Rows<5>,
     /// Cotangents of the sag, and of the optical path.
     alpha: Rows<2>,
 }
@@ -661,7 +661,7 @@ impl WithSimd for OwnSums<'_> {
     fn with_simd<S: Simd>(self, simd: S) -> OwnBars {
         let point = load(simd, &self.point);
         let step = Step::new(self.s, point, load(simd, &self.before));
-        let [sx, sy, px, py, power] = load(simd, self.asked);
+        let [sx, sy, px, py, power] = load(simd, self.slopes_and_power);
         let [alpha, path] = load(simd, &self.alpha);
         let sensitivities = self.s.shape.sensitivities([point[0], point[1]]);
         let mut shape = Vec::with_capacity(sensitivities.len());
@@ -695,7 +695,13 @@ pub(super) fn own_bars<S: Simd>(
         Some(bar) => bar,
         None => alpha.constant(0.0),
     };
-    alpha.simd().vectorize(OwnSums { s, point, before, asked: &pulled.asked, alpha: store([alpha, path]) })
+    alpha.simd().vectorize(OwnSums {
+        s,
+        point,
+        before,
+        slopes_and_power: &pulled.slopes_and_power,
+        alpha: store([alpha, path]),
+    })
 }
 
 /// Change of the slopes of a function when the point moves.
