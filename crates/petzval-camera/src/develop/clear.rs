@@ -15,7 +15,7 @@ use crate::sensor::{Colour, SensorError, SensorModel};
 /// Least share of a missing colour in the answer of a clear pixel: a smaller one would multiply noise by more than fifty.
 const LEAST_SHARE: f64 = 0.02;
 
-/// The map from planes of which some hold the value of the clear pixels to red, green and blue.
+/// Computes red, green and blue if some of the three planes hold the value of the clear pixels.
 pub(super) struct ClearColours {
     is_missing: [bool; CHANNELS],
     weights: [f64; CHANNELS],

@@ -4,8 +4,8 @@
 //! - Elsewhere the colour is interpolated between the nearest pixels of that colour, at the distances d on one side and d'
 //!   on the other, with the shares `d' / (d + d')` and `d / (d + d')`. If both the row and the column have the colour, both
 //!   are used, weighted by the inverse of the error of linear interpolation of a curve, `1 / (d d')`.
-//! - Where row and column both lack the colour, interpolate along each of the nearest rows that have it and then between
-//!   those rows, do the same for the nearest columns, and take the mean of the two.
+//! - If row and column both lack the colour, interpolate along each of the nearest rows that have it, and then between those rows. Do the
+//!   same for the nearest columns, and take the mean of both results.
 //!
 //! A linear ramp of brightness is reproduced exactly by any array. For an `RG/GB` tile this is bilinear interpolation. In
 //! binned arrays, pixels of a colour lie at uneven distances; there it is linear interpolation on that uneven grid.

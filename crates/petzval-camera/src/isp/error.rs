@@ -3,12 +3,12 @@
 /// Why a frame cannot be developed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum IspError {
-    /// The frame or its calibration is not what the ISP takes.
+    /// The ISP does not take the frame or its calibration.
     #[error("{what} is {got}; it must be {need}")]
     Input {
-        /// What.
+        /// Name of the property.
         what: &'static str,
-        /// What was given.
+        /// Its value.
         got: String,
         /// What is permitted.
         need: &'static str,

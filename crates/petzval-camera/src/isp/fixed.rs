@@ -158,8 +158,8 @@ pub const BLOCK: usize = 128;
 
 /// Writes rows block by block: `of` computes some pixels of each.
 ///
-/// What is read through a table could lie, for all the compiler knows, in the row that is written, and then it would make no vectors of
-/// the loop; of a loop that writes to the stack it does.
+/// The compiler must assume that a table lies in the row that is written, and then does not vectorise the loop. It does vectorise a loop
+/// that writes to the stack.
 #[inline(always)]
 pub fn by_blocks<T: Stored, const N: usize>(
     mut rows: [&mut [T]; N],
@@ -298,7 +298,7 @@ impl<T: Pixel> Grid<T> {
         Around { grid: self, row, width }
     }
 
-    /// Four by four pixels, of which `(row, col)`, a pixel of the grid, is the second of the second row.
+    /// Four by four pixels. `(row, col)`, a pixel of the grid, is the second pixel of the second row.
     #[inline(always)]
     pub fn four_by_four(&self, row: i32, col: i32) -> [[T; 4]; 4] {
         let start = (row as usize + BORDER - 1) * self.stride() + col as usize + BORDER - 1;
@@ -488,7 +488,7 @@ impl Biweight {
         Self { limit: limit as i16, scale: scale as i16, inverse: inverse as i16 }
     }
 
-    /// Greatest limit, white. The sum of the influences of twelve neighbours then still has 16 bits.
+    /// Largest limit, in units of white. Up to it, the sum of the influences of twelve neighbours fits into 16 bits.
     pub const MOST_LIMIT: f64 = 1.0;
 
     #[inline(always)]

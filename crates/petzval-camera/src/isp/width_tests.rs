@@ -1,5 +1,5 @@
-//! Every stage at the ends of its range: of the least and the greatest values of a format, with every number at the ends of its own
-//! range, no stage makes a value outside the format that it declares.
+//! Every stage at the ends of its range. Inputs are the least and the greatest values of a format, and every parameter is at the ends of
+//! its own range. No stage may make a value outside the format that it declares.
 //!
 //! A sum too wide for its intermediate wraps silently in a release build and may end inside the format. Where a stage is a formula of one
 //! pixel, it is compared with the same in 64 bits; the others with what constant frames must give. `cargo widths` runs these tests with

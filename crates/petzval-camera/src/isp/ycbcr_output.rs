@@ -8,8 +8,9 @@
 //! full range, n bits:     (2^n - 1) Y,           (2^n - 1) C + 2^(n-1)
 //! ```
 //!
-//! Colour differences of 4:2:2 and 4:2:0 lie on the left of each pair of columns, where the standards put them, and are the means `(1 2 1) / 4`
-//! over the three columns about it; in 4:2:0 they lie halfway between two rows, and are the means of both. Every value is rounded once.
+//! Colour differences of 4:2:2 and 4:2:0 lie on the left of each pair of columns, where the standards put them. They are the means
+//! `(1 2 1) / 4` over the three columns about it. In 4:2:0 they lie halfway between two rows and are the means of both. Every value is
+//! rounded once.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -42,7 +42,7 @@ pub(super) struct Mosaic {
 pub(super) struct PatchLimit {
     /// By colour, in squares of white.
     pub mean_square: [f64; CHANNELS],
-    /// Derivatives of the sum over the colours by the spectra of the kernels: `dE = Re sum by(f) dK(f)`; empty if they were not asked for.
+    /// Derivatives of the sum over the colours by the spectra of the kernels: `dE = Re sum by(f) dK(f)`; empty if they were not requested.
     pub by_spectra: Vec<Vec<Complex64>>,
     /// By the kernels.
     pub by_kernels: Vec<f64>,
@@ -51,7 +51,7 @@ pub(super) struct PatchLimit {
 }
 
 impl Mosaic {
-    /// That of a filter array whose pixels collect `white_e` electrons of white times the sum of their responses.
+    /// The mosaic of a filter array. At white its pixels collect `white_e` electrons times the sum of their responses.
     pub fn new(
         cfa: CfaPattern,
         response: impl Fn(usize, usize) -> [f64; CHANNELS],
@@ -89,7 +89,7 @@ impl Mosaic {
         down * self.cols + right
     }
 
-    /// A matrix over pairs of the period's frequencies, from the transform of what repeats with the period.
+    /// A matrix over pairs of the period's frequencies, from the transform of a function with that period.
     fn between(&self, transform: &[Complex64]) -> Matrix {
         let count = self.rows * self.cols;
         Matrix::from_fn(count, count, |j, l| transform[self.difference(j, l)])

@@ -63,7 +63,7 @@ struct Patches {
 }
 
 impl LinearLimit {
-    /// That of the frames of a sensor at an exposure.
+    /// The limit for the frames of a sensor at an exposure.
     pub fn new(sensor: &SensorModel, exposure: &Exposure, scenes: NaturalScenes) -> Self {
         let geometry = RenderGeometry {
             sensor_height: sensor.height,
@@ -133,7 +133,7 @@ impl LinearLimit {
         Ok(Patches { kernels, brackets })
     }
 
-    /// The limit at every patch, with derivatives if they are asked for.
+    /// The limit at every patch, with derivatives if `with_gradient`.
     fn limits(&self, bank: &PsfBank, patches: &Patches, with_gradient: bool) -> Vec<PatchLimit> {
         let kernels = &patches.kernels;
         let side = self.mosaic.fitting_side((4 * kernels.radius).max(LEAST_SIDE));

@@ -1,4 +1,4 @@
-//! What natural scenes are like, as far as second-order statistics tell.
+//! Second-order statistics of natural scenes.
 
 use crate::develop::{MEAN_LIGHT, NATURAL_POWER};
 use crate::image::CHANNELS;

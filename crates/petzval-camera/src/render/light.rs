@@ -13,9 +13,9 @@ const MOST_AT_A_TIME: usize = 1 << 23;
 
 /// Light on a window of pixels, three planes, when a lens with these PSFs looks at a `picture` of `samples` x `samples` samples a pixel.
 ///
-/// Every sample is a point of light. The PSF spreads it over pixels of the size of the samples, relative illumination dims it, and
-/// each pixel of the sensor collects the mean of those that it covers: the integral of the blurred scene over the pixel, with its
-/// aliasing. The cells of the PSF are not resampled: detail finer than `PsfBank::pitch_um` is blurred by a cell.
+/// Every sample is a point of light. The PSF spreads it over pixels of the size of the samples, and relative illumination dims it. Each
+/// pixel of the sensor collects the mean of the samples that it covers. This integrates the blurred scene over the pixel, aliasing
+/// included. The cells of the PSF are not resampled: detail finer than `PsfBank::pitch_um` is blurred by a cell.
 ///
 /// `geometry` and `window` are those of the pixels. The `picture` covers the sensor, or with a `distortion` what the lens projects
 /// onto it, [`Distortion::ideal_frame`]; outside it its edge is repeated. Light below zero, from the rounding of transforms, is cut off.

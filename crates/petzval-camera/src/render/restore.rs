@@ -163,7 +163,7 @@ struct Regularisation {
 }
 
 impl Regularisation {
-    /// That of transforms of `n` x `n`.
+    /// The regularisation for transforms of `n` x `n`.
     fn new(wiener: &Wiener, n: usize) -> Self {
         let frequency = |i: usize| {
             let (bin, row) = (i / n, i % n);

@@ -2,12 +2,12 @@
 
 /// One-draw estimate of `d/dlambda E f(N)` for a Poisson count of rate `rate` (e-, > 0): `(f(N) - baseline) (N / rate - 1)`.
 ///
-/// `N / rate - 1` is the derivative of the log probability of the count, so the estimate needs no derivative of `f` and is
-/// unbiased for every `f` and every `baseline` that does not depend on the count (Williams, "Simple statistical
-/// gradient-following algorithms", 1992, where it is called REINFORCE). A baseline of `E f(N)` removes most of the spread.
-/// For a single pixel the remaining spread is still several times the gradient. In a picture `f` is the loss of all pixels,
-/// so each pixel's estimate carries the noise of all the others. The spread then grows with the number of pixels, and so
-/// does the number of frames to average. The function serves for comparison.
+/// `N / rate - 1` is the derivative of the log probability of the count, so the estimate needs no derivative of `f`. It is unbiased for
+/// every `f`, and for every `baseline` that does not depend on the count. Williams calls it REINFORCE ("Simple statistical
+/// gradient-following algorithms", 1992). A baseline of `E f(N)` removes most of the spread. For a single pixel the remaining spread is
+/// still several times the gradient. In a picture `f` is the loss of all pixels, so each pixel's estimate carries the noise of all the
+/// others. The spread then grows with the number of pixels, and so does the number of frames to average. The function serves for
+/// comparison.
 ///
 /// The paper's noise layer may be this estimator. The layer makes a Poisson distribution of TensorFlow Probability from the
 /// rate. That distribution is not reparameterised: its samples have no gradient with respect to the rate (TensorFlow 2.21

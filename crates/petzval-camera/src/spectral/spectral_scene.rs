@@ -78,8 +78,8 @@ mod tests {
             (SpectralScene::image(whole.clone()), &whole),
         ] {
             assert_eq!(scene.band_um, bands);
-            for asked in [[0, 1, 2], [6, 7, 8], [8, 8, 3]] {
-                assert_eq!(scene.planes(asked), image.planes(asked));
+            for chosen in [[0, 1, 2], [6, 7, 8], [8, 8, 3]] {
+                assert_eq!(scene.planes(chosen), image.planes(chosen));
             }
         }
     }

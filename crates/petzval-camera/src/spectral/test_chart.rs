@@ -1,7 +1,7 @@
 //! A chart for the picture that a camera makes: the 24 patches of a ColorChecker, and slanted edges of three contrasts over the field.
 //!
-//! The frame is divided into 5 x 7 cells. Eleven of them hold an edge target, a dark square on a light one, inclined by 5 degrees, so that its
-//! sides are measured as ISO 12233 measures slanted edges; the others hold the patches, row by row, on mid gray.
+//! The frame is divided into 5 x 7 cells. Eleven of them hold an edge target: a dark square on a light one, inclined by 5 degrees. Its
+//! sides are measured as ISO 12233 measures slanted edges. The other cells hold the patches, row by row, on mid gray.
 
 use rayon::prelude::*;
 
@@ -38,7 +38,7 @@ const BLACK: u8 = 23;
 pub enum EdgeContrast {
     /// Neutral 6.5 and neutral 5: 1.9 to 1.
     Low,
-    /// Neutral 6.5 and neutral 3.5: 4.1 to 1, as ISO 12233 asks.
+    /// Neutral 6.5 and neutral 3.5: 4.1 to 1, as ISO 12233 requires.
     Standard,
     /// White and black: 29 to 1.
     High,
@@ -93,7 +93,7 @@ pub struct TestChart {
 pub struct EdgeTarget {
     /// Lightness on both sides.
     pub contrast: EdgeContrast,
-    /// Distance of its middle from that of the frame, of half of the frame's diagonal.
+    /// Distance of its middle from the middle of the frame, as a share of half of the frame's diagonal.
     pub field: f64,
     /// Windows about its left and right side, whose edges are nearly vertical.
     pub upright: [Window; 2],

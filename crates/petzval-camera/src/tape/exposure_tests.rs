@@ -54,8 +54,8 @@ fn zero_stops_give_the_capture_and_other_stops_its_changed_exposure() {
     for mode in [NoiseMode::Exact, NoiseMode::Dequantised, NoiseMode::Off] {
         let noise = Noise { mode, seed: 3 };
         let plain = expose_op(light.clone(), &sensor, &captures, &noise).unwrap();
-        let told = expose_with_stops_op(light.clone(), zero(), &sensor, &captures, &noise, 0.0).unwrap();
-        assert_eq!(values(told), values(plain.clone()));
+        let unchanged = expose_with_stops_op(light.clone(), zero(), &sensor, &captures, &noise, 0.0).unwrap();
+        assert_eq!(values(unchanged), values(plain.clone()));
         let developed = develop_with_stops_op(plain.clone(), zero(), &sensor, &captures).unwrap();
         assert_eq!(values(developed), values(develop_op(plain, &sensor, &captures).unwrap()));
     }

@@ -11,8 +11,8 @@ use crate::sensor::{Capture, SensorError, SensorModel};
 /// Develops a batch: digital numbers `[B,1,H,W]` and relative illumination `[B,3,H,W]` to linear light `[B,3,H,W]`,
 /// differentiable in both. See [`LinearIsp::develop`].
 ///
-/// The gradient with respect to the illumination knows the gain that makes up for lost light; together with the illumination
-/// in the irradiance, a lens that loses light pays for it in noise, not in brightness.
+/// The gradient with respect to the illumination includes the gain that compensates lost light. Together with the illumination in the
+/// irradiance, a lens that loses light pays for it in noise, not in brightness.
 pub fn linear_isp_op(
     raw: Tensor<4>,
     illumination: Tensor<4>,

@@ -1,7 +1,7 @@
 //! Malvar, He, Cutler, "High-quality linear interpolation for demosaicing of Bayer-patterned color images", ICASSP 2004.
 //!
-//! The bilinear value of a colour is corrected by the Laplacian of the colour that was measured, with gains 1/2 for green at red and
-//! blue, 5/8 for red and blue at green, 3/4 for red at blue and blue at red. All weights are multiples of 1/16.
+//! The bilinear value of a colour is corrected by the Laplacian of the measured colour. The gain is 1/2 for green at red and blue, 5/8 for
+//! red and blue at green, and 3/4 for red at blue and blue at red. All weights are multiples of 1/16.
 
 use super::tile::{Plane, Site, Tile};
 use crate::image::CHANNELS;

@@ -1,5 +1,6 @@
-//! Ratio-corrected demosaicing (Sanz Rodriguez 2017): green by the ratio of a low-pass to that of the neighbours, red and blue by colour
-//! differences; both between estimates along two directions, weighted by how much the mosaic varies along each.
+//! Ratio-corrected demosaicing (Sanz Rodriguez 2017). Green follows from the ratio of a pixel's low-pass to that of its neighbour, red and
+//! blue from colour differences. Every value is estimated along two directions. The two estimates are mixed by how much the mosaic varies
+//! along each direction.
 
 use super::tile::{Plane, Site, Tile};
 use crate::image::CHANNELS;

@@ -211,8 +211,8 @@ fn weighted(readings: &[Reading]) -> i64 {
     (sum + weights / 2).div_euclid(weights.max(1))
 }
 
-/// Whether an exposure differs from the one numbered `best` by more than `sigmas` standard deviations (its square, 8 bits behind the point).
-/// An exposure without weight is saturated: its light is a lower bound.
+/// True if an exposure differs from the one numbered `best` by more than a number of standard deviations. `sigmas` is the square of that
+/// number, with 8 fractional bits. An exposure without weight is saturated: its light is a lower bound.
 fn disagree(readings: &[Reading], best: usize, sigmas: i64) -> bool {
     let of = readings[best];
     readings.iter().enumerate().filter(|(i, _)| *i != best).any(|(_, other)| {
@@ -224,8 +224,9 @@ fn disagree(readings: &[Reading], best: usize, sigmas: i64) -> bool {
     })
 }
 
-/// The longest exposure which no exposure says to be near saturation anywhere in the block, by three standard deviations. Where something
-/// moved it is the same one at the place which the object left and at that to which it came.
+/// Chooses the longest exposure that is not saturated anywhere in the block. It counts as saturated if the light of any reading exceeds its
+/// `fading_light` by more than three standard deviations. If an object moved, the place it left and the place it reached get the same
+/// exposure.
 fn single_exposure(sources: &[Source], readings: &[[Reading; MOST]; 4]) -> usize {
     let says_saturated = |source: &Source| {
         readings.iter().flat_map(|of_pixel| &of_pixel[..sources.len()]).any(|reading| {

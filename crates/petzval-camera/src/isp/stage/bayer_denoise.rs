@@ -103,7 +103,7 @@ impl BayerDenoise {
         )
     }
 
-    /// The same on the tape.
+    /// The stage in floating point on the tape, with a gradient.
     pub fn smooth(mosaic: Tensor<4>, sigma: Tensor<4>, theta: &Theta) -> Tensor<4> {
         let number = |key: &str| theta.number(&format!("bayer_denoise.{key}"));
         let reach = number("reach");

@@ -43,7 +43,7 @@ impl Colours {
         self.matrix(calibrated).map(|row| row.map(|v| WEIGHT.of(v)))
     }
 
-    /// The same on the tape.
+    /// The stage in floating point on the tape, with a gradient.
     pub fn smooth(rgb: [Tensor<4>; 3], calibrated: Option<Matrix3>, theta: &Theta) -> [Tensor<4>; 3] {
         let mut mixed = [0, 1, 2].map(|row| {
             let of = |col: usize| calibrated.map_or(f64::from(u8::from(row == col)), |m| m[row][col]);

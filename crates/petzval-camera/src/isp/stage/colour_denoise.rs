@@ -178,7 +178,7 @@ impl ChromaDenoise {
     }
 }
 
-/// The same on the tape.
+/// The stage in floating point on the tape, with a gradient.
 pub fn smooth([red, green, blue]: [Tensor<4>; 3], sigma: Tensor<4>, theta: &Theta) -> [Tensor<4>; 3] {
     let luma = (red.clone() + green.clone() * 2.0 + blue.clone()) * 0.25;
     let differences = [red - green.clone(), blue - green];

@@ -1,9 +1,10 @@
 //! Demosaicing of the roots of a mosaic, and suppression of false colours.
 //!
-//! The methods are those of [`Demosaic`](crate::develop::Demosaic), in whole numbers: the mean of neighbours, the filters of Malvar, He and
-//! Cutler (ICASSP 2004), the directional method of Menon, Andriani and Calvagno (2007) with its refinement, in
-//! `demosaic_directional.rs`, and ratio-corrected demosaicing (2017), in `demosaic_ratio.rs`. The differences of red and blue from green are then pulled towards their median over 3x3 pixels, which takes
-//! single pixels of wrong colour at edges out (W. T. Freeman, US patent 4,724,395, 1988).
+//! The methods are those of [`Demosaic`](crate::develop::Demosaic), in whole numbers. They are the mean of neighbours, the filters of
+//! Malvar, He and Cutler (ICASSP 2004), the directional method of Menon, Andriani and Calvagno (2007) with its refinement, in
+//! `demosaic_directional.rs`, and ratio-corrected demosaicing (2017), in `demosaic_ratio.rs`. The differences of red and blue from green
+//! are then pulled towards their median over 3x3 pixels, which takes single pixels of wrong colour at edges out (W. T. Freeman, US patent
+//! 4,724,395, 1988).
 
 use std::sync::Arc;
 
@@ -158,7 +159,7 @@ impl FalseColour {
         [red, green, blue]
     }
 
-    /// The same on the tape.
+    /// The stage in floating point on the tape, with a gradient.
     pub fn smooth([red, green, blue]: [Tensor<4>; 3], theta: &Theta) -> [Tensor<4>; 3] {
         let strength = theta.number("false_colour.strength");
         let pulled = |colour: Tensor<4>| {

@@ -1,7 +1,7 @@
 //! The directional method of Menon, Andriani and Calvagno (IEEE TIP 16(1), 2007) with its refinement, in whole numbers.
 //!
-//! The steps are those of the floating-point version, which `isp/demosaic/menon.rs` explains; here each step makes a grid, and a number
-//! per pixel tells whether it looks along its column (1) or its row (0).
+//! `isp/demosaic/menon.rs` explains the steps, in floating point. Here each step makes a grid. One number per pixel holds the direction of
+//! interpolation: 1 along the column, 0 along the row.
 
 use super::super::fixed::{Around, Grid, ROOT, shift_round};
 use crate::sensor::CfaPattern;

@@ -164,8 +164,8 @@ fn between(a: i32, b: i32, share: i32) -> i32 {
     a + shift_round((b - a) * share, SHARE_BITS)
 }
 
-/// The value between the estimates of four sides, of each of which the variation is known: along each of two directions the opposite ones,
-/// each weighted by the variation on the other side, and of the second direction the share `weight`.
+/// The value between the estimates of four sides, each given with its variation. The two estimates along a direction are mixed first, each
+/// weighted by the variation on the opposite side. Then the second direction gets the share `weight`.
 fn of_four_sides([a, b, c, d]: [(i32, i32); 4], weight: i32) -> i32 {
     let of_two = |(a, of_a): (i32, i32), (b, of_b): (i32, i32)| {
         // A variation has at most 18 bits.

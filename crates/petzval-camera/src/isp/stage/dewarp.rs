@@ -123,7 +123,7 @@ impl Dewarp {
         )
     }
 
-    /// The same on the tape.
+    /// The stage in floating point on the tape, with a gradient.
     pub fn smooth(rgb: [Tensor<4>; 3], mesh: Option<&Mesh>, theta: &Theta) -> [Tensor<4>; 3] {
         let Some(mesh) = mesh else { return rgb };
         let [_, _, height, width] = rgb[0].dims();

@@ -56,7 +56,7 @@ impl Gamma {
         OctaveTable::new(LINEAR.one(), ENCODED, |v| curve(v / one))
     }
 
-    /// The same on the tape.
+    /// The stage in floating point on the tape, with a gradient.
     pub fn smooth(&self, light: Tensor<4>, theta: &Theta) -> Tensor<4> {
         let (exponent, toe) = (theta.number("gamma.exponent"), theta.number("gamma.toe"));
         // One step of Newton from the end that was found off the tape leaves its value and gives it its derivatives.

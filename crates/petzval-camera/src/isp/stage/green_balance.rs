@@ -51,7 +51,7 @@ impl GreenBalance {
         )
     }
 
-    /// The same on the tape.
+    /// The stage in floating point on the tape, with a gradient.
     pub fn smooth(mosaic: Tensor<4>, cfa: CfaPattern, sigma: Tensor<4>, theta: &Theta) -> Tensor<4> {
         let near = Stencil::new(&mosaic);
         let other = (near.at(-1, -1) + near.at(-1, 1) + near.at(1, -1) + near.at(1, 1)) * 0.25;

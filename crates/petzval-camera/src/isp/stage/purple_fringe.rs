@@ -55,7 +55,7 @@ impl PurpleFringe {
         [red, green, blue]
     }
 
-    /// The same on the tape.
+    /// The stage in floating point on the tape, with a gradient.
     pub fn smooth([red, green, blue]: [Tensor<4>; 3], theta: &Theta) -> [Tensor<4>; 3] {
         let near = Stencil::new(&green);
         let cross = CROSS.map(|(d, r)| near.at(d, r));

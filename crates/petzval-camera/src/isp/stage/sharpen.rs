@@ -1,4 +1,4 @@
-//! Sharpening: the luma gets back more of what a Gaussian takes out of it.
+//! Sharpening: amplifies the detail of the luma that a Gaussian blur removes.
 //!
 //! `d = Y - gauss(Y)`; noise below the coring is left out, `c = sign(d) max(|d| - coring, 0)`; all colours get
 //! `clamp(amount c, -under, over)`. Y is `(R + 2 G + B) / 4` of encoded values.
@@ -109,7 +109,7 @@ impl Sharpen {
         )
     }
 
-    /// The same on the tape.
+    /// The stage in floating point on the tape, with a gradient.
     pub fn smooth(rgb: [Tensor<4>; 3], theta: &Theta) -> [Tensor<4>; 3] {
         let number = |key: &str| theta.number(&format!("sharpen.{key}"));
         let luma = (rgb[0].clone() + rgb[1].clone() * 2.0 + rgb[2].clone()) * 0.25;

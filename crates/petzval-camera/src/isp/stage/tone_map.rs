@@ -38,7 +38,7 @@ petzval_base::parameters! {
     }
 }
 
-/// Side of the cells of which the base knows the mean and the variance, pixels.
+/// Side of the cells over which the base takes mean and variance, pixels.
 const CELL: usize = 16;
 
 /// The darkest light whose logarithm is taken, as a power of two.
