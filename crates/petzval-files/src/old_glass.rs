@@ -64,7 +64,7 @@ const WITHOUT_SUCCESSOR: &[(&str, f64, f64)] = &[
 const SAME_ND: f64 = 5e-4;
 const SAME_VD: f64 = 0.5;
 
-/// The error for a name of which nothing is known.
+/// The error for an unknown name.
 pub(super) fn unknown_glass(record: &Record, unknown: &UnknownGlass) -> FileError {
     let hint = format!(
         "the nearest names are {}; --glasses FILE reads a catalogue that has it (.agf, .toml)",
@@ -73,11 +73,11 @@ pub(super) fn unknown_glass(record: &Record, unknown: &UnknownGlass) -> FileErro
     record.error(unknown.reason()).hint(hint)
 }
 
-/// What stands in for a glass that no catalogue holds, and what is said of it.
+/// A substitute for a glass that no catalogue holds, and the note about it.
 pub(super) type Substitute = (Arc<Glass>, String);
 
 /// The glass for an old name of Schott's, or for index and Abbe number that the file states. A successor that contradicts the file is not
-/// taken. None where nothing is known.
+/// taken. `None` for an unknown glass.
 pub(super) fn substitute(name: &str, stated: Option<[f64; 2]>, catalog: &Catalog) -> Option<Substitute> {
     let upper = name.to_uppercase();
     let fits = |nd: f64, vd: f64| {

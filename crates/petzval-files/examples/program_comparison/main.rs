@@ -137,7 +137,7 @@ fn lens_text(lens: &Compared) -> String {
 struct Summed {
     quantity: String,
     unit: &'static str,
-    /// For Optiland and ray-optics: the largest difference, and the largest tolerance of a test.
+    /// Largest difference from Optiland and from ray-optics, each with the largest tolerance of its tests.
     from: [(Option<f64>, f64); 2],
 }
 

@@ -328,7 +328,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn values_of_other_types_are_told_apart() {
+    fn values_of_other_types_are_distinguished() {
         let of = |text: &str| serde_json::from_str::<Loose>(text).unwrap();
         assert_eq!(of("7").whole(), Ok(7));
         assert_eq!(of("7.0").whole(), Ok(7));

@@ -26,8 +26,8 @@ const NOTED_AGAIN: [DefectKind; 3] =
 /// Pictures for which this is not so are taken out with their boxes, and noted. A picture without a stated size gets that of its file. Of what is
 /// left, pictures and classes without boxes are noted, and pictures with very many.
 ///
-/// Boxes of a picture that EXIF turns are turned with it where the stated size is that of its stored pixels. Where the sizes do not say of which
-/// picture they are, both are taken out.
+/// A picture with an EXIF orientation is turned upright. Its boxes are turned with it if the stated size is that of the stored pixels. If
+/// the sizes do not decide it, the picture and its boxes are taken out.
 ///
 /// All threads together take at most 2 GB of memory for files and decoded pictures.
 pub fn check_pictures(loaded: &mut Loaded, watch: &(dyn Fn(usize) + Sync)) {

@@ -275,7 +275,7 @@ fn usable<T>(
 }
 
 fn image(record: ImageRecord, ids: &Ids) -> Result<Image, (&'static str, Wrong)> {
-    // Many files state no size, or 0; the file of the picture then tells.
+    // Many files state no size, or 0; the size is then read from the picture file.
     let side = |value: &Loose, key| match value {
         Loose::Absent => Ok(0),
         value => {

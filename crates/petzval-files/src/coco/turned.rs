@@ -1,14 +1,14 @@
-//! Boxes of pictures that EXIF turns.
+//! Boxes of pictures that an EXIF orientation rotates or mirrors.
 //!
-//! The boxes of a file may be of the stored pixels or of the picture the right way up. A file says which by `turned`, or by a stated size that
-//! belongs to one of the two alone.
+//! The boxes of a file refer either to the stored pixels or to the upright picture. Two things decide which: the key `turned`, or a stated
+//! picture size that fits only one of them.
 
 use image::metadata::Orientation;
 
 use super::bounds::Bounds;
 use crate::picture_file::PictureHead;
 
-/// To what the boxes of a picture belong.
+/// The pixel grid to which the boxes of a picture refer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum BoxesOf {
     /// The picture the right way up.
@@ -21,7 +21,8 @@ pub(super) enum BoxesOf {
     Other,
 }
 
-/// To what boxes belong, by what their file says of it, and by the size that it states: columns and rows, px. `None` where it says nothing.
+/// Finds the grid to which boxes refer, from the key of their file and from the picture size that it states (columns and rows, px). `None`
+/// for what the file does not state.
 pub(super) fn boxes_of(head: &PictureHead, says_turned: Option<bool>, stated: Option<(u32, u32)>) -> BoxesOf {
     let is = |size: (u32, u32)| stated.is_none_or(|stated| stated == size);
     if head.orientation == Orientation::NoTransforms {

@@ -25,8 +25,8 @@ const NARROWER: f64 = 0.99;
 /// Least share of the beams that a surface takes.
 const NARROWEST: f64 = 0.15;
 
-/// A lens whose surfaces `open` (from 0) have no edge of their own, with clear semi-diameters large enough for the beams of its fields and no smaller
-/// than they are; with what is approximated in it, and why it cannot be built if it cannot. Fails where a surface ends within its edge.
+/// Gives the surfaces `open` (from 0), which have no edge of their own, clear semi-diameters that just hold the beams of the fields of the
+/// lens. Returns the lens, what is approximated in it, and the defect if it cannot be built. Fails where a surface ends within its edge.
 pub fn with_open_surfaces(
     lens: &Lens,
     open: &[usize],

@@ -171,8 +171,6 @@ pub(crate) fn check_angles([x, y, _]: &[f64; 3], record: &Record) -> Result<(), 
     } else {
         let message = "a surface turned by 90 degrees or more is edge-on to light along the axis in front of it, \
                         and cannot be traced";
-        Err(record.error(message).hint(
-            "it cannot be left out: a plane perpendicular to that axis in its place would give another image",
-        ))
+        Err(record.error(message).hint("it cannot be dropped: without the turn the lens forms another image"))
     }
 }

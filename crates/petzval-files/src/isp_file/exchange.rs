@@ -61,8 +61,8 @@ pub fn raw_bytes(frame: &RawInput) -> Vec<u8> {
 
 /// Reads the picture that a program has left under one of [`PICTURE_FILES`], and checks that it has the size of the frame.
 ///
-/// `rgb.npy`: an array `(height, width, 3)` of `uint8` or `uint16`, or of floats from 0 to 1, of which a twentieth may overshoot;
-/// `rgb.png`, `rgb.ppm`: 8 or 16 bits. Values are sRGB-encoded. A message says what is wrong.
+/// `rgb.npy` is an array `(height, width, 3)` of `uint8` or `uint16`, or of floats from 0 to 1; at most 5 % of the floats may lie outside.
+/// `rgb.png` and `rgb.ppm` have 8 or 16 bits. Values are sRGB-encoded. A message says what is wrong.
 pub fn decode_picture(
     name: &str,
     bytes: &[u8],
@@ -156,7 +156,7 @@ fn encoded(values: &[f64]) -> Result<Vec<u16>, String> {
 
 /// A developed picture as the bytes of a PNG of 8, 10 or 16 bits.
 ///
-/// PNG has no samples of 10 bits. Codes of 10 are scaled to 16, of which they are the upper ones, and the chunk `sBIT` says that 10 count.
+/// PNG has no samples of 10 bits. Codes of 10 bits are stored in the upper bits of 16, and the chunk `sBIT` states that 10 count.
 pub fn picture_png_bytes(picture: &RgbPicture, bits: u32) -> Result<Vec<u8>, String> {
     let RgbPicture { height, width, .. } = *picture;
     let (pixels, white) = (height * width, f64::from((1_u32 << picture.bits) - 1));
@@ -325,7 +325,7 @@ mod tests {
             decode_picture("rgb.npy", &npy(&[20, 20, 3], &values), (20, 20))
         };
         for (value, clipped) in [(1.5, 65535), (-0.25, 0)] {
-            // A twentieth of 1200 values, and one more.
+            // 5 % of 1200 values are 60: 60 pass, 61 do not.
             assert_eq!(picture(60, value).unwrap().data[0], clipped);
             let error = picture(61, value).unwrap_err();
             let says = format!("5.1 % of the values lie outside 0..1, at worst {value}; at most 5 % may");

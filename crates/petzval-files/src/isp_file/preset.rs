@@ -52,7 +52,7 @@ pub fn parse_isp_preset(text: &str) -> Result<IspPreset, FileError> {
 
 /// The text of a preset with every number, each below its sentence, and without knots. `about` says what it is for.
 pub fn preset_toml(about: &str, settings: &IspSettings) -> String {
-    // Settings of numbers and short texts are always a table; its texts and whole numbers are the methods.
+    // IspSettings serialises to a table. Its top-level strings and integers are the methods (demosaic, domain, bits).
     let all = Table::try_from(settings).unwrap_or_default();
     let methods: Table = all.into_iter().filter(|(_, value)| !value.is_table()).collect();
     let methods = toml::to_string(&methods).unwrap_or_default();

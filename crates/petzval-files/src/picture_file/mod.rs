@@ -28,7 +28,7 @@ pub(crate) use self::size::{decoded_head, picture_head};
 /// Rows that are turned into light at a time.
 const STRIP_ROWS: u32 = 64;
 
-/// A picture, and what its file says that was not obeyed.
+/// A picture, and the statements of its file that were ignored.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
     /// Linear light, three planes, 1 = white; every value is finite and at least 0.

@@ -164,13 +164,13 @@ fn by_name(name: &str, catalog: &Catalog, record: &Record) -> Result<Arc<Glass>,
     match found[..] {
         [glass] => Ok(glass.clone()),
         [] => {
-            let (asked, maker) = name.rsplit_once('_').unwrap_or((name, ""));
+            let (bare_name, maker) = name.rsplit_once('_').unwrap_or((name, ""));
             let message = match maker {
                 "" => format!("no glass is called `{name}`"),
-                maker => format!("no glass of {maker} is called `{asked}`"),
+                maker => format!("no glass of {maker} is called `{bare_name}`"),
             };
             // If another maker has the name, look for names near the whole text.
-            let nearest = catalog.get(asked).err().or_else(|| catalog.get(&name.replace('_', "-")).err());
+            let nearest = catalog.get(bare_name).err().or_else(|| catalog.get(&name.replace('_', "-")).err());
             Err(match nearest {
                 Some(unknown) if unknown.refused.is_some() => unknown_glass(record, &unknown),
                 Some(unknown) => FileError { message, ..unknown_glass(record, &unknown) },

@@ -96,7 +96,7 @@ pub(super) struct Made {
     pub along_mm: f64,
     /// The break of the axis behind it.
     pub behind: Option<Break>,
-    /// What is said of a glass that stands in for the one of the file.
+    /// The note to print if a substitute for the glass of the file was taken.
     pub substituted: Option<String>,
     /// Whether it is a plane without edge, placement and change of medium, so that only its break matters.
     pub does_nothing: bool,

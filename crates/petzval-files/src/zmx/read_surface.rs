@@ -380,7 +380,7 @@ impl<'a> RawSurface<'a> {
 /// The name of a model glass.
 const MODEL_GLASS: &str = "___BLANK";
 
-/// Index and Abbe number that the program writes beside a name of which it knows neither.
+/// Index and Abbe number that the program writes beside a name that it does not know.
 const NOT_STATED: [f64; 2] = [1.5, 40.0];
 
 /// Whether a catalogue of the program holds glasses of a maker. Generic materials are in several catalogues.

@@ -132,9 +132,9 @@ fn the_loss_of_a_shifted_aperture_describes_its_treatment() {
         let import = zmx(&changed(ZMX, "  CLAP 0 6 0", records));
         (import.file.lens.surfaces[0].semi_diameter_mm, losses(&import).join("\n"))
     };
-    let (semi, told) = said("  CLAP 0 8\n  OBDC 0 2");
-    assert!(semi == 10.0 && told.contains("encloses it"), "{told}");
-    let (semi, told) = said("  FLAP 0 6\n  OBDC 0 2");
-    assert!(semi == 6.0 && told.contains("stays at the vertex"), "{told}");
+    let (semi, loss) = said("  CLAP 0 8\n  OBDC 0 2");
+    assert!(semi == 10.0 && loss.contains("encloses it"), "{loss}");
+    let (semi, loss) = said("  FLAP 0 6\n  OBDC 0 2");
+    assert!(semi == 6.0 && loss.contains("stays at the vertex"), "{loss}");
     assert!(said("  OBDC 0 2").1.contains("no aperture that is kept"));
 }

@@ -69,8 +69,8 @@ fn fields_of_every_kind_become_angles() {
     let import = zmx(&lens);
     let [x, y] = [3_f64, 4.0].map(|v| v.to_radians().tan());
     assert_eq!(import.file.lens.fields_deg, [2.0, x.hypot(y).atan().to_degrees()]);
-    let told = losses(&import).join("\n");
-    assert!(told.contains("turned into it") && told.contains("mirror images"), "{told}");
+    let losses_text = losses(&import).join("\n");
+    assert!(losses_text.contains("turned into it") && losses_text.contains("mirror images"), "{losses_text}");
     for (command, angle) in [("YIM 0 3", deg(3.0 / efl_mm(&zmx(ZMX).file.lens))), ("XAN 0 2\nYAN 0 0", 2.0)] {
         close(seq(&changed(SEQ, "YAN 0 2", command)).file.lens.fields_deg[1], angle);
     }

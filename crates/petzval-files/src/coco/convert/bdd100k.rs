@@ -1,9 +1,9 @@
 //! BDD100K: JSON files with a list of pictures, each with `labels[].box2d`; also the older files of one picture each.
 //!
-//! <https://doc.bdd100k.com/format.html>. Lanes and drivable areas without `box2d` are left out and counted, and so are lists that have no other
-//! labels: their pictures are no background. Another label without a box is an error of its own. A file of one picture has all labels of it. The
-//! colour of a traffic light becomes the attribute `state`: `red`, `yellow` and `green`, or `R`, `Y` and `G`. What is said of whole pictures, such
-//! as the weather, is not read.
+//! <https://doc.bdd100k.com/format.html>. Lanes and drivable areas without `box2d` are left out and counted, and so are lists that have no
+//! other labels: their pictures are no background. Another label without a box is an error of its own. A file of one picture has all labels
+//! of it. The colour of a traffic light becomes the attribute `state`: `red`, `yellow` and `green`, or `R`, `Y` and `G`. Labels of whole
+//! pictures, such as the weather, are not read.
 
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
@@ -204,7 +204,7 @@ fn pictures_of(path: &Path) -> Result<(Vec<Record<Picture>>, bool), CocoError> {
     })
 }
 
-/// Whether the labels of a file are lanes and areas alone, so that it says nothing of objects.
+/// True if a file labels only lanes and areas, and so no objects.
 fn is_of_lanes(pictures: &[Record<Picture>]) -> bool {
     let labels = pictures.iter().filter_map(|picture| match picture {
         Record::Table(picture) => picture.labels.as_ref(),

@@ -59,7 +59,7 @@ pub(super) struct Builder {
     /// Whether the format itself says that boxes are of the picture the right way up.
     means_upright: bool,
     unread: BTreeMap<String, usize>,
-    /// The number of the picture of each file that was asked for; none if it cannot be decoded.
+    /// The number of the picture in each file that was looked up; none if the file cannot be decoded.
     taken: HashMap<PathBuf, Option<u64>>,
     names: HashSet<String>,
     categories: HashMap<String, u64>,

@@ -3,10 +3,10 @@
 //! `annotation/object` has `name`, `bndbox` (`xmin`, `ymin`, `xmax`, `ymax`: pixels counted from 1, both ends included), `difficult`, `truncated`,
 //! `occluded` and `pose`. <http://host.robots.ox.ac.uk/pascal/VOC/voc2012/htmldoc/>. Difficult objects are to be ignored.
 //!
-//! Two further forms are rotated boxes, which become the upright boxes around them: `robndbox` of roLabelImg (`cx`, `cy`, `w`, `h` in pixels and
-//! `angle` in radians, in place of `bndbox`) and the attribute `rotation` of CVAT (`attributes/attribute` with `name` and `value`: the box is
-//! rotated by so many degrees about its middle). Further attributes of that kind become attributes. Parts of a person, actions, outlines and other
-//! elements are not read; they are counted.
+//! Two further forms are rotated boxes. They become the upright boxes around them. roLabelImg has `robndbox` in place of `bndbox`, with
+//! `cx`, `cy`, `w`, `h` in pixels and `angle` in radians. CVAT has the attribute `rotation` (`attributes/attribute` with `name` and
+//! `value`): the angle in degrees by which the box is rotated about its middle. Further attributes of that kind become attributes. Parts of
+//! a person, actions, outlines and other elements are not read; they are counted.
 
 use std::collections::HashMap;
 use std::ffi::OsStr;
