@@ -61,8 +61,8 @@ fn hot_pixels_are_separated_from_the_dark_current_of_the_others() {
     within("share of hot pixels", joint.hot_pixel_share, 0.002, 3.0);
     within("mean excess of hot pixels", joint.hot_pixel_e_per_s, 2000.0, 3.0);
     assert!(joint.hot_pixel_share.standard_error().unwrap() < 0.0003);
-    let told: Vec<&str> = found.warnings.iter().map(|w| w.name()).collect();
-    assert_eq!(told, ["hot-pixels"], "{:?}", found.warnings);
+    let names: Vec<&str> = found.warnings.iter().map(|w| w.name()).collect();
+    assert_eq!(names, ["hot-pixels"], "{:?}", found.warnings);
 
     // The one dark current of a gain: that of all its dark frames, in the figures as in the rows of the joint fit.
     for (gain, row) in found.gains.iter().zip(&joint.rows) {
@@ -74,10 +74,10 @@ fn hot_pixels_are_separated_from_the_dark_current_of_the_others() {
     // The file makes a sensor whose dark frames are distributed as those that were captured, of another specimen.
     let text = sensor_toml(&found).unwrap();
     let back = petzval_files::parse_sensor(&text).unwrap_or_else(|e| panic!("{e}\n{text}"));
-    let told = |m: petzval_lab::emva::Measured| m.value().unwrap();
-    assert_eq!(back.dark_current_e_per_s, told(joint.dark_current_ordinary_e_per_s));
-    assert_eq!(back.nonuniformity.hot_pixel_share, told(joint.hot_pixel_share));
-    assert_eq!(back.nonuniformity.hot_pixel_e_per_s, told(joint.hot_pixel_e_per_s));
+    let value = |m: petzval_lab::emva::Measured| m.value().unwrap();
+    assert_eq!(back.dark_current_e_per_s, value(joint.dark_current_ordinary_e_per_s));
+    assert_eq!(back.nonuniformity.hot_pixel_share, value(joint.hot_pixel_share));
+    assert_eq!(back.nonuniformity.hot_pixel_e_per_s, value(joint.hot_pixel_e_per_s));
     let again = SensorModel { nonuniformity: NonUniformity { specimen: 99, ..back.nonuniformity }, ..back };
     let again = captured(&again, &Plan { seed: 2, ..plan() });
     let (one, two) = (dark_second(&found), dark_second(&again));

@@ -87,8 +87,8 @@ fn a_falling_series_is_not_monotonic() {
         edit(folder.path(), &format!("flat-10ms-{i}.png"), &|_, _, dn| dn / 2);
     }
     let found = measured(folder.path()).unwrap();
-    let told = messages(&found, "not-monotonic");
-    assert!(told.len() == 1 && told[0].contains("10 ms"), "{:?}", found.warnings);
+    let found_messages = messages(&found, "not-monotonic");
+    assert!(found_messages.len() == 1 && found_messages[0].contains("10 ms"), "{:?}", found.warnings);
 }
 
 #[test]

@@ -37,7 +37,7 @@ pub struct EdgeFigures {
     pub failures: Vec<String>,
 }
 
-/// Measures a target in a plane. `moved` tells where a window of the chart lies in it.
+/// Measures a target in a plane. `moved` maps a window of the chart to its place in the plane.
 pub(super) fn edge_figures(
     luminance: &[f32],
     width: usize,

@@ -41,8 +41,8 @@ pub struct Lightness {
     pub max_delta_e_2000: f64,
 }
 
-/// Measures a developed chart. `wanted_xyz` holds the colours that the patches should have, relative to D65 (Y of white = 1). `place` tells
-/// where a point of the chart, `[x, y]` in pixels, lies in the picture.
+/// Measures a developed chart. `wanted_xyz` holds the colours that the patches should have, relative to D65 (Y of white = 1). `place` maps
+/// a point of the chart, `[x, y]` in pixels, to the picture.
 pub fn measure(
     picture: &RgbPicture,
     chart: &TestChart,

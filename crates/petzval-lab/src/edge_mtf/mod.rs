@@ -1,8 +1,7 @@
 //! The MTF of a camera from slanted edges in a frame: of every colour of a raw frame, or of a picture in linear light.
 //!
-//! Frequencies are in cycles per pixel of the frame. A colour of a mosaic has every second pixel of every second row, and its planes
-//! are measured with that spacing: the edge itself samples them finely enough for frequencies up to 1/2 cycle per pixel of the frame,
-//! beyond the 1/4 that the plane alone resolves.
+//! Frequencies are in cycles per pixel of the frame. A colour of a mosaic has every second pixel of every second row, so its plane alone
+//! resolves 1/4 cycle per pixel of the frame. The slanted edge samples it more finely: it is measured up to 1/2 cycle per pixel.
 
 mod channel;
 mod find;

@@ -68,7 +68,7 @@ impl Counts {
 /// The captured histogram of one colour at one point.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PointHistogram {
-    /// Number of the point; its colours share their light.
+    /// Index of the point; all its colours got the same light.
     pub point: usize,
     /// Whether light fell on the sensor.
     pub kind: Kind,

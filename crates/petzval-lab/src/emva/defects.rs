@@ -36,8 +36,8 @@ const WIDEST: usize = 8;
 /// Light, as a share of the median of the picture, below which there is none.
 const LEAST_LIGHT: f64 = 0.1;
 
-/// Places of the pixels whose answer to light is less than half, or more than one and a half, of the median of their block of the
-/// picture, and off it by more than six standard deviations of all pixels; none of a wide group of them, which is no defect.
+/// Places of defect pixels: their response to light is below 0.5 or above 1.5 times the median of their block of the picture, and off it by
+/// more than six standard deviations of all pixels. A wide group of such pixels is no defect, and is left out.
 pub fn defects(flat: &Plane, dark: &Plane) -> Vec<usize> {
     let answer: Vec<f64> = flat.values.iter().zip(&dark.values).map(|(f, d)| f - d).collect();
     let block_of = |i: usize| {

@@ -47,7 +47,7 @@ pub fn line(x: &[f64], y: &[f64], w: &[f64], y_se: &[f64]) -> Line {
     }
 }
 
-/// A line with the test of its points.
+/// A fitted line, and the test whether its points lie on a line.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TestedLine {
     /// The line; its errors contain the departure of the points.
@@ -58,7 +58,7 @@ pub struct TestedLine {
     pub test: FitTest,
 }
 
-/// [`line()`] with the test of its points.
+/// Fits a [`line()`] and tests whether the points lie on it.
 pub fn tested_line(x: &[f64], y: &[f64], w: &[f64], y_se: &[f64]) -> TestedLine {
     let by_noise = line(x, y, w, y_se);
     let found = [by_noise.intercept, by_noise.slope].map(|m| m.value().unwrap_or(0.0));
@@ -70,7 +70,7 @@ pub fn tested_line(x: &[f64], y: &[f64], w: &[f64], y_se: &[f64]) -> TestedLine 
     TestedLine { line, by_noise, test }
 }
 
-/// A mean with the test of its values.
+/// A mean, and the test whether its values agree.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TestedMean {
     /// The mean; its error contains the scatter of the values.

@@ -93,11 +93,11 @@ pub struct FlatFlags {
 /// Signal of a flat point above the dark frames of its gain and exposure time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Signal {
-    /// It is brighter: the point is used.
+    /// The point is brighter than the dark frames, and is used.
     Above,
-    /// It has no usable dark frames.
+    /// The point has no usable dark frames.
     NoDark,
-    /// It is no brighter.
+    /// The point is not brighter than the dark frames.
     None {
         /// Its mean minus that of the dark frames, DN.
         signal_dn: f64,
@@ -174,15 +174,16 @@ impl GainFlags {
 /// thousand series.
 const NOT_NOISE_SIGMAS: f64 = 6.0;
 
-/// How one frame differs from the others of its point, DN: as a whole, along rows and columns of blocks, and block by block.
+/// Differences of one frame from the others of its point, DN, split into four parts: whole frame, rows of blocks, columns of blocks, and
+/// single blocks.
 pub struct Deviations {
-    /// Of the whole frame.
+    /// Difference of the whole frame.
     pub whole_dn: f64,
-    /// Of each row of blocks, beyond the whole frame.
+    /// Difference of each row of blocks, after that of the whole frame is subtracted.
     pub rows_dn: Vec<f64>,
-    /// Of each column of blocks, beyond the whole frame.
+    /// Difference of each column of blocks, after that of the whole frame is subtracted.
     pub columns_dn: Vec<f64>,
-    /// Of each block beyond all of these; `None` of a block without pixels.
+    /// Difference of each block that remains; `None` for a block without pixels.
     pub blocks_dn: Vec<Option<f64>>,
 }
 
@@ -220,9 +221,10 @@ fn flicker(found: &PointStatistics, deviations: &[Deviations], drift_dn: f64) ->
         .then_some(Flicker { difference_dn, standard_error_dn })
 }
 
-/// Finds the part of a frame that differs most from the other frames, beyond noise and the difference of the whole frame: a block
-/// that differs from its row and its column of blocks, or a whole row or column of blocks that differs by more than the noise that
-/// neighbouring rows have, and by more than rows of blocks differ at the other points of this gain.
+/// Finds the part of a frame that differs most from the other frames, beyond noise and the drift of the whole frame.
+///
+/// A part is a block, compared with its row and its column of blocks, or a whole row or column of blocks. Rows and columns must differ by
+/// more than the noise of neighbouring rows, and by more than rows of blocks differ at the other points of this gain.
 fn movement(
     found: &PointStatistics,
     deviations: &[Deviations],

@@ -15,8 +15,8 @@ use petzval_base::statistics::{SIGMA_OVER_MEDIAN, median};
 /// Least number of dark points whose median one moved frame does not shift.
 const ENOUGH_DARKS: usize = 3;
 
-/// Variances by which rows of blocks, and columns of blocks, of a frame differ from the frame, beyond the noise of their pixels, DN^2: the
-/// median of all dark points, or of all points where fewer than three are dark. Something that moves is in one point and not in all.
+/// Variances of rows of blocks and of columns of blocks about the mean of their frame, beyond the noise of their pixels, DN^2. They are
+/// medians over the dark points, or over all points if fewer than three are dark. Something that moves is in one point and not in all.
 pub fn block_lines_dn2(points: &[(Kind, PointStatistics)]) -> [f64; 2] {
     let darks = points.iter().filter(|(kind, _)| *kind == Kind::Dark).count();
     let counts = |kind: Kind| kind == Kind::Dark || darks < ENOUGH_DARKS;

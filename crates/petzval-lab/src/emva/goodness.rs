@@ -69,7 +69,7 @@ pub struct FitTest {
 }
 
 impl FitTest {
-    /// A fit of which nothing is tested yet.
+    /// A fit that is not tested yet.
     pub fn untested(points: usize, degrees_of_freedom: usize) -> Self {
         Self {
             points,

@@ -25,10 +25,10 @@ pub enum HighPass {
     /// No filter, as in the EMVA 1288 Python library.
     #[serde(rename = "none")]
     None,
-    /// That of release 3.1.
+    /// The filter of EMVA 1288 release 3.1.
     #[serde(rename = "r3.1")]
     R31,
-    /// That of release 4.
+    /// The filter of EMVA 1288 release 4.
     #[serde(rename = "r4")]
     R4,
 }
@@ -36,14 +36,14 @@ pub enum HighPass {
 /// Shares of the variance that a filter leaves.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Passed {
-    /// Of independent pixels.
+    /// Share for pixels with independent noise.
     pub pixel: f64,
-    /// Of a pattern of rows or of columns.
+    /// Share for a pattern that is constant along rows or along columns.
     pub line: f64,
     /// Sum of the squared correlations of a filtered pixel with all pixels: the factor by which the lost independence
     /// raises the variance of a variance.
     pub pixel_correlation: f64,
-    /// The same of the lines of a filtered pattern.
+    /// The same sum for the lines of a filtered pattern.
     pub line_correlation: f64,
 }
 

@@ -226,9 +226,9 @@ fn pixel_dark_currents(short: &DarkEnd<'_>, long: &DarkEnd<'_>, max_dn: f64) -> 
     }
 }
 
-/// Test of exponential distribution (Moran 1951): twice the number of values times the logarithm of their mean less the mean of their logarithms, over
-/// `1 + (n + 1)/(6 n)`, is nearly chi-squared of `n - 1` degrees of freedom. It is small if the values are too even, and large if
-/// they are too uneven; each side has half of the level. Values are whole multiples of `step`, each of which stands for the values around it.
+/// Test of exponential distribution (Moran 1951). The statistic is `2 n (ln(mean) - mean(ln))` over `1 + (n + 1)/(6 n)` for n values; it is
+/// nearly chi-squared with `n - 1` degrees of freedom. It is small if the values are too even, and large if they are too uneven; each side
+/// has half of the level. Values are rounded to multiples of `step`; the logarithm of each is averaged over its rounding interval.
 fn exponential_test(values: &[f64], step: f64) -> FitTest {
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;

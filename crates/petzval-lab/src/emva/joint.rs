@@ -8,15 +8,15 @@
 //! M_g = mu_r K_g + (BL + mu_el)                      intercept of the dark mean     [DN]
 //! ```
 //!
-//! The temporal noise of rows and columns grows with the gain as the read noise does, of which it is a part: its variance over `K_g^2`
-//! is averaged over the gains. Each of the two is a line with weights `1/s^2`, where `s` includes the errors of the intercept, of `K_g` and of rounding.
-//! (Rounding adds 1/12 only to noise that spreads over several digital numbers, see [`super::rounding`].) Averages over
-//! single gains (Tseng et al. 2021, supplement 2.3.2) cannot separate them. Captures show only the sum of BL and mu_el:
-//! BL is taken from the setting of the camera.
+//! The temporal noise of rows and columns is a part of the read noise and grows with the gain as it does: its variance over `K_g^2` is
+//! averaged over the gains. Each of the two is a line with weights `1/s^2`, where `s` includes the errors of the intercept, of `K_g` and of
+//! rounding. (Rounding adds 1/12 only to noise that spreads over several digital numbers, see [`super::rounding`].) Averages over single
+//! gains (Tseng et al. 2021, supplement 2.3.2) cannot separate them. Captures show only the sum of BL and mu_el: BL is taken from the
+//! setting of the camera.
 //!
-//! Gains whose points do not lie on these lines (black levels that differ, a second conversion gain) have another model: the errors contain
-//! their scatter, and where they are far off, the figures of the line are withdrawn. An error that all gains share, as that of K by a response that bends,
-//! does not become smaller with their number.
+//! Some gains follow another model: their black levels differ, or they have a second conversion gain. Their points do not lie on these
+//! lines. The errors contain this scatter; if the points are far off, the figures of the line are withdrawn. An error that all gains share,
+//! as that of K by a response that bends, does not become smaller with their number.
 
 use serde::Serialize;
 
@@ -251,8 +251,8 @@ fn pixel_dark_currents_e(inputs: &[GainInput<'_>], rows: &[GainRow]) -> PixelDar
     }
 }
 
-/// Mean of gains of which each has a part of its error, the second number, that is no noise and that they share: that of the mean is no
-/// smaller than theirs. Returned beside the mean.
+/// Mean over gains. The second number of each is the part of its error that is systematic and shared by all gains, so that averaging does
+/// not reduce it. The systematic part of the mean is returned beside the mean.
 fn mean_of_gains(gains: impl IntoIterator<Item = (Measured, f64)>) -> (TestedMean, f64) {
     let all: Vec<(Measured, f64)> = gains.into_iter().collect();
     let noise = |(gain, of_model): &(Measured, f64)| {

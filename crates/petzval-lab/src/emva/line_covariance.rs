@@ -44,7 +44,7 @@ pub struct LineCovariance {
 /// Least lines of a part of a frame.
 const LEAST_PART: usize = 8;
 
-/// Lags of one kind that the longest filter reaches, at least.
+/// Least number of lags of one kind that the longest filter reaches.
 const FILTERED_LAGS: usize = 20;
 
 impl LineCovariance {
@@ -326,8 +326,9 @@ impl LineModel {
         self.covariance_dn2.get(lag).copied().unwrap_or(0.0) + of_period
     }
 
-    /// Variance of the mean over lines of one frame, and that of their mean variance times the degrees of freedom in time, DN^2 and DN^4. `has_pixels`
-    /// says which of the lines have pixels of the colour. Zero if noise of lines is in doubt: chance must not widen errors.
+    /// Two variances due to the noise of lines: that of the mean over the lines of one frame, DN^2, and that of their mean variance times
+    /// the degrees of freedom in time, DN^4. `has_pixels` marks the lines with pixels of the colour. Zero if noise of lines is in doubt:
+    /// chance must not widen errors.
     pub fn of_mean(&self, has_pixels: &[bool]) -> [f64; 2] {
         let count = has_pixels.iter().filter(|has| **has).count() as f64;
         if !self.is_certain || count == 0.0 {
@@ -419,8 +420,9 @@ fn weights_in_mean(lags: usize, lines: f64) -> Vec<f64> {
     (0..lags).map(weight).collect()
 }
 
-/// The covariance of lines from that of lines less the mean of their kind, each of which has one of `kinds` lines: both means are
-/// those of the result itself, which is repeated until they agree.
+/// The covariance of lines, from the covariance of lines after the mean of their kind is subtracted. Every `kinds`-th line is of the same
+/// kind. Subtracting means removes covariance that depends on the result itself, so the correction is iterated until it agrees with its
+/// result.
 fn with_mean(rest: &[f64], lines: usize, kinds: usize) -> Vec<f64> {
     let weights = weights_in_mean(rest.len(), lines as f64);
     let count = kinds as f64;

@@ -132,8 +132,8 @@ impl Captures {
 }
 
 impl Captures {
-    /// Whether the flat points of this point's gain differ by an unstated light: all have one exposure time and no photons.
-    /// Then their signal orders them.
+    /// True if this gain's flat points share one exposure time and state no photons: the light level is unknown, so they are ordered by
+    /// signal.
     fn is_illumination_series(&self, point: &Point) -> bool {
         let flats =
             || self.points.iter().filter(|p| p.kind == Kind::Flat && p.linear_gain == point.linear_gain);

@@ -100,9 +100,9 @@ pub struct PlannedPoint {
 }
 
 impl Plan {
-    /// The series that EMVA 1288 release 4.0 Linear prescribes, of the whole sensor at the gain nearest to 1, with light of
-    /// `wavelength_um` or, if neither that nor `quantum_efficiency` is given, of the wavelength at which the sensor's curve is
-    /// highest (that of green, where there is green):
+    /// The series that EMVA 1288 release 4.0 Linear prescribes, of the whole sensor at the gain nearest to 1. The light is of
+    /// `wavelength_um`. If neither that nor `quantum_efficiency` is given, it is of the wavelength at which the sensor's curve is highest
+    /// (of green, if there is green). The series has:
     ///
     /// - pairs of flat and dark frames at equal steps of exposure time, 50 of them up to the saturation of the brightest
     ///   colour and more until every colour that answers at least half as much is saturated;

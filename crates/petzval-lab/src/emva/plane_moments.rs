@@ -11,7 +11,7 @@ pub struct PlaneMoments {
     pub variance: f64,
     /// Standard error of the variance that is left without rows and columns.
     pub pixel_se: f64,
-    /// Variance of what is left from the median of its size, which a few pixels far off do not change.
+    /// Variance of the remainder, estimated from the median of its absolute values: a few outliers do not change it.
     pub pixel_core: f64,
     /// Variance of the column means.
     pub column_means: f64,
@@ -76,7 +76,7 @@ pub struct SharedScatter {
 }
 
 impl SharedScatter {
-    /// That of two pictures of one size.
+    /// The shared scatter of two pictures of one size.
     pub fn of(one: &Plane, other: &Plane) -> Self {
         let parts = [one, other].map(parts);
         let correlation = |a: &[f64], b: &[f64]| {

@@ -97,7 +97,7 @@ fn poisson(rate: f64) -> (u64, Vec<f64>) {
 
 /// Ratio of the mean count to the range of the converter above which every pixel is clipped.
 const CLIPPED_TIMES: f64 = 4.0;
-/// Least share of shot noise that a negative variance between pixels leaves.
+/// If the fitted variance between pixels is negative, at least this share of the shot noise is kept.
 const LEAST_SHOT_SHARE: f64 = 0.05;
 
 /// Probabilities of the digital numbers `0..=max_dn` for electrons of mean `rate_e` (light and dark current).

@@ -33,8 +33,8 @@ pub struct Moments {
     pub pixels: usize,
     /// Mean, DN.
     pub mean_dn: f64,
-    /// Standard error of the mean from temporal noise of pixels, and of rows and columns where [`Self::set_lines`] has set it, DN: the pixels are the same in flat and dark
-    /// frames, so that their non-uniformity is no error of a difference.
+    /// Standard error of the mean from temporal noise of pixels, and of rows and columns where [`Self::set_lines`] has set it, DN. Flat and
+    /// dark frames have the same pixels, so non-uniformity is no error of their difference.
     pub mean_se_dn: f64,
     /// Temporal variance with the variance of the frames' means taken away, DN^2.
     pub variance_dn2: f64,

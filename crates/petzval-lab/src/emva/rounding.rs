@@ -76,25 +76,25 @@ impl Steps {
         Self { noise_dn2, amplitudes }
     }
 
-    /// Standard error by rounding of a variance that is found with another error of its own, DN^2: how far variances at any phase that
-    /// would be found as this one are from it, root mean square.
+    /// Standard error by rounding of a measured variance that has another error as well, DN^2. It is the root mean square distance from the
+    /// measured value to the true variances that would be measured like this, over all phases.
     ///
-    /// It is no share of what is found. Between two steps nothing of a small variance is found, and its size stays as unknown as the
-    /// steps are wide.
+    /// It is not proportional to the variance that is found. Between two steps a small variance is not found at all, and its size stays
+    /// unknown up to the width of the steps.
     pub fn error_of_variance(&self, found_dn2: f64, standard_error_dn2: f64) -> f64 {
         let level = found_dn2.max(0.0) + standard_error_dn2;
         let squares = self.variances_found_as(level).map(|v| (v - level).powi(2)).sum::<f64>();
         (squares / PHASES as f64).sqrt()
     }
 
-    /// The same steps for the mean over pixels whose levels have a variance that is found as this one, DN^2: they smooth the steps further,
-    /// by the least variance that agrees.
+    /// The steps for the mean over pixels whose levels vary with a measured variance, DN^2. This variance smooths the steps further. Of the
+    /// true variances that would be measured like this, the least is taken.
     pub fn smoothed_by(&self, found_dn2: f64) -> Self {
         let least = self.variances_found_as(found_dn2.max(0.0)).fold(f64::INFINITY, f64::min);
         Self::behind_noise(self.noise_dn2 + least)
     }
 
-    /// At each phase the variance that is found as this one, DN^2.
+    /// For each phase, the true variance that would be measured as `found_dn2`, DN^2.
     fn variances_found_as(&self, found_dn2: f64) -> impl Iterator<Item = f64> {
         let phase = |i: usize| 0.5 * (i as f64 + 0.5) / PHASES as f64;
         (0..PHASES).map(phase).map(move |phase| {

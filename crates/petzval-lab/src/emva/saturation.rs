@@ -98,8 +98,8 @@ fn plateau(points: &[TransferPoint]) -> Option<usize> {
     Some(start)
 }
 
-/// The mean of samples of spread `s` that are cut off at a level lies below the level by at most this times `s v`,
-/// where `v` is the share of the variance that is left: 1.2 of a normal distribution cut in its middle, 1.45 of one
+/// A mean of samples that are cut off at a level lies below the level by at most this times `s v`. `s` is the spread of the samples before
+/// the cut, `v` the share of the variance that is left. The factor is 1.2 for a normal distribution cut in its middle, and 1.45 for one
 /// that keeps three quarters of its variance.
 const SHORT_OF_LEVEL: f64 = 1.5;
 
@@ -109,9 +109,9 @@ const LEVEL_SIGMAS: f64 = 3.0;
 /// Signal at which the series ends: the mean over the points from the peak of the noise on that are as bright as the brightest, above the dark
 /// at that peak. The brightest alone would be above the level by noise, the more so the more points there are.
 ///
-/// Its standard error has three parts: that of the means; the distance of the largest mean from the level, estimated
-/// from the remaining shot noise, since full pixels have none ([`SHORT_OF_LEVEL`]); and the growth of the dark signal
-/// over the step in which the pixels fill.
+/// Its standard error has three parts. The first is the error of the means. The second is the distance of the largest mean from the level,
+/// estimated from the remaining shot noise: full pixels have none ([`SHORT_OF_LEVEL`]). The third is the growth of the dark signal over the
+/// step in which the pixels fill.
 fn level(points: &[TransferPoint], peak: usize) -> Measured {
     let at_peak = &points[peak];
     let beyond = points[peak..].iter().max_by(|a, b| a.mean_dn.total_cmp(&b.mean_dn));

@@ -174,8 +174,8 @@ pub struct Stacks<'a> {
     pub hot_pixels: &'a [usize],
 }
 
-/// Evaluates two stacks of the same size for the pixels of one colour. Each place of the colour in the tile is a picture of
-/// its own; variances are their means. None if a point is not a stack, or is too small.
+/// Evaluates two stacks of the same size for the pixels of one colour. Each place of the colour in the mosaic tile is evaluated as a
+/// picture of its own, and the variances are averaged over the places. `None` if a point is not a stack, or is too small.
 pub fn spatial(
     &Stacks { flat, dark, exposure_s, hot_pixels }: &Stacks<'_>,
     cfa: &CfaPattern,

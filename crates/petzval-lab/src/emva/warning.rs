@@ -190,7 +190,7 @@ pub enum Warning {
     WiderThanNoise {
         /// Standard deviation of the fitted dark histogram at the gain where the difference shows most, DN.
         fitted_dn: f64,
-        /// That of temporal noise, DN.
+        /// Standard deviation of temporal noise, DN.
         temporal_dn: f64,
     },
     /// The fit to the histograms did not converge.

@@ -19,11 +19,10 @@
 //! position in the middle of the image counts at eight azimuths. Cells beyond half the crop stay dark, except for the
 //! rim of the blobs.
 //!
-//! The cells also hold the field's *light*. The sum of a demosaiced spot does not measure it: one pixel in four is red,
-//! and it catches much or little of a spot as small as a pixel, depending on the spot's position. Positions of one
-//! radius see one source through a rotationally symmetric lens, so their light is equal, and their phases together
-//! determine it: in green to a tenth or better, but not in red and blue for the sharpest spots. So all colours use the
-//! relative illumination of green.
+//! The cells also hold the field's *light*. The sum of a demosaiced spot does not measure it: one pixel in four is red, and it catches much
+//! or little of a spot as small as a pixel, depending on the spot's position. Positions of one radius see one source through a rotationally
+//! symmetric lens, so their light is equal. Their phases together determine it: in green to a tenth or better, but not in red and blue for
+//! the sharpest spots. So all colours use the relative illumination of green.
 //!
 //! The fit alternates between the centres of the positions and the cells, because the demosaiced centroid of a sharp
 //! spot is off by a fraction of a pixel. The middle of the grid is the green centroid, because a measured spot does not
@@ -97,8 +96,8 @@ impl FieldEstimate {
             if self.is_mono {
                 return (of(1)).then(|| format!("{:.2}", figure(1))).into_iter().collect();
             }
-            let told = (0..CHANNELS).filter(|c| of(*c));
-            told.map(|c| format!("{} {:.2}", COLOURS[c], figure(c))).collect()
+            let shown = (0..CHANNELS).filter(|c| of(*c));
+            shown.map(|c| format!("{} {:.2}", COLOURS[c], figure(c))).collect()
         };
         let unexplained = named(&|c| self.chi2[c] > EXPLAINED, &|c| self.chi2[c]);
         if !unexplained.is_empty() {

@@ -17,7 +17,7 @@ pub struct ExposureReport {
     pub variance_ratio: Option<f64>,
     /// This exposure beside all others; `None` if no bright pixel of it is usable in another.
     pub agreement: Option<Agreement>,
-    /// Mean centroid of the frames in the window, (row, column), px, that of all light of the mosaic
-    /// ([`super::track`]), and its standard error from their scatter.
+    /// Mean over the frames of the centroid of the source in the window, (row, column), px, and its standard error from the scatter of the
+    /// frames. The centroid is that of all light of the mosaic ([`super::track`]).
     pub centroid_px: Option<([f64; 2], [f64; 2])>,
 }

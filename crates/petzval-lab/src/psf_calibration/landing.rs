@@ -30,9 +30,9 @@ pub struct Spot {
 
 /// Shares of PSF cells that fall on pixels: a sparse matrix, pixels x cells.
 ///
-/// A turned cell keeps an axis-parallel box of its own size, shared among the pixels under it in proportion to the area:
-/// exactly as the renderer does (`render/kernel.rs`), so cells that are fitted through a landing render back. What falls
-/// outside the window is lost.
+/// A turned cell keeps an axis-parallel box of its own size. The box is shared among the pixels under it in proportion to the area. The
+/// renderer does exactly the same (`render/kernel.rs`), so cells that are fitted through a landing render back. What falls outside the
+/// window is lost.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Landing {
     /// Rows of the window.

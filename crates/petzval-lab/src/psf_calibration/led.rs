@@ -5,9 +5,9 @@ use petzval_camera::sensor::{CfaPattern, Colour, SensorModel};
 
 /// Relative photon flux per wavelength of a white diode of about 4900 K.
 ///
-/// A blue diode (Gaussian around 0.450 um, 22 nm full width at half maximum) pumps a phosphor (Gaussian around 0.575 um,
-/// 130 nm) whose radiant peak is [`PHOSPHOR`] of the blue one; times the wavelength, because sensors count photons. A
-/// stand-in for a data sheet: the correlated colour temperature is tested, the exact shape is not known.
+/// A blue diode (Gaussian around 0.450 um, 22 nm full width at half maximum) pumps a phosphor (Gaussian around 0.575 um, 130 nm) whose
+/// radiant peak is [`PHOSPHOR`] of the blue one. The sum is multiplied by the wavelength, because sensors count photons. A stand-in for a
+/// data sheet: the correlated colour temperature is tested, the exact shape is not known.
 pub fn white_led(wavelength_um: f64) -> f64 {
     let gauss = |centre: f64, width: f64| {
         (-4.0 * std::f64::consts::LN_2 * ((wavelength_um - centre) / width).powi(2)).exp()
@@ -26,9 +26,9 @@ pub fn led_wavelengths_um() -> Vec<f64> {
 /// Weight of each wavelength in each channel, `[channel][wavelength]`, diode times quantum efficiency; green sums to 1
 /// and the others to their signal relative to green. The three channels of a monochrome sensor are one.
 ///
-/// The efficiency curves are those of the sensor, with their factors, or else stated stand-ins:
-/// Gaussian colour filters around 0.600, 0.535 and 0.460 um of 80, 85 and 75 nm full width, scaled to the sensor's relative
-/// efficiencies; of clear pixels, one efficiency at all wavelengths.
+/// The efficiency curves are those of the sensor, with their factors. A sensor without curves gets stated stand-ins: Gaussian colour
+/// filters around 0.600, 0.535 and 0.460 um, of 80, 85 and 75 nm full width, scaled to the sensor's relative efficiencies. Clear pixels get
+/// one efficiency at all wavelengths.
 pub fn channel_weights(sensor: &SensorModel, wavelengths_um: &[f64]) -> [Vec<f64>; CHANNELS] {
     let is_mono = sensor.cfa == CfaPattern::MONO;
     let colours =

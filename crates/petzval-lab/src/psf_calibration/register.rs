@@ -122,8 +122,8 @@ pub(super) fn misplaced(
     step.map(|s| if s.is_finite() { s.clamp(-MOST_PX, MOST_PX) } else { 0.0 })
 }
 
-/// Scores a position that took no part in the fit of the cells, which may have any unit of light. The light of each
-/// colour is free, and so is the centre (row, column): it is fitted from `start` and returned.
+/// Scores the fitted cells on a held-out position. The brightness of each colour is fitted, so the cells may have any unit of light. The
+/// centre (row, column) is fitted from `start` and returned.
 pub fn explain(
     place: &Place,
     start: [f64; 2],

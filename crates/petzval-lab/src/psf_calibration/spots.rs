@@ -10,9 +10,8 @@
 //!
 //! With even weights the colours would be 4:4:1, 2:5:2 or 1:4:4 in turn, and a spot of one colour would have holes.
 //!
-//! Light of the source's own PSF (a tail, a ring or a caustic) is connected to its peak: on some path to the peak the
-//! light does not fall far below that of the starting point. A maximum is *apart* if every path to the peak s(0) has a
-//! gap (the key saddle of topographic prominence),
+//! Light of the source's own PSF (a tail, a ring or a caustic) is connected to its peak. Some path to the peak never falls far below the
+//! light of its starting point. A maximum is *apart* if every path to the peak s(0) has a gap (the key saddle of topographic prominence),
 //!
 //! ```text
 //! max over paths (min along the path s) < min(s(x) / 2, s(x) - 8 sigma(x))

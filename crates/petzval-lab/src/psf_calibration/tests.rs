@@ -417,8 +417,8 @@ fn a_single_position_gives_a_warning() {
     assert!(fields[0].warnings().iter().any(|w| w.contains("one position only")));
     // And so are pixels that the cells do not explain.
     fields[0].chi2 = [1.0, 7.25, 1.1];
-    let told = fields[0].warnings();
-    assert!(told[0].contains("chi2 green 7.25 where"), "{told:?}");
+    let warnings = fields[0].warnings();
+    assert!(warnings[0].contains("chi2 green 7.25 where"), "{warnings:?}");
     fields[0].chi2 = [1.0; CHANNELS];
     assert!(!fields[0].warnings()[0].contains("chi2"));
 }

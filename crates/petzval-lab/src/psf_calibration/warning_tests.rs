@@ -186,15 +186,15 @@ fn a_source_that_moves_between_clipped_exposures_gives_a_warning() {
         let offset = |k: usize, _: usize| Some(if k == 0 { [0.0; 2] } else { [0.0, 4.0] });
         let position = Bench { frames, brightness: 12.0, offset, ..Bench::default() }.calibrate();
         assert!(position.exposures[1].saturated_pixels > 0, "every pair has a clipped one");
-        let told =
+        let is_meant =
             |w: &String| w.starts_with("the source moved by") && w.contains("between the 1 and the 4 ms");
-        assert!(position.warnings.iter().any(told), "{:#?}", position.warnings);
+        assert!(position.warnings.iter().any(is_meant), "{:#?}", position.warnings);
     }
     // A fifth of a pixel, and nothing clips.
     let offset = |k: usize, _: usize| Some(if k < 2 { [0.0; 2] } else { [0.2, 0.0] });
     let position = Bench { offset, ..Bench::default() }.calibrate();
-    let told = |w: &String| w.contains("between the 4 and the 16 ms");
-    assert!(position.warnings.iter().any(told), "{:#?}", position.warnings);
+    let is_meant = |w: &String| w.contains("between the 4 and the 16 ms");
+    assert!(position.warnings.iter().any(is_meant), "{:#?}", position.warnings);
 }
 
 #[test]
@@ -202,10 +202,10 @@ fn a_steady_drift_of_two_or_more_frames_gives_a_warning() {
     for frames in [2, 4, 6, 20] {
         let offset = |_: usize, n: usize| Some([0.0, 0.1 * n as f64]);
         let position = Bench { frames, offset, ..Bench::default() }.calibrate();
-        let told: Vec<&String> =
+        let found: Vec<&String> =
             position.warnings.iter().filter(|w| w.contains("during the 16 ms frames")).collect();
-        assert_eq!(told.len(), 1, "{frames} frames: {:#?}", position.warnings);
-        let said: f64 = told[0].split(' ').nth(4).unwrap().parse().unwrap();
+        assert_eq!(found.len(), 1, "{frames} frames: {:#?}", position.warnings);
+        let said: f64 = found[0].split(' ').nth(4).unwrap().parse().unwrap();
         let is = 0.1 * (frames - 1) as f64;
         assert!((0.6 * is..1.5 * is).contains(&said), "{said} instead of {is}");
     }
@@ -215,23 +215,26 @@ fn a_steady_drift_of_two_or_more_frames_gives_a_warning() {
 fn a_frame_with_the_source_elsewhere_is_named() {
     let stray = |k: usize, n: usize| Some(if (k, n) == (2, 3) { [3.0, 0.0] } else { [0.0; 2] });
     let position = Bench { frames: 20, offset: stray, ..Bench::default() }.calibrate();
-    let told =
+    let is_meant =
         |w: &String| w.starts_with("2-3.png: the source is") && w.contains("from where the other frames");
-    assert!(position.warnings.iter().any(told), "{:#?}", position.warnings);
+    assert!(position.warnings.iter().any(is_meant), "{:#?}", position.warnings);
     assert!(!position.warnings.iter().any(|w| w.contains("during")), "{:#?}", position.warnings);
 
     let off = |k: usize, n: usize| if (k, n) == (1, 5) { None } else { Some([0.0; 2]) };
     let position = Bench { frames: 20, offset: off, ..Bench::default() }.calibrate();
-    let told = |w: &String| w.starts_with("1-5.png: the source is not in it");
-    assert!(position.warnings.iter().any(told), "{:#?}", position.warnings);
+    let is_meant = |w: &String| w.starts_with("1-5.png: the source is not in it");
+    assert!(position.warnings.iter().any(is_meant), "{:#?}", position.warnings);
 }
 
 #[test]
 fn a_wrong_exposure_time_gives_a_warning() {
     let said_ms = vec![1.0, 4.0, 20.0];
     let position = Bench { said_ms, ..Bench::default() }.calibrate();
-    let told = position.warnings.iter().find(|w| w.starts_with("the 20 ms frames disagree")).unwrap();
-    assert!(told.contains("0.80") || told.contains("0.79"), "16 ms of light said to be 20: {told}");
+    let disagreement = position.warnings.iter().find(|w| w.starts_with("the 20 ms frames disagree")).unwrap();
+    assert!(
+        disagreement.contains("0.80") || disagreement.contains("0.79"),
+        "16 ms of light said to be 20: {disagreement}"
+    );
     let agreement = position.exposures[2].agreement.unwrap();
     assert!((agreement.ratio - 0.8).abs() < 0.01 && agreement.chi2 > 100.0, "{agreement:?}");
     // Of good captures the mean squared difference is that of noise; 5 standard deviations of a mean of n squares.
@@ -269,8 +272,8 @@ fn the_noise_floor_includes_non_uniformity() {
             let ratio = e.variance_ratio.unwrap();
             assert!((ratio - 1.0).abs() < 0.15, "{more}: {ratio}");
         }
-        let told = position.warnings.iter().any(|w| w.contains("offsets that scatter by 8.0 e"));
-        assert_eq!(told, dark_frames == 0, "{:#?}", position.warnings);
+        let is_warned = position.warnings.iter().any(|w| w.contains("offsets that scatter by 8.0 e"));
+        assert_eq!(is_warned, dark_frames == 0, "{:#?}", position.warnings);
     }
 }
 
@@ -320,12 +323,12 @@ fn a_hot_pixel_is_not_the_source() {
 fn subtracting_dark_frames_is_not_taken_for_a_moving_source() {
     // Offsets of 300 electrons beside a faint source; the sensor model does not contain them.
     let odd = sensor("[nonuniformity]\ndsnu_pixel_e = 300.0");
-    let told = sensor("");
+    let stated = sensor("");
     let folder = tempfile::tempdir().unwrap();
     for seed in 0..3 {
         let bench = Bench { sensor: odd.clone(), brightness: 0.1, frames: 20, seed, ..Bench::default() };
         bench.take(folder.path());
-        let position = measured(folder.path(), &told).unwrap();
+        let position = measured(folder.path(), &stated).unwrap();
         assert!(!position.warnings.iter().any(|w| w.contains("moved")), "{:#?}", position.warnings);
     }
 }

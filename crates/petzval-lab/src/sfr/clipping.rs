@@ -10,12 +10,14 @@ const LEAST_SHARE: f64 = 0.5;
 const LEAST_NOISE: f64 = 0.003;
 const NOISE_STEPS: f64 = 1.5;
 
-/// Without noise: how far inside the first pixel of the extreme value the profile is looked at, pixels; what it lacks there of the level, of the
-/// step and in steps of the values; and what the other side lacks as far from the edge as this side ends. A blur comes near its level on both
-/// sides.
+// Without noise an end is clipped if it stops short of its level, because a blur comes near its level on both sides.
+/// Where the profile is read, pixels inside the first pixel of the extreme value.
 const INSIDE_PX: f64 = 0.3;
+/// Least gap to the level there, as a share of the step.
 const LEAST_LACK: f64 = 0.01;
+/// Least gap to the level there, in steps of the values.
 const LACK_STEPS: f64 = 8.0;
+/// Least gap of the other side at the same distance from the edge, as a share of the step.
 const OTHER_LACK: f64 = 0.02;
 
 /// The end of one side.

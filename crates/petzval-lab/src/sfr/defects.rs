@@ -8,8 +8,8 @@ use super::region::Region;
 const SIGMAS: f64 = 7.0;
 const LEAST: f64 = 0.03;
 
-/// Share of the pixels of a row or column that are defects from which all of it is left out, and their least number: where its values happen
-/// to agree with the profile it is dead all the same.
+/// If at least this share and this number of the pixels of a row or column are defects, all of it is left out. Pixels whose values happen
+/// to agree with the profile are then dead as well.
 const LINE_SHARE: f64 = 0.25;
 const LINE_LEAST: usize = 5;
 

@@ -35,8 +35,8 @@ const MOST_SAGITTA: f64 = 0.1;
 /// Most pixels of a fit; of larger regions every n-th row counts.
 const MOST_PIXELS: usize = 40_000;
 
-/// Least width of Huber's weights in each round, of the step: wide while the path is a guess, so that the pixels of the edge outweigh dead columns;
-/// never narrower than the blur is unlike a normal one.
+/// Least width of Huber's weights in each round, as a share of the step. It is wide while the path is a guess, so that the pixels of the
+/// edge outweigh dead columns. It is never narrower than the deviation of a blur from a normal one.
 const LEAST_WIDTHS: [f64; 3] = [0.3, 0.1, 0.02];
 
 /// Steps in a round, and the share of the loss that a step has to gain for another.

@@ -4,8 +4,8 @@
 //! v = g(x, y) L_s + h a + T(d)        g = 1 + gamma . (x, y, ...),   T(d) = p d / half + q far / d + r_s (far / d)^4
 //! ```
 //!
-//! with the level L of either side s, the haze h along the edge, and the tail T of the blur at the distance d: far from the edge it is the same
-//! on both sides but for its sign, near it is not where the lens has coma.
+//! L is the level of either side s, h the haze along the edge, and T the tail of the blur at the distance d. Far from the edge the tail is
+//! the same on both sides but for its sign. Near the edge it is not, if the lens has coma.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -24,7 +24,7 @@ const LEAST_RATIO: f64 = 12.0;
 const DEPTH: f64 = 3.0;
 const LEAST_BENT: f64 = 0.1;
 
-/// Standard deviation of what the tail of a blur rises by over half a profile, of the step, before the pixels are seen.
+/// Prior standard deviation of the rise of the tail of a blur over half a profile, as a share of the step.
 const TAIL_RISE: f64 = 0.02;
 
 /// Steps of Gauss-Newton: the light is nearly linear in its numbers.

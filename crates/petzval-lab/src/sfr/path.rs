@@ -74,7 +74,8 @@ impl Path {
         Beside { distance: (x - p) / cosine, u: (t - self.middle) / self.half, cosine }
     }
 
-    /// On which side of the path a point lies, if it is farther from it than `px`: without the foot of the perpendicular.
+    /// Side of the path on which a point lies; `None` if it may lie within `px` of the path. The foot of the perpendicular is not computed:
+    /// the steepest slope bounds the distance.
     pub fn side_beyond(&self, [x, y]: [f64; 2], px: f64) -> Option<f64> {
         // No slope within the rows is greater than the sum of all terms' slopes there.
         let terms = self.coefficients.iter().enumerate();

@@ -40,11 +40,13 @@ const PENALTY_NOISE: f64 = 0.2;
 /// Share of pixels left out from which they are the reason if there is no profile without them.
 const MANY_LEFT_OUT: f64 = 0.03;
 
-/// How far an even side may leave its level, of the step, beyond so many standard deviations of noise; and the parts in which it is compared:
-/// pixels at a distance, and squares of a side, with so many pixels at least.
+/// Largest deviation of an even side from its level, as a share of the step, beyond noise.
 const LARGEST_DEVIATION: f64 = 0.1;
+/// Standard deviations of noise that are subtracted from a deviation.
 const NOISE_SIGMAS: f64 = 6.0;
+/// Side of the squares in which a side is compared with its level, pixels. It is compared per pixel of distance as well.
 const SQUARE_PX: f64 = 8.0;
+/// Least pixels of a part that is compared.
 const LEAST_OF_PART: f64 = 8.0;
 
 /// Modulation at the highest frequency that the pixels sample without ambiguity, above which an edge is sampled too coarsely.

@@ -13,8 +13,10 @@ const PASSES: usize = 4;
 /// Least ratio of the step to the noise of the two ends of a row, in the mean over the rows.
 const LEAST_STEP: f64 = 1.0;
 
-/// How near the middle of a window an edge may lie: pixels between it and the nearer end, if the window may hold a straight edge of an
-/// inclination within `angles_deg`, with at least `least_half` pixels on either side, whose rows lie within `roughness_px` of a line.
+/// Distance of the nearer end of an edge from the middle of a window, pixels; `None` if the window holds no straight edge.
+///
+/// A straight edge has an inclination within `angles_deg` and at least `least_half` pixels on either side, and its rows lie within
+/// `roughness_px` of a line.
 pub fn may_be_edge(
     plane: &Plane,
     window: &Window,

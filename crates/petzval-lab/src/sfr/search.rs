@@ -1,7 +1,7 @@
 //! A first guess of the edge: of all straight steps across a coarse picture of the region, the one that explains most of it.
 //!
-//! The coarse picture holds medians, so that dead pixels and columns do not count, and the plane that fits it best is taken out, so that
-//! neither light that falls across the region nor little contrast leads away from the edge.
+//! The coarse picture holds medians, so dead pixels and columns do not count. The plane that fits it best is subtracted. Thus neither a
+//! slope of light across the region nor low contrast leads away from the edge.
 
 use petzval_base::statistics::median;
 

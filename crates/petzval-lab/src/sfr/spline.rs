@@ -1,7 +1,7 @@
 //! A smooth curve through scattered points: cubic B-splines by least squares.
 //!
-//! The points are taken where they are, not in bins. A penalty on the fourth differences of the coefficients, far below what the data say,
-//! bridges gaps between the points as a spline of seventh degree would.
+//! The points are not binned. A penalty on the fourth differences of the coefficients, far below what the data say, bridges gaps between
+//! the points as a spline of seventh degree would.
 
 /// Knots in a pixel: the spline follows frequencies up to two cycles per pixel.
 pub const KNOTS_PER_PIXEL: usize = 4;
@@ -52,7 +52,7 @@ impl Basis {
         Some((first, [-0.5 * s * s, middle(t), -middle(s), 0.5 * t * t].map(|v| per_px * v)))
     }
 
-    /// Where a coefficient has its weight: a straight line has its own values there as coefficients.
+    /// Position of the middle of a spline. The coefficients of a straight line are its values at these positions.
     pub fn centre(self, coefficient: usize) -> f64 {
         (coefficient as f64 - 1.0) / KNOTS_PER_PIXEL as f64 - self.half as f64
     }

@@ -82,18 +82,18 @@ impl HistogramFit {
     }
 }
 
-/// Mean reduced chi-square of the cores from which on the model does not describe the histograms. Pixels that differ count
-/// twice in two frames, which alone makes up to 2.
+/// Mean reduced chi-square of the cores above which the model does not describe the histograms. Fixed differences between pixels count
+/// twice in two frames, which alone gives up to 2.
 const POOR_MEAN: f64 = 2.0;
-/// The same for the worst of the histograms.
+/// Reduced chi-square of the worst core above which the model does not describe the histograms.
 const POOR_WORST: f64 = 5.0;
 /// Mean reduced chi-square of the cores.
 pub fn mean_core_chi2(histograms: &[HistogramComparison]) -> f64 {
     histograms.iter().map(|h| h.core_reduced_chi2).sum::<f64>() / histograms.len().max(1) as f64
 }
 
-/// Chi-squared of all cores together. `parameters` were fitted. Pixels that differ are twice in two frames, which raises it; the errors are
-/// then too small by its root.
+/// Chi-squared of all cores together. `parameters` were fitted. Fixed differences between pixels count twice in two frames, which raises
+/// it. The standard errors are then too small by its root.
 pub fn test_of(histograms: &[HistogramComparison], parameters: usize, is_poor: bool) -> FitTest {
     let bins: usize = histograms.iter().map(|h| h.core_degrees_of_freedom).sum();
     let chi2: f64 = histograms.iter().map(|h| h.core_reduced_chi2 * h.core_degrees_of_freedom as f64).sum();

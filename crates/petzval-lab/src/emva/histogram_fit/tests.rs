@@ -247,7 +247,7 @@ fn a_model_that_misses_every_sample_is_a_bad_fit() {
 }
 
 /// A colour sensor, three gains, one exposure time of the flat frames, light that no list states.
-fn light_changes_and_is_not_told() -> Characterization {
+fn unstated_light_changes() -> Characterization {
     let folder = tempfile::tempdir().unwrap();
     let sensor = include_str!("../../../../../data/sensors/imx249-fitted.toml");
     let sensor = petzval_files::parse_sensor(sensor).unwrap();
@@ -266,7 +266,7 @@ fn light_changes_and_is_not_told() -> Characterization {
 
 #[test]
 fn the_colours_of_a_point_share_its_light() {
-    let found = light_changes_and_is_not_told();
+    let found = unstated_light_changes();
     let fit = found.histogram_fit.as_ref().unwrap();
     assert!(z(fit.red_over_green, 0.82).abs() < 3.5, "{:?}", fit.red_over_green);
     assert!(z(fit.blue_over_green, 1.25).abs() < 3.5, "{:?}", fit.blue_over_green);
