@@ -64,7 +64,7 @@ pub struct Pair {
     pub width: usize,
     /// Three planes of the ISP, sRGB-encoded, 0..1.
     pub isp: Vec<f32>,
-    /// Those of the proxy.
+    /// Three planes of the proxy, in the same encoding.
     pub proxy: Vec<f32>,
 }
 

@@ -27,7 +27,7 @@ pub(crate) struct Page<'a> {
     pub main: Markup,
     /// A script with its elements; empty if there is none.
     pub script: Option<(Markup, &'a str)>,
-    /// Seconds after which a browser asks for the page again, if it shows something that grows.
+    /// Seconds after which a browser reloads the page, if it shows something that grows.
     pub again_s: Option<u32>,
 }
 
@@ -175,8 +175,8 @@ pub(crate) fn facts<'a>(rows: impl IntoIterator<Item = (&'a str, Option<String>)
     }
 }
 
-/// Checks what holds of every page: what is linked exists once, drawings have the colours of the page, headings and
-/// drawings have words instead of the names of keys, and a phone shows no text below [`SMALLEST_TEXT_PX`].
+/// Checks every page. Each link has one target, and drawings have the colours of the page. Headings and drawings have words instead of
+/// names of keys, and a phone shows no text below [`SMALLEST_TEXT_PX`].
 #[cfg(test)]
 pub(crate) fn assert_readable(page: &str) {
     assert_legible_on_a_phone(page);

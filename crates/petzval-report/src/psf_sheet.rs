@@ -47,9 +47,9 @@ impl Places {
     }
 }
 
-/// Draws PSFs on one sheet, a PNG: rows are colour, red, green, blue with their wavelengths, um; brightness is the square root
-/// of the value relative to the largest of its field, so that cores and tails are both visible. Above each column stand its
-/// field and where its chief ray lands, below the sheet a scale bar.
+/// Draws PSFs on one sheet, a PNG. Rows are colour, red, green and blue with their wavelengths, um. Brightness is the square root of the
+/// value relative to the largest of its field, so that cores and tails are both visible. Above each column stand its field and where its
+/// chief ray lands, below the sheet a scale bar.
 pub fn psf_sheet(psfs: &[FieldPsf], options: &PsfOptions, wavelengths_um: [f64; 3]) -> Vec<u8> {
     png::encode(&sheet(psfs, options, wavelengths_um))
 }

@@ -449,7 +449,7 @@ fn effects(sheet: &ToleranceSheet) -> Markup {
             }
         }
         @if has_shares {
-            (caption("Even share: the tolerance with which every quantity contributes alike to the loss that was asked for; > where even a far wider one costs less."))
+            (caption("Even share: the tolerance with which every quantity contributes alike to the required loss; > where even a far wider one costs less."))
         }
     }
 }

@@ -22,11 +22,11 @@ pub struct Group {
 /// A table of finished cells.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TextTable {
-    /// What it shows.
+    /// Caption: what the table shows.
     pub caption: String,
-    /// Heads of the columns, that of the row heads first.
+    /// Heads of the columns. The first column holds the heads of the rows.
     pub head: Vec<String>,
-    /// The rows, each with its head.
+    /// The rows. The first cell of each is its head.
     pub rows: Vec<Vec<String>>,
 }
 

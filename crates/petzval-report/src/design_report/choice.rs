@@ -55,7 +55,7 @@ fn median_of(gains: &[f64]) -> f64 {
     median(gains.iter().copied().filter(|gain| gain.is_finite()))
 }
 
-/// The picture with the most gain at the place with the most mean gain.
+/// Chooses the place with the largest mean gain, and of its pictures the one with the largest gain.
 fn most_gain(places: &[Place], gains: &[f64]) -> Option<usize> {
     let finite = |place: &Place| -> Vec<usize> {
         place.pictures.iter().copied().filter(|i| gains[*i].is_finite()).collect()

@@ -1,4 +1,4 @@
-//! Cameras as they are made: a table of what tolerances leave of the scores.
+//! Cameras as they are made: a table of their scores with manufacturing errors.
 
 use maud::{Markup, html};
 

@@ -56,7 +56,7 @@ mod tests {
     use crate::sample;
 
     #[test]
-    fn a_run_at_work_says_how_far_it_is_and_is_asked_for_again() {
+    fn a_run_at_work_shows_its_progress_and_is_reloaded() {
         let mut report = sample::report();
         assert!(!html(&report).contains("http-equiv"));
         let camera = |name: &str, state, taken| CameraProgress {

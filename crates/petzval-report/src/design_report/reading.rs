@@ -41,7 +41,7 @@ pub(super) fn reading(report: &Report) -> Vec<String> {
     sentences
 }
 
-/// Whether the range of what a camera finds more than the baseline lies wholly above 0.
+/// True if the 95 % range of the gain in AP50 over the baseline lies wholly above 0.
 fn is_ahead(view: &DetectionView, camera: &TableRow) -> bool {
     let seen = view.cameras.iter().find(|seen| seen.camera == camera.camera);
     seen.and_then(|seen| seen.against_baseline).is_some_and(|range| range.low > 0.0)
@@ -282,7 +282,7 @@ mod tests {
             "End-to-end against nominal: +0.050 in AP50 (95 % range +0.020 to +0.080), +0.040 in AP."
         );
         assert!(all[1].ends_with("End-to-end: +50 % in AP50, +40 % in AP."), "{}", all[1]);
-        // Where the windows cannot tell that perfect optics are ahead, there is no gap to speak of.
+        // If the windows do not show that perfect optics are ahead, no share of the gap is stated.
         report.detection.as_mut().unwrap().cameras[1] = seen("perfect", Some([-0.01, 0.15]), None);
         assert!(!said(&report).concat().contains("Share of the gap"));
     }

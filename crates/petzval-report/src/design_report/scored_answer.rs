@@ -64,7 +64,7 @@ fn places_in_words(standing: &Standing) -> Option<String> {
     if standing.places.len() < 2 {
         return None;
     }
-    let told = |(place, difference): (usize, Difference), side: &str| {
+    let worded = |(place, difference): (usize, Difference), side: &str| {
         format!("{} {side} {}", amount(standing, difference), standing.places[place].in_words())
     };
     let lead = standing.lead(subject, baseline);
@@ -77,15 +77,15 @@ fn places_in_words(standing: &Standing) -> Option<String> {
     Some(match (lag, lead) {
         (Some(lag), Some(lead)) => {
             // "... at 93 % of the half-diagonal and ... at 41 %".
-            let lead = told(lead, "ahead");
+            let lead = worded(lead, "ahead");
             let is_far = standing.places[lag.0].in_words().ends_with(OF_WHAT);
             let lead = if is_far { lead.trim_end_matches(OF_WHAT) } else { &lead };
-            format!("{of} {} and {lead}", told(lag, "behind"))
+            format!("{of} {} and {lead}", worded(lag, "behind"))
         }
-        (Some(lag), None) => format!("{of} nowhere ahead, and {}", told(lag, "behind")),
+        (Some(lag), None) => format!("{of} nowhere ahead, and {}", worded(lag, "behind")),
         (None, None) => format!("{of} at no place further ahead or behind than the error"),
         (None, Some(lead)) => {
-            let all = format!("{of} nowhere behind, and {}", told(lead, "ahead"));
+            let all = format!("{of} nowhere behind, and {}", worded(lead, "ahead"));
             // Nowhere behind the baseline does not mean nowhere behind.
             let other = standing.runner_up.filter(|_| subject == standing.best);
             let other = other.and_then(|other| Some((other, standing.lag(subject, other)?)));

@@ -77,7 +77,7 @@ pub struct Progress {
     pub cameras: Vec<CameraProgress>,
     /// Time that the steps that are left will take at the pace of the latest ones, in words; none before the first step.
     pub time_left: Option<String>,
-    /// Seconds after which a browser asks for the page again.
+    /// Seconds after which a browser reloads the page.
     pub again_s: u32,
 }
 
@@ -258,14 +258,14 @@ pub struct MadeCamera {
     pub camera: String,
     /// How many of them have no image.
     pub failed: usize,
-    /// In each score.
+    /// Figures of each score of [`Report::scores`].
     pub scores: Vec<MadeScore>,
 }
 
 /// A score of random cameras of one design.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MadeScore {
-    /// That of the camera as drawn.
+    /// Score of the camera as drawn.
     pub drawn: f64,
     /// Mean.
     pub mean: f64,
@@ -301,8 +301,8 @@ pub struct CameraDetection {
     pub against_baseline: Option<Range>,
     /// The AP50 of the design less its own over the same windows; none for the design.
     pub design_against: Option<Range>,
-    /// AP50 of its detector in the picture of perfect optics without noise, in the light on the pixels, in the raw frame in a plain development,
-    /// and in the finished picture; none where there is nothing to find.
+    /// AP50 of its detector at four places: the picture of perfect optics without noise, the light on the pixels, the raw frame in a plain
+    /// development, and the finished picture. None if there are no objects.
     pub ap50_at_stages: [Option<f64>; 4],
     /// Where objects are lost.
     pub lost: LostObjects,

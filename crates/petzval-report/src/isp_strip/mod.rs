@@ -49,7 +49,7 @@ pub struct StripParameter {
     pub unit: String,
     /// Whether the value is its default.
     pub is_default: bool,
-    /// What it is.
+    /// Its description.
     pub sentence: String,
 }
 

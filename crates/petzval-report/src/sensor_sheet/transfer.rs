@@ -111,7 +111,7 @@ pub(super) fn photon_transfer(shown: &Shown<'_>) -> Option<Sheet> {
     }
     if shown.channels().iter().any(|c| c.transfer.saturation_signal_dn.value().is_some()) {
         let pen = Pen::thin(MUTED).dashed();
-        keys.push(Key { line: KeyLine::Pen(pen), name: "saturation: the signal at which it ends".into() });
+        keys.push(Key { line: KeyLine::Pen(pen), name: "saturation: the largest signal".into() });
     }
     let around = Around {
         class: "photon-transfer",
