@@ -185,7 +185,7 @@ fn page_name(stem: &str) -> String {
     format!("{stem}-side-by-side.html")
 }
 
-/// The cameras that are asked for, which must be finished.
+/// The cameras that the request names, which must be finished.
 fn chosen(request: &Request, folder: &RunFolder, all: &[String]) -> Result<Vec<String>, JobError> {
     let finished = folder.finished(all.iter().map(String::as_str));
     if finished.is_empty() {

@@ -26,7 +26,7 @@ pub struct Call {
     pub format: u32,
     /// Name of the job; `petzval jobs` lists them.
     pub job: String,
-    /// What it is asked; `petzval schema job NAME` prints what it may hold.
+    /// Its request; `petzval schema job NAME` prints the schema.
     #[serde(default = "nothing")]
     pub request: Value,
     /// Glass catalogues whose glasses take precedence over the built-in ones, by path.

@@ -318,8 +318,8 @@ pub fn look(new: &NewRun, device: &str, context: &Context) -> Result<FirstLook, 
     Ok(look)
 }
 
-/// The experiment of a new run made ready, what there is to know of it, and the context in which its lens and sensor are found. Every warning is
-/// reported.
+/// Makes the experiment of a new run ready and checks it before the first step. Returns it with the findings and with the context in which
+/// its lens and sensor are found. Every warning is reported.
 fn looked_at(
     new: &NewRun,
     device: Device,
@@ -420,8 +420,8 @@ pub fn resolved(new: &NewRun, context: &Context) -> Result<Experiment, JobError>
     Ok(prepared(new, context)?.0)
 }
 
-/// The experiment of a new run, and the context in which its lens and sensor are found: where the request names a lens in place of an experiment, they
-/// are fitted to each other as `init` does, and are in no file.
+/// The experiment of a new run, and the context in which its lens and sensor are found. If the request names a lens in place of an
+/// experiment, lens and experiment are fitted to each other as by `init`; they are then in no file.
 fn prepared(new: &NewRun, context: &Context) -> Result<(Experiment, Context), JobError> {
     let is_built_in = ["experiments", "lenses"]
         .iter()

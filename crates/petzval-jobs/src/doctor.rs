@@ -24,7 +24,7 @@ pub struct Response {
     pub experiments: Vec<String>,
 }
 
-/// Nothing is asked.
+/// An empty request.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Request {}

@@ -170,7 +170,7 @@ pub(crate) fn make_folder(path: &Path) -> Result<(), JobError> {
 /// Bytes of the longest path that systems take, with room for the names of files in a folder of results.
 const LONGEST_PATH: usize = 3900;
 
-/// Fails if a name or a path is longer than file systems hold. A folder that does not exist yet would tell only when it is made.
+/// Fails if a name or a path is longer than file systems hold. A folder that does not exist yet would fail only when it is made.
 pub(crate) fn check_length(path: &Path) -> Result<(), JobError> {
     let whole = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     let bytes = whole.as_os_str().len();

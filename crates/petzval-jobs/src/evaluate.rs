@@ -96,13 +96,13 @@ pub struct Made {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum LensTolerances {
-    /// Good practice.
+    /// Tolerances of good practice, of this grade.
     Grade(Grade),
     /// A tolerance file, for the lenses of all designs.
     File(PathBuf),
 }
 
-/// The figures, computed again.
+/// The figures of the response, computed anew.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Response {
     /// The figures; on other pictures than those of the run with their 95 % ranges.
@@ -118,7 +118,7 @@ pub struct Response {
     /// Camera, figure and unit of that difference; none if every figure is the same.
     #[serde(default)]
     pub largest_difference_of: Option<String>,
-    /// Figures of cameras as they are made, if the request asked for them.
+    /// Figures of cameras as they are made, if `made` was requested.
     pub made: Option<MadeMetrics>,
 }
 

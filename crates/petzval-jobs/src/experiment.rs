@@ -22,7 +22,7 @@ pub struct Entry {
     pub variants: Vec<String>,
 }
 
-/// Nothing is asked.
+/// An empty request.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ListRequest {}

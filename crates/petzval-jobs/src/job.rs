@@ -18,9 +18,9 @@ pub trait Job {
     const ABOUT: &'static str;
     /// Keys that a request must hold; every other key has a default.
     const NEEDS: &'static [&'static str];
-    /// What it is asked.
+    /// Its request.
     type Request: Serialize + DeserializeOwned + JsonSchema;
-    /// What it answers.
+    /// Its response.
     type Response: Serialize;
 
     /// Runs it.

@@ -77,7 +77,7 @@ impl Watched {
         Ok(Self { folder, scorer: scorer(setup)? })
     }
 
-    /// The page as the run stands. That of a run at work has a browser ask for it again.
+    /// The page as the run stands. The page of a run at work is reloaded by the browser.
     pub fn page(&self) -> Result<String, JobError> {
         let setup = self.scorer.setup();
         if self.folder.metrics().is_file() {

@@ -162,9 +162,8 @@ fn root_of(request: &Request, name: &str, seed: u64) -> PathBuf {
     request.out.join(format!("{}-seed-{seed}", stem(name)))
 }
 
-/// Refuses a folder that holds a run of another experiment, or of the same with another budget or from other inputs: its figures would pass
-/// for those that are asked for. Lens, sensor and most other inputs are copies in a run's folder: their names differ, and their content is
-/// compared.
+/// Refuses a folder that holds a run of another experiment, with another budget or from other inputs. Its figures would pass for those of
+/// the requested run. Lens, sensor and most other inputs are copies in a run's folder: their names differ, and their content is compared.
 fn refuse_other_run(root: &Path, new: &NewRun, request: &Request, context: &Context) -> Result<(), JobError> {
     let Ok(run) = RunFolder::open(root) else { return Ok(()) };
     let Some(record) = RunRecord::read(&run)? else { return Ok(()) };

@@ -67,7 +67,7 @@ fn usual_least_score() -> f32 {
 pub struct Response {
     /// The pictures in the order of the request, without those that cannot be read.
     pub pictures: Vec<Seen>,
-    /// Pictures that cannot be read; a warning said of each why.
+    /// Pictures that cannot be read; a warning gave the reason for each.
     #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub unread: Vec<PathBuf>,
     /// Folder with `detections.json` (COCO results), `annotations.json` (pictures, classes, and the objects of a data set) and the drawn
@@ -102,16 +102,18 @@ pub struct Found {
 /// Endings of the files that are taken from a folder; the last is that of raw frames, which only the camera of a run develops.
 const PICTURES: [&str; 6] = ["png", "jpg", "jpeg", "tif", "tiff", "dng"];
 
-/// A picture that is looked at.
+/// A picture in which objects are detected.
 struct Looked {
     file: PathBuf,
-    /// What a data set says of it.
+    /// Its record in the data set.
     image: Image,
 }
 
-/// Looks for objects in pictures, for a camera of a run at their own size. Drawn pictures are written one by one, the results at the end, also
-/// where the job is stopped: of the pictures before. A picture that cannot be read is warned of and left out. With a
-/// data set, scores and results are of everything that the detector reports, not only of what reaches the least score.
+/// Detects objects in pictures, for a camera of a run at their own size.
+///
+/// Drawn pictures are written one by one, the results at the end. If the job is stopped, the results are of the pictures before. A picture
+/// that cannot be read gives a warning and is left out. With a data set, scores and results use all detections, not only those above the
+/// least score.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     if !(0.0..=1.0).contains(&request.least_score) {
         let hint = "0 shows everything that the detector keeps, 0.5 what is more likely there than not";
@@ -249,7 +251,7 @@ fn result(image_id: u64, found: &Detection) -> coco::Detection {
     }
 }
 
-/// Pictures of which nothing is known, numbered from 1.
+/// Pictures without labels, numbered from 1.
 fn unlabelled(files: Vec<PathBuf>) -> Result<Vec<Looked>, JobError> {
     let looked = |(i, file): (usize, PathBuf)| {
         let image = Image { id: i as u64 + 1, file_name: whole_path(&file)?, ..Image::default() };

@@ -40,7 +40,7 @@ pub struct Overhanging {
 }
 
 impl Overhanging {
-    /// The numbers of detections for a data set with its boxes as the file has them, so many of which reach out of their picture.
+    /// Scores against the boxes as the file has them. `boxes` of them reach out of their picture.
     pub fn of(whole: &DataSet, boxes: usize, found: &[coco::Detection]) -> Self {
         let (pictures, classes) = pictures_of_data_set(whole, found);
         Self { boxes, coco: coco_summary(&pictures, classes.len()) }

@@ -52,7 +52,7 @@ impl Default for Request {
 /// What was measured, and the files that hold it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Response {
-    /// Name of the ISP, as it was asked for.
+    /// Name of the ISP, as in the request.
     pub isp: String,
     /// Lens.
     pub lens: String,

@@ -240,7 +240,7 @@ fn encoded(request: &Request, picture: &RgbPicture) -> Result<Vec<u8>, JobError>
 /// Endings of pictures.
 const ENDINGS: [&str; 3] = ["png", "y4m", "yuv"];
 
-/// The ending of the pictures, in the letters of `out` if that is the name of a file.
+/// File extension of the pictures. If `out` is the name of a file, its upper and lower case letters are kept.
 fn extension(request: &Request) -> String {
     let usual = match request.ycbcr.map(|file| file.container) {
         None => "png",

@@ -325,7 +325,7 @@ fn estimate(frame: &mut RawInput, options: &FrameOptions) -> Result<(), petzval_
     let statistics = Statistics::of_frame(frame)?;
     let about = &mut frame.about;
     if options.auto_exposure {
-        // The frame is taken already: another digital number becomes white.
+        // The exposure cannot change any more: the white level is moved instead.
         let ev = auto_exposure_ev(&statistics, about.response, &ExposureOptions::default());
         set_white(about, (-ev).exp2());
     }

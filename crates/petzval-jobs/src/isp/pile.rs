@@ -19,8 +19,8 @@ pub struct Pile {
     pub pixels: usize,
 }
 
-/// The pile at the largest number of a mosaic; none if its pixels are few, or no more than those of other numbers, or if the frame has no
-/// noise: then equal numbers are equal light.
+/// The pile of pixels at the largest number of a mosaic. `None` if they are few, or no more than at other numbers. `None` as well if the
+/// frame has no noise: then equal numbers are equal light.
 pub fn pile_up(dn: &[u32], width: usize, cfa: CfaPattern) -> Option<Pile> {
     let largest = *dn.iter().max()?;
     let pixels = dn.iter().filter(|v| **v == largest).count();

@@ -25,7 +25,7 @@ use crate::error::JobError;
 /// Name of the settings in which every parameter of the built-in ISP has its default.
 pub const NEUTRAL: &str = "neutral";
 
-/// Runs of which the times of the stages are medians.
+/// Number of runs over which the median time of each stage is taken.
 const TIMED_RUNS: usize = 9;
 
 /// An ISP that a name stands for, with values for all of its parameters.
@@ -196,7 +196,7 @@ impl NamedIsp {
         Ok(values)
     }
 
-    /// Asks the built-in ISP for pictures of so many bits; an external one decides itself, and a proxy makes 16.
+    /// Sets the bits of the pictures of the built-in ISP. An external ISP decides itself, and a proxy makes 16.
     pub fn set_bits(&mut self, bits: u32) {
         if let Kind::BuiltIn { isp, .. } = &mut self.kind {
             isp.settings.bits = bits;

@@ -264,7 +264,7 @@ fn found(file: &Path, frame: &Frame) -> Result<Vec<Edge>, JobError> {
     }
 }
 
-/// Warns of what the figures of an edge depend on: pixels at an end of the numbers, light that was divided out, pixels that were left out.
+/// Warns of effects on the figures of an edge: clipped pixels, light that was divided out, and pixels that were left out.
 fn warn(edges: &[Edge], frame: &Frame, context: &Context) {
     for edge in edges {
         for mtf in &edge.channels {

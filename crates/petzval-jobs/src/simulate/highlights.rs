@@ -7,7 +7,7 @@ use petzval_design::error::DesignError;
 use super::request::{Request, is_over_spectrum};
 use crate::error::JobError;
 
-/// Share of what the sensor holds of white that white is by default: half a stop below its end.
+/// Default white, as a share of the white at which the sensor saturates: half a stop below.
 const DEFAULT_SHARE: f64 = 0.7;
 
 /// Digits of a default or of a number that is offered.
@@ -61,7 +61,7 @@ pub struct Saturation {
 }
 
 impl Saturation {
-    /// That of a shot with such a share of saturated pixels, where white gives `white_e` electrons.
+    /// The saturation of a shot with the share `share` of saturated pixels, if white gives `white_e` electrons.
     pub fn of(request: &Request, sensor: &SensorModel, white_e: f32, share: f64) -> Result<Self, JobError> {
         Ok(Self { highest: capacity_e(request, sensor)? / f64::from(white_e), share })
     }

@@ -26,7 +26,7 @@ pub fn noise(request: &Request) -> Noise {
     Noise { mode, seed: request.seed }
 }
 
-/// The light of a picture file; warns of what the file says that is not obeyed.
+/// The light of a picture file; warns of statements of the file that are ignored.
 pub fn photograph(path: &Path, context: &Context) -> Result<LinearImage, JobError> {
     let picture = load_image(path).map_err(DesignError::from)?;
     for note in picture.notes {

@@ -78,7 +78,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Vec<Facts>, JobError>
     Ok(written)
 }
 
-/// The electrons of what was opened.
+/// The electrons of an opened scene.
 fn electrons(
     request: &Request,
     rig: &Rig,

@@ -1,4 +1,4 @@
-//! `train`: networks that stand in for what has no gradient, or for what once had none.
+//! `train`: networks that replace a stage without a gradient: an ISP, or, as in the paper, ray tracing.
 
 mod folder;
 pub mod isp_proxy;

@@ -1,4 +1,4 @@
-//! What a training is asked for: to begin, or to go on.
+//! The request of a training: to begin, or to go on.
 
 use std::path::{Path, PathBuf};
 

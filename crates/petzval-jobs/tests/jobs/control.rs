@@ -167,7 +167,7 @@ fn the_control_is_as_good_as_the_exact_optimiser() {
     assert!(apart.is_empty(), "{apart:?}");
 }
 
-/// The height of the image is held as the lens has it in focus, not on a plane far from it.
+/// The image height that is held is the one in focus, not the one on a plane far from focus.
 #[test]
 fn a_lens_out_of_focus_is_led_where_the_same_lens_in_focus_is() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,5 +1,5 @@
-//! A slanted edge goes through a lens onto pixels, and the MTF that is measured of the raw frame is that of the lens times that of the pixel, and
-//! of the cells on which the picture is computed.
+//! A slanted edge is imaged by a lens onto pixels. The MTF that is measured of the raw frame must be the product of three MTFs: lens,
+//! pixel, and the cells on which the picture is computed.
 
 use std::f64::consts::PI;
 use std::path::Path;
@@ -27,8 +27,8 @@ const ANGLE_DEG: f64 = 5.0;
 /// Wavelengths of the blue, green and red channel, um.
 const COLOURS_UM: [f64; 3] = [0.486, 0.55, 0.62];
 
-/// Largest difference. The modulus of a difference of MTFs is at most the sum of absolute differences of the PSFs: those of pictures have an
-/// error of 0.02 by their pupil cells, and of 0.03 in the median by the blend of patches beside the axis.
+/// Largest difference. The modulus of a difference of MTFs is at most the sum of absolute differences of the PSFs: this bounds the error.
+/// PSFs of pictures have an error of 0.02 by their pupil cells, and of 0.03 in the median by the blend of patches beside the axis.
 const ON_AXIS: f64 = 0.02;
 const BESIDE_AXIS: f64 = 0.05;
 

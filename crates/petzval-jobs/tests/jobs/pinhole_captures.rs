@@ -34,8 +34,8 @@ fn bench() -> (PinholeView, SensorModel) {
     (PinholeView::new(&lens, &sensor, Some(1500.0), 75.0, true, Refocus::OnSource).unwrap(), sensor)
 }
 
-/// A window with the source in it. Equal sources have equal light wherever they fall on the mosaic: on a whole pixel, the brightest
-/// one would gather 20,000 electrons of its colour in 16 ms, of the 33,000 that the sensor can tell.
+/// A window with the source in it. Equal sources have equal light wherever they fall on the mosaic: on a whole pixel, the brightest one
+/// would gather 20,000 electrons of its colour in 16 ms, of the 33,000 that the sensor can hold.
 fn light(psf: &FinePsf, spot: Spot, placement: Placement, sensor: &SensorModel) -> WindowLight {
     let land = |spot: Spot| psf.land(spot, sensor.pixel_um, (SIDE, SIDE));
     let whole = Spot { row: 32.0, col: 32.0, ..spot };
@@ -84,8 +84,8 @@ fn beside(position: &CalibratedPosition, psf: &FinePsf, spot: Spot, sensor: &Sen
     compare(&position.measured, &position.frame, psf, sensor.pixel_um, spot.azimuth_rad, at, "p").unwrap()
 }
 
-/// Field radius, mm, and where its source is: 16 phases of the mosaic's tile at the corner of the sensor, and three places at which
-/// plain sums of 3x3 pixels have a gap between green and blue, or a pixel of the PSF stands beside some that are darker than
+/// Field radius, mm, and the place of its source. There are 16 phases of the mosaic's tile at the corner of the sensor, and three special
+/// places. There, plain sums of 3x3 pixels have a gap between green and blue, or a pixel of the PSF stands beside some that are darker than
 /// the median around it.
 fn places() -> Vec<(f64, Spot, Placement)> {
     let azimuth_rad = 1200f64.atan2(1920.0);
@@ -104,7 +104,7 @@ fn places() -> Vec<(f64, Spot, Placement)> {
 }
 
 #[test]
-fn nothing_is_told_of_good_captures_at_any_phase_of_the_mosaic() {
+fn good_captures_give_no_warning_at_any_phase_of_the_mosaic() {
     let (view, sensor) = bench();
     let psfs = [6.4, 5.6].map(|radius_mm| (radius_mm, view.psf(radius_mm).unwrap().psf));
     for (k, (radius_mm, spot, placement)) in places().into_iter().enumerate() {
@@ -138,14 +138,14 @@ fn a_hot_pixel_on_the_flank_of_a_spot_is_found() {
             placement.row + row,
             placement.col + col
         );
-        let told: Vec<&String> =
+        let warnings: Vec<&String> =
             position.warnings.iter().filter(|w| !w.starts_with("no dark frames")).collect();
-        // Two pixels from the last one the PSF has a third of its light, twice: what it is cannot be told.
+        // Two pixels from the last one the PSF has a third of its light, twice: a second source cannot be distinguished from it.
         if (down, right) == (4, -4) {
-            assert!(told.is_empty(), "{told:?}");
+            assert!(warnings.is_empty(), "{warnings:?}");
             continue;
         }
-        assert!(told.len() == 1 && *told[0] == named, "{down} {right}: {told:?}");
+        assert!(warnings.len() == 1 && *warnings[0] == named, "{down} {right}: {warnings:?}");
         // What stands in its place is as far off as its variance says.
         let found = beside(&position, &psf, spot, &sensor);
         for c in 0..CHANNELS {
@@ -156,7 +156,7 @@ fn a_hot_pixel_on_the_flank_of_a_spot_is_found() {
 }
 
 #[test]
-fn a_second_source_is_told_of_through_lateral_colour() {
+fn a_second_source_gives_a_warning_through_lateral_colour() {
     let (view, sensor) = bench();
     let psf = view.psf(FLANK_MM).unwrap().psf;
     let placement = Placement { row: 1118, col: 1807 };
@@ -194,8 +194,8 @@ fn pixels_as_cells(bank: &PsfBank, position: &CalibratedPosition) -> PsfBank {
     naive
 }
 
-/// The triplet at 3.2 mm, captured at three azimuths: what the bank says of itself holds at azimuths, phases and noise that it has
-/// not seen, through its own operator and through the renderer, where pixels integrate once and not twice.
+/// The triplet at 3.2 mm, captured at three azimuths. The error that the bank states holds at azimuths, phases and noise that it has not
+/// seen. It holds through its own operator and through the renderer, where pixels integrate once and not twice.
 #[test]
 fn the_bank_predicts_new_captures_and_renders_a_point_as_well_as_it_says() {
     let (view, sensor) = bench();

@@ -116,7 +116,7 @@ impl Watcher for Stopper {
 }
 
 #[test]
-fn every_row_is_started_from_its_smallest_request_and_stops_when_asked() {
+fn every_row_is_started_from_its_smallest_request_and_stops_when_cancelled() {
     let folder = tempfile::tempdir().unwrap();
     for call in calls(&folder.path().display().to_string().replace('\\', "/")) {
         let stop = Arc::new(AtomicBool::new(false));

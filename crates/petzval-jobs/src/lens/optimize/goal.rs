@@ -337,8 +337,8 @@ impl Goal {
     }
 }
 
-/// The radius that holds the focal length or the magnification, and its bounds: the last that the file lets vary; if the file names no variables, that
-/// of the last curved surface. None if no radius can.
+/// The surface whose radius is solved for the focal length or the magnification, and the bounds of the radius. It is the last radius that
+/// the file lets vary or, if the file names no variables, that of the last curved surface. `None` if no radius can be solved.
 fn holding(file: &LensFile) -> Option<(usize, Option<[f64; 2]>)> {
     let of_radius =
         |s: usize| file.variables.iter().position(|v| (v.surface, v.number) == (s, Number::Curvature));

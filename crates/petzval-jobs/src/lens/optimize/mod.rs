@@ -119,7 +119,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     })
 }
 
-/// An optimisation that is continued: to the end of what it began with, or by as much as the request says. What is kept grows only.
+/// The configuration with which an optimisation continues, and where it ends. It ends where it would have ended at first, or after as many
+/// further steps as the request says. The kept totals never shrink.
 fn continued(config: Config, request: &Request, history: &History) -> Result<(Config, Upto), JobError> {
     let all = Upto::of(&config);
     let done = history.descent()?.map_or(0, |kept| kept.state.iterations);

@@ -34,7 +34,7 @@ pub(super) struct Upto {
 }
 
 impl Upto {
-    /// To the end of what was asked for.
+    /// All iterations and rounds of the request.
     pub fn of(config: &Config) -> Self {
         let (iterations, rounds) = (config.iterations.unwrap_or(ITERATIONS), config.rounds.unwrap_or(ROUNDS));
         Self { iterations, again: false, rounds }

@@ -1,4 +1,4 @@
-//! What an optimisation is asked for, and what it answers.
+//! Request and response of an optimisation.
 
 use std::path::PathBuf;
 use std::time::Instant;
