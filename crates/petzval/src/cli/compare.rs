@@ -9,8 +9,8 @@ use super::failure::Failure;
 use super::plain::shown;
 use super::terminal::{Terminal, print_json};
 
-/// Put finished runs on one page: tables with means over seeds, the share of the gap to perfect optics that is closed, the figures of the
-/// paper, lenses, curves and the same pictures by every camera.
+/// Put finished runs on one page. It has tables with means over seeds, the share of the gap to perfect optics that is closed, and the
+/// figures of the paper. Lenses, curves and the same pictures by every camera follow.
 ///
 /// Runs that differ in their seeds alone are taken together: every score has a mean and a standard deviation over the seeds, and so have the
 /// differences between cameras of the same seed. Where runs differ in more, a table has a column for every key, input or version that differs.

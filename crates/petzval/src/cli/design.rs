@@ -59,9 +59,9 @@ pub struct Args {
     /// proportion, those of a detector that is trained before the cameras as well. Scores take as long as ever
     #[arg(long, value_name = "N")]
     steps: Option<usize>,
-    /// The budget of a night on a GPU in place of minutes on two cores: 40000 network steps of 16 windows for the camera that takes the
-    /// most, twice as wide a network; take --photos with many pictures along. A detector and the windows of streets stay as they are: see
-    /// detector.backbone and street.windows
+    /// The budget of a night on a GPU in place of minutes on two cores. The camera with the most steps gets 40000 network steps of 16
+    /// windows, and the network is twice as wide. Give --photos with many pictures as well. A detector and the windows of streets stay as
+    /// they are: see detector.backbone and street.windows
     #[arg(long, conflicts_with = "steps")]
     full: bool,
     /// Make only this variant of the experiment, and the variants from which it starts

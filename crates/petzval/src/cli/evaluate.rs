@@ -19,11 +19,11 @@ use super::terminal::{Terminal, print_json};
 
 /// Score the cameras of a finished run again: lenses by exact tracing, pictures on the held-out photographs.
 ///
-/// The last line gives the largest difference from the run's own figures. With --photos or --data the cameras are scored on other pictures, all
-/// of them, and every score has its 95 % range; where these are the pictures of the run itself, which were moved, its held-out ones are scored.
-/// Nothing in the run folder is changed, except with --tolerances:
-/// then cameras are made at random from each design, with lenses off by their tolerances and focused again, and scored with the network or ISP
-/// of the design. Their figures go into tolerance.json and into the report of the run, in place of those of an earlier call.
+/// The last line gives the largest difference from the run's own figures. With --photos or --data the cameras are scored on all of these
+/// pictures, and every score has its 95 % range. If they are the pictures of the run itself, at another place, only its held-out ones are
+/// scored. Nothing in the run folder is changed, except with --tolerances. Then cameras are made at random from each design: their lenses
+/// deviate by their tolerances and are focused again. They are scored with the network or ISP of the design. Their figures go into
+/// tolerance.json and into the report of the run, in place of those of an earlier call.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Run folder

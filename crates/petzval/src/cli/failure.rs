@@ -58,8 +58,8 @@ impl Failure {
             (true, false) => format!("`{}`: ", error.value),
             (true, true) => String::new(),
         };
-        let told = format!("{place}: {said}{}", error.message);
-        let mut diagnostic = diagnostic(&told, error.hint.as_deref().unwrap_or(""));
+        let message = format!("{place}: {said}{}", error.message);
+        let mut diagnostic = diagnostic(&message, error.hint.as_deref().unwrap_or(""));
         // Show the line itself, if the file can still be read.
         let shown =
             error.line.and_then(|line| Some((excerpt(&text_of_file(path)?, line, error.column), line)));

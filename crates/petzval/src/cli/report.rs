@@ -15,7 +15,7 @@ use super::terminal::Terminal;
 /// With --photo the report also shows a photograph over the whole sensor, as every camera takes it; the frames stay in the folder
 /// pictures of the run, and later reports show them too.
 ///
-/// With --watch nothing is written: a browser on this machine shows the run while it is at work, with the cameras that are finished, the
+/// With --watch nothing is written: a browser on this machine shows the run while it is at work. The page has the finished cameras, the
 /// lens of the camera at work, and the losses so far. The page renews itself.
 #[derive(Debug, clap::Args)]
 pub struct Args {

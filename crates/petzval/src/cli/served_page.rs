@@ -1,7 +1,7 @@
 //! A page that grows, for a browser on this machine.
 //!
-//! Each reader has a thread and little time: one that is slow to ask or to read holds up no other. Only requests that name this machine as
-//! their host are answered, so that a page from elsewhere cannot read the run through its reader's browser.
+//! Each reader has a thread and little time: a slow reader delays no other. Only requests that name this machine as their host are
+//! answered, so that a page from elsewhere cannot read the run through its reader's browser.
 
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{Ipv4Addr, Shutdown, TcpListener, TcpStream};
@@ -24,8 +24,8 @@ const MOST_HEADERS: usize = 64;
 /// Most readers at one time; further ones get status 503.
 const MOST_READERS: usize = 32;
 
-/// Time in which a reader has to ask.
-const TO_ASK: Duration = Duration::from_secs(5);
+/// Time in which a reader must send its request.
+const TO_REQUEST: Duration = Duration::from_secs(5);
 
 /// Time in which a reader has to take the page, of a few megabytes.
 const TO_READ: Duration = Duration::from_secs(60);
@@ -34,7 +34,7 @@ const TO_READ: Duration = Duration::from_secs(60);
 const PIECE: usize = 64 << 10;
 
 /// A request for the page; it goes back as HTML, or as what is wrong.
-type Ask = mpsc::Sender<Result<String, String>>;
+type Request = mpsc::Sender<Result<String, String>>;
 
 /// Answers every request for `/` with the page as it then is, until a signal ends the process. Other machines cannot reach it.
 pub fn serve(port: u16, page: impl Fn() -> Result<String, JobError>) -> Result<ExitCode, Failure> {
@@ -49,17 +49,17 @@ pub fn serve(port: u16, page: impl Fn() -> Result<String, JobError>) -> Result<E
     if output::is_lost() {
         return Ok(ExitCode::SUCCESS);
     }
-    let (ask, asked) = mpsc::channel::<Ask>();
-    std::thread::spawn(move || accept(&listener, &ask));
+    let (requests, received) = mpsc::channel::<Request>();
+    std::thread::spawn(move || accept(&listener, &requests));
     // One page is made at a time: many readers need no more memory than one.
-    for reader in asked {
+    for reader in received {
         let _gone = reader.send(page().map_err(|error| error.to_string()));
     }
     Ok(ExitCode::SUCCESS)
 }
 
 /// Gives each reader a thread.
-fn accept(listener: &TcpListener, ask: &mpsc::Sender<Ask>) {
+fn accept(listener: &TcpListener, requests: &mpsc::Sender<Request>) {
     let readers = Arc::new(AtomicUsize::new(0));
     for stream in listener.incoming() {
         let Ok(stream) = stream else {
@@ -67,11 +67,12 @@ fn accept(listener: &TcpListener, ask: &mpsc::Sender<Ask>) {
             std::thread::sleep(Duration::from_millis(50));
             continue;
         };
-        let (counted, ask) = (readers.clone(), ask.clone());
+        let (counted, requests) = (readers.clone(), requests.clone());
         let is_full = readers.fetch_add(1, Ordering::Relaxed) >= MOST_READERS;
         let answering = move || {
             // A browser that has gone meanwhile is no failure.
-            let _gone = if is_full { send(&stream, &Answer::busy(), true) } else { answer(&stream, &ask) };
+            let _gone =
+                if is_full { send(&stream, &Answer::busy(), true) } else { answer(&stream, &requests) };
             counted.fetch_sub(1, Ordering::Relaxed);
         };
         if std::thread::Builder::new().spawn(answering).is_err() {
@@ -98,7 +99,7 @@ impl Answer {
 }
 
 /// Reads a request and answers it.
-fn answer(stream: &TcpStream, ask: &mpsc::Sender<Ask>) -> io::Result<()> {
+fn answer(stream: &TcpStream, requests: &mpsc::Sender<Request>) -> io::Result<()> {
     let head = match head(stream) {
         Ok(head) => head,
         Err(error) if error.kind() == ErrorKind::FileTooLarge => {
@@ -118,7 +119,7 @@ fn answer(stream: &TcpStream, ask: &mpsc::Sender<Ask>) -> io::Result<()> {
         _ if !is_for_this_machine(request.headers) => {
             Answer::plain("403 Forbidden", "this page is for localhost alone; the request names another host")
         }
-        (Some("GET" | "HEAD"), Some("/")) => match page(ask) {
+        (Some("GET" | "HEAD"), Some("/")) => match page(requests) {
             Ok(page) => Answer { status: "200 OK", kind: "text/html; charset=utf-8", text: page },
             Err(error) => Answer::plain("500 Internal Server Error", error),
         },
@@ -128,11 +129,11 @@ fn answer(stream: &TcpStream, ask: &mpsc::Sender<Ask>) -> io::Result<()> {
     send(stream, &answer, request.method != Some("HEAD"))
 }
 
-/// Asks for the page, and waits for it.
-fn page(ask: &mpsc::Sender<Ask>) -> Result<String, String> {
+/// Requests the page, and waits for it.
+fn page(requests: &mpsc::Sender<Request>) -> Result<String, String> {
     let (reader, page) = mpsc::channel();
     let ended = || "the page is no longer made".to_owned();
-    ask.send(reader).map_err(|_| ended())?;
+    requests.send(reader).map_err(|_| ended())?;
     page.recv().map_err(|_| ended())?
 }
 
@@ -143,7 +144,7 @@ fn head(mut stream: &TcpStream) -> io::Result<Vec<u8>> {
         if head.len() > MOST_HEAD {
             return Err(io::Error::new(ErrorKind::FileTooLarge, "the head of the request is too long"));
         }
-        stream.set_read_timeout(Some(left(start, TO_ASK)?))?;
+        stream.set_read_timeout(Some(left(start, TO_REQUEST)?))?;
         match stream.read(&mut piece)? {
             0 => return Err(ErrorKind::UnexpectedEof.into()),
             read => head.extend(&piece[..read]),

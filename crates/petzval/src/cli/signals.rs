@@ -62,10 +62,9 @@ pub fn end_within(grace: Duration) -> Result<Arc<AtomicBool>, Failure> {
     Ok(stop)
 }
 
-/// The signals that ask a job to end. A terminal that is lost asks for it as well, unless the job was started so that it outlives its
-/// terminal, by `nohup`.
+/// The signals that end a job. The loss of its terminal ends it as well, unless the job was started by `nohup`.
 fn handled() -> Result<Signals, Failure> {
-    let asked = [SIGINT, SIGTERM, SIGHUP, SIGUSR1, SIGUSR2];
-    let handled = asked.into_iter().filter(|signal| *signal != SIGHUP || !machine::ignores_signal(*signal));
+    let all = [SIGINT, SIGTERM, SIGHUP, SIGUSR1, SIGUSR2];
+    let handled = all.into_iter().filter(|signal| *signal != SIGHUP || !machine::ignores_signal(*signal));
     Signals::new(handled).map_err(|e| Failure::job(format!("signal handlers: {e}")))
 }

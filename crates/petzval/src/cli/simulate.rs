@@ -69,9 +69,9 @@ struct SpectralArgs {
     /// [default: 16, or more if 16 would be over 20 nm apart]
     #[arg(long, value_name = "N")]
     bands: Option<usize>,
-    /// Quantum efficiency curves in place of the sensor's own: a built-in name (imx219, ov5647), flat:VALUE for one efficiency
-    /// at all wavelengths, or a file: CSV with a head line `wavelength_nm,red,green,blue` or `wavelength_nm,clear` and
-    /// efficiencies of 0 to 1, or TOML with the keys of [quantum_efficiency] in a sensor file
+    /// Quantum efficiency curves in place of the sensor's own: a built-in name (imx219, ov5647), flat:VALUE for one efficiency at all
+    /// wavelengths, or a file. A CSV file has a head line `wavelength_nm,red,green,blue` or `wavelength_nm,clear` and efficiencies of 0 to 1.
+    /// A TOML file has the keys of [quantum_efficiency] in a sensor file
     #[arg(long, value_name = "CURVES")]
     qe: Option<String>,
     /// Transmission of the lens: a number in 0..1, or a CSV file of wavelengths in nm and transmission
@@ -87,16 +87,17 @@ struct SpectralArgs {
 
 /// Take photographs and scenes through a lens: scene, raw frame, developed picture.
 ///
-/// For each image NAME four files are written: NAME-raw.tiff, 16 bit, the mosaic in digital numbers; NAME-raw.tiff.toml,
-/// its camera and exposure; NAME-calibration.toml, what an ISP may know of it, shading and distortion of the lens for instance; and
-/// NAME-developed.png, 8 bit sRGB. Networks are trained on pictures with the same development.
+/// For each image NAME four files are written. NAME-raw.tiff, 16 bit, holds the mosaic in digital numbers, and NAME-raw.tiff.toml its
+/// camera and exposure. NAME-calibration.toml holds what an ISP may know of it, such as shading and distortion of the lens.
+/// NAME-developed.png is 8 bit sRGB. Networks are trained on pictures with the same development.
 ///
 /// OpenEXR pictures with the channels R, G and B, or Y, and Radiance HDR pictures hold linear light of Rec. 709 colours, 1 for
 /// white; brighter highlights are kept. What a file says about its colours and is not obeyed, such as an ICC profile, is reported.
 ///
-/// Spectral images (.npy, .exr with a channel per band, .tif with a sidecar), the built-in scenes (scene:colorchecker, scene:flat,
-/// scene:slanted-edge, scene:siemens-star, scene:test-chart) and photographs with any of the options "Over the spectrum" are simulated over
-/// the spectrum: every band through its own PSF, photons in SI units, electrons by the sensor's quantum efficiency.
+/// Three kinds of input are simulated over the spectrum: spectral images (.npy, .exr with a channel per band, .tif with a sidecar), the
+/// built-in scenes (scene:colorchecker, scene:flat, scene:slanted-edge, scene:siemens-star, scene:test-chart), and photographs with any of
+/// the options "Over the spectrum". Every band has its own PSF; light is in photons, and the sensor's quantum efficiency makes electrons of
+/// it.
 ///
 /// The flat scene is a perfect diffuser. Edge and star have the reflectances of the white and the black patch of a
 /// ColorChecker, 0.89 and 0.03 at 550 nm: black is a dark gray.
@@ -123,10 +124,9 @@ pub struct Args {
     /// Position and scale of a photograph on the sensor
     #[arg(long, value_enum, default_value = "fill")]
     place: Place,
-    /// Samples of the scene along a side of a pixel, 1 to 8. With K the picture is laid on a frame of K x K samples a pixel, and
-    /// each pixel collects the light that the lens brings to its square, so that detail finer than a pixel blurs and aliases
-    /// as in a camera. Time and memory grow with K x K [default: 4 for scene:slanted-edge, scene:siemens-star and scene:test-chart where at most
-    /// a million pixels are read, else 1]
+    /// Samples of the scene along a side of a pixel, 1 to 8. With K the picture is laid on a frame of K x K samples a pixel. Each pixel
+    /// collects the light on its square, so detail finer than a pixel blurs and aliases as in a camera. Time and memory grow with K x K
+    /// [default: 4 for scene:slanted-edge, scene:siemens-star and scene:test-chart where at most a million pixels are read, else 1]
     #[arg(long, value_name = "K")]
     samples: Option<usize>,
     /// How the two colours that a pixel did not measure are interpolated

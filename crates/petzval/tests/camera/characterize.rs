@@ -361,13 +361,13 @@ fn a_useless_series_is_an_error_and_many_warnings_are_one_line() {
     let kept: Vec<&str> = points.iter().filter(|p| !lacks(p)).copied().collect();
     assert_eq!(points.len() - kept.len(), 2);
     std::fs::write(&list, kept.join("[[point]]")).unwrap();
-    let told = run(folder.path(), &["sensor", "characterize", "series", "--json"]);
-    let lines: Vec<&str> = told.stderr.lines().filter(|l| l.contains("no-dark")).collect();
-    assert_eq!(lines.len(), 1, "{}", told.stderr);
+    let done = run(folder.path(), &["sensor", "characterize", "series", "--json"]);
+    let lines: Vec<&str> = done.stderr.lines().filter(|l| l.contains("no-dark")).collect();
+    assert_eq!(lines.len(), 1, "{}", done.stderr);
     assert!(lines[0].contains("2 times, first: flat, gain 1, 5 ms"), "{}", lines[0]);
-    let json = told.json();
+    let json = done.json();
     let each = json["warnings"].as_array().unwrap().iter();
     assert_eq!(each.filter(|w| w.as_str().unwrap().starts_with("no-dark")).count(), 2);
     // Exposure times are printed as in the list.
-    assert!(told.stdout.contains("\"exposure_s\": 0.0183"), "{}", told.stdout);
+    assert!(done.stdout.contains("\"exposure_s\": 0.0183"), "{}", done.stdout);
 }

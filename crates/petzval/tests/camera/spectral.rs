@@ -358,14 +358,14 @@ fn infrared_counts_where_the_pixels_respond() {
     let day = run_ok(folder.path(), &[&args[..], &["--qe", "flat:0.6"]].concat());
     assert!(day.says("nothing is known of D65 beyond 780 nm"), "{}", day.stderr);
     // So does that of a filter, unless it ends at nothing.
-    for (end, told) in [("0.9", true), ("0.0", false)] {
+    for (end, is_warned) in [("0.9", true), ("0.0", false)] {
         let table = format!("wavelength_nm,transmission\n400,0.0\n450,0.9\n640,0.9\n650,{end}\n");
         std::fs::write(folder.path().join("filter.csv"), table).unwrap();
         let filter = ["--qe", "flat:0.6", "--illuminant", "blackbody:2856", "--transmission", "filter.csv"];
         let seen = run_ok(folder.path(), &[&args[..], &filter].concat());
         assert_eq!(
             seen.says("nothing is known of the transmission beyond 650 nm"),
-            told,
+            is_warned,
             "{end}: {}",
             seen.stderr
         );
@@ -482,10 +482,10 @@ fn electrons_of_white_set_the_illuminance() {
         run_ok(folder.path(), &[&args[..], more].concat()).json()[0].clone()
     };
     let number = |facts: &serde_json::Value, key: &str| facts[key].as_f64().unwrap();
-    let (asked, plain) = (take(&["--white-e", "9000"]), take(&[]));
-    assert!((number(&asked, "white_e") - 9000.0).abs() < 1e-6, "{asked}");
+    let (scaled, plain) = (take(&["--white-e", "9000"]), take(&[]));
+    assert!((number(&scaled, "white_e") - 9000.0).abs() < 1e-6, "{scaled}");
     let lux = 500.0 * 9000.0 / number(&plain, "white_e");
-    assert!((number(&asked, "illuminance_lux") / lux - 1.0).abs() < 1e-9, "{asked} {lux}");
+    assert!((number(&scaled, "illuminance_lux") / lux - 1.0).abs() < 1e-9, "{scaled} {lux}");
 }
 
 #[test]

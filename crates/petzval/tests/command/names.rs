@@ -13,7 +13,7 @@ fn run_bytes(folder: &Path, args: &[&[u8]]) -> Outcome {
     outcome(petzval(folder).args(args.iter().map(|arg| OsStr::from_bytes(arg))).output().unwrap())
 }
 
-/// A folder that a run would not find again is refused with what to do, and not taken for another one.
+/// A folder whose path is not text is refused with a hint: a run could not find it again.
 #[test]
 fn folders_that_are_not_text_are_refused_before_a_run_keeps_them() {
     let folder = tempfile::tempdir().unwrap();

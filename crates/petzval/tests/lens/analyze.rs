@@ -281,7 +281,7 @@ fn of_a_thousand_wavelengths_31_are_analysed() {
 #[test]
 fn focus_and_frequencies_follow_the_options() {
     let folder = tempfile::tempdir().unwrap();
-    let ask = [
+    let args = [
         "lens",
         "analyze",
         LENS,
@@ -295,7 +295,7 @@ fn focus_and_frequencies_follow_the_options() {
         "--focus",
         "paraxial",
     ];
-    let data = run_ok(folder.path(), &ask).json();
+    let data = run_ok(folder.path(), &args).json();
     let last = |v: &Value| v.as_array().unwrap().last().unwrap().as_f64().unwrap();
     assert_eq!(last(&data["mtf"][0]["frequency_per_mm"]), 85.32);
     assert_eq!(data["mtf_through_focus"][0]["frequency_per_mm"], 30.0);
@@ -350,8 +350,8 @@ fn lenses_that_cannot_be_analysed_are_refused_with_a_hint() {
         (&["--only", "pictures"], ["invalid value 'pictures'", "field_curvature_distortion"]),
         (&["--focus", "here"], ["invalid value 'here'", "paraxial"]),
     ] {
-        let ask = [&["lens", "analyze", LENS, "--out", "a"], more].concat();
-        run_fails(folder.path(), &ask, 2, &needles);
+        let args = [&["lens", "analyze", LENS, "--out", "a"], more].concat();
+        run_fails(folder.path(), &args, 2, &needles);
         assert!(!folder.path().join("a").exists());
     }
     run_fails(folder.path(), &["lens", "analyze", "no-such-lens"], 2, &["no-such-lens"]);

@@ -144,9 +144,9 @@ fn equal_names_of_several_makers_are_distinguished_and_reported() {
     );
     let lens = read(&data(&format!("lenses/{LENS}.toml"))).replace("\"N-SF11\"", "\"schott:N-SF11\"");
     write(folder.path(), "lens.toml", &lens);
-    let told = run_ok(folder.path(), &["--glasses", "mine", "lens", "show", "lens.toml", "--json"]).json();
-    assert!((flint_nd(&told) - 1.78472).abs() < 1e-5, "{}", flint_nd(&told));
-    assert!(!told["warnings"].to_string().contains("N-SF11"), "{}", told["warnings"]);
+    let shown = run_ok(folder.path(), &["--glasses", "mine", "lens", "show", "lens.toml", "--json"]).json();
+    assert!((flint_nd(&shown) - 1.78472).abs() < 1e-5, "{}", flint_nd(&shown));
+    assert!(!shown["warnings"].to_string().contains("N-SF11"), "{}", shown["warnings"]);
 }
 
 #[test]

@@ -55,7 +55,7 @@ fn contrast_is_raised_and_bounds_are_kept() {
     let resumed = ["lens", "optimize", "--resume", "bounds", "--iterations", "2", "--json"];
     let track = value(&run_ok(folder.path(), &resumed).json()["best"], "track");
     assert!(track < 0.05, "{track}");
-    // The printed table tells a limit, which is missed by so much, from a figure.
+    // The printed table tells a limit, with the amount it is missed by, from a figure.
     let again = ["lens", "optimize", "--resume", "bounds", "--iterations", "3"];
     let table = run_ok(folder.path(), &again).stdout;
     let row = |name: &str| table.lines().filter(|line| line.starts_with(name)).count();

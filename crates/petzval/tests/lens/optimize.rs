@@ -107,9 +107,9 @@ fn a_lens_is_made_for_the_restoration_of_its_frames() {
 #[test]
 fn a_search_beats_the_nominal_lens_and_can_be_resumed() {
     let folder = tempfile::tempdir().unwrap();
-    let asked =
+    let args =
         ["lens", "optimize", LENS, "--global", "--wavelengths", "0.5876", "--efl", "25", "--rounds", "4"];
-    run_ok(folder.path(), &[&asked[..], &["--out", "run", "--edge", "1"]].concat());
+    run_ok(folder.path(), &[&args[..], &["--out", "run", "--edge", "1"]].concat());
     let run = folder.path().join("run");
     let first = steps(&run).last().unwrap()["mean_rms_um"].as_f64().unwrap();
     // 3.8 um is what ten seconds of a generic optimiser reached; the nominal lens has 9.0.
@@ -160,9 +160,9 @@ fn a_search_stopped_by_its_seconds_resumes_to_the_same_result() {
 fn requirements_take_precedence_over_spots() {
     let folder = tempfile::tempdir().unwrap();
     // Require a shorter lens with thicker edges: the spots grow, and the lens of the file meets the requirements.
-    let asked =
+    let args =
         ["lens", "optimize", "cooke-triplet-spot", "--efl", "20", "--edge", "1.5", "--out", "run", "--json"];
-    let done = run_ok(folder.path(), &asked);
+    let done = run_ok(folder.path(), &args);
     let found: serde_json::Value = serde_json::from_str(&done.stdout).unwrap();
     let shown = run_ok(folder.path(), &["lens", "show", "run/best.toml", "--json"]);
     let shown: serde_json::Value = serde_json::from_str(&shown.stdout).unwrap();
@@ -292,20 +292,20 @@ fn an_optimisation_starts_from_a_lens_that_cannot_be_built() {
     // Glass that is thinner than nothing needs a variable.
     let glass = ("thickness_mm = 3.0", "thickness_mm = -1.0");
     write("glass.toml", &[glass], "");
-    let asked = ["lens", "optimize", "glass.toml", "--out", "glass"];
-    run_fails(folder.path(), &asked, 2, &["surface 3", "goes against the light", "make thickness_mm"]);
+    let args = ["lens", "optimize", "glass.toml", "--out", "glass"];
+    run_fails(folder.path(), &args, 2, &["surface 3", "goes against the light", "make thickness_mm"]);
     assert!(!folder.path().join("glass").exists());
     let free = "[[variable]]\nsurface = 3\nparameter = \"thickness_mm\"\nmin = 1.0\nmax = 6.0\n\n\
                 [[variable]]\nsurface = 7\nparameter = \"radius_mm\"\nmin = -40.0\nmax = -5.0\n";
     write("glass.toml", &[glass], free);
-    run_ok(folder.path(), &asked);
+    run_ok(folder.path(), &args);
     run_ok(folder.path(), &["lens", "show", "glass/best.toml"]);
     // Where nothing may correct an edge, no file is written that no verb reads.
     let radius = "[[variable]]\nsurface = 3\nparameter = \"radius_mm\"\nmin = -40.0\nmax = -39.0\n\n\
                   [[variable]]\nsurface = 4\nparameter = \"radius_mm\"\nmin = 39.0\nmax = 40.0\n";
     write("stiff.toml", &[("thickness_mm = 2.698", "thickness_mm = 0.3")], radius);
-    let asked = ["lens", "optimize", "stiff.toml", "--out", "stiff"];
-    let failed = run(folder.path(), &asked);
+    let args = ["lens", "optimize", "stiff.toml", "--out", "stiff"];
+    let failed = run(folder.path(), &args);
     assert_eq!(failed.code, Some(1), "{failed:?}");
     assert!(failed.says("no lens was found that can be built: surface 6: the edge thickness"), "{failed:?}");
     assert!(!folder.path().join("stiff/best.toml").exists());

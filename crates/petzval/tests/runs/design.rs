@@ -69,14 +69,14 @@ fn a_run_writes_all_its_files() {
 
     // The resolved experiment holds what the command line changed.
     let config: toml::Table = read(&run.join("config.toml")).parse().unwrap();
-    let mut asked: toml::Table = tiny_experiment().parse().unwrap();
-    asked.insert("seed".to_owned(), toml::Value::Integer(7));
-    assert_eq!(config["seed"], asked["seed"]);
-    assert_eq!(config["training"]["steps"], asked["training"]["steps"]);
+    let mut given: toml::Table = tiny_experiment().parse().unwrap();
+    given.insert("seed".to_owned(), toml::Value::Integer(7));
+    assert_eq!(config["seed"], given["seed"]);
+    assert_eq!(config["training"]["steps"], given["training"]["steps"]);
     // What only tasks with objects need stands in no file of an experiment with pictures.
-    let further: Vec<&String> = config.keys().filter(|key| !asked.contains_key(*key)).collect();
+    let further: Vec<&String> = config.keys().filter(|key| !given.contains_key(*key)).collect();
     assert_eq!(further, ["data", "detector", "street"]);
-    assert!(asked.keys().all(|key| config.contains_key(key)));
+    assert!(given.keys().all(|key| config.contains_key(key)));
 
     let environment = read_json(&run.join("environment.json"));
     for key in ["version", "os", "architecture", "simd", "cores", "threads", "command"] {

@@ -405,7 +405,7 @@ fn a_killed_run_with_validations_resumes_to_the_same_files() {
 }
 
 /// The answer of a server on this machine to a request for a path: its first line, and everything behind the headers.
-fn asked(address: &str, path: &str) -> (String, String) {
+fn answer_of(address: &str, path: &str) -> (String, String) {
     let mut stream = TcpStream::connect(address).unwrap();
     write!(stream, "GET {path} HTTP/1.0\r\nHost: {address}\r\n\r\n").unwrap();
     let mut answer = String::new();
@@ -440,12 +440,12 @@ fn slow_readers_hold_up_no_other_and_only_this_machine_is_answered() {
     let folder = tempfile::tempdir().unwrap();
     killed(folder.path(), 7);
     let (mut server, address) = watched(folder.path());
-    // One that never asks, one that never ends its question, one that asks and never reads.
+    // Three slow readers: one sends nothing, one never ends its request, one never reads the answer.
     let mut slow: Vec<TcpStream> = (0..3).map(|_| TcpStream::connect(&address).unwrap()).collect();
     write!(slow[1], "GET / HTTP/1.1\r\nHost: localhost\r\n").unwrap();
     write!(slow[2], "GET / HTTP/1.1\r\nHost: localhost\r\n\r\n").unwrap();
     let began = Instant::now();
-    assert!(asked(&address, "/").0.ends_with("200 OK"));
+    assert!(answer_of(&address, "/").0.ends_with("200 OK"));
     // A page takes a second or two to make, and longer on a busy machine; a reader may take a minute.
     assert!(began.elapsed() < Duration::from_secs(30), "{:?}", began.elapsed());
 
@@ -468,7 +468,7 @@ fn slow_readers_hold_up_no_other_and_only_this_machine_is_answered() {
     assert!(status_of(&address, long.as_bytes()).starts_with("HTTP/1.1 431"));
     let many = format!("GET / HTTP/1.1\r\nHost: localhost\r\n{}\r\n", "X: y\r\n".repeat(1000));
     assert!(status_of(&address, many.as_bytes()).starts_with("HTTP/1.1 400"));
-    // One that does not ask in time is left.
+    // A reader that sends no request in time is dropped.
     slow[0].set_read_timeout(Some(Duration::from_secs(20))).unwrap();
     assert_eq!(slow[0].read(&mut [0; 16]).unwrap(), 0);
     server.kill().unwrap();
@@ -481,7 +481,7 @@ fn a_run_at_work_is_shown_as_it_grows() {
     let run = killed(folder.path(), 7);
     let (mut server, address) = watched(folder.path());
 
-    let (status, page) = asked(&address, "/");
+    let (status, page) = answer_of(&address, "/");
     assert!(status.ends_with("200 OK"), "{status}");
     for text in
         ["http-equiv=\"refresh\"", "<h2>At work</h2>", "scored", "at work", "not begun", "Over the run"]
@@ -489,7 +489,7 @@ fn a_run_at_work_is_shown_as_it_grows() {
         assert!(page.contains(text), "{text}");
     }
     assert!(!page.contains("end-to-end against") && !page.contains("End-to-end against"));
-    assert!(asked(&address, "/elsewhere").0.contains("404"));
+    assert!(answer_of(&address, "/elsewhere").0.contains("404"));
     // Nothing is written for it.
     assert!(!run.join("report.html").exists());
 
@@ -497,7 +497,7 @@ fn a_run_at_work_is_shown_as_it_grows() {
     run_fails(folder.path(), &["report", "run", "--watch", "--port", port], 2, &[port, "--port"]);
 
     run_ok(folder.path(), &["design", "--resume", "run"]);
-    let (_, page) = asked(&address, "/");
+    let (_, page) = answer_of(&address, "/");
     assert!(!page.contains("http-equiv=\"refresh\"") && page.contains("End-to-end against"));
     assert!(page == read(&run.join("report.html")), "another page than the report");
     server.kill().unwrap();

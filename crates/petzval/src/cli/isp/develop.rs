@@ -16,8 +16,8 @@ use crate::cli::terminal::{Terminal, print_json};
 /// Develop raw frames to pictures, NAME.* to NAME.png.
 ///
 /// A frame is a raw file with its sidecar, as `petzval simulate` and `petzval raw convert` write them. The sidecar gives bits, mosaic and
-/// levels; the sensor, which it names or --sensor does, gives noise and the answer to white light; the calibration that it names gives shading
-/// and distortion of the lens and the colour matrix.
+/// levels. The sensor, named by the sidecar or by --sensor, gives noise and the response to white light. The calibration that the sidecar
+/// names gives shading and distortion of the lens and the colour matrix.
 ///
 /// With --merge the frames are exposures of one scene. They are merged into one linear frame of up to 24 bits, which becomes one picture.
 #[derive(Debug, clap::Args)]

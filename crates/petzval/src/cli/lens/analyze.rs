@@ -13,13 +13,14 @@ use crate::cli::terminal::Terminal;
 
 /// Write the analyses of lens design: pictures (SVG), a page with all of them, and their data (JSON, CSV).
 ///
-/// Files: layout.svg (to scale), spots.svg, ray_fans.svg, opd_fans.svg, mtf.svg (diffraction, with the limit),
+/// Pictures: layout.svg (to scale), spots.svg, ray_fans.svg, opd_fans.svg, mtf.svg (diffraction, with the limit),
 /// mtf_geometric.svg, mtf_by_field.svg, mtf_through_focus.svg, field_curvature_distortion.svg, lateral_colour.svg,
 /// axial_colour.svg (with longitudinal aberration), encircled_energy.svg, relative_illumination.svg, wavefront.svg
-/// (Zernike coefficients, Strehl ratios), seidel.svg; analysis.html, all of it on one page; analysis.json, the data;
-/// spots.csv, fans.csv, mtf.csv, mtf_by_field.csv, mtf_through_focus.csv, field_curves.csv, axial_colour.csv,
-/// longitudinal_aberration.csv, encircled_energy.csv, the curves as tables.
-/// Fields and wavelengths are those of the lens file, 31 of each at most; rays are aimed at the real stop.
+/// (Zernike coefficients, Strehl ratios), seidel.svg. The page with all of them is analysis.html, the data analysis.json.
+/// The curves are tables as well: spots.csv, fans.csv, mtf.csv, mtf_by_field.csv, mtf_through_focus.csv, field_curves.csv,
+/// axial_colour.csv, longitudinal_aberration.csv, encircled_energy.csv.
+///
+/// Fields and wavelengths are those of the lens file, 31 of each at most. Rays are aimed at the real stop.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Lens file, or a built-in name such as cooke-triplet-nominal

@@ -28,12 +28,11 @@ enum Filter {
 /// Measure a sensor from captures.
 ///
 /// DIR holds frames and a list of them: captures.toml, whose names of frames may have wildcards (flat-*.tiff), or the
-/// EMVA1288descriptor.txt of the EMVA 1288 Python library. Each page of a TIFF file is a frame.
-/// Numbers are printed with their standard errors. A number that the captures do not determine is named with the reason.
-/// Warnings report oddities, one line for each kind; results.json names every point. With --out
-/// the results are written too: sensor.toml, which `simulate --sensor` loads (if K is resolved); results.json with everything; for each gain and
-/// colour emva-*.xml under the names of the library; histograms.csv; report.html, one page of all tables and plots, and the
-/// plots as .svg.
+/// EMVA1288descriptor.txt of the EMVA 1288 Python library. Each page of a TIFF file is a frame. Numbers are printed with their standard
+/// errors. A number that the captures do not determine is named with the reason. Warnings report oddities, one line for each kind;
+/// results.json names every point. With --out the results are written too: sensor.toml, which `simulate --sensor` loads (if K is resolved),
+/// and results.json with everything. For each gain and colour there is an emva-*.xml under the names of the library. Further files are
+/// histograms.csv; report.html, one page of all tables and plots; and the plots as .svg.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Folder of the captures, or its captures.toml

@@ -18,9 +18,9 @@ const SHOWN_SLOPES: usize = 10;
 
 /// Train a network that imitates an image signal processor (ISP), so that lens and parameters can be optimised by gradient with it.
 ///
-/// The ISP is asked for pictures of simulated raw frames: photographs and generated scenes, by lenses near that of the experiment, at
-/// several gains of its sensor, with parameters near the given ones, in half of the pictures with a tenth of them anywhere in their ranges.
-/// Then the network is compared with it on photographs that it has never seen.
+/// The ISP develops simulated raw frames: photographs and generated scenes, by lenses near that of the experiment, at several gains of its
+/// sensor. Its parameters are near the given ones; in half of the pictures a tenth of them are anywhere in their ranges. Then the network
+/// is compared with the ISP on photographs that it has never seen.
 ///
 /// Files: proxy.toml, the description with the figures of the comparison, which `isp develop` and `isp tune` take as --isp; weights.bin;
 /// proxy.html, pictures of ISP and proxy; training.json, the state. Ctrl-C stops after the current step and exits with 75; --resume

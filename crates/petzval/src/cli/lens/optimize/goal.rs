@@ -60,13 +60,13 @@ pub struct GoalArgs {
     /// Least and greatest back focal length, mm
     #[arg(long, value_delimiter = ',', num_args = 1, value_name = "MIN,MAX", allow_hyphen_values = true)]
     bfl: Vec<f64>,
-    /// Least edge thickness of every element, mm; 0.01 unless more is asked for
+    /// Least edge thickness of every element, mm [default: 0.01]
     #[arg(long, value_name = "MM")]
     edge: Option<f64>,
     /// Least centre thickness of every element, mm
     #[arg(long, value_name = "MM")]
     centre: Option<f64>,
-    /// Least air between elements, on the axis and at the edge, mm; 0.01 unless more is asked for
+    /// Least air between elements, on the axis and at the edge, mm [default: 0.01]
     #[arg(long, value_name = "MM")]
     air: Option<f64>,
     /// Greatest track, mm: between any two of the vertices and the image plane
