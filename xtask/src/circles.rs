@@ -11,10 +11,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::path::Path;
 
-use super::sources::{Module, read_modules};
-
-/// The path of a module below its crate: `["emva", "point"]`.
-pub(super) type ModulePath = Vec<String>;
+use super::sources::{Module, ModulePath, read_modules};
 
 /// Modules that use each other, directly or by way of others.
 #[derive(Debug)]

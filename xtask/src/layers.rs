@@ -2,12 +2,13 @@
 //! of a crate do not use each other in a circle.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 
 use serde_json::Value;
 
 use super::circles;
+use super::files::rust_files;
 
 /// Crates in the order in which light meets them. A crate may use those of the groups before its own.
 const ORDER: [&[&str]; 8] = [
@@ -164,20 +165,4 @@ fn own_reads(sources: &Path) -> Vec<String> {
         }
     }
     found
-}
-
-pub fn rust_files(folder: &Path) -> Vec<PathBuf> {
-    let (mut files, mut open) = (Vec::new(), vec![folder.to_path_buf()]);
-    while let Some(folder) = open.pop() {
-        for entry in fs::read_dir(&folder).into_iter().flatten().flatten() {
-            let path = entry.path();
-            if path.is_dir() {
-                open.push(path);
-            } else if path.extension().is_some_and(|e| e == "rs") {
-                files.push(path);
-            }
-        }
-    }
-    files.sort();
-    files
 }

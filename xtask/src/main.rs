@@ -1,28 +1,35 @@
-//! Chores of the workspace: `cargo xtask layers` checks that the crates keep the order of the light path, and
-//! that no modules and no folders inside a crate use each other in a circle.
+//! Chores of the workspace.
+//!
+//! `cargo xtask layers` checks that the crates keep the order of the light path, and that no modules and no folders inside a crate use
+//! each other in a circle. `cargo xtask words` checks the comments: short sentences, no house words.
 
 mod circles;
+mod files;
 mod layers;
+mod lexer;
 mod sources;
+mod words;
 
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let verb = std::env::args().nth(1);
-    match verb.as_deref() {
-        Some("layers") => match layers::check() {
-            Ok(report) => {
-                println!("{report}");
-                ExitCode::SUCCESS
-            }
-            Err(problems) => {
-                problems.iter().for_each(|p| eprintln!("layers: {p}"));
-                ExitCode::FAILURE
-            }
-        },
+    let verb = std::env::args().nth(1).unwrap_or_default();
+    let result = match verb.as_str() {
+        "layers" => layers::check(),
+        "words" => words::check(),
         _ => {
-            eprintln!("usage: cargo xtask layers");
-            ExitCode::from(2)
+            eprintln!("usage: cargo xtask layers|words");
+            return ExitCode::from(2);
+        }
+    };
+    match result {
+        Ok(report) => {
+            println!("{report}");
+            ExitCode::SUCCESS
+        }
+        Err(problems) => {
+            problems.iter().for_each(|p| eprintln!("{verb}: {p}"));
+            ExitCode::FAILURE
         }
     }
 }

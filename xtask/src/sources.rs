@@ -4,8 +4,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
-use super::circles::ModulePath;
-use super::layers::rust_files;
+use super::files::rust_files;
+use super::lexer::{Kind, Token, lex};
+
+/// The path of a module below its crate: `["emva", "point"]`.
+pub(super) type ModulePath = Vec<String>;
 
 /// What is known about one module.
 #[derive(Default)]
@@ -54,62 +57,8 @@ fn module_path(sources: &Path, file: &Path) -> Option<ModulePath> {
 
 /// Words and signs of the code, without comments, strings and characters; `::` is one sign.
 fn tokenize(text: &str) -> Vec<String> {
-    let chars: Vec<char> = text.chars().collect();
-    let at = |i: usize| chars.get(i).copied().unwrap_or('\0');
-    let (mut tokens, mut i) = (Vec::new(), 0);
-    while i < chars.len() {
-        let c = at(i);
-        let start = i;
-        if c == '/' && at(i + 1) == '/' {
-            while i < chars.len() && at(i) != '\n' {
-                i += 1;
-            }
-        } else if c == '/' && at(i + 1) == '*' {
-            while i < chars.len() && (at(i), at(i + 1)) != ('*', '/') {
-                i += 1;
-            }
-            i += 2;
-        } else if c.is_alphanumeric() || c == '_' {
-            while at(i).is_alphanumeric() || at(i) == '_' {
-                i += 1;
-            }
-            let word: String = chars[start..i].iter().collect();
-            if is_raw_string(&word, &chars, i) { i = end_of_raw_string(&chars, i) } else { tokens.push(word) }
-        } else if c == '"' {
-            i += 1;
-            while i < chars.len() && at(i) != '"' {
-                i += if at(i) == '\\' { 2 } else { 1 };
-            }
-            i += 1;
-        } else if c == '\'' && (at(i + 1) == '\\' || at(i + 2) == '\'') {
-            i += if at(i + 1) == '\\' { 3 } else { 2 };
-            while i < chars.len() && at(i) != '\'' {
-                i += 1;
-            }
-            i += 1;
-        } else if c == ':' && at(i + 1) == ':' {
-            tokens.push("::".to_owned());
-            i += 2;
-        } else {
-            if !c.is_whitespace() {
-                tokens.push(c.to_string());
-            }
-            i += 1;
-        }
-    }
-    tokens
-}
-
-fn is_raw_string(word: &str, chars: &[char], next: usize) -> bool {
-    let after = chars[next..].iter().find(|c| **c != '#');
-    ["r", "br"].contains(&word) && chars.get(next).is_some_and(|c| "\"#".contains(*c)) && after == Some(&'"')
-}
-
-fn end_of_raw_string(chars: &[char], start: usize) -> usize {
-    let hashes = chars[start..].iter().take_while(|c| **c == '#').count();
-    let closes = |i: usize| chars[i] == '"' && chars[i + 1..].iter().take(hashes).all(|c| *c == '#');
-    let open = start + hashes + 1;
-    (open..chars.len()).find(|i| closes(*i)).map_or(chars.len(), |i| i + 1 + hashes)
+    let is_code = |token: &Token| token.kind != Kind::Comment;
+    lex(text).into_iter().filter(is_code).map(|token| token.text).collect()
 }
 
 /// The code without `#[cfg(test)]` items, and the names of the files that hold only tests.

@@ -4,7 +4,6 @@
 use std::collections::BTreeMap;
 
 use petzval_base::counted;
-use petzval_camera::sensor::SensorModel;
 use petzval_optics::constraint::SemiDiameters;
 use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::first_order;
@@ -130,11 +129,6 @@ pub(crate) fn steps_in_words(cameras: &[Planned]) -> String {
     let all = cameras.iter().map(|camera| camera.steps).sum();
     let cameras: Vec<String> = cameras.iter().map(of).collect();
     format!("{} in all: {}", counted(all, "step"), cameras.join("; "))
-}
-
-/// How much a whole frame of a sensor enlarges a picture of so many rows and columns.
-pub(crate) fn enlarged_by(sensor: &SensorModel, (rows, columns): (usize, usize)) -> f64 {
-    (sensor.height as f64 / rows as f64).max(sensor.width as f64 / columns as f64)
 }
 
 /// Looks at an experiment that was made ready.

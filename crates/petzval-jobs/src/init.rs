@@ -95,7 +95,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             "`{sensor_name}` is monochrome, and the built-in photographs are in colour; give the experiment gray ones: `photos`, or `design --photos DIR`"
         ));
     }
-    demands(&experiment, &model, &context.assets)?.iter().for_each(|line| context.note(line));
+    demands(&experiment, pictures, &model, &context.assets)?.iter().for_each(|line| context.note(line));
 
     experiment.lens = LENS.to_owned();
     experiment.sensor = SENSOR.to_owned();

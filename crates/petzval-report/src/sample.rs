@@ -245,6 +245,7 @@ pub(crate) fn report() -> Report {
         has_isp: false,
         pictures_in_all: 2,
         one_seed: None,
+        sections: Vec::new(),
         detection: None,
         progress: None,
         made: None,

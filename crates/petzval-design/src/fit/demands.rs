@@ -12,10 +12,11 @@ use serde::Deserialize;
 
 use super::sensor::megapixels;
 use crate::assets::Assets;
+use crate::cameras::SURROUND;
 use crate::error::DesignError;
-use crate::experiment::{BUILT_IN_PHOTOS, Experiment};
-use crate::first_look::{Planned, enlarged_by, planned, steps_in_words};
-use crate::setup::SURROUND;
+use crate::experiment::{BUILT_IN_PHOTOS, Experiment, PicturesKey};
+use crate::first_look::{Planned, planned, steps_in_words};
+use crate::task::enlarged_by;
 
 /// Memory of `simulate` for each pixel of a whole frame, bytes, measured.
 const FRAME_BYTES_A_PIXEL: f64 = 150.0;
@@ -23,10 +24,12 @@ const FRAME_BYTES_A_PIXEL: f64 = 150.0;
 /// What to say of an experiment before its first run, one line each.
 pub fn demands(
     experiment: &Experiment,
+    pictures: PicturesKey,
     sensor: &SensorModel,
     assets: &Assets,
 ) -> Result<Vec<String>, DesignError> {
-    let photos = enlarged_photos(experiment, sensor, assets)?;
+    let own = pictures != PicturesKey::Photos || experiment.photos != BUILT_IN_PHOTOS;
+    let photos = if own { None } else { enlarged_photos(sensor, assets)? };
     let cameras: Vec<Planned> = experiment.variants().iter().map(planned).collect();
     let steps = format!("a run takes {}", steps_in_words(&cameras));
     Ok(photos.into_iter().chain([steps, work(experiment, sensor)?, whole_frame(sensor)]).collect())
@@ -38,15 +41,8 @@ struct Photo {
     file: String,
 }
 
-/// How much a whole frame of the sensor enlarges the built-in photographs; `None` if it does not, or the experiment has others.
-fn enlarged_photos(
-    experiment: &Experiment,
-    sensor: &SensorModel,
-    assets: &Assets,
-) -> Result<Option<String>, DesignError> {
-    if experiment.task.finds_objects() || experiment.photos != BUILT_IN_PHOTOS {
-        return Ok(None);
-    }
+/// How much a whole frame of the sensor enlarges the built-in photographs; `None` if it does not.
+fn enlarged_photos(sensor: &SensorModel, assets: &Assets) -> Result<Option<String>, DesignError> {
     let list = assets.text("photograph list", "photos", "photos")?;
     let list: BTreeMap<String, Vec<Photo>> = toml::from_str(&list.text)
         .map_err(|e| DesignError::input(&list.path)(FileError::from_toml(&list.text, &e)))?;

@@ -37,6 +37,7 @@ use crate::run::{Metrics, RunFolder};
 
 pub use judge::{Depth, Findings, Judge, ScoredPicture, Taken, named_scores};
 pub use registry::Tasks;
+pub(crate) use windows::enlarged_by;
 pub use windows::{HeldOut, PhotosLook, Purpose, SceneView, WindowPlan, Windows, relative_field};
 
 /// What cameras are designed for.

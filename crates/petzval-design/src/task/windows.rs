@@ -154,3 +154,8 @@ pub struct PhotosLook {
     /// By how much it enlarges the smallest of them; 1 if none.
     pub most_enlarged: f64,
 }
+
+/// How much a whole frame of a sensor enlarges a picture of so many rows and columns.
+pub(crate) fn enlarged_by(sensor: &SensorModel, (rows, columns): (usize, usize)) -> f64 {
+    (sensor.height as f64 / rows as f64).max(sensor.width as f64 / columns as f64)
+}

@@ -107,10 +107,10 @@ impl Classes {
             let is_named = by_number || class.names().any(|word| name.has(word));
             match (&class.state, state) {
                 (None, _) if is_named => return Named::Class(number),
-                (Some(wanted), Some(found)) if is_named || name.is_state_alone() => {
-                    if *wanted == LIGHT_STATES[found] {
-                        return Named::Class(number);
-                    }
+                (Some(wanted), Some(found))
+                    if *wanted == LIGHT_STATES[found] && (is_named || name.is_state_alone()) =>
+                {
+                    return Named::Class(number);
                 }
                 (Some(_), None) if is_named => named = Named::Unknown,
                 _ => {}

@@ -22,7 +22,6 @@ pub enum NetworkKind {
 
 /// A network of one of the kinds.
 #[derive(Module, Debug)]
-#[expect(clippy::large_enum_variant, reason = "there is one, which is hardly ever moved")]
 pub enum Network {
     /// See [`UNet`].
     UNet(UNet),

@@ -17,7 +17,7 @@ use crate::assets::Assets;
 use crate::error::DesignError;
 use crate::experiment::{BUILT_IN_PHOTOS, Experiment};
 use crate::run::input_list::Pictures;
-use crate::task::{PhotosLook, Purpose, Remark, WindowPlan};
+use crate::task::{PhotosLook, Purpose, Remark, WindowPlan, enlarged_by};
 
 /// Difference between the planes of a picture, of white, above which it is in colour.
 const COLOUR: f32 = 0.01;
@@ -140,10 +140,7 @@ impl Photographs {
 
     /// The photographs against a sensor.
     pub(super) fn against(&self, sensor: &SensorModel) -> PhotosLook {
-        let enlarged = |photo: &NamedPhoto| {
-            let (rows, columns) = (photo.image.height as f64, photo.image.width as f64);
-            (sensor.height as f64 / rows).max(sensor.width as f64 / columns)
-        };
+        let enlarged = |photo: &NamedPhoto| enlarged_by(sensor, (photo.image.height, photo.image.width));
         let all = self.lists().into_iter().flat_map(|(_, photos)| photos);
         let enlarged: Vec<f64> = all.map(enlarged).filter(|by| *by > 1.0).collect();
         PhotosLook {
