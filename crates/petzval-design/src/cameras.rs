@@ -318,8 +318,8 @@ fn chip(
     Ok(Some(chip))
 }
 
-/// Refuses a variant that needs the gradient of an ISP that has none: such an ISP moves by CMA-ES, or by a network that imitates it, and a
-/// lens behind it moves only with a network that has learnt enough in an earlier stage.
+/// Refuses a variant that needs the gradient of an ISP that has none. Such an ISP moves by CMA-ES, or by a network that imitates it. A lens
+/// behind it moves only with a network that has learnt enough in an earlier stage.
 fn check_without_gradient(
     variant: &Variant,
     experiment: &Experiment,

@@ -378,7 +378,7 @@ impl DesignLoop {
         let losses = beside_windows(&setup, &camera, next, || moving.step(&batch, rule))?;
         let lowered = moving.lowered().to_vec();
         let step = Step { block: block.name(), losses, lowered, learning_rate: rule.rate };
-        let mut step = self.took(variant, block, step)?;
+        let mut step = self.after_step(variant, block, step)?;
         // The block that counts the steps of the stage is the last.
         let is_clock = moves.keys().next_back() == Some(&block);
         let validation = &self.setup.experiment.validation;
@@ -467,11 +467,11 @@ impl DesignLoop {
         for remark in self.blocks.optics.remarks() {
             observer.note(&format!("{}, lens for {}: {remark}", variant.name, goal.in_words()));
         }
-        self.took(variant, BlockName::Optics, Step::new(goal.event(), losses))
+        self.after_step(variant, BlockName::Optics, Step::new(goal.event(), losses))
     }
 
     /// Counts a step that a block took, and refuses one that led to what is no number.
-    fn took(&mut self, variant: &Variant, block: BlockName, step: Step) -> Result<Step, DesignError> {
+    fn after_step(&mut self, variant: &Variant, block: BlockName, step: Step) -> Result<Step, DesignError> {
         let moved = self.blocks.get_mut(block).is_finite();
         let total = step.losses.get(TOTAL).copied();
         let first = total.map(|total| *self.position.first_losses.entry(block).or_insert(total));
@@ -595,7 +595,7 @@ impl DesignLoop {
         step: usize,
     ) -> Result<Camera, DesignError> {
         let drawn = self.camera(variant, moves)?;
-        let lens = self.blocks.optics.err(share, self.setup.experiment.seed, step as u64)?;
+        let lens = self.blocks.optics.with_errors(share, self.setup.experiment.seed, step as u64)?;
         Ok(self.held(&self.setup.moving_camera(variant, lens)?).taken_for(&drawn))
     }
 

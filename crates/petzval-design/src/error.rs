@@ -77,7 +77,7 @@ pub enum DesignError {
         /// What is wrong.
         error: Box<DesignError>,
     },
-    /// A lens whose PSFs are not those of its other azimuths, turned.
+    /// The lens is not rotationally symmetric.
     #[error(
         "the lens `{0}` is not rotationally symmetric: the renderer turns the PSFs of one azimuth about the axis, and so cannot \
          take it (`petzval psf` shows those of its y-z plane)"
@@ -91,7 +91,7 @@ pub enum DesignError {
     NoLensInBounds {
         /// Lenses that were drawn.
         draws: usize,
-        /// The share that was asked for, %.
+        /// The required share, %.
         percent: f64,
     },
     /// The lens file has no variables, and the lens no curved surface.

@@ -32,7 +32,7 @@ const FITS: std::ops::RangeInclusive<f64> = 0.6..=1.1;
 /// Violation of a requirement that counts as none, mm.
 const NONE_MM: f64 = 1e-6;
 
-/// What there is to know of an experiment before its first step.
+/// The checks of an experiment before its first step.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FirstLook {
     /// Title of the experiment.

@@ -21,7 +21,7 @@ pub(crate) const TOTAL: &str = "total";
 /// Steps of a block whose mean duration is its pace.
 const PACE_STEPS: usize = 20;
 
-/// Seconds after which a browser asks for the page again.
+/// Seconds after which a browser reloads the page.
 const AGAIN_S: u32 = 20;
 
 /// The camera at work: that of the last event, unless this was its score.

@@ -92,7 +92,8 @@ impl Study {
     }
 }
 
-/// Whether two experiments differ in nothing that a figure depends on but the seed. Lens and sensor are files, whose contents their names do not tell.
+/// Whether two experiments differ in nothing that a figure depends on but the seed. Lens and sensor are not compared: they are files, and
+/// their names do not determine their contents.
 fn agrees(one: &Experiment, other: &Experiment) -> bool {
     let compared = |e: &Experiment| Experiment {
         name: String::new(),

@@ -435,7 +435,7 @@ fn prepared(new: &NewRun, context: &Context) -> Result<(Experiment, Context), Jo
     }
     let usual = context.assets.experiment(DEFAULT_EXPERIMENT)?;
     // What is refused for every lens is refused before this one is fitted, which takes seconds and many notes.
-    check_root(new, &changed(usual.clone(), &new.changes)?, context)?;
+    check_root(new, &changed(usual.clone(), &new.changes, context)?, context)?;
     let made = own_lens(usual, &new.experiment, None, context)?;
     let stem = Path::new(&new.experiment).file_stem().unwrap_or_default().to_string_lossy();
     let name = format!("{stem}{FITTED}");

@@ -173,10 +173,10 @@ fn refuse_other_run(root: &Path, new: &NewRun, request: &Request, context: &Cont
         experiment.inputs_mut().filter(|(_, name)| !is_built_in(name)).for_each(|(_, name)| name.clear());
         experiment
     };
-    let hint = "choose another folder with --out, or ask for the same";
+    let hint = "choose another folder with --out, or request the same run";
     if let Some((key, there)) = unnamed(asked.clone()).differences(&unnamed(record.config)).first() {
         let message =
-            format!("{}: the run there differs from what is asked for: its {key} is {there}", root.display());
+            format!("{}: the run there differs from the requested one: its {key} is {there}", root.display());
         return Err(JobError::input(message, hint));
     }
     // The lens of the experiment itself may be that of none of its cameras.

@@ -303,7 +303,7 @@ mod tests {
     }
 
     #[test]
-    fn the_noise_of_a_frame_is_told_to_the_network() {
+    fn the_noise_of_a_frame_is_an_input_of_the_network() {
         let mut noisy = frame("RGGB".parse().unwrap());
         let quiet = noise_of(&noisy);
         noisy.about.noise.shot = 1.0 / 500.0;

@@ -124,15 +124,16 @@ fn light_shows_where_the_exposure_is_at_its_longest() {
     }
 }
 
-/// A longer lens makes more objects large enough to see and fewer visible: it is asked for the same ones, also for those that it shows no more.
+/// A longer lens makes more objects large enough to see and fewer visible. It is judged by the same objects, also by those outside its
+/// field.
 #[test]
-fn a_longer_lens_is_asked_for_the_same_objects() {
+fn a_longer_lens_is_judged_by_the_same_objects() {
     let plan = StreetPlan { on_objects: 1.0, ..plan() };
     let mut beside = 0;
     for number in 0..40 {
         let [own, long] = [25.0, 50.0].map(|efl| window(&plan, List::HeldOut, number, &view(efl)));
         assert!(own.truth.beside.is_empty());
-        // Nothing else is asked of the lens for training.
+        // In training, objects outside the field do not count.
         assert!(window(&plan, List::Training, number, &view(50.0)).truth.beside.is_empty());
         let side = crop_of(50.0);
         assert_eq!(side, 2 * CROP);

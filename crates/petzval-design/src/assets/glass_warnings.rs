@@ -3,8 +3,8 @@
 use petzval_optics::glass::{Catalog, Glass};
 use petzval_optics::lens::Lens;
 
-/// What is odd about the glasses of a lens whose names were looked up in a catalogue, one line each: a wavelength at which
-/// nobody says that a formula holds, and a name that several makers have given to different glasses.
+/// Warnings about the glasses of a lens whose names were looked up in a catalogue, one line each. A warning names a wavelength outside the
+/// stated range of a formula, or a name that several makers have given to different glasses.
 pub fn glass_warnings(lens: &Lens, catalog: &Catalog) -> Vec<String> {
     let mut glasses: Vec<&Glass> = Vec::new();
     for surface in &lens.surfaces {

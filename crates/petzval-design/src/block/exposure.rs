@@ -11,7 +11,7 @@ use petzval_base::random::{Stage, Stream};
 use petzval_camera::sensor::Exposure;
 use serde::{Deserialize, Serialize};
 
-use super::{Batch, Block, BlockState, Way, named, parsed};
+use super::{Batch, Block, BlockState, Descent, named, parsed};
 use crate::error::DesignError;
 use crate::experiment::{BlockName, ExposureSetting, StepMethod, StepRule};
 
@@ -56,7 +56,7 @@ pub struct ExposureBlock {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Progress {
     #[serde(flatten)]
-    way: Way,
+    way: Descent,
     /// The places that the last random step drew, which are forgotten when the stage ends.
     #[serde(default)]
     drawn: Option<Vec<f64>>,
@@ -64,7 +64,7 @@ struct Progress {
 
 impl Progress {
     fn from(places: &[f64]) -> Self {
-        Self { way: Way::from(places), drawn: None }
+        Self { way: Descent::from(places), drawn: None }
     }
 }
 

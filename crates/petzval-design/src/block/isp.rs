@@ -1,5 +1,5 @@
-//! The hardware ISP as a block: the places of its varied parameters in their ranges, moved by Adam down the gradient of the ISP in floating
-//! point or of a network that imitates it, or by CMA-ES on the ISP itself.
+//! The hardware ISP as a block: the varied parameters as positions in their ranges. Adam moves them down the gradient of the floating-point
+//! ISP, or of a network that imitates it; CMA-ES moves them on the ISP itself.
 
 use std::collections::BTreeMap;
 
@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::generations::{FirstGeneration, Generations, PointScore};
 use super::imitation::{Imitation, ImitationFigures, ImitationPlan};
-use super::{Batch, Block, BlockState, Way, backward, named, parsed};
+use super::{Batch, Block, BlockState, Descent, backward, named, parsed};
 use crate::camera::{ChipValues, to_host};
 use crate::error::DesignError;
 use crate::experiment::{BlockName, StepMethod, StepRule};
@@ -39,7 +39,7 @@ pub struct IspBlock {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Progress {
     #[serde(flatten)]
-    way: Way,
+    way: Descent,
     /// The search of a stage without gradient, from its first step on.
     search: Generations,
 }
@@ -49,7 +49,7 @@ const FIRST_DEVIATION: f64 = 0.1;
 
 impl Progress {
     fn at(places: &[f64]) -> Self {
-        Self { way: Way::from(places), search: Generations::default() }
+        Self { way: Descent::from(places), search: Generations::default() }
     }
 }
 

@@ -115,16 +115,16 @@ pub trait Block {
     fn load_progress(&mut self, state: &BlockState) -> Result<(), String>;
 }
 
-/// How far free numbers have come in a stage.
+/// Optimiser state of a block: Adam moments and the proximal centre.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-struct Way {
+struct Descent {
     /// Moments of the gradient.
     adam: Adam,
     /// The numbers at the start of the stage: the centre of the proximal term.
     anchor: Vec<f64>,
 }
 
-impl Way {
+impl Descent {
     fn from(numbers: &[f64]) -> Self {
         Self { adam: Adam::default(), anchor: numbers.to_vec() }
     }

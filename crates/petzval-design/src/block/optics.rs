@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 use super::average::Average;
 use super::generations::{FirstGeneration, Generations, PointScore};
 use super::lifted::Lifted;
-use super::{Batch, Block, BlockState, Magnified, Way, backward, named, parsed};
+use super::{Batch, Block, BlockState, Descent, Magnified, backward, named, parsed};
 use crate::camera::{ByLens, Camera, PsfLeaves, Psfs, Shot, to_host};
 use crate::error::DesignError;
 use crate::experiment::{BlockName, FieldOfView, StepMethod, StepRule};
@@ -88,7 +88,7 @@ struct Slopes {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Progress {
     #[serde(flatten)]
-    way: Way,
+    way: Descent,
     /// Average derivative of the loss by the logarithm of the magnification.
     #[serde(default)]
     by_log_magnification: Average,
@@ -105,7 +105,7 @@ struct Progress {
 
 impl Progress {
     fn from(x: &[f64]) -> Self {
-        Self { way: Way::from(x), ..Self::default() }
+        Self { way: Descent::from(x), ..Self::default() }
     }
 }
 
@@ -143,7 +143,7 @@ impl OpticsBlock {
     /// Makes the lens of the next step be off as one that comes out of a workshop: the number of each coordinate by a normal random error of
     /// this standard deviation, as a share of the range between its bounds. Returns that lens. The errors follow from the seed and the number
     /// of the step alone.
-    pub fn err(&mut self, share: f64, seed: u64, step: u64) -> Result<Lens, DesignError> {
+    pub fn with_errors(&mut self, share: f64, seed: u64, step: u64) -> Result<Lens, DesignError> {
         let stream = Stream::new(seed, step, Stage::LensError);
         let error = |(i, range): (usize, f64)| share * range * stream.normals(i as u32)[0];
         self.errors = self.start.space.ranges().into_iter().enumerate().map(error).collect();

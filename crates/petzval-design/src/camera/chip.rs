@@ -162,9 +162,9 @@ fn in_range(values: &[f32]) -> Vec<f64> {
 
 /// Digital numbers `[1, 1, height, width]` whose gradient knows that the shading is calibrated for the lens as it is.
 ///
-/// The ISP sees its calibration as numbers. For a lens that moves, the correction of the shading moves with the illumination: the digital
-/// numbers are multiplied by the illumination of the calibration over that on the tape, which is 1 and has the gradient of the correction;
-/// where its gain is capped, it has none.
+/// The ISP sees its calibration as numbers. For a lens that moves, the shading correction moves with the illumination. The digital numbers
+/// are multiplied by the illumination of the calibration over that on the tape. The ratio is 1; its gradient is that of the correction, and
+/// 0 where the gain is capped.
 fn recalibrated(dn: Tensor<4>, shades: Tensor<4>, input: &RawInput, shading: &Shading) -> Tensor<4> {
     let RawInput { height, width, cfa, .. } = *input;
     let of_plane = |plane: usize| (0..height * width).map(move |i| (plane, i));

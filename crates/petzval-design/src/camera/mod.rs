@@ -58,8 +58,7 @@ pub struct Shot {
     pub frame: u64,
     /// What the task knows of the window that is kept.
     pub labels: Labels,
-    /// Whether it is exposed for as long behind every lens, if cameras have the [`SameTime`]: not where an automatic exposure takes back what a
-    /// lens brings.
+    /// With [`SameTime`]: true if the exposure time is fixed; false if auto-exposure compensates the lens's brightness.
     pub follows_light: bool,
 }
 
@@ -479,7 +478,7 @@ impl Camera {
     ) -> Result<Processed, DesignError> {
         // Development turns them back into light, balances white and lifts the dim corners.
         let developed = self.develop(raw.clone(), illumination.clone(), captures)?;
-        // The PSFs of the lens, or of what it is taken for, tell what it has blurred, and restoration divides it out.
+        // Restoration divides out the blur of the PSFs: those of the lens, or of the design that stands for a made camera.
         let restored = self.restore(psfs, developed.clone(), captures)?;
         // A hardware ISP makes its picture of the raw frame.
         let by_chip = self.by_chip(raw, illumination, captures)?;

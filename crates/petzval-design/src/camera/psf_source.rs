@@ -123,9 +123,9 @@ impl Psfs {
         }
     }
 
-    /// Pulls a loss's derivatives by the PSFs, laid out as in [`PsfBank`], back to the lens: by the adjoint of ray tracing, where those by
-    /// the radii are the derivatives by where the chief rays land, at fixed fields; or through the network, whose radii are fixed.
-    /// Where no lens forms the PSFs, the chain ends at them, and this is an error.
+    /// Pulls the cotangents of the PSFs, laid out as in [`PsfBank`], back to the lens: by the adjoint of ray tracing, or through the
+    /// network. With ray tracing, the cotangents of the radii are those of the landing points of the chief rays, at fixed fields. The radii
+    /// of the network are fixed. Where no lens forms the PSFs, the chain ends at them, and this is an error.
     pub fn pull_back(
         &self,
         by_values: &[f32],

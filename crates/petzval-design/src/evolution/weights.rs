@@ -14,9 +14,9 @@ pub(super) struct Weights {
     pub size_damping: f64,
     /// Share of a new step in the path of the covariance.
     pub path_rate: f64,
-    /// Share of the path in the covariance.
+    /// Learning rate c_1 of the rank-one update.
     pub rank_one: f64,
-    /// Share of the points in the covariance.
+    /// Learning rate c_mu of the rank-mu update.
     pub rank_mu: f64,
 }
 

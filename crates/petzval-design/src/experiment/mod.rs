@@ -11,7 +11,7 @@ mod variants;
 
 pub use commented::{commented_toml, reference_markdown};
 pub use derived_lens::{BOX_CENTRE_LENS, PERFECT_LENS, is_derived_lens};
-pub use names::{BlockName, DetectorInput, FieldOfView, LensGoal, StepMethod};
+pub use names::{BUILT_IN_PHOTOS, BlockName, DetectorInput, FieldOfView, LensGoal, STREET, StepMethod};
 pub use plan::{LensSearch, Schedule, Stage, StepRule, Variant, cosine_rate, turn_of};
 pub use tables::{
     CheckpointConfig, ConstraintConfig, DetectorConfig, DevelopmentConfig, ExposureConfig, ExposureSetting,
@@ -36,14 +36,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::DesignError;
 
-/// The name of the built-in photographs in [`Experiment::photos`].
-pub const BUILT_IN_PHOTOS: &str = "built-in";
-
 /// The task of an experiment that names none.
 const DEFAULT_TASK: &str = "image-quality";
-
-/// The name of the generated streets in [`Experiment::data`].
-pub const STREET: &str = "street";
 
 /// Most steps of a camera's network, or of its hardware ISP, in the full size of an experiment, see [`Experiment::to_full_size`].
 pub const FULL_STEPS: usize = 40_000;
@@ -412,6 +406,27 @@ impl Experiment {
         Ok(())
     }
 
+    /// The pictures of its task, by name or path.
+    pub fn pictures(&self, key: PicturesKey) -> &String {
+        match key {
+            PicturesKey::Photos => &self.photos,
+            PicturesKey::Data => &self.data,
+        }
+    }
+
+    /// The same, to name others.
+    pub fn pictures_mut(&mut self, key: PicturesKey) -> &mut String {
+        match key {
+            PicturesKey::Photos => &mut self.photos,
+            PicturesKey::Data => &mut self.data,
+        }
+    }
+
+    /// Whether a task of these facts sees generated streets.
+    pub fn sees_streets(&self, facts: &TaskFacts) -> bool {
+        facts.pictures == PicturesKey::Data && self.data == STREET
+    }
+
     /// Whether a network finishes the pictures of its cameras.
     pub fn has_picture_network(&self, role: NetworkRole) -> bool {
         role == NetworkRole::Finishes && !self.isp.is_used()
@@ -444,7 +459,7 @@ impl Experiment {
         };
         let share = steps as f64 / (*last).max(1) as f64;
         *last = steps;
-        // A training that stays near its first rate for longer needs the limit.
+        // Longer schedules keep the high rate longer and diverge without gradient clipping.
         if share > 1.0 && last_block == BlockName::Network && self.training.largest_gradient == 0.0 {
             self.training.largest_gradient = TrainingConfig::default().largest_gradient;
         }
@@ -464,9 +479,9 @@ impl Experiment {
         own.filter_map(|s| s.steps.as_mut()).for_each(|steps| *steps = scaled(*steps));
     }
 
-    /// Gives the experiment the budget of a night on a GPU in place of minutes on two cores: [`FULL_STEPS`] steps of the network or of the
-    /// hardware ISP for the camera that takes the most, all other steps in proportion, batches of [`FULL_BATCH`] windows, twice as wide a
-    /// network, which no built-in weights fit. Nothing else changes.
+    /// Gives the experiment the budget of a night on a GPU in place of minutes on two cores. The camera with the most steps gets
+    /// [`FULL_STEPS`] steps of the network or of the hardware ISP; all other steps grow in proportion. Batches have [`FULL_BATCH`] windows,
+    /// and the network is twice as wide, which no built-in weights fit. Nothing else changes.
     pub fn to_full_size(&mut self, role: NetworkRole) {
         let last_block = self.last_block(role);
         let own = if last_block == BlockName::Isp { self.isp.steps } else { self.training.steps };

@@ -3,6 +3,12 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+/// The name of the built-in photographs.
+pub const BUILT_IN_PHOTOS: &str = "built-in";
+
+/// The name of the generated streets.
+pub const STREET: &str = "street";
+
 /// A block of the camera, by name. The order is that of the light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]

@@ -171,9 +171,9 @@ pub struct DetectorConfig {
     pub kind: DetectorKind,
     /// What turns pictures into features.
     pub backbone: BackboneKind,
-    /// The file of weights from which the detector starts, in place of drawn ones: `cameras/NAME/blocks/network/weights.bin` of a run with the
-    /// same detector and classes, its `cameras/NAME/network.safetensors`, or a safetensors file with the weights of torchvision's Faster R-CNN
-    /// on the same backbone, or with those of a classifier, which are for the backbone alone.
+    /// The file of weights from which the detector starts, in place of drawn ones. It is `cameras/NAME/blocks/network/weights.bin` or
+    /// `cameras/NAME/network.safetensors` of a run with the same detector and classes, or a safetensors file. Such a file has the weights
+    /// of torchvision's Faster R-CNN on the same backbone, or those of a classifier, which are for the backbone alone.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub weights: Option<String>,
 }
@@ -205,7 +205,7 @@ parameters! {
         /// By how much training windows are larger than `training.crop`, as a share of it: every step takes another part of a window, on one of its
         /// objects.
         spare: f64 = 0.5, "", 0..3, Linear, "0.5";
-        /// Least longer side of an object that counts; smaller ones are neither asked for nor held against the detector.
+        /// Least longer side of an object that counts. Smaller ones are ignored: neither misses nor false positives.
         least_side_px: f64 = 24.0, "pixels", 1..1e4, Log, "24 pixels";
         /// Least share of an object that must be seen for it to count.
         least_visible: f64 = 0.6, "", 0..1, Linear, "0.6";
@@ -324,8 +324,8 @@ parameters! {
         proximal: f64 = 0.0, "", 0..1e6, Log, "0 leaves the proximal term out";
         /// Decay of Adam's mean of squared gradients, beta 2: a mean over `1 / (1 - beta2)` steps.
         beta2: f64 = 0.99, "", 0.5..0.9999, Linear, "0.99 for hundreds of steps, 0.999 for many thousands";
-        /// Training photographs are exposed at random, from this much less to as they are, and their red and blue changed by up to a quarter of it
-        /// against green; then all colours are darkened until none is brighter than the exposure. So there are other exposures and colours
+        /// Training photographs are darkened at random by up to this exposure, and their red and blue changed against green by up to a
+        /// quarter of it. Then all colours are darkened until none is brighter than the exposure. So there are other exposures and colours
         /// than the few photographs have. 0 leaves them as they are.
         relight_ev: f64 = 1.0, "EV", 0..4, Linear, "1 EV is half of the light";
         /// Share of the windows that are generated pictures of dead leaves in place of photographs.

@@ -1,6 +1,6 @@
 //! What a task decides of the experiments that name it. The [tasks](crate::task::Task) state it.
 
-use super::{BUILT_IN_PHOTOS, Experiment, STREET};
+use super::names::{BUILT_IN_PHOTOS, STREET};
 
 /// What a task decides of its experiments.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,28 +56,5 @@ impl PicturesKey {
             Self::Photos => ["--photos", "photographs"],
             Self::Data => ["--data", "labelled pictures"],
         }
-    }
-}
-
-impl Experiment {
-    /// The pictures of its task, by name or path.
-    pub fn pictures(&self, key: PicturesKey) -> &String {
-        match key {
-            PicturesKey::Photos => &self.photos,
-            PicturesKey::Data => &self.data,
-        }
-    }
-
-    /// The same, to name others.
-    pub fn pictures_mut(&mut self, key: PicturesKey) -> &mut String {
-        match key {
-            PicturesKey::Photos => &mut self.photos,
-            PicturesKey::Data => &mut self.data,
-        }
-    }
-
-    /// Whether a task of these facts sees generated streets.
-    pub fn sees_streets(&self, facts: &TaskFacts) -> bool {
-        facts.pictures == PicturesKey::Data && self.data == STREET
     }
 }

@@ -413,7 +413,7 @@ fn check_stage(stage: &StageConfig) -> Result<(), (Vec<&'static str>, String, St
             }
         }
         if schedule.method == Some(StepMethod::Levenberg) && schedule.learning_rate.is_none() {
-            let message = format!("`{name}` steps by curvature, and nothing says how far");
+            let message = format!("`{name}`: method \"levenberg\" needs learning_rate");
             let hint = "give learning_rate the share of the way to the least of the paraboloid, such as 0.3"
                 .to_owned();
             return Err((vec!["schedule", name], message, hint));

@@ -76,15 +76,15 @@ impl PsfConfig {
     pub fn lost_light(&self, captured: f64) -> Option<String> {
         (captured < LEAST_CAPTURED).then(|| {
             format!(
-                "at some place the PSFs' grid of {:.0} um holds {:.0} % of the light, and pictures show these as if they were all: they are \
-                 too sharp there",
+                "the PSF grid of {:.0} um cuts off {:.0} % of the light somewhere in the field, so pictures are too sharp there",
                 self.grid as f64 * self.pitch_um,
-                100.0 * captured
+                100.0 * (1.0 - captured)
             )
         })
     }
 
-    /// What to say of a camera of which a share `by_rays` of the fields has PSFs by rays where waves were asked for; `None` if it has not.
+    /// Warning for a camera that computes the PSFs of a share `by_rays` of its fields by rays although waves were requested; `None` if
+    /// there are no such fields.
     pub fn rough_fields(&self, by_rays: f64) -> Option<String> {
         (self.kind == PsfKind::Diffraction && by_rays > 0.0).then(|| {
             format!(
@@ -207,9 +207,9 @@ impl PsfPlan {
 
     /// The same with as many pupil cells as the PSFs of a lens need for an error of `tolerance`, and the error that is reached.
     ///
-    /// The error is the sum of absolute differences from the PSF on arbitrarily many cells, both of unit sum, or the relative error of
-    /// the illumination: the largest over seven of the fields and the colours, estimated by doubling the cells. The cells do
-    /// not become fewer than they are.
+    /// The error is the largest over seven of the fields and the colours, estimated by doubling the cells. Of a PSF it is the sum of
+    /// absolute differences from the PSF on arbitrarily many cells, both of unit sum; of the illumination it is the relative error. The
+    /// cells do not become fewer than they are.
     ///
     /// Waves choose their own grid of the pupil, and the pattern of a lens without aberrations needs none: the plan stays, and the error is 0.
     pub fn converged(&self, lens: &Lens, tolerance: f64) -> Result<(Self, f64), DesignError> {

@@ -34,7 +34,7 @@ pub struct Comparison {
     pub steps: usize,
     /// Wall-clock hours of all runs together.
     pub hours: f64,
-    /// Most memory that a run took, GB; none where the system does not tell.
+    /// Peak memory of a run, GB; none if the system does not report it.
     pub memory_gb: Option<f64>,
     /// The scores.
     pub scores: Vec<ScoreDescription>,
@@ -55,8 +55,9 @@ pub struct ComparedCamera {
     pub is_ceiling: bool,
     /// Its scores.
     pub scores: Vec<MeanAndDeviation>,
-    /// Share of the gap from the first camera that is no ceiling to the ceiling that it closes, by score; none without a ceiling, and where
-    /// there is no gap to speak of: the ceiling must lie above that camera with every seed, and on average by twice the spread of the seeds.
+    /// Share of the gap between the first camera that is no ceiling and the ceiling that this camera closes, by score. None without a
+    /// ceiling, or if the gap is not significant: the ceiling must lie above that camera with every seed, and on average by twice the
+    /// spread of the seeds.
     pub gap_closed: Vec<Option<MeanAndDeviation>>,
     /// RMS spot radius, um.
     pub rms_spot_um: MeanAndDeviation,

@@ -93,7 +93,7 @@ pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Resu
     Ok(Report { subtitle, command_line: command_line.to_owned(), one_seed, ..report })
 }
 
-/// Gathers what there is of a run at work: its finished cameras with their figures, and the lens of the camera at work.
+/// The report of an unfinished run: its finished cameras with their figures, and the lens of the camera at work.
 pub fn report_so_far(setup: &Setup, run: &RunFolder, metrics: Metrics) -> Result<Report, DesignError> {
     let events = if run.events().is_file() { read_events(&run.events())? } else { Vec::new() };
     let at_work = run_progress::at_work(setup, &events);
@@ -323,7 +323,7 @@ fn score(of: &ScoreDescription) -> Score {
 
 /// What moved of a camera's exposure and of its hardware ISP, before and after.
 fn setting_changes(setup: &Setup, variant: &Variant, run: &RunFolder) -> Result<Vec<Change>, DesignError> {
-    // Values come back from their places with a rounding error: of a block that stays they are not compared.
+    // Mapping to 0..1 and back rounds: values are compared only for blocks that moved.
     let moves = |block: BlockName| setup.task_steps(variant, block) > 0;
     if ![BlockName::Exposure, BlockName::Isp].into_iter().any(moves) {
         return Ok(Vec::new());

@@ -132,13 +132,13 @@ pub struct DigestCheck<'a> {
     run: &'a RunFolder,
     accepted: &'a [String],
     warn: &'a dyn Fn(&str),
-    is_told: Cell<bool>,
+    is_reported: Cell<bool>,
 }
 
 impl<'a> DigestCheck<'a> {
     /// A check of a run. `accepted`: files or folders of the run, by their path below it, that may differ from their digests.
     pub fn new(run: &'a RunFolder, accepted: &'a [String], warn: &'a dyn Fn(&str)) -> Self {
-        Self { run, accepted, warn, is_told: Cell::new(false) }
+        Self { run, accepted, warn, is_reported: Cell::new(false) }
     }
 
     /// Reports a warning.
@@ -151,7 +151,7 @@ impl<'a> DigestCheck<'a> {
     pub fn changes(&self, part: &str) -> Result<Vec<ChangedFile>, DesignError> {
         let folder = self.run.root().join(part);
         let Some(digests) = Digests::read(&folder)? else {
-            self.tell_of_missing_digests();
+            self.warn_of_missing_digests();
             return Ok(Vec::new());
         };
         let prefix = if part.is_empty() { String::new() } else { format!("{part}/") };
@@ -214,8 +214,8 @@ impl<'a> DigestCheck<'a> {
     }
 
     /// One warning for a run whose files cannot be checked.
-    pub fn tell_of_missing_digests(&self) {
-        if !self.is_told.replace(true) {
+    pub fn warn_of_missing_digests(&self) {
+        if !self.is_reported.replace(true) {
             let run = self.run.root().display();
             self.warn(&format!(
                 "{run}: files of an earlier version have no digests; they are read as they are, and a change in them would not be noticed"

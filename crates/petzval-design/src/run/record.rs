@@ -34,7 +34,7 @@ pub struct Finish {
     pub date: String,
     /// Wall-clock seconds of all steps of the run, pauses between sessions left out.
     pub seconds: f64,
-    /// Most memory that the last session took, GB; none where the system does not tell.
+    /// Peak memory of the last session, GB; none if the system does not report it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub memory_gb: Option<f64>,
 }

@@ -433,8 +433,8 @@ fn a_lens_that_may_magnify_knows_what_that_does_to_the_loss() {
         }
     }
 
-    // Crops follow the scene, also where a larger window shows one object more or less: their middles lie 5 % farther from the axis as far as the
-    // sensor reaches, but for some pixels by which a crop is moved inside its window.
+    // Crops follow the scene, also if a larger window shows one object more or less. Their middles lie 5 % farther from the axis, as far as
+    // the sensor reaches. Only the shift of a crop inside its window adds some pixels.
     let side = setup.training_crops.window() as f64;
     let middle = |shot: &Shot| {
         let Placement { row, col } = shot.placement;

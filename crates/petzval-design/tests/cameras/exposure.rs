@@ -284,7 +284,7 @@ fn exposures_that_cannot_move_are_refused_with_a_hint() {
     };
     for (schedule, words) in [
         ("method = \"evolution\", learning_rate = 0.1", "has no learning_rate"),
-        ("method = \"levenberg\"", "nothing says how far"),
+        ("method = \"levenberg\"", "needs learning_rate"),
     ] {
         let said = refused(&stage(schedule));
         assert!(said.contains(words) && said.contains("line"), "{schedule}: {said}");

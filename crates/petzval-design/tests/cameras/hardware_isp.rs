@@ -107,7 +107,7 @@ fn the_gradient_by_parameters_and_lens_is_that_of_differences() {
     };
     let numeric = (along(2e-3) - along(-2e-3)) / 4e-3;
     assert!((numeric / norm - 1.0).abs() < 0.05, "{numeric} {norm}");
-    // The chip itself goes the same way, as far as its whole numbers tell.
+    // The chip itself has the same slope, within the rounding of its integers.
     let on_chip = |step: f64| {
         let moved: Vec<f64> = x.iter().zip(&by_x).map(|(x, g)| x + step * g / norm).collect();
         value(&camera_at(&moved).with_chip(ChipValues::Exact(isp.values())), &shots)

@@ -217,7 +217,7 @@ fn made_gradient(setup: &Setup, start: &Arc<Start>) {
         let mut block = block_at(start, x);
         let drawn = camera_with(setup, start, block.lens().unwrap());
         // Errors so large that the coordinates move the two lenses by different amounts.
-        let made = camera_with(setup, start, block.err(0.03, 1, 3).unwrap());
+        let made = camera_with(setup, start, block.with_errors(0.03, 1, 3).unwrap());
         (block, made, drawn)
     };
     let loss = |_: &Camera, frames: &Frames, _: &[Shot]| Ok(smooth_loss(frames));

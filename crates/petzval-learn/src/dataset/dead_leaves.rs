@@ -1,10 +1,10 @@
 //! Generated pictures for training: shapes that occlude each other, in linear light.
 //!
-//! The model of dead leaves (Lee, Mumford, Huang, "Occlusion models for natural images", IJCV 41, 2001): shapes fall one upon the other, their
-//! sizes distributed as `r^-3`, so that the picture looks alike at every distance; it has the edges, the flat parts and the spectrum
-//! of photographs. Colours are drawn as logarithms of light, yellow-blue and red-green, the axes along which natural scenes vary
-//! independently (Ruderman, Cronin and Chiao, JOSA A 15, 1998); their spreads were chosen by eye for linear sRGB, with some strong
-//! colours, as paint, flowers and skies have. Shapes are shaded by a gradient, and half of them carry waves as a texture.
+//! The model of dead leaves (Lee, Mumford, Huang, "Occlusion models for natural images", IJCV 41, 2001). Shapes fall one upon the other.
+//! Their sizes are distributed as `r^-3`, so the picture looks alike at every distance. It has the edges, the flat parts and the spectrum
+//! of photographs. Colours are drawn as logarithms of light, yellow-blue and red-green: natural scenes vary independently along these axes
+//! (Ruderman, Cronin and Chiao, JOSA A 15, 1998). Their spreads were chosen by eye for linear sRGB, with some strong colours such as those
+//! of paint, flowers and skies. Shapes are shaded by a gradient, and half of them carry waves as a texture.
 
 use petzval_camera::image::{CHANNELS, LinearImage};
 use rand::{Rng, RngExt, SeedableRng};

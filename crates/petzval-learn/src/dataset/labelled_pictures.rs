@@ -288,8 +288,8 @@ impl LabelledPictures {
         &self.picture(list, window).name
     }
 
-    /// Window `number` of `of` of a list: of the pictures in turn, on an object that fits into it, of each class in the picture as often as of the others, or
-    /// anywhere in the picture; at a place anywhere on the sensor. Both places depend on the number alone.
+    /// Window `number` of `of` of a list. Pictures are taken in turn. The window lies on an object that fits into it, each class of the
+    /// picture equally often, or anywhere in the picture. It is placed anywhere on the sensor. Both places depend on the number alone.
     pub fn window(
         &self,
         how: &PictureWindows,

@@ -17,7 +17,7 @@ const BRIGHTEST: f32 = 6e4;
 /// A window is placed on objects whose longer side is at most this share of its own.
 pub(super) const LARGEST_SHARE: f64 = 0.7;
 
-/// Least share of an object inside a window for it to be asked for.
+/// Least share of an object inside a window for the object to count.
 pub(super) const LEAST_INSIDE: f64 = 0.4;
 
 /// The part of a box inside a crop whose first pixel is at `first`, row and column, in pixels of the crop, and its share of the box; none where

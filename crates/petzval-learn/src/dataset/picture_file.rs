@@ -18,7 +18,7 @@ pub struct PictureFile {
     pub list: List,
     /// Its size, bytes.
     pub bytes: u64,
-    /// When it was last changed, seconds after 1970 began; none where the system does not tell.
+    /// Time of the last change, seconds since 1970; none if the system does not report it.
     pub modified_s: Option<u64>,
     /// SHA-256 of its content, hexadecimal.
     pub sha256: String,

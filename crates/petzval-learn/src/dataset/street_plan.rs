@@ -65,12 +65,12 @@ impl StreetView {
         })
     }
 
-    /// The same view through a lens whose image has this size, in units of that of the lens in whose view places are chosen.
+    /// This view with the image `scale` times as large as behind the lens in whose view places are chosen.
     pub fn with_scale(self, scale: f64) -> Self {
         Self { scale, ..self }
     }
 
-    /// The same view through a lens whose image has this brightness, in units of that of the lens for which [`StreetPlan::white_cd_m2`] holds.
+    /// This view with the image `light` times as bright as behind the reference lens, for which [`StreetPlan::white_cd_m2`] holds.
     pub fn with_light(self, light: f64) -> Self {
         Self { light, ..self }
     }

@@ -65,7 +65,7 @@ pub struct Object {
 pub struct Truth {
     /// The objects that are to be found.
     pub objects: Vec<Object>,
-    /// Regions in which it does not matter what is found: objects that are too small, too hidden, or of a kind that is not asked for.
+    /// Regions in which detections are ignored: objects that are too small, too hidden, or of a class that is not detected.
     pub ignored: Vec<BBox>,
     /// Objects that count and lie beside the picture or nearly so, because its lens shows less of the scene than the one with which it is
     /// compared: whole, where this lens would image them. They are missed.

@@ -87,7 +87,7 @@ mod tests {
     use crate::Device;
     use crate::detection::BBox;
 
-    /// Finds what is brighter than a half, and knows the sides of the picture it was asked about.
+    /// Detects what is brighter than a half, and records the size of its input picture.
     struct Bright;
 
     impl Detector for Bright {

@@ -1,4 +1,4 @@
-//! A loss that tells its parts.
+//! A loss with its parts by name.
 
 use burn::prelude::*;
 

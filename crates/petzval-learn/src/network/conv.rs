@@ -1,10 +1,9 @@
 //! A convolution with a leaky rectifier, as one differentiable operation.
 //!
-//! With few channels the framework's CPU convolution spends most of its time rearranging memory. This operation computes the
-//! same result directly and keeps no intermediate picture. Measured on two cores of an AMD EPYC, batch 4, 128 x 128, forward
-//! and backward, 3x3: 16 to 16 channels 5.7 ms against 72 ms, 32 to 16 channels 11 against 144 ms; at 16 x 16 with 128 to 128
-//! channels 2.9 against 5.7 ms. As CPU time at 96 x 96: 3x3 with step 2, 16 to 32 channels, 5 against 18 ms; 7x7, 16 to 16
-//! channels, 33 against 305 ms.
+//! With few channels the framework's CPU convolution spends most of its time rearranging memory. This operation computes the same result
+//! directly and keeps no intermediate picture. Measured on two cores of an AMD EPYC, batch 4, 3x3, forward and backward. At 128 x 128: 5.7
+//! ms against 72 ms for 16 to 16 channels, 11 against 144 ms for 32 to 16. At 16 x 16 with 128 to 128 channels: 2.9 against 5.7 ms. As CPU
+//! time at 96 x 96: 3x3 with step 2, 16 to 32 channels, 5 against 18 ms; 7x7, 16 to 16 channels, 33 against 305 ms.
 
 use burn::{
     prelude::*,

@@ -116,14 +116,14 @@ impl IspProxyConfig {
 /// rgb      = clip(colours, repeated 2 x 2, + shuffle(M (U(encoded, colours, far), colours)))
 /// ```
 ///
-/// The path of `colours` has the form of what an ISP does to the brightness of a pixel: it amplifies by what lies around
-/// (local tone mapping, which looks far across the picture and for which there is a thumbnail), mixes colours, and bends the tones. What
-/// remains, denoising, demosaicing and sharpening, is for the U-Net `U`. The square root spreads the dark values.
+/// The path of `colours` has the form of what an ISP does to the brightness of a pixel. It applies a gain that depends on the surroundings
+/// (local tone mapping, whose thumbnail covers the whole picture), mixes colours, and bends the tones. What remains, denoising, demosaicing
+/// and sharpening, is for the U-Net `U`. The square root spreads the dark values.
 ///
-/// A dense network with two hidden layers turns the parameters into `A`, `b`, `c`, `B_k` and `M`, all 0 at first, so that the network begins as the
-/// square root of the raw, and into a scale and a shift for each channel of the thumbnail and of every pair of convolutions of `U`:
-/// `x (1 + scale) + shift`, also 0 at first. `shuffle` places 4 channels per colour on 2 x 2 pixels. `clip` leaves a slope of 0.02 beyond 0
-/// and 1, so that the network may say how far beyond its range the ISP would be, and a gradient remains.
+/// A dense network with two hidden layers turns the parameters into `A`, `b`, `c`, `B_k` and `M`. All are 0 at first, so that the network
+/// begins as the square root of the raw. It also gives a scale and a shift for each channel of the thumbnail and of every pair of
+/// convolutions of `U`: `x (1 + scale) + shift`, both 0 at first. `shuffle` places 4 channels per colour on 2 x 2 pixels. `clip` leaves a
+/// slope of 0.02 beyond 0 and 1, so that the network may say how far beyond its range the ISP would be, and a gradient remains.
 ///
 /// Sources: E. Perez et al., "FiLM: Visual Reasoning with a General Conditioning Layer", AAAI 2018, for the modulation; E.
 /// Tseng et al., "Hyperparameter optimization in black-box image processing using differentiable proxies", ACM TOG 2019, for

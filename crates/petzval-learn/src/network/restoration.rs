@@ -27,8 +27,8 @@ const CURVE_SCALE: f32 = 4.0;
 /// where N is a [`UNet`] or a [`Naf`].
 ///
 /// The restoration in front of it has divided out the blur with the PSFs of the place; its regularisation, a curve over frequency for each
-/// colour, is trained with the weights. Restoration rings beside strong edges, most visibly in the dark, and where the lens is sharp there
-/// is little to restore: there the developed picture is the better one, and the network finds its share pixel by pixel and colour by colour.
+/// colour, is trained with the weights. Restoration rings beside strong edges, most visibly in the dark. Where the lens is sharp there is
+/// little to restore, and the developed picture is the better one. The network finds its share pixel by pixel and colour by colour.
 #[derive(Module, Debug)]
 pub struct RestorationNetwork<N: Module> {
     curves: Param<Tensor<2>>,

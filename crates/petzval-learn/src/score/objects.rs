@@ -174,8 +174,8 @@ impl ObjectScore {
         }
     }
 
-    /// The range, low and high, in which the figure lies in 95 % of draws of as many clusters of windows with repetition. `clusters`: the cluster
-    /// of each window, see [`Bootstrap::clusters`].
+    /// 95 % bootstrap interval of the figure over clusters of windows, low and high. `clusters`: the cluster of each window, see
+    /// [`Bootstrap::clusters`].
     pub fn interval(
         &self,
         windows: &[Picture],

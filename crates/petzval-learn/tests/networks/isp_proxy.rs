@@ -48,8 +48,8 @@ fn starts_as_the_square_root_of_the_raw_for_any_even_size() {
 #[test]
 fn gradients_agree_with_central_differences() {
     let device = Device::flex().autodiff();
-    // With these weights no value lies so near the kink of a rectifier or a tie of the pooling that single and double
-    // precision decide differently; with some seeds one does, and then the gradients of one picture differ by percents.
+    // With these weights no value lies at a kink of a rectifier or a tie of the pooling, where single and double precision decide
+    // differently. With some seeds one does; the gradients of a picture then differ by percents.
     let proxy = shaken(SMALL.init(4, &device).unwrap(), 0.1);
     let (raw, theta) = inputs(2, 13, 10, &device);
     let (raw, theta) = (raw.require_grad(), theta.require_grad());

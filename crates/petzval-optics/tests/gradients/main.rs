@@ -14,7 +14,7 @@ use petzval_optics::lens::{Lens, ObjectDistance};
 use petzval_optics::pupil::Quadrature;
 use petzval_optics::spot::spot;
 
-/// A lens near this one, whose numbers are no longer round.
+/// The lens with an object 400 mm away and its image plane moved to 26.2 mm.
 pub fn near(mut lens: Lens) -> Lens {
     lens.object = ObjectDistance::Finite(400.0);
     lens.with_image_distance(26.2)

@@ -7,7 +7,7 @@ use petzval::jobs::evaluate::{
     self, Compensate, Difference, Grade, LensTolerances, Made, MadeMetrics, Metrics, ScoreDescription,
 };
 
-use petzval_base::counted;
+use petzval::base::counted;
 
 use super::failure::Failure;
 use super::number::figure;

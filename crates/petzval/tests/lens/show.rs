@@ -103,7 +103,7 @@ fn illumination_is_relative_to_the_axis() {
 }
 
 #[test]
-fn a_lens_out_of_focus_is_told_how_to_be_focused() {
+fn a_lens_out_of_focus_gets_the_hint_to_focus_it() {
     let folder = tempfile::tempdir().unwrap();
     let text = read(&data("lenses/cooke-triplet-nominal.toml"));
     let moved = text.replacen("24.525171", "29.525171", 1);

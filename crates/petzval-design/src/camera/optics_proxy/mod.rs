@@ -4,8 +4,8 @@
 //! LensSampler -> lenses -> exact PSFs -> ProxyOpticsTrainer -> ProxyOptics -> OpticsGap
 //! ```
 //!
-//! Exact tracing needs no stand-in. This one is here because the paper had no other way, so that what it costs can be measured: a camera
-//! may take its PSFs from it while its lens moves, and is scored by exact tracing whatever it moved by.
+//! Exact tracing needs no stand-in. This one exists to measure the cost of the network that the paper needed. A camera may take its PSFs
+//! from it while its lens moves. Scores always use exact tracing.
 //!
 //! Source: E. Tseng et al., "Differentiable Compound Optics and Processing Pipeline Optimization for End-to-end Camera Design", ACM TOG
 //! 2021, supplement, sections 4 and 5.

@@ -150,7 +150,7 @@ impl Request {
                 "frequency",
                 self.frequency.to_string(),
                 (0.01..=1e4).contains(&self.frequency),
-                "in cycles per mm, 0.01 to 10000; a pixel of 5 um ends at 100",
+                "in cycles per mm, 0.01 to 10000; 100 is the Nyquist frequency of a 5 um pixel",
             ),
             (
                 "trials",
