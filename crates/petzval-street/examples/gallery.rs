@@ -1,4 +1,4 @@
-//! Writes PNG pictures of streets, with and without boxes, to a folder, and all of them on one sheet, `sheet.jpg`:
+//! Writes PNG pictures of streets, plain, with boxes and as class maps, to a folder, and all of them on one sheet, `sheet.jpg`:
 //! `cargo run --release -p petzval-street --example gallery -- FOLDER [STREETS] [FOCAL_MM] [FIRST_SEQUENCE] [SHRINK]`.
 //!
 //! Frames have 1920 x 1200 pixels, or SHRINK times fewer along each side, with as many samples in all.
@@ -7,7 +7,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use image::RgbImage;
-use petzval_street::{Light, ObjectKind, Projection, Seen, Street, StreetSettings, Window};
+use petzval_street::{Light, ObjectKind, Projection, Seen, Street, StreetSettings, SurfaceClass, Window};
 
 const ROWS: usize = 1200;
 const COLUMNS: usize = 1920;
@@ -48,10 +48,30 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             frames.push(picture.clone());
             draw_boxes(&mut picture, &seen);
             picture.save(path("-boxes"))?;
+            class_map(&seen).save(path("-classes"))?;
         }
     }
     sheet(&frames).save(Path::new(folder).join("sheet.jpg"))?;
     Ok(())
+}
+
+/// The class of each pixel as a colour.
+fn class_map(seen: &Seen) -> RgbImage {
+    RgbImage::from_fn(seen.width as u32, seen.height as u32, |x, y| {
+        image::Rgb(match seen.classes[y as usize * seen.width + x as usize] {
+            SurfaceClass::Road => [90, 60, 110],
+            SurfaceClass::Pavement => [190, 120, 190],
+            SurfaceClass::Building => [120, 100, 80],
+            SurfaceClass::Vegetation => [70, 140, 50],
+            SurfaceClass::Pole => [170, 170, 170],
+            SurfaceClass::Signal => [250, 170, 30],
+            SurfaceClass::Sign => [220, 220, 0],
+            SurfaceClass::Furniture => [110, 40, 40],
+            SurfaceClass::Pedestrian => [220, 20, 60],
+            SurfaceClass::Vehicle => [20, 60, 160],
+            SurfaceClass::Sky => [130, 190, 240],
+        })
+    })
 }
 
 /// All frames in rows.

@@ -9,6 +9,7 @@
 //! |---|---|
 //! | `plan`, `make/` | what stands where, by seed and moment; generators of objects in families of shapes |
 //! | `shape`, `object` | convex solids, and objects put together from them |
+//! | [`SurfaceClass`] | what a surface is to a segmentation |
 //! | `surface`, `material`, `texture`, `facade`, `road` | reflectance, gloss and light of surfaces |
 //! | `sky`, `light`, `lamps`, `shadow`, `contact` | what lights them |
 //! | `projection`, `pose`, `window` | the camera |
@@ -49,6 +50,7 @@ mod shape;
 mod sky;
 mod street;
 mod surface;
+mod surface_class;
 mod texture;
 mod vector;
 mod window;
@@ -62,4 +64,5 @@ pub use projection::Projection;
 pub use seen::{NearObject, Seen, SeenObject};
 pub use settings::StreetSettings;
 pub use street::Street;
+pub use surface_class::SurfaceClass;
 pub use window::Window;

@@ -5,6 +5,7 @@ use std::f64::consts::PI;
 use crate::light::LampState;
 use crate::material::Material;
 use crate::shape::{Convex, Shape};
+use crate::surface_class::SurfaceClass;
 use crate::vector::{Frame, Inverse, Vec3, vec3};
 
 /// What an object is to a detector.
@@ -31,6 +32,7 @@ pub(crate) struct Part {
     pub frame: Frame,
     pub inverse: Inverse,
     pub material: Material,
+    pub class: SurfaceClass,
     /// A sphere around it.
     pub centre: Vec3,
     pub radius: f64,
@@ -68,12 +70,19 @@ pub(crate) struct Object {
 pub(crate) struct Builder {
     frame: Frame,
     parts: Vec<Part>,
+    /// That of the parts to come.
+    class: SurfaceClass,
 }
 
 impl Builder {
-    /// An object at a place, turned by `yaw` radians to the right.
-    pub fn at(place: Vec3, yaw: f64) -> Self {
-        Self { frame: Frame::turned(place, yaw), parts: Vec::new() }
+    /// An object at a place, turned by `yaw` radians to the right, with surfaces of a class.
+    pub fn at(place: Vec3, yaw: f64, class: SurfaceClass) -> Self {
+        Self { frame: Frame::turned(place, yaw), parts: Vec::new(), class }
+    }
+
+    /// Gives the parts to come another class.
+    pub fn go_on_as(&mut self, class: SurfaceClass) {
+        self.class = class;
     }
 
     /// Adds a shape in a frame given in the object's coordinates.
@@ -87,7 +96,8 @@ impl Builder {
             Shape::Sphere => frame.x.length().max(frame.y.length()).max(frame.z.length()),
             _ => around,
         };
-        self.parts.push(Part { inverse: frame.inverse(), shape, frame, material, centre, radius });
+        let class = self.class;
+        self.parts.push(Part { inverse: frame.inverse(), shape, frame, material, class, centre, radius });
     }
 
     /// A box around `centre` with half sides.

@@ -13,9 +13,11 @@ use crate::noise::{hash, unit};
 use crate::object::{Object, Part};
 use crate::pose::Pose;
 use crate::projection::Projection;
+use crate::road::GroundFace;
 use crate::seen::{Seen, Tally, seen_objects};
 use crate::shade::Hit;
 use crate::street::Street;
+use crate::surface_class::SurfaceClass;
 use crate::vector::{Frame, Vec3};
 use crate::window::Window;
 
@@ -77,6 +79,7 @@ struct Tile {
     column: usize,
     width: usize,
     pixels: Vec<Rgb>,
+    classes: Vec<SurfaceClass>,
     tallies: Vec<(u32, Tally)>,
 }
 
@@ -122,6 +125,7 @@ impl Street {
 
         let area = window.height * window.width;
         let mut planes = vec![0f32; 3 * area];
+        let mut classes = vec![SurfaceClass::Sky; area];
         let mut tallies: BTreeMap<u32, Tally> = BTreeMap::new();
         for tile in &tiles {
             for (i, pixel) in tile.pixels.iter().enumerate() {
@@ -129,13 +133,14 @@ impl Street {
                 for channel in 0..3 {
                     planes[channel * area + place] = pixel[channel];
                 }
+                classes[place] = tile.classes[i];
             }
             for (object, tally) in &tile.tallies {
                 tallies.entry(*object).or_default().join(tally);
             }
         }
         let objects = seen_objects(self, projection, &camera, window.outline_px(), &tallies);
-        Ok(Seen { height: window.height, width: window.width, planes, objects })
+        Ok(Seen { height: window.height, width: window.width, planes, classes, objects })
     }
 }
 
@@ -234,6 +239,7 @@ impl View<'_> {
             entry.slot = labelled.slot(objects, entry.object);
         }
         let mut pixels = Vec::with_capacity((TILE * TILE) as usize);
+        let mut classes = Vec::with_capacity((TILE * TILE) as usize);
         let mut close: Vec<Shown> = Vec::new();
         for row in first_row..last_row {
             for col in first_col..last_col {
@@ -248,15 +254,18 @@ impl View<'_> {
                     entry.reaches(pixel) && entry.near_ray(middle, margin * far)
                 }));
                 let mut sum = [0.0; 3];
+                let mut counts = [0; SurfaceClass::ALL.len()];
                 for i in 0..n * n {
                     let cell = self.cell(row, col, i);
                     let ray = self.ray(row, col, i, cell);
                     let hit = self.first_hit(ray, &close);
                     sum = plus(sum, self.street.light_of(self.camera.origin, ray, hit, self.pixel_rad));
                     labelled.count(objects, &close, self.camera.origin, ray, hit, cell);
+                    counts[self.class_of(hit) as usize] += 1;
                 }
                 let share = 1.0 / (n * n) as f32;
                 pixels.push(sum.map(|channel| channel * share));
+                classes.push(SurfaceClass::of_most(&counts));
             }
         }
         Some(Tile {
@@ -264,8 +273,19 @@ impl View<'_> {
             column: (first_col - w.col) as usize,
             width: (last_col - first_col) as usize,
             pixels,
+            classes,
             tallies: labelled.tallies.into_iter().filter(|(_, tally)| tally.all > 0).collect(),
         })
+    }
+
+    /// The class of what a ray meets first.
+    fn class_of(&self, hit: Hit) -> SurfaceClass {
+        match hit {
+            Hit::Sky => SurfaceClass::Sky,
+            Hit::Ground { face: GroundFace::Carriageway, .. } => SurfaceClass::Road,
+            Hit::Ground { face: GroundFace::Pavement | GroundFace::Kerb, .. } => SurfaceClass::Pavement,
+            Hit::Part { object, part, .. } => self.street.objects[object as usize].parts[part as usize].class,
+        }
     }
 
     /// The cell of a pixel's `i`th sample, `[x1, y1, x2, y2]` in sensor pixels.

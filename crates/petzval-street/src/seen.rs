@@ -8,6 +8,7 @@ use crate::object::{Object, ObjectKind};
 use crate::pose::Pose;
 use crate::projection::Projection;
 use crate::street::Street;
+use crate::surface_class::SurfaceClass;
 use crate::vector::{Frame, Vec3};
 
 /// A picture of a window.
@@ -20,6 +21,8 @@ pub struct Seen {
     /// Luminance in cd/m^2 of each colour channel, shape `[3, height, width]`, red first. A gray surface has equal channels in
     /// white light. Finite and not negative.
     pub planes: Vec<f32>,
+    /// The class of most samples of each pixel, shape `[height, width]`.
+    pub classes: Vec<SurfaceClass>,
     /// The objects whose outline reaches into the window, hidden or not, in the order of their `id`.
     pub objects: Vec<SeenObject>,
 }
@@ -211,7 +214,7 @@ mod tests {
     /// The box of a block 3 m to the right of a lens of 45 degrees, between two distances in front of it.
     fn box_of_block([near, far]: [f64; 2]) -> Option<[f64; 4]> {
         let projection = Projection::rectilinear(1000.0, 2500.0, 1000, 2000).unwrap();
-        let mut builder = Builder::at(Vec3::default(), 0.0);
+        let mut builder = Builder::at(Vec3::default(), 0.0, SurfaceClass::Vehicle);
         let material = Material::Plain { albedo: [0.5; 3], gloss: 0.0 };
         builder.block([3.5, 0.0, 0.5 * (near + far)], [0.5, 1.0, 0.5 * (far - near)], material);
         builder.finish(1, Some(ObjectKind::Vehicle)).whole_box(&projection, &Frame::WORLD)

@@ -2,7 +2,7 @@
 
 use petzval_street::{
     Families, LampColours, LampState, Light, ObjectKind, Projection, Street, StreetError, StreetSettings,
-    Window,
+    SurfaceClass, Window,
 };
 
 const ROWS: usize = 1200;
@@ -35,6 +35,10 @@ fn a_window_shows_the_bits_of_the_whole_picture_on_any_number_of_threads() {
         assert_eq!(whole, same);
         let small = Window { row: 511, col: 801, height: 50, width: 61 };
         let cut = street.see(&lens, &street.pose(), small, 2).expect("a valid window");
+        for row in 0..small.height {
+            let (from, own) = ((row + 41) * large.width + 21, row * small.width);
+            assert_eq!(whole.classes[from..from + small.width], cut.classes[own..own + small.width]);
+        }
         for channel in 0..3 {
             for row in 0..small.height {
                 let from = (channel * large.height + row + 41) * large.width + 21;
@@ -98,6 +102,62 @@ fn the_box_of_an_object_that_nothing_hides_is_the_extent_of_its_samples() {
         }
     }
     assert!(counts.iter().all(|count| *count >= 10), "too few objects to judge: {counts:?}");
+}
+
+#[test]
+fn every_pixel_has_the_class_of_what_it_shows() {
+    // The whole sensor on few pixels.
+    let (rows, columns) = (150, 240);
+    let lens = Projection::rectilinear(FOCAL_PX / 16.0, 200.0, rows, columns).expect("a valid lens");
+    let window = Window { row: 0, col: 0, height: rows, width: columns };
+    let mut pixels = [0_usize; SurfaceClass::ALL.len()];
+    let (mut objects, mut shown) = (0, 0);
+    for sequence in 0..24 {
+        let street = street(sequence, Light::Day);
+        let seen = street.see(&lens, &street.pose(), window, 2).expect("a valid window");
+        let at = |row: usize, column: usize| seen.classes[row * columns + column];
+        seen.classes.iter().for_each(|class| pixels[*class as usize] += 1);
+        // The camera stands on the road, and looks at nothing but it right below the middle, or at what stands on it.
+        let below = at(rows - 1, columns / 2);
+        assert!(matches!(below, SurfaceClass::Road | SurfaceClass::Vehicle | SurfaceClass::Pedestrian));
+        for (kind, class) in [
+            (ObjectKind::Vehicle, SurfaceClass::Vehicle),
+            (ObjectKind::Pedestrian, SurfaceClass::Pedestrian),
+            (ObjectKind::TrafficLight, SurfaceClass::Signal),
+        ] {
+            let boxes: Vec<[f64; 4]> =
+                seen.objects.iter().filter(|o| o.kind == kind).filter_map(|o| o.visible).collect();
+            // Nothing is a vehicle or a person outside the boxes of those; a signal may be a board, or of another kind.
+            if kind != ObjectKind::TrafficLight {
+                for (i, found) in seen.classes.iter().enumerate().filter(|(_, found)| **found == class) {
+                    let (x, y) = ((i % columns) as f64 + 0.5, (i / columns) as f64 + 0.5);
+                    let inside = |[x1, y1, x2, y2]: &[f64; 4]| {
+                        (x1 - 1.0..x2 + 1.0).contains(&x) && (y1 - 1.0..y2 + 1.0).contains(&y)
+                    };
+                    assert!(boxes.iter().any(inside), "{found:?} at {x} {y} of street {sequence}");
+                }
+            }
+            // A large object that nothing hides is the class of some pixel in its box.
+            let whole = seen.objects.iter().filter(|o| o.kind == kind && o.visible_share > 0.9);
+            for [x1, y1, x2, y2] in whole.filter_map(|o| o.visible) {
+                if x2 - x1 >= 4.0 && y2 - y1 >= 4.0 {
+                    objects += 1;
+                    let (columns, rows) = (x1 as usize..x2.ceil() as usize, y1 as usize..y2.ceil() as usize);
+                    shown += usize::from(
+                        rows.clone().any(|row| columns.clone().any(|column| at(row, column) == class)),
+                    );
+                }
+            }
+        }
+    }
+    assert!(objects > 20 && shown == objects, "{shown} of {objects}");
+    let missing: Vec<_> = SurfaceClass::ALL.iter().zip(&pixels).filter(|(_, count)| **count == 0).collect();
+    assert!(missing.is_empty(), "{missing:?}");
+    // What fills most of a street.
+    let share = |class: SurfaceClass| pixels[class as usize] as f64 / pixels.iter().sum::<usize>() as f64;
+    for class in [SurfaceClass::Road, SurfaceClass::Building, SurfaceClass::Sky] {
+        assert!(share(class) > 0.05, "{class:?}: {}", share(class));
+    }
 }
 
 #[test]

@@ -9,6 +9,7 @@ use crate::families::Drawer;
 use crate::light::{Light, PointLight};
 use crate::material::{LampFace, Material};
 use crate::object::{Builder, Object};
+use crate::surface_class::SurfaceClass;
 use crate::texture::Texture;
 use crate::vector::{Vec3, vec3};
 
@@ -34,7 +35,7 @@ const THINGS: [(Thing, &str); 6] = [
 /// A thing on the pavement, some of the size of a person.
 pub(crate) fn thing(rng: &mut ChaCha8Rng, drawer: &mut Drawer, place: Vec3, yaw: f64, id: u64) -> Object {
     let thing = drawer.draw(rng, "thing", &THINGS);
-    let mut b = Builder::at(place, yaw);
+    let mut b = Builder::at(place, yaw, SurfaceClass::Furniture);
     let coat = Material::Plain { albedo: scaled(surface_colour(rng), 0.7), gloss: 0.02 };
     let texture = Material::Textured(Texture::draw(rng, drawer, 0.3));
     let up = |y: f64| vec3(0.0, y, 0.0);
@@ -80,13 +81,14 @@ pub(crate) fn thing(rng: &mut ChaCha8Rng, drawer: &mut Drawer, place: Vec3, yaw:
 
 /// A traffic sign on a post, or a board with coloured discs that are no lamps.
 pub(crate) fn sign(rng: &mut ChaCha8Rng, place: Vec3, yaw: f64, id: u64) -> Object {
-    let mut b = Builder::at(place, yaw);
+    let mut b = Builder::at(place, yaw, SurfaceClass::Pole);
     let top = rng.random_range(2.2..3.4);
     let post = Material::Plain { albedo: [0.28; 3], gloss: 0.02 };
     b.cone(vec3(0.0, 0.0, -0.05), vec3(0.0, 0.5 * top, -0.05), [0.035, 0.035], post.clone());
     b.cone(vec3(0.0, 0.5 * top, -0.05), vec3(0.0, top, -0.05), [0.035, 0.035], post);
     let strong: [Rgb; 5] =
         [[0.5, 0.02, 0.02], [0.02, 0.08, 0.4], [0.6, 0.4, 0.01], [0.01, 0.25, 0.08], [0.03, 0.03, 0.03]];
+    b.go_on_as(SurfaceClass::Sign);
     let mut up = top;
     for _ in 0..rng.random_range(1..3) {
         let size: f64 = rng.random_range(0.22..0.36);
@@ -165,7 +167,7 @@ impl LampStyle {
         yaw: f64,
         id: u64,
     ) -> (Object, Option<PointLight>) {
-        let mut b = Builder::at(place, yaw);
+        let mut b = Builder::at(place, yaw, SurfaceClass::Pole);
         let metal = Material::Plain { albedo: [self.metal; 3], gloss: 0.02 };
         let pieces = 5;
         for i in 0..pieces {

@@ -12,6 +12,7 @@ use crate::families::Drawer;
 use crate::light::Light;
 use crate::material::Material;
 use crate::object::{Builder, Object};
+use crate::surface_class::SurfaceClass;
 use crate::texture::Texture;
 use crate::vector::{Vec3, vec3};
 
@@ -25,7 +26,7 @@ pub(crate) fn house(
     [width_m, height_m, depth_m]: [f64; 3],
     id: u64,
 ) -> Object {
-    let mut b = Builder::at(place, yaw);
+    let mut b = Builder::at(place, yaw, SurfaceClass::Building);
     let facade = Arc::new(Facade::draw(rng, drawer, light, height_m));
     let (half, deep) = (0.5 * width_m, 0.5 * depth_m);
     b.block([0.0, 0.5 * height_m, -deep], [half, 0.5 * height_m, deep], Material::Facade(facade));

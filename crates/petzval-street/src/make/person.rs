@@ -9,6 +9,7 @@ use crate::colour::{Rgb, from_hue, scaled, surface_colour};
 use crate::families::Drawer;
 use crate::material::Material;
 use crate::object::{Builder, Object, ObjectKind};
+use crate::surface_class::SurfaceClass;
 use crate::texture::Texture;
 use crate::vector::{Vec3, vec3};
 
@@ -75,7 +76,7 @@ pub(crate) fn person(
     let legs = [leg(-1.0), leg(1.0)];
     // The body sinks until the lower foot, or the wide end of a trouser leg, stands on the ground.
     let sole = legs[0][2].y.min(legs[1][2].y) - f64::max(0.054, 0.05 * girth);
-    let mut b = Builder::at(place - vec3(0.0, sole, 0.0), yaw);
+    let mut b = Builder::at(place - vec3(0.0, sole, 0.0), yaw, SurfaceClass::Pedestrian);
     for (side, [top, knee, ankle]) in [-1.0, 1.0].into_iter().zip(legs) {
         let toe = ankle + vec3(side * 0.02, -0.02, 0.095 * height);
         let bare_shin = matches!(outfit, Outfit::Shorts | Outfit::Skirt | Outfit::Dress);

@@ -9,6 +9,7 @@ use crate::families::Drawer;
 use crate::light::{LampColours, LampState};
 use crate::material::{LampFace, Material};
 use crate::object::{Builder, Object, ObjectKind};
+use crate::surface_class::SurfaceClass;
 use crate::vector::{Vec3, vec3};
 
 /// How the lamps are shielded from the sun.
@@ -84,7 +85,7 @@ pub(crate) fn housing(
     kind: ObjectKind,
     id: u64,
 ) -> Object {
-    let mut b = Builder::at(foot, yaw);
+    let mut b = Builder::at(foot, yaw, SurfaceClass::Signal);
     let (pitch, radius) = (style.pitch(), 0.5 * style.lamp_m);
     let (half_w, half_h, half_d) = (radius + 0.055, 0.5 * style.height_m(), 0.09);
     let shell = Material::Plain { albedo: style.housing, gloss: 0.015 };
@@ -136,7 +137,7 @@ pub(crate) fn backboard(style: &Style, foot: Vec3, yaw: f64, id: u64) -> Option<
     if !style.board {
         return None;
     }
-    let mut b = Builder::at(foot, yaw);
+    let mut b = Builder::at(foot, yaw, SurfaceClass::Signal);
     let (half_w, half_h) = (0.5 * style.lamp_m + 0.2, 0.5 * style.height_m() + 0.14);
     b.block([0.0, 0.5 * style.height_m(), -0.10], [half_w, half_h, 0.008], plain([0.025; 3]));
     b.block([0.0, 0.5 * style.height_m(), -0.112], [half_w + 0.03, half_h + 0.03, 0.004], plain([0.6; 3]));
@@ -145,7 +146,7 @@ pub(crate) fn backboard(style: &Style, foot: Vec3, yaw: f64, id: u64) -> Option<
 
 /// A pole with an optional arm: from the ground to `top_m`, then `arm_m` metres to the left (negative) or right.
 pub(crate) fn pole(rng: &mut ChaCha8Rng, foot: Vec3, yaw: f64, top_m: f64, arm_m: f64, id: u64) -> Object {
-    let mut b = Builder::at(foot, yaw);
+    let mut b = Builder::at(foot, yaw, SurfaceClass::Pole);
     let metal = Material::Plain { albedo: [rng.random_range(0.05..0.35); 3], gloss: 0.02 };
     let radius = if arm_m == 0.0 { 0.055 } else { 0.1 };
     // Short pieces keep the spheres around them small.
@@ -174,7 +175,7 @@ pub(crate) fn pedestrian_light(
     walk: bool,
     id: u64,
 ) -> Object {
-    let mut b = Builder::at(foot, yaw);
+    let mut b = Builder::at(foot, yaw, SurfaceClass::Signal);
     let radius = 0.1;
     let shell = Material::Plain { albedo: [rng.random_range(0.015..0.06); 3], gloss: 0.015 };
     b.block([0.0, 0.27, -0.08], [0.15, 0.27, 0.08], shell.clone());

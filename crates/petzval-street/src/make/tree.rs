@@ -7,6 +7,7 @@ use crate::colour::{Rgb, from_hue, scaled};
 use crate::families::Drawer;
 use crate::material::Material;
 use crate::object::{Builder, Object};
+use crate::surface_class::SurfaceClass;
 use crate::vector::{Vec3, vec3};
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,7 +34,7 @@ fn leaf_colour(rng: &mut ChaCha8Rng) -> Rgb {
 /// A tree of any family.
 pub(crate) fn tree(rng: &mut ChaCha8Rng, drawer: &mut Drawer, place: Vec3, id: u64) -> Object {
     let growth = drawer.draw(rng, "tree", &GROWTHS);
-    let mut b = Builder::at(place, rng.random_range(0.0..6.0));
+    let mut b = Builder::at(place, rng.random_range(0.0..6.0), SurfaceClass::Vegetation);
     let bark =
         Material::Bark { albedo: scaled([0.13, 0.11, 0.09], rng.random_range(0.6..1.4)), seed: rng.random() };
     let height: f64 = rng.random_range(5.5..12.0);
@@ -99,7 +100,7 @@ pub(crate) fn tree(rng: &mut ChaCha8Rng, drawer: &mut Drawer, place: Vec3, id: u
 
 /// A hedge or bush.
 pub(crate) fn bush(rng: &mut ChaCha8Rng, place: Vec3, id: u64) -> Object {
-    let mut b = Builder::at(place, rng.random_range(0.0..3.0));
+    let mut b = Builder::at(place, rng.random_range(0.0..3.0), SurfaceClass::Vegetation);
     let leaves = Material::Leaves {
         albedo: leaf_colour(rng),
         density: 0.75,

@@ -8,6 +8,7 @@ use crate::colour::{Rgb, scaled};
 use crate::families::Drawer;
 use crate::material::{LampFace, Material, Paint};
 use crate::object::{Builder, Object, ObjectKind};
+use crate::surface_class::SurfaceClass;
 use crate::texture::Texture;
 use crate::vector::{Vec3, vec3};
 
@@ -51,7 +52,7 @@ pub(crate) fn truck(
         lamps: None,
         seed: rng.random(),
     };
-    let mut b = Builder::at(place, yaw);
+    let mut b = Builder::at(place, yaw, SurfaceClass::Vehicle);
     let cab_end = if bus { -half } else { half - rng.random_range(1.7..2.2) };
     let sill = if bus { rng.random_range(1.0..1.4) } else { rng.random_range(1.3..1.55) };
     let lean = rng.random_range(0.05..0.25);

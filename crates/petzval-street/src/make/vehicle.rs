@@ -8,6 +8,7 @@ use crate::families::Drawer;
 use crate::light::Light;
 use crate::material::{CarLamps, Material, Paint};
 use crate::object::{Builder, Object, ObjectKind};
+use crate::surface_class::SurfaceClass;
 use crate::vector::{Vec3, vec3};
 
 /// Shape families of cars.
@@ -174,7 +175,7 @@ pub(crate) fn car(
         lamps: Some(car_lamps(rng, &s, side, body, lamps)),
         seed: rng.random(),
     };
-    let mut b = Builder::at(place, yaw);
+    let mut b = Builder::at(place, yaw, SurfaceClass::Vehicle);
     let clearance = s.wheel * 0.62;
 
     lower_body(&mut b, &s, clearance, paint);
