@@ -262,7 +262,7 @@ impl DesignLoop {
             let turn = turn.and_then(|s| s.turn(&self.position.taken).map(|block| (s, block)));
             let step = match (stage, turn) {
                 (_, Some((Stage::Lens { goal, iterations, search }, _))) => {
-                    self.improve_lens(variant, *goal, *iterations, *search, observer)
+                    self.improve_lens(variant, *goal, *iterations, *search, observer, stop)
                 }
                 (_, Some((Stage::Task(moves), block))) => self.step(variant, moves, block),
                 (Some(stage), None) => {
@@ -271,9 +271,10 @@ impl DesignLoop {
                 }
                 (None, None) => self.finish_variant(variant, observer),
             };
-            if let (Err(DesignError::Isp(IspError::Stopped(_))), true) = (&step, stop.load(Ordering::Relaxed))
-            {
-                // An external ISP was stopped in the middle of the step, which is lost: the run goes on from its last checkpoint.
+            let is_cut_short =
+                matches!(&step, Err(DesignError::Isp(IspError::Stopped(_)) | DesignError::Stopped));
+            if is_cut_short && stop.load(Ordering::Relaxed) {
+                // The step is lost: the run goes on from its last checkpoint.
                 return Ok(Ending::Stopped(latest_checkpoint(&self.run)?.map_or(0, |(step, _)| step)));
             }
             let Step { block, losses, lowered, learning_rate } = match step {
@@ -451,6 +452,7 @@ impl DesignLoop {
         iterations: usize,
         search: LensSearch,
         observer: &mut dyn Observer,
+        stop: &AtomicBool,
     ) -> Result<Step, DesignError> {
         let (step, log) = (self.position.step + 1, &mut self.log);
         let mut started = Instant::now();
@@ -463,7 +465,7 @@ impl DesignLoop {
             observer.step(&event);
             log.write(&event)
         };
-        let losses = self.blocks.optics.improve(goal, iterations, search, &mut watch)?;
+        let losses = self.blocks.optics.improve(goal, iterations, search, &mut watch, stop)?;
         for remark in self.blocks.optics.remarks() {
             observer.note(&format!("{}, lens for {}: {remark}", variant.name, goal.in_words()));
         }

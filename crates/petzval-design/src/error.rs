@@ -231,6 +231,9 @@ pub enum DesignError {
         /// Distance from the axis, mm.
         radius_mm: f64,
     },
+    /// A step was stopped before its end, because the job was cancelled; it is lost.
+    #[error("stopped in the middle of a step")]
+    Stopped,
     /// A value that cannot be written as text.
     #[error("{what} cannot be written: {problem}")]
     Unwritable {

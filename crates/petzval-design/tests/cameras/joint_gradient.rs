@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 use crate::line_integral::Line;
 use petzval_camera::develop::{Demosaic, Domain};
@@ -394,7 +395,9 @@ fn random_steps_draw_lens_and_exposure_anew_and_leave_no_trace_when_the_stage_en
 
     // Behind a stage that improved the lens, draws are about the lens before it as well, also once the camera was finished and taken up again.
     optics.begin_stage(false);
-    optics.improve(LensGoal::Spot, 3, LensSearch::default(), &mut |_| Ok(())).unwrap();
+    optics
+        .improve(LensGoal::Spot, 3, LensSearch::default(), &mut |_| Ok(()), &AtomicBool::new(false))
+        .unwrap();
     let finished = optics.save_numbers().unwrap();
     let mut optics = block();
     optics.load_numbers(&finished).unwrap();

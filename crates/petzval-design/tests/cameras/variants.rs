@@ -1,14 +1,16 @@
 //! A fourth variant and a further score take a few lines of TOML and this one file.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::common::Silent;
 use nalgebra::{DMatrix, DVector};
 use petzval_camera::sensor::NoiseMode;
 use petzval_design::block::OpticsBlock;
 use petzval_design::design_loop::{DesignLoop, Ending};
+use petzval_design::error::DesignError;
 use petzval_design::experiment::{
     BlockName, Experiment, FieldOfView, LensGoal, LensSearch, NetworkRole, Stage,
 };
@@ -203,6 +205,7 @@ fn spots_are_minimised_to_convergence_under_the_requirements() {
                 iterations += 1;
                 Ok(())
             },
+            &AtomicBool::new(false),
         );
         (losses.unwrap(), iterations, block.lens().unwrap())
     };
@@ -237,12 +240,25 @@ fn a_lens_is_improved_for_the_restoration_of_its_frames() {
     check_gradient(&merit, space, &x);
     check_lift(&merit, &lens_at(&x), space.space().numbers());
     let mut block = OpticsBlock::new(start.clone(), 1.0);
-    let spot = block.improve(LensGoal::Spot, 100, LensSearch::default(), &mut |_| Ok(())).unwrap();
+    let stop = AtomicBool::new(false);
+    let spot = block.improve(LensGoal::Spot, 100, LensSearch::default(), &mut |_| Ok(()), &stop).unwrap();
+    // Stopped at its second iteration, it ends before the third, and the lens is as it was.
+    let (before, mut seen) = (block.lens().unwrap(), 0);
+    let mut two = |_: BTreeMap<String, f64>| {
+        seen += 1;
+        stop.store(seen == 2, Ordering::Relaxed);
+        Ok(())
+    };
+    let stopped = block.improve(LensGoal::Restored, 30, LensSearch::default(), &mut two, &stop);
+    assert!(matches!(stopped, Err(DesignError::Stopped)), "{stopped:?}");
+    assert_eq!((seen, block.lens().unwrap()), (2, before));
+    stop.store(false, Ordering::Relaxed);
     let mut course = Vec::new();
-    let restored = block.improve(LensGoal::Restored, 30, LensSearch::default(), &mut |losses| {
+    let mut watch = |losses: BTreeMap<String, f64>| {
         course.push(losses["restored_error_percent"]);
         Ok(())
-    });
+    };
+    let restored = block.improve(LensGoal::Restored, 30, LensSearch::default(), &mut watch, &stop);
     let restored = restored.unwrap();
     assert!(course.is_sorted_by(|a, b| a >= b), "{course:?}");
     // Larger spots, that leave less error: from 1.22 to 1.12 % of white with finer PSFs.

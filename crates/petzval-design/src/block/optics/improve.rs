@@ -1,6 +1,7 @@
 //! A lens that is improved alone, for its spots or for the restoration of its frames, without pictures.
 
 use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use petzval_optics::design_space::{AtBound, Focus};
 use petzval_optics::lens::Lens;
@@ -39,7 +40,7 @@ fn tolerance(goal: LensGoal) -> f64 {
 impl OpticsBlock {
     /// Makes the spots, or the error after restoration, as small as the requirements allow, by Levenberg and Marquardt's method from the
     /// lens as it stands or from the best that a search finds. `watch` sees the losses after every round and before every iteration; those at
-    /// the end are returned.
+    /// the end are returned. With `stop` set it ends before the next iteration or round, with [`DesignError::Stopped`] and the lens as it was.
     ///
     /// The result is never worse than the lens at the start, with what violated requirements cost.
     pub fn improve(
@@ -48,8 +49,11 @@ impl OpticsBlock {
         iterations: usize,
         search: LensSearch,
         watch: &mut dyn FnMut(BTreeMap<String, f64>) -> Result<(), DesignError>,
+        stop: &AtomicBool,
     ) -> Result<BTreeMap<String, f64>, DesignError> {
-        self.earlier.push(self.x.clone());
+        let goes_on = || !stop.load(Ordering::Relaxed);
+        let check = || if goes_on() { Ok(()) } else { Err(DesignError::Stopped) };
+        let watch = &mut |losses: BTreeMap<String, f64>| check().and_then(|()| watch(losses));
         let start = self.lens()?;
         let lens = match search.rounds {
             0 => start.clone(),
@@ -65,13 +69,15 @@ impl OpticsBlock {
         seen?;
         // Spots cost little: the stiff penalty alone leads further from some lenses.
         if goal == LensGoal::Spot {
-            let other = descend(&problem(lens.clone()), &options, &mut |_, _, _| true)?;
-            for other in std::iter::once(other).chain(as_exactly(&problem(lens), &options)) {
+            let other = descend(&problem(lens.clone()), &options, &mut |_, _, _| goes_on())?;
+            for other in std::iter::once(other).chain(as_exactly(&problem(lens), &options, &goes_on)) {
                 if other.best.merit < WORTH_IT * best.best.merit {
                     best = other;
                 }
             }
         }
+        check()?;
+        self.earlier.push(self.x.clone());
         let as_it_is = LevenbergOptions { iterations: 0, ..options };
         let begun = descend(&problem(start), &as_it_is, &mut |_, _, _| true)?;
         let gain = 1.0 - (best.best.merit / begun.best.merit).sqrt();
@@ -130,14 +136,14 @@ impl OpticsBlock {
 
 /// Descents as `lens optimize` makes them, with a free image plane and clear radii as the beams need them, and from the end of each one of the
 /// problem as it is.
-fn as_exactly(problem: &Problem, options: &LevenbergOptions) -> Vec<Descent> {
+fn as_exactly(problem: &Problem, options: &LevenbergOptions, goes_on: &dyn Fn() -> bool) -> Vec<Descent> {
     let merit = SpotResiduals { sampling: PupilSampling::Degree(6), ..problem.merit.clone() };
     let (apertures, focus) = (Apertures::Fitted, Focus::Free);
     let free = Problem { merit, apertures, focus, ..problem.clone() };
-    let ends = [descend, descend_softly].map(|way| way(&free, options, &mut |_, _, _| true));
+    let ends = [descend, descend_softly].map(|way| way(&free, options, &mut |_, _, _| goes_on()));
     let as_it_is = |end: Descent| {
         let problem = Problem { base: end.best.lens, ..problem.clone() };
-        descend(&problem, options, &mut |_, _, _| true).ok()
+        descend(&problem, options, &mut |_, _, _| goes_on()).ok()
     };
     ends.into_iter().flatten().filter_map(as_it_is).collect()
 }
