@@ -6,6 +6,7 @@ use petzval_base::write_whole;
 use petzval_design::error::DesignError;
 use petzval_files::coco::{Annotation, Attribute, Defect, Loaded, Severity, Statistics, load_coco};
 use petzval_files::load_image;
+use petzval_learn::dataset::Classes;
 use petzval_report::data_sheet::{DataSheet, DefectRow, Sample, SampleBox, page};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -14,6 +15,8 @@ use super::check_pictures_in;
 use crate::context::Context;
 use crate::error::{JobError, make_folder};
 use crate::results::check_folder;
+
+pub use petzval_learn::dataset::Taken;
 
 /// A data set to check. What is left out has the default of the command.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -25,11 +28,13 @@ pub struct Request {
     pub out: Option<PathBuf>,
     /// Pictures on the page.
     pub samples: usize,
+    /// An experiment, by built-in name or path, whose classes are looked for in the data set.
+    pub classes_of: Option<String>,
 }
 
 impl Default for Request {
     fn default() -> Self {
-        Self { data: PathBuf::from("."), out: None, samples: 12 }
+        Self { data: PathBuf::from("."), out: None, samples: 12, classes_of: None }
     }
 }
 
@@ -43,6 +48,9 @@ pub struct Response {
     pub statistics: Statistics,
     /// What was found wrong, errors first.
     pub defects: Vec<Defect>,
+    /// What the classes of an experiment take of it, if one was named.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub taken: Option<Taken>,
     /// Cases that cannot be used.
     pub errors: usize,
     /// The page.
@@ -62,12 +70,14 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     if let Some(out) = &request.out {
         check_folder(out, ["data.html", "data.json"], context)?;
     }
+    let classes = request.classes_of.as_deref().map(|name| classes_of(name, context)).transpose()?;
     let mut loaded = load_coco(&request.data)?;
     check_pictures_in(&mut loaded, context);
     let mut response = Response {
         annotations: loaded.file.clone(),
         statistics: Statistics::of(&loaded.data),
         defects: loaded.defects.iter().cloned().collect(),
+        taken: classes.map(|classes| Taken::of(&loaded.data, &classes)),
         errors: loaded.defects.errors(),
         page: None,
     };
@@ -80,6 +90,16 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let json = serde_json::to_string_pretty(&response).map_err(|e| JobError::failed(e.to_string()))?;
     write(&out.join("data.json"), json.as_bytes())?;
     Ok(response)
+}
+
+/// The classes of an experiment, which must have some.
+fn classes_of(name: &str, context: &Context) -> Result<Classes, JobError> {
+    let classes = context.assets.experiment(name)?.classes();
+    if classes.is_empty() {
+        let hint = "name one that looks for objects, such as pedestrian-vehicle";
+        return Err(JobError::setting("classes_of", name, "the experiment has no classes", hint));
+    }
+    Ok(classes)
 }
 
 /// Pictures with boxes, evenly over the data set; the last is the one with the most.

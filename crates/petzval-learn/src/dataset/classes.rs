@@ -169,31 +169,62 @@ impl Name {
     }
 }
 
+/// Which annotations of a data set classes take.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Taken {
+    /// Each class, in their order.
+    pub classes: Vec<TakenClass>,
+    /// Categories of lights whose state is not known, of which boxes are not judged.
+    pub not_judged: BTreeSet<String>,
+    /// Categories that no class takes.
+    pub background: BTreeSet<String>,
+}
+
+/// What a class takes of a data set.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct TakenClass {
+    /// The class.
+    pub class: String,
+    /// Names of the categories.
+    pub categories: BTreeSet<String>,
+    /// Number of boxes, also of those that are not judged.
+    pub boxes: usize,
+}
+
+impl Taken {
+    /// What classes take of a data set.
+    pub fn of(data: &DataSet, classes: &Classes) -> Self {
+        let class = |class: &ObjectClass| TakenClass { class: class.name.clone(), ..TakenClass::default() };
+        let mut taken = Self { classes: classes.iter().map(class).collect(), ..Self::default() };
+        for annotation in &data.annotations {
+            let Some(category) = data.category(annotation.category_id) else { continue };
+            let names = match classes.of_annotation(category, annotation) {
+                Named::Class(number) => {
+                    taken.classes[number].boxes += 1;
+                    &mut taken.classes[number].categories
+                }
+                Named::Unknown => &mut taken.not_judged,
+                Named::Other => &mut taken.background,
+            };
+            if !names.contains(&category.name) {
+                names.insert(category.name.clone());
+            }
+        }
+        taken
+    }
+}
+
 /// How the categories of a data set are taken, if some of them are not looked for: else a misspelt one would be background without a word.
 pub fn taken_as(data: &DataSet, classes: &Classes) -> Option<String> {
-    let mut names: BTreeMap<String, BTreeSet<&str>> = BTreeMap::new();
-    let mut background = BTreeSet::new();
-    for annotation in &data.annotations {
-        let Some(category) = data.category(annotation.category_id) else { continue };
-        let taken = match classes.of_annotation(category, annotation) {
-            Named::Class(class) => format!("as `{}`", classes[class].name),
-            Named::Unknown => "as places that are not judged".to_owned(),
-            Named::Other => {
-                background.insert(category.name.as_str());
-                continue;
-            }
-        };
-        names.entry(taken).or_default().insert(&category.name);
-    }
-    let list = |names: &BTreeSet<&str>| names.iter().copied().collect::<Vec<_>>().join(", ");
-    let taken = names.iter().map(|(taken, names)| format!("; {taken}: {}", list(names)));
-    (!background.is_empty()).then(|| {
-        format!(
-            "boxes of these categories are background: {}{}",
-            list(&background),
-            taken.collect::<String>()
-        )
-    })
+    let Taken { classes, not_judged, background } = Taken::of(data, classes);
+    let list = |names: &BTreeSet<String>| names.iter().map(String::as_str).collect::<Vec<_>>().join(", ");
+    let of_class = |taken: &TakenClass| (format!("as `{}`", taken.class), list(&taken.categories));
+    let mut taken: Vec<(String, String)> = classes.iter().map(of_class).collect();
+    taken.push(("as places that are not judged".to_owned(), list(&not_judged)));
+    taken.retain(|(_, names)| !names.is_empty());
+    let taken: String = taken.iter().map(|(taken, names)| format!("; {taken}: {names}")).collect();
+    (!background.is_empty())
+        .then(|| format!("boxes of these categories are background: {}{taken}", list(&background)))
 }
 
 /// The objects of a picture. Crowds, objects that are to be ignored, and boxes that are thinner than a pixel are regions that are not judged.
@@ -423,5 +454,8 @@ mod tests {
         // What is background is said.
         let note = taken_as(&data, &people_and_vehicles()).unwrap();
         assert!(note.contains("background: traffic light, tree; as `pedestrian`: Pedestrians"), "{note}");
+        let taken = Taken::of(&data, &people_and_vehicles());
+        let boxes: Vec<_> = taken.classes.iter().map(|c| (c.class.as_str(), c.boxes)).collect();
+        assert_eq!(boxes, [("pedestrian", 2), ("vehicle", 2)]);
     }
 }

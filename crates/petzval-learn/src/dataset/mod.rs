@@ -15,7 +15,7 @@ mod picture_file;
 mod relight;
 mod street_plan;
 
-pub use classes::{Classes, ObjectClass, in_classes, taken_as};
+pub use classes::{Classes, ObjectClass, Taken, TakenClass, in_classes, taken_as};
 pub use crop::{CropPlan, HeldOutPlacement, TrainingCrop, held_out_placements, training_crop};
 pub use dead_leaves::dead_leaves;
 pub use error::DatasetError;

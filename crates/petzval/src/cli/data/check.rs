@@ -1,13 +1,14 @@
 //! `petzval data check`: what a data set holds and what is wrong with it.
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use petzval::jobs::data::check::{self, Request};
+use petzval::jobs::data::check::{self, Request, Taken};
 
 use super::defects::table;
 use crate::cli::failure::{EXIT_INPUT, Failure};
-use crate::cli::plain::shown;
+use crate::cli::plain::{plain, shown};
 use crate::cli::terminal::{Terminal, print_json};
 
 /// Show what a data set in COCO format holds: pictures, boxes by class and size, and everything that is wrong with it.
@@ -28,6 +29,9 @@ pub struct Args {
     /// Pictures on the page
     #[arg(long, default_value_t = petzval::jobs::data::check::Request::default().samples, value_name = "N")]
     samples: usize,
+    /// Show which categories the classes of this experiment take, by built-in name or path
+    #[arg(long, value_name = "EXPERIMENT")]
+    classes_of: Option<String>,
     /// Print figures and defects as JSON
     #[arg(long)]
     json: bool,
@@ -35,15 +39,42 @@ pub struct Args {
 
 /// Runs the verb.
 pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
-    let request = Request { data: args.data, out: args.out, samples: args.samples };
+    let request =
+        Request { data: args.data, out: args.out, samples: args.samples, classes_of: args.classes_of };
     let response = check::run(&request, &terminal.context())?;
     if args.json {
         print_json(&response)?;
     } else {
         out!("{}", table(&response.statistics, &response.defects));
+        if let Some(taken) = &response.taken {
+            outln!("\n{}", taken_table(taken));
+        }
         if let Some(page) = &response.page {
             outln!("\n{}", shown(page));
         }
     }
     Ok(if response.errors > 0 { ExitCode::from(EXIT_INPUT) } else { ExitCode::SUCCESS })
+}
+
+/// Which categories are of which class.
+fn taken_table(taken: &Taken) -> String {
+    let list = |names: &BTreeSet<String>| {
+        if names.is_empty() {
+            return "no category".to_owned();
+        }
+        names.iter().map(|name| plain(name)).collect::<Vec<_>>().join(", ")
+    };
+    let width = taken.classes.iter().map(|c| c.class.chars().count()).max().unwrap_or(0).max(10);
+    let row = |name: &str, boxes: String, names: &BTreeSet<String>| {
+        format!("{name:width$}  {boxes:>8}  {}", list(names))
+    };
+    let mut rows = vec![format!("{:width$}  {:>8}  categories", "class", "boxes")];
+    rows.extend(taken.classes.iter().map(|c| row(&c.class, c.boxes.to_string(), &c.categories)));
+    if !taken.not_judged.is_empty() {
+        rows.push(row("not judged", String::new(), &taken.not_judged));
+    }
+    if !taken.background.is_empty() {
+        rows.push(row("background", String::new(), &taken.background));
+    }
+    rows.join("\n")
 }
