@@ -54,6 +54,21 @@ fn a_converted_data_set_is_checked_and_shown() {
     assert!(page.matches("<rect").count() == 4 && page.matches("data:image/png").count() == 2);
     assert!(page.contains("#ff3b30") && page.contains("No defects."));
 
+    // What the classes of an experiment take.
+    let args = ["data", "check", "out", "--classes-of", "traffic-light"];
+    let taken = run_ok(root, &args).stdout;
+    for words in ["red  ", "green  ", "no category"] {
+        assert!(taken.contains(words), "{words}\n{taken}");
+    }
+    let json = run_ok(root, &[&args[..], &["--json"]].concat()).json();
+    let boxes: Vec<u64> =
+        json["taken"]["classes"].as_array().unwrap().iter().map(|c| c["boxes"].as_u64().unwrap()).collect();
+    assert_eq!(boxes.iter().sum::<u64>(), 4);
+    let people = run_ok(root, &["data", "check", "out", "--classes-of", "pedestrian-vehicle"]).stdout;
+    assert!(people.contains("background") && people.contains("green, red"), "{people}");
+    let lens = ["data", "check", "out", "--classes-of", "cooke-triplet-image-quality"];
+    run_fails(root, &lens, 2, &["has no classes"]);
+
     // A file that cannot be decoded is an error of the data, with everything else still shown.
     std::fs::remove_file(root.join("out/images/train/a.jpg")).unwrap();
     write(root, "out/images/train/a.jpg", "no picture");
