@@ -456,3 +456,62 @@ fn a_detector_that_is_trained_in_two_sittings_has_the_same_weights() {
     run_ok(root, &["design", "--resume", "run"]);
     assert!(results() == whole);
 }
+
+/// A user's classes, by a name of their own, by the number of a category, and beside others of the data set.
+#[test]
+fn classes_of_ones_own_are_trained_scored_reported_and_found() {
+    let folder = experiment_and_lights();
+    let root = folder.path();
+    let classes =
+        "[[class]]\nname = \"stop\"\nfrom = [\"light red\"]\n[[class]]\nname = \"go\"\ncategories = [2]\n";
+    let scores = r#"scores = ["ap50", "ap50_stop", "class_accuracy"]"#;
+    let text = TINY
+        .replace("task = \"traffic-light\"", "task = \"objects\"\ndata = \"in\"")
+        .replace(r#"scores = ["ap50", "ap50_large", "state_accuracy"]"#, scores)
+        .replacen("[[variant]]", &format!("{classes}[[variant]]"), 1);
+    std::fs::write(root.join("own.toml"), &text).unwrap();
+    let said = run_ok(root, &["design", "own.toml", "--variant", "nominal", "--out", "run"]);
+    assert!(said.says("pictures in training"), "{}", said.stderr);
+    let metrics = read_json(&root.join("run/metrics.json"));
+    let names: Vec<&str> =
+        metrics["scores"].as_array().unwrap().iter().map(|s| s["name"].as_str().unwrap()).collect();
+    assert_eq!(names, ["ap50", "ap50_stop", "class_accuracy"]);
+    assert!(metrics["rows"][0]["ap50_stop"].is_f64(), "{metrics}");
+    let report = read(&root.join("run/report.html"));
+    assert!(report.contains("stop") && report.contains("go"));
+    // The run holds its classes, and is scored again from them alone.
+    let config = read(&root.join("run/config.toml"));
+    assert!(config.contains("name = \"stop\"") && config.contains("categories = [2]"), "{config}");
+    std::fs::remove_file(root.join("own.toml")).unwrap();
+    let again = run_ok(root, &["evaluate", "run"]);
+    assert!(again.stdout.contains("own figures: 0.000e0"), "{}", again.stdout);
+
+    // Its detector finds them by their names, and is scored on a data set by them.
+    let args = ["detect", "--data", "in", "--run", "run", "--least-score", "0", "--json", "--out", "out"];
+    let found = run_ok(root, &args).json();
+    let found: std::collections::BTreeSet<&str> = found["pictures"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .flat_map(|picture| picture["found"].as_array().unwrap())
+        .map(|object| object["class"].as_str().unwrap())
+        .collect();
+    assert!(!found.is_empty() && found.iter().all(|class| ["stop", "go"].contains(class)), "{found:?}");
+
+    // A class that takes nothing of the data set is said, and scores of other classes are refused where they stand.
+    let wrong = text.replace("categories = [2]", "categories = [9]");
+    std::fs::write(root.join("wrong.toml"), &wrong).unwrap();
+    let said = run_ok(root, &["design", "wrong.toml", "--variant", "nominal", "--out", "other"]);
+    assert!(
+        said.says("the class `go` has 0 boxes") && said.says("are background: light green"),
+        "{}",
+        said.stderr
+    );
+    std::fs::write(root.join("wrong.toml"), text.replace("ap50_stop", "ap50_halt")).unwrap();
+    run_fails(
+        root,
+        &["design", "wrong.toml", "--out", "b"],
+        2,
+        &["`ap50_halt` is no score of objects", "ap50_stop"],
+    );
+}
