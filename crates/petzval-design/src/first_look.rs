@@ -12,7 +12,7 @@ use petzval_optics::spot::spot;
 use serde::{Deserialize, Serialize};
 
 use crate::error::DesignError;
-use crate::experiment::{BlockName, PERFECT_LENS, Stage, Variant};
+use crate::experiment::{BlockName, PERFECT_LENS, Stage, Variant, is_derived_lens};
 use crate::lens::start::Start;
 use crate::setup::Setup;
 use crate::task::PhotosLook;
@@ -155,8 +155,18 @@ pub fn first_look(setup: &Setup) -> Result<FirstLook, DesignError> {
         problems: Vec::new(),
         warnings: Vec::new(),
     };
-    look.problems = look.lenses.iter().filter_map(|lens| off_the_grid(setup, lens)).collect();
-    look.warnings = look.lenses.iter().flat_map(|lens| doubts(&look, lens)).collect();
+    // A lens that the experiment derives, such as the middle of its bounds, is a control: it may be as bad as it is.
+    let is_derived = |lens: &&LensLook| {
+        let of_lens = |v: &&Variant| lens.cameras.contains(&v.name);
+        setup.variants.iter().find(of_lens).is_some_and(|v| is_derived_lens(&v.lens))
+    };
+    let off_the_grid = |lens: &LensLook| off_the_grid(setup, lens);
+    let (derived, own): (Vec<&LensLook>, Vec<&LensLook>) = look.lenses.iter().partition(is_derived);
+    let problems = own.into_iter().filter_map(off_the_grid).collect();
+    let controls: Vec<String> = derived.into_iter().filter_map(off_the_grid).collect();
+    let doubts = look.lenses.iter().flat_map(|lens| doubts(&look, lens));
+    let warnings = controls.into_iter().chain(doubts).collect();
+    (look.problems, look.warnings) = (problems, warnings);
     Ok(look)
 }
 

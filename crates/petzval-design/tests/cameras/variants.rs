@@ -14,6 +14,7 @@ use petzval_design::error::DesignError;
 use petzval_design::experiment::{
     BlockName, Experiment, FieldOfView, LensGoal, LensSearch, NetworkRole, Stage,
 };
+use petzval_design::first_look::first_look;
 use petzval_design::inputs::keep_inputs;
 use petzval_design::lens::psf_plan::PsfPlan;
 use petzval_design::lens::restored::RestoredError;
@@ -727,4 +728,16 @@ fn every_lens_step_says_what_each_coordinate_did_to_the_loss() {
     }
     let first = events.iter().find(|e| e.block == "optics").unwrap();
     assert!(first.lowered.iter().all(|v| *v >= 0.0) && first.lowered.iter().any(|v| *v > 0.0), "{first:?}");
+}
+
+/// The middle of the bounds of a lens images nothing sharply, and stands in an experiment to show that.
+#[test]
+fn a_lens_that_the_experiment_derives_may_be_out_of_focus() {
+    let library = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let experiment = library.experiment("cooke-triplet-image-quality-controls").unwrap();
+    let setup = Setup::new(experiment, &library, Device::flex()).unwrap();
+    let look = first_look(&setup).unwrap();
+    assert!(look.problems.is_empty(), "{:?}", look.problems);
+    let said = |words: &str| look.warnings.iter().any(|warning| warning.contains(words));
+    assert!(said("middle of its bounds: the PSFs' grid"), "{:?}", look.warnings);
 }
