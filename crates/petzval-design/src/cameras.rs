@@ -193,7 +193,7 @@ impl Cameras {
         self.camera_with(lens, moving, PerfectImage::of(self.experiment.psf.kind))
     }
 
-    /// [`Setup::camera`] of a variant's lens, which may be without aberrations.
+    /// [`Cameras::camera`] of a variant's lens, which may be without aberrations.
     pub fn camera_of(&self, variant: &Variant, lens: Lens, is_moving: bool) -> Result<Camera, DesignError> {
         // While a lens moves, its fields are by waves or by rays as they were at the start.
         let moving = is_moving.then(|| self.start(variant).plan().clone());
@@ -222,7 +222,7 @@ impl Cameras {
         Ok(camera.with_psf_errors(PsfErrors { pupil, blend: blend.median }))
     }
 
-    /// The camera of a variant's lens on its way, without a network: [`Setup::camera_of`], or with PSFs from the network that the variant names.
+    /// The camera of a variant's lens on its way, without a network: [`Cameras::camera_of`], or with PSFs from the network that the variant names.
     pub fn moving_camera(&self, variant: &Variant, lens: Lens) -> Result<Camera, DesignError> {
         let Some(proxy) = variant.optics_proxy.as_ref().map(|path| self.optics_proxies[path].clone()) else {
             return self.camera_of(variant, lens, true);

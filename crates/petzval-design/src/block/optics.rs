@@ -61,7 +61,7 @@ pub struct OpticsBlock {
     progress: Progress,
     /// The coordinates before each stage so far that improved the lens alone: random steps draw about these lenses as well.
     earlier: Vec<Vec<f64>>,
-    /// How far the lens of the next step is off, see [`OpticsBlock::err`]; empty for the lens as drawn.
+    /// How far the lens of the next step is off, see [`OpticsBlock::with_errors`]; empty for the lens as drawn.
     errors: Vec<f64>,
     /// By how much each coordinate lowered the loss in the last step.
     lowered: Vec<f64>,
@@ -161,7 +161,7 @@ impl OpticsBlock {
     }
 
     /// Losses at the present coordinates, and the derivatives by them of the batch's loss plus the weighted penalty of the
-    /// requirements. The camera of the batch has the lens as it stands; or that of [`OpticsBlock::err`], and then may be
+    /// requirements. The camera of the batch has the lens as it stands; or that of [`OpticsBlock::with_errors`], and then may be
     /// [taken for](Camera::taken_for) one with the lens as it stands.
     ///
     /// The gradient comes back on the tape through network, development, sensor and renderer as far as the PSFs, and from
