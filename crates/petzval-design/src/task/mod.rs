@@ -38,7 +38,7 @@ use crate::run::{Metrics, RunFolder};
 pub use judge::{Depth, Findings, Judge, ScoredPicture, Taken, named_scores};
 pub use registry::Tasks;
 pub(crate) use windows::enlarged_by;
-pub use windows::{HeldOut, PhotosLook, Purpose, SceneView, WindowPlan, Windows, relative_field};
+pub use windows::{HeldOut, PhotosLook, Purpose, SceneView, WindowPlan, Windows, in_batches, relative_field};
 
 /// What cameras are designed for.
 pub trait Task: Send + Sync {

@@ -108,6 +108,17 @@ pub struct HeldOut {
     pub shot: Shot,
 }
 
+/// So many windows in batches of the experiment's size, each by its number.
+pub fn in_batches(
+    experiment: &Experiment,
+    windows: usize,
+    shot: impl Fn(usize) -> Result<Shot, DesignError>,
+) -> Result<Vec<Vec<Shot>>, DesignError> {
+    let batch = experiment.training.batch;
+    let starts = (0..windows).step_by(batch);
+    starts.map(|first| (first..windows.min(first + batch)).map(&shot).collect()).collect()
+}
+
 /// Distance of the middle of a shot's window from the axis, over that of the sensor's corner.
 pub fn relative_field(cameras: &Cameras, camera: &Camera, shot: &Shot) -> f64 {
     let kept = camera.kept(shot);

@@ -21,7 +21,7 @@ use crate::cameras::Cameras;
 use crate::error::DesignError;
 use crate::experiment::{Experiment, STREET, StreetConfig};
 use crate::lens::psf_plan::PsfPlan;
-use crate::task::{HeldOut, Purpose, SceneView, WindowPlan, Windows, relative_field};
+use crate::task::{HeldOut, Purpose, SceneView, WindowPlan, Windows, in_batches, relative_field};
 
 /// The first frame of validations, beyond those of all steps. Scores have a noise of their own.
 const FIRST_VALIDATION: u64 = 1 << 62;
@@ -340,10 +340,8 @@ impl Windows for Scenes {
     }
 
     fn validation(&self, cameras: &Cameras, camera: &Camera) -> Result<Vec<Vec<Shot>>, DesignError> {
-        let (batch, windows) = (cameras.experiment.training.batch, self.validation_windows);
         let shot = |i: usize| self.shot(SceneView::of(camera), List::Validation, i as u64);
-        let starts = (0..windows).step_by(batch);
-        starts.map(|first| (first..windows.min(first + batch)).map(shot).collect()).collect()
+        in_batches(&cameras.experiment, self.validation_windows, shot)
     }
 
     /// Each of a street of its own, or of a picture of a folder.

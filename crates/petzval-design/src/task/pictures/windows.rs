@@ -12,7 +12,7 @@ use crate::camera::{Camera, Labels, Shot, crop_window};
 use crate::cameras::Cameras;
 use crate::error::DesignError;
 use crate::experiment::Experiment;
-use crate::task::{HeldOut, PhotosLook, Windows, relative_field};
+use crate::task::{HeldOut, PhotosLook, Windows, in_batches, relative_field};
 
 /// The number of the first validation window: beyond those of all steps, and of all that blocks learn besides.
 const FIRST_VALIDATION: u64 = 1 << 42;
@@ -38,13 +38,12 @@ impl Windows for Photographs {
     /// Photographs alone, as in scores.
     fn validation(&self, cameras: &Cameras, _: &Camera) -> Result<Vec<Vec<Shot>>, DesignError> {
         let experiment = &cameras.experiment;
-        let (batch, windows) = (experiment.training.batch, experiment.validation.windows);
+        let batch = experiment.training.batch;
         let shot = |i: usize| {
             let (step, item) = (FIRST_VALIDATION + (i / batch) as u64, (i % batch) as u32);
             self.shot(experiment, self.set.validation(), step, item)
         };
-        let starts = (0..windows).step_by(batch);
-        starts.map(|first| (first..windows.min(first + batch)).map(shot).collect()).collect()
+        in_batches(experiment, experiment.validation.windows, shot)
     }
 
     /// Every photograph at every place.
