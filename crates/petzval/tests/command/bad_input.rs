@@ -77,7 +77,7 @@ fn experiments() {
         case(
             "task = \"image-quality\"",
             "task = \"racing\"",
-            &["`task = \"racing\"`: no such value; this key takes \"image-quality\""],
+            &["`task = \"racing\"`: `racing` is no task", "tasks are image-quality, objects"],
         ),
         case(
             "noise = \"dequantised\"",
