@@ -281,7 +281,12 @@ fn a_folder_with_boxes_takes_the_place_of_the_streets() {
     copy_folder(&root.join("in"), &root.join("moved"));
     let moved = run_ok(root, &["evaluate", "run", "--data", "moved"]);
     assert!(moved.stdout.contains("own figures: 0.000e0"), "{}", moved.stdout);
-    run_fails(root, &["evaluate", "run", "--photos", "in"], 2, &["--photos", "the run looks at labelled scenes"]);
+    run_fails(
+        root,
+        &["evaluate", "run", "--photos", "in"],
+        2,
+        &["--photos", "the run looks at labelled scenes"],
+    );
     // A run goes on with the pictures that it began with, or not at all.
     let text = read(&root.join("in/annotations.json"));
     std::fs::write(root.join("in/annotations.json"), text.replace("[20, 20, 20, 40]", "[21, 20, 20, 40]"))

@@ -93,8 +93,11 @@ fn illumination_is_relative_to_the_axis() {
     }
     // Also where the file does not list the axis.
     let text = read(&data("lenses/cooke-triplet-nominal.toml"));
-    let off_axis = text.replace("[0.0, 5.0, 10.0, 15.0]", "[5.0]").replace("[0, 5, 10, 15]", "[5]");
-    assert_ne!(off_axis, text);
+    let fields = text.replace("[0.0, 5.0, 10.0, 15.0]", "[5.0]").replace("[0, 5, 10, 15]", "[5]");
+    assert_ne!(fields, text);
+    // What is expected of every field has as many values.
+    let lines = fields.lines().filter(|line| !line.starts_with("rms_spot_um"));
+    let off_axis = lines.collect::<Vec<_>>().join("\n");
     std::fs::write(folder.path().join("off-axis.toml"), off_axis).unwrap();
     let whole = run_ok(folder.path(), &["lens", "show", LENS, "--json"]).json();
     let part = run_ok(folder.path(), &["lens", "show", "off-axis.toml", "--json"]).json();
