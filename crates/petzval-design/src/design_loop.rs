@@ -271,11 +271,18 @@ impl DesignLoop {
                 }
                 (None, None) => self.finish_variant(variant, observer),
             };
-            let is_cut_short =
-                matches!(&step, Err(DesignError::Isp(IspError::Stopped(_)) | DesignError::Stopped));
-            if is_cut_short && stop.load(Ordering::Relaxed) {
-                // The step is lost: the run goes on from its last checkpoint.
-                return Ok(Ending::Stopped(latest_checkpoint(&self.run)?.map_or(0, |(step, _)| step)));
+            match &step {
+                // The lens is as it was before the step, whose events go.
+                Err(DesignError::Stopped) if stop.load(Ordering::Relaxed) => {
+                    self.log = EventLog::resume(&self.run.events(), self.position.step)?;
+                    self.checkpoint()?;
+                    return Ok(Ending::Stopped(self.position.step));
+                }
+                // An external ISP was stopped in the middle of the step, which is lost: the run goes on from its last checkpoint.
+                Err(DesignError::Isp(IspError::Stopped(_))) if stop.load(Ordering::Relaxed) => {
+                    return Ok(Ending::Stopped(latest_checkpoint(&self.run)?.map_or(0, |(step, _)| step)));
+                }
+                _ => {}
             }
             let Step { block, losses, lowered, learning_rate } = match step {
                 Ok(step) => step,

@@ -7,7 +7,7 @@ fn light_beyond_the_grid_is_named() {
     let psf = PsfConfig::default();
     assert_eq!(psf.lost_light(0.985), None);
     let said = psf.lost_light(0.5).unwrap();
-    assert!(said.contains("grid of 128 um holds 50 % of the light"), "{said}");
+    assert!(said.contains("grid of 128 um cuts off 50 % of the light"), "{said}");
 }
 
 #[test]
