@@ -281,6 +281,8 @@ fn a_task_from_outside_is_designed_for_scored_reported_and_read_again() {
         / metrics.held_out_images as f32;
     assert!(error < 0.5 * f64::from(bright), "{error} {bright}");
 
+    // The facts of the machine, which a program writes that begins runs.
+    std::fs::write(run.environment(), "{}").unwrap();
     let report = report_of_run(&setup, &run, "").unwrap();
     assert_eq!(report.sections[0].title, "Brightness");
     assert!(petzval_report::design_report::html(&report).contains("1 cameras read brightness."));
