@@ -8,7 +8,7 @@ use petzval_optics::glass::Catalog;
 
 use crate::assets::{Assets, ExternalIsps, Text, WarningSink};
 use crate::error::DesignError;
-use crate::experiment::{BUILT_IN_PHOTOS, Experiment, STREET};
+use crate::experiment::{BUILT_IN_PHOTOS, Experiment, STREET, TaskFacts};
 use crate::path_text::path_text;
 use crate::run::input_list::pictures_of_run;
 use crate::run::{RunFolder, RunRecord, config_text, json_record};
@@ -70,6 +70,11 @@ impl Library {
     /// The tasks that experiments may name.
     pub fn tasks(&self) -> &Tasks {
         &self.tasks
+    }
+
+    /// What the task of an experiment decides.
+    pub fn facts_of(&self, experiment: &Experiment) -> Result<TaskFacts, DesignError> {
+        Ok(self.tasks.of(experiment)?.facts())
     }
 
     /// An experiment by path or built-in name. Lens, sensor and photographs that it names by a relative path are
@@ -175,7 +180,7 @@ impl Library {
         self.tasks.complete(&mut config);
         let source = Text { path: run.config(), text: config.to_toml()? };
         let mut experiment = self.beside(config, &source, &["photos", "data"])?;
-        let key = self.tasks.of(&experiment)?.facts().pictures;
+        let key = self.facts_of(&experiment)?.pictures;
         pictures_of_run(run, &mut experiment, key, pictures)?;
         Ok(experiment)
     }

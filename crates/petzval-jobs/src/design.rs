@@ -7,7 +7,7 @@ use petzval_base::simd::level;
 use petzval_design::assets::Text;
 use petzval_design::design_loop::{DesignLoop, Ending, Observer};
 use petzval_design::error::DesignError;
-use petzval_design::experiment::{BUILT_IN_PHOTOS, Experiment, PicturesKey, PsfConfig, STREET, TaskFacts};
+use petzval_design::experiment::{BUILT_IN_PHOTOS, Experiment, PicturesKey, PsfConfig, STREET};
 use petzval_design::first_look::first_look;
 use petzval_design::inputs::{Inputs, check_inputs, keep_inputs};
 use petzval_design::path_text::path_text;
@@ -172,7 +172,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
                 context.warning(format!("the run was begun by Petzval {begun}, and goes on with {VERSION}"));
             }
             warn_of_another_level(&folder, context)?;
-            let key = facts_of(&config, context)?.pictures;
+            let key = context.assets.facts_of(&config)?.pictures;
             let pictures = pictures_now(key, resume.photos.as_deref(), resume.data.as_deref())?;
             let experiment = context.assets.experiment_in(&folder, config.clone(), pictures)?;
             check_pictures_are_there(&folder, &experiment, key)?;
@@ -392,7 +392,7 @@ fn resumed(
             let message = format!("more than {MOST_STEPS}");
             return Err(JobError::setting("extend_to", steps, message, "give a smaller number"));
         }
-        Some(steps) => (record.config.extended_to(steps, facts_of(&record.config, context)?.network))
+        Some(steps) => (record.config.extended_to(steps, context.assets.facts_of(&record.config)?.network))
             .map_err(|(message, hint)| JobError::setting("extend_to", steps, message, hint))?,
     };
     // An extension that was cut short has changed config.toml already.
@@ -446,11 +446,6 @@ fn prepared(new: &NewRun, context: &Context) -> Result<(Experiment, Context), Jo
     Ok((changed(experiment, &new.changes, context)?, context.clone().with_assets(assets)))
 }
 
-/// What the task of an experiment decides.
-pub(crate) fn facts_of(experiment: &Experiment, context: &Context) -> Result<TaskFacts, JobError> {
-    Ok(context.assets.tasks().of(experiment)?.facts())
-}
-
 /// Refuses a folder in place of an experiment, and says how to go on with the run or the experiment in it.
 fn check_is_no_folder(path: &Path) -> Result<(), JobError> {
     if !path.is_dir() {
@@ -468,7 +463,7 @@ fn check_is_no_folder(path: &Path) -> Result<(), JobError> {
 
 /// An experiment with the changes of a request.
 fn changed(mut experiment: Experiment, changes: &Changes, context: &Context) -> Result<Experiment, JobError> {
-    let facts = facts_of(&experiment, context)?;
+    let facts = context.assets.facts_of(&experiment)?;
     if let Some(seed) = changes.seed {
         experiment.seed = seed;
     }

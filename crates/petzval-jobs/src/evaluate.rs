@@ -24,7 +24,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
-use crate::design::{facts_of, pictures_now, report_pictures, scorer};
+use crate::design::{pictures_now, report_pictures, scorer};
 use crate::error::JobError;
 use crate::lens::tolerance::read as read_tolerances;
 use crate::run_page::warn_of_changed_config;
@@ -153,7 +153,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let designs = request.made.as_ref().map(|made| made.designs(&kept, &folder)).transpose()?;
     warn_of_changed_config(&folder, context)?;
     let mut experiment = context.assets.experiment_of_run(&folder)?;
-    let key = facts_of(&experiment, context)?.pictures;
+    let key = context.assets.facts_of(&experiment)?.pictures;
     let place = pictures_now(key, request.photos.as_deref(), request.data.as_deref())?;
     if let Some(kind) = request.psf {
         // `tolerance.json` stands beside the scores of the run, and is compared with them.
@@ -230,12 +230,12 @@ fn setup(
 ) -> Result<(Setup, bool), JobError> {
     let device = || context.device(&request.device);
     let Some(place) = place else {
-        check_pictures_are_there(folder, &experiment, facts_of(&experiment, context)?.pictures)?;
+        check_pictures_are_there(folder, &experiment, context.assets.facts_of(&experiment)?.pictures)?;
         let setup = Setup::new(experiment, &context.assets, device()?)?;
         check_inputs(&setup, folder)?;
         return Ok((setup, false));
     };
-    let key = facts_of(&experiment, context)?.pictures;
+    let key = context.assets.facts_of(&experiment)?.pictures;
     pictures_of_run(folder, &mut experiment, key, Some(place))?;
     // Pictures of the run that were moved are known by their content.
     let silent = context.assets.clone().reporting_warnings(Arc::new(|_: &str| ()));

@@ -87,7 +87,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         experiment.development.demosaic = Demosaic::Bilinear;
         context.note(format!("development.demosaic is \"bilinear\", as `{sensor_name}` needs it"));
     }
-    let pictures = context.assets.tasks().of(&experiment)?.facts().pictures;
+    let pictures = context.assets.facts_of(&experiment)?.pictures;
     let sees_photos = pictures == PicturesKey::Photos && experiment.photos == BUILT_IN_PHOTOS;
     let needs_gray_photos = array.colours() == [Colour::Clear] && sees_photos;
     if needs_gray_photos {

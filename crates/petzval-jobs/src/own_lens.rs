@@ -50,7 +50,7 @@ pub(crate) fn own_lens(
     context: &Context,
 ) -> Result<OwnLens, JobError> {
     let import = context.assets.reported(lens)?;
-    let pictures = context.assets.tasks().of(&experiment)?.facts().pictures;
+    let pictures = context.assets.facts_of(&experiment)?.pictures;
     let fitted = fit(FitOf { experiment, lens: import, lens_name: lens, sensor, pictures }, &context.assets)?;
     fitted.notes.iter().for_each(|note| context.note(note));
     fitted.warnings.iter().for_each(|warning| context.warning(format!("{lens}: {warning}")));

@@ -7,8 +7,6 @@ use super::names::{BUILT_IN_PHOTOS, STREET};
 pub struct TaskFacts {
     /// Its name in experiments.
     pub name: &'static str,
-    /// What a camera is for that is designed for it, in a sentence.
-    pub about: &'static str,
     /// Where the network of its cameras stands.
     pub network: NetworkRole,
     /// What a step of the network moves: `network`, `detector`.

@@ -1,18 +1,15 @@
 //! What a run of an experiment takes, as far as it is known before the first step, and how large photographs are against its sensor.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 
 use petzval_base::{FileError, counted};
-use petzval_camera::psf::PsfLayout;
-use petzval_camera::render::kernel_radius;
 use petzval_camera::sensor::SensorModel;
 use petzval_files::load_image_bytes;
 use serde::Deserialize;
 
 use super::sensor::megapixels;
+use super::windows::border;
 use crate::assets::Assets;
-use crate::cameras::SURROUND;
 use crate::error::DesignError;
 use crate::experiment::{BUILT_IN_PHOTOS, Experiment, PicturesKey};
 use crate::first_look::{Planned, planned, steps_in_words};
@@ -65,14 +62,7 @@ fn enlarged_photos(sensor: &SensorModel, assets: &Assets) -> Result<Option<Strin
 /// What steps work on, which decides their time.
 fn work(experiment: &Experiment, sensor: &SensorModel) -> Result<String, DesignError> {
     let psf = &experiment.psf;
-    let layout = PsfLayout {
-        field_radius_mm: psf.plan(sensor, psf.pupil_cells)?.field_radius_mm,
-        grid: psf.grid,
-        pitch_um: psf.pitch_um,
-    };
-    let margin = kernel_radius(&psf.geometry(sensor), &layout)
-        .map_err(|e| DesignError::misfit(Path::new(&sensor.name), &e, "name a smaller sensor"))?;
-    let window = experiment.training.crop + 2 * (margin + SURROUND);
+    let window = experiment.training.crop + 2 * border(psf, sensor)?;
     let pixels = window.pow(2) as f64 / experiment.training.crop.pow(2) as f64;
     Ok(format!(
         "time goes into {} a network step, of {} pixels a side and {window} with what blur brings into them ({pixels:.1} times the pixels), and into \

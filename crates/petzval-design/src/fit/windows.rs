@@ -16,6 +16,18 @@ const SHORTEST: usize = 200;
 /// Smallest windows that are trained on and scored, pixels: LPIPS needs as many.
 const LEAST: usize = 64;
 
+/// Pixels around a window that blur and restoration bring into it.
+pub(super) fn border(psf: &PsfConfig, sensor: &SensorModel) -> Result<usize, DesignError> {
+    let layout = PsfLayout {
+        field_radius_mm: psf.plan(sensor, psf.pupil_cells)?.field_radius_mm,
+        grid: psf.grid,
+        pitch_um: psf.pitch_um,
+    };
+    let margin = kernel_radius(&psf.geometry(sensor), &layout)
+        .map_err(|e| DesignError::misfit(Path::new(&sensor.name), &e, "name a smaller sensor"))?;
+    Ok(margin + SURROUND)
+}
+
 /// Makes windows smaller, and if that is not enough the grid of the PSFs, so that the built-in photographs hold a window with all that blur brings
 /// into it; returns what to say then.
 pub(super) fn fit(
@@ -27,15 +39,8 @@ pub(super) fn fit(
         return Ok(Vec::new());
     }
     let room = |psf: &PsfConfig| -> Result<usize, DesignError> {
-        let layout = PsfLayout {
-            field_radius_mm: psf.plan(sensor, psf.pupil_cells)?.field_radius_mm,
-            grid: psf.grid,
-            pitch_um: psf.pitch_um,
-        };
-        let margin = kernel_radius(&psf.geometry(sensor), &layout)
-            .map_err(|e| DesignError::misfit(Path::new(&sensor.name), &e, "name a smaller sensor"))?;
         // Whole cells of a colour array.
-        Ok(SHORTEST.saturating_sub(2 * (margin + SURROUND)) / 2 * 2)
+        Ok(SHORTEST.saturating_sub(2 * border(psf, sensor)?) / 2 * 2)
     };
     let mut notes = Vec::new();
     let before = experiment.psf.grid;

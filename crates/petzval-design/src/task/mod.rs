@@ -1,4 +1,4 @@
-//! Tasks: what cameras are designed for. A task is a folder here and one row of [`Tasks::built_in`]; nothing else of the program knows it.
+//! Tasks: what cameras are designed for. A task is a folder here and one row of [`Tasks::built_in`]. The rest of the program uses the traits below.
 //!
 //! | part | holds |
 //! |---|---|

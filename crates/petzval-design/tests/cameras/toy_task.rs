@@ -68,7 +68,6 @@ impl Task for Brightness {
     fn facts(&self) -> TaskFacts {
         TaskFacts {
             name: "brightness",
-            about: "The mean brightness of a scene, read in its picture.",
             network: NetworkRole::Reads,
             network_name: "reader",
             pictures: PicturesKey::Photos,

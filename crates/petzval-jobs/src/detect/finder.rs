@@ -16,7 +16,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::apply::none_finished;
 use crate::context::Context;
-use crate::design::facts_of;
 use crate::error::JobError;
 use crate::evaluate::camera_of;
 
@@ -75,7 +74,7 @@ pub fn finder(
                 let message = format!("{}: the cameras of this run have no detector", run.display());
                 JobError::input(message, "name a run that looks for objects, such as pedestrian-vehicle")
             };
-            if !facts_of(&experiment, context)?.has_classes {
+            if !context.assets.facts_of(&experiment)?.has_classes {
                 return Err(makes_pictures());
             }
             let finished = folder.finished(experiment.variant.iter().map(|v| v.name.as_str()));

@@ -161,7 +161,7 @@ impl Name {
         !words.is_empty() && self.0.windows(words.len()).any(|part| part.iter().zip(&words).all(are_alike))
     }
 
-    /// Whether it is the name of a state of a traffic light and of nothing else, for all directions or for some.
+    /// True for the bare name of a traffic-light state, with or without directions: `red`, `RedLeft`.
     fn is_state_alone(&self) -> bool {
         let is_direction = |word: &&String| ["left", "right", "straight"].contains(&word.as_str());
         let others: Vec<&String> = self.0.iter().filter(|word| !is_direction(word)).collect();

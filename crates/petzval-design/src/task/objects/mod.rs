@@ -37,7 +37,6 @@ impl Task for Objects {
     fn facts(&self) -> TaskFacts {
         TaskFacts {
             name: "objects",
-            about: "Objects in streets or in pictures of one's own, found by a detector in the finished picture.",
             network: NetworkRole::Reads,
             network_name: "detector",
             pictures: PicturesKey::Data,

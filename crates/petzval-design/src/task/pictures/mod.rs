@@ -34,7 +34,6 @@ impl Task for Pictures {
     fn facts(&self) -> TaskFacts {
         TaskFacts {
             name: "image-quality",
-            about: "A picture for people to look at, made by a network from the developed raw frame.",
             network: NetworkRole::Finishes,
             network_name: "network",
             pictures: PicturesKey::Photos,
