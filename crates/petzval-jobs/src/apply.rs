@@ -191,17 +191,17 @@ fn chosen(request: &Request, folder: &RunFolder, all: &[String]) -> Result<Vec<S
     if finished.is_empty() {
         return Err(none_finished(&request.run));
     }
-    let asked = if request.cameras.is_empty() {
+    let names = if request.cameras.is_empty() {
         finished.iter().map(|name| (*name).to_owned()).collect()
     } else {
         request.cameras.clone()
     };
-    match asked.iter().find(|name| !finished.contains(&name.as_str())) {
+    match names.iter().find(|name| !finished.contains(&name.as_str())) {
         Some(missing) => {
             let message = "there is no finished camera of this name";
             Err(JobError::setting("camera", missing, message, format!("the run has {}", finished.join(", "))))
         }
-        None => Ok(asked),
+        None => Ok(names),
     }
 }
 

@@ -167,25 +167,25 @@ fn root_of(request: &Request, name: &str, seed: u64) -> PathBuf {
 fn refuse_other_run(root: &Path, new: &NewRun, request: &Request, context: &Context) -> Result<(), JobError> {
     let Ok(run) = RunFolder::open(root) else { return Ok(()) };
     let Some(record) = RunRecord::read(&run)? else { return Ok(()) };
-    let asked = design::resolved(new, context)?;
+    let wanted = design::resolved(new, context)?;
     let unnamed = |mut experiment: Experiment| {
         let is_built_in = |name: &str| [BUILT_IN_PHOTOS, STREET].contains(&name);
         experiment.inputs_mut().filter(|(_, name)| !is_built_in(name)).for_each(|(_, name)| name.clear());
         experiment
     };
     let hint = "choose another folder with --out, or request the same run";
-    if let Some((key, there)) = unnamed(asked.clone()).differences(&unnamed(record.config)).first() {
+    if let Some((key, there)) = unnamed(wanted.clone()).differences(&unnamed(record.config)).first() {
         let message =
             format!("{}: the run there differs from the requested one: its {key} is {there}", root.display());
         return Err(JobError::input(message, hint));
     }
     // The lens of the experiment itself may be that of none of its cameras.
-    let lens = write_lens(&context.assets.import(&asked.lens)?.file);
+    let lens = write_lens(&context.assets.import(&wanted.lens)?.file);
     if petzval_base::read_text(run.nominal_lens()).is_ok_and(|there| there != lens) {
-        let message = format!("{}: the run there has another lens than {}", root.display(), asked.lens);
+        let message = format!("{}: the run there has another lens than {}", root.display(), wanted.lens);
         return Err(JobError::input(message, hint));
     }
-    let setup = Setup::new(asked, &context.assets, context.device(&request.device)?)?;
+    let setup = Setup::new(wanted, &context.assets, context.device(&request.device)?)?;
     check_inputs(&setup, &run).map(|_| ()).map_err(|error| JobError::input(error.to_string(), hint))
 }
 

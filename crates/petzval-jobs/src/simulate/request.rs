@@ -201,9 +201,9 @@ pub struct Spectral {
 /// collects it once more: the edge is softer than a camera shows it.
 const EDGE_SAMPLES: usize = 4;
 
-/// Most pixels that are read, and most samples of a scene, that are taken so finely without being asked for it: a minute on two cores.
-const MOST_PIXELS_UNASKED: usize = 1_000_000;
-const MOST_SAMPLES_UNASKED: usize = 50_000_000;
+/// Most pixels that are read, and most samples of a scene, that are taken so finely without an explicit request: a minute on two cores.
+const MOST_PIXELS_BY_DEFAULT: usize = 1_000_000;
+const MOST_SAMPLES_BY_DEFAULT: usize = 50_000_000;
 
 /// Whether an image is a built-in scene that shows how sharp a camera is.
 fn has_edges(path: &Path) -> bool {
@@ -220,7 +220,8 @@ impl Request {
         let Some(edges) = self.images.iter().find(|path| has_edges(path)) else { return (1, None) };
         let whole = sensor.height * sensor.width;
         let read = self.size.map_or(whole, |(height, width)| height.saturating_mul(width));
-        let is_small = read <= MOST_PIXELS_UNASKED && whole * EDGE_SAMPLES.pow(2) <= MOST_SAMPLES_UNASKED;
+        let is_small =
+            read <= MOST_PIXELS_BY_DEFAULT && whole * EDGE_SAMPLES.pow(2) <= MOST_SAMPLES_BY_DEFAULT;
         if is_small && self.images.iter().all(|path| has_edges(path)) {
             return (EDGE_SAMPLES, None);
         }
@@ -281,17 +282,17 @@ mod tests {
             petzval_files::parse_sensor(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap();
         let small = SensorModel { width: 240, ..whole.clone() };
         let samples =
-            |images: &[&str], sensor: &SensorModel, size: Option<(usize, usize)>, asked: Option<usize>| {
+            |images: &[&str], sensor: &SensorModel, size: Option<(usize, usize)>, samples: Option<usize>| {
                 let images = images.iter().map(PathBuf::from).collect();
                 let (samples, warning) =
-                    Request { images, size, samples: asked, ..Request::default() }.samples_of(sensor);
+                    Request { images, size, samples, ..Request::default() }.samples_of(sensor);
                 (samples, warning.is_some())
             };
         assert_eq!(samples(&["scene:slanted-edge"], &small, None, None), (4, false));
         assert_eq!(samples(&["scene:slanted-edge"], &whole, None, None), (1, true));
         assert_eq!(samples(&["scene:test-chart"], &whole, Some((480, 640)), None), (4, false));
         assert_eq!(samples(&["a.png", "scene:siemens-star"], &small, None, None), (1, true));
-        // What is asked for is taken, and what has no edges has one sample a pixel.
+        // An explicit number is taken, and what has no edges has one sample a pixel.
         assert_eq!(samples(&["scene:slanted-edge"], &whole, None, Some(1)), (1, false));
         for image in ["scene:flat", "scene:colorchecker", "a.png"] {
             assert_eq!(samples(&[image], &small, None, None), (1, false));

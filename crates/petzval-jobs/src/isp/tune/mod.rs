@@ -146,7 +146,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let (folder, mut kept) = match (resumed, &request.start) {
         (Some((folder, kept)), _) => {
             tuner.check_same(&kept, &inputs, &folder)?;
-            request.evaluations.map_or(Ok(()), |asked| check_budget(asked, 1))?;
+            request.evaluations.map_or(Ok(()), |budget| check_budget(budget, 1))?;
             (folder, kept)
         }
         (None, Start::New { out, .. }) => {

@@ -103,7 +103,7 @@ pub struct Found {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Trade {
     /// The requirement, in words.
-    pub asked: String,
+    pub requirement: String,
     /// Mean over the fields of the RMS spot radius, um.
     pub mean_rms_um: f64,
     /// How many limits are violated.

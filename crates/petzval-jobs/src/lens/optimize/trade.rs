@@ -52,7 +52,7 @@ pub(super) fn trades(
     ];
     let rounds = config.rounds.unwrap_or(ROUNDS);
     let mut trades = Vec::new();
-    for (asked, require) in requirements {
+    for (requirement, require) in requirements {
         let mut goal = config.goal.clone();
         require(&mut goal);
         let problem = goal.problem(file, &context.assets)?;
@@ -60,7 +60,7 @@ pub(super) fn trades(
         let mut search = Search::new(&problem, options).map_err(|e| not_optimisable(&e))?;
         let began = Instant::now();
         for done in 0..rounds {
-            context.progress(done, rounds, asked);
+            context.progress(done, rounds, requirement);
             if context.is_cancelled() {
                 return Ok(trades);
             }
@@ -71,9 +71,9 @@ pub(super) fn trades(
         }
         let Some(best) = search.best() else { continue };
         let Some(best) = with_more_rays(&problem, &best.analysis.lens) else { continue };
-        context.note(line(asked, began.elapsed().as_secs_f64(), &problem, &best));
+        context.note(line(requirement, began.elapsed().as_secs_f64(), &problem, &best));
         trades.push(Trade {
-            asked: asked.to_owned(),
+            requirement: requirement.to_owned(),
             mean_rms_um: best.mean_rms_um(),
             violations: violations(&best),
         });

@@ -185,6 +185,11 @@ fn print_trades(trades: &[Trade]) {
     outln!("\n{:<28} {:>10} {:>10}", "with the requirement", "spot um", "more um");
     for t in trades {
         let note = if t.violations > 0 { "  (limits not met)" } else { "" };
-        outln!("{:<28} {:>10.3} {:>+10.3}{note}", t.asked, t.mean_rms_um, t.mean_rms_um - first.mean_rms_um);
+        outln!(
+            "{:<28} {:>10.3} {:>+10.3}{note}",
+            t.requirement,
+            t.mean_rms_um,
+            t.mean_rms_um - first.mean_rms_um
+        );
     }
 }
