@@ -20,57 +20,15 @@ fn line(kind: &str, all: Vec<&Warning>) -> String {
         return first.to_string();
     }
     // The first of equally severe warnings counts as the worst.
-    let worst = all.iter().skip(1).fold(first, |a, b| if severity(b) > severity(a) { b } else { a });
+    let worst = all.iter().skip(1).fold(first, |a, b| if b.severity() > a.severity() { b } else { a });
     let count = all.len();
-    match (std::ptr::eq(*first, *worst), place(first)) {
+    match (std::ptr::eq(*first, *worst), first.point()) {
         (false, Some(place)) => format!("{kind}: {count} times (first: {place}), worst: {}", text(worst)),
         (false, None) => format!("{kind}: {count} times, worst: {}", text(worst)),
-        (true, _) if severity(first) > 0.0 => {
+        (true, _) if first.severity() > 0.0 => {
             format!("{kind}: {count} times, first and worst: {}", text(first))
         }
         (true, _) => format!("{kind}: {count} times, first: {}", text(first)),
-    }
-}
-
-/// The point of a warning, if it has one.
-fn place(warning: &Warning) -> Option<&str> {
-    match warning {
-        Warning::ClippedAtZero { point, .. }
-        | Warning::Flicker { point, .. }
-        | Warning::Moved { point, .. }
-        | Warning::LightLeak { point, .. }
-        | Warning::NotUniform { point, .. }
-        | Warning::NoDark { point }
-        | Warning::NoSignal { point, .. }
-        | Warning::NotMonotonic { point }
-        | Warning::DarkTail { point, .. }
-        | Warning::MoreStacks { point }
-        | Warning::LoneStack { point } => Some(point),
-        _ => None,
-    }
-}
-
-/// Severity of a warning among others of its kind; zero if all are equally severe.
-fn severity(warning: &Warning) -> f64 {
-    match warning {
-        Warning::Saturated { points, of, .. } => *points as f64 / *of as f64,
-        Warning::ClippedAtZero { share, .. } => *share,
-        Warning::Flicker { difference_dn, .. }
-        | Warning::Moved { difference_dn, .. }
-        | Warning::LightLeak { difference_dn, .. } => difference_dn.abs(),
-        Warning::NotUniform { percent, .. } | Warning::QuantumEfficiencyAboveOne { percent, .. } => *percent,
-        Warning::NoSignal { signal_dn, .. } => -signal_dn,
-        Warning::DarkNotLinear { off_dn, .. } => off_dn.abs(),
-        Warning::GainNotProportional { gain_dn_per_e, expected_dn_per_e, .. } => {
-            (gain_dn_per_e / expected_dn_per_e - 1.0).abs()
-        }
-        Warning::DarkTail { share, mean_dn, .. } => share * mean_dn,
-        Warning::HistogramFitDiffers { fitted, joint, standard_error, .. } => {
-            ((fitted - joint) / standard_error).abs()
-        }
-        Warning::NotLinear { percent, .. } => percent.abs(),
-        Warning::FitDeparts { model_share, .. } => model_share.unwrap_or(f64::INFINITY),
-        _ => 0.0,
     }
 }
 

@@ -22,7 +22,7 @@ pub fn fit_warnings(fit: Option<&HistogramFit>, joint: &JointFit) -> Vec<Warning
         found.extend(poor(fit));
     }
     if fit.flags.is_ambiguous {
-        found.push(Warning::HistogramFitAmbiguous);
+        found.push(Warning::HistogramFitAmbiguous {});
     }
     found.extend(differences(fit, joint));
     found.extend(wider_than_noise(fit, joint));
