@@ -1,7 +1,5 @@
 //! A measured number with its standard error, or the reason why it is not resolved.
 
-use std::fmt;
-
 use petzval_base::counted;
 use serde::{Serialize, Serializer};
 
@@ -28,9 +26,10 @@ pub enum Measured {
 }
 
 /// Why a number could not be resolved.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum Unresolved {
     /// There are fewer points than the fit needs.
+    #[error("{}, {need} are needed", counted(*got, "usable point"))]
     TooFewPoints {
         /// Points that were found.
         got: usize,
@@ -38,19 +37,27 @@ pub enum Unresolved {
         need: usize,
     },
     /// Every flat point is clipped or close to saturation.
+    #[error("every flat point is clipped or above 70 % of saturation")]
     AllSaturated,
     /// No flat point has dark frames of its exposure time.
+    #[error("no flat frames with dark ones of their exposure time")]
     NoFlat,
     /// There are no dark frames, or those there are clipped at zero or moved.
+    #[error("no usable dark frames")]
     NoDark,
     /// The frames have fewer than three rows or columns of a colour.
+    #[error("the frames have fewer than three rows or columns of a colour")]
     FewLines,
     /// The noise of rows, or of columns, is correlated over the whole frame.
+    #[error(
+        "the noise is correlated over the {lines} lines of the frame, and is not told from a drift of the frame"
+    )]
     LinesTogether {
         /// Rows, or columns, of the frame.
         lines: usize,
     },
     /// There are too few linear gains.
+    #[error("{} with K and a dark series, {need} are needed", counted(*got, "linear gain"))]
     TooFewGains {
         /// Gains that were found.
         got: usize,
@@ -58,10 +65,13 @@ pub enum Unresolved {
         need: usize,
     },
     /// Number of points within 5 to 95 % of saturation: too few for linearity.
+    #[error("{} within 5 to 95 % of saturation, three or more are needed", counted(*.0, "point"))]
     FewInLinearRange(usize),
     /// All points have one exposure time, and no photons are stated: their light is not known.
+    #[error("one exposure time and no photons: the light is not known")]
     OneLight,
     /// The exposure times do not differ enough.
+    #[error("{}, {need} are needed", counted(*got, "exposure time"))]
     TooFewExposures {
         /// Different exposure times that were found.
         got: usize,
@@ -69,6 +79,9 @@ pub enum Unresolved {
         need: usize,
     },
     /// The points of the fit do not lie on its model.
+    #[error(
+        "the points of the fit do not lie on its line (reduced chi^2 {reduced_chi2:.1} at {degrees} degrees of freedom)"
+    )]
     PoorFit {
         /// Chi-squared over the degrees of freedom.
         reduced_chi2: f64,
@@ -76,8 +89,10 @@ pub enum Unresolved {
         degrees: usize,
     },
     /// The number is the root of a variance that came out negative.
+    #[error("the variance is negative ({0:.4e})")]
     NegativeVariance(f64),
     /// The number is impossible: it is below zero by more than two standard errors.
+    #[error("{value:.4e} +- {standard_error:.2e} is negative")]
     BelowZero {
         /// The number.
         value: f64,
@@ -85,6 +100,7 @@ pub enum Unresolved {
         standard_error: f64,
     },
     /// The number is within two standard errors of zero.
+    #[error("{value:.4e} +- {standard_error:.2e} is within two standard errors of zero")]
     WithinNoise {
         /// The measured value.
         value: f64,
@@ -92,83 +108,35 @@ pub enum Unresolved {
         standard_error: f64,
     },
     /// No point says how many photons fell on a pixel.
+    #[error("no point states its photons per pixel")]
     NoPhotons,
     /// There is no stack of more than two frames of this kind.
+    #[error("no stack of more than two flat and two dark frames")]
     NoStack,
     /// The series does not reach saturation.
+    #[error("the series does not reach saturation")]
     NotSaturated,
     /// The converter clips before the pixel is full.
+    #[error("the converter clips before the pixel is full")]
     ConverterSaturates,
     /// Too few pixels have a dark current above the noise, or it is too little above.
+    #[error("{outliers} pixels stand out of the noise of the dark series: too few, or by too little")]
     NoHotPixels {
         /// Number of such pixels.
         outliers: usize,
     },
     /// The frames are smaller than the filter.
+    #[error("the frames are smaller than the high-pass filter")]
     TooSmall,
     /// The manifest does not state a fact of the sensor that is needed.
+    #[error("the captures do not state {0}")]
     NotStated(&'static str),
     /// A number from which this one is computed is not resolved.
+    #[error("{0} is not resolved")]
     FollowsFrom(&'static str),
     /// The arithmetic has no finite result: a division by a signal of zero, for example.
+    #[error("a division by zero signal")]
     NotFinite,
-}
-
-impl fmt::Display for Unresolved {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::TooFewPoints { got, need } => {
-                write!(f, "{}, {need} are needed", counted(*got, "usable point"))
-            }
-            Self::AllSaturated => f.write_str("every flat point is clipped or above 70 % of saturation"),
-            Self::NoFlat => f.write_str("no flat frames with dark ones of their exposure time"),
-            Self::NoDark => f.write_str("no usable dark frames"),
-            Self::FewLines => f.write_str("the frames have fewer than three rows or columns of a colour"),
-            Self::LinesTogether { lines } => write!(
-                f,
-                "the noise is correlated over the {lines} lines of the frame, and is not told from a drift of the frame"
-            ),
-            Self::TooFewGains { got, need } => {
-                write!(f, "{} with K and a dark series, {need} are needed", counted(*got, "linear gain"))
-            }
-            Self::FewInLinearRange(got) => {
-                write!(
-                    f,
-                    "{} within 5 to 95 % of saturation, three or more are needed",
-                    counted(*got, "point")
-                )
-            }
-            Self::OneLight => f.write_str("one exposure time and no photons: the light is not known"),
-            Self::TooFewExposures { got, need } => {
-                write!(f, "{}, {need} are needed", counted(*got, "exposure time"))
-            }
-            Self::PoorFit { reduced_chi2, degrees } => write!(
-                f,
-                "the points of the fit do not lie on its line (reduced chi^2 {reduced_chi2:.1} at {degrees} degrees of freedom)"
-            ),
-            Self::NegativeVariance(v) => write!(f, "the variance is negative ({v:.4e})"),
-            Self::BelowZero { value, standard_error } => {
-                write!(f, "{value:.4e} +- {standard_error:.2e} is negative")
-            }
-            Self::WithinNoise { value, standard_error } => {
-                write!(f, "{value:.4e} +- {standard_error:.2e} is within two standard errors of zero")
-            }
-            Self::NoPhotons => f.write_str("no point states its photons per pixel"),
-            Self::NoStack => f.write_str("no stack of more than two flat and two dark frames"),
-            Self::NotSaturated => f.write_str("the series does not reach saturation"),
-            Self::ConverterSaturates => f.write_str("the converter clips before the pixel is full"),
-            Self::NoHotPixels { outliers } => {
-                write!(
-                    f,
-                    "{outliers} pixels stand out of the noise of the dark series: too few, or by too little"
-                )
-            }
-            Self::TooSmall => f.write_str("the frames are smaller than the high-pass filter"),
-            Self::NotStated(fact) => write!(f, "the captures do not state {fact}"),
-            Self::FollowsFrom(name) => write!(f, "{name} is not resolved"),
-            Self::NotFinite => f.write_str("a division by zero signal"),
-        }
-    }
 }
 
 impl Serialize for Unresolved {
