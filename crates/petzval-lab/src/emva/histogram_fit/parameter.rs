@@ -4,54 +4,6 @@ use std::ops::{Index, IndexMut};
 
 use serde::Serialize;
 
-/// Parameters of the model at the start or the end of the fit.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ModelParameters {
-    /// K at linear gain 1, DN/e-.
-    pub gain_dn_per_e: f64,
-    /// mu_r, e-.
-    pub read_noise_mean_e: f64,
-    /// BL + mu_el, DN.
-    pub dark_offset_dn: f64,
-    /// sigma_el, DN.
-    pub electronics_noise_dn: f64,
-    /// Signal of red over green.
-    pub red_over_green: f64,
-    /// Signal of blue over green.
-    pub blue_over_green: f64,
-    /// sigma_r, e-. After a fit to histograms it includes DSNU, which they do not separate from read noise.
-    pub read_noise_e: f64,
-    /// mu_I, e-/s.
-    pub dark_current_e_per_s: f64,
-    /// Full well, e-; always held.
-    pub full_well_e: f64,
-}
-
-/// One number that the fit varies.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Parameter {
-    /// K at linear gain 1.
-    Gain,
-    /// mu_r.
-    ReadNoiseMean,
-    /// BL + mu_el.
-    DarkOffset,
-    /// sigma_el.
-    ElectronicsNoise,
-    /// alpha.
-    RedOverGreen,
-    /// beta.
-    BlueOverGreen,
-    /// `sqrt(sigma_r^2 + DSNU^2)`.
-    DarkNoise,
-    /// mu_I.
-    DarkCurrent,
-    /// Square of the PRNU.
-    PrnuSquared,
-    /// Electrons per unit of light, by the number of the light level.
-    Light(usize),
-}
-
 /// Step of the central differences of the distribution.
 #[derive(Debug, Clone, Copy)]
 enum Step {
@@ -73,143 +25,108 @@ enum Bound {
     Positive,
 }
 
-/// A row of the table.
+/// What the table says of a parameter.
 struct Row {
-    parameter: Parameter,
     name: &'static str,
     unit: &'static str,
     step: Step,
     bound: Bound,
-    /// The start of the fit.
-    read: fn(&ModelParameters) -> f64,
-    /// The place of the result in the model.
-    write: fn(&mut ModelParameters, f64),
 }
 
-/// The parameters that all histograms share, in their order in [`Numbers`]. The light levels follow them.
-const SHARED: [Row; 9] = [
-    Row {
-        parameter: Parameter::Gain,
-        name: "K",
-        unit: "DN/e-",
-        step: Step::Share(1e-5),
-        bound: Bound::Positive,
-        read: |m| m.gain_dn_per_e,
-        write: |m, v| m.gain_dn_per_e = v,
-    },
-    Row {
-        parameter: Parameter::ReadNoiseMean,
-        name: "mu_r",
-        unit: "e-",
-        step: Step::Units(1e-4),
-        bound: Bound::Any,
-        read: |m| m.read_noise_mean_e,
-        write: |m, v| m.read_noise_mean_e = v,
-    },
-    Row {
-        parameter: Parameter::DarkOffset,
-        name: "BL + mu_el",
-        unit: "DN",
-        step: Step::Units(1e-4),
-        bound: Bound::Any,
-        read: |m| m.dark_offset_dn,
-        write: |m, v| m.dark_offset_dn = v,
-    },
-    Row {
-        parameter: Parameter::ElectronicsNoise,
-        name: "sigma_el",
-        unit: "DN",
-        step: Step::Units(1e-4),
-        bound: Bound::Positive,
-        read: |m| m.electronics_noise_dn,
-        write: |m, v| m.electronics_noise_dn = v,
-    },
-    Row {
-        parameter: Parameter::RedOverGreen,
-        name: "alpha",
-        unit: "",
-        step: Step::Share(1e-5),
-        bound: Bound::Positive,
-        read: |m| m.red_over_green,
-        write: |m, v| m.red_over_green = v,
-    },
-    Row {
-        parameter: Parameter::BlueOverGreen,
-        name: "beta",
-        unit: "",
-        step: Step::Share(1e-5),
-        bound: Bound::Positive,
-        read: |m| m.blue_over_green,
-        write: |m, v| m.blue_over_green = v,
-    },
-    Row {
-        parameter: Parameter::DarkNoise,
-        name: "sigma_r with DSNU",
-        unit: "e-",
-        step: Step::Units(1e-4),
-        bound: Bound::Positive,
-        read: |m| m.read_noise_e,
-        write: |m, v| m.read_noise_e = v,
-    },
-    Row {
-        parameter: Parameter::DarkCurrent,
-        name: "mu_I",
-        unit: "e-/s",
-        step: Step::ShareAboveOne(1e-3),
-        bound: Bound::NotNegative,
-        read: |m| m.dark_current_e_per_s,
-        write: |m, v| m.dark_current_e_per_s = v,
-    },
-    // The model has no PRNU: the fit starts at zero, and reports the PRNU separately.
-    Row {
-        parameter: Parameter::PrnuSquared,
-        name: "PRNU^2",
-        unit: "",
-        step: Step::ShareOfShotNoise(1e-4),
-        bound: Bound::Any,
-        read: |_| 0.0,
-        write: |_, _| (),
-    },
-];
+/// Declares the parameters that all histograms share, in their order in [`Numbers`]. A row is
+/// `Parameter in field, "symbol", "unit", step, bound;`, where the field is its place in the model, if it has one.
+macro_rules! shared_parameters {
+    ($(
+        #[doc = $about:literal]
+        $parameter:ident $(in $field:ident)?, $name:literal, $unit:literal, $step:expr, $bound:ident;
+    )*) => {
+        /// Parameters of the model at the start or the end of the fit.
+        #[derive(Debug, Clone, PartialEq, Serialize)]
+        pub struct ModelParameters {
+            $($(#[doc = $about] pub $field: f64,)?)*
+            /// Full well, e-; always held.
+            pub full_well_e: f64,
+        }
 
-/// The row of the light levels, which are not part of the model.
-const LIGHT: Row = Row {
-    parameter: Parameter::Light(0),
-    name: "light",
-    unit: "e- per unit of light",
-    step: Step::Share(1e-5),
-    bound: Bound::Positive,
-    read: |_| f64::NAN,
-    write: |_, _| (),
-};
+        /// One number that the fit varies.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        pub enum Parameter {
+            $(#[doc = $about] $parameter,)*
+            /// Electrons per unit of light, by the number of the light level.
+            Light(usize),
+        }
+
+        /// The parameters that all histograms share. The light levels follow them.
+        const SHARED: &[Parameter] = &[$(Parameter::$parameter),*];
+
+        impl Parameter {
+            fn row(self) -> Row {
+                match self {
+                    $(Self::$parameter => Row { name: $name, unit: $unit, step: $step, bound: Bound::$bound },)*
+                    Self::Light(_) => Row {
+                        name: "light",
+                        unit: "e- per unit of light",
+                        step: Step::Share(1e-5),
+                        bound: Bound::Positive,
+                    },
+                }
+            }
+
+            /// Place among the numbers of a fit.
+            pub fn index(self) -> usize {
+                enum Place {
+                    $($parameter),*
+                }
+                match self {
+                    $(Self::$parameter => Place::$parameter as usize,)*
+                    Self::Light(level) => SHARED.len() + level,
+                }
+            }
+
+            /// The start of the fit: the number of the model, or zero where the model has none.
+            fn read(self, model: &ModelParameters) -> f64 {
+                match self {
+                    $($(Self::$parameter => model.$field,)?)*
+                    _ => 0.0,
+                }
+            }
+
+            /// Puts a result into the model, where the model has a place for it.
+            fn write(self, model: &mut ModelParameters, value: f64) {
+                match self {
+                    $($(Self::$parameter => model.$field = value,)?)*
+                    _ => {}
+                }
+            }
+        }
+    };
+}
+
+shared_parameters! {
+    /// K at linear gain 1, DN/e-.
+    Gain in gain_dn_per_e, "K", "DN/e-", Step::Share(1e-5), Positive;
+    /// mu_r, e-.
+    ReadNoiseMean in read_noise_mean_e, "mu_r", "e-", Step::Units(1e-4), Any;
+    /// BL + mu_el, DN.
+    DarkOffset in dark_offset_dn, "BL + mu_el", "DN", Step::Units(1e-4), Any;
+    /// sigma_el, DN.
+    ElectronicsNoise in electronics_noise_dn, "sigma_el", "DN", Step::Units(1e-4), Positive;
+    /// Signal of red over green, alpha.
+    RedOverGreen in red_over_green, "alpha", "", Step::Share(1e-5), Positive;
+    /// Signal of blue over green, beta.
+    BlueOverGreen in blue_over_green, "beta", "", Step::Share(1e-5), Positive;
+    /// sigma_r, e-. After a fit to histograms it is `sqrt(sigma_r^2 + DSNU^2)`, because they do not separate DSNU from read noise.
+    DarkNoise in read_noise_e, "sigma_r with DSNU", "e-", Step::Units(1e-4), Positive;
+    /// mu_I, e-/s.
+    DarkCurrent in dark_current_e_per_s, "mu_I", "e-/s", Step::ShareAboveOne(1e-3), NotNegative;
+    /// Square of the PRNU. The model has no PRNU: the fit starts at zero, and reports the PRNU separately.
+    PrnuSquared, "PRNU^2", "", Step::ShareOfShotNoise(1e-4), Any;
+}
 
 impl Parameter {
     /// The parameters that all histograms share.
     pub fn shared() -> impl Iterator<Item = Self> {
-        SHARED.iter().map(|row| row.parameter)
-    }
-
-    fn row(self) -> &'static Row {
-        match self {
-            Self::Light(_) => &LIGHT,
-            shared => &SHARED[shared.index()],
-        }
-    }
-
-    /// Place among the numbers of a fit.
-    pub fn index(self) -> usize {
-        match self {
-            Self::Gain => 0,
-            Self::ReadNoiseMean => 1,
-            Self::DarkOffset => 2,
-            Self::ElectronicsNoise => 3,
-            Self::RedOverGreen => 4,
-            Self::BlueOverGreen => 5,
-            Self::DarkNoise => 6,
-            Self::DarkCurrent => 7,
-            Self::PrnuSquared => 8,
-            Self::Light(level) => SHARED.len() + level,
-        }
+        SHARED.iter().copied()
     }
 
     /// Symbol of the parameter.
@@ -251,7 +168,7 @@ pub struct Numbers(Vec<f64>);
 impl Numbers {
     /// The shared parameters of a model, no light level yet.
     pub fn of(model: &ModelParameters) -> Self {
-        Self(SHARED.iter().map(|row| (row.read)(model)).collect())
+        Self(Parameter::shared().map(|parameter| parameter.read(model)).collect())
     }
 
     /// Adds a light level.
@@ -273,7 +190,7 @@ impl Numbers {
     /// The model with these values; everything else stays.
     pub fn model(&self, start: &ModelParameters) -> ModelParameters {
         let mut model = start.clone();
-        SHARED.iter().zip(&self.0).for_each(|(row, value)| (row.write)(&mut model, *value));
+        Parameter::shared().zip(&self.0).for_each(|(parameter, value)| parameter.write(&mut model, *value));
         model
     }
 }
