@@ -11,9 +11,11 @@
 //! | [`simd`] | chooses the instruction set of the vector kernels |
 //! | [`random`] | random numbers as a function of seed, frame, stage and place |
 //! | [`counted`] | a number with its noun |
+//! | [`csv_text`] | a table as comma-separated values |
 //! | [`statistics`] | the median; minimum and maximum that pass on what is no number |
 
 mod counted;
+mod csv_text;
 mod file_error;
 pub mod lossy_path;
 pub mod parameter;
@@ -24,6 +26,7 @@ pub mod statistics;
 mod whole_file;
 
 pub use counted::counted;
+pub use csv_text::{csv_number, csv_text};
 pub use file_error::{FileError, nearest, quote};
 pub use part::{LONGEST_NAME, PartFolder, sweep_parts, sweep_parts_in};
 pub use whole_file::{open_file, read_at_most, read_text, read_whole, write_whole};

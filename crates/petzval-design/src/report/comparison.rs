@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-use petzval_base::FileError;
+use petzval_base::{FileError, csv_number, csv_text};
 use petzval_learn::score::ScoreDescription;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -14,7 +14,7 @@ use crate::library::Library;
 use crate::path_text::path_text;
 use crate::report::run_report::read_metrics;
 use crate::run::input_list::InputList;
-use crate::run::{CameraMetrics, DigestCheck, Metrics, RunFolder, RunRecord, hex, quoted};
+use crate::run::{CameraMetrics, DigestCheck, Metrics, RunFolder, RunRecord, hex};
 use crate::study::{MeanAndDeviation, is_same_lens};
 
 /// Finished runs of one experiment that differ in their seeds alone.
@@ -119,13 +119,13 @@ pub fn comparison_csv(comparisons: &[Comparison]) -> String {
     let heads = columns.flat_map(|name| [format!("{name}_mean"), format!("{name}_deviation")]);
     let differs = comparisons.first().map_or(&[][..], |first| &first.differs);
     let first = ["experiment", "seeds"].map(str::to_owned).into_iter();
-    let first = first.chain(differs.iter().map(|(key, _)| quoted(key))).chain(["camera".to_owned()]);
-    let mut lines = vec![first.chain(heads).collect::<Vec<_>>().join(",")];
+    let first = first.chain(differs.iter().map(|(key, _)| key.clone())).chain(["camera".to_owned()]);
+    let mut lines: Vec<Vec<String>> = vec![first.chain(heads).collect()];
     for Comparison { title, seeds, differs, scores, cameras, .. } in comparisons {
         let is_several = seeds.len() > 1;
         let cells = |value: Option<MeanAndDeviation>| {
             let deviation = value.filter(|_| is_several).map(|v| v.deviation);
-            [value.map(|v| v.mean), deviation].map(|v| v.map_or_else(String::new, |v| v.to_string()))
+            [value.map(|v| v.mean), deviation].map(csv_number)
         };
         let seeds: Vec<String> = seeds.iter().map(u64::to_string).collect();
         for camera in cameras {
@@ -135,13 +135,13 @@ pub fn comparison_csv(comparisons: &[Comparison]) -> String {
             };
             let of_lens = [camera.rms_spot_um, camera.efl_mm, camera.f_number].map(Some);
             let values = names.iter().map(score).chain(of_lens);
-            let first = [quoted(title), seeds.join(" ")].into_iter();
+            let first = [title.clone(), seeds.join(" ")].into_iter();
             let first =
-                first.chain(differs.iter().map(|(_, value)| quoted(value))).chain([quoted(&camera.name)]);
-            lines.push(first.chain(values.flat_map(cells)).collect::<Vec<_>>().join(","));
+                first.chain(differs.iter().map(|(_, value)| value.clone())).chain([camera.name.clone()]);
+            lines.push(first.chain(values.flat_map(cells)).collect());
         }
     }
-    lines.join("\n") + "\n"
+    csv_text(lines)
 }
 
 /// A finished run.

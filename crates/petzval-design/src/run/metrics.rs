@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use petzval_base::counted;
 use petzval_base::statistics::{maximum, minimum};
+use petzval_base::{counted, csv_number, csv_text};
 use petzval_learn::score::ScoreDescription;
 use serde::{Deserialize, Serialize};
 
@@ -57,19 +57,15 @@ impl Metrics {
     /// does not have is left empty.
     pub fn csv(&self) -> String {
         let names = || self.scores.iter().map(|score| &score.name);
-        let mut lines = vec![
-            ["camera".to_owned()]
-                .into_iter()
-                .chain(names().flat_map(|name| [name.clone(), format!("{name}_low"), format!("{name}_high")]))
-                .chain(LENS_COLUMNS.map(str::to_owned))
-                .collect::<Vec<_>>()
-                .join(","),
-        ];
-        let number = |value: Option<f64>| value.map_or_else(String::new, |v| v.to_string());
+        let of_scores =
+            names().flat_map(|name| [name.clone(), format!("{name}_low"), format!("{name}_high")]);
+        let head = ["camera".to_owned()].into_iter().chain(of_scores).chain(LENS_COLUMNS.map(str::to_owned));
+        let mut lines: Vec<Vec<String>> = vec![head.collect()];
         for row in &self.rows {
             let scores = names().flat_map(|name| {
                 let interval = row.intervals.get(name);
-                [row.scores.get(name).copied(), interval.map(|i| i[0]), interval.map(|i| i[1])].map(number)
+                [row.scores.get(name).copied(), interval.map(|i| i[0]), interval.map(|i| i[1])]
+                    .map(csv_number)
             });
             let lens = [
                 row.restored_error_percent,
@@ -82,27 +78,24 @@ impl Metrics {
                 Some(row.isp_steps as f64),
                 Some(row.network_steps as f64),
             ];
-            let fields = [quoted(&row.camera)].into_iter().chain(scores).chain(lens.map(number));
-            lines.push(fields.collect::<Vec<_>>().join(","));
+            lines.push([row.camera.clone()].into_iter().chain(scores).chain(lens.map(csv_number)).collect());
         }
-        lines.join("\n") + "\n"
+        csv_text(lines)
     }
 
     /// The scores of every picture as comma-separated values; only the heading where objects are looked for in all of them.
     pub fn pictures_csv(&self) -> String {
         let names: Vec<&str> = self.scores.iter().map(|score| score.name.as_str()).collect();
-        let mut text = format!("camera,photo,relative_field,{}\n", names.join(","));
+        let head = ["camera", "photo", "relative_field"].into_iter().chain(names.iter().copied());
+        let mut lines: Vec<Vec<String>> = vec![head.map(str::to_owned).collect()];
         for row in &self.rows {
             for picture in row.pictures.iter().filter(|picture| !picture.scores.is_empty()) {
-                let scores = names
-                    .iter()
-                    .map(|name| picture.scores.get(*name).map_or_else(String::new, f64::to_string));
-                let about = [quoted(&row.camera), quoted(&picture.photo), picture.relative_field.to_string()];
-                text += &about.into_iter().chain(scores).collect::<Vec<_>>().join(",");
-                text.push('\n');
+                let scores = names.iter().map(|name| csv_number(picture.scores.get(*name).copied()));
+                let about = [row.camera.clone(), picture.photo.clone(), picture.relative_field.to_string()];
+                lines.push(about.into_iter().chain(scores).collect());
             }
         }
-        text
+        csv_text(lines)
     }
 }
 
@@ -118,15 +111,6 @@ const LENS_COLUMNS: [&str; 9] = [
     "isp_steps",
     "network_steps",
 ];
-
-/// A text as a field of comma-separated values (RFC 4180).
-pub(crate) fn quoted(text: &str) -> String {
-    if text.contains([',', '"', '\n', '\r']) {
-        format!("\"{}\"", text.replace('"', "\"\""))
-    } else {
-        text.to_owned()
-    }
-}
 
 /// One camera.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -26,7 +26,6 @@ pub use digests::{
 pub use events::{Event, EventLog, read_events};
 pub use folder::{RunFolder, write_file};
 pub use made::{MadeFigures, MadeMetrics, MadeRow};
-pub(crate) use metrics::quoted;
 pub use metrics::{CameraMetrics, Metrics, PictureScore};
 pub use record::{Finish, RunRecord, VERSION, extend_run, forget_most_memory};
 pub(crate) use record::{config_text, json_record};

@@ -1,7 +1,6 @@
 //! The curves of `lens analyze` as comma-separated values.
 
-use std::fmt::Write as _;
-
+use petzval_base::{csv_number, csv_text};
 use petzval_optics::analysis::{Analysis, MtfCurve};
 
 /// A number of a table; `None` is an empty cell.
@@ -24,17 +23,7 @@ pub(super) const TABLES: [Table; 9] = [
 ];
 
 fn table<const N: usize>(head: [&str; N], lines: impl Iterator<Item = [Cell; N]>) -> String {
-    let mut text = head.join(",") + "\n";
-    for line in lines {
-        for (i, cell) in line.iter().enumerate() {
-            text += if i > 0 { "," } else { "" };
-            if let Some(value) = cell {
-                let _ = write!(text, "{value}");
-            }
-        }
-        text += "\n";
-    }
-    text
+    csv_text([head.map(str::to_owned)].into_iter().chain(lines.map(|line| line.map(csv_number))))
 }
 
 fn spots(analysis: &Analysis) -> String {

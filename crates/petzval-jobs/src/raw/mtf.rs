@@ -1,8 +1,8 @@
 //! `raw mtf`: the MTF at slanted edges of a raw frame or a picture.
 
-use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
+use petzval_base::csv_text;
 use petzval_camera::sensor::CfaPattern;
 use petzval_files::load_image;
 use petzval_files::raw_file::{RawFrame, holds_digital_numbers, load_raw};
@@ -297,23 +297,26 @@ fn warn(edges: &[Edge], frame: &Frame, context: &Context) {
 
 /// The curves, a line for every frequency of every channel of every edge.
 fn csv(response: &Response) -> String {
-    let mut text = "row_px,col_px,height_px,width_px,channel,frequency_cycles_per_px".to_owned();
-    text += if response.pixel_um.is_some() { ",frequency_cycles_per_mm" } else { "" };
-    text += ",modulation,standard_error\n";
+    let place = ["row_px", "col_px", "height_px", "width_px", "channel", "frequency_cycles_per_px"];
+    let on_sensor = response.pixel_um.map(|_| "frequency_cycles_per_mm");
+    let head = place.into_iter().chain(on_sensor).chain(["modulation", "standard_error"]);
+    let mut lines: Vec<Vec<String>> = vec![head.map(str::to_owned).collect()];
     for Edge { region, channels } in &response.edges {
         for mtf in channels {
-            let errors = &mtf.standard_errors.modulation;
-            for ((frequency, modulation), error) in
-                mtf.frequency_per_px.iter().zip(&mtf.modulation).zip(errors)
-            {
-                let on_sensor =
-                    response.pixel_um.map_or(String::new(), |um| format!(",{}", per_mm(*frequency, um)));
-                let channel = &mtf.channel;
-                let _ = writeln!(text, "{region},{channel},{frequency}{on_sensor},{modulation},{error}");
+            let values = mtf.modulation.iter().zip(&mtf.standard_errors.modulation);
+            for (frequency, (modulation, error)) in mtf.frequency_per_px.iter().zip(values) {
+                let on_sensor = response.pixel_um.map(|um| per_mm(*frequency, um));
+                let numbers = [*frequency].into_iter().chain(on_sensor).chain([*modulation, *error]);
+                let Region { row, col, height, width } = region;
+                let place = [row, col, height, width]
+                    .map(|px| px.to_string())
+                    .into_iter()
+                    .chain([mtf.channel.clone()]);
+                lines.push(place.chain(numbers.map(|number| number.to_string())).collect());
             }
         }
     }
-    text
+    csv_text(lines)
 }
 
 fn plot(response: &Response, frame: &Frame) -> String {

@@ -1,9 +1,8 @@
 //! `sensor characterize`: a sensor measured from captures.
 
-use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-use petzval_base::write_whole;
+use petzval_base::{csv_number, csv_text, write_whole};
 use petzval_design::error::DesignError;
 use petzval_lab::emva::captures::milliseconds;
 use petzval_lab::emva::{Captures, Options, characterize, result_xml, sensor_toml, warning_lines};
@@ -133,17 +132,17 @@ fn write_results(found: &Characterization, values: Values, out: &Path) -> Result
 
 /// The captured histograms, a line for each digital number that occurs.
 fn histograms_csv(found: &Characterization) -> String {
-    let mut text = "kind,linear_gain,exposure_ms,photons,colour,dn,samples\n".to_owned();
-    for h in &found.histograms {
+    let head = ["kind", "linear_gain", "exposure_ms", "photons", "colour", "dn", "samples"];
+    let lines = found.histograms.iter().flat_map(|h| {
         let kind = if h.colour.is_some() { "flat" } else { "dark" };
+        let (gain, ms) = (h.linear_gain.to_string(), milliseconds(h.exposure_s).to_string());
         let colour = h.colour.map_or("all", colour_name);
-        let photons = h.photons.map_or(String::new(), |p| p.to_string());
-        for (i, count) in h.counts.counts.iter().enumerate().filter(|(_, c)| **c > 0) {
+        let about = [kind.to_owned(), gain, ms, csv_number(h.photons), colour.to_owned()];
+        let occurring = h.counts.counts.iter().enumerate().filter(|(_, count)| **count > 0);
+        occurring.map(move |(i, count)| {
             let dn = h.counts.first_dn as usize + i;
-            let ms = milliseconds(h.exposure_s);
-            // Writing to a text cannot fail.
-            let _ = writeln!(text, "{kind},{},{ms},{photons},{colour},{dn},{count}", h.linear_gain);
-        }
-    }
-    text
+            about.iter().cloned().chain([dn.to_string(), count.to_string()]).collect()
+        })
+    });
+    csv_text([head.map(str::to_owned).to_vec()].into_iter().chain(lines))
 }

@@ -5,6 +5,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::ValueEnum;
+use petzval::base::csv_text;
 use petzval::jobs::detect::{self, BackboneKind, Overhanging, Request, Scores, Seen, Source};
 
 use super::failure::Failure;
@@ -132,14 +133,15 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
 
 /// Prints a line for each detection.
 fn print_found(pictures: &[Seen]) {
-    outln!("file,class,score,x,y,width,height");
-    for seen in pictures {
-        for found in &seen.found {
-            let [x, y, width, height] = found.bbox;
-            let file = shown(&seen.file).replace('"', "\"\"");
-            outln!("\"{file}\",{},{:.3},{x:.1},{y:.1},{width:.1},{height:.1}", found.class, found.score);
-        }
-    }
+    let head = ["file", "class", "score", "x", "y", "width", "height"].map(str::to_owned);
+    let lines = pictures.iter().flat_map(|seen| {
+        seen.found.iter().map(|found| {
+            let [x, y, width, height] = found.bbox.map(|value| format!("{value:.1}"));
+            let score = format!("{:.3}", found.score);
+            [shown(&seen.file), found.class.clone(), score, x, y, width, height]
+        })
+    });
+    out!("{}", csv_text([head].into_iter().chain(lines)));
 }
 
 /// How long the picture in work may take after a signal, until the results of those before it are written.

@@ -1,8 +1,8 @@
 //! The files of a tolerance analysis: figures, pictures and the worst lenses.
 
-use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
+use petzval_base::{csv_number, csv_text};
 use petzval_files::{LensFile, write_lens, write_tolerances};
 use petzval_optics::tolerance::{Freedom, MonteCarlo};
 use petzval_report::tolerance_sheet::{
@@ -56,62 +56,52 @@ pub(super) fn write_all(
     Ok(files)
 }
 
-/// A field of a table: quoted where it needs to be.
-fn cell(text: &str) -> String {
-    if text.contains([',', '"']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.to_owned() }
-}
-
-fn maybe(value: Option<f64>) -> String {
-    value.map_or_else(String::new, |v| v.to_string())
-}
-
 fn sensitivities_csv(findings: &Findings) -> String {
-    let mut out = String::from(
-        "quantity,first_surface,last_surface,unit,tolerance,merit_at_minus,merit_at_plus,derivative\n",
-    );
-    for i in findings.by_effect() {
+    let head = [
+        "quantity",
+        "first_surface",
+        "last_surface",
+        "unit",
+        "tolerance",
+        "merit_at_minus",
+        "merit_at_plus",
+        "derivative",
+    ];
+    let lines = findings.by_effect().into_iter().map(|i| {
         let (row, p) = (&findings.table.rows[i], &findings.study.tolerances().perturbations[i]);
         let f = &p.freedom;
-        let _ = writeln!(
-            out,
-            "{},{},{},{},{},{},{},{}",
-            cell(&f.quantity.to_string()),
-            f.first + 1,
-            f.last + 1,
-            f.quantity.unit(),
-            p.tolerance,
-            maybe(row.at_minus),
-            maybe(row.at_plus),
-            row.derivative
-        );
-    }
-    out
+        [
+            f.quantity.to_string(),
+            (f.first + 1).to_string(),
+            (f.last + 1).to_string(),
+            f.quantity.unit().to_owned(),
+            p.tolerance.to_string(),
+            csv_number(row.at_minus),
+            csv_number(row.at_plus),
+            row.derivative.to_string(),
+        ]
+    });
+    csv_text([head.map(str::to_owned)].into_iter().chain(lines))
 }
 
 /// Every lens: its merit, where its compensators stand, and its errors.
 fn trials_csv(findings: &Findings, random: &MonteCarlo) -> String {
     let tolerances = findings.study.tolerances();
-    let named = |name: String, unit: &str| match unit {
-        "" => cell(&name),
-        unit => cell(&format!("{name} ({unit})")),
-    };
+    let named = |name: String, unit: &str| if unit.is_empty() { name } else { format!("{name} ({unit})") };
     let merit = findings.study.merit();
-    let mut head = vec!["trial".to_owned(), named(merit.name(), merit.unit())];
-    head.extend(
-        tolerances
-            .compensators
-            .iter()
-            .map(|(f, _)| named(format!("set: {}", findings.compensator_name(f)), f.quantity.unit())),
-    );
-    head.extend(tolerances.perturbations.iter().map(|p| named(p.freedom.name(), p.freedom.quantity.unit())));
-    let mut out = head.join(",") + "\n";
-    for (number, trial) in random.trials.iter().enumerate() {
-        let mut row = vec![number.to_string(), maybe(trial.value)];
-        row.extend((0..tolerances.compensators.len()).map(|k| maybe(trial.compensators.get(k).copied())));
-        row.extend(findings.study.draw(random.seed, number as u64).iter().map(f64::to_string));
-        out += &(row.join(",") + "\n");
-    }
-    out
+    let compensators = tolerances.compensators.iter();
+    let set =
+        compensators.map(|(f, _)| named(format!("set: {}", findings.compensator_name(f)), f.quantity.unit()));
+    let errors = tolerances.perturbations.iter().map(|p| named(p.freedom.name(), p.freedom.quantity.unit()));
+    let first = ["trial".to_owned(), named(merit.name(), merit.unit())];
+    let head: Vec<String> = first.into_iter().chain(set).chain(errors).collect();
+    let lines = random.trials.iter().enumerate().map(|(number, trial)| {
+        let set = (0..tolerances.compensators.len()).map(|k| csv_number(trial.compensators.get(k).copied()));
+        let errors = findings.study.draw(random.seed, number as u64);
+        let first = [number.to_string(), csv_number(trial.value)].into_iter();
+        first.chain(set).chain(errors.iter().map(f64::to_string)).collect()
+    });
+    csv_text([head].into_iter().chain(lines))
 }
 
 /// The analysis as its page and pictures show it.
