@@ -4,7 +4,7 @@
 use maud::{Markup, html};
 use petzval_lab::emva::captures::Kind;
 use petzval_lab::emva::joint::{GAINS, GainRow};
-use petzval_lab::emva::{Characterization, Measured};
+use petzval_lab::emva::{Characterization, HistogramComparison, HistogramFit, Measured};
 
 use super::reasons::Reasons;
 use super::style::{short, symbol, with_error};
@@ -39,25 +39,106 @@ pub(super) fn gains(all: &Characterization) -> Markup {
     html! { (table.html()) (reasons.list()) }
 }
 
-/// Symbol, quantity and unit of a parameter, its value by the joint fit and by the fit to histograms, and the values of
-/// tables 3, 4 and 5 of the paper.
-type Parameter<'a> = (&'a str, &'a str, &'a str, Markup, Option<String>, [&'a str; 3]);
+/// A parameter of the model in the table.
+struct ModelRow {
+    /// Symbol, quantity and unit.
+    names: [&'static str; 3],
+    /// By the joint fit.
+    joint: Measured,
+    /// The cell of a fact that is not measured.
+    fact: Option<String>,
+    /// By the fit to the histograms.
+    fitted: Option<fn(&HistogramFit) -> Measured>,
+    /// In tables 3, 4 and 5 of the paper; empty where a table lacks it.
+    paper: [&'static str; 3],
+}
+
+impl ModelRow {
+    fn new(symbol: &'static str, quantity: &'static str, unit: &'static str, joint: Measured) -> Self {
+        Self { names: [symbol, quantity, unit], joint, fact: None, fitted: None, paper: [""; 3] }
+    }
+
+    fn fact(self, fact: impl Into<Option<String>>) -> Self {
+        Self { fact: fact.into(), ..self }
+    }
+
+    fn fitted(self, fitted: fn(&HistogramFit) -> Measured) -> Self {
+        Self { fitted: Some(fitted), ..self }
+    }
+
+    fn paper(self, paper: [&'static str; 3]) -> Self {
+        Self { paper, ..self }
+    }
+}
+
+/// The parameters of the model, in the order of the table.
+fn model_rows(all: &Characterization) -> Vec<ModelRow> {
+    let joint = &all.joint;
+    let row = ModelRow::new;
+    let no_number = Measured::exact(f64::NAN);
+    let black_level = joint.black_level_dn.map_or(no_number, Measured::exact);
+    let mut rows = vec![
+        row("", "columns × rows", "pixels", no_number)
+            .fact(format!("{} × {}", all.width, all.height))
+            .paper(["1920 × 1200", "", ""]),
+        row("", "bits", "", Measured::exact(f64::from(all.sensor.bits))).paper(["12", "", ""]),
+        row("BL", "black level, as set", "DN", black_level)
+            .fact(joint.black_level_dn.is_none().then(|| "not stated".to_owned()))
+            .paper(["119", "", ""]),
+        row("K", "system gain at linear gain 1", "DN/e⁻", joint.gain_dn_per_e)
+            .fitted(|f| f.gain_dn_per_e)
+            .paper(["", "0.122", "0.14"]),
+        row("μ_I", "dark current, from the mean of all pixels", "e⁻/s", joint.dark_current_e_per_s)
+            .fitted(|f| f.dark_current_e_per_s)
+            .paper(["", "25", "25"]),
+        row("μ_I", "dark current, from the variance", "e⁻/s", joint.dark_current_variance_e_per_s),
+        row("", "dark current, median of the pixels", "e⁻/s", joint.dark_current_median_e_per_s),
+        row(
+            "",
+            "dark current, mean of the pixels that are not hot",
+            "e⁻/s",
+            joint.dark_current_ordinary_e_per_s,
+        ),
+        row("", "share of hot pixels", "%", joint.hot_pixel_share.scale(100.0)),
+        row("", "dark current of hot pixels above the others, mean", "e⁻/s", joint.hot_pixel_e_per_s),
+        row("μ_r", "mean of the read noise", "e⁻", joint.read_noise_mean_e)
+            .fitted(|f| f.read_noise_mean_e)
+            .paper(["", "", "3.25"]),
+        row("σ²_r", "variance of the read noise", "e⁻²", joint.read_variance_e2)
+            .fitted(|f| f.read_noise_e.squared())
+            .paper(["", "σ: 16", "16"]),
+        row("", "temporal noise of rows", "e⁻", joint.row_noise_e),
+        row("", "temporal noise of columns", "e⁻", joint.column_noise_e),
+        row("σ_el", "electronics noise", "DN", joint.electronics_noise_dn)
+            .fitted(|f| f.electronics_noise_dn)
+            .paper(["", "", "0.92"]),
+        row("μ_el", "mean of the electronics noise", "DN", joint.electronics_mean_dn).paper(["", "", "1.15"]),
+    ];
+    if all.sensor.cfa.colours().len() > 1 {
+        rows.extend([
+            row("α", "red over green", "", joint.red_over_green)
+                .fitted(|f| f.red_over_green)
+                .paper(["", "", "0.82"]),
+            row("β", "blue over green", "", joint.blue_over_green)
+                .fitted(|f| f.blue_over_green)
+                .paper(["", "", "1.25"]),
+        ]);
+    }
+    rows
+}
 
 /// Parameters of the model by the joint fit and by the fit to histograms, beside the values of Tseng et al. for their
 /// camera.
 pub(super) fn model(all: &Characterization) -> Markup {
-    let (joint, fit) = (&all.joint, all.histogram_fit.as_ref());
+    let fit = all.histogram_fit.as_ref();
     let mut reasons = Reasons::default();
-    let mosaic = all.sensor.cfa.colours().len() > 1;
-    let mut measured = |value: &Measured| reasons.cell(value);
     let is_paper_camera = {
         let name = all.sensor.name.to_uppercase();
         ["IMX249", "23S6"].iter().any(|part| name.contains(part))
     };
-    let stated = |v: f64| Measured::exact(v);
     // A parameter that the histograms do not resolve was held and has no error. If the fit does not describe the
     // histograms, no parameter has an error.
-    let fitted = |of: fn(&petzval_lab::emva::HistogramFit) -> Measured| {
+    let fitted = |of: fn(&HistogramFit) -> Measured| {
         let (fit, value) = (fit?, of(fit?));
         let held = match value.standard_error() {
             Some(_) => "",
@@ -66,122 +147,6 @@ pub(super) fn model(all: &Characterization) -> Markup {
         };
         Some(with_error(&value)? + held)
     };
-    let black_level = joint.black_level_dn.map_or(html! { "not stated" }, |v| measured(&stated(v)));
-    let mut rows: Vec<Parameter<'_>> = vec![
-        (
-            "",
-            "columns × rows",
-            "pixels",
-            html! { (all.width) " × " (all.height) },
-            None,
-            ["1920 × 1200", "", ""],
-        ),
-        ("", "bits", "", measured(&stated(f64::from(all.sensor.bits))), None, ["12", "", ""]),
-        ("BL", "black level, as set", "DN", black_level, None, ["119", "", ""]),
-        (
-            "K",
-            "system gain at linear gain 1",
-            "DN/e⁻",
-            measured(&joint.gain_dn_per_e),
-            fitted(|f| f.gain_dn_per_e),
-            ["", "0.122", "0.14"],
-        ),
-        (
-            "μ_I",
-            "dark current, from the mean of all pixels",
-            "e⁻/s",
-            measured(&joint.dark_current_e_per_s),
-            fitted(|f| f.dark_current_e_per_s),
-            ["", "25", "25"],
-        ),
-        (
-            "μ_I",
-            "dark current, from the variance",
-            "e⁻/s",
-            measured(&joint.dark_current_variance_e_per_s),
-            None,
-            ["", "", ""],
-        ),
-        (
-            "",
-            "dark current, median of the pixels",
-            "e⁻/s",
-            measured(&joint.dark_current_median_e_per_s),
-            None,
-            ["", "", ""],
-        ),
-        (
-            "",
-            "dark current, mean of the pixels that are not hot",
-            "e⁻/s",
-            measured(&joint.dark_current_ordinary_e_per_s),
-            None,
-            ["", "", ""],
-        ),
-        ("", "share of hot pixels", "%", measured(&joint.hot_pixel_share.scale(100.0)), None, ["", "", ""]),
-        (
-            "",
-            "dark current of hot pixels above the others, mean",
-            "e⁻/s",
-            measured(&joint.hot_pixel_e_per_s),
-            None,
-            ["", "", ""],
-        ),
-        (
-            "μ_r",
-            "mean of the read noise",
-            "e⁻",
-            measured(&joint.read_noise_mean_e),
-            fitted(|f| f.read_noise_mean_e),
-            ["", "", "3.25"],
-        ),
-        (
-            "σ²_r",
-            "variance of the read noise",
-            "e⁻²",
-            measured(&joint.read_variance_e2),
-            fitted(|f| f.read_noise_e.squared()),
-            ["", "σ: 16", "16"],
-        ),
-        ("", "temporal noise of rows", "e⁻", measured(&joint.row_noise_e), None, ["", "", ""]),
-        ("", "temporal noise of columns", "e⁻", measured(&joint.column_noise_e), None, ["", "", ""]),
-        (
-            "σ_el",
-            "electronics noise",
-            "DN",
-            measured(&joint.electronics_noise_dn),
-            fitted(|f| f.electronics_noise_dn),
-            ["", "", "0.92"],
-        ),
-        (
-            "μ_el",
-            "mean of the electronics noise",
-            "DN",
-            measured(&joint.electronics_mean_dn),
-            None,
-            ["", "", "1.15"],
-        ),
-    ];
-    if mosaic {
-        rows.extend([
-            (
-                "α",
-                "red over green",
-                "",
-                measured(&joint.red_over_green),
-                fitted(|f| f.red_over_green),
-                ["", "", "0.82"],
-            ),
-            (
-                "β",
-                "blue over green",
-                "",
-                measured(&joint.blue_over_green),
-                fitted(|f| f.blue_over_green),
-                ["", "", "1.25"],
-            ),
-        ]);
-    }
     let mut columns = vec![
         Column::new("symbol"),
         Column::new("parameter").note(),
@@ -194,17 +159,19 @@ pub(super) fn model(all: &Characterization) -> Markup {
     if is_paper_camera {
         columns.extend(["Table 3", "Table 4", "Table 5"].map(Column::new));
     }
-    let row = |(text, meaning, unit, value, fitted, paper): Parameter<'_>| {
-        let mut cells = vec![html! { (meaning) }, html! { (unit) }, value];
+    let row = |row: ModelRow| {
+        let [text, quantity, unit] = row.names;
+        let value = row.fact.map_or_else(|| reasons.cell(&row.joint), |fact| html! { (fact) });
+        let mut cells = vec![html! { (quantity) }, html! { (unit) }, value];
         if fit.is_some() {
-            cells.push(html! { (fitted.as_deref().unwrap_or("–")) });
+            cells.push(html! { (row.fitted.and_then(fitted).as_deref().unwrap_or("–")) });
         }
         if is_paper_camera {
-            cells.extend(paper.map(|cell| html! { (if cell.is_empty() { "–" } else { cell }) }));
+            cells.extend(row.paper.map(|cell| html! { (if cell.is_empty() { "–" } else { cell }) }));
         }
         Row::new(symbol(text), cells)
     };
-    let table = Table::new(columns).class("figures").rows(rows.into_iter().map(row));
+    let table = Table::new(columns).class("figures").rows(model_rows(all).into_iter().map(row));
     html! {
         (table.html())
         (reasons.list())
@@ -223,9 +190,9 @@ pub(super) fn model(all: &Characterization) -> Markup {
 }
 
 /// Agreement of all histograms before and after the fit.
-fn agreement(fit: &petzval_lab::emva::HistogramFit) -> Markup {
+fn agreement(fit: &HistogramFit) -> Markup {
     let rows = [(Kind::Flat, "flat"), (Kind::Dark, "dark")];
-    let of = |kind: Kind, value: fn(&petzval_lab::emva::HistogramComparison) -> f64| {
+    let of = |kind: Kind, value: fn(&HistogramComparison) -> f64| {
         let all: Vec<f64> = fit.histograms.iter().filter(|h| h.kind == kind).map(value).collect();
         all.iter().sum::<f64>() / all.len() as f64
     };
