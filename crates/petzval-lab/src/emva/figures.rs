@@ -63,77 +63,16 @@ pub fn figures(basis: &Basis<'_>) -> Vec<Figure> {
         (None, None) => a.reason() == b.reason(),
         _ => false,
     };
-    NAMES
-        .iter()
-        .zip(library.into_iter().zip(ours))
-        .map(|((name, section, unit, meaning), (library, ours))| {
+    library
+        .into_iter()
+        .zip(ours)
+        .map(|((name, section, unit, meaning, library), (.., ours))| {
             // Where both agree, keep our number, because it has a standard error.
             let (value, corrected) = if same(&library, &ours) { (ours, None) } else { (library, Some(ours)) };
             Figure { name, section, meaning, unit, value, corrected }
         })
         .collect()
 }
-
-/// Name, section, unit, meaning; in the order of [`values`].
-const NAMES: [(&str, &str, &str, &str); 57] = [
-    ("DR", "sensitivity", "", "dynamic range"),
-    ("DR_dB", "sensitivity", "dB", "dynamic range"),
-    ("DSNU1288", "spatial", "e-", "dark signal non-uniformity"),
-    ("DSNU1288_DN", "spatial", "DN", "dark signal non-uniformity"),
-    ("DSNU1288_col", "spatial", "e-", "dark signal non-uniformity of columns"),
-    ("DSNU1288_pixel", "spatial", "e-", "dark signal non-uniformity of pixels"),
-    ("DSNU1288_row", "spatial", "e-", "dark signal non-uniformity of rows"),
-    ("K", "sensitivity", "DN/e-", "overall system gain"),
-    ("LE_max", "linearity", "%", "largest linearity error"),
-    ("LE_min", "linearity", "%", "least linearity error"),
-    ("PRNU1288", "spatial", "%", "photo response non-uniformity"),
-    ("PRNU1288_col", "spatial", "%", "photo response non-uniformity of columns"),
-    ("PRNU1288_pixel", "spatial", "%", "photo response non-uniformity of pixels"),
-    ("PRNU1288_row", "spatial", "%", "photo response non-uniformity of rows"),
-    ("QE", "sensitivity", "%", "quantum efficiency"),
-    ("R", "sensitivity", "DN/p", "responsivity"),
-    ("SNR_max", "sensitivity", "", "largest signal-to-noise ratio"),
-    ("SNR_max_bit", "sensitivity", "bit", "largest signal-to-noise ratio"),
-    ("SNR_max_dB", "sensitivity", "dB", "largest signal-to-noise ratio"),
-    ("index_linearity_max", "linearity", "", "last point of the linearity fit"),
-    ("index_linearity_min", "linearity", "", "first point of the linearity fit"),
-    ("index_sensitivity_max", "sensitivity", "", "last point of the sensitivity fits"),
-    ("index_sensitivity_min", "sensitivity", "", "first point of the sensitivity fits"),
-    ("index_start", "info", "", "first point"),
-    ("index_u_ysat", "sensitivity", "", "point of saturation"),
-    ("inverse_K", "sensitivity", "e-/DN", "inverse of the overall system gain"),
-    ("inverse_SNR_max", "sensitivity", "%", "inverse of the largest signal-to-noise ratio"),
-    ("s_2_y", "spatial", "DN2", "spatial variance, flat"),
-    ("s_2_y_cav", "spatial", "DN2", "variance of column means, flat"),
-    ("s_2_y_cav_dark", "spatial", "DN2", "variance of column means, dark"),
-    ("s_2_y_col", "spatial", "DN2", "spatial variance of columns, flat"),
-    ("s_2_y_col_dark", "spatial", "DN2", "spatial variance of columns, dark"),
-    ("s_2_y_dark", "spatial", "DN2", "spatial variance, dark"),
-    ("s_2_y_measured", "spatial", "DN2", "variance of the mean frame, flat"),
-    ("s_2_y_measured_dark", "spatial", "DN2", "variance of the mean frame, dark"),
-    ("s_2_y_pixel", "spatial", "DN2", "spatial variance of pixels, flat"),
-    ("s_2_y_pixel_dark", "spatial", "DN2", "spatial variance of pixels, dark"),
-    ("s_2_y_rav", "spatial", "DN2", "variance of row means, flat"),
-    ("s_2_y_rav_dark", "spatial", "DN2", "variance of row means, dark"),
-    ("s_2_y_row", "spatial", "DN2", "spatial variance of rows, flat"),
-    ("s_2_y_row_dark", "spatial", "DN2", "spatial variance of rows, dark"),
-    ("sigma_2_y_stack", "spatial", "DN2", "temporal variance of the stack, flat"),
-    ("sigma_2_y_stack_dark", "spatial", "DN2", "temporal variance of the stack, dark"),
-    ("sigma_d", "sensitivity", "e-", "temporal dark noise"),
-    ("sigma_y_dark", "sensitivity", "DN", "temporal dark noise"),
-    ("u_I_mean", "dark_current", "e-/s", "dark current from the mean"),
-    ("u_I_mean_DN", "dark_current", "DN/s", "dark current from the mean"),
-    ("u_I_var", "dark_current", "e-/s", "dark current from the variance"),
-    ("u_I_var_DN", "dark_current", "DN/s", "dark current from the variance"),
-    ("u_e_min", "sensitivity", "e-", "absolute sensitivity threshold"),
-    ("u_e_min_area", "sensitivity", "e-/um2", "absolute sensitivity threshold per area"),
-    ("u_e_sat", "sensitivity", "e-", "saturation capacity"),
-    ("u_e_sat_area", "sensitivity", "e-/um2", "saturation capacity per area"),
-    ("u_p_min", "sensitivity", "p", "absolute sensitivity threshold"),
-    ("u_p_min_area", "sensitivity", "p/um2", "absolute sensitivity threshold per area"),
-    ("u_p_sat", "sensitivity", "p", "saturation capacity"),
-    ("u_p_sat_area", "sensitivity", "p/um2", "saturation capacity per area"),
-];
 
 /// Dark frames of the points, each exposure time once.
 fn dark_of(points: &[TransferPoint]) -> DarkSeries {
@@ -150,7 +89,10 @@ fn dark_of(points: &[TransferPoint]) -> DarkSeries {
     dark_series(all)
 }
 
-fn values(basis: &Basis<'_>, rules: Rules) -> Vec<Measured> {
+/// Name, section, unit and meaning of a figure, and its value.
+type Value = (&'static str, &'static str, &'static str, &'static str, Measured);
+
+fn values(basis: &Basis<'_>, rules: Rules) -> Vec<Value> {
     let ours = rules == Rules::Ours;
     let transfer = if ours { basis.ours } else { basis.library };
     let points = basis.points;
@@ -207,6 +149,8 @@ fn values(basis: &Basis<'_>, rules: Rules) -> Vec<Measured> {
     };
     let dr = or_limit(dr);
     let db = |m: Measured| m.map(|v| 20.0 * v.log10(), |v| 20.0 / (v * std::f64::consts::LN_10));
+    let bits = |m: Measured| m.map(f64::log2, |v| 1.0 / (v * std::f64::consts::LN_2));
+    let inverse = |of: f64, m: Measured| m.map(|v| of / v, |v| of / (v * v));
     let per_area = |m: Measured| match basis.pixel_area_um2 {
         Some(area) => m.scale(1.0 / area),
         None => Measured::none(Unresolved::NotStated("the pixel pitch")),
@@ -226,70 +170,103 @@ fn values(basis: &Basis<'_>, rules: Rules) -> Vec<Measured> {
         Some(l) if ours => l.response_percent,
         Some(l) => [l.min_percent, l.max_percent].map(Measured::exact),
     };
-    let index = |i: Option<usize>| i.map_or(too_few, |i| Measured::exact(i as f64));
+    let index = |i: usize| Measured::exact(i as f64);
+    let [first, last] = [transfer.range.0, transfer.range.1].map(index);
+    let [first_linear, last_linear] = linearity.map_or([too_few; 2], |l| [l.range.0, l.range.1].map(index));
     let dsnu = non_uniformity(basis, k, ours);
-    let raw = |f: fn(&Variances) -> f64, dark: bool| match basis.spatial {
-        Some(s) => (if dark { &s.dark } else { &s.flat }).with_error(f),
-        None => Measured::none(Unresolved::NoStack),
+    let raw = |of: fn(&Spatial) -> &StackVariances, f: fn(&Variances) -> f64| {
+        basis.spatial.map_or(Measured::none(Unresolved::NoStack), |s| of(s).with_error(f))
     };
+    let lit = |f| raw(|s| &s.flat, f);
+    let unlit = |f| raw(|s| &s.dark, f);
     vec![
-        dr,
-        db(dr),
-        dsnu.dsnu_e[0],
-        dsnu.dsnu_dn,
-        dsnu.dsnu_e[2],
-        dsnu.dsnu_e[3],
-        dsnu.dsnu_e[1],
-        k,
-        le_max,
-        le_min,
-        dsnu.prnu_percent[0],
-        dsnu.prnu_percent[2],
-        dsnu.prnu_percent[3],
-        dsnu.prnu_percent[1],
-        r.over(k).scale(100.0),
-        r,
-        snr,
-        snr.map(f64::log2, |v| 1.0 / (v * std::f64::consts::LN_2)),
-        db(snr),
-        index(linearity.map(|l| l.range.1)),
-        index(linearity.map(|l| l.range.0)),
-        Measured::exact(transfer.range.1 as f64),
-        Measured::exact(transfer.range.0 as f64),
-        Measured::exact(0.0),
-        Measured::exact(at as f64),
-        k.map(|v| 1.0 / v, |v| 1.0 / (v * v)),
-        snr.map(|v| 100.0 / v, |v| 100.0 / (v * v)),
-        raw(|s| s.total, false),
-        raw(|s| s.column_means, false),
-        raw(|s| s.column_means, true),
-        raw(|s| s.column, false),
-        raw(|s| s.column, true),
-        raw(|s| s.total, true),
-        raw(|s| s.measured, false),
-        raw(|s| s.measured, true),
-        raw(|s| s.pixel, false),
-        raw(|s| s.pixel, true),
-        raw(|s| s.row_means, false),
-        raw(|s| s.row_means, true),
-        raw(|s| s.row, false),
-        raw(|s| s.row, true),
-        raw(|s| s.temporal, false),
-        raw(|s| s.temporal, true),
-        sigma_d,
-        sigma_y_dark,
-        mean_slope.over(k),
-        mean_slope,
-        variance_slope.over(k.squared()),
-        variance_slope.over(k),
-        u_e_min,
-        per_area(u_e_min),
-        u_e_sat,
-        per_area(u_e_sat),
-        u_p_min,
-        per_area(u_p_min),
-        u_p_sat,
-        per_area(u_p_sat),
+        ("DR", "sensitivity", "", "dynamic range", dr),
+        ("DR_dB", "sensitivity", "dB", "dynamic range", db(dr)),
+        ("DSNU1288", "spatial", "e-", "dark signal non-uniformity", dsnu.dsnu_e[0]),
+        ("DSNU1288_DN", "spatial", "DN", "dark signal non-uniformity", dsnu.dsnu_dn),
+        ("DSNU1288_col", "spatial", "e-", "dark signal non-uniformity of columns", dsnu.dsnu_e[2]),
+        ("DSNU1288_pixel", "spatial", "e-", "dark signal non-uniformity of pixels", dsnu.dsnu_e[3]),
+        ("DSNU1288_row", "spatial", "e-", "dark signal non-uniformity of rows", dsnu.dsnu_e[1]),
+        ("K", "sensitivity", "DN/e-", "overall system gain", k),
+        ("LE_max", "linearity", "%", "largest linearity error", le_max),
+        ("LE_min", "linearity", "%", "least linearity error", le_min),
+        ("PRNU1288", "spatial", "%", "photo response non-uniformity", dsnu.prnu_percent[0]),
+        ("PRNU1288_col", "spatial", "%", "photo response non-uniformity of columns", dsnu.prnu_percent[2]),
+        ("PRNU1288_pixel", "spatial", "%", "photo response non-uniformity of pixels", dsnu.prnu_percent[3]),
+        ("PRNU1288_row", "spatial", "%", "photo response non-uniformity of rows", dsnu.prnu_percent[1]),
+        ("QE", "sensitivity", "%", "quantum efficiency", r.over(k).scale(100.0)),
+        ("R", "sensitivity", "DN/p", "responsivity", r),
+        ("SNR_max", "sensitivity", "", "largest signal-to-noise ratio", snr),
+        ("SNR_max_bit", "sensitivity", "bit", "largest signal-to-noise ratio", bits(snr)),
+        ("SNR_max_dB", "sensitivity", "dB", "largest signal-to-noise ratio", db(snr)),
+        ("index_linearity_max", "linearity", "", "last point of the linearity fit", last_linear),
+        ("index_linearity_min", "linearity", "", "first point of the linearity fit", first_linear),
+        ("index_sensitivity_max", "sensitivity", "", "last point of the sensitivity fits", last),
+        ("index_sensitivity_min", "sensitivity", "", "first point of the sensitivity fits", first),
+        ("index_start", "info", "", "first point", index(0)),
+        ("index_u_ysat", "sensitivity", "", "point of saturation", index(at)),
+        ("inverse_K", "sensitivity", "e-/DN", "inverse of the overall system gain", inverse(1.0, k)),
+        (
+            "inverse_SNR_max",
+            "sensitivity",
+            "%",
+            "inverse of the largest signal-to-noise ratio",
+            inverse(100.0, snr),
+        ),
+        ("s_2_y", "spatial", "DN2", "spatial variance, flat", lit(|s| s.total)),
+        ("s_2_y_cav", "spatial", "DN2", "variance of column means, flat", lit(|s| s.column_means)),
+        ("s_2_y_cav_dark", "spatial", "DN2", "variance of column means, dark", unlit(|s| s.column_means)),
+        ("s_2_y_col", "spatial", "DN2", "spatial variance of columns, flat", lit(|s| s.column)),
+        ("s_2_y_col_dark", "spatial", "DN2", "spatial variance of columns, dark", unlit(|s| s.column)),
+        ("s_2_y_dark", "spatial", "DN2", "spatial variance, dark", unlit(|s| s.total)),
+        ("s_2_y_measured", "spatial", "DN2", "variance of the mean frame, flat", lit(|s| s.measured)),
+        ("s_2_y_measured_dark", "spatial", "DN2", "variance of the mean frame, dark", unlit(|s| s.measured)),
+        ("s_2_y_pixel", "spatial", "DN2", "spatial variance of pixels, flat", lit(|s| s.pixel)),
+        ("s_2_y_pixel_dark", "spatial", "DN2", "spatial variance of pixels, dark", unlit(|s| s.pixel)),
+        ("s_2_y_rav", "spatial", "DN2", "variance of row means, flat", lit(|s| s.row_means)),
+        ("s_2_y_rav_dark", "spatial", "DN2", "variance of row means, dark", unlit(|s| s.row_means)),
+        ("s_2_y_row", "spatial", "DN2", "spatial variance of rows, flat", lit(|s| s.row)),
+        ("s_2_y_row_dark", "spatial", "DN2", "spatial variance of rows, dark", unlit(|s| s.row)),
+        ("sigma_2_y_stack", "spatial", "DN2", "temporal variance of the stack, flat", lit(|s| s.temporal)),
+        (
+            "sigma_2_y_stack_dark",
+            "spatial",
+            "DN2",
+            "temporal variance of the stack, dark",
+            unlit(|s| s.temporal),
+        ),
+        ("sigma_d", "sensitivity", "e-", "temporal dark noise", sigma_d),
+        ("sigma_y_dark", "sensitivity", "DN", "temporal dark noise", sigma_y_dark),
+        ("u_I_mean", "dark_current", "e-/s", "dark current from the mean", mean_slope.over(k)),
+        ("u_I_mean_DN", "dark_current", "DN/s", "dark current from the mean", mean_slope),
+        (
+            "u_I_var",
+            "dark_current",
+            "e-/s",
+            "dark current from the variance",
+            variance_slope.over(k.squared()),
+        ),
+        ("u_I_var_DN", "dark_current", "DN/s", "dark current from the variance", variance_slope.over(k)),
+        ("u_e_min", "sensitivity", "e-", "absolute sensitivity threshold", u_e_min),
+        (
+            "u_e_min_area",
+            "sensitivity",
+            "e-/um2",
+            "absolute sensitivity threshold per area",
+            per_area(u_e_min),
+        ),
+        ("u_e_sat", "sensitivity", "e-", "saturation capacity", u_e_sat),
+        ("u_e_sat_area", "sensitivity", "e-/um2", "saturation capacity per area", per_area(u_e_sat)),
+        ("u_p_min", "sensitivity", "p", "absolute sensitivity threshold", u_p_min),
+        (
+            "u_p_min_area",
+            "sensitivity",
+            "p/um2",
+            "absolute sensitivity threshold per area",
+            per_area(u_p_min),
+        ),
+        ("u_p_sat", "sensitivity", "p", "saturation capacity", u_p_sat),
+        ("u_p_sat_area", "sensitivity", "p/um2", "saturation capacity per area", per_area(u_p_sat)),
     ]
 }
 
