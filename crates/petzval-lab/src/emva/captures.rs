@@ -1,7 +1,7 @@
 //! A series of captures: its frames, and the setting of each.
 //!
-//! A folder of captures holds frames and one of two lists of them: `captures.toml` ([`manifest`](super::manifest)), or
-//! the `EMVA1288descriptor.txt` of the EMVA 1288 Python library ([`descriptor`](super::descriptor)).
+//! A folder of captures holds frames and one of two lists of them: `captures.toml` ([`manifest`](super::compat::manifest)), or
+//! the `EMVA1288descriptor.txt` of the EMVA 1288 Python library ([`descriptor`](super::compat::descriptor)).
 
 use std::path::{Path, PathBuf};
 

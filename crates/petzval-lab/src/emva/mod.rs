@@ -2,7 +2,7 @@
 //!
 //! | step | module |
 //! |---|---|
-//! | the list of captures: its values, its two formats, wildcards in names | [`captures`], [`manifest`], [`descriptor`], `frame_names` |
+//! | the list of captures: its values, its two formats, wildcards in names | [`captures`], [`compat`], `frame_names` |
 //! | open a folder of captures | `open` |
 //! | reduce the frames of a point to sums | [`point`], [`counts`] |
 //! | temporal noise of rows, columns and pixels, and how it is correlated | [`line_noise`], [`line_covariance`], `gain_lines` |
@@ -23,7 +23,7 @@
 //! | all steps in order, and their result | [`mod@characterize`], [`result`] |
 //! | reject series from which no sensor follows | `usable` |
 //! | warnings, made from flags and results | [`warnings`] |
-//! | write a sensor file, write XML | [`sensor_file`], [`mod@result_xml`] |
+//! | write a sensor file, write XML | [`sensor_file`], [`compat`] |
 //! | simulate captures of a sensor | [`plan`], [`series`] |
 //! | figures of a sensor file | [`mod@derived`] |
 //!
@@ -34,11 +34,11 @@ pub mod block_means;
 pub mod captures;
 pub mod characterize;
 mod colour_name;
+pub mod compat;
 pub mod counts;
 pub mod dark;
 pub mod defects;
 pub mod derived;
-pub mod descriptor;
 mod deviation_noise;
 pub mod figures;
 pub mod fit;
@@ -55,7 +55,6 @@ pub mod hot_pixels;
 pub mod joint;
 pub mod line_covariance;
 pub mod line_noise;
-pub mod manifest;
 pub mod measured;
 mod neighbours;
 mod open;
@@ -64,7 +63,6 @@ pub mod plane_moments;
 pub mod pmf;
 pub mod point;
 pub mod result;
-pub mod result_xml;
 pub mod rounding;
 pub mod samples;
 pub mod saturation;
@@ -81,6 +79,7 @@ pub mod warnings;
 pub use captures::{CaptureError, Captures, FrameFile, Kind, Point, SensorFacts};
 pub use characterize::characterize;
 pub use colour_name::colour_name;
+pub use compat::result_xml::{Values, result_xml};
 pub use counts::PointHistogram;
 pub use derived::{Derived, derived};
 pub use figures::Figure;
@@ -93,7 +92,6 @@ pub use joint::JointFit;
 pub use measured::{Measured, Unresolved};
 pub use plan::{Plan, PlannedPoint};
 pub use result::{ChannelResult, Characterization, GainResult, Options};
-pub use result_xml::{Values, result_xml};
 pub use sensor_file::sensor_toml;
 pub use series::{Written, write_series};
 pub use spatial::Spatial;

@@ -7,7 +7,8 @@ use petzval_base::FileError;
 use petzval_files::decode;
 
 use super::captures::{CaptureError, Captures, DESCRIPTOR, FrameFile, Kind, MANIFEST, Point, SERIES};
-use super::{descriptor, frame_names, manifest};
+use super::compat::{descriptor, manifest};
+use super::frame_names;
 use petzval_files::raw_file::page_count;
 
 impl Captures {

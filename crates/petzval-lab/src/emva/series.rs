@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::captures::{CaptureError, Kind, MANIFEST, SERIES, SensorFacts};
-use super::manifest::{self, Listed};
+use super::compat::manifest::{self, Listed};
 use super::plan::{Plan, PlannedPoint};
 use petzval_base::{sweep_parts, write_whole};
 use petzval_camera::image::{CHANNELS, LinearImage};

@@ -5,7 +5,7 @@
 //! (EMVA 1288 release 4.0 Linear); the ideal sensor has `sqrt(photons)`.
 
 use petzval_lab::emva::ChannelResult;
-use petzval_lab::emva::figures::QUANTISATION_DN2;
+use petzval_lab::emva::rounding::QUANTISATION_DN2;
 use petzval_lab::emva::transfer::TransferPoint;
 
 use super::shown::Shown;

@@ -1,8 +1,8 @@
 //! Non-uniformity: spectrograms, and histograms of the deviations.
 
 use petzval_lab::emva::ChannelResult;
-use petzval_lab::emva::figures::QUANTISATION_DN2;
 use petzval_lab::emva::histogram::Histogram;
+use petzval_lab::emva::rounding::QUANTISATION_DN2;
 use petzval_lab::emva::spatial::{Spatial, StackPlots};
 
 use super::shown::Shown;

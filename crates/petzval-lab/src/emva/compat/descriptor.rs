@@ -8,7 +8,7 @@ use std::path::Path;
 
 use petzval_base::FileError;
 
-use super::captures::{Captures, DESCRIPTOR, Kind, Point, SensorFacts};
+use crate::emva::captures::{Captures, DESCRIPTOR, Kind, Point, SensorFacts};
 use petzval_camera::sensor::CfaPattern;
 
 /// Reads the text of a descriptor in `folder`.

@@ -5,10 +5,10 @@ use quick_xml::events::{BytesDecl, BytesEnd, BytesStart, BytesText, Event};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::high_pass::HighPass;
-use super::histogram::Histogram;
-use super::measured::Measured;
-use super::result::ChannelResult;
+use crate::emva::high_pass::HighPass;
+use crate::emva::histogram::Histogram;
+use crate::emva::measured::Measured;
+use crate::emva::result::ChannelResult;
 
 /// Which of the two values of a figure to write.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]

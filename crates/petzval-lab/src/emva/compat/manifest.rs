@@ -27,7 +27,7 @@ use petzval_base::FileError;
 use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
-use super::captures::{Captures, Kind, Point, SensorFacts};
+use crate::emva::captures::{Captures, Kind, MANIFEST, Point, SensorFacts};
 use petzval_camera::sensor::CfaPattern;
 
 #[derive(Deserialize)]
@@ -141,13 +141,7 @@ pub fn parse(text: &str, folder: &Path) -> Result<Captures, FileError> {
             line,
         });
     }
-    Ok(Captures {
-        folder: folder.to_owned(),
-        list: folder.join(super::captures::MANIFEST),
-        sensor,
-        size: None,
-        points,
-    })
+    Ok(Captures { folder: folder.to_owned(), list: folder.join(MANIFEST), sensor, size: None, points })
 }
 
 /// Line from 1, and its first byte.
@@ -157,43 +151,15 @@ fn line_of(text: &str, offset: usize) -> (u32, usize) {
     (before.iter().filter(|b| **b == b'\n').count() as u32 + 1, start)
 }
 
+/// The list as it is written: facts that are not known are left out.
 #[derive(Serialize)]
 struct OutFile<'a> {
-    sensor: OutSensor<'a>,
-    point: Vec<OutEntry<'a>>,
-}
-
-#[derive(Serialize)]
-struct OutSensor<'a> {
-    name: &'a str,
-    bits: u32,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pixel_um: Option<f64>,
-    cfa: CfaPattern,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    black_level_dn: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    full_well_e: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    f_number: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    wavelength_um: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    temperature_c: Option<f64>,
-}
-
-#[derive(Serialize)]
-struct OutEntry<'a> {
-    kind: Kind,
-    linear_gain: f64,
-    exposure_ms: f64,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    photons: Option<f64>,
-    frames: Vec<&'a str>,
+    sensor: &'a SensorFacts,
+    point: &'a [Listed],
 }
 
 /// One entry of a list to be written: a point with the names of its frames in the folder.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Listed {
     /// Whether light falls on the sensor.
     pub kind: Kind,
@@ -209,29 +175,7 @@ pub struct Listed {
 
 /// The text of `captures.toml` for these points.
 pub fn write(sensor: &SensorFacts, points: &[Listed]) -> Result<String, toml::ser::Error> {
-    toml::to_string(&OutFile {
-        sensor: OutSensor {
-            name: &sensor.name,
-            bits: sensor.bits,
-            pixel_um: sensor.pixel_um,
-            cfa: sensor.cfa,
-            black_level_dn: sensor.black_level_dn,
-            full_well_e: sensor.full_well_e,
-            f_number: sensor.f_number,
-            wavelength_um: sensor.wavelength_um,
-            temperature_c: sensor.temperature_c,
-        },
-        point: points
-            .iter()
-            .map(|p| OutEntry {
-                kind: p.kind,
-                linear_gain: p.linear_gain,
-                exposure_ms: p.exposure_ms,
-                photons: p.photons,
-                frames: p.frames.iter().map(String::as_str).collect(),
-            })
-            .collect(),
-    })
+    toml::to_string(&OutFile { sensor, point: points })
 }
 
 #[cfg(test)]
