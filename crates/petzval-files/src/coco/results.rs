@@ -6,7 +6,6 @@ use std::path::Path;
 use petzval_base::{FileError, write_whole};
 use serde::{Deserialize, Serialize};
 
-use super::bounded::read_bounded;
 use super::bounds::Bounds;
 use super::data_set::{DataSet, Image};
 use super::defect::{DefectKind, Defects};
@@ -16,9 +15,6 @@ use super::loose::{Fields, Loose, Record, Wrong};
 use super::numbers::mark_numbers;
 use super::read::json_error;
 use super::write::{ImageId, TextIds, append_records};
-
-/// Largest file of detections that is read.
-pub const LARGEST_RESULTS: u64 = 1 << 30;
 
 /// An object that a detector reports.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -116,16 +112,6 @@ fn fault(found: &Detection, known: Option<&(HashSet<u64>, HashSet<u64>)>) -> Opt
     }
     let is_known = categories.contains(&found.category_id);
     (!is_known).then(|| (DefectKind::UnknownCategory, format!("category_id is {}", found.category_id)))
-}
-
-/// Reads a file of detections as [`parse_results`] does.
-pub fn load_results(
-    path: &Path,
-    data: Option<&DataSet>,
-    defects: &mut Defects,
-) -> Result<Vec<Detection>, CocoError> {
-    let bytes = read_bounded(path, LARGEST_RESULTS, "keep the 100 best detections of each picture")?;
-    parse_results(bytes, data, defects).map_err(|error| CocoError::file(path, error))
 }
 
 /// A detection as its file spells it.

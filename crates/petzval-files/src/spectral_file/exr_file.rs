@@ -5,7 +5,6 @@ use std::path::Path;
 use exr::meta::MetaData;
 use exr::prelude::{AttributeValue, FlatSamples, Text, Vec2};
 
-use crate::exr_bytes;
 use crate::exr_layers::{Wrong, channel_names, read_layers};
 use petzval_camera::spectral::SpectralImage;
 
@@ -93,14 +92,4 @@ pub fn wavelength_um(name: &str) -> Option<f64> {
         None => text.strip_prefix(['w', 'W'])?.parse::<f64>().ok()?,
     };
     (10.0..=100_000.0).contains(&nm).then_some(nm / 1000.0)
-}
-
-/// The image as float channels `S0.<nm>nm` with a decimal comma, the layout of Fichet et al.
-pub fn bytes(image: &SpectralImage) -> Result<Vec<u8>, String> {
-    let names: Vec<String> = (image.wavelength_um.iter())
-        .map(|um| format!("S0.{}nm", format!("{:.6}", um * 1000.0).replace('.', ",")))
-        .collect();
-    let channels: Vec<(&str, &[f32])> =
-        names.iter().enumerate().map(|(band, name)| (name.as_str(), image.plane(band))).collect();
-    exr_bytes(image.height, image.width, &channels)
 }

@@ -1,4 +1,4 @@
-//! Reads and writes spectral images.
+//! Reads spectral images.
 //!
 //! | file | bands | wavelengths |
 //! |---|---|---|
@@ -21,13 +21,12 @@ use petzval_base::FileError;
 pub use crate::limits::MAX_VALUES;
 pub use sidecar::{Axes, Sidecar, sidecar_path};
 
-use petzval_base::write_whole;
 use petzval_camera::spectral::{SpectralImage, SpectralImageError};
 
-/// Why a spectral image could not be read or written.
+/// Why a spectral image could not be read.
 #[derive(Debug, thiserror::Error)]
 pub enum SpectralFileError {
-    /// A file cannot be opened, read or written.
+    /// A file cannot be opened or read.
     #[error("{}: {source}", path.display())]
     Io {
         /// The file.
@@ -71,12 +70,6 @@ pub enum SpectralFileError {
         path: PathBuf,
         /// What is wrong.
         error: SpectralImageError,
-    },
-    /// The extension of the name is not one of those that are written.
-    #[error("{}: spectral images are written as .npy or .exr", path.display())]
-    Ending {
-        /// The file.
-        path: PathBuf,
     },
 }
 
@@ -128,30 +121,6 @@ pub fn load_spectral(path: &Path) -> Result<SpectralImage, SpectralFileError> {
     Ok(image)
 }
 
-/// Writes a spectral image as `.npy` (bands, rows, columns; with its sidecar) or `.exr` (channels `S0.450,5nm`).
-pub fn save_spectral(image: &SpectralImage, path: &Path) -> Result<(), SpectralFileError> {
-    image.validate().map_err(|error| SpectralFileError::Image { path: path.to_owned(), error })?;
-    let content = |reason: String| SpectralFileError::Content {
-        path: path.to_owned(),
-        reason,
-        hint: "this is a fault of the program",
-    };
-    match kind(path) {
-        Some(Kind::Npy) => {
-            write(path, &npy_file::bytes(image).map_err(content)?)?;
-            let sidecar = Sidecar {
-                wavelength_um: image.wavelength_um.clone(),
-                axes: Axes::BandsFirst,
-                scale: 1.0,
-                unit: sidecar::UNIT.to_owned(),
-            };
-            write(&sidecar_path(path), sidecar.to_toml().map_err(content)?.as_bytes())
-        }
-        Some(Kind::Exr) => write(path, &exr_file::bytes(image).map_err(content)?),
-        _ => Err(SpectralFileError::Ending { path: path.to_owned() }),
-    }
-}
-
 fn read_sidecar(image: &Path) -> Result<Sidecar, SpectralFileError> {
     match sidecar_as(image, Sidecar::parse)? {
         Some(sidecar) => Ok(sidecar),
@@ -175,10 +144,6 @@ fn sidecar_as<T>(
         other => other.map_err(io(&path))?,
     };
     parse(&text).map(Some).map_err(|error| SpectralFileError::Sidecar { path, error: Box::new(error) })
-}
-
-fn write(path: &Path, bytes: &[u8]) -> Result<(), SpectralFileError> {
-    write_whole(path, bytes).map_err(io(path))
 }
 
 fn io(path: &Path) -> impl FnOnce(std::io::Error) -> SpectralFileError {

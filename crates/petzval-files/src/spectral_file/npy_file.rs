@@ -4,7 +4,6 @@ use npyz::NpyFile;
 
 use super::sidecar::{Axes, Sidecar};
 use crate::limits::MAX_VALUES;
-use crate::npy_bytes;
 use petzval_camera::spectral::SpectralImage;
 
 const HINT: &str = "a spectral image is an array of three axes of float32, float64, uint8 or uint16";
@@ -63,10 +62,4 @@ fn values(array: NpyFile<&[u8]>) -> Result<Vec<f64>, (String, &'static str)> {
         Ok(data) => data.map(|v| v.map(f64::from)).collect::<Result<_, _>>().map_err(cut),
         Err(_) => Err((format!("values of type {kind}"), HINT)),
     }
-}
-
-/// The image as a float32 array `[bands, rows, columns]`.
-pub fn bytes(image: &SpectralImage) -> Result<Vec<u8>, String> {
-    let shape = [image.bands(), image.height, image.width].map(|n| n as u64);
-    npy_bytes(&shape, &image.data).map_err(|e| e.to_string())
 }

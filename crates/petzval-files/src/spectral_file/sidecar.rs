@@ -3,13 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use petzval_base::FileError;
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 
 /// The unit of all spectral images.
 pub const UNIT: &str = "W m-2 sr-1 nm-1";
 
 /// Order of the axes of an array.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Axes {
     /// `[bands, rows, columns]`.
@@ -20,7 +20,7 @@ pub enum Axes {
 }
 
 /// The file `NAME.toml` beside `NAME.npy` or `NAME.tif`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sidecar {
     /// Wavelength of each band, um, ascending.
@@ -98,10 +98,5 @@ impl Sidecar {
         }
         check_unit(text, sidecar.scale, &sidecar.unit)?;
         Ok(sidecar)
-    }
-
-    /// The sidecar as text.
-    pub(super) fn to_toml(&self) -> Result<String, String> {
-        toml::to_string(self).map_err(|e| e.to_string())
     }
 }

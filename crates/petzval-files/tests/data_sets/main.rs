@@ -8,8 +8,8 @@ use std::path::Path;
 
 use petzval_files::coco::{
     Annotation, Attribute, Bounds, Category, CocoError, DataSet, DefectKind, Defects, Detection, Image,
-    Loaded, Severity, Statistics, check_pictures, check_values, coco_bytes, load_coco, load_results,
-    parse_coco, parse_results, results_bytes, save_coco, save_results,
+    Loaded, Severity, Statistics, check_pictures, check_values, coco_bytes, load_coco, parse_coco,
+    parse_results, results_bytes, save_coco, save_results,
 };
 
 const GOOD: &str = r#"{
@@ -559,7 +559,7 @@ fn detections_are_read_checked_and_written() {
     let path = folder.path().join("found.json");
     save_results(&detections, &data.images, &path).unwrap();
     let mut defects = Defects::default();
-    assert_eq!(load_results(&path, Some(&data), &mut defects).unwrap(), detections);
+    assert_eq!(parse_results(std::fs::read(&path).unwrap(), Some(&data), &mut defects).unwrap(), detections);
     assert_eq!(defects.iter().count(), 0);
 
     let line = String::from_utf8(results_bytes(&detections[..1], &data.images)).unwrap();
