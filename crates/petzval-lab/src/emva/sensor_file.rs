@@ -109,63 +109,31 @@ pub fn sensor_toml(found: &Characterization) -> Result<String, Unresolved> {
         None => figure("u_e_sat").unwrap_or(Measured::none(Unresolved::NotSaturated)),
     };
     // List the numbers of the model with their stand-ins.
+    let entry = |key, unit, value, stand_in, stand_in_is| Entry { key, unit, value, stand_in, stand_in_is };
+    let read_noise_stand_in = match dark_noise.standard_error() {
+        Some(_) => "the temporal dark noise at the lowest gain, without that of rows and columns",
+        None => "an upper limit of the temporal dark noise at the lowest gain",
+    };
+    let mean_stand_in = match (joint.black_level_dn, offset) {
+        (Some(black), None) => black_stand_in - black,
+        _ => 0.0,
+    };
+    let dark_is = "the dark mean without dark current, electronics included";
+    let read_noise_mean = model.best(|f| f.read_noise_mean_e, joint.read_noise_mean_e);
+    let electronics_noise = model.best(|f| f.electronics_noise_dn, joint.electronics_noise_dn);
+    let (counted, left) =
+        ("none; what there is counts as black level", "what the dark mean leaves of the black level");
+    let in_read_noise = if single_gain { "none; it is in the read noise" } else { "none" };
+    let dark_noise = dark_noise.value().unwrap_or(0.0);
     let entries = [
-        Entry {
-            key: "black_level_dn",
-            unit: "DN",
-            value: black,
-            stand_in: black_value,
-            stand_in_is: "the dark mean without dark current, electronics included",
-        },
-        Entry { key: "gain_dn_per_e", unit: "DN/e-", value: gain, stand_in: k, stand_in_is: "none" },
-        Entry {
-            key: "full_well_e",
-            unit: "e-",
-            value: full_well,
-            stand_in: converter_e,
-            stand_in_is: "the range of the converter",
-        },
-        Entry {
-            key: "dark_current_e_per_s",
-            unit: "e-/s",
-            value: model.dark_current(),
-            stand_in: 0.0,
-            stand_in_is: "none",
-        },
-        Entry {
-            key: "read_noise_mean_e",
-            unit: "e-",
-            value: model.best(|f| f.read_noise_mean_e, joint.read_noise_mean_e),
-            stand_in: 0.0,
-            stand_in_is: "none; what there is counts as black level",
-        },
-        Entry {
-            key: "read_noise_e",
-            unit: "e-",
-            value: model.read_noise(),
-            stand_in: dark_noise.value().unwrap_or(0.0),
-            stand_in_is: match dark_noise.standard_error() {
-                Some(_) => "the temporal dark noise at the lowest gain, without that of rows and columns",
-                None => "an upper limit of the temporal dark noise at the lowest gain",
-            },
-        },
-        Entry {
-            key: "electronics_mean_dn",
-            unit: "DN",
-            value: model.electronics_mean(),
-            stand_in: match (joint.black_level_dn, offset) {
-                (Some(black), None) => black_stand_in - black,
-                _ => 0.0,
-            },
-            stand_in_is: "what the dark mean leaves of the black level",
-        },
-        Entry {
-            key: "electronics_noise_dn",
-            unit: "DN",
-            value: model.best(|f| f.electronics_noise_dn, joint.electronics_noise_dn),
-            stand_in: 0.0,
-            stand_in_is: if single_gain { "none; it is in the read noise" } else { "none" },
-        },
+        entry("black_level_dn", "DN", black, black_value, dark_is),
+        entry("gain_dn_per_e", "DN/e-", gain, k, "none"),
+        entry("full_well_e", "e-", full_well, converter_e, "the range of the converter"),
+        entry("dark_current_e_per_s", "e-/s", model.dark_current(), 0.0, "none"),
+        entry("read_noise_mean_e", "e-", read_noise_mean, 0.0, counted),
+        entry("read_noise_e", "e-", model.read_noise(), dark_noise, read_noise_stand_in),
+        entry("electronics_mean_dn", "DN", model.electronics_mean(), mean_stand_in, left),
+        entry("electronics_noise_dn", "DN", electronics_noise, 0.0, in_read_noise),
     ];
 
     // Write the facts of the sensor, the numbers, the colours, the gains and the non-uniformity.
