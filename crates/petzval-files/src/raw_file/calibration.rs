@@ -25,39 +25,30 @@ pub struct BlackAtGain {
     pub black_dn: BlackLevels,
 }
 
-/// What is known of a frame; the rest is none.
+/// What is known of a frame; the rest is none, which TOML leaves out.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FrameCalibration {
     /// Digital number of the dark, after expansion if the frame is companded.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub black_dn: Option<f64>,
     /// Black levels by gain, gains ascending: that of the frame's own `linear_gain` lies between those of the nearest two.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub black_at_gain: Vec<BlackAtGain>,
     /// Digital number of white light in a green pixel, after expansion.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub white_dn: Option<f64>,
     /// Answers of red, green and blue pixels to white light, relative to green.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub response: Option<[f64; 3]>,
     /// Light, 1 = white, at which the first colour saturates under white light.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub saturation: Option<f64>,
     /// Analog gain of the sensor, stops above its lowest.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub gain_ev: Option<f64>,
     /// Linear sRGB from white-balanced colours of the camera.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub colour_matrix: Option<Matrix3>,
     /// Noise of a green pixel.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub noise: Option<NoiseProfile>,
     /// How much light the lens takes away at each place.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub shading: Option<Mesh>,
     /// Where to fetch each pixel of a picture without distortion.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub warp: Option<Mesh>,
 }
 

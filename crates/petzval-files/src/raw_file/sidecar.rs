@@ -39,43 +39,26 @@ pub struct Sidecar {
     path: PathBuf,
 }
 
-/// The keys of the file, in the order in which they are written.
+/// The keys of the file, in the order in which they are written; TOML leaves out what is none.
 #[derive(Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Keys {
-    #[serde(skip_serializing_if = "Option::is_none")]
     sensor: Option<String>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     height: Option<usize>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     width: Option<usize>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     bits: Option<u32>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     packing: Option<Packing>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     row_stride_bytes: Option<usize>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     header_bytes: Option<usize>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     footer_bytes: Option<usize>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     cfa: Option<CfaPattern>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     black_level_dn: Option<BlackLevels>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     white_level_dn: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     exposure_s: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     linear_gain: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     pixel_um: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     temperature_c: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     calibration: Option<String>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     companding: Option<Companding>,
 }
 

@@ -35,9 +35,10 @@ pub(super) fn is_surface_command(name: &str) -> bool {
 }
 
 /// The formula of a shape.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 enum Formula {
     /// A conic with even powers from r^4.
+    #[default]
     Asphere,
     Cylinder,
     ToroidY,
@@ -49,8 +50,9 @@ enum Formula {
 }
 
 /// The axis behind the surface.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 enum Turn {
+    #[default]
     Follow,
     Return,
     Bend,
@@ -58,7 +60,7 @@ enum Turn {
 }
 
 /// The commands of one surface, in the units of the file.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct RawSurface {
     pub record: Record,
     is_object: bool,
@@ -132,27 +134,11 @@ impl RawSurface {
             record: command.record.clone(),
             is_object,
             radius_or_curvature: radius,
-            curvature: None,
-            curvature_x: None,
             thickness,
-            glass: None,
-            mirror: false,
-            formula: (Formula::Asphere, command.record.clone()),
-            conic: 0.0,
-            conic_x: 0.0,
-            even: [0.0; 9],
-            round: [0.0; 4],
-            coefficients: BTreeMap::new(),
-            norm_radius: 0.0,
-            decenter: [0.0; 6],
-            turn: (Turn::Follow, command.record.clone()),
+            formula: (Formula::default(), command.record.clone()),
+            turn: (Turn::default(), command.record.clone()),
             turned: command.record.clone(),
-            is_placed: false,
-            edge: None,
-            half_widths: [0.0; 2],
-            offset: [0.0; 2],
-            offset_at: Record::default(),
-            label: String::new(),
+            ..Self::default()
         };
         for (i, word) in command.words.iter().enumerate().skip(2) {
             match word.text.to_uppercase().as_str() {

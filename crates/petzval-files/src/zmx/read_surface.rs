@@ -31,7 +31,7 @@ pub(super) struct Shapes<'a> {
 pub(super) type Said<'a> = (f64, Line<'a>);
 
 /// The records of one surface.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct RawSurface<'a> {
     pub line: Line<'a>,
     pub kind: Option<Line<'a>>,
@@ -58,24 +58,7 @@ const ONCE: &[&str] = &["TYPE", "CURV", "CONI", "DISZ", "GLAS", "DIAM", "STOP", 
 
 impl<'a> RawSurface<'a> {
     pub fn new(line: Line<'a>) -> Self {
-        Self {
-            line,
-            kind: None,
-            curvature: None,
-            conic: None,
-            parameters: BTreeMap::new(),
-            extra: BTreeMap::new(),
-            thickness: None,
-            glass: None,
-            semi_diameter: None,
-            stop: None,
-            comment: String::new(),
-            aperture: None,
-            offset: None,
-            floats: false,
-            turned: None,
-            said: Vec::new(),
-        }
+        Self { line, ..Self::default() }
     }
 
     /// Reads one record.

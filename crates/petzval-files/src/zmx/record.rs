@@ -4,7 +4,7 @@ use crate::draft::{Record, line_end};
 use petzval_base::FileError;
 
 /// A line: a keyword and its values.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Line<'a> {
     /// Line number, from 1.
     pub number: u32,
