@@ -94,7 +94,8 @@ impl LinearLimit {
         for (out, part) in by_kernels.values.chunks_exact_mut(per_patch).zip(&parts) {
             out.iter_mut().zip(&part.by_kernels).for_each(|(out, by)| *out = (share * by) as f32);
         }
-        let psfs = patch_kernels_adjoint(&self.geometry, &bank.layout(), &bank.values, &by_kernels)?;
+        let psfs =
+            patch_kernels_adjoint(&self.geometry, &bank.layout(), &bank.values, &by_kernels, [true; 2])?;
         // The illumination of a patch lies between those of two fields, which move with their radii.
         let fields = bank.field_radius_mm.len();
         let mut by_illumination = vec![0.0f32; fields * CHANNELS];

@@ -42,8 +42,8 @@ pub fn render_adjoint(
     let active = geometry.active_patches(&window);
     let kernels = patch_kernels(geometry, &layout, &bank.values, &active)?;
     let set = TileSet::new(geometry, &window, radius, Some(&kernels));
-    let (d_kernels, d_scene) = transpose(geometry, &set, &window, scene, d_output)?;
-    let psfs = patch_kernels_adjoint(geometry, &layout, &bank.values, &d_kernels)?;
+    let (d_kernels, d_scene) = transpose(geometry, &set, &window, scene, d_output, true)?;
+    let psfs = patch_kernels_adjoint(geometry, &layout, &bank.values, &d_kernels, [true; 2])?;
     Ok(RenderGradient { psfs, scene: d_scene })
 }
 
@@ -57,7 +57,7 @@ pub fn render_adjoint_kernels(
 ) -> Result<PatchKernels, RenderError> {
     let window = geometry::output_window(geometry, scene, radius, placement)?;
     let set = TileSet::new(geometry, &window, radius, None);
-    Ok(transpose(geometry, &set, &window, scene, d_output)?.0)
+    Ok(transpose(geometry, &set, &window, scene, d_output, true)?.0)
 }
 
 /// Transpose of [`super::render_kernels`] in both its inputs: the gradients with respect to the kernels and to the scene, border included.
@@ -70,7 +70,20 @@ pub fn render_kernels_adjoint(
 ) -> Result<(PatchKernels, LinearImage), RenderError> {
     let window = checked_window(geometry, kernels, scene, placement)?;
     let set = TileSet::new(geometry, &window, kernels.radius, Some(kernels));
-    transpose(geometry, &set, &window, scene, d_output)
+    transpose(geometry, &set, &window, scene, d_output, true)
+}
+
+/// Gradient with respect to the scene only, border included, for fixed kernels.
+pub fn render_adjoint_scene(
+    geometry: &RenderGeometry,
+    kernels: &PatchKernels,
+    scene: &LinearImage,
+    placement: Placement,
+    d_output: &LinearImage,
+) -> Result<LinearImage, RenderError> {
+    let window = checked_window(geometry, kernels, scene, placement)?;
+    let set = TileSet::new(geometry, &window, kernels.radius, Some(kernels));
+    Ok(transpose(geometry, &set, &window, scene, d_output, false)?.1)
 }
 
 /// Number of tiles whose spectra are held at once. It bounds memory and fixes the order of summation.
@@ -84,13 +97,15 @@ struct TileGradient {
     scene: Vec<f32>,
 }
 
-/// Gradients of kernels and scene. The scene's gradient is empty if the set holds no kernels.
+/// Gradients of kernels and scene. The scene's gradient is empty if the set holds no kernels; that of the kernels is zero unless
+/// `with_kernels`.
 fn transpose(
     geometry: &RenderGeometry,
     set: &TileSet,
     window: &Window,
     scene: &LinearImage,
     d_output: &LinearImage,
+    with_kernels: bool,
 ) -> Result<(PatchKernels, LinearImage), RenderError> {
     check_gradient(window, d_output)?;
     let with_scene = !set.kernels.is_empty();
@@ -104,7 +119,7 @@ fn transpose(
             .into_par_iter()
             .map_init(Scratch::default, |scratch, work| {
                 let (tile, channel) = (first + work / CHANNELS, work % CHANNELS);
-                transpose_tile(set, scene, d_output, tile, channel, scratch)
+                transpose_tile(set, scene, d_output, (tile, channel), with_kernels, scratch)
             })
             .collect();
 
@@ -135,14 +150,14 @@ fn transpose_tile(
     set: &TileSet,
     scene: &LinearImage,
     d_output: &LinearImage,
-    tile: usize,
-    channel: usize,
+    (tile, channel): (usize, usize),
+    with_kernels: bool,
     scratch: &mut Scratch,
 ) -> TileGradient {
     let with_scene = !set.kernels.is_empty();
     let (row, col, size) = set.tile(tile);
     let (plan, border) = (&set.plans[&size], 2 * set.radius);
-    let scene_spectrum = set.scene_spectrum(scene, row, col, channel, scratch);
+    let scene_spectrum = with_kernels.then(|| set.scene_spectrum(scene, row, col, channel, scratch));
     let gradient = d_output.plane(channel);
     let mut part = TileGradient { kernels: Vec::new(), scene: Vec::new() };
     let mut back = vec![Complex32::default(); if with_scene { plan.len() } else { 0 }];
@@ -175,10 +190,12 @@ fn transpose_tile(
                 }
             }
             // Correlate with the scene: the cross spectrum of this patch's kernel.
-            for (w, s) in weighted.iter_mut().zip(&scene_spectrum) {
-                *w *= s.conj();
+            if let Some(spectrum) = &scene_spectrum {
+                for (w, s) in weighted.iter_mut().zip(spectrum) {
+                    *w *= s.conj();
+                }
+                part.kernels.push((patch, weighted));
             }
-            part.kernels.push((patch, weighted));
         }
     }
     // Transform the scene's gradient back to pixels.

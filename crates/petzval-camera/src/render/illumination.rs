@@ -67,13 +67,14 @@ pub fn illumination_map(
 }
 
 /// Transpose of [`illumination_map`]: from the cotangent of the map to those of the table `[field][channel]` and of the field radii
-/// (1/mm).
+/// (1/mm). What `wanted` (table, radii) does not mark is not computed and stays empty.
 pub fn illumination_adjoint(
     geometry: &RenderGeometry,
     layout: &PsfLayout,
     illumination: &[f32],
     placement: Placement,
     d_map: &LinearImage,
+    wanted: [bool; 2],
 ) -> Result<(Vec<f32>, Vec<f64>), RenderError> {
     if d_map.channels != CHANNELS {
         return Err(RenderError::Channels {
@@ -85,30 +86,33 @@ pub fn illumination_adjoint(
     check_len("relative illumination", illumination.len(), layout.fields() * CHANNELS)?;
     let weights = illumination_weights(geometry, layout, placement, height, width)?;
     let last = layout.fields() - 1;
-    let size = layout.fields() * CHANNELS;
+    let size = if wanted[0] { layout.fields() * CHANNELS } else { 0 };
+    let radii = if wanted[1] { layout.fields() } else { 0 };
     // Sum along each row in parallel, then over rows in fixed order.
     let rows: Vec<(Vec<f64>, Vec<f64>)> = (0..height)
         .into_par_iter()
         .map(|r| {
-            let (mut sum, mut by_radius) = (vec![0.0f64; size], vec![0.0; layout.fields()]);
+            let (mut sum, mut by_radius) = (vec![0.0f64; size], vec![0.0; radii]);
             let mut by_w_hi = vec![0.0; width];
             for c in 0..CHANNELS {
                 for (i, w) in weights[r * width..(r + 1) * width].iter().enumerate() {
                     let g = d_map.get(c, r, i) as f64;
-                    sum[w.field_lo * CHANNELS + c] += w.w_lo as f64 * g;
-                    let hi = (w.field_lo + 1).min(last) * CHANNELS + c;
-                    sum[hi] += w.w_hi as f64 * g;
-                    by_w_hi[i] += f64::from(illumination[hi] - illumination[w.field_lo * CHANNELS + c]) * g;
+                    let (lo, hi) = (w.field_lo * CHANNELS + c, (w.field_lo + 1).min(last) * CHANNELS + c);
+                    if wanted[0] {
+                        sum[lo] += w.w_lo as f64 * g;
+                        sum[hi] += w.w_hi as f64 * g;
+                    }
+                    by_w_hi[i] += f64::from(illumination[hi] - illumination[lo]) * g;
                 }
             }
-            for (i, bar) in by_w_hi.into_iter().enumerate() {
+            for (i, bar) in by_w_hi.into_iter().enumerate().take(if wanted[1] { width } else { 0 }) {
                 let radius_mm = geometry.radius_mm(placement.row + r, placement.col + i);
                 layout.pull_back_bracket(radius_mm, bar, &mut by_radius);
             }
             (sum, by_radius)
         })
         .collect();
-    let (mut out, mut by_radius) = (vec![0.0f64; size], vec![0.0; layout.fields()]);
+    let (mut out, mut by_radius) = (vec![0.0f64; size], vec![0.0; radii]);
     for (row, radius) in rows {
         out.iter_mut().zip(row).for_each(|(o, v)| *o += v);
         by_radius.iter_mut().zip(radius).for_each(|(o, v)| *o += v);

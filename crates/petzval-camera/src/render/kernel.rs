@@ -227,12 +227,13 @@ pub struct PsfGradient {
 }
 
 /// Transpose of [`patch_kernels`]: from the cotangent of the kernels to those of the PSF `values` and of the field radii. Patches without
-/// a kernel add nothing.
+/// a kernel add nothing. What `wanted` (values, radii) does not mark is not computed and stays empty.
 pub fn patch_kernels_adjoint(
     geometry: &RenderGeometry,
     layout: &PsfLayout,
     values: &[f32],
     d_kernels: &PatchKernels,
+    wanted: [bool; 2],
 ) -> Result<PsfGradient, RenderError> {
     let radius = kernel_radius(geometry, layout)?;
     check_len("PSF values", values.len(), layout.len())?;
@@ -260,15 +261,21 @@ pub fn patch_kernels_adjoint(
             // A larger weight of the upper field takes away from the lower one.
             let (lo, hi) = (frame.field_lo * CHANNELS * cells, frame.field_hi * CHANNELS * cells);
             let between = |i: usize| f64::from(values[hi + i]) - f64::from(values[lo + i]);
-            let by_w_hi = sum.iter().enumerate().map(|(i, bar)| bar * between(i)).sum();
+            let by_w_hi =
+                if wanted[1] { sum.iter().enumerate().map(|(i, bar)| bar * between(i)).sum() } else { 0.0 };
             (frame, sum.into_iter().map(|v| v as f32).collect(), by_w_hi)
         })
         .collect();
-    let mut out = vec![0.0f32; layout.len()];
+    let mut out = vec![0.0f32; if wanted[0] { layout.len() } else { 0 }];
     let per_field = CHANNELS * cells;
-    let mut by_radius = vec![0.0; layout.fields()];
+    let mut by_radius = vec![0.0; if wanted[1] { layout.fields() } else { 0 }];
     for (frame, part, by_w_hi) in &parts {
-        layout.pull_back_bracket(frame.radius_mm, *by_w_hi, &mut by_radius);
+        if wanted[1] {
+            layout.pull_back_bracket(frame.radius_mm, *by_w_hi, &mut by_radius);
+        }
+        if !wanted[0] {
+            continue;
+        }
         for (field, weight) in [(frame.field_lo, frame.w_lo as f32), (frame.field_hi, frame.w_hi as f32)] {
             for (o, p) in out[field * per_field..(field + 1) * per_field].iter_mut().zip(part) {
                 *o += weight * p;

@@ -27,7 +27,9 @@ mod spatial;
 mod spectrum;
 mod tiles;
 
-pub use adjoint::{RenderGradient, render_adjoint, render_adjoint_kernels, render_kernels_adjoint};
+pub use adjoint::{
+    RenderGradient, render_adjoint, render_adjoint_kernels, render_adjoint_scene, render_kernels_adjoint,
+};
 pub use blend::{BlendError, blend_error, with_patches_for};
 pub use direct::render_direct;
 pub use distortion::Distortion;

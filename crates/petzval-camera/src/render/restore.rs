@@ -111,8 +111,14 @@ impl Wiener {
 
     /// The derivatives by kernels and curves from those by their [filters](Wiener::filters).
     ///
-    /// With `D = |K|^2 + P`: `dG = conj(dK) P / D^2 - conj(K)^2 dK / D^2 - conj(K) dP / D^2` and `dP = P ds`.
-    pub fn filters_adjoint(&self, kernels: &PatchKernels, d_filters: &PatchKernels) -> WienerGradient {
+    /// With `D = |K|^2 + P`: `dG = conj(dK) P / D^2 - conj(K)^2 dK / D^2 - conj(K) dP / D^2` and `dP = P ds`. The derivatives by the
+    /// kernels are zero unless `with_kernels`.
+    pub fn filters_adjoint(
+        &self,
+        kernels: &PatchKernels,
+        d_filters: &PatchKernels,
+        with_kernels: bool,
+    ) -> WienerGradient {
         let n = side(kernels.radius);
         let plan = &plans(std::iter::once((n, n)))[&(n, n)];
         let spectrum_of_noise = Regularisation::new(self, n);
@@ -136,7 +142,9 @@ impl Wiener {
                 // The conjugate of the derivative, so that the inverse transform stands for the forward one.
                 *bar = (*bar * prior[j] - bar.conj() * k.conj() * k.conj()).conj() / square;
             }
-            back(plan, &mut by_spectrum, kernels.radius, scratch, out);
+            if with_kernels {
+                back(plan, &mut by_spectrum, kernels.radius, scratch, out);
+            }
             (i % CHANNELS, by_knot)
         };
         let parts: Vec<(usize, [f64; KNOTS])> = (sources.zip(values.par_chunks_exact_mut(per_kernel)))
@@ -313,7 +321,7 @@ mod tests {
         let loss = |values: Vec<f32>, wiener: &Wiener| {
             dot(&wiener.filters(&PatchKernels { values, ..kernels.clone() }).values, &bar.values)
         };
-        let found = wiener.filters_adjoint(&kernels, &bar);
+        let found = wiener.filters_adjoint(&kernels, &bar, true);
         // By the kernels, along one direction.
         let moved = |step: f32| {
             let values = kernels.values.iter().zip(&change).map(|(k, d)| k + step * d).collect();

@@ -255,7 +255,14 @@ fn illumination_interpolates_and_its_adjoint_passes_the_dot_product_test() {
     let table = noise(20, 9);
     let forward =
         dot(&y.data, &illumination_map(&geometry, &b.layout(), &table, placement, 50, 70).unwrap().data);
-    let (by_table, by_radius) = illumination_adjoint(&geometry, &b.layout(), &table, placement, &y).unwrap();
+    let (by_table, by_radius) =
+        illumination_adjoint(&geometry, &b.layout(), &table, placement, &y, [true; 2]).unwrap();
+    // One of both alone has the same bits.
+    let alone = |wanted: [bool; 2]| {
+        illumination_adjoint(&geometry, &b.layout(), &table, placement, &y, wanted).unwrap()
+    };
+    assert_eq!(alone([true, false]), (by_table.clone(), Vec::new()));
+    assert_eq!(alone([false, true]), (Vec::new(), by_radius.clone()));
     assert!((forward - dot(&table, &by_table)).abs() < 1e-6 * forward.abs());
     for field in 1..3 {
         let light = |step: f64| {

@@ -37,6 +37,16 @@ pub fn expose(
 ) -> Result<Raw, SensorError> {
     check_irradiance(irradiance)?;
     check_capture(sensor, capture, irradiance.height, irradiance.width)?;
+    Ok(expose_checked(irradiance, sensor, capture, noise))
+}
+
+/// [`expose`] after the checks. Irradiance that is not finite makes its pixel NaN.
+pub(crate) fn expose_checked(
+    irradiance: &LinearImage,
+    sensor: &SensorModel,
+    capture: &Capture,
+    noise: &Noise,
+) -> Raw {
     let (height, width) = (irradiance.height, irradiance.width);
     let frame = Frame::new(irradiance, sensor, capture, noise, 0.0);
     let mut dn = vec![0.0f32; height * width];
@@ -47,7 +57,7 @@ pub fn expose(
             dispatch(ExposeRow::<false> { frame: &frame, row, scratch, dn, slopes });
         },
     );
-    Ok(Raw { height, width, dn, capture: *capture })
+    Raw { height, width, dn, capture: *capture }
 }
 
 /// As [`expose`], with the derivatives of every digital number.
@@ -67,11 +77,11 @@ pub fn expose_with_tape(
     check_irradiance(irradiance)?;
     check_capture(sensor, capture, irradiance.height, irradiance.width)?;
     check_leak(leak)?;
-    Ok(expose_checked(irradiance, sensor, capture, noise, leak))
+    Ok(expose_tracked(irradiance, sensor, capture, noise, leak))
 }
 
 /// [`expose_with_tape`] after the checks. Irradiance that is not finite makes its pixel and slopes NaN.
-pub(crate) fn expose_checked(
+pub(crate) fn expose_tracked(
     irradiance: &LinearImage,
     sensor: &SensorModel,
     capture: &Capture,

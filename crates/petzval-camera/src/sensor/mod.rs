@@ -32,7 +32,7 @@ pub use capture::{Capture, Exposure, Raw};
 pub use cfa::{CfaPattern, Colour, UnknownPattern};
 pub use error::{OutOfRange, SensorError};
 pub use expose::{Slopes, expose, expose_with_tape};
-pub(crate) use expose::{check_capture, check_leak, check_placement, expose_checked};
+pub(crate) use expose::{check_capture, check_leak, check_placement, expose_checked, expose_tracked};
 pub use fixed_pattern::FixedPattern;
 pub use model::{Electronics, SensorModel};
 pub use noise::{Noise, NoiseMode};

@@ -6,7 +6,7 @@ use burn::prelude::*;
 use rayon::prelude::*;
 
 use super::expose_op::{changed, check_stops};
-use super::host_kernel::{HostKernel, apply, apply_two};
+use super::kernel::{Kernel, View, apply};
 use super::picture;
 use crate::develop::{Interpolation, check_colours, develop_by, develop_by_adjoint, develop_stops_adjoint};
 use crate::image::{CHANNELS, LinearImage};
@@ -31,7 +31,7 @@ pub fn develop_by_op(
     captures: &[Capture],
 ) -> Result<Tensor<4>, SensorError> {
     let kernel = DevelopKernel::new(raw.dims(), interpolation, sensor, captures)?;
-    Ok(apply(Arc::new(kernel), raw))
+    Ok(apply(Arc::new(kernel), [raw.into_dispatch()]))
 }
 
 /// [`develop_op`] at differentiable exposures. Development divides by gain and exposure, so it takes the same `stops` as
@@ -44,10 +44,10 @@ pub fn develop_with_stops_op(
 ) -> Result<Tensor<4>, SensorError> {
     check_stops(&stops, captures)?;
     let kernel = DevelopKernel::new(raw.dims(), &Interpolation::default(), sensor, captures)?;
-    Ok(apply_two(Arc::new(kernel), raw, stops))
+    Ok(apply(Arc::new(kernel), [raw.into_dispatch(), stops.into_dispatch()]))
 }
 
-/// Development as a host kernel. Inputs: digital numbers and, for differentiable exposures, stops.
+/// Development as a kernel. Inputs: digital numbers and, for differentiable exposures, stops.
 #[derive(Debug)]
 struct DevelopKernel {
     interpolation: Interpolation,
@@ -88,35 +88,31 @@ impl DevelopKernel {
 
 const CHECKED: &str = "sizes were checked when the operation was made";
 
-impl HostKernel for DevelopKernel {
-    fn output_shape(&self) -> Vec<usize> {
-        self.shape.to_vec()
-    }
-
-    fn forward(&self, inputs: &[&[f32]]) -> Vec<f32> {
+impl Kernel for DevelopKernel {
+    fn forward(&self, inputs: &[View<'_>], _: &[bool]) -> (Vec<f32>, Vec<usize>) {
         let [_, channels, height, width] = self.shape;
         let one = |(i, capture): (usize, &Capture)| {
             // Without a valid exposure the picture is NaN.
             if capture.exposure.validate().is_err() {
                 return vec![f32::NAN; channels * height * width];
             }
-            develop_by(&self.raw(i, inputs[0], *capture), &self.interpolation, &self.sensor)
+            develop_by(&self.raw(i, inputs[0].values, *capture), &self.interpolation, &self.sensor)
                 .expect(CHECKED)
                 .data
         };
         let pictures: Vec<Vec<f32>> =
             changed(&self.captures, inputs).par_iter().enumerate().map(one).collect();
-        pictures.concat()
+        (pictures.concat(), self.shape.to_vec())
     }
 
-    fn adjoint(&self, inputs: &[&[f32]], d_output: &[f32]) -> Vec<Vec<f32>> {
+    fn backward(&self, inputs: &[View<'_>], _: &[f32], gradient: &[f32], _: &[bool]) -> Vec<Vec<f32>> {
         let [_, channels, height, width] = self.shape;
         let one = |(i, capture): (usize, &Capture)| {
             if capture.exposure.validate().is_err() {
                 return (vec![f32::NAN; height * width], vec![f32::NAN; 2]);
             }
-            let gradient: LinearImage = picture(d_output, i, channels, height, width);
-            let raw = self.raw(i, inputs[0], *capture);
+            let gradient: LinearImage = picture(gradient, i, channels, height, width);
+            let raw = self.raw(i, inputs[0].values, *capture);
             // A method without a gradient gives NaN, which no descent mistakes for a step.
             let d_dn = if self.interpolation.demosaic.is_differentiable() {
                 develop_by_adjoint(&gradient, &raw, &self.interpolation, &self.sensor).expect(CHECKED)

@@ -5,12 +5,12 @@ use std::sync::{Arc, OnceLock};
 use burn::prelude::*;
 use rayon::prelude::*;
 
-use super::host_kernel::{HostKernel, apply, apply_two};
+use super::kernel::{Kernel, View, apply};
 use super::picture;
 use crate::image::CHANNELS;
 use crate::sensor::{
     Capture, Noise, SensorError, SensorModel, Slopes, check_capture, check_leak, check_placement,
-    expose_checked,
+    expose_checked, expose_tracked,
 };
 
 /// Exposes a batch: irradiance `[B,3,H,W]` to digital numbers `[B,1,H,W]`, one capture per picture.
@@ -27,7 +27,8 @@ pub fn expose_op(
     for capture in captures {
         check_capture(sensor, capture, height, width)?;
     }
-    Ok(apply(Arc::new(ExposeKernel::new(irradiance.dims(), sensor, captures, noise, 0.0)?), irradiance))
+    let kernel = ExposeKernel::new(irradiance.dims(), sensor, captures, noise, 0.0)?;
+    Ok(apply(Arc::new(kernel), [irradiance.into_dispatch()]))
 }
 
 /// [`expose_op`] that is differentiable in the exposures as well: `stops[b] = [gain, exposure]` changes the exposure of
@@ -83,7 +84,7 @@ pub fn expose_with_stops_op(
         check_placement(sensor, capture, height, width)?;
     }
     let kernel = ExposeKernel::new(irradiance.dims(), sensor, captures, noise, leak)?;
-    Ok(apply_two(Arc::new(kernel), irradiance, stops))
+    Ok(apply(Arc::new(kernel), [irradiance.into_dispatch(), stops.into_dispatch()]))
 }
 
 /// Checks that there are two numbers of stops for each capture.
@@ -96,18 +97,18 @@ pub(super) fn check_stops(stops: &Tensor<2>, captures: &[Capture]) -> Result<(),
 }
 
 /// The captures, with their exposures changed if stops are among the inputs.
-pub(super) fn changed(captures: &[Capture], inputs: &[&[f32]]) -> Vec<Capture> {
+pub(super) fn changed(captures: &[Capture], inputs: &[View<'_>]) -> Vec<Capture> {
     match inputs {
         [_, stops] => captures
             .iter()
-            .zip(stops.chunks_exact(2))
+            .zip(stops.values.chunks_exact(2))
             .map(|(c, s)| Capture { exposure: c.exposure.with_stops(s[0], s[1]), ..*c })
             .collect(),
         _ => captures.to_vec(),
     }
 }
 
-/// Exposure as a host kernel. Inputs: irradiance and, for differentiable exposures, stops.
+/// Exposure as a kernel. Inputs: irradiance and, for differentiable exposures, stops.
 #[derive(Debug)]
 struct ExposeKernel {
     sensor: SensorModel,
@@ -142,7 +143,22 @@ impl ExposeKernel {
         })
     }
 
-    fn expose(&self, inputs: &[&[f32]]) -> (Vec<f32>, Vec<Slopes>) {
+    /// The digital numbers alone.
+    fn expose_untracked(&self, inputs: &[View<'_>]) -> Vec<f32> {
+        let [_, _, height, width] = self.shape;
+        let one = |(i, capture): (usize, &Capture)| {
+            if capture.exposure.validate().is_err() {
+                return vec![f32::NAN; height * width];
+            }
+            let light = picture(inputs[0].values, i, CHANNELS, height, width);
+            expose_checked(&light, &self.sensor, capture, &self.noise).dn
+        };
+        let dn: Vec<Vec<f32>> = changed(&self.captures, inputs).par_iter().enumerate().map(one).collect();
+        dn.concat()
+    }
+
+    /// The digital numbers and their derivatives.
+    fn expose(&self, inputs: &[View<'_>]) -> (Vec<f32>, Vec<Slopes>) {
         let [_, _, height, width] = self.shape;
         let one = |(i, capture): (usize, &Capture)| {
             if capture.exposure.validate().is_err() {
@@ -152,8 +168,8 @@ impl ExposeKernel {
                     Slopes { light: unknown(), log2_gain: unknown(), log2_exposure: unknown() },
                 );
             }
-            let light = picture(inputs[0], i, CHANNELS, height, width);
-            let (raw, slopes) = expose_checked(&light, &self.sensor, capture, &self.noise, self.leak);
+            let light = picture(inputs[0].values, i, CHANNELS, height, width);
+            let (raw, slopes) = expose_tracked(&light, &self.sensor, capture, &self.noise, self.leak);
             (raw.dn, slopes)
         };
         let (dn, slopes): (Vec<Vec<f32>>, _) =
@@ -162,26 +178,25 @@ impl ExposeKernel {
     }
 }
 
-impl HostKernel for ExposeKernel {
-    fn output_shape(&self) -> Vec<usize> {
-        self.shape.to_vec()
-    }
-
-    fn forward(&self, inputs: &[&[f32]]) -> Vec<f32> {
+impl Kernel for ExposeKernel {
+    fn forward(&self, inputs: &[View<'_>], tracked: &[bool]) -> (Vec<f32>, Vec<usize>) {
+        if !tracked.contains(&true) {
+            return (self.expose_untracked(inputs), self.shape.to_vec());
+        }
         let (dn, tape) = self.expose(inputs);
         self.tape.get_or_init(|| tape);
-        dn
+        (dn, self.shape.to_vec())
     }
 
-    fn adjoint(&self, inputs: &[&[f32]], d_output: &[f32]) -> Vec<Vec<f32>> {
+    fn backward(&self, inputs: &[View<'_>], _: &[f32], gradient: &[f32], _: &[bool]) -> Vec<Vec<f32>> {
         let [_, _, height, width] = self.shape;
         let tape = self.tape.get_or_init(|| self.expose(inputs).1);
         let plane = height * width;
-        let mut d_irradiance = vec![0.0f32; inputs[0].len()];
+        let mut d_irradiance = vec![0.0f32; inputs[0].values.len()];
         let mut d_stops = Vec::new();
         for (i, (slopes, capture)) in tape.iter().zip(&self.captures).enumerate() {
             // Distribute each pixel's cotangent to the colours that its filter passes.
-            let d_dn = &d_output[i * plane..(i + 1) * plane];
+            let d_dn = &gradient[i * plane..(i + 1) * plane];
             let placement = capture.placement;
             for (pixel, (slope, d)) in slopes.light.iter().zip(d_dn).enumerate() {
                 let (row, col) = (placement.row + pixel / width, placement.col + pixel % width);

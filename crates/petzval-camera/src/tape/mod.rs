@@ -11,12 +11,12 @@
 //! change of gain and exposure of each picture.
 //!
 //! The numeric work is the plain Rust of [`mod@crate::render`], [`crate::sensor`] and [`mod@crate::develop`]. A
-//! [`HostKernel`] makes it, with its hand-written adjoint, an operation of the framework on any backend.
+//! [`Kernel`] makes it, with its hand-written adjoint, an operation of the framework on any device.
 
 mod develop_op;
 mod expose_op;
 mod frames;
-mod host_kernel;
+mod kernel;
 mod linear_isp_op;
 mod render_op;
 mod restore_op;
@@ -25,7 +25,7 @@ mod srgb_op;
 pub use develop_op::{develop_op, develop_with_stops_op};
 pub use expose_op::{expose_op, expose_with_stops_op};
 pub use frames::Frames;
-pub use host_kernel::{HostKernel, apply, apply_four, apply_two};
+pub use kernel::{DeviceForm, Kernel, View, apply, is_on_host};
 pub use linear_isp_op::linear_isp_op;
 pub use render_op::{PlacedScene, illumination_op, render_op};
 pub use restore_op::{Restoration, restore_op};
@@ -41,6 +41,8 @@ fn picture(batch: &[f32], index: usize, channels: usize, height: usize, width: u
 
 #[cfg(test)]
 mod exposure_tests;
+#[cfg(test)]
+mod kernel_tests;
 #[cfg(test)]
 mod restore_tests;
 #[cfg(test)]

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use burn::prelude::*;
 use rayon::prelude::*;
 
-use super::host_kernel::{HostKernel, apply_two};
+use super::kernel::{Kernel, View, apply};
 use super::picture;
 use crate::image::{CHANNELS, LinearImage};
 use crate::psf::PsfLayout;
@@ -65,10 +65,10 @@ pub fn render_op(
         radius,
         scenes,
     };
-    Ok(apply_two(Arc::new(kernel), psf_values, field_radius_mm))
+    Ok(apply(Arc::new(kernel), [psf_values.into_dispatch(), field_radius_mm.into_dispatch()]))
 }
 
-/// Rendering of a batch as a host kernel of PSF values and field radii, linear in the values.
+/// Rendering of a batch as a kernel of PSF values and field radii, linear in the values.
 #[derive(Debug)]
 struct RenderKernel {
     geometry: RenderGeometry,
@@ -82,30 +82,28 @@ struct RenderKernel {
 
 pub(super) const CHECKED: &str = "sizes were checked when the operation was made";
 
-impl HostKernel for RenderKernel {
-    fn output_shape(&self) -> Vec<usize> {
-        self.shape.to_vec()
-    }
-
-    fn forward(&self, inputs: &[&[f32]]) -> Vec<f32> {
+impl Kernel for RenderKernel {
+    fn forward(&self, inputs: &[View<'_>], _: &[bool]) -> (Vec<f32>, Vec<usize>) {
         let kernels = match &self.ready {
             Some(ready) => ready.clone(),
             None => {
-                Arc::new(patch_kernels(&self.geometry, &self.layout, inputs[0], &self.active).expect(CHECKED))
+                let made = patch_kernels(&self.geometry, &self.layout, inputs[0].values, &self.active);
+                Arc::new(made.expect(CHECKED))
             }
         };
         let render =
             |s: &PlacedScene| render_kernels(&self.geometry, &kernels, &s.scene, s.placement).expect(CHECKED);
         let pictures: Vec<LinearImage> = self.scenes.par_iter().map(render).collect();
-        pictures.into_iter().flat_map(|p| p.data).collect()
+        (pictures.into_iter().flat_map(|p| p.data).collect(), self.shape.to_vec())
     }
 
-    fn adjoint(&self, inputs: &[&[f32]], d_output: &[f32]) -> Vec<Vec<f32>> {
+    fn backward(&self, inputs: &[View<'_>], _: &[f32], gradient: &[f32], wanted: &[bool]) -> Vec<Vec<f32>> {
         let [_, channels, height, width] = self.shape;
+        let wanted = [wanted[0], wanted[1]];
         let parts: Vec<PatchKernels> = (0..self.scenes.len())
             .into_par_iter()
             .map(|i| {
-                let (s, gradient) = (&self.scenes[i], picture(d_output, i, channels, height, width));
+                let (s, gradient) = (&self.scenes[i], picture(gradient, i, channels, height, width));
                 render_adjoint_kernels(&self.geometry, self.radius, &s.scene, s.placement, &gradient)
                     .expect(CHECKED)
             })
@@ -113,7 +111,7 @@ impl HostKernel for RenderKernel {
         // Add the scenes in fixed order, then pull the patch kernels back to the PSF values.
         let mut sum = PatchKernels::zeros(self.radius, &self.active);
         parts.iter().for_each(|part| sum.add(part));
-        let by = patch_kernels_adjoint(&self.geometry, &self.layout, inputs[0], &sum);
+        let by = patch_kernels_adjoint(&self.geometry, &self.layout, inputs[0].values, &sum, wanted);
         let by = by.expect(CHECKED);
         vec![by.values, by.radius.into_iter().map(|v| v as f32).collect()]
     }
@@ -144,10 +142,10 @@ pub fn illumination_op(
         placements: placements.to_vec(),
         shape: [placements.len(), CHANNELS, height, width],
     };
-    Ok(apply_two(Arc::new(kernel), illumination, field_radius_mm))
+    Ok(apply(Arc::new(kernel), [illumination.into_dispatch(), field_radius_mm.into_dispatch()]))
 }
 
-/// Illumination of a batch of windows as a host kernel of table and field radii, linear in the table.
+/// Illumination of a batch of windows as a kernel of table and field radii, linear in the table.
 #[derive(Debug)]
 struct IlluminationKernel {
     geometry: RenderGeometry,
@@ -156,27 +154,25 @@ struct IlluminationKernel {
     shape: [usize; 4],
 }
 
-impl HostKernel for IlluminationKernel {
-    fn output_shape(&self) -> Vec<usize> {
-        self.shape.to_vec()
-    }
-
-    fn forward(&self, inputs: &[&[f32]]) -> Vec<f32> {
+impl Kernel for IlluminationKernel {
+    fn forward(&self, inputs: &[View<'_>], _: &[bool]) -> (Vec<f32>, Vec<usize>) {
         let [_, _, height, width] = self.shape;
+        let table = inputs[0].values;
         let map = |p: &Placement| {
-            illumination_map(&self.geometry, &self.layout, inputs[0], *p, height, width).expect(CHECKED).data
+            illumination_map(&self.geometry, &self.layout, table, *p, height, width).expect(CHECKED).data
         };
-        self.placements.iter().flat_map(map).collect()
+        (self.placements.iter().flat_map(map).collect(), self.shape.to_vec())
     }
 
-    fn adjoint(&self, inputs: &[&[f32]], d_output: &[f32]) -> Vec<Vec<f32>> {
+    fn backward(&self, inputs: &[View<'_>], _: &[f32], gradient: &[f32], wanted: &[bool]) -> Vec<Vec<f32>> {
         let [_, channels, height, width] = self.shape;
-        let mut sum = vec![0.0f32; inputs[0].len()];
-        let mut by_radius = vec![0.0f32; self.layout.fields()];
+        let (table, wanted) = (inputs[0].values, [wanted[0], wanted[1]]);
+        let mut sum = vec![0.0f32; if wanted[0] { table.len() } else { 0 }];
+        let mut by_radius = vec![0.0f32; if wanted[1] { self.layout.fields() } else { 0 }];
         for (i, &placement) in self.placements.iter().enumerate() {
-            let gradient = picture(d_output, i, channels, height, width);
+            let gradient = picture(gradient, i, channels, height, width);
             let (part, radius) =
-                illumination_adjoint(&self.geometry, &self.layout, inputs[0], placement, &gradient)
+                illumination_adjoint(&self.geometry, &self.layout, table, placement, &gradient, wanted)
                     .expect(CHECKED);
             by_radius.iter_mut().zip(radius).for_each(|(a, b)| *a += b as f32);
             sum.iter_mut().zip(part).for_each(|(a, b)| *a += b);

@@ -5,15 +5,15 @@ use std::sync::{Arc, OnceLock};
 use burn::prelude::*;
 use rayon::prelude::*;
 
-use super::host_kernel::{HostKernel, apply_four};
+use super::kernel::{Kernel, View, apply};
 use super::picture;
 use super::render_op::{CHECKED, checked_kernels, same};
 use crate::image::{CHANNELS, LinearImage};
 use crate::psf::PsfLayout;
 use crate::render::{
     Curves, KNOTS, PatchKernels, Placement, RenderError, RenderGeometry, Wiener, check_placement,
-    kernel_radius, patch_kernels, patch_kernels_adjoint, render_adjoint_kernels, render_kernels,
-    render_kernels_adjoint, sensor_patches,
+    kernel_radius, patch_kernels, patch_kernels_adjoint, render_adjoint_kernels, render_adjoint_scene,
+    render_kernels, render_kernels_adjoint, sensor_patches,
 };
 
 /// What a restoration of a batch depends on beside its tensors.
@@ -66,10 +66,12 @@ pub fn restore_op(
     checked_kernels(restoration.ready.clone(), kernel_radius(geometry, layout)?, &active)?;
     let shape = [batch, CHANNELS, height, width];
     let kernel = RestoreKernel { restoration, active, shape, made: OnceLock::new() };
-    Ok(apply_four(Arc::new(kernel), (pictures, psf_values, field_radius_mm, curves)))
+    let inputs = [pictures.into_dispatch(), psf_values.into_dispatch()];
+    let more = [field_radius_mm.into_dispatch(), curves.into_dispatch()];
+    Ok(apply(Arc::new(kernel), inputs.into_iter().chain(more)))
 }
 
-/// Restoration of a batch as a host kernel of pictures, PSF values, field radii and curves.
+/// Restoration of a batch as a kernel of pictures, PSF values, field radii and curves.
 #[derive(Debug)]
 struct RestoreKernel {
     restoration: Restoration,
@@ -89,15 +91,15 @@ struct Made {
 
 impl RestoreKernel {
     /// The filters of the inputs.
-    fn made(&self, inputs: &[&[f32]]) -> &Made {
+    fn made(&self, inputs: &[View<'_>]) -> &Made {
         self.made.get_or_init(|| {
             let Restoration { wiener, layout, geometry, ready, .. } = &self.restoration;
             let kernels = match ready {
                 Some(ready) => ready.of_patches(&self.active),
-                None => patch_kernels(geometry, layout, inputs[1], &self.active).expect(CHECKED),
+                None => patch_kernels(geometry, layout, inputs[1].values, &self.active).expect(CHECKED),
             };
             let mut curves: Curves = [[0.0; KNOTS]; CHANNELS];
-            curves.as_flattened_mut().copy_from_slice(inputs[3]);
+            curves.as_flattened_mut().copy_from_slice(inputs[3].values);
             let wiener = Wiener { curves, ..*wiener };
             let filters = wiener.filters(&kernels);
             Made { wiener, kernels, filters }
@@ -111,34 +113,32 @@ impl RestoreKernel {
     }
 }
 
-impl HostKernel for RestoreKernel {
-    fn output_shape(&self) -> Vec<usize> {
-        self.shape.to_vec()
-    }
-
-    fn forward(&self, inputs: &[&[f32]]) -> Vec<f32> {
+impl Kernel for RestoreKernel {
+    fn forward(&self, inputs: &[View<'_>], _: &[bool]) -> (Vec<f32>, Vec<usize>) {
         let Restoration { geometry, placements, .. } = &self.restoration;
         let Made { filters, .. } = self.made(inputs);
         let restore = |(i, placement): (usize, &Placement)| {
-            let picture = self.surrounded(inputs[0], i, filters.radius);
+            let picture = self.surrounded(inputs[0].values, i, filters.radius);
             render_kernels(geometry, filters, &picture, *placement).expect(CHECKED).data
         };
         let pictures: Vec<Vec<f32>> = placements.par_iter().enumerate().map(restore).collect();
-        pictures.concat()
+        (pictures.concat(), self.shape.to_vec())
     }
 
-    fn adjoint(&self, inputs: &[&[f32]], d_output: &[f32]) -> Vec<Vec<f32>> {
-        self.adjoint_of(inputs, d_output, &[true; 4])
-    }
-
-    fn adjoint_of(&self, inputs: &[&[f32]], d_output: &[f32], wanted: &[bool]) -> Vec<Vec<f32>> {
+    fn backward(&self, inputs: &[View<'_>], _: &[f32], gradient: &[f32], wanted: &[bool]) -> Vec<Vec<f32>> {
         let Restoration { layout, geometry, placements, .. } = &self.restoration;
         let [_, channels, height, width] = self.shape;
         let Made { wiener, kernels, filters } = self.made(inputs);
-        // Transpose the convolutions: by the filters, and by the pictures where that is needed.
+        let filters_follow = wanted[1..].contains(&true);
+        // Transpose the convolutions: by the filters and by the pictures, each where it is wanted.
         let pull = |(i, placement): (usize, &Placement)| {
-            let seen = self.surrounded(inputs[0], i, filters.radius);
-            let bar = picture(d_output, i, channels, height, width);
+            let seen = self.surrounded(inputs[0].values, i, filters.radius);
+            let bar = picture(gradient, i, channels, height, width);
+            if !filters_follow {
+                let by_seen = render_adjoint_scene(geometry, filters, &seen, *placement, &bar);
+                let by_picture = by_seen.expect(CHECKED).pad_replicate_adjoint(filters.radius).data;
+                return (PatchKernels::zeros(filters.radius, &self.active), by_picture);
+            }
             if !wanted[0] {
                 let by_filters = render_adjoint_kernels(geometry, filters.radius, &seen, *placement, &bar);
                 return (by_filters.expect(CHECKED), Vec::new());
@@ -148,15 +148,21 @@ impl HostKernel for RestoreKernel {
             (by_filters, by_seen.pad_replicate_adjoint(filters.radius).data)
         };
         let parts: Vec<(PatchKernels, Vec<f32>)> = placements.par_iter().enumerate().map(pull).collect();
+        if !filters_follow {
+            let by_pictures = parts.into_iter().flat_map(|(_, by_picture)| by_picture).collect();
+            return vec![by_pictures, Vec::new(), Vec::new(), Vec::new()];
+        }
         // Add the pictures in fixed order.
         let mut by_filters = PatchKernels::zeros(filters.radius, &self.active);
         parts.iter().for_each(|(part, _)| by_filters.add(part));
         let by_pictures = parts.into_iter().flat_map(|(_, by_picture)| by_picture).collect();
         // From the filters to their curves and to the kernels, and from these to the PSFs.
-        let by = wiener.filters_adjoint(kernels, &by_filters);
+        let psfs_follow = wanted[1] || wanted[2];
+        let by = wiener.filters_adjoint(kernels, &by_filters, psfs_follow);
         let (mut by_values, mut by_radius) = (Vec::new(), Vec::new());
-        if wanted[1] || wanted[2] {
-            let by = patch_kernels_adjoint(geometry, layout, inputs[1], &by.kernels);
+        if psfs_follow {
+            let psfs_wanted = [wanted[1], wanted[2]];
+            let by = patch_kernels_adjoint(geometry, layout, inputs[1].values, &by.kernels, psfs_wanted);
             let by = by.expect(CHECKED);
             by_values = by.values;
             by_radius = by.radius.into_iter().map(|v| v as f32).collect();

@@ -1,5 +1,3 @@
-use std::sync::Arc;
-
 use burn::prelude::*;
 use burn::tensor::{DType, TensorData};
 
@@ -57,51 +55,6 @@ fn scenes(layout: &PsfLayout, height: usize, width: usize) -> Vec<PlacedScene> {
             PlacedScene { scene: LinearImage::from_data(CHANNELS, h, w, data).unwrap(), placement }
         })
         .collect()
-}
-
-/// `y_i = x_i^2` for one input, `y_i = a_i b_i` for two.
-#[derive(Debug)]
-struct Product(usize);
-
-impl HostKernel for Product {
-    fn output_shape(&self) -> Vec<usize> {
-        vec![self.0]
-    }
-
-    fn forward(&self, inputs: &[&[f32]]) -> Vec<f32> {
-        inputs[0].iter().zip(inputs[inputs.len() - 1]).map(|(a, b)| a * b).collect()
-    }
-
-    fn adjoint(&self, inputs: &[&[f32]], d_output: &[f32]) -> Vec<Vec<f32>> {
-        let times = |x: &[f32], k: f32| d_output.iter().zip(x).map(|(g, x)| k * g * x).collect();
-        match inputs {
-            [a, b] => vec![times(b, 1.0), times(a, 1.0)],
-            _ => vec![times(inputs[0], 2.0)],
-        }
-    }
-}
-
-#[test]
-fn host_kernels_carry_gradients_to_every_tracked_input() {
-    let x = tensor(vec![1.0, 2.0, 3.0, 4.0], [2, 2]).require_grad();
-    let y: Tensor<1> = apply(Arc::new(Product(4)), x.clone() * 2.0);
-    let gradients = (y * 3.0).sum().backward();
-    assert_eq!(values(x.grad(&gradients).unwrap()), vec![24.0, 48.0, 72.0, 96.0]);
-
-    let a = tensor(vec![1.0, 2.0], [2]).require_grad();
-    let b = tensor(vec![5.0, 7.0], [1, 2]).require_grad();
-    let constant = tensor(vec![2.0, 3.0], [2]);
-    let ab: Tensor<1> = apply_two(Arc::new(Product(2)), a.clone(), b.clone());
-    let ac: Tensor<1> = apply_two(Arc::new(Product(2)), constant, a.clone());
-    let gradients = (ab + ac).sum().backward();
-    assert_eq!(values(a.grad(&gradients).unwrap()), vec![7.0, 10.0]);
-    assert_eq!(values(b.grad(&gradients).unwrap()), vec![1.0, 2.0]);
-}
-
-#[test]
-fn host_kernels_work_without_autodiff() {
-    let x = Tensor::<1>::from_data(TensorData::new(vec![3.0f32], [1]), (&Device::flex(), DType::F32));
-    assert_eq!(values(apply::<1, 1>(Arc::new(Product(1)), x)), vec![9.0]);
 }
 
 #[test]

@@ -4,12 +4,14 @@
 //! listed once as taps: places of the feature map and their weights. On the CPU a kernel of ours adds the taps up; on other devices the
 //! framework gathers them.
 
+use std::sync::Arc;
+
 use burn::prelude::*;
 use burn::tensor::TensorData;
+use petzval_camera::tape::{Kernel, View, apply, is_on_host};
 use rayon::prelude::*;
 
 use super::BBox;
-use crate::network::cpu_op::{CpuKernel, View, apply, runs_here};
 
 /// How boxes become small maps.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,9 +64,8 @@ impl RoiAlign {
         }
         let taps: Vec<RegionTaps> =
             regions.par_iter().map(|region| self.taps(region, [height, width], scale)).collect();
-        if runs_here(&features) {
-            let unused = Tensor::<1>::zeros([1], &features.device());
-            return apply(Pool { taps, size: self.size }, features, unused.clone(), unused);
+        if is_on_host(&features) {
+            return apply(Arc::new(Pool { taps, size: self.size }), [features.into_dispatch()]);
         }
         gathered(features, &taps, self.size)
     }
@@ -125,8 +126,8 @@ struct Pool {
     size: [usize; 2],
 }
 
-impl CpuKernel for Pool {
-    fn forward(&self, inputs: &[View<'_>]) -> (Vec<f32>, Vec<usize>) {
+impl Kernel for Pool {
+    fn forward(&self, inputs: &[View<'_>], _: &[bool]) -> (Vec<f32>, Vec<usize>) {
         let [batch_planes, channels, height, width] = inputs[0].dims();
         debug_assert!(self.taps.iter().all(|t| t.picture < batch_planes));
         let (plane, cells) = (height * width, self.size[0] * self.size[1]);
@@ -160,7 +161,7 @@ impl CpuKernel for Pool {
                 }
             }
         });
-        vec![for_x, Vec::new(), Vec::new()]
+        vec![for_x]
     }
 }
 

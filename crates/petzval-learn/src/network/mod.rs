@@ -13,7 +13,6 @@
 mod any;
 mod conv;
 mod conv_kernel;
-pub(crate) mod cpu_op;
 mod depthwise;
 mod input;
 mod isp_proxy;

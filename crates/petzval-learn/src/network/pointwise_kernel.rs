@@ -83,12 +83,14 @@ pub(crate) fn forward(shape: PointwiseShape, x: &[f32], weight: &[f32], bias: &[
     y
 }
 
-/// Gradients of [`forward`] with respect to `x`, `weight` and `bias`, from the cotangent `gradient` of its result.
+/// Gradients of [`forward`] with respect to `x`, `weight` and `bias`, from the cotangent `gradient` of its result. Without `wants_input`
+/// that of `x` is zero; without `wants_weight` those of `weight` and `bias` are.
 pub(crate) fn backward(
     shape: PointwiseShape,
     x: &[f32],
     weight: &[f32],
     gradient: &[f32],
+    wanted: [bool; 2],
 ) -> (Vec<f32>, Vec<f32>, Vec<f32>) {
     let PointwiseShape { inputs, outputs, pixels, .. } = shape;
     let transposed = pack(inputs, outputs, |input, output| weight[output * inputs + input]);
@@ -100,7 +102,8 @@ pub(crate) fn backward(
             let (picture, first) = shape.place(x, task);
             let length = outputs * pixels;
             let gradient = &gradient[task / shape.spans() * length..][..length];
-            Arch::new().dispatch(BackwardSpan { shape, picture, gradient, first, packed: &transposed, out })
+            let packed = &transposed;
+            Arch::new().dispatch(BackwardSpan { shape, picture, gradient, first, packed, wanted, out })
         })
         .collect();
 
@@ -262,6 +265,8 @@ struct BackwardSpan<'a> {
     gradient: &'a [f32],
     first: usize,
     packed: &'a [f32],
+    /// Whether the gradient of the picture is wanted, and that of weight and bias.
+    wanted: [bool; 2],
     out: Vec<&'a mut [f32]>,
 }
 
@@ -270,7 +275,8 @@ impl WithSimd for BackwardSpan<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> Self::Output {
-        let Self { shape, picture, gradient, first, packed, mut out } = self;
+        let Self { shape, picture, gradient, first, packed, wanted: [wants_input, wants_weight], mut out } =
+            self;
         let PointwiseShape { prologue, inputs, outputs, pixels, .. } = shape;
         let lanes = S::F32_LANES;
         let (mut from, mut pulled, mut to) = (strip(inputs), strip(outputs), strip(inputs));
@@ -290,8 +296,9 @@ impl WithSimd for BackwardSpan<'_> {
             }
 
             // Sum the products of cotangent and input into the weight gradient.
+            let blocks = if wants_weight { blocks } else { 0 };
             for (sums, block) in
-                weight_sums.chunks_exact_mut(triples).zip(pulled.chunks_exact(BLOCK * STRIDE))
+                weight_sums.chunks_exact_mut(triples).zip(pulled.chunks_exact(BLOCK * STRIDE)).take(blocks)
             {
                 for (sums, lines) in sums.iter_mut().zip(from.chunks_exact(INPUTS * STRIDE)) {
                     let mut local = *sums;
@@ -316,6 +323,9 @@ impl WithSimd for BackwardSpan<'_> {
                 }
             }
 
+            if !wants_input {
+                continue;
+            }
             // Pull the cotangent back through the weights, then through the prologue.
             mix(simd, &pulled, outputs, packed, count, &mut to);
             if prologue == Prologue::Normalize {

@@ -18,7 +18,7 @@ use crate::develop::Demosaic;
 use crate::image::{CHANNELS, LinearImage};
 use crate::render::Placement;
 use crate::sensor::CfaPattern;
-use crate::tape::{HostKernel, apply};
+use crate::tape::{Kernel, View, apply};
 
 petzval_base::parameters! {
     /// Suppression of false colours after demosaicing.
@@ -183,11 +183,12 @@ pub fn smooth(method: Demosaic, mosaic: Tensor<4>, cfa: CfaPattern) -> [Tensor<4
         return demosaic_ratio::smooth(&mosaic, cfa);
     }
     let [_, _, height, width] = mosaic.dims();
-    let rgb: Tensor<4> = apply(Arc::new(DemosaicKernel { method, cfa, height, width }), mosaic);
+    let rgb: Tensor<4> =
+        apply(Arc::new(DemosaicKernel { method, cfa, height, width }), [mosaic.into_dispatch()]);
     [0, 1, 2].map(|c: usize| rgb.clone().slice([0..1, c..c + 1, 0..height, 0..width]))
 }
 
-/// Demosaicing as a host kernel.
+/// Demosaicing as a kernel.
 #[derive(Debug)]
 struct DemosaicKernel {
     method: Demosaic,
@@ -198,25 +199,22 @@ struct DemosaicKernel {
 
 const CHECKED: &str = "the frame was checked before";
 
-impl HostKernel for DemosaicKernel {
-    fn output_shape(&self) -> Vec<usize> {
-        vec![1, CHANNELS, self.height, self.width]
-    }
-
-    fn forward(&self, inputs: &[&[f32]]) -> Vec<f32> {
+impl Kernel for DemosaicKernel {
+    fn forward(&self, inputs: &[View<'_>], _: &[bool]) -> (Vec<f32>, Vec<usize>) {
         let origin = Placement { row: 0, col: 0 };
-        self.method.apply(inputs[0], self.height, self.width, self.cfa, origin).expect(CHECKED).data
+        let rgb = self.method.apply(inputs[0].values, self.height, self.width, self.cfa, origin);
+        (rgb.expect(CHECKED).data, vec![1, CHANNELS, self.height, self.width])
     }
 
-    fn adjoint(&self, inputs: &[&[f32]], d_output: &[f32]) -> Vec<Vec<f32>> {
+    fn backward(&self, inputs: &[View<'_>], _: &[f32], gradient: &[f32], _: &[bool]) -> Vec<Vec<f32>> {
         let d_rgb = LinearImage {
             channels: CHANNELS,
             height: self.height,
             width: self.width,
-            data: d_output.to_vec(),
+            data: gradient.to_vec(),
         };
         let origin = Placement { row: 0, col: 0 };
-        vec![self.method.adjoint(inputs[0], &d_rgb, self.cfa, origin).expect(CHECKED)]
+        vec![self.method.adjoint(inputs[0].values, &d_rgb, self.cfa, origin).expect(CHECKED)]
     }
 }
 

@@ -12,7 +12,7 @@ use super::super::fixed::{BLOCK, ColourPixel, ENCODED, Grid, by_blocks, shift_ro
 use super::super::mesh::{Axis, spread};
 use super::super::tape_grid::{Theta, constant};
 use crate::isp::Mesh;
-use crate::tape::{HostKernel, apply_two};
+use crate::tape::{Kernel, View, apply};
 
 petzval_base::parameters! {
     /// Correction of distortion.
@@ -134,11 +134,11 @@ impl Dewarp {
         };
         let moved = Tensor::cat(vec![displacement(0), displacement(1)], 1);
         let kernel = Arc::new(Fetch { height, width });
-        rgb.map(|plane| apply_two(kernel.clone(), plane, moved.clone()))
+        rgb.map(|plane| apply(kernel.clone(), [plane.into_dispatch(), moved.clone().into_dispatch()]))
     }
 }
 
-/// Fetching of displaced pixels as a host kernel of a plane `[1, 1, height, width]` and displacements `[1, 2, height, width]`, pixels.
+/// Fetching of displaced pixels as a kernel of a plane `[1, 1, height, width]` and displacements `[1, 2, height, width]`, pixels.
 #[derive(Debug)]
 struct Fetch {
     height: usize,
@@ -159,44 +159,49 @@ impl Fetch {
     }
 }
 
-impl HostKernel for Fetch {
-    fn output_shape(&self) -> Vec<usize> {
-        vec![1, 1, self.height, self.width]
-    }
-
-    fn forward(&self, inputs: &[&[f32]]) -> Vec<f32> {
+impl Kernel for Fetch {
+    fn forward(&self, inputs: &[View<'_>], _: &[bool]) -> (Vec<f32>, Vec<usize>) {
+        let (plane, moved) = (inputs[0].values, inputs[1].values);
         let value = |i: usize| {
-            let (rows, cols, y, x) = self.places(i, inputs[1]);
+            let (rows, cols, y, x) = self.places(i, moved);
             let (of_rows, of_cols) = (weights(y), weights(x));
             let mut sum = 0.0;
             for (row, a) in rows.iter().zip(of_rows) {
                 for (col, b) in cols.iter().zip(of_cols) {
-                    sum += a * b * f64::from(inputs[0][row * self.width + col]);
+                    sum += a * b * f64::from(plane[row * self.width + col]);
                 }
             }
             sum as f32
         };
-        (0..self.height * self.width).map(value).collect()
+        ((0..self.height * self.width).map(value).collect(), vec![1, 1, self.height, self.width])
     }
 
-    fn adjoint(&self, inputs: &[&[f32]], d_output: &[f32]) -> Vec<Vec<f32>> {
+    fn backward(&self, inputs: &[View<'_>], _: &[f32], gradient: &[f32], wanted: &[bool]) -> Vec<Vec<f32>> {
         let n = self.height * self.width;
-        let (mut d_plane, mut d_moved) = (vec![0.0_f64; n], vec![0.0_f32; 2 * n]);
+        let (plane, moved) = (inputs[0].values, inputs[1].values);
+        let mut d_plane = vec![0.0_f64; if wanted[0] { n } else { 0 }];
+        let mut d_moved = vec![0.0_f32; if wanted[1] { 2 * n } else { 0 }];
         for i in 0..n {
-            let (rows, cols, y, x) = self.places(i, inputs[1]);
+            let (rows, cols, y, x) = self.places(i, moved);
             let (of_rows, of_cols, by_y, by_x) = (weights(y), weights(x), slopes(y), slopes(x));
             let (mut down, mut right) = (0.0, 0.0);
             for k in 0..4 {
                 for j in 0..4 {
                     let at = rows[k] * self.width + cols[j];
-                    let v = f64::from(inputs[0][at]);
-                    d_plane[at] += of_rows[k] * of_cols[j] * f64::from(d_output[i]);
-                    down += by_y[k] * of_cols[j] * v;
-                    right += of_rows[k] * by_x[j] * v;
+                    if wanted[0] {
+                        d_plane[at] += of_rows[k] * of_cols[j] * f64::from(gradient[i]);
+                    }
+                    if wanted[1] {
+                        let v = f64::from(plane[at]);
+                        down += by_y[k] * of_cols[j] * v;
+                        right += of_rows[k] * by_x[j] * v;
+                    }
                 }
             }
-            d_moved[i] = (down * f64::from(d_output[i])) as f32;
-            d_moved[n + i] = (right * f64::from(d_output[i])) as f32;
+            if wanted[1] {
+                d_moved[i] = (down * f64::from(gradient[i])) as f32;
+                d_moved[n + i] = (right * f64::from(gradient[i])) as f32;
+            }
         }
         vec![d_plane.into_iter().map(|v| v as f32).collect(), d_moved]
     }
