@@ -12,6 +12,7 @@
 //! | [`random`] | random numbers as a function of seed, frame, stage and place |
 //! | [`counted`] | a number with its noun |
 //! | [`csv_text`] | a table as comma-separated values |
+//! | [`table`] | the interval of an ascending table around a value, and what lies between its entries |
 //! | [`statistics`] | the median; minimum and maximum that pass on what is no number |
 
 mod counted;
@@ -23,6 +24,7 @@ mod part;
 pub mod random;
 pub mod simd;
 pub mod statistics;
+pub mod table;
 mod whole_file;
 
 pub use counted::counted;

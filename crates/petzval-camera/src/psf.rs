@@ -1,5 +1,7 @@
 //! Point spread functions over the field: how the lens spreads the light of a point, and what share of it arrives.
 
+use petzval_base::table::Interval;
+
 use crate::image::CHANNELS;
 
 /// Image radii and sampling grid of a bank of PSFs, without the values. Those may be held in a tensor or a file.
@@ -132,13 +134,14 @@ impl PsfLayout {
     /// `min(field_lo + 1, fields - 1)`. Beyond the outermost field the result is the outermost field with weight 1.
     pub fn bracket(&self, radius_mm: f64) -> (usize, f64, f64) {
         let radii = &self.field_radius_mm;
-        let above = radii.partition_point(|&r| r <= radius_mm);
-        if above >= radii.len() {
-            return (radii.len() - 1, 1.0, 0.0);
+        let last = radii.len() - 1;
+        match Interval::in_slice(radius_mm, radii) {
+            Some(Interval { lower, share }) if radius_mm < radii[last] => {
+                let w_hi = share.clamp(0.0, 1.0);
+                (lower, 1.0 - w_hi, w_hi)
+            }
+            _ => (last, 1.0, 0.0),
         }
-        let lo = above.max(1) - 1;
-        let w_hi = ((radius_mm - radii[lo]) / (radii[lo + 1] - radii[lo])).clamp(0.0, 1.0);
-        (lo, 1.0 - w_hi, w_hi)
     }
 }
 

@@ -1,5 +1,7 @@
 //! The projection of a lens: which direction each pixel looks in.
 
+use petzval_base::table::Interval;
+
 use crate::error::StreetError;
 use crate::vector::{Vec3, vec3};
 
@@ -148,9 +150,7 @@ impl Projection {
 
 /// The value at `x` of a rising table, linear between its entries and, with the last slope, beyond them.
 fn interpolate(xs: &[f64], ys: &[f64], x: f64) -> f64 {
-    let above = xs.partition_point(|&entry| entry <= x).clamp(1, xs.len() - 1);
-    let (x0, x1, y0, y1) = (xs[above - 1], xs[above], ys[above - 1], ys[above]);
-    y0 + (x - x0) / (x1 - x0) * (y1 - y0)
+    Interval::in_slice(x, xs).map_or(ys[0], |interval| interval.on_line(|i| ys[i]))
 }
 
 #[cfg(test)]

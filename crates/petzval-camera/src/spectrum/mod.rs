@@ -8,6 +8,8 @@ pub use photons::{LIGHT_M_PER_S, OpticsError, PLANCK_J_S, PixelOptics};
 
 use std::ops::RangeInclusive;
 
+use petzval_base::table::Interval;
+
 /// A sampled curve: linear between its samples, zero outside them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Spectrum {
@@ -103,10 +105,7 @@ impl Spectrum {
         if !(low..=high).contains(&um) {
             return 0.0;
         }
-        let above = self.wavelength_um.partition_point(|w| *w <= um).min(self.wavelength_um.len() - 1);
-        let (a, b) = (self.wavelength_um[above - 1], self.wavelength_um[above]);
-        let share = (um - a) / (b - a);
-        self.value[above - 1] * (1.0 - share) + self.value[above] * share
+        Interval::in_slice(um, &self.wavelength_um).map_or(0.0, |interval| interval.mean(|i| self.value[i]))
     }
 
     /// The curve times a number.

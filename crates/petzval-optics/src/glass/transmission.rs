@@ -2,6 +2,8 @@
 
 use std::f64::consts::PI;
 
+use petzval_base::table::Interval;
+
 /// Absorption data as published.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Absorption {
@@ -44,14 +46,10 @@ const UM_TO_MM: f64 = 1e-3;
 
 /// The value at a wavelength, linear between rows that begin with their wavelength.
 fn interpolate<const N: usize>(rows: &[[f64; N]], um: f64, value: impl Fn(&[f64; N]) -> f64) -> Option<f64> {
-    let hi = rows.partition_point(|row| row[0] < um);
-    let upper = rows.get(hi)?;
-    if upper[0] == um {
-        return Some(value(upper));
-    }
-    let lower = &rows[hi.checked_sub(1)?];
-    let t = (um - lower[0]) / (upper[0] - lower[0]);
-    Some(value(lower) * (1.0 - t) + value(upper) * t)
+    let range = rows.first()?[0]..=rows.last()?[0];
+    let value = |i: usize| value(&rows[i]);
+    let found = || Interval::around(um, rows.len(), |i| rows[i][0]).map_or(value(0), |i| i.mean(value));
+    range.contains(&um).then(found)
 }
 
 #[cfg(test)]
