@@ -77,5 +77,5 @@ pub use render::{
 };
 pub use sensor::{
     Capture, CfaPattern, Exposure, Noise, NoiseMode, Raw, SensorError, SensorModel, Slopes, expose,
-    expose_pixel, expose_with_tape, score_function_gradient,
+    expose_pixel, expose_with_tape,
 };

@@ -1,15 +1,12 @@
-//! Where the points and boxes of a raw frame lie in its dewarped picture, and back, so that labels follow the dewarp.
+//! Where the points of a raw frame lie in its dewarped picture, and back.
 //!
 //! The pixel p of the picture shows the light of `p + strength * d(p)` of the raw frame, with the displacements d between the nodes of the
 //! calibration's mesh bilinear; beyond the frame the outermost cells continue. The way back solves this for p by Newton's method.
 //!
 //! Points are `[x, y]` in pixels from the upper left corner of the frame, x to the right and y downwards: the middle of the first pixel is
-//! `[0.5, 0.5]`. Boxes are `[x, y, width, height]` in the same pixels, as COCO writes them.
+//! `[0.5, 0.5]`.
 
 use super::Mesh;
-
-/// Points along each side of a box, whose images its box encloses: straight sides become bowed ones.
-const POINTS_PER_SIDE: usize = 16;
 
 /// Steps of Newton's method, and the distance from the wanted point at which they end, pixels.
 const STEPS: usize = 60;
@@ -75,18 +72,6 @@ impl<'a> DewarpMap<'a> {
         None
     }
 
-    /// The smallest box of the raw frame around what a box of the picture shows.
-    pub fn box_in_raw(&self, of_picture: [f64; 4]) -> [f64; 4] {
-        enclosing(outline(of_picture).map(|point| self.raw_from_picture(point)))
-    }
-
-    /// The smallest box of the picture around what a box of the raw frame shows; none where a point of its outline is not shown.
-    pub fn box_in_picture(&self, of_raw: [f64; 4]) -> Option<[f64; 4]> {
-        let points: Vec<[f64; 2]> =
-            outline(of_raw).map(|point| self.picture_from_raw(point)).collect::<Option<_>>()?;
-        Some(enclosing(points))
-    }
-
     /// How far the raw point lies from a point of the picture, `[x, y]`, and the derivatives `[[dx/dx, dx/dy], [dy/dx, dy/dy]]`.
     fn displacement(&self, [x, y]: [f64; 2]) -> ([f64; 2], [[f64; 2]; 2]) {
         let Some(mesh) = self.mesh else { return ([0.0; 2], [[0.0; 2]; 2]) };
@@ -112,28 +97,6 @@ impl<'a> DewarpMap<'a> {
         let ((down, by_down), (right, by_right)) = (of(0), of(1));
         ([right, down], [by_right, by_down])
     }
-}
-
-/// Points along the sides of a box.
-fn outline([x, y, width, height]: [f64; 4]) -> impl Iterator<Item = [f64; 2]> {
-    (0..=POINTS_PER_SIDE).flat_map(move |k| {
-        let share = k as f64 / POINTS_PER_SIDE as f64;
-        let (across, down) = (x + share * width, y + share * height);
-        [[across, y], [across, y + height], [x, down], [x + width, down]]
-    })
-}
-
-/// The smallest box around points.
-fn enclosing(points: impl IntoIterator<Item = [f64; 2]>) -> [f64; 4] {
-    let mut low = [f64::INFINITY; 2];
-    let mut high = [f64::NEG_INFINITY; 2];
-    for point in points {
-        for k in 0..2 {
-            low[k] = low[k].min(point[k]);
-            high[k] = high[k].max(point[k]);
-        }
-    }
-    [low[0], low[1], high[0] - low[0], high[1] - low[1]]
 }
 
 #[cfg(test)]
@@ -185,24 +148,6 @@ mod tests {
         // A mesh that folds the corner over shows some raw points nowhere.
         let folded = barrel(0.7);
         assert_eq!(DewarpMap::new(Some(&folded), 1.0, SIZE).picture_from_raw([0.5, 0.5]), None);
-    }
-
-    #[test]
-    fn boxes_hold_what_they_held() {
-        let mesh = barrel(0.2);
-        let map = DewarpMap::new(Some(&mesh), 1.0, SIZE);
-        let label = [12.0, 8.0, 40.0, 30.0];
-        let raw = map.box_in_raw(label);
-        // The barrel brings the box nearer to the middle and makes it smaller.
-        assert!(raw[0] > label[0] && raw[1] > label[1] && raw[2] < label[2] && raw[3] < label[3], "{raw:?}");
-        let back = map.box_in_picture(raw).unwrap();
-        for k in 0..2 {
-            // The box about the image of a box about an image is larger than what it began with.
-            assert!(back[k] <= label[k] + 1e-6 && back[k] > label[k] - 7.0, "{back:?}");
-            let (end, label_end) = (back[k] + back[k + 2], label[k] + label[k + 2]);
-            assert!(end >= label_end - 1e-6 && end < label_end + 7.0, "{back:?}");
-        }
-        assert_eq!(DewarpMap::new(None, 1.0, SIZE).box_in_raw(label), label);
     }
 
     /// A dark frame with one bright spot of the form `exp(-r^2 / (2 * 2^2))` about a point, in all colours.

@@ -26,7 +26,6 @@ mod nonuniformity;
 mod pixel;
 mod quantum_efficiency;
 mod saturation;
-mod score_function;
 
 pub use capture::{Capture, Exposure, Raw};
 pub use cfa::{CfaPattern, Colour, UnknownPattern};
@@ -39,7 +38,6 @@ pub use noise::{Noise, NoiseMode};
 pub use nonuniformity::NonUniformity;
 pub use pixel::{PixelReading, expose_pixel};
 pub use quantum_efficiency::QuantumEfficiency;
-pub use score_function::score_function_gradient;
 
 #[cfg(test)]
 mod tests;

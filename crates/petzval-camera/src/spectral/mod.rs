@@ -46,6 +46,4 @@ pub use spectral_scene::SpectralScene;
 pub use table::SpectrumTable;
 pub use test_chart::{EdgeContrast, EdgeTarget, TestChart};
 pub use three_band::ThreeBand;
-pub use upsampling::{
-    basis_bands, d65_white, reflectance_of_srgb, srgb_basis, srgb_of_reflectance, upsample,
-};
+pub use upsampling::{basis_bands, d65_white, reflectance_of_srgb, srgb_basis, upsample};

@@ -8,7 +8,7 @@
 
 use std::sync::OnceLock;
 
-use super::colour::{Matrix3, apply, srgb_from_xyz, xyz_from_srgb};
+use super::colour::{Matrix3, srgb_from_xyz, xyz_from_srgb};
 use super::illuminant::Illuminant;
 use super::image::SpectralImage;
 use super::observer::xyz_of_reflectance;
@@ -50,11 +50,6 @@ pub fn d65_white() -> ([f64; 3], Matrix3, Matrix3) {
         let white = xyz_of_reflectance(&reflectance_of_srgb([1.0; 3]), &d65());
         (white, xyz_from_srgb(white), srgb_from_xyz(white))
     })
-}
-
-/// Linear sRGB colour of a reflectance under D65.
-pub fn srgb_of_reflectance(reflectance: &Spectrum) -> [f64; 3] {
-    apply(&d65_white().2, xyz_of_reflectance(reflectance, &d65()))
 }
 
 /// A photograph as the spectral image of a matt print under `light` with an illuminance of `lux`: radiance
@@ -123,7 +118,10 @@ mod tests {
         colours.extend((0..200).map(|_| [0; 3].map(|_| rng.random::<f64>())));
         let mut worst = 0.0f64;
         for rgb in colours {
-            let back = srgb_of_reflectance(&reflectance_of_srgb(rgb));
+            let back = super::super::colour::apply(
+                &d65_white().2,
+                xyz_of_reflectance(&reflectance_of_srgb(rgb), &d65()),
+            );
             worst = (0..3).map(|c| (back[c] - rgb[c]).abs()).fold(worst, f64::max);
         }
         assert!(worst < 1e-6, "{worst}");

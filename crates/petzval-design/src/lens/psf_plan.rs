@@ -14,7 +14,7 @@ use petzval_optics::psf::{
     FieldPsf, PerfectImage, PsfCotangent, PsfKind, PsfMethod, PsfOptions, PsfTape, focused_thin_lens_mm,
     perfect_psf, psf_converged, psf_with_tape,
 };
-use petzval_optics::pupil::{PupilRefinement, Quadrature, chief_ray, field_imaged_at, pull_back_chief};
+use petzval_optics::pupil::{PupilRefinement, Quadrature, chief_ray, field_imaged_at};
 use petzval_optics::trace::Sequence;
 use rayon::prelude::*;
 
@@ -287,36 +287,6 @@ impl PsfPlan {
         let scale_mm = if near != 0.0 { height(near)? / near.tan() } else { 1.0 };
         let ideal_mm = angles.iter().map(|field| scale_mm * field.tan()).collect();
         Ok(Distortion::new(image_mm, ideal_mm).map_err(RenderError::from)?)
-    }
-
-    /// The lens gradient of a loss whose derivatives by the ideal radii of [`PsfPlan::distortion`] are given, per mm, for a
-    /// plan without held fields: when the lens changes, the image radii of the table stay, and other fields land there.
-    ///
-    /// With y(w) the height of the chief ray of field w and r the image radius, `y(w) = r` gives `dw = -dy / y'(w)`, and the ideal
-    /// radius is `s tan w` with `s = y(e) / tan e` of a field e near the axis. y' is a central difference.
-    pub fn distortion_gradient(&self, lens: &Lens, by_ideal: &[f64]) -> Result<LensGradient, DesignError> {
-        /// Step of the difference, rad: its error is of the order of 1e-10.
-        const STEP_RAD: f64 = 1e-5;
-        let angles = self.field_angles(lens)?;
-        let reference = lens.at_wavelength(lens.reference_um);
-        let chief = |field: f64| {
-            chief_ray(&reference, field).ok_or(DesignError::NoLight { field_deg: field.to_degrees() })
-        };
-        let mut total = LensGradient::zero(lens.surfaces.len());
-        let near = angles.last().copied().unwrap_or(0.0) * NEAR_AXIS;
-        if near == 0.0 {
-            return Ok(total);
-        }
-        let on_axis = chief(near)?;
-        let scale_mm = on_axis.y_mm / near.tan();
-        let by_scale: f64 = angles.iter().zip(by_ideal).map(|(field, bar)| bar * field.tan()).sum();
-        pull_back_chief(&reference, &on_axis, [0.0, by_scale / near.tan()], &mut total);
-        for (field, bar) in angles.iter().zip(by_ideal).filter(|(field, _)| **field != 0.0) {
-            let slope = (chief(field + STEP_RAD)?.y_mm - chief(field - STEP_RAD)?.y_mm) / (2.0 * STEP_RAD);
-            let by_field = bar * scale_mm * (1.0 + field.tan().powi(2));
-            pull_back_chief(&reference, &chief(*field)?, [0.0, -by_field / slope], &mut total);
-        }
-        Ok(total)
     }
 
     /// PSFs of every field with their tapes; fields in parallel, each in a fixed order.

@@ -177,31 +177,6 @@ fn below_the_rate_floor_gradients_have_the_documented_bias() {
 }
 
 #[test]
-fn the_score_function_is_unbiased_and_noisy() {
-    for chunk in study().chunks(5) {
-        let rate = chunk[0]["lambda"].as_f64().unwrap();
-        let (counts, _) = draws(NoiseMode::Exact, rate);
-        let most = (rate + 40.0 * rate.sqrt() + 60.0) as usize;
-        let law = |k: usize| (k as f64 * rate.ln() - rate - libm::lgamma(k as f64 + 1.0)).exp();
-        for (row, (function, value, _)) in chunk.iter().zip(FUNCTIONS) {
-            let mean_value: f64 = (0..most).map(|k| law(k) * value(k as f64)).sum();
-            let exact = row["exact"].as_f64().unwrap();
-            for (name, baseline) in [("score_function", 0.0), ("score_function_with_baseline", mean_value)] {
-                let what = format!("{function} at {rate}, {name}");
-                let gradients = counts.iter().map(|&n| score_function_gradient(value(n), baseline, n, rate));
-                // A baseline equal to a constant function leaves only rounding.
-                if exact.abs() < 1e-20 && baseline != 0.0 {
-                    assert!(gradients.sum::<f64>().abs() / (ROWS * WIDTH) as f64 <= 1e-9, "{what}");
-                    continue;
-                }
-                let (mean, error) = agrees(&what, gradients, &row[name]);
-                assert!((mean - exact).abs() < Z * error, "{what}: {mean} {exact}");
-            }
-        }
-    }
-}
-
-#[test]
 fn electrons_have_the_moments_of_their_mode() {
     // Mean and variance of the draws; ten tests, family-wise alpha 1e-4.
     for (mode, shift, extra) in [
