@@ -3,6 +3,7 @@
 //! | module | holds |
 //! |---|---|
 //! | [`FileError`] | an error in a file: line, key, value, and a hint |
+//! | [`Cancel`] | the flag that stops long work |
 //! | [`parameter`] | the description of a number that a user may set: unit, range, scale, default, sentence |
 //! | [`read_whole`], [`read_text`], [`open_file`] | read files, and refuse what may have no end |
 //! | [`write_whole`] | writes a file completely or not at all |
@@ -15,6 +16,7 @@
 //! | [`table`] | the interval of an ascending table around a value, and what lies between its entries |
 //! | [`statistics`] | the median; minimum and maximum that pass on what is no number |
 
+mod cancel;
 mod counted;
 mod csv_text;
 mod file_error;
@@ -27,6 +29,7 @@ pub mod statistics;
 pub mod table;
 mod whole_file;
 
+pub use cancel::{Cancel, Cancelled};
 pub use counted::counted;
 pub use csv_text::{csv_number, csv_text};
 pub use file_error::{FileError, nearest, quote};

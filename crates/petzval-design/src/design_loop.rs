@@ -6,11 +6,11 @@
 //! also depend on how many steps the blocks behind it take (`batch_number`).
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
+use petzval_base::Cancel;
 use petzval_camera::isp::IspError;
 use petzval_camera::sensor::Noise;
 use petzval_camera::tape::Frames;
@@ -48,6 +48,8 @@ pub trait Observer {
     fn step(&mut self, event: &Event);
     /// Something that a person should know.
     fn note(&mut self, _text: &str) {}
+    /// A file or a folder of the run is whole; `what` says what it holds.
+    fn file(&mut self, _path: &Path, _what: &str) {}
     /// A camera is finished and scored.
     fn camera(&mut self, metrics: &CameraMetrics);
 }
@@ -239,20 +241,22 @@ impl DesignLoop {
         Ok(Self { objective, scorer, blocks, position, camera, validations, log, setup, run })
     }
 
-    /// Runs to the end, or until `stop` is set; then the step in work is finished and a checkpoint written.
-    pub fn run(mut self, observer: &mut dyn Observer, stop: &AtomicBool) -> Result<Ending, DesignError> {
+    /// Runs to the end, or until [`Setup::cancel`] is set; then the step in work is finished and a checkpoint written. A step that improves or
+    /// scores a whole lens ends at once, and is lost.
+    pub fn run(mut self, observer: &mut dyn Observer) -> Result<Ending, DesignError> {
         let setup = self.setup.clone();
+        let stop = &setup.cancel;
         // A run that was extended after its end goes on with its first camera. This counts as a step, and has a checkpoint of its own:
         // otherwise a run killed later could take up a camera that is longer already.
         if self.position.variant.is_none() && self.position.next(&setup).is_some() {
             self.begin_next()?;
             self.position.step += 1;
-            self.checkpoint()?;
+            self.checkpoint(observer)?;
         }
         observer.start(self.position.step, self.position.step + self.position.left(&setup) as u64);
         while let Some(variant) = self.position.variant(&setup) {
-            if stop.load(Ordering::Relaxed) {
-                self.checkpoint()?;
+            if stop.is_set() {
+                self.checkpoint(observer)?;
                 return Ok(Ending::Stopped(self.position.step));
             }
             let started = Instant::now();
@@ -272,14 +276,14 @@ impl DesignLoop {
                 (None, None) => self.finish_variant(variant, observer),
             };
             match &step {
-                // The lens is as it was before the step, whose events go.
-                Err(DesignError::Stopped) if stop.load(Ordering::Relaxed) => {
+                // All blocks are as they were before the step, whose events go.
+                Err(DesignError::Stopped(_)) if stop.is_set() => {
                     self.log = EventLog::resume(&self.run.events(), self.position.step)?;
-                    self.checkpoint()?;
+                    self.checkpoint(observer)?;
                     return Ok(Ending::Stopped(self.position.step));
                 }
                 // An external ISP was stopped in the middle of the step, which is lost: the run goes on from its last checkpoint.
-                Err(DesignError::Isp(IspError::Stopped(_))) if stop.load(Ordering::Relaxed) => {
+                Err(DesignError::Isp(IspError::Stopped(_))) if stop.is_set() => {
                     return Ok(Ending::Stopped(latest_checkpoint(&self.run)?.map_or(0, |(step, _)| step)));
                 }
                 _ => {}
@@ -303,15 +307,18 @@ impl DesignLoop {
             observer.step(&event);
             let every = self.setup.experiment.checkpoint.every as u64;
             if turn.is_none() || self.position.step.is_multiple_of(every) {
-                self.checkpoint()?;
+                self.checkpoint(observer)?;
             }
         }
         let metrics = collect_metrics(&self.setup, &self.run, self.scorer.scores())?;
         let text = DesignError::json("the figures of the run", &metrics)?;
         write_file(&self.run.metrics_csv(), metrics.csv().as_bytes())?;
+        observer.file(&self.run.metrics_csv(), "table");
         write_file(&self.run.pictures_csv(), metrics.pictures_csv().as_bytes())?;
+        observer.file(&self.run.pictures_csv(), "table");
         // Last: a run that has it is complete.
         write_file(&self.run.metrics(), text.as_bytes())?;
+        observer.file(&self.run.metrics(), "figures");
         note_digests(&self.run, &self.run.figures())?;
         RunRecord::finish(&self.run, self.position.seconds)?;
         Ok(Ending::Finished(Box::new(metrics)))
@@ -459,7 +466,7 @@ impl DesignLoop {
         iterations: usize,
         search: LensSearch,
         observer: &mut dyn Observer,
-        stop: &AtomicBool,
+        stop: &Cancel,
     ) -> Result<Step, DesignError> {
         let (step, log) = (self.position.step + 1, &mut self.log);
         let mut started = Instant::now();
@@ -615,7 +622,7 @@ impl DesignLoop {
         if camera.body().chip.is_some() { camera.with_chip(isp.held(&camera.body().device)) } else { camera }
     }
 
-    fn checkpoint(&self) -> Result<(), DesignError> {
+    fn checkpoint(&self, observer: &mut dyn Observer) -> Result<(), DesignError> {
         let keep = self.setup.experiment.checkpoint.keep;
         let events = self.log.digest()?;
         save_checkpoint(&self.run, self.position.step, keep, Some(events), |folder| {
@@ -625,11 +632,17 @@ impl DesignLoop {
             save_blocks(folder, self.blocks.all(), Kept::NumbersAndProgress)?;
             self.validations.save(folder)
         })?;
+        if let Some((step, folder)) = latest_checkpoint(&self.run)?
+            && step == self.position.step
+        {
+            observer.file(&folder, "checkpoint");
+        }
         // A variant that has not begun adds nothing to the history of lenses.
         let p = &self.position;
         if let (Some(variant), true) = (p.variant(&self.setup), p.stage > 0 || !p.taken.is_empty()) {
             let path = self.run.lens_at_step(p.step);
             write_file(&path, self.lens_text(variant, &self.lens(variant)?).as_bytes())?;
+            observer.file(&path, "lens");
         }
         Ok(())
     }
@@ -666,17 +679,23 @@ impl DesignLoop {
         std::fs::create_dir_all(&folder).map_err(DesignError::io(&folder))?;
         for path in [folder.join("lens.toml"), self.run.lens_at_step(self.position.step)] {
             write_file(&path, self.lens_text(variant, &lens).as_bytes())?;
+            observer.file(&path, "lens");
         }
         save_blocks(&folder, self.blocks.all(), Kept::Numbers)?;
         if self.blocks.network.free_numbers() > 0 {
             let weights = self.blocks.network.to_safetensors()?;
-            write_file(&folder.join("network.safetensors"), &weights)?;
+            let path = folder.join("network.safetensors");
+            write_file(&path, &weights)?;
+            observer.file(&path, "weights");
         }
         let text = DesignError::json("the figures of the run", &metrics)?;
-        write_file(&self.run.camera_metrics(&variant.name), text.as_bytes())?;
+        let path = self.run.camera_metrics(&variant.name);
+        write_file(&path, text.as_bytes())?;
+        observer.file(&path, "figures");
         crate::pictures::save(&self.run, &variant.name, &pictures)?;
         findings.save(&folder)?;
         Digests::of_folder(&folder)?.write(&folder)?;
+        observer.file(&folder, "camera");
         observer.camera(&metrics);
         let done =
             Done { stages: variant.stages.len(), steps: Some(std::mem::take(&mut self.position.before)) };

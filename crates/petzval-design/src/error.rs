@@ -2,9 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use petzval_base::FileError;
+use petzval_base::{Cancelled, FileError};
 use petzval_camera::image::ShapeError;
+use petzval_camera::isp::IspError;
 use petzval_camera::sensor::SensorError;
+use petzval_learn::dataset::DatasetError;
 
 /// Why a design, a score or a report could not be made.
 #[derive(Debug, thiserror::Error)]
@@ -125,7 +127,7 @@ pub enum DesignError {
     Electrons(#[from] petzval_camera::spectral::ElectronsError),
     /// The pictures do not make a data set.
     #[error(transparent)]
-    Dataset(#[from] petzval_learn::dataset::DatasetError),
+    Dataset(#[from] DatasetError),
     /// The loss could not be computed.
     #[error(transparent)]
     Loss(#[from] petzval_learn::loss::LossError),
@@ -137,7 +139,7 @@ pub enum DesignError {
     Network(#[from] petzval_learn::network::NetworkError),
     /// A raw frame could not be developed.
     #[error(transparent)]
-    Isp(#[from] petzval_camera::isp::IspError),
+    Isp(#[from] IspError),
     /// The experiment names a score that does not exist.
     #[error("scoring.scores: there is no score called `{name}`; there are {known}")]
     UnknownScore {
@@ -231,9 +233,9 @@ pub enum DesignError {
         /// Distance from the axis, mm.
         radius_mm: f64,
     },
-    /// A step was stopped before its end, because the job was cancelled; it is lost.
-    #[error("stopped in the middle of a step")]
-    Stopped,
+    /// A step, or the scoring of a camera, was stopped before its end, because the job was cancelled; it is lost.
+    #[error("stopped before its end")]
+    Stopped(#[from] Cancelled),
     /// A value that cannot be written as text.
     #[error("{what} cannot be written: {problem}")]
     Unwritable {
@@ -278,10 +280,24 @@ impl DesignError {
         matches!(self, Self::Run { .. } | Self::Input { .. } | Self::Io { .. } | Self::Network(_))
     }
 
+    /// Whether the work was cancelled, which is nobody's fault.
+    pub fn is_stopped(&self) -> bool {
+        match self {
+            Self::InBands { error, .. } => error.is_stopped(),
+            other => matches!(
+                other,
+                Self::Stopped(_) | Self::Isp(IspError::Stopped(_)) | Self::Dataset(DatasetError::Stopped(_))
+            ),
+        }
+    }
+
     /// Whether the user's input is at fault, rather than the job.
     pub fn is_input(&self) -> bool {
         if let Self::InBands { error, .. } = self {
             return error.is_input();
+        }
+        if self.is_stopped() {
+            return false;
         }
         matches!(
             self,

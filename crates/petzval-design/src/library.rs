@@ -3,7 +3,7 @@
 use std::ops::Deref;
 use std::path::Path;
 
-use petzval_base::FileError;
+use petzval_base::{Cancel, FileError};
 use petzval_optics::glass::Catalog;
 
 use crate::assets::{Assets, ExternalIsps, Text, WarningSink};
@@ -65,6 +65,11 @@ impl Library {
     /// See [`Assets::with_external_isps`].
     pub fn with_external_isps(self, external_isps: ExternalIsps) -> Self {
         Self { assets: self.assets.with_external_isps(external_isps), ..self }
+    }
+
+    /// See [`Assets::stopped_by`].
+    pub fn stopped_by(self, cancel: Cancel) -> Self {
+        Self { assets: self.assets.stopped_by(cancel), ..self }
     }
 
     /// The tasks that experiments may name.

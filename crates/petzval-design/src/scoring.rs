@@ -63,7 +63,8 @@ impl Scorer {
         self.judge.scores()
     }
 
-    /// Scores a camera: its lens by exact tracing, its pictures on the held-out photographs.
+    /// Scores a camera: its lens by exact tracing, its pictures on the held-out photographs. Ends with [`DesignError::Stopped`] before the next
+    /// picture once [`Setup::cancel`] is set.
     pub fn score(&self, name: &str, camera: &Camera) -> Result<Scored, DesignError> {
         self.score_watched(name, camera, &|_, _| {})
     }
@@ -127,6 +128,7 @@ impl Scorer {
         let windows = self.setup.held_out_shots(camera, is_chosen)?;
         let count = windows.len();
         for (i, window) in windows.into_iter().enumerate() {
+            self.setup.cancel.check()?;
             tick(i, count);
             let frames = camera.take(std::slice::from_ref(&window.shot), &noise)?;
             // As a stored picture would be.

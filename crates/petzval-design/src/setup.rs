@@ -2,9 +2,10 @@
 
 use std::collections::BTreeSet;
 use std::ops::Deref;
-use std::rc::Rc;
+use std::sync::Arc;
 
 use burn::prelude::Device;
+use petzval_base::Cancel;
 use petzval_learn::score::standard_scores;
 
 use crate::block::{Blocks, ExposureBlock, ImitationPlan, IspBlock, NetworkBlock, OpticsBlock};
@@ -24,6 +25,8 @@ pub struct Setup {
     pub task: Box<dyn PreparedTask>,
     /// How far differences between cameras scatter with the seed, where that is known of this experiment.
     pub study: Option<Study>,
+    /// Stops runs and scoring.
+    pub cancel: Cancel,
 }
 
 impl Deref for Setup {
@@ -65,7 +68,7 @@ impl Setup {
         let cameras = Cameras::new(experiment, &task.facts(), library, device)?;
         let task = task.prepare(&cameras.experiment, library, &cameras.body.device)?;
         let study = Study::of(&cameras.experiment, library)?;
-        Ok(Self { cameras, task, study })
+        Ok(Self { cameras, task, study, cancel: library.cancel().clone() })
     }
 
     fn load_windows(&mut self, library: &Library, purpose: Purpose) -> Result<(), DesignError> {
@@ -144,7 +147,7 @@ impl Setup {
         let plan = ImitationPlan {
             isp: chip.isp().clone(),
             values: chip.values().to_vec(),
-            scores: Rc::new(standard_scores(&self.lpips()?)),
+            scores: Arc::new(standard_scores(&self.lpips()?)),
             device: self.body.device.clone(),
             per_step: isp.proxy_steps,
             warm_up: isp.proxy_warm_up,

@@ -1,5 +1,6 @@
 //! A spectral scene through a lens: every band is spread by the PSFs of its own wavelength.
 
+use petzval_base::Cancelled;
 use petzval_camera::image::{CHANNELS, LinearImage};
 use petzval_camera::render::{Distortion, RenderGeometry, Window, light_on_pixels};
 use petzval_camera::sensor::Colour;
@@ -37,14 +38,14 @@ impl Bands<'_> {
 /// What the lens sees beyond the sensor repeats its edge. `plan` gives fields,
 /// grid and pupil; its wavelengths are replaced by those of the bands, three at a time, as many as the renderer takes, so no
 /// more than three planes are in memory. Relative illumination multiplies the electrons off the axis. `done` is called with every band
-/// that has been rendered.
+/// that has been rendered; its error ends the work.
 pub fn render_spectral(
     lens: &Lens,
     plan: &PsfPlan,
     geometry: &RenderGeometry,
     bands: &Bands,
     window: Window,
-    done: &dyn Fn(usize),
+    done: &dyn Fn(usize) -> Result<(), Cancelled>,
 ) -> Result<ColourElectrons, DesignError> {
     let colours: Vec<Colour> = bands.weights.iter().map(|(colour, _)| *colour).collect();
     let mut electrons: Option<ColourElectrons> = None;
@@ -57,7 +58,7 @@ pub fn render_spectral(
         let sum = electrons.get_or_insert_with(|| ColourElectrons::none(&colours, light.height, light.width));
         for (k, band) in group.iter().enumerate() {
             sum.add(light.plane(k), bands.weights, *band);
-            done(*band);
+            done(*band)?;
         }
     }
     electrons.ok_or_else(|| {

@@ -28,7 +28,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             let merit = RmsSpot { sampling: PupilSampling::Degree(degree), ..RmsSpot::new(&lens) };
             let study = Study::new(&lens, &tolerances, &merit)?;
             let start = Instant::now();
-            let found = monte_carlo(&study, 1, trials, &|| {});
+            let found = monte_carlo(&study, 1, trials, &|| Ok(()))?;
             let took = start.elapsed().as_secs_f64();
             let (mut worst, mut square) = (0.0_f64, 0.0);
             let checked = trials.min(60);

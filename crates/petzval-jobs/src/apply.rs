@@ -20,6 +20,7 @@ use serde::{Deserialize, Serialize};
 use crate::context::Context;
 use crate::error::{JobError, make_folder, write_file};
 use crate::evaluate::camera_of;
+use crate::event::WarningKind;
 use crate::results::{check_distinct, check_folder};
 use crate::run_page::warn_of_changed_config;
 
@@ -116,7 +117,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         .collect();
     check_distinct(&files)?;
     check_folder(&request.out, &files, context)?;
-    let warn = |text: &str| context.warning(text);
+    let warn = |text: &str| context.warning(WarningKind::ChangedFile, text);
     let check = DigestCheck::new(&folder, &request.accept_changed, &warn);
     check.check_cameras(names.iter().map(String::as_str))?;
 
@@ -142,16 +143,13 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         };
         if let Subject::Photo(photo) = subject {
             let encoded = LinearImage { data: photo.to_srgb(), ..photo.clone() };
-            write_png(&request.out.join(format!("{stem}-{SCENE}.png")), &encoded)?;
+            let path = request.out.join(format!("{stem}-{SCENE}.png"));
+            write_png(&path, &encoded)?;
+            context.wrote(path, "picture");
             show("the scene", &encoded);
         }
         for (name, camera) in names.iter().zip(&cameras) {
-            if context.is_cancelled() {
-                return Err(JobError::Stopped(format!(
-                    "stopped after {} of {total} pictures",
-                    pictures.len()
-                )));
-            }
+            context.check(|| format!("stopped after {} of {total} pictures", pictures.len()))?;
             context.progress(pictures.len() as u64, total, format!("{stem}, {name}"));
             let start = Instant::now();
             let finished = match subject {
@@ -161,6 +159,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             let picture = request.out.join(format!("{stem}-{name}.png"));
             let shown = setup.task.drawn(camera, finished.clone())?;
             write_png(&picture, &shown)?;
+            context.wrote(&picture, "picture");
             show(name, &shown);
             pictures.push(Applied {
                 image: image.clone(),
@@ -174,6 +173,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         if views.len() > 1 {
             let path = request.out.join(page_name(stem));
             write_file(&path, page(stem, &views))?;
+            context.wrote(&path, "page");
             pages.push(path);
         }
     }

@@ -8,8 +8,10 @@ use serde_json::{Map, Value};
 
 use crate::context::Context;
 use crate::error::JobError;
-use crate::glass::read_glasses;
+use crate::event::WarningKind;
+use crate::glass::library_with;
 use crate::job::Row;
+use crate::keys::error_in_keys;
 use crate::table::jobs;
 
 /// The version of [`Call`] that this program writes and reads.
@@ -38,6 +40,9 @@ pub struct Call {
     /// Threads to use; 0 means those of the process. Results do not depend on it.
     #[serde(default)]
     pub threads: usize,
+    /// Where tensors live, for jobs whose request has the key `device`; that of the request if none is named here.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub device: Option<String>,
 }
 
 fn nothing() -> Value {
@@ -54,6 +59,7 @@ impl Call {
             glasses: Vec::new(),
             overwrite: false,
             threads: 0,
+            device: None,
         }
     }
 
@@ -93,30 +99,58 @@ impl Call {
         serde_json::from_str(text).map_err(refused)
     }
 
-    /// Makes it. Its glasses take precedence over those of the context. In a context without a command line, results name the job.
+    /// Makes it. Its glasses take precedence over those of the context. In a context without a command line, results name the job. Events and
+    /// errors name keys of the request in place of flags of the command.
     pub fn run(self, context: &Context) -> Result<Value, JobError> {
+        self.made(&context.clone().in_keys()).map_err(error_in_keys)
+    }
+
+    fn made(self, context: &Context) -> Result<Value, JobError> {
         if self.threads > MOST_THREADS {
             let message = format!("call: `threads` is {}, more than {MOST_THREADS}", self.threads);
             return Err(JobError::input(message, "0 means those of the process"));
         }
         let row = row(&self.job)?;
+        let request = self.request_on_device(row)?;
         let mut context = context.clone().overwriting(self.overwrite || context.overwrites());
         // A run says what made it, with or without a command line.
         if context.command().is_empty() {
             context = context.with_command(format!("petzval call # job {}", self.job));
         }
-        if !self.glasses.is_empty() {
-            let chosen = read_glasses(&self.glasses)?;
-            chosen.warning_lines().iter().for_each(|line| context.warning(line));
-            let assets = context.assets.clone().with_glasses(chosen.catalog);
-            context = context.with_assets(assets);
-        }
+        let warn = |line: String| context.warning(WarningKind::LensFile, line);
+        let assets = library_with(context.assets.clone(), &self.glasses, false, &warn)?;
+        let context = context.with_assets(assets);
         if self.threads == 0 {
-            return row.run(self.request, &context);
+            return row.run(request, &context);
         }
         let pool = rayon::ThreadPoolBuilder::new().num_threads(self.threads).build();
         let pool = pool.map_err(|e| JobError::failed(format!("{} threads: {e}", self.threads)))?;
-        pool.install(|| row.run(self.request, &context))
+        pool.install(|| row.run(request, &context))
+    }
+}
+
+impl Call {
+    /// The request, with the device of the call where the job takes one.
+    fn request_on_device(&self, row: &Row) -> Result<Value, JobError> {
+        let Some(device) = &self.device else { return Ok(self.request.clone()) };
+        let takes_one = row.schema().pointer("/properties/device").is_some();
+        let (true, Some(keys)) = (takes_one, self.request.as_object()) else {
+            let message =
+                format!("call: `device` is \"{device}\", and the job `{}` takes no device", self.job);
+            return Err(JobError::input(message, "leave it out"));
+        };
+        match keys.get("device") {
+            Some(other) if other.as_str() != Some(device) => {
+                let message =
+                    format!("call: `device` is \"{device}\", and the request has `device`: {other}");
+                Err(JobError::input(message, "name the device once"))
+            }
+            _ => {
+                let mut keys = keys.clone();
+                keys.insert("device".to_owned(), device.as_str().into());
+                Ok(Value::Object(keys))
+            }
+        }
     }
 }
 

@@ -16,6 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
 use crate::error::JobError;
+use crate::event::WarningKind;
 use crate::results::{check_file, has_ending};
 
 /// Runs to compare.
@@ -57,20 +58,24 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         return Err(JobError::input("there is no run to compare", "name folders of finished runs"));
     }
     check_endings(request)?;
-    let comparisons =
-        compare(&request.runs, &context.assets, &request.accept_changed, &|text| context.warning(text))?;
+    let comparisons = compare(&request.runs, &context.assets, &request.accept_changed, &|text| {
+        context.warning(WarningKind::Comparison, text)
+    })?;
     check_file(&request.out, context)?;
     request.csv.iter().try_for_each(|path| check_file(path, context))?;
     let mut groups = Vec::new();
     for (i, comparison) in comparisons.iter().enumerate() {
+        context.check(|| "stopped before the page was written")?;
         context.progress(i as u64, comparisons.len() as u64, &comparison.title);
         groups.push(group(comparison, context)?);
     }
     let differences = differences(&comparisons);
     write_whole(&request.out, page(differences.as_ref(), &groups).as_bytes())
         .map_err(DesignError::io(&request.out))?;
+    context.wrote(&request.out, "page");
     if let Some(path) = &request.csv {
         write_whole(path, comparison_csv(&comparisons).as_bytes()).map_err(DesignError::io(path))?;
+        context.wrote(path, "table");
     }
     let of_group = |group: &Group| {
         let tables: Vec<String> = group.tables.iter().map(TextTable::markdown).collect();

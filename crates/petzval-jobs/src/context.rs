@@ -1,43 +1,25 @@
 //! What every job is given beside its request.
 
-use std::collections::HashSet;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex};
+use std::collections::{BTreeSet, HashSet};
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
 
+use petzval_base::Cancel;
 use petzval_design::library::Library;
 use petzval_learn::Device;
 use petzval_learn::loss::Lpips;
 use petzval_learn::score::{Score, standard_scores};
 
 use crate::device;
-use crate::error::JobError;
+use crate::error::{JobError, Stopped};
+use crate::event::{Event, WarningKind};
+use crate::keys::InKeys;
 use crate::named_isp::external_isp;
 
-/// Receives what a job reports while it works. The command prints it, a studio draws it.
+/// Receives what a job says while it works. The command prints it, a studio draws it.
 pub trait Watcher: Send + Sync {
-    /// Something that the user should know before believing the result; the job continues. One line, without a full stop.
-    fn warning(&self, text: &str);
-
-    /// Something that the job has done, such as a file it has written. One line.
-    fn note(&self, text: &str) {
-        let _ = text;
-    }
-
-    /// How far the job has come.
-    fn progress(&self, progress: &Progress) {
-        let _ = progress;
-    }
-}
-
-/// How far a job has come.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Progress {
-    /// Units of work done, in the unit that the job counts: steps, rounds, pictures.
-    pub done: u64,
-    /// Units of work in all; 0 if unknown.
-    pub total: u64,
-    /// What the job is doing now.
-    pub text: String,
+    /// Something happened. A job calls it from any of its threads.
+    fn event(&self, event: &Event);
 }
 
 /// A watcher that ignores everything.
@@ -45,7 +27,7 @@ pub struct Progress {
 pub struct Silent;
 
 impl Watcher for Silent {
-    fn warning(&self, _: &str) {}
+    fn event(&self, _: &Event) {}
 }
 
 /// Passes each warning on once: several parts of a job may find the same.
@@ -55,21 +37,15 @@ struct Once {
 }
 
 impl Watcher for Once {
-    fn warning(&self, text: &str) {
-        // The set stays valid if a thread panics while it holds the lock.
-        let mut said = self.said.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-        if said.insert(text.to_owned()) {
-            drop(said);
-            self.watcher.warning(text);
+    fn event(&self, event: &Event) {
+        if let Event::Warning { text, .. } = event {
+            // The set stays valid if a thread panics while it holds the lock.
+            let mut said = self.said.lock().unwrap_or_else(PoisonError::into_inner);
+            if !said.insert(text.clone()) {
+                return;
+            }
         }
-    }
-
-    fn note(&self, text: &str) {
-        self.watcher.note(text);
-    }
-
-    fn progress(&self, progress: &Progress) {
-        self.watcher.progress(progress);
+        self.watcher.event(event);
     }
 }
 
@@ -79,7 +55,9 @@ pub struct Context {
     /// Lenses, glasses, sensors, experiments, weights and tasks by name.
     pub assets: Library,
     watcher: Arc<dyn Watcher>,
-    cancelled: Arc<AtomicBool>,
+    cancel: Cancel,
+    /// Files that the job has written so far.
+    written: Arc<Mutex<BTreeSet<PathBuf>>>,
     command: String,
     overwrites: bool,
 }
@@ -89,10 +67,12 @@ impl Context {
     pub fn new(assets: Library, watcher: Arc<dyn Watcher>) -> Self {
         let watcher = Arc::new(Once { watcher, said: Mutex::default() });
         let sink = watcher.clone();
-        let assets = assets.reporting_warnings(Arc::new(move |text: &str| sink.warning(text)));
-        let cancelled = Arc::default();
-        let context = Self { assets, watcher, cancelled, command: String::new(), overwrites: false };
-        context.with_cancellation(Arc::new(AtomicBool::new(false)))
+        let assets = assets.reporting_warnings(Arc::new(move |text: &str| {
+            sink.event(&Event::Warning { kind: WarningKind::LensFile, text: text.to_owned() });
+        }));
+        let (cancel, written, command) = (Cancel::default(), Arc::default(), String::new());
+        let context = Self { assets, watcher, cancel: cancel.clone(), written, command, overwrites: false };
+        context.with_cancellation(cancel)
     }
 
     /// The same context with another library.
@@ -101,10 +81,20 @@ impl Context {
     }
 
     /// The same context with a flag that stops its jobs once it is set.
-    pub fn with_cancellation(self, cancelled: Arc<AtomicBool>) -> Self {
-        let flag = cancelled.clone();
+    pub fn with_cancellation(self, cancel: Cancel) -> Self {
+        let flag = cancel.clone();
         let assets = self.assets.with_external_isps(Arc::new(move |path| external_isp(path, &flag)));
-        Self { assets, cancelled, ..self }
+        Self { assets: assets.stopped_by(cancel.clone()), cancel, ..self }
+    }
+
+    /// The same context, whose events and errors name keys of requests in place of flags.
+    pub(crate) fn in_keys(self) -> Self {
+        Self { watcher: Arc::new(InKeys(self.watcher)), ..self }
+    }
+
+    /// The same context for another job, which has written nothing yet.
+    pub(crate) fn for_a_job(&self) -> Self {
+        Self { written: Arc::default(), ..self.clone() }
     }
 
     /// The same context with the command line that its jobs keep beside their results.
@@ -134,27 +124,54 @@ impl Context {
 
     /// Whether the job should stop at its next safe point.
     pub fn is_cancelled(&self) -> bool {
-        self.cancelled.load(Ordering::Relaxed)
+        self.cancel.is_set()
     }
 
-    /// The flag behind [`Context::is_cancelled`].
-    pub fn cancellation(&self) -> &Arc<AtomicBool> {
-        &self.cancelled
+    /// The flag behind [`Context::is_cancelled`], for work that does not know of jobs.
+    pub fn cancel(&self) -> &Cancel {
+        &self.cancel
     }
 
-    /// Reports a warning.
-    pub fn warning(&self, text: impl AsRef<str>) {
-        self.watcher.warning(text.as_ref());
+    /// Fails if the job is cancelled: for the end of a unit of work. `message` says where the job stopped.
+    pub fn check<M: Into<String>>(&self, message: impl FnOnce() -> M) -> Result<(), JobError> {
+        if self.is_cancelled() { Err(self.stopped(message()).into()) } else { Ok(()) }
     }
 
-    /// Reports something that was done.
-    pub fn note(&self, text: impl AsRef<str>) {
-        self.watcher.note(text.as_ref());
+    /// How a cancelled job ends that stopped where the message says. It keeps the files that it has written so far.
+    pub fn stopped(&self, message: impl Into<String>) -> Stopped {
+        Stopped { kept: self.written(), ..Stopped::new(message) }
+    }
+
+    /// The files that the job has written so far.
+    pub fn written(&self) -> Vec<PathBuf> {
+        self.written.lock().unwrap_or_else(PoisonError::into_inner).iter().cloned().collect()
+    }
+
+    /// Reports an event.
+    pub fn event(&self, event: &Event) {
+        self.watcher.event(event);
+    }
+
+    /// Reports a warning: one thing, on one line, without a full stop.
+    pub fn warning(&self, kind: WarningKind, text: impl Into<String>) {
+        self.event(&Event::Warning { kind, text: text.into() });
+    }
+
+    /// Reports something that was done or found, on one line.
+    pub fn note(&self, text: impl Into<String>) {
+        self.event(&Event::Note { text: text.into() });
     }
 
     /// Reports how far the job has come.
     pub fn progress(&self, done: u64, total: u64, text: impl Into<String>) {
-        self.watcher.progress(&Progress { done, total, text: text.into() });
+        self.event(&Event::Progress { done, total, text: text.into() });
+    }
+
+    /// Reports a file that is whole, and what it holds. A job that is cancelled later keeps it.
+    pub fn wrote(&self, path: impl Into<PathBuf>, what: &str) {
+        let path = path.into();
+        self.written.lock().unwrap_or_else(PoisonError::into_inner).insert(path.clone());
+        self.event(&Event::File { path, what: what.to_owned() });
     }
 
     /// Every score of a picture, computed on the processor.
@@ -179,8 +196,8 @@ mod tests {
     struct Kept(Mutex<Vec<String>>);
 
     impl Watcher for Kept {
-        fn warning(&self, text: &str) {
-            self.0.lock().unwrap().push(text.to_owned());
+        fn event(&self, event: &Event) {
+            self.0.lock().unwrap().push(event.to_string());
         }
     }
 
@@ -188,9 +205,26 @@ mod tests {
     fn a_warning_is_said_once_by_whichever_part_of_a_job() {
         let kept = Arc::new(Kept::default());
         let context = Context::new(crate::built_in_assets(), kept.clone());
-        context.warning("one");
-        context.warning("two");
-        context.clone().overwriting(true).warning("one");
-        assert_eq!(*kept.0.lock().unwrap(), ["one", "two"]);
+        let warning = |context: &Context, text: &str| context.warning(WarningKind::Other, text);
+        warning(&context, "one");
+        warning(&context, "two");
+        warning(&context.clone().overwriting(true), "one");
+        assert_eq!(*kept.0.lock().unwrap(), ["warning: one", "warning: two"]);
+    }
+
+    #[test]
+    fn a_stopped_job_keeps_what_it_has_written_and_the_next_one_begins_with_nothing() {
+        let context = Context::new(crate::built_in_assets(), Arc::new(Silent));
+        assert!(context.check(|| "stopped").is_ok());
+        context.wrote("a.png", "picture");
+        context.wrote("a.png", "picture");
+        context.cancel().set();
+        let Err(JobError::Stopped(stopped)) = context.check(|| "stopped after 1 of 2 pictures") else {
+            panic!()
+        };
+        assert_eq!(stopped.kept, [PathBuf::from("a.png")]);
+        assert_eq!(stopped.to_string(), "stopped after 1 of 2 pictures");
+        assert!(context.assets.cancel().is_set() && context.for_a_job().is_cancelled());
+        assert!(context.for_a_job().written().is_empty());
     }
 }

@@ -14,7 +14,7 @@ use petzval_design::path_text::path_text;
 use petzval_design::plausible::check;
 use petzval_design::run::input_list::{InputList, check_pictures_are_there};
 use petzval_design::run::{
-    CameraMetrics, DigestCheck, Event, RunFolder, RunRecord, VERSION, extend_run, write_file,
+    CameraMetrics, DigestCheck, Event as StepEvent, RunFolder, RunRecord, VERSION, extend_run, write_file,
 };
 use petzval_design::scoring::Scorer;
 use petzval_design::setup::Setup;
@@ -25,7 +25,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
-use crate::error::{JobError, json, make_folder};
+use crate::error::{JobError, Stopped, json, make_folder};
+use crate::event::{CameraScore, Event, WarningKind};
 pub use crate::experiment::DEFAULT_EXPERIMENT;
 use crate::init;
 use crate::machine::environment;
@@ -127,35 +128,40 @@ pub struct Response {
     /// Folder of the run.
     #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub run: PathBuf,
-    /// Finished or stopped.
-    pub ending: RunEnding,
+    /// The figures.
+    pub metrics: Box<Metrics>,
+    /// The report.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
+    pub report: PathBuf,
+    /// The result in sentences, as the report has it.
+    pub sentences: Vec<String>,
 }
 
-/// Finished or stopped.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum RunEnding {
-    /// Every camera is made and scored.
-    Finished {
-        /// The figures.
-        metrics: Box<Metrics>,
-        /// The report.
-        report: PathBuf,
-        /// The result in sentences, as the report has it.
-        sentences: Vec<String>,
-    },
-    /// The run was cancelled; it left a checkpoint at this step.
-    Stopped {
-        /// Steps taken.
-        step: u64,
-    },
+/// How a cancelled run ends that is kept in a folder, and goes on from there.
+fn stopped(message: impl Into<String>, run: &Path, device: &str) -> JobError {
+    let run = run.to_path_buf();
+    let again = Request {
+        run: Run::Resume(Resume { run: run.clone(), ..Resume::default() }),
+        device: device.to_owned(),
+    };
+    Stopped::new(message).keeping(run).going_on_with(&again).into()
 }
 
-/// Starts or continues a run, until it is finished or cancelled.
+/// Starts or continues a run, until every camera is made and scored. A run that is cancelled leaves a checkpoint.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+    run_from(request, context).map_err(|error| match (&request.run, error) {
+        // A run that goes on is as it was until it takes a step.
+        (Run::Resume(resume), JobError::Stopped(early)) if early.resume.is_none() => {
+            stopped(early.message, &resume.run, &request.device)
+        }
+        (_, error) => error,
+    })
+}
+
+fn run_from(request: &Request, context: &Context) -> Result<Response, JobError> {
     let device = context.device(&request.device)?;
     let mut extension = None;
-    let warn = |text: &str| context.warning(text);
+    let warn = |text: &str| context.warning(WarningKind::ChangedFile, text);
     let accepted = match &request.run {
         Run::Resume(resume) => &resume.accept_changed[..],
         Run::New(_) => &[],
@@ -169,7 +175,10 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             let (record, config) = resumed(resume, &folder, context)?;
             if record.version != VERSION {
                 let begun = &record.version;
-                context.warning(format!("the run was begun by Petzval {begun}, and goes on with {VERSION}"));
+                context.warning(
+                    WarningKind::OtherVersion,
+                    format!("the run was begun by Petzval {begun}, and goes on with {VERSION}"),
+                );
             }
             warn_of_another_level(&folder, context)?;
             let key = context.assets.facts_of(&config)?.pictures;
@@ -217,15 +226,15 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     report_weights(&setup, context);
     let psf = setup.experiment.psf.clone();
     let mut watch = Watch { context, scores, psf, total: 0 };
-    let ending = design.run(&mut watch, context.cancellation())?;
-    let ending = match ending {
-        Ending::Stopped(step) => RunEnding::Stopped { step },
-        Ending::Finished(metrics) => {
-            let (report, sentences) = crate::run_page::write(&setup, &folder)?;
-            RunEnding::Finished { metrics, report, sentences }
+    match design.run(&mut watch)? {
+        Ending::Stopped(step) => {
+            Err(stopped(format!("stopped at step {step}"), folder.root(), &request.device))
         }
-    };
-    Ok(Response { run: folder.root().to_path_buf(), ending })
+        Ending::Finished(metrics) => {
+            let (report, sentences) = crate::run_page::write(&setup, &folder, context)?;
+            Ok(Response { run: folder.root().to_path_buf(), metrics, report, sentences })
+        }
+    }
 }
 
 /// Where the user says that the pictures of a run are now. A run has either photographs or labelled pictures.
@@ -285,7 +294,7 @@ fn warn_of_another_level(folder: &RunFolder, context: &Context) -> Result<(), Jo
         JobError::input(format!("{}: {e}", path.display()), "it was changed since it was written")
     })?;
     match begun["simd_used"].as_str() {
-        Some(begun) if begun != level() => context.warning(format!(
+        Some(begun) if begun != level() => context.warning(WarningKind::InstructionSet, format!(
             "the run was begun with the instruction set {begun}, and goes on with {}: its figures differ from those of an uninterrupted run \
              in their last digits, and small steps may lead elsewhere",
             level()
@@ -337,7 +346,7 @@ fn looked_at(
     let mut look = first_look(&setup)?;
     let others = check(&setup, &source)?;
     look.warnings.extend(others);
-    look.warnings.iter().for_each(|warning| context.warning(warning));
+    look.warnings.iter().for_each(|warning| context.warning(WarningKind::Experiment, warning));
     Ok((setup, look, own))
 }
 
@@ -354,7 +363,7 @@ pub(crate) fn report_pictures(setup: &Setup, context: &Context) {
     for remark in setup.task.remarks() {
         match remark {
             Remark::Note(text) => context.note(text),
-            Remark::Warning(text) => context.warning(text),
+            Remark::Warning(text) => context.warning(WarningKind::DataSet, text),
         }
     }
 }
@@ -576,11 +585,18 @@ impl Observer for Watch<'_> {
         }
     }
 
-    fn step(&mut self, event: &Event) {
-        let losses: Vec<String> =
-            event.losses.iter().map(|(name, value)| format!("{name} {value:.4}")).collect();
-        let text = format!("{} | {} | {}", event.camera, event.block, losses.join("  "));
-        self.context.progress(event.step, self.total, text);
+    fn step(&mut self, event: &StepEvent) {
+        self.context.event(&Event::Step {
+            camera: event.camera.clone(),
+            block: event.block.clone(),
+            step: event.step,
+            total: self.total,
+            losses: event.losses.clone(),
+        });
+    }
+
+    fn file(&mut self, path: &Path, what: &str) {
+        self.context.event(&Event::File { path: path.to_path_buf(), what: what.to_owned() });
     }
 
     fn note(&mut self, text: &str) {
@@ -588,19 +604,20 @@ impl Observer for Watch<'_> {
     }
 
     fn camera(&mut self, m: &CameraMetrics) {
-        let scores: Vec<String> = (self.scores.iter())
-            .filter_map(|c| {
-                m.scores
-                    .get(&c.name)
-                    .map(|v| format!("{} {v:.*} {}", c.title, c.decimals, c.unit).trim_end().to_owned())
-            })
-            .collect();
-        self.context.note(format!("{}: {}, RMS spot {:.2} um", m.camera, scores.join(", "), m.rms_spot_um));
+        let value = |score: &ScoreDescription| Some(CameraScore::new(score, *m.scores.get(&score.name)?));
+        self.context.event(&Event::Camera {
+            camera: m.camera.clone(),
+            scores: self.scores.iter().filter_map(value).collect(),
+            rms_spot_um: m.rms_spot_um,
+        });
         if let Some(lost) = self.psf.lost_light(m.psf_captured) {
-            self.context.warning(format!("{}: {lost}; a larger psf.pitch_um holds more", m.camera));
+            self.context.warning(
+                WarningKind::LostLight,
+                format!("{}: {lost}; a larger psf.pitch_um holds more", m.camera),
+            );
         }
         if let Some(rough) = self.psf.rough_fields(m.psf_by_rays) {
-            self.context.warning(format!("{}: {rough}", m.camera));
+            self.context.warning(WarningKind::PsfError, format!("{}: {rough}", m.camera));
         }
         let Some(errors) = m.psf_errors else { return };
         for (what, error, key, wanted) in [
@@ -618,7 +635,7 @@ impl Observer for Watch<'_> {
             ),
         ] {
             if error > wanted {
-                self.context.warning(format!(
+                self.context.warning(WarningKind::PsfError, format!(
                     "{}: with {what}, its PSFs have an error of {error:.3} (L1), more than psf.{key} = {wanted}",
                     m.camera
                 ));

@@ -3,11 +3,13 @@
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use petzval_base::{FileError, LONGEST_NAME, write_whole};
-use petzval_camera::isp::IspError;
+use petzval_base::{Cancelled, FileError, LONGEST_NAME, write_whole};
 use petzval_design::error::DesignError;
 use petzval_files::raw_file::RawFileError;
 use petzval_files::{ImageError, decode};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize, Serializer};
+use serde_json::Value;
 
 /// Who has to change something before the job can succeed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,9 +54,117 @@ pub enum JobError {
     /// The request was proper, and the job failed.
     #[error("{0}")]
     Failed(String),
-    /// The job was cancelled before it had a result.
-    #[error("{0}")]
-    Stopped(String),
+    /// The job has a fault and panicked.
+    #[error("{job}: a fault of this program{}: {message}", at(place.as_deref()))]
+    Panic {
+        /// Name of the job.
+        job: String,
+        /// What the panic says.
+        message: String,
+        /// Where, as `file:line:column` of the source.
+        place: Option<String>,
+    },
+    /// The job was cancelled.
+    #[error(transparent)]
+    Stopped(Box<Stopped>),
+}
+
+/// How a cancelled job ends: where it stopped, what is kept, and how to go on.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, thiserror::Error)]
+#[serde(deny_unknown_fields)]
+#[error("{message}")]
+pub struct Stopped {
+    /// Where it stopped.
+    pub message: String,
+    /// The files and folders that it has written, each of them whole.
+    #[serde(default, serialize_with = "petzval_base::lossy_path::serialize")]
+    pub kept: Vec<PathBuf>,
+    /// The request with which the same job goes on from there; none if it begins again.
+    #[serde(default)]
+    pub resume: Option<Value>,
+    /// The response with what was found until then, if that is of use.
+    #[serde(default)]
+    pub response: Option<Value>,
+}
+
+impl Stopped {
+    /// A job that stopped where the message says, and keeps nothing.
+    pub fn new(message: impl Into<String>) -> Self {
+        Self { message: message.into(), kept: Vec::new(), resume: None, response: None }
+    }
+
+    /// A job that also keeps a file or folder.
+    pub fn keeping(mut self, path: impl Into<PathBuf>) -> Self {
+        let path = path.into();
+        if !self.kept.contains(&path) {
+            self.kept.push(path);
+        }
+        self
+    }
+
+    /// A job that goes on with a request, which JSON must be able to hold.
+    pub fn going_on_with(self, request: &impl Serialize) -> Self {
+        Self { resume: serde_json::to_value(request).ok(), ..self }
+    }
+
+    /// A job with what it has found, which JSON must be able to hold.
+    pub fn with_response(self, response: &impl Serialize) -> Self {
+        Self { response: serde_json::to_value(response).ok(), ..self }
+    }
+}
+
+/// A [`JobError`] as a value, for programs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ErrorReport {
+    /// `setting`, `input`, `file`, `failed`, `panic` or `stopped`.
+    pub kind: String,
+    /// What is wrong.
+    pub message: String,
+    /// Where, if there is a place.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub place: Option<Place>,
+    /// What to do; may be empty.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub hint: String,
+    /// What a cancelled job keeps.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stopped: Option<Stopped>,
+}
+
+/// A key of a request, a place in a file, or one in the source of this program. What is not known is left out.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Place {
+    /// The file.
+    #[serde(skip_serializing_if = "Option::is_none", serialize_with = "petzval_base::lossy_path::serialize")]
+    pub path: Option<PathBuf>,
+    /// Its line, from 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub line: Option<u32>,
+    /// The column in the line, in characters from 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub column: Option<u32>,
+    /// The key of the file, or of the request if there is no file.
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub key: String,
+    /// Its value as text.
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub value: String,
+    /// `file:line:column` in the source of this program.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub source: Option<String>,
+}
+
+impl Serialize for JobError {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        self.report().serialize(serializer)
+    }
+}
+
+/// ` at PLACE`, or nothing.
+fn at(place: Option<&str>) -> String {
+    place.map_or_else(String::new, |place| format!(" at {place}"))
 }
 
 impl JobError {
@@ -89,9 +199,60 @@ impl JobError {
     /// Who has to change something.
     pub fn fault(&self) -> Fault {
         match self {
-            Self::Failed(_) | Self::Stopped(_) => Fault::Job,
+            Self::Failed(_) | Self::Panic { .. } | Self::Stopped(_) => Fault::Job,
             Self::Setting { .. } | Self::Input { .. } | Self::File { .. } => Fault::Input,
         }
+    }
+
+    /// The error as a value.
+    pub fn report(&self) -> ErrorReport {
+        let report = |kind: &str, message: &str| ErrorReport {
+            kind: kind.to_owned(),
+            message: message.to_owned(),
+            place: None,
+            hint: String::new(),
+            stopped: None,
+        };
+        match self {
+            Self::Setting { key, value, message, hint } => ErrorReport {
+                place: Some(Place { key: (*key).to_owned(), value: value.clone(), ..Place::default() }),
+                hint: hint.clone(),
+                ..report("setting", message)
+            },
+            Self::Input { message, hint } => ErrorReport { hint: hint.clone(), ..report("input", message) },
+            Self::File { path, error } => ErrorReport {
+                place: Some(Place {
+                    path: Some(path.clone()),
+                    line: error.line,
+                    column: error.column,
+                    key: error.key.clone(),
+                    value: error.value.clone(),
+                    source: None,
+                }),
+                hint: error.hint.clone().unwrap_or_default(),
+                ..report("file", &error.message)
+            },
+            Self::Failed(message) => report("failed", message),
+            Self::Panic { message, place, .. } => ErrorReport {
+                place: Some(Place { source: place.clone(), ..Place::default() }),
+                ..report("panic", message)
+            },
+            Self::Stopped(stopped) => {
+                ErrorReport { stopped: Some(Stopped::clone(stopped)), ..report("stopped", &stopped.message) }
+            }
+        }
+    }
+}
+
+impl From<Stopped> for JobError {
+    fn from(stopped: Stopped) -> Self {
+        Self::Stopped(Box::new(stopped))
+    }
+}
+
+impl From<Cancelled> for JobError {
+    fn from(_: Cancelled) -> Self {
+        Stopped::new("stopped before its end").into()
     }
 }
 
@@ -99,7 +260,7 @@ impl From<DesignError> for JobError {
     fn from(error: DesignError) -> Self {
         match error {
             DesignError::Input { path, error } => Self::File { path, error },
-            DesignError::Isp(IspError::Stopped(_)) => Self::Stopped(error.to_string()),
+            _ if error.is_stopped() => Stopped::new(error.to_string()).into(),
             DesignError::Image(ImageError::Io { ref source, .. }) => {
                 Self::system(error.to_string(), source, "give a PNG, JPEG or TIFF file that exists")
             }
@@ -194,7 +355,42 @@ pub fn json(value: &impl serde::Serialize) -> Result<String, JobError> {
 
 #[cfg(test)]
 mod tests {
+    use serde_json::json;
+
     use super::*;
+
+    #[test]
+    fn an_error_is_a_value_with_kind_message_place_and_hint() {
+        let text = "a = 1\nb = 2\n";
+        let error = Box::new(FileError::at(text, 10..11, "b", "too large").hint("1 or less"));
+        let stopped =
+            Stopped::new("stopped after 1 of 2").keeping("a.png").going_on_with(&json!({"out": "x"}));
+        for (error, json) in [
+            (
+                JobError::setting("trials", 7, "out of range", "1 to 5"),
+                json!({"kind": "setting", "message": "out of range", "place": {"key": "trials", "value": "7"}, "hint": "1 to 5"}),
+            ),
+            (
+                JobError::input("no lens", "name one"),
+                json!({"kind": "input", "message": "no lens", "hint": "name one"}),
+            ),
+            (
+                JobError::File { path: "x.toml".into(), error },
+                json!({"kind": "file", "message": "too large", "hint": "1 or less",
+                    "place": {"path": "x.toml", "line": 2, "column": 5, "key": "b", "value": "2"}}),
+            ),
+            (JobError::failed("no light"), json!({"kind": "failed", "message": "no light"})),
+            (
+                stopped.into(),
+                json!({"kind": "stopped", "message": "stopped after 1 of 2", "stopped": {
+                    "message": "stopped after 1 of 2", "kept": ["a.png"], "resume": {"out": "x"}, "response": null}}),
+            ),
+        ] {
+            assert_eq!(serde_json::to_value(&error).unwrap(), json);
+            let back: ErrorReport = serde_json::from_value(json).unwrap();
+            assert_eq!(back, error.report());
+        }
+    }
 
     #[test]
     fn names_that_no_file_system_holds_are_refused() {

@@ -26,6 +26,7 @@ use serde::{Deserialize, Serialize};
 use crate::context::Context;
 use crate::design::{pictures_now, report_pictures, scorer};
 use crate::error::JobError;
+use crate::event::WarningKind;
 use crate::lens::tolerance::read as read_tolerances;
 use crate::run_page::warn_of_changed_config;
 
@@ -143,11 +144,11 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     }
     let folder = RunFolder::open(&request.run)?;
     let kept = read_metrics(&folder)?;
-    let warn = |text: &str| context.warning(text);
+    let warn = |text: &str| context.warning(WarningKind::ChangedFile, text);
     let check = DigestCheck::new(&folder, &request.accept_changed, &warn);
     // The figures are computed again: what differs is shown.
     for change in check.changes("")? {
-        context.warning(format!("{}: {change}", request.run.display()));
+        context.warning(WarningKind::ChangedFile, format!("{}: {change}", request.run.display()));
     }
     check.check_cameras(kept.rows.iter().map(|row| row.camera.as_str()))?;
     let designs = request.made.as_ref().map(|made| made.designs(&kept, &folder)).transpose()?;
@@ -369,7 +370,7 @@ fn make(
             scores = with_limit;
             if !without.is_empty() {
                 let names: Vec<_> = without.iter().map(|score| score.name.as_str()).collect();
-                context.warning(format!(
+                context.warning(WarningKind::LeftOut, format!(
                     "the {} pictures hold no object for {}, which is left out; more pictures (--pictures) may have some",
                     made.pictures,
                     names.join(", ")
@@ -380,7 +381,7 @@ fn make(
     }
     let left_out = designs.last().map_or(0, |design| design.left_out);
     if left_out > 0 {
-        context.warning(format!(
+        context.warning(WarningKind::LeftOut, format!(
             "{left_out} of the tolerances are left out, decentres and tilts among them: with them a lens has no symmetry, and its pictures \
              cannot be rendered; the yield is an upper bound"
         ));
@@ -398,7 +399,7 @@ fn make(
         rows,
     };
     found.write(folder)?;
-    crate::run_page::write(setup, folder)?;
+    crate::run_page::write(setup, folder, context)?;
     Ok(found)
 }
 

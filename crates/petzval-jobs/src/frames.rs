@@ -2,6 +2,8 @@
 
 use std::sync::Mutex;
 
+use petzval_base::Cancelled;
+
 use crate::context::Context;
 
 /// Counts the frames of a job and reports each to its watcher, from any thread and in ascending order.
@@ -16,9 +18,10 @@ impl<'a> Frames<'a> {
         Self { context, total: total as u64, done: Mutex::new(0) }
     }
 
-    /// Counts one more frame.
-    pub(crate) fn add(&self, text: &str) {
+    /// Counts one more frame. Fails if the job is cancelled.
+    pub(crate) fn add(&self, text: &str) -> Result<(), Cancelled> {
         self.report(1, text);
+        self.context.cancel().check()
     }
 
     /// Reports what the job does now, without a new frame.

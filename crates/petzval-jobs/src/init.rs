@@ -16,6 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
 use crate::error::JobError;
+use crate::event::WarningKind;
 use crate::own_lens::{OwnLens, own_lens};
 use crate::results::check_folder;
 
@@ -91,7 +92,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let sees_photos = pictures == PicturesKey::Photos && experiment.photos == BUILT_IN_PHOTOS;
     let needs_gray_photos = array.colours() == [Colour::Clear] && sees_photos;
     if needs_gray_photos {
-        context.warning(format!(
+        context.warning(WarningKind::Experiment, format!(
             "`{sensor_name}` is monochrome, and the built-in photographs are in colour; give the experiment gray ones: `photos`, or `design --photos DIR`"
         ));
     }
@@ -104,8 +105,10 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         match &mut variant.lens {
             Some(named) if *named == own_lens_name => *named = LENS.to_owned(),
             Some(named) if lens.is_some() && !is_derived_lens(named) => {
-                context
-                    .warning(format!("the variant `{name}` starts from `{named}`, which is not your lens"));
+                context.warning(
+                    WarningKind::Experiment,
+                    format!("the variant `{name}` starts from `{named}`, which is not your lens"),
+                );
             }
             _ => {}
         }
@@ -124,6 +127,16 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let path = |name: &str| out.join(name);
     for (name, text) in [(LENS, &lens_text), (SENSOR, &sensor_text), (EXPERIMENT, &text)] {
         write_whole(&path(name), text.as_bytes()).map_err(DesignError::io(&path(name)))?;
+        context.wrote(
+            path(name),
+            if name == LENS {
+                "lens"
+            } else if name == SENSOR {
+                "sensor"
+            } else {
+                "experiment"
+            },
+        );
     }
     Ok(Response {
         experiment: path(EXPERIMENT),

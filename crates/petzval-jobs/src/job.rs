@@ -8,7 +8,8 @@ use serde::de::DeserializeOwned;
 use serde_json::Value;
 
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::{JobError, Stopped};
+use crate::panic_place;
 
 /// A verb: a request comes in, a response goes out.
 pub trait Job {
@@ -60,12 +61,20 @@ impl Row {
 
     /// Runs it. A request that does not fit the schema is an error with the key that is wrong; a panic is a failure of this job alone.
     pub fn run(&self, request: Value, context: &Context) -> Result<Value, JobError> {
+        let context = context.for_a_job();
+        panic_place::keep();
         // What a job leaves half done is dropped with it: its context is lent, and holds nothing that a panic could break.
-        let result = catch_unwind(AssertUnwindSafe(|| (self.run)(request, context)));
-        result.unwrap_or_else(|panic| {
-            let text = panic.downcast_ref::<String>().map(String::as_str);
-            let text = text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no reason given");
-            Err(JobError::failed(format!("{}: a fault of this program: {text}", self.name)))
+        let result = catch_unwind(AssertUnwindSafe(|| (self.run)(request, &context)));
+        let result = result.unwrap_or_else(|panic| {
+            let (message, place) = panic_place::of(panic.as_ref());
+            Err(JobError::Panic { job: self.name.to_owned(), message, place })
+        });
+        // Work that does not know of the context does not know what the job has written before.
+        result.map_err(|error| match error {
+            JobError::Stopped(stopped) if stopped.kept.is_empty() => {
+                Stopped { kept: context.written(), ..*stopped }.into()
+            }
+            other => other,
         })
     }
 }
@@ -116,7 +125,9 @@ mod tests {
         type Response = u32;
 
         fn run(request: &u32, _: &Context) -> Result<u32, JobError> {
-            assert!(*request > 0, "zero is nothing");
+            assert!(*request != 0, "zero is nothing");
+            // In a thread of the pool, whose panic goes on in the caller's.
+            rayon::join(|| assert!(*request != 1, "one is too few: {request}"), || ());
             Ok(*request)
         }
     }
@@ -126,7 +137,16 @@ mod tests {
         let context = Context::new(crate::built_in_assets(), Arc::new(Silent));
         let row = Row::of::<Broken>();
         let error = row.run(0.into(), &context).unwrap_err();
-        assert_eq!(error.to_string(), "broken: a fault of this program: zero is nothing");
+        let JobError::Panic { job, message, place } = &error else { panic!("{error}") };
+        assert_eq!((job.as_str(), message.as_str()), ("broken", "zero is nothing"));
+        let place = place.as_deref().unwrap();
+        assert!(place.contains("job.rs:"), "{place}");
+        assert_eq!(error.to_string(), format!("broken: a fault of this program at {place}: zero is nothing"));
+        let report = error.report();
+        assert_eq!((report.kind.as_str(), report.place.unwrap().source.as_deref()), ("panic", Some(place)));
+        let error = row.run(1.into(), &context).unwrap_err();
+        assert!(matches!(&error, JobError::Panic { place: Some(_), .. }), "{error}");
+        assert!(error.to_string().ends_with(": one is too few: 1"), "{error}");
         assert_eq!(row.run(2.into(), &context).unwrap(), 2);
     }
 }

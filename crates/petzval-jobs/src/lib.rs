@@ -2,8 +2,9 @@
 //!
 //! Requests and responses are plain data that serde can write and read. The command parses its arguments into a request
 //! and prints the response; a studio, another language or a work unit on a cluster use the same two types. A job prints
-//! nothing and parses no arguments: it reports warnings and progress to the [`Watcher`] of its [`Context`], stops when
-//! [`Context::is_cancelled`] is true, and fails with a [`JobError`] that names the setting or the place in the file.
+//! nothing and parses no arguments: it reports every [`Event`] to the [`Watcher`] of its [`Context`], and fails with a
+//! [`JobError`] that names the setting or the place in the file. A job that is cancelled ends with [`JobError::Stopped`],
+//! within a second or at the end of the running step.
 //!
 //! Two equal requests give equal results to the last bit: budgets count steps or rounds, and a limit in seconds is only
 //! an additional stop.
@@ -21,6 +22,7 @@ mod device;
 pub mod doctor;
 mod error;
 pub mod evaluate;
+mod event;
 pub mod experiment;
 mod finite;
 mod frames;
@@ -28,10 +30,12 @@ pub mod glass;
 pub mod init;
 pub mod isp;
 mod job;
+mod keys;
 pub mod lens;
 pub mod machine;
 mod named_isp;
 mod own_lens;
+mod panic_place;
 pub mod pinhole;
 pub mod psf;
 pub mod psf_calibrate;
@@ -49,9 +53,18 @@ mod usual;
 
 pub use built_in::built_in_assets;
 pub use call::{CALL_FORMAT, Call, MOST_THREADS, row};
-pub use context::{Context, Progress, Silent, Watcher};
+pub use context::{Context, Silent, Watcher};
 pub use device::compiled_in_devices;
-pub use error::{Fault, JobError, json, text_of_file};
+pub use error::{ErrorReport, Fault, JobError, Place, Stopped, json, text_of_file};
+pub use event::{CameraScore, Event, WarningKind};
 pub use job::{Job, Row};
 pub use petzval_design::library::Library;
 pub use table::jobs;
+
+/// What outlives a call may go from thread to thread: a server keeps it.
+const _: () = {
+    const fn is_shared<T: Send + Sync>() {}
+    is_shared::<Context>();
+    is_shared::<Call>();
+    is_shared::<JobError>();
+};

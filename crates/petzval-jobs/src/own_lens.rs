@@ -9,6 +9,7 @@ use petzval_files::write_lens;
 
 use crate::context::Context;
 use crate::error::JobError;
+use crate::event::WarningKind;
 
 /// Endings of lens files of other programs.
 const FOREIGN: [&str; 3] = ["zmx", "seq", "json"];
@@ -53,7 +54,10 @@ pub(crate) fn own_lens(
     let pictures = context.assets.facts_of(&experiment)?.pictures;
     let fitted = fit(FitOf { experiment, lens: import, lens_name: lens, sensor, pictures }, &context.assets)?;
     fitted.notes.iter().for_each(|note| context.note(note));
-    fitted.warnings.iter().for_each(|warning| context.warning(format!("{lens}: {warning}")));
+    fitted
+        .warnings
+        .iter()
+        .for_each(|warning| context.warning(WarningKind::Experiment, format!("{lens}: {warning}")));
     // The text of a file that needs no change keeps its comments.
     let is_ours = !FOREIGN.contains(&extension(Path::new(lens)).as_str());
     let lens_text = if fitted.changes_lens || !is_ours {

@@ -15,7 +15,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
 use crate::error::{JobError, json, make_folder, write_file};
-use crate::results::check_folder;
+use crate::event::WarningKind;
+use crate::results::{check_folder, what_is};
 
 pub use petzval_optics::psf::PsfKind;
 
@@ -208,7 +209,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     };
     let (plan, error) = plan.converged(&lens, request.pupil_error).map_err(no_light)?;
     if error > request.pupil_error {
-        context.warning(format!(
+        context.warning(WarningKind::PsfError, format!(
             "PSFs on {} pupil cells a side have an error of {error:.3} (L1); larger cells of the PSF have less",
             plan.quadrature.cells
         ));
@@ -240,7 +241,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     write_npy(&light, &[fields, 3], &illumination)?;
     write_file(&sheet, psf_sheet(&psfs, &plan.options, plan.wavelengths_um))?;
     write_whole(&text, json(&axes)?.as_bytes()).map_err(DesignError::io(&text))?;
-    Ok(Response { files: vec![psf, light, sheet, text], axes })
+    let files = vec![psf, light, sheet, text];
+    files.iter().for_each(|path| context.wrote(path, what_is(path)));
+    Ok(Response { files, axes })
 }
 
 /// Each PSF has unit sum, however much of its light the grid holds: warns where the grid does not hold nearly all.
@@ -250,12 +253,15 @@ fn warn_of_lost_light(request: &Request, psfs: &[FieldPsf], context: &Context) {
     if let Some(worst) = psfs.iter().min_by(|a, b| captured(a).total_cmp(&captured(b)))
         && captured(worst) < 1.0 - LOST
     {
-        context.warning(format!(
-            "at {:.2} degrees the grid of {} um holds {:.0} % of the light; try a larger --grid",
-            worst.field_rad.to_degrees(),
-            request.side_um(),
-            100.0 * captured(worst)
-        ));
+        context.warning(
+            WarningKind::LostLight,
+            format!(
+                "at {:.2} degrees the grid of {} um holds {:.0} % of the light; try a larger --grid",
+                worst.field_rad.to_degrees(),
+                request.side_um(),
+                100.0 * captured(worst)
+            ),
+        );
     }
 }
 

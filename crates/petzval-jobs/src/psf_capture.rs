@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize};
 use crate::context::Context;
 use crate::error::{JobError, make_folder};
 use crate::frames::Frames;
-use crate::pinhole::{PinholeError, PinholePsf, PinholeView, Refocus};
+use crate::pinhole::{PinholePsf, PinholeView, Refocus};
 
 /// Captures of a pinhole: frames and their manifest, for [`crate::psf_calibrate`].
 ///
@@ -156,8 +156,11 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     };
     let view =
         PinholeView::new(&lens, &sensor, Some(request.distance_mm), request.pinhole_um, true, refocus)?;
-    let psfs = request.radii_mm().map(|radius_mm| Ok((radius_mm, view.psf(radius_mm)?)));
-    let psfs: Vec<(f64, PinholePsf)> = psfs.collect::<Result<_, PinholeError>>()?;
+    let psfs = request.radii_mm().map(|radius_mm| {
+        context.check(|| "stopped before any frame was taken")?;
+        Ok((radius_mm, view.psf(radius_mm)?))
+    });
+    let psfs: Vec<(f64, PinholePsf)> = psfs.collect::<Result<_, JobError>>()?;
     let places = places(request, &psfs, &sensor, context)?;
     let scale = brightness(request, &sensor, &places);
 
@@ -178,6 +181,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let text = manifest.to_toml().map_err(|e| JobError::failed(format!("{}: {e}", path.display())))?;
     let head = format!("# Simulated: {} through {}.\n", sensor.name, lens.name);
     write_whole(&path, format!("{head}{text}").as_bytes()).map_err(DesignError::io(&path))?;
+    context.wrote(&path, "list of captures");
     Ok(Response {
         frames: places.len() * request.frames_of_a_place(),
         captures: Captures {
@@ -412,8 +416,10 @@ fn take_all(
                 number += 1;
                 let name = format!("{}/{time_ms}ms-{kind}{n:02}.png", place.name);
                 let frame = RawFrame::from_raw(&raw, sensor);
-                save_raw_alone(&frame, &request.out.join(&name), RawFormat::Png)?;
-                progress.add(&place.name);
+                let path = request.out.join(&name);
+                save_raw_alone(&frame, &path, RawFormat::Png)?;
+                context.wrote(path, "raw frame");
+                progress.add(&place.name)?;
                 Ok(name)
             };
             let frames = (0..request.frames).map(|n| take(&day, "", n)).collect::<Result<_, _>>()?;

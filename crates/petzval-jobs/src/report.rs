@@ -19,6 +19,7 @@ use crate::context::Context;
 use crate::design::scorer;
 use crate::error::JobError;
 use crate::evaluate::camera_of;
+use crate::event::WarningKind;
 use crate::run_page::{page, warn_of_changed_config, write};
 use crate::simulate::Place;
 
@@ -49,7 +50,7 @@ pub struct Response {
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let folder = RunFolder::open(&request.run)?;
     let metrics = read_metrics(&folder)?;
-    let warn = |text: &str| context.warning(text);
+    let warn = |text: &str| context.warning(WarningKind::ChangedFile, text);
     let check = DigestCheck::new(&folder, &request.accept_changed, &warn);
     check.check("")?;
     check.check_cameras(metrics.rows.iter().map(|row| row.camera.as_str()))?;
@@ -59,7 +60,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     if let Some(photo) = &request.photo {
         take_whole_frames(&setup, &folder, photo, context)?;
     }
-    Ok(Response { report: write(&setup, &folder)?.0 })
+    Ok(Response { report: write(&setup, &folder, context)?.0 })
 }
 
 /// The page of a run as it grows, for a reader who looks at it while the run is at work.
@@ -101,9 +102,7 @@ fn take_whole_frames(
     let encoded = LinearImage { data: scene.to_srgb(), ..scene.clone() };
     let mut frames = vec![(whole_name(None), encoded)];
     for (i, variant) in setup.variants.iter().enumerate() {
-        if context.is_cancelled() {
-            return Err(JobError::failed("cancelled before the whole frames were taken"));
-        }
+        context.check(|| "cancelled before the whole frames were taken")?;
         context.progress(i as u64, setup.variants.len() as u64, format!("whole frame of {}", variant.name));
         let camera = camera_of(setup, folder, &variant.name)?;
         frames.push((whole_name(Some(&variant.name)), taken(&camera, &scene, SEED, 0)?));
@@ -111,6 +110,7 @@ fn take_whole_frames(
     for (name, frame) in frames {
         let png = encoded_png_bytes(&frame).map_err(DesignError::from)?;
         write_file(&folder.picture(&name), &png)?;
+        context.wrote(folder.picture(&name), "picture");
     }
     Ok(())
 }

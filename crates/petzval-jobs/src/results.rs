@@ -65,6 +65,18 @@ pub(crate) fn check_folder<N: AsRef<Path>>(
     names.iter().try_for_each(|name| check_unused(&out.join(name), context))
 }
 
+/// What a file of results holds, by the ending of its name; for [`Context::wrote`].
+pub(crate) fn what_is(path: &Path) -> &'static str {
+    match path.extension().and_then(|ending| ending.to_str()) {
+        Some("html") => "page",
+        Some("svg" | "png" | "exr") => "picture",
+        Some("csv") => "table",
+        Some("json" | "xml") => "figures",
+        Some("npy") => "numbers",
+        _ => "file",
+    }
+}
+
 /// Whether a name ends as those of files do.
 fn names_a_file(path: &Path) -> bool {
     FILE_ENDINGS.iter().any(|ending| has_ending(path, ending))

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use petzval_base::Cancel;
 use petzval_design::experiment::{BUILT_IN_PHOTOS, Experiment, STREET};
 use petzval_design::inputs::check_inputs;
 use petzval_design::run::{RunFolder, RunRecord};
@@ -12,8 +13,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::compare;
 use crate::context::Context;
-use crate::design::{self, Changes, NewRun, Resume, Run, RunEnding};
+use crate::design::{self, Changes, NewRun, Resume, Run};
 use crate::error::JobError;
+use crate::event::WarningKind;
 use crate::results::check_folder;
 
 /// What to run.
@@ -50,8 +52,6 @@ pub struct Response {
     /// Runs that ended with an error, each with its message.
     #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub failed: Vec<(PathBuf, String)>,
-    /// Whether the job was cancelled before all runs were finished.
-    pub is_stopped: bool,
     /// The comparison of all finished runs; none if there are none.
     pub compared: Option<compare::Response>,
 }
@@ -69,7 +69,7 @@ fn comparisons(context: &Context) -> Result<Vec<String>, JobError> {
         .collect()
 }
 
-/// Runs what is not finished yet, then compares all that is.
+/// Runs what is not finished yet, then compares all that is. Once it is cancelled it compares what is finished, and the same request goes on.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     if request.seeds.is_empty() {
         return Err(JobError::input("there is no seed", "give one at least"));
@@ -106,13 +106,13 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             }
             context.note(format!("run {} of {}: {name}, seed {seed}", i + 1, pairs.len()));
             match design::run(&one(request, name, *seed, &root), context) {
-                Ok(design::Response { ending: RunEnding::Finished { .. }, .. }) => {}
-                Ok(_) => {
+                Ok(_) => {}
+                Err(JobError::Stopped(_)) => {
                     is_stopped = true;
                     break;
                 }
                 Err(error) => {
-                    context.warning(format!("{}: {error}", root.display()));
+                    context.warning(WarningKind::RunFailed, format!("{}: {error}", root.display()));
                     failed.push((root, error.to_string()));
                     continue;
                 }
@@ -125,7 +125,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     } else {
         let out = request.out.join("comparison.html");
         // The page is made anew with every run that was added.
-        let context = context.clone().overwriting(true);
+        let context = context.clone().overwriting(true).with_cancellation(Cancel::default());
         match compare::run(
             &compare::Request { runs: finished, out: out.clone(), ..compare::Request::default() },
             &context,
@@ -137,7 +137,13 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             }
         }
     };
-    Ok(Response { failed, is_stopped, compared })
+    let response = Response { failed, compared };
+    if is_stopped {
+        let stopped = context.stopped("stopped");
+        let stopped = if request.out.is_dir() { stopped.keeping(&request.out) } else { stopped };
+        return Err(stopped.going_on_with(request).with_response(&response).into());
+    }
+    Ok(response)
 }
 
 /// Begins a run, or goes on with what is there of it.

@@ -9,6 +9,7 @@ use petzval_report::design_report::{Report, html, sentences};
 
 use crate::context::Context;
 use crate::error::JobError;
+use crate::event::WarningKind;
 
 /// The report of a finished run as a page.
 pub(crate) fn page(setup: &Setup, folder: &RunFolder) -> Result<String, JobError> {
@@ -21,9 +22,14 @@ fn report(setup: &Setup, folder: &RunFolder) -> Result<Report, JobError> {
 }
 
 /// Writes the report of a run; returns its path, and the result in sentences.
-pub(crate) fn write(setup: &Setup, folder: &RunFolder) -> Result<(PathBuf, Vec<String>), JobError> {
+pub(crate) fn write(
+    setup: &Setup,
+    folder: &RunFolder,
+    context: &Context,
+) -> Result<(PathBuf, Vec<String>), JobError> {
     let report = report(setup, folder)?;
     write_file(&folder.report(), html(&report).as_bytes())?;
+    context.wrote(folder.report(), "page");
     Ok((folder.report(), sentences(&report)))
 }
 
@@ -32,7 +38,10 @@ pub(crate) fn warn_of_changed_config(folder: &RunFolder, context: &Context) -> R
     if let Some(record) = RunRecord::read(folder)?
         && let Some(error) = context.assets.changed_config(&record, folder)?
     {
-        context.warning(format!("{}; what follows is the run as it was made", error.message));
+        context.warning(
+            WarningKind::ChangedFile,
+            format!("{}; what follows is the run as it was made", error.message),
+        );
     }
     Ok(())
 }

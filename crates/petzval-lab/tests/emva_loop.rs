@@ -20,8 +20,8 @@ fn small() -> Plan {
 
 fn loop_closed(sensor: &SensorModel, plan: &Plan, options: &Options) -> Characterization {
     let folder = tempfile::tempdir().unwrap();
-    write_series(sensor, plan, folder.path(), &|| {}).unwrap();
-    characterize(&Captures::open(folder.path()).unwrap(), options, &|| {}).unwrap()
+    write_series(sensor, plan, folder.path(), &|| Ok(())).unwrap();
+    characterize(&Captures::open(folder.path()).unwrap(), options, &|| Ok(())).unwrap()
 }
 
 #[test]
@@ -218,28 +218,28 @@ fn a_series_is_the_same_on_any_number_of_threads_and_after_interruptions() {
     let plan = Plan { height: 40, width: 60, gains: vec![1.0, 10.0], stack: 4, ..Plan::default() };
     let sensor = imx249();
     let pool = |n: usize| rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap();
-    pool(1).install(|| write_series(&sensor, &plan, one.path(), &|| {})).unwrap();
-    pool(2).install(|| write_series(&sensor, &plan, two.path(), &|| {})).unwrap();
+    pool(1).install(|| write_series(&sensor, &plan, one.path(), &|| Ok(()))).unwrap();
+    pool(2).install(|| write_series(&sensor, &plan, two.path(), &|| Ok(()))).unwrap();
     let frame = Path::new("gain-10/flat-5ms-1.tiff");
     let bytes = |folder: &Path| std::fs::read(folder.join(frame)).unwrap();
     assert!(bytes(one.path()) == bytes(two.path()));
 
     // A frame that is missing is made again, alike; the others are kept.
     std::fs::remove_file(two.path().join(frame)).unwrap();
-    let written = write_series(&sensor, &plan, two.path(), &|| {}).unwrap();
+    let written = write_series(&sensor, &plan, two.path(), &|| Ok(())).unwrap();
     assert_eq!(written.frames - written.kept, 1);
     assert!(bytes(one.path()) == bytes(two.path()));
 
     let found = |n: usize, folder: &Path| {
         let captures = Captures::open(folder).unwrap();
-        pool(n).install(|| characterize(&captures, &Options::default(), &|| {})).unwrap()
+        pool(n).install(|| characterize(&captures, &Options::default(), &|| Ok(()))).unwrap()
     };
     let (a, b) = (found(1, one.path()), found(2, one.path()));
     assert_eq!(a, b);
 
     // Another series does not mix with it.
     let other = Plan { seed: 2, ..plan };
-    let error = write_series(&sensor, &other, one.path(), &|| {}).unwrap_err();
+    let error = write_series(&sensor, &other, one.path(), &|| Ok(())).unwrap_err();
     assert!(error.to_string().contains("another series"), "{error}");
 }
 
@@ -248,7 +248,7 @@ fn odd_captures_give_warnings() {
     let folder = tempfile::tempdir().unwrap();
     let sensor = SensorModel { cfa: "mono".parse().unwrap(), ..imx249() };
     let plan = Plan { height: 80, width: 80, gains: vec![1.0], format: "png".into(), ..Plan::default() };
-    write_series(&sensor, &plan, folder.path(), &|| {}).unwrap();
+    write_series(&sensor, &plan, folder.path(), &|| Ok(())).unwrap();
     let edit = |name: &str, change: &dyn Fn(u32, u32, u16) -> u16| {
         let path = folder.path().join("gain-1").join(name);
         let mut picture = image::open(&path).unwrap().into_luma16();
@@ -262,7 +262,8 @@ fn odd_captures_give_warnings() {
     edit("dark-20ms-1.png", &|x, _, dn| dn + (x / 10) as u16);
     edit("dark-30ms-0.png", &|_, _, dn| dn.saturating_sub(120));
     edit("dark-30ms-1.png", &|_, _, dn| dn.saturating_sub(120));
-    let found = characterize(&Captures::open(folder.path()).unwrap(), &Options::default(), &|| {}).unwrap();
+    let found =
+        characterize(&Captures::open(folder.path()).unwrap(), &Options::default(), &|| Ok(())).unwrap();
     let has = |name: &str, point: &str| {
         found.warnings.iter().any(|w| w.name() == name && w.to_string().contains(point))
     };
@@ -280,7 +281,7 @@ fn hot_pixels_are_reported_and_do_not_count_as_noise() {
     let folder = tempfile::tempdir().unwrap();
     let sensor = imx249();
     let plan = Plan { format: "png".into(), ..small() };
-    write_series(&sensor, &plan, folder.path(), &|| {}).unwrap();
+    write_series(&sensor, &plan, folder.path(), &|| Ok(())).unwrap();
     // One pixel in five hundred is hot, by 25 DN at gain 1, in every frame of 30 ms.
     for i in 0..2 {
         let path = folder.path().join(format!("gain-1/dark-30ms-{i}.png"));
@@ -290,7 +291,7 @@ fn hot_pixels_are_reported_and_do_not_count_as_noise() {
         picture.save(&path).unwrap();
     }
     let options = Options { fit_histograms: true, ..Options::default() };
-    let found = characterize(&Captures::open(folder.path()).unwrap(), &options, &|| {}).unwrap();
+    let found = characterize(&Captures::open(folder.path()).unwrap(), &options, &|| Ok(())).unwrap();
     let tail = found.warnings.iter().find_map(|w| match w {
         Warning::DarkTail { point, share, mean_dn } => Some((point.clone(), *share, *mean_dn)),
         _ => None,

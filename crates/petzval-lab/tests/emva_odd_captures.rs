@@ -22,12 +22,12 @@ fn one_gain() -> Plan {
 /// A series in a folder that goes when it is dropped.
 fn series(sensor: &SensorModel, plan: &Plan) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
-    write_series(sensor, plan, folder.path(), &|| {}).unwrap();
+    write_series(sensor, plan, folder.path(), &|| Ok(())).unwrap();
     folder
 }
 
 fn measured(folder: &Path) -> Result<Characterization, CaptureError> {
-    characterize(&Captures::open(folder)?, &Options::default(), &|| {})
+    characterize(&Captures::open(folder)?, &Options::default(), &|| Ok(()))
 }
 
 fn list(folder: &Path) -> String {
@@ -179,7 +179,7 @@ fn a_second_stack_and_a_lone_one_are_named() {
     let mut points = Vec::new();
     for (name, flat_ms, seed) in [("a", vec![2.0, 4.0, 6.0], 1), ("b", vec![3.0, 5.0, 7.0], 2)] {
         let plan = Plan { flat_ms, dark_ms: vec![], stack: 4, seed, ..one_gain() };
-        write_series(&mono(), &plan, &folder.path().join(name), &|| {}).unwrap();
+        write_series(&mono(), &plan, &folder.path().join(name), &|| Ok(())).unwrap();
         let text = list(&folder.path().join(name)).replace("gain-1/", &format!("{name}/gain-1/"));
         points.extend(text.split("[[point]]").skip(1).map(|p| format!("[[point]]{p}")));
     }

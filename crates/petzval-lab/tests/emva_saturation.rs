@@ -28,8 +28,8 @@ fn measured(sensor: &SensorModel, points: usize, level: f64, seed: u64) -> Chara
         ..Plan::default()
     };
     let folder = tempfile::tempdir().unwrap();
-    write_series(sensor, &plan, folder.path(), &|| {}).unwrap();
-    characterize(&Captures::open(folder.path()).unwrap(), &Default::default(), &|| {}).unwrap()
+    write_series(sensor, &plan, folder.path(), &|| Ok(())).unwrap();
+    characterize(&Captures::open(folder.path()).unwrap(), &Default::default(), &|| Ok(())).unwrap()
 }
 
 #[test]

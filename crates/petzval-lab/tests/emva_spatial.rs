@@ -14,12 +14,12 @@ use petzval_lab::emva::{
 /// A series in a folder that goes when it is dropped.
 fn series(sensor: &SensorModel, plan: &Plan) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
-    write_series(sensor, plan, folder.path(), &|| {}).unwrap();
+    write_series(sensor, plan, folder.path(), &|| Ok(())).unwrap();
     folder
 }
 
 fn measured(folder: &Path) -> Characterization {
-    characterize(&Captures::open(folder).unwrap(), &Options::default(), &|| {}).unwrap()
+    characterize(&Captures::open(folder).unwrap(), &Options::default(), &|| Ok(())).unwrap()
 }
 
 fn plan() -> Plan {

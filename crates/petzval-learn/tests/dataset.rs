@@ -2,6 +2,7 @@
 
 use std::{collections::HashSet, fs};
 
+use petzval_base::Cancel;
 use petzval_camera::image::{LinearImage, srgb_decode};
 use petzval_learn::dataset::{
     CropPlan, DatasetError, NamedPhoto, PhotoSet, PhotoSplit, held_out_placements, load_folder, training_crop,
@@ -61,15 +62,18 @@ fn splits_with_a_repeated_unknown_or_shared_picture_are_refused() {
 #[test]
 fn a_folder_is_read_in_order_and_a_damaged_file_is_named() {
     let folder = tempfile::tempdir().unwrap();
-    assert!(matches!(load_folder(folder.path()), Err(DatasetError::EmptyFolder { .. })));
-    assert!(matches!(load_folder(folder.path().join("none")), Err(DatasetError::Io { .. })));
+    assert!(matches!(load_folder(folder.path(), &Cancel::default()), Err(DatasetError::EmptyFolder { .. })));
+    assert!(matches!(
+        load_folder(folder.path().join("none"), &Cancel::default()),
+        Err(DatasetError::Io { .. })
+    ));
 
     let gray = image::GrayImage::from_fn(5, 4, |x, y| image::Luma([(40 * x + 10 * y) as u8]));
     for name in ["b.png", "a.JPG", "c.tiff"] {
         gray.save(folder.path().join(name)).unwrap();
     }
     fs::write(folder.path().join("notes.txt"), "not a picture").unwrap();
-    let photos = load_folder(folder.path()).unwrap().photos;
+    let photos = load_folder(folder.path(), &Cancel::default()).unwrap().photos;
     let names: Vec<&str> = photos.iter().map(|p| p.name.as_str()).collect();
     assert_eq!(names, ["a.JPG", "b.png", "c.tiff"]);
     let png = &photos[1].image;
@@ -80,7 +84,7 @@ fn a_folder_is_read_in_order_and_a_damaged_file_is_named() {
 
     fs::write(folder.path().join("d.png"), b"\x89PNG\r\n\x1a\nbroken").unwrap();
     std::fs::copy(folder.path().join("b.png"), folder.path().join("e.png")).unwrap();
-    let mut found = load_folder(folder.path()).unwrap();
+    let mut found = load_folder(folder.path(), &Cancel::default()).unwrap();
     assert_eq!(found.photos.len(), 4, "a damaged file does not spoil the others");
     let [(name, error)] = &found.skipped[..] else { panic!("one is skipped: {:?}", found.skipped) };
     assert!(
@@ -105,7 +109,7 @@ fn what_a_picture_of_a_folder_says_and_is_not_obeyed_is_noted_by_name() {
         }
         encoder.write_image(&[100; 12], 2, 2, image::ExtendedColorType::Rgb8).unwrap();
     }
-    let found = load_folder(folder.path()).unwrap();
+    let found = load_folder(folder.path(), &Cancel::default()).unwrap();
     assert_eq!((found.photos.len(), found.notes.len()), (2, 1));
     let (name, note) = &found.notes[0];
     assert!(name == "b.png" && note.contains("ICC profile"), "{name}: {note}");
@@ -210,7 +214,7 @@ fn the_embedded_photographs_match_their_list() {
     }
     let names = |entries: &[Entry]| entries.iter().map(|e| e.file.clone()).collect::<Vec<_>>();
     let split = PhotoSplit { training: names(&list.training), held_out: names(&list.held_out) };
-    let photos = load_folder(folder).unwrap().photos;
+    let photos = load_folder(folder, &Cancel::default()).unwrap().photos;
     assert_eq!(photos.len(), split.training.len() + split.held_out.len(), "every picture is in one list");
     let set = PhotoSet::new(photos, &split).unwrap();
 

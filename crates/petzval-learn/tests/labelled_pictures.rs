@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use petzval_base::Cancel;
 use petzval_learn::dataset::{Classes, CropPlan, LabelledPictures, List, PictureWindows, Purpose};
 
 const CROP: usize = 64;
@@ -48,8 +49,15 @@ fn people_and_vehicles() -> Classes {
 }
 
 fn load(path: &Path, crop: usize) -> Result<(LabelledPictures, Vec<String>), String> {
-    LabelledPictures::load(path, &people_and_vehicles(), crop, 8.0, Purpose::ValidatedTraining)
-        .map_err(|e| e.to_string())
+    LabelledPictures::load(
+        path,
+        &people_and_vehicles(),
+        crop,
+        8.0,
+        Purpose::ValidatedTraining,
+        &Cancel::default(),
+    )
+    .map_err(|e| e.to_string())
 }
 
 #[test]
@@ -67,8 +75,14 @@ fn windows_hold_the_light_and_the_boxes_of_their_pictures() {
     assert!(notes[2].contains("no picture names its sequence"), "{notes:?}");
     assert_eq!([List::Training, List::Validation, List::HeldOut].map(|list| pictures.count(list)), [9, 3, 3]);
     // Without validations all others train.
-    let all =
-        LabelledPictures::load(folder_path.path(), &people_and_vehicles(), CROP, 8.0, Purpose::Training);
+    let all = LabelledPictures::load(
+        folder_path.path(),
+        &people_and_vehicles(),
+        CROP,
+        8.0,
+        Purpose::Training,
+        &Cancel::default(),
+    );
     let all = all.unwrap().0;
     assert_eq!([List::Training, List::Validation, List::HeldOut].map(|list| all.count(list)), [12, 0, 3]);
     let crops = CropPlan { surround: 4, ..CropPlan::on_1920x1200(CROP, 10) };
@@ -107,8 +121,14 @@ fn folders_that_cannot_train_or_score_a_detector_are_refused() {
     assert!(large.contains("no picture is left"), "{large}");
     let text = std::fs::read_to_string(other.path().join("annotations.json")).unwrap();
     // What is too small to count is as good as not there.
-    let small =
-        LabelledPictures::load(other.path(), &people_and_vehicles(), CROP, 500.0, Purpose::ValidatedTraining);
+    let small = LabelledPictures::load(
+        other.path(),
+        &people_and_vehicles(),
+        CROP,
+        500.0,
+        Purpose::ValidatedTraining,
+        &Cancel::default(),
+    );
     assert!(small.unwrap_err().to_string().contains("500 pixels or more"));
     std::fs::write(other.path().join("annotations.json"), text.replace("\"car\"", "\"goat\"")).unwrap();
     let nothing = load(other.path(), CROP).unwrap_err();
@@ -137,7 +157,8 @@ fn a_few_sequences_are_enough_and_the_last_is_held_out() {
         (Purpose::Scores, [0, 0, 7]),
     ] {
         let classes = people_and_vehicles();
-        let pictures = LabelledPictures::load(four.path(), &classes, CROP, 8.0, purpose).unwrap().0;
+        let pictures =
+            LabelledPictures::load(four.path(), &classes, CROP, 8.0, purpose, &Cancel::default()).unwrap().0;
         assert_eq!(
             [List::Training, List::Validation, List::HeldOut].map(|list| pictures.count(list)),
             counts

@@ -389,8 +389,8 @@ fn slopes_predict_the_spread_of_small_perturbations() {
         let compensators = if focused { focus(&lens) } else { Vec::new() };
         let tolerances = Tolerances { perturbations, compensators };
         let study = Study::new(&lens, &tolerances, merit).unwrap();
-        let predicted = sensitivities(&study, &|| {}).estimate.unwrap();
-        let (_, deviation) = monte_carlo(&study, 3, 6000, &|| {}).mean_and_deviation();
+        let predicted = sensitivities(&study, &|| Ok(())).unwrap().estimate.unwrap();
+        let (_, deviation) = monte_carlo(&study, 3, 6000, &|| Ok(())).unwrap().mean_and_deviation();
         let off = predicted.linear_spread / deviation - 1.0;
         assert!(off.abs() < 0.05, "{what}: predicted {}, found {deviation}", predicted.linear_spread);
     }
@@ -406,8 +406,8 @@ fn the_second_order_predicts_what_decentres_do() {
     let tolerances = Tolerances { perturbations, compensators: focus(&lens) };
     let merit = RmsSpot::new(&lens);
     let study = Study::new(&lens, &tolerances, &merit).unwrap();
-    let estimate = sensitivities(&study, &|| {}).estimate.unwrap();
-    let found = monte_carlo(&study, 5, 3000, &|| {});
+    let estimate = sensitivities(&study, &|| Ok(())).unwrap().estimate.unwrap();
+    let found = monte_carlo(&study, 5, 3000, &|| Ok(())).unwrap();
     let (mean, deviation) = found.mean_and_deviation();
     let nominal = study.nominal().value;
     assert!(estimate.linear_spread < 1e-6 * nominal, "{estimate:?}");
@@ -430,7 +430,7 @@ fn the_same_bits_on_any_number_of_threads_and_for_one_trial_alone() {
         let pool = rayon_pool(threads);
         pool.install(|| {
             let study = Study::new(&lens, &tolerances, &merit).unwrap();
-            monte_carlo(&study, 11, 24, &|| {})
+            monte_carlo(&study, 11, 24, &|| Ok(())).unwrap()
         })
     };
     let (one, two) = (on(1), on(2));
@@ -440,7 +440,7 @@ fn the_same_bits_on_any_number_of_threads_and_for_one_trial_alone() {
     let again = study.make(&study.draw(11, worst as u64)).unwrap();
     assert_eq!(Some(again.value), one.trials[worst].value);
     assert_eq!(again.compensators, one.trials[worst].compensators);
-    let other_seed = monte_carlo(&study, 12, 24, &|| {});
+    let other_seed = monte_carlo(&study, 12, 24, &|| Ok(())).unwrap();
     assert!(one.trials.iter().zip(&other_seed.trials).all(|(a, b)| a.value != b.value));
 }
 
@@ -546,7 +546,7 @@ fn the_yield_falls_as_requirements_tighten() {
     };
     let merit = RmsSpot::new(&lens);
     let study = Study::new(&lens, &tolerances, &merit).unwrap();
-    let found = monte_carlo(&study, 1, 60, &|| {});
+    let found = monte_carlo(&study, 1, 60, &|| Ok(())).unwrap();
     let curve = found.yield_curve();
     assert_eq!(curve.len(), 60);
     assert!(curve.windows(2).all(|w| w[0].0 <= w[1].0 && w[0].1 < w[1].1));
@@ -595,7 +595,7 @@ fn shared_tolerances_cost_their_share() {
     let tolerances = Tolerances { perturbations, compensators: focus(&lens) };
     let merit = RmsSpot::new(&lens);
     let study = Study::new(&lens, &tolerances, &merit).unwrap();
-    let shared = inverse(&study, 1.0, &|| {});
+    let shared = inverse(&study, 1.0, &|| Ok(())).unwrap();
     for s in &shared[..3] {
         let end = |sign: f64| {
             let mut off = vec![0.0; 4];
@@ -661,8 +661,8 @@ fn lenses_without_an_image_count_as_failed() {
         Tolerances { perturbations: vec![of_surface(Quantity::Radius, 0, 11.0)], compensators: focus(&lens) };
     let merit = RmsSpot::new(&lens);
     let study = Study::new(&lens, &tolerances, &merit).unwrap();
-    let found = monte_carlo(&study, 1, 40, &|| {});
-    let table = sensitivities(&study, &|| {});
+    let found = monte_carlo(&study, 1, 40, &|| Ok(())).unwrap();
+    let table = sensitivities(&study, &|| Ok(())).unwrap();
     assert!(found.failed() > 0 && found.failed() < 40, "{}", found.failed());
     assert_eq!(found.percentile(100.0), None);
     assert!(found.yield_at(1e9) < 1.0);

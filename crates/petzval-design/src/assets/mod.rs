@@ -7,7 +7,7 @@ use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
-use petzval_base::FileError;
+use petzval_base::{Cancel, FileError};
 use petzval_camera::isp::Isp;
 use petzval_camera::sensor::SensorModel;
 use petzval_files::{
@@ -28,6 +28,7 @@ pub struct Assets {
     catalog: OnceLock<Catalog>,
     warnings: Option<WarningSink>,
     external_isps: Option<ExternalIsps>,
+    cancel: Cancel,
 }
 
 /// An ISP outside this program, of which nothing is known but what it makes of raw frames.
@@ -85,6 +86,16 @@ impl Assets {
     /// The same library, which can make external ISPs.
     pub fn with_external_isps(self, external_isps: ExternalIsps) -> Self {
         Self { external_isps: Some(external_isps), ..self }
+    }
+
+    /// The same library, whose reading of pictures ends once the flag is set, as does the work of what is made from it.
+    pub fn stopped_by(self, cancel: Cancel) -> Self {
+        Self { cancel, ..self }
+    }
+
+    /// The flag that stops the reading of pictures and other long work.
+    pub fn cancel(&self) -> &Cancel {
+        &self.cancel
     }
 
     /// The external ISP of a file.

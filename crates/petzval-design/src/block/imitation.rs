@@ -1,7 +1,6 @@
 //! A network that imitates the hardware ISP while its parameters move: trained on the camera's own raw frames, about the parameters as they
 //! stand, so that it needs to be right only there.
 
-use std::rc::Rc;
 use std::sync::Arc;
 
 use burn::prelude::*;
@@ -41,7 +40,7 @@ pub struct ImitationPlan {
     /// The values with which it develops truths.
     pub values: Vec<f64>,
     /// Scores of pictures whose gap between ISP and network is reported.
-    pub scores: Rc<Vec<Box<dyn Score>>>,
+    pub scores: Arc<Vec<Box<dyn Score>>>,
     /// Where the network lives, with automatic differentiation.
     pub device: Device,
     /// Training steps of the network before each step of the ISP.

@@ -4,7 +4,6 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 use crate::common::Silent;
 use crate::line_integral::Line;
@@ -75,7 +74,7 @@ fn finished(setup: &Arc<Setup>, folder: &Path) -> (RunFolder, Metrics) {
     let run = RunFolder::create(&folder.join("run")).unwrap();
     keep_inputs(setup, &assets(), &run).unwrap();
     let design = DesignLoop::new(run.clone(), Scorer::new(setup.clone()).unwrap()).unwrap();
-    let Ending::Finished(metrics) = design.run(&mut Silent, &AtomicBool::new(false)).unwrap() else {
+    let Ending::Finished(metrics) = design.run(&mut Silent).unwrap() else {
         panic!("nothing stops it");
     };
     (run, *metrics)

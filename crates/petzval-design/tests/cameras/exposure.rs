@@ -2,7 +2,6 @@
 
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 use crate::common::Silent;
 use petzval_camera::sensor::{Noise, NoiseMode};
@@ -179,7 +178,7 @@ fn a_run_keeps_the_exposure_of_its_cameras_and_reports_it() {
     keep_inputs(&setup, &assets, &run).unwrap();
     let scorer = || Scorer::new(setup.clone()).unwrap();
     let design = DesignLoop::new(run.clone(), scorer()).unwrap();
-    let Ending::Finished(metrics) = design.run(&mut Silent, &AtomicBool::new(false)).unwrap() else {
+    let Ending::Finished(metrics) = design.run(&mut Silent).unwrap() else {
         panic!("nothing stops it");
     };
     let row = &metrics.rows[0];
@@ -215,7 +214,7 @@ fn a_network_that_learnt_behind_many_lenses_is_the_start_of_another_run() {
     let run = RunFolder::create(&folder.path().join("run")).unwrap();
     keep_inputs(&learnt, &assets, &run).unwrap();
     let design = DesignLoop::new(run.clone(), Scorer::new(learnt.clone()).unwrap()).unwrap();
-    let Ending::Finished(metrics) = design.run(&mut Silent, &AtomicBool::new(false)).unwrap() else {
+    let Ending::Finished(metrics) = design.run(&mut Silent).unwrap() else {
         panic!("nothing stops it");
     };
     // The camera that is scored has the lens and the exposure that are stated.

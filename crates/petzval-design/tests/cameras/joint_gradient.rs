@@ -1,9 +1,9 @@
 //! The gradient through the whole camera, against differences of the whole camera.
 
+use petzval_base::Cancel;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 use crate::line_integral::Line;
 use petzval_camera::develop::{Demosaic, Domain};
@@ -395,9 +395,7 @@ fn random_steps_draw_lens_and_exposure_anew_and_leave_no_trace_when_the_stage_en
 
     // Behind a stage that improved the lens, draws are about the lens before it as well, also once the camera was finished and taken up again.
     optics.begin_stage(false);
-    optics
-        .improve(LensGoal::Spot, 3, LensSearch::default(), &mut |_| Ok(()), &AtomicBool::new(false))
-        .unwrap();
+    optics.improve(LensGoal::Spot, 3, LensSearch::default(), &mut |_| Ok(()), &Cancel::default()).unwrap();
     let finished = optics.save_numbers().unwrap();
     let mut optics = block();
     optics.load_numbers(&finished).unwrap();

@@ -53,11 +53,11 @@ fn training_brings_the_illumination_nearer_and_continues_with_the_same_bits() {
     let unseen = sampler(&setup, 99);
     let clock = || 0.0;
     let judge = OpticsJudge { sampler: &unseen, lenses: 4, limit: &setup.limit, clock: &clock };
-    let before = judge.gap(whole.proxy(), &|_| {}).unwrap();
+    let before = judge.gap(whole.proxy(), &|_| Ok(())).unwrap();
     for step in 0..STEPS - 2 {
         whole.step(step).unwrap();
     }
-    let after = judge.gap(whole.proxy(), &|_| {}).unwrap();
+    let after = judge.gap(whole.proxy(), &|_| Ok(())).unwrap();
     // The PSFs themselves take some hundred steps of a larger network.
     assert!(after.illumination < 0.5 * before.illumination, "{before:?} {after:?}");
     assert_eq!((after.lenses, after.fields.len()), (4, 3));

@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 use burn::module::{Module, Param};
 use burn::optim::{AdamConfig, ModuleOptimizer};
@@ -266,7 +265,7 @@ fn a_task_from_outside_is_designed_for_scored_reported_and_read_again() {
     let setup = Arc::new(Setup::new(experiment, &library, Device::flex().autodiff()).unwrap());
     keep_inputs(&setup, &library, &run).unwrap();
     let design = DesignLoop::new(run.clone(), Scorer::new(setup.clone()).unwrap()).unwrap();
-    let Ending::Finished(metrics) = design.run(&mut Silent, &AtomicBool::new(false)).unwrap() else {
+    let Ending::Finished(metrics) = design.run(&mut Silent).unwrap() else {
         panic!("nothing stops it");
     };
     // Pictures are bright by about 0.2: a reader that had learnt nothing would read 0.

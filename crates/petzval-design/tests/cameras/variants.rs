@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::common::Silent;
 use nalgebra::{DMatrix, DVector};
+use petzval_base::Cancel;
 use petzval_camera::sensor::NoiseMode;
 use petzval_design::block::OpticsBlock;
 use petzval_design::design_loop::{DesignLoop, Ending};
@@ -110,7 +110,7 @@ fn run(experiment: Experiment, folder: &Path) -> Metrics {
     scores.push(Box::new(MeanAbsoluteError));
     let judge = PictureJudge::new(&setup.experiment, scores).unwrap();
     let design = DesignLoop::new(folder, Scorer::with_judge(setup, judge)).unwrap();
-    match design.run(&mut Silent, &AtomicBool::new(false)).unwrap() {
+    match design.run(&mut Silent).unwrap() {
         Ending::Finished(metrics) => *metrics,
         Ending::Stopped(step) => panic!("stopped at {step}"),
     }
@@ -206,7 +206,7 @@ fn spots_are_minimised_to_convergence_under_the_requirements() {
                 iterations += 1;
                 Ok(())
             },
-            &AtomicBool::new(false),
+            &Cancel::default(),
         );
         (losses.unwrap(), iterations, block.lens().unwrap())
     };
@@ -241,19 +241,21 @@ fn a_lens_is_improved_for_the_restoration_of_its_frames() {
     check_gradient(&merit, space, &x);
     check_lift(&merit, &lens_at(&x), space.space().numbers());
     let mut block = OpticsBlock::new(start.clone(), 1.0);
-    let stop = AtomicBool::new(false);
+    let stop = Cancel::default();
     let spot = block.improve(LensGoal::Spot, 100, LensSearch::default(), &mut |_| Ok(()), &stop).unwrap();
     // Stopped at its second iteration, it ends before the third, and the lens is as it was.
     let (before, mut seen) = (block.lens().unwrap(), 0);
     let mut two = |_: BTreeMap<String, f64>| {
         seen += 1;
-        stop.store(seen == 2, Ordering::Relaxed);
+        if seen == 2 {
+            stop.set();
+        }
         Ok(())
     };
     let stopped = block.improve(LensGoal::Restored, 30, LensSearch::default(), &mut two, &stop);
-    assert!(matches!(stopped, Err(DesignError::Stopped)), "{stopped:?}");
+    assert!(matches!(stopped, Err(DesignError::Stopped(_))), "{stopped:?}");
     assert_eq!((seen, block.lens().unwrap()), (2, before));
-    stop.store(false, Ordering::Relaxed);
+    let stop = Cancel::default();
     let mut course = Vec::new();
     let mut watch = |losses: BTreeMap<String, f64>| {
         course.push(losses["restored_error_percent"]);

@@ -6,6 +6,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use petzval_base::Cancelled;
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
@@ -30,13 +31,18 @@ const NOTED_AGAIN: [DefectKind; 3] =
 /// the sizes do not decide it, the picture and its boxes are taken out.
 ///
 /// All threads together take at most 2 GB of memory for files and decoded pictures.
-pub fn check_pictures(loaded: &mut Loaded, watch: &(dyn Fn(usize) + Sync)) {
+///
+/// `watch` is called with the number of pictures that are decoded, and its error ends the check; the data set is of no use then.
+pub fn check_pictures(
+    loaded: &mut Loaded,
+    watch: &(dyn Fn(usize) -> Result<(), Cancelled> + Sync),
+) -> Result<(), Cancelled> {
     let mut unusable = HashSet::new();
     let mut turning = HashMap::new();
     let mut is_clipping_due = false;
     let mut images = std::mem::take(&mut loaded.data.images);
     let with_boxes: HashSet<u64> = loaded.data.annotations.iter().map(|a| a.image_id).collect();
-    let heads = decoded_heads(&images, loaded, watch);
+    let heads = decoded_heads(&images, loaded, watch)?;
     for (image, head) in images.iter_mut().zip(heads) {
         let name = image.file_name.clone();
         let stated = (image.width, image.height);
@@ -102,14 +108,15 @@ pub fn check_pictures(loaded: &mut Loaded, watch: &(dyn Fn(usize) + Sync)) {
         loaded.defects.add(DefectKind::NoPicture, || format!("of {listed} listed pictures none is left"));
     }
     count_boxes(&loaded.data, &mut loaded.defects);
+    Ok(())
 }
 
 /// The head of each picture, whose file is decoded as a whole, or why it cannot be; `None` where there is no file.
 fn decoded_heads(
     images: &[Image],
     loaded: &Loaded,
-    watch: &(dyn Fn(usize) + Sync),
-) -> Vec<Option<Result<PictureHead, String>>> {
+    watch: &(dyn Fn(usize) -> Result<(), Cancelled> + Sync),
+) -> Result<Vec<Option<Result<PictureHead, String>>>, Cancelled> {
     let paths: Vec<Option<PathBuf>> =
         images.par_iter().map(|image| loaded.picture(&image.file_name)).collect();
     // Some decoders read the whole file for its head.
@@ -117,8 +124,8 @@ fn decoded_heads(
         |path: &Option<PathBuf>| path.as_ref().and_then(|p| p.metadata().ok()).map_or(0, |m| m.len());
     let lengths: Vec<u64> = paths.iter().map(length).collect();
     let heads = in_batches(&paths, &lengths, |path| {
-        Some(picture_head(path.as_ref()?).map_err(|error| error.to_string()))
-    });
+        Ok(path.as_ref().map(|path| picture_head(path).map_err(|error| error.to_string())))
+    })?;
     let bytes = |head: &Option<Result<PictureHead, String>>| match head {
         Some(Ok(head)) => head.reading_bytes(),
         _ => 0,
@@ -131,15 +138,23 @@ fn decoded_heads(
             (Some(path), Some(Ok(_))) => Some(decoded_head(path).map_err(|error| error.to_string())),
             (_, head) => head.clone(),
         };
-        watch(decoded.fetch_add(1, Ordering::Relaxed) + 1);
-        head
+        watch(decoded.fetch_add(1, Ordering::Relaxed) + 1)?;
+        Ok(head)
     })
 }
 
-/// What a function makes of each value, on all threads; of so many at a time that they take at most [`MOST_PICTURE_BYTES`] together.
-fn in_batches<T: Sync, U: Send>(values: &[T], bytes: &[u64], make: impl Fn(&T) -> U + Sync) -> Vec<U> {
-    let batches = batches(bytes, MOST_PICTURE_BYTES).into_iter();
-    batches.flat_map(|batch| values[batch].par_iter().map(&make).collect::<Vec<U>>()).collect()
+/// What a function makes of each value, on all threads; of so many at a time that they take at most [`MOST_PICTURE_BYTES`] together. Ends soon
+/// after its first error.
+fn in_batches<T: Sync, U: Send>(
+    values: &[T],
+    bytes: &[u64],
+    make: impl Fn(&T) -> Result<U, Cancelled> + Sync,
+) -> Result<Vec<U>, Cancelled> {
+    let mut made = Vec::with_capacity(values.len());
+    for batch in batches(bytes, MOST_PICTURE_BYTES) {
+        made.extend(values[batch].par_iter().map(&make).collect::<Result<Vec<U>, Cancelled>>()?);
+    }
+    Ok(made)
 }
 
 /// Consecutive ranges of values whose sums are at most `most`; a larger value is a range of its own.

@@ -334,7 +334,11 @@ fn the_files_of_pictures_are_checked() {
     assert_eq!(loaded.data, unsized_image);
     let loaded_before = loaded.data.images.len();
     let decoded = std::sync::Mutex::new(Vec::new());
-    check_pictures(&mut loaded, &|n| decoded.lock().unwrap().push(n));
+    let note = |n| {
+        decoded.lock().unwrap().push(n);
+        Ok(())
+    };
+    check_pictures(&mut loaded, &note).unwrap();
     let mut decoded = decoded.into_inner().unwrap();
     decoded.sort_unstable();
     assert_eq!(decoded, (1..=loaded_before).collect::<Vec<_>>());
@@ -362,12 +366,12 @@ fn the_files_of_pictures_are_checked() {
         std::fs::remove_file(root.join(name)).unwrap();
     }
     let mut loaded = load_coco(root).unwrap();
-    check_pictures(&mut loaded, &|_| ());
+    check_pictures(&mut loaded, &|_| Ok(())).unwrap();
     assert!(loaded.data.images.is_empty() && loaded.defects.count(DefectKind::NoPicture) == 1);
     std::fs::write(root.join("annotations.json"), r#"{"images": [], "annotations": [], "categories": []}"#)
         .unwrap();
     let mut empty = load_coco(root).unwrap();
-    check_pictures(&mut empty, &|_| ());
+    check_pictures(&mut empty, &|_| Ok(())).unwrap();
     assert_eq!((empty.defects.errors(), empty.defects.count(DefectKind::NoPicture)), (1, 1));
 }
 
@@ -385,7 +389,7 @@ fn a_picture_that_is_damaged_in_its_middle_is_found() {
     bytes[pixels + 9] ^= 0x10;
     std::fs::write(root.join("damaged.png"), bytes).unwrap();
     let mut loaded = load_coco(root).unwrap();
-    check_pictures(&mut loaded, &|_| ());
+    check_pictures(&mut loaded, &|_| Ok(())).unwrap();
     assert_eq!(loaded.data.images.len(), 1);
     assert_eq!(loaded.defects.count(DefectKind::UnreadablePicture), 1);
 }
@@ -453,7 +457,7 @@ fn several_files_of_annotations_are_parts_of_one_data_set() {
         assert_eq!(splits, parts);
         assert_eq!((loaded.data.categories.len(), loaded.file.as_path()), (1, folder.path()));
         // Each picture is the one of its own part: the second has another size than stated.
-        check_pictures(&mut loaded, &|_| ());
+        check_pictures(&mut loaded, &|_| Ok(())).unwrap();
         let defects: Vec<_> = loaded.defects.iter().map(|d| (d.kind, d.first[0].clone())).collect();
         let size = format!("{}: 40 x 29 px, stated 40 x 30", names[1]);
         assert_eq!(defects, [(DefectKind::OtherPictureSize, size)]);
@@ -483,7 +487,7 @@ fn annotations_of_programs_for_windows_are_read() {
     write_png(&folder.path().join("night/a.png"), 40, 30);
     write_png(&folder.path().join("b.png"), 40, 30);
     let mut loaded = load_coco(folder.path()).unwrap();
-    check_pictures(&mut loaded, &|_| ());
+    check_pictures(&mut loaded, &|_| Ok(())).unwrap();
     assert_eq!(loaded.data.images.len(), 2);
 }
 
@@ -495,7 +499,7 @@ fn a_picture_that_is_left_out_is_no_background() {
     save_coco(&data, &folder.path().join("annotations.json")).unwrap();
     write_png(&folder.path().join("a.png"), 40, 30);
     let mut loaded = load_coco(folder.path()).unwrap();
-    check_pictures(&mut loaded, &|_| ());
+    check_pictures(&mut loaded, &|_| Ok(())).unwrap();
     let count = |kind| loaded.defects.count(kind);
     assert_eq!((count(DefectKind::MissingPicture), count(DefectKind::PictureWithoutBoxes)), (1, 1));
 }
@@ -543,7 +547,7 @@ fn a_picture_whose_labels_cannot_be_used_is_left_out() {
     .unwrap();
     let mut loaded = load_coco(folder.path()).unwrap();
     assert_eq!(loaded.data.images.len(), 2);
-    check_pictures(&mut loaded, &|_| ());
+    check_pictures(&mut loaded, &|_| Ok(())).unwrap();
     assert_eq!(names(&loaded.data), ["b.png"]);
     assert_eq!(loaded.defects.count(DefectKind::PictureOfLostLabels), 1);
 }

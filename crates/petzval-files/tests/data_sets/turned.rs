@@ -34,14 +34,14 @@ fn of_turned(picture: &str, exif: u8, bbox: &str) -> OfTurned {
     );
     std::fs::write(folder.path().join("annotations.json"), text).unwrap();
     let mut loaded = load_coco(folder.path()).unwrap();
-    check_pictures(&mut loaded, &|_| ());
+    check_pictures(&mut loaded, &|_| Ok(())).unwrap();
     let size = loaded.data.images.first().map(|image| (image.width, image.height));
     let bounds = loaded.data.annotations.first().map(|a| a.bounds.into());
     let kinds = [DefectKind::TurnedBoxes, DefectKind::UnknownTurn, DefectKind::OtherPictureSize];
     // What is written after the check is read as it is.
     save_coco(&loaded.data, &folder.path().join("annotations.json")).unwrap();
     let mut again = load_coco(folder.path()).unwrap();
-    check_pictures(&mut again, &|_| ());
+    check_pictures(&mut again, &|_| Ok(())).unwrap();
     let noted = kinds.map(|kind| loaded.defects.count(kind));
     loaded.data.annotations.iter_mut().for_each(|a| a.unclipped = None);
     assert_eq!((again.data, again.defects.count(DefectKind::TurnedBoxes)), (loaded.data, 0));
@@ -167,7 +167,7 @@ fn boxes_lie_on_their_objects_for_every_orientation() {
             );
             write(root, "annotations.json", &text);
             let mut loaded = load_coco(root).unwrap();
-            check_pictures(&mut loaded, &|_| ());
+            check_pictures(&mut loaded, &|_| Ok(())).unwrap();
             let bounds = loaded.data.annotations.first().map(|a| a.bounds.into());
             assert!(is_truth(bounds), "orientation {exif}, turned {is_turned}: {bounds:?}");
         }

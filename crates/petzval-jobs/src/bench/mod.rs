@@ -64,7 +64,7 @@ pub fn names() -> Vec<&'static str> {
 }
 
 /// Runs a workload once to warm up, then for the time of the request.
-pub fn run(request: &Request, _: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let Request { workload: name, seconds } = request;
     let Some(workload) = workloads().into_iter().find(|w| w.name == *name) else {
         return Err(JobError::setting("only", name, "no such workload", names().join(", ")));
@@ -77,6 +77,7 @@ pub fn run(request: &Request, _: &Context) -> Result<Response, JobError> {
     let (mut cpu, mut wall) = (Vec::new(), Vec::new());
     let began = Instant::now();
     while wall.len() < 3 || began.elapsed().as_secs_f64() < *seconds {
+        context.check(|| format!("stopped after {} runs", wall.len()))?;
         let (start_cpu, start) = (ProcessTime::now(), Instant::now());
         (prepared.run)()?;
         cpu.push(start_cpu.elapsed().as_secs_f64());

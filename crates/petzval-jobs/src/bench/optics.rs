@@ -320,7 +320,7 @@ fn lens_analyze() -> Result<Prepared, JobError> {
         units: None,
         single_thread: false,
         run: Box::new(move || {
-            let analysis = analyze(&lens, &AnalysisOptions::default(), &|| ())
+            let analysis = analyze(&lens, &AnalysisOptions::default(), &|| Ok(()))
                 .map_err(|e| JobError::failed(e.to_string()))?;
             std::hint::black_box(
                 serde_json::to_string(&analysis).map_err(|e| JobError::failed(e.to_string()))?,

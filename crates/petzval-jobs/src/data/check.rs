@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 use super::check_pictures_in;
 use crate::context::Context;
 use crate::error::{JobError, make_folder};
+use crate::event::WarningKind;
 use crate::results::check_folder;
 
 pub use petzval_learn::dataset::Taken;
@@ -72,7 +73,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     }
     let classes = request.classes_of.as_deref().map(|name| classes_of(name, context)).transpose()?;
     let mut loaded = load_coco(&request.data)?;
-    check_pictures_in(&mut loaded, context);
+    check_pictures_in(&mut loaded, context)?;
     let mut response = Response {
         annotations: loaded.file.clone(),
         statistics: Statistics::of(&loaded.data),
@@ -87,8 +88,11 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     response.page = Some(path.clone());
     let samples = samples(&loaded, request.samples, context)?;
     write(&path, page(&sheet(&response, samples)).as_bytes())?;
+    context.wrote(&path, "page");
     let json = serde_json::to_string_pretty(&response).map_err(|e| JobError::failed(e.to_string()))?;
-    write(&out.join("data.json"), json.as_bytes())?;
+    let path = out.join("data.json");
+    write(&path, json.as_bytes())?;
+    context.wrote(path, "figures");
     Ok(response)
 }
 
@@ -123,11 +127,12 @@ fn samples(loaded: &Loaded, most: usize, context: &Context) -> Result<Vec<Sample
     for (k, &i) in chosen.iter().enumerate() {
         let image = &data.images[i];
         context.progress(k as u64 + 1, chosen.len() as u64, "samples");
+        context.check(|| "stopped before the page was written")?;
         let Some(path) = loaded.picture(&image.file_name) else { continue };
         let light = match load_image(&path) {
             Ok(picture) => picture.light,
             Err(error) => {
-                context.warning(error.to_string());
+                context.warning(WarningKind::UnreadablePicture, error.to_string());
                 continue;
             }
         };

@@ -65,9 +65,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let total = converted.data.images.len();
     let (mut linked, mut copied) = (0, 0);
     for (i, (image, source)) in converted.data.images.iter().zip(&converted.sources).enumerate() {
-        if context.is_cancelled() {
-            return Err(JobError::Stopped(format!("stopped after {i} of {total} pictures")));
-        }
+        context.check(|| format!("stopped after {i} of {total} pictures"))?;
         let target = inside(out, &image.file_name)?;
         if place(source, &target, request.copy)? {
             linked += 1
@@ -78,6 +76,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     }
     let annotations = out.join(ANNOTATIONS);
     save_coco(&converted.data, &annotations)?;
+    context.wrote(&annotations, "annotations");
     Ok(Response {
         annotations,
         linked,

@@ -15,9 +15,13 @@ pub use petzval_files::coco::{ClassStatistics, Defect, Severity, Statistics};
 const LARGEST_SHOWN: u64 = 20_000;
 
 /// Checks the pictures of a data set, and says how many are done.
-pub(crate) fn check_pictures_in(loaded: &mut Loaded, context: &Context) {
+pub(crate) fn check_pictures_in(loaded: &mut Loaded, context: &Context) -> Result<(), JobError> {
     let count = loaded.data.images.len() as u64;
-    check_pictures(loaded, &|done| context.progress(done as u64, count, "pictures are decoded"));
+    let watch = |done: usize| {
+        context.progress(done as u64, count, "pictures are decoded");
+        context.cancel().check()
+    };
+    Ok(check_pictures(loaded, &watch)?)
 }
 
 impl From<CocoError> for JobError {

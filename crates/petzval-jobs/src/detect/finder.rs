@@ -18,6 +18,7 @@ use crate::apply::none_finished;
 use crate::context::Context;
 use crate::error::JobError;
 use crate::evaluate::camera_of;
+use crate::event::WarningKind;
 
 /// Where a detector comes from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -87,7 +88,7 @@ pub fn finder(
                 let hint = format!("finished are {}", finished.join(", "));
                 return Err(JobError::setting("camera", name, message, hint));
             }
-            let warn = |text: &str| context.warning(text);
+            let warn = |text: &str| context.warning(WarningKind::ChangedFile, text);
             DigestCheck::new(&folder, accepted, &warn).check_cameras([name])?;
             let taken = experiment.classes();
             let mut block = untrained(&experiment, device)?;

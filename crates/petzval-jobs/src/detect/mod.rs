@@ -30,7 +30,8 @@ use finder::{Finder, finder};
 use crate::apply::{developed, is_raw, raw_frame};
 use crate::context::Context;
 use crate::data::check_pictures_in;
-use crate::error::{JobError, make_folder, write_file};
+use crate::error::{JobError, Stopped, make_folder, write_file};
+use crate::event::WarningKind;
 use crate::results::check_folder;
 
 /// Pictures to look at, and the detector.
@@ -143,13 +144,11 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let mut earlier = request.out.as_deref().map(drawn_pictures).unwrap_or_default();
     let (count, mut surest) = (looked.len(), None::<f32>);
     let outcome = looked.into_iter().enumerate().try_for_each(|(i, Looked { file, mut image })| {
-        if context.is_cancelled() {
-            return Err(JobError::Stopped(format!("stopped after {i} of {count} pictures")));
-        }
+        context.check(|| format!("stopped after {i} of {count} pictures"))?;
         let encoded = match encoded(&file, finder.camera.as_ref()) {
             Ok(encoded) => encoded,
             Err(error) => {
-                context.warning(format!("{error}"));
+                context.warning(WarningKind::UnreadablePicture, format!("{error}"));
                 unread.push(file);
                 context.progress(i as u64 + 1, count as u64, "pictures");
                 return Ok(());
@@ -177,6 +176,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             make_folder(out)?;
             let drawn = out.join(format!("{:04}-{stem}.png", i + 1));
             write_file(&drawn, &png)?;
+            context.wrote(&drawn, "picture");
             earlier.remove(&drawn);
         }
         context.progress(i as u64 + 1, count as u64, "pictures");
@@ -196,17 +196,27 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         data.images = images;
         let seen: HashSet<u64> = data.images.iter().map(|image| image.id).collect();
         data.annotations.retain(|object| seen.contains(&object.image_id));
-        save_results(&results, &data.images, &out.join("detections.json"))?;
-        save_coco(&data, &out.join(ANNOTATIONS))?;
+        let files = ["detections.json", ANNOTATIONS].map(|name| out.join(name));
+        save_results(&results, &data.images, &files[0])?;
+        save_coco(&data, &files[1])?;
+        context.wrote(&files[0], "detections");
+        context.wrote(&files[1], "annotations");
     }
-    outcome?;
+    outcome.map_err(|error| match error {
+        // The files of the pictures before are written by now.
+        JobError::Stopped(stopped) => Stopped { kept: context.written(), ..*stopped }.into(),
+        other => other,
+    })?;
     if let (Some(out), Some(left)) = (&request.out, earlier.first()) {
         let (count, name) = (earlier.len(), left.file_name().unwrap_or_default());
-        context.warning(format!(
-            "{}: {count} drawn pictures in this folder are of an earlier call, such as {}",
-            out.display(),
-            name.display()
-        ));
+        context.warning(
+            WarningKind::OldFile,
+            format!(
+                "{}: {count} drawn pictures in this folder are of an earlier call, such as {}",
+                out.display(),
+                name.display()
+            ),
+        );
     }
     if let Some(surest) = surest.filter(|surest| *surest < request.least_score) {
         context.note(format!(
@@ -276,9 +286,9 @@ fn labelled(place: &Path, out: Option<&Path>, context: &Context) -> Result<(Vec<
         let message = format!("{}: the data set is in this folder", out.display());
         return Err(JobError::input(message, "name another folder for --out"));
     }
-    check_pictures_in(&mut loaded, context);
+    check_pictures_in(&mut loaded, context)?;
     for line in loaded.defects.lines(place) {
-        context.warning(line);
+        context.warning(WarningKind::DataSet, line);
     }
     let mut looked = Vec::new();
     for image in &loaded.data.images {
@@ -307,10 +317,10 @@ fn in_classes_of(finder: &Finder, data: DataSet, context: &Context) -> Result<Da
         if !unknown.is_empty() {
             let names: Vec<String> = unknown.iter().map(|c| format!("{} ({})", c.name, c.id)).collect();
             let most = finder.classes.len();
-            context.warning(format!(
-                "the weights know the numbers 1 to {most}: left out are {}",
-                listed(&names)
-            ));
+            context.warning(
+                WarningKind::DataSet,
+                format!("the weights know the numbers 1 to {most}: left out are {}", listed(&names)),
+            );
         }
         let numbers: HashSet<u64> = known.iter().map(|category| category.id).collect();
         let mut data = DataSet { categories: known, ..data };
@@ -323,7 +333,7 @@ fn in_classes_of(finder: &Finder, data: DataSet, context: &Context) -> Result<Da
             nothing("its categories need the numbers that the weights have for them, such as those of COCO")
         };
     };
-    taken_as(&data, classes).iter().for_each(|note| context.warning(note));
+    taken_as(&data, classes).iter().for_each(|note| context.warning(WarningKind::DataSet, note));
     let data = in_classes(&data, classes);
     if data.annotations.iter().any(|object| !object.crowd) {
         Ok(data)

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use petzval_base::FileError;
 use petzval_design::error::DesignError;
+use petzval_design::library::Library;
 use petzval_files::{GlassWarning, decode, is_meant_as_catalog, parse_agf, parse_catalog, parse_rii};
 use petzval_optics::glass::Catalog;
 
@@ -40,6 +41,27 @@ impl ChosenGlasses {
             |(path, warning): &(PathBuf, GlassWarning)| format!("{}: {}", path.display(), warning.error);
         self.warnings.iter().map(line).collect()
     }
+}
+
+/// A library with the glasses of these files, which take precedence. Lines that were not understood are warnings: all of them, or the first of
+/// each kind.
+pub fn library_with(
+    library: Library,
+    paths: &[PathBuf],
+    in_full: bool,
+    warn: &dyn Fn(String),
+) -> Result<Library, JobError> {
+    if paths.is_empty() {
+        return Ok(library);
+    }
+    let chosen = read_glasses(paths)?;
+    let lines = if in_full { chosen.all_warning_lines() } else { chosen.warning_lines() };
+    let are_all = lines.len() == chosen.warnings.len();
+    lines.into_iter().for_each(warn);
+    if !are_all {
+        warn("`petzval glass list` shows every line of glass catalogues that is left out".to_owned());
+    }
+    Ok(library.with_glasses(chosen.catalog))
 }
 
 const ENDINGS: &str = ".agf, .toml, .yml or .yaml";

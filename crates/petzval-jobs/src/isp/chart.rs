@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use crate::context::Context;
 use crate::error::{JobError, make_folder, write_file};
 use crate::named_isp::isp_by_name;
-use crate::results::check_folder;
+use crate::results::{check_folder, what_is};
 use crate::simulate;
 use crate::simulate::spectral::scene_frame;
 
@@ -85,7 +85,7 @@ pub struct Response {
 /// Takes, develops and measures the chart. The folder `out` gets `chart.json` (the response), `chart.png` and `chart.html`.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     check_folder(&request.out, ["chart.png", "chart.html", "chart.json"], context)?;
-    let mut isp = isp_by_name(&request.isp, &context.assets, context.cancellation())?;
+    let mut isp = isp_by_name(&request.isp, &context.assets, context.cancel())?;
     isp.set(&request.set)?;
     isp.set_bits(BITS);
     let sensor = context.assets.sensor(&request.camera.sensor)?;
@@ -139,6 +139,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     write_file(&response.page, page(&sheet(&response, &picture)).as_bytes())?;
     let json = serde_json::to_string_pretty(&response).map_err(|e| JobError::failed(e.to_string()))?;
     write_file(&path("chart.json"), json.as_bytes())?;
+    let files = [response.picture.clone(), response.page.clone(), path("chart.json")];
+    files.iter().for_each(|path| context.wrote(path, what_is(path)));
     Ok(response)
 }
 

@@ -123,7 +123,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         (None, bits) => return Err(JobError::setting("bits", bits, "out of range", "give 8, 10 or 16")),
         (Some(_), bits) => return Err(JobError::setting("bits", bits, "out of range", "give 8 or 10")),
     }
-    let mut named = isp_by_name(&request.isp, &context.assets, context.cancellation())?;
+    let mut named = isp_by_name(&request.isp, &context.assets, context.cancel())?;
     named.set(&request.set)?;
     named.set_bits(if request.ycbcr.is_some() { BITS_OF_YCBCR } else { request.bits });
     let (out, shots) = shots(request)?;
@@ -142,9 +142,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 
     let mut pictures = Vec::new();
     for (i, (name, raws)) in shots.iter().enumerate() {
-        if context.is_cancelled() {
-            return Err(JobError::Stopped(format!("stopped after {i} of {} pictures", shots.len())));
-        }
+        context.check(|| format!("stopped after {i} of {} pictures", shots.len()))?;
         context.progress(i as u64, shots.len() as u64, name);
         let raw = &raws[0];
         let frame = read(request, raws, context)?;
@@ -155,10 +153,12 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         let bytes = encoded(request, &picture)?;
         let path = out.join(format!("{name}.{}", extension(request)));
         write_file(&path, &bytes)?;
+        context.wrote(&path, "picture");
         let strip = if request.strip {
             let steps = named.develop_steps(&frame, &values).map_err(about_frame(raw))?;
             let strip_path = out.join(page_of(name));
             write_file(&strip_path, page(&strip(raw, &named, &values, &steps)).as_bytes())?;
+            context.wrote(&strip_path, "page");
             Some(strip_path)
         } else {
             None

@@ -16,6 +16,7 @@ use serde::{Deserialize, Serialize};
 use super::pile::pile_up;
 use crate::context::Context;
 use crate::error::JobError;
+use crate::event::WarningKind;
 use crate::named_isp::about_frame;
 
 /// What raw files leave open.
@@ -124,7 +125,7 @@ fn read_exposure(
     };
     let sensor = sensor_of(info, options, &context.assets)?;
     if sensor.is_none() && (calibration.response.is_none() || calibration.noise.is_none()) {
-        context.warning(format!(
+        context.warning(WarningKind::RawFrame, format!(
             "{}: the sensor is unknown: its noise and its answer to white light are assumed; --sensor names it",
             path.display()
         ));
@@ -263,11 +264,11 @@ fn smooth_shading(about: &mut FrameData, path: &Path, context: &Context) {
     let (fine, difference) = mesh.refined(FINE_NODES);
     let nodes = format!("{}: its shading mesh has {} x {} nodes", path.display(), mesh.rows, mesh.cols);
     if mesh.rows.min(mesh.cols) < 3 {
-        context.warning(format!(
+        context.warning(WarningKind::RawFrame, format!(
             "{nodes}: how the light falls between two nodes is unknown, and a ramp is corrected; give 5 or more nodes a side"
         ));
     } else if difference > COARSE {
-        context.warning(format!(
+        context.warning(WarningKind::RawFrame, format!(
             "{nodes}: between them a smooth curve is corrected, which differs from straight lines by up to {:.1} %; more nodes say more",
             100.0 * difference
         ));
@@ -291,7 +292,7 @@ fn saturated_dn(
     let Some(pile) = pile_up(dn, width, cfa).filter(|pile| f64::from(pile.dn) < LOW_PILE * stated_dn) else {
         return stated_dn;
     };
-    context.warning(format!(
+    context.warning(WarningKind::Saturation, format!(
         "{}: {} pixels have the largest number, {} DN, below the white level of {stated_dn} DN: they are taken as saturated, or highlights would be coloured; state it with `white_level_dn`",
         path.display(),
         pile.pixels,

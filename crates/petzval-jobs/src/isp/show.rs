@@ -59,7 +59,7 @@ pub struct ShownParameter {
 
 /// Reads the settings of an ISP.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
-    let named = isp_by_name(&request.isp, &context.assets, context.cancellation())?;
+    let named = isp_by_name(&request.isp, &context.assets, context.cancel())?;
     if !request.gain_ev.is_finite() {
         return Err(JobError::setting("gain_ev", request.gain_ev, "is no number", "0 is the lowest gain"));
     }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use petzval_design::lens::view::surfaces;
-use petzval_optics::analysis::{AnalysisOptions, analyze};
+use petzval_optics::analysis::{AnalysisError, AnalysisOptions, analyze};
 use petzval_report::lens_sheet::{PICTURES, Picture, page};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -13,6 +13,7 @@ use super::analysis_csv::TABLES;
 use super::focus::{FocusAt, check_image, focused, out_of_focus};
 use crate::context::Context;
 use crate::error::{JobError, make_folder, write_file};
+use crate::event::WarningKind;
 use crate::results::check_folder;
 
 pub use petzval_optics::analysis::Analysis;
@@ -137,7 +138,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     if request.focus == FocusAt::File
         && let Some(warning) = out_of_focus(&request.lens, &lens)
     {
-        context.warning(format!("{}: {warning}", request.lens));
+        context.warning(WarningKind::OutOfFocus, format!("{}: {warning}", request.lens));
     }
     let pixel_pitch_um = match &request.sensor {
         Some(name) => Some(context.assets.sensor(name)?.pixel_um),
@@ -157,12 +158,16 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let others = others.filter(|(name, _)| request.is_wanted(name)).map(|(_, file)| file.to_owned());
     check_folder(&folder, pictures.chain(others), context)?;
     let (done, fields) = (AtomicU64::new(0), lens.fields_deg.len() as u64);
-    let tick = || context.progress(done.fetch_add(1, Ordering::Relaxed) + 1, fields, "fields");
-    let analysis = analyze(&lens, &options, &tick).map_err(|error| {
-        JobError::input(
+    let tick = || {
+        context.progress(done.fetch_add(1, Ordering::Relaxed) + 1, fields, "fields");
+        context.cancel().check()
+    };
+    let analysis = analyze(&lens, &options, &tick).map_err(|error| match error {
+        AnalysisError::Stopped(cancelled) => cancelled.into(),
+        error => JobError::input(
             format!("{}: {error}", request.lens),
             format!("`petzval lens show {}` says where light is lost; or leave that field out", request.lens),
-        )
+        ),
     })?;
     let data = serde_json::to_string(&analysis).map_err(|e| JobError::failed(e.to_string()))?;
 
@@ -171,6 +176,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     for picture in &wanted {
         let path = folder.join(format!("{}.svg", picture.name));
         write_file(&path, picture.svg(&analysis))?;
+        context.wrote(&path, "picture");
         files.push(path);
     }
     let mut page_file = None;
@@ -179,18 +185,21 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         let shown = if wanted.is_empty() { PICTURES.iter().collect() } else { wanted };
         let path = folder.join("analysis.html");
         write_file(&path, page(&analysis, &surfaces(&lens), shown))?;
+        context.wrote(&path, "page");
         files.push(path.clone());
         page_file = Some(path);
     }
     if request.is_wanted(DATA) {
         let path = folder.join("analysis.json");
         write_file(&path, data)?;
+        context.wrote(&path, "figures");
         files.push(path);
     }
     if request.is_wanted(CSV) {
         for (name, table) in TABLES {
             let path = folder.join(name);
             write_file(&path, table(&analysis))?;
+            context.wrote(&path, "table");
             files.push(path);
         }
     }

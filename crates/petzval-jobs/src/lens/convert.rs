@@ -72,6 +72,7 @@ pub(super) fn write_as_named(file: &LensFile, to: &Path, context: &Context) -> R
     let export = export.map_err(|error| not_writable(to, &error))?;
     check_file(to, context)?;
     write_file(to, encoded(to, &export.text))?;
+    context.wrote(to, "lens");
     Ok(export)
 }
 

@@ -4,8 +4,8 @@ pub mod external;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
+use petzval_base::Cancel;
 use petzval_camera::isp::{
     HardwareIsp, Isp, IspError, IspParameter, IspPreset, IspSettings, RawInput, RgbPicture, check_values,
 };
@@ -20,7 +20,7 @@ use petzval_learn::proxy_isp::{FRAME_NUMBERS, ProxyIsp};
 use petzval_learn::weight_file::Weights;
 
 use self::external::ExternalIsp;
-use crate::error::JobError;
+use crate::error::{JobError, Stopped};
 
 /// Name of the settings in which every parameter of the built-in ISP has its default.
 pub const NEUTRAL: &str = "neutral";
@@ -48,15 +48,15 @@ enum Kind {
 
 /// The ISP of a name: [`NEUTRAL`], a preset of `data/isp/`, or the path of a preset, of settings, or of the description of an external
 /// ISP or of a proxy. The flag stops the calls of an external ISP.
-pub fn isp_by_name(name: &str, assets: &Assets, cancelled: &Arc<AtomicBool>) -> Result<NamedIsp, JobError> {
+pub fn isp_by_name(name: &str, assets: &Assets, cancel: &Cancel) -> Result<NamedIsp, JobError> {
     if name == NEUTRAL && !Path::new(name).is_file() {
         return Ok(NamedIsp::built_in(IspPreset::default()));
     }
     let source = assets.text("ISP", "isp", name)?;
     let settings = match parse_isp_file(&source.text).map_err(DesignError::input(&source.path))? {
         IspFile::Preset(preset) => return Ok(NamedIsp::built_in(*preset)),
-        IspFile::External(about) => return NamedIsp::external(about, &source.path, cancelled),
-        IspFile::Proxy(about) => return NamedIsp::proxy(&about, &source.path, assets, cancelled),
+        IspFile::External(about) => return NamedIsp::external(about, &source.path, cancel),
+        IspFile::Proxy(about) => return NamedIsp::proxy(&about, &source.path, assets, cancel),
         IspFile::Settings(settings) => settings,
     };
     // A relative path begins at the file that names it.
@@ -73,7 +73,7 @@ pub fn isp_by_name(name: &str, assets: &Assets, cancelled: &Arc<AtomicBool>) -> 
     let IspFile::External(about) = parse_isp_file(&text).map_err(DesignError::input(&path))? else {
         return Err(wrong("no description, which has the key `command`".to_owned()));
     };
-    let mut named = NamedIsp::external(about, &path, cancelled)?;
+    let mut named = NamedIsp::external(about, &path, cancel)?;
     if let Kind::External { values, .. } = &mut named.kind {
         *values = settings.values(&named.parameters).map_err(DesignError::input(&source.path))?;
     }
@@ -81,9 +81,9 @@ pub fn isp_by_name(name: &str, assets: &Assets, cancelled: &Arc<AtomicBool>) -> 
 }
 
 /// The external ISP of a description, or of settings for one, in a camera that is designed. The flag stops its calls.
-pub(crate) fn external_isp(path: &Path, cancelled: &Arc<AtomicBool>) -> Result<OutsideIsp, DesignError> {
+pub(crate) fn external_isp(path: &Path, cancel: &Cancel) -> Result<OutsideIsp, DesignError> {
     let named =
-        isp_by_name(&path.display().to_string(), &Assets::default(), cancelled).map_err(
+        isp_by_name(&path.display().to_string(), &Assets::default(), cancel).map_err(
             |error| match error {
                 JobError::File { path, error } => DesignError::Input { path, error },
                 other => DesignError::misfit(path, &other, "`petzval isp show` reads the same file"),
@@ -107,10 +107,10 @@ impl NamedIsp {
         }
     }
 
-    fn external(about: ExternalIspFile, path: &Path, cancelled: &Arc<AtomicBool>) -> Result<Self, JobError> {
+    fn external(about: ExternalIspFile, path: &Path, cancel: &Cancel) -> Result<Self, JobError> {
         let home = path.parent().filter(|home| !home.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let cache = about.cache.clone().unwrap_or_default();
-        let isp = ExternalIsp::new(about, home, cancelled.clone()).map_err(|e| {
+        let isp = ExternalIsp::new(about, home, cancel.clone()).map_err(|e| {
             let message = format!("{}: `cache = \"{cache}\"`: {e}", path.display());
             JobError::input(message, "give a folder that can be written")
         })?;
@@ -121,17 +121,12 @@ impl NamedIsp {
         Ok(Self { parameters, kind: Kind::External { isp, values, description }, changes: Vec::new() })
     }
 
-    fn proxy(
-        about: &IspProxyFile,
-        path: &Path,
-        assets: &Assets,
-        cancelled: &Arc<AtomicBool>,
-    ) -> Result<Self, JobError> {
+    fn proxy(about: &IspProxyFile, path: &Path, assets: &Assets, cancel: &Cancel) -> Result<Self, JobError> {
         let wrong = |message: String| {
             let hint = "the description and the weights of one `petzval train isp-proxy` belong together";
             JobError::input(format!("{}: {message}", path.display()), hint)
         };
-        let of = isp_by_name(&about.proxy_of, assets, cancelled)?;
+        let of = isp_by_name(&about.proxy_of, assets, cancel)?;
         if matches!(of.kind, Kind::Proxy { .. }) {
             return Err(wrong(format!("`proxy_of = \"{}\"` is a proxy itself", about.proxy_of)));
         }
@@ -325,7 +320,7 @@ pub(super) fn about_frame(file: &Path) -> impl Fn(IspError) -> JobError {
             JobError::input(format!("{}: {error}", file.display()), "correct the frame or its sidecar")
         }
         IspError::External(_) => JobError::failed(format!("{}: {error}", file.display())),
-        IspError::Stopped(_) => JobError::Stopped(format!("{}: {error}", file.display())),
+        IspError::Stopped(_) => Stopped::new(format!("{}: {error}", file.display())).into(),
         IspError::Count { .. } | IspError::Parameter { .. } => JobError::input(error.to_string(), ""),
     }
 }

@@ -25,6 +25,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
 use crate::error::{JobError, json, make_folder};
+use crate::event::WarningKind;
 use crate::frames::Frames;
 use crate::pinhole::{PinholeView, Refocus};
 use crate::results::check_folder;
@@ -73,6 +74,7 @@ impl From<PsfCalibrationError> for JobError {
     fn from(error: PsfCalibrationError) -> Self {
         match error {
             PsfCalibrationError::File { path, error } => Self::File { path, error },
+            PsfCalibrationError::Stopped(cancelled) => cancelled.into(),
             PsfCalibrationError::Frame(error) => error.into(),
             PsfCalibrationError::Io { path, error } if error.kind() == ErrorKind::NotFound => Self::input(
                 format!("{}: {error}", path.display()),
@@ -100,7 +102,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         request.lens.as_ref().map(|name| view(name, &manifest, &sensor, &context.assets)).transpose()?;
     let (positions, bank, fields) = measure(request, (&manifest, &text), &sensor, view.as_ref(), context)?;
     if manifest.source.camera_turned && manifest.source.image_scale_mm.is_none() {
-        context.warning(format!(
+        context.warning(WarningKind::Measurement, format!(
             "{}: the camera was turned, but `image_scale_mm` is not given: relative illumination lacks a factor cos^3",
             path.display()
         ));
@@ -115,7 +117,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     warn(&calibration, context);
 
     let figures = Figures::new(&calibration, &bank, &sensor);
-    write_all(&out, &calibration, &bank, &figures)?;
+    write_all(&out, &calibration, &bank, &figures, context)?;
     Ok(Response { out, figures })
 }
 
@@ -179,9 +181,9 @@ fn measure(
     // Fitting the bank takes longer than reading the frames: it is a phase of its own.
     let fitted = |done: usize, fields: usize| {
         context.progress(done as u64, fields as u64, format!("fitting the bank: {done} of {fields} fields"));
+        context.cancel().check()
     };
-    let (bank, fields) = estimate_bank(&places, sensor.pixel_um, &fitted)
-        .map_err(|error| described_in(folder)(PsfCalibrationError::Bank(error)))?;
+    let (bank, fields) = estimate_bank(&places, sensor.pixel_um, &fitted).map_err(described_in(folder))?;
     Ok((positions, bank, fields))
 }
 
@@ -227,18 +229,21 @@ fn described_in(folder: &Path) -> impl Fn(PsfCalibrationError) -> JobError {
 fn warn(calibration: &Calibration, context: &Context) {
     for (position, _) in &calibration.positions {
         for warning in position.warnings.iter().filter(|w| !w.starts_with("no dark frames")) {
-            context.warning(format!("{}: {warning}", position.name));
+            context.warning(WarningKind::Measurement, format!("{}: {warning}", position.name));
         }
     }
     let mut is_confirmed = true;
     for field in &calibration.fields {
         for warning in field.warnings() {
-            context.warning(format!("bank, {:.2} mm: {warning}", field.field_radius_mm));
+            context.warning(
+                WarningKind::Measurement,
+                format!("bank, {:.2} mm: {warning}", field.field_radius_mm),
+            );
             is_confirmed = false;
         }
     }
     if !is_confirmed {
-        context.warning(limits(&calibration.fields));
+        context.warning(WarningKind::Measurement, limits(&calibration.fields));
     }
 }
 
@@ -270,19 +275,23 @@ fn write_all(
     calibration: &Calibration,
     bank: &PsfBank,
     figures: &Figures,
+    context: &Context,
 ) -> Result<(), JobError> {
     make_folder(out)?;
-    let write = |name: &str, bytes: &[u8]| {
+    let write = |name: &str, what: &str, bytes: &[u8]| -> Result<(), JobError> {
         let path = out.join(name);
-        write_whole(&path, bytes).map_err(DesignError::io(&path))
+        write_whole(&path, bytes).map_err(DesignError::io(&path))?;
+        context.wrote(path, what);
+        Ok(())
     };
     let shape = [calibration.positions.len() as u64, 3, CROP as u64, CROP as u64];
     let psfs = calibration.positions.iter().flat_map(|(p, _)| p.measured.psf.values.iter().flatten());
     let psfs: Vec<f64> = psfs.copied().collect();
     let npy = npy_bytes(&shape, &psfs).map_err(|e| JobError::failed(format!("measured.npy: {e}")))?;
-    write("measured.npy", &npy)?;
-    write("psf-calibration.png", &sheet_png(calibration))?;
-    write("psf-calibration.html", page(calibration).as_bytes())?;
+    write("measured.npy", "PSFs", &npy)?;
+    write("psf-calibration.png", "picture", &sheet_png(calibration))?;
+    write("psf-calibration.html", "page", page(calibration).as_bytes())?;
     save_psfs(bank, &format!("measured: {}", calibration.captures), out)?;
-    Ok(write("calibration.json", json(figures)?.as_bytes())?)
+    context.wrote(out.join("psfs.toml"), "PSFs");
+    write("calibration.json", "figures", json(figures)?.as_bytes())
 }

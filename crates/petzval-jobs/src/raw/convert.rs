@@ -77,6 +77,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     check_bits(request, &frame, bits)?;
     check_file(&request.output, context)?;
     save_raw(&frame, &request.output, request.format(bits)?)?;
+    context.wrote(&request.output, "raw frame");
     Ok(Response { frame: FrameSummary::new(&request.output, &frame), sidecar: sidecar_path(&request.output) })
 }
 

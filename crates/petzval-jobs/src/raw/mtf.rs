@@ -15,7 +15,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
 use crate::error::{JobError, json, make_folder, write_file};
-use crate::results::check_folder;
+use crate::event::WarningKind;
+use crate::results::{check_folder, what_is};
 
 pub use petzval_lab::edge_mtf::Region;
 
@@ -152,6 +153,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         let contents = [csv(&response), json(&response)?, plot(&response, &frame)];
         for (path, content) in response.files.iter().zip(contents) {
             write_file(path, content)?;
+            context.wrote(path, what_is(path));
         }
     }
     Ok(response)
@@ -173,7 +175,7 @@ fn read(request: &Request, context: &Context) -> Result<Frame, JobError> {
     }
     let picture = load_image(&request.file).map_err(petzval_design::error::DesignError::from)?;
     let name = request.file.display();
-    picture.notes.iter().for_each(|note| context.warning(format!("{name}: {note}")));
+    picture.notes.iter().for_each(|note| context.warning(WarningKind::RawFrame, format!("{name}: {note}")));
     Ok(Frame {
         height: picture.light.height,
         width: picture.light.width,
@@ -188,7 +190,7 @@ fn read(request: &Request, context: &Context) -> Result<Frame, JobError> {
 fn read_raw(request: &Request, raw: RawFrame, context: &Context) -> Result<Frame, JobError> {
     let name = request.file.display();
     let cfa = request.cfa.or(raw.info.cfa).unwrap_or_else(|| {
-        context.warning(format!(
+        context.warning(WarningKind::RawFrame, format!(
             "{name}: no sidecar states its mosaic, and all pixels are taken for one colour; --cfa RGGB names one"
         ));
         CfaPattern::MONO
@@ -238,7 +240,9 @@ fn measured(region: &Region, frame: &Frame, context: &Context) -> Result<Edge, J
         );
         return Err(JobError::setting("region", region, failures.join("; "), hint));
     }
-    failures.iter().for_each(|failure| context.warning(format!("region {region}: {failure}")));
+    failures
+        .iter()
+        .for_each(|failure| context.warning(WarningKind::Edge, format!("region {region}: {failure}")));
     Ok(Edge { region: *region, channels })
 }
 
@@ -272,7 +276,7 @@ fn warn(edges: &[Edge], frame: &Frame, context: &Context) {
             if let Some(channel) = frame.channels.iter().find(|channel| channel.name == mtf.channel) {
                 for (share, end) in channel.shares_at(&edge.region, frame.ends).into_iter().zip(ENDS) {
                     if share > CLIPPED_SHARE {
-                        context.warning(format!(
+                        context.warning(WarningKind::Edge, format!(
                             "{of}: {:.1} % of the pixels are at {end}: if light was cut off there, the response is wrong",
                             100.0 * share
                         ));
@@ -286,10 +290,13 @@ fn warn(edges: &[Edge], frame: &Frame, context: &Context) {
                 ));
             }
             if mtf.left_out > 0 {
-                context.warning(match mtf.left_out {
-                    1 => format!("{of}: 1 pixel that does not fit the profile is left out"),
-                    count => format!("{of}: {count} pixels that do not fit the profile are left out"),
-                });
+                context.warning(
+                    WarningKind::Edge,
+                    match mtf.left_out {
+                        1 => format!("{of}: 1 pixel that does not fit the profile is left out"),
+                        count => format!("{of}: {count} pixels that do not fit the profile are left out"),
+                    },
+                );
             }
         }
     }

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use petzval_camera::sensor::SensorModel;
+use petzval_lab::emva::captures::CaptureError;
 use petzval_lab::emva::{Plan, Written, write_series};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -105,7 +106,17 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         );
     }
     let frames = Frames::new(context, total);
-    Ok(write_series(&sensor, &plan, &request.out, &|| frames.add("exposing"))?)
+    // The frames that are whole stay, and the same request goes on from them.
+    let written = write_series(&sensor, &plan, &request.out, &|| frames.add("exposing"));
+    let written = written.map_err(|error| match error {
+        CaptureError::Stopped(_) => {
+            let stopped = context.stopped(format!("stopped; the frames in {} stay", request.out.display()));
+            stopped.keeping(&request.out).going_on_with(request).into()
+        }
+        other => JobError::from(other),
+    })?;
+    context.wrote(&written.list, "list of captures");
+    Ok(written)
 }
 
 impl Request {

@@ -12,8 +12,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
 use crate::error::{JobError, make_folder};
+use crate::event::WarningKind;
 use crate::frames::Frames;
-use crate::results::check_folder;
+use crate::results::{check_folder, what_is};
 
 pub use petzval_camera::sensor::Colour;
 pub use petzval_lab::emva::joint::GAINS;
@@ -88,21 +89,29 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     };
     let frames = Frames::new(context, captures.frames());
     let characterization = characterize(&captures, &options, &|| frames.add("reading"))?;
-    warning_lines(&characterization.warnings).iter().for_each(|line| context.warning(line));
+    warning_lines(&characterization.warnings)
+        .iter()
+        .for_each(|line| context.warning(WarningKind::Measurement, line));
     let files = match &request.out {
-        Some(out) => write_results(&characterization, request.values, out)?,
+        Some(out) => write_results(&characterization, request.values, out, context)?,
         None => Vec::new(),
     };
     Ok(Response { characterization, files })
 }
 
 /// Writes every file of the results, each whole or not at all; returns their paths.
-fn write_results(found: &Characterization, values: Values, out: &Path) -> Result<Vec<PathBuf>, JobError> {
+fn write_results(
+    found: &Characterization,
+    values: Values,
+    out: &Path,
+    context: &Context,
+) -> Result<Vec<PathBuf>, JobError> {
     make_folder(out)?;
     let mut files = Vec::new();
     let mut write = |name: &str, text: &str| -> Result<(), JobError> {
         let path = out.join(name);
         write_whole(&path, text.as_bytes()).map_err(DesignError::io(&path))?;
+        context.wrote(&path, what_is(&path));
         files.push(path);
         Ok(())
     };

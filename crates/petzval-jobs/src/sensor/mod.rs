@@ -15,6 +15,7 @@ impl From<CaptureError> for JobError {
         let message = error.to_string();
         let hint = match error {
             CaptureError::List { path, error } => return Self::File { path, error },
+            CaptureError::Stopped(cancelled) => return cancelled.into(),
             CaptureError::Image(_) => return Self::failed(message),
             CaptureError::Plan { what: "series", .. } => return Self::failed(message),
             CaptureError::Plan { what, problem } => {

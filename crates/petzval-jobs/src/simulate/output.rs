@@ -14,6 +14,7 @@ use petzval_files::{ImageError, save_exr, save_npy, save_png, save_png16};
 use serde_json::{Value, json};
 
 use super::request::{PictureAs, RawAs};
+use crate::context::Context;
 use crate::error::JobError;
 
 /// Facts about what was written of one image, by name; see the command's manual.
@@ -131,6 +132,22 @@ pub fn write(
     let by_chip = more.by_chip.as_ref().map(|_| ("isp", path(&chip_path)));
     let facts = facts.into_iter().chain(calibration).chain(by_chip);
     Ok(facts.map(|(key, value)| (key.to_owned(), value)).collect())
+}
+
+/// Reports the files that are named among facts.
+pub fn report_files(facts: &Facts, context: &Context) {
+    let files = [
+        ("raw", "raw frame"),
+        ("sidecar", "sidecar"),
+        ("calibration", "calibration"),
+        ("developed", "picture"),
+        ("isp", "picture"),
+    ];
+    for (key, what) in files {
+        if let Some(path) = facts.get(key).and_then(Value::as_str) {
+            context.wrote(path, what);
+        }
+    }
 }
 
 fn not_written(path: &Path, error: &std::io::Error) -> JobError {

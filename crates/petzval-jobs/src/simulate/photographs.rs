@@ -10,6 +10,7 @@ use super::rig::{Rig, check_not_stopped};
 use super::shot::{Taken, noise, photograph, placed, write_shot};
 use crate::context::Context;
 use crate::error::{JobError, make_folder};
+use crate::event::WarningKind;
 
 /// Takes all images.
 pub fn run(request: &Request, context: &Context) -> Result<Vec<Facts>, JobError> {
@@ -41,8 +42,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Vec<Facts>, JobError>
                 Taken::of_light(request, &rig, &camera, &light, frame)?
             }
         };
-        let (facts, warning) = write_shot(request, &rig, &camera, name, &taken)?;
-        warning.into_iter().for_each(|warning| context.warning(warning));
+        let (facts, warning) = write_shot(request, &rig, &camera, name, &taken, context)?;
+        warning.into_iter().for_each(|warning| context.warning(WarningKind::Saturation, warning));
         written.push(facts);
     }
     context.progress(photos.len() as u64, photos.len() as u64, "");
@@ -58,7 +59,7 @@ fn warn_of_small_pictures(request: &Request, rig: &Rig, photos: &[(String, Linea
         && let Some((name, photo)) = small.next()
         && (photo.height, photo.width) == (rig.sensor.height * rig.samples, rig.sensor.width * rig.samples)
     {
-        context.warning(format!(
+        context.warning(WarningKind::Picture, format!(
             "{name}: the picture has as many pixels as the sensor, and the lens projects {height}x{width} of a rectilinear scene onto it: \
              the border repeats the picture's edge; without distortion the picture would fill the frame"
         ));

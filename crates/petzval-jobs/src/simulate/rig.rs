@@ -27,6 +27,7 @@ use super::highlights::capacity_e;
 use super::request::Request;
 use crate::context::Context;
 use crate::error::JobError;
+use crate::event::WarningKind;
 use crate::named_isp::{NamedIsp, isp_by_name};
 
 /// Most pixels of a simulated frame, and most samples of its scene: the largest sensors have 150 million pixels. Each pixel takes about
@@ -75,7 +76,7 @@ impl Rig {
         let mut chip = request
             .isp
             .as_ref()
-            .map(|name| isp_by_name(name, &context.assets, context.cancellation()))
+            .map(|name| isp_by_name(name, &context.assets, context.cancel()))
             .transpose()?;
         if let Some(chip) = &mut chip {
             chip.set_bits(CHIP_BITS);
@@ -85,7 +86,7 @@ impl Rig {
             }
         }
         let (samples, warning) = request.samples_of(&sensor);
-        warning.into_iter().for_each(|warning| context.warning(warning));
+        warning.into_iter().for_each(|warning| context.warning(WarningKind::Picture, warning));
         let sides = [sensor.height, sensor.width].map(|side| side * samples);
         if sides[0].saturating_mul(sides[1]) > MOST_PIXELS || sides.into_iter().any(|side| side > MAX_SIDE) {
             return Err(JobError::input(
@@ -120,10 +121,11 @@ impl Rig {
                 let plan = PsfPlan { perfect_image: PerfectImage::AiryDisk, ..plan };
                 let (plan, error) = plan.converged(&lens, psf.scoring_pupil_error)?;
                 if error > psf.scoring_pupil_error {
-                    context.warning(format!(
-                        "PSFs on {} pupil cells a side have an error of {error:.3} (L1), more than {}",
-                        plan.quadrature.cells, psf.scoring_pupil_error
-                    ));
+                    let (cells, most) = (plan.quadrature.cells, psf.scoring_pupil_error);
+                    let text = format!(
+                        "PSFs on {cells} pupil cells a side have an error of {error:.3} (L1), more than {most}"
+                    );
+                    context.warning(WarningKind::PsfError, text);
                 }
                 let source = PsfSource::Traced { lens: Box::new(lens.clone()), plan: plan.clone() };
                 (source, Some((lens, plan)))
@@ -131,12 +133,12 @@ impl Rig {
         };
         let psfs = Arc::new(source.psfs()?);
         if let Some(lost) = psfs.captured().and_then(|captured| psf.lost_light(captured)) {
-            context.warning(lost);
+            context.warning(WarningKind::LostLight, lost);
         }
         let (geometry, blend) =
             with_patches_for(&coarse, psfs.bank(), psf.scoring_blend_error).map_err(DesignError::from)?;
         if blend.median > psf.scoring_blend_error {
-            context.warning(format!(
+            context.warning(WarningKind::PsfError, format!(
                 "the PSF changes so quickly over the sensor that {} x {} patches blend it with an error of {:.3} (L1, median), {:.3} at worst",
                 geometry.patches.0, geometry.patches.1, blend.median, blend.largest
             ));
@@ -216,11 +218,7 @@ impl Rig {
 
 /// Ends a cancelled job between two pictures; those that were taken before stay.
 pub fn check_not_stopped(taken: usize, request: &Request, context: &Context) -> Result<(), JobError> {
-    if context.is_cancelled() {
-        Err(JobError::Stopped(format!("stopped after {taken} of {} pictures", request.images.len())))
-    } else {
-        Ok(())
-    }
+    context.check(|| format!("stopped after {taken} of {} pictures", request.images.len()))
 }
 
 /// Refuses numbers outside their ranges.

@@ -19,6 +19,7 @@ use super::request::Request;
 use super::rig::Rig;
 use crate::context::Context;
 use crate::error::JobError;
+use crate::event::WarningKind;
 
 /// The noise of a request.
 pub fn noise(request: &Request) -> Noise {
@@ -30,7 +31,7 @@ pub fn noise(request: &Request) -> Noise {
 pub fn photograph(path: &Path, context: &Context) -> Result<LinearImage, JobError> {
     let picture = load_image(path).map_err(DesignError::from)?;
     for note in picture.notes {
-        context.warning(format!("{}: {note}", path.display()));
+        context.warning(WarningKind::Picture, format!("{}: {note}", path.display()));
     }
     Ok(picture.light)
 }
@@ -84,6 +85,7 @@ pub fn write_shot(
     camera: &Camera,
     name: &str,
     taken: &Taken,
+    context: &Context,
 ) -> Result<(Facts, Option<String>), JobError> {
     let (sensor, white_e) = (&camera.body().sensor, camera.body().exposure.white_e);
     let share = saturated_share(&taken.raw, sensor);
@@ -101,6 +103,7 @@ pub fn write_shot(
         by_chip: by_chip.transpose()?,
     };
     let mut facts = output::write(formats, &request.out, name, &taken.raw, sensor, picture, &more)?;
+    output::report_files(&facts, context);
     for (key, value) in [
         ("white_e", json!(white_e)),
         ("saturated_share", json!(saturation.share)),

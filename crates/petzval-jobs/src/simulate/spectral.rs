@@ -24,6 +24,7 @@ use super::rig::{Rig, check_not_stopped, check_numbers};
 use super::shot::{Taken, photograph, placed, write_shot};
 use crate::context::Context;
 use crate::error::{JobError, make_folder};
+use crate::event::WarningKind;
 
 /// Takes all images.
 pub fn run(request: &Request, context: &Context) -> Result<Vec<Facts>, JobError> {
@@ -65,8 +66,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Vec<Facts>, JobError>
         let electrons = electrons(request, &rig, &conditions, light, &opened, &name, context)
             .map_err(|error| named(path, error))?;
         let (camera, taken) = take(request, &rig, light, &electrons, frame)?;
-        let (mut facts, warning) = write_shot(request, &rig, &camera, &name, &taken)?;
-        warning.into_iter().for_each(|warning| context.warning(warning));
+        let (mut facts, warning) = write_shot(request, &rig, &camera, &name, &taken, context)?;
+        warning.into_iter().for_each(|warning| context.warning(WarningKind::Saturation, warning));
         facts.extend(light.facts(request, &conditions));
         written.push(facts);
         let note = light.says(request, &conditions);
@@ -265,6 +266,7 @@ fn over_bands(
     let done = |_band: usize| {
         count.set(count.get() + 1);
         context.progress(count.get(), total, name);
+        context.cancel().check()
     };
     render_spectral(&conditions.lens, &conditions.plan, &rig.geometry, &bands, rig.window, &done)
 }

@@ -8,6 +8,7 @@ use petzval_design::error::DesignError;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
+use super::request::Request;
 use crate::context::Context;
 use crate::error::{JobError, json, make_folder};
 
@@ -102,6 +103,7 @@ pub(super) fn train<T: Training, P: Serialize, I: Serialize>(
             kept.seconds += clock.elapsed().as_secs_f64();
             clock = Instant::now();
             folder.keep(kept, kept.step, &training.state()?)?;
+            context.wrote(folder.training(), "state");
         }
         if is_cancelled {
             break;
@@ -142,6 +144,18 @@ impl TrainingFolder {
         let kept = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
         petzval_base::sweep_parts(root);
         Ok((folder, kept))
+    }
+
+    /// The error of a training that was cancelled after so many steps. `response` is what is known of it.
+    pub fn stopped<P: Serialize>(
+        &self,
+        steps: usize,
+        response: &impl Serialize,
+        context: &Context,
+    ) -> JobError {
+        let again: Request<P> = Request::Resume { folder: self.0.clone() };
+        let stopped = context.stopped(format!("stopped after {steps} steps")).keeping(&self.0);
+        stopped.going_on_with(&again).with_response(response).into()
     }
 
     /// Description of the finished network.
@@ -199,6 +213,7 @@ impl TrainingFolder {
         page: &str,
         others: &[(&str, &str)],
         description: &impl Serialize,
+        context: &Context,
     ) -> Result<(), JobError> {
         let text = toml::to_string(description).map_err(|e| JobError::failed(e.to_string()))?;
         let others = others.iter().map(|(name, text)| (self.0.join(name), text.as_bytes()));
@@ -207,6 +222,7 @@ impl TrainingFolder {
         let last = (self.description(), text.as_bytes());
         for (path, bytes) in first.chain(others).chain([last]) {
             write_whole(&path, bytes).map_err(DesignError::io(&path))?;
+            context.wrote(&path, if path == self.page() { "page" } else { "network" });
         }
         Ok(())
     }

@@ -2,9 +2,9 @@
 //!
 //! Each prescription in `lenses/` names where its figures are from.
 
+use petzval_base::Cancel;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 use petzval_camera::linear_limit::{LinearLimit, NaturalScenes};
 use petzval_camera::sensor::SensorModel;
@@ -97,7 +97,7 @@ impl Case {
     /// The lens of the stage for least spots.
     fn control(&self) -> Lens {
         let mut block = OpticsBlock::new(self.start.clone(), 100.0);
-        let on = &AtomicBool::new(false);
+        let on = &Cancel::default();
         let losses = block.improve(LensGoal::Spot, ITERATIONS, LensSearch::default(), &mut |_| Ok(()), on);
         let penalty_mm2 = losses.unwrap()["penalty_mm2"];
         assert!(penalty_mm2 < 1e-8 * self.size * self.size, "{penalty_mm2} {:?}", block.remarks());

@@ -2,10 +2,11 @@
 
 use std::fmt::Debug;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 
+use petzval_base::Cancel;
 use petzval_jobs::lens::{FocusAt, convert, optimize, show, tolerance, trace};
-use petzval_jobs::{Context, Fault, JobError, Progress, Silent, Watcher, built_in_assets, glass};
+use petzval_jobs::{Context, Event, Fault, JobError, Silent, Watcher, built_in_assets, glass};
 use petzval_optics::psf::PsfKind;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -125,7 +126,7 @@ fn requests_and_responses_survive_json() {
     assert!(to.is_file() && !converted.losses_of_writing.is_empty());
 
     let descent = run(optimize::run, optimize_request(folder.path(), false));
-    assert!(descent.found.lens.is_file() && !descent.is_cancelled);
+    assert!(descent.found.lens.is_file());
     let made = run(tolerance::run, tolerance_request(folder.path()));
     // Figures, tolerances, a page, two tables, two pictures, and the worst lens.
     assert_eq!(made.files.len(), 8);
@@ -145,16 +146,15 @@ fn requests_and_responses_survive_json() {
 struct Canceller {
     at: u64,
     last: AtomicU64,
-    cancelled: Arc<AtomicBool>,
+    cancel: Cancel,
 }
 
 impl Watcher for Canceller {
-    fn warning(&self, _: &str) {}
-
-    fn progress(&self, progress: &Progress) {
-        self.last.store(progress.done, Ordering::Relaxed);
-        if progress.done == self.at {
-            self.cancelled.store(true, Ordering::Relaxed);
+    fn event(&self, event: &Event) {
+        let Event::Progress { done, .. } = event else { return };
+        self.last.store(*done, Ordering::Relaxed);
+        if *done == self.at {
+            self.cancel.set();
         }
     }
 }
@@ -182,15 +182,18 @@ fn a_glass_has_no_figures_at_lines_beyond_its_formula() {
 #[test]
 fn a_cancelled_search_stops_after_its_round_with_what_it_found() {
     let folder = tempfile::tempdir().unwrap();
-    let cancelled = Arc::new(AtomicBool::new(false));
-    let canceller = Arc::new(Canceller { at: 1, last: AtomicU64::new(0), cancelled: cancelled.clone() });
-    let context = Context::new(built_in_assets(), canceller.clone()).with_cancellation(cancelled);
-    let response = optimize::run(&optimize_request(folder.path(), true), &context).unwrap();
-    assert!(response.is_cancelled && response.found.steps > 0);
+    let cancel = Cancel::default();
+    let canceller = Arc::new(Canceller { at: 1, last: AtomicU64::new(0), cancel: cancel.clone() });
+    let context = Context::new(built_in_assets(), canceller.clone()).with_cancellation(cancel);
+    let error = optimize::run(&optimize_request(folder.path(), true), &context).unwrap_err();
+    let JobError::Stopped(stopped) = error else { panic!("{error}") };
+    let response: optimize::Response = serde_json::from_value(stopped.response.unwrap()).unwrap();
+    assert!(response.found.steps > 0 && response.found.page.is_file());
+    assert!(stopped.kept.contains(&response.found.lens), "{:?}", stopped.kept);
     assert_eq!(canceller.last.load(Ordering::Relaxed), 1);
     // What was cancelled can be continued.
-    let start = optimize::Start::Resume { folder: folder.path().join("run"), rewind: None };
-    let request = optimize::Request { start, rounds: Some(1), ..optimize_request(folder.path(), true) };
+    let request: optimize::Request = serde_json::from_value(stopped.resume.unwrap()).unwrap();
+    let request = optimize::Request { rounds: Some(1), ..request };
     let continued = optimize::run(&request, &self::context()).unwrap();
     assert!(continued.found.best.mean_rms_spot_um <= 1.001 * response.found.best.mean_rms_spot_um);
 }
@@ -198,10 +201,11 @@ fn a_cancelled_search_stops_after_its_round_with_what_it_found() {
 #[test]
 fn a_cancelled_tolerance_analysis_fails_as_a_job() {
     let folder = tempfile::tempdir().unwrap();
-    let context = context().with_cancellation(Arc::new(AtomicBool::new(true)));
+    let context = context();
+    context.cancel().set();
     let error = tolerance::run(&tolerance_request(folder.path()), &context).unwrap_err();
     assert_eq!(error.fault(), Fault::Job);
-    assert!(error.to_string().contains("cancelled"), "{error}");
+    assert!(matches!(error, JobError::Stopped(_)) && error.to_string().contains("cancelled"), "{error}");
 }
 
 #[test]

@@ -1,13 +1,13 @@
 //! A sensor and a lens are captured and measured without the command: requests and responses as JSON, progress and notes to a
 //! watcher.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
 use petzval_camera::sensor::CfaPattern;
 use petzval_files::raw_file::Packing;
 use petzval_jobs::{
-    Context, JobError, Progress, Watcher, built_in_assets, psf_calibrate, psf_capture, raw, sensor,
+    Context, Event, JobError, Watcher, built_in_assets, psf_calibrate, psf_capture, raw, sensor,
 };
 use petzval_lab::emva::{HighPass, Values};
 use serde::Serialize;
@@ -17,20 +17,17 @@ use serde::de::DeserializeOwned;
 #[derive(Default)]
 struct Kept {
     lines: Mutex<Vec<String>>,
-    progress: Mutex<Vec<Progress>>,
+    progress: Mutex<Vec<[u64; 2]>>,
+    files: Mutex<Vec<PathBuf>>,
 }
 
 impl Watcher for Kept {
-    fn warning(&self, text: &str) {
-        self.lines.lock().unwrap().push(format!("warning: {text}"));
-    }
-
-    fn note(&self, text: &str) {
-        self.lines.lock().unwrap().push(text.to_owned());
-    }
-
-    fn progress(&self, progress: &Progress) {
-        self.progress.lock().unwrap().push(progress.clone());
+    fn event(&self, event: &Event) {
+        match event {
+            Event::Progress { done, total, .. } => self.progress.lock().unwrap().push([*done, *total]),
+            Event::File { path, .. } => self.files.lock().unwrap().push(path.clone()),
+            other => self.lines.lock().unwrap().push(other.to_string()),
+        }
     }
 }
 
@@ -44,11 +41,11 @@ impl Kept {
     /// forgets it.
     fn counted(&self, totals: &[u64]) {
         let all = std::mem::take(&mut *self.progress.lock().unwrap());
-        let phases: Vec<&[Progress]> = all.chunk_by(|a, b| a.total == b.total).collect();
-        assert_eq!(phases.iter().map(|p| p[0].total).collect::<Vec<_>>(), totals, "{all:?}");
+        let phases: Vec<&[[u64; 2]]> = all.chunk_by(|a, b| a[1] == b[1]).collect();
+        assert_eq!(phases.iter().map(|p| p[0][1]).collect::<Vec<_>>(), totals, "{all:?}");
         for phase in phases {
-            assert!(phase.windows(2).all(|p| p[0].done <= p[1].done), "{all:?}");
-            assert_eq!(phase.last().unwrap().done, phase[0].total, "{all:?}");
+            assert!(phase.windows(2).all(|p| p[0][0] <= p[1][0]), "{all:?}");
+            assert_eq!(phase.last().unwrap()[0], phase[0][1], "{all:?}");
         }
     }
 }
@@ -118,6 +115,9 @@ fn a_sensor_is_listed_shown_captured_and_measured() {
     // Six standard errors: K of a small series is known to some percent.
     assert!((value - 0.14).abs() < 6.0 * error && error < 0.02, "{value} +- {error}");
     assert!(found.files.len() > 5 && found.files.iter().all(|file| file.is_file()), "{:?}", found.files);
+    // What a job writes it says.
+    let said = kept.files.lock().unwrap().clone();
+    assert!(found.files.iter().all(|file| said.contains(file)), "{said:?}");
 }
 
 #[test]

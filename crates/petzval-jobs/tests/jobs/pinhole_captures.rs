@@ -76,7 +76,7 @@ fn calibrate(light: &WindowLight, sensor: &SensorModel, has_dark: bool, seed: u6
     );
     std::fs::write(folder.path().join(MANIFEST_FILE), &text).unwrap();
     let manifest = Manifest::from_toml(&text).unwrap();
-    calibrate_position((&manifest, &text), folder.path(), 0, sensor, seed, || ()).unwrap()
+    calibrate_position((&manifest, &text), folder.path(), 0, sensor, seed, || Ok(())).unwrap()
 }
 
 fn beside(position: &CalibratedPosition, psf: &FinePsf, spot: Spot, sensor: &SensorModel) -> Comparison {
@@ -222,7 +222,7 @@ fn the_bank_predicts_new_captures_and_renders_a_point_as_well_as_it_says() {
     };
     let fitted = captured(&[0.0, 0.56, FRAC_PI_2], 1);
     let places: Vec<Place> = fitted.iter().map(place).collect();
-    let (bank, fields) = estimate_bank(&places, sensor.pixel_um, &|_, _| {}).unwrap();
+    let (bank, fields) = estimate_bank(&places, sensor.pixel_um, &|_, _| Ok(())).unwrap();
     let held_out = &fields[0].held_out.score;
 
     // New captures: other azimuths, phases and noise. The figure is that of a mean over few positions: half as much again is far out.

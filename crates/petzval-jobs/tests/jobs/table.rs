@@ -3,11 +3,8 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
-use petzval_jobs::{
-    Call, Context, Fault, JobError, Progress, Silent, Watcher, built_in_assets, jobs, lens, row,
-};
+use petzval_jobs::{Call, Context, Fault, JobError, Silent, built_in_assets, jobs, lens, row};
 use serde_json::{Value, json};
 
 /// A call of each row with its smallest request; `DIR` stands for an empty folder.
@@ -98,40 +95,43 @@ fn a_call_answers_as_the_job_does_whatever_its_threads() {
     assert_eq!(one, serde_json::to_value(direct).unwrap());
 }
 
-/// Stops its job at the first thing that the job says.
-struct Stopper(Arc<AtomicBool>);
-
-impl Watcher for Stopper {
-    fn warning(&self, _: &str) {
-        self.0.store(true, Ordering::Relaxed);
+/// Requests for files that are not there.
+#[test]
+fn a_request_for_what_is_missing_is_wrong_input_of_every_row() {
+    let folder = tempfile::tempdir().unwrap();
+    let calls = calls(&folder.path().display().to_string().replace('\\', "/"));
+    let mut checked = 0;
+    for call in calls.into_iter().filter(|call| call.request.to_string().contains("missing")) {
+        let job = call.job.clone();
+        let error = call.run(&context()).unwrap_err();
+        assert_eq!(error.fault(), Fault::Input, "{job}: {error}");
+        checked += 1;
     }
-
-    fn note(&self, _: &str) {
-        self.0.store(true, Ordering::Relaxed);
-    }
-
-    fn progress(&self, _: &Progress) {
-        self.0.store(true, Ordering::Relaxed);
-    }
+    assert!(checked > 12, "{checked}");
 }
 
 #[test]
-fn every_row_is_started_from_its_smallest_request_and_stops_when_cancelled() {
+fn the_device_of_a_call_is_that_of_its_job_and_messages_name_keys() {
+    let call =
+        |job: &str, request: Value| Call { device: Some("abacus".to_owned()), ..Call::new(job, request) };
+    let run = |call: Call| call.run(&context()).unwrap_err();
+    let resumed = json!({"run": {"resume": {"run": "missing"}}});
+    let error = run(call("design", resumed.clone()));
+    assert!(
+        matches!(&error, JobError::Setting { key: "device", value, .. } if value == "abacus"),
+        "{error:?}"
+    );
+    let mut twice = resumed.clone();
+    twice["device"] = "cpu".into();
+    assert!(run(call("design", twice)).to_string().contains("the request has `device`: \"cpu\""));
+    assert!(run(call("lens-list", json!({}))).to_string().contains("takes no device"));
+    let text = json!({"format": 1, "job": "design", "request": resumed, "device": "cpu"}).to_string();
+    assert_eq!(Call::parse(&text).unwrap().device.as_deref(), Some("cpu"));
+
+    // Where the command would name --force.
     let folder = tempfile::tempdir().unwrap();
-    for call in calls(&folder.path().display().to_string().replace('\\', "/")) {
-        let stop = Arc::new(AtomicBool::new(false));
-        let context = Context::new(built_in_assets(), Arc::new(Stopper(stop.clone())));
-        let job = call.job.clone();
-        let wants_what_is_missing = call.request.to_string().contains("missing");
-        match call.run(&context.with_cancellation(stop.clone())) {
-            Ok(_) => assert!(!wants_what_is_missing, "{job}"),
-            // A request that is right fails for no other reason than that it was stopped. Those of long jobs would take hours.
-            Err(error) if wants_what_is_missing => assert_eq!(error.fault(), Fault::Input, "{job}: {error}"),
-            Err(error) => {
-                let text = error.to_string();
-                let says_so = text.contains("stopped") || text.contains("cancelled");
-                assert!(stop.load(Ordering::Relaxed) && says_so, "{job}: {error}");
-            }
-        }
-    }
+    let to = folder.path().join("a.toml");
+    std::fs::write(&to, "").unwrap();
+    let error = run(Call::new("lens-convert", json!({"from": "cooke-triplet-nominal", "to": to})));
+    assert!(hint(&error).contains("\"overwrite\": true"), "{}", hint(&error));
 }

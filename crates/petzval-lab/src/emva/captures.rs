@@ -5,7 +5,7 @@
 
 use std::path::{Path, PathBuf};
 
-use petzval_base::FileError;
+use petzval_base::{Cancelled, FileError};
 use serde::Serialize;
 
 use petzval_camera::sensor::CfaPattern;
@@ -153,6 +153,9 @@ pub enum CaptureError {
     /// There is no list of captures yet: the simulation of the series was interrupted.
     #[error("{}: {SERIES} without {MANIFEST}: the captures of this series are not complete", .0.display())]
     Unfinished(PathBuf),
+    /// The job was cancelled.
+    #[error("stopped before all frames were done")]
+    Stopped(#[from] Cancelled),
     /// The path is a file in place of a folder.
     #[error("{}: a file, but no list of captures", .0.display())]
     NoFolder(PathBuf),

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use petzval_base::FileError;
+use petzval_base::{Cancelled, FileError};
 use rayon::prelude::*;
 
 use super::captures::{CaptureError, Captures, FrameFile, Kind, Point};
@@ -22,12 +22,12 @@ use super::usable::check_usable;
 use super::warnings::{departures, fit_warnings, gain_warnings, series_warnings};
 use petzval_camera::sensor::Colour;
 
-/// Evaluates a series. Calls `read` after each frame. Points are read in parallel, gain by gain; the result does not
+/// Evaluates a series. Calls `read` after each frame; its error ends the evaluation. Points are read in parallel, gain by gain; the result does not
 /// depend on the number of threads.
 pub fn characterize(
     captures: &Captures,
     options: &Options,
-    read: &(dyn Fn() + Sync),
+    read: &(dyn Fn() -> Result<(), Cancelled> + Sync),
 ) -> Result<Characterization, CaptureError> {
     let size = frame_size(captures)?;
     let max_dn = (1 << captures.sensor.bits) - 1;

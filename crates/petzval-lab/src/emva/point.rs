@@ -13,6 +13,7 @@
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 
+use petzval_base::Cancelled;
 use serde::Serialize;
 
 use super::block_means::{BLOCKS, BlockMeans, block_means};
@@ -233,7 +234,7 @@ pub fn reduce(
     point: &Point,
     size: (usize, usize),
     keep_sum: bool,
-    read: &(dyn Fn() + Sync),
+    read: &(dyn Fn() -> Result<(), Cancelled> + Sync),
 ) -> Result<PointStatistics, CaptureError> {
     let (height, width) = size;
     let (bits, cfa, pixels) = (captures.sensor.bits, &captures.sensor.cfa, height * width);
@@ -285,7 +286,7 @@ pub fn reduce(
                 class[kinds[col % cfa.cols()]].lines.doubles[row].squares += (d * d) as f64;
             }
         }
-        read();
+        read()?;
     }
 
     // The variance of each pixel over the frames, exact from sums of whole numbers.

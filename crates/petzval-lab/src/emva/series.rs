@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use super::captures::{CaptureError, Kind, MANIFEST, SERIES, SensorFacts};
 use super::compat::manifest::{self, Listed};
 use super::plan::{Plan, PlannedPoint};
-use petzval_base::{sweep_parts, write_whole};
+use petzval_base::{Cancelled, sweep_parts, write_whole};
 use petzval_camera::image::{CHANNELS, LinearImage};
 use petzval_camera::render::Placement;
 use petzval_camera::sensor::{Capture, Exposure, Noise, NoiseMode, SensorModel, expose};
@@ -35,13 +35,14 @@ pub struct Written {
     pub kept: usize,
 }
 
-/// Writes the series into a folder, which is created if necessary. Calls `written` after every frame. The same sensor
+/// Writes the series into a folder, which is created if necessary. Calls `written` after every frame; its error ends the work, which
+/// goes on from there the next time. The same sensor
 /// and plan give the same bits, on any number of threads and after any interruption.
 pub fn write_series(
     sensor: &SensorModel,
     plan: &Plan,
     folder: &Path,
-    written: &(dyn Fn() + Sync),
+    written: &(dyn Fn() -> Result<(), Cancelled> + Sync),
 ) -> Result<Written, CaptureError> {
     // Write a file that identifies the series, so that another series is not mixed into the folder.
     plan.validate(sensor)?;
@@ -75,7 +76,7 @@ pub fn write_series(
             if !there {
                 write_frame(&lit.sensor, plan, point, *i, &path)?;
             }
-            written();
+            written()?;
             Ok(there)
         })
         .collect::<Result<_, CaptureError>>()?;
@@ -164,7 +165,7 @@ mod tests {
         let (gains, flat_ms, dark_ms) = (vec![1.0], vec![5.0], Vec::new());
         let plan = Plan { height: 4, width: 4, gains, flat_ms, dark_ms, ..Plan::default() };
         std::fs::create_dir(folder.path().join(SERIES)).unwrap();
-        let error = write_series(&sensor, &plan, folder.path(), &|| ()).unwrap_err();
+        let error = write_series(&sensor, &plan, folder.path(), &|| Ok(())).unwrap_err();
         assert!(matches!(error, CaptureError::Io { .. }), "{error}");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
     }

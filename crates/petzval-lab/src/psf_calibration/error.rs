@@ -2,8 +2,7 @@
 
 use std::path::PathBuf;
 
-use petzval_base::FileError;
-
+use petzval_base::{Cancelled, FileError};
 use petzval_camera::psf::PsfError;
 use petzval_camera::sensor::{CfaPattern, SensorError};
 use petzval_files::raw_file::RawFileError;
@@ -143,6 +142,9 @@ pub enum PsfCalibrationError {
         /// Colour.
         colour: &'static str,
     },
+    /// The job was cancelled.
+    #[error("stopped before all captures were measured")]
+    Stopped(#[from] Cancelled),
     /// The measured PSFs make no bank.
     #[error("measured PSFs: {0}")]
     Bank(#[from] PsfError),

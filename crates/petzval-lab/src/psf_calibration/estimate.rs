@@ -31,8 +31,10 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use petzval_base::Cancelled;
 use rayon::prelude::*;
 
+use super::PsfCalibrationError;
 use super::ascent::{Ascent, landing, pixels};
 use super::held_out::{Choice, Fold, HeldOut, HeldOutBy, choose, start, tile_folds};
 use super::landing::Landing;
@@ -127,12 +129,12 @@ impl FieldEstimate {
 /// The bank of measured PSFs, and how each field was fitted.
 ///
 /// The field nearest to the axis also stands for the axis if no position is on it. Calls `progress` with the number of fields
-/// that are fitted and that of all, at the start and after each, from any thread.
+/// that are fitted and that of all, at the start and after each, from any thread; its error ends the work.
 pub fn estimate_bank(
     places: &[Place],
     pixel_um: f64,
-    progress: &(dyn Fn(usize, usize) + Sync),
-) -> Result<(PsfBank, Vec<FieldEstimate>), PsfError> {
+    progress: &(dyn Fn(usize, usize) -> Result<(), Cancelled> + Sync),
+) -> Result<(PsfBank, Vec<FieldEstimate>), PsfCalibrationError> {
     let mut order: Vec<usize> = (0..places.len()).collect();
     order.sort_by(|a, b| places[*a].field_radius_mm.total_cmp(&places[*b].field_radius_mm));
     let mut fields: Vec<Vec<usize>> = Vec::new();
@@ -144,7 +146,7 @@ pub fn estimate_bank(
         }
     }
     if fields.is_empty() {
-        return Err(PsfError::NoField);
+        return Err(PsfError::NoField.into());
     }
     let pitch_um = pixel_um / CELLS_PER_PIXEL as f64;
     let mut bank = PsfBank {
@@ -155,13 +157,13 @@ pub fn estimate_bank(
         illumination: Vec::new(),
     };
     let done = AtomicUsize::new(0);
-    progress(0, fields.len());
+    progress(0, fields.len())?;
     let fit = |members: &Vec<usize>| {
         let field = fit_field(places, members, pixel_um);
-        progress(done.fetch_add(1, Ordering::Relaxed) + 1, fields.len());
-        field
+        progress(done.fetch_add(1, Ordering::Relaxed) + 1, fields.len())?;
+        Ok(field)
     };
-    let fitted: Vec<Fitted> = fields.par_iter().map(fit).collect();
+    let fitted: Vec<Fitted> = fields.par_iter().map(fit).collect::<Result<_, Cancelled>>()?;
     // Use green for all colours: half of the pixels measure it, and lenses dim all colours nearly alike.
     let axis_light = fitted[0].green_light;
     let mut estimates = Vec::new();

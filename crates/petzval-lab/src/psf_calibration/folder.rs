@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use petzval_base::FileError;
+use petzval_base::{Cancelled, FileError};
 
 use super::PsfCalibrationError;
 use super::average::{Average, Dark};
@@ -62,14 +62,15 @@ pub fn read_manifest(folder: &Path) -> Result<(Manifest, String, PathBuf), PsfCa
     Ok((manifest, text, path))
 }
 
-/// Measures position number `index` of a manifest whose files are in `folder`. `progress` is called after each frame.
+/// Measures position number `index` of a manifest whose files are in `folder`. `progress` is called after each frame; its error
+/// ends the work.
 pub fn calibrate_position(
     (manifest, text): (&Manifest, &str),
     folder: &Path,
     index: usize,
     sensor: &SensorModel,
     seed: u64,
-    mut progress: impl FnMut(),
+    mut progress: impl FnMut() -> Result<(), Cancelled>,
 ) -> Result<CalibratedPosition, PsfCalibrationError> {
     let position = &manifest.position[index];
     let name = position.name.get_ref().clone();
@@ -121,14 +122,14 @@ pub fn calibrate_position(
         for file in &files.dark_frames {
             let dn = cut.of(&reader.load(file, exposure_ms)?);
             dark_light.add(dn.iter().map(|v| f64::from(*v)), saturation_dn);
-            progress();
+            progress()?;
         }
         let mut of_exposure: Vec<Vec<u16>> = Vec::new();
         for file in files.frames.get_ref() {
             let dn = cut.of(&reader.load(file, exposure_ms)?);
             light.add(dn.iter().map(|v| f64::from(*v)), saturation_dn);
             of_exposure.push(dn);
-            progress();
+            progress()?;
         }
         let dark = if dark_light.frames > 0 {
             let single_e2 = noise.read_e2 + noise.dark_e_per_s * time_s;

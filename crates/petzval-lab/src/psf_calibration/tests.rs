@@ -244,7 +244,7 @@ fn a_monochrome_sensor_measures_one_psf_without_demosaicing() {
         merged: &noisy.merged,
         measured: &noisy.measured,
     };
-    let (bank, fields) = estimate_bank(&[place], 5.86, &|_, _| {}).unwrap();
+    let (bank, fields) = estimate_bank(&[place], 5.86, &|_, _| Ok(())).unwrap();
     let planes: Vec<&[f32]> = bank.values.chunks(bank.grid * bank.grid).collect();
     assert!(planes.len() == CHANNELS && planes[0] == planes[1] && planes[1] == planes[2]);
     let warnings = fields[0].warnings();
@@ -354,7 +354,7 @@ fn bank_of(psf: &FinePsf) -> (PsfBank, FieldEstimate) {
             measured: &taken.measured,
         })
         .collect();
-    let (bank, fields) = estimate_bank(&inputs, 5.86, &|_, _| {}).unwrap();
+    let (bank, fields) = estimate_bank(&inputs, 5.86, &|_, _| Ok(())).unwrap();
     assert_eq!(bank.illumination, [1.0; 6], "one field is its own reference");
     assert_eq!(bank.field_radius_mm, [0.0, 3.0]);
     (bank, fields[0].clone())
@@ -412,7 +412,7 @@ fn a_single_position_gives_a_warning() {
         merged: &taken.merged,
         measured: &taken.measured,
     };
-    let (_, mut fields) = estimate_bank(&[place], 5.86, &|_, _| {}).unwrap();
+    let (_, mut fields) = estimate_bank(&[place], 5.86, &|_, _| Ok(())).unwrap();
     assert_eq!(fields[0].held_out.by, HeldOutBy::Pixels);
     assert!(fields[0].warnings().iter().any(|w| w.contains("one position only")));
     // And so are pixels that the cells do not explain.

@@ -149,7 +149,7 @@ impl Bench {
 
 fn measured(folder: &Path, sensor: &SensorModel) -> Result<CalibratedPosition, PsfCalibrationError> {
     let (manifest, text, _): (Manifest, String, _) = read_manifest(folder)?;
-    calibrate_position((&manifest, &text), folder, 0, sensor, 1, || ())
+    calibrate_position((&manifest, &text), folder, 0, sensor, 1, || Ok(()))
 }
 
 /// The one warning that is given.

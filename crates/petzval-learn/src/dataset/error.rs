@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use petzval_base::Cancelled;
 use petzval_files::ImageError;
 
 /// Why a data set cannot be used. Each message says what to do.
@@ -18,6 +19,9 @@ pub enum DatasetError {
         /// The error of the system.
         source: std::io::Error,
     },
+    /// The job was cancelled before all pictures were read.
+    #[error("stopped before all pictures were read")]
+    Stopped(#[from] Cancelled),
     /// A folder in COCO format cannot be read.
     #[error(transparent)]
     Coco(#[from] petzval_files::coco::CocoError),

@@ -6,6 +6,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
+use petzval_base::Cancel;
 use petzval_camera::image::{CHANNELS, LinearImage};
 use petzval_files::coco::{Image, check_pictures, load_coco};
 use petzval_files::load_image;
@@ -75,18 +76,21 @@ impl LabelledPictures {
     /// called so. Without two parts every fifth sequence is, by name, or the last where there are fewer; a picture that names no sequence is one by
     /// itself. For [`Purpose::ValidatedTraining`] every
     /// fifth sequence is for validation, or the last of those for training where there are fewer; if not, they are for training.
+    ///
+    /// Reading the pictures takes minutes for thousands of them; it ends with [`DatasetError::Stopped`] once `cancel` is set.
     pub fn load(
         folder: &Path,
         classes: &Classes,
         crop: usize,
         least_side_px: f64,
         purpose: Purpose,
+        cancel: &Cancel,
     ) -> Result<(Self, Vec<String>), DatasetError> {
         let class_names = classes.names();
         let validated = purpose == Purpose::ValidatedTraining;
         let trains = purpose != Purpose::Scores;
         let mut loaded = load_coco(folder)?;
-        check_pictures(&mut loaded, &|_| ());
+        check_pictures(&mut loaded, &|_| cancel.check())?;
         let mut notes: Vec<String> = loaded.defects.lines(folder).collect();
         let data = &loaded.data;
         let objects = data.objects_of_images();

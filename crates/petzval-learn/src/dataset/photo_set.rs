@@ -2,6 +2,7 @@
 
 use std::{collections::BTreeSet, fs, path::Path};
 
+use petzval_base::Cancel;
 use petzval_camera::image::LinearImage;
 use petzval_files::{Picture, load_image};
 use serde::{Deserialize, Serialize};
@@ -177,7 +178,7 @@ impl Folder {
 /// Reads every `.png`, `.jpg`, `.jpeg`, `.tif` and `.tiff` file of a folder, without subfolders, sorted by name.
 ///
 /// The name of a picture is its file name. Files that cannot be decoded are skipped. Fails on a folder without pictures.
-pub fn load_folder(folder: impl AsRef<Path>) -> Result<Folder, DatasetError> {
+pub fn load_folder(folder: impl AsRef<Path>, cancel: &Cancel) -> Result<Folder, DatasetError> {
     let folder = folder.as_ref();
     let cannot_read = |path: &Path| {
         let path = path.to_path_buf();
@@ -198,6 +199,7 @@ pub fn load_folder(folder: impl AsRef<Path>) -> Result<Folder, DatasetError> {
     }
     let mut found = Folder::default();
     for path in paths {
+        cancel.check()?;
         let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
         match load_image(&path) {
             Ok(Picture { light, notes, .. }) => {

@@ -33,6 +33,7 @@ pub use spot_diagram::{SpotDiagram, spot_diagram};
 pub use third_order::{ThirdOrder, ThirdOrderSurface, third_order};
 pub use wavefront::{Wavefront, ZERNIKE_TERMS, fringe_zernike, wavefront};
 
+use petzval_base::Cancelled;
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -79,11 +80,11 @@ pub struct Analysis {
     pub encircled_energy: Vec<EncircledEnergy>,
 }
 
-/// All analyses of a lens. Calls `tick` after each field of the lens.
+/// All analyses of a lens. Calls `tick` after each field of the lens; its error ends the analysis.
 pub fn analyze(
     lens: &Lens,
     options: &AnalysisOptions,
-    tick: &(dyn Fn() + Sync),
+    tick: &(dyn Fn() -> Result<(), Cancelled> + Sync),
 ) -> Result<Analysis, AnalysisError> {
     let by_field = |i: usize| -> Result<_, AnalysisError> {
         let field = lens.fields_deg[i];
@@ -95,7 +96,7 @@ pub fn analyze(
             through_focus_mtf(lens, field, options)?,
             encircled_energy(lens, field, options)?,
         );
-        tick();
+        tick()?;
         Ok(of_field)
     };
     let (per_field, (mtf_by_field, field_curves)) = rayon::join(

@@ -3,6 +3,7 @@
 //! Independent losses add up as squares, near enough, so that each of n quantities gets `loss / sqrt(n)`. Its tolerance is where
 //! the merit has lost that much at the worse end, all else as drawn and compensators set.
 
+use petzval_base::Cancelled;
 use rayon::prelude::*;
 
 use super::Study;
@@ -27,8 +28,13 @@ pub struct Shared {
     pub is_free: bool,
 }
 
-/// Tolerances that share a loss of the merit (in its unit, positive) evenly, starting from those of the study.
-pub fn inverse(study: &Study, loss: f64, progress: &(dyn Fn() + Sync)) -> Vec<Shared> {
+/// Tolerances that share a loss of the merit (in its unit, positive) evenly, starting from those of the study. `progress` is called after each;
+/// its error ends the work.
+pub fn inverse(
+    study: &Study,
+    loss: f64,
+    progress: &(dyn Fn() -> Result<(), Cancelled> + Sync),
+) -> Result<Vec<Shared>, Cancelled> {
     let perturbations = &study.tolerances().perturbations;
     let share = loss / (perturbations.len() as f64).sqrt();
     let one = |i: usize| {
@@ -90,8 +96,8 @@ pub fn inverse(study: &Study, loss: f64, progress: &(dyn Fn() + Sync)) -> Vec<Sh
     };
     let counted = |i: usize| {
         let found = one(i);
-        progress();
-        found
+        progress()?;
+        Ok(found)
     };
     (0..perturbations.len()).into_par_iter().map(counted).collect()
 }

@@ -1,5 +1,6 @@
 //! Lenses made at random.
 
+use petzval_base::Cancelled;
 use rayon::prelude::*;
 
 use super::Study;
@@ -29,21 +30,26 @@ pub struct MonteCarlo {
 }
 
 /// Makes lenses 0 ... `trials` - 1 of a seed, in parallel; the bits do not depend on the number of threads. `progress` is called after
-/// each.
-pub fn monte_carlo(study: &Study, seed: u64, trials: usize, progress: &(dyn Fn() + Sync)) -> MonteCarlo {
+/// each; its error ends the work.
+pub fn monte_carlo(
+    study: &Study,
+    seed: u64,
+    trials: usize,
+    progress: &(dyn Fn() -> Result<(), Cancelled> + Sync),
+) -> Result<MonteCarlo, Cancelled> {
     let trial = |number: usize| {
         let made = study.make(&study.draw(seed, number as u64));
-        progress();
-        match made {
+        progress()?;
+        Ok(match made {
             Some(made) if made.value.is_finite() => {
                 Trial { value: Some(made.value), compensators: made.compensators }
             }
             // Without an image, or with one of which nothing can be said: it could not be ranked.
             _ => Trial { value: None, compensators: Vec::new() },
-        }
+        })
     };
-    let trials = (0..trials).into_par_iter().map(trial).collect();
-    MonteCarlo { seed, trials, better: study.better() }
+    let trials = (0..trials).into_par_iter().map(trial).collect::<Result<_, Cancelled>>()?;
+    Ok(MonteCarlo { seed, trials, better: study.better() })
 }
 
 impl MonteCarlo {

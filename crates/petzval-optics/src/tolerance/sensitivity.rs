@@ -11,6 +11,7 @@
 //! with m2 and m4 the mean square and fourth power of each perturbation. Here `a_i` and `b_i` come from lenses that are made at
 //! plus and minus the tolerance, and `H_ij` from the differences of their gradients.
 
+use petzval_base::Cancelled;
 use rayon::prelude::*;
 
 use super::{Made, Study};
@@ -65,8 +66,11 @@ pub struct Sensitivities {
     pub estimate: Option<Estimate>,
 }
 
-/// Makes a lens at plus and one at minus every tolerance.
-pub fn sensitivities(study: &Study, progress: &(dyn Fn() + Sync)) -> Sensitivities {
+/// Makes a lens at plus and one at minus every tolerance. `progress` is called after each tolerance; its error ends the work.
+pub fn sensitivities(
+    study: &Study,
+    progress: &(dyn Fn() -> Result<(), Cancelled> + Sync),
+) -> Result<Sensitivities, Cancelled> {
     let perturbations = &study.tolerances().perturbations;
     let derivatives = study.nominal_derivatives();
     let ends: Vec<[Option<End>; 2]> = (0..perturbations.len())
@@ -79,10 +83,10 @@ pub fn sensitivities(study: &Study, progress: &(dyn Fn() + Sync)) -> Sensitiviti
                 Some(End { derivatives: study.derivatives(&off, &made), made })
             };
             let both = [end(1.0), end(-1.0)];
-            progress();
-            both
+            progress()?;
+            Ok(both)
         })
-        .collect();
+        .collect::<Result<_, Cancelled>>()?;
     let row = |(i, [plus, minus]): (usize, &[Option<End>; 2])| Sensitivity {
         perturbation: i,
         derivative: derivatives[i],
@@ -91,11 +95,11 @@ pub fn sensitivities(study: &Study, progress: &(dyn Fn() + Sync)) -> Sensitiviti
         compensators: [plus, minus]
             .map(|e| e.as_ref().map_or_else(Vec::new, |e| e.made.compensators.clone())),
     };
-    Sensitivities {
+    Ok(Sensitivities {
         nominal: study.nominal().value,
         rows: ends.iter().enumerate().map(row).collect(),
         estimate: estimate(study, &derivatives, &ends),
-    }
+    })
 }
 
 /// A lens at the end of a tolerance, and the derivatives of its merit by every perturbation.

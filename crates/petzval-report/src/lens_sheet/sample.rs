@@ -14,7 +14,7 @@ pub(crate) fn analysis() -> Analysis {
         frequency_points: 11,
         ..AnalysisOptions::default()
     };
-    match analyze(&triplet(), &options, &|| ()) {
+    match analyze(&triplet(), &options, &|| Ok(())) {
         Ok(analysis) => analysis,
         Err(error) => panic!("{error}"),
     }

@@ -44,7 +44,7 @@ fn calibration() -> Calibration {
                 [[position.exposure]]\nexposure_ms = 16.0\nframes = [\"0.png\", \"1.png\"]\n";
     std::fs::write(folder.join(MANIFEST_FILE), text).unwrap();
     let manifest = Manifest::from_toml(text).unwrap();
-    let position = calibrate_position((&manifest, text), &folder, 0, &sensor, 1, || ()).unwrap();
+    let position = calibrate_position((&manifest, text), &folder, 0, &sensor, 1, || Ok(())).unwrap();
     std::fs::remove_dir_all(&folder).unwrap();
     let comparison = compare(&position.measured, &position.frame, &psf, 5.86, 0.0, None, "a").unwrap();
     assert!(comparison.l1[1] < 1.5 * position.measured.floor.l1[1]);

@@ -1,14 +1,16 @@
 //! `petzval call` and `petzval jobs`: any job from one JSON value.
 
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::Arc;
 
-use petzval::jobs::{Call, jobs};
+use petzval::jobs::{Call, ErrorReport, Event, JobError, Watcher, jobs};
+use serde::Serialize;
 
 use super::failure::Failure;
-use super::signals;
-use super::terminal::{EXIT_STOPPED, Terminal, print_json};
+use super::terminal::{Terminal, print_json};
+use super::{output, plain, signals};
 
 /// Run a job that is written as JSON, and print its response as JSON.
 ///
@@ -18,17 +20,23 @@ use super::terminal::{EXIT_STOPPED, Terminal, print_json};
 ///       "field": 10, "wavelength": 0.55, "pupil": [0, 1]}}' | petzval call
 ///
 /// `petzval jobs` lists the jobs, `petzval schema job NAME` prints what a request may hold, and `petzval schema call` what
-/// stands beside it: glasses, overwrite, threads.
+/// stands beside it: glasses, overwrite, threads, device.
+///
+/// With --events stderr holds one JSON value a line: what the job says while it works (warning, note, progress, step, camera,
+/// file), and at the end, if it has no response, the error.
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub struct Args {
-    /// File of the call; from stdin if left out
+    /// File of the call; from stdin if it is `-` or left out
     file: Option<PathBuf>,
+    /// Print events as JSON on stderr, one a line
+    #[arg(long)]
+    events: bool,
 }
 
 /// Runs the verb.
 pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
-    let call = match args.file {
+    let call = match args.file.filter(|path| *path != Path::new("-")) {
         Some(path) => Call::read(&path)?,
         None => {
             let text = io::read_to_string(io::stdin())
@@ -36,17 +44,51 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
             Call::parse(&text)?
         }
     };
-    let stop = signals::stop_on_signal()?;
-    let context = terminal.context().with_cancellation(stop.clone());
-    let response = call.run(&context)?;
-    drop(context);
-    print_json(&response)?;
-    // A job that was stopped and can go on has answered with what it has.
-    Ok(if stop.load(std::sync::atomic::Ordering::Relaxed) {
-        ExitCode::from(EXIT_STOPPED)
+    let context = if args.events { terminal.context_of(Arc::new(JsonLines)) } else { terminal.context() };
+    let stop = if args.events { signals::stop_quietly()? } else { signals::stop_on_signal()? };
+    let ended = call.run(&context.with_cancellation(stop));
+    let error = match ended {
+        Ok(response) => return print_json(&response),
+        Err(error) => error,
+    };
+    // A job that was stopped answers with what it has.
+    if let JobError::Stopped(stopped) = &error
+        && let Some(response) = &stopped.response
+    {
+        print_json(response)?;
+    }
+    let failure = Failure::of_call(&error);
+    Ok(if args.events {
+        line(&Ended { event: "error", error: error.report() });
+        failure.code()
     } else {
-        ExitCode::SUCCESS
+        failure.report()
     })
+}
+
+/// The last line of events where a job has no response.
+#[derive(Serialize)]
+struct Ended {
+    event: &'static str,
+    #[serde(flatten)]
+    error: ErrorReport,
+}
+
+/// Writes events to stderr as JSON, one a line.
+struct JsonLines;
+
+impl Watcher for JsonLines {
+    fn event(&self, event: &Event) {
+        line(event);
+    }
+}
+
+/// Writes a value to stderr on a line of its own.
+fn line(value: &impl Serialize) {
+    // Events hold nothing that JSON cannot hold.
+    if let Ok(text) = serde_json::to_string(value) {
+        output::styled_note(&plain::json(&text));
+    }
 }
 
 /// List the jobs that `petzval call` runs, with what they do.

@@ -3,15 +3,15 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use petzval::jobs::design::{self, DEFAULT_EXPERIMENT, FITTED, RunEnding};
-use petzval::jobs::experiment;
+use petzval::jobs::design::{self, DEFAULT_EXPERIMENT, FITTED};
+use petzval::jobs::{JobError, experiment};
 
 use super::failure::Failure;
 use super::first_look;
 use super::plain::shown;
 use super::score_table;
 use super::signals;
-use super::terminal::{EXIT_STOPPED, Terminal, pasted};
+use super::terminal::{Terminal, ending, pasted};
 
 /// Design lens and network together, and compare with controls.
 ///
@@ -118,25 +118,22 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     if let (true, design::Run::New(new)) = (args.check, &run) {
         return first_look::print(&design::look(new, &args.device, &context)?, args.json);
     }
-    let response = design::run(&design::Request { run, device: args.device }, &context)?;
-    match response.ending {
-        RunEnding::Stopped { step } => {
-            noteln!(
-                "stopped at step {step}; continue with: petzval design --resume {}",
-                pasted(&response.run)
-            );
-            Ok(ExitCode::from(EXIT_STOPPED))
+    let request = design::Request { run, device: args.device };
+    let design::Response { metrics, report, sentences, .. } = match design::run(&request, &context) {
+        Ok(response) => response,
+        Err(JobError::Stopped(stopped)) if stopped.resume.is_some() => {
+            let run = stopped.kept.first().map_or_else(String::new, |run| pasted(run));
+            return Ok(ending(Some(&stopped), &format!("continue with: petzval design --resume {run}")));
         }
-        RunEnding::Finished { metrics, report, sentences } => {
-            score_table::print(&metrics);
-            if !sentences.is_empty() {
-                outln!();
-            }
-            sentences.iter().for_each(|sentence| outln!("{sentence}"));
-            outln!("\nreport: {}", shown(&report));
-            Ok(ExitCode::SUCCESS)
-        }
+        Err(error) => return Err(error.into()),
+    };
+    score_table::print(&metrics);
+    if !sentences.is_empty() {
+        outln!();
     }
+    sentences.iter().for_each(|sentence| outln!("{sentence}"));
+    outln!("\nreport: {}", shown(&report));
+    Ok(ExitCode::SUCCESS)
 }
 
 fn command_line() -> String {

@@ -12,7 +12,7 @@ use petzval::jobs::{Call, row};
 use super::failure::Failure;
 use super::plain::shown;
 use super::signals;
-use super::terminal::{EXIT_STOPPED, Terminal, print_json};
+use super::terminal::{Terminal, ending, found, print_json};
 
 /// Verbs about experiments.
 #[derive(Debug, Subcommand)]
@@ -95,7 +95,7 @@ fn run_all(args: RunAllArgs, terminal: &Terminal) -> Result<ExitCode, Failure> {
         changes: Changes { photos: args.photos, steps: args.steps, is_full: args.full, ..Changes::default() },
         device: args.device,
     };
-    let response = run_all::run(&request, &context)?;
+    let (response, stopped) = found(run_all::run(&request, &context))?;
     drop(context);
     if let Some(compared) = &response.compared {
         outln!("{}\npage: {}", compared.markdown, shown(&compared.page));
@@ -103,13 +103,9 @@ fn run_all(args: RunAllArgs, terminal: &Terminal) -> Result<ExitCode, Failure> {
     for (run, message) in &response.failed {
         noteln!("failed: {}: {message}", shown(run));
     }
-    Ok(match (response.is_stopped, response.failed.is_empty()) {
-        (true, _) => {
-            noteln!("stopped; the same command goes on");
-            ExitCode::from(EXIT_STOPPED)
-        }
-        (false, true) => ExitCode::SUCCESS,
-        (false, false) => ExitCode::FAILURE,
+    Ok(match (stopped, response.failed.is_empty()) {
+        (None, false) => ExitCode::FAILURE,
+        (stopped, _) => ending(stopped.as_ref(), "the same command goes on"),
     })
 }
 

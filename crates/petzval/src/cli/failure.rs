@@ -5,9 +5,10 @@ use std::process::ExitCode;
 
 use miette::{LabeledSpan, MietteDiagnostic, MietteHandlerOpts, NamedSource, Report};
 use petzval::base::FileError;
-use petzval::jobs::{Fault, JobError, text_of_file};
+use petzval::jobs::{Fault, JobError, Stopped, text_of_file};
 
 use super::plain::shown;
+use super::terminal::EXIT_STOPPED;
 use super::{output, plain};
 
 /// The job failed.
@@ -37,6 +38,30 @@ impl Failure {
     /// The request or a file is wrong.
     pub fn input(message: impl Into<String>, hint: impl Into<String>) -> Self {
         Self { report: Report::new(diagnostic(&message.into(), &hint.into())), code: EXIT_INPUT }
+    }
+
+    /// The failure of a call: a setting is named as the key of the request, and a job that goes on says with which request.
+    pub fn of_call(error: &JobError) -> Self {
+        let code = code_of(error);
+        let report = match error {
+            JobError::File { path, error } => return Self::in_file(path, error),
+            JobError::Setting { hint, .. } | JobError::Input { hint, .. } => {
+                diagnostic(&error.to_string(), hint)
+            }
+            JobError::Stopped(stopped) => {
+                let again =
+                    stopped.resume.as_ref().map(|request| format!("it goes on with the request {request}"));
+                let said = [Some(kept_in_words(stopped)).filter(|kept| !kept.is_empty()), again];
+                diagnostic(&stopped.message, &said.into_iter().flatten().collect::<Vec<_>>().join("; "))
+            }
+            JobError::Failed(_) | JobError::Panic { .. } => diagnostic(&error.to_string(), ""),
+        };
+        Self { report: Report::new(report), code }
+    }
+
+    /// Its exit code.
+    pub fn code(&self) -> ExitCode {
+        ExitCode::from(self.code)
     }
 
     /// Prints the failure on stderr; returns its exit code.
@@ -104,10 +129,7 @@ fn excerpt(text: &str, line: u32, column: Option<u32>) -> String {
 impl From<JobError> for Failure {
     /// Names a setting of the request as its flag: `corner_mm` as `--corner-mm`.
     fn from(error: JobError) -> Self {
-        let code = match error.fault() {
-            Fault::Input => EXIT_INPUT,
-            Fault::Job => EXIT_JOB,
-        };
+        let code = code_of(&error);
         let (message, hint) = match error {
             JobError::File { path, error } => return Self::in_file(&path, &error),
             JobError::Setting { key, value, message, hint } => {
@@ -116,9 +138,35 @@ impl From<JobError> for Failure {
                 (format!("{named}: {message}"), hint)
             }
             JobError::Input { message, hint } => (message, hint),
-            JobError::Failed(message) | JobError::Stopped(message) => (message, String::new()),
+            JobError::Failed(message) => (message, String::new()),
+            JobError::Stopped(stopped) => (stopped.message.clone(), kept_in_words(&stopped)),
+            error @ JobError::Panic { .. } => {
+                (error.to_string(), "please report it with the command that led to it".to_owned())
+            }
         };
         Self { report: Report::new(diagnostic(&message, &hint)), code }
+    }
+}
+
+/// The exit code of an error. What goes on from a checkpoint is only interrupted.
+fn code_of(error: &JobError) -> u8 {
+    match (error, error.fault()) {
+        (JobError::Stopped(stopped), _) if stopped.resume.is_some() => EXIT_STOPPED,
+        (_, Fault::Input) => EXIT_INPUT,
+        (_, Fault::Job) => EXIT_JOB,
+    }
+}
+
+/// Files that a message names of those that a stopped job keeps.
+const NAMED: usize = 3;
+
+/// What a stopped job keeps, in words; empty if it is nothing.
+fn kept_in_words(stopped: &Stopped) -> String {
+    let named: Vec<String> = stopped.kept.iter().take(NAMED).map(shown).collect();
+    match (named.is_empty(), stopped.kept.len().saturating_sub(NAMED)) {
+        (true, _) => String::new(),
+        (false, 0) => format!("kept: {}", named.join(", ")),
+        (false, more) => format!("kept: {}, and {more} more", named.join(", ")),
     }
 }
 

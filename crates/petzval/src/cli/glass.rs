@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Subcommand;
-use petzval::jobs::glass::read_glasses;
+use petzval::jobs::glass::library_with;
 use petzval::jobs::{Library, built_in_assets};
 
 use super::failure::Failure;
@@ -42,16 +42,6 @@ pub fn chosen(named: &[PathBuf], in_full: bool) -> Result<Library, Failure> {
     let listed = std::env::var_os("PETZVAL_GLASSES").unwrap_or_default();
     let listed = std::env::split_paths(&listed).filter(|path| *path != Path::new(""));
     let paths: Vec<PathBuf> = listed.chain(named.iter().cloned()).collect();
-    if paths.is_empty() {
-        return Ok(built_in_assets());
-    }
-    let chosen = read_glasses(&paths)?;
-    let lines = if in_full { chosen.all_warning_lines() } else { chosen.warning_lines() };
-    for line in &lines {
-        noteln!("warning: {}", shown(line));
-    }
-    if lines.len() < chosen.warnings.len() {
-        noteln!("warning: `petzval glass list` shows every line of glass catalogues that is left out");
-    }
-    Ok(built_in_assets().with_glasses(chosen.catalog))
+    let warn = |line: String| noteln!("warning: {}", shown(line));
+    Ok(library_with(built_in_assets(), &paths, in_full, &warn)?)
 }

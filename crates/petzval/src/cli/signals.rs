@@ -3,10 +3,9 @@
 //! Jobs that can be continued end after the current step; a second signal stops them at once. All others end at once, except that an
 //! external ISP is stopped first, with its processes and its folder; a design stops it in the middle of a step.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use petzval::base::Cancel;
 use petzval::jobs::machine;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1, SIGUSR2};
 use signal_hook::iterator::Signals;
@@ -20,36 +19,47 @@ const EXIT_AT_ONCE: i32 = 1;
 const GRACE: Duration = Duration::from_secs(1);
 
 /// A flag that the first signal sets, for jobs that write checkpoints.
-pub fn stop_on_signal() -> Result<Arc<AtomicBool>, Failure> {
-    let stop = Arc::new(AtomicBool::new(false));
+pub fn stop_on_signal() -> Result<Cancel, Failure> {
+    stop_saying(|| {
+        noteln!(
+            "stopping after the current step, with a checkpoint; a second signal stops at once, without one"
+        );
+    })
+}
+
+/// The same, of which nothing is said.
+pub fn stop_quietly() -> Result<Cancel, Failure> {
+    stop_saying(|| ())
+}
+
+fn stop_saying(say: impl Fn() + Send + 'static) -> Result<Cancel, Failure> {
+    let stop = Cancel::default();
     let mut signals = handled()?;
     let flag = stop.clone();
     std::thread::spawn(move || {
         for _ in signals.forever() {
-            if flag.swap(true, Ordering::Relaxed) {
+            if flag.set() {
                 std::process::exit(EXIT_AT_ONCE);
             }
-            noteln!(
-                "stopping after the current step, with a checkpoint; a second signal stops at once, without one"
-            );
+            say();
         }
     });
     Ok(stop)
 }
 
 /// A flag that the first signal sets, for jobs without checkpoints. One that has not ended soon is ended.
-pub fn end_on_signal() -> Result<Arc<AtomicBool>, Failure> {
+pub fn end_on_signal() -> Result<Cancel, Failure> {
     end_within(GRACE)
 }
 
 /// The same for jobs that may take so long to end by themselves. A second signal ends them at once.
-pub fn end_within(grace: Duration) -> Result<Arc<AtomicBool>, Failure> {
-    let stop = Arc::new(AtomicBool::new(false));
+pub fn end_within(grace: Duration) -> Result<Cancel, Failure> {
+    let stop = Cancel::default();
     let mut signals = handled()?;
     let flag = stop.clone();
     std::thread::spawn(move || {
         for _ in signals.forever() {
-            if flag.swap(true, Ordering::Relaxed) {
+            if flag.set() {
                 std::process::exit(EXIT_AT_ONCE);
             }
             std::thread::spawn(move || {

@@ -4,7 +4,8 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
 
-use petzval::jobs::{Context, Library, json};
+use petzval::jobs::{Context, JobError, Library, Stopped, Watcher, json};
+use serde::de::DeserializeOwned;
 
 use super::failure::Failure;
 use super::plain;
@@ -12,6 +13,9 @@ use super::watcher::Stderr;
 
 /// Exit code after a signal: a checkpoint was written (EX_TEMPFAIL of sysexits).
 pub const EXIT_STOPPED: u8 = 75;
+
+/// How a job goes on whose results are in a folder.
+pub const RESUME: &str = "--resume continues";
 
 /// The environment of a verb: the library, and stderr for the reports of jobs.
 pub struct Terminal {
@@ -24,7 +28,12 @@ pub struct Terminal {
 impl Terminal {
     /// The context of one job. Its reports go to stderr; its progress bar disappears with the context.
     pub fn context(&self) -> Context {
-        Context::new(self.assets.clone(), Arc::new(Stderr::new())).overwriting(self.overwrites)
+        self.context_of(Arc::new(Stderr::new()))
+    }
+
+    /// The context of one job, whose reports go to a watcher.
+    pub fn context_of(&self, watcher: Arc<dyn Watcher>) -> Context {
+        Context::new(self.assets.clone(), watcher).overwriting(self.overwrites)
     }
 }
 
@@ -52,13 +61,29 @@ pub fn pasted(path: &Path) -> String {
     }
 }
 
-/// How a training ended after so many steps, as an exit code. One that was stopped says how to go on.
-pub fn training_ending(is_finished: bool, steps: usize) -> ExitCode {
-    if is_finished {
-        return ExitCode::SUCCESS;
+/// The response of a job that has ended, or that was cancelled and holds what it has found until then. Then it is interrupted: the second value
+/// says where it stopped.
+pub fn found<R: DeserializeOwned>(ended: Result<R, JobError>) -> Result<(R, Option<Stopped>), Failure> {
+    let stopped = match ended {
+        Ok(response) => return Ok((response, None)),
+        Err(JobError::Stopped(stopped)) => stopped,
+        Err(other) => return Err(other.into()),
+    };
+    match stopped.response.clone().and_then(|response| serde_json::from_value(response).ok()) {
+        Some(response) => Ok((response, Some(*stopped))),
+        None => Err(JobError::Stopped(stopped).into()),
     }
-    noteln!("stopped after {steps} steps; --resume continues");
-    ExitCode::from(EXIT_STOPPED)
+}
+
+/// The exit code of a job. One that was interrupted says where, and how to go on.
+pub fn ending(stopped: Option<&Stopped>, going_on: &str) -> ExitCode {
+    match stopped {
+        None => ExitCode::SUCCESS,
+        Some(stopped) => {
+            noteln!("{}; {going_on}", plain::message(&stopped.message));
+            ExitCode::from(EXIT_STOPPED)
+        }
+    }
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use petzval::jobs::{Progress, Watcher};
+use petzval::jobs::{Event, Watcher};
 
 use super::plain;
 
@@ -59,34 +59,24 @@ impl Stderr {
         Self { is_plain: bar.is_hidden(), bar, phase: Mutex::new(None) }
     }
 
-    /// Writes a warning or a note. It says one thing, on one line.
+    /// Writes what an event says: one thing, on one line.
     fn line(&self, text: &str) {
         let text = plain::line(text);
         if self.is_plain { noteln!("{text}") } else { self.bar.suspend(|| noteln!("{text}")) }
     }
-}
 
-impl Watcher for Stderr {
-    fn warning(&self, text: &str) {
-        self.line(&format!("warning: {text}"));
-    }
-
-    fn note(&self, text: &str) {
-        self.line(text);
-    }
-
-    fn progress(&self, progress: &Progress) {
-        let Progress { done, total, text } = progress;
+    /// Shows how many units of work are done, and what is done now.
+    fn progress(&self, done: u64, total: u64, text: &str) {
         let text = plain::message(text);
         // The numbers stay valid if a thread panics while it holds the lock.
         let mut phase = self.phase.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         let phase = match &mut *phase {
-            Some(phase) if phase.total == *total => phase,
+            Some(phase) if phase.total == total => phase,
             _ => {
                 let now = Instant::now();
-                *phase = Some(Phase { start: now, first: *done, total: *total, last_line: now });
-                self.bar.set_length(*total);
-                self.bar.set_position(*done);
+                *phase = Some(Phase { start: now, first: done, total, last_line: now });
+                self.bar.set_length(total);
+                self.bar.set_position(done);
                 self.bar.set_message(text.clone());
                 self.bar.set_prefix("");
                 if !self.is_plain {
@@ -97,13 +87,27 @@ impl Watcher for Stderr {
         };
         if !self.is_plain {
             self.bar.set_message(text.clone());
-            self.bar.set_position(*done);
-            self.bar.set_prefix(phase.left(*done));
-        } else if *done > phase.first
+            self.bar.set_position(done);
+            self.bar.set_prefix(phase.left(done));
+        } else if done > phase.first
             && (done.is_multiple_of(PLAIN_EVERY) || phase.last_line.elapsed() > PLAIN_AFTER)
         {
-            noteln!("{done}/{total}{}: {text}", phase.left(*done));
+            noteln!("{done}/{total}{}: {text}", phase.left(done));
             phase.last_line = Instant::now();
+        }
+    }
+}
+
+impl Watcher for Stderr {
+    fn event(&self, event: &Event) {
+        match event {
+            Event::Warning { .. } | Event::Note { .. } | Event::Camera { .. } => {
+                self.line(&event.to_string())
+            }
+            Event::Progress { done, total, text } => self.progress(*done, *total, text),
+            Event::Step { step, total, .. } => self.progress(*step, *total, &event.to_string()),
+            // What a verb has written it prints at its end.
+            Event::File { .. } => {}
         }
     }
 }

@@ -1,9 +1,11 @@
 //! `petzval doctor`, `petzval bench`, and the behaviour of the command in a shell.
 
-use std::io::Read;
+use std::io::{Read, Write};
 use std::process::Stdio;
 
-use crate::common::{petzval, run_fails, run_ok};
+use serde_json::Value;
+
+use crate::common::{outcome, petzval, run_fails, run_ok};
 
 #[test]
 fn doctor_describes_the_machine() {
@@ -216,4 +218,36 @@ fn every_instruction_set_gives_the_same_lens_figures() {
             }
         }
     }
+}
+
+#[test]
+fn events_of_a_call_are_json_lines_and_the_last_one_is_the_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let events = |call: &str, code: i32| -> (String, Vec<Value>) {
+        let mut command = petzval(folder.path());
+        command.args(["call", "-", "--events"]);
+        command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = command.spawn().unwrap();
+        child.stdin.take().unwrap().write_all(call.as_bytes()).unwrap();
+        let ended = outcome(child.wait_with_output().unwrap());
+        assert_eq!(ended.code, Some(code), "{}", ended.stderr);
+        let parsed = |line: &str| serde_json::from_str(line).unwrap_or_else(|e| panic!("{line}: {e}"));
+        (ended.stdout, ended.stderr.lines().map(parsed).collect())
+    };
+    let request = r#"{"lens": "cooke-triplet-nominal", "out": "analysis", "only": ["layout", "json"]}"#;
+    let call = format!(r#"{{"format": 1, "job": "lens-analyze", "request": {request}}}"#);
+    let (response, said) = events(&call, 0);
+    assert!(response.contains("analysis.json"), "{response}");
+    let of_kind = |kind: &str| said.iter().filter(|event| event["event"] == kind).collect::<Vec<_>>();
+    assert!(of_kind("progress").iter().all(|event| event["total"].as_u64() > Some(0)));
+    let files: Vec<&str> = of_kind("file").iter().filter_map(|event| event["path"].as_str()).collect();
+    assert_eq!(files, ["analysis/layout.svg", "analysis/analysis.json"]);
+
+    // The second time the files are there: the message names the key of the call, not the flag of the command.
+    let (response, said) = events(&call, 2);
+    let error = said.last().unwrap();
+    assert_eq!((response.as_str(), &error["event"], &error["kind"]), ("", &"error".into(), &"input".into()));
+    assert!(error["hint"].as_str().unwrap().starts_with("\"overwrite\": true replaces it"), "{error}");
+    let whole = format!(r#"{{"format": 1, "job": "lens-analyze", "request": {request}, "overwrite": true}}"#);
+    assert!(events(&whole, 0).0.contains("analysis.json"));
 }

@@ -1,8 +1,8 @@
 //! A lens that is improved alone, for its spots or for the restoration of its frames, without pictures.
 
 use std::collections::BTreeMap;
-use std::sync::atomic::{AtomicBool, Ordering};
 
+use petzval_base::Cancel;
 use petzval_optics::design_space::{AtBound, Focus};
 use petzval_optics::lens::Lens;
 use petzval_optics::merit::SpotResiduals;
@@ -49,10 +49,10 @@ impl OpticsBlock {
         iterations: usize,
         search: LensSearch,
         watch: &mut dyn FnMut(BTreeMap<String, f64>) -> Result<(), DesignError>,
-        stop: &AtomicBool,
+        stop: &Cancel,
     ) -> Result<BTreeMap<String, f64>, DesignError> {
-        let goes_on = || !stop.load(Ordering::Relaxed);
-        let check = || if goes_on() { Ok(()) } else { Err(DesignError::Stopped) };
+        let goes_on = || !stop.is_set();
+        let check = || stop.check().map_err(DesignError::from);
         let watch = &mut |losses: BTreeMap<String, f64>| check().and_then(|()| watch(losses));
         let start = self.lens()?;
         let lens = match search.rounds {

@@ -1,5 +1,6 @@
 //! How far a network's PSFs are from exact ones, on lenses that training has not seen.
 
+use petzval_base::Cancelled;
 use petzval_base::statistics::maximum;
 use petzval_camera::linear_limit::{LimitGradient, LinearLimit};
 use petzval_camera::psf::PsfBank;
@@ -86,13 +87,18 @@ struct OneLens {
 }
 
 impl OpticsJudge<'_> {
-    /// Compares a network with exact tracing; `watch` hears the number of lenses that are done.
-    pub fn gap(&self, proxy: &ProxyOptics, watch: &dyn Fn(usize)) -> Result<OpticsGap, DesignError> {
+    /// Compares a network with exact tracing; `watch` hears the number of lenses that are done; its error ends the
+    /// comparison.
+    pub fn gap(
+        &self,
+        proxy: &ProxyOptics,
+        watch: &dyn Fn(usize) -> Result<(), Cancelled>,
+    ) -> Result<OpticsGap, DesignError> {
         let mut all = Vec::with_capacity(self.lenses);
         for number in 0..self.lenses {
             let (lens, _) = self.sampler.lens(number as u64)?;
             all.push(self.one(&lens, proxy)?);
-            watch(number + 1);
+            watch(number + 1)?;
         }
         let count = all.len().max(1) as f64;
         let mean = |of: &dyn Fn(&OneLens) -> f64| all.iter().map(of).sum::<f64>() / count;

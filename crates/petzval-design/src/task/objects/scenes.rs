@@ -99,8 +99,14 @@ impl Scenes {
                     }
                     Purpose::Training => dataset::Purpose::Training,
                 };
-                let (pictures, defects) =
-                    LabelledPictures::load(folder, &classes, crop, least_side_px, purpose)?;
+                let (pictures, defects) = LabelledPictures::load(
+                    folder,
+                    &classes,
+                    crop,
+                    least_side_px,
+                    purpose,
+                    plan.assets.cancel(),
+                )?;
                 notes = defects;
                 Source::Pictures(pictures, PictureWindows { seed, on_objects, least_side_px })
             }

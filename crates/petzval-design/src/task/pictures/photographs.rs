@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use petzval_base::FileError;
+use petzval_base::{Cancel, FileError};
 use petzval_camera::sensor::{Colour, SensorModel};
 use petzval_files::load_image_bytes;
 use petzval_learn::dataset::{
@@ -49,7 +49,9 @@ impl Photographs {
                 training_crops.check(set.training())?;
                 Read { set, ..read }
             }
-            Purpose::Scores => all_held_out(Path::new(&experiment.photos), scoring_crops.window())?,
+            Purpose::Scores => {
+                all_held_out(Path::new(&experiment.photos), scoring_crops.window(), assets.cancel())?
+            }
         };
         scoring_crops.check(set.held_out())?;
         Ok(Self { set, skipped, notes, training_crops, scoring_crops })
@@ -181,8 +183,8 @@ fn is_coloured(photo: &NamedPhoto) -> bool {
 }
 
 /// The pictures of a folder, all for scores.
-fn all_held_out(folder: &Path, window: usize) -> Result<Read, DesignError> {
-    let Folder { photos, skipped, notes } = usable_photos(folder, window)?;
+fn all_held_out(folder: &Path, window: usize, cancel: &Cancel) -> Result<Read, DesignError> {
+    let Folder { photos, skipped, notes } = usable_photos(folder, window, cancel)?;
     if photos.is_empty() {
         return Err(too_few_photos(folder, &photos, &skipped, "at least one is needed"));
     }
@@ -217,7 +219,7 @@ const HELD_OUT_EVERY: usize = 4;
 /// The built-in photographs, or a folder's: every fourth of those, by name, is held out.
 fn load_photos(experiment: &Experiment, assets: &Assets, window: usize) -> Result<Read, DesignError> {
     if experiment.photos != BUILT_IN_PHOTOS {
-        return folder_photos(Path::new(&experiment.photos), window);
+        return folder_photos(Path::new(&experiment.photos), window, assets.cancel());
     }
     let list = assets.text("photograph list", "photos", "photos")?;
     let list: PhotoList = toml::from_str(&list.text)
@@ -239,8 +241,8 @@ fn load_photos(experiment: &Experiment, assets: &Assets, window: usize) -> Resul
 }
 
 /// The pictures of a folder that hold a window, each once.
-fn usable_photos(folder: &Path, window: usize) -> Result<Folder, DesignError> {
-    let mut found = load_folder(folder)?;
+fn usable_photos(folder: &Path, window: usize, cancel: &Cancel) -> Result<Folder, DesignError> {
+    let mut found = load_folder(folder, cancel)?;
     for photo in &mut found.photos {
         // A camera's own picture is softer than its pixels: halve it where enough is left.
         if photo.image.height.min(photo.image.width) >= 2 * window {
@@ -268,8 +270,8 @@ fn too_few_photos(
     DesignError::misfit(folder, &message, hint)
 }
 
-fn folder_photos(folder: &Path, window: usize) -> Result<Read, DesignError> {
-    let Folder { photos, skipped, notes } = usable_photos(folder, window)?;
+fn folder_photos(folder: &Path, window: usize, cancel: &Cancel) -> Result<Read, DesignError> {
+    let Folder { photos, skipped, notes } = usable_photos(folder, window, cancel)?;
     if photos.len() < 2 {
         let hint = "at least two are needed: every fourth, or the last, is held out for scoring";
         return Err(too_few_photos(folder, &photos, &skipped, hint));

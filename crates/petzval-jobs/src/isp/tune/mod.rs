@@ -22,7 +22,8 @@ use self::cases::{Case, cases, fingerprint};
 use self::folder::{Checkpoint, TuneFolder};
 use super::frame::read_frame;
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::{JobError, Stopped};
+use crate::event::WarningKind;
 use crate::named_isp::{NamedIsp, about_frame, isp_by_name};
 
 pub use self::folder::Generation;
@@ -90,8 +91,6 @@ pub struct Response {
     /// File of all generations.
     #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub history: PathBuf,
-    /// Whether the job was cancelled before its budget was spent.
-    pub is_cancelled: bool,
 }
 
 /// A frame and its reference.
@@ -121,7 +120,7 @@ pub struct Tuned {
 /// Tunes the ISP.
 ///
 /// The folder holds the best settings (`tuned.toml`), all generations (`history.json`) and what is needed to continue (`search.json`);
-/// all are written after every generation.
+/// all are written after every generation. Once it is cancelled, [`JobError::Stopped`] holds the response with the best settings so far.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let (plan, resumed) = match &request.start {
         Start::New { plan, .. } => (Plan::clone(plan), None),
@@ -130,7 +129,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             (kept.plan.clone(), Some((folder, kept)))
         }
     };
-    let mut named = isp_by_name(&plan.isp, &context.assets, context.cancellation())?;
+    let mut named = isp_by_name(&plan.isp, &context.assets, context.cancel())?;
     named.set(&plan.set)?;
     let places = named.all_places(&plan.vary)?;
     let device = context.device("cpu")?;
@@ -160,12 +159,12 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     };
     let is_resumed = matches!(request.start, Start::Resume { .. });
     if is_resumed && kept.evaluations.is_none() && request.evaluations.is_none() {
-        context.warning(format!(
+        context.warning(WarningKind::OtherVersion, format!(
             "an earlier version began the search and did not keep how many settings it tries; it goes on to {EVALUATIONS}"
         ));
     }
     if is_resumed && !kept.simd.is_empty() && kept.simd != level() {
-        context.warning(format!(
+        context.warning(WarningKind::InstructionSet, format!(
             "the search was begun with the instruction set {}, and goes on with {}: it may end at other settings than without interruption",
             kept.simd,
             level()
@@ -183,6 +182,14 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     // Every generation keeps the budget; without one it is kept here. A search that fails leaves the folder as it was.
     if is_new_budget {
         tuner.keep(&folder, &kept)?;
+    }
+    if context.is_cancelled() {
+        let again = Request {
+            start: Start::Resume { folder: folder.root().to_path_buf() },
+            evaluations: request.evaluations,
+        };
+        let stopped = context.stopped("stopped").keeping(folder.root());
+        return Err(stopped.going_on_with(&again).with_response(&found).into());
     }
     Ok(found)
 }
@@ -214,6 +221,7 @@ fn base_values(
     let first = gains_ev[0];
     if gains_ev.iter().any(|ev| (ev - first).abs() > 0.1) {
         context.warning(
+            WarningKind::RawFrame,
             "the frames have different gains; one setting is tuned for all of them, from that at the first",
         );
     }
@@ -308,7 +316,10 @@ impl Tuner<'_> {
         if kept.start.is_none() {
             return Ok(());
         }
-        folder.save(kept, &self.tuned(kept)?)
+        folder.save(kept, &self.tuned(kept)?)?;
+        self.context.wrote(folder.tuned(), "settings");
+        self.context.wrote(folder.history(), "figures");
+        Ok(())
     }
 
     /// Goes on until the budget is spent or the job is cancelled.
@@ -318,7 +329,7 @@ impl Tuner<'_> {
             && let Some(scores) = self.scores(std::slice::from_ref(&self.base))?
         {
             kept.start = Some(scores[0]);
-            folder.save(kept, &self.tuned(kept)?)?;
+            self.keep(folder, kept)?;
         }
         while let Some(start) = kept.start
             && 1 + kept.search.evaluations() + kept.search.population() <= budget
@@ -341,11 +352,11 @@ impl Tuner<'_> {
                 restarts: kept.search.restarts(),
                 seconds: kept.seconds,
             });
-            folder.save(kept, &self.tuned(kept)?)?;
+            self.keep(folder, kept)?;
         }
         let Some(start) = kept.start else {
             let message = "stopped before the settings at the start were scored; nothing is kept";
-            return Err(JobError::Stopped(message.to_owned()));
+            return Err(Stopped::new(message).into());
         };
         self.report(kept, budget, start, sign);
         let (best, values) = self.best(kept);
@@ -372,7 +383,6 @@ impl Tuner<'_> {
             seconds: kept.seconds,
             tuned: folder.tuned(),
             history: folder.history(),
-            is_cancelled: self.context.is_cancelled(),
         })
     }
 

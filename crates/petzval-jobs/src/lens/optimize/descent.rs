@@ -105,7 +105,9 @@ fn add(
 ) -> Result<(), JobError> {
     let seconds = clock.seconds();
     context.note(line(&format!("iteration {iteration}"), seconds, problem, analysis));
-    history.add(problem, 0, seconds, analysis, at, &[])
+    let lens = history.add(problem, 0, seconds, analysis, at, &[])?;
+    lens.into_iter().for_each(|lens| context.wrote(lens, "lens"));
+    Ok(())
 }
 
 /// Says why a descent ended; returns its lens.

@@ -197,6 +197,11 @@ impl History {
         self.root.join(BEST)
     }
 
+    /// The folder itself.
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
     /// The page that shows the lens before and after.
     pub fn page(&self) -> PathBuf {
         self.root.join(PAGE)
@@ -256,7 +261,7 @@ impl History {
         self.write(BEST, &write_lens(&found))
     }
 
-    /// Adds a step with its lens, if it can be built: no other verb reads the file of a lens that cannot.
+    /// Adds a step with its lens, if it can be built: no other verb reads the file of a lens that cannot. Returns the file of the lens.
     pub fn add(
         &mut self,
         problem: &Problem,
@@ -265,10 +270,10 @@ impl History {
         analysis: &Analysis,
         at: &[f64],
         glasses: &[usize],
-    ) -> Result<(), JobError> {
+    ) -> Result<Option<PathBuf>, JobError> {
         let found = self.found(problem, analysis);
         if validate(&found.lens).is_err() {
-            return Ok(());
+            return Ok(None);
         }
         let step = self.steps.len();
         let named = problem.glasses.iter().zip(glasses);
@@ -287,7 +292,8 @@ impl History {
             glasses: names.collect(),
             round,
         });
-        self.write_steps()
+        self.write_steps()?;
+        Ok(Some(self.root.join(lens_name(step))))
     }
 
     /// Why a found lens cannot be built.

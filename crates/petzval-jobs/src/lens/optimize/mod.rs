@@ -30,6 +30,7 @@ use self::search::search;
 use self::trade::{check_trade, trades};
 use crate::context::Context;
 use crate::error::JobError;
+use crate::event::WarningKind;
 
 pub use figures::{Figures, OperandFigure};
 pub use goal::{Goal, Restored};
@@ -45,7 +46,7 @@ pub fn read_operands(path: &Path) -> Result<OperandFile, JobError> {
 /// Optimises the lens.
 ///
 /// The folder holds the best lens (`best.toml`), every better lens on the way (`lens/step-N.toml`, `history.jsonl`) and what
-/// is needed to continue.
+/// is needed to continue. Once it is cancelled it writes the best lens so far and its page, and [`JobError::Stopped`] holds the response.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     request.check()?;
     let assets = &context.assets;
@@ -112,11 +113,23 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     };
     let lenses = start.as_ref().map(|analysis| analysis.fitted_lens(&problem));
     history.write_page(&page::page(&problem, &found, lenses.as_ref(), &best.fitted_lens(&problem)))?;
-    Ok(Response {
-        found,
-        fields_deg: problem.merit.fields_rad.iter().map(|f| f.to_degrees()).collect(),
-        is_cancelled: context.is_cancelled(),
-    })
+    context.wrote(history.best_lens(), "lens");
+    context.wrote(history.page(), "page");
+    let fields_deg = problem.merit.fields_rad.iter().map(|f| f.to_degrees()).collect();
+    let response = Response { found, fields_deg };
+    if context.is_cancelled() {
+        let folder = history.root().to_path_buf();
+        let again = Request {
+            start: Start::Resume { folder: folder.clone(), rewind: None },
+            iterations: None,
+            rounds: None,
+            seconds: request.seconds,
+            trade: request.trade,
+        };
+        let stopped = context.stopped("stopped with the best lens so far").keeping(folder);
+        return Err(stopped.going_on_with(&again).with_response(&response).into());
+    }
+    Ok(response)
 }
 
 /// The configuration with which an optimisation continues, and where it ends. It ends where it would have ended at first, or after as many
@@ -142,7 +155,7 @@ fn continued(config: Config, request: &Request, history: &History) -> Result<(Co
 /// Warns where another instruction set goes on with an optimisation: its rounding differs in the last digits.
 fn warn_of_another_level(config: &Config, context: &Context) {
     if !config.simd.is_empty() && config.simd != level() {
-        context.warning(format!(
+        context.warning(WarningKind::InstructionSet, format!(
             "the optimisation was begun with the instruction set {}, and goes on with {}: it may end at another lens than without interruption",
             config.simd,
             level()

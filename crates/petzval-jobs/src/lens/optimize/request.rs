@@ -73,8 +73,6 @@ pub struct Response {
     pub found: Found,
     /// Field angles of [`Figures::rms_spot_um`], degrees.
     pub fields_deg: Vec<f64>,
-    /// Whether the job was cancelled before its budget was spent.
-    pub is_cancelled: bool,
 }
 
 /// The lens at the start and the best one.

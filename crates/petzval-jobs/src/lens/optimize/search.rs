@@ -45,7 +45,8 @@ pub(super) fn search(
                 if history.is_better(&fine, STEP_SHARE) {
                     let (round, seconds) = (search.progress().0, clock.seconds());
                     context.note(line(&format!("round {round}"), seconds, problem, &fine));
-                    history.add(problem, round, seconds, &fine, &found.at, &found.glasses)?;
+                    let lens = history.add(problem, round, seconds, &fine, &found.at, &found.glasses)?;
+                    lens.into_iter().for_each(|lens| context.wrote(lens, "lens"));
                 }
                 let is_built = history.defect(problem, &fine).is_none();
                 if is_built && best.as_ref().is_none_or(|(b, _)| fine.merit < b.merit) {
@@ -118,7 +119,8 @@ fn enter_start(
         Err(why) => return without_start(&why, context),
     };
     context.note(line("start", 0.0, problem, &fine));
-    history.add(problem, 0, 0.0, &fine, &own.at, &own.glasses)?;
+    let lens = history.add(problem, 0, 0.0, &fine, &own.at, &own.glasses)?;
+    lens.into_iter().for_each(|lens| context.wrote(lens, "lens"));
     let names = problem.glasses.iter().zip(&own.glasses);
     let glasses = names.map(|(choice, i)| choice.candidates[*i].name.clone()).collect();
     Ok(Some((fine, Kept { at: own.at, glasses, round: own.round })))

@@ -12,7 +12,9 @@ use petzval_report::tolerance_sheet::{
 
 use super::findings::Findings;
 use super::report::{self, Better, Report, Sensitivity};
+use crate::context::Context;
 use crate::error::{JobError, json, write_file};
+use crate::results::what_is;
 
 /// Errors of one of the worst lenses that the page names.
 const HARMFUL: usize = 5;
@@ -23,13 +25,17 @@ pub(super) fn write_all(
     report: &Report,
     out: &Path,
     worst: usize,
+    context: &Context,
 ) -> Result<Vec<PathBuf>, JobError> {
     // A JSON value has its keys in order, as the command prints them.
     let sorted = serde_json::to_value(report).map_err(|e| JobError::failed(e.to_string()))?;
     let mut files = Vec::new();
     let mut add = |name: &str, text: String| {
-        files.push(out.join(name));
-        write_file(&out.join(name), text)
+        let path = out.join(name);
+        write_file(&path, text)?;
+        context.wrote(&path, if name.starts_with("lens-") { "lens" } else { what_is(&path) });
+        files.push(path);
+        Ok::<_, JobError>(())
     };
     add("tolerance.json", json(&sorted)?)?;
     add("tolerances.toml", write_tolerances(findings.study.tolerances()))?;

@@ -7,6 +7,7 @@ mod report;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use petzval_base::Cancelled;
 use petzval_design::error::DesignError;
 use petzval_files::{ToleranceFile, parse_tolerances};
 use petzval_optics::analysis::first_order_table;
@@ -261,7 +262,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let findings = Findings { lens: &lens, study: &study, table, random, shared, limit: request.limit };
     let report = report::report(&findings, request.worst);
     let files = match &request.out {
-        Some(out) => files::write_all(&findings, &report, out, request.worst)?,
+        Some(out) => files::write_all(&findings, &report, out, request.worst, context)?,
         None => Vec::new(),
     };
     let compensators =
@@ -269,16 +270,18 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     Ok(Response { report, compensators, files })
 }
 
-/// Does a part of the job that calls `tick` after each unit of its work, unless the job was cancelled before.
+/// Does a part of the job that calls `tick` after each unit of its work, until the job is cancelled.
 fn counted<T>(
     context: &Context,
     text: &str,
     total: u64,
-    work: impl FnOnce(&(dyn Fn() + Sync)) -> T,
+    work: impl FnOnce(&(dyn Fn() -> Result<(), Cancelled> + Sync)) -> Result<T, Cancelled>,
 ) -> Result<T, JobError> {
-    if context.is_cancelled() {
-        return Err(JobError::failed(format!("cancelled before the {text} were computed")));
-    }
     let done = AtomicU64::new(0);
-    Ok(work(&|| context.progress(done.fetch_add(1, Ordering::Relaxed) + 1, total, text)))
+    let tick = || {
+        context.progress(done.fetch_add(1, Ordering::Relaxed) + 1, total, text);
+        context.cancel().check()
+    };
+    let ended = context.cancel().check().and_then(|()| work(&tick));
+    ended.map_err(|_| context.stopped(format!("cancelled before the {text} were computed")).into())
 }

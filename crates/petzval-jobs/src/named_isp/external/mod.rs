@@ -13,10 +13,10 @@ mod process;
 mod workplace;
 
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::sync::{Condvar, Mutex, PoisonError};
 use std::time::Duration;
 
+use petzval_base::Cancel;
 use petzval_camera::isp::{Isp, IspError, IspParameter, RawInput, RgbPicture, check_values};
 use petzval_files::isp_file::{
     ExternalIspFile, FRAME_FILE, PICTURE_FILES, RAW_FILE, decode_picture, frame_toml, raw_bytes,
@@ -38,7 +38,7 @@ pub struct ExternalIsp {
     cache: Option<Cache>,
     places: Places,
     /// Set when the job is cancelled.
-    cancelled: Arc<AtomicBool>,
+    cancel: Cancel,
 }
 
 /// Why one attempt gave no picture.
@@ -56,14 +56,14 @@ impl From<String> for NoPicture {
 }
 
 impl ExternalIsp {
-    /// The ISP of a description, which lies in the folder `home`, until `cancelled` is set. Makes the folder of its cache.
-    pub fn new(about: ExternalIspFile, home: &Path, cancelled: Arc<AtomicBool>) -> std::io::Result<Self> {
+    /// The ISP of a description, which lies in the folder `home`, until `cancel` is set. Makes the folder of its cache.
+    pub fn new(about: ExternalIspFile, home: &Path, cancel: Cancel) -> std::io::Result<Self> {
         // A command runs in its own folder, where a relative path would have another meaning.
         let home = std::path::absolute(home)?;
         sweep_left();
         let cache = about.cache.as_ref().map(|folder| Cache::open(&home.join(folder))).transpose()?;
         let places = Places::new(about.parallel);
-        Ok(Self { about, home, cache, places, cancelled })
+        Ok(Self { about, home, cache, places, cancel })
     }
 
     /// The program of the command: a path below the folder of the description, or a name that the system looks up.
@@ -89,13 +89,13 @@ impl ExternalIsp {
         std::fs::write(folder_path.join(RAW_FILE), raw).map_err(|e| system(RAW_FILE, e))?;
 
         let _place = self.places.take();
-        if self.cancelled.load(Ordering::Relaxed) {
+        if self.cancel.is_set() {
             return Err(NoPicture::Cancelled);
         }
         let mut command = std::process::Command::new(self.program());
         command.args(&self.about.command[1..]).arg(folder_path).current_dir(&self.home);
         let limit = Duration::from_secs_f64(self.about.timeout_s);
-        let ended = run_within(command, &workplace, limit, &self.cancelled)
+        let ended = run_within(command, &workplace, limit, &self.cancel)
             .map_err(|error| format!("the command {} cannot be run: {error}", self.program().display()))?;
         match ended.end {
             End::TimedOut => {

@@ -4,8 +4,9 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
+
+use petzval_base::Cancel;
 
 use super::workplace::Workplace;
 
@@ -35,13 +36,13 @@ impl Ended {
     }
 }
 
-/// Runs a command, at most for `limit` and until `cancelled` is set. Standard output and error go to files in its folder: a pipe that a forgotten process holds open
+/// Runs a command, at most for `limit` and until `cancel` is set. Standard output and error go to files in its folder: a pipe that a forgotten process holds open
 /// would never end.
 pub(super) fn run_within(
     mut command: Command,
     workplace: &Workplace,
     limit: Duration,
-    cancelled: &AtomicBool,
+    cancel: &Cancel,
 ) -> std::io::Result<Ended> {
     let folder = workplace.folder();
     let stderr = folder.join("stderr.txt");
@@ -63,7 +64,7 @@ pub(super) fn run_within(
         if let Some(status) = child.try_wait()? {
             break End::Exited(status);
         }
-        if cancelled.load(Ordering::Relaxed) {
+        if cancel.is_set() {
             stop(&mut child);
             break End::Cancelled;
         }

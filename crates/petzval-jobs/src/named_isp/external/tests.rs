@@ -42,7 +42,7 @@ fn isp(folder: &Path, script: &str, settings: &str) -> ExternalIsp {
         .filter(|line| !settings.lines().any(|new| new.split(' ').next() == line.split(' ').next()))
         .collect();
     let text = format!("{}\n{settings}\n\n{rest}", kept.join("\n"));
-    ExternalIsp::new(parse_external_isp(&text).unwrap(), folder, Arc::default()).unwrap()
+    ExternalIsp::new(parse_external_isp(&text).unwrap(), folder, Cancel::default()).unwrap()
 }
 
 /// A script that starts a process, writes its number and the folder of the call into files, and never ends.
@@ -119,7 +119,7 @@ fn a_cancelled_job_stops_the_command_at_once_and_those_that_wait() {
         // The script has written its last file.
         std::thread::sleep(Duration::from_millis(100));
         let start = Instant::now();
-        isp.cancelled.store(true, Ordering::Relaxed);
+        isp.cancel.set();
         for call in calls {
             let error = call.join().unwrap().unwrap_err();
             assert_eq!(error, IspError::Stopped("Ten-line ISP".to_owned()));
@@ -179,7 +179,7 @@ fn a_failure_is_tried_again_and_a_picture_is_kept() {
     let mut brighter = frame();
     brighter.dn[1] += 1;
     isp.develop(&brighter, &[1.0, 2.2]).unwrap();
-    let mut newer = ExternalIsp::new(isp.about.clone(), folder.path(), Arc::default()).unwrap();
+    let mut newer = ExternalIsp::new(isp.about.clone(), folder.path(), Cancel::default()).unwrap();
     newer.about.version = "2".to_owned();
     newer.develop(&frame(), &[1.0, 2.2]).unwrap();
     assert_eq!(calls(), 5);

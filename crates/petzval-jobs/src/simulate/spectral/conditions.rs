@@ -18,6 +18,7 @@ use super::super::request::Request;
 use super::super::rig::Rig;
 use crate::context::Context;
 use crate::error::JobError;
+use crate::event::WarningKind;
 
 /// Prefix of an efficiency that is the same at all wavelengths.
 const FLAT: &str = "flat:";
@@ -67,7 +68,7 @@ impl Conditions {
     pub fn warn_of_glasses(&self, band_um: &[f64], context: &Context) {
         let lens = Lens { wavelengths_um: band_um.to_vec(), ..self.lens.clone() };
         for warning in glass_warnings(&lens, &Catalog::default()) {
-            context.warning(format!("{}: {warning}", self.lens.name));
+            context.warning(WarningKind::LensFile, format!("{}: {warning}", self.lens.name));
         }
     }
 }

@@ -17,6 +17,7 @@ use super::super::rig::Rig;
 use super::conditions::Conditions;
 use crate::context::Context;
 use crate::error::JobError;
+use crate::event::WarningKind;
 
 /// Bands of scenes and photographs are at most so far apart, um, and at least so many, unless --bands gives another number.
 const BAND_STEP_UM: f64 = 0.020;
@@ -109,7 +110,7 @@ impl Light {
     /// `whose` is the file that the bands are of.
     pub fn warn(&self, conditions: &Conditions, rig: &Rig, whose: Option<&Path>, context: &Context) {
         if self.is_cut {
-            context.warning(format!(
+            context.warning(WarningKind::Spectrum, format!(
                 "{}: at the ends of the spectrum the lens forms no image that fits its PSFs; the bands, {}, leave out {:.2} % of the electrons that white would give",
                 conditions.lens.name,
                 range_nm(&self.band_um),
@@ -117,11 +118,14 @@ impl Light {
             ));
         } else if self.left_out > WARNED_SHARE {
             let file = whose.map(|path| format!("{}: ", path.display())).unwrap_or_default();
-            context.warning(format!(
-                "{file}the bands, {}, leave out {:.1} % of the electrons that white would give",
-                range_nm(&self.band_um),
-                100.0 * self.left_out
-            ));
+            context.warning(
+                WarningKind::Spectrum,
+                format!(
+                    "{file}the bands, {}, leave out {:.1} % of the electrons that white would give",
+                    range_nm(&self.band_um),
+                    100.0 * self.left_out
+                ),
+            );
         }
         if whose.is_none() {
             warn_of_cut_light(conditions, &rig.sensor, context);
@@ -208,7 +212,7 @@ fn warn_of_cut_light(conditions: &Conditions, sensor: &SensorModel, context: &Co
         for (um, beyond_um) in [(first, first - 1e-3), (last, last + 1e-3)] {
             if has_light(ends, um) && sees(beyond_um) && other.is_none_or(|other| has_light(other, beyond_um))
             {
-                context.warning(format!(
+                context.warning(WarningKind::Spectrum, format!(
                     "nothing is known of {} beyond {:.0} nm, where the pixels still see: that light is not counted",
                     ends.0,
                     1000.0 * um

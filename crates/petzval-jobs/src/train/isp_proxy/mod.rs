@@ -86,7 +86,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         let hint = "4000 take minutes on two cores";
         return Err(JobError::setting("steps", plan.training.steps, "must lie between 1 and 1000000", hint));
     }
-    let mut named = isp_by_name(&plan.isp, &context.assets, context.cancellation())?;
+    let mut named = isp_by_name(&plan.isp, &context.assets, context.cancel())?;
     named.set(&plan.set)?;
     named.set_bits(16);
     let varied = named.all_places(&plan.vary)?;
@@ -114,8 +114,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         proxy: folder.description(),
         page: folder.page(),
     };
+    let stopped = || folder.stopped::<Plan>(kept.step, &response, context);
     if kept.step < plan.training.steps {
-        return Ok(response);
+        return Err(stopped());
     }
     let frames = source.held_out()?;
     context.note(format!("comparing proxy and ISP on {} frames of unseen scenes", frames.len()));
@@ -127,12 +128,12 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     };
     let (gap, sheet) = match judged() {
         // The training is kept; a resumed one compares again.
-        Err(JobError::Stopped(_)) => return Ok(response),
+        Err(JobError::Stopped(_)) => return Err(stopped()),
         judged => judged?,
     };
     let description = description(&plan, &named, &varied, &values, &kept, &gap)?;
     let weights = [&trainer.save()?[0][..], &trainer.safetensors()?];
-    folder.finish(weights, &page(&sheet), &[], &description)?;
+    folder.finish(weights, &page(&sheet), &[], &description, context)?;
     Ok(Response { gap: Some(gap), ..response })
 }
 

@@ -154,20 +154,28 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         proxy: folder.description(),
         page: folder.page(),
     };
+    let stopped = || folder.stopped::<Plan>(kept.step, &response, context);
     if kept.step < plan.training.steps {
-        return Ok(response);
+        return Err(stopped());
     }
     context
         .note(format!("comparing network and tracing on {JUDGED_LENSES} lenses that training has not seen"));
     let unseen = sampler(plan.training.seed ^ UNSEEN);
     let clock = || ProcessTime::now().as_duration().as_secs_f64();
     let judge = OpticsJudge { sampler: &unseen, lenses: JUDGED_LENSES, limit: &setup.limit, clock: &clock };
-    let watch = |done| context.progress(done as u64, JUDGED_LENSES as u64, "comparing");
-    let gap = judge.gap(trainer.proxy(), &watch)?;
+    let watch = |done| {
+        context.progress(done as u64, JUDGED_LENSES as u64, "comparing");
+        context.cancel().check()
+    };
+    let gap = match judge.gap(trainer.proxy(), &watch) {
+        // The training is kept; a resumed one compares again.
+        Err(error) if error.is_stopped() => return Err(stopped()),
+        gap => gap?,
+    };
     let sheet = sheet(&unseen, trainer.proxy(), &gap)?;
     let description = description(&plan, &setup, &domain, trainer.proxy(), &kept, &gap)?;
     let weights = [&trainer.save()?[0][..], &trainer.safetensors()?];
-    folder.finish(weights, &page(&sheet), &[(FILES[1], &kept.inputs.lens)], &description)?;
+    folder.finish(weights, &page(&sheet), &[(FILES[1], &kept.inputs.lens)], &description, context)?;
     Ok(Response { gap: Some(gap), ..response })
 }
 

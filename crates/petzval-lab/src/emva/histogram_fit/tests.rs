@@ -141,12 +141,12 @@ fn photo_response_non_uniformity_does_not_change_the_gain() {
 
 fn series(sensor: &SensorModel, plan: &Plan, full_wells_e: &[Option<f64>]) -> Vec<Characterization> {
     let folder = tempfile::tempdir().unwrap();
-    write_series(sensor, plan, folder.path(), &|| {}).unwrap();
+    write_series(sensor, plan, folder.path(), &|| Ok(())).unwrap();
     let mut captures = Captures::open(folder.path()).unwrap();
     let options = Options { fit_histograms: true, ..Options::default() };
     let one = |full_well_e: &Option<f64>| {
         captures.sensor.full_well_e = *full_well_e;
-        characterize(&captures, &options, &|| {}).unwrap()
+        characterize(&captures, &options, &|| Ok(())).unwrap()
     };
     full_wells_e.iter().map(one).collect()
 }
@@ -252,7 +252,7 @@ fn unstated_light_changes() -> Characterization {
     let sensor = include_str!("../../../../../data/sensors/imx249-fitted.toml");
     let sensor = petzval_files::parse_sensor(sensor).unwrap();
     let plan = Plan { height: 120, width: 160, gains: vec![1.0, 4.0, 16.0], seed: 3, ..Plan::default() };
-    write_series(&sensor, &plan, folder.path(), &|| {}).unwrap();
+    write_series(&sensor, &plan, folder.path(), &|| Ok(())).unwrap();
     let mut captures = Captures::open(folder.path()).unwrap();
     // The longest time for all flat frames, each with the dark current of its own, which is nothing beside the light.
     let longest = 0.01;
@@ -261,7 +261,7 @@ fn unstated_light_changes() -> Characterization {
         .iter_mut()
         .filter(|p| p.kind == Kind::Flat)
         .for_each(|p| (p.exposure_s, p.photons) = (longest, None));
-    characterize(&captures, &Options { fit_histograms: true, ..Options::default() }, &|| {}).unwrap()
+    characterize(&captures, &Options { fit_histograms: true, ..Options::default() }, &|| Ok(())).unwrap()
 }
 
 #[test]

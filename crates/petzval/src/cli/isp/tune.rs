@@ -10,7 +10,7 @@ use crate::cli::failure::Failure;
 use crate::cli::number::six_digits;
 use crate::cli::plain::shown;
 use crate::cli::signals;
-use crate::cli::terminal::{EXIT_STOPPED, Terminal, print_json};
+use crate::cli::terminal::{RESUME, Terminal, ending, found, print_json};
 
 /// Find the parameters of an ISP that bring developed frames nearest to references.
 ///
@@ -85,19 +85,15 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
             ));
         }
     };
-    let response = tune::run(&tune::Request { start, evaluations: args.evaluations }, &context)?;
+    let request = tune::Request { start, evaluations: args.evaluations };
+    let (response, stopped) = found(tune::run(&request, &context))?;
     drop(context);
     if args.json {
         print_json(&response)?;
     } else {
         out!("{}", summary(&response));
     }
-    if response.is_cancelled {
-        noteln!("stopped; --resume continues");
-        Ok(ExitCode::from(EXIT_STOPPED))
-    } else {
-        Ok(ExitCode::SUCCESS)
-    }
+    Ok(ending(stopped.as_ref(), RESUME))
 }
 
 /// The score before and after, every varied parameter, and the cost.

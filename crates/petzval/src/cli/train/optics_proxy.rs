@@ -9,7 +9,7 @@ use petzval::jobs::train::optics_proxy::{self, OpticsTraining, Plan, Request, Re
 use crate::cli::failure::Failure;
 use crate::cli::plain::shown;
 use crate::cli::signals;
-use crate::cli::terminal::{Terminal, print_json, training_ending};
+use crate::cli::terminal::{RESUME, Terminal, ending, found, print_json};
 
 /// Train a network that gives the point spread functions of a lens in place of ray tracing, as the paper did.
 ///
@@ -66,14 +66,14 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         },
         (None, None) => return Err(Failure::input("--out is missing", "give a folder, or --resume")),
     };
-    let response = optics_proxy::run(&request, &context)?;
+    let (response, stopped) = found(optics_proxy::run(&request, &context))?;
     drop(context);
     if args.json {
         print_json(&response)?;
     } else {
         out!("{}", summary(&response));
     }
-    Ok(training_ending(response.gap.is_some(), response.steps))
+    Ok(ending(stopped.as_ref(), RESUME))
 }
 
 /// What the network costs.

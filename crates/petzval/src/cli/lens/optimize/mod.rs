@@ -12,7 +12,7 @@ use self::goal::GoalArgs;
 use crate::cli::failure::Failure;
 use crate::cli::plain::shown;
 use crate::cli::signals;
-use crate::cli::terminal::{EXIT_STOPPED, Terminal, print_json};
+use crate::cli::terminal::{RESUME, Terminal, ending, found, print_json};
 
 /// Make the spots of a lens smaller, within its bounds and the limits below.
 ///
@@ -138,8 +138,9 @@ impl Args {
 pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let is_json = args.json;
     let request = args.request()?;
-    let response =
-        optimize::run(&request, &terminal.context().with_cancellation(signals::stop_on_signal()?))?;
+    let context = terminal.context().with_cancellation(signals::stop_on_signal()?);
+    let (response, stopped) = found::<Response>(optimize::run(&request, &context))?;
+    drop(context);
     if is_json {
         print_json(&response.found)?;
     } else {
@@ -147,7 +148,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         print_trades(&response.found.trades);
         outln!("\nlens: {}\npage: {}", shown(&response.found.lens), shown(&response.found.page));
     }
-    Ok(if response.is_cancelled { ExitCode::from(EXIT_STOPPED) } else { ExitCode::SUCCESS })
+    Ok(ending(stopped.as_ref(), RESUME))
 }
 
 fn print(response: &Response) {
