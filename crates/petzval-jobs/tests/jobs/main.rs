@@ -7,3 +7,4 @@ mod measuring;
 mod one_development;
 mod pinhole_captures;
 mod table;
+mod whole_table;

@@ -95,7 +95,7 @@ fn a_call_answers_as_the_job_does_whatever_its_threads() {
     assert_eq!(one, serde_json::to_value(direct).unwrap());
 }
 
-/// Requests for files that are not there.
+/// Requests for files that are not there; [`crate::whole_table`] runs those for files that are.
 #[test]
 fn a_request_for_what_is_missing_is_wrong_input_of_every_row() {
     let folder = tempfile::tempdir().unwrap();

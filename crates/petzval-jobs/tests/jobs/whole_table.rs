@@ -1,0 +1,188 @@
+//! Every row of the table from its smallest request, through JSON and back, cancelled as soon as it says something.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Duration;
+
+use cpu_time::ProcessTime;
+use petzval_base::Cancel;
+use petzval_jobs::{Call, Context, ErrorReport, Event, JobError, Silent, Watcher, built_in_assets, jobs};
+use serde_json::{Value, json};
+
+/// Calls of rows that need nothing, and those of rows that need what [`prepare`] makes.
+const CALLS: [&str; 2] = [include_str!("../calls.json"), include_str!("../ready.json")];
+
+/// Most events of a job after it is cancelled: those of the running step, and of what is kept.
+const FURTHER: usize = 64;
+
+/// CPU time of the whole test, at most.
+const CPU: Duration = Duration::from_secs(120);
+
+/// Time after which a job that says nothing is cancelled.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+/// An experiment with a detector that runs in seconds.
+const LIGHTS: &str = r#"
+name = "tiny lights"
+task = "traffic-light"
+[psf]
+fields = 3
+grid = 64
+patches = [2, 2]
+pupil_cells = 16
+scoring_pupil_cells = 16
+scoring_pupil_error = 2.0
+[street]
+windows = 3
+held_out = 3
+samples = 1
+[training]
+steps = 2
+batch = 1
+crop = 96
+[scoring]
+crop = 96
+scores = ["ap50"]
+[[variant]]
+name = "nominal"
+[[variant.stage]]
+moves = ["network"]
+"#;
+
+/// Cancels its job at the first event, and counts those that follow.
+struct Stopper {
+    cancel: Cancel,
+    further: AtomicUsize,
+}
+
+impl Watcher for Stopper {
+    fn event(&self, event: &Event) {
+        // Whatever a job says can be sent, and is what was sent.
+        let text = serde_json::to_string(event).unwrap();
+        let back: Event = serde_json::from_str(&text).unwrap();
+        assert_eq!(serde_json::to_string(&back).unwrap(), text);
+        if self.cancel.set() {
+            self.further.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+}
+
+fn call(job: &str, request: Value) -> Call {
+    Call::new(job, request)
+}
+
+/// Makes a finished run, captures, raw frames with references, and data sets.
+fn prepare(folder: &Path) {
+    let at = |name: &str| folder.join(name);
+    std::fs::write(at("lights.toml"), LIGHTS).unwrap();
+    write_pictures(folder);
+    let run = |job: &str, request: Value| {
+        let context = Context::new(built_in_assets(), Arc::new(Silent));
+        call(job, request).run(&context).unwrap_or_else(|error| panic!("{job}: {error}"))
+    };
+    run("design", json!({"run": {"new": {"experiment": at("lights.toml"), "out": at("run")}}}));
+    run(
+        "psf-capture",
+        json!({"lens": "cooke-triplet-nominal", "out": at("pinhole"), "fields": 1, "frames": 2, "exposures_ms": [4, 16]}),
+    );
+    run(
+        "sensor-capture",
+        json!({"sensor": "imx249-fitted", "out": at("series"), "gains": [1, 2], "dark_exposures": [20], "size": [40, 60]}),
+    );
+    run(
+        "simulate",
+        json!({"images": ["scene:slanted-edge"], "spectral": {"qe": "flat:0.6"}, "size": [128, 128], "out": at("raws")}),
+    );
+    // Beside raw frames and their sidecars the search for parameters takes no pictures.
+    std::fs::remove_file(at("raws/slanted-edge-developed.png")).unwrap();
+    run("isp-develop", json!({"raws": [at("raws/slanted-edge-raw.tiff")], "out": at("references")}));
+}
+
+/// Pictures with two lights as a COCO data set, and one of them in the format of YOLO.
+fn write_pictures(folder: &Path) {
+    for name in ["lights", "yolo/images", "yolo/labels"] {
+        std::fs::create_dir_all(folder.join(name)).unwrap();
+    }
+    let (mut images, mut annotations) = (Vec::new(), Vec::new());
+    for i in 1_u8..=10 {
+        let picture = image::RgbImage::from_fn(140, 120, |x, y| match (x, y) {
+            (20..40, 20..60) => image::Rgb([220, 20, 20]),
+            (80..100, 30..70) => image::Rgb([20, 220, 60]),
+            _ => image::Rgb([90 + i; 3]),
+        });
+        let name = format!("{i:02}.png");
+        picture.save(folder.join("lights").join(&name)).unwrap();
+        images.push(json!({"id": i, "file_name": name, "width": 140, "height": 120}));
+        for (k, x, y) in [(1, 20, 20), (2, 80, 30)] {
+            annotations.push(json!({
+                "id": 2 * i + k, "image_id": i, "category_id": k, "bbox": [x, y, 20, 40], "area": 800, "iscrowd": 0
+            }));
+        }
+    }
+    let classes = json!([{"id": 1, "name": "light red"}, {"id": 2, "name": "light green"}]);
+    let data = json!({"images": images, "annotations": annotations, "categories": classes});
+    std::fs::write(folder.join("lights/annotations.json"), data.to_string()).unwrap();
+    std::fs::copy(folder.join("lights/01.png"), folder.join("yolo/images/01.png")).unwrap();
+    std::fs::write(folder.join("yolo/labels/01.txt"), "0 0.2 0.3 0.1 0.3\n").unwrap();
+    std::fs::write(folder.join("yolo/data.yaml"), "names: [light red]\ntrain: images\n").unwrap();
+}
+
+/// One call of each row, as JSON.
+fn calls(folder: &str) -> BTreeMap<String, String> {
+    let all = CALLS.iter().flat_map(|text| {
+        let calls: Vec<Value> = serde_json::from_str(&text.replace("DIR", folder)).unwrap();
+        calls
+    });
+    let ready = all.filter(|call| !call.to_string().contains("missing"));
+    ready.map(|call| (call["job"].as_str().unwrap().to_owned(), call.to_string())).collect()
+}
+
+#[test]
+fn every_row_starts_from_its_smallest_request_and_ends_soon_after_it_is_cancelled() {
+    let began = ProcessTime::now();
+    let folder = tempfile::tempdir().unwrap();
+    prepare(folder.path());
+    let calls = calls(&folder.path().display().to_string().replace('\\', "/"));
+    assert_eq!(calls.len(), jobs().len(), "a row has no call without missing files");
+    for row in jobs() {
+        let cancel = Cancel::default();
+        let stopper = Arc::new(Stopper { cancel: cancel.clone(), further: AtomicUsize::new(0) });
+        let context = Context::new(built_in_assets(), stopper.clone()).with_cancellation(cancel.clone());
+        // The timer ends with the job.
+        let (ended, end) = std::sync::mpsc::channel::<()>();
+        let timer = std::thread::spawn(move || {
+            if end.recv_timeout(PATIENCE).is_err() {
+                cancel.set();
+            }
+        });
+        let before = ProcessTime::now();
+        let outcome = Call::parse(&calls[row.name]).unwrap().run(&context);
+        let _gone = ended.send(());
+        timer.join().unwrap();
+        let further = stopper.further.load(Ordering::Relaxed);
+        let how = match outcome {
+            Ok(response) => {
+                let text = response.to_string();
+                assert_eq!(serde_json::from_str::<Value>(&text).unwrap(), response, "{}", row.name);
+                "ends".to_owned()
+            }
+            Err(error) => {
+                let report = serde_json::to_string(&error).unwrap();
+                assert_eq!(serde_json::from_str::<ErrorReport>(&report).unwrap(), error.report());
+                let JobError::Stopped(stopped) = error else { panic!("{}: {error}", row.name) };
+                let there = stopped.kept.iter().filter(|path| path.exists()).count();
+                assert_eq!(there, stopped.kept.len(), "{}: {:?}", row.name, stopped.kept);
+                // What goes on is a request of the same row.
+                if let Some(request) = &stopped.resume {
+                    row.filled_in(request.clone()).unwrap_or_else(|e| panic!("{}: {e}", row.name));
+                }
+                stopped.message.clone()
+            }
+        };
+        println!("{}: {further} further events, {:.1} s: {how}", row.name, before.elapsed().as_secs_f64());
+        assert!(further <= FURTHER, "{}: {further} events after it was cancelled", row.name);
+    }
+    assert!(began.elapsed() < CPU, "{:?} of CPU time", began.elapsed());
+}
