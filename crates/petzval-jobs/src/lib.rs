@@ -67,4 +67,5 @@ const _: () = {
     is_shared::<Context>();
     is_shared::<Call>();
     is_shared::<JobError>();
+    is_shared::<report::Watched>();
 };

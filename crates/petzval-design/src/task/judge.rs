@@ -14,7 +14,7 @@ use crate::error::DesignError;
 use crate::run::PictureScore;
 
 /// Scores cameras.
-pub trait Judge {
+pub trait Judge: Send + Sync {
     /// The scores that are computed.
     fn scores(&self) -> Vec<ScoreDescription>;
 

@@ -44,7 +44,7 @@ impl ScoredPair {
 }
 
 /// One number that says how good a picture is.
-pub trait Score {
+pub trait Score: Send + Sync {
     /// Key in `metrics.json` and in `scoring.scores`, with the unit if there is one: `psnr_db`.
     fn name(&self) -> &'static str;
 

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::rc::Rc;
+use std::sync::Arc;
 
 use burn::prelude::*;
 use petzval_camera::tape::srgb_encode_op;
@@ -21,7 +21,7 @@ use crate::task::{Depth, Findings, HeldOut, Judge, ScoredPicture, Taken, named_s
 
 /// Judges what a detector finds.
 pub(super) struct ObjectJudge {
-    scores: Rc<[ObjectScore]>,
+    scores: Arc<[ObjectScore]>,
     classes: usize,
     field: Field,
 }
@@ -56,7 +56,7 @@ impl Judge for ObjectJudge {
 
 /// What the detector of one camera finds.
 struct ObjectFindings {
-    scores: Rc<[ObjectScore]>,
+    scores: Arc<[ObjectScore]>,
     classes: usize,
     field: Field,
     depth: Depth,

@@ -1,7 +1,7 @@
 //! Scores of single pictures. The score of a camera is their mean.
 
 use std::collections::BTreeMap;
-use std::rc::Rc;
+use std::sync::Arc;
 
 use petzval_learn::score::{Score, ScoreDescription, ScoredPair};
 
@@ -13,7 +13,7 @@ use crate::task::{Depth, Findings, HeldOut, Judge, ScoredPicture, Taken, named_s
 
 /// Judges each finished picture by itself.
 pub struct PictureJudge {
-    scores: Rc<[Box<dyn Score>]>,
+    scores: Arc<[Box<dyn Score>]>,
 }
 
 impl PictureJudge {
@@ -36,7 +36,7 @@ impl Judge for PictureJudge {
 
 /// The scores of the pictures of one camera.
 struct PictureFindings {
-    scores: Rc<[Box<dyn Score>]>,
+    scores: Arc<[Box<dyn Score>]>,
     found: Vec<BTreeMap<String, f64>>,
 }
 
