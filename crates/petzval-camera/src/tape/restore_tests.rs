@@ -144,6 +144,27 @@ fn restoration_has_the_gradient_of_differences_in_every_input() {
 }
 
 #[test]
+fn an_input_that_is_tracked_alone_has_the_bits_that_it_has_beside_the_others() {
+    let gradients = |is_tracked: [bool; 4]| {
+        let mut flags = is_tracked.into_iter();
+        let leaves = inputs().map(|v| {
+            let leaf: Tensor<1> = tensor(v.clone(), [v.len()]);
+            if flags.next() == Some(true) { leaf.require_grad() } else { leaf }
+        });
+        let gradients = restored(leaves.clone()).square().sum().backward();
+        leaves.map(|leaf| leaf.grad(&gradients).map(values))
+    };
+    let all = gradients([true; 4]);
+    for i in 0..4 {
+        let mut alone = [false; 4];
+        alone[i] = true;
+        for (k, found) in gradients(alone).into_iter().enumerate() {
+            assert!(found == all[k].clone().filter(|_| k == i), "input {k}, tracked {i}");
+        }
+    }
+}
+
+#[test]
 fn restoration_and_its_transpose_have_one_dot_product() {
     // Linear in the pictures, border included: <bar, R v> = <R^T bar, v>.
     let bar = uniform(30, 2 * CHANNELS * HEIGHT * WIDTH);
