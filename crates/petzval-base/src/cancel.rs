@@ -1,4 +1,4 @@
-//! How a job is told to stop: a flag that long work looks at between its units.
+//! How a job is stopped: a flag that long work looks at between its units.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};

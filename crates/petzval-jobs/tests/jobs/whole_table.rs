@@ -126,7 +126,7 @@ fn write_pictures(folder: &Path) {
     std::fs::write(folder.join("lights/annotations.json"), data.to_string()).unwrap();
     std::fs::copy(folder.join("lights/01.png"), folder.join("yolo/images/01.png")).unwrap();
     std::fs::write(folder.join("yolo/labels/01.txt"), "0 0.2 0.3 0.1 0.3\n").unwrap();
-    std::fs::write(folder.join("yolo/data.yaml"), "names: [light red]\ntrain: images\n").unwrap();
+    std::fs::write(folder.join("yolo/data.yaml"), "nc: 1\nnames: ['light red']\n").unwrap();
 }
 
 /// One call of each row, as JSON.
