@@ -68,7 +68,7 @@ pub mod spectral;
 pub mod spectrum;
 pub mod tape;
 
-pub use develop::{correct_shading, dark_mean_dn, develop, develop_adjoint, develop_stops_adjoint};
+pub use develop::{correct_shading, dark_mean_dn, develop, develop_adjoint};
 pub use image::{CHANNELS, LinearImage, srgb_decode, srgb_encode};
 pub use psf::{PsfBank, PsfError, PsfLayout};
 pub use quality::{psnr, ssim_gaussian_wang};
@@ -76,6 +76,6 @@ pub use render::{
     Placement, RenderError, RenderGeometry, illumination_map, kernel_radius, render, render_adjoint,
 };
 pub use sensor::{
-    Capture, CfaPattern, Exposure, Noise, NoiseMode, Raw, SensorError, SensorModel, Slopes, expose,
-    expose_pixel, expose_with_tape,
+    Capture, CfaPattern, Exposure, Noise, NoiseMode, Raw, SensorError, SensorModel, expose, expose_pixel,
+    expose_with_tape,
 };

@@ -135,32 +135,6 @@ fn per_dn(mut d_mosaic: Vec<f32>, width: usize, sensor: &SensorModel, capture: &
     d_mosaic
 }
 
-/// Gradient of a development with respect to the exposure settings that it uses, in stops: of the linear gain, and of the
-/// exposure (`white_e` and `time_s` together). `d_rgb` is the cotangent of the developed picture of `raw`.
-///
-/// Development subtracts the dark mean from the raw frame and divides by `K g white_e`. Both depend on the settings:
-/// `d picture / d log2 g = -ln 2 M (dn - dark + K g (mu_r + mu_I t))`, and for the exposure the same without mu_r. M is the
-/// matrix whose transpose is [`develop_adjoint`].
-pub fn develop_stops_adjoint(
-    d_rgb: &LinearImage,
-    raw: &Raw,
-    sensor: &SensorModel,
-) -> Result<[f64; 2], SensorError> {
-    let d_dn = develop_adjoint(d_rgb, sensor, &raw.capture)?;
-    check(sensor, &raw.capture, "raw frame", d_dn.len(), raw.dn.len())?;
-    let exposure = &raw.capture.exposure;
-    let dark = dark_mean_dn(sensor, exposure);
-    let gain = sensor.gain_dn_per_e * exposure.linear_gain as f64;
-    let current = gain * sensor.dark_current_e_per_s * exposure.time_s as f64;
-    let (mut signal, mut total) = (0.0, 0.0);
-    for (&d, &dn) in d_dn.iter().zip(&raw.dn) {
-        signal += d as f64 * (dn as f64 - dark);
-        total += d as f64;
-    }
-    let of = |dark: f64| -std::f64::consts::LN_2 * (signal + total * dark);
-    Ok([of(gain * sensor.read_noise_mean_e + current), of(current)])
-}
-
 /// Checks that a mosaic of this size of a sensor can be demosaiced.
 pub(crate) fn check_colours(sensor: &SensorModel, height: usize, width: usize) -> Result<(), SensorError> {
     if sensor.cfa.is_bayer() {

@@ -42,15 +42,6 @@ pub struct Raw {
 }
 
 impl Exposure {
-    /// The exposure changed by stops (factors of two): the linear gain by `gain`, and `white_e` and `time_s` by `exposure`.
-    pub fn with_stops(&self, gain: f32, exposure: f32) -> Self {
-        Self {
-            white_e: self.white_e * exposure.exp2(),
-            time_s: self.time_s * exposure.exp2(),
-            linear_gain: self.linear_gain * gain.exp2(),
-        }
-    }
-
     /// Checks that the settings are finite and in range.
     pub fn validate(&self) -> Result<(), SensorError> {
         let bad = |what, value, need| Err(SensorError::Exposure { what, value, need });

@@ -42,12 +42,6 @@ pub enum SensorError {
         /// The sensor's step nearest to it, in stops.
         nearest: f64,
     },
-    /// The share of the gradient that saturated pixels pass is out of range.
-    #[error("the leak of saturated pixels is {value}; it must be between 0 and 1")]
-    Leak {
-        /// The leak given.
-        value: f32,
-    },
     /// A picture cannot be developed because no pixel of the sensor measures a colour.
     #[error(
         "the colour filter array {cfa} has neither {colour} nor clear pixels to develop a colour picture from"

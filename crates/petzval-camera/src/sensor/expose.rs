@@ -1,4 +1,4 @@
-//! One exposure: from irradiance to a raw frame, with the derivatives of every pixel.
+//! One exposure: from irradiance to a raw frame, with the derivative of every pixel where it is needed.
 //!
 //! The physics is that of [`expose_pixel`](super::expose_pixel). Here each step processes a whole row, so that it compiles
 //! to vector code. The instruction set is the widest of the machine, or the one that [`PETZVAL_SIMD`](petzval_base::simd)
@@ -14,17 +14,6 @@ use super::pixel::{Chain, Charge, light};
 use super::{Capture, Noise, Raw, SensorError, SensorModel};
 use crate::image::{CHANNELS, LinearImage};
 use petzval_base::random::place;
-
-/// Derivatives of a frame: three arrays with one number per pixel, row by row.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Slopes {
-    /// With respect to the light in the pixel ([`SensorModel::response`] times irradiance), DN per unit.
-    pub light: Vec<f32>,
-    /// With respect to the binary logarithm of the linear gain, DN per stop.
-    pub log2_gain: Vec<f32>,
-    /// With respect to the binary logarithm of the exposure (`white_e` and `time_s` together), DN per stop.
-    pub log2_exposure: Vec<f32>,
-}
 
 /// Exposes the sensor window at `capture.placement` to `irradiance` (3 planes, 1.0 = white).
 ///
@@ -48,62 +37,51 @@ pub(crate) fn expose_checked(
     noise: &Noise,
 ) -> Raw {
     let (height, width) = (irradiance.height, irradiance.width);
-    let frame = Frame::new(irradiance, sensor, capture, noise, 0.0);
+    let frame = Frame::new(irradiance, sensor, capture, noise);
     let mut dn = vec![0.0f32; height * width];
     dn.par_chunks_exact_mut(width.max(1)).enumerate().for_each_init(
         Scratch::default,
         |scratch, (row, dn)| {
-            let slopes: [&mut [f32]; 3] = Default::default();
-            dispatch(ExposeRow::<false> { frame: &frame, row, scratch, dn, slopes });
+            dispatch(ExposeRow::<false> { frame: &frame, row, scratch, dn, by_light: &mut [] });
         },
     );
     Raw { height, width, dn, capture: *capture }
 }
 
-/// As [`expose`], with the derivatives of every digital number.
+/// As [`expose`], with the derivative of every digital number with respect to the light in its pixel
+/// ([`SensorModel::response`] times irradiance), DN per unit, row by row.
 ///
-/// The [`NoiseMode`](super::NoiseMode) sets the derivative of electrons with respect to their rate. Read and electronics
-/// noise are reparameterised normal noise, so the derivatives with respect to gain and exposure are exact for the drawn
-/// noise. Rounding passes the gradient unchanged. Negative light blocks it. A full well and a converter at its limits pass
-/// the share `leak` (0..1) of it: 0 is the true derivative; a small positive number gives an optimiser a gradient in
-/// saturated pixels.
+/// The [`NoiseMode`](super::NoiseMode) sets the derivative of electrons with respect to their rate. Read and electronics noise do not
+/// depend on light. Rounding passes the gradient unchanged. Negative light, a full well and a converter at its limits block it.
 pub fn expose_with_tape(
     irradiance: &LinearImage,
     sensor: &SensorModel,
     capture: &Capture,
     noise: &Noise,
-    leak: f32,
-) -> Result<(Raw, Slopes), SensorError> {
+) -> Result<(Raw, Vec<f32>), SensorError> {
     check_irradiance(irradiance)?;
     check_capture(sensor, capture, irradiance.height, irradiance.width)?;
-    check_leak(leak)?;
-    Ok(expose_tracked(irradiance, sensor, capture, noise, leak))
+    Ok(expose_tracked(irradiance, sensor, capture, noise))
 }
 
-/// [`expose_with_tape`] after the checks. Irradiance that is not finite makes its pixel and slopes NaN.
+/// [`expose_with_tape`] after the checks. Irradiance that is not finite makes its pixel and derivative NaN.
 pub(crate) fn expose_tracked(
     irradiance: &LinearImage,
     sensor: &SensorModel,
     capture: &Capture,
     noise: &Noise,
-    leak: f32,
-) -> (Raw, Slopes) {
+) -> (Raw, Vec<f32>) {
     let (height, width) = (irradiance.height, irradiance.width);
-    let frame = Frame::new(irradiance, sensor, capture, noise, leak);
-    let zeros = || vec![0.0f32; height * width];
-    let mut dn = zeros();
-    let mut slopes = Slopes { light: zeros(), log2_gain: zeros(), log2_exposure: zeros() };
+    let frame = Frame::new(irradiance, sensor, capture, noise);
+    let (mut dn, mut by_light) = (vec![0.0f32; height * width], vec![0.0f32; height * width]);
     let step = width.max(1);
-    dn.par_chunks_exact_mut(step)
-        .zip(slopes.light.par_chunks_exact_mut(step))
-        .zip(slopes.log2_gain.par_chunks_exact_mut(step))
-        .zip(slopes.log2_exposure.par_chunks_exact_mut(step))
-        .enumerate()
-        .for_each_init(Scratch::default, |scratch, (row, (((dn, light), gain), exposure))| {
-            let slopes = [light, gain, exposure];
-            dispatch(ExposeRow::<true> { frame: &frame, row, scratch, dn, slopes });
-        });
-    (Raw { height, width, dn, capture: *capture }, slopes)
+    dn.par_chunks_exact_mut(step).zip(by_light.par_chunks_exact_mut(step)).enumerate().for_each_init(
+        Scratch::default,
+        |scratch, (row, (dn, by_light))| {
+            dispatch(ExposeRow::<true> { frame: &frame, row, scratch, dn, by_light });
+        },
+    );
+    (Raw { height, width, dn, capture: *capture }, by_light)
 }
 
 /// The data that all rows of an exposure share.
@@ -124,7 +102,6 @@ impl<'a> Frame<'a> {
         sensor: &'a SensorModel,
         capture: &'a Capture,
         noise: &Noise,
-        leak: f32,
     ) -> Self {
         let streams = FrameStreams::new(noise, capture);
         let pattern = Pattern::new(&sensor.nonuniformity, Some(&streams));
@@ -133,7 +110,7 @@ impl<'a> Frame<'a> {
             irradiance,
             sensor,
             capture,
-            chain: Chain::new(sensor, capture, streams.noisy(), leak),
+            chain: Chain::new(sensor, capture, streams.noisy()),
             streams,
             pattern,
             columns: (first..first + irradiance.width).map(|col| pattern.of_column(col)).collect(),
@@ -156,14 +133,14 @@ pub(super) struct Scratch {
     shot: ShotScratch,
 }
 
-/// The exposure of one row. With `TAPE` it also computes the slopes.
+/// The exposure of one row. With `TAPE` it also computes the derivatives.
 pub(super) struct ExposeRow<'f, 'a, 'm, const TAPE: bool> {
     pub frame: &'f Frame<'a>,
     pub row: usize,
     pub scratch: &'m mut Scratch,
     pub dn: &'m mut [f32],
-    /// Derivatives with respect to light, log2 gain and log2 exposure; empty without a tape.
-    pub slopes: [&'m mut [f32]; 3],
+    /// Derivatives with respect to light; empty without a tape.
+    pub by_light: &'m mut [f32],
 }
 
 impl<const TAPE: bool> WithSimd for ExposeRow<'_, '_, '_, TAPE> {
@@ -171,8 +148,8 @@ impl<const TAPE: bool> WithSimd for ExposeRow<'_, '_, '_, TAPE> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        let Self { frame, row, scratch, dn, slopes } = self;
-        expose_row::<TAPE>(frame, row, scratch, dn, slopes);
+        let Self { frame, row, scratch, dn, by_light } = self;
+        expose_row::<TAPE>(frame, row, scratch, dn, by_light);
     }
 }
 
@@ -182,7 +159,7 @@ fn expose_row<const TAPE: bool>(
     row: usize,
     scratch: &mut Scratch,
     dn: &mut [f32],
-    slopes: [&mut [f32]; 3],
+    by_light: &mut [f32],
 ) {
     let n = frame.irradiance.width;
     let (sensor_row, first_col) = (frame.capture.placement.row + row, frame.capture.placement.col);
@@ -219,21 +196,16 @@ fn expose_row<const TAPE: bool>(
         z_read.fill(0.0);
         z_electronics.fill(0.0);
     }
-    // Amplify and convert the charge of each pixel to a digital number, with its derivatives.
+    // Amplify and convert the charge of each pixel to a digital number, with its derivative.
     let (z_read, z_electronics, dn) = (&z_read[..n], &z_electronics[..n], &mut dn[..n]);
-    let [by_light, by_gain, by_exposure] = slopes;
-    let tape = if TAPE { n } else { 0 };
-    let (by_light, by_gain) = (&mut by_light[..tape], &mut by_gain[..tape]);
-    let by_exposure = &mut by_exposure[..tape];
+    let by_light = &mut by_light[..if TAPE { n } else { 0 }];
     for i in 0..n {
         let pixel = PixelPattern { offset_e: offset_e[i], response: response[i], dark_e_per_s: dark[i] };
-        let charge = Charge { light: lights[i], rate: rate[i], electrons: electrons[i], d_rate: d_rate[i] };
+        let charge = Charge { light: lights[i], electrons: electrons[i], d_rate: d_rate[i] };
         let reading = chain.read_out(&charge, &pixel, [z_read[i], z_electronics[i]]);
         dn[i] = reading.dn;
         if TAPE {
             by_light[i] = reading.by_light;
-            by_gain[i] = reading.by_log2_gain;
-            by_exposure[i] = reading.by_log2_exposure;
         }
     }
 }
@@ -282,11 +254,6 @@ pub(crate) fn check_placement(
     }
     let (sensor_height, sensor_width) = (sensor.height, sensor.width);
     Err(SensorError::OffSensor { height, width, row, col, sensor_height, sensor_width })
-}
-
-/// Checks the share of the gradient that saturated pixels pass.
-pub(crate) fn check_leak(leak: f32) -> Result<(), SensorError> {
-    if (0.0..=1.0).contains(&leak) { Ok(()) } else { Err(SensorError::Leak { value: leak }) }
 }
 
 fn check_irradiance(irradiance: &LinearImage) -> Result<(), SensorError> {

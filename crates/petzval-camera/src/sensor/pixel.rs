@@ -6,40 +6,35 @@ use super::{Capture, Electronics, Noise, SensorModel};
 use crate::image::CHANNELS;
 use petzval_base::random::place;
 
-/// A pixel's digital number and its derivatives.
+/// A pixel's digital number and its derivative.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PixelReading {
     /// Digital number.
     pub dn: f32,
     /// Its derivative with respect to the light in the pixel ([`SensorModel::response`] times irradiance), DN per unit.
     pub by_light: f32,
-    /// Its derivative with respect to the binary logarithm of the linear gain, DN per stop.
-    pub by_log2_gain: f32,
-    /// Its derivative with respect to the binary logarithm of the exposure (`white_e` and `time_s` together), DN per stop.
-    pub by_log2_exposure: f32,
 }
 
 /// Reading of sensor pixel `(row, col)` under `irradiance` (red, green, blue; 1.0 = white). This is the readable reference
 /// of [`crate::sensor::expose_with_tape`], which gives the same bits.
 ///
-/// `capture.placement` is not used. `leak` (0..1) is explained there. Irradiance that is not finite gives NaN.
+/// `capture.placement` is not used. Irradiance that is not finite gives NaN.
 pub fn expose_pixel(
     irradiance: [f32; CHANNELS],
     sensor: &SensorModel,
     capture: &Capture,
     noise: &Noise,
-    leak: f32,
     (row, col): (usize, usize),
 ) -> PixelReading {
     let streams = FrameStreams::new(noise, capture);
-    let chain = Chain::new(sensor, capture, streams.noisy(), leak);
+    let chain = Chain::new(sensor, capture, streams.noisy());
     let pattern = Pattern::new(&sensor.nonuniformity, Some(&streams)).pixel(row, col);
     let at = place(row, col);
     let light = light(sensor.response(sensor.cfa.colour(row, col)), irradiance);
     let rate = chain.rate_e(light, &pattern);
     let (electrons, d_rate) = streams.electrons(rate, at);
     let z = if streams.noisy() { streams.read.normals(at) } else { [0.0; 2] };
-    chain.read_out(&Charge { light, rate, electrons, d_rate }, &pattern, z)
+    chain.read_out(&Charge { light, electrons, d_rate }, &pattern, z)
 }
 
 /// The light that the filter passes: response times irradiance, 1.0 = white in green.
@@ -55,8 +50,6 @@ pub(super) fn light(response: [f64; CHANNELS], irradiance: [f32; CHANNELS]) -> f
 pub(super) struct Charge {
     /// Light, 1.0 = white in green.
     pub light: f64,
-    /// Mean electrons.
-    pub rate: f64,
     /// Electrons, and their derivative with respect to the mean.
     pub electrons: f64,
     pub d_rate: f64,
@@ -78,11 +71,10 @@ pub(super) struct Chain {
     after_adc: bool,
     rounds: bool,
     max_dn: f64,
-    leak: f64,
 }
 
 impl Chain {
-    pub fn new(sensor: &SensorModel, capture: &Capture, noisy: bool, leak: f32) -> Self {
+    pub fn new(sensor: &SensorModel, capture: &Capture, noisy: bool) -> Self {
         Self {
             white_e: capture.exposure.white_e as f64,
             time_s: capture.exposure.time_s as f64,
@@ -97,7 +89,6 @@ impl Chain {
             after_adc: sensor.electronics == Electronics::AfterAdc,
             rounds: noisy,
             max_dn: sensor.max_dn(),
-            leak: leak as f64,
         }
     }
 
@@ -119,7 +110,7 @@ impl Chain {
         [z_read, z_el]: [f64; 2],
     ) -> PixelReading {
         // Clip the charge at the full well.
-        let well_passes = if charge.electrons < self.full_well_e { 1.0 } else { self.leak };
+        let well_passes = if charge.electrons < self.full_well_e { 1.0 } else { 0.0 };
         let n = charge.electrons.min(self.full_well_e);
 
         // Add the pixel's offset and read noise, then amplify electrons to digital numbers.
@@ -136,24 +127,19 @@ impl Chain {
             self.convert(signal + electronics)
         };
 
-        // Differentiate the number with respect to light, gain and exposure. Rounding passes derivatives unchanged.
+        // Differentiate the number with respect to light. Rounding passes derivatives unchanged.
         let per_electron = passes * self.gain_dn_per_e;
         let by_rate = per_electron * well_passes * charge.d_rate;
         let by_light = if charge.light < 0.0 { 0.0 } else { by_rate * self.white_e * pattern.response };
         let known = |v: f64| if charge.light.is_finite() { v as f32 } else { f32::NAN };
-        PixelReading {
-            dn: known(value),
-            by_light: known(by_light),
-            by_log2_gain: known(std::f64::consts::LN_2 * per_electron * e),
-            by_log2_exposure: known(std::f64::consts::LN_2 * by_rate * charge.rate),
-        }
+        PixelReading { dn: known(value), by_light: known(by_light) }
     }
 
-    /// The converter's number for a signal `v` in DN, and the share of a derivative that it passes: 1 inside its range, `leak`
+    /// The converter's number for a signal `v` in DN, and the share of a derivative that it passes: 1 inside its range, 0
     /// outside.
     #[inline(always)]
     fn convert(&self, v: f64) -> (f64, f64) {
-        let passes = if (v >= 0.0) & (v <= self.max_dn) { 1.0 } else { self.leak };
+        let passes = if (v >= 0.0) & (v <= self.max_dn) { 1.0 } else { 0.0 };
         let rounded = if self.rounds { v.round_ties_even() } else { v };
         (rounded.max(0.0).min(self.max_dn), passes)
     }

@@ -5,10 +5,9 @@ use std::sync::Arc;
 use burn::prelude::*;
 use rayon::prelude::*;
 
-use super::expose_op::{changed, check_stops};
 use super::kernel::{Kernel, View, apply};
 use super::picture;
-use crate::develop::{Interpolation, check_colours, develop_by, develop_by_adjoint, develop_stops_adjoint};
+use crate::develop::{Interpolation, check_colours, develop_by, develop_by_adjoint};
 use crate::image::{CHANNELS, LinearImage};
 use crate::sensor::{Capture, Raw, SensorError, SensorModel};
 
@@ -34,20 +33,7 @@ pub fn develop_by_op(
     Ok(apply(Arc::new(kernel), [raw.into_dispatch()]))
 }
 
-/// [`develop_op`] at differentiable exposures. Development divides by gain and exposure, so it takes the same `stops` as
-/// [`super::expose_with_stops_op`]; a scene then keeps its brightness at any exposure. An example is given there.
-pub fn develop_with_stops_op(
-    raw: Tensor<4>,
-    stops: Tensor<2>,
-    sensor: &SensorModel,
-    captures: &[Capture],
-) -> Result<Tensor<4>, SensorError> {
-    check_stops(&stops, captures)?;
-    let kernel = DevelopKernel::new(raw.dims(), &Interpolation::default(), sensor, captures)?;
-    Ok(apply(Arc::new(kernel), [raw.into_dispatch(), stops.into_dispatch()]))
-}
-
-/// Development as a kernel. Inputs: digital numbers and, for differentiable exposures, stops.
+/// Development of digital numbers as a kernel.
 #[derive(Debug)]
 struct DevelopKernel {
     interpolation: Interpolation,
@@ -90,46 +76,27 @@ const CHECKED: &str = "sizes were checked when the operation was made";
 
 impl Kernel for DevelopKernel {
     fn forward(&self, inputs: &[View<'_>], _: &[bool]) -> (Vec<f32>, Vec<usize>) {
-        let [_, channels, height, width] = self.shape;
         let one = |(i, capture): (usize, &Capture)| {
-            // Without a valid exposure the picture is NaN.
-            if capture.exposure.validate().is_err() {
-                return vec![f32::NAN; channels * height * width];
-            }
             develop_by(&self.raw(i, inputs[0].values, *capture), &self.interpolation, &self.sensor)
                 .expect(CHECKED)
                 .data
         };
-        let pictures: Vec<Vec<f32>> =
-            changed(&self.captures, inputs).par_iter().enumerate().map(one).collect();
+        let pictures: Vec<Vec<f32>> = self.captures.par_iter().enumerate().map(one).collect();
         (pictures.concat(), self.shape.to_vec())
     }
 
     fn backward(&self, inputs: &[View<'_>], _: &[f32], gradient: &[f32], _: &[bool]) -> Vec<Vec<f32>> {
         let [_, channels, height, width] = self.shape;
+        // A method without a gradient gives NaN, which no descent mistakes for a step.
+        if !self.interpolation.demosaic.is_differentiable() {
+            return vec![vec![f32::NAN; inputs[0].values.len()]];
+        }
         let one = |(i, capture): (usize, &Capture)| {
-            if capture.exposure.validate().is_err() {
-                return (vec![f32::NAN; height * width], vec![f32::NAN; 2]);
-            }
             let gradient: LinearImage = picture(gradient, i, channels, height, width);
             let raw = self.raw(i, inputs[0].values, *capture);
-            // A method without a gradient gives NaN, which no descent mistakes for a step.
-            let d_dn = if self.interpolation.demosaic.is_differentiable() {
-                develop_by_adjoint(&gradient, &raw, &self.interpolation, &self.sensor).expect(CHECKED)
-            } else {
-                vec![f32::NAN; height * width]
-            };
-            if inputs.len() == 1 {
-                return (d_dn, Vec::new());
-            }
-            let d_stops = develop_stops_adjoint(&gradient, &raw, &self.sensor).expect(CHECKED);
-            (d_dn, d_stops.map(|v| v as f32).to_vec())
+            develop_by_adjoint(&gradient, &raw, &self.interpolation, &self.sensor).expect(CHECKED)
         };
-        let (d_dn, d_stops): (Vec<Vec<f32>>, Vec<Vec<f32>>) =
-            changed(&self.captures, inputs).par_iter().enumerate().map(one).unzip();
-        match inputs.len() {
-            1 => vec![d_dn.concat()],
-            _ => vec![d_dn.concat(), d_stops.concat()],
-        }
+        let d_dn: Vec<Vec<f32>> = self.captures.par_iter().enumerate().map(one).collect();
+        vec![d_dn.concat()]
     }
 }

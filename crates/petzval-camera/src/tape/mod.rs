@@ -7,9 +7,6 @@
 //!            --restore_op (with psf_values again)--> linear RGB [B,3,H,W] --> network
 //! ```
 //!
-//! Exposure can be a leaf tensor as well: [`expose_with_stops_op`] and [`develop_with_stops_op`] take `stops [B,2]`, the
-//! change of gain and exposure of each picture.
-//!
 //! The numeric work is the plain Rust of [`mod@crate::render`], [`crate::sensor`] and [`mod@crate::develop`]. A
 //! [`Kernel`] makes it, with its hand-written adjoint, an operation of the framework on any device.
 
@@ -22,8 +19,8 @@ mod render_op;
 mod restore_op;
 mod srgb_op;
 
-pub use develop_op::{develop_op, develop_with_stops_op};
-pub use expose_op::{expose_op, expose_with_stops_op};
+pub use develop_op::develop_op;
+pub use expose_op::expose_op;
 pub use frames::Frames;
 pub use kernel::{DeviceForm, Kernel, View, apply, is_on_host};
 pub use linear_isp_op::linear_isp_op;

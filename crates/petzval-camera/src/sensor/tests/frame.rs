@@ -5,35 +5,19 @@ use super::*;
 #[test]
 fn full_well_and_converter_saturate_and_block_the_gradient() {
     let bright = LinearImage::filled(CHANNELS, 4, 4, 1.0);
-    let at = |sensor: &SensorModel, mode, leak| {
-        expose_with_tape(&bright, sensor, &capture(60000.0, 0.01, 1.0), &noise(mode), leak).unwrap()
+    let at = |sensor: &SensorModel, mode| {
+        expose_with_tape(&bright, sensor, &capture(60000.0, 0.01, 1.0), &noise(mode)).unwrap()
     };
-    let (raw, slopes) = at(&imx249(), NoiseMode::StraightThrough, 0.0);
+    let (raw, slopes) = at(&imx249(), NoiseMode::StraightThrough);
     assert!(raw.dn.iter().all(|&v| v == 4095.0));
-    for slope in [&slopes.light, &slopes.log2_gain, &slopes.log2_exposure] {
-        assert!(slope.iter().all(|&v| v == 0.0));
-    }
+    assert!(slopes.iter().all(|&v| v == 0.0));
 
-    // With less gain the full well limits first: the number no longer depends on light, but still on gain.
+    // With less gain the full well limits first.
     let sensor = SensorModel { gain_dn_per_e: 0.05, ..imx249() };
-    let (raw, slopes) = at(&sensor, NoiseMode::Off, 0.0);
+    let (raw, slopes) = at(&sensor, NoiseMode::Off);
     let expected = 0.05 * (33723.0 + 3.25) + 119.0 + 1.15;
     assert!(raw.dn.iter().all(|&v| (v as f64 - expected).abs() < 1e-3));
-    assert!(slopes.light.iter().chain(&slopes.log2_exposure).all(|&v| v == 0.0));
-    let by_gain = std::f64::consts::LN_2 * 0.05 * (33723.0 + 3.25);
-    assert!(slopes.log2_gain.iter().all(|&v| (v as f64 / by_gain - 1.0).abs() < 1e-6));
-
-    // A leak passes its share of the gradient and does not change the digital numbers.
-    let (leaky, some) = at(&sensor, NoiseMode::Off, 0.01);
-    assert_eq!(leaky.dn, raw.dn);
-    let open = 0.01 * 0.05 * 60000.0;
-    assert!(some.light.iter().all(|&v| (v / open - 1.0).abs() < 1e-5));
-    let (_, both) = at(&imx249(), NoiseMode::StraightThrough, 0.01);
-    let through_both = 0.01f32 * 0.01 * 0.14 * 60000.0;
-    assert!(
-        (both.light[0] / through_both - 1.0).abs() < 1e-5,
-        "full well and converter are both at their limit"
-    );
+    assert!(slopes.iter().all(|&v| v == 0.0));
 }
 
 #[test]
@@ -61,7 +45,7 @@ fn each_pixel_measures_the_colour_of_its_place_on_the_sensor() {
 
 #[test]
 fn slopes_match_finite_differences() {
-    // Without noise the frame is piecewise linear in light, gain and exposure, so differences are exact.
+    // Without noise the frame is piecewise linear in light, so differences are exact.
     for sensor in [
         imx249(),
         SensorModel {
@@ -73,33 +57,22 @@ fn slopes_match_finite_differences() {
     ] {
         let light = |value: f32| LinearImage::filled(CHANNELS, 6, 6, value);
         let frame = capture(5000.0, 0.05, 2.0);
-        let dn = |v: f32, gain: f32, exposure: f32| {
-            let exposure = frame.exposure.with_stops(gain, exposure);
-            expose(&light(v), &sensor, &Capture { exposure, ..frame }, &noise(NoiseMode::Off)).unwrap().dn
-        };
-        let (_, slopes) =
-            expose_with_tape(&light(0.4), &sensor, &frame, &noise(NoiseMode::Off), 0.0).unwrap();
+        let dn = |v: f32| expose(&light(v), &sensor, &frame, &noise(NoiseMode::Off)).unwrap().dn;
+        let (_, slopes) = expose_with_tape(&light(0.4), &sensor, &frame, &noise(NoiseMode::Off)).unwrap();
         let h = 1.0 / 64.0;
-        // A factor 2^h has a second-order error of (h ln 2)^2 / 6 in the central difference.
-        let pairs = [
-            (dn(0.4 + h, 0.0, 0.0), dn(0.4 - h, 0.0, 0.0), &slopes.light, true),
-            (dn(0.4, h, 0.0), dn(0.4, -h, 0.0), &slopes.log2_gain, false),
-            (dn(0.4, 0.0, h), dn(0.4, 0.0, -h), &slopes.log2_exposure, false),
-        ];
-        for (high, low, slope, by_light) in pairs {
-            for i in 0..36 {
-                let response: f64 = sensor.response(sensor.cfa.colour(i / 6, i % 6)).iter().sum();
-                let slope = slope[i] * if by_light { response as f32 } else { 1.0 };
-                let difference = (high[i] - low[i]) / (2.0 * h);
-                assert!((difference / slope - 1.0).abs() < 2e-4, "pixel {i}: {difference} {slope}");
-            }
+        let (high, low) = (dn(0.4 + h), dn(0.4 - h));
+        for i in 0..36 {
+            let response: f64 = sensor.response(sensor.cfa.colour(i / 6, i % 6)).iter().sum();
+            let slope = slopes[i] * response as f32;
+            let difference = (high[i] - low[i]) / (2.0 * h);
+            assert!((difference / slope - 1.0).abs() < 2e-4, "pixel {i}: {difference} {slope}");
         }
     }
 
     // The dequantised factor is noisy but has mean one.
     let (sensor, frame) = (imx249(), capture(5000.0, 0.01, 2.0));
     let many = LinearImage::filled(CHANNELS, 400, 400, 0.4);
-    let run = |mode| expose_with_tape(&many, &sensor, &frame, &noise(mode), 0.0).unwrap().1.light;
+    let run = |mode| expose_with_tape(&many, &sensor, &frame, &noise(mode)).unwrap().1;
     let (noisy, plain) = (run(NoiseMode::Dequantised), run(NoiseMode::Off)[1]);
     let green = (0..400 * 400).filter(|i| (i / 400 + i % 400) % 2 == 1).map(|i| noisy[i] as f64);
     let (n, mean, variance, _) = moments(green);
@@ -107,17 +80,11 @@ fn slopes_match_finite_differences() {
 }
 
 #[test]
-fn exact_counts_have_a_derivative_with_respect_to_gain_but_not_to_light() {
+fn exact_counts_have_no_derivative_with_respect_to_light() {
     let light = LinearImage::filled(CHANNELS, 4, 4, 0.3);
-    let (raw, slopes) =
-        expose_with_tape(&light, &imx249(), &capture(5000.0, 0.01, 1.0), &noise(NoiseMode::Exact), 0.0)
-            .unwrap();
-    assert!(slopes.light.iter().chain(&slopes.log2_exposure).all(|&v| v == 0.0));
-    for (slope, dn) in slopes.log2_gain.iter().zip(&raw.dn) {
-        // Electronics noise and rounding do not grow with the gain; six standard deviations of both.
-        let expected = std::f32::consts::LN_2 * (dn - 120.15);
-        assert!((slope - expected).abs() < std::f32::consts::LN_2 * 6.0);
-    }
+    let frame = capture(5000.0, 0.01, 1.0);
+    let (_, slopes) = expose_with_tape(&light, &imx249(), &frame, &noise(NoiseMode::Exact)).unwrap();
+    assert!(slopes.iter().all(|&v| v == 0.0));
 }
 
 #[test]
@@ -153,8 +120,4 @@ fn wrong_calls_are_typed_errors() {
     assert!(matches!(call(&hole, &good), SensorError::Irradiance { row: 1, col: 1, .. }));
     let broken = SensorModel { bits: 0, ..sensor.clone() };
     assert!(matches!(expose(&light, &broken, &good, &noise(NoiseMode::Off)), Err(SensorError::Model(_))));
-    for leak in [-0.1, 1.1, f32::NAN] {
-        let error = expose_with_tape(&light, &sensor, &good, &noise(NoiseMode::Off), leak);
-        assert!(matches!(error, Err(SensorError::Leak { .. })));
-    }
 }
