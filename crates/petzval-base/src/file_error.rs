@@ -96,6 +96,37 @@ impl FileError {
         self
     }
 
+    /// An error about the value at a path such as `run.new.changes` of a value that is in no file, from the message of serde. The keys of an
+    /// unknown key's neighbours give the hint.
+    pub fn of_value(path: &str, message: &str) -> Self {
+        let words: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
+        let (key, message, hint) = match words.split_first() {
+            Some((unknown, known)) if message.starts_with("unknown field") => {
+                let is_named = path == *unknown || path.ends_with(&format!(".{unknown}"));
+                let key = match path {
+                    "" | "." => (*unknown).to_owned(),
+                    path if is_named => path.to_owned(),
+                    path => format!("{path}.{unknown}"),
+                };
+                (key, "no such key here".to_owned(), key_hint(unknown, known))
+            }
+            Some((missing, _)) if message.starts_with("missing field") => {
+                (path.to_owned(), format!("the key `{missing}` is missing"), None)
+            }
+            Some((unknown, known)) if message.starts_with("unknown variant") => {
+                let takes: Vec<String> = known.iter().map(|word| format!("\"{word}\"")).collect();
+                let hint = nearest(unknown, known).map(|near| format!("did you mean \"{near}\"?"));
+                (path.to_owned(), format!("\"{unknown}\": this key takes {}", takes.join(" or ")), hint)
+            }
+            _ if message.starts_with("invalid type") => {
+                (path.to_owned(), of_type(message).replace("a table", "an object"), None)
+            }
+            _ => (path.to_owned(), message.to_owned(), None),
+        };
+        let key = if key == "." { String::new() } else { key };
+        Self { line: None, column: None, key, value: String::new(), message, hint }
+    }
+
     /// Turns an error of the TOML reader into one with key, value and, for an unknown key, the nearest known key as a hint.
     pub fn from_toml(text: &str, error: &toml::de::Error) -> Self {
         let span = error.span().unwrap_or(0..0);
@@ -280,7 +311,47 @@ pub fn nearest<'k>(unknown: &str, known: &[&'k str]) -> Option<&'k str> {
 
 #[cfg(test)]
 mod tests {
-    use super::key_hint;
+    use super::{FileError, key_hint};
+
+    #[test]
+    fn an_error_about_a_value_names_its_path_in_plain_words() {
+        for (path, message, says, hint) in [
+            (
+                "psf.grid",
+                "invalid type: string \"x\", expected usize",
+                "`psf.grid`: expected a number from 0 without a decimal point, found a text",
+                None,
+            ),
+            (
+                "run",
+                "invalid type: string \"x\", expected struct NewRun",
+                "`run`: expected an object, found a text",
+                None,
+            ),
+            (
+                "psf",
+                "unknown field `gird`, expected one of `grid`, `kind`",
+                "`psf.gird`: no such key here",
+                Some("did you mean `grid`?"),
+            ),
+            (
+                ".",
+                "unknown field `gird`, expected `grid`",
+                "`gird`: no such key here",
+                Some("did you mean `grid`?"),
+            ),
+            (
+                "psf.kind",
+                "unknown variant `wave`, expected `waves` or `rays`",
+                "`psf.kind`: \"wave\": this key takes \"waves\" or \"rays\"",
+                Some("did you mean \"waves\"?"),
+            ),
+        ] {
+            let error = FileError::of_value(path, message);
+            assert_eq!(error.hint.as_deref(), hint);
+            assert_eq!(FileError { hint: None, ..error }.to_string(), says);
+        }
+    }
 
     #[test]
     fn a_misspelled_last_word_is_no_unit() {

@@ -2,7 +2,7 @@
 //!
 //! [`parameters!`](crate::parameters) declares the numbers of a configuration table once. That one declaration gives the struct that serde
 //! reads from TOML, with a default for every key, and the check of its ranges, with hints. It also gives the JSON Schema, the commented
-//! file that `--print-config` prints, and the bounds and scales of optimisers and sliders.
+//! file that `--print-config` prints, and the bounds and scales of optimisers and sliders. Requests of jobs declare their numbers by it too.
 
 use schemars::Schema;
 
@@ -28,7 +28,7 @@ pub struct Parameter {
     pub max: f64,
     /// How it is best varied.
     pub scale: Scale,
-    /// Default: one value, or one for each element of an array.
+    /// Default: one value, or one for each element of an array or a list; none for a number that may be left out.
     pub default: Vec<f64>,
     /// What it is, in one sentence.
     pub sentence: String,
@@ -121,7 +121,7 @@ pub fn describe<P: Parameters>(schema: &mut Schema) {
     }
 }
 
-/// A value of a parameter: a number, or an array of numbers.
+/// A value of a parameter: a number, an array or a list of numbers, or a number that may be left out.
 pub trait Numbers {
     /// The numbers.
     fn numbers(&self) -> Vec<f64>;
@@ -158,6 +158,27 @@ impl Numbers for f32 {
 }
 
 impl<T: Numbers, const N: usize> Numbers for [T; N] {
+    fn numbers(&self) -> Vec<f64> {
+        self.iter().flat_map(Numbers::numbers).collect()
+    }
+
+    fn set_numbers(&mut self, values: &mut dyn Iterator<Item = f64>) {
+        self.iter_mut().for_each(|number| number.set_numbers(values));
+    }
+}
+
+impl<T: Numbers> Numbers for Vec<T> {
+    fn numbers(&self) -> Vec<f64> {
+        self.iter().flat_map(Numbers::numbers).collect()
+    }
+
+    fn set_numbers(&mut self, values: &mut dyn Iterator<Item = f64>) {
+        self.iter_mut().for_each(|number| number.set_numbers(values));
+    }
+}
+
+/// A number that is left out has no value, and stays left out.
+impl<T: Numbers> Numbers for Option<T> {
     fn numbers(&self) -> Vec<f64> {
         self.iter().flat_map(Numbers::numbers).collect()
     }
@@ -256,4 +277,51 @@ macro_rules! parameters {
             }
         }
     };
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    crate::parameters! {
+        /// Numbers of every form.
+        pub struct Forms {
+            /// A list.
+            list: Vec<f64> = vec![1.0, 2.0], "mm", 0..10, Linear, "one or more";
+            /// A number that may be left out.
+            choice: Option<usize> = None, "", 1..8, Linear, "1 to 8";
+            /// A list that may be left out.
+            times: Option<Vec<f64>> = None, "ms", 0.1..100, Log, "times";
+        }
+        also {
+            /// A word.
+            word: String = "a".to_owned();
+        }
+    }
+
+    #[test]
+    fn what_is_left_out_is_in_range_and_every_number_of_a_list_counts() {
+        assert_eq!(Forms::default().out_of_range(), None);
+        let wrong = |forms: Forms| {
+            let found = forms.out_of_range().unwrap();
+            (found.parameter.name, found.value)
+        };
+        assert_eq!(wrong(Forms { list: vec![1.0, 11.0], ..Forms::default() }), ("list", 11.0));
+        assert_eq!(wrong(Forms { choice: Some(9), ..Forms::default() }), ("choice", 9.0));
+        assert_eq!(wrong(Forms { times: Some(vec![1.0, 0.0]), ..Forms::default() }), ("times", 0.0));
+        let mut changed = Forms { choice: Some(2), ..Forms::default() };
+        changed.set_values(&[vec![3.0], vec![4.0], vec![5.0]]);
+        assert_eq!((changed.list, changed.choice, changed.times), (vec![3.0, 2.0], Some(4), None));
+    }
+
+    #[test]
+    fn the_schema_holds_ranges_beside_the_numbers_themselves() {
+        let schema = schemars::schema_for!(Forms).to_value();
+        let of = |key: &str| &schema["properties"][key];
+        assert_eq!(of("list")["items"]["maximum"], 10.0);
+        assert_eq!(of("choice")["minimum"], 1.0);
+        assert_eq!(of("times")["items"]["minimum"], 0.1);
+        assert_eq!(of("list")["description"], "A list. Unit: mm.");
+        assert_eq!(of("word")["default"], "a");
+    }
 }

@@ -9,6 +9,7 @@ use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::first_order;
 use petzval_optics::pupil::{Quadrature, chief_ray};
 use petzval_optics::spot::spot;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::error::DesignError;
@@ -33,7 +34,7 @@ const FITS: std::ops::RangeInclusive<f64> = 0.6..=1.1;
 const NONE_MM: f64 = 1e-6;
 
 /// The checks of an experiment before its first step.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FirstLook {
     /// Title of the experiment.
     pub experiment: String,
@@ -56,7 +57,7 @@ pub struct FirstLook {
 }
 
 /// What a camera takes.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Planned {
     /// Its name.
     pub camera: String,
@@ -69,7 +70,7 @@ pub struct Planned {
 }
 
 /// A lens on the sensor.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct LensLook {
     /// Its name.
     pub lens: String,
@@ -88,7 +89,7 @@ pub struct LensLook {
 }
 
 /// The image of a field.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FieldLook {
     /// Distance from the axis, mm.
     pub image_mm: f64,
@@ -103,7 +104,7 @@ pub struct FieldLook {
 }
 
 /// A requirement that a lens violates.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Violated {
     /// Which.
     pub requirement: String,

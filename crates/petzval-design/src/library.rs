@@ -57,6 +57,11 @@ impl Library {
         Self { assets: self.assets.with_files(more), ..self }
     }
 
+    /// See [`Assets::with_text`].
+    pub fn with_text(self, name: String, text: String) -> Self {
+        Self { assets: self.assets.with_text(name, text), ..self }
+    }
+
     /// See [`Assets::reporting_warnings`].
     pub fn reporting_warnings(self, warnings: WarningSink) -> Self {
         Self { assets: self.assets.reporting_warnings(warnings), ..self }

@@ -7,6 +7,7 @@ use petzval_base::FileError;
 use petzval_files::write_lens;
 use petzval_learn::score::ScoreDescription;
 use petzval_report::design_report::{SeedDifference, SeedStudy, Spread};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::assets::Assets;
@@ -44,7 +45,7 @@ pub struct Difference {
 }
 
 /// Mean and standard deviation over the seeds.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MeanAndDeviation {
     /// Mean.

@@ -4,10 +4,11 @@ use std::collections::HashMap;
 use std::fmt;
 use std::path::Path;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The effect of a record that is not kept.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Effect {
     /// No ray changes: coatings, tolerances, merit functions, solves whose value is kept.
@@ -33,7 +34,7 @@ impl Effect {
 }
 
 /// A record or a part of a lens that the conversion did not keep exactly.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Loss {
     /// Line in the file that was read, from 1; `None` for a missing record, and for losses of writing.
     pub line: Option<u32>,

@@ -55,7 +55,7 @@ impl Default for Request {
             images: Vec::new(),
             cameras: Vec::new(),
             place: Place::default(),
-            seed: 1,
+            seed: crate::usual::seed(),
             out: PathBuf::from("applied"),
             device: crate::usual::device(),
             accept_changed: Vec::new(),
@@ -64,7 +64,7 @@ impl Default for Request {
 }
 
 /// What was written.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Response {
     /// Every picture through every camera.
     pub pictures: Vec<Applied>,
@@ -74,7 +74,7 @@ pub struct Response {
 }
 
 /// A finished picture.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Applied {
     /// The photograph or raw frame.
     #[serde(serialize_with = "petzval_base::lossy_path::serialize")]

@@ -38,7 +38,7 @@ pub struct Call {
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub overwrite: bool,
     /// Threads to use; 0 means those of the process. Results do not depend on it.
-    #[serde(default)]
+    #[serde(default = "crate::usual::threads")]
     pub threads: usize,
     /// Where tensors live, for jobs whose request has the key `device`; that of the request if none is named here.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -58,7 +58,7 @@ impl Call {
             request,
             glasses: Vec::new(),
             overwrite: false,
-            threads: 0,
+            threads: crate::usual::threads(),
             device: None,
         }
     }

@@ -41,7 +41,7 @@ impl Default for Request {
 }
 
 /// The figures.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Response {
     /// One for each experiment.
     pub comparisons: Vec<Comparison>,

@@ -29,28 +29,32 @@ use crate::error::{JobError, Stopped, json, make_folder};
 use crate::event::{CameraScore, Event, WarningKind};
 pub use crate::experiment::DEFAULT_EXPERIMENT;
 use crate::init;
+use crate::input::ExperimentInput;
 use crate::machine::environment;
 use crate::own_lens::{is_lens, own_lens};
+use crate::range::check_ranges;
 use crate::results::check_folder;
 
 pub use petzval_design::first_look::FirstLook;
 pub use petzval_design::run::Metrics;
-
-/// Most steps of a run: no block may take more than 1e8, and a lens may take several times as many as the network.
-const MOST_STEPS: usize = 10_000_000;
 
 /// How the names of a lens and a sensor end that are fitted to each other and are in no file.
 pub const FITTED: &str = " (fitted)";
 
 /// A run to begin, or to go on with.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct Request {
     /// Begin a run, or go on with one.
     pub run: Run,
     /// Where tensors live.
-    #[serde(default = "crate::usual::device")]
     pub device: String,
+}
+
+impl Default for Request {
+    fn default() -> Self {
+        Self { run: Run::New(NewRun::default()), device: crate::usual::device() }
+    }
 }
 
 /// Which run.
@@ -63,32 +67,31 @@ pub enum Run {
     Resume(Resume),
 }
 
-/// A run to go on with.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Resume {
-    /// Its folder.
-    pub run: PathBuf,
-    /// Make every camera longer, so that its network takes this many steps in all.
-    #[serde(default)]
-    pub extend_to: Option<usize>,
-    /// Where its photographs are now, if they were moved.
-    #[serde(default)]
-    pub photos: Option<PathBuf>,
-    /// Where its labelled pictures are now, if they were moved.
-    #[serde(default)]
-    pub data: Option<PathBuf>,
-    /// Files or folders of the run, by their path below it, that may differ from their digests.
-    #[serde(default)]
-    pub accept_changed: Vec<String>,
+petzval_base::parameters! {
+    /// A run to go on with.
+    pub struct Resume {
+        /// Make every camera longer, so that its network takes this many steps in all.
+        extend_to: Option<usize> = None, "", 1..10_000_000, Log, "give the network steps in all";
+    }
+    also {
+        /// Its folder.
+        run: PathBuf = PathBuf::new();
+        /// Where its photographs are now, if they were moved.
+        photos: Option<PathBuf> = None;
+        /// Where its labelled pictures are now, if they were moved.
+        data: Option<PathBuf> = None;
+        /// Files or folders of the run, by their path below it, that may differ from their digests.
+        accept_changed: Vec<String> = Vec::new();
+    }
 }
 
 /// A run to begin.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct NewRun {
-    /// Experiment file, or the name of a built-in one; or a lens file, for which one is made as `init` does.
-    pub experiment: String,
+    /// Experiment: a built-in name, the path of a file, or the experiment itself; or the name or path of a lens, for which one is made as `init`
+    /// does.
+    pub experiment: ExperimentInput,
     /// Folder of the run; `runs/EXPERIMENT-seed-SEED` if none is given, where a file `experiment.toml` is called by its folder, and the name of
     /// a variant that is made alone stands before the seed.
     pub out: Option<PathBuf>,
@@ -98,32 +101,33 @@ pub struct NewRun {
 
 impl Default for NewRun {
     fn default() -> Self {
-        Self { experiment: DEFAULT_EXPERIMENT.to_owned(), out: None, changes: Changes::default() }
+        Self { experiment: DEFAULT_EXPERIMENT.into(), out: None, changes: Changes::default() }
     }
 }
 
-/// What differs from the file of an experiment.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Changes {
-    /// Seed of everything random.
-    pub seed: Option<u64>,
-    /// Folder of pictures in place of the experiment's.
-    pub photos: Option<PathBuf>,
-    /// Folder of pictures with boxes in COCO format, in which objects are to be found, in place of the experiment's scenes.
-    pub data: Option<PathBuf>,
-    /// Network steps of each variant in place of `training.steps`, or of `isp.steps` where a hardware ISP stands; lens steps in
-    /// proportion. At least 1.
-    pub steps: Option<usize>,
-    /// Take the budget of a night on a GPU, see [`Experiment::to_full_size`]; then `steps` must be none.
-    #[serde(default)]
-    pub is_full: bool,
-    /// Make this variant alone, and those from which it starts.
-    pub variant: Option<String>,
+petzval_base::parameters! {
+    /// What differs from the file of an experiment.
+    pub struct Changes {
+        /// Network steps of each variant in place of `training.steps`, or of `isp.steps` where a hardware ISP stands; lens steps in
+        /// proportion. At least 1.
+        steps: Option<usize> = None, "", 1..10_000_000, Log, "give at least one network step: a few hundred on a CPU, some ten thousand on a GPU";
+    }
+    also {
+        /// Seed of everything random.
+        seed: Option<u64> = None;
+        /// Folder of pictures in place of the experiment's.
+        photos: Option<PathBuf> = None;
+        /// Folder of pictures with boxes in COCO format, in which objects are to be found, in place of the experiment's scenes.
+        data: Option<PathBuf> = None;
+        /// Take the budget of a night on a GPU, see [`Experiment::to_full_size`]; then `steps` must be none.
+        is_full: bool = false;
+        /// Make this variant alone, and those from which it starts.
+        variant: Option<String> = None;
+    }
 }
 
 /// How a run ended.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Response {
     /// Folder of the run.
     #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
@@ -337,11 +341,12 @@ fn looked_at(
     let (experiment, own) = prepared(new, context)?;
     check_root(new, &experiment, context)?;
     let setup = set_up(experiment, device, &own)?;
-    let source = if is_lens(&new.experiment, context) {
+    let name = new.experiment.name();
+    let source = if is_lens(&name, context) {
         // There is no file of the experiment to show.
-        Text { path: PathBuf::from(&new.experiment), text: String::new() }
+        Text { path: PathBuf::from(name.as_ref()), text: String::new() }
     } else {
-        context.assets.text("experiment", "experiments", &new.experiment)?
+        own.assets.text("experiment", "experiments", &name)?
     };
     let mut look = first_look(&setup)?;
     let others = check(&setup, &source)?;
@@ -388,6 +393,7 @@ fn resumed(
     folder: &RunFolder,
     context: &Context,
 ) -> Result<(RunRecord, Experiment), JobError> {
+    check_ranges(resume)?;
     let found = context.assets.config_of_run(folder)?;
     let record = RunRecord::read(folder)?.ok_or_else(|| {
         let message =
@@ -397,10 +403,6 @@ fn resumed(
     })?;
     let longer = match resume.extend_to {
         None => record.config.clone(),
-        Some(steps) if steps > MOST_STEPS => {
-            let message = format!("more than {MOST_STEPS}");
-            return Err(JobError::setting("extend_to", steps, message, "give a smaller number"));
-        }
         Some(steps) => (record.config.extended_to(steps, context.assets.facts_of(&record.config)?.network))
             .map_err(|(message, hint)| JobError::setting("extend_to", steps, message, hint))?,
     };
@@ -432,26 +434,26 @@ pub fn resolved(new: &NewRun, context: &Context) -> Result<Experiment, JobError>
 /// The experiment of a new run, and the context in which its lens and sensor are found. If the request names a lens in place of an
 /// experiment, lens and experiment are fitted to each other as by `init`; they are then in no file.
 fn prepared(new: &NewRun, context: &Context) -> Result<(Experiment, Context), JobError> {
-    let is_built_in = ["experiments", "lenses"]
-        .iter()
-        .any(|folder| context.assets.names(folder).contains(&new.experiment.as_str()));
+    let (name, context) = &new.experiment.placed(context)?;
+    let is_built_in =
+        ["experiments", "lenses"].iter().any(|folder| context.assets.names(folder).contains(&name.as_str()));
     if !is_built_in {
-        check_is_no_folder(Path::new(&new.experiment))?;
+        check_is_no_folder(Path::new(name))?;
     }
-    if !is_lens(&new.experiment, context) {
-        let experiment = context.assets.experiment(&new.experiment)?;
+    if !is_lens(name, context) {
+        let experiment = context.assets.experiment(name)?;
         return Ok((changed(experiment, &new.changes, context)?, context.clone()));
     }
     let usual = context.assets.experiment(DEFAULT_EXPERIMENT)?;
     // What is refused for every lens is refused before this one is fitted, which takes seconds and many notes.
     check_root(new, &changed(usual.clone(), &new.changes, context)?, context)?;
-    let made = own_lens(usual, &new.experiment, None, context)?;
-    let stem = Path::new(&new.experiment).file_stem().unwrap_or_default().to_string_lossy();
-    let name = format!("{stem}{FITTED}");
+    let made = own_lens(usual, name, None, context)?;
+    let stem = Path::new(name).file_stem().unwrap_or_default().to_string_lossy();
+    let fitted = format!("{stem}{FITTED}");
     let files = [("lenses", made.lens_text), ("sensors", made.sensor_text)];
-    let files = files.map(|(folder, text)| (format!("{folder}/{name}.toml"), text));
+    let files = files.map(|(folder, text)| (format!("{folder}/{fitted}.toml"), text));
     let assets = context.assets.clone().with_files(files);
-    let experiment = Experiment { lens: name.clone(), sensor: name, ..made.experiment };
+    let experiment = Experiment { lens: fitted.clone(), sensor: fitted, ..made.experiment };
     Ok((changed(experiment, &new.changes, context)?, context.clone().with_assets(assets)))
 }
 
@@ -472,6 +474,7 @@ fn check_is_no_folder(path: &Path) -> Result<(), JobError> {
 
 /// An experiment with the changes of a request.
 fn changed(mut experiment: Experiment, changes: &Changes, context: &Context) -> Result<Experiment, JobError> {
+    check_ranges(changes)?;
     let facts = context.assets.facts_of(&experiment)?;
     if let Some(seed) = changes.seed {
         experiment.seed = seed;
@@ -507,14 +510,6 @@ fn changed(mut experiment: Experiment, changes: &Changes, context: &Context) -> 
         experiment.to_full_size(facts.network);
     }
     if let Some(steps) = changes.steps {
-        if steps == 0 {
-            let hint = "give at least one network step";
-            return Err(JobError::setting("steps", 0, "nothing to do", hint));
-        }
-        if steps > MOST_STEPS {
-            let hint = "a few hundred on a CPU, some ten thousand on a GPU";
-            return Err(JobError::setting("steps", steps, format!("more than {MOST_STEPS}"), hint));
-        }
         experiment.scale_steps(steps, facts.network);
     }
     if let Some(name) = &changes.variant {
@@ -551,9 +546,9 @@ const NO_NAMES: [&Path; 0] = [];
 
 /// The folder of a new run.
 fn root_of(new: &NewRun, experiment: &Experiment) -> PathBuf {
-    new.out
-        .clone()
-        .unwrap_or_else(|| default_root(&new.experiment, new.changes.variant.as_deref(), experiment))
+    new.out.clone().unwrap_or_else(|| {
+        default_root(new.experiment.short_name(), new.changes.variant.as_deref(), experiment)
+    })
 }
 
 fn default_root(name: &str, variant: Option<&str>, experiment: &Experiment) -> PathBuf {

@@ -9,7 +9,7 @@ use crate::error::JobError;
 use crate::machine::{Environment, environment};
 
 /// What the machine and the build offer.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Response {
     /// Machine and build.
     #[serde(flatten)]

@@ -11,6 +11,12 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize, Serializer};
 use serde_json::Value;
 
+/// Where a text is that a request holds.
+pub(crate) const INLINE: &str = "inline";
+
+/// Where tables are that a request holds. They are read as a text that no user sees: errors name keys, not lines.
+pub(crate) const TABLES: &str = "tables";
+
 /// Who has to change something before the job can succeed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
@@ -259,8 +265,10 @@ impl From<Cancelled> for JobError {
 impl From<DesignError> for JobError {
     fn from(error: DesignError) -> Self {
         match error {
-            DesignError::Input { path, error } => Self::File { path, error },
-            _ if error.is_stopped() => Stopped::new(error.to_string()).into(),
+            DesignError::Input { path, error } => {
+                error_in_request(&path, &error).unwrap_or(Self::File { path, error })
+            }
+            DesignError::Isp(IspError::Stopped(_)) => Stopped::new(error.to_string()).into(),
             DesignError::Image(ImageError::Io { ref source, .. }) => {
                 Self::system(error.to_string(), source, "give a PNG, JPEG or TIFF file that exists")
             }
@@ -286,6 +294,20 @@ impl From<DesignError> for JobError {
             _ => Self::failed(error.to_string()),
         }
     }
+}
+
+/// An error in a text that a request holds, with its line and key; none for one in a file.
+fn error_in_request(path: &Path, error: &FileError) -> Option<JobError> {
+    let name = path.to_str()?;
+    let bare = match () {
+        () if name.contains(&format!("({INLINE})")) => FileError { hint: None, ..error.clone() },
+        () if name.contains(&format!("({TABLES})")) => {
+            FileError { hint: None, line: None, column: None, ..error.clone() }
+        }
+        () => return None,
+    };
+    let separator = if bare.line.is_some() { "," } else { ":" };
+    Some(JobError::input(format!("{name}{separator} {bare}"), error.hint.clone().unwrap_or_default()))
 }
 
 impl From<RawFileError> for JobError {

@@ -28,14 +28,12 @@ use crate::design::{pictures_now, report_pictures, scorer};
 use crate::error::JobError;
 use crate::event::WarningKind;
 use crate::lens::tolerance::read as read_tolerances;
+use crate::range::check_ranges;
 use crate::run_page::warn_of_changed_config;
 
 pub use crate::lens::tolerance::{Compensate, Grade};
 pub use petzval_design::run::{MadeMetrics, Metrics};
 pub use petzval_learn::score::ScoreDescription;
-
-/// Most cameras that are made of a design.
-const MOST_TRIALS: usize = 100_000;
 
 /// A finished run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -71,26 +69,26 @@ impl Default for Request {
     }
 }
 
-/// Cameras to be made at random from each design of a run.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Made {
-    /// Their tolerances.
-    pub tolerances: LensTolerances,
-    /// How many of each design, 1 to 100000.
-    pub trials: usize,
-    /// Seed of their errors.
-    pub seed: u64,
-    /// Most held-out pictures on which each is scored, at least 1.
-    pub pictures: usize,
-    /// What is adjusted on every lens.
-    pub compensate: Compensate,
-    /// Whether each camera is calibrated: development knows its lens as it was made, not only the lens as drawn.
-    #[serde(default)]
-    pub calibrate: bool,
-    /// What a camera has to reach in the first score; that of the first camera as drawn if none is given, as in all other scores.
-    #[serde(default)]
-    pub limit: Option<f64>,
+petzval_base::parameters! {
+    /// Cameras to be made at random from each design of a run.
+    pub struct Made {
+        /// How many of each design, 1 to 100000.
+        trials: usize = 30, "", 1..100_000, Linear, "1 to 100000 cameras of each design";
+        /// Most held-out pictures on which each is scored, at least 1.
+        pictures: usize = 6, "", 1..1_000_000, Linear, "at least one held-out picture";
+    }
+    also {
+        /// Their tolerances.
+        tolerances: LensTolerances = LensTolerances::Grade(Grade::Precision);
+        /// Seed of their errors.
+        seed: u64 = crate::usual::seed();
+        /// What is adjusted on every lens.
+        compensate: Compensate = Compensate::Focus;
+        /// Whether each camera is calibrated: development knows its lens as it was made, not only the lens as drawn.
+        calibrate: bool = false;
+        /// What a camera has to reach in the first score; that of the first camera as drawn if none is given, as in all other scores.
+        limit: Option<f64> = None;
+    }
 }
 
 /// Where tolerances come from.
@@ -104,7 +102,7 @@ pub enum LensTolerances {
 }
 
 /// The figures of the response, computed anew.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Response {
     /// The figures; on other pictures than those of the run with their 95 % ranges.
     pub metrics: Metrics,
@@ -124,7 +122,7 @@ pub struct Response {
 }
 
 /// How much better one camera scores than another on the same pictures.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Difference {
     /// The camera from whose scores the other's are taken.
     pub camera: String,
@@ -140,7 +138,7 @@ pub struct Difference {
 /// from the designs: then `tolerance.json` is written, and the report with its figures.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     if let Some(made) = &request.made {
-        made.check()?;
+        check_ranges(made)?;
     }
     let folder = RunFolder::open(&request.run)?;
     let kept = read_metrics(&folder)?;
@@ -404,23 +402,6 @@ fn make(
 }
 
 impl Made {
-    fn check(&self) -> Result<(), JobError> {
-        for (key, value, is_in_range, hint) in [
-            (
-                "trials",
-                self.trials,
-                (1..=MOST_TRIALS).contains(&self.trials),
-                "1 to 100000 cameras of each design",
-            ),
-            ("pictures", self.pictures, self.pictures > 0, "at least one held-out picture"),
-        ] {
-            if !is_in_range {
-                return Err(JobError::setting(key, value, "out of range", hint));
-            }
-        }
-        Ok(())
-    }
-
     /// The designs whose lenses can be made; a lens without aberrations cannot.
     fn designs(&self, metrics: &Metrics, folder: &RunFolder) -> Result<Vec<DesignToMake>, JobError> {
         let mut designs = Vec::new();

@@ -12,7 +12,7 @@ use crate::error::JobError;
 pub const DEFAULT_EXPERIMENT: &str = "cooke-triplet-image-quality";
 
 /// A built-in experiment.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Entry {
     /// Name by which `petzval design` runs it.
     pub name: String,

@@ -17,6 +17,7 @@ use serde::{Deserialize, Serialize};
 use crate::context::Context;
 use crate::error::JobError;
 use crate::event::WarningKind;
+use crate::input::{ExperimentInput, Inline, Input, LensInput, SensorInput};
 use crate::own_lens::{OwnLens, own_lens};
 use crate::results::check_folder;
 
@@ -31,19 +32,21 @@ const SENSOR: &str = "sensor.toml";
 pub struct Request {
     /// The folder of the files; made if it is not there.
     pub out: PathBuf,
-    /// An experiment, by built-in name or path.
-    pub from: String,
-    /// A lens in place of the experiment's, by built-in name or path, also of another program. The experiment is fitted to it.
-    pub lens: Option<String>,
-    /// A sensor in place of the experiment's, by built-in name or path. Without one, a lens of one's own gets the sensor that fits it.
-    pub sensor: Option<String>,
+    /// An experiment: a built-in name, the path of a file, or the experiment itself.
+    pub from: ExperimentInput,
+    /// A lens in place of the experiment's: a built-in name, the path of a file, also of another program, or the lens itself. The experiment is
+    /// fitted to it.
+    pub lens: Option<LensInput>,
+    /// A sensor in place of the experiment's: a built-in name, the path of a file, or the sensor itself. Without one, a lens of one's own gets the
+    /// sensor that fits it.
+    pub sensor: Option<SensorInput>,
 }
 
 impl Default for Request {
     fn default() -> Self {
         Self {
             out: PathBuf::new(),
-            from: crate::experiment::DEFAULT_EXPERIMENT.to_owned(),
+            from: crate::experiment::DEFAULT_EXPERIMENT.into(),
             lens: None,
             sensor: None,
         }
@@ -51,7 +54,7 @@ impl Default for Request {
 }
 
 /// What was written.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Response {
     /// The experiment.
     #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
@@ -72,10 +75,13 @@ pub struct Response {
 /// names none, variables follow from the lens.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let Request { out, from, lens, sensor } = request;
+    let (from, context) = from.placed(context)?;
+    let (lens, context) = placed(lens.as_ref(), context)?;
+    let (sensor, context) = &placed(sensor.as_ref(), context)?;
     check_folder(out, [EXPERIMENT, LENS, SENSOR], context)?;
-    let experiment = context.assets.experiment(from)?;
+    let experiment = context.assets.experiment(&from)?;
     let own_lens_name = experiment.lens.clone();
-    let made = match lens {
+    let made = match &lens {
         Some(lens) => own_lens(experiment, lens, sensor.as_deref(), context)?,
         None => as_it_is(experiment, sensor.as_deref(), context)?,
     };
@@ -145,6 +151,16 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         gave_variables,
         needs_gray_photos,
     })
+}
+
+/// The name of an input that may be left out, and the context in which it is found.
+fn placed<T: Inline>(
+    input: Option<&Input<T>>,
+    context: Context,
+) -> Result<(Option<String>, Context), JobError> {
+    let Some(input) = input else { return Ok((None, context)) };
+    let (name, context) = input.placed(&context)?;
+    Ok((Some(name), context))
 }
 
 /// An experiment with its own lens, which gets variables if its file names none, and with another sensor if one is named.

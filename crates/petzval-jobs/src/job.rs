@@ -2,6 +2,8 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
+use petzval_base::FileError;
+use schemars::generate::SchemaSettings;
 use schemars::{JsonSchema, schema_for};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -22,7 +24,7 @@ pub trait Job {
     /// Its request.
     type Request: Serialize + DeserializeOwned + JsonSchema;
     /// Its response.
-    type Response: Serialize;
+    type Response: Serialize + JsonSchema;
 
     /// Runs it.
     fn run(request: &Self::Request, context: &Context) -> Result<Self::Response, JobError>;
@@ -38,6 +40,8 @@ pub struct Row {
     #[serde(skip)]
     schema: fn() -> Value,
     #[serde(skip)]
+    response_schema: fn() -> Value,
+    #[serde(skip)]
     filled_in: fn(Value) -> Result<Value, JobError>,
     #[serde(skip)]
     run: fn(Value, &Context) -> Result<Value, JobError>,
@@ -46,12 +50,24 @@ pub struct Row {
 impl Row {
     /// The row of a job.
     pub(crate) const fn of<J: Job>() -> Self {
-        Self { name: J::NAME, about: J::ABOUT, schema: schema::<J>, filled_in: filled_in::<J>, run: run::<J> }
+        Self {
+            name: J::NAME,
+            about: J::ABOUT,
+            schema: schema::<J>,
+            response_schema: response_schema::<J>,
+            filled_in: filled_in::<J>,
+            run: run::<J>,
+        }
     }
 
     /// The JSON Schema of its request.
     pub fn schema(&self) -> Value {
         (self.schema)()
+    }
+
+    /// The JSON Schema of its response.
+    pub fn response_schema(&self) -> Value {
+        (self.response_schema)()
     }
 
     /// A request with every default filled in. A request that does not fit the schema is an error with the key that is wrong.
@@ -87,15 +103,29 @@ fn schema<J: Job>() -> Value {
     schema
 }
 
+fn response_schema<J: Job>() -> Value {
+    // What is written, which may differ from what is read: a default need not be written, and is there all the same.
+    SchemaSettings::draft2020_12()
+        .for_serialize()
+        .into_generator()
+        .into_root_schema_for::<J::Response>()
+        .to_value()
+}
+
 fn request<J: Job>(request: Value) -> Result<J::Request, JobError> {
-    let refused = |error: &dyn std::fmt::Display| {
-        let hint = format!("`petzval schema job {}` prints what a request may hold", J::NAME);
-        JobError::input(format!("request of {}: {error}", J::NAME), hint)
+    let known = format!("`petzval schema job {}` prints what a request may hold", J::NAME);
+    let refused = |error: FileError| {
+        let hint = error.hint.as_ref().map_or_else(|| known.clone(), |hint| format!("{hint} {known}"));
+        JobError::input(format!("request of {}: {}", J::NAME, FileError { hint: None, ..error }), hint)
     };
-    if let Some(missing) = J::NEEDS.iter().find(|key| request.get(key).is_none()) {
-        return Err(refused(&format!("`{missing}` is missing")));
+    if !request.is_object() {
+        return Err(refused(FileError::of_value(".", "expected an object")));
     }
-    serde_json::from_value(request).map_err(|error| refused(&error))
+    if let Some(missing) = J::NEEDS.iter().find(|key| request.get(key).is_none()) {
+        return Err(refused(FileError::of_value(missing, "the key is missing")));
+    }
+    serde_path_to_error::deserialize(request)
+        .map_err(|error| refused(FileError::of_value(&error.path().to_string(), &error.inner().to_string())))
 }
 
 /// A request as the job reads it, with every default filled in.

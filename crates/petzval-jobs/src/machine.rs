@@ -1,12 +1,13 @@
 //! What the machine and the build offer; a run keeps it beside its results.
 
 use petzval_base::simd::{level, widest};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
 
 /// Machine, build and command of a run.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Environment {
     /// CPU architecture.
     pub architecture: String,

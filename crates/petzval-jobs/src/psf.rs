@@ -6,6 +6,7 @@ use petzval_base::write_whole;
 use petzval_design::error::DesignError;
 use petzval_design::lens::psf_plan::PsfPlan;
 use petzval_files::npy_bytes;
+use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::first_order;
 use petzval_optics::psf::{FieldPsf, PsfMethod, PsfOptions};
 use petzval_optics::pupil::Quadrature;
@@ -16,58 +17,45 @@ use serde::{Deserialize, Serialize};
 use crate::context::Context;
 use crate::error::{JobError, json, make_folder, write_file};
 use crate::event::WarningKind;
+use crate::input::LensInput;
+use crate::range::check_ranges;
 use crate::results::{check_folder, what_is};
 
 pub use petzval_optics::psf::PsfKind;
 
-/// The PSFs of a lens, per field and wavelength, written to a folder.
-///
-/// Files: `psf.npy`, float64 `[field, wavelength, row, column]`, each of unit sum, centred on the chief ray;
-/// `illumination.npy`, float64 `[field, wavelength]`; `psf.png`, a labelled sheet to look at; `psf.json`, the axes.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Request {
-    /// Lens file, or a built-in name.
-    pub lens: String,
-    /// Folder for the results.
-    pub out: PathBuf,
-    /// Number of fields from the axis to the corner, 2 to 201.
-    pub fields: usize,
-    /// Image radius of the last field, mm.
-    pub corner_mm: f64,
-    /// Wavelengths of the red, green and blue channel, um, 0.2 to 20.
-    pub wavelengths: Vec<f64>,
-    /// Cells a side, 16 to 1024.
-    pub grid: usize,
-    /// Cell size, um.
-    pub pitch_um: f64,
-    /// Least pupil cells a side; diffraction chooses its own.
-    pub pupil_cells: usize,
-    /// Error (L1, of PSFs of unit sum) above which the pupil cells are doubled.
-    pub pupil_error: f64,
-    /// Rays or waves.
-    pub kind: PsfKind,
-}
-
-impl Default for Request {
-    fn default() -> Self {
-        Self {
-            lens: String::new(),
-            out: PathBuf::new(),
-            fields: 13,
-            corner_mm: 6.634,
-            wavelengths: vec![0.62, 0.55, 0.486],
-            grid: 128,
-            pitch_um: 1.0,
-            pupil_cells: 256,
-            pupil_error: 0.02,
-            kind: PsfKind::default(),
-        }
+petzval_base::parameters! {
+    /// The PSFs of a lens, per field and wavelength, written to a folder.
+    ///
+    /// Files: `psf.npy`, float64 `[field, wavelength, row, column]`, each of unit sum, centred on the chief ray;
+    /// `illumination.npy`, float64 `[field, wavelength]`; `psf.png`, a labelled sheet to look at; `psf.json`, the axes.
+    pub struct Request {
+        /// Number of fields from the axis to the corner, 2 to 201.
+        fields: usize = 13, "", 2..201, Linear, "2 to 201 fields; 13 are usual";
+        /// Image radius of the last field, mm.
+        corner_mm: f64 = 6.634, "mm", 1e-6..1e3, Log, "a length in mm";
+        /// Wavelengths of the red, green and blue channel, um, 0.2 to 20.
+        wavelengths: Vec<f64> = vec![0.62, 0.55, 0.486], "um", 0.2..20.0, Log, "in um, 0.2 to 20; 550 nm is 0.55";
+        /// Cells a side, 16 to 1024.
+        grid: usize = 128, "", 16..1024, Log, "16 to 1024 cells";
+        /// Cell size, um.
+        pitch_um: f64 = 1.0, "um", 1e-6..1e3, Log, "a length in um";
+        /// Least pupil cells a side; diffraction chooses its own.
+        pupil_cells: usize = 256, "", 12..4096, Log, "256 is accurate, 64 is quick";
+        /// Error (L1, of PSFs of unit sum) above which the pupil cells are doubled.
+        pupil_error: f64 = 0.02, "", 1e-12..1e9, Log, "larger than 0; 2 keeps the pupil cells";
+    }
+    also {
+        /// Lens: a built-in name, the path of a file, or the lens itself.
+        lens: LensInput = LensInput::default();
+        /// Folder for the results.
+        out: PathBuf = PathBuf::new();
+        /// Rays or waves.
+        kind: PsfKind = PsfKind::default();
     }
 }
 
 /// What was written.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Response {
     /// The files, all in the folder of the request.
     #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
@@ -77,7 +65,7 @@ pub struct Response {
 }
 
 /// The axes of the arrays.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Axes {
     /// Name of the lens.
     pub lens: String,
@@ -108,7 +96,7 @@ pub struct Axes {
 }
 
 /// How a PSF was computed; see [`PsfMethod`].
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum Method {
     /// From polynomials over the pupil through traced rays.
@@ -146,23 +134,11 @@ impl From<&PsfMethod> for Method {
 impl Request {
     /// The PSFs' fields, wavelengths and grids, once every setting is in its range.
     fn plan(&self) -> Result<PsfPlan, JobError> {
+        check_ranges(self)?;
         let [red, green, blue] = self.wavelengths[..] else {
             let hint = "for example 0.62,0.55,0.486";
             return Err(JobError::setting("wavelengths", "", "needs three numbers", hint));
         };
-        let is_visible = self.wavelengths.iter().all(|um| (0.2..=20.0).contains(um));
-        for (key, is_in_range, hint) in [
-            ("fields", (2..=201).contains(&self.fields), "2 to 201"),
-            ("corner_mm", self.corner_mm > 0.0 && self.corner_mm < 1e3, "a length in mm"),
-            ("grid", (16..=1024).contains(&self.grid), "16 to 1024 cells"),
-            ("pupil_error", self.pupil_error > 0.0, "larger than 0; 2 keeps the pupil cells"),
-            ("pitch_um", self.pitch_um > 0.0 && self.pitch_um < 1e3, "a length in um"),
-            ("wavelengths", is_visible, "in um, 0.2 to 20; 550 nm is 0.55"),
-        ] {
-            if !is_in_range {
-                return Err(JobError::setting(key, "", "out of range", hint));
-            }
-        }
         let quadrature = Quadrature::grid(self.pupil_cells).map_err(|e| {
             JobError::setting("pupil_cells", "", e.to_string(), "256 is accurate, 64 is quick")
         })?;
@@ -178,9 +154,54 @@ impl Request {
 /// The files of the results.
 const FILES: [&str; 4] = ["psf.npy", "illumination.npy", "psf.png", "psf.json"];
 
-/// Computes and writes the PSFs.
+/// The PSFs of a lens as values: what `psf` keeps as files.
+#[derive(Clone, Debug)]
+pub struct Bank {
+    /// The PSFs of each field, from the axis to the corner: values, illumination, landing of the chief ray.
+    pub psfs: Vec<FieldPsf>,
+    /// Their fields, wavelengths and grids, as they were computed.
+    pub plan: PsfPlan,
+    /// The axes of their arrays.
+    pub axes: Axes,
+}
+
+impl Bank {
+    /// Numbers of fields, of wavelengths, and of cells a side: the shape of the values.
+    pub fn shape(&self) -> [usize; 4] {
+        let grid = self.plan.options.grid;
+        [self.psfs.len(), self.plan.wavelengths_um.len(), grid, grid]
+    }
+
+    /// Every value, row by row, in the order of [`Bank::shape`]; each PSF has unit sum.
+    pub fn values(&self) -> Vec<f64> {
+        self.psfs.iter().flat_map(|p| p.values.iter().flatten().copied()).collect()
+    }
+
+    /// The light of every PSF relative to the axis, by field and wavelength.
+    pub fn illumination(&self) -> Vec<f64> {
+        self.psfs.iter().flat_map(|p| p.illumination.iter().copied()).collect()
+    }
+}
+
+/// Computes the PSFs; writes nothing.
+pub fn bank(request: &Request, context: &Context) -> Result<Bank, JobError> {
+    let (lens, plan) = prepared(request, context)?;
+    computed(request, &lens, &plan, context)
+}
+
+/// Computes the PSFs, and keeps them as files.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
-    let lens = context.assets.lens(&request.lens)?.lens;
+    let (lens, plan) = prepared(request, context)?;
+    check_folder(&request.out, FILES, context)?;
+    let bank = computed(request, &lens, &plan, context)?;
+    let files = keep(&bank, &request.out)?;
+    files.iter().for_each(|path| context.wrote(path, what_is(path)));
+    Ok(Response { files, axes: bank.axes })
+}
+
+/// The lens and the plan of its PSFs, once every setting is known to be possible.
+fn prepared(request: &Request, context: &Context) -> Result<(Lens, PsfPlan), JobError> {
+    let lens = request.lens.read(&context.assets)?.lens;
     if !first_order(&lens.at_wavelength(lens.reference_um)).efl_mm.is_finite() {
         return Err(JobError::input(
             format!(
@@ -190,8 +211,11 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             "`lens show` and `lens trace` take it",
         ));
     }
-    let plan = request.plan()?;
-    check_folder(&request.out, FILES, context)?;
+    Ok((lens, request.plan()?))
+}
+
+/// The PSFs, on as many pupil cells as they need.
+fn computed(request: &Request, lens: &Lens, plan: &PsfPlan, context: &Context) -> Result<Bank, JobError> {
     let no_light = |error: DesignError| match error {
         DesignError::NoLight { .. } => JobError::input(
             error.to_string(),
@@ -207,19 +231,15 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         ),
         other => other.into(),
     };
-    let (plan, error) = plan.converged(&lens, request.pupil_error).map_err(no_light)?;
+    let (plan, error) = plan.converged(lens, request.pupil_error).map_err(no_light)?;
     if error > request.pupil_error {
         context.warning(WarningKind::PsfError, format!(
             "PSFs on {} pupil cells a side have an error of {error:.3} (L1); larger cells of the PSF have less",
             plan.quadrature.cells
         ));
     }
-    let psfs = plan.psfs(&lens).map_err(no_light)?;
+    let psfs = plan.psfs(lens).map_err(no_light)?;
     warn_of_lost_light(request, &psfs, context);
-
-    make_folder(&request.out)?;
-    let values: Vec<f64> = psfs.iter().flat_map(|p| p.values.iter().flatten().copied()).collect();
-    let illumination: Vec<f64> = psfs.iter().flat_map(|p| p.illumination.iter().copied()).collect();
     let axes = Axes {
         lens: lens.name.clone(),
         axes: ["field", "wavelength", "row", "column"].map(str::to_owned),
@@ -235,15 +255,19 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         captured: psfs.iter().map(|p| p.captured.clone()).collect(),
         method: psfs.iter().map(|p| p.method.iter().map(Method::from).collect()).collect(),
     };
-    let (fields, grid) = (request.fields as u64, request.grid as u64);
-    let [psf, light, sheet, text] = FILES.map(|name| request.out.join(name));
-    write_npy(&psf, &[fields, 3, grid, grid], &values)?;
-    write_npy(&light, &[fields, 3], &illumination)?;
-    write_file(&sheet, psf_sheet(&psfs, &plan.options, plan.wavelengths_um))?;
-    write_whole(&text, json(&axes)?.as_bytes()).map_err(DesignError::io(&text))?;
-    let files = vec![psf, light, sheet, text];
-    files.iter().for_each(|path| context.wrote(path, what_is(path)));
-    Ok(Response { files, axes })
+    Ok(Bank { psfs, plan, axes })
+}
+
+/// Keeps a bank as the files of `psf` in a folder; returns their paths.
+pub fn keep(bank: &Bank, folder: &Path) -> Result<Vec<PathBuf>, JobError> {
+    make_folder(folder)?;
+    let shape = bank.shape().map(|length| length as u64);
+    let [psf, light, sheet, text] = FILES.map(|name| folder.join(name));
+    write_npy(&psf, &shape, &bank.values())?;
+    write_npy(&light, &shape[..2], &bank.illumination())?;
+    write_file(&sheet, psf_sheet(&bank.psfs, &bank.plan.options, bank.plan.wavelengths_um))?;
+    write_whole(&text, json(&bank.axes)?.as_bytes()).map_err(DesignError::io(&text))?;
+    Ok(vec![psf, light, sheet, text])
 }
 
 /// Each PSF has unit sum, however much of its light the grid holds: warns where the grid does not hold nearly all.

@@ -20,68 +20,50 @@ use serde::{Deserialize, Serialize};
 use crate::context::Context;
 use crate::error::{JobError, make_folder};
 use crate::frames::Frames;
-use crate::pinhole::{PinholePsf, PinholeView, Refocus};
+use crate::input::{Input, LensInput, SensorInput};
+use crate::pinhole::{PinholeError, PinholePsf, PinholeView, Refocus};
+use crate::range::check_ranges;
 
-/// Captures of a pinhole: frames and their manifest, for [`crate::psf_calibrate`].
-///
-/// A pinhole lit by a white diode of 4900 K is put at field radii along directions from the axis; fields that the sensor does
-/// not reach are left out. The camera turns towards the source. At each place frames are taken at several exposure times
-/// with the sensor's noise; only a window around the source is written. A folder that holds captures is not changed.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Request {
-    /// Lens file, or a built-in name.
-    pub lens: String,
-    /// Folder for the captures.
-    pub out: PathBuf,
-    /// Sensor file, or a built-in name.
-    pub sensor: String,
-    /// Distance of the pinhole from the lens, mm, 10 to 1e7.
-    pub distance_mm: f64,
-    /// Diameter of the pinhole, um; its image may be at most a pixel wide.
-    pub pinhole_um: f64,
-    /// Where the lens is focused.
-    pub focus: Focus,
-    /// Number of fields from the axis to `radius_mm`, 1 to 99.
-    pub fields: usize,
-    /// Image radius of the last field, mm.
-    pub radius_mm: f64,
-    /// Directions in which the source is moved.
-    pub axes: Vec<Axis>,
-    /// Exposure times, ms, the shortest first.
-    pub exposures_ms: Vec<f64>,
-    /// Frames of each exposure time, 1 to 1000.
-    pub frames: usize,
-    /// Dark frames of each exposure time and place, 0 to 1000.
-    pub dark_frames: usize,
-    /// Signal of the brightest pixel of all places, behind its own colour filter, at the longest exposure, as a share of the
-    /// range of converter or full well, the lesser; above 1 it clips. It sets the brightness of the source.
-    pub peak: f64,
-    /// Pixels a side of the window that is written, 48 to 1024.
-    pub window: usize,
-    /// Seed of the noise and of the error of alignment, up to half a pixel.
-    pub seed: u64,
-}
-
-impl Default for Request {
-    fn default() -> Self {
-        Self {
-            lens: String::new(),
-            out: PathBuf::new(),
-            sensor: "imx249-calibrated".to_owned(),
-            distance_mm: 1500.0,
-            pinhole_um: 75.0,
-            focus: Focus::Source,
-            fields: 9,
-            radius_mm: 6.4,
-            axes: vec![Axis::Vertical, Axis::Horizontal, Axis::Diagonal],
-            exposures_ms: vec![1.0, 4.0, 16.0],
-            frames: 20,
-            dark_frames: 0,
-            peak: 0.8,
-            window: 64,
-            seed: 1,
-        }
+petzval_base::parameters! {
+    /// Captures of a pinhole: frames and their manifest, for [`crate::psf_calibrate`].
+    ///
+    /// A pinhole lit by a white diode of 4900 K is put at field radii along directions from the axis; fields that the sensor does
+    /// not reach are left out. The camera turns towards the source. At each place frames are taken at several exposure times
+    /// with the sensor's noise; only a window around the source is written. A folder that holds captures is not changed.
+    pub struct Request {
+        /// Distance of the pinhole from the lens, mm, 10 to 1e7.
+        distance_mm: f64 = 1500.0, "mm", 10..1e7, Log, "10 mm to 10 km; the paper has 1500";
+        /// Diameter of the pinhole, um; its image may be at most a pixel wide.
+        pinhole_um: f64 = 75.0, "um", 0..1e4, Linear, "a diameter in um; 0 for a point";
+        /// Number of fields from the axis to `radius_mm`, 1 to 99.
+        fields: usize = 9, "", 1..99, Linear, "1 to 99 fields";
+        /// Image radius of the last field, mm.
+        radius_mm: f64 = 6.4, "mm", 1e-6..1e3, Log, "an image radius in mm";
+        /// Exposure times, ms, the shortest first.
+        exposures_ms: Vec<f64> = vec![1.0, 4.0, 16.0], "ms", 1e-3..1e5, Log, "times in ms, each longer than the one before, as 1,4,16";
+        /// Frames of each exposure time, 1 to 1000.
+        frames: usize = 20, "", 1..1000, Linear, "1 to 1000 frames";
+        /// Dark frames of each exposure time and place, 0 to 1000.
+        dark_frames: usize = 0, "", 0..1000, Linear, "0 to 1000 frames";
+        /// Signal of the brightest pixel of all places, behind its own colour filter, at the longest exposure, as a share of the
+        /// range of converter or full well, the lesser; above 1 it clips. It sets the brightness of the source.
+        peak: f64 = 0.8, "", 0.001..1000.0, Log, "0.8 uses the range well and does not clip";
+        /// Pixels a side of the window that is written, 48 to 1024.
+        window: usize = 64, "", 48..1024, Log, "48 to 1024 pixels";
+    }
+    also {
+        /// Lens: a built-in name, the path of a file, or the lens itself.
+        lens: LensInput = LensInput::default();
+        /// Folder for the captures.
+        out: PathBuf = PathBuf::new();
+        /// Sensor: a built-in name, the path of a file, or the sensor itself.
+        sensor: SensorInput = "imx249-calibrated".into();
+        /// Where the lens is focused.
+        focus: Focus = Focus::Source;
+        /// Directions in which the source is moved.
+        axes: Vec<Axis> = vec![Axis::Vertical, Axis::Horizontal, Axis::Diagonal];
+        /// Seed of the noise and of the error of alignment, up to half a pixel.
+        seed: u64 = crate::usual::seed();
     }
 }
 
@@ -108,7 +90,7 @@ pub enum Axis {
 }
 
 /// What was written.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Response {
     /// Frames at all places.
     pub frames: usize,
@@ -117,7 +99,7 @@ pub struct Response {
 }
 
 /// Captures of a pinhole.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Captures {
     /// The list of the captures.
     pub manifest: String,
@@ -132,7 +114,7 @@ pub struct Captures {
 }
 
 /// A place of the source.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CapturedPosition {
     /// Its name, which is also that of its folder.
     pub name: String,
@@ -147,8 +129,10 @@ pub struct CapturedPosition {
 /// Traces the PSFs, exposes all frames, and writes them with their manifest.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     request.check()?;
-    let lens = context.assets.lens(&request.lens)?.lens;
-    let sensor = context.assets.sensor(&request.sensor)?;
+    let (lens_name, context) = &request.lens.placed(context)?;
+    let (name_of_sensor, context) = &request.sensor.placed(context)?;
+    let lens = context.assets.lens(lens_name)?.lens;
+    let sensor = context.assets.sensor(name_of_sensor)?;
     check_mosaic(sensor.cfa)?;
     let refocus = match request.focus {
         Focus::Source => Refocus::OnSource,
@@ -197,25 +181,17 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 impl Request {
     /// Checks that every setting is in its range, and that the folder holds no captures.
     fn check(&self) -> Result<(), JobError> {
-        let is_exposed = self.exposures_ms.iter().all(|ms| (1e-3..=1e5).contains(ms))
-            && self.exposures_ms.windows(2).all(|ms| ms[0] < ms[1])
-            && !self.exposures_ms.is_empty();
+        check_ranges(self)?;
+        let is_ascending =
+            !self.exposures_ms.is_empty() && self.exposures_ms.windows(2).all(|ms| ms[0] < ms[1]);
         for (key, is_in_range, hint) in [
-            ("distance_mm", (10.0..=1e7).contains(&self.distance_mm), "10 mm to 10 km; the paper has 1500"),
-            ("pinhole_um", (0.0..=1e4).contains(&self.pinhole_um), "a diameter in um; 0 for a point"),
-            ("fields", (1..=99).contains(&self.fields), "1 to 99 fields"),
-            ("radius_mm", self.radius_mm > 0.0 && self.radius_mm < 1e3, "an image radius in mm"),
             (
                 "fields",
                 self.radius_mm / self.fields as f64 >= 0.01,
                 "so few that they lie 0.01 mm apart or more",
             ),
             ("axes", !self.axes.is_empty(), "one or more of vertical, horizontal and diagonal"),
-            ("frames", (1..=1000).contains(&self.frames), "1 to 1000 frames"),
-            ("dark_frames", self.dark_frames <= 1000, "0 to 1000 frames"),
-            ("peak", (0.001..=1000.0).contains(&self.peak), "0.8 uses the range well and does not clip"),
-            ("window", (48..=1024).contains(&self.window), "48 to 1024 pixels"),
-            ("exposures_ms", is_exposed, "times in ms, each longer than the one before, as 1,4,16"),
+            ("exposures_ms", is_ascending, "times in ms, each longer than the one before, as 1,4,16"),
         ] {
             if !is_in_range {
                 return Err(JobError::setting(key, "", "out of range", hint));
@@ -242,13 +218,15 @@ impl Request {
     }
 }
 
-/// The name of the sensor in the manifest. A sensor file is copied beside the manifest, so that the folder is complete.
+/// The name of the sensor in the manifest. A sensor that is not built in is copied beside the manifest, so that the folder is complete.
 fn sensor_name(request: &Request) -> Result<String, JobError> {
-    let path = Path::new(&request.sensor);
-    if !path.is_file() {
-        return Ok(request.sensor.clone());
-    }
-    let text = petzval_base::read_whole(path).map_err(DesignError::io(path))?;
+    let text = match &request.sensor {
+        Input::Name(name) if !Path::new(name).is_file() => return Ok(name.clone()),
+        Input::Name(path) => {
+            petzval_base::read_whole(Path::new(path)).map_err(DesignError::io(Path::new(path)))?
+        }
+        Input::Inline(sensor) => sensor.toml.clone().into_bytes(),
+    };
     let copy = request.out.join("sensor.toml");
     write_whole(&copy, &text).map_err(DesignError::io(&copy))?;
     Ok("sensor.toml".to_owned())

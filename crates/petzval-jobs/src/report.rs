@@ -39,7 +39,7 @@ pub struct Request {
 }
 
 /// What was written.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Response {
     /// The page.
     #[serde(serialize_with = "petzval_base::lossy_path::serialize")]

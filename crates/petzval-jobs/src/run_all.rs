@@ -47,7 +47,7 @@ impl Default for Request {
 }
 
 /// How it went.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Response {
     /// Runs that ended with an error, each with its message.
     #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
@@ -157,7 +157,7 @@ fn one(request: &Request, name: &str, seed: u64, root: &Path) -> design::Request
 
 fn new_run(request: &Request, name: &str, seed: u64, root: &Path) -> NewRun {
     NewRun {
-        experiment: name.to_owned(),
+        experiment: name.into(),
         out: Some(root.to_owned()),
         changes: Changes { seed: Some(seed), ..request.changes.clone() },
     }

@@ -1,5 +1,6 @@
 //! What an image signal processor receives with a frame: the mosaic, and what is known about sensor and lens.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::IspError;
@@ -120,7 +121,7 @@ impl Mesh {
 }
 
 /// Piecewise linear compression of digital numbers, as sensors with a high dynamic range send them.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Companding {
     /// Companded digital numbers of the knots, ascending from 0.

@@ -22,6 +22,8 @@ use crate::error::DesignError;
 #[derive(Clone, Default)]
 pub struct Assets {
     files: Vec<(String, Cow<'static, [u8]>)>,
+    /// Texts that are in no file, by the name under which they are looked for.
+    texts: Vec<(String, String)>,
     /// Glasses that win over the built-in ones.
     chosen: Catalog,
     /// All glasses, once they have been read.
@@ -70,6 +72,19 @@ impl Assets {
     pub fn with_files(mut self, more: impl IntoIterator<Item = (String, String)>) -> Self {
         self.files.extend(more.into_iter().map(|(path, text)| (path, Cow::Owned(text.into_bytes()))));
         self
+    }
+
+    /// The library with a text that is in no file and is found under this name alone: it wins over a file. The ending of the name is that of the
+    /// format: none is TOML. Errors call the text by its name.
+    pub fn with_text(mut self, name: String, text: String) -> Self {
+        self.texts.retain(|(known, _)| *known != name);
+        self.texts.push((name, text));
+        self
+    }
+
+    /// The text that is in no file of this name.
+    fn text_in_no_file(&self, name: &str) -> Option<&str> {
+        self.texts.iter().find(|(known, _)| known == name).map(|(_, text)| text.as_str())
     }
 
     /// The library with these glasses, which win over the built-in ones.
@@ -151,6 +166,9 @@ impl Assets {
     /// A text by path or by built-in name: a file that exists wins.
     pub fn text(&self, kind: &'static str, folder: &str, name: &str) -> Result<Text, DesignError> {
         let path = Path::new(name);
+        if let Some(text) = self.text_in_no_file(name) {
+            return Ok(Text { path: path.to_path_buf(), text: text.to_owned() });
+        }
         if path.exists() && !path.is_dir() {
             let text = petzval_base::read_text(path).map_err(|e| unreadable(path, &e))?;
             return Ok(Text { path: path.to_path_buf(), text });
@@ -248,8 +266,14 @@ impl Assets {
                 return parse_lens_start(&source.text, &catalog).map_err(DesignError::input(&source.path));
             }
         };
-        let bytes = petzval_base::read_whole(path).map_err(|e| unreadable(path, &e))?;
-        let mut import = parse(&decode(&bytes), &catalog).map_err(DesignError::input(path))?;
+        let text = match self.text_in_no_file(name) {
+            Some(text) => Cow::Borrowed(text),
+            None => {
+                let bytes = petzval_base::read_whole(path).map_err(|e| unreadable(path, &e))?;
+                Cow::Owned(decode(&bytes).into_owned())
+            }
+        };
+        let mut import = parse(&text, &catalog).map_err(DesignError::input(path))?;
         if import.file.lens.name.is_empty() {
             import.file.lens.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         }

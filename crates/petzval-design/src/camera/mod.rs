@@ -31,6 +31,7 @@ use petzval_learn::dataset::CropPlan;
 use petzval_learn::network::{NetworkInput, PictureNetwork};
 use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::image_brightness;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::error::DesignError;
@@ -99,7 +100,7 @@ pub struct Body {
 }
 
 /// How far the PSFs of a camera are from exact ones: sums of absolute differences, of PSFs of unit sum.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PsfErrors {
     /// By the pupil cells: the largest over fields and colours.
     pub pupil: f64,

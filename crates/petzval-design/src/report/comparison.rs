@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use petzval_base::{FileError, csv_number, csv_text};
 use petzval_learn::score::ScoreDescription;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
@@ -18,7 +19,7 @@ use crate::run::{CameraMetrics, DigestCheck, Metrics, RunFolder, RunRecord, hex}
 use crate::study::{MeanAndDeviation, is_same_lens};
 
 /// Finished runs of one experiment that differ in their seeds alone.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Comparison {
     /// Title of the experiment.
     pub title: String,
@@ -47,7 +48,7 @@ pub struct Comparison {
 }
 
 /// A camera over the seeds.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ComparedCamera {
     /// Its name.
     pub name: String,
@@ -68,7 +69,7 @@ pub struct ComparedCamera {
 }
 
 /// The difference between two cameras over the seeds.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ComparedDifference {
     /// The camera from whose scores the other's are taken.
     pub camera: String,
@@ -79,7 +80,7 @@ pub struct ComparedDifference {
 }
 
 /// The figures of the paper for one experiment.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PaperTable {
     /// Names of the experiments that repeat it.
@@ -91,7 +92,7 @@ pub struct PaperTable {
 }
 
 /// A row of a table of the paper.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PaperRow {
     /// The camera, as the paper calls it.

@@ -3,13 +3,14 @@
 use std::collections::BTreeMap;
 
 use petzval_learn::score::ScoreDescription;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{RunFolder, note_digests, write_file};
 use crate::error::DesignError;
 
 /// Random cameras of every design of a run, whose lenses are off by their tolerances.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct MadeMetrics {
     /// The grade of the tolerances, or their file.
     pub tolerances: String,
@@ -40,7 +41,7 @@ fn known() -> bool {
 }
 
 /// Random cameras of one design.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct MadeRow {
     /// Name of the variant.
     pub camera: String,
@@ -51,7 +52,7 @@ pub struct MadeRow {
 }
 
 /// A score of random cameras of one design.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct MadeFigures {
     /// That of the camera as drawn, on the same pictures; none if it sees no object of this kind.
     pub drawn: Option<f64>,

@@ -5,13 +5,14 @@ use std::collections::BTreeMap;
 use petzval_base::statistics::{maximum, minimum};
 use petzval_base::{counted, csv_number, csv_text};
 use petzval_learn::score::ScoreDescription;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::camera::PsfErrors;
 use crate::error::DesignError;
 
 /// Scores of every camera on held-out pictures.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Metrics {
     /// One row a camera.
     pub rows: Vec<CameraMetrics>,
@@ -113,7 +114,7 @@ const LENS_COLUMNS: [&str; 9] = [
 ];
 
 /// One camera.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CameraMetrics {
     /// Name of the variant.
     pub camera: String,
@@ -180,7 +181,7 @@ impl CameraMetrics {
 }
 
 /// One held-out picture at one place of the sensor.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PictureScore {
     /// Photograph.
     pub photo: String,

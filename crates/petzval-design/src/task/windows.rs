@@ -3,6 +3,7 @@
 use petzval_camera::sensor::SensorModel;
 use petzval_learn::dataset::CropPlan;
 use petzval_optics::lens::Lens;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::assets::Assets;
@@ -150,7 +151,7 @@ impl<'a> SceneView<'a> {
 }
 
 /// Photographs of an experiment against its sensor.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PhotosLook {
     /// Photographs for training.
     pub training: usize,

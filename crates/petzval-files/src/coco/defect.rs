@@ -3,13 +3,14 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Examples of a kind that are kept.
 const EXAMPLES: usize = 3;
 
 /// Whether what is defective can be used.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Severity {
     /// It cannot be used, and is left out.
@@ -21,7 +22,7 @@ pub enum Severity {
 macro_rules! kinds {
     ($($kind:ident $severity:ident $sentence:literal $hint:literal;)*) => {
         /// A kind of defect.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
         #[serde(rename_all = "snake_case")]
         pub enum DefectKind {
             $(#[doc = $sentence] $kind,)*
@@ -141,7 +142,7 @@ kinds! {
 }
 
 /// The defects of one kind.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Defect {
     /// The kind.
     pub kind: DefectKind,

@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::data_set::{Annotation, Attribute, DataSet};
@@ -12,7 +13,7 @@ pub const SMALL_PX2: f64 = 32.0 * 32.0;
 pub const LARGE_PX2: f64 = 96.0 * 96.0;
 
 /// Figures of a data set.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Statistics {
     /// Pictures.
     pub images: usize,
@@ -34,7 +35,7 @@ pub struct Statistics {
 }
 
 /// Figures of a class.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ClassStatistics {
     /// Name.
     pub name: String,

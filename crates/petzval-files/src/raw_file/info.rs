@@ -1,5 +1,6 @@
 //! Metadata of a raw frame.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use petzval_camera::isp::Companding;
@@ -12,7 +13,7 @@ pub const MOST_BITS: u32 = 24;
 pub(super) const MOST_NARROW_BITS: u32 = 16;
 
 /// Camera and exposure of a frame, as far as the file and its sidecar give them.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct RawInfo {
     /// Name of the sensor or camera.
     #[serde(skip_serializing_if = "Option::is_none")]

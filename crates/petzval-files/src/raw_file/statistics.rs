@@ -1,5 +1,6 @@
 //! Statistics of the digital numbers of a frame, for each colour.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::RawFrame;
@@ -7,7 +8,7 @@ use super::info::largest_dn;
 use petzval_camera::sensor::{CfaPattern, Colour};
 
 /// Digital numbers of all pixels of one colour.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ColourStatistics {
     /// The colour; all pixels are `Clear` if the frame's mosaic is not known.
     pub colour: Colour,

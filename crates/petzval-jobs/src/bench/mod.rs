@@ -16,25 +16,22 @@ use serde::{Deserialize, Serialize};
 use self::workload::Workload;
 use crate::context::Context;
 use crate::error::JobError;
+use crate::range::check_ranges;
 
-/// A workload to measure.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Request {
-    /// Its name, one of [`names`].
-    pub workload: String,
-    /// Seconds to spend on it; it runs at least three times.
-    pub seconds: f64,
-}
-
-impl Default for Request {
-    fn default() -> Self {
-        Self { workload: "psf_rgb".to_owned(), seconds: 2.0 }
+petzval_base::parameters! {
+    /// A workload to measure.
+    pub struct Request {
+        /// Seconds to spend on it; it runs at least three times.
+        seconds: f64 = 2.0, "s", 1e-6..3600, Log, "2 is usual";
+    }
+    also {
+        /// Its name, one of [`names`].
+        workload: String = "psf_rgb".to_owned();
     }
 }
 
 /// What was measured: medians over the runs.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Response {
     /// Name of the workload.
     pub name: String,
@@ -69,9 +66,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let Some(workload) = workloads().into_iter().find(|w| w.name == *name) else {
         return Err(JobError::setting("only", name, "no such workload", names().join(", ")));
     };
-    if !(*seconds > 0.0 && *seconds <= 3600.0) {
-        return Err(JobError::setting("seconds", seconds, "not between 0 and 3600", "2 is usual"));
-    }
+    check_ranges(request)?;
     let mut prepared = (workload.prepare)()?;
     (prepared.run)()?;
     let (mut cpu, mut wall) = (Vec::new(), Vec::new());

@@ -15,32 +15,30 @@ use super::check_pictures_in;
 use crate::context::Context;
 use crate::error::{JobError, make_folder};
 use crate::event::WarningKind;
+use crate::input::ExperimentInput;
+use crate::range::check_ranges;
 use crate::results::check_folder;
 
 pub use petzval_learn::dataset::Taken;
 
-/// A data set to check. What is left out has the default of the command.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Request {
-    /// Its folder, or its file of annotations.
-    pub data: PathBuf,
-    /// Folder for a page with samples; none is written without.
-    pub out: Option<PathBuf>,
-    /// Pictures on the page.
-    pub samples: usize,
-    /// An experiment, by built-in name or path, whose classes are looked for in the data set.
-    pub classes_of: Option<String>,
-}
-
-impl Default for Request {
-    fn default() -> Self {
-        Self { data: PathBuf::from("."), out: None, samples: 12, classes_of: None }
+petzval_base::parameters! {
+    /// A data set to check. What is left out has the default of the command.
+    pub struct Request {
+        /// Pictures on the page.
+        samples: usize = 12, "", 0..200, Linear, "the page holds its pictures";
+    }
+    also {
+        /// Its folder, or its file of annotations.
+        data: PathBuf = PathBuf::from(".");
+        /// Folder for a page with samples; none is written without.
+        out: Option<PathBuf> = None;
+        /// An experiment, by built-in name, by path, or itself, whose classes are looked for in the data set.
+        classes_of: Option<ExperimentInput> = None;
     }
 }
 
 /// What a data set holds, and what is wrong with it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Response {
     /// The file of annotations.
     #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
@@ -59,19 +57,14 @@ pub struct Response {
     pub page: Option<PathBuf>,
 }
 
-/// Most pictures on a page.
-const MOST_SAMPLES: usize = 200;
-
 /// Reads and checks annotations and pictures. The folder `out` gets `data.json` (the response) and `data.html`.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
-    if request.samples > MOST_SAMPLES {
-        let message = format!("more than {MOST_SAMPLES}");
-        return Err(JobError::setting("samples", request.samples, message, "the page holds its pictures"));
-    }
+    check_ranges(request)?;
     if let Some(out) = &request.out {
         check_folder(out, ["data.html", "data.json"], context)?;
     }
-    let classes = request.classes_of.as_deref().map(|name| classes_of(name, context)).transpose()?;
+    let classes =
+        request.classes_of.as_ref().map(|experiment| classes_of(experiment, context)).transpose()?;
     let mut loaded = load_coco(&request.data)?;
     check_pictures_in(&mut loaded, context)?;
     let mut response = Response {
@@ -97,11 +90,11 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 }
 
 /// The classes of an experiment, which must have some.
-fn classes_of(name: &str, context: &Context) -> Result<Classes, JobError> {
-    let classes = context.assets.experiment(name)?.classes();
+fn classes_of(experiment: &ExperimentInput, context: &Context) -> Result<Classes, JobError> {
+    let classes = experiment.read(&context.assets)?.classes();
     if classes.is_empty() {
         let hint = "name one that looks for objects, such as pedestrian-vehicle";
-        return Err(JobError::setting("classes_of", name, "the experiment has no classes", hint));
+        return Err(JobError::setting("classes_of", experiment, "the experiment has no classes", hint));
     }
     Ok(classes)
 }

@@ -26,7 +26,7 @@ pub struct Request {
 }
 
 /// The converted data set.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Response {
     /// The file of annotations.
     #[serde(serialize_with = "petzval_base::lossy_path::serialize")]

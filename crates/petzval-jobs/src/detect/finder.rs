@@ -19,6 +19,7 @@ use crate::context::Context;
 use crate::error::JobError;
 use crate::evaluate::camera_of;
 use crate::event::WarningKind;
+use crate::range::check_ranges;
 
 /// Where a detector comes from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -32,18 +33,32 @@ pub enum Source {
         camera: Option<String>,
     },
     /// Weights of a Faster R-CNN under the names of torchvision.
-    Weights {
+    Weights(Weights),
+}
+
+/// The detector of the run in this folder, until one is named.
+impl Default for Source {
+    fn default() -> Self {
+        Self::Run { run: PathBuf::new(), camera: None }
+    }
+}
+
+petzval_base::parameters! {
+    /// Weights of a Faster R-CNN under the names of torchvision, and the size in which it looks.
+    pub struct Weights {
+        /// Classes of the weights, without the background.
+        classes: usize = 90, "", 1..100_000, Linear, "weights of COCO have 90";
+        /// Pixels to which the shorter side of a picture is scaled before the detector looks.
+        shorter_side: usize = 800, "pixels", 1..65_536, Linear, "torchvision's detectors have 800 and 1333";
+        /// Most pixels that the longer side may have after that.
+        longer_side: usize = 1333, "pixels", 1..65_536, Linear, "torchvision's detectors have 800 and 1333";
+    }
+    also {
         /// The safetensors file.
-        file: PathBuf,
-        /// Its backbone.
-        backbone: BackboneKind,
-        /// Its classes, without the background.
-        classes: usize,
-        /// Pixels that the shorter side of a picture gets before the detector looks, at least 1.
-        shorter: usize,
-        /// Most pixels that the longer side gets, at least 1.
-        longer: usize,
-    },
+        file: PathBuf = PathBuf::new();
+        /// Their backbone.
+        backbone: BackboneKind = BackboneKind::Resnet50;
+    }
 }
 
 /// What finds objects.
@@ -111,17 +126,13 @@ pub fn finder(
             };
             Ok(Finder { detector, classes, camera, taken: Some(taken) })
         }
-        Source::Weights { file, backbone, classes, shorter, longer } => {
+        Source::Weights(weights) => {
+            check_ranges(weights)?;
+            let Weights { classes, shorter_side, longer_side, file, backbone } = weights;
             if let Some(raw) = raw {
                 let message = format!("{}: a raw frame, which only a camera develops", raw.display());
                 let hint = "look with the camera of a run (--run), or make a picture first: `isp develop`";
                 return Err(JobError::input(message, hint));
-            }
-            for (key, side) in [("shorter_side", *shorter), ("longer_side", *longer)] {
-                if side == 0 {
-                    let hint = "torchvision's detectors have 800 and 1333";
-                    return Err(JobError::setting(key, side, "a picture needs pixels", hint));
-                }
             }
             let bytes = petzval_base::read_whole(file).map_err(|e| {
                 let message = format!("{}: {e}", file.display());
@@ -132,7 +143,7 @@ pub fn finder(
                             of a camera looks with --run and --camera";
                 JobError::input(format!("{}: {e}", file.display()), hint)
             })?;
-            let zoom = Zoom::ToSides { shorter: *shorter, longer: *longer };
+            let zoom = Zoom::ToSides { shorter: *shorter_side, longer: *longer_side };
             let detector = Box::new(Zoomed::new(detector.held(), zoom));
             let classes = (1..=*classes).map(|class| class.to_string()).collect();
             Ok(Finder { detector, classes, camera: None, taken: None })

@@ -20,7 +20,7 @@ use petzval_learn::detection::{Detection, detect_in};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-pub use finder::Source;
+pub use finder::{Source, Weights};
 pub use petzval_learn::detection::BackboneKind;
 pub use petzval_learn::score::detection::CocoSummary;
 pub use scores::{ClassScore, Overhanging, Scores};
@@ -32,39 +32,33 @@ use crate::context::Context;
 use crate::data::check_pictures_in;
 use crate::error::{JobError, Stopped, make_folder, write_file};
 use crate::event::WarningKind;
+use crate::range::check_ranges;
 use crate::results::check_folder;
 
-/// Pictures to look at, and the detector.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Request {
-    /// Pictures, and folders of pictures; for the camera of a run also raw frames, which it develops: DNG files, and files with a sidecar.
-    #[serde(default)]
-    pub images: Vec<PathBuf>,
-    /// In place of `images`: a data set in COCO format, in all of whose pictures is looked, and with whose objects is compared.
-    #[serde(default)]
-    pub data: Option<PathBuf>,
-    /// Where the detector comes from.
-    pub detector: Source,
-    /// Least score of a detection, 0..1.
-    #[serde(default = "usual_least_score")]
-    pub least_score: f32,
-    /// Folder for results and drawn pictures.
-    pub out: Option<PathBuf>,
-    /// Device of the tensors.
-    #[serde(default = "crate::usual::device")]
-    pub device: String,
-    /// Files or folders of the run, by their path below it, that may differ from their digests.
-    #[serde(default)]
-    pub accept_changed: Vec<String>,
-}
-
-fn usual_least_score() -> f32 {
-    0.5
+petzval_base::parameters! {
+    /// Pictures to look at, and the detector.
+    pub struct Request {
+        /// Least score of a detection, 0..1.
+        least_score: f32 = 0.5, "", 0..1, Linear, "0 shows everything that the detector keeps, 0.5 what is more likely there than not";
+    }
+    also {
+        /// Pictures, and folders of pictures; for the camera of a run also raw frames, which it develops: DNG files, and files with a sidecar.
+        images: Vec<PathBuf> = Vec::new();
+        /// In place of `images`: a data set in COCO format, in all of whose pictures is looked, and with whose objects is compared.
+        data: Option<PathBuf> = None;
+        /// Where the detector comes from.
+        detector: Source = Source::default();
+        /// Folder for results and drawn pictures.
+        out: Option<PathBuf> = None;
+        /// Device of the tensors.
+        device: String = crate::usual::device();
+        /// Files or folders of the run, by their path below it, that may differ from their digests.
+        accept_changed: Vec<String> = Vec::new();
+    }
 }
 
 /// What was found.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Response {
     /// The pictures in the order of the request, without those that cannot be read.
     pub pictures: Vec<Seen>,
@@ -80,7 +74,7 @@ pub struct Response {
 }
 
 /// A picture.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Seen {
     /// Its file.
     #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
@@ -90,7 +84,7 @@ pub struct Seen {
 }
 
 /// An object that was found.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Found {
     /// Name of its class; for weights of torchvision the number that torchvision gives it.
     pub class: String,
@@ -116,10 +110,7 @@ struct Looked {
 /// that cannot be read gives a warning and is left out. With a data set, scores and results use all detections, not only those above the
 /// least score.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
-    if !(0.0..=1.0).contains(&request.least_score) {
-        let hint = "0 shows everything that the detector keeps, 0.5 what is more likely there than not";
-        return Err(JobError::setting("least_score", request.least_score, "is not between 0 and 1", hint));
-    }
+    check_ranges(request)?;
     let device = context.device(&request.device)?;
     let (looked, labelled) = match &request.data {
         Some(place) => {

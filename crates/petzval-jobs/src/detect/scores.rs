@@ -6,10 +6,11 @@ use petzval_learn::score::detection::{
     pictures_of_data_set, voc_average_precision,
 };
 use petzval_learn::score::{confusion, range_of};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// How well the objects of a data set are found.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Scores {
     /// Pictures that were looked at.
     pub pictures: usize,
@@ -31,7 +32,7 @@ pub struct Scores {
 }
 
 /// The numbers of COCO where boxes that reach out of their picture are whole.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Overhanging {
     /// Boxes that reach out of their picture. All other scores are of the part inside.
     pub boxes: usize,
@@ -48,7 +49,7 @@ impl Overhanging {
 }
 
 /// How well the objects of a class are found.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ClassScore {
     /// Its name.
     pub class: String,

@@ -7,39 +7,36 @@ use serde::{Deserialize, Serialize};
 use super::{is_made_by, nd_and_vd, p_gf, status};
 use crate::context::Context;
 use crate::error::JobError;
+use crate::range::check_ranges;
 
-/// Which glasses to look for. The distance is `sqrt((dnd / 0.01)^2 + dVd^2)`: 0.01 of index counts as much as 1 of Abbe
-/// number.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Request {
-    /// Index at the d line, 587.6 nm, 1 to 5.
-    pub nd: f64,
-    /// Abbe number `(nd - 1) / (nF - nC)`, 1 to 1000.
-    pub vd: f64,
-    /// Largest number of glasses in the response.
-    pub count: usize,
-    /// Only glasses of this maker: any part of the name, in upper or lower case.
-    pub maker: Option<String>,
-    /// Whether obsolete glasses count too.
-    pub obsolete: bool,
-}
-
-impl Default for Request {
-    fn default() -> Self {
-        Self { nd: 0.0, vd: 0.0, count: 10, maker: None, obsolete: false }
+petzval_base::parameters! {
+    /// Which glasses to look for. The distance is `sqrt((dnd / 0.01)^2 + dVd^2)`: 0.01 of index counts as much as 1 of Abbe
+    /// number.
+    pub struct Request {
+        /// Index at the d line, 587.6 nm, 1 to 5.
+        nd: f64 = 1.5168, "", 1..5, Linear, "an index is between 1 and 5; for example --nd 1.6 --vd 50";
+        /// Abbe number `(nd - 1) / (nF - nC)`, 1 to 1000.
+        vd: f64 = 64.17, "", 1..1000, Log, "an Abbe number is between 1 and 1000; for example --nd 1.6 --vd 50";
+        /// Largest number of glasses in the response.
+        count: usize = 10, "", 0..1_000_000, Linear, "10 are usual";
+    }
+    also {
+        /// Only glasses of this maker: any part of the name, in upper or lower case.
+        maker: Option<String> = None;
+        /// Whether obsolete glasses count too.
+        obsolete: bool = false;
     }
 }
 
 /// The glasses that were found.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Response {
     /// The nearest first.
     pub glasses: Vec<Found>,
 }
 
 /// A glass that was found.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Found {
     /// Its name.
     pub name: String,
@@ -78,14 +75,7 @@ impl From<&Near> for Found {
 
 /// Finds the glasses.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
-    for (key, value, allowed, message) in [
-        ("nd", request.nd, 1.0..=5.0, "an index is between 1 and 5"),
-        ("vd", request.vd, 1.0..=1e3, "an Abbe number is between 1 and 1000"),
-    ] {
-        if !allowed.contains(&value) {
-            return Err(JobError::setting(key, value, message, "for example --nd 1.6 --vd 50"));
-        }
-    }
+    check_ranges(request)?;
     let found = nearest(&context.assets.catalog()?, [request.nd, request.vd], request.count, |glass| {
         is_made_by(glass, request.maker.as_deref())
             && (request.obsolete || glass.status != Some(Status::Obsolete))

@@ -19,14 +19,14 @@ pub struct Request {
 }
 
 /// The glasses of the catalogue.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Response {
     /// In the order of the catalogue.
     pub glasses: Vec<Listed>,
 }
 
 /// A glass of the catalogue.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Listed {
     /// What a lens file has to call it: its name, or `MAKER:NAME` where the name alone means another glass.
     pub name: String,

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::{at_lines, nd_and_vd, p_gf, status};
 use crate::context::Context;
 use crate::error::JobError;
+use crate::range::check_ranges;
 
 /// Path of [`Line::transmission_10_mm`], mm.
 pub const PATH_MM: f64 = 10.0;
@@ -36,20 +37,22 @@ const DN_DT_C: [f64; 2] = [20.0, 40.0];
 /// The partial dispersion of ordinary glasses, through K7 and F2: `P_gF = 0.6438 - 0.001682 V_d`.
 const NORMAL_LINE: [f64; 2] = [0.6438, -0.001682];
 
-/// Which glass to show, and in which air.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Request {
-    /// Its name, or `MAKER:NAME` where several makers have one of that name.
-    pub name: String,
-    /// Temperature of the glass and of the air around it, degrees Celsius, -200 to 1000, for [`Line::index_at`].
-    pub temperature: Option<f64>,
-    /// Pressure of that air, atm, 0 (vacuum) to 100; 1 if left out. Needs a temperature.
-    pub pressure: Option<f64>,
+petzval_base::parameters! {
+    /// Which glass to show, and in which air.
+    pub struct Request {
+        /// Temperature of the glass and of the air around it, degrees Celsius, -200 to 1000, for [`Line::index_at`].
+        temperature: Option<f64> = None, "degrees Celsius", -200..1000, Linear, "degrees Celsius, -200 to 1000";
+        /// Pressure of that air, atm, 0 (vacuum) to 100; 1 if left out. Needs a temperature.
+        pressure: Option<f64> = None, "atm", 0..100, Linear, "atm, 0 to 100";
+    }
+    also {
+        /// Its name, or `MAKER:NAME` where several makers have one of that name.
+        name: String = String::new();
+    }
 }
 
 /// All that is known of a glass.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Response {
     /// Its figures.
     pub glass: Figures,
@@ -60,7 +63,7 @@ pub struct Response {
 }
 
 /// Figures of a glass.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Figures {
     /// Its name.
     pub name: String,
@@ -107,7 +110,7 @@ pub struct Figures {
 }
 
 /// Linear expansion between two temperatures.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Expansion {
     /// The temperatures, degrees Celsius.
     pub range_c: [f64; 2],
@@ -116,7 +119,7 @@ pub struct Expansion {
 }
 
 /// A glass at a spectral line.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Line {
     /// Letter of the line; may be empty.
     pub line: String,
@@ -138,6 +141,7 @@ type Air = (f64, f64);
 impl Request {
     /// The air in which indices are computed, once every setting is in its range.
     fn air(&self) -> Result<Option<Air>, JobError> {
+        check_ranges(self)?;
         let atm = self.pressure.unwrap_or(1.0);
         let Some(c) = self.temperature else {
             return match self.pressure {
@@ -145,13 +149,6 @@ impl Request {
                 Some(atm) => Err(JobError::setting("pressure", atm, "needs a temperature", "for example 20")),
             };
         };
-        if !(-200.0..=1000.0).contains(&c) {
-            let hint = "degrees Celsius, -200 to 1000";
-            return Err(JobError::setting("temperature", c, "out of range", hint));
-        }
-        if !(0.0..=100.0).contains(&atm) {
-            return Err(JobError::setting("pressure", atm, "out of range", "atm, 0 to 100"));
-        }
         Ok(Some((c, atm)))
     }
 }

@@ -24,6 +24,9 @@ const BITS: u32 = 16;
 /// Quantum efficiency where the sensor has none and none is named.
 const DEFAULT_QE: &str = "imx219";
 
+/// Samples of the chart along a side of a pixel, unless the camera of the request says how many.
+pub const SAMPLES: usize = 1;
+
 /// A camera and an ISP to measure. What is left out has the default of the command.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
@@ -43,14 +46,14 @@ impl Default for Request {
         Self {
             isp: super::NEUTRAL.to_owned(),
             set: Vec::new(),
-            camera: simulate::Request::default(),
+            camera: simulate::Request { samples: Some(SAMPLES), ..simulate::Request::default() },
             out: PathBuf::new(),
         }
     }
 }
 
 /// What was measured, and the files that hold it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Response {
     /// Name of the ISP, as in the request.
     pub isp: String,
@@ -88,12 +91,13 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let mut isp = isp_by_name(&request.isp, &context.assets, context.cancel())?;
     isp.set(&request.set)?;
     isp.set_bits(BITS);
-    let sensor = context.assets.sensor(&request.camera.sensor)?;
+    let sensor = request.camera.sensor.read(&context.assets)?;
     if !sensor.cfa.is_bayer() {
         let message = format!("{}: the ISP needs a Bayer array, not {}", request.camera.sensor, sensor.cfa);
         return Err(JobError::input(message, "name another sensor"));
     }
     let mut camera = request.camera.clone();
+    camera.samples.get_or_insert(SAMPLES);
     if sensor.quantum_efficiency.is_none() && camera.spectral.qe.is_none() {
         context.note(format!("{}: no quantum efficiency: that of {DEFAULT_QE} is taken", camera.sensor));
         camera.spectral.qe = Some(DEFAULT_QE.to_owned());
@@ -122,8 +126,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let path = |name: &str| request.out.join(name);
     let response = Response {
         isp: request.isp.clone(),
-        lens: camera.lens,
-        sensor: camera.sensor,
+        lens: camera.lens.to_string(),
+        sensor: camera.sensor.to_string(),
         qe: camera.spectral.qe,
         illuminant: taken.illuminant.name.clone(),
         illuminance_lux: taken.lux,

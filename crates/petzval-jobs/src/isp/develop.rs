@@ -16,51 +16,38 @@ use super::frame::{FrameOptions, Merge, read_frame, read_merged};
 use crate::context::Context;
 use crate::error::{JobError, make_folder, write_file};
 use crate::named_isp::{NamedIsp, about_frame, isp_by_name};
+use crate::range::check_ranges;
 use crate::results::{check_folder, has_ending};
 
 /// Bits of the picture that luma and colour differences are computed from, so that they are rounded once.
 const BITS_OF_YCBCR: u32 = 16;
 
-/// Raw frames to develop.
-///
-/// For each `NAME.*` the folder `out` gets `NAME.png`, or `NAME.y4m` or `NAME.yuv`, and, with `strip`, `NAME-strip.html`: the picture after
-/// every stage, with the parameters of the stage. Frames that are merged give one picture, named by the first.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Request {
-    /// The frames, in files with sidecars.
-    pub raws: Vec<PathBuf>,
-    /// Name of a preset, or a file of settings or of the description of an external ISP.
-    pub isp: String,
-    /// Further values, each `stage.key=value`.
-    pub set: Vec<String>,
-    /// What the raw files leave open.
-    pub frame: FrameOptions,
-    /// Merge the frames, exposures of one scene, into one.
-    pub merge: Option<Merge>,
-    /// Bits of the pictures, 8, 10 or 16; of luma and colour differences, 8 or 10. A PNG of 10 bits has its codes scaled to 16.
-    pub bits: u32,
-    /// Luma and colour differences in place of a PNG.
-    pub ycbcr: Option<YcbcrFile>,
-    /// Whether to write the page of all stages.
-    pub strip: bool,
-    /// Folder for the pictures; or, where there is one picture, its file.
-    pub out: PathBuf,
-}
-
-impl Default for Request {
-    fn default() -> Self {
-        Self {
-            raws: Vec::new(),
-            isp: super::NEUTRAL.to_owned(),
-            set: Vec::new(),
-            frame: FrameOptions::default(),
-            merge: None,
-            bits: 8,
-            ycbcr: None,
-            strip: false,
-            out: PathBuf::new(),
-        }
+petzval_base::parameters! {
+    /// Raw frames to develop.
+    ///
+    /// For each `NAME.*` the folder `out` gets `NAME.png`, or `NAME.y4m` or `NAME.yuv`, and, with `strip`, `NAME-strip.html`: the picture after
+    /// every stage, with the parameters of the stage. Frames that are merged give one picture, named by the first.
+    pub struct Request {
+        /// Bits of the pictures, 8, 10 or 16; of luma and colour differences, 8 or 10. A PNG of 10 bits has its codes scaled to 16.
+        bits: u32 = 8, "", 8..16, Linear, "give 8, 10 or 16; of luma and colour differences 8 or 10";
+    }
+    also {
+        /// The frames, in files with sidecars.
+        raws: Vec<PathBuf> = Vec::new();
+        /// Name of a preset, or a file of settings or of the description of an external ISP.
+        isp: String = super::NEUTRAL.to_owned();
+        /// Further values, each `stage.key=value`.
+        set: Vec<String> = Vec::new();
+        /// What the raw files leave open.
+        frame: FrameOptions = FrameOptions::default();
+        /// Merge the frames, exposures of one scene, into one.
+        merge: Option<Merge> = None;
+        /// Luma and colour differences in place of a PNG.
+        ycbcr: Option<YcbcrFile> = None;
+        /// Whether to write the page of all stages.
+        strip: bool = false;
+        /// Folder for the pictures; or, where there is one picture, its file.
+        out: PathBuf = PathBuf::new();
     }
 }
 
@@ -90,14 +77,14 @@ pub enum Container {
 }
 
 /// What was written.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Response {
     /// One for each frame, in the order of the request.
     pub pictures: Vec<Developed>,
 }
 
 /// A developed frame.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Developed {
     /// The raw file.
     #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
@@ -116,8 +103,65 @@ pub struct Developed {
     pub seconds: f64,
 }
 
-/// Develops every frame. All inputs are read before the first picture is written.
+/// A developed frame as a value: what `isp develop` keeps as a file.
+#[derive(Clone, Debug)]
+pub struct Picture {
+    /// The raw file; the first of those that were merged.
+    pub raw: PathBuf,
+    /// The picture, red, green and blue of each pixel.
+    pub picture: RgbPicture,
+    /// How long the development took, s.
+    pub seconds: f64,
+}
+
+/// Develops every frame; writes nothing. All inputs are read before the first is developed.
+pub fn pictures(request: &Request, context: &Context) -> Result<Vec<Picture>, JobError> {
+    let (named, shots, _) = prepared(request, context)?;
+    let mut pictures = Vec::new();
+    develop(request, &named, &shots, context, &mut |_, _, _, picture| {
+        pictures.push(picture);
+        Ok(())
+    })?;
+    Ok(pictures)
+}
+
+/// Develops every frame, and keeps the pictures. All inputs are read before the first picture is written.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+    let (named, shots, out) = prepared(request, context)?;
+    let page_of = |name: &str| format!("{name}-strip.html");
+    let files = shots.iter().flat_map(|(name, _)| {
+        let page = request.strip.then(|| page_of(name));
+        [Some(format!("{name}.{}", extension(request))), page].into_iter().flatten()
+    });
+    check_folder(&out, files, context)?;
+    check_inputs_stay(request, &out, &shots)?;
+    make_folder(&out)?;
+
+    let mut pictures = Vec::new();
+    develop(request, &named, &shots, context, &mut |name, frame, values, picture| {
+        let Picture { raw, picture, seconds } = picture;
+        let path = out.join(format!("{name}.{}", extension(request)));
+        write_file(&path, encoded(request, &picture)?)?;
+        context.wrote(&path, "picture");
+        let strip = if request.strip {
+            let steps = named.develop_steps(frame, values).map_err(about_frame(&raw))?;
+            let strip_path = out.join(page_of(name));
+            write_file(&strip_path, page(&strip(&raw, &named, values, &steps)).as_bytes())?;
+            context.wrote(&strip_path, "page");
+            Some(strip_path)
+        } else {
+            None
+        };
+        let RgbPicture { height, width, .. } = picture;
+        pictures.push(Developed { raw, picture: path, strip, height, width, seconds });
+        Ok(())
+    })?;
+    Ok(Response { pictures })
+}
+
+/// The ISP and the frames of a request with the folder of their pictures, once every setting is in its range and every frame can be read.
+fn prepared(request: &Request, context: &Context) -> Result<(NamedIsp, Shots, PathBuf), JobError> {
+    check_ranges(request)?;
     match (request.ycbcr, request.bits) {
         (None, 8 | 10 | 16) | (Some(_), 8 | 10) => {}
         (None, bits) => return Err(JobError::setting("bits", bits, "out of range", "give 8, 10 or 16")),
@@ -131,16 +175,20 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     for (_, raws) in &shots {
         read(request, raws, &quiet)?;
     }
-    let page_of = |name: &str| format!("{name}-strip.html");
-    let files = shots.iter().flat_map(|(name, _)| {
-        let page = request.strip.then(|| page_of(name));
-        [Some(format!("{name}.{}", extension(request))), page].into_iter().flatten()
-    });
-    check_folder(&out, files, context)?;
-    check_inputs_stay(request, &out, &shots)?;
-    make_folder(&out)?;
+    Ok((named, shots, out))
+}
 
-    let mut pictures = Vec::new();
+/// What happens to each picture: called with its name, the raw frame and the values of the ISP.
+type Each<'a> = dyn FnMut(&str, &RawInput, &[f64], Picture) -> Result<(), JobError> + 'a;
+
+/// Develops frame after frame, and gives each to `each`.
+fn develop(
+    request: &Request,
+    named: &NamedIsp,
+    shots: &Shots,
+    context: &Context,
+    each: &mut Each<'_>,
+) -> Result<(), JobError> {
     for (i, (name, raws)) in shots.iter().enumerate() {
         context.check(|| format!("stopped after {i} of {} pictures", shots.len()))?;
         context.progress(i as u64, shots.len() as u64, name);
@@ -150,23 +198,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         let start = Instant::now();
         let picture = named.isp().develop(&frame, &values).map_err(about_frame(raw))?;
         let seconds = start.elapsed().as_secs_f64();
-        let bytes = encoded(request, &picture)?;
-        let path = out.join(format!("{name}.{}", extension(request)));
-        write_file(&path, &bytes)?;
-        context.wrote(&path, "picture");
-        let strip = if request.strip {
-            let steps = named.develop_steps(&frame, &values).map_err(about_frame(raw))?;
-            let strip_path = out.join(page_of(name));
-            write_file(&strip_path, page(&strip(raw, &named, &values, &steps)).as_bytes())?;
-            context.wrote(&strip_path, "page");
-            Some(strip_path)
-        } else {
-            None
-        };
-        let RgbPicture { height, width, .. } = picture;
-        pictures.push(Developed { raw: raw.clone(), picture: path, strip, height, width, seconds });
+        each(name, &frame, &values, Picture { raw: raw.clone(), picture, seconds })?;
     }
-    Ok(Response { pictures })
+    Ok(())
 }
 
 /// A frame, of one raw file or merged.

@@ -8,7 +8,7 @@ use petzval_camera::isp::{
     auto_balance, auto_exposure_ev, merge_exposures,
 };
 use petzval_camera::sensor::{CfaPattern, Colour, Exposure, SensorModel};
-use petzval_design::assets::Assets;
+use petzval_design::library::Library;
 use petzval_files::raw_file::{FrameCalibration, RawFileError, RawInfo, load_any_raw, sidecar_path};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -17,14 +17,15 @@ use super::pile::pile_up;
 use crate::context::Context;
 use crate::error::JobError;
 use crate::event::WarningKind;
+use crate::input::SensorInput;
 use crate::named_isp::about_frame;
 
 /// What raw files leave open.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct FrameOptions {
-    /// Sensor, a file or a built-in name; none means the built-in sensor that the sidecar names, if any.
-    pub sensor: Option<String>,
+    /// Sensor: a built-in name, the path of a file, or the sensor itself; none means the built-in sensor that the sidecar names, if any.
+    pub sensor: Option<SensorInput>,
     /// Digital number of white light in a green pixel; none means that of the calibration, else the level of saturation.
     pub white_dn: Option<f64>,
     /// Whether to estimate the white balance from the frame.
@@ -350,10 +351,10 @@ fn set_white(about: &mut FrameData, factor: f64) {
 fn sensor_of(
     info: &RawInfo,
     options: &FrameOptions,
-    assets: &Assets,
+    assets: &Library,
 ) -> Result<Option<SensorModel>, JobError> {
-    if let Some(name) = &options.sensor {
-        return Ok(Some(assets.sensor(name)?));
+    if let Some(sensor) = &options.sensor {
+        return Ok(Some(sensor.read(assets)?));
     }
     let Some(named) = &info.sensor else { return Ok(None) };
     for name in assets.names("sensors") {

@@ -7,25 +7,22 @@ use serde::{Deserialize, Serialize};
 use crate::context::Context;
 use crate::error::JobError;
 use crate::named_isp::isp_by_name;
+use crate::range::check_ranges;
 
-/// An ISP to show.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Request {
-    /// Name of a preset, or a file of settings or of the description of an external ISP.
-    pub isp: String,
-    /// Gain of the sensor above its lowest at which to show the values of a preset, EV.
-    pub gain_ev: f64,
-}
-
-impl Default for Request {
-    fn default() -> Self {
-        Self { isp: super::NEUTRAL.to_owned(), gain_ev: 0.0 }
+petzval_base::parameters! {
+    /// An ISP to show.
+    pub struct Request {
+        /// Gain of the sensor above its lowest at which to show the values of a preset, EV.
+        gain_ev: f64 = 0.0, "EV", -100..100, Linear, "0 is the lowest gain";
+    }
+    also {
+        /// Name of a preset, or a file of settings or of the description of an external ISP.
+        isp: String = super::NEUTRAL.to_owned();
     }
 }
 
 /// An ISP and its parameters.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Response {
     /// Name of the ISP.
     pub name: String,
@@ -37,7 +34,7 @@ pub struct Response {
 }
 
 /// A parameter.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ShownParameter {
     /// Its name, `stage.key`.
     pub name: String,
@@ -60,9 +57,7 @@ pub struct ShownParameter {
 /// Reads the settings of an ISP.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let named = isp_by_name(&request.isp, &context.assets, context.cancel())?;
-    if !request.gain_ev.is_finite() {
-        return Err(JobError::setting("gain_ev", request.gain_ev, "is no number", "0 is the lowest gain"));
-    }
+    check_ranges(request)?;
     let values = named.values(request.gain_ev)?;
     let shown = named.parameters.iter().zip(&values).map(|(p, value)| ShownParameter {
         name: p.name.clone(),

@@ -7,13 +7,15 @@ use petzval_design::lens::view::surfaces;
 use petzval_optics::analysis::{AnalysisError, AnalysisOptions, analyze};
 use petzval_report::lens_sheet::{PICTURES, Picture, page};
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use super::analysis_csv::TABLES;
 use super::focus::{FocusAt, check_image, focused, out_of_focus};
 use crate::context::Context;
 use crate::error::{JobError, make_folder, write_file};
 use crate::event::WarningKind;
+use crate::input::{LensInput, SensorInput};
+use crate::range::check_ranges;
 use crate::results::check_folder;
 
 pub use petzval_optics::analysis::Analysis;
@@ -27,37 +29,36 @@ const CSV: &str = "csv";
 /// take minutes.
 const MOST: usize = 31;
 
-/// Highest frequency of a request, cycles/mm: beyond the cutoff of any lens for light.
-const MOST_PER_MM: f64 = 2e4;
-
-/// What to compute of a lens, and what to write.
-///
-/// Files: one SVG for every [`Picture`]; `analysis.html`, all of them on one page; `analysis.json`, the data; the curves as CSV. Fields and
-/// wavelengths are those of the lens file, 31 of each at most; rays are aimed at the real stop.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Request {
-    /// Lens file, or a built-in name.
-    pub lens: String,
-    /// Folder for the results; `NAME-analysis` if left out.
-    pub out: Option<PathBuf>,
-    /// Write only these of [`names`]; all if empty.
-    pub only: Vec<String>,
-    /// Where the image plane goes.
-    pub focus: FocusAt,
-    /// Sensor file, or a built-in name: its pixels' Nyquist frequency is marked in MTF curves.
-    pub sensor: Option<String>,
-    /// Pixel pitch, um, 0.1 to 1000, in place of a sensor.
-    pub pixel_um: Option<f64>,
-    /// Highest frequency of MTF curves, cycles/mm; if left out, 100, or about half of the cutoff if that is less, but beyond the Nyquist
-    /// frequency.
-    pub max_frequency: Option<f64>,
-    /// Frequency of MTF through focus, cycles/mm; half of the highest, or of the Nyquist frequency, if left out.
-    pub frequency: Option<f64>,
+petzval_base::parameters! {
+    /// What to compute of a lens, and what to write.
+    ///
+    /// Files: one SVG for every [`Picture`]; `analysis.html`, all of them on one page; `analysis.json`, the data; the curves as CSV. Fields and
+    /// wavelengths are those of the lens file, 31 of each at most; rays are aimed at the real stop.
+    pub struct Request {
+        /// Pixel pitch, um, 0.1 to 1000, in place of a sensor.
+        pixel_um: Option<f64> = None, "um", 0.1..1e3, Log, "in um, 0.1 to 1000; many sensors have pixels of 2 to 6 um";
+        /// Highest frequency of MTF curves, cycles/mm; if left out, 100, or about half of the cutoff if that is less, but beyond the Nyquist
+        /// frequency.
+        max_frequency: Option<f64> = None, "cycles/mm", 1e-6..2e4, Log, "a pixel of 5.86 um resolves 85.32 cycles/mm";
+        /// Frequency of MTF through focus, cycles/mm; half of the highest, or of the Nyquist frequency, if left out.
+        frequency: Option<f64> = None, "cycles/mm", 1e-6..2e4, Log, "a pixel of 5.86 um resolves 85.32 cycles/mm";
+    }
+    also {
+        /// Lens: a built-in name, the path of a file, or the lens itself.
+        lens: LensInput = LensInput::default();
+        /// Folder for the results; `NAME-analysis` if left out.
+        out: Option<PathBuf> = None;
+        /// Write only these of [`names`]; all if empty.
+        only: Vec<String> = Vec::new();
+        /// Where the image plane goes.
+        focus: FocusAt = FocusAt::default();
+        /// Sensor, by name, by path, or itself: its pixels' Nyquist frequency is marked in MTF curves.
+        sensor: Option<SensorInput> = None;
+    }
 }
 
 /// The analyses, and the files that show them.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Response {
     /// Folder of the files.
     #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
@@ -79,26 +80,10 @@ pub fn names() -> Vec<&'static str> {
 
 impl Request {
     fn check(&self) -> Result<(), JobError> {
-        for (key, value) in [("max_frequency", self.max_frequency), ("frequency", self.frequency)] {
-            if let Some(value) = value.filter(|v| !(*v > 0.0 && *v <= MOST_PER_MM)) {
-                return Err(JobError::setting(
-                    key,
-                    value,
-                    format!("not a frequency between 0 and {MOST_PER_MM} cycles/mm"),
-                    "a pixel of 5.86 um resolves 85.32 cycles/mm",
-                ));
-            }
-        }
-        match (self.pixel_um, &self.sensor) {
-            (Some(pitch), None) if !(0.1..=1e3).contains(&pitch) => {
-                let hint = "in um, 0.1 to 1000; many sensors have pixels of 2 to 6 um";
-                return Err(JobError::setting("pixel_um", pitch, "out of range", hint));
-            }
-            (Some(pitch), Some(_)) => {
-                let hint = "a sensor has a pixel pitch of its own: leave one of the two out";
-                return Err(JobError::setting("pixel_um", pitch, "there is a sensor too", hint));
-            }
-            _ => {}
+        check_ranges(self)?;
+        if let (Some(pitch), Some(_)) = (self.pixel_um, &self.sensor) {
+            let hint = "a sensor has a pixel pitch of its own: leave one of the two out";
+            return Err(JobError::setting("pixel_um", pitch, "there is a sensor too", hint));
         }
         let names = names();
         match self.only.iter().find(|name| !names.contains(&name.as_str())) {
@@ -117,8 +102,9 @@ impl Request {
     /// The folder for the results: `NAME-analysis` after a built-in name or the name of a file, unless the request names one.
     fn folder(&self) -> PathBuf {
         self.out.clone().unwrap_or_else(|| {
-            let stem =
-                Path::new(&self.lens).file_stem().map_or_else(|| "lens".into(), |s| s.to_string_lossy());
+            let stem = Path::new(self.lens.short_name())
+                .file_stem()
+                .map_or_else(|| "lens".into(), |s| s.to_string_lossy());
             PathBuf::from(format!("{stem}-analysis"))
         })
     }
@@ -127,21 +113,25 @@ impl Request {
 /// Analyses the lens and writes the files.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     request.check()?;
-    let mut lens = focused(context.assets.lens(&request.lens)?.lens, request.focus)?;
+    let (name, context) = &request.lens.placed(context)?;
+    let mut lens = focused(context.assets.lens(name)?.lens, request.focus)?;
     for (what, list) in [("fields", &mut lens.fields_deg), ("wavelengths", &mut lens.wavelengths_um)] {
         if list.len() > MOST {
             context.note(format!("{} of the {} {what} are analysed, evenly chosen", MOST, list.len()));
             *list = thinned(list);
         }
     }
-    check_image(&request.lens, &lens)?;
+    check_image(name, &lens)?;
     if request.focus == FocusAt::File
-        && let Some(warning) = out_of_focus(&request.lens, &lens)
+        && let Some(warning) = out_of_focus(name, &lens)
     {
-        context.warning(WarningKind::OutOfFocus, format!("{}: {warning}", request.lens));
+        context.warning(WarningKind::OutOfFocus, format!("{name}: {warning}"));
     }
     let pixel_pitch_um = match &request.sensor {
-        Some(name) => Some(context.assets.sensor(name)?.pixel_um),
+        Some(sensor) => {
+            let (sensor, context) = sensor.placed(context)?;
+            Some(context.assets.sensor(&sensor)?.pixel_um)
+        }
         None => request.pixel_um,
     };
     let options = AnalysisOptions {
@@ -165,8 +155,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let analysis = analyze(&lens, &options, &tick).map_err(|error| match error {
         AnalysisError::Stopped(cancelled) => cancelled.into(),
         error => JobError::input(
-            format!("{}: {error}", request.lens),
-            format!("`petzval lens show {}` says where light is lost; or leave that field out", request.lens),
+            format!("{name}: {error}"),
+            format!("`petzval lens show {name}` says where light is lost; or leave that field out"),
         ),
     })?;
     let data = serde_json::to_string(&analysis).map_err(|e| JobError::failed(e.to_string()))?;

@@ -12,20 +12,21 @@ use serde::{Deserialize, Serialize};
 use crate::context::Context;
 use crate::error::{JobError, write_file};
 use crate::finite::finite;
+use crate::input::LensInput;
 use crate::results::check_file;
 
 /// A lens to be written in Petzval's format (`.toml`), Zemax's (`.zmx`) or CODE V's (`.seq`).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Request {
-    /// Lens file, or a built-in name.
-    pub from: String,
+    /// Lens: a built-in name, the path of a file, or the lens itself.
+    pub from: LensInput,
     /// The file to write, whose ending names the format.
     pub to: PathBuf,
 }
 
 /// What was written and what was lost.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Response {
     /// Name of the lens.
     pub name: String,
@@ -44,13 +45,14 @@ pub struct Response {
 
 /// Reads the lens and writes it in the other format. A lens that would bend light otherwise there is refused.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
-    let import = context.assets.import(&request.from)?;
+    let (name, context) = &request.from.placed(context)?;
+    let import = context.assets.import(name)?;
     let export = write_as_named(&import.file, &request.to, context)?;
     let lens = import.file.lens;
     Ok(Response {
         efl_mm: finite(first_order(&lens.at_wavelength(lens.reference_um)).efl_mm),
         name: lens.name,
-        from: request.from.clone(),
+        from: name.clone(),
         to: request.to.clone(),
         losses_of_reading: import.losses,
         losses_of_writing: export.losses,

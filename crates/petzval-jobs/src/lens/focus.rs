@@ -15,6 +15,7 @@ use serde::{Deserialize, Serialize};
 use super::convert::write_as_named;
 use crate::context::Context;
 use crate::error::JobError;
+use crate::input::LensInput;
 
 /// Pupil cells a side of the best focus.
 const PUPIL_CELLS: usize = 64;
@@ -39,8 +40,8 @@ pub enum FocusAt {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Request {
-    /// Lens file, or a built-in name.
-    pub lens: String,
+    /// Lens: a built-in name, the path of a file, or the lens itself.
+    pub lens: LensInput,
     /// Where its image plane goes.
     pub focus: FocusAt,
     /// The file to write, whose ending names the format; none to see the figures alone.
@@ -49,12 +50,12 @@ pub struct Request {
 
 impl Default for Request {
     fn default() -> Self {
-        Self { lens: String::new(), focus: FocusAt::Best, to: None }
+        Self { lens: LensInput::default(), focus: FocusAt::Best, to: None }
     }
 }
 
 /// Where the image plane was, and where it is.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Response {
     /// Name of the lens.
     pub name: String,
@@ -74,12 +75,13 @@ pub struct Response {
 
 /// Focuses the lens, and writes it if a file is named.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
-    let file = context.assets.lens(&request.lens)?;
+    let (name, context) = &request.lens.placed(context)?;
+    let file = context.assets.lens(name)?;
     let before = file.lens.clone();
     let lens = if request.focus == FocusAt::File {
         before.clone()
     } else {
-        check_image(&request.lens, &before)?;
+        check_image(name, &before)?;
         // From a plane far away the spots are no guide: the paraxial focus is nearer.
         focused(with_paraxial_focus(&before, 0.0), request.focus)?
     };

@@ -14,14 +14,14 @@ use crate::finite::finite;
 pub struct Request {}
 
 /// All of them, by name.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Response {
     /// The lenses in the order of their names.
     pub lenses: Vec<Entry>,
 }
 
 /// A lens in a few numbers.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Entry {
     /// The name by which other requests find it.
     pub name: String,

@@ -17,6 +17,7 @@ use crate::context::Context;
 use crate::error::JobError;
 use crate::finite::finite;
 use crate::glass::nd_and_vd;
+use crate::input::LensInput;
 
 /// The accuracy of spots and illumination: 0.1 %.
 const SPOTS: PupilRefinement = PupilRefinement { tolerance: 1e-3, first_cells: 64, most_cells: 1024 };
@@ -31,14 +32,14 @@ const NEARLY_AFOCAL: f64 = 1e-4;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Request {
-    /// Lens file, or a built-in name.
-    pub lens: String,
+    /// Lens: a built-in name, the path of a file, or the lens itself.
+    pub lens: LensInput,
     /// Where the image plane goes.
     pub focus: FocusAt,
 }
 
 /// The figures of a lens.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Response {
     /// The figures.
     pub figures: Figures,
@@ -47,7 +48,7 @@ pub struct Response {
 }
 
 /// Figures of a lens. What does not exist, such as the focal length of an afocal lens, is `None`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Figures {
     /// Name of the lens.
     pub name: String,
@@ -111,7 +112,7 @@ pub struct Figures {
 }
 
 /// Seidel sums of the full field, mm.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "UPPERCASE")]
 pub struct Seidel {
     /// Spherical aberration.
@@ -127,7 +128,7 @@ pub struct Seidel {
 }
 
 /// A surface of the prescription.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Surface {
     /// Its number, from 1.
     pub surface: usize,
@@ -173,17 +174,19 @@ pub struct Prescription {
 
 /// Reads the lens and nothing more: the prescription of a lens that [`run`] refuses may show why no light reaches its image.
 pub fn prescription(request: &Request, context: &Context) -> Result<Prescription, JobError> {
-    let lens = focused(context.assets.lens(&request.lens)?.lens, request.focus)?;
+    let (name, context) = &request.lens.placed(context)?;
+    let lens = focused(context.assets.lens(name)?.lens, request.focus)?;
     Ok(Prescription { surfaces: surfaces(&lens), name: lens.name })
 }
 
 /// Computes the figures.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
-    let lens = focused(context.assets.lens(&request.lens)?.lens, request.focus)?;
+    let (name, context) = &request.lens.placed(context)?;
+    let lens = focused(context.assets.lens(name)?.lens, request.focus)?;
     let reference = lens.at_wavelength(lens.reference_um);
     let order = first_order(&reference);
     // Light that leaves parallel makes no image, and no spots.
-    let spots = if order.image_distance_mm.is_finite() { spots(&request.lens, &lens)? } else { Vec::new() };
+    let spots = if order.image_distance_mm.is_finite() { spots(name, &lens)? } else { Vec::new() };
     let full_field = lens.fields_deg.iter().fold(0.0_f64, |a, b| a.max(b.abs())).to_radians();
     let seidel = seidel_total(&reference, full_field)
         .map(|total| total.s)
@@ -191,7 +194,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let reported_warnings = glass_warnings(&lens, &context.assets.catalog()?);
     let mut warnings = warnings(&lens, &order, &spots);
     if request.focus == FocusAt::File {
-        warnings.extend(out_of_focus(&request.lens, &lens));
+        warnings.extend(out_of_focus(name, &lens));
     }
     let relative_illumination = match axis_spot(&lens, &spots) {
         Some(axis) => spots.iter().map(|s| s.real_stop.value.relative_illumination(&axis)).collect(),

@@ -1,6 +1,5 @@
 //! `lens trace`: one ray through every surface.
 
-use petzval_files::{OPTICAL_UM, wavelength_hint};
 use petzval_optics::lens::{Lens, ObjectDistance};
 use petzval_optics::paraxial::first_order;
 use petzval_optics::pupil::{aim_one, paraxial_launch};
@@ -10,6 +9,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
 use crate::error::JobError;
+use crate::input::LensInput;
+use crate::range::check_ranges;
 
 /// How a ray finds its place in the pupil.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -22,24 +23,26 @@ pub enum Aim {
     Paraxial,
 }
 
-/// A ray through a lens.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Request {
-    /// Lens file, or a built-in name.
-    pub lens: String,
-    /// Field angle, degrees: within 180 degrees of the axis, or 90 for a near object.
-    pub field: f64,
-    /// Wavelength, um, 0.2 to 20.
-    pub wavelength: f64,
-    /// Point of the pupil, x and y in units of its radius.
-    pub pupil: Vec<f64>,
-    /// What the pupil point lies on.
-    pub aim: Aim,
+petzval_base::parameters! {
+    /// A ray through a lens.
+    pub struct Request {
+        /// Wavelength, um, 0.2 to 20.
+        wavelength: f64 = 0.5876, "um", 0.2..20.0, Log, "550 nm is 0.55";
+    }
+    also {
+        /// Lens: a built-in name, the path of a file, or the lens itself.
+        lens: LensInput = LensInput::default();
+        /// Field angle, degrees: within 180 degrees of the axis, or 90 for a near object.
+        field: f64 = f64::default();
+        /// Point of the pupil, x and y in units of its radius.
+        pupil: Vec<f64> = Vec::new();
+        /// What the pupil point lies on.
+        aim: Aim = Aim::default();
+    }
 }
 
 /// The path of a ray.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Response {
     /// `ok`, or where the ray was lost.
     pub status: String,
@@ -53,7 +56,7 @@ pub struct Response {
 }
 
 /// Position and direction of a ray behind a surface.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Place {
     /// Position across, in the coordinates of the surface, mm.
     pub x_mm: f64,
@@ -82,6 +85,7 @@ impl Place {
 impl Request {
     /// The pupil point, once every setting is in its range.
     fn checked_pupil(&self, lens: &Lens) -> Result<[f64; 2], JobError> {
+        check_ranges(self)?;
         let pupil = || self.pupil.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
         let [px, py] = self.pupil[..] else {
             return Err(JobError::setting(
@@ -95,11 +99,6 @@ impl Request {
             let message = "not two finite numbers";
             return Err(JobError::setting("pupil", pupil(), message, "for example --pupil 0,0.7"));
         }
-        let um = self.wavelength;
-        if !OPTICAL_UM.contains(&um) {
-            let message = format!("not between {} and {} um", OPTICAL_UM.start(), OPTICAL_UM.end());
-            return Err(JobError::setting("wavelength", um, message, wavelength_hint(um)));
-        }
         let limit_deg = lens.object.field_limit_deg();
         if !self.field.is_finite() || self.field.abs() >= limit_deg {
             let message = format!("not within {limit_deg} degrees of the axis");
@@ -111,7 +110,8 @@ impl Request {
 
 /// Traces the ray. A ray that is lost is a response like any other.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
-    let lens = context.assets.lens(&request.lens)?.lens;
+    let (name, context) = &request.lens.placed(context)?;
+    let lens = context.assets.lens(name)?.lens;
     let pupil = request.checked_pupil(&lens)?;
     Ok(trace(&lens, request, pupil))
 }

@@ -9,10 +9,11 @@ use petzval_lab::psf_calibration::held_out::HeldOutBy;
 use petzval_lab::psf_calibration::measure::COLOURS;
 use petzval_lab::psf_calibration::{CROP, CalibratedPosition, ExposureReport};
 use petzval_report::psf_calibration_sheet::Calibration;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Everything that a calibration found.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Figures {
     /// Name of the folder of captures.
     pub captures: String,
@@ -33,7 +34,7 @@ pub struct Figures {
 }
 
 /// A measured position.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PositionFigures {
     /// Its name.
     pub name: String,
@@ -64,7 +65,7 @@ pub struct PositionFigures {
 }
 
 /// What noise alone does to a measurement, per channel.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct NoiseFloor {
     /// L1 distance of the PSF from the noiseless one.
     pub l1: [f64; CHANNELS],
@@ -75,7 +76,7 @@ pub struct NoiseFloor {
 }
 
 /// One exposure time of a position.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ExposureFigures {
     /// Exposure time, ms.
     pub exposure_ms: f64,
@@ -92,7 +93,7 @@ pub struct ExposureFigures {
 }
 
 /// An exposure compared with the others.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct AgreementFigures {
     /// Light of this exposure over that of the others.
     pub light_over_others: f64,
@@ -103,7 +104,7 @@ pub struct AgreementFigures {
 }
 
 /// A measured position compared with the traced lens, per channel; see [`Comparison`].
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Simulated {
     /// L1 distance from the simulated PSF through the same mosaic.
     pub l1: [f64; CHANNELS],
@@ -122,7 +123,7 @@ pub struct Simulated {
 }
 
 /// The PSFs for the renderer.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct BankFigures {
     /// Image radius of each field, mm.
     pub field_radius_mm: Vec<f64>,
@@ -137,7 +138,7 @@ pub struct BankFigures {
 }
 
 /// The fit of one field, per channel.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FieldFigures {
     /// Mean radius of its positions, mm.
     pub field_radius_mm: f64,
@@ -158,7 +159,7 @@ pub struct FieldFigures {
 }
 
 /// How well the fit predicts pixels that took no part in it, per channel.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct HeldOutFigures {
     /// What was held out.
     pub by: HeldOutBy,

@@ -10,6 +10,7 @@ use petzval_camera::psf::PsfBank;
 use petzval_camera::sensor::SensorModel;
 use petzval_design::assets::Assets;
 use petzval_design::error::DesignError;
+use petzval_design::library::Library;
 use petzval_design::path_text::path_text;
 use petzval_files::npy_bytes;
 use petzval_lab::psf_calibration::compare::{Comparison, compare};
@@ -27,6 +28,7 @@ use crate::context::Context;
 use crate::error::{JobError, json, make_folder};
 use crate::event::WarningKind;
 use crate::frames::Frames;
+use crate::input::LensInput;
 use crate::pinhole::{PinholeView, Refocus};
 use crate::results::check_folder;
 
@@ -46,8 +48,8 @@ pub use petzval_lab::psf_calibration::held_out::HeldOutBy;
 pub struct Request {
     /// Folder of captures, with `captures.toml`.
     pub captures: PathBuf,
-    /// Lens to compare with, if any: a file, or a built-in name.
-    pub lens: Option<String>,
+    /// Lens to compare with, if any: a built-in name, the path of a file, or the lens itself.
+    pub lens: Option<LensInput>,
     /// Folder for the results; `psf-calibration` in the folder of captures if it is not given.
     pub out: Option<PathBuf>,
     /// Seed of the draws behind the noise floor.
@@ -56,12 +58,12 @@ pub struct Request {
 
 impl Default for Request {
     fn default() -> Self {
-        Self { captures: PathBuf::new(), lens: None, out: None, seed: 1 }
+        Self { captures: PathBuf::new(), lens: None, out: None, seed: crate::usual::seed() }
     }
 }
 
 /// What was measured.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Response {
     /// Folder of the results.
     #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
@@ -99,7 +101,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let sensor = sensor(&manifest, &text, &path, &context.assets)?;
     check_mosaic(sensor.cfa).map_err(described_in(folder))?;
     let view =
-        request.lens.as_ref().map(|name| view(name, &manifest, &sensor, &context.assets)).transpose()?;
+        request.lens.as_ref().map(|lens| view(lens, &manifest, &sensor, &context.assets)).transpose()?;
     let (positions, bank, fields) = measure(request, (&manifest, &text), &sensor, view.as_ref(), context)?;
     if manifest.source.camera_turned && manifest.source.image_scale_mm.is_none() {
         context.warning(WarningKind::Measurement, format!(
@@ -110,7 +112,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let calibration = Calibration {
         captures: folder.display().to_string(),
         sensor: sensor.name.clone(),
-        lens: request.lens.clone(),
+        lens: request.lens.as_ref().map(LensInput::to_string),
         positions,
         fields,
     };
@@ -203,12 +205,12 @@ fn sensor(manifest: &Manifest, text: &str, path: &Path, assets: &Assets) -> Resu
 
 /// The lens, focused on the source according to the manifest.
 fn view(
-    name: &str,
+    lens: &LensInput,
     manifest: &Manifest,
     sensor: &SensorModel,
-    assets: &Assets,
+    assets: &Library,
 ) -> Result<PinholeView, JobError> {
-    let lens = assets.lens(name)?.lens;
+    let lens = lens.read(assets)?.lens;
     let source = &manifest.source;
     let distance_mm = source.distance_mm.as_ref().map(|mm| *mm.get_ref());
     let refocus = source.refocus_mm.as_ref().map_or(Refocus::OnSource, |mm| Refocus::Mm(*mm.get_ref()));

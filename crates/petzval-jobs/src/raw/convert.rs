@@ -46,7 +46,7 @@ pub struct Request {
 }
 
 /// What was written.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Response {
     /// The frame as it was written.
     pub frame: FrameSummary,

@@ -7,12 +7,13 @@ pub mod show;
 use std::path::Path;
 
 use petzval_files::raw_file::{ColourStatistics, RawFrame, colour_statistics};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use petzval_files::raw_file::RawInfo;
 
 /// Everything that is known of a raw frame but its pixels.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FrameSummary {
     /// The file, as it was named.
     pub file: String,

@@ -16,6 +16,7 @@ use serde::{Deserialize, Serialize};
 use crate::context::Context;
 use crate::error::{JobError, json, make_folder, write_file};
 use crate::event::WarningKind;
+use crate::range::check_ranges;
 use crate::results::{check_folder, what_is};
 
 pub use petzval_lab::edge_mtf::Region;
@@ -23,29 +24,28 @@ pub use petzval_lab::edge_mtf::Region;
 /// The files in the folder of results.
 const FILES: [&str; 3] = ["mtf.csv", "mtf.json", "mtf.svg"];
 
-/// Pixel pitches that are taken, um.
-const PITCHES_UM: std::ops::RangeInclusive<f64> = 0.1..=1000.0;
-
-/// A frame to measure.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Request {
-    /// A raw frame, as `raw show` reads it, or a picture.
-    pub file: PathBuf,
-    /// Regions with one edge each; if none are given, edges are looked for.
-    pub regions: Vec<Region>,
-    /// Take gray integers as a picture, and undo its sRGB curve; otherwise they are digital numbers.
-    pub is_picture: bool,
-    /// Colour filter array in place of that of the sidecar; of raw frames only.
-    pub cfa: Option<CfaPattern>,
-    /// Pixel pitch in place of that of the sidecar, um.
-    pub pixel_um: Option<f64>,
-    /// Folder for `mtf.csv`, `mtf.json` and `mtf.svg`; nothing is written without it.
-    pub out: Option<PathBuf>,
+petzval_base::parameters! {
+    /// A frame to measure.
+    pub struct Request {
+        /// Pixel pitch in place of that of the sidecar, um.
+        pixel_um: Option<f64> = None, "um", 0.1..1000.0, Log, "give the pixel pitch in um";
+    }
+    also {
+        /// A raw frame, as `raw show` reads it, or a picture.
+        file: PathBuf = PathBuf::new();
+        /// Regions with one edge each; if none are given, edges are looked for.
+        regions: Vec<Region> = Vec::new();
+        /// Take gray integers as a picture, and undo its sRGB curve; otherwise they are digital numbers.
+        is_picture: bool = false;
+        /// Colour filter array in place of that of the sidecar; of raw frames only.
+        cfa: Option<CfaPattern> = None;
+        /// Folder for `mtf.csv`, `mtf.json` and `mtf.svg`; nothing is written without it.
+        out: Option<PathBuf> = None;
+    }
 }
 
 /// How the values of a file became light.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Light {
     /// Digital numbers, without their black level where it is known.
@@ -68,7 +68,7 @@ impl Light {
 }
 
 /// The edges of a frame.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Response {
     /// The file, as it was named.
     pub file: String,
@@ -88,7 +88,7 @@ pub struct Response {
 }
 
 /// An edge.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Edge {
     /// Where it is.
     pub region: Region,
@@ -116,10 +116,7 @@ const SAID_FALL: f64 = 0.03;
 
 /// Reads the frame, measures its edges, and writes the files.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
-    if let Some(pixel_um) = request.pixel_um.filter(|um| !PITCHES_UM.contains(um)) {
-        let message = format!("outside {} to {}", PITCHES_UM.start(), PITCHES_UM.end());
-        return Err(JobError::setting("pixel_um", pixel_um, message, "give the pixel pitch in um"));
-    }
+    check_ranges(request)?;
     if let Some(out) = &request.out {
         check_folder(out, FILES, context)?;
     }

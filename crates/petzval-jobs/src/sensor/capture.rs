@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use crate::context::Context;
 use crate::error::{JobError, make_folder};
 use crate::frames::Frames;
+use crate::input::SensorInput;
 
 /// The calibration series of a sensor: pairs of flat and of dark frames over gains and exposure times, further dark pairs for
 /// the dark current, and stacks for the non-uniformity, all listed in `captures.toml`.
@@ -20,8 +21,8 @@ use crate::frames::Frames;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Request {
-    /// Sensor file, or a built-in name.
-    pub sensor: String,
+    /// Sensor: a built-in name, the path of a file, or the sensor itself.
+    pub sensor: SensorInput,
     /// Folder for the captures.
     pub out: PathBuf,
     /// The series of EMVA 1288 release 4.0 Linear ([`Plan::emva`]) in place of that of Tseng et al. 2021
@@ -53,7 +54,7 @@ pub struct Request {
 impl Default for Request {
     fn default() -> Self {
         Self {
-            sensor: String::new(),
+            sensor: SensorInput::default(),
             out: PathBuf::new(),
             emva: false,
             gains: Vec::new(),
@@ -65,7 +66,7 @@ impl Default for Request {
             quantum_efficiency: None,
             wavelength: None,
             format: Format::Tiff,
-            seed: 1,
+            seed: crate::usual::seed(),
         }
     }
 }
@@ -90,7 +91,8 @@ const SMALLER: (usize, usize) = (300, 480);
 
 /// Exposes and writes the frames that the folder does not hold yet, and lists all of them.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
-    let sensor = context.assets.sensor(&request.sensor)?;
+    let (name, context) = &request.sensor.placed(context)?;
+    let sensor = context.assets.sensor(name)?;
     let plan = request.plan(&sensor);
     plan.validate(&sensor)?;
     // The folder is made later, once the whole series is known to be possible.

@@ -8,12 +8,13 @@ use petzval_lab::emva::captures::milliseconds;
 use petzval_lab::emva::{Captures, Options, characterize, result_xml, sensor_toml, warning_lines};
 use petzval_report::sensor_sheet;
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use crate::context::Context;
 use crate::error::{JobError, make_folder};
 use crate::event::WarningKind;
 use crate::frames::Frames;
+use crate::range::check_ranges;
 use crate::results::{check_folder, what_is};
 
 pub use petzval_camera::sensor::Colour;
@@ -23,44 +24,32 @@ pub use petzval_lab::emva::{
     colour_name, fits,
 };
 
-/// Captures from which to measure a sensor: EMVA 1288, and the paper's calibration over all gains.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Request {
-    /// Folder of the captures, or its `captures.toml`.
-    pub dir: PathBuf,
-    /// Folder for the results, which are not written without it: `sensor.toml` if K is resolved, `results.json`, `emva-*.xml`
-    /// for each gain and colour, `histograms.csv`, `report.html`, and its plots as `.svg`.
-    pub out: Option<PathBuf>,
-    /// High-pass before DSNU and PRNU.
-    pub highpass: HighPass,
-    /// Which values the XML files hold.
-    pub values: Values,
-    /// Whether the difference of the frames' means is taken from the temporal variance; without it, Eq. 6 of
-    /// Tseng et al. 2021.
-    pub mean_difference: bool,
-    /// Whether the remaining parameters of the model are fitted to the captured histograms.
-    pub fit_histograms: bool,
-    /// Pixel pitch, um, 0.1 to 1000, if the list does not state it.
-    pub pixel_um: Option<f64>,
-}
-
-impl Default for Request {
-    fn default() -> Self {
-        Self {
-            dir: PathBuf::new(),
-            out: None,
-            highpass: HighPass::R4,
-            values: Values::Corrected,
-            mean_difference: true,
-            fit_histograms: false,
-            pixel_um: None,
-        }
+petzval_base::parameters! {
+    /// Captures from which to measure a sensor: EMVA 1288, and the paper's calibration over all gains.
+    pub struct Request {
+        /// Pixel pitch, um, 0.1 to 1000, if the list does not state it.
+        pixel_um: Option<f64> = None, "um", 0.1..1000.0, Log, "the pitch in um";
+    }
+    also {
+        /// Folder of the captures, or its `captures.toml`.
+        dir: PathBuf = PathBuf::new();
+        /// Folder for the results, which are not written without it: `sensor.toml` if K is resolved, `results.json`, `emva-*.xml`
+        /// for each gain and colour, `histograms.csv`, `report.html`, and its plots as `.svg`.
+        out: Option<PathBuf> = None;
+        /// High-pass before DSNU and PRNU.
+        highpass: HighPass = HighPass::R4;
+        /// Which values the XML files hold.
+        values: Values = Values::Corrected;
+        /// Whether the difference of the frames' means is taken from the temporal variance; without it, Eq. 6 of
+        /// Tseng et al. 2021.
+        mean_difference: bool = true;
+        /// Whether the remaining parameters of the model are fitted to the captured histograms.
+        fit_histograms: bool = false;
     }
 }
 
 /// What was measured.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Response {
     /// Every number with its standard error, or with the reason why the captures do not determine it.
     pub characterization: Characterization,
@@ -72,14 +61,9 @@ pub struct Response {
 /// Files of every measurement; pages and XML files stand beside them.
 const RESULTS: [&str; 3] = ["results.json", "sensor.toml", "histograms.csv"];
 
-/// Reads the captures, measures the sensor, and writes the results.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
-    if let Some(pitch) = request.pixel_um.filter(|p| !(0.1..=1000.0).contains(p)) {
-        return Err(JobError::setting("pixel_um", pitch, "not between 0.1 and 1000", "the pitch in um"));
-    }
-    if let Some(out) = &request.out {
-        check_folder(out, RESULTS, context)?;
-    }
+/// Reads the captures and measures the sensor; writes nothing.
+pub fn characterization(request: &Request, context: &Context) -> Result<Characterization, JobError> {
+    check_ranges(request)?;
     let mut captures = Captures::open(&request.dir)?;
     captures.sensor.pixel_um = captures.sensor.pixel_um.or(request.pixel_um);
     let options = Options {
@@ -92,15 +76,25 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     warning_lines(&characterization.warnings)
         .iter()
         .for_each(|line| context.warning(WarningKind::Measurement, line));
+    Ok(characterization)
+}
+
+/// Reads the captures, measures the sensor, and keeps the results in the folder of the request, if it names one.
+pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+    check_ranges(request)?;
+    if let Some(out) = &request.out {
+        check_folder(out, RESULTS, context)?;
+    }
+    let characterization = characterization(request, context)?;
     let files = match &request.out {
-        Some(out) => write_results(&characterization, request.values, out, context)?,
+        Some(out) => keep(&characterization, request.values, out, context)?,
         None => Vec::new(),
     };
     Ok(Response { characterization, files })
 }
 
 /// Writes every file of the results, each whole or not at all; returns their paths.
-fn write_results(
+pub fn keep(
     found: &Characterization,
     values: Values,
     out: &Path,

@@ -13,14 +13,14 @@ use crate::error::JobError;
 pub struct Request {}
 
 /// All of them, by name.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Response {
     /// The sensors in the order of their names.
     pub sensors: Vec<Entry>,
 }
 
 /// A sensor in a few numbers.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Entry {
     /// The name by which other requests find it.
     pub name: String,

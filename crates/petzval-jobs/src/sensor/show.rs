@@ -6,21 +6,25 @@ use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
 use crate::error::JobError;
+use crate::input::SensorInput;
+use crate::range::check_ranges;
 
 pub use petzval_camera::sensor::{Colour, Electronics, SensorModel};
 
-/// A sensor to look at.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Request {
-    /// Sensor file, or a built-in name.
-    pub sensor: String,
-    /// Linear gains of the figures, above 0 and at most 10000; if empty those that the sensor offers, or 1.
-    pub gains: Vec<f64>,
+petzval_base::parameters! {
+    /// A sensor to look at.
+    pub struct Request {
+        /// Linear gains of the figures, above 0 and at most 10000; if empty those that the sensor offers, or 1.
+        gains: Vec<f64> = Vec::new(), "", 1e-6..1e4, Log, "positive numbers";
+    }
+    also {
+        /// Sensor: a built-in name, the path of a file, or the sensor itself.
+        sensor: SensorInput = SensorInput::default();
+    }
 }
 
 /// The sensor in numbers.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Response {
     /// Everything that the sensor file holds.
     pub sensor: SensorModel,
@@ -30,10 +34,9 @@ pub struct Response {
 
 /// Reads the sensor and computes its figures.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
-    let sensor = context.assets.sensor(&request.sensor)?;
-    if let Some(wrong) = request.gains.iter().find(|g| !(**g > 0.0 && **g <= 1e4)) {
-        return Err(JobError::setting("gains", wrong, "not between 0 and 10000", "positive numbers"));
-    }
+    check_ranges(request)?;
+    let (name, context) = &request.sensor.placed(context)?;
+    let sensor = context.assets.sensor(name)?;
     let gains = match (&request.gains[..], &sensor.gain_steps[..]) {
         ([], []) => &[1.0],
         ([], steps) => steps,

@@ -10,22 +10,52 @@ mod shot;
 pub(crate) mod spectral;
 
 pub use petzval_camera::develop::{Demosaic, Domain, Interpolation};
+use petzval_camera::sensor::SensorModel;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use self::request::{is_over_spectrum, result_name};
 use self::rig::check_numbers;
+use self::shot::{Each, write_shot};
 use crate::context::Context;
 use crate::error::JobError;
 use crate::results::check_folder;
 
 pub use output::Facts;
 pub use request::{PictureAs, Place, RawAs, Request, Restore, Spectral};
+pub use shot::Taken;
 
 /// What was written.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Response {
     /// Facts about each image, in the order of the request.
     pub images: Vec<Facts>,
+}
+
+/// A frame of a simulated camera as values: what `simulate` keeps as files.
+#[derive(Clone, Debug)]
+pub struct Frame {
+    /// Name of the image, as results are named by it.
+    pub name: String,
+    /// The raw frame and what was developed from it.
+    pub taken: Taken,
+    /// The sensor, balanced for the light of the scene.
+    pub sensor: SensorModel,
+    /// Photoelectrons that white gives in a green pixel on the axis.
+    pub white_e: f32,
+}
+
+/// Takes and develops all images; writes nothing.
+pub fn frames(request: &Request, context: &Context) -> Result<Vec<Frame>, JobError> {
+    check_numbers(request)?;
+    let mut frames = Vec::new();
+    take(request, context, &mut |_, camera, name, taken| {
+        let body = camera.body();
+        let (sensor, white_e) = (body.sensor.clone(), body.exposure.white_e);
+        frames.push(Frame { name: name.to_owned(), taken, sensor, white_e });
+        Ok((Facts::new(), None))
+    })?;
+    Ok(frames)
 }
 
 /// Takes and develops all images, and writes raw frames and pictures.
@@ -42,10 +72,17 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let formats = (request.raw_format, request.picture_format);
     let written = names.iter().flat_map(|name| output::names(formats, name, request.isp.is_some()));
     check_folder(&request.out, written, context)?;
-    let images = if is_over_spectrum(request) {
-        spectral::run(request, context)?
-    } else {
-        photographs::run(request, context)?
-    };
+    let images = take(request, context, &mut |rig, camera, name, taken| {
+        write_shot(request, rig, camera, name, &taken, context)
+    })?;
     Ok(Response { images })
+}
+
+/// Takes all images, over the spectrum or in three colours, and gives each frame to `each`; returns the facts that it returns.
+fn take(request: &Request, context: &Context, each: &mut Each<'_>) -> Result<Vec<Facts>, JobError> {
+    if is_over_spectrum(request) {
+        spectral::run(request, context, each)
+    } else {
+        photographs::run(request, context, each)
+    }
 }

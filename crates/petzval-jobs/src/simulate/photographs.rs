@@ -7,14 +7,14 @@ use super::highlights::default_white_e;
 use super::output::Facts;
 use super::request::{Place, Request, result_name};
 use super::rig::{Rig, check_not_stopped};
-use super::shot::{Taken, noise, photograph, placed, write_shot};
+use super::shot::{Each, Taken, noise, photograph, placed};
 use crate::context::Context;
-use crate::error::{JobError, make_folder};
+use crate::error::JobError;
 use crate::event::WarningKind;
 
-/// Takes all images.
-pub fn run(request: &Request, context: &Context) -> Result<Vec<Facts>, JobError> {
-    // Every image is read before anything is written.
+/// Takes all images, and gives each to `each`.
+pub fn run(request: &Request, context: &Context, each: &mut Each<'_>) -> Result<Vec<Facts>, JobError> {
+    // Every image is read before anything is taken.
     let photos: Vec<(String, LinearImage)> = (request.images.iter())
         .map(|path| Ok((result_name(path), photograph(path, context)?)))
         .collect::<Result<_, JobError>>()?;
@@ -25,7 +25,6 @@ pub fn run(request: &Request, context: &Context) -> Result<Vec<Facts>, JobError>
     };
     let camera = rig.camera(request, rig.sensor.clone(), white_e, rig.isp)?;
     warn_of_small_pictures(request, &rig, &photos, context);
-    make_folder(&request.out)?;
     let mut written = Vec::new();
     for (frame, (name, photo)) in photos.iter().enumerate() {
         check_not_stopped(frame, request, context)?;
@@ -42,7 +41,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Vec<Facts>, JobError>
                 Taken::of_light(request, &rig, &camera, &light, frame)?
             }
         };
-        let (facts, warning) = write_shot(request, &rig, &camera, name, &taken, context)?;
+        let (facts, warning) = each(&rig, &camera, name, taken)?;
         warning.into_iter().for_each(|warning| context.warning(WarningKind::Saturation, warning));
         written.push(facts);
     }

@@ -11,6 +11,8 @@ use petzval_files::spectral_file::is_spectral;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::input::{LensInput, SensorInput};
+
 /// What the name of a built-in scene begins with.
 const SCENE: &str = "scene:";
 
@@ -36,93 +38,68 @@ impl Place {
     }
 }
 
-/// Photographs and scenes to take. What is left out has the default of the command.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Request {
-    /// Photographs (PNG, JPEG, TIFF; OpenEXR and Radiance HDR in linear light), spectral images, or `scene:NAME`.
-    pub images: Vec<PathBuf>,
-    /// Lens file, or a built-in name.
-    pub lens: String,
-    /// Measured PSFs in place of the lens: the results of `psf-calibrate`.
-    pub psfs: Option<PathBuf>,
-    /// Sensor file, or a built-in name.
-    pub sensor: String,
-    /// How a photograph lands on the sensor.
-    pub place: Place,
-    /// Samples of the scene along a side of a pixel, 1 to 8: a pixel collects the light of `samples` x `samples` of them. If left out, 4 where every
-    /// image is a built-in scene of edges and at most a million pixels are read, and else 1.
-    pub samples: Option<usize>,
-    /// How the colours of the mosaic are interpolated.
-    pub development: Interpolation,
-    /// Restoration of the developed picture with the PSFs of the lens; none leaves its blur.
-    pub restore: Option<Restore>,
-    /// An image signal processor whose picture is written beside the developed one: a preset, a file, or `neutral`.
-    pub isp: Option<String>,
-    /// Take the picture as the light on the image plane: straight lines stay straight. Without it, the picture is the rectilinear
-    /// scene in front of the lens, and its distortion is rendered.
-    pub no_distortion: bool,
-    /// Photoelectrons that white gives in a green pixel on the axis; 70 % of those with which white saturates the first colour
-    /// if none are given, or what the light gives over the spectrum.
-    pub white_e: Option<f32>,
-    /// Rows and columns in the middle of the sensor that are read; all of them if none are given.
-    pub size: Option<(usize, usize)>,
-    /// Exposure time, s.
-    pub time_s: f32,
-    /// Linear analogue gain.
-    pub gain: f32,
-    /// Leave out all noise.
-    pub no_noise: bool,
-    /// Seed of the noise.
-    pub seed: u64,
-    /// The light, for a simulation over the spectrum.
-    pub spectral: Spectral,
-    /// Format of the raw frame.
-    pub raw_format: RawAs,
-    /// Format of the developed picture.
-    pub picture_format: PictureAs,
-    /// Folder for the results.
-    pub out: PathBuf,
-}
-
-impl Default for Request {
-    fn default() -> Self {
-        Self {
-            images: Vec::new(),
-            lens: "cooke-triplet-nominal".to_owned(),
-            psfs: None,
-            sensor: "imx249-fitted".to_owned(),
-            place: Place::Fill,
-            samples: None,
-            development: Interpolation::default(),
-            restore: None,
-            isp: None,
-            no_distortion: false,
-            white_e: None,
-            size: None,
-            time_s: 0.005,
-            gain: 1.0,
-            no_noise: false,
-            seed: 1,
-            spectral: Spectral::default(),
-            raw_format: RawAs::Tiff,
-            picture_format: PictureAs::Png,
-            out: PathBuf::from("."),
-        }
+petzval_base::parameters! {
+    /// Photographs and scenes to take. What is left out has the default of the command.
+    pub struct Request {
+        /// Samples of the scene along a side of a pixel, 1 to 8: a pixel collects the light of `samples` x `samples` of them. If left out, 4 where every
+        /// image is a built-in scene of edges and at most a million pixels are read, and else 1.
+        samples: Option<usize> = None, "", 1..8, Linear, "with 4, a pixel collects the light of 4 x 4 samples of the scene";
+        /// Photoelectrons that white gives in a green pixel on the axis; 70 % of those with which white saturates the first colour
+        /// if none are given, or what the light gives over the spectrum.
+        white_e: Option<f32> = None, "e-", 1e-3..1e7, Log, "a positive number of photoelectrons: 16000 is usual";
+        /// Exposure time, s.
+        time_s: f32 = 0.005, "s", 1e-9..1e4, Log, "5 ms is 0.005";
+        /// Linear analogue gain.
+        gain: f32 = 1.0, "", 1e-6..1e3, Log, "a positive number; 1 is the gain of the sensor file";
+    }
+    also {
+        /// Photographs (PNG, JPEG, TIFF; OpenEXR and Radiance HDR in linear light), spectral images, or `scene:NAME`.
+        images: Vec<PathBuf> = Vec::new();
+        /// Lens: a built-in name, the path of a file, or the lens itself.
+        lens: LensInput = crate::usual::lens().into();
+        /// Measured PSFs in place of the lens: the results of `psf-calibrate`.
+        psfs: Option<PathBuf> = None;
+        /// Sensor: a built-in name, the path of a file, or the sensor itself.
+        sensor: SensorInput = crate::usual::sensor().into();
+        /// How a photograph lands on the sensor.
+        place: Place = Place::Fill;
+        /// How the colours of the mosaic are interpolated.
+        development: Interpolation = Interpolation::default();
+        /// Restoration of the developed picture with the PSFs of the lens; none leaves its blur.
+        restore: Option<Restore> = None;
+        /// An image signal processor whose picture is written beside the developed one: a preset, a file, or `neutral`.
+        isp: Option<String> = None;
+        /// Take the picture as the light on the image plane: straight lines stay straight. Without it, the picture is the rectilinear
+        /// scene in front of the lens, and its distortion is rendered.
+        no_distortion: bool = false;
+        /// Rows and columns in the middle of the sensor that are read; all of them if none are given.
+        size: Option<(usize, usize)> = None;
+        /// Leave out all noise.
+        no_noise: bool = false;
+        /// Seed of the noise.
+        seed: u64 = crate::usual::seed();
+        /// The light, for a simulation over the spectrum.
+        spectral: Spectral = Spectral::default();
+        /// Format of the raw frame.
+        raw_format: RawAs = RawAs::Tiff;
+        /// Format of the developed picture.
+        picture_format: PictureAs = PictureAs::Png;
+        /// Folder for the results.
+        out: PathBuf = PathBuf::from(".");
     }
 }
 
-/// Restoration of a developed picture.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Restore {
-    /// Power of noise over that of the picture at a tenth of a cycle per pixel; that of sensor, exposure and demosaicing if none is given.
-    pub noise: Option<f32>,
+petzval_base::parameters! {
+    /// Restoration of a developed picture.
+    pub struct Restore {
+        /// Power of noise over that of the picture at a tenth of a cycle per pixel; that of sensor, exposure and demosaicing if none is given.
+        noise: Option<f32> = None, "", 1e-9..10.0, Log, "0.003 suits 16,000 electrons of white; more for less light";
+    }
 }
 
 impl Restore {
     /// The filter for pictures of a sensor at an exposure.
-    pub fn filter(self, sensor: &SensorModel, exposure: &Exposure) -> Wiener {
+    pub fn filter(&self, sensor: &SensorModel, exposure: &Exposure) -> Wiener {
         let known = Wiener::of_exposure(sensor, exposure);
         Wiener { noise: self.noise.unwrap_or(known.noise + DEMOSAIC_ERROR), ..known }
     }
@@ -176,25 +153,27 @@ impl PictureAs {
     }
 }
 
-/// The light, and how finely its spectrum is sampled. Any of these makes a simulation one over the spectrum.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Spectral {
-    /// Light on the scene: D65, A, FL11, LED-B3, ..., daylight:KELVIN, blackbody:KELVIN, or a CSV file of wavelengths in nm and
-    /// relative power; D65 if none is named.
-    pub illuminant: Option<String>,
-    /// Illuminance of the scene, lux; 500, or as `white_e` needs.
-    pub illuminance_lux: Option<f64>,
-    /// Bands for scenes and photographs, 2 to 401; 16, or more where these would be over 20 nm apart.
-    pub bands: Option<usize>,
-    /// Quantum efficiency in place of the sensor's: a built-in name, `flat:VALUE`, or a CSV or TOML file.
-    pub qe: Option<String>,
-    /// Transmission of the lens: a number in 0..1, or a CSV file of wavelengths in nm and transmission.
-    pub transmission: Option<String>,
-    /// Photographs through three PSFs, then electrons by a 3x3 matrix.
-    pub three_band: bool,
-    /// The camera's own colours, without the matrix fitted to the ColorChecker.
-    pub no_colour_matrix: bool,
+petzval_base::parameters! {
+    /// The light, and how finely its spectrum is sampled. Any of these makes a simulation one over the spectrum.
+    pub struct Spectral {
+        /// Illuminance of the scene, lux; 500, or as `white_e` needs.
+        illuminance_lux: Option<f64> = None, "lux", 1e-300..1e9, Log, "an office has 500 lux";
+        /// Bands for scenes and photographs, 2 to 401; 16, or more where these would be over 20 nm apart.
+        bands: Option<usize> = None, "", 2..401, Linear, "16 bands are 20 nm apart over 400..700 nm";
+    }
+    also {
+        /// Light on the scene: D65, A, FL11, LED-B3, ..., daylight:KELVIN, blackbody:KELVIN, or a CSV file of wavelengths in nm and
+        /// relative power; D65 if none is named.
+        illuminant: Option<String> = None;
+        /// Quantum efficiency in place of the sensor's: a built-in name, `flat:VALUE`, or a CSV or TOML file.
+        qe: Option<String> = None;
+        /// Transmission of the lens: a number in 0..1, or a CSV file of wavelengths in nm and transmission.
+        transmission: Option<String> = None;
+        /// Photographs through three PSFs, then electrons by a 3x3 matrix.
+        three_band: bool = false;
+        /// The camera's own colours, without the matrix fitted to the ColorChecker.
+        no_colour_matrix: bool = false;
+    }
 }
 
 /// Samples along a side of a pixel of scenes of edges. One sample spreads the light of an edge over a pixel before the lens moves it, and the pixel

@@ -29,13 +29,11 @@ use crate::context::Context;
 use crate::error::JobError;
 use crate::event::WarningKind;
 use crate::named_isp::{NamedIsp, isp_by_name};
+use crate::range::check_ranges;
 
 /// Most pixels of a simulated frame, and most samples of its scene: the largest sensors have 150 million pixels. Each pixel takes about
 /// 150 bytes, each further sample 12.
 const MOST_PIXELS: usize = 200_000_000;
-
-/// Most samples of a scene along a side of a pixel.
-const MOST_SAMPLES: usize = 8;
 
 /// Bits of the pictures of an image signal processor.
 pub const CHIP_BITS: u32 = 8;
@@ -66,7 +64,7 @@ pub struct Rig {
 impl Rig {
     /// The rig of a request; every setting is checked before a lens is traced.
     pub fn new(request: &Request, context: &Context) -> Result<Self, JobError> {
-        let sensor = context.assets.sensor(&request.sensor)?;
+        let sensor = request.sensor.read(&context.assets)?;
         if sensor.height.saturating_mul(sensor.width) > MOST_PIXELS {
             return Err(JobError::input(
                 format!("{}: a frame of {}x{} pixels", request.sensor, sensor.height, sensor.width),
@@ -115,7 +113,7 @@ impl Rig {
         let (source, traced) = match &request.psfs {
             Some(path) => (PsfSource::Measured(measured(path)?), None),
             None => {
-                let lens = context.assets.lens(&request.lens)?.lens;
+                let lens = request.lens.read(&context.assets)?.lens;
                 let plan = psf.plan(&sensor, psf.scoring_pupil_cells)?.with_fields(psf.scoring_fields);
                 // A picture is what a camera takes: even a lens without aberrations has its pupil.
                 let plan = PsfPlan { perfect_image: PerfectImage::AiryDisk, ..plan };
@@ -178,7 +176,7 @@ impl Rig {
     ) -> Result<Camera, DesignError> {
         let exposure = Exposure { white_e, time_s: request.time_s, linear_gain: request.gain };
         let (geometry, device) = (self.geometry.clone(), Device::flex());
-        let restoration = request.restore.map(|restore| restore.filter(&sensor, &exposure));
+        let restoration = request.restore.as_ref().map(|restore| restore.filter(&sensor, &exposure));
         let body = Body {
             sensor,
             geometry,
@@ -223,28 +221,16 @@ pub fn check_not_stopped(taken: usize, request: &Request, context: &Context) -> 
 
 /// Refuses numbers outside their ranges.
 pub fn check_numbers(request: &Request) -> Result<(), JobError> {
-    for (key, value, max) in [
-        ("white_e", request.white_e, 1e7),
-        ("time_s", Some(request.time_s), 1e4),
-        ("gain", Some(request.gain), 1e3),
-    ] {
-        if let Some(value) = value.filter(|value| !(*value > 0.0 && *value <= max)) {
-            let message = format!("not between 0 and {max}");
-            return Err(JobError::setting(key, value, message, "a positive number"));
+    check_ranges(request)?;
+    check_ranges(&request.spectral)?;
+    let Some(restore) = &request.restore else { return Ok(()) };
+    check_ranges(restore).map_err(|error| match error {
+        // The noise is the value of the option.
+        JobError::Setting { value, message, hint, .. } => {
+            JobError::Setting { key: "restore", value, message, hint }
         }
-    }
-    if let Some(noise) = request.restore.and_then(|restore| restore.noise)
-        && !(noise > 0.0 && noise <= 10.0)
-    {
-        let hint = "0.003 suits 16,000 electrons of white; more for less light";
-        return Err(JobError::setting("restore", noise, "not above 0 and at most 10", hint));
-    }
-    if let Some(samples) = request.samples.filter(|samples| !(1..=MOST_SAMPLES).contains(samples)) {
-        let message = format!("not between 1 and {MOST_SAMPLES}");
-        let hint = "with 4, a pixel collects the light of 4 x 4 samples of the scene";
-        return Err(JobError::setting("samples", samples, message, hint));
-    }
-    Ok(())
+        other => other,
+    })
 }
 
 /// The pixels that are read: all, or those of --size in the middle.

@@ -18,7 +18,7 @@ use super::output::{self, Facts};
 use super::request::Request;
 use super::rig::Rig;
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::{JobError, make_folder};
 use crate::event::WarningKind;
 
 /// The noise of a request.
@@ -42,11 +42,18 @@ pub fn placed(request: &Request, picture: &LinearImage, frame: (usize, usize)) -
 }
 
 /// One frame and what was developed from it, on the host.
+#[derive(Clone, Debug)]
 pub struct Taken {
-    raw: Raw,
-    developed: LinearImage,
-    illumination: LinearImage,
+    /// The raw frame, in digital numbers.
+    pub raw: Raw,
+    /// The developed picture in linear light, restored where the request restores: 1 is white.
+    pub developed: LinearImage,
+    /// Light of each pixel relative to the axis, in three colours.
+    pub illumination: LinearImage,
 }
+
+/// What happens to each frame: called with what took it and with the name of its image, returns facts about it and a warning.
+pub type Each<'a> = dyn FnMut(&Rig, &Camera, &str, Taken) -> Result<(Facts, Option<String>), JobError> + 'a;
 
 impl Taken {
     /// The first frame of a camera's shots, copied from the device. Its picture is the restored one where the camera restores.
@@ -87,6 +94,7 @@ pub fn write_shot(
     taken: &Taken,
     context: &Context,
 ) -> Result<(Facts, Option<String>), JobError> {
+    make_folder(&request.out)?;
     let (sensor, white_e) = (&camera.body().sensor, camera.body().exposure.white_e);
     let share = saturated_share(&taken.raw, sensor);
     let saturation = Saturation::of(request, sensor, white_e, share)?;

@@ -21,13 +21,13 @@ use super::highlights::default_white_e;
 use super::output::Facts;
 use super::request::{Kind, Request, kind, result_name, scene_name};
 use super::rig::{Rig, check_not_stopped, check_numbers};
-use super::shot::{Taken, photograph, placed, write_shot};
+use super::shot::{Each, Taken, photograph, placed};
 use crate::context::Context;
-use crate::error::{JobError, make_folder};
+use crate::error::JobError;
 use crate::event::WarningKind;
 
-/// Takes all images.
-pub fn run(request: &Request, context: &Context) -> Result<Vec<Facts>, JobError> {
+/// Takes all images, and gives each to `each`.
+pub fn run(request: &Request, context: &Context, each: &mut Each<'_>) -> Result<Vec<Facts>, JobError> {
     check(request)?;
     let mut rig = Rig::new(request, context)?;
     let mut conditions = Conditions::new(request, &mut rig, context)?;
@@ -37,7 +37,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Vec<Facts>, JobError>
         conditions.lux *= f64::from(white_e) / shared.white.white_e();
         shared = Light::over_all(request, &conditions, &rig)?;
     }
-    // Every image is read before anything is written; only one of them at a time is in memory.
+    // Every image is read before anything is taken; only one of them at a time is in memory.
     let mut first = None;
     for path in &request.images {
         first = Some(open(request, path, &conditions, &rig, &shared, context)?);
@@ -46,7 +46,6 @@ pub fn run(request: &Request, context: &Context) -> Result<Vec<Facts>, JobError>
     if request.images.iter().any(|path| kind(path) != Kind::Spectral) {
         shared.warn(&conditions, &rig, None, context);
     }
-    make_folder(&request.out)?;
     // Warnings about files have been shown.
     let silent = context.silent();
     let mut written = Vec::new();
@@ -66,7 +65,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Vec<Facts>, JobError>
         let electrons = electrons(request, &rig, &conditions, light, &opened, &name, context)
             .map_err(|error| named(path, error))?;
         let (camera, taken) = take(request, &rig, light, &electrons, frame)?;
-        let (mut facts, warning) = write_shot(request, &rig, &camera, &name, &taken, context)?;
+        let (mut facts, warning) = each(&rig, &camera, &name, taken)?;
         warning.into_iter().for_each(|warning| context.warning(WarningKind::Saturation, warning));
         facts.extend(light.facts(request, &conditions));
         written.push(facts);
@@ -190,12 +189,6 @@ fn check(request: &Request) -> Result<(), JobError> {
         return Err(JobError::input(
             format!("--three-band: {} is no photograph of three bands", path.display()),
             "leave --three-band out, or give photographs",
-        ));
-    }
-    if let Some(bands) = request.spectral.bands.filter(|bands| !(2..=401).contains(bands)) {
-        return Err(JobError::input(
-            format!("--bands {bands}: not within 2..401"),
-            "16 bands are 20 nm apart over 400..700 nm",
         ));
     }
     Ok(())

@@ -137,7 +137,7 @@ impl Case {
         };
         let request = optimize::Request {
             start: optimize::Start::New {
-                lens: lens.display().to_string(),
+                lens: lens.display().to_string().into(),
                 out: folder.path().join("run"),
                 goal: Box::new(goal),
                 global: false,

@@ -69,7 +69,7 @@ where
 fn optimize_request(folder: &std::path::Path, global: bool) -> optimize::Request {
     optimize::Request {
         start: optimize::Start::New {
-            lens: LENS.to_owned(),
+            lens: LENS.into(),
             out: folder.join("run"),
             goal: Box::new(optimize::Goal { wavelengths: vec![0.5876], ..optimize::Goal::default() }),
             global,
@@ -84,7 +84,7 @@ fn optimize_request(folder: &std::path::Path, global: bool) -> optimize::Request
 
 fn tolerance_request(folder: &std::path::Path) -> tolerance::Request {
     tolerance::Request {
-        lens: LENS.to_owned(),
+        lens: LENS.into(),
         tolerances: None,
         grade: Some(tolerance::Grade::Commercial),
         merit: tolerance::Merit::Rms,
@@ -106,23 +106,18 @@ fn requests_and_responses_survive_json() {
     let window = folder.path().join("window.toml");
     std::fs::write(&window, AFOCAL).unwrap();
     for lens in [LENS.to_owned(), window.display().to_string()] {
-        let shown = run(show::run, show::Request { lens, focus: FocusAt::File });
+        let shown = run(show::run, show::Request { lens: lens.into(), focus: FocusAt::File });
         assert_eq!(shown.figures.efl_mm.is_some(), shown.figures.name != "window");
     }
     // A ray that arrives and one that is lost.
     for py in [0.5, 9.0] {
         let pupil = vec![0.0, py];
-        let request = trace::Request {
-            lens: LENS.to_owned(),
-            field: 5.0,
-            wavelength: 0.55,
-            pupil,
-            aim: trace::Aim::Real,
-        };
+        let request =
+            trace::Request { lens: LENS.into(), field: 5.0, wavelength: 0.55, pupil, aim: trace::Aim::Real };
         assert_eq!(run(trace::run, request).image.is_some(), py < 1.0);
     }
     let to = folder.path().join("triplet.zmx");
-    let converted = run(convert::run, convert::Request { from: LENS.to_owned(), to: to.clone() });
+    let converted = run(convert::run, convert::Request { from: LENS.into(), to: to.clone() });
     assert!(to.is_file() && !converted.losses_of_writing.is_empty());
 
     let descent = run(optimize::run, optimize_request(folder.path(), false));

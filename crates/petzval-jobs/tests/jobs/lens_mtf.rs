@@ -76,8 +76,8 @@ impl Target {
         save_png16(&self.scene(), &scene).unwrap();
         let request = simulate::Request {
             images: vec![scene],
-            lens: LENS.to_owned(),
-            sensor: sensor.display().to_string(),
+            lens: LENS.into(),
+            sensor: sensor.display().to_string().into(),
             samples: Some(SAMPLES),
             no_distortion: true,
             no_noise: true,

@@ -64,7 +64,7 @@ fn sent<T: Serialize + DeserializeOwned + PartialEq + std::fmt::Debug>(value: T)
 
 fn series(out: &Path) -> sensor::capture::Request {
     sensor::capture::Request {
-        sensor: "imx249-fitted".to_owned(),
+        sensor: "imx249-fitted".into(),
         out: out.to_owned(),
         emva: false,
         gains: vec![1.0, 2.0, 4.0],
@@ -86,7 +86,7 @@ fn a_sensor_is_listed_shown_captured_and_measured() {
     let (context, kept) = context();
     let listed = sent(sensor::list::run(&sensor::list::Request {}, &context).unwrap()).sensors;
     assert!(listed.iter().any(|s| s.name == "imx249-fitted" && s.bits == 12));
-    let request = sensor::show::Request { sensor: "imx249-fitted".to_owned(), gains: vec![1.0, 10.0] };
+    let request = sensor::show::Request { sensor: "imx249-fitted".into(), gains: vec![1.0, 10.0] };
     let shown = sent(sensor::show::run(&sent(request), &context).unwrap());
     assert_eq!(shown.derived.iter().map(|d| d.linear_gain).collect::<Vec<_>>(), [1.0, 10.0]);
 
@@ -175,9 +175,9 @@ fn a_pinhole_is_captured_and_its_psf_measured() {
     let folder = tempfile::tempdir().unwrap();
     let (context, kept) = context();
     let request = sent(psf_capture::Request {
-        lens: "cooke-triplet-nominal".to_owned(),
+        lens: "cooke-triplet-nominal".into(),
         out: folder.path().join("captures"),
-        sensor: "imx249-calibrated".to_owned(),
+        sensor: "imx249-calibrated".into(),
         distance_mm: 1500.0,
         pinhole_um: 75.0,
         focus: psf_capture::Focus::Source,

@@ -2,12 +2,13 @@
 
 use petzval_camera::render::Window;
 use petzval_camera::spectral::EdgeTarget;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::sfr::{EdgeResponse, Estimate, Plane, Sfr, slanted_edge};
 
 /// Sharpness at an edge target: means over its four sides, of the linear luminance.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct EdgeFigures {
     /// Contrast of the target.
     pub contrast: String,

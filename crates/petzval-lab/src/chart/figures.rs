@@ -5,6 +5,7 @@ use petzval_camera::image::srgb_decode;
 use petzval_camera::isp::RgbPicture;
 use petzval_camera::render::{Placement, Window};
 use petzval_camera::spectral::{TestChart, apply, d65_white, delta_e_2000, lab};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::edges::{EdgeFigures, edge_figures};
@@ -17,7 +18,7 @@ const FIRST_GRAY: usize = 18;
 pub(super) const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
 
 /// What a developed chart shows.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ChartFigures {
     /// Colour errors with the picture's own lightness.
     pub as_developed: Lightness,
@@ -31,7 +32,7 @@ pub struct ChartFigures {
 }
 
 /// Colour errors, CIEDE2000.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Lightness {
     /// What the linear light of the picture was multiplied with.
     pub factor: f64,

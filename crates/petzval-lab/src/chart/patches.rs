@@ -4,10 +4,11 @@ use nalgebra::{Matrix3, Vector3};
 use petzval_camera::image::srgb_decode;
 use petzval_camera::isp::{BT709, ycbcr};
 use petzval_camera::render::Window;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Colour and noise of a patch.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PatchFigures {
     /// Colour that it should have, CIELAB relative to D65.
     pub wanted_lab: [f64; 3],
@@ -22,7 +23,7 @@ pub struct PatchFigures {
 }
 
 /// Standard deviations over a patch, without its linear gradient.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PatchNoise {
     /// Of luma (ITU-R BT.709), as a share of encoded white.
     pub luma: f64,

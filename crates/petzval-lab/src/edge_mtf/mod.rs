@@ -7,6 +7,7 @@ mod channel;
 mod find;
 mod region;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use channel::{Channel, picture_channels, raw_channels};
@@ -19,7 +20,7 @@ use crate::sfr::{EdgeResponse, Estimate, FREQUENCY_STEP, Sfr, SfrError, slanted_
 pub const NYQUIST: f64 = 0.5;
 
 /// Standard errors of the figures of an edge, from the noise of the pixels.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct StandardErrors {
     /// Of the inclination, degrees.
     pub angle_deg: f64,
@@ -38,7 +39,7 @@ pub struct StandardErrors {
 }
 
 /// The response of one channel at an edge.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct EdgeMtf {
     /// Channel: a colour, or `luminance`.
     pub channel: String,

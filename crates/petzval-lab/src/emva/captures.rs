@@ -6,6 +6,7 @@
 use std::path::{Path, PathBuf};
 
 use petzval_base::{Cancelled, FileError};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use petzval_camera::sensor::CfaPattern;
@@ -19,7 +20,7 @@ pub(super) const SERIES: &str = "series.toml";
 pub const DESCRIPTOR: &str = "EMVA1288descriptor.txt";
 
 /// Facts of the sensor that the list of captures states.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct SensorFacts {
     /// Name of the sensor.
     pub name: String,
@@ -42,7 +43,7 @@ pub struct SensorFacts {
 }
 
 /// Whether light falls on the sensor.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
     /// Uniform light.

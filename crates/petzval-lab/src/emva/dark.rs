@@ -5,6 +5,7 @@
 //! variance = K^2 (mu_I t + sigma_r^2) + sigma_el^2 + 1/12    [DN^2]
 //! ```
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::fit::{Line, TestedLine, tested_line};
@@ -14,7 +15,7 @@ use super::point::Moments;
 use super::rounding::RoundingError;
 
 /// Dark frames of one exposure time.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct DarkPoint {
     /// Exposure time, s.
     pub exposure_s: f64,
@@ -48,7 +49,7 @@ impl DarkPoint {
 }
 
 /// A dark series with its fitted lines.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct DarkSeries {
     /// The points, exposure times ascending.
     pub points: Vec<DarkPoint>,

@@ -4,6 +4,7 @@
 //! pixels that are no part of the distribution. They are found by their answer to light, the flat stack less the dark one. A hot
 //! pixel that answers light is none of them.
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::block_means::BLOCKS;
@@ -11,7 +12,7 @@ use super::high_pass::Plane;
 use petzval_base::statistics::{SIGMA_OVER_MEDIAN, median};
 
 /// A pixel that does not answer light as others do.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct Defect {
     /// Row of the frame, from 0.
     pub row: usize,

@@ -1,12 +1,13 @@
 //! EMVA 1288 figures that follow from the numbers of a sensor file.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::rounding::QUANTISATION_DN2;
 use petzval_camera::sensor::{Electronics, SensorModel};
 
 /// Figures of a sensor at one linear gain.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Derived {
     /// Linear gain g.
     pub linear_gain: f64,

@@ -1,6 +1,7 @@
 //! The figures of EMVA 1288 under the computer names of the EMVA 1288 Python library, each as the library derives it and,
 //! where ours differs, the corrected value beside it.
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::dark::{DarkPoint, DarkSeries, dark_series};
@@ -12,7 +13,7 @@ use super::transfer::PhotonTransfer;
 use super::transfer_point::{Rules, TransferPoint};
 
 /// One figure.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Figure {
     /// Computer name in the library.
     pub name: &'static str,

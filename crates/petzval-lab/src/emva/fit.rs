@@ -1,12 +1,13 @@
 //! Straight lines through measured points, with the standard errors of their coefficients.
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::goodness::{FitTest, Model, Points, test};
 use super::measured::{Measured, Unresolved};
 
 /// A line `y = slope x + intercept`.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct Line {
     /// Slope, unit of y over unit of x.
     pub slope: Measured,

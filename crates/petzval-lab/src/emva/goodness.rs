@@ -11,13 +11,14 @@
 
 use nalgebra::{DMatrix, DVector};
 use rand_distr::{Distribution, StandardNormal};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// Level of each test: a model that holds fails one in ten thousand.
 pub const ALPHA: f64 = 1e-4;
 
 /// What follows from the tests of a fit.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
     /// There are no more points than coefficients.
@@ -46,7 +47,7 @@ impl Verdict {
 }
 
 /// Test of a fit.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct FitTest {
     /// Points of the fit.
     pub points: usize,

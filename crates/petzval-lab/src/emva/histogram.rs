@@ -1,12 +1,13 @@
 //! Histograms of defects as in EMVA 1288: whole-number bins of equal width, compared with a normal distribution.
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// Largest number of bins of a histogram.
 pub const MOST_BINS: usize = 256;
 
 /// A histogram and the normal distribution of the same mean and spread.
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, JsonSchema)]
 pub struct Histogram {
     /// Lower limit of each bin.
     pub bins: Vec<f64>,

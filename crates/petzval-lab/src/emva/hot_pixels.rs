@@ -21,6 +21,7 @@
 //! is one draw of its kind. The dark current of the ordinary pixels is the mean of those within `T`, minus the
 //! contribution of hot pixels below `T`.
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::captures::{Kind, Point};
@@ -53,7 +54,7 @@ struct DarkEnd<'a> {
 }
 
 /// Dark currents of the pixels at one gain.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct PixelDarkCurrents {
     /// Exposure time of the shorter dark frames, s.
     pub short_s: f64,

@@ -18,6 +18,7 @@
 //! lines. The errors contain this scatter; if the points are far off, the figures of the line are withdrawn. An error that all gains share,
 //! as that of K by a response that bends, does not become smaller with their number.
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::dark::DarkSeries;
@@ -31,7 +32,7 @@ use super::transfer_point::TransferPoint;
 use petzval_camera::sensor::Colour;
 
 /// Contribution of one linear gain.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct GainRow {
     /// Linear gain g.
     pub linear_gain: f64,
@@ -67,7 +68,7 @@ impl GainRow {
 }
 
 /// Whether the gains agree with the model of all of them.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct JointTests {
     /// `K_g / g` is the same at all gains.
     pub gain: FitTest,
@@ -80,7 +81,7 @@ pub struct JointTests {
 }
 
 /// The joint fit.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct JointFit {
     /// The gains.
     pub rows: Vec<GainRow>,

@@ -17,6 +17,7 @@
 //! The parts are those of the frames as they are, whole digital numbers. How far rounding to these changes the noise of a row is
 //! [another error](super::rounding::Steps).
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::measured::{Measured, Unresolved};
@@ -134,7 +135,7 @@ impl LineSums {
 
 /// Temporal variances that pixels of a row, and of a column, have in common, and that of single pixels, DN^2. Noise may make the former
 /// negative.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct LineNoise {
     /// Of rows.
     pub row_dn2: Measured,

@@ -1,13 +1,16 @@
 //! A measured number with its standard error, or the reason why it is not resolved.
 
+use std::borrow::Cow;
+
 use petzval_base::counted;
+use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Serialize, Serializer};
 
 /// Multiple of the standard error within which a slope or a variance counts as zero.
 pub const RESOLVED_SIGMAS: f64 = 2.0;
 
 /// A result of a measurement. Never NaN: a number that is not resolved has a reason instead.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 #[serde(untagged)]
 pub enum Measured {
     /// A number.
@@ -20,7 +23,7 @@ pub enum Measured {
     },
     /// The captures do not determine the number.
     NotResolved {
-        /// Why not.
+        /// Why not, in words.
         not_resolved: Unresolved,
     },
 }
@@ -142,6 +145,17 @@ pub enum Unresolved {
 impl Serialize for Unresolved {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_str(self)
+    }
+}
+
+/// In words.
+impl JsonSchema for Unresolved {
+    fn schema_name() -> Cow<'static, str> {
+        "Unresolved".into()
+    }
+
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        String::json_schema(generator)
     }
 }
 

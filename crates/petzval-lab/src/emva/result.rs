@@ -1,5 +1,6 @@
 //! The result of a characterisation: the numbers of each gain and colour, and of all gains together.
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::captures::SensorFacts;
@@ -19,7 +20,7 @@ use super::warning::Warning;
 use petzval_camera::sensor::Colour;
 
 /// Options of the evaluation of a series.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct Options {
     /// The filter before non-uniformity (of the corrected values).
     pub high_pass: HighPass,
@@ -37,7 +38,7 @@ impl Default for Options {
 }
 
 /// The characterisation of a series of captures.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Characterization {
     /// Facts of the sensor that the list states.
     pub sensor: SensorFacts,
@@ -48,6 +49,7 @@ pub struct Characterization {
     /// Options of the evaluation.
     pub options: Options,
     /// Warnings about the captures.
+    #[schemars(with = "Vec<String>")]
     pub warnings: Vec<Warning>,
     /// Each linear gain, ascending.
     pub gains: Vec<GainResult>,
@@ -61,7 +63,7 @@ pub struct Characterization {
 }
 
 /// One linear gain.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct GainResult {
     /// Linear gain g.
     pub linear_gain: f64,
@@ -76,7 +78,7 @@ pub struct GainResult {
 }
 
 /// One colour at one gain.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct ChannelResult {
     /// Colour.
     pub colour: Colour,

@@ -7,6 +7,7 @@
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::captures::{CaptureError, Kind, MANIFEST, SERIES, SensorFacts};
@@ -25,7 +26,7 @@ struct Identity<'a> {
 }
 
 /// Result of writing a series.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Written {
     /// The list of captures.
     pub list: PathBuf,

@@ -22,6 +22,7 @@
 use std::collections::BTreeSet;
 use std::rc::Rc;
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::defects::{Defect, defects, without};
@@ -38,7 +39,7 @@ use super::spectrogram::{column_spectrogram, row_spectrogram};
 use petzval_camera::sensor::{CfaPattern, Colour};
 
 /// Variances of the mean of a stack, DN^2, or their standard errors.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, JsonSchema)]
 pub struct Variances {
     /// Mean temporal variance.
     pub temporal: f64,
@@ -63,7 +64,7 @@ pub struct Variances {
 /// Standard errors are the scatter over specimens of one kind: `A sqrt(2/N)` of the variance `A` of `N` column means, `A
 /// sqrt(2/M)` of that of `M` row means, from the fourth moment of the residual for the pixels; the three are
 /// independent. They are too small for an uneven field, whose rows and columns are not random.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, JsonSchema)]
 pub struct StackVariances {
     /// Frames L.
     pub frames: usize,
@@ -84,7 +85,7 @@ impl StackVariances {
 }
 
 /// Variances after the high-pass, corrected for its loss, DN^2.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct Components {
     /// All three.
     pub total: Measured,
@@ -101,7 +102,7 @@ pub struct Components {
 }
 
 /// Rows or columns of a picture seen from the side.
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, JsonSchema)]
 pub struct Profile {
     /// The middle row (column).
     pub middle_dn: Vec<f64>,
@@ -114,7 +115,7 @@ pub struct Profile {
 }
 
 /// Data of the plots of one stack.
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, JsonSchema)]
 pub struct StackPlots {
     /// Power along rows at the frequencies `k / (2 (n - 1))` periods per pixel (for even widths), DN^2.
     pub horizontal_spectrogram_dn2: Vec<f64>,
@@ -131,7 +132,7 @@ pub struct StackPlots {
 }
 
 /// Non-uniformity of one gain and colour.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Spatial {
     /// Exposure time of the stacks, s.
     pub exposure_s: f64,

@@ -11,6 +11,7 @@
 //!
 //! Source: EMVA 1288 release 4.0 Linear, photon transfer method.
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::deviation_noise::DeviationNoise;
@@ -23,7 +24,7 @@ use super::transfer_point::FIT_SHARE;
 pub use super::transfer_point::{Rules, TransferPoint, light};
 
 /// Straightness of the response: the weighted line through 5 to 95 % of saturation.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Linearity {
     /// Slope, DN per photon (per second of exposure where photons are not known).
     pub slope: f64,
@@ -46,7 +47,7 @@ pub struct Linearity {
 }
 
 /// Photon transfer of one gain and colour under one set of rules.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct PhotonTransfer {
     /// Point of the largest noise, where the sensor begins to saturate; the brightest point if it does not saturate.
     pub saturation: usize,

@@ -1,11 +1,12 @@
 //! One setting of a photon transfer: mean and temporal variance of its flat and its dark frames.
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::point::{CLIPPED_SHARE, Moments};
 
 /// One setting with its flat and its dark frames.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct TransferPoint {
     /// Exposure time, s.
     pub exposure_s: f64,

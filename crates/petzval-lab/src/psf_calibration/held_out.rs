@@ -7,6 +7,7 @@
 //! which does not test another sub-pixel phase.
 
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::ascent::{Ascent, Datum, even, landing, pixels, shaped};
@@ -28,7 +29,7 @@ const PATIENCE: usize = 3;
 const TILE_FOLDS: usize = 5;
 
 /// The kind of held-out data.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum HeldOutBy {
     /// Each position in turn.

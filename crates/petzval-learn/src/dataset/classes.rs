@@ -170,7 +170,7 @@ impl Name {
 }
 
 /// Which annotations of a data set classes take.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Taken {
     /// Each class, in their order.
     pub classes: Vec<TakenClass>,
@@ -181,7 +181,7 @@ pub struct Taken {
 }
 
 /// What a class takes of a data set.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct TakenClass {
     /// The class.
     pub class: String,

@@ -16,6 +16,7 @@ pub use standard::{STANDARD_SCORES, standard_scores};
 use burn::prelude::*;
 use petzval_camera::image::LinearImage;
 use petzval_camera::quality::QualityError;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::loss::LossError;
@@ -83,7 +84,7 @@ pub enum ScoreError {
 }
 
 /// What a reader must know of a score.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct ScoreDescription {
     /// Its key.
     pub name: String,

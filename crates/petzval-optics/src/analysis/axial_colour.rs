@@ -1,5 +1,6 @@
 //! Focus along the axis: by colour, and by zone of the pupil.
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::AnalysisOptions;
@@ -13,7 +14,7 @@ use crate::trace::{launch, trace_ray};
 const POINTS: usize = 41;
 
 /// Paraxial focus over the wavelength.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct AxialColour {
     /// From the shortest to the longest wavelength of the lens, um.
     pub wavelength_um: Vec<f64>,
@@ -23,7 +24,7 @@ pub struct AxialColour {
 }
 
 /// Crossings of axial rays with the axis, over their height in the pupil.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct LongitudinalAberration {
     /// Height on the stop in units of its radius, 0..1.
     pub pupil: Vec<f64>,

@@ -1,6 +1,7 @@
 //! Encircled energy: the share of the light of a point within a circle.
 
 use petzval_base::statistics::maximum;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::lens_at_field::{LensAtField, pupil};
@@ -18,7 +19,7 @@ const CELLS: usize = 192;
 const PARTS: usize = 4;
 
 /// Energy within circles about the centroid of the light of all colours, as shares of all light that reaches the image.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct EncircledEnergy {
     /// The field, degrees.
     pub field_deg: f64,

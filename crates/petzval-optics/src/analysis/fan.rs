@@ -1,5 +1,6 @@
 //! Fans: aberrations along two diameters of the stop.
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::lens_at_field::LensAtField;
@@ -14,7 +15,7 @@ use crate::wave::{PupilPlane, opd_about};
 /// about that point through the exit pupil, and with the path of their own colour's chief ray, so lateral colour is a
 /// tilt. They are positive where the wavefront is ahead of the sphere, as in Seidel's theory. A value is `None` if the
 /// ray is lost or blocked; a wavefront is also `None` in a system with thin lenses, which have no optical paths.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Fan {
     /// The field, degrees.
     pub field_deg: f64,

@@ -1,6 +1,7 @@
 //! Curves over the field: focus of lines, distortion, lateral colour and illumination.
 
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::lens_at_field::{LensAtField, pupil};
@@ -18,7 +19,7 @@ const CLOSE: f64 = 1e-4;
 const NEAR: f64 = 1e-3;
 
 /// Curves over the field; lists by wavelength hold one value per field.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct FieldCurves {
     /// Fields from the axis outwards, or from one side to the other, degrees.
     pub field_deg: Vec<f64>,

@@ -1,5 +1,6 @@
 //! The first-order table: properties of the lens near its axis, as on a data sheet.
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::cone::Cone;
@@ -9,7 +10,7 @@ use crate::seidel::marginal_and_chief;
 
 /// First-order quantities at the reference wavelength. A quantity that does not exist (the distance of an object at
 /// infinity, the focal length of an afocal lens) is `None`.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct FirstOrderTable {
     /// Effective focal length, mm.
     pub efl_mm: Option<f64>,

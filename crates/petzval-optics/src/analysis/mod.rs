@@ -35,12 +35,13 @@ pub use wavefront::{Wavefront, ZERNIKE_TERMS, fringe_zernike, wavefront};
 
 use petzval_base::Cancelled;
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::lens::Lens;
 
 /// All analyses of a lens.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Analysis {
     /// Name of the lens.
     pub name: String,

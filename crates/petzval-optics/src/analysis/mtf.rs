@@ -6,6 +6,7 @@
 
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::lens_at_field::{LensAtField, pupil};
@@ -17,7 +18,7 @@ use crate::trace::Sequence;
 use crate::wave::{LineSpread, Overlap, PupilWave, Section, WaveChannel};
 
 /// Modulation in two sections.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct MtfCurve {
     /// Lines that point away from the axis (modulation along x), 0..1.
     pub sagittal: Vec<f64>,
@@ -26,7 +27,7 @@ pub struct MtfCurve {
 }
 
 /// Modulation of a field over frequency.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct FieldMtf {
     /// The field, degrees.
     pub field_deg: f64,
@@ -41,7 +42,7 @@ pub struct FieldMtf {
 }
 
 /// Modulation over the field.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct MtfByField {
     /// Fields from the axis outwards, degrees.
     pub field_deg: Vec<f64>,
@@ -54,7 +55,7 @@ pub struct MtfByField {
 }
 
 /// Modulation of a field over focus.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct ThroughFocusMtf {
     /// The field, degrees.
     pub field_deg: f64,

@@ -3,6 +3,7 @@
 use std::f64::consts::TAU;
 
 use petzval_base::statistics::maximum;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::lens_at_field::{LensAtField, pupil};
@@ -13,7 +14,7 @@ use crate::spot::spot;
 use crate::trace::trace;
 
 /// The spot diagram of a field.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct SpotDiagram {
     /// The field, degrees.
     pub field_deg: f64,

@@ -1,12 +1,13 @@
 //! Third-order and chromatic sums by surface, as aberrations of the image.
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::lens::Lens;
 use crate::seidel::{chromatic, seidel};
 
 /// The sums of one surface, mm.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, JsonSchema)]
 pub struct ThirdOrderSurface {
     /// Seidel sums S_I to S_V: spherical aberration, coma, astigmatism, Petzval curvature, distortion.
     pub seidel_mm: [f64; 5],
@@ -15,7 +16,7 @@ pub struct ThirdOrderSurface {
 }
 
 /// Sums of a lens for its full field at its reference wavelength.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct ThirdOrder {
     /// The field, degrees.
     pub field_deg: f64,

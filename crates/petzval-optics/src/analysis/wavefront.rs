@@ -2,6 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 use petzval_base::statistics::{maximum, minimum};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::AnalysisError;
@@ -25,7 +26,7 @@ const RIM: usize = 64;
 /// Each is the optical path difference from the sphere about the image of its own chief ray, over the stop in units of
 /// its radius, positive where the wavefront is ahead of the sphere. A system with thin lenses has no wavefronts,
 /// because thin lenses have no optical paths: all values are NaN (in JSON null) or `None`.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Wavefront {
     /// The field, degrees.
     pub field_deg: f64,

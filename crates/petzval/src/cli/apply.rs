@@ -5,6 +5,7 @@ use std::process::ExitCode;
 
 use petzval::jobs::apply::{self, Request};
 
+use super::defaults::word;
 use super::failure::Failure;
 use super::plain::shown;
 use super::signals;
@@ -28,16 +29,16 @@ pub struct Args {
     #[arg(long, value_name = "NAME")]
     camera: Vec<String>,
     /// How a photograph lands on the sensor
-    #[arg(long, value_enum, default_value_t = Place::Fill)]
+    #[arg(long, value_enum, default_value = word(Request::default().place))]
     place: Place,
     /// Seed of the noise
-    #[arg(long, default_value_t = petzval::jobs::apply::Request::default().seed)]
+    #[arg(long, default_value_t = Request::default().seed)]
     seed: u64,
     /// Folder for the pictures
-    #[arg(long, value_name = "DIR", default_value = "applied")]
+    #[arg(long, value_name = "DIR", default_value = word(Request::default().out))]
     out: PathBuf,
     /// Device for tensors; `petzval doctor` lists them
-    #[arg(long, default_value = "cpu")]
+    #[arg(long, default_value = word(Request::default().device))]
     device: String,
     /// Believe this file or folder of the run though it does not agree with its digest; may be repeated
     #[arg(long, value_name = "NAME")]

@@ -20,7 +20,7 @@ pub struct Args {
     #[arg(long)]
     list: bool,
     /// Seconds to spend on each workload
-    #[arg(long, default_value_t = petzval::jobs::bench::Request::default().seconds, value_name = "S")]
+    #[arg(long, default_value_t = bench::Request::default().seconds, value_name = "S")]
     seconds: f64,
 }
 

@@ -5,6 +5,7 @@ use std::process::ExitCode;
 
 use petzval::jobs::compare::{self, Request};
 
+use super::defaults::word;
 use super::failure::Failure;
 use super::plain::shown;
 use super::terminal::{Terminal, print_json};
@@ -22,7 +23,7 @@ pub struct Args {
     #[arg(required = true, value_name = "RUN")]
     runs: Vec<PathBuf>,
     /// The page
-    #[arg(long, value_name = "FILE", default_value = "comparison.html")]
+    #[arg(long, value_name = "FILE", default_value = word(Request::default().out))]
     out: PathBuf,
     /// Write means and deviations of the cameras as comma-separated values, too
     #[arg(long, value_name = "FILE")]

@@ -3,9 +3,10 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use petzval::jobs::design::{self, DEFAULT_EXPERIMENT, FITTED};
+use petzval::jobs::design::{self, DEFAULT_EXPERIMENT, FITTED, RunEnding};
 use petzval::jobs::{JobError, experiment};
 
+use super::defaults::word;
 use super::failure::Failure;
 use super::first_look;
 use super::plain::shown;
@@ -28,7 +29,7 @@ use super::terminal::{Terminal, ending, pasted};
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Experiment file, or the name of a built-in one; or a lens file, for which `petzval init --lens` would write an experiment
-    #[arg(default_value = DEFAULT_EXPERIMENT)]
+    #[arg(default_value = word(design::NewRun::default().experiment))]
     experiment: String,
     /// Folder of the run [default: runs/<experiment>-seed-<seed>, with --variant runs/<experiment>-<variant>-seed-<seed>; a file experiment.toml is called by its folder]
     #[arg(long, value_name = "DIR")]
@@ -78,7 +79,7 @@ pub struct Args {
     #[arg(long, requires = "check")]
     json: bool,
     /// Device for tensors; `petzval doctor` lists them
-    #[arg(long, default_value = "cpu")]
+    #[arg(long, default_value = word(design::Request::default().device))]
     device: String,
 }
 
@@ -95,7 +96,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
             accept_changed: args.accept_changed,
         }),
         None => design::Run::New(design::NewRun {
-            experiment: args.experiment,
+            experiment: args.experiment.into(),
             out: args.out,
             changes: design::Changes {
                 seed: args.seed,

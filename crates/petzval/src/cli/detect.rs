@@ -6,8 +6,9 @@ use std::time::Duration;
 
 use clap::ValueEnum;
 use petzval::base::csv_text;
-use petzval::jobs::detect::{self, BackboneKind, Overhanging, Request, Scores, Seen, Source};
+use petzval::jobs::detect::{self, BackboneKind, Overhanging, Request, Scores, Seen, Source, Weights};
 
+use super::defaults::word;
 use super::failure::Failure;
 use super::plain::shown;
 use super::signals;
@@ -42,20 +43,20 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     weights: Option<PathBuf>,
     /// Backbone of the weights
-    #[arg(long, value_enum, default_value_t = Backbone::Resnet50, requires = "weights", conflicts_with = "run")]
+    #[arg(long, value_enum, default_value = word(Weights::default().backbone), requires = "weights", conflicts_with = "run")]
     backbone: Backbone,
     /// Classes of the weights, without the background
-    #[arg(long, default_value_t = 90, value_name = "N", requires = "weights", conflicts_with = "run")]
+    #[arg(long, default_value_t = Weights::default().classes, value_name = "N", requires = "weights", conflicts_with = "run")]
     classes: usize,
     /// Pixels to which the shorter side of a picture is scaled for the weights
-    #[arg(long, default_value_t = 800, value_name = "PIXELS", requires = "weights", conflicts_with = "run")]
+    #[arg(long, default_value_t = Weights::default().shorter_side, value_name = "PIXELS", requires = "weights", conflicts_with = "run")]
     shorter_side: usize,
     /// Most pixels that its longer side may have after that
-    #[arg(long, default_value_t = 1333, value_name = "PIXELS", requires = "weights", conflicts_with = "run")]
+    #[arg(long, default_value_t = Weights::default().longer_side, value_name = "PIXELS", requires = "weights", conflicts_with = "run")]
     longer_side: usize,
     /// Least score of a detection that is printed and drawn; with --data, detections.json, average precision and recall are of all that the detector
     /// keeps
-    #[arg(long, default_value_t = 0.5, value_name = "SCORE")]
+    #[arg(long, default_value_t = Request::default().least_score, value_name = "SCORE")]
     least_score: f32,
     /// Folder for detections.json (COCO results), annotations.json (pictures, classes, and objects of --data) and pictures with boxes
     #[arg(long, value_name = "DIR")]
@@ -67,7 +68,7 @@ pub struct Args {
     #[arg(long)]
     json: bool,
     /// Device for tensors; `petzval doctor` lists them
-    #[arg(long, default_value = "cpu")]
+    #[arg(long, default_value = word(Request::default().device))]
     device: String,
 }
 
@@ -94,13 +95,13 @@ impl From<Backbone> for BackboneKind {
 pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let detector = match (args.run, args.weights) {
         (Some(run), _) => Source::Run { run, camera: args.camera },
-        (None, Some(file)) => Source::Weights {
+        (None, Some(file)) => Source::Weights(Weights {
             file,
             backbone: args.backbone.into(),
             classes: args.classes,
-            shorter: args.shorter_side,
-            longer: args.longer_side,
-        },
+            shorter_side: args.shorter_side,
+            longer_side: args.longer_side,
+        }),
         (None, None) => return Err(Failure::input("no detector", "name a run, or a file of weights")),
     };
     let request = Request {

@@ -9,6 +9,7 @@ use petzval::jobs::evaluate::{
 
 use petzval::base::counted;
 
+use super::defaults::word;
 use super::failure::Failure;
 use super::number::figure;
 use super::plain::shown;
@@ -44,13 +45,13 @@ pub struct Args {
     #[arg(long, value_name = "FILE|GRADE")]
     tolerances: Option<PathBuf>,
     /// Cameras of each design
-    #[arg(long, value_name = "N", default_value_t = 30, requires = "tolerances")]
+    #[arg(long, value_name = "N", default_value_t = Made::default().trials, requires = "tolerances")]
     trials: usize,
     /// Seed of their errors
-    #[arg(long, value_name = "SEED", default_value_t = 1, requires = "tolerances")]
+    #[arg(long, value_name = "SEED", default_value_t = Made::default().seed, requires = "tolerances")]
     seed: u64,
     /// Most held-out pictures on which each is scored, spread over photographs and places
-    #[arg(long, value_name = "N", default_value_t = 6, requires = "tolerances")]
+    #[arg(long, value_name = "N", default_value_t = Made::default().pictures, requires = "tolerances")]
     pictures: usize,
     /// Leave the image plane where the tolerances put it
     #[arg(long, requires = "tolerances")]
@@ -62,7 +63,7 @@ pub struct Args {
     #[arg(long, value_name = "SCORE", requires = "tolerances")]
     limit: Option<f64>,
     /// Device for tensors; `petzval doctor` lists them
-    #[arg(long, default_value = "cpu")]
+    #[arg(long, default_value = word(evaluate::Request::default().device))]
     device: String,
     /// Machine-readable output
     #[arg(long)]

@@ -9,6 +9,7 @@ use petzval::jobs::experiment::{self, FileKind, SchemaRequest};
 use petzval::jobs::run_all::{self, Request};
 use petzval::jobs::{Call, row};
 
+use super::defaults::{numbers, word};
 use super::failure::Failure;
 use super::plain::shown;
 use super::signals;
@@ -41,13 +42,13 @@ pub enum ExperimentVerb {
 #[derive(Debug, clap::Args)]
 pub struct RunAllArgs {
     /// Folder for the runs and the page
-    #[arg(long, value_name = "DIR", default_value = "runs")]
+    #[arg(long, value_name = "DIR", default_value = word(Request::default().out))]
     out: PathBuf,
     /// Experiments, by built-in name or file [default: all built-in ones that compare cameras]
     #[arg(long, value_name = "NAME,NAME", value_delimiter = ',')]
     only: Vec<String>,
     /// Seeds; all experiments have a run of the first before any has one of the second
-    #[arg(long, value_name = "N,N", value_delimiter = ',', default_value = "1,2,3")]
+    #[arg(long, value_name = "N,N", value_delimiter = ',', default_value = numbers(&Request::default().seeds))]
     seeds: Vec<u64>,
     /// Minutes to three hours for each run on two cores: the experiments as they are [default]
     #[arg(long, conflicts_with = "full")]
@@ -62,7 +63,7 @@ pub struct RunAllArgs {
     #[arg(long, value_name = "DIR")]
     photos: Option<PathBuf>,
     /// Device for tensors; `petzval doctor` lists them
-    #[arg(long, default_value = "cpu")]
+    #[arg(long, default_value = word(Request::default().device))]
     device: String,
 }
 
@@ -120,11 +121,11 @@ enum Kind {
     Sensor,
     /// A call of `petzval call`
     Call,
-    /// The request of a job, by its name
+    /// The request of a job, by its name, or its response
     Job,
 }
 
-/// Print the JSON Schema of a kind of file, with which editors complete and check it; or that of a job's request.
+/// Print the JSON Schema of a kind of file, with which editors complete and check it; or that of a job's request or response.
 ///
 /// In VS Code with the extension Even Better TOML, write the schema to a file and name it in the first line of your own
 /// file: `#:schema ./experiment.schema.json`.
@@ -136,6 +137,9 @@ pub struct SchemaArgs {
     /// Name of the job whose request is meant; `petzval jobs` lists them
     #[arg(value_name = "NAME", required_if_eq("kind", "job"))]
     job: Option<String>,
+    /// Print the schema of the response of the job in place of that of its request
+    #[arg(long)]
+    response: bool,
 }
 
 /// Runs the verb.
@@ -146,12 +150,21 @@ pub fn schema(args: SchemaArgs, terminal: &Terminal) -> Result<ExitCode, Failure
             format!("petzval schema job {job}"),
         ));
     }
+    if args.response && args.kind != Kind::Job {
+        return Err(Failure::input(
+            "--response: only a job has a response",
+            "petzval schema job NAME --response",
+        ));
+    }
     let kind = match args.kind {
         Kind::Experiment => FileKind::Experiment,
         Kind::Lens => FileKind::Lens,
         Kind::Sensor => FileKind::Sensor,
         Kind::Call => return print_json(&Call::schema()),
-        Kind::Job => return print_json(&row(args.job.as_deref().unwrap_or_default())?.schema()),
+        Kind::Job => {
+            let row = row(args.job.as_deref().unwrap_or_default())?;
+            return print_json(&if args.response { row.response_schema() } else { row.schema() });
+        }
     };
     print_json(&experiment::schema(&SchemaRequest { kind }, &terminal.context())?)
 }

@@ -5,6 +5,7 @@ use std::process::ExitCode;
 
 use petzval::jobs::init::{self, Request};
 
+use super::defaults::word;
 use super::failure::Failure;
 use super::plain::shown;
 use super::terminal::{Terminal, pasted, print_json};
@@ -20,7 +21,7 @@ pub struct Args {
     /// Folder for the files [default: the name of the lens file, or my-camera]
     out: Option<PathBuf>,
     /// Experiment to start from, by built-in name or file; `petzval experiment list` names them
-    #[arg(long, value_name = "NAME", default_value = "cooke-triplet-image-quality")]
+    #[arg(long, value_name = "NAME", default_value = word(Request::default().from))]
     from: String,
     /// Lens in place of the experiment's, by built-in name or file
     #[arg(long, value_name = "LENS")]
@@ -40,7 +41,12 @@ const FOLDER: &str = "my-camera";
 pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let of_lens = args.lens.as_ref().and_then(|lens| Some(PathBuf::from(Path::new(lens).file_stem()?)));
     let out = args.out.or(of_lens).unwrap_or_else(|| PathBuf::from(FOLDER));
-    let request = Request { out, from: args.from, lens: args.lens, sensor: args.sensor };
+    let request = Request {
+        out,
+        from: args.from.into(),
+        lens: args.lens.map(Into::into),
+        sensor: args.sensor.map(Into::into),
+    };
     let response = init::run(&request, &terminal.context())?;
     if args.json {
         return print_json(&response);

@@ -11,6 +11,7 @@ mod bench;
 mod call;
 mod compare;
 mod data;
+mod defaults;
 mod design;
 mod detect;
 mod doctor;
@@ -43,7 +44,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use petzval::jobs::MOST_THREADS;
+use petzval::jobs::{MOST_THREADS, usual};
 
 use self::terminal::Terminal;
 
@@ -57,7 +58,7 @@ pub use failure::Failure;
 #[command(name = "petzval", version, propagate_version = true)]
 pub struct Cli {
     /// Threads to use; 0 means one per core. Results do not depend on it.
-    #[arg(long, global = true, default_value_t = 0, value_name = "N")]
+    #[arg(long, global = true, default_value_t = usual::threads(), value_name = "N")]
     threads: usize,
     /// Glass catalogue whose glasses take precedence over the built-in ones: .agf, .toml, a page of
     /// refractiveindex.info (.yml), or a folder of them. May be repeated; later ones take precedence. PETZVAL_GLASSES

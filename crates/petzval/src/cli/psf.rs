@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use clap::ValueEnum;
 use petzval::jobs::psf::{self, PsfKind};
 
+use super::defaults::{numbers, word};
 use super::failure::Failure;
 use super::plain::shown;
 use super::terminal::{Terminal, print_json};
@@ -40,28 +41,28 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// Number of fields from the axis to the corner
-    #[arg(long, default_value_t = petzval::jobs::psf::Request::default().fields)]
+    #[arg(long, default_value_t = psf::Request::default().fields)]
     fields: usize,
     /// Image radius of the last field, mm (the corner of a 1920 x 1200 sensor of 5.86 um)
-    #[arg(long, default_value_t = petzval::jobs::psf::Request::default().corner_mm)]
+    #[arg(long, default_value_t = psf::Request::default().corner_mm)]
     corner_mm: f64,
     /// Wavelengths of the red, green and blue channel, um
-    #[arg(long, value_name = "UM,UM,UM", value_delimiter = ',', default_value = "0.62,0.55,0.486")]
+    #[arg(long, value_name = "UM,UM,UM", value_delimiter = ',', default_value = numbers(&psf::Request::default().wavelengths))]
     wavelengths: Vec<f64>,
     /// Cells a side
-    #[arg(long, default_value_t = petzval::jobs::psf::Request::default().grid)]
+    #[arg(long, default_value_t = psf::Request::default().grid)]
     grid: usize,
     /// Cell size, um
-    #[arg(long, default_value_t = petzval::jobs::psf::Request::default().pitch_um)]
+    #[arg(long, default_value_t = psf::Request::default().pitch_um)]
     pitch_um: f64,
     /// Least pupil cells a side; not for waves
-    #[arg(long, default_value_t = petzval::jobs::psf::Request::default().pupil_cells)]
+    #[arg(long, default_value_t = psf::Request::default().pupil_cells)]
     pupil_cells: usize,
     /// The pupil cells are doubled while the sum of absolute errors of a PSF of unit sum is larger than this
-    #[arg(long, default_value_t = petzval::jobs::psf::Request::default().pupil_error)]
+    #[arg(long, default_value_t = psf::Request::default().pupil_error)]
     pupil_error: f64,
     /// Rays, accurate where aberrations spread light over many times the Airy disk, or waves
-    #[arg(long, value_enum, default_value = "geometric")]
+    #[arg(long, value_enum, default_value = word(psf::Request::default().kind))]
     kind: Kind,
     /// Print the axes as JSON
     #[arg(long)]
@@ -71,7 +72,7 @@ pub struct Args {
 /// Runs the verb.
 pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let request = psf::Request {
-        lens: args.lens,
+        lens: args.lens.into(),
         out: args.out,
         fields: args.fields,
         corner_mm: args.corner_mm,

@@ -36,7 +36,7 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Seed of the noise draws for the noise floor
-    #[arg(long, default_value_t = petzval::jobs::psf_calibrate::Request::default().seed)]
+    #[arg(long, default_value_t = psf_calibrate::Request::default().seed)]
     seed: u64,
     /// Print all figures as JSON
     #[arg(long)]
@@ -45,8 +45,12 @@ pub struct Args {
 
 /// Runs the verb.
 pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
-    let request =
-        psf_calibrate::Request { captures: args.captures, lens: args.lens, out: args.out, seed: args.seed };
+    let request = psf_calibrate::Request {
+        captures: args.captures,
+        lens: args.lens.map(Into::into),
+        out: args.out,
+        seed: args.seed,
+    };
     let response = psf_calibrate::run(&request, &terminal.context())?;
     if args.json {
         return print_json(&response.figures);

@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use clap::ValueEnum;
 use petzval::jobs::psf_capture;
 
+use super::defaults::{numbers, word, words};
 use super::failure::Failure;
 use super::plain::shown;
 use super::terminal::{Terminal, print_json};
@@ -45,22 +46,22 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// Sensor file, or a built-in name
-    #[arg(long, default_value = "imx249-calibrated")]
+    #[arg(long, default_value = word(psf_capture::Request::default().sensor))]
     sensor: String,
     /// Distance of the pinhole from the lens, mm
-    #[arg(long, default_value_t = petzval::jobs::psf_capture::Request::default().distance_mm)]
+    #[arg(long, default_value_t = psf_capture::Request::default().distance_mm)]
     distance_mm: f64,
     /// Diameter of the pinhole, um; its image may be at most a pixel wide
-    #[arg(long, default_value_t = petzval::jobs::psf_capture::Request::default().pinhole_um, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = psf_capture::Request::default().pinhole_um, allow_negative_numbers = true)]
     pinhole_um: f64,
     /// Focus of the lens
-    #[arg(long, value_enum, default_value = "source")]
+    #[arg(long, value_enum, default_value = word(psf_capture::Request::default().focus))]
     focus: Focus,
     /// Fields from the axis to --radius-mm
-    #[arg(long, default_value_t = petzval::jobs::psf_capture::Request::default().fields)]
+    #[arg(long, default_value_t = psf_capture::Request::default().fields)]
     fields: usize,
     /// Image radius of the last field, mm
-    #[arg(long, default_value_t = petzval::jobs::psf_capture::Request::default().radius_mm)]
+    #[arg(long, default_value_t = psf_capture::Request::default().radius_mm)]
     radius_mm: f64,
     /// Directions in which the source is moved
     #[arg(
@@ -68,27 +69,27 @@ pub struct Args {
         value_enum,
         value_name = "AXIS,AXIS,...",
         value_delimiter = ',',
-        default_value = "vertical,horizontal,diagonal"
+        default_value = words(&psf_capture::Request::default().axes)
     )]
     axes: Vec<Axis>,
     /// Exposure times, ms, the shortest first
-    #[arg(long, value_name = "MS,MS,...", value_delimiter = ',', default_value = "1,4,16")]
+    #[arg(long, value_name = "MS,MS,...", value_delimiter = ',', default_value = numbers(&psf_capture::Request::default().exposures_ms))]
     exposures_ms: Vec<f64>,
     /// Frames of each exposure time
-    #[arg(long, default_value_t = petzval::jobs::psf_capture::Request::default().frames)]
+    #[arg(long, default_value_t = psf_capture::Request::default().frames)]
     frames: usize,
     /// Dark frames of each exposure time and place
-    #[arg(long, default_value_t = petzval::jobs::psf_capture::Request::default().dark_frames)]
+    #[arg(long, default_value_t = psf_capture::Request::default().dark_frames)]
     dark_frames: usize,
     /// Brightest pixel at the longest exposure, relative to the range of the converter or the full well, whichever is
     /// less; above 1 it clips
-    #[arg(long, default_value_t = petzval::jobs::psf_capture::Request::default().peak)]
+    #[arg(long, default_value_t = psf_capture::Request::default().peak)]
     peak: f64,
     /// Pixels a side of the window that is written
-    #[arg(long, default_value_t = petzval::jobs::psf_capture::Request::default().window)]
+    #[arg(long, default_value_t = psf_capture::Request::default().window)]
     window: usize,
     /// Seed of the noise and of the error of alignment (up to half a pixel)
-    #[arg(long, default_value_t = petzval::jobs::psf_capture::Request::default().seed)]
+    #[arg(long, default_value_t = psf_capture::Request::default().seed)]
     seed: u64,
     /// Print the captures as JSON
     #[arg(long)]
@@ -98,9 +99,9 @@ pub struct Args {
 /// Runs the verb.
 pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let request = psf_capture::Request {
-        lens: args.lens,
+        lens: args.lens.into(),
         out: args.out,
-        sensor: args.sensor,
+        sensor: args.sensor.into(),
         distance_mm: args.distance_mm,
         pinhole_um: args.pinhole_um,
         focus: match args.focus {

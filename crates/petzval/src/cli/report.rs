@@ -7,7 +7,7 @@ use petzval::jobs::report;
 
 use super::failure::Failure;
 use super::plain::shown;
-use super::served_page;
+use super::served_page::{self, PORT};
 use super::terminal::Terminal;
 
 /// Write report.html of a finished run again, from the contents of its folder.
@@ -31,7 +31,7 @@ pub struct Args {
     #[arg(long, conflicts_with = "photo")]
     watch: bool,
     /// Port of that address; 0 takes any that is free
-    #[arg(long, value_name = "PORT", requires = "watch", default_value_t = 8700)]
+    #[arg(long, value_name = "PORT", requires = "watch", default_value_t = PORT)]
     port: u16,
 }
 

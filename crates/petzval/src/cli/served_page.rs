@@ -15,6 +15,9 @@ use petzval::jobs::JobError;
 use super::failure::Failure;
 use super::output;
 
+/// Port of the page unless another one is named.
+pub const PORT: u16 = 8700;
+
 /// Most bytes of a request's head: a browser sends about a thousand.
 const MOST_HEAD: usize = 16 << 10;
 

@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use clap::ValueEnum;
 use petzval::jobs::simulate::{self, Request};
 
+use super::defaults::word;
 use super::failure::Failure;
 use super::signals;
 use super::terminal::{Terminal, print_json};
@@ -111,7 +112,7 @@ pub struct Args {
     #[arg(required = true, value_name = "IMAGE")]
     images: Vec<PathBuf>,
     /// Lens file, or a built-in name
-    #[arg(long, default_value = "cooke-triplet-nominal")]
+    #[arg(long, default_value = word(Request::default().lens))]
     lens: String,
     /// Measured PSFs in place of the lens: the results of psf-calibrate (a folder, or its psfs.toml). They include the
     /// relative illumination. Clear pixels receive the three planes of a picture, each spread by its PSF, in the
@@ -119,10 +120,10 @@ pub struct Args {
     #[arg(long, value_name = "PATH", conflicts_with = "lens")]
     psfs: Option<PathBuf>,
     /// Sensor file, or a built-in name
-    #[arg(long, default_value = "imx249-fitted")]
+    #[arg(long, default_value = word(Request::default().sensor))]
     sensor: String,
     /// Position and scale of a photograph on the sensor
-    #[arg(long, value_enum, default_value = "fill")]
+    #[arg(long, value_enum, default_value = word(Request::default().place))]
     place: Place,
     /// Samples of the scene along a side of a pixel, 1 to 8. With K the picture is laid on a frame of K x K samples a pixel. Each pixel
     /// collects the light on its square, so detail finer than a pixel blurs and aliases as in a camera. Time and memory grow with K x K
@@ -130,11 +131,11 @@ pub struct Args {
     #[arg(long, value_name = "K")]
     samples: Option<usize>,
     /// How the two colours that a pixel did not measure are interpolated
-    #[arg(long, value_enum, default_value = "bilinear")]
+    #[arg(long, value_enum, default_value = word(Request::default().development.demosaic))]
     demosaic: Demosaic,
     /// Values between which they are interpolated. In the square root of light noise is about equal at every level of light,
     /// and methods that compare neighbours make fewer mistakes
-    #[arg(long, value_enum, default_value = "linear")]
+    #[arg(long, value_enum, default_value = word(Request::default().development.domain))]
     domain: Domain,
     /// Undo the blur of the lens in the developed picture by a Wiener filter with the PSF of every place. NOISE is the power of
     /// noise over that of the picture at a tenth of a cycle per pixel; without it, that of the sensor at this exposure and of demosaicing:
@@ -160,27 +161,27 @@ pub struct Args {
     #[arg(long, value_name = "HxW", value_parser = size)]
     size: Option<(usize, usize)>,
     /// Exposure time, s
-    #[arg(long, default_value_t = petzval::jobs::simulate::Request::default().time_s, value_name = "S", allow_negative_numbers = true)]
+    #[arg(long, default_value_t = Request::default().time_s, value_name = "S", allow_negative_numbers = true)]
     time_s: f32,
     /// Linear analogue gain
-    #[arg(long, default_value_t = petzval::jobs::simulate::Request::default().gain, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = Request::default().gain, allow_negative_numbers = true)]
     gain: f32,
     /// Leave out all noise
     #[arg(long)]
     no_noise: bool,
     /// Seed of the noise
-    #[arg(long, default_value_t = petzval::jobs::simulate::Request::default().seed)]
+    #[arg(long, default_value_t = Request::default().seed)]
     seed: u64,
     #[command(flatten)]
     spectral: SpectralArgs,
     /// Format of the raw frame
-    #[arg(long, value_enum, default_value = "tiff", value_name = "FORMAT")]
+    #[arg(long, value_enum, default_value = word(Request::default().raw_format), value_name = "FORMAT")]
     raw_format: RawAs,
     /// Format of the developed picture
-    #[arg(long, value_enum, default_value = "png", value_name = "FORMAT")]
+    #[arg(long, value_enum, default_value = word(Request::default().picture_format), value_name = "FORMAT")]
     picture_format: PictureAs,
     /// Folder for the results
-    #[arg(long, value_name = "DIR", default_value = ".")]
+    #[arg(long, value_name = "DIR", default_value = word(Request::default().out))]
     out: PathBuf,
     /// Print what was written as JSON
     #[arg(long)]
@@ -214,9 +215,9 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let over = args.spectral;
     let request = Request {
         images: args.images,
-        lens: args.lens,
+        lens: args.lens.into(),
         psfs: args.psfs,
-        sensor: args.sensor,
+        sensor: args.sensor.into(),
         place: args.place.into(),
         samples: args.samples,
         restore: args.restore.map(|noise| simulate::Restore { noise }),

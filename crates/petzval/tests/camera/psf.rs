@@ -81,12 +81,16 @@ fn wavelengths_are_three_numbers_with_commas() {
 fn wrong_requests_for_psfs_are_refused_and_nothing_is_written() {
     let folder = tempfile::tempdir().unwrap();
     for (option, value, needles) in [
-        ("--wavelengths", "550,500,450", ["--wavelengths", "550 nm is 0.55"]),
+        (
+            "--wavelengths",
+            "550,500,450",
+            ["--wavelengths 550: must lie between 0.2 and 20 um", "did you mean 0.55?"],
+        ),
         ("--wavelengths", "0.6,0.5", ["--wavelengths: needs three numbers", "0.62,0.55,0.486"]),
-        ("--fields", "1", ["--fields: out of range", "2 to 201"]),
-        ("--grid", "8", ["--grid: out of range", "16 to 1024"]),
-        ("--pitch-um", "0", ["--pitch-um: out of range", "um"]),
-        ("--pitch-um", "nan", ["--pitch-um: out of range", "um"]),
+        ("--fields", "1", ["--fields 1: must lie between 2 and 201", "2 to 201"]),
+        ("--grid", "8", ["--grid 8: must lie between 16 and 1024", "16 to 1024"]),
+        ("--pitch-um", "0", ["--pitch-um 0: must lie between 1e-6 and 1000 um", "a length"]),
+        ("--pitch-um", "nan", ["--pitch-um NaN: must lie between", "um"]),
         ("--pupil-cells", "33", ["--pupil-cells", "even"]),
         ("--corner-mm", "100", ["no chief ray lands 16.667 mm from the axis", "smaller sensor"]),
     ] {

@@ -224,7 +224,7 @@ fn an_mtf_that_cannot_be_measured_is_refused() {
         ),
         (&["edge.png", "--region", "20,40,80"], ["20,40,80", "ROW,COL,HEIGHT,WIDTH"]),
         (&["edge.png", "--region", "20,40,8,80"], ["--region 20,40,8,80", "at least 16"]),
-        (&["edge.png", "--pixel-um", "0"], ["--pixel-um 0: outside 0.1 to 1000", "um"]),
+        (&["edge.png", "--pixel-um", "0"], ["--pixel-um 0: must lie between 0.1 and 1000", "um"]),
         (
             &["edge.png", "--cfa", "RRGG/RRGG/GGBB/GGBB"],
             ["the mosaic RRGG/RRGG/GGBB/GGBB is not measured", "develop"],

@@ -429,7 +429,10 @@ fn what_cannot_be_simulated_is_named() {
             ["lost.csv: there is no such file", "D65"],
         ),
         (&[chart, "--sensor", &sensor, "--illuminance-lux=-5"], ["--illuminance-lux -5", "office"]),
-        (&[chart, "--sensor", &sensor, "--bands", "1"], ["--bands 1", "2..401"]),
+        (
+            &[chart, "--sensor", &sensor, "--bands", "1"],
+            ["--bands 1: must lie between 2 and 401", "16 bands"],
+        ),
         (&[chart, "--sensor", &sensor, "--transmission", "2"], ["--transmission 2", "0..1"]),
         (&[chart, "--qe", "no-such"], ["no quantum efficiency called `no-such`", "imx219"]),
         (&[chart, chart, "--sensor", &sensor], ["another image is called `colorchecker`", "--out"]),

@@ -293,7 +293,10 @@ fn missing_files_and_folders() {
             &["design", "tiny.toml", "--photos", "nowhere", "--out", "run"],
             &["nowhere: No such file", "help:"],
         ),
-        (&["design", "tiny.toml", "--steps", "0", "--out", "run"], &["--steps 0: nothing to do", "help:"]),
+        (
+            &["design", "tiny.toml", "--steps", "0", "--out", "run"],
+            &["--steps 0: must lie between 1 and 1e7", "help:"],
+        ),
         (
             &["design", "tiny.toml", "--steps", "99999999999", "--out", "run"],
             &["--steps 99999999999", "help:"],

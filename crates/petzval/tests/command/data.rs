@@ -95,7 +95,7 @@ fn what_cannot_be_converted_is_named_and_nothing_is_written() {
         (&["convert", "coco", "in", "out"], ["invalid value 'coco'", "kitti, bdd100k, yolo, voc"]),
         (&["check", "in"], ["no annotations in COCO format", "petzval data convert"]),
         (&["check", "bad"], ["bad/annotations.json:2:", "not JSON"]),
-        (&["check", "bad", "--samples", "1000"], ["--samples 1000", "more than 200"]),
+        (&["check", "bad", "--samples", "1000"], ["--samples 1000", "must lie between 0 and 200"]),
     ] {
         run_fails(root, &[&["data"], args].concat(), 2, &needles);
     }

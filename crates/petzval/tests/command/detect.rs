@@ -214,7 +214,7 @@ fn a_run_that_looks_for_objects_is_scored_again_reported_and_lends_its_detector(
     fails(&["detect", "in", "--weights", "tiny.toml"], "not a safetensors file");
     fails(
         &["detect", "in", "--weights", "tiny.toml", "--longer-side", "0"],
-        "--longer-side 0: a picture needs pixels",
+        "--longer-side 0: must lie between 1 and",
     );
     fails(&["detect", "in", "--weights", "none.safetensors"], "none.safetensors");
     fails(&["detect", "in"], "--run");

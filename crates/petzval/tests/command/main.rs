@@ -5,6 +5,7 @@ mod common;
 
 mod bad_input;
 mod data;
+mod defaults;
 mod detect;
 mod files;
 mod machine;

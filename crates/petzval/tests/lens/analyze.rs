@@ -149,7 +149,12 @@ fn the_nyquist_frequency_of_a_sensor_is_marked() {
     assert_eq!(fine["mtf_by_field"]["frequency_per_mm"], serde_json::json!([62.5, 125.0, 250.0]));
     assert!(analyze(&[])["nyquist_per_mm"].is_null());
     let args = |more: &'static [&'static str]| [&["lens", "analyze", LENS], more].concat();
-    run_fails(folder.path(), &args(&["--pixel-um", "0"]), 2, &["--pixel-um 0", "out of range"]);
+    run_fails(
+        folder.path(),
+        &args(&["--pixel-um", "0"]),
+        2,
+        &["--pixel-um 0: must lie between 0.1 and 1000 um"],
+    );
     run_fails(
         folder.path(),
         &args(&["--pixel-um", "2", "--sensor", "imx249-calibrated"]),

@@ -101,7 +101,7 @@ fn a_lens_is_made_for_the_restoration_of_its_frames() {
         assert!(!folder.path().join("new").exists());
     };
     wrong(["--sensor", "imx999"], &["imx999", "neither a file nor"]);
-    wrong(["--white-e", "0"], &["--white-e 0", "out of range"]);
+    wrong(["--white-e", "0"], &["--white-e 0: must lie between 1 and 1e7"]);
 }
 
 #[test]
@@ -197,9 +197,9 @@ fn bad_requests_are_explained_and_leave_no_files() {
     optimize(&["--efl", "long"], &["--efl long", "`free`"]);
     optimize(&["--bfl", "25,24"], &["--bfl", "24,25"]);
     optimize(&["--wavelengths", "550"], &["--wavelengths", "0.55"]);
-    optimize(&["--edge=-1"], &["--edge -1: out of range"]);
-    optimize(&["--global", "--rounds", "0"], &["--rounds 0: out of range"]);
-    optimize(&["--global", "--seconds", "-1"], &["--seconds -1: out of range"]);
+    optimize(&["--edge=-1"], &["--edge -1: must lie between 0 and 10000 mm"]);
+    optimize(&["--global", "--rounds", "0"], &["--rounds 0: must lie between 1 and"]);
+    optimize(&["--global", "--seconds", "-1"], &["--seconds -1: must lie between"]);
     optimize(&["--trade"], &["--trade: compares searches", "--global"]);
     optimize(&["--fields", "0,80"], &["rays through the stop"]);
     optimize(&["--glass", "3"], &["--glass", "--global"]);

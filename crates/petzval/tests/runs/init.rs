@@ -270,7 +270,7 @@ fn wrong_settings_are_refused_before_a_lens_is_fitted() {
     std::fs::create_dir_all(folder.path().join("taken/checkpoints/one")).unwrap();
     for (more, says) in [
         (["--variant", "x"], ["--variant x: no such variant", "there are"]),
-        (["--steps", "0"], ["--steps 0: nothing to do", "at least one"]),
+        (["--steps", "0"], ["--steps 0: must lie between", "at least one"]),
         (["--out", "taken"], ["taken", "holds checkpoints"]),
     ] {
         let refused = run_fails(folder.path(), &[&["design", lens], &more[..]].concat(), 2, &says);

@@ -9,6 +9,7 @@ use petzval_learn::score::{Score, ScoreDescription, ScoredPair};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Frame;
@@ -25,7 +26,7 @@ const SEED: u64 = 0x6170_6172_7421;
 
 /// What an imitation costs. Means over frames of scenes that training has not seen. The truth of a frame is what the ISP makes, with the
 /// parameters about which the proxy was trained, of the same scene through perfect optics and without noise.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Gap {
     /// Frames.
     pub frames: usize,
@@ -46,7 +47,7 @@ pub struct Gap {
 }
 
 /// A score of the ISP's pictures beside that of the proxy's; the gap is their difference.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ScoreGap {
     /// The score.
     pub score: ScoreDescription,
@@ -57,7 +58,7 @@ pub struct ScoreGap {
 }
 
 /// The slope of the mean squared error by the place of a parameter in its range.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ParameterSlope {
     /// Name of the parameter.
     pub name: String,

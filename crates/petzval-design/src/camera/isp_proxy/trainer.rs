@@ -9,7 +9,6 @@ use petzval_learn::optimizer::muon_and_adam;
 use petzval_learn::proxy_isp::{FRAME_NUMBERS, ProxyIsp};
 use petzval_learn::weight_file::Weights;
 use rayon::prelude::*;
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Frame;
@@ -27,18 +26,20 @@ const DIFFERENCE_WEIGHT: f64 = 1.0;
 /// Pairs of lists of parameters with which a frame is developed in a step: a near and a far one.
 const PAIRS: usize = 2;
 
-/// How a proxy is trained.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct ProxyTraining {
-    /// Steps in all.
-    pub steps: usize,
-    /// Seed of weights and parameters.
-    pub seed: u64,
-    /// Channels of the network at its finest resolution, 1..=256.
-    pub base_channels: usize,
-    /// Number of times that the network halves the picture, 1..=6.
-    pub levels: usize,
+petzval_base::parameters! {
+    /// How a proxy is trained.
+    pub struct ProxyTraining {
+        /// Steps in all.
+        steps: usize = 4000, "", 1..1_000_000, Linear, "4000 take minutes on two cores";
+        /// Channels of the network at its finest resolution, 1..=256.
+        base_channels: usize = 16, "", 1..256, Log, "16 are usual";
+        /// Number of times that the network halves the picture, 1..=6.
+        levels: usize = 3, "", 1..6, Linear, "3 are usual";
+    }
+    also {
+        /// Seed of weights and parameters.
+        seed: u64 = 1;
+    }
 }
 
 /// Losses before a step.

@@ -5,6 +5,7 @@ use petzval_base::statistics::maximum;
 use petzval_camera::linear_limit::{LimitGradient, LinearLimit};
 use petzval_camera::psf::PsfBank;
 use petzval_optics::lens::Lens;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::proxy::ProxyOptics;
@@ -13,7 +14,7 @@ use crate::lens::psf_plan::{BankWithTape, PsfPlan};
 use crate::lens::sampler::LensSampler;
 
 /// What the network costs. Means over lenses, fields and colours, unless said otherwise.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct OpticsGap {
     /// Lenses.
     pub lenses: usize,
@@ -41,7 +42,7 @@ pub struct OpticsGap {
 }
 
 /// The errors at one field; see [`OpticsGap`].
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct OpticsFieldGap {
     /// Image radius, mm.
     pub radius_mm: f64,
@@ -58,7 +59,7 @@ pub struct OpticsFieldGap {
 }
 
 /// CPU time, s.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Seconds {
     /// By exact tracing.
     pub exact: f64,

@@ -63,7 +63,7 @@ pub enum Start {
 }
 
 /// What was found.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Response {
     /// The score.
     pub objective: ScoreDescription,
@@ -94,7 +94,7 @@ pub struct Response {
 }
 
 /// A frame and its reference.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Pair {
     /// The raw frame.
     #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
@@ -105,7 +105,7 @@ pub struct Pair {
 }
 
 /// A parameter that varied.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Tuned {
     /// Its name.
     pub name: String,

@@ -4,6 +4,7 @@ use petzval_optics::analysis::first_order_table;
 use petzval_optics::optimize::{Analysis, Goal as MeritGoal, Problem};
 use petzval_optics::paraxial::{first_order, image_height_per_tangent, rectilinear_tangent};
 use petzval_optics::pupil::chief_ray;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::finite::finite;
@@ -15,7 +16,7 @@ pub(super) const VIOLATED_MM: f64 = 1e-4;
 const MISSED: f64 = 1e-4;
 
 /// Figures of a lens.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Figures {
     /// Root of the expected squared error after the best linear restoration, % of white; `None` unless that is the goal.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -53,7 +54,7 @@ pub(super) fn is_restored(goal: &MeritGoal) -> bool {
 }
 
 /// What a lens reaches of an operand. Of a figure that is bounded on both sides this is by how much it is beyond its bounds, and the target 0.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct OperandFigure {
     /// The figure.

@@ -20,99 +20,77 @@ use petzval_optics::number::Number;
 use petzval_optics::optimize::{GlassChoice, Goal as MeritGoal, Limits, Problem};
 use petzval_optics::paraxial::{first_order, marginal_tangent};
 use petzval_optics::pupil::PupilSampling;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 
 use super::operand::goals_of;
 use crate::error::JobError;
+use crate::range::check_ranges;
 
-/// The camera whose raw frames should be restored as well as possible.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Restored {
-    /// Sensor, by file or built-in name.
-    pub sensor: String,
-    /// Photoelectrons that white gives in a green pixel on the axis.
-    pub white_e: f32,
+petzval_base::parameters! {
+    /// The camera whose raw frames should be restored as well as possible.
+    pub struct Restored {
+        /// Photoelectrons that white gives in a green pixel on the axis.
+        white_e: f32 = 16_000.0, "e-", 1..1e7, Log, "photoelectrons: 16000 is usual";
+    }
+    also {
+        /// Sensor, by file or built-in name.
+        sensor: String = crate::usual::sensor();
+    }
 }
 
-/// What an optimised lens has to be.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Goal {
-    /// The error of the best linear restoration of the frames of a camera is minimised in place of the spots.
-    pub restored: Option<Restored>,
-    /// Further figures, each with a bound and a weight, and the weight of the spots beside them.
-    pub operands: Option<OperandFile>,
-    /// Kinds of numbers that vary beside the variables of the lens file; a lens whose file names none varies these alone.
-    pub vary: Vec<Vary>,
-    /// Wavelengths, um, all of the same weight; those of the lens if empty.
-    pub wavelengths: Vec<f64>,
-    /// Field angles, degrees; those of the lens if empty.
-    pub fields: Vec<f64>,
-    /// The mean over the fields of `RMS^power` is minimised: 1 the mean spot, 2 the mean square, 8 nearly the worst; 0.5 to 64.
-    pub power: f64,
-    /// Focal length to hold, mm, or `free`; if left out what the lens file solves for, else that of the lens at the start, or the magnification
-    /// of a near object.
-    pub efl: Option<String>,
-    /// Glasses that a search may exchange, each as `SURFACE` or `SURFACE=NAME,...`: the surface in front of the glass, and the
-    /// names that it may get, the whole catalogue if none. The glass that it has always takes part.
-    pub glass: Vec<String>,
-    /// F-number: sets the entrance pupil by the focal length that is held, or that of the start.
-    pub f_number: Option<f64>,
-    /// Least and greatest back focal length, mm; empty for none.
-    pub bfl: Vec<f64>,
-    /// Least edge thickness of every element, mm, 0.01 at least.
-    pub edge: Option<f64>,
-    /// Least centre thickness of every element, mm.
-    pub centre: Option<f64>,
-    /// Least air between elements, on the axis and at the edge, mm, 0.01 at least.
-    pub air: Option<f64>,
-    /// Greatest track, mm: between any two of the vertices and the image plane.
-    pub track: Option<f64>,
-    /// Greatest clear diameter of any surface, mm.
-    pub clear_diameter: Option<f64>,
-    /// Greatest distortion at the outermost field, percent.
-    pub distortion: Option<f64>,
-    /// Steepest surface within its clear aperture, degrees.
-    pub slope: Option<f64>,
-    /// Greatest angle of the outermost chief ray to the axis at the image, degrees.
-    pub chief_ray_angle: Option<f64>,
-}
-
-impl Default for Goal {
-    /// The smallest mean spot, and no limits.
-    fn default() -> Self {
-        Self {
-            restored: None,
-            operands: None,
-            vary: Vec::new(),
-            wavelengths: Vec::new(),
-            fields: Vec::new(),
-            power: 1.0,
-            efl: None,
-            glass: Vec::new(),
-            f_number: None,
-            bfl: Vec::new(),
-            edge: None,
-            centre: None,
-            air: None,
-            track: None,
-            clear_diameter: None,
-            distortion: None,
-            slope: None,
-            chief_ray_angle: None,
-        }
+petzval_base::parameters! {
+    /// What an optimised lens has to be.
+    pub struct Goal {
+        /// Wavelengths, um, all of the same weight; those of the lens if empty.
+        wavelengths: Vec<f64> = Vec::new(), "um", 0.2..20.0, Log, "um: 550 nm is 0.55";
+        /// The mean over the fields of `RMS^power` is minimised: 1 the mean spot, 2 the mean square, 8 nearly the worst; 0.5 to 64.
+        power: f64 = 1.0, "", 0.5..64, Log, "0.5 to 64; 1 is the mean spot";
+        /// F-number: sets the entrance pupil by the focal length that is held, or that of the start.
+        f_number: Option<f64> = None, "", 0.4..200, Log, "2.8 is f/2.8";
+        /// Least edge thickness of every element, mm, 0.01 at least.
+        edge: Option<f64> = None, "mm", 0..1e4, Linear, "a length in mm";
+        /// Least centre thickness of every element, mm.
+        centre: Option<f64> = None, "mm", 0..1e4, Linear, "a length in mm";
+        /// Least air between elements, on the axis and at the edge, mm, 0.01 at least.
+        air: Option<f64> = None, "mm", 0..1e4, Linear, "a length in mm";
+        /// Greatest track, mm: between any two of the vertices and the image plane.
+        track: Option<f64> = None, "mm", 0..1e4, Linear, "a length in mm";
+        /// Greatest clear diameter of any surface, mm.
+        clear_diameter: Option<f64> = None, "mm", 0..1e4, Linear, "a length in mm";
+        /// Greatest distortion at the outermost field, percent.
+        distortion: Option<f64> = None, "%", 0..100, Linear, "percent";
+        /// Steepest surface within its clear aperture, degrees.
+        slope: Option<f64> = None, "degrees", 0..89.999, Linear, "degrees, below 90";
+        /// Greatest angle of the outermost chief ray to the axis at the image, degrees.
+        chief_ray_angle: Option<f64> = None, "degrees", 0..89.999, Linear, "degrees, below 90";
+    }
+    also {
+        /// The error of the best linear restoration of the frames of a camera is minimised in place of the spots.
+        restored: Option<Restored> = None;
+        /// Further figures, each with a bound and a weight, and the weight of the spots beside them.
+        operands: Option<OperandFile> = None;
+        /// Kinds of numbers that vary beside the variables of the lens file; a lens whose file names none varies these alone.
+        vary: Vec<Vary> = Vec::new();
+        /// Field angles, degrees; those of the lens if empty.
+        fields: Vec<f64> = Vec::new();
+        /// Focal length to hold, mm, or `free`; if left out what the lens file solves for, else that of the lens at the start, or the magnification
+        /// of a near object.
+        efl: Option<String> = None;
+        /// Glasses that a search may exchange, each as `SURFACE` or `SURFACE=NAME,...`: the surface in front of the glass, and the
+        /// names that it may get, the whole catalogue if none. The glass that it has always takes part.
+        glass: Vec<String> = Vec::new();
+        /// Least and greatest back focal length, mm; empty for none.
+        bfl: Vec<f64> = Vec::new();
     }
 }
 
 impl Goal {
     /// The problem of bringing a lens there.
     pub(super) fn problem(&self, file: &LensFile, assets: &Assets) -> Result<Problem, JobError> {
+        check_ranges(self)?;
+        self.restored.as_ref().map_or(Ok(()), check_ranges)?;
         let mut problem = Problem::new(file.lens.clone());
         problem.variables = self.variables(file)?;
         if !self.wavelengths.is_empty() {
-            check("wavelengths", &self.wavelengths, |w| (0.2..20.0).contains(&w), "um: 550 nm is 0.55")?;
             problem.merit.wavelengths_um.clone_from(&self.wavelengths);
         }
         if !self.fields.is_empty() {
@@ -122,7 +100,6 @@ impl Goal {
             problem.merit.fields_rad = self.fields.iter().map(|f| f.to_radians()).collect();
             problem.merit.field_weights = vec![1.0; self.fields.len()];
         }
-        check("power", &[self.power], |p| (0.5..=64.0).contains(&p), "0.5 to 64; 1 is the mean spot")?;
         problem.merit.power = self.power;
         let efl = self.efl_solve(file)?;
         let magnification = if efl.is_none() { self.magnification_solve(file) } else { None };
@@ -147,7 +124,6 @@ impl Goal {
             }
         }
         if let Some(n) = self.f_number {
-            check("f_number", &[n], |n| (0.4..200.0).contains(&n), "2.8 is f/2.8")?;
             let found = first_order(&file.lens.at_wavelength(file.lens.reference_um)).efl_mm;
             let efl_mm = problem.solves.efl.map_or(found, |s| s.efl_mm);
             if !efl_mm.is_finite() {
@@ -267,19 +243,6 @@ impl Goal {
                 return Err(JobError::setting("bfl", list(&self.bfl), message, "for example 24,25"));
             }
         };
-        for (key, length) in [
-            ("edge", self.edge),
-            ("centre", self.centre),
-            ("air", self.air),
-            ("track", self.track),
-            ("clear_diameter", self.clear_diameter),
-        ] {
-            check(key, length.as_slice(), |mm| (0.0..1e4).contains(&mm), "a length in mm")?;
-        }
-        for (key, angle) in [("slope", self.slope), ("chief_ray_angle", self.chief_ray_angle)] {
-            check(key, angle.as_slice(), |deg| (0.0..90.0).contains(&deg), "degrees, below 90")?;
-        }
-        check("distortion", self.distortion.as_slice(), |d| (0.0..100.0).contains(&d), "percent")?;
         Ok(Limits {
             element_edge_mm: Some(self.edge.unwrap_or(0.0).max(LEAST_MM)),
             element_centre_mm: self.centre,
@@ -362,12 +325,6 @@ fn holding(file: &LensFile) -> Option<(usize, Option<[f64; 2]>)> {
 impl Restored {
     /// The error as a merit: PSFs to the corner of the sensor, in the colours in which the spots are judged if these are three.
     fn merit(&self, spots: &SpotResiduals, assets: &Assets) -> Result<RestoredError, JobError> {
-        check(
-            "white_e",
-            &[f64::from(self.white_e)],
-            |e| (1.0..1e7).contains(&e),
-            "photoelectrons: 16000 is usual",
-        )?;
         let sensor = assets.sensor(&self.sensor)?;
         let exposure = Exposure { white_e: self.white_e, ..ExposureConfig::default().exposure() };
         let mut psf = PsfConfig::default();

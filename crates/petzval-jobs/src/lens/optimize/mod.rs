@@ -71,7 +71,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
                 trade: request.trade,
                 simd: level().to_owned(),
             };
-            let file = context.assets.start(lens)?;
+            let (name, placed) = lens.placed(context)?;
+            let file = placed.assets.start(&name)?;
             let problem = new_problem(&config, &file, assets)?;
             // Everything is checked before the folder is made.
             check_trade(&config)?;

@@ -9,6 +9,8 @@ use serde::{Deserialize, Serialize};
 use super::figures::Figures;
 use super::goal::Goal;
 use crate::error::JobError;
+use crate::input::LensInput;
+use crate::range::check_ranges;
 
 /// Iterations of a descent, if nobody says how many.
 pub(super) const ITERATIONS: usize = 200;
@@ -16,25 +18,24 @@ pub(super) const ITERATIONS: usize = 200;
 /// Rounds of a search, if nobody says how many.
 pub(super) const ROUNDS: u64 = 10;
 
-/// An optimisation that begins, or one that is continued, and how far it goes in this call.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Request {
-    /// Where it starts.
-    pub start: Start,
-    /// Iterations of a descent: 200 if none are given. One that is continued goes on to those that it began with, or takes as many more as
-    /// are given here.
-    #[serde(default)]
-    pub iterations: Option<usize>,
-    /// Rounds of a search, 1 at least: 10 if none are given; the same rounds give the same lenses on any machine. One that is continued goes
-    /// on to those that it began with, or takes as many more as are given here.
-    #[serde(default)]
-    pub rounds: Option<u64>,
-    /// Stops a search after the round in which so many seconds have passed, if that is before its last round.
-    pub seconds: Option<f64>,
-    /// Whether to search again, for as many rounds, with each of some further requirements, to see what each costs.
-    #[serde(default)]
-    pub trade: bool,
+petzval_base::parameters! {
+    /// An optimisation that begins, or one that is continued, and how far it goes in this call.
+    pub struct Request {
+        /// Iterations of a descent: 200 if none are given. One that is continued goes on to those that it began with, or takes as many more as
+        /// are given here.
+        iterations: Option<usize> = None, "", 0..1_000_000_000, Linear, "200 are usual";
+        /// Rounds of a search, 1 at least: 10 if none are given; the same rounds give the same lenses on any machine. One that is continued goes
+        /// on to those that it began with, or takes as many more as are given here.
+        rounds: Option<u64> = None, "", 1..1_000_000_000, Linear, "1 or more; 10 is usual";
+        /// Stops a search after the round in which so many seconds have passed, if that is before its last round.
+        seconds: Option<f64> = None, "s", 1e-6..1e7, Log, "a week is 604800";
+    }
+    also {
+        /// Where it starts.
+        start: Start = Start::default();
+        /// Whether to search again, for as many rounds, with each of some further requirements, to see what each costs.
+        trade: bool = false;
+    }
 }
 
 /// Where an optimisation starts.
@@ -43,8 +44,8 @@ pub struct Request {
 pub enum Start {
     /// At a lens.
     New {
-        /// Lens file, or a built-in name. Its variables move; a lens that names none gets its curvatures and gaps.
-        lens: String,
+        /// Lens: a built-in name, the path of a file, or the lens itself. Its variables move; a lens that names none gets its curvatures and gaps.
+        lens: LensInput,
         /// Folder for the lenses and the history; it must not hold an optimisation.
         out: PathBuf,
         /// What the lens has to be.
@@ -66,8 +67,20 @@ pub enum Start {
     },
 }
 
+impl Default for Start {
+    fn default() -> Self {
+        Self::New {
+            lens: LensInput::default(),
+            out: PathBuf::new(),
+            goal: Box::default(),
+            global: false,
+            seed: crate::usual::seed(),
+        }
+    }
+}
+
 /// What was found.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Response {
     /// The lenses.
     pub found: Found,
@@ -76,7 +89,7 @@ pub struct Response {
 }
 
 /// The lens at the start and the best one.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Found {
     /// The lens at the start; `None` if its rays do not reach the image.
     pub start: Option<Figures>,
@@ -98,7 +111,7 @@ pub struct Found {
 }
 
 /// The best lens of a search with a further requirement.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Trade {
     /// The requirement, in words.
     pub requirement: String,
@@ -110,13 +123,7 @@ pub struct Trade {
 
 impl Request {
     pub(super) fn check(&self) -> Result<(), JobError> {
-        if self.rounds == Some(0) {
-            return Err(JobError::setting("rounds", 0, "out of range", "1 or more; 10 is usual"));
-        }
-        match self.seconds.filter(|s| !(*s > 0.0 && *s < 1e7)) {
-            Some(s) => Err(JobError::setting("seconds", s, "out of range", "a week is 604800")),
-            None => Ok(()),
-        }
+        check_ranges(self)
     }
 
     pub(super) fn is_out_of_time(&self, began: Instant) -> bool {

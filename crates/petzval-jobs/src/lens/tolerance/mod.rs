@@ -21,6 +21,8 @@ use self::findings::Findings;
 use super::focus::check_image;
 use crate::context::Context;
 use crate::error::{JobError, make_folder};
+use crate::input::LensInput;
+use crate::range::check_ranges;
 use crate::results::check_folder;
 
 pub use report::{
@@ -30,58 +32,37 @@ pub use report::{
 pub use petzval_optics::psf::PsfKind;
 pub use petzval_report::tolerance_sheet::three_digits;
 
-/// Largest number of lenses made at random.
-const MOST_TRIALS: usize = 1_000_000;
-
-/// A lens with its tolerances, and what to find out.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Request {
-    /// Lens file, or a built-in name.
-    pub lens: String,
-    /// Tolerance file.
-    pub tolerances: Option<PathBuf>,
-    /// Tolerances of good practice for everything that the file does not name; precision without a file.
-    pub grade: Option<Grade>,
-    /// What a lens is judged by, over its fields (on both sides of the axis) and wavelengths.
-    pub merit: Merit,
-    /// Spatial frequency of the MTF, cycles/mm, 0.01 to 10000.
-    pub frequency: f64,
-    /// Whether the MTF takes light for rays or for waves.
-    pub kind: PsfKind,
-    /// How many lenses are made at random, 1000000 at most.
-    pub trials: usize,
-    /// What is adjusted on every lens.
-    pub compensate: Compensate,
-    /// A value of the merit; the response gives the number of lenses that reach it.
-    pub limit: Option<f64>,
-    /// A loss of the merit; the response gives the tolerance of each quantity with which all together cost this much.
-    pub inverse: Option<f64>,
-    /// Seed of the random lenses.
-    pub seed: u64,
-    /// How many of the worst lenses are named and written.
-    pub worst: usize,
-    /// Folder for the results; nothing is written without one.
-    pub out: Option<PathBuf>,
-}
-
-impl Default for Request {
-    fn default() -> Self {
-        Self {
-            lens: String::new(),
-            tolerances: None,
-            grade: None,
-            merit: Merit::default(),
-            frequency: 40.0,
-            kind: PsfKind::default(),
-            trials: 1000,
-            compensate: Compensate::default(),
-            limit: None,
-            inverse: None,
-            seed: 1,
-            worst: 3,
-            out: None,
-        }
+petzval_base::parameters! {
+    /// A lens with its tolerances, and what to find out.
+    pub struct Request {
+        /// Spatial frequency of the MTF, cycles/mm, 0.01 to 10000.
+        frequency: f64 = 40.0, "cycles/mm", 0.01..1e4, Log, "in cycles per mm, 0.01 to 10000; 100 is the Nyquist frequency of a 5 um pixel";
+        /// How many lenses are made at random, 1000000 at most.
+        trials: usize = 1000, "", 0..1_000_000, Linear, "at most 1000000; 0 leaves the random lenses out";
+        /// How many of the worst lenses are named and written.
+        worst: usize = 3, "", 0..1_000_000, Linear, "3 is usual";
+    }
+    also {
+        /// Lens: a built-in name, the path of a file, or the lens itself.
+        lens: LensInput = LensInput::default();
+        /// Tolerance file.
+        tolerances: Option<PathBuf> = None;
+        /// Tolerances of good practice for everything that the file does not name; precision without a file.
+        grade: Option<Grade> = None;
+        /// What a lens is judged by, over its fields (on both sides of the axis) and wavelengths.
+        merit: Merit = Merit::default();
+        /// Whether the MTF takes light for rays or for waves.
+        kind: PsfKind = PsfKind::default();
+        /// What is adjusted on every lens.
+        compensate: Compensate = Compensate::default();
+        /// A value of the merit; the response gives the number of lenses that reach it.
+        limit: Option<f64> = None;
+        /// A loss of the merit; the response gives the tolerance of each quantity with which all together cost this much.
+        inverse: Option<f64> = None;
+        /// Seed of the random lenses.
+        seed: u64 = crate::usual::seed();
+        /// Folder for the results; nothing is written without one.
+        out: Option<PathBuf> = None;
     }
 }
 
@@ -130,7 +111,7 @@ pub enum Compensate {
 }
 
 /// What was found.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Response {
     /// All figures, as in `tolerance.json`.
     pub report: Report,
@@ -143,22 +124,11 @@ pub struct Response {
 
 impl Request {
     fn check(&self) -> Result<(), JobError> {
+        check_ranges(self)?;
         let is_positive = |v: f64| v > 0.0 && v.is_finite();
         let is_mtf = self.merit == Merit::Mtf;
         let text = |value: Option<f64>| value.map_or_else(String::new, |v| v.to_string());
         for (key, value, is_in_range, hint) in [
-            (
-                "frequency",
-                self.frequency.to_string(),
-                (0.01..=1e4).contains(&self.frequency),
-                "in cycles per mm, 0.01 to 10000; 100 is the Nyquist frequency of a 5 um pixel",
-            ),
-            (
-                "trials",
-                self.trials.to_string(),
-                self.trials <= MOST_TRIALS,
-                "at most 1000000; 0 leaves the random lenses out",
-            ),
             (
                 "limit",
                 text(self.limit),
@@ -212,8 +182,9 @@ pub(crate) fn read(path: &Path, lens: &Lens) -> Result<ToleranceFile, JobError> 
 /// worst lenses.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     request.check()?;
-    let lens = context.assets.lens(&request.lens)?.lens;
-    check_image(&request.lens, &lens)?;
+    let (name, context) = &request.lens.placed(context)?;
+    let lens = context.assets.lens(name)?.lens;
+    check_image(name, &lens)?;
     let tolerances =
         request.tolerance_file(&lens)?.tolerances(&lens, request.compensate == Compensate::Focus);
     if tolerances.perturbations.is_empty() {
@@ -237,7 +208,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             ToleranceError::NoMerit => "`petzval lens show` says which field has no spot",
             _ => "correct the tolerance file",
         };
-        JobError::input(format!("{}: {error}", request.lens), hint)
+        JobError::input(format!("{name}: {error}"), hint)
     })?;
     if let Some(out) = &request.out {
         check_folder(

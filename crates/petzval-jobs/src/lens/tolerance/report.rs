@@ -2,13 +2,14 @@
 
 use petzval_optics::merit;
 use petzval_optics::tolerance::{Distribution, Freedom, MonteCarlo, PERCENTILES};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::findings::Findings;
 use crate::finite::finite;
 
 /// All figures of a tolerance analysis.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Report {
     /// Name of the lens.
     pub lens: String,
@@ -31,7 +32,7 @@ pub struct Report {
 }
 
 /// Which values of a merit are better.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Better {
     /// Small ones.
@@ -41,7 +42,7 @@ pub enum Better {
 }
 
 /// A quantity of one or several surfaces.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Quantity {
     /// The quantity with its surfaces, for people.
     pub name: String,
@@ -65,7 +66,7 @@ impl From<&Freedom> for Quantity {
 }
 
 /// A compensator and where it stands.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Compensator {
     /// What is adjusted.
     #[serde(flatten)]
@@ -75,7 +76,7 @@ pub struct Compensator {
 }
 
 /// What a tolerance does.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Sensitivity {
     /// What is off.
     #[serde(flatten)]
@@ -101,7 +102,7 @@ pub struct Sensitivity {
 }
 
 /// The merit of lenses as built, estimated from the sensitivities, in the unit of the merit.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Estimate {
     /// The nominal merit, worse by the root of the sum of squares of the changes at the tolerances.
     pub root_sum_square: Option<f64>,
@@ -114,7 +115,7 @@ pub struct Estimate {
 }
 
 /// Lenses made at random.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct RandomLenses {
     /// Their seed.
     pub seed: u64,
@@ -141,7 +142,7 @@ pub struct RandomLenses {
 }
 
 /// The merit that a share of all lenses reaches.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Percentile {
     /// The share, percent.
     pub percent: f64,
@@ -150,7 +151,7 @@ pub struct Percentile {
 }
 
 /// How far a compensator goes, counted from the lens as drawn, in its unit.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Travel {
     /// What is adjusted.
     #[serde(flatten)]
@@ -168,7 +169,7 @@ pub struct Travel {
 }
 
 /// One of the worst lenses.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Worst {
     /// Its number.
     pub trial: usize,

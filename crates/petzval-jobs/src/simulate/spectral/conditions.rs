@@ -47,12 +47,6 @@ impl Conditions {
         };
         has_curves(&rig.sensor, assets)?;
         let lux = over.illuminance_lux.unwrap_or(500.0);
-        if !(lux > 0.0 && lux <= 1e9) {
-            return Err(JobError::input(
-                format!("--illuminance-lux {lux}: not between 0 and 1e9"),
-                "an office has 500 lux",
-            ));
-        }
         let illuminant = illuminant(over.illuminant.as_deref().unwrap_or("D65"))?;
         let transmission = over.transmission.as_deref().map(transmission).transpose()?;
         let optics = PixelOptics {

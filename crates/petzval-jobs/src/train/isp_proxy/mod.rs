@@ -14,6 +14,7 @@ use petzval_design::isp_frames::FrameSource;
 use petzval_design::setup::Setup;
 use petzval_files::isp_file::IspProxyFile;
 use petzval_report::isp_proxy_sheet::{Pair, ScoreRow, Sheet, Slope, page};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::folder::{Kept as AnyKept, Training, WEIGHTS, train};
@@ -21,6 +22,7 @@ use super::request::{Request as AnyRequest, located};
 use crate::context::Context;
 use crate::error::JobError;
 use crate::named_isp::{NamedIsp, isp_by_name};
+use crate::range::check_ranges;
 
 pub use self::plan::Plan;
 pub use petzval_design::camera::isp_proxy::{Gap, ProxyTraining};
@@ -55,7 +57,7 @@ struct Inputs {
 type Kept = AnyKept<Plan, Inputs, StepLosses>;
 
 /// A trained proxy.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Response {
     /// Name of the ISP.
     pub isp: String,
@@ -82,10 +84,7 @@ pub struct Response {
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let plan = request.plan()?;
     let plan = Plan { isp: located(&plan.isp)?, experiment: located(&plan.experiment)?, ..plan };
-    if !(1..=1_000_000).contains(&plan.training.steps) {
-        let hint = "4000 take minutes on two cores";
-        return Err(JobError::setting("steps", plan.training.steps, "must lie between 1 and 1000000", hint));
-    }
+    check_ranges(&plan.training)?;
     let mut named = isp_by_name(&plan.isp, &context.assets, context.cancel())?;
     named.set(&plan.set)?;
     named.set_bits(16);
@@ -95,7 +94,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let values = named.values(0.0)?;
     let inputs = Inputs { isp: named.in_words(&values), scenes: inputs::Inputs::of(&setup)?.fingerprint };
     let source = FrameSource::new(setup)?;
-    let mut trainer = ProxyTrainer::new(named.isp(), varied.clone(), values.clone(), plan.training, &device)?;
+    let mut trainer =
+        ProxyTrainer::new(named.isp(), varied.clone(), values.clone(), plan.training.clone(), &device)?;
     let what = format!("the ISP {}, or lens, sensor and photographs of {},", plan.isp, plan.experiment);
     let (folder, mut kept) = request.open(plan.clone(), inputs, &what)?;
     if kept.step > 0 {

@@ -20,6 +20,8 @@ use super::folder::{Kept as AnyKept, Training, WEIGHTS, train};
 use super::request::{Request as AnyRequest, located};
 use crate::context::Context;
 use crate::error::JobError;
+use crate::experiment::DEFAULT_EXPERIMENT;
+use crate::range::check_ranges;
 
 /// Lenses on which a network is judged.
 const JUDGED_LENSES: usize = 50;
@@ -33,12 +35,18 @@ const UNSEEN: u64 = 0x756e_7365_656e;
 
 /// What is imitated, and how.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct Plan {
     /// Experiment that gives lens, bounds, sensor and PSFs.
     pub experiment: String,
     /// Steps and size of the network.
     pub training: OpticsTraining,
+}
+
+impl Default for Plan {
+    fn default() -> Self {
+        Self { experiment: DEFAULT_EXPERIMENT.to_owned(), training: OpticsTraining::default() }
+    }
 }
 
 pub use petzval_design::camera::optics_proxy::OpticsTraining;
@@ -59,7 +67,7 @@ struct Inputs {
 type Kept = AnyKept<Plan, Inputs, OpticsLosses>;
 
 /// A trained network.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Response {
     /// Name of the lens.
     pub lens: String,
@@ -112,7 +120,7 @@ impl Training for ProxyOpticsTrainer {
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let plan = request.plan()?;
     let plan = Plan { experiment: located(&plan.experiment)?, ..plan };
-    check(&plan.training)?;
+    check_ranges(&plan.training)?;
     let device = context.device("cpu")?;
     let mut experiment = context.assets.experiment(&plan.experiment)?;
     if experiment.psf.kind != PsfKind::Geometric {
@@ -132,7 +140,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     })?;
     let sampler = |seed: u64| LensSampler::new(start.clone(), setup.moving_plan.clone(), seed);
     let mut trainer =
-        ProxyOpticsTrainer::new(sampler(plan.training.seed), domain.clone(), plan.training, &device)?;
+        ProxyOpticsTrainer::new(sampler(plan.training.seed), domain.clone(), plan.training.clone(), &device)?;
     let inputs = Inputs {
         lens: write_lens(&start.lens_file),
         domain: domain.clone(),
@@ -177,18 +185,6 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let weights = [&trainer.save()?[0][..], &trainer.safetensors()?];
     folder.finish(weights, &page(&sheet), &[(FILES[1], &kept.inputs.lens)], &description, context)?;
     Ok(Response { gap: Some(gap), ..response })
-}
-
-fn check(training: &OpticsTraining) -> Result<(), JobError> {
-    let OpticsTraining { steps, batch, .. } = *training;
-    if !(1..=10_000_000).contains(&steps) {
-        let hint = "2000 take about a quarter of an hour on two cores";
-        return Err(JobError::setting("steps", steps, "must lie between 1 and 10000000", hint));
-    }
-    if !(1..=1024).contains(&batch) {
-        return Err(JobError::setting("batch", batch, "must lie between 1 and 1024", "8 is usual"));
-    }
-    Ok(())
 }
 
 fn description(

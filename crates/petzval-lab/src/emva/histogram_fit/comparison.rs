@@ -1,6 +1,7 @@
 //! Compares captured histograms with those of the model.
 
 use petzval_base::statistics::maximum;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::parameter::Numbers;
@@ -9,7 +10,7 @@ use crate::emva::captures::Kind;
 use petzval_camera::sensor::Colour;
 
 /// Distance between a histogram and a distribution.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct GoodnessOfFit {
     /// `sum (c - e)^2 / e` over bins of at least ten expected samples (or ten captured ones where less than one is
     /// expected), over their number minus one.
@@ -23,7 +24,7 @@ pub struct GoodnessOfFit {
 }
 
 /// A captured histogram with the expected ones before and after the fit.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct HistogramComparison {
     /// Whether light fell on the sensor.
     pub kind: Kind,

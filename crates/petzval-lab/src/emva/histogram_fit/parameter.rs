@@ -2,6 +2,7 @@
 
 use std::ops::{Index, IndexMut};
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// Step of the central differences of the distribution.
@@ -41,7 +42,7 @@ macro_rules! shared_parameters {
         $parameter:ident $(in $field:ident)?, $name:literal, $unit:literal, $step:expr, $bound:ident;
     )*) => {
         /// Parameters of the model at the start or the end of the fit.
-        #[derive(Debug, Clone, PartialEq, Serialize)]
+        #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
         pub struct ModelParameters {
             $($(#[doc = $about] pub $field: f64,)?)*
             /// Full well, e-; always held.

@@ -1,6 +1,7 @@
 //! Result of the fit to the histograms.
 
 use petzval_base::statistics::maximum;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::comparison::HistogramComparison;
@@ -9,7 +10,7 @@ use crate::emva::goodness::{ALPHA, FitTest, Verdict, chi2_beyond};
 use crate::emva::measured::Measured;
 
 /// Electrons per unit of light in a green (or clear) pixel.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct LightLevel {
     /// Linear gain of the points.
     pub linear_gain: f64,
@@ -18,7 +19,7 @@ pub struct LightLevel {
 }
 
 /// Result of the fit.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct HistogramFit {
     /// Parameters before.
     pub start: ModelParameters,

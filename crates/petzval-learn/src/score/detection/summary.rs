@@ -1,5 +1,6 @@
 //! The numbers that detectors are published with.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::curve::Interpolation;
@@ -16,7 +17,7 @@ pub const COCO_LARGE_PX2: f64 = 96.0 * 96.0;
 const LARGEST_PX2: f64 = 1e10;
 
 /// The numbers of COCO. What no object contributes to is `None`, where pycocotools has -1.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CocoSummary {
     /// Average precision over overlaps of 0.5 to 0.95.
     pub ap: Option<f64>,

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::place::Place;
@@ -10,7 +11,7 @@ use crate::lens::{Action, Lens, Surface};
 use crate::vector::apply;
 
 /// One piece of glass.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct LayoutElement {
     /// Name of its glass.
     pub glass: String,
@@ -27,7 +28,7 @@ pub struct LayoutElement {
 }
 
 /// The kind of a bare surface.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum LineKind {
     /// A mirror.
@@ -41,7 +42,7 @@ pub enum LineKind {
 }
 
 /// A surface that belongs to no piece of glass.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct LayoutLine {
     /// Its kind.
     pub kind: LineKind,

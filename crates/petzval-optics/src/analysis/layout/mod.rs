@@ -7,6 +7,7 @@ mod ray;
 pub use element::{LayoutElement, LayoutLine, LineKind};
 pub use ray::LayoutRay;
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::AnalysisOptions;
@@ -16,7 +17,7 @@ use element::{bare_surfaces, elements};
 use place::places;
 
 /// A lens in its y-z section; points are (z, y) in mm from the first vertex.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Layout {
     /// Pieces of glass in the order of the light.
     pub elements: Vec<LayoutElement>,

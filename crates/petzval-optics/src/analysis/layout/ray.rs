@@ -1,5 +1,6 @@
 //! Fans of a layout: the rays of a field in the plane of the drawing, from before the lens to the image.
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::place::Place;
@@ -9,7 +10,7 @@ use crate::pupil::aim_one;
 use crate::trace::{Fate, Path, Sequence, launch, starts_across, trace_ray};
 
 /// A ray as a line.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct LayoutRay {
     /// Corners, from in front of the lens to the image or to where it is lost.
     pub points: Vec<[f64; 2]>,

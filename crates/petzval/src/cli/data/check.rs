@@ -27,7 +27,7 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Pictures on the page
-    #[arg(long, default_value_t = petzval::jobs::data::check::Request::default().samples, value_name = "N")]
+    #[arg(long, default_value_t = Request::default().samples, value_name = "N")]
     samples: usize,
     /// Show which categories the classes of this experiment take, by built-in name or path
     #[arg(long, value_name = "EXPERIMENT")]
@@ -39,8 +39,12 @@ pub struct Args {
 
 /// Runs the verb.
 pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
-    let request =
-        Request { data: args.data, out: args.out, samples: args.samples, classes_of: args.classes_of };
+    let request = Request {
+        data: args.data,
+        out: args.out,
+        samples: args.samples,
+        classes_of: args.classes_of.map(Into::into),
+    };
     let response = check::run(&request, &terminal.context())?;
     if args.json {
         print_json(&response)?;

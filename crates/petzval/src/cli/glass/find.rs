@@ -18,7 +18,7 @@ pub struct Args {
     #[arg(long, allow_negative_numbers = true)]
     vd: f64,
     /// Number of glasses to print
-    #[arg(long, default_value_t = petzval::jobs::glass::find::Request::default().count, value_name = "N")]
+    #[arg(long, default_value_t = find::Request::default().count, value_name = "N")]
     count: usize,
     /// Only glasses of this maker
     #[arg(long)]

@@ -7,6 +7,7 @@ use petzval::jobs::isp::chart::{self, Response};
 use petzval::jobs::simulate;
 
 use super::inputs::IspArgs;
+use crate::cli::defaults::word;
 use crate::cli::failure::Failure;
 use crate::cli::plain::shown;
 use crate::cli::signals;
@@ -26,10 +27,10 @@ pub struct Args {
     #[arg(long, value_name = "STAGE.KEY=VALUE")]
     set: Vec<String>,
     /// Lens file, or a built-in name
-    #[arg(long, default_value = "cooke-triplet-nominal")]
+    #[arg(long, default_value = word(chart::Request::default().camera.lens))]
     lens: String,
     /// Sensor file, or a built-in name
-    #[arg(long, default_value = "imx249-fitted")]
+    #[arg(long, default_value = word(chart::Request::default().camera.sensor))]
     sensor: String,
     /// Quantum efficiency curves in place of the sensor's own, as `petzval simulate` takes them [default: imx219 where the sensor has none]
     #[arg(long, value_name = "CURVES")]
@@ -45,13 +46,13 @@ pub struct Args {
     #[arg(long, value_name = "E")]
     white_e: Option<f32>,
     /// Linear analogue gain
-    #[arg(long, default_value_t = 1.0)]
+    #[arg(long, default_value_t = chart::Request::default().camera.gain)]
     gain: f32,
     /// Exposure time, s
-    #[arg(long, default_value_t = 0.005, value_name = "S")]
+    #[arg(long, default_value_t = chart::Request::default().camera.time_s, value_name = "S")]
     time_s: f32,
     /// Samples of the chart along a side of a pixel, 1 to 8
-    #[arg(long, default_value_t = 1, value_name = "K")]
+    #[arg(long, default_value_t = chart::SAMPLES, value_name = "K")]
     samples: usize,
     /// Leave out the distortion of the lens
     #[arg(long)]
@@ -60,7 +61,7 @@ pub struct Args {
     #[arg(long)]
     no_noise: bool,
     /// Seed of the noise
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = chart::Request::default().camera.seed)]
     seed: u64,
     /// Folder for the results
     #[arg(long, value_name = "DIR")]
@@ -79,8 +80,8 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         ..simulate::Spectral::default()
     };
     let camera = simulate::Request {
-        lens: args.lens,
-        sensor: args.sensor,
+        lens: args.lens.into(),
+        sensor: args.sensor.into(),
         white_e: args.white_e,
         gain: args.gain,
         time_s: args.time_s,

@@ -8,6 +8,7 @@ use petzval::jobs::isp::Merge;
 use petzval::jobs::isp::develop::{self, Chroma, Container, Range, Standard, YcbcrFile};
 
 use super::inputs::{FrameArgs, IspArgs};
+use crate::cli::defaults::word;
 use crate::cli::failure::Failure;
 use crate::cli::plain::shown;
 use crate::cli::signals;
@@ -45,7 +46,7 @@ pub struct Args {
     ///
     /// PNG has no samples of 10 bits: they are scaled to 16, and the chunk sBIT says that 10 count. The code is the sample shifted right
     /// by 6 bits.
-    #[arg(long, default_value_t = petzval::jobs::isp::develop::Request::default().bits)]
+    #[arg(long, default_value_t = develop::Request::default().bits)]
     bits: u32,
     #[command(flatten)]
     file: FileArgs,
@@ -64,16 +65,16 @@ pub struct Args {
 #[derive(Debug, clap::Args)]
 struct FileArgs {
     /// Format of the pictures
-    #[arg(long, value_enum, default_value = "png")]
+    #[arg(long, value_enum, default_value_t = Format::of(develop::Request::default().ycbcr))]
     format: Format,
     /// Standard of luma in y4m and yuv
-    #[arg(long, value_enum, default_value = "bt709")]
+    #[arg(long, value_enum, default_value = word(ycbcr().standard))]
     luma: Luma,
     /// Codes between black and white in y4m and yuv: 16 to 235, or all
-    #[arg(long, value_enum, default_value = "limited")]
+    #[arg(long, value_enum, default_value = word(ycbcr().range))]
     range: Codes,
     /// Colour differences in y4m and yuv: 4:2:0, 4:2:2 or 4:4:4
-    #[arg(long, value_enum, default_value = "420")]
+    #[arg(long, value_enum, default_value = word(ycbcr().chroma))]
     chroma: Subsampling,
 }
 
@@ -114,6 +115,22 @@ enum Subsampling {
     /// One for each pixel
     #[value(name = "444")]
     Every,
+}
+
+/// Luma and colour differences as a request has them.
+fn ycbcr() -> YcbcrFile {
+    Default::default()
+}
+
+impl Format {
+    /// The format of luma and colour differences, or else that of pictures.
+    fn of(ycbcr: Option<YcbcrFile>) -> Self {
+        match ycbcr.map(|file| file.container) {
+            None => Self::Png,
+            Some(Container::Y4m) => Self::Y4m,
+            Some(Container::Yuv) => Self::Yuv,
+        }
+    }
 }
 
 impl FileArgs {

@@ -23,7 +23,7 @@ impl FrameArgs {
     /// As jobs take it.
     pub fn options(self) -> FrameOptions {
         FrameOptions {
-            sensor: self.sensor,
+            sensor: self.sensor.map(Into::into),
             white_dn: self.white_dn,
             auto_balance: self.auto_balance,
             auto_exposure: self.auto_exposure,

@@ -2,8 +2,9 @@
 
 use std::process::ExitCode;
 
-use petzval::jobs::isp::{NEUTRAL, show};
+use petzval::jobs::isp::show;
 
+use crate::cli::defaults::word;
 use crate::cli::failure::Failure;
 use crate::cli::terminal::{Terminal, print_json};
 
@@ -13,10 +14,10 @@ use crate::cli::terminal::{Terminal, print_json};
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Preset, or a file of settings or of the description of an external ISP
-    #[arg(value_name = "PRESET|FILE", default_value = NEUTRAL)]
+    #[arg(value_name = "PRESET|FILE", default_value = word(show::Request::default().isp))]
     isp: String,
     /// Gain of the sensor above its lowest, at which to show the values of a preset, EV
-    #[arg(long, value_name = "EV", default_value_t = 0.0)]
+    #[arg(long, value_name = "EV", default_value_t = show::Request::default().gain_ev)]
     gain_ev: f64,
     /// Print a settings file with every parameter, to start your own from
     #[arg(long, conflicts_with = "json")]

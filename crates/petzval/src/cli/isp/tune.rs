@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use petzval::jobs::isp::tune::{self, Plan, Response, Start};
 
 use super::inputs::{FrameArgs, IspArgs};
+use crate::cli::defaults::{word, words};
 use crate::cli::failure::Failure;
 use crate::cli::number::six_digits;
 use crate::cli::plain::shown;
@@ -28,10 +29,10 @@ pub struct Args {
     #[arg(long, value_name = "DIR", required_unless_present = "resume")]
     reference: Option<PathBuf>,
     /// Score to raise: psnr, ssim or lpips (1 - LPIPS)
-    #[arg(long, default_value = "psnr")]
+    #[arg(long, default_value = word(Plan::default().objective))]
     objective: String,
     /// Parameters that vary: names, stages, or all
-    #[arg(long, value_name = "KEY,KEY", value_delimiter = ',', default_value = "all")]
+    #[arg(long, value_name = "KEY,KEY", value_delimiter = ',', default_value = words(&Plan::default().vary))]
     vary: Vec<String>,
     #[command(flatten)]
     isp: IspArgs,
@@ -44,7 +45,7 @@ pub struct Args {
     #[arg(long, value_name = "N")]
     evaluations: Option<usize>,
     /// Seed of the search
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = Plan::default().seed)]
     seed: u64,
     /// Continue the search in this folder
     #[arg(long, value_name = "DIR", conflicts_with_all = [

@@ -7,6 +7,7 @@ use clap::builder::PossibleValuesParser;
 use petzval::jobs::lens::analyze::{self, Analysis};
 
 use super::focus::FocusAt;
+use crate::cli::defaults::word;
 use crate::cli::failure::Failure;
 use crate::cli::plain::shown;
 use crate::cli::terminal::Terminal;
@@ -32,7 +33,7 @@ pub struct Args {
     #[arg(long, value_name = "KIND", value_delimiter = ',', value_parser = PossibleValuesParser::new(analyze::names()))]
     only: Vec<String>,
     /// Position of the image plane
-    #[arg(long, value_enum, default_value = "file")]
+    #[arg(long, value_enum, default_value = word(analyze::Request::default().focus))]
     focus: FocusAt,
     /// Sensor file, or a built-in name: marks its Nyquist frequency in MTF curves
     #[arg(long, value_name = "NAME")]
@@ -54,11 +55,11 @@ pub struct Args {
 /// Runs the verb.
 pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let request = analyze::Request {
-        lens: args.lens,
+        lens: args.lens.into(),
         out: args.out,
         only: args.only,
         focus: args.focus.into(),
-        sensor: args.sensor,
+        sensor: args.sensor.map(Into::into),
         pixel_um: args.pixel_um,
         max_frequency: args.max_frequency,
         frequency: args.frequency,

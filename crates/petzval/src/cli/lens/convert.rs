@@ -28,7 +28,8 @@ pub struct Args {
 
 /// Runs the verb.
 pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
-    let response = convert::run(&convert::Request { from: args.from, to: args.to }, &terminal.context())?;
+    let response =
+        convert::run(&convert::Request { from: args.from.into(), to: args.to }, &terminal.context())?;
     if args.json {
         return print_json(&response);
     }

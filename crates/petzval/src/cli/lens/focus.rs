@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use clap::ValueEnum;
 use petzval::jobs::lens::{self, focus};
 
+use crate::cli::defaults::word;
 use crate::cli::failure::Failure;
 use crate::cli::plain::shown;
 use crate::cli::terminal::{Terminal, print_json};
@@ -22,7 +23,7 @@ pub struct Args {
     #[arg(value_name = "OUT")]
     to: Option<PathBuf>,
     /// Position of the image plane
-    #[arg(long, value_enum, default_value = "best")]
+    #[arg(long, value_enum, default_value = word(focus::Request::default().focus))]
     at: FocusAt,
     /// Machine-readable output
     #[arg(long)]
@@ -31,7 +32,7 @@ pub struct Args {
 
 /// Runs the verb.
 pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
-    let request = focus::Request { lens: args.lens, focus: args.at.into(), to: args.to };
+    let request = focus::Request { lens: args.lens.into(), focus: args.at.into(), to: args.to };
     let response = focus::run(&request, &terminal.context())?;
     if args.json {
         return print_json(&response);

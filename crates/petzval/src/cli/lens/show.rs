@@ -7,6 +7,7 @@ use petzval::jobs::lens::show::{self, Prescription, Response, Surface};
 use petzval::jobs::{Context, Silent};
 
 use super::focus::FocusAt;
+use crate::cli::defaults::word;
 use crate::cli::failure::Failure;
 use crate::cli::terminal::{Terminal, print_json};
 
@@ -16,7 +17,7 @@ pub struct Args {
     /// Lens file, or a built-in name such as cooke-triplet-nominal
     lens: String,
     /// Position of the image plane
-    #[arg(long, value_enum, default_value = "file")]
+    #[arg(long, value_enum, default_value = word(show::Request::default().focus))]
     focus: FocusAt,
     /// Machine-readable output
     #[arg(long)]
@@ -25,7 +26,7 @@ pub struct Args {
 
 /// Runs the verb.
 pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
-    let request = show::Request { lens: args.lens, focus: args.focus.into() };
+    let request = show::Request { lens: args.lens.into(), focus: args.focus.into() };
     let response = match show::run(&request, &terminal.context()) {
         Ok(response) => response,
         Err(error) => {

@@ -5,6 +5,7 @@ use std::process::ExitCode;
 use clap::ValueEnum;
 use petzval::jobs::lens::trace;
 
+use crate::cli::defaults::word;
 use crate::cli::failure::Failure;
 use crate::cli::terminal::{Terminal, print_json};
 
@@ -32,7 +33,7 @@ pub struct Args {
     #[arg(long, value_name = "PX,PY", value_delimiter = ',', required = true, allow_hyphen_values = true)]
     pupil: Vec<f64>,
     /// Surface of the pupil point
-    #[arg(long, value_enum, default_value = "real")]
+    #[arg(long, value_enum, default_value = word(trace::Request::default().aim))]
     aim: Aim,
     /// Machine-readable output
     #[arg(long)]
@@ -42,7 +43,7 @@ pub struct Args {
 /// Runs the verb.
 pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let request = trace::Request {
-        lens: args.lens,
+        lens: args.lens.into(),
         field: args.field,
         wavelength: args.wavelength,
         pupil: args.pupil,

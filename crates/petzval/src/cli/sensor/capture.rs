@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use clap::ValueEnum;
 use petzval::jobs::sensor::capture;
 
+use crate::cli::defaults::word;
 use crate::cli::failure::Failure;
 use crate::cli::plain::shown;
 use crate::cli::terminal::{Terminal, print_json};
@@ -70,10 +71,10 @@ pub struct Args {
     #[arg(long, value_name = "UM")]
     wavelength: Option<f64>,
     /// Format of the frames
-    #[arg(long, value_enum, default_value = "tiff")]
+    #[arg(long, value_enum, default_value = word(capture::Request::default().format))]
     format: Format,
     /// Seed of the noise
-    #[arg(long, default_value_t = petzval::jobs::sensor::capture::Request::default().seed)]
+    #[arg(long, default_value_t = capture::Request::default().seed)]
     seed: u64,
     /// Print what was written as JSON
     #[arg(long)]
@@ -93,7 +94,7 @@ fn rows_and_columns(size: &str) -> Result<[usize; 2], Failure> {
 pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let request = capture::Request {
         size: args.size.as_deref().map(rows_and_columns).transpose()?,
-        sensor: args.sensor,
+        sensor: args.sensor.into(),
         out: args.out,
         emva: args.emva,
         gains: args.gains,

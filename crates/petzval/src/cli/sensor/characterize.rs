@@ -10,6 +10,7 @@ use petzval::jobs::sensor::characterize::{
     Verdict, colour_name, fits,
 };
 
+use crate::cli::defaults::word;
 use crate::cli::failure::Failure;
 use crate::cli::terminal::{Terminal, print_json};
 
@@ -41,7 +42,7 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// High-pass before DSNU and PRNU; the library has none, so it does not change the values of --compatible
-    #[arg(long, value_enum, default_value = "r4")]
+    #[arg(long, value_enum, default_value = word(characterize::Request::default().highpass))]
     highpass: Filter,
     /// Derive every number as the EMVA 1288 Python library does, including its mistakes
     #[arg(long)]

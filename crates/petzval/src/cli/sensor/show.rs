@@ -114,7 +114,8 @@ fn facts(s: &SensorModel) -> String {
 
 /// Runs the verb.
 pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
-    let response = show::run(&show::Request { sensor: args.sensor, gains: args.gains }, &terminal.context())?;
+    let response =
+        show::run(&show::Request { sensor: args.sensor.into(), gains: args.gains }, &terminal.context())?;
     if args.json {
         return print_json(&response);
     }

@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use petzval::jobs::design::DEFAULT_EXPERIMENT;
 use petzval::jobs::train::isp_proxy::{self, Plan, ProxyTraining, Request, Response};
 
+use crate::cli::defaults::{word, words};
 use crate::cli::failure::Failure;
 use crate::cli::isp::inputs::IspArgs;
 use crate::cli::number::six_digits;
@@ -28,7 +28,7 @@ const SHOWN_SLOPES: usize = 10;
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Experiment that gives lens, sensor, exposure and photographs: a file, or the name of a built-in one
-    #[arg(default_value = DEFAULT_EXPERIMENT)]
+    #[arg(default_value = word(Plan::default().experiment))]
     experiment: String,
     #[command(flatten)]
     isp: IspArgs,
@@ -36,19 +36,19 @@ pub struct Args {
     #[arg(long, value_name = "STAGE.KEY=VALUE")]
     set: Vec<String>,
     /// Parameters that the proxy knows: names, stages, or all
-    #[arg(long, value_name = "KEY,KEY", value_delimiter = ',', default_value = "all")]
+    #[arg(long, value_name = "KEY,KEY", value_delimiter = ',', default_value = words(&Plan::default().vary))]
     vary: Vec<String>,
     /// Training steps
-    #[arg(long, value_name = "N", default_value_t = 4000)]
+    #[arg(long, value_name = "N", default_value_t = ProxyTraining::default().steps)]
     steps: usize,
     /// Channels of the network at its finest resolution
-    #[arg(long, value_name = "N", default_value_t = 16)]
+    #[arg(long, value_name = "N", default_value_t = ProxyTraining::default().base_channels)]
     base_channels: usize,
     /// Number of times that the network halves the picture
-    #[arg(long, value_name = "N", default_value_t = 3)]
+    #[arg(long, value_name = "N", default_value_t = ProxyTraining::default().levels)]
     levels: usize,
     /// Seed of weights, scenes, noise and parameters
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = ProxyTraining::default().seed)]
     seed: u64,
     /// Continue the training in this folder
     #[arg(long, value_name = "DIR", conflicts_with_all = [

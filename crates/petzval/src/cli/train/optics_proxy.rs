@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use petzval::jobs::design::DEFAULT_EXPERIMENT;
 use petzval::jobs::train::optics_proxy::{self, OpticsTraining, Plan, Request, Response};
 
+use crate::cli::defaults::word;
 use crate::cli::failure::Failure;
 use crate::cli::plain::shown;
 use crate::cli::signals;
@@ -23,22 +23,22 @@ use crate::cli::terminal::{RESUME, Terminal, ending, found, print_json};
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Experiment that gives lens, sensor and PSFs: a file, or the name of a built-in one
-    #[arg(default_value = DEFAULT_EXPERIMENT)]
+    #[arg(default_value = word(Plan::default().experiment))]
     experiment: String,
     /// Training steps
-    #[arg(long, value_name = "N", default_value_t = 4000)]
+    #[arg(long, value_name = "N", default_value_t = OpticsTraining::default().steps)]
     steps: usize,
     /// Lenses of a step, each at a field of its own
-    #[arg(long, value_name = "N", default_value_t = 8)]
+    #[arg(long, value_name = "N", default_value_t = OpticsTraining::default().batch)]
     batch: usize,
     /// Width of the two hidden layers
-    #[arg(long, value_name = "N", default_value_t = 128)]
+    #[arg(long, value_name = "N", default_value_t = OpticsTraining::default().hidden)]
     hidden: usize,
     /// Channels of the decoder
-    #[arg(long, value_name = "N", default_value_t = 64)]
+    #[arg(long, value_name = "N", default_value_t = OpticsTraining::default().channels)]
     channels: usize,
     /// Seed of weights and lenses
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = OpticsTraining::default().seed)]
     seed: u64,
     /// Continue the training in this folder
     #[arg(long, value_name = "DIR", conflicts_with_all = ["experiment", "steps", "batch", "hidden", "channels", "seed", "out"])]

@@ -41,7 +41,7 @@ pub struct GoalArgs {
     fields: Vec<f64>,
     /// Exponent: minimise the mean over the fields of RMS^P; 1 is the mean spot, 2 the mean square, 8 nearly the worst
     /// field
-    #[arg(long, default_value_t = 1.0, value_name = "P")]
+    #[arg(long, default_value_t = Goal::default().power, value_name = "P")]
     power: f64,
     /// Focal length to hold, mm, or `free` [default: that of the solve in the lens file, else that of the lens, or in
     /// its place the magnification of a near object]

@@ -7,6 +7,7 @@ use std::process::ExitCode;
 
 use clap::ValueEnum;
 use petzval::jobs::lens::optimize::{self, Figures, Goal, Response, Restored, Start, Trade};
+use petzval::jobs::usual;
 
 use self::goal::GoalArgs;
 use crate::cli::failure::Failure;
@@ -31,7 +32,7 @@ pub struct Args {
     #[arg(required_unless_present = "resume")]
     lens: Option<String>,
     /// Quantity to minimise
-    #[arg(long, value_enum, default_value = "spot")]
+    #[arg(long, value_enum, default_value_t = Kind::of(&Goal::default()))]
     goal: Kind,
     /// Sensor of the goal restored, by file or built-in name [default: imx249-fitted]
     #[arg(long, value_name = "SENSOR")]
@@ -49,7 +50,7 @@ pub struct Args {
     #[arg(long)]
     global: bool,
     /// Seed of the search
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = usual::seed())]
     seed: u64,
     /// Rounds of a search, of 16 descents each: the same rounds find the same lenses on any machine; with --resume as many more [default: 10;
     /// with --resume those that are left]
@@ -88,6 +89,13 @@ enum Kind {
     Restored,
 }
 
+impl Kind {
+    /// The quantity that a goal minimises.
+    fn of(goal: &Goal) -> Self {
+        if goal.restored.is_some() { Self::Restored } else { Self::Spot }
+    }
+}
+
 impl Args {
     fn request(self) -> Result<optimize::Request, Failure> {
         let restored = match self.goal {
@@ -98,10 +106,13 @@ impl Args {
                 ));
             }
             Kind::Spot => None,
-            Kind::Restored => Some(Restored {
-                sensor: self.sensor.unwrap_or_else(|| "imx249-fitted".to_owned()),
-                white_e: self.white_e.unwrap_or(16_000.0),
-            }),
+            Kind::Restored => {
+                let usual = Restored::default();
+                Some(Restored {
+                    sensor: self.sensor.unwrap_or(usual.sensor),
+                    white_e: self.white_e.unwrap_or(usual.white_e),
+                })
+            }
         };
         let operands = self.operands.as_deref().map(optimize::read_operands).transpose()?;
         let goal = Goal { restored, operands, ..Goal::from(self.limits) };
@@ -119,9 +130,13 @@ impl Args {
                     "only an optimisation that is continued has steps to forget",
                 ));
             }
-            (None, Some(lens), Some(out)) => {
-                Start::New { lens, out, goal: Box::new(goal), global: self.global, seed: self.seed }
-            }
+            (None, Some(lens), Some(out)) => Start::New {
+                lens: lens.into(),
+                out,
+                goal: Box::new(goal),
+                global: self.global,
+                seed: self.seed,
+            },
             _ => return Err(Failure::input("a lens and --out are needed", "or --resume and a folder")),
         };
         Ok(optimize::Request {

@@ -8,6 +8,7 @@ use std::process::ExitCode;
 use clap::ValueEnum;
 use petzval::jobs::lens::tolerance::{self, PsfKind};
 
+use crate::cli::defaults::word;
 use crate::cli::failure::Failure;
 use crate::cli::plain::shown;
 use crate::cli::terminal::{Terminal, print_json};
@@ -65,19 +66,19 @@ pub struct Args {
     #[arg(long, value_enum)]
     grade: Option<GradeName>,
     /// Merit of a lens, over its fields (on both sides of the axis) and wavelengths
-    #[arg(long, value_enum, default_value = "rms")]
+    #[arg(long, value_enum, default_value = word(tolerance::Request::default().merit))]
     merit: MeritName,
     /// Spatial frequency of the MTF, cycles per mm
-    #[arg(long, default_value_t = petzval::jobs::lens::tolerance::Request::default().frequency, value_name = "PER_MM")]
+    #[arg(long, default_value_t = tolerance::Request::default().frequency, value_name = "PER_MM")]
     frequency: f64,
     /// Kind of the MTF: rays, accurate where spots are many times the Airy disk, or waves
-    #[arg(long, value_enum, default_value = "geometric")]
+    #[arg(long, value_enum, default_value = word(tolerance::Request::default().kind))]
     kind: Kind,
     /// Number of random lenses
-    #[arg(long, default_value_t = petzval::jobs::lens::tolerance::Request::default().trials, value_name = "N")]
+    #[arg(long, default_value_t = tolerance::Request::default().trials, value_name = "N")]
     trials: usize,
     /// What is adjusted on every lens
-    #[arg(long, value_enum, default_value = "focus")]
+    #[arg(long, value_enum, default_value = word(tolerance::Request::default().compensate))]
     compensate: Compensate,
     /// Print how many lenses reach this merit
     #[arg(long, value_name = "MERIT", allow_negative_numbers = true)]
@@ -86,10 +87,10 @@ pub struct Args {
     #[arg(long, value_name = "LOSS", allow_negative_numbers = true)]
     inverse: Option<f64>,
     /// Seed of the random lenses
-    #[arg(long, default_value_t = petzval::jobs::lens::tolerance::Request::default().seed, value_name = "N")]
+    #[arg(long, default_value_t = tolerance::Request::default().seed, value_name = "N")]
     seed: u64,
     /// Number of the worst lenses to write
-    #[arg(long, default_value_t = petzval::jobs::lens::tolerance::Request::default().worst, value_name = "N")]
+    #[arg(long, default_value_t = tolerance::Request::default().worst, value_name = "N")]
     worst: usize,
     /// Folder for the results
     #[arg(long, value_name = "DIR")]
@@ -105,7 +106,7 @@ pub struct Args {
 /// Runs the verb.
 pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let request = tolerance::Request {
-        lens: args.lens,
+        lens: args.lens.into(),
         tolerances: args.tolerances,
         grade: args.grade.map(|grade| match grade {
             GradeName::Commercial => tolerance::Grade::Commercial,
