@@ -100,11 +100,13 @@ impl FileError {
     /// unknown key's neighbours give the hint.
     pub fn of_value(path: &str, message: &str) -> Self {
         let words: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
+        // A question mark stands for a place that has no name.
+        let path = path.trim_end_matches('?').trim_end_matches('.');
         let (key, message, hint) = match words.split_first() {
             Some((unknown, known)) if message.starts_with("unknown field") => {
                 let is_named = path == *unknown || path.ends_with(&format!(".{unknown}"));
                 let key = match path {
-                    "" | "." => (*unknown).to_owned(),
+                    "" => (*unknown).to_owned(),
                     path if is_named => path.to_owned(),
                     path => format!("{path}.{unknown}"),
                 };
@@ -123,7 +125,6 @@ impl FileError {
             }
             _ => (path.to_owned(), message.to_owned(), None),
         };
-        let key = if key == "." { String::new() } else { key };
         Self { line: None, column: None, key, value: String::new(), message, hint }
     }
 
