@@ -11,6 +11,7 @@ mod float_file;
 mod glass_file;
 mod glass_toml;
 pub mod isp_file;
+mod label_image;
 pub mod lens_toml;
 mod limits;
 mod loss;
@@ -39,6 +40,7 @@ pub use export::Export;
 pub use float_file::{exr_bytes, npy_bytes, save_exr, save_npy};
 pub use glass_file::{GlassFile, GlassWarning, Refused};
 pub use glass_toml::{is_meant_as_catalog, parse_catalog, write_catalog};
+pub use label_image::{LabelImage, index_png_bytes, load_label_image};
 pub use lens_toml::{
     Expect, Expected, ExpectedSpots, LensFile, lens_schema, parse_lens, parse_lens_start, write_lens,
 };

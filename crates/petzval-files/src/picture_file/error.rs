@@ -32,6 +32,16 @@ pub enum ImageError {
         /// The error of the decoder.
         reason: String,
     },
+    /// The file holds no labels.
+    #[error(
+        "{name}: no picture of labels: {reason}; hint: give a PNG or TIFF file with one index of 8 or 16 bits a pixel"
+    )]
+    NoLabels {
+        /// The file.
+        name: String,
+        /// Why it is none.
+        reason: String,
+    },
     /// The picture cannot be encoded.
     #[error("{name}: cannot encode the picture: {reason}")]
     Encode {

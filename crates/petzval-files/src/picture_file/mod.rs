@@ -51,7 +51,7 @@ pub fn load_image(path: &Path) -> Result<Picture, ImageError> {
 }
 
 /// The bytes of a picture file.
-fn picture_bytes(path: &Path) -> Result<Vec<u8>, ImageError> {
+pub(crate) fn picture_bytes(path: &Path) -> Result<Vec<u8>, ImageError> {
     let io = |source| ImageError::Io { path: path.to_owned(), source };
     petzval_base::read_at_most(path, MOST_PICTURE_BYTES).map_err(io)
 }
@@ -203,7 +203,8 @@ pub fn save_png(image: &LinearImage, path: &Path) -> Result<(), ImageError> {
     write(path, &png_bytes(image)?)
 }
 
-fn encode(
+/// Encodes samples, row by row, as a file; `name` appears in errors.
+pub(crate) fn encode(
     bytes: &[u8],
     height: usize,
     width: usize,

@@ -1,0 +1,170 @@
+//! Pictures of labels: one index a pixel, 8 or 16 bits, in PNG and TIFF files.
+
+use std::io::Cursor;
+use std::path::Path;
+
+use ::image::{ExtendedColorType, ImageFormat};
+use png::{BitDepth, ColorType, Transformations};
+use tiff::decoder::{Decoder, DecodingResult};
+use tiff::tags::Tag;
+
+use crate::picture_file::{CUT_OFF, ImageError, encode, is_cut_off, picture_bytes, picture_head};
+
+/// What the samples of a TIFF file mean: 0 is white.
+const WHITE_IS_ZERO: u32 = 0;
+
+/// A picture of labels.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LabelImage {
+    /// Rows.
+    pub height: usize,
+    /// Columns.
+    pub width: usize,
+    /// Whether the file has indices of 16 bits; those of 1 to 8 bits are read as 8.
+    pub has_16_bits: bool,
+    /// The index of each pixel, row by row.
+    pub values: Vec<u16>,
+}
+
+/// Reads the indices of a PNG file (gray or with a palette, whose entries say nothing) or of a gray TIFF file. They come as they are stored:
+/// no colour profile, gamma or orientation is applied. Fails on pixels that are colours, and on files of other kinds.
+pub fn load_label_image(path: &Path) -> Result<LabelImage, ImageError> {
+    let name = path.display().to_string();
+    // Refuses what is empty or takes too much memory.
+    picture_head(path)?;
+    let bytes = picture_bytes(path)?;
+    let read = match ::image::guess_format(&bytes) {
+        Ok(ImageFormat::Png) if is_cut_off(&bytes) => Err(CUT_OFF.to_owned()),
+        Ok(ImageFormat::Png) => read_png(&bytes),
+        Ok(ImageFormat::Tiff) => read_tiff(&bytes),
+        _ => Err("it is neither a PNG nor a TIFF file".to_owned()),
+    };
+    read.map_err(|reason| ImageError::NoLabels { name, reason })
+}
+
+/// An 8-bit index PNG of a map of `height` x `width` indices, row by row.
+pub fn index_png_bytes(values: &[u8], height: usize, width: usize) -> Result<Vec<u8>, ImageError> {
+    encode(values, height, width, ExtendedColorType::L8, ImageFormat::Png, "PNG buffer of indices")
+}
+
+fn read_png(bytes: &[u8]) -> Result<LabelImage, String> {
+    let damaged = |e: png::DecodingError| e.to_string();
+    let mut decoder = png::Decoder::new(Cursor::new(bytes));
+    // Neither is a palette looked up, nor are bits scaled.
+    decoder.set_transformations(Transformations::IDENTITY);
+    let mut reader = decoder.read_info().map_err(damaged)?;
+    let size = reader.output_buffer_size().ok_or("it is too large")?;
+    let mut samples = vec![0; size];
+    let info = reader.next_frame(&mut samples).map_err(damaged)?;
+    if !matches!(info.color_type, ColorType::Grayscale | ColorType::Indexed) {
+        return Err(format!("its pixels are colours ({:?})", info.color_type));
+    }
+    let (height, width) = (info.height as usize, info.width as usize);
+    let rows = samples[..info.buffer_size()].chunks_exact(info.line_size);
+    let values = match info.bit_depth {
+        BitDepth::Sixteen => {
+            rows.flat_map(|row| row.as_chunks::<2>().0).map(|b| u16::from_be_bytes(*b)).collect()
+        }
+        depth => {
+            // Several pixels share a byte, the first one in its highest bits; a row begins with a new byte.
+            let bits = depth as usize;
+            let pixel = move |row: &[u8], column: usize| {
+                let from_left = column * bits;
+                let shifted = row[from_left / 8] >> (8 - bits - from_left % 8);
+                u16::from(shifted & (0xff >> (8 - bits)))
+            };
+            rows.flat_map(|row| (0..width).map(move |column| pixel(row, column))).collect()
+        }
+    };
+    Ok(LabelImage { height, width, has_16_bits: info.bit_depth == BitDepth::Sixteen, values })
+}
+
+fn read_tiff(bytes: &[u8]) -> Result<LabelImage, String> {
+    let damaged = |e: tiff::TiffError| e.to_string();
+    let mut decoder = Decoder::new(Cursor::new(bytes)).map_err(damaged)?;
+    let (width, height) = decoder.dimensions().map_err(damaged)?;
+    let colours = decoder.colortype().map_err(damaged)?;
+    if !matches!(colours, tiff::ColorType::Gray(8 | 16)) {
+        return Err(format!("its pixels are {colours:?}"));
+    }
+    let meaning = decoder.find_tag_unsigned::<u32>(Tag::PhotometricInterpretation).map_err(damaged)?;
+    if meaning == Some(WHITE_IS_ZERO) {
+        return Err("its 0 means white, so that its indices are not what is stored".to_owned());
+    }
+    let values = match decoder.read_image().map_err(damaged)? {
+        DecodingResult::U8(values) => values.into_iter().map(u16::from).collect(),
+        DecodingResult::U16(values) => values,
+        _ => return Err(format!("its pixels are not whole numbers ({colours:?})")),
+    };
+    let has_16_bits = matches!(colours, tiff::ColorType::Gray(16));
+    Ok(LabelImage { height: height as usize, width: width as usize, has_16_bits, values })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use tiff::encoder::TiffEncoder;
+    use tiff::encoder::colortype::{Gray8, Gray16};
+
+    use super::*;
+
+    fn png(colour: ColorType, depth: BitDepth, [width, height]: [u32; 2], samples: &[u8]) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        let mut encoder = png::Encoder::new(&mut bytes, width, height);
+        encoder.set_color(colour);
+        encoder.set_depth(depth);
+        if colour == ColorType::Indexed {
+            encoder.set_palette((0..3 * 16).map(|v| 255 - 3 * v).collect::<Vec<u8>>());
+        }
+        encoder.write_header().unwrap().write_image_data(samples).unwrap();
+        bytes
+    }
+
+    fn read(name: &str, bytes: &[u8]) -> Result<LabelImage, String> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(name);
+        fs::write(&path, bytes).unwrap();
+        load_label_image(&path).map_err(|e| e.to_string())
+    }
+
+    #[test]
+    fn indices_of_every_kind_of_file_come_as_they_are_stored() {
+        let gray =
+            read("a.png", &png(ColorType::Grayscale, BitDepth::Eight, [3, 2], &[0, 1, 2, 7, 254, 255]));
+        assert_eq!(
+            gray.unwrap(),
+            LabelImage { height: 2, width: 3, has_16_bits: false, values: vec![0, 1, 2, 7, 254, 255] }
+        );
+        // Entries of a palette do not count, and four bits are not scaled to eight. A row has three pixels in two bytes.
+        let palette =
+            read("a.png", &png(ColorType::Indexed, BitDepth::Four, [3, 2], &[0x12, 0x30, 0xf0, 0x50]));
+        assert_eq!(palette.unwrap().values, [1, 2, 3, 15, 0, 5]);
+        let deep =
+            read("a.png", &png(ColorType::Grayscale, BitDepth::Sixteen, [2, 1], &[0x5d, 0xc1, 0xff, 0xff]));
+        let deep = deep.unwrap();
+        assert_eq!((deep.has_16_bits, &deep.values[..]), (true, &[24001, 65535][..]));
+        let mut eight = Cursor::new(Vec::new());
+        TiffEncoder::new(&mut eight).unwrap().write_image::<Gray8>(2, 1, &[7, 255]).unwrap();
+        assert_eq!(read("a.tif", eight.get_ref()).unwrap().values, [7, 255]);
+        let mut sixteen = Cursor::new(Vec::new());
+        TiffEncoder::new(&mut sixteen).unwrap().write_image::<Gray16>(2, 1, &[7, 24001]).unwrap();
+        let sixteen = read("a.tif", sixteen.get_ref()).unwrap();
+        assert_eq!((sixteen.has_16_bits, &sixteen.values[..]), (true, &[7, 24001][..]));
+        // What is written is read.
+        let written = index_png_bytes(&[0, 9, 255, 3], 2, 2).unwrap();
+        assert_eq!(read("a.png", &written).unwrap().values, [0, 9, 255, 3]);
+    }
+
+    #[test]
+    fn colours_and_other_files_are_refused_with_their_name() {
+        let refused = |name: &str, bytes: &[u8]| read(name, bytes).unwrap_err();
+        let colours = refused("a.png", &png(ColorType::Rgb, BitDepth::Eight, [1, 1], &[1, 2, 3]));
+        assert!(colours.contains("a.png") && colours.contains("colours (Rgb)"), "{colours}");
+        assert!(colours.contains("hint: give a PNG or TIFF file"), "{colours}");
+        let whole = png(ColorType::Grayscale, BitDepth::Eight, [3, 2], &[0; 6]);
+        assert!(refused("a.png", &whole[..whole.len() - 14]).contains("cut off"));
+        assert!(refused("a.png", b"P5 1 1 255 a").contains("neither a PNG nor a TIFF"));
+        assert!(refused("a.png", b"").contains("cannot decode"));
+    }
+}
