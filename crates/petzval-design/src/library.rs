@@ -156,7 +156,7 @@ impl Library {
             }
             "data" => {
                 let is_there = name == STREET || Path::new(name).exists();
-                return (!is_there).then(|| "a folder in COCO format, or \"street\"".to_owned());
+                return (!is_there).then(|| "a folder of labelled pictures, or \"street\"".to_owned());
             }
             _ => {
                 let is_there = name == BUILT_IN_PHOTOS || Path::new(name).exists();

@@ -11,6 +11,7 @@ use petzval_design::error::DesignError;
 use petzval_design::experiment::SCENE;
 use petzval_design::run::{DigestCheck, RunFolder};
 use petzval_design::setup::Setup;
+use petzval_design::task::Drawn;
 use petzval_files::raw_file::{RawFrame, load_raw, sidecar_path};
 use petzval_files::{encoded_png_bytes, load_image};
 use petzval_report::side_by_side::{View, page};
@@ -101,7 +102,8 @@ enum Subject {
 }
 
 /// Takes the photographs and develops the raw frames. The folder `out` gets `NAME-CAMERA.png` for each, and `NAME-scene.png` of each
-/// photograph as it lies on the sensor, and `NAME-side-by-side.html` with all of them.
+/// photograph as it lies on the sensor, and `NAME-side-by-side.html` with all of them. A task may add files, such as
+/// `NAME-CAMERA-classes.png`.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let folder = RunFolder::open(&request.run)?;
     warn_of_changed_config(&folder, context)?;
@@ -109,20 +111,16 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let all: Vec<String> = experiment.variants().iter().map(|variant| variant.name.clone()).collect();
     let names = chosen(request, &folder, &all)?;
     let stems = stems(&request.images)?;
-    let cameras = names.iter().map(String::as_str);
-    let files: Vec<String> = stems
-        .iter()
-        .flat_map(|stem| cameras.clone().chain([SCENE]).map(move |name| format!("{stem}-{name}.png")))
-        .chain(stems.iter().map(|stem| page_name(stem)))
-        .collect();
-    check_distinct(&files)?;
-    check_folder(&request.out, &files, context)?;
     let warn = |text: &str| context.warning(WarningKind::ChangedFile, text);
     let check = DigestCheck::new(&folder, &request.accept_changed, &warn);
     check.check_cameras(names.iter().map(String::as_str))?;
 
     // Cameras are made before pictures are read: a run that lacks one is found at once.
     let setup = Setup::without_windows(experiment, &context.assets, context.device(&request.device)?)?;
+    let read_files = setup.task.read_files();
+    let files: Vec<String> = stems.iter().flat_map(|stem| files_of(stem, &names, read_files)).collect();
+    check_distinct(&files)?;
+    check_folder(&request.out, &files, context)?;
     let cameras = names.iter().map(|name| camera_of(&setup, &folder, name)).collect::<Result<Vec<_>, _>>()?;
     if request.images.iter().any(|image| is_raw(image)) {
         cameras.iter().try_for_each(Camera::check_sees_frames)?;
@@ -157,16 +155,22 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
                 Subject::Raw(frame) => developed(camera, frame)?,
             };
             let picture = request.out.join(format!("{stem}-{name}.png"));
-            let shown = setup.task.drawn(camera, finished.clone())?;
+            let (height, width) = (finished.height, finished.width);
+            let Drawn { shown, files } = setup.task.drawn(camera, finished)?;
             write_png(&picture, &shown)?;
             context.wrote(&picture, "picture");
+            for (file, bytes) in read_files.iter().zip(files) {
+                let path = request.out.join(read_name(stem, name, file));
+                write_file(&path, bytes)?;
+                context.wrote(&path, "what the network reads");
+            }
             show(name, &shown);
             pictures.push(Applied {
                 image: image.clone(),
                 camera: name.clone(),
                 picture,
-                height: finished.height,
-                width: finished.width,
+                height,
+                width,
                 seconds: start.elapsed().as_secs_f64(),
             });
         }
@@ -178,6 +182,18 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         }
     }
     Ok(Response { pictures, pages })
+}
+
+/// The files of a picture by these cameras.
+fn files_of(stem: &str, cameras: &[String], read_files: &[&str]) -> Vec<String> {
+    let pictures = cameras.iter().map(String::as_str).chain([SCENE]).map(|name| format!("{stem}-{name}.png"));
+    let read = cameras.iter().flat_map(|name| read_files.iter().map(move |file| read_name(stem, name, file)));
+    pictures.chain(read).chain([page_name(stem)]).collect()
+}
+
+/// A file that says what the network of a camera reads in a picture.
+fn read_name(stem: &str, camera: &str, file: &str) -> String {
+    format!("{stem}-{camera}-{file}")
 }
 
 /// The page of a picture by every camera.

@@ -78,6 +78,7 @@ fn main() {
         light: Light::Day,
         busy: 0.4,
         classes: of.clone(),
+        surfaces: None,
         white_cd_m2: 3.0,
         samples: 2,
         on_objects: 0.9,

@@ -28,6 +28,7 @@ fn plan() -> StreetPlan {
         light: Light::Day,
         busy: 0.4,
         classes: Classes::parse(include_str!("../../../data/tasks/pedestrian-vehicle.toml")).unwrap(),
+        surfaces: None,
         white_cd_m2: 3.0,
         samples: 1,
         on_objects: 1.0,

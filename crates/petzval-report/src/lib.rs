@@ -50,3 +50,5 @@ pub mod sensor_sheet;
 pub mod side_by_side;
 mod table;
 pub mod tolerance_sheet;
+
+pub use palette::class_colour;

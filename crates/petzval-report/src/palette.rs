@@ -31,6 +31,28 @@ const SKY: &str = "#3a9bd0";
 const VIOLET: &str = "#8a3ea6";
 const BROWN: &str = "#8c2d04";
 
+/// Colours of classes of pixels: the set "muted" of Tol, then orange, brown and a dark gray (Tol, "Colour Schemes", SRON/EPS/TN/09-002, 2021).
+const CLASSES: [[u8; 3]; 13] = [
+    [0x88, 0xcc, 0xee],
+    [0xcc, 0x66, 0x77],
+    [0xdd, 0xcc, 0x77],
+    [0x11, 0x77, 0x33],
+    [0x33, 0x22, 0x88],
+    [0xaa, 0x44, 0x99],
+    [0x44, 0xaa, 0x99],
+    [0x99, 0x99, 0x33],
+    [0x88, 0x22, 0x55],
+    [0xdd, 0xdd, 0xdd],
+    [0xee, 0x77, 0x33],
+    [0x66, 0x33, 0x33],
+    [0x66, 0x66, 0x66],
+];
+
+/// The colour of a class of pixels by its number: red, green and blue. Of more than 13 classes colours are used again.
+pub fn class_colour(class: usize) -> [u8; 3] {
+    CLASSES[class % CLASSES.len()]
+}
+
 /// Colours of the mosaic of a sensor.
 const FILTER_RED: &str = "#c0392b";
 const FILTER_GREEN: &str = "#238b45";

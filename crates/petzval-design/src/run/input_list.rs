@@ -36,7 +36,7 @@ pub struct InputList {
 pub struct Pictures {
     /// Where they are: an absolute path of a folder or a file of annotations.
     pub place: PathBuf,
-    /// SHA-256 of all boxes; none of photographs.
+    /// SHA-256 of all labels; none of photographs.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub labels: Option<String>,
     /// Their files.
@@ -105,7 +105,7 @@ impl Pictures {
                 .map(|name| format!("the new picture {name}")),
         );
         if self.labels != now.labels {
-            all.push("the boxes of the pictures".to_owned());
+            all.push("the labels of the pictures".to_owned());
         }
         all
     }

@@ -8,12 +8,16 @@
 //! | [`Judge`] | the scores of a camera |
 //! | [`Tasks`] | all tasks, by name |
 //! | [`pictures`] | pictures for people to look at |
+//! | [`Scenes`] | labelled windows of streets, or of pictures of one's own |
 //! | [`objects`] | objects to be found, in classes of one's own |
+//! | [`segments`] | a class for every pixel |
 
 mod judge;
 pub mod objects;
 pub mod pictures;
 mod registry;
+mod scenes;
+pub mod segments;
 mod windows;
 
 use std::collections::BTreeMap;
@@ -37,6 +41,7 @@ use crate::run::{Metrics, RunFolder};
 
 pub use judge::{Depth, Findings, Judge, ScoredPicture, Taken, named_scores};
 pub use registry::Tasks;
+pub use scenes::{PicturePlan, ReadPictures, SceneLabels, Scenes};
 pub(crate) use windows::enlarged_by;
 pub use windows::{HeldOut, PhotosLook, Purpose, SceneView, WindowPlan, Windows, in_batches, relative_field};
 
@@ -95,9 +100,14 @@ pub trait PreparedTask: Send + Sync {
     /// What its pictures are, and what of them cannot be used.
     fn remarks(&self) -> Vec<Remark>;
 
-    /// A picture with what the network of the camera reads in it, for people to look at.
-    fn drawn(&self, _camera: &Camera, picture: LinearImage) -> Result<LinearImage, DesignError> {
-        Ok(picture)
+    /// A picture with what the network of the camera reads in it, for people to look at, and the files of [`Self::read_files`].
+    fn drawn(&self, _camera: &Camera, picture: LinearImage) -> Result<Drawn, DesignError> {
+        Ok(Drawn::alone(picture))
+    }
+
+    /// Names of the files that say what the network reads in a picture, for other programs: `classes.png`.
+    fn read_files(&self) -> &'static [&'static str] {
+        &[]
     }
 
     /// What the report of a run shows besides.
@@ -108,6 +118,21 @@ pub trait PreparedTask: Send + Sync {
         _metrics: &Metrics,
     ) -> Result<TaskReport, DesignError> {
         Ok(TaskReport::default())
+    }
+}
+
+/// A picture with what is read in it.
+pub struct Drawn {
+    /// For people to look at, sRGB-encoded.
+    pub shown: LinearImage,
+    /// The content of each of [`PreparedTask::read_files`].
+    pub files: Vec<Vec<u8>>,
+}
+
+impl Drawn {
+    /// A picture without files.
+    pub fn alone(shown: LinearImage) -> Self {
+        Self { shown, files: Vec::new() }
     }
 }
 

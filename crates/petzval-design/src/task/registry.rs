@@ -9,13 +9,15 @@ use serde::Deserialize;
 use super::Task;
 use super::objects::Objects;
 use super::pictures::Pictures;
+use super::segments::Segments;
 use crate::error::DesignError;
 use crate::experiment::Experiment;
 
 /// The files of the presets by their names.
-const PRESETS: [(&str, &str); 2] = [
+const PRESETS: [(&str, &str); 3] = [
     ("pedestrian-vehicle", include_str!("../../../../data/tasks/pedestrian-vehicle.toml")),
     ("traffic-light", include_str!("../../../../data/tasks/traffic-light.toml")),
+    ("street-segmentation", include_str!("../../../../data/tasks/street-segmentation.toml")),
 ];
 
 /// The tasks that experiments may name. Cheap to clone.
@@ -49,7 +51,7 @@ impl Tasks {
     /// Those of this program: one row a task.
     pub fn built_in() -> Self {
         let none = Self { rows: Vec::new(), presets: Vec::new() };
-        let rows = none.with(Pictures).with(Objects);
+        let rows = none.with(Pictures).with(Objects).with(Segments);
         PRESETS.into_iter().fold(rows, |tasks, (name, text)| {
             tasks.with_preset(name, text).expect("the presets of this program are read by its tests")
         })
@@ -147,7 +149,15 @@ mod tests {
     #[test]
     fn presets_are_tasks_with_classes_and_ones_own_classes_win() {
         let tasks = Tasks::built_in();
-        assert_eq!(tasks.names(), ["image-quality", "objects", "pedestrian-vehicle", "traffic-light"]);
+        let names = [
+            "image-quality",
+            "objects",
+            "segments",
+            "pedestrian-vehicle",
+            "traffic-light",
+            "street-segmentation",
+        ];
+        assert_eq!(tasks.names(), names);
         let preset = tasks.parse("task = \"pedestrian-vehicle\"\n").unwrap();
         assert_eq!(preset.classes().names(), ["pedestrian", "vehicle"]);
         assert_eq!(preset.scoring.scores, ["ap50", "ap", "ap75"]);

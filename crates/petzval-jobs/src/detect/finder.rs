@@ -73,6 +73,9 @@ pub struct Finder {
     pub taken: Option<Classes>,
 }
 
+/// What the network of a camera that looks for objects is called.
+const DETECTOR: &str = "detector";
+
 /// The detector of a request, and a camera for its first raw frame and all others. `accepted`: files of the run that may differ from their
 /// digests.
 pub fn finder(
@@ -90,7 +93,8 @@ pub fn finder(
                 let message = format!("{}: the cameras of this run have no detector", run.display());
                 JobError::input(message, "name a run that looks for objects, such as pedestrian-vehicle")
             };
-            if !context.assets.facts_of(&experiment)?.has_classes {
+            // A network that names the classes of pixels finds no boxes.
+            if context.assets.facts_of(&experiment)?.network_name != DETECTOR {
                 return Err(makes_pictures());
             }
             let finished = folder.finished(experiment.variant.iter().map(|v| v.name.as_str()));

@@ -1,4 +1,4 @@
-//! The classes of objects that a task looks for, and the objects of a data set or a street in them.
+//! The classes of objects or pixels that a task looks for, and what of a data set or a street is of them.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Deref;
@@ -6,13 +6,14 @@ use std::sync::Arc;
 
 use petzval_base::FileError;
 use petzval_files::coco::{Annotation, Attribute, Bounds, Category, DataSet, LIGHT_STATES, light_state};
-use petzval_street::{LampState, ObjectKind};
+use petzval_street::{LampState, ObjectKind, SurfaceClass};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::{IGNORED, StreetThing};
 use crate::detection::{BBox, Object, Truth};
 
-/// A class of objects, and what of data sets and streets is of it.
+/// A class of objects or pixels, and what of data sets and streets is of it.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ObjectClass {
@@ -31,10 +32,18 @@ pub struct ObjectClass {
     /// What a traffic light of this class shows: `red`, `yellow`, `green` or `off`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub state: Option<String>,
-    /// Objects of generated streets that are of this class: `pedestrian`, `vehicle`, `traffic-light`, `pedestrian-light`, `turned-light`.
+    /// Objects of generated streets that are of this class: `pedestrian`, `vehicle`, `signal`, or one kind of these lights: `traffic-light`,
+    /// `pedestrian-light`, `turned-light`. For a segmentation surfaces: `road`, `pavement`, `building`, `vegetation`, `pole`, `signal`, `sign`,
+    /// `furniture`, `pedestrian`, `vehicle`, `sky`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(with = "Vec<String>")]
-    pub street: Vec<ObjectKind>,
+    pub street: Vec<StreetThing>,
+    /// For a segmentation: the indices in pictures of labels that are of this class. 255, and 65535 in pictures of 16 bits, are always ignored.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub values: Vec<u16>,
+    /// For a segmentation: whether pixels of this class are ignored. The network does not look for it, and it has no score.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub ignored: bool,
     /// The number in COCO of what is most like it, from whose weights a detector may start.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub coco: Option<usize>,
@@ -90,7 +99,38 @@ impl Classes {
     /// The class of an object of a street with this lamp; none for what is not looked for.
     pub fn of_street(&self, kind: ObjectKind, lamp: Option<LampState>) -> Option<usize> {
         let shows = |state: &String| lamp.is_some_and(|lamp| *state == LIGHT_STATES[lamp as usize]);
-        self.iter().position(|class| class.street.contains(&kind) && class.state.as_ref().is_none_or(shows))
+        let is_of = |class: &ObjectClass| class.street.iter().any(|thing| thing.objects().contains(&kind));
+        self.iter().position(|class| is_of(class) && class.state.as_ref().is_none_or(shows))
+    }
+
+    /// Those whose pixels count: they have numbers in maps of classes, and logits.
+    pub fn counted(&self) -> Self {
+        self.iter().filter(|class| !class.ignored).cloned().collect::<Vec<_>>().into()
+    }
+
+    /// The class of each surface of a street, in the order of [`SurfaceClass::ALL`], as a number of [`Classes::counted`]; a surface that no such
+    /// class takes is [`IGNORED`].
+    pub fn of_surfaces(&self) -> [u8; SurfaceClass::ALL.len()] {
+        let counted = self.counted();
+        SurfaceClass::ALL.map(|surface| {
+            let takes =
+                |class: &ObjectClass| class.street.iter().any(|thing| thing.surface() == Some(surface));
+            counted.iter().position(takes).map_or(IGNORED, |number| number as u8)
+        })
+    }
+
+    /// The class of each index of pictures of labels, as a number of [`Classes::counted`], or [`IGNORED`]; an index that is not there is unknown.
+    pub fn of_values(&self) -> BTreeMap<u16, u8> {
+        let mut of = BTreeMap::new();
+        let mut number = 0;
+        for class in self.iter() {
+            let class_number = if class.ignored { IGNORED } else { number };
+            for value in &class.values {
+                of.entry(*value).or_insert(class_number);
+            }
+            number += u8::from(!class.ignored);
+        }
+        of
     }
 
     /// What an annotation of a category is: of the first class that takes the category by its number, or by its name.
@@ -399,6 +439,35 @@ mod tests {
         let lights = traffic_lights();
         assert_eq!(lights.of_street(ObjectKind::TrafficLight, Some(LampState::Green)), Some(2));
         assert_eq!(lights.of_street(ObjectKind::TurnedLight, Some(LampState::Green)), None);
+    }
+
+    #[test]
+    fn surfaces_and_values_are_of_the_classes_that_count() {
+        let class = |name: &str, street: &[StreetThing], values: &[u16], ignored| ObjectClass {
+            name: name.to_owned(),
+            street: street.to_vec(),
+            values: values.to_vec(),
+            ignored,
+            ..ObjectClass::default()
+        };
+        let classes: Classes = vec![
+            class("ground", &[StreetThing::Road, StreetThing::Pavement], &[7, 8], false),
+            class("void", &[StreetThing::Furniture], &[0, 9], true),
+            class("light", &[StreetThing::Signal], &[24_001], false),
+        ]
+        .into();
+        assert_eq!(classes.counted().names(), ["ground", "light"]);
+        let surfaces = classes.of_surfaces();
+        let of = |surface: SurfaceClass| surfaces[surface as usize];
+        let named = [SurfaceClass::Road, SurfaceClass::Pavement, SurfaceClass::Signal].map(of);
+        assert_eq!(named, [0, 0, 1]);
+        assert_eq!([SurfaceClass::Furniture, SurfaceClass::Sky].map(of), [IGNORED; 2]);
+        let values = BTreeMap::from([(7, 0), (8, 0), (0, IGNORED), (9, IGNORED), (24_001, 1)]);
+        assert_eq!(classes.of_values(), values);
+        // A surface that is an object, too, is found by windows that lie on objects.
+        for kind in [ObjectKind::TrafficLight, ObjectKind::TurnedLight] {
+            assert_eq!(classes.of_street(kind, None), Some(2));
+        }
     }
 
     #[test]

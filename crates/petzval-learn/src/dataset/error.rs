@@ -33,6 +33,16 @@ pub enum DatasetError {
         /// What is missing.
         problem: String,
     },
+    /// Labels of pixels that cannot be used.
+    #[error("{}: {problem}; hint: {hint}", path.display())]
+    LabelImage {
+        /// The file or folder.
+        path: PathBuf,
+        /// What is wrong.
+        problem: String,
+        /// What to do.
+        hint: &'static str,
+    },
     /// A folder holds no pictures.
     #[error("{}: no .png, .jpg, .jpeg, .tif or .tiff file in this folder; name the folder that holds the pictures", path.display())]
     EmptyFolder {

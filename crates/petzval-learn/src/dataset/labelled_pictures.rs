@@ -1,4 +1,5 @@
-//! Windows of the pictures of a folder in COCO format, with the objects that are to be found in them.
+//! Windows of the pictures of a folder, with the objects that are to be found in them (in COCO format), or with the classes of their pixels
+//! (see `label_images.rs`).
 //!
 //! Pictures are decoded to linear light, and one of their pixels becomes one of the sensor. Their own noise and blur stay: a scene from a
 //! photograph is a scene with that noise.
@@ -16,24 +17,28 @@ use rayon::prelude::*;
 
 use super::classes::{taken_as, truth};
 use super::crop::around;
+use super::label_images::{LabelFile, drawn_pixel};
 use super::labelled_window::{LARGEST_SHARE, LEAST_INSIDE, crop_around, drawn_by_class, inside, off_middle};
 use super::{Classes, CropPlan, DatasetError, LabelledWindow, List, PictureFile};
 use crate::detection::{BBox, Object, Truth};
 
 /// Where a data set says nothing of its parts: of every so many sequences, the last is held out and the one before it is for validation.
-const PART: usize = 5;
+pub(super) const PART: usize = 5;
 
 /// A picture of the folder.
 #[derive(Clone, Debug, PartialEq)]
-struct LabelledPicture {
-    path: PathBuf,
+pub(super) struct LabelledPicture {
+    pub path: PathBuf,
     /// Its name in the data set.
-    name: String,
+    pub name: String,
     /// The film that it is of, or its own name.
-    sequence: String,
+    pub sequence: String,
     /// Rows and columns.
-    size: [usize; 2],
-    truth: Truth,
+    pub size: [usize; 2],
+    /// Its objects.
+    pub truth: Truth,
+    /// The classes of its pixels, where they are what is looked for.
+    pub labels: Option<LabelFile>,
 }
 
 /// The pictures of a folder, in three lists. They share no sequence, unless the data set itself has pictures of one in several parts, or no
@@ -130,7 +135,7 @@ impl LabelledPictures {
             };
             let truth = truth(data, objects, classes);
             let (name, sequence) = (image.file_name.clone(), sequence(image).to_owned());
-            found.list_mut(list).push(LabelledPicture { path, name, sequence, size, truth });
+            found.list_mut(list).push(LabelledPicture { path, name, sequence, size, truth, labels: None });
         }
         if small > 0 {
             notes.push(format!("{}: {}", folder.display(), too_small(small, crop)));
@@ -211,7 +216,7 @@ impl LabelledPictures {
         Ok((found, notes))
     }
 
-    fn list_mut(&mut self, list: List) -> &mut Vec<LabelledPicture> {
+    pub(super) fn list_mut(&mut self, list: List) -> &mut Vec<LabelledPicture> {
         match list {
             List::Training => &mut self.training,
             List::Validation => &mut self.validation,
@@ -219,7 +224,7 @@ impl LabelledPictures {
         }
     }
 
-    fn list(&self, list: List) -> &[LabelledPicture] {
+    pub(super) fn list(&self, list: List) -> &[LabelledPicture] {
         match list {
             List::Training => &self.training,
             List::Validation => &self.validation,
@@ -228,7 +233,7 @@ impl LabelledPictures {
     }
 
     /// Moves the last sequence of the training pictures to those for validation. `false` if there is no other sequence.
-    fn take_validation(&mut self) -> bool {
+    pub(super) fn take_validation(&mut self) -> bool {
         let sequences = self.sequences(List::Training);
         let Some(last) = sequences.last().filter(|_| sequences.len() > 1).map(|last| (*last).to_owned())
         else {
@@ -292,8 +297,8 @@ impl LabelledPictures {
         &self.picture(list, window).name
     }
 
-    /// Window `number` of `of` of a list. Pictures are taken in turn. The window lies on an object that fits into it, each class of the
-    /// picture equally often, or anywhere in the picture. It is placed anywhere on the sensor. Both places depend on the number alone.
+    /// Window `number` of `of` of a list. Pictures are taken in turn. The window lies on an object that fits into it, or on a labelled pixel, each
+    /// class of the picture equally often, or anywhere in the picture. It is placed anywhere on the sensor. Both places depend on the number alone.
     pub fn window(
         &self,
         how: &PictureWindows,
@@ -309,14 +314,21 @@ impl LabelledPictures {
         let sides = how.least_side_px..LARGEST_SHARE * crops.crop as f64;
         let fits = |o: &&Object| sides.contains(&longer_side(&o.bbox));
         let wanted = picture.truth.objects.iter().filter(fits).map(|o| (o.class, o));
+        let classes = picture.labels.as_ref().map(LabelFile::read).transpose()?;
         let is_on_object = random.random_bool(how.on_objects);
-        let object = if is_on_object { drawn_by_class(wanted, &mut random) } else { None };
+        let chosen = match &classes {
+            _ if !is_on_object => None,
+            Some(classes) => drawn_pixel(classes, &mut random),
+            None => drawn_by_class(wanted, &mut random).map(|o| {
+                let [x, y] = o.bbox.centre().map(f64::from);
+                [y, x]
+            }),
+        };
         let within: [f64; 2] = random.random();
-        let middle = match object {
-            Some(object) => {
-                let [x, y] = object.bbox.centre().map(f64::from);
+        let middle = match chosen {
+            Some([row, column]) => {
                 let off = off_middle(within, crops.crop);
-                [y + off[0], x + off[1]]
+                [row + off[0], column + off[1]]
             }
             None => [within[0] * size[0] as f64, within[1] * size[1] as f64],
         };
@@ -329,7 +341,12 @@ impl LabelledPictures {
         let corner = [at[0] - exposed.0, at[1] - exposed.1].map(|inset| inset + crops.margin);
         let start: [i64; 2] = std::array::from_fn(|i| first[i] as i64 - corner[i] as i64);
         let scene = repeated(&light, start, crops.window());
-        Ok(LabelledWindow::new(crops.window(), scene, at, picture.window_truth(first, crops.crop, how)))
+        let truth = picture.window_truth(first, crops.crop, how);
+        let window = LabelledWindow::new(crops.window(), scene, at, truth);
+        Ok(match classes {
+            Some(classes) => window.with_classes(classes.part(first, crops.crop)),
+            None => window,
+        })
     }
 }
 
@@ -352,7 +369,7 @@ impl LabelledPicture {
 }
 
 /// Why so many pictures cannot be used where windows have `crop` pixels.
-fn too_small(pictures: usize, crop: usize) -> String {
+pub(super) fn too_small(pictures: usize, crop: usize) -> String {
     let are = if pictures == 1 { "picture is" } else { "pictures are" };
     format!(
         "{pictures} {are} smaller than a window of {crop} pixels, the larger of `training.crop` and `scoring.crop`"
@@ -384,20 +401,29 @@ fn training_part(images: &[Image]) -> Option<&str> {
 
 fn list_of(image: &Image, training_part: Option<&str>, sequences: &[&str]) -> List {
     let number = sequences.binary_search(&sequence(image)).unwrap_or(0);
-    let place = number % PART;
-    // Of fewer sequences the last is held out, but not the only one.
-    let is_last = (2..PART).contains(&sequences.len()) && number + 1 == sequences.len();
     match (training_part, image.split.as_deref()) {
         (Some(training), part) if part != Some(training) => List::HeldOut,
-        (Some(_), _) if place + 1 == PART => List::Validation,
+        (Some(_), _) if number % PART + 1 == PART => List::Validation,
         (Some(_), _) => List::Training,
-        (None, _) if is_last || place + 1 == PART => List::HeldOut,
-        (None, _) if place + 2 == PART => List::Validation,
-        (None, _) => List::Training,
+        (None, _) => list_by_place(number, sequences.len()),
     }
 }
 
-/// The boxes of a picture as text, a blank before each.
+/// The list of sequence `number` of `count` where nothing says what it is for.
+pub(super) fn list_by_place(number: usize, count: usize) -> List {
+    let place = number % PART;
+    // Of fewer sequences the last is held out, but not the only one.
+    let is_last = (2..PART).contains(&count) && number + 1 == count;
+    if is_last || place + 1 == PART {
+        List::HeldOut
+    } else if place + 2 == PART {
+        List::Validation
+    } else {
+        List::Training
+    }
+}
+
+/// The boxes of a picture as text, a blank before each, and what identifies the classes of its pixels.
 fn boxes_of(picture: &LabelledPicture) -> String {
     let mut text = String::new();
     for object in &picture.truth.objects {
@@ -406,6 +432,9 @@ fn boxes_of(picture: &LabelledPicture) -> String {
     }
     for BBox { x1, y1, x2, y2 } in &picture.truth.ignored {
         text += &format!(" - {x1} {y1} {x2} {y2}");
+    }
+    if let Some(labels) = &picture.labels {
+        text += &format!(" {}", labels.digest);
     }
     text
 }

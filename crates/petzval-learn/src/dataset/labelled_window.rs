@@ -1,4 +1,4 @@
-//! A window of a scene with the objects that are to be found in it.
+//! A window of a scene with the objects that are to be found in it, or the class of each of its pixels.
 
 use std::collections::BTreeMap;
 
@@ -8,7 +8,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-use super::CropPlan;
+use super::{ClassMap, CropPlan};
 use crate::detection::{BBox, Object, Truth};
 
 /// Brightest light that is kept, in units of white; sensors are full long before.
@@ -82,6 +82,8 @@ pub struct LabelledWindow {
     pub at: [usize; 2],
     /// The objects, in pixels of the crop.
     pub truth: Truth,
+    /// The class of each pixel of the crop; none where no task has need of it.
+    pub classes: Option<ClassMap>,
     /// Whether it is exposed for as long behind every lens, so that a lens which gathers more light shows. In a bright street the automatic
     /// exposure takes back what the lens brings.
     pub follows_light: bool,
@@ -92,7 +94,7 @@ impl LabelledWindow {
     pub fn new(side: usize, light: impl Iterator<Item = f32>, at: [usize; 2], truth: Truth) -> Self {
         let planes: Vec<f16> = light.map(|v| f16::from_f32(v.min(BRIGHTEST))).collect();
         assert_eq!(planes.len(), CHANNELS * side * side, "a window has three planes");
-        Self { side, planes, at, truth, follows_light: true }
+        Self { side, planes, at, truth, classes: None, follows_light: true }
     }
 
     /// Side of the window with its border, pixels.
@@ -103,6 +105,11 @@ impl LabelledWindow {
     /// The same window, with [`LabelledWindow::follows_light`], which a new one does.
     pub fn following_light(self, follows_light: bool) -> Self {
         Self { follows_light, ..self }
+    }
+
+    /// The same window with the class of each pixel of its crop.
+    pub fn with_classes(self, classes: ClassMap) -> Self {
+        Self { classes: Some(classes), ..self }
     }
 
     /// The light of the scene, three planes.
@@ -156,7 +163,8 @@ impl LabelledWindow {
         }
         let ignored = self.truth.ignored.iter();
         truth.ignored.extend(ignored.filter_map(|bbox| Some(inside(bbox, first, plan.crop)?.0)));
-        Self { side, planes, at, truth, follows_light: self.follows_light }
+        let classes = self.classes.as_ref().map(|classes| classes.part(first, plan.crop));
+        Self { side, planes, at, truth, classes, follows_light: self.follows_light }
     }
 
     /// The window as a mirror shows it, at the mirrored place of a sensor of so many columns. A lens is symmetric, so it sees this as well.
@@ -173,7 +181,8 @@ impl LabelledWindow {
             beside: beside.iter().map(mirrored).collect(),
         };
         let at = [self.at[0], sensor_columns - crop - self.at[1]];
-        Self { side: self.side, planes, at, truth, follows_light: self.follows_light }
+        let classes = self.classes.as_ref().map(ClassMap::mirrored);
+        Self { side: self.side, planes, at, truth, classes, follows_light: self.follows_light }
     }
 }
 
@@ -206,7 +215,11 @@ mod tests {
                 ignored: vec![BBox::new(0.0, 0.0, 48.0, 48.0)],
                 ..Truth::default()
             };
-            let window = LabelledWindow::new(side, light, at, truth);
+            // So does the class of every pixel of the crop.
+            let class = |row: usize, column: usize| ((row * 1000 + column) % 251) as u8;
+            let classes = (0..own.crop * own.crop).map(|i| class(at[0] + i / own.crop, at[1] + i % own.crop));
+            let classes = ClassMap::new(own.crop, own.crop, classes.collect());
+            let window = LabelledWindow::new(side, light, at, truth).with_classes(classes);
             for _ in 0..20 {
                 let middle = window.middle_of_part(own.crop, small.crop, &mut random);
                 let part = window.part(&own, &small, middle);
@@ -215,6 +228,17 @@ mod tests {
                 let light = part.scene();
                 assert_eq!([light.height, light.width], [side; 2]);
                 assert!((0..light.data.len()).all(|i| light.data[i] == short(place(origin, i, side))));
+                let classes = part.classes.as_ref().unwrap();
+                assert_eq!([classes.height, classes.width], [small.crop; 2]);
+                let is_there = |i: usize| {
+                    classes.classes[i] == class(part.at[0] + i / small.crop, part.at[1] + i % small.crop)
+                };
+                assert!((0..small.crop * small.crop).all(is_there));
+                // A mirror shows the classes of each row from right to left.
+                let mirrored = part.mirrored(small.crop, own.sensor_columns).classes.unwrap();
+                for (row, flipped) in classes.classes.chunks(20).zip(mirrored.classes.chunks(20)) {
+                    assert!(row.iter().eq(flipped.iter().rev()));
+                }
                 // The object is where it was on the sensor, and wholly in the part as far as the offset allows.
                 let object = part.truth.objects[0];
                 let moved = [1, 0].map(|i| part.at[i] as f32 - at[i] as f32);

@@ -4,24 +4,30 @@
 //! window of a picture and its sensor position for each item of a training step; [`dead_leaves`] generates pictures that may stand in for it, and
 //! [`relight`] changes its exposure and colour.
 
+mod class_map;
 mod classes;
 mod crop;
 mod dead_leaves;
 mod error;
+mod label_images;
 mod labelled_pictures;
 mod labelled_window;
 mod photo_set;
 mod picture_file;
 mod relight;
 mod street_plan;
+mod street_thing;
 
+pub use class_map::{ClassMap, IGNORED};
 pub use classes::{Classes, ObjectClass, Taken, TakenClass, in_classes, taken_as};
 pub use crop::{CropPlan, HeldOutPlacement, TrainingCrop, held_out_placements, training_crop};
 pub use dead_leaves::dead_leaves;
 pub use error::DatasetError;
+pub use label_images::IGNORED_VALUES;
 pub use labelled_pictures::{LabelledPictures, PictureWindows, Purpose};
 pub use labelled_window::{LabelledWindow, List};
 pub use photo_set::{Folder, NamedPhoto, PhotoSet, PhotoSplit, load_folder};
 pub use picture_file::PictureFile;
 pub use relight::{light_factors, relight};
 pub use street_plan::{StreetPlan, StreetView};
+pub use street_thing::StreetThing;

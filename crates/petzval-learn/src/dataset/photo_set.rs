@@ -1,6 +1,10 @@
 //! Pictures, split into training and held-out pictures.
 
-use std::{collections::BTreeSet, fs, path::Path};
+use std::{
+    collections::BTreeSet,
+    fs,
+    path::{Path, PathBuf},
+};
 
 use petzval_base::Cancel;
 use petzval_camera::image::LinearImage;
@@ -179,7 +183,23 @@ impl Folder {
 ///
 /// The name of a picture is its file name. Files that cannot be decoded are skipped. Fails on a folder without pictures.
 pub fn load_folder(folder: impl AsRef<Path>, cancel: &Cancel) -> Result<Folder, DatasetError> {
-    let folder = folder.as_ref();
+    let mut found = Folder::default();
+    for path in picture_paths(folder.as_ref())? {
+        cancel.check()?;
+        let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+        match load_image(&path) {
+            Ok(Picture { light, notes, .. }) => {
+                found.notes.extend(notes.into_iter().map(|note| (name.clone(), note)));
+                found.photos.push(NamedPhoto { name, image: light });
+            }
+            Err(error) => found.skipped.push((name, error.into())),
+        }
+    }
+    Ok(found)
+}
+
+/// Every `.png`, `.jpg`, `.jpeg`, `.tif` and `.tiff` file of a folder, without subfolders, sorted by name. Fails if there is none.
+pub(super) fn picture_paths(folder: &Path) -> Result<Vec<PathBuf>, DatasetError> {
     let cannot_read = |path: &Path| {
         let path = path.to_path_buf();
         move |source| DatasetError::Io { path, source }
@@ -197,17 +217,5 @@ pub fn load_folder(folder: impl AsRef<Path>, cancel: &Cancel) -> Result<Folder, 
     if paths.is_empty() {
         return Err(DatasetError::EmptyFolder { path: folder.to_path_buf() });
     }
-    let mut found = Folder::default();
-    for path in paths {
-        cancel.check()?;
-        let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-        match load_image(&path) {
-            Ok(Picture { light, notes, .. }) => {
-                found.notes.extend(notes.into_iter().map(|note| (name.clone(), note)));
-                found.photos.push(NamedPhoto { name, image: light });
-            }
-            Err(error) => found.skipped.push((name, error.into())),
-        }
-    }
-    Ok(found)
+    Ok(paths)
 }

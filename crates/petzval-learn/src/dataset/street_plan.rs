@@ -1,17 +1,17 @@
-//! Windows of generated streets: the light of a scene as a lens projects it, and the objects that are to be found in it.
+//! Windows of generated streets: the light of a scene as a lens projects it, the objects that are to be found in it, and the classes of its pixels.
 
 use std::collections::BTreeMap;
 
 use petzval_camera::image::CHANNELS;
 use petzval_street::{
-    Families, LampColours, Light, NearObject, Projection, SeenObject, Street, StreetError, StreetSettings,
-    Window,
+    Families, LampColours, Light, NearObject, Projection, Seen, SeenObject, Street, StreetError,
+    StreetSettings, SurfaceClass, Window,
 };
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::labelled_window::{LARGEST_SHARE, LEAST_INSIDE, crop_around, drawn_by_class, inside, off_middle};
-use super::{Classes, CropPlan, LabelledWindow, List};
+use super::{ClassMap, Classes, CropPlan, LabelledWindow, List};
 use crate::detection::{BBox, Object, Truth};
 
 /// The automatic exposure makes the geometric mean of a street's luminance this share of white.
@@ -107,6 +107,8 @@ pub struct StreetPlan {
     pub busy: f64,
     /// What is looked for.
     pub classes: Classes,
+    /// The class of each surface by its number, where windows have maps of classes, see [`Classes::of_surfaces`].
+    pub surfaces: Option<[u8; SurfaceClass::ALL.len()]>,
     /// Luminance that becomes 1 at the longest exposure, cd/m^2. Brighter streets are exposed for less.
     pub white_cd_m2: f64,
     /// Samples along a side of a pixel.
@@ -223,7 +225,12 @@ impl StreetPlan {
                 }
             }
         }
-        Ok(LabelledWindow::new(crops.window(), light, at, truth).following_light(longest >= automatic))
+        let window =
+            LabelledWindow::new(crops.window(), light, at, truth).following_light(longest >= automatic);
+        Ok(match &self.surfaces {
+            Some(classes) => window.with_classes(class_map(&seen, classes, crops, at)),
+            None => window,
+        })
     }
 
     /// Draws a place on an object that counts, of every class as often as of the others, or anywhere.
@@ -266,6 +273,19 @@ impl StreetPlan {
         }
         truth
     }
+}
+
+/// The classes of the pixels of a crop, of which `seen` shows the window with its border.
+fn class_map(
+    seen: &Seen,
+    classes: &[u8; SurfaceClass::ALL.len()],
+    crops: &CropPlan,
+    at: [usize; 2],
+) -> ClassMap {
+    let all = seen.classes.iter().map(|surface| classes[*surface as usize]).collect();
+    let exposed = crops.exposed_at(at[0], at[1]);
+    let first = [at[0] - exposed.0, at[1] - exposed.1].map(|inset| inset + crops.margin);
+    ClassMap::new(seen.height, seen.width, all).part(first, crops.crop)
 }
 
 /// Rows and columns of the sensor.

@@ -1,11 +1,10 @@
 //! A digital zoom in front of a detector.
 
 use burn::prelude::*;
-use burn::tensor::module::interpolate;
-use burn::tensor::ops::{InterpolateMode, InterpolateOptions};
 
 use super::{Detection, Detector, Object, Truth};
 use crate::loss::{LossError, NamedLoss};
+use crate::network::resized;
 
 /// A detector that looks at enlarged (or reduced) pictures. Objects are as large for it as through a lens of another focal length,
 /// without the detail that such a lens would show: the control for a lens whose focal length is free.
@@ -54,9 +53,7 @@ impl<D: Detector> Zoomed<D> {
     fn enlarged(&self, pictures: Tensor<4>) -> (Tensor<4>, [f32; 2]) {
         let [_, _, height, width] = pictures.dims();
         let to = self.zoom.of([height, width]);
-        let options =
-            InterpolateOptions::new(InterpolateMode::Bilinear).with_align_corners(false).with_output_size(to);
-        (interpolate(pictures, options), [to[1] as f32 / width as f32, to[0] as f32 / height as f32])
+        (resized(pictures, to), [to[1] as f32 / width as f32, to[0] as f32 / height as f32])
     }
 }
 

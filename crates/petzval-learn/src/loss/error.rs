@@ -50,6 +50,22 @@ pub enum LossError {
         /// Shape of the reference.
         target: [usize; 4],
     },
+    /// There are more or fewer labels than pixels.
+    #[error("{labels} labels for {pixels} pixels; every pixel needs one, 255 where it is ignored")]
+    LabelCount {
+        /// Labels.
+        labels: usize,
+        /// Pixels of the batch.
+        pixels: usize,
+    },
+    /// A label is the number of no class.
+    #[error("label {label} where there are {classes} classes; labels are 0 to {}, or 255 where a pixel is ignored", classes.saturating_sub(1))]
+    NoClass {
+        /// The label.
+        label: u8,
+        /// Number of classes.
+        classes: usize,
+    },
     /// A weight of the composite loss is negative or not a number.
     #[error("{name} is {value}; a loss weight must be finite and not negative")]
     BadLossWeight {

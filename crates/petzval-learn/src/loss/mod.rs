@@ -1,8 +1,9 @@
-//! Losses: the distance between a picture and the photograph that it shows.
+//! Losses: the distance between a picture and the photograph that it shows, or between the classes of pixels and their labels.
 //!
 //! [`l1`] and [`l2`] compare pixel values, [`ssim`] the structure of small windows, [`Lpips`] features as a viewer perceives them;
-//! [`ImageLoss`] adds them up.
+//! [`ImageLoss`] adds them up. [`cross_entropy`] is the loss of a segmentation.
 
+mod cross_entropy;
 mod difference;
 mod error;
 pub(crate) mod image_loss;
@@ -10,6 +11,7 @@ mod lpips;
 mod named;
 mod ssim;
 
+pub use cross_entropy::cross_entropy;
 pub use difference::{l1, l2};
 pub use error::LossError;
 pub use image_loss::{ImageLoss, ImageLossParts, ImageTarget, LossPart};

@@ -1,8 +1,9 @@
-//! Networks that restore a picture, improve a developed one, or imitate its development or a lens.
+//! Networks that restore a picture, improve a developed one, read the classes of its pixels, or imitate its development or a lens.
 //!
 //! | network | input | output |
 //! |---|---|---|
 //! | [`UNet`] | developed picture | the finished picture |
+//! | [`Segmenter`] | finished picture | the class of each pixel |
 //! | [`Naf`] | any planes of a picture | the correction of the picture |
 //! | [`IspProxy`] | raw mosaic and parameters | what a black-box image signal processor (ISP) develops |
 //! | [`OpticsProxy`] | numbers of a lens and a field | its point spread functions |
@@ -22,7 +23,9 @@ mod optics_proxy;
 mod planes;
 mod pointwise;
 mod pointwise_kernel;
+mod resize;
 mod restoration;
+mod segmenter;
 mod tiles;
 mod trunk;
 mod unet;
@@ -37,8 +40,10 @@ pub use isp_proxy::{IspProxy, IspProxyConfig};
 pub use naf::{Naf, NafConfig};
 pub use optics_proxy::{OpticsProxy, OpticsProxyConfig, PROXY_GRID, PredictedPsfs};
 pub use pointwise::{gated_pointwise, normalized_pointwise, pointwise};
+pub use resize::resized;
 pub use restoration::{Correction, RestorationNetwork};
-pub use tiles::{Reach, in_tiles};
+pub use segmenter::Segmenter;
+pub use tiles::{Reach, in_tiles, in_tiles_of};
 pub use unet::{UNet, UNetConfig};
 pub(crate) use weights::Initializer;
 

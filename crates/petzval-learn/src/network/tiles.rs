@@ -26,12 +26,35 @@ pub fn in_tiles(
     finish: impl Fn(&NetworkInput) -> Tensor<4>,
 ) -> Tensor<4> {
     let [_, _, height, width] = input.developed.dims();
+    joined([height, width], side, reach, |rows, columns| finish(&input.window(rows, columns)))
+}
+
+/// [`in_tiles`] of a network that sees pictures alone, `[batch, channels, height, width]`.
+pub fn in_tiles_of(
+    pictures: Tensor<4>,
+    side: usize,
+    reach: Reach,
+    of_tile: impl Fn(Tensor<4>) -> Tensor<4>,
+) -> Tensor<4> {
+    let [batch, channels, height, width] = pictures.dims();
+    joined([height, width], side, reach, |rows, columns| {
+        of_tile(pictures.clone().slice([0..batch, 0..channels, rows.clone(), columns.clone()]))
+    })
+}
+
+/// Makes the tiles of a frame of so many rows and columns, crops them and puts them together.
+fn joined(
+    [height, width]: [usize; 2],
+    side: usize,
+    reach: Reach,
+    of_tile: impl Fn(&Range<usize>, &Range<usize>) -> Tensor<4>,
+) -> Tensor<4> {
     let across = spans(width, side, reach);
     let rows = spans(height, side, reach).into_iter().map(|down| {
         let tiles = across.iter().map(|right| {
-            let finished = finish(&input.window(&down.seen, &right.seen));
-            let [batch, channels, ..] = finished.dims();
-            finished.slice([0..batch, 0..channels, down.kept.clone(), right.kept.clone()])
+            let made = of_tile(&down.seen, &right.seen);
+            let [batch, channels, ..] = made.dims();
+            made.slice([0..batch, 0..channels, down.kept.clone(), right.kept.clone()])
         });
         Tensor::cat(tiles.collect(), 3)
     });

@@ -1,4 +1,5 @@
-//! How good a picture is, and how well objects are [detected](detection) in it, in the numbers that results are published in.
+//! How good a picture is, how well objects are [detected](detection) in it, and how well the classes of its pixels are [found](segmentation),
+//! in the numbers that results are published in.
 //!
 //! A new score touches two files: its own, and the list in `standard.rs`. Runs, tables and reports show whatever
 //! scores an experiment names in `scoring.scores`.
@@ -7,6 +8,7 @@ pub mod detection;
 mod lpips;
 mod objects;
 mod psnr;
+pub mod segmentation;
 mod ssim;
 mod standard;
 

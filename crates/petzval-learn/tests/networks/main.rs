@@ -4,6 +4,7 @@ mod conv;
 mod isp_proxy;
 mod naf;
 mod pointwise;
+mod segmenter;
 mod stored;
 mod support;
 mod tiles;

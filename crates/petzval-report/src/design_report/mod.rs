@@ -22,6 +22,7 @@ mod psf_table;
 mod reading;
 mod score_table;
 mod scored_answer;
+mod segmentation;
 mod standing;
 mod view;
 mod words;
@@ -30,6 +31,9 @@ pub use choice::choice;
 pub use detail::detail;
 pub(crate) use page::{lenses, over_the_field, over_the_run};
 pub(crate) use picture::pictures;
+pub use segmentation::{
+    CameraSegments, SegmentFigure, SegmentationView, ShownSegments, segmentation_section,
+};
 pub use view::{
     Attribution, CameraDetection, CameraPicture, CameraProgress, CameraState, CameraView, Change,
     DetectionView, FieldPoint, FrameView, GroupFigure, HeldOutScores, LossCurve, LostObjects, MadeCamera,

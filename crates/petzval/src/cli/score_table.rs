@@ -22,7 +22,7 @@ pub fn print(metrics: &Metrics) {
         out!(" {:>10}", "ISP steps");
     }
     if has_network {
-        out!(" {:>14}", if metrics.is_of_objects() { "detector steps" } else { "network steps" });
+        out!(" {:>14}", "network steps");
     }
     outln!();
     for r in &metrics.rows {

@@ -257,7 +257,7 @@ fn a_folder_with_boxes_takes_the_place_of_the_streets() {
     let root = folder.path();
     let said = run_ok(root, &["design", "tiny.toml", "--data", "in", "--variant", "nominal", "--out", "run"]);
     assert!(said.says("checking every picture of"), "{}", said.stderr);
-    assert!(said.stdout.contains("detector steps"), "{}", said.stdout);
+    assert!(said.stdout.contains("network steps"), "{}", said.stdout);
     assert!(said.says("the class `yellow` has 0 boxes"), "{}", said.stderr);
     assert!(said.says("3 windows of 8 pictures in training, 3 windows of 2 in scores"), "{}", said.stderr);
     assert!(read(&root.join("run/config.toml")).contains("data = "));
@@ -291,7 +291,7 @@ fn a_folder_with_boxes_takes_the_place_of_the_streets() {
     let text = read(&root.join("in/annotations.json"));
     std::fs::write(root.join("in/annotations.json"), text.replace("[20, 20, 20, 40]", "[21, 20, 20, 40]"))
         .unwrap();
-    let needles = ["not those that this run began with: the boxes of the pictures"];
+    let needles = ["not those that this run began with: the labels of the pictures"];
     run_fails(root, &["evaluate", "run"], 2, &needles);
     // Mistakes of the data are named.
     std::fs::write(root.join("in/annotations.json"), "{\"images\": [}").unwrap();
@@ -299,7 +299,7 @@ fn a_folder_with_boxes_takes_the_place_of_the_streets() {
     run_fails(root, &["design", "--data", "in", "--out", "b"], 2, &["the experiment makes pictures"]);
     let nowhere = format!("data = \"nowhere\"\n{TINY}");
     std::fs::write(root.join("nowhere.toml"), nowhere).unwrap();
-    run_fails(root, &["design", "nowhere.toml", "--out", "b"], 2, &["a folder in COCO format"]);
+    run_fails(root, &["design", "nowhere.toml", "--out", "b"], 2, &["a folder of labelled pictures"]);
 }
 
 #[test]

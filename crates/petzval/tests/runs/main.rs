@@ -11,3 +11,4 @@ mod init;
 mod moved;
 mod output;
 mod resume;
+mod segments;

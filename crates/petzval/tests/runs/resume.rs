@@ -35,7 +35,7 @@ fn started(folder: &Path, steps: usize) -> (Child, PathBuf) {
 }
 
 /// Starts the experiment `tiny.toml` of a folder and waits until it has taken `steps` steps.
-fn started_from(folder: &Path, steps: usize) -> (Child, PathBuf) {
+pub(crate) fn started_from(folder: &Path, steps: usize) -> (Child, PathBuf) {
     let mut command = petzval(folder);
     command.args(["design", "tiny.toml", "--out", "run"]);
     let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();

@@ -3,30 +3,32 @@
 pub mod boxes;
 mod judge;
 mod network;
-mod scenes;
 pub mod seen_windows;
 mod view;
 
 use burn::prelude::Device;
+use petzval_base::FileError;
 use petzval_camera::image::LinearImage;
 use petzval_camera::tape::Frames;
+use petzval_learn::dataset::{Classes, LabelledPictures};
 use petzval_learn::detection::{Truth, detect_in};
 use petzval_learn::loss::NamedLoss;
 use petzval_learn::score::object_scores;
-use sha2::{Digest, Sha256};
+use sha2::Sha256;
 
-use super::{Judge, Objective, PreparedTask, Remark, Task, TaskReport, WindowInputs, WindowPlan, Windows};
+use super::{
+    Drawn, Judge, Objective, PicturePlan, PreparedTask, Remark, SceneLabels, Scenes, Task, TaskReport,
+    WindowInputs, WindowPlan, Windows,
+};
 use crate::assets::Assets;
 use crate::block::NetworkBlock;
-use crate::camera::{Camera, Shot};
+use crate::camera::{Camera, Labels, Shot};
 use crate::cameras::Cameras;
 use crate::error::DesignError;
 use crate::experiment::{Experiment, NetworkRole, PicturesKey, TaskFacts};
-use crate::run::input_list::Pictures;
-use crate::run::{Metrics, RunFolder, hex, write_file};
+use crate::run::{Metrics, RunFolder, write_file};
 
 pub use network::{DetectorNetwork, Finder, Finding, detector_of, untrained};
-pub use scenes::Scenes;
 
 use judge::ObjectJudge;
 
@@ -46,6 +48,10 @@ impl Task for Objects {
         }
     }
 
+    fn check(&self, experiment: &Experiment, text: &str) -> Result<(), FileError> {
+        check_has_boxes(&experiment.classes(), text)
+    }
+
     fn scores(&self, experiment: &Experiment) -> Vec<String> {
         let scores = object_scores(&experiment.classes().names());
         scores.into_iter().map(|score| score.about.name).collect()
@@ -62,6 +68,26 @@ impl Task for Objects {
     }
 }
 
+/// Refuses classes of pixels, which have no boxes.
+fn check_has_boxes(classes: &Classes, text: &str) -> Result<(), FileError> {
+    for (i, class) in classes.iter().enumerate() {
+        let surface = class.street.iter().position(|thing| thing.objects().is_empty());
+        let wrong = match surface {
+            Some(k) => {
+                Some(("street", format!("`{}` is a surface, which has no box", class.street[k].name())))
+            }
+            None if class.ignored => Some(("ignored", "boxes of no class are left out".to_owned())),
+            None if !class.values.is_empty() => Some(("values", "boxes have no values of pixels".to_owned())),
+            None => None,
+        };
+        if let Some((key, message)) = wrong {
+            let error = FileError::at_key(text, &["class", &i.to_string(), key], message);
+            return Err(error.hint("leave it out, or write \"segments\" for the task"));
+        }
+    }
+    Ok(())
+}
+
 /// The task at work on an experiment.
 struct PreparedObjects {
     given_weights: Option<Vec<u8>>,
@@ -76,7 +102,16 @@ impl PreparedObjects {
 
 impl PreparedTask for PreparedObjects {
     fn load_windows(&mut self, plan: &WindowPlan) -> Result<(), DesignError> {
-        self.scenes = Some(Scenes::new(plan)?);
+        let labels = SceneLabels {
+            classes: plan.experiment.classes(),
+            surfaces: None,
+            pictures: |plan| {
+                let PicturePlan { folder, classes, crop, least_side_px, purpose, cancel } = *plan;
+                LabelledPictures::load(folder, classes, crop, least_side_px, purpose, cancel)
+            },
+            of_window: |window| Labels::new(window.truth.clone()),
+        };
+        self.scenes = Some(Scenes::new(plan, labels)?);
         Ok(())
     }
 
@@ -110,26 +145,17 @@ impl PreparedTask for PreparedObjects {
     }
 
     fn inputs(&self, experiment: &Experiment, hash: &mut Sha256) -> Result<WindowInputs, DesignError> {
-        let Some((files, known, labels)) = self.scenes()?.pictures()? else {
-            return Ok(WindowInputs::default());
-        };
-        hash.update(known);
-        let place = std::path::Path::new(&experiment.data);
-        let place = std::fs::canonicalize(place).map_err(DesignError::io(place))?;
-        let labels = Some(hex(Sha256::new_with_prefix(labels)));
-        Ok(WindowInputs { pictures: Some(Pictures { place, labels, files }), ..WindowInputs::default() })
+        self.scenes()?.inputs(experiment, hash)
     }
 
     fn remarks(&self) -> Vec<Remark> {
-        let Some(scenes) = &self.scenes else { return Vec::new() };
-        let notes = scenes.notes.iter().map(|note| Remark::Warning(note.clone()));
-        [Remark::Note(scenes.in_words())].into_iter().chain(notes).collect()
+        self.scenes.as_ref().map_or_else(Vec::new, Scenes::remarks)
     }
 
-    fn drawn(&self, camera: &Camera, picture: LinearImage) -> Result<LinearImage, DesignError> {
+    fn drawn(&self, camera: &Camera, picture: LinearImage) -> Result<Drawn, DesignError> {
         let finder = camera.reader::<Finder>().ok_or(DesignError::OtherTask)?;
         let found = detect_in(finder.detector.as_ref(), &picture, &camera.body().device)?;
-        Ok(boxes::with_sure(&picture, &found, &finder.classes.names()))
+        Ok(Drawn::alone(boxes::with_sure(&picture, &found, &finder.classes.names())))
     }
 
     fn report(

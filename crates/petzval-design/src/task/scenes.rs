@@ -1,30 +1,69 @@
-//! The scenes in which objects are looked for: generated streets, or the pictures of a folder. A window is made when it is first
-//! needed, streets for the chief rays of the lens that looks, and kept as long as that lens does.
+//! Labelled scenes: generated streets, or the pictures of a folder. A window is made when it is first needed, streets for the chief rays of the
+//! lens that looks, and kept as long as that lens does. A task says which labels its windows have.
 
 use std::collections::HashMap;
 use std::ops::Range;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use petzval_base::Cancel;
 use petzval_camera::render::Placement;
 use petzval_learn::dataset::{
-    self, CropPlan, LabelledPictures, LabelledWindow, List, PictureFile, PictureWindows, StreetPlan,
-    StreetView,
+    self, Classes, CropPlan, DatasetError, LabelledPictures, LabelledWindow, List, PictureFile,
+    PictureWindows, StreetPlan, StreetView,
 };
 use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::image_height_per_tangent;
+use petzval_street::SurfaceClass;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use sha2::{Digest, Sha256};
 
 use crate::camera::{Camera, Labels, Shot, crop_window};
 use crate::cameras::Cameras;
 use crate::error::DesignError;
 use crate::experiment::{Experiment, STREET, StreetConfig};
 use crate::lens::psf_plan::PsfPlan;
-use crate::task::{HeldOut, Purpose, SceneView, WindowPlan, Windows, in_batches, relative_field};
+use crate::run::hex;
+use crate::run::input_list::Pictures;
+use crate::task::{
+    HeldOut, Purpose, Remark, SceneView, WindowInputs, WindowPlan, Windows, in_batches, relative_field,
+};
 
 /// The first frame of validations, beyond those of all steps. Scores have a noise of their own.
 const FIRST_VALIDATION: u64 = 1 << 62;
+
+/// The pictures of a folder, with sentences on what of it cannot be used.
+pub type ReadPictures = Result<(LabelledPictures, Vec<String>), DatasetError>;
+
+/// The labels of scenes.
+#[derive(Clone)]
+pub struct SceneLabels {
+    /// The classes of objects in streets, on which windows are placed.
+    pub classes: Classes,
+    /// The class of each surface of streets; none where windows need no map of classes.
+    pub surfaces: Option<[u8; SurfaceClass::ALL.len()]>,
+    /// Reads the pictures of a folder.
+    pub pictures: fn(&PicturePlan) -> ReadPictures,
+    /// What a shot carries of its window.
+    pub of_window: fn(&LabelledWindow) -> Labels,
+}
+
+/// Which pictures of a folder are read.
+pub struct PicturePlan<'a> {
+    /// The folder.
+    pub folder: &'a Path,
+    /// The classes of the experiment.
+    pub classes: &'a Classes,
+    /// Side of the largest window, pixels.
+    pub crop: usize,
+    /// Least longer side of an object that counts, pixels.
+    pub least_side_px: f64,
+    /// What they are for.
+    pub purpose: dataset::Purpose,
+    /// What stops the reading.
+    pub cancel: &'a Cancel,
+}
 
 /// Where windows come from.
 enum Source {
@@ -37,8 +76,9 @@ enum Source {
 /// Windows of scenes, by the projection of the lens that sees them.
 pub struct Scenes {
     source: Source,
+    labels_of: fn(&LabelledWindow) -> Labels,
     /// What of a folder cannot be used, in sentences.
-    pub notes: Vec<String>,
+    notes: Vec<String>,
     config: StreetConfig,
     seed: u64,
     training_crops: CropPlan,
@@ -68,11 +108,10 @@ struct Kept {
 impl Scenes {
     /// The scenes of an experiment. Fails on a folder that cannot be read, or in which nothing is left for its purpose. Places of windows in
     /// streets are chosen in the view of the experiment's lens.
-    pub fn new(plan: &WindowPlan) -> Result<Self, DesignError> {
+    pub fn new(plan: &WindowPlan, labels: SceneLabels) -> Result<Self, DesignError> {
         let WindowPlan { experiment, training_crops, scoring_crops, fixed_plan, pixel_um, nominal, .. } =
             *plan;
         let config = experiment.street.clone();
-        let classes = experiment.classes();
         // Scenes are the same for every seed of a run, as photographs are.
         let seed = 1;
         let mut notes = Vec::new();
@@ -81,7 +120,8 @@ impl Scenes {
                 seed,
                 light: config.light,
                 busy: config.busy,
-                classes,
+                classes: labels.classes,
+                surfaces: labels.surfaces,
                 white_cd_m2: config.white_cd_m2,
                 samples: config.samples,
                 on_objects: config.on_objects,
@@ -99,14 +139,15 @@ impl Scenes {
                     }
                     Purpose::Training => dataset::Purpose::Training,
                 };
-                let (pictures, defects) = LabelledPictures::load(
+                let (classes, cancel) = (&experiment.classes(), plan.assets.cancel());
+                let (pictures, defects) = (labels.pictures)(&PicturePlan {
                     folder,
-                    &classes,
+                    classes,
                     crop,
                     least_side_px,
                     purpose,
-                    plan.assets.cancel(),
-                )?;
+                    cancel,
+                })?;
                 notes = defects;
                 Source::Pictures(pictures, PictureWindows { seed, on_objects, least_side_px })
             }
@@ -119,6 +160,7 @@ impl Scenes {
             reference_height_mm: image_height_mm(nominal),
             validation_windows: experiment.validation.windows,
             source,
+            labels_of: labels.of_window,
             notes,
             config,
             seed: experiment.seed,
@@ -133,11 +175,27 @@ impl Scenes {
 
     /// The pictures of a folder: their files, what identifies them with their boxes, and the boxes alone. None of streets, which follow from
     /// the experiment and the version of the program. Reads every file.
-    pub fn pictures(&self) -> Result<Option<(Vec<PictureFile>, String, String)>, DesignError> {
+    fn pictures(&self) -> Result<Option<(Vec<PictureFile>, String, String)>, DesignError> {
         let Source::Pictures(pictures, _) = &self.source else { return Ok(None) };
         let files = pictures.files()?;
         let known = pictures.fingerprint(&files);
         Ok(Some((files, known, pictures.labels())))
+    }
+
+    /// What identifies the scenes of an experiment; adds it to a hash. Nothing of streets.
+    pub fn inputs(&self, experiment: &Experiment, hash: &mut Sha256) -> Result<WindowInputs, DesignError> {
+        let Some((files, known, labels)) = self.pictures()? else { return Ok(WindowInputs::default()) };
+        hash.update(known);
+        let place = Path::new(&experiment.data);
+        let place = std::fs::canonicalize(place).map_err(DesignError::io(place))?;
+        let labels = Some(hex(Sha256::new_with_prefix(labels)));
+        Ok(WindowInputs { pictures: Some(Pictures { place, labels, files }), ..WindowInputs::default() })
+    }
+
+    /// What the scenes are, and what of them cannot be used.
+    pub fn remarks(&self) -> Vec<Remark> {
+        let notes = self.notes.iter().map(|note| Remark::Warning(note.clone()));
+        [Remark::Note(self.in_words())].into_iter().chain(notes).collect()
     }
 
     /// What a window of a list is called: its number from 1 on, and the picture that it is of.
@@ -160,7 +218,7 @@ impl Scenes {
     }
 
     /// The scenes in words: `384 windows of streets in training, 96 in scores`.
-    pub fn in_words(&self) -> String {
+    fn in_words(&self) -> String {
         let StreetConfig { windows, held_out, .. } = self.config;
         match &self.source {
             Source::Streets(plan) => {
@@ -209,7 +267,7 @@ impl Scenes {
         if is_mirrored {
             window = Arc::new(window.mirrored(crops.crop, crops.sensor_columns));
         }
-        Ok(shot(&window, &crops, item))
+        Ok(self.shot_of(&window, &crops, item))
     }
 
     /// The window that a training item shows, and what draws the rest of it.
@@ -229,7 +287,22 @@ impl Scenes {
     fn shot(&self, view: SceneView, list: List, number: u64) -> Result<Shot, DesignError> {
         let window = self.window(view, list, number)?;
         let frame = if list == List::Validation { FIRST_VALIDATION + number } else { number };
-        Ok(shot(&window, &self.crops(list), frame))
+        Ok(self.shot_of(&window, &self.crops(list), frame))
+    }
+
+    /// A window as a camera takes it; its crop may be larger or smaller than that of the plan.
+    fn shot_of(&self, window: &LabelledWindow, crops: &CropPlan, frame: u64) -> Shot {
+        let crops = crops.of_window(window.side());
+        let [row, column] = window.at;
+        let exposed = crops.exposed_at(row, column);
+        Shot {
+            scene: window.scene(),
+            placement: Placement { row: exposed.0, col: exposed.1 },
+            kept: Some(crop_window(&crops, row, column)),
+            frame,
+            labels: (self.labels_of)(window),
+            follows_light: window.follows_light,
+        }
     }
 
     /// How the windows of a list are cut behind the experiment's lens. Behind a lens of another focal length those of streets have the size at which
@@ -403,19 +476,4 @@ fn view_of(
     let radius_px: Vec<f64> = fields.field_radius_mm.iter().map(|r| r / pixel_mm).collect();
     let sensor = [crops.sensor_rows, crops.sensor_columns];
     Ok(StreetView::new(&radius_px, &fields.field_angles(lens)?, sensor)?)
-}
-
-/// A window as a camera takes it; its crop may be larger or smaller than that of the plan.
-fn shot(window: &LabelledWindow, crops: &CropPlan, frame: u64) -> Shot {
-    let crops = crops.of_window(window.side());
-    let [row, column] = window.at;
-    let exposed = crops.exposed_at(row, column);
-    Shot {
-        scene: window.scene(),
-        placement: Placement { row: exposed.0, col: exposed.1 },
-        kept: Some(crop_window(&crops, row, column)),
-        frame,
-        labels: Labels::new(window.truth.clone()),
-        follows_light: window.follows_light,
-    }
 }

@@ -1,0 +1,255 @@
+//! A class for every pixel: streets or pictures with label images, a network with a logit for each class, and intersection over union. Its classes
+//! come from the experiment.
+
+mod judge;
+mod network;
+mod overlay;
+pub mod segmented_frames;
+mod view;
+
+use burn::prelude::Device;
+use petzval_base::FileError;
+use petzval_camera::image::LinearImage;
+use petzval_camera::tape::Frames;
+use petzval_files::index_png_bytes;
+use petzval_learn::dataset::{ClassMap, IGNORED_VALUES, LabelledPictures, ObjectClass, StreetThing};
+use petzval_learn::loss::{NamedLoss, cross_entropy};
+use petzval_learn::network::Segmenter;
+use petzval_learn::score::segmentation::segment_scores;
+use sha2::Sha256;
+
+use super::{
+    Drawn, Judge, Objective, PicturePlan, PreparedTask, Remark, SceneLabels, Scenes, Task, TaskReport,
+    WindowInputs, WindowPlan, Windows,
+};
+use crate::assets::Assets;
+use crate::block::NetworkBlock;
+use crate::camera::{Camera, Labels, Shot};
+use crate::cameras::Cameras;
+use crate::error::DesignError;
+use crate::experiment::{Experiment, NetworkRole, PicturesKey, STREET, TaskFacts};
+use crate::run::{Metrics, RunFolder};
+
+pub use network::{PixelReader, Segmenting};
+
+use judge::SegmentJudge;
+
+/// The class of every pixel of the finished picture.
+pub struct Segments;
+
+impl Task for Segments {
+    fn facts(&self) -> TaskFacts {
+        TaskFacts {
+            name: "segments",
+            network: NetworkRole::Reads,
+            network_name: "network",
+            pictures: PicturesKey::Data,
+            has_classes: true,
+            default_scores: Some(&["miou", "pixel_accuracy"]),
+            scored: "pixels",
+        }
+    }
+
+    fn check(&self, experiment: &Experiment, text: &str) -> Result<(), FileError> {
+        check_classes(experiment, text)
+    }
+
+    fn scores(&self, experiment: &Experiment) -> Vec<String> {
+        let scores = segment_scores(&experiment.classes().counted().names());
+        scores.into_iter().map(|score| score.about.name).collect()
+    }
+
+    fn prepare(&self, _: &Experiment, _: &Assets, _: &Device) -> Result<Box<dyn PreparedTask>, DesignError> {
+        Ok(Box::new(PreparedSegments { scenes: None }))
+    }
+}
+
+/// Refuses classes that take nothing, or the same as another one.
+fn check_classes(experiment: &Experiment, text: &str) -> Result<(), FileError> {
+    let wrong = |i: usize, key: &str, message: String, hint: &str| {
+        let place = i.to_string();
+        let at_class = FileError::at_key(text, &["class", &place, "name"], message.clone());
+        let at_key = FileError::at_key(text, &["class", &place, key], message);
+        Err(if at_key.line.is_some() { at_key } else { at_class }.hint(hint.to_owned()))
+    };
+    let classes = experiment.classes();
+    let is_street = experiment.data == STREET;
+    for (i, class) in classes.iter().enumerate() {
+        let ObjectClass { name, street, values, .. } = class;
+        if let Some(object) = street.iter().find(|thing| thing.surface().is_none()) {
+            let surfaces = StreetThing::ALL.into_iter().filter(|thing| thing.surface().is_some());
+            let hint = surfaces.map(StreetThing::name).collect::<Vec<_>>().join(", ");
+            let message = format!("`{}` is an object, which has no surface of its own", object.name());
+            return wrong(i, "street", message, &format!("surfaces are {hint}"));
+        }
+        if let Some(value) = values.iter().find(|value| IGNORED_VALUES.contains(value)) {
+            let hint = "leave it out: 255, and 65535 in files of 16 bits, are never judged";
+            return wrong(i, "values", format!("{value} is always ignored"), hint);
+        }
+        if is_street && street.is_empty() {
+            let hint = "name surfaces in `street`, such as [\"road\"], or a folder of pictures in `data`";
+            return wrong(i, "street", format!("the class `{name}` takes no surface of streets"), hint);
+        }
+        if !is_street && values.is_empty() {
+            let hint = "give the indices that it has in the label images: values = [7, 8]";
+            return wrong(i, "values", format!("the class `{name}` takes no value of label images"), hint);
+        }
+        for (k, other) in classes[..i].iter().enumerate() {
+            let surface =
+                street.iter().find(|thing| other.street.contains(thing)).map(|t| t.name().to_owned());
+            let value = values.iter().find(|value| other.values.contains(value)).map(u16::to_string);
+            let both = [("street", surface), ("values", value)];
+            if let Some((key, what)) = both.into_iter().find_map(|(key, what)| Some((key, what?))) {
+                let message = format!("`{what}` is of the class `{}`, too", classes[k].name);
+                return wrong(i, key, message, "every pixel has one class: leave it out of one of them");
+            }
+        }
+        // Misspelt keys are refused by the file; keys of detectors would be silently without effect.
+        let of_detectors = [
+            ("state", class.state.is_some()),
+            ("from", !class.from.is_empty()),
+            ("categories", !class.categories.is_empty()),
+        ];
+        if let Some((key, _)) = of_detectors.into_iter().find(|(_, is_there)| *is_there) {
+            let message = "is for objects with boxes, and pixels have none".to_owned();
+            return wrong(i, key, message, "leave it out, or write \"objects\" for the task");
+        }
+    }
+    let counted = classes.counted().len();
+    if !(2..=Segmenter::MOST_CLASSES).contains(&counted) {
+        let message = format!("{counted} classes count");
+        let hint = format!("2 to {} classes that are not ignored", Segmenter::MOST_CLASSES);
+        return wrong(0, "name", message, &hint);
+    }
+    Ok(())
+}
+
+/// The task at work on an experiment.
+struct PreparedSegments {
+    scenes: Option<Scenes>,
+}
+
+impl PreparedSegments {
+    fn scenes(&self) -> Result<&Scenes, DesignError> {
+        self.scenes.as_ref().ok_or(DesignError::NoWindows)
+    }
+}
+
+impl PreparedTask for PreparedSegments {
+    fn load_windows(&mut self, plan: &WindowPlan) -> Result<(), DesignError> {
+        let classes = plan.experiment.classes();
+        let labels = SceneLabels {
+            surfaces: Some(classes.of_surfaces()),
+            classes: classes.counted(),
+            pictures: |plan| {
+                let PicturePlan { folder, classes, crop, purpose, cancel, .. } = *plan;
+                LabelledPictures::load_with_label_images(folder, classes, crop, purpose, cancel)
+            },
+            of_window: |window| window.classes.clone().map_or_else(Labels::default, Labels::new),
+        };
+        self.scenes = Some(Scenes::new(plan, labels)?);
+        Ok(())
+    }
+
+    fn windows(&self) -> Result<&dyn Windows, DesignError> {
+        self.scenes().map(|scenes| scenes as _)
+    }
+
+    fn network(&self, cameras: &Cameras) -> Result<NetworkBlock, DesignError> {
+        network::block(&cameras.experiment, &cameras.body.device)
+    }
+
+    fn objective(&self, _: &Cameras) -> Result<Box<dyn Objective>, DesignError> {
+        Ok(Box::new(NameClasses))
+    }
+
+    fn judge(&self, cameras: &Cameras) -> Result<Box<dyn Judge>, DesignError> {
+        Ok(Box::new(SegmentJudge::new(cameras)?))
+    }
+
+    fn inputs(&self, experiment: &Experiment, hash: &mut Sha256) -> Result<WindowInputs, DesignError> {
+        self.scenes()?.inputs(experiment, hash)
+    }
+
+    fn remarks(&self) -> Vec<Remark> {
+        self.scenes.as_ref().map_or_else(Vec::new, Scenes::remarks)
+    }
+
+    fn drawn(&self, camera: &Camera, picture: LinearImage) -> Result<Drawn, DesignError> {
+        let reader = camera.reader::<PixelReader>().ok_or(DesignError::OtherTask)?;
+        let map = reader.read(network::tensor_of(&picture, &camera.body().device))?;
+        let png = index_png_bytes(&map.classes, map.height, map.width)?;
+        Ok(Drawn { shown: overlay::with_classes(&picture, &map), files: vec![png] })
+    }
+
+    /// The class map: the number of the class of each pixel, in the order of `[[class]]`.
+    fn read_files(&self) -> &'static [&'static str] {
+        &["classes.png"]
+    }
+
+    fn report(
+        &self,
+        cameras: &Cameras,
+        run: &RunFolder,
+        metrics: &Metrics,
+    ) -> Result<TaskReport, DesignError> {
+        view::report(cameras, run, metrics)
+    }
+}
+
+/// The loss of the camera's own network. Whatever moves, the lens, the ISP or the network, moves so that more pixels get their class.
+struct NameClasses;
+
+impl Objective for NameClasses {
+    fn loss(&self, camera: &Camera, frames: &Frames, shots: &[Shot]) -> Result<NamedLoss, DesignError> {
+        let reader = camera.reader::<PixelReader>().ok_or(DesignError::OtherTask)?;
+        let mut labels = Vec::new();
+        for shot in shots {
+            labels.extend(&shot.labels.of::<ClassMap>().ok_or(DesignError::OtherTask)?.classes);
+        }
+        let logits = reader.logits(frames.finished.clone());
+        Ok(NamedLoss::sum(vec![("cross_entropy", cross_entropy(logits, &labels)?)])?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::experiment::Experiment;
+
+    fn refused(text: &str) -> String {
+        Experiment::parse(&format!("task = \"segments\"\n{text}")).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn classes_that_cannot_be_are_refused_with_their_place() {
+        let two = |one: &str, other: &str| {
+            format!("[[class]]\nname = \"a\"\n{one}\n[[class]]\nname = \"b\"\n{other}\n")
+        };
+        let [road, sky] = ["street = [\"road\"]", "street = [\"sky\"]"];
+        Experiment::parse(&format!("task = \"segments\"\n{}", two(road, sky))).unwrap();
+        let object = refused(&two(road, "street = [\"traffic-light\"]"));
+        assert!(object.contains("line 7") && object.contains("`traffic-light` is an object"), "{object}");
+        assert!(object.contains("surfaces are pedestrian, vehicle, signal, road"), "{object}");
+        assert!(refused(&two(road, road)).contains("`road` is of the class `a`, too"));
+        assert!(refused(&two(road, "")).contains("the class `b` takes no surface of streets"));
+        assert!(refused(&two(road, &format!("{sky}\nignored = true"))).contains("1 classes count"));
+        assert!(refused(&two(road, &format!("{sky}\nvalues = [255]"))).contains("255 is always ignored"));
+        assert!(
+            refused(&two(road, &format!("{sky}\nstate = \"red\""))).contains("is for objects with boxes")
+        );
+        let own = |one: &str, other: &str| refused(&format!("data = \"folder\"\n{}", two(one, other)));
+        assert!(own("values = [1]", road).contains("the class `b` takes no value of label images"));
+        assert!(own("values = [1, 2]", "values = [3, 2]").contains("`2` is of the class `a`, too"));
+        // A detector finds no surfaces.
+        let boxes = Experiment::parse("task = \"objects\"\n[[class]]\nname = \"a\"\nstreet = [\"road\"]\n");
+        assert!(boxes.unwrap_err().to_string().contains("`road` is a surface, which has no box"));
+    }
+
+    #[test]
+    fn the_preset_takes_every_surface_once() {
+        let preset = Experiment::parse("task = \"street-segmentation\"\n").unwrap();
+        assert_eq!(preset.scoring.scores, ["miou", "pixel_accuracy"]);
+        let surfaces = preset.classes().of_surfaces();
+        assert!(surfaces.iter().all(|class| usize::from(*class) < preset.class.len()), "{surfaces:?}");
+    }
+}

@@ -1,0 +1,243 @@
+//! Pictures with labels for each of their pixels: `FOLDER/pictures/NAME.*` with `FOLDER/labels/NAME.png` or `.tif`.
+//!
+//! Labels are pictures of indices (see `petzval_files::load_label_image`), which the classes name in `values`. A window takes the labels of its own
+//! pixels as they are: pictures are never scaled, so that no label is ever interpolated.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use petzval_base::Cancel;
+use petzval_files::coco::content_digest;
+use petzval_files::{LabelImage, load_label_image, picture_size};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+
+use super::labelled_pictures::{LabelledPicture, PART, list_by_place, too_small};
+use super::photo_set::picture_paths;
+use super::{ClassMap, Classes, DatasetError, IGNORED, LabelledPictures, List, Purpose};
+use crate::detection::Truth;
+
+/// The folders of pictures and of labels.
+const FOLDERS: [&str; 2] = ["pictures", "labels"];
+
+/// Indices that are always ignored; the second one in files of 16 bits.
+pub const IGNORED_VALUES: [u16; 2] = [255, 65_535];
+
+/// A file with the labels of a picture.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct LabelFile {
+    path: PathBuf,
+    /// The class of each index.
+    of_values: Arc<BTreeMap<u16, u8>>,
+    /// SHA-256 of the file, hexadecimal.
+    pub digest: String,
+}
+
+impl LabelFile {
+    /// The class of each pixel. Fails where an index is of no class.
+    pub fn read(&self) -> Result<ClassMap, DatasetError> {
+        let LabelImage { height, width, has_16_bits, values } = load_label_image(&self.path)?;
+        let ignored = &IGNORED_VALUES[..1 + usize::from(has_16_bits)];
+        let class = |(pixel, value): (usize, u16)| match self.of_values.get(&value) {
+            _ if ignored.contains(&value) => Ok(IGNORED),
+            Some(class) => Ok(*class),
+            None => Err(self.wrong(
+                format!(
+                    "the value {value} in row {}, column {} is of no class",
+                    pixel / width,
+                    pixel % width
+                ),
+                "name it in `values` of a [[class]], or of one with `ignored = true`",
+            )),
+        };
+        let classes = values.into_iter().enumerate().map(class).collect::<Result<_, _>>()?;
+        Ok(ClassMap::new(height, width, classes))
+    }
+
+    fn wrong(&self, problem: String, hint: &'static str) -> DatasetError {
+        DatasetError::LabelImage { path: self.path.clone(), problem, hint }
+    }
+}
+
+/// The middle of a pixel, row and column, of a class that is drawn first, each that is there as often as the others. None if all pixels are ignored.
+pub(super) fn drawn_pixel(classes: &ClassMap, random: &mut ChaCha8Rng) -> Option<[f64; 2]> {
+    let counts = pixels_of_classes(classes);
+    let present: Vec<usize> = (0..counts.len()).filter(|class| counts[*class] > 0).collect();
+    if present.is_empty() {
+        return None;
+    }
+    let class = present[random.random_range(0..present.len())];
+    let wanted = random.random_range(0..counts[class]);
+    let mut all = classes.classes.iter().enumerate().filter(|(_, found)| usize::from(**found) == class);
+    let (pixel, _) = all.nth(wanted)?;
+    Some([pixel / classes.width, pixel % classes.width].map(|place| place as f64 + 0.5))
+}
+
+/// Pixels of each class by its number.
+fn pixels_of_classes(classes: &ClassMap) -> [usize; IGNORED as usize] {
+    let mut counts = [0; IGNORED as usize];
+    for class in classes.classes.iter().filter(|class| **class != IGNORED) {
+        counts[usize::from(*class)] += 1;
+    }
+    counts
+}
+
+/// A picture with the pixels of each of its classes.
+struct Checked {
+    picture: LabelledPicture,
+    pixels: [usize; IGNORED as usize],
+}
+
+impl LabelledPictures {
+    /// Reads the pictures of a folder that have labels for each pixel, and checks all labels. Returned with sentences on what cannot be used. Every
+    /// fifth picture by name is held out, or the last where there are fewer; for [`Purpose::ValidatedTraining`] the one before each of
+    /// these is for validation.
+    ///
+    /// Fails on a picture without labels or with those of another size, on an index that is of no class, and where no picture that holds a window
+    /// of `crop` pixels, or no labelled pixel, is left for training or scores.
+    pub fn load_with_label_images(
+        folder: &Path,
+        classes: &Classes,
+        crop: usize,
+        purpose: Purpose,
+        cancel: &Cancel,
+    ) -> Result<(Self, Vec<String>), DatasetError> {
+        let at = |problem: String, hint| DatasetError::LabelImage { path: folder.to_owned(), problem, hint };
+        let missing = FOLDERS.into_iter().find(|name| !folder.join(name).is_dir());
+        if let Some(name) = missing {
+            let hint = "pictures lie in its folder `pictures`, and the labels of pictures/NAME.jpg are labels/NAME.png";
+            return Err(at(format!("there is no folder `{name}` in it"), hint));
+        }
+        let [pictures, mut labels] = [by_stem(&folder.join(FOLDERS[0]))?, by_stem(&folder.join(FOLDERS[1]))?];
+        let of_values = Arc::new(classes.of_values());
+        let pairs: Vec<(&PathBuf, Option<PathBuf>)> =
+            pictures.iter().map(|(stem, picture)| (picture, labels.remove(stem))).collect();
+        let read = |(picture, labels): (&PathBuf, Option<PathBuf>)| {
+            cancel.check()?;
+            checked(picture, labels, &of_values)
+        };
+        let checked: Vec<Result<Checked, DatasetError>> = pairs.into_par_iter().map(read).collect();
+
+        let mut notes = Vec::new();
+        if let Some(alone) = labels.values().next() {
+            let others =
+                if labels.len() > 1 { format!(" and {} others", labels.len() - 1) } else { String::new() };
+            notes.push(format!("{}{others}: labels without a picture, which are not used", alone.display()));
+        }
+        let mut found = Self::default();
+        let (mut small, mut pixels) = (0, [[0; IGNORED as usize]; 2]);
+        let count = checked.len();
+        for (number, checked) in checked.into_iter().enumerate() {
+            let Checked { picture, pixels: own } = checked?;
+            if picture.size[0].min(picture.size[1]) < crop {
+                small += 1;
+                continue;
+            }
+            let list = match list_by_place(number, count) {
+                _ if purpose == Purpose::Scores => List::HeldOut,
+                List::Validation if purpose != Purpose::ValidatedTraining => List::Training,
+                list => list,
+            };
+            let of_list = &mut pixels[usize::from(list == List::HeldOut)];
+            of_list.iter_mut().zip(own).for_each(|(all, own)| *all += own);
+            found.list_mut(list).push(picture);
+        }
+        if small > 0 {
+            notes.push(format!("{}: {}", folder.display(), too_small(small, crop)));
+        }
+        let trains = purpose != Purpose::Scores;
+        let validated = purpose == Purpose::ValidatedTraining;
+        if validated && found.list(List::Validation).is_empty() && !found.take_validation() {
+            let training = found.list(List::Training).to_vec();
+            *found.list_mut(List::Validation) = training;
+            notes.push(format!(
+                "{}: there is one picture for training, which validation sees, too, and says little",
+                folder.display()
+            ));
+        }
+        for (list, name, pixels) in
+            [(List::Training, "training", &pixels[0]), (List::HeldOut, "scoring", &pixels[1])]
+        {
+            if list == List::Training && !trains {
+                continue;
+            }
+            if found.list(list).is_empty() {
+                let hint = "at least two pictures that hold a window are needed, one of them to score with";
+                return Err(at(format!("no picture is left for {name}"), hint));
+            }
+            if pixels.iter().all(|count| *count == 0) {
+                let hint = "`values` of [[class]] names the indices that are not ignored";
+                return Err(at(format!("all pixels for {name} are ignored"), hint));
+            }
+            let counted = classes.counted();
+            let absent: Vec<&str> = counted
+                .names()
+                .into_iter()
+                .zip(pixels)
+                .filter(|(_, count)| **count == 0)
+                .map(|(c, _)| c)
+                .collect();
+            if !absent.is_empty() {
+                notes.push(format!("{}: no pixel for {name} is of {}", folder.display(), absent.join(", ")));
+            }
+        }
+        if trains && count < PART {
+            notes.push(format!(
+                "{}: there are fewer than {PART} pictures; the last one is held out, and scores on one picture say little about others",
+                folder.display()
+            ));
+        }
+        Ok((found, notes))
+    }
+}
+
+/// A picture whose labels are there, have its size, and are of known classes.
+fn checked(
+    picture: &Path,
+    labels: Option<PathBuf>,
+    of_values: &Arc<BTreeMap<u16, u8>>,
+) -> Result<Checked, DatasetError> {
+    let Some(path) = labels else {
+        let hint = "add FOLDER/labels/NAME.png with its name, or take the picture out";
+        let problem = "this picture has no labels".to_owned();
+        return Err(DatasetError::LabelImage { path: picture.to_owned(), problem, hint });
+    };
+    let (width, height) = picture_size(picture)?;
+    let digest = content_digest(&path).map_err(|source| DatasetError::Io { path: path.clone(), source })?;
+    let labels = LabelFile { path, of_values: of_values.clone(), digest };
+    let classes = labels.read()?;
+    let size = [height as usize, width as usize];
+    if [classes.height, classes.width] != size {
+        let problem = format!(
+            "{} x {} labels for a picture of {width} x {height} pixels",
+            classes.width, classes.height
+        );
+        return Err(labels.wrong(problem, "every pixel of the picture, the right way up, needs one label"));
+    }
+    let name = format!("{}/{}", FOLDERS[0], picture.file_name().unwrap_or_default().to_string_lossy());
+    let picture = LabelledPicture {
+        path: picture.to_owned(),
+        sequence: name.clone(),
+        name,
+        size,
+        truth: Truth::default(),
+        labels: Some(labels),
+    };
+    Ok(Checked { picture, pixels: pixels_of_classes(&classes) })
+}
+
+/// The pictures of a folder by their name without its ending. Fails where two have the same.
+fn by_stem(folder: &Path) -> Result<BTreeMap<String, PathBuf>, DatasetError> {
+    let mut all: BTreeMap<String, PathBuf> = BTreeMap::new();
+    for path in picture_paths(folder)? {
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        if let Some(other) = all.insert(stem, path.clone()) {
+            let problem = format!("{} has the same name but for its ending", other.display());
+            let hint = "pictures and labels are paired by this name: it stands for one file";
+            return Err(DatasetError::LabelImage { path, problem, hint });
+        }
+    }
+    Ok(all)
+}
