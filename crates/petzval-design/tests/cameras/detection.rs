@@ -171,6 +171,7 @@ fn boxes_lie_where_chief_rays_that_are_traced_land() {
         light: config.light,
         busy: config.busy,
         classes: setup.experiment.classes(),
+        surfaces: None,
         white_cd_m2: config.white_cd_m2,
         samples: config.samples,
         on_objects: config.on_objects,

@@ -1,9 +1,6 @@
 //! The class of every pixel of a window.
 
-/// The label of a pixel that is ignored: it has neither a loss nor a score.
-pub const IGNORED: u8 = 255;
-
-/// A class for each pixel, by its number, or [`IGNORED`].
+/// A class for each pixel, by its number, or [`IGNORED`](super::IGNORED).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ClassMap {
     /// Rows.

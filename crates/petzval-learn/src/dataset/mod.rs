@@ -18,7 +18,8 @@ mod relight;
 mod street_plan;
 mod street_thing;
 
-pub use class_map::{ClassMap, IGNORED};
+pub use crate::loss::IGNORED;
+pub use class_map::ClassMap;
 pub use classes::{Classes, ObjectClass, Taken, TakenClass, in_classes, taken_as};
 pub use crop::{CropPlan, HeldOutPlacement, TrainingCrop, held_out_placements, training_crop};
 pub use dead_leaves::dead_leaves;

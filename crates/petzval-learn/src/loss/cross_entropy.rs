@@ -4,7 +4,9 @@ use burn::prelude::*;
 use burn::tensor::activation::log_softmax;
 
 use super::LossError;
-use crate::dataset::IGNORED;
+
+/// The label of a pixel that is ignored: it has neither a loss nor a score.
+pub const IGNORED: u8 = 255;
 
 /// The mean of `-log p(class of the pixel)` over the labelled pixels of a batch, where `p = softmax(logits)` over the classes.
 ///
