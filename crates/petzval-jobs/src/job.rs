@@ -118,7 +118,7 @@ fn request<J: Job>(request: Value) -> Result<J::Request, JobError> {
         let hint = error.hint.as_ref().map_or_else(|| known.clone(), |hint| format!("{hint} {known}"));
         JobError::input(format!("request of {}: {}", J::NAME, FileError { hint: None, ..error }), hint)
     };
-    if !request.is_object() {
+    if !J::NEEDS.is_empty() && !request.is_object() {
         return Err(refused(FileError::of_value(".", "expected an object")));
     }
     if let Some(missing) = J::NEEDS.iter().find(|key| request.get(key).is_none()) {

@@ -58,7 +58,6 @@ pub use call::{CALL_FORMAT, Call, MOST_THREADS, row};
 pub use context::{Context, Silent, Watcher};
 pub use device::compiled_in_devices;
 pub use error::{ErrorReport, Fault, JobError, Place, Stopped, json, text_of_file};
-pub use error::{Fault, JobError, json, text_of_file};
 pub use event::{CameraScore, Event, WarningKind};
 pub use input::{ExperimentInput, LensInput, SensorInput};
 pub use job::{Job, Row};
