@@ -21,7 +21,7 @@ use crate::context::Context;
 use crate::error::{JobError, make_folder};
 use crate::frames::Frames;
 use crate::input::{Input, LensInput, SensorInput};
-use crate::pinhole::{PinholeError, PinholePsf, PinholeView, Refocus};
+use crate::pinhole::{PinholePsf, PinholeView, Refocus};
 use crate::range::check_ranges;
 
 petzval_base::parameters! {
