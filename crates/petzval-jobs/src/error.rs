@@ -268,7 +268,7 @@ impl From<DesignError> for JobError {
             DesignError::Input { path, error } => {
                 error_in_request(&path, &error).unwrap_or(Self::File { path, error })
             }
-            DesignError::Isp(IspError::Stopped(_)) => Stopped::new(error.to_string()).into(),
+            _ if error.is_stopped() => Stopped::new(error.to_string()).into(),
             DesignError::Image(ImageError::Io { ref source, .. }) => {
                 Self::system(error.to_string(), source, "give a PNG, JPEG or TIFF file that exists")
             }
