@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use petzval::jobs::design::{self, DEFAULT_EXPERIMENT, FITTED, RunEnding};
+use petzval::jobs::design::{self, FITTED};
 use petzval::jobs::{JobError, experiment};
 
 use super::defaults::word;
