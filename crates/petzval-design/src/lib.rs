@@ -37,13 +37,5 @@ pub mod setup;
 pub mod spectral_light;
 pub mod study;
 pub mod task;
+mod thread_safety;
 pub mod validation;
-
-/// What outlives a call may go from thread to thread: a server keeps it.
-const _: () = {
-    const fn is_shared<T: Send + Sync>() {}
-    is_shared::<camera::Camera>();
-    is_shared::<cameras::Cameras>();
-    is_shared::<scoring::Scorer>();
-    is_shared::<setup::Setup>();
-};

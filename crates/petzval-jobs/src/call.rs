@@ -1,6 +1,7 @@
 //! A job with all that it needs, as one value: a work unit, a call from another language, a request to a server.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use schemars::{JsonSchema, schema_for};
 use serde::{Deserialize, Serialize};
@@ -11,7 +12,7 @@ use crate::error::JobError;
 use crate::event::WarningKind;
 use crate::glass::library_with;
 use crate::job::Row;
-use crate::keys::error_in_keys;
+use crate::keys::{InKeys, error_in_keys};
 use crate::table::jobs;
 
 /// The version of [`Call`] that this program writes and reads.
@@ -102,7 +103,8 @@ impl Call {
     /// Makes it. Its glasses take precedence over those of the context. In a context without a command line, results name the job. Events and
     /// errors name keys of the request in place of flags of the command.
     pub fn run(self, context: &Context) -> Result<Value, JobError> {
-        self.made(&context.clone().in_keys()).map_err(error_in_keys)
+        let context = context.clone().watched_through(|watcher| Arc::new(InKeys(watcher)));
+        self.made(&context).map_err(error_in_keys)
     }
 
     fn made(self, context: &Context) -> Result<Value, JobError> {

@@ -8,7 +8,6 @@ use petzval_design::error::DesignError;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use super::request::Request;
 use crate::context::Context;
 use crate::error::{JobError, json, make_folder};
 
@@ -113,7 +112,7 @@ pub(super) fn train<T: Training, P: Serialize, I: Serialize>(
 }
 
 /// The folder of a training.
-pub(super) struct TrainingFolder(PathBuf);
+pub(super) struct TrainingFolder(pub(super) PathBuf);
 
 impl TrainingFolder {
     /// Makes the folder; refuses one that already holds a training.
@@ -144,18 +143,6 @@ impl TrainingFolder {
         let kept = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
         petzval_base::sweep_parts(root);
         Ok((folder, kept))
-    }
-
-    /// The error of a training that was cancelled after so many steps. `response` is what is known of it.
-    pub fn stopped<P: Serialize>(
-        &self,
-        steps: usize,
-        response: &impl Serialize,
-        context: &Context,
-    ) -> JobError {
-        let again: Request<P> = Request::Resume { folder: self.0.clone() };
-        let stopped = context.stopped(format!("stopped after {steps} steps")).keeping(&self.0);
-        stopped.going_on_with(&again).with_response(response).into()
     }
 
     /// Description of the finished network.

@@ -8,6 +8,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::folder::{Kept, TrainingFolder};
+use crate::context::Context;
 use crate::error::JobError;
 
 /// A training that begins, or one that is continued.
@@ -68,6 +69,18 @@ impl<P: Clone + DeserializeOwned> Request<P> {
         }
         Ok((folder, kept))
     }
+}
+
+/// The error of a training that was cancelled after so many steps. `response` is what is known of it.
+pub(super) fn stopped<P: Serialize>(
+    folder: &TrainingFolder,
+    steps: usize,
+    response: &impl Serialize,
+    context: &Context,
+) -> JobError {
+    let again: Request<P> = Request::Resume { folder: folder.0.clone() };
+    let stopped = context.stopped(format!("stopped after {steps} steps")).keeping(&folder.0);
+    stopped.going_on_with(&again).with_response(response).into()
 }
 
 /// A name, made an absolute path if it is that of a file, so that a training can be resumed from any folder.

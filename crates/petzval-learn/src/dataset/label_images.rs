@@ -9,80 +9,17 @@ use std::sync::Arc;
 
 use petzval_base::Cancel;
 use petzval_files::coco::content_digest;
-use petzval_files::{LabelImage, load_label_image, picture_size};
-use rand::RngExt;
-use rand_chacha::ChaCha8Rng;
+use petzval_files::picture_size;
 use rayon::prelude::*;
 
+use super::label_file::{LabelFile, pixels_of_classes};
 use super::labelled_pictures::{LabelledPicture, PART, list_by_place, too_small};
 use super::photo_set::picture_paths;
-use super::{ClassMap, Classes, DatasetError, IGNORED, LabelledPictures, List, Purpose};
+use super::{Classes, DatasetError, IGNORED, LabelledPictures, List, Purpose};
 use crate::detection::Truth;
 
 /// The folders of pictures and of labels.
 const FOLDERS: [&str; 2] = ["pictures", "labels"];
-
-/// Indices that are always ignored; the second one in files of 16 bits.
-pub const IGNORED_VALUES: [u16; 2] = [255, 65_535];
-
-/// A file with the labels of a picture.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct LabelFile {
-    path: PathBuf,
-    /// The class of each index.
-    of_values: Arc<BTreeMap<u16, u8>>,
-    /// SHA-256 of the file, hexadecimal.
-    pub digest: String,
-}
-
-impl LabelFile {
-    /// The class of each pixel. Fails where an index is of no class.
-    pub fn read(&self) -> Result<ClassMap, DatasetError> {
-        let LabelImage { height, width, has_16_bits, values } = load_label_image(&self.path)?;
-        let ignored = &IGNORED_VALUES[..1 + usize::from(has_16_bits)];
-        let class = |(pixel, value): (usize, u16)| match self.of_values.get(&value) {
-            _ if ignored.contains(&value) => Ok(IGNORED),
-            Some(class) => Ok(*class),
-            None => Err(self.wrong(
-                format!(
-                    "the value {value} in row {}, column {} is of no class",
-                    pixel / width,
-                    pixel % width
-                ),
-                "name it in `values` of a [[class]], or of one with `ignored = true`",
-            )),
-        };
-        let classes = values.into_iter().enumerate().map(class).collect::<Result<_, _>>()?;
-        Ok(ClassMap::new(height, width, classes))
-    }
-
-    fn wrong(&self, problem: String, hint: &'static str) -> DatasetError {
-        DatasetError::LabelImage { path: self.path.clone(), problem, hint }
-    }
-}
-
-/// The middle of a pixel, row and column, of a class that is drawn first, each that is there as often as the others. None if all pixels are ignored.
-pub(super) fn drawn_pixel(classes: &ClassMap, random: &mut ChaCha8Rng) -> Option<[f64; 2]> {
-    let counts = pixels_of_classes(classes);
-    let present: Vec<usize> = (0..counts.len()).filter(|class| counts[*class] > 0).collect();
-    if present.is_empty() {
-        return None;
-    }
-    let class = present[random.random_range(0..present.len())];
-    let wanted = random.random_range(0..counts[class]);
-    let mut all = classes.classes.iter().enumerate().filter(|(_, found)| usize::from(**found) == class);
-    let (pixel, _) = all.nth(wanted)?;
-    Some([pixel / classes.width, pixel % classes.width].map(|place| place as f64 + 0.5))
-}
-
-/// Pixels of each class by its number.
-fn pixels_of_classes(classes: &ClassMap) -> [usize; IGNORED as usize] {
-    let mut counts = [0; IGNORED as usize];
-    for class in classes.classes.iter().filter(|class| **class != IGNORED) {
-        counts[usize::from(*class)] += 1;
-    }
-    counts
-}
 
 /// A picture with the pixels of each of its classes.
 struct Checked {

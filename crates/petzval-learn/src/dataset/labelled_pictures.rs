@@ -17,7 +17,7 @@ use rayon::prelude::*;
 
 use super::classes::{taken_as, truth};
 use super::crop::around;
-use super::label_images::{LabelFile, drawn_pixel};
+use super::label_file::{LabelFile, drawn_pixel};
 use super::labelled_window::{LARGEST_SHARE, LEAST_INSIDE, crop_around, drawn_by_class, inside, off_middle};
 use super::{Classes, CropPlan, DatasetError, LabelledWindow, List, PictureFile};
 use crate::detection::{BBox, Object, Truth};

@@ -9,6 +9,7 @@ mod classes;
 mod crop;
 mod dead_leaves;
 mod error;
+mod label_file;
 mod label_images;
 mod labelled_pictures;
 mod labelled_window;
@@ -24,7 +25,7 @@ pub use classes::{Classes, ObjectClass, Taken, TakenClass, in_classes, taken_as}
 pub use crop::{CropPlan, HeldOutPlacement, TrainingCrop, held_out_placements, training_crop};
 pub use dead_leaves::dead_leaves;
 pub use error::DatasetError;
-pub use label_images::IGNORED_VALUES;
+pub use label_file::IGNORED_VALUES;
 pub use labelled_pictures::{LabelledPictures, PictureWindows, Purpose};
 pub use labelled_window::{LabelledWindow, List};
 pub use photo_set::{Folder, NamedPhoto, PhotoSet, PhotoSplit, load_folder};

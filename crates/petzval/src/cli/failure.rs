@@ -8,13 +8,15 @@ use petzval::base::FileError;
 use petzval::jobs::{Fault, JobError, Stopped, text_of_file};
 
 use super::plain::shown;
-use super::terminal::EXIT_STOPPED;
 use super::{output, plain};
 
 /// The job failed.
 const EXIT_JOB: u8 = 1;
 /// Bad usage or bad input.
 pub const EXIT_INPUT: u8 = 2;
+
+/// A job was stopped by a signal and can go on: a checkpoint was written (EX_TEMPFAIL of sysexits).
+pub const EXIT_STOPPED: u8 = 75;
 
 /// Turns off the wrapping of lines, so that a path in a message can be copied and searched for.
 pub fn keep_lines_whole() {

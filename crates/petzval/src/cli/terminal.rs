@@ -7,12 +7,9 @@ use std::sync::Arc;
 use petzval::jobs::{Context, JobError, Library, Stopped, Watcher, json};
 use serde::de::DeserializeOwned;
 
-use super::failure::Failure;
+use super::failure::{EXIT_STOPPED, Failure};
 use super::plain;
 use super::watcher::Stderr;
-
-/// Exit code after a signal: a checkpoint was written (EX_TEMPFAIL of sysexits).
-pub const EXIT_STOPPED: u8 = 75;
 
 /// How a job goes on whose results are in a folder.
 pub const RESUME: &str = "--resume continues";

@@ -18,7 +18,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::folder::{Kept as AnyKept, Training, WEIGHTS, train};
-use super::request::{Request as AnyRequest, located};
+use super::request::{Request as AnyRequest, located, stopped};
 use crate::context::Context;
 use crate::error::JobError;
 use crate::named_isp::{NamedIsp, isp_by_name};
@@ -114,9 +114,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         proxy: folder.description(),
         page: folder.page(),
     };
-    let stopped = || folder.stopped::<Plan>(kept.step, &response, context);
+    let stop = || stopped::<Plan>(&folder, kept.step, &response, context);
     if kept.step < plan.training.steps {
-        return Err(stopped());
+        return Err(stop());
     }
     let frames = source.held_out()?;
     context.note(format!("comparing proxy and ISP on {} frames of unseen scenes", frames.len()));
@@ -128,7 +128,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     };
     let (gap, sheet) = match judged() {
         // The training is kept; a resumed one compares again.
-        Err(JobError::Stopped(_)) => return Err(stopped()),
+        Err(JobError::Stopped(_)) => return Err(stop()),
         judged => judged?,
     };
     let description = description(&plan, &named, &varied, &values, &kept, &gap)?;

@@ -17,7 +17,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::folder::{Kept as AnyKept, Training, WEIGHTS, train};
-use super::request::{Request as AnyRequest, located};
+use super::request::{Request as AnyRequest, located, stopped};
 use crate::context::Context;
 use crate::error::JobError;
 use crate::experiment::DEFAULT_EXPERIMENT;
@@ -162,9 +162,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         proxy: folder.description(),
         page: folder.page(),
     };
-    let stopped = || folder.stopped::<Plan>(kept.step, &response, context);
+    let stop = || stopped::<Plan>(&folder, kept.step, &response, context);
     if kept.step < plan.training.steps {
-        return Err(stopped());
+        return Err(stop());
     }
     context
         .note(format!("comparing network and tracing on {JUDGED_LENSES} lenses that training has not seen"));
@@ -177,7 +177,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     };
     let gap = match judge.gap(trainer.proxy(), &watch) {
         // The training is kept; a resumed one compares again.
-        Err(error) if error.is_stopped() => return Err(stopped()),
+        Err(error) if error.is_stopped() => return Err(stop()),
         gap => gap?,
     };
     let sheet = sheet(&unseen, trainer.proxy(), &gap)?;
