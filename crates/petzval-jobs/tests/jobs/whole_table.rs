@@ -82,22 +82,22 @@ fn prepare(folder: &Path) {
         let context = Context::new(built_in_assets(), Arc::new(Silent));
         call(job, request).run(&context).unwrap_or_else(|error| panic!("{job}: {error}"))
     };
-    run("design", json!({"run": {"new": {"experiment": at("lights.toml"), "out": at("run")}}}));
+    run("design", json!({"run": {"new": {"experiment": at("lights.toml"), "out": at("finished")}}}));
     run(
         "psf-capture",
-        json!({"lens": "cooke-triplet-nominal", "out": at("pinhole"), "fields": 1, "frames": 2, "exposures_ms": [4, 16]}),
+        json!({"lens": "cooke-triplet-nominal", "out": at("ready-pinhole"), "fields": 1, "frames": 2, "exposures_ms": [4, 16]}),
     );
     run(
         "sensor-capture",
-        json!({"sensor": "imx249-fitted", "out": at("series"), "gains": [1, 2], "dark_exposures": [20], "size": [40, 60]}),
+        json!({"sensor": "imx249-fitted", "out": at("ready-series"), "gains": [1, 2], "dark_exposures": [20], "size": [40, 60]}),
     );
     run(
         "simulate",
-        json!({"images": ["scene:slanted-edge"], "spectral": {"qe": "flat:0.6"}, "size": [128, 128], "out": at("raws")}),
+        json!({"images": ["scene:slanted-edge"], "spectral": {"qe": "flat:0.6"}, "size": [128, 128], "out": at("ready-raws")}),
     );
     // Beside raw frames and their sidecars the search for parameters takes no pictures.
-    std::fs::remove_file(at("raws/slanted-edge-developed.png")).unwrap();
-    run("isp-develop", json!({"raws": [at("raws/slanted-edge-raw.tiff")], "out": at("references")}));
+    std::fs::remove_file(at("ready-raws/slanted-edge-developed.png")).unwrap();
+    run("isp-develop", json!({"raws": [at("ready-raws/slanted-edge-raw.tiff")], "out": at("references")}));
 }
 
 /// Pictures with two lights as a COCO data set, and one of them in the format of YOLO.
