@@ -21,7 +21,7 @@ fn it_begins_undecided_and_learns_the_classes_of_bright_and_dark_pixels() {
     let first = cross_entropy(network.forward(pictures.clone()), &labels).unwrap();
     assert!((value(&first) - 3.0_f32.ln()).abs() < 1e-5);
     let mut optimizer = AdamConfig::new().init();
-    for _ in 0..60 {
+    for _ in 0..200 {
         let loss = cross_entropy(network.forward(pictures.clone()), &labels).unwrap();
         let gradients = GradientsParams::from_grads(loss.backward(), &network);
         network = optimizer.step(1e-2, network, gradients);
