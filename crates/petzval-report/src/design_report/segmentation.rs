@@ -234,7 +234,8 @@ fn confusion(view: &SegmentationView, camera: &CameraSegments) -> Markup {
             if percent < 0.05 {
                 html! { "·" }
             } else {
-                html! { (number::fixed(percent, 1)) }
+                let share = format!("--share:{:.3}", percent / 100.0);
+                html! { span.share style=(share) { (number::fixed(percent, 1)) } }
             }
         });
         Row::new(&view.classes[class], cells)
