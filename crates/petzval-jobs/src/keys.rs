@@ -8,7 +8,7 @@ use crate::context::Watcher;
 use crate::error::{JobError, Stopped};
 use crate::event::Event;
 
-/// Flags of which the key has another name or place.
+/// Flags whose key has another name, or stands in the call and not in its request.
 const OTHERS: [(&str, &str); 3] = [
     ("force", "\"overwrite\": true"),
     ("threads", "`threads` of the call"),

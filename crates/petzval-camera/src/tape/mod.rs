@@ -28,7 +28,16 @@ pub use render_op::{PlacedScene, illumination_op, render_op};
 pub use restore_op::{Restoration, restore_op};
 pub use srgb_op::srgb_encode_op;
 
+use burn::prelude::*;
+use burn::tensor::TensorData;
+
 use crate::image::LinearImage;
+
+/// A picture on the device, `[1, channels, height, width]`.
+pub fn on_device(picture: &LinearImage, device: &Device) -> Tensor<4> {
+    let shape = [1, picture.channels, picture.height, picture.width];
+    Tensor::from_data(TensorData::new(picture.data.clone(), shape), device)
+}
 
 /// Picture `index` of a batch of pictures with `channels` planes.
 fn picture(batch: &[f32], index: usize, channels: usize, height: usize, width: usize) -> LinearImage {

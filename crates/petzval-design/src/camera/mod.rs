@@ -24,8 +24,8 @@ use petzval_camera::render::{
 };
 use petzval_camera::sensor::{Capture, Exposure, Noise, SensorModel};
 use petzval_camera::tape::{
-    Frames, PlacedScene, Restoration, expose_op, illumination_op, linear_isp_op, render_op, restore_op,
-    srgb_encode_op,
+    Frames, PlacedScene, Restoration, expose_op, illumination_op, linear_isp_op, on_device, render_op,
+    restore_op, srgb_encode_op,
 };
 use petzval_learn::dataset::CropPlan;
 use petzval_learn::network::{NetworkInput, PictureNetwork};
@@ -409,13 +409,12 @@ impl Camera {
         capture: Capture,
         noise: &Noise,
     ) -> Result<Frames, DesignError> {
-        let LinearImage { channels, height, width, .. } = *light;
+        let LinearImage { height, width, .. } = *light;
         let device = &self.body.device;
-        let data = TensorData::new(light.data.clone(), [1, channels, height, width]);
         let psfs = self.known().leaves(device);
         let illumination = self.illumination(self.known(), &psfs, &[capture.placement], [height, width])?;
         let kept = Window { placement: capture.placement, height, width };
-        let light = [Tensor::from_data(data, device), illumination];
+        let light = [on_device(light, device), illumination];
         self.expose(&psfs, light, &[capture], &[kept], noise)
     }
 

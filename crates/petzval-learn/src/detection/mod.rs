@@ -47,6 +47,7 @@ pub use zoomed::{Zoom, Zoomed};
 use burn::prelude::*;
 use burn::tensor::ops::PadMode;
 use petzval_camera::image::LinearImage;
+use petzval_camera::tape::on_device;
 use serde::{Deserialize, Serialize};
 
 use crate::loss::{LossError, NamedLoss};
@@ -100,9 +101,7 @@ pub fn detect_in(
     encoded: &LinearImage,
     device: &Device,
 ) -> Result<Vec<Detection>, LossError> {
-    let shape = [1, encoded.channels, encoded.height, encoded.width];
-    let picture = parameters::tensor(encoded.data.clone(), shape, device);
-    Ok(detector.detect(picture)?.swap_remove(0))
+    Ok(detector.detect(on_device(encoded, device))?.swap_remove(0))
 }
 
 /// Mean and standard deviation of the pictures on which backbones of torchvision were trained (R, G, B).

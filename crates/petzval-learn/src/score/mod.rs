@@ -18,6 +18,7 @@ pub use standard::{STANDARD_SCORES, standard_scores};
 use burn::prelude::*;
 use petzval_camera::image::LinearImage;
 use petzval_camera::quality::QualityError;
+use petzval_camera::tape::on_device;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -38,11 +39,8 @@ pub struct ScoredPair {
 impl ScoredPair {
     /// A pair of sRGB-encoded pictures of one size, three planes each.
     pub fn new(finished: LinearImage, truth: LinearImage, device: &Device) -> Self {
-        let tensor = |picture: &LinearImage| {
-            let shape = [1, picture.channels, picture.height, picture.width];
-            Tensor::from_data(TensorData::new(picture.data.clone(), shape), device)
-        };
-        Self { finished_tensor: tensor(&finished), truth_tensor: tensor(&truth), finished, truth }
+        let [finished_tensor, truth_tensor] = [&finished, &truth].map(|picture| on_device(picture, device));
+        Self { finished_tensor, truth_tensor, finished, truth }
     }
 }
 

@@ -4,6 +4,7 @@ use burn::prelude::*;
 use burn::tensor::TensorData;
 use petzval_camera::image::LinearImage;
 use petzval_camera::isp::{Isp, IspError};
+use petzval_camera::tape::on_device;
 use petzval_learn::proxy_isp::ProxyIsp;
 use petzval_learn::score::{Score, ScoreDescription, ScoredPair};
 use rand::SeedableRng;
@@ -137,8 +138,7 @@ impl Judge<'_> {
         let mut by_proxy = vec![0.0; point.len()];
         for (frame, truth) in self.frames.iter().zip(truths) {
             let places = at(point, device).require_grad();
-            let truth = TensorData::new(truth.data.clone(), [1, 3, truth.height, truth.width]);
-            let error = develop(proxy, frame, places.clone(), device)? - Tensor::from_data(truth, device);
+            let error = develop(proxy, frame, places.clone(), device)? - on_device(truth, device);
             let gradients = error.square().mean().backward();
             let by = places.grad(&gradients).ok_or(DesignError::NoGradient("the parameters of the ISP"))?;
             by_proxy.iter_mut().zip(to_host(by)?).for_each(|(sum, slope)| *sum += f64::from(slope) / count);

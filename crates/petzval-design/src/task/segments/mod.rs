@@ -10,7 +10,7 @@ mod view;
 use burn::prelude::Device;
 use petzval_base::FileError;
 use petzval_camera::image::LinearImage;
-use petzval_camera::tape::Frames;
+use petzval_camera::tape::{Frames, on_device};
 use petzval_files::index_png_bytes;
 use petzval_learn::dataset::{ClassMap, IGNORED_VALUES, LabelledPictures, ObjectClass, StreetThing};
 use petzval_learn::loss::{NamedLoss, cross_entropy};
@@ -177,7 +177,7 @@ impl PreparedTask for PreparedSegments {
 
     fn drawn(&self, camera: &Camera, picture: LinearImage) -> Result<Drawn, DesignError> {
         let reader = camera.reader::<PixelReader>().ok_or(DesignError::OtherTask)?;
-        let map = reader.read(network::tensor_of(&picture, &camera.body().device))?;
+        let map = reader.read(on_device(&picture, &camera.body().device))?;
         let png = index_png_bytes(&map.classes, map.height, map.width)?;
         Ok(Drawn { shown: overlay::with_classes(&picture, &map), files: vec![png] })
     }

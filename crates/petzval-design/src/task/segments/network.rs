@@ -2,8 +2,6 @@
 
 use burn::optim::ModuleOptimizer;
 use burn::prelude::*;
-use burn::tensor::TensorData;
-use petzval_camera::image::LinearImage;
 use petzval_learn::dataset::ClassMap;
 use petzval_learn::network::{Segmenter, resized};
 use petzval_learn::optimizer::muon_and_adam;
@@ -83,14 +81,11 @@ pub(super) fn block(experiment: &Experiment, device: &Device) -> Result<NetworkB
     Ok(NetworkBlock::new(network, Segmenting))
 }
 
-/// A picture on the device, `[1, channels, height, width]`.
-pub(super) fn tensor_of(picture: &LinearImage, device: &Device) -> Tensor<4> {
-    let shape = [1, picture.channels, picture.height, picture.width];
-    Tensor::from_data(TensorData::new(picture.data.clone(), shape), device)
-}
-
 #[cfg(test)]
 mod tests {
+    use petzval_camera::image::LinearImage;
+    use petzval_camera::tape::on_device;
+
     use super::*;
 
     #[test]
@@ -102,7 +97,7 @@ mod tests {
             width: 30,
             data: (0..3 * 20 * 30).map(|i| (i % 30) as f32 / 30.0).collect(),
         };
-        let picture = tensor_of(&picture, &device);
+        let picture = on_device(&picture, &device);
         for zoom in [1.0, 1.5] {
             let reader = PixelReader { network: Segmenter::init(4, 8, 2, 1, &device).unwrap(), zoom };
             assert_eq!(reader.logits(picture.clone()).dims(), [1, 4, 20, 30]);
