@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use petzval_base::Cancel;
 use petzval_camera::sensor::SensorModel;
 use petzval_lab::emva::captures::CaptureError;
 use petzval_lab::emva::{Plan, Written, write_series};
@@ -10,64 +11,49 @@ use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
 use crate::error::{JobError, make_folder};
-use crate::frames::Frames;
+use crate::frames;
 use crate::input::SensorInput;
+use crate::range::check_ranges;
 
-/// The calibration series of a sensor: pairs of flat and of dark frames over gains and exposure times, further dark pairs for
-/// the dark current, and stacks for the non-uniformity, all listed in `captures.toml`.
-///
-/// The same request continues a series that was interrupted. An empty field takes its value from the series that `emva`
-/// chooses.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Request {
-    /// Sensor: a built-in name, the path of a file, or the sensor itself.
-    pub sensor: SensorInput,
-    /// Folder for the captures.
-    pub out: PathBuf,
-    /// The series of EMVA 1288 release 4.0 Linear ([`Plan::emva`]) in place of that of Tseng et al. 2021
-    /// ([`Plan::default`]).
-    pub emva: bool,
-    /// Linear gains; if empty, those of the series.
-    pub gains: Vec<f64>,
-    /// Exposure times of flat and dark pairs, ms.
-    pub exposures: Option<Vec<f64>>,
-    /// Exposure times of dark pairs, ms.
-    pub dark_exposures: Option<Vec<f64>>,
-    /// Frames of the flat and the dark stack; 0 for none.
-    pub stack: Option<usize>,
-    /// Rows and columns of the frames, from the corner of the sensor; by default the whole sensor.
-    pub size: Option<[usize; 2]>,
-    /// Signal of the brightest colour at the longest exposure as a share of the range; above 1 it saturates.
-    pub level: Option<f64>,
-    /// Quantum efficiency of green or clear pixels, 0 to 1, which converts electrons to photons.
-    pub quantum_efficiency: Option<f64>,
-    /// Wavelength of the light, um; the sensor's curves there give the photons and the response of each colour, unless
-    /// `quantum_efficiency` is given.
-    pub wavelength: Option<f64>,
-    /// Format of the frames.
-    pub format: Format,
-    /// Seed of the noise.
-    pub seed: u64,
-}
+pub use petzval_lab::emva::{Series, SeriesFrame};
 
-impl Default for Request {
-    fn default() -> Self {
-        Self {
-            sensor: SensorInput::default(),
-            out: PathBuf::new(),
-            emva: false,
-            gains: Vec::new(),
-            exposures: None,
-            dark_exposures: None,
-            stack: None,
-            size: None,
-            level: None,
-            quantum_efficiency: None,
-            wavelength: None,
-            format: Format::Tiff,
-            seed: crate::usual::seed(),
-        }
+petzval_base::parameters! {
+    /// The calibration series of a sensor: pairs of flat and of dark frames over gains and exposure times, further dark pairs for
+    /// the dark current, and stacks for the non-uniformity, all listed in `captures.toml`.
+    ///
+    /// The same request continues a series that was interrupted. An empty field takes its value from the series that `emva`
+    /// chooses.
+    pub struct Request {
+        /// Linear gains; if empty, those of the series.
+        gains: Vec<f64> = Vec::new(), "", 0.001..1e4, Log, "linear gains: 2 doubles the digital numbers";
+        /// Exposure times of flat and dark pairs, ms.
+        exposures: Option<Vec<f64>> = None, "ms", 1e-6..1e6, Log, "5 ms is 5";
+        /// Exposure times of dark pairs, ms.
+        dark_exposures: Option<Vec<f64>> = None, "ms", 0.0..1e6, Linear, "5 ms is 5";
+        /// Signal of the brightest colour at the longest exposure as a share of the range; above 1 it saturates.
+        level: Option<f64> = None, "", 1e-4..10.0, Log, "0.6 stays below saturation; above 1 saturates";
+        /// Quantum efficiency of green or clear pixels, 0 to 1, which converts electrons to photons.
+        quantum_efficiency: Option<f64> = None, "", 1e-4..1.0, Linear, "a share: 60 % is 0.6";
+        /// Wavelength of the light, um; the sensor's curves there give the photons and the response of each colour, unless
+        /// `quantum_efficiency` is given.
+        wavelength: Option<f64> = None, "um", 0.01..100.0, Log, "in um: 550 nm is 0.55";
+    }
+    also {
+        /// Sensor: a built-in name, the path of a file, or the sensor itself.
+        sensor: SensorInput = SensorInput::default();
+        /// Folder for the captures.
+        out: PathBuf = PathBuf::new();
+        /// The series of EMVA 1288 release 4.0 Linear ([`Plan::emva`]) in place of that of Tseng et al. 2021
+        /// ([`Plan::default`]).
+        emva: bool = false;
+        /// Frames of the flat and the dark stack; 0 for none.
+        stack: Option<usize> = None;
+        /// Rows and columns of the frames, from the corner of the sensor; by default the whole sensor.
+        size: Option<[usize; 2]> = None;
+        /// Format of the frames.
+        format: Format = Format::Tiff;
+        /// Seed of the noise.
+        seed: u64 = crate::usual::seed();
     }
 }
 
@@ -89,12 +75,57 @@ const LARGE_BYTES: u64 = 500_000_000;
 /// Rows and columns of the smaller one.
 const SMALLER: (usize, usize) = (300, 480);
 
+/// The frames of a series as values, one at a time and in their order: only one of them is in memory. A cancelled job fails before the
+/// next frame.
+pub struct Frames {
+    series: Series,
+    next: usize,
+    cancel: Cancel,
+}
+
+impl Frames {
+    /// The series that is exposed.
+    pub fn series(&self) -> &Series {
+        &self.series
+    }
+
+    fn left(&self) -> usize {
+        self.series.frames() - self.next
+    }
+}
+
+impl Iterator for Frames {
+    type Item = Result<SeriesFrame, JobError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.left() == 0 {
+            return None;
+        }
+        let frame = match self.cancel.check() {
+            Ok(()) => self.series.frame(self.next)?.map_err(JobError::from),
+            Err(cancelled) => Err(cancelled.into()),
+        };
+        // Nothing follows a failure.
+        self.next = if frame.is_ok() { self.next + 1 } else { self.series.frames() };
+        Some(frame)
+    }
+
+    fn size_hint(&self) -> (usize, Option<usize>) {
+        (self.left(), Some(self.left()))
+    }
+}
+
+impl ExactSizeIterator for Frames {}
+
+/// Exposes the series frame by frame; writes nothing. The folder of the request is not used.
+pub fn frames(request: &Request, context: &Context) -> Result<Frames, JobError> {
+    let (sensor, plan) = prepared(request, context)?;
+    Ok(Frames { series: Series::new(&sensor, &plan)?, next: 0, cancel: context.cancel().clone() })
+}
+
 /// Exposes and writes the frames that the folder does not hold yet, and lists all of them.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
-    let (name, context) = &request.sensor.placed(context)?;
-    let sensor = context.assets.sensor(name)?;
-    let plan = request.plan(&sensor);
-    plan.validate(&sensor)?;
+    let (sensor, plan) = prepared(request, context)?;
     // The folder is made later, once the whole series is known to be possible.
     if request.out.exists() && !request.out.is_dir() {
         make_folder(&request.out)?;
@@ -107,7 +138,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             "the list states no photons; --quantum-efficiency QE gives them, or --wavelength UM where the sensor file has curves",
         );
     }
-    let frames = Frames::new(context, total);
+    let frames = frames::Frames::new(context, total);
     // The frames that are whole stay, and the same request goes on from them.
     let written = write_series(&sensor, &plan, &request.out, &|| frames.add("exposing"));
     let written = written.map_err(|error| match error {
@@ -119,6 +150,15 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     })?;
     context.wrote(&written.list, "list of captures");
     Ok(written)
+}
+
+/// The sensor and the plan of its series, once every number is in its range and the sensor has every setting.
+fn prepared(request: &Request, context: &Context) -> Result<(SensorModel, Plan), JobError> {
+    check_ranges(request)?;
+    let sensor = request.sensor.read(&context.assets)?;
+    let plan = request.plan(&sensor);
+    plan.validate(&sensor)?;
+    Ok((sensor, plan))
 }
 
 impl Request {

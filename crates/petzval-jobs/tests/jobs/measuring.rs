@@ -128,7 +128,7 @@ fn a_setting_that_cannot_be_used_is_named_as_the_request_names_it() {
     for (request, name) in [
         (sensor::capture::Request { size: Some([5000, 80]), ..series(&out) }, "size"),
         (sensor::capture::Request { gains: vec![1.0, 1.0], ..series(&out) }, "gains"),
-        (sensor::capture::Request { dark_exposures: Some(vec![-1.0]), ..series(&out) }, "exposures"),
+        (sensor::capture::Request { dark_exposures: Some(vec![-1.0]), ..series(&out) }, "dark_exposures"),
         (sensor::capture::Request { stack: Some(2), ..series(&out) }, "stack"),
         (sensor::capture::Request { level: Some(f64::NAN), ..series(&out) }, "level"),
         (sensor::capture::Request { quantum_efficiency: Some(60.0), ..series(&out) }, "quantum_efficiency"),

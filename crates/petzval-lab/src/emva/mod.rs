@@ -93,7 +93,7 @@ pub use measured::{Measured, Unresolved};
 pub use plan::{Plan, PlannedPoint};
 pub use result::{ChannelResult, Characterization, GainResult, Options};
 pub use sensor_file::sensor_toml;
-pub use series::{Written, write_series};
+pub use series::{Series, SeriesFrame, Written, write_series};
 pub use spatial::Spatial;
 pub use warning::Warning;
 pub use warnings::warning_lines;

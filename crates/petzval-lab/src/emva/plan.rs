@@ -23,6 +23,7 @@ const DARK_LONGEST_MS: [f64; 7] = [100.0, 200.0, 500.0, 1000.0, 2000.0, 5000.0, 
 const DARK_STEPS: usize = 10;
 
 /// A sensor under the light of a plan.
+#[derive(Debug, Clone)]
 pub(super) struct Lit {
     /// The sensor, its colours with their relative response to this light.
     pub sensor: SensorModel,

@@ -1,6 +1,6 @@
-//! Simulated captures: the calibration series of a sensor, written as the files of a camera.
+//! Simulated captures: the calibration series of a sensor, frame by frame as values, or written as the files of a camera.
 //!
-//! The frames of a [`Plan`] come from [`expose`] with a flat field, are written one by one under a temporary name and
+//! The frames of a [`Plan`] come from [`expose`] with a flat field. As files they are written one by one under a temporary name and
 //! renamed, and are listed in `captures.toml` at the end. An interrupted series is continued: a frame depends only on
 //! sensor, plan and its own number.
 
@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::captures::{CaptureError, Kind, MANIFEST, SERIES, SensorFacts};
 use super::compat::manifest::{self, Listed};
-use super::plan::{Plan, PlannedPoint};
+use super::plan::{Lit, Plan, PlannedPoint};
 use petzval_base::{Cancelled, sweep_parts, write_whole};
 use petzval_camera::image::{CHANNELS, LinearImage};
 use petzval_camera::render::Placement;
@@ -23,6 +23,85 @@ use petzval_files::raw_file::{Packing, RawFileError, RawFormat, RawFrame, save_r
 struct Identity<'a> {
     plan: &'a Plan,
     sensor: &'a SensorModel,
+}
+
+/// The series of a sensor. Its frames are exposed one at a time, in any order.
+#[derive(Debug, Clone)]
+pub struct Series {
+    plan: Plan,
+    lit: Lit,
+    points: Vec<PlannedPoint>,
+}
+
+/// A frame of a series as a value, with what the list of captures says about it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SeriesFrame {
+    /// Its name as a file, such as `gain-1/flat-5ms-0.tiff`.
+    pub name: String,
+    /// Light or none.
+    pub kind: Kind,
+    /// Linear gain.
+    pub linear_gain: f64,
+    /// Exposure time, ms.
+    pub exposure_ms: f64,
+    /// Mean number of photons per pixel; `None` for a dark frame, and if the plan states neither efficiency nor wavelength.
+    pub photons: Option<f64>,
+    /// Digital numbers, with sensor and exposure.
+    pub frame: RawFrame,
+}
+
+impl Series {
+    /// The series of a plan, once it is known to fit the sensor.
+    pub fn new(sensor: &SensorModel, plan: &Plan) -> Result<Self, CaptureError> {
+        plan.validate(sensor)?;
+        sensor.validate().map_err(petzval_camera::sensor::SensorError::from)?;
+        let lit = plan.lit(sensor)?;
+        let points = plan.points_lit(&lit.sensor);
+        Ok(Self { plan: plan.clone(), lit, points })
+    }
+
+    /// The plan.
+    pub fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    /// Settings in the order of their frames.
+    pub fn points(&self) -> &[PlannedPoint] {
+        &self.points
+    }
+
+    /// Number of frames.
+    pub fn frames(&self) -> usize {
+        self.points.iter().map(|point| point.names.len()).sum()
+    }
+
+    /// Exposes the frame of a number, 0 to [`Series::frames`]; `None` beyond the last. It depends on sensor, plan and number alone.
+    pub fn frame(&self, number: usize) -> Option<Result<SeriesFrame, CaptureError>> {
+        let mut index = number;
+        for point in &self.points {
+            match point.names.get(index) {
+                Some(name) => return Some(self.exposed(point, index, name)),
+                None => index -= point.names.len(),
+            }
+        }
+        None
+    }
+
+    fn exposed(&self, point: &PlannedPoint, index: usize, name: &str) -> Result<SeriesFrame, CaptureError> {
+        Ok(SeriesFrame {
+            name: name.to_owned(),
+            kind: point.kind,
+            linear_gain: point.linear_gain,
+            exposure_ms: point.exposure_ms,
+            photons: self.photons(point),
+            frame: expose_frame(&self.lit.sensor, &self.plan, point, index)?,
+        })
+    }
+
+    /// Photons per pixel of a flat point, if they are known.
+    fn photons(&self, point: &PlannedPoint) -> Option<f64> {
+        self.lit.photons_per_e.filter(|_| point.kind == Kind::Flat).map(|each| each * point.white_e)
+    }
 }
 
 /// Result of writing a series.
@@ -46,8 +125,7 @@ pub fn write_series(
     written: &(dyn Fn() -> Result<(), Cancelled> + Sync),
 ) -> Result<Written, CaptureError> {
     // Write a file that identifies the series, so that another series is not mixed into the folder.
-    plan.validate(sensor)?;
-    sensor.validate().map_err(petzval_camera::sensor::SensorError::from)?;
+    let series = Series::new(sensor, plan)?;
     let io = |path: &Path| {
         let path = path.to_owned();
         move |source| CaptureError::Io { path, source }
@@ -57,25 +135,23 @@ pub fn write_series(
     check_folder(folder, &identity)?;
     std::fs::create_dir_all(folder).map_err(io(folder))?;
     sweep_parts(folder);
-    let series = folder.join(SERIES);
-    write_whole(&series, identity.as_bytes()).map_err(io(&series))?;
+    let identified = folder.join(SERIES);
+    write_whole(&identified, identity.as_bytes()).map_err(io(&identified))?;
 
     // Expose and write the missing frames, in parallel.
-    let lit = plan.lit(sensor)?;
-    let points = plan.points_lit(&lit.sensor);
     for gain in &plan.gains {
         let below = folder.join(format!("gain-{gain}"));
         std::fs::create_dir_all(&below).map_err(io(&below))?;
     }
     let frames: Vec<(&PlannedPoint, usize)> =
-        points.iter().flat_map(|p| (0..p.names.len()).map(move |i| (p, i))).collect();
+        series.points.iter().flat_map(|p| (0..p.names.len()).map(move |i| (p, i))).collect();
     let kept: Vec<bool> = frames
         .par_iter()
         .map(|(point, i)| {
             let path = folder.join(&point.names[*i]);
             let there = path.is_file();
             if !there {
-                write_frame(&lit.sensor, plan, point, *i, &path)?;
+                write_frame(&expose_frame(&series.lit.sensor, plan, point, *i)?, &path)?;
             }
             written()?;
             Ok(there)
@@ -95,13 +171,14 @@ pub fn write_series(
         wavelength_um: plan.wavelength_um,
         temperature_c: None,
     };
-    let listed: Vec<Listed> = points
+    let listed: Vec<Listed> = series
+        .points
         .iter()
         .map(|p| Listed {
             kind: p.kind,
             linear_gain: p.linear_gain,
             exposure_ms: p.exposure_ms,
-            photons: lit.photons_per_e.filter(|_| p.kind == Kind::Flat).map(|each| each * p.white_e),
+            photons: series.photons(p),
             frames: p.names.clone(),
         })
         .collect();
@@ -128,13 +205,13 @@ fn check_folder(folder: &Path, identity: &str) -> Result<(), CaptureError> {
     }
 }
 
-fn write_frame(
+/// Exposes a frame of a point. `sensor` is the sensor under the light of the plan.
+fn expose_frame(
     sensor: &SensorModel,
     plan: &Plan,
     point: &PlannedPoint,
     index: usize,
-    path: &Path,
-) -> Result<(), CaptureError> {
+) -> Result<RawFrame, CaptureError> {
     // Dark frames have no light, but the exposure still needs a white level.
     let light = if point.kind == Kind::Flat { 1.0 } else { 0.0 };
     let exposure = Exposure {
@@ -146,9 +223,13 @@ fn write_frame(
         Capture { exposure, placement: Placement::default(), frame: point.first_frame + index as u64 };
     let scene = LinearImage::filled(CHANNELS, plan.height, plan.width, light);
     let raw = expose(&scene, sensor, &capture, &Noise { mode: NoiseMode::Exact, seed: plan.seed })?;
-    // The list of captures has the data of a sidecar.
+    Ok(RawFrame::from_raw(&raw, sensor))
+}
+
+/// Writes a frame without a sidecar: the list of captures has its data.
+fn write_frame(frame: &RawFrame, path: &Path) -> Result<(), CaptureError> {
     let format = RawFormat::of_name(path, Packing::U16le).unwrap_or(RawFormat::Tiff);
-    save_raw_alone(&RawFrame::from_raw(&raw, sensor), path, format).map_err(|error| match error {
+    save_raw_alone(frame, path, format).map_err(|error| match error {
         RawFileError::Io { path, source } => CaptureError::Io { path, source },
         other => other.into(),
     })
@@ -158,13 +239,39 @@ fn write_frame(
 mod tests {
     use super::*;
 
-    #[test]
-    fn a_list_that_cannot_be_written_leaves_no_file() {
-        let folder = tempfile::tempdir().unwrap();
+    fn sensor_and_plan() -> (SensorModel, Plan) {
         let sensor =
             petzval_files::parse_sensor(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap();
         let (gains, flat_ms, dark_ms) = (vec![1.0], vec![5.0], Vec::new());
-        let plan = Plan { height: 4, width: 4, gains, flat_ms, dark_ms, ..Plan::default() };
+        (sensor, Plan { height: 4, width: 4, gains, flat_ms, dark_ms, ..Plan::default() })
+    }
+
+    #[test]
+    fn frames_as_values_are_those_of_the_files() {
+        let folder = tempfile::tempdir().unwrap();
+        let (sensor, plan) = sensor_and_plan();
+        let plan = Plan { quantum_efficiency: Some(0.5), ..plan };
+        write_series(&sensor, &plan, folder.path(), &|| Ok(())).unwrap();
+        let series = Series::new(&sensor, &plan).unwrap();
+        assert_eq!(series.frames(), 4);
+        let kinds: Vec<Kind> = (0..4)
+            .map(|number| {
+                let frame = series.frame(number).unwrap().unwrap();
+                let file = petzval_files::raw_file::load_raw(&folder.path().join(&frame.name)).unwrap();
+                assert_eq!(frame.frame.dn, file.dn, "{}", frame.name);
+                assert_eq!(frame.photons.is_some(), frame.kind == Kind::Flat);
+                frame.kind
+            })
+            .collect();
+        assert_eq!(kinds, [Kind::Flat, Kind::Flat, Kind::Dark, Kind::Dark]);
+        assert!(series.frame(4).is_none());
+        assert!(Series::new(&sensor, &Plan { gains: Vec::new(), ..plan }).is_err());
+    }
+
+    #[test]
+    fn a_list_that_cannot_be_written_leaves_no_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let (sensor, plan) = sensor_and_plan();
         std::fs::create_dir(folder.path().join(SERIES)).unwrap();
         let error = write_series(&sensor, &plan, folder.path(), &|| Ok(())).unwrap_err();
         assert!(matches!(error, CaptureError::Io { .. }), "{error}");

@@ -316,10 +316,10 @@ fn corrupt_and_incomplete_captures_are_named() {
         (&["--size", "60"][..], ["--size 60", "rows x columns"]),
         (&["--size", "5000x80"], ["--size: 5000x80 does not fit", "--help"]),
         (&["--gains", "1,1"], ["--gains: 1 is there twice", "--help"]),
-        (&["--gains=-1"], ["--gains: ", "0.001"]),
+        (&["--gains=-1"], ["--gains -1: must lie between", "0.001"]),
         (&["--stack", "2"], ["--stack: 2 frames", "3 to 4096"]),
-        (&["--quantum-efficiency", "60"], ["--quantum-efficiency: ", "share"]),
-        (&["--level", "nan"], ["--level: ", "outside"]),
+        (&["--quantum-efficiency", "60"], ["--quantum-efficiency 60: must lie between", "60 % is 0.6"]),
+        (&["--level", "nan"], ["--level NaN: must lie between", "0.0001"]),
     ] {
         let all = [&["sensor", "capture", "imx249-fitted", "--out", "new"][..], args].concat();
         run_fails(folder.path(), &all, 2, &needles);
