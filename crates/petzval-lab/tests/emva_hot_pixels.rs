@@ -39,7 +39,7 @@ fn plan() -> Plan {
 fn captured(sensor: &SensorModel, plan: &Plan) -> Characterization {
     let folder = tempfile::tempdir().unwrap();
     write_series(sensor, plan, folder.path(), &|| Ok(())).unwrap();
-    characterize(&Captures::open(folder.path()).unwrap(), &Options::default(), &|| Ok(())).unwrap()
+    characterize(&Captures::open(folder.path()).unwrap(), &Options::default(), &|_| Ok(())).unwrap()
 }
 
 /// Histogram of the dark frames of a second at gain 1.

@@ -21,7 +21,7 @@ fn small() -> Plan {
 fn loop_closed(sensor: &SensorModel, plan: &Plan, options: &Options) -> Characterization {
     let folder = tempfile::tempdir().unwrap();
     write_series(sensor, plan, folder.path(), &|| Ok(())).unwrap();
-    characterize(&Captures::open(folder.path()).unwrap(), options, &|| Ok(())).unwrap()
+    characterize(&Captures::open(folder.path()).unwrap(), options, &|_| Ok(())).unwrap()
 }
 
 #[test]
@@ -104,7 +104,7 @@ fn the_histogram_fit_recovers_changed_parameters() {
         dark_current_e_per_s: 40.0,
         ..truth
     };
-    let fit = fit_histograms_from(&moved, 12, &found.histograms).unwrap();
+    let fit = fit_histograms_from(&moved, 12, &found.histograms, &|| Ok(())).unwrap().unwrap();
     assert!(fit.converged, "{} steps", fit.steps);
     for (what, measured, truth) in [
         ("K", fit.gain_dn_per_e, truth.gain_dn_per_e),
@@ -232,7 +232,7 @@ fn a_series_is_the_same_on_any_number_of_threads_and_after_interruptions() {
 
     let found = |n: usize, folder: &Path| {
         let captures = Captures::open(folder).unwrap();
-        pool(n).install(|| characterize(&captures, &Options::default(), &|| Ok(()))).unwrap()
+        pool(n).install(|| characterize(&captures, &Options::default(), &|_| Ok(()))).unwrap()
     };
     let (a, b) = (found(1, one.path()), found(2, one.path()));
     assert_eq!(a, b);
@@ -263,7 +263,7 @@ fn odd_captures_give_warnings() {
     edit("dark-30ms-0.png", &|_, _, dn| dn.saturating_sub(120));
     edit("dark-30ms-1.png", &|_, _, dn| dn.saturating_sub(120));
     let found =
-        characterize(&Captures::open(folder.path()).unwrap(), &Options::default(), &|| Ok(())).unwrap();
+        characterize(&Captures::open(folder.path()).unwrap(), &Options::default(), &|_| Ok(())).unwrap();
     let has = |name: &str, point: &str| {
         found.warnings.iter().any(|w| w.name() == name && w.to_string().contains(point))
     };
@@ -291,7 +291,7 @@ fn hot_pixels_are_reported_and_do_not_count_as_noise() {
         picture.save(&path).unwrap();
     }
     let options = Options { fit_histograms: true, ..Options::default() };
-    let found = characterize(&Captures::open(folder.path()).unwrap(), &options, &|| Ok(())).unwrap();
+    let found = characterize(&Captures::open(folder.path()).unwrap(), &options, &|_| Ok(())).unwrap();
     let tail = found.warnings.iter().find_map(|w| match w {
         Warning::DarkTail { point, share, mean_dn } => Some((point.clone(), *share, *mean_dn)),
         _ => None,

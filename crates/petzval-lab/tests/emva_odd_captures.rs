@@ -27,7 +27,7 @@ fn series(sensor: &SensorModel, plan: &Plan) -> tempfile::TempDir {
 }
 
 fn measured(folder: &Path) -> Result<Characterization, CaptureError> {
-    characterize(&Captures::open(folder)?, &Options::default(), &|| Ok(()))
+    characterize(&Captures::open(folder)?, &Options::default(), &|_| Ok(()))
 }
 
 fn list(folder: &Path) -> String {

@@ -70,7 +70,7 @@ fn check_spatial(found: &StackVariances, suffix: &str, theirs: &Value) -> usize 
 fn channel(folder: &Path, name: &str, options: &Options) -> ChannelResult {
     let mut captures = Captures::open(&folder.join("emva_dataset").join(name)).unwrap();
     captures.sensor.pixel_um = Some(34.3396_f64.sqrt());
-    let found = characterize(&captures, options, &|| Ok(())).unwrap();
+    let found = characterize(&captures, options, &|_| Ok(())).unwrap();
     let [gain] = &found.gains[..] else { panic!("one gain") };
     let [channel] = &gain.channels[..] else { panic!("one colour") };
     channel.clone()

@@ -29,7 +29,7 @@ fn measured(sensor: &SensorModel, points: usize, level: f64, seed: u64) -> Chara
     };
     let folder = tempfile::tempdir().unwrap();
     write_series(sensor, &plan, folder.path(), &|| Ok(())).unwrap();
-    characterize(&Captures::open(folder.path()).unwrap(), &Default::default(), &|| Ok(())).unwrap()
+    characterize(&Captures::open(folder.path()).unwrap(), &Default::default(), &|_| Ok(())).unwrap()
 }
 
 #[test]

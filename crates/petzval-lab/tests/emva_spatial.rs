@@ -19,7 +19,7 @@ fn series(sensor: &SensorModel, plan: &Plan) -> tempfile::TempDir {
 }
 
 fn measured(folder: &Path) -> Characterization {
-    characterize(&Captures::open(folder).unwrap(), &Options::default(), &|| Ok(())).unwrap()
+    characterize(&Captures::open(folder).unwrap(), &Options::default(), &|_| Ok(())).unwrap()
 }
 
 fn plan() -> Plan {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use petzval_base::{csv_number, csv_text, write_whole};
 use petzval_design::error::DesignError;
 use petzval_lab::emva::captures::milliseconds;
-use petzval_lab::emva::{Captures, Options, characterize, result_xml, sensor_toml, warning_lines};
+use petzval_lab::emva::{Captures, Done, Options, characterize, result_xml, sensor_toml, warning_lines};
 use petzval_report::sensor_sheet;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -72,7 +72,11 @@ pub fn characterization(request: &Request, context: &Context) -> Result<Characte
         fit_histograms: request.fit_histograms,
     };
     let frames = Frames::new(context, captures.frames());
-    let characterization = characterize(&captures, &options, &|| frames.add("reading"))?;
+    let done = |done: Done| match done {
+        Done::Frame => frames.add("reading"),
+        Done::Histogram => context.cancel().check(),
+    };
+    let characterization = characterize(&captures, &options, &done)?;
     warning_lines(&characterization.warnings)
         .iter()
         .for_each(|line| context.warning(WarningKind::Measurement, line));

@@ -22,13 +22,23 @@ use super::usable::check_usable;
 use super::warnings::{departures, fit_warnings, gain_warnings, series_warnings};
 use petzval_camera::sensor::Colour;
 
-/// Evaluates a series. Calls `read` after each frame; its error ends the evaluation. Points are read in parallel, gain by gain; the result does not
-/// depend on the number of threads.
+/// A unit of the work of [`characterize`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Done {
+    /// A frame was read; each is read once.
+    Frame,
+    /// A histogram is compared with the model, once in every step of their fit.
+    Histogram,
+}
+
+/// Evaluates a series. Calls `done` with each unit of its work; an error of it ends the evaluation. Points are read in parallel, gain by
+/// gain; the result does not depend on the number of threads.
 pub fn characterize(
     captures: &Captures,
     options: &Options,
-    read: &(dyn Fn() -> Result<(), Cancelled> + Sync),
+    done: &(dyn Fn(Done) -> Result<(), Cancelled> + Sync),
 ) -> Result<Characterization, CaptureError> {
+    let read = &|| done(Done::Frame);
     let size = frame_size(captures)?;
     let max_dn = (1 << captures.sensor.bits) - 1;
     let (mut gains, mut flags, mut histograms) = (Vec::new(), Vec::new(), Vec::new());
@@ -70,7 +80,10 @@ pub fn characterize(
     // Fit all gains together, then the histograms.
     let inputs: Vec<GainInput<'_>> = gains.iter().map(input).collect();
     let joint = joint_fit(&inputs, captures.sensor.black_level_dn);
-    let histogram_fit = options.fit_histograms.then(|| fit_histograms(&captures.sensor, &joint, &histograms));
+    let compared = &|| done(Done::Histogram);
+    let fitted =
+        options.fit_histograms.then(|| fit_histograms(&captures.sensor, &joint, &histograms, compared));
+    let histogram_fit = fitted.transpose()?;
 
     // Make the warnings from flags and results; no code reads them.
     let of_gain = |(gain, flags): (&GainResult, &GainFlags)| gain_warnings(gain, flags);

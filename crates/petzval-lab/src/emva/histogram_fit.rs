@@ -28,6 +28,7 @@ mod parameter;
 mod result;
 mod sample;
 
+use petzval_base::Cancelled;
 use rayon::prelude::*;
 
 use super::captures::SensorFacts;
@@ -47,14 +48,33 @@ use sample::{arrange, free_parameters, is_plausible, is_usable};
 /// Largest number of steps of the fit.
 const MOST_STEPS: usize = 40;
 
+/// Called each time one histogram was compared with the model; its error ends the fit.
+pub type Compared<'a> = &'a (dyn Fn() -> Result<(), Cancelled> + Sync);
+
 /// Fits from the results of the joint fit. `None` if it did not resolve gain, read noise or offset, or if no histogram
 /// is usable.
 pub fn fit_histograms(
     sensor: &SensorFacts,
     joint: &JointFit,
     histograms: &[PointHistogram],
-) -> Option<HistogramFit> {
-    let start = ModelParameters {
+    compared: Compared<'_>,
+) -> Result<Option<HistogramFit>, Cancelled> {
+    let Some(start) = start_of(sensor, joint) else { return Ok(None) };
+    let Some(mut fit) = fit_histograms_from(&start, sensor.bits, histograms, compared)? else {
+        return Ok(None);
+    };
+    // Read noise comes from differences between frames; the remaining width of dark histograms is DSNU.
+    fit.read_noise_e = joint.read_noise_e;
+    fit.dsnu_e = match fit.dark_noise_e.standard_error() {
+        Some(_) => fit.dark_noise_e.squared().minus(joint.read_noise_e.squared()).if_above_noise().root(),
+        None => Measured::none(Unresolved::FollowsFrom("the error of the dark noise")),
+    };
+    Ok(Some(fit))
+}
+
+/// The results of the joint fit as the parameters from which the histograms are fitted.
+fn start_of(sensor: &SensorFacts, joint: &JointFit) -> Option<ModelParameters> {
+    Some(ModelParameters {
         gain_dn_per_e: joint.gain_dn_per_e.value()?,
         read_noise_mean_e: joint.read_noise_mean_e.value()?,
         dark_offset_dn: joint.dark_offset_dn.value()?,
@@ -64,15 +84,7 @@ pub fn fit_histograms(
         read_noise_e: joint.read_noise_e.value()?,
         dark_current_e_per_s: joint.dark_current_e_per_s.value().unwrap_or(0.0),
         full_well_e: sensor.full_well_e.unwrap_or(f64::INFINITY),
-    };
-    let mut fit = fit_histograms_from(&start, sensor.bits, histograms)?;
-    // Read noise comes from differences between frames; the remaining width of dark histograms is DSNU.
-    fit.read_noise_e = joint.read_noise_e;
-    fit.dsnu_e = match fit.dark_noise_e.standard_error() {
-        Some(_) => fit.dark_noise_e.squared().minus(joint.read_noise_e.squared()).if_above_noise().root(),
-        None => Measured::none(Unresolved::FollowsFrom("the error of the dark noise")),
-    };
-    Some(fit)
+    })
 }
 
 /// Fits from given parameters.
@@ -80,8 +92,9 @@ pub fn fit_histograms_from(
     start: &ModelParameters,
     bits: u32,
     histograms: &[PointHistogram],
-) -> Option<HistogramFit> {
-    fit_in_steps(start, bits, histograms, MOST_STEPS)
+    compared: Compared<'_>,
+) -> Result<Option<HistogramFit>, Cancelled> {
+    fit_in_steps(start, bits, histograms, MOST_STEPS, compared)
 }
 
 fn fit_in_steps(
@@ -89,20 +102,21 @@ fn fit_in_steps(
     bits: u32,
     histograms: &[PointHistogram],
     most_steps: usize,
-) -> Option<HistogramFit> {
+    compared: Compared<'_>,
+) -> Result<Option<HistogramFit>, Cancelled> {
     let max_dn = (1u32 << bits) - 1;
     let full_well_e = start.full_well_e;
     let usable: Vec<&PointHistogram> = histograms.iter().filter(|h| is_usable(h, start, max_dn)).collect();
-    let (samples, first_numbers, level_gains) = arrange(start, &usable)?;
+    let Some((samples, first_numbers, level_gains)) = arrange(start, &usable) else { return Ok(None) };
     if !is_plausible(&samples, &first_numbers) {
-        return None;
+        return Ok(None);
     }
     let free = free_parameters(&samples, &first_numbers);
 
     // Maximise the likelihood by Fisher scoring. Repeat a step with more damping if it fails, leaves the bounds or goes
     // down.
     let mut numbers = first_numbers.clone();
-    let mut state = Score::of(&samples, full_well_e, max_dn, &numbers);
+    let mut state = Score::of(&samples, full_well_e, max_dn, &numbers, compared)?;
     let (mut damping, mut steps, mut converged) = (0.0, 0, false);
     while steps < most_steps && !converged {
         steps += 1;
@@ -116,7 +130,7 @@ fn fit_in_steps(
             damping = if damping == 0.0 { 1e-3 } else { 10.0 * damping };
             continue;
         }
-        let next = Score::of(&samples, full_well_e, max_dn, &trial);
+        let next = Score::of(&samples, full_well_e, max_dn, &trial, compared)?;
         let gain = next.log_likelihood - state.log_likelihood;
         if !gain.is_finite() || gain < -1e-6 * state.log_likelihood.abs().min(1.0) {
             damping = if damping == 0.0 { 1e-3 } else { 10.0 * damping };
@@ -132,8 +146,11 @@ fn fit_in_steps(
     // describes the histograms.
     let comparisons: Vec<HistogramComparison> = samples
         .par_iter()
-        .map(|sample| compare(sample, full_well_e, max_dn, &first_numbers, &numbers))
-        .collect();
+        .map(|sample| {
+            compared()?;
+            Ok(compare(sample, full_well_e, max_dn, &first_numbers, &numbers))
+        })
+        .collect::<Result<_, Cancelled>>()?;
     let is_poor = !describes(&comparisons);
     let is_sound = converged && !is_poor;
     let covariance = is_sound.then(|| state.covariance(&free)).flatten();
@@ -156,7 +173,7 @@ fn fit_in_steps(
         linear_gain: *gain,
         electrons: measured(Parameter::Light(i)),
     };
-    Some(HistogramFit {
+    Ok(Some(HistogramFit {
         start: start.clone(),
         fitted: numbers.model(start),
         gain_dn_per_e: measured(Parameter::Gain),
@@ -177,7 +194,7 @@ fn fit_in_steps(
         test,
         flags: FitFlags { is_stopped: !converged, is_poor, is_ambiguous },
         histograms: comparisons,
-    })
+    }))
 }
 
 #[cfg(test)]

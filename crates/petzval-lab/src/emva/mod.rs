@@ -77,7 +77,7 @@ mod warning;
 pub mod warnings;
 
 pub use captures::{CaptureError, Captures, FrameFile, Kind, Point, SensorFacts};
-pub use characterize::characterize;
+pub use characterize::{Done, characterize};
 pub use colour_name::colour_name;
 pub use compat::result_xml::{Values, result_xml};
 pub use counts::PointHistogram;

@@ -141,7 +141,7 @@ impl Bench {
     pub fn measured_with(&self, options: &Options) -> Characterization {
         let folder = tempfile::tempdir().unwrap();
         self.write(folder.path());
-        characterize(&Captures::open(folder.path()).unwrap(), options, &|| Ok(())).unwrap()
+        characterize(&Captures::open(folder.path()).unwrap(), options, &|_| Ok(())).unwrap()
     }
 
     /// Writes the frames and their list.

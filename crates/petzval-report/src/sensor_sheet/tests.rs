@@ -52,7 +52,7 @@ fn series(folder: &Path, fit_histograms: bool) -> Characterization {
     take("dark", 1.0, 0.005, 8);
     std::fs::write(folder.join("captures.toml"), list).unwrap();
     let captures = Captures::open(folder).unwrap();
-    characterize(&captures, &Options { fit_histograms, ..Options::default() }, &|| Ok(())).unwrap()
+    characterize(&captures, &Options { fit_histograms, ..Options::default() }, &|_| Ok(())).unwrap()
 }
 
 #[test]

@@ -1,8 +1,10 @@
 //! The likelihood of the cores of the histograms, its slope and information matrix, and the step of the fit.
 
 use nalgebra::{DMatrix, DVector};
+use petzval_base::Cancelled;
 use rayon::prelude::*;
 
+use super::Compared;
 use super::parameter::{Numbers, Parameter};
 use super::sample::Sample;
 
@@ -15,10 +17,19 @@ pub struct Score {
 }
 
 impl Score {
-    /// Likelihood of all samples at these parameters.
-    pub fn of(samples: &[Sample<'_>], full_well_e: f64, max_dn: u32, numbers: &Numbers) -> Self {
-        let parts: Vec<Core> =
-            samples.par_iter().map(|s| derivatives(s, full_well_e, max_dn, numbers)).collect();
+    /// Likelihood of all samples at these parameters. Calls `compared` for each sample; its error ends the work.
+    pub fn of(
+        samples: &[Sample<'_>],
+        full_well_e: f64,
+        max_dn: u32,
+        numbers: &Numbers,
+        compared: Compared<'_>,
+    ) -> Result<Self, Cancelled> {
+        let part = |sample: &Sample<'_>| {
+            compared()?;
+            Ok(derivatives(sample, full_well_e, max_dn, numbers))
+        };
+        let parts: Vec<Core> = samples.par_iter().map(part).collect::<Result<_, Cancelled>>()?;
         let n = numbers.count();
         let mut total = Self { log_likelihood: 0.0, slope: vec![0.0; n], information: DMatrix::zeros(n, n) };
         for (sample, Core { log_likelihood, slopes, p }) in samples.iter().zip(&parts) {
@@ -33,7 +44,7 @@ impl Score {
                 }
             }
         }
-        total
+        Ok(total)
     }
 
     /// Slope of the log likelihood over one parameter.
