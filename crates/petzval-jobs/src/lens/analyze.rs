@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use petzval_design::lens::view::surfaces;
 use petzval_optics::analysis::{AnalysisError, AnalysisOptions, analyze};
+use petzval_optics::lens::Lens;
 use petzval_report::lens_sheet::{PICTURES, Picture, page};
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -110,36 +111,14 @@ impl Request {
     }
 }
 
+/// Analyses the lens; writes nothing.
+pub fn analysis(request: &Request, context: &Context) -> Result<Analysis, JobError> {
+    Prepared::new(request, context)?.analysed(context)
+}
+
 /// Analyses the lens and writes the files.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
-    request.check()?;
-    let (name, context) = &request.lens.placed(context)?;
-    let mut lens = focused(context.assets.lens(name)?.lens, request.focus)?;
-    for (what, list) in [("fields", &mut lens.fields_deg), ("wavelengths", &mut lens.wavelengths_um)] {
-        if list.len() > MOST {
-            context.note(format!("{} of the {} {what} are analysed, evenly chosen", MOST, list.len()));
-            *list = thinned(list);
-        }
-    }
-    check_image(name, &lens)?;
-    if request.focus == FocusAt::File
-        && let Some(warning) = out_of_focus(name, &lens)
-    {
-        context.warning(WarningKind::OutOfFocus, format!("{name}: {warning}"));
-    }
-    let pixel_pitch_um = match &request.sensor {
-        Some(sensor) => {
-            let (sensor, context) = sensor.placed(context)?;
-            Some(context.assets.sensor(&sensor)?.pixel_um)
-        }
-        None => request.pixel_um,
-    };
-    let options = AnalysisOptions {
-        pixel_pitch_um,
-        max_frequency_per_mm: request.max_frequency,
-        focus_frequency_per_mm: request.frequency,
-        ..AnalysisOptions::default()
-    };
+    let prepared = Prepared::new(request, context)?;
     let folder = request.folder();
     let wanted: Vec<&Picture> = PICTURES.iter().filter(|picture| request.is_wanted(picture.name)).collect();
     let pictures = wanted.iter().map(|picture| format!("{}.svg", picture.name));
@@ -147,18 +126,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let others = others.into_iter().chain(TABLES.map(|(file, _)| (CSV, file)));
     let others = others.filter(|(name, _)| request.is_wanted(name)).map(|(_, file)| file.to_owned());
     check_folder(&folder, pictures.chain(others), context)?;
-    let (done, fields) = (AtomicU64::new(0), lens.fields_deg.len() as u64);
-    let tick = || {
-        context.progress(done.fetch_add(1, Ordering::Relaxed) + 1, fields, "fields");
-        context.cancel().check()
-    };
-    let analysis = analyze(&lens, &options, &tick).map_err(|error| match error {
-        AnalysisError::Stopped(cancelled) => cancelled.into(),
-        error => JobError::input(
-            format!("{name}: {error}"),
-            format!("`petzval lens show {name}` says where light is lost; or leave that field out"),
-        ),
-    })?;
+    let analysis = prepared.analysed(context)?;
     let data = serde_json::to_string(&analysis).map_err(|e| JobError::failed(e.to_string()))?;
 
     make_folder(&folder)?;
@@ -174,7 +142,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         // A page that is written without pictures beside it shows all of them.
         let shown = if wanted.is_empty() { PICTURES.iter().collect() } else { wanted };
         let path = folder.join("analysis.html");
-        write_file(&path, page(&analysis, &surfaces(&lens), shown))?;
+        write_file(&path, page(&analysis, &surfaces(&prepared.lens), shown))?;
         context.wrote(&path, "page");
         files.push(path.clone());
         page_file = Some(path);
@@ -194,6 +162,62 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         }
     }
     Ok(Response { folder, files, page: page_file, analysis })
+}
+
+/// A lens that can be analysed, and how.
+struct Prepared {
+    /// What errors call it.
+    name: String,
+    lens: Lens,
+    options: AnalysisOptions,
+}
+
+impl Prepared {
+    /// The lens of a request, once every setting is known to be possible.
+    fn new(request: &Request, context: &Context) -> Result<Self, JobError> {
+        request.check()?;
+        let name = request.lens.name().into_owned();
+        let mut lens = focused(request.lens.read(&context.assets)?.lens, request.focus)?;
+        for (what, list) in [("fields", &mut lens.fields_deg), ("wavelengths", &mut lens.wavelengths_um)] {
+            if list.len() > MOST {
+                context.note(format!("{} of the {} {what} are analysed, evenly chosen", MOST, list.len()));
+                *list = thinned(list);
+            }
+        }
+        check_image(&name, &lens)?;
+        if request.focus == FocusAt::File
+            && let Some(warning) = out_of_focus(&name, &lens)
+        {
+            context.warning(WarningKind::OutOfFocus, format!("{name}: {warning}"));
+        }
+        let pixel_pitch_um = match &request.sensor {
+            Some(sensor) => Some(sensor.read(&context.assets)?.pixel_um),
+            None => request.pixel_um,
+        };
+        let options = AnalysisOptions {
+            pixel_pitch_um,
+            max_frequency_per_mm: request.max_frequency,
+            focus_frequency_per_mm: request.frequency,
+            ..AnalysisOptions::default()
+        };
+        Ok(Self { name, lens, options })
+    }
+
+    fn analysed(&self, context: &Context) -> Result<Analysis, JobError> {
+        let Self { name, lens, options } = self;
+        let (done, fields) = (AtomicU64::new(0), lens.fields_deg.len() as u64);
+        let tick = || {
+            context.progress(done.fetch_add(1, Ordering::Relaxed) + 1, fields, "fields");
+            context.cancel().check()
+        };
+        analyze(lens, options, &tick).map_err(|error| match error {
+            AnalysisError::Stopped(cancelled) => cancelled.into(),
+            error => JobError::input(
+                format!("{name}: {error}"),
+                format!("`petzval lens show {name}` says where light is lost; or leave that field out"),
+            ),
+        })
+    }
 }
 
 /// [`MOST`] of a longer list, evenly from the first to the last.

@@ -92,35 +92,85 @@ impl From<PsfCalibrationError> for JobError {
     }
 }
 
+/// PSFs that were measured, as values: what `psf-calibrate` keeps as files.
+pub struct Measurement {
+    /// The PSFs for the renderer, field by field from the axis.
+    pub bank: PsfBank,
+    /// The figures, as in `calibration.json`.
+    pub figures: Figures,
+    calibration: Calibration,
+}
+
+impl Measurement {
+    /// The measured positions, in the order of the manifest.
+    pub fn positions(&self) -> impl Iterator<Item = &CalibratedPosition> {
+        self.calibration.positions.iter().map(|(position, _)| position)
+    }
+
+    /// Pixels a side of a measured PSF.
+    pub const CROP: usize = CROP;
+
+    /// The measured PSFs, `[position, channel, row, column]` with [`Self::CROP`] rows and columns, each of unit sum.
+    pub fn values(&self) -> Vec<f64> {
+        self.positions().flat_map(|position| position.measured.psf.values.iter().flatten().copied()).collect()
+    }
+}
+
+/// Measures every position and fits the bank; writes nothing.
+pub fn measurement(request: &Request, context: &Context) -> Result<Measurement, JobError> {
+    Captured::read(request)?.measured(request, context)
+}
+
 /// Measures every position, fits the bank, and writes the results.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
-    let folder = &request.captures;
-    let (manifest, text, path) = read_manifest(folder).map_err(described_in(folder))?;
-    let out = request.out.clone().unwrap_or_else(|| folder.join("psf-calibration"));
+    let captured = Captured::read(request)?;
+    let out = request.out.clone().unwrap_or_else(|| request.captures.join("psf-calibration"));
     check_folder(&out, ["calibration.json", "psf-calibration.png", "psf-calibration.html"], context)?;
-    let sensor = sensor(&manifest, &text, &path, &context.assets)?;
-    check_mosaic(sensor.cfa).map_err(described_in(folder))?;
-    let view =
-        request.lens.as_ref().map(|lens| view(lens, &manifest, &sensor, &context.assets)).transpose()?;
-    let (positions, bank, fields) = measure(request, (&manifest, &text), &sensor, view.as_ref(), context)?;
-    if manifest.source.camera_turned && manifest.source.image_scale_mm.is_none() {
-        context.warning(WarningKind::Measurement, format!(
-            "{}: the camera was turned, but `image_scale_mm` is not given: relative illumination lacks a factor cos^3",
-            path.display()
-        ));
-    }
-    let calibration = Calibration {
-        captures: folder.display().to_string(),
-        sensor: sensor.name.clone(),
-        lens: request.lens.as_ref().map(LensInput::to_string),
-        positions,
-        fields,
-    };
-    warn(&calibration, context);
+    let measurement = captured.measured(request, context)?;
+    keep(&measurement, &out, context)?;
+    Ok(Response { out, figures: measurement.figures })
+}
 
-    let figures = Figures::new(&calibration, &bank, &sensor);
-    write_all(&out, &calibration, &bank, &figures, context)?;
-    Ok(Response { out, figures })
+/// The list of captures of a folder.
+struct Captured {
+    manifest: Manifest,
+    /// Its text, for the places of errors.
+    text: String,
+    path: PathBuf,
+}
+
+impl Captured {
+    fn read(request: &Request) -> Result<Self, JobError> {
+        let folder = &request.captures;
+        let (manifest, text, path) = read_manifest(folder).map_err(described_in(folder))?;
+        Ok(Self { manifest, text, path })
+    }
+
+    fn measured(&self, request: &Request, context: &Context) -> Result<Measurement, JobError> {
+        let Self { manifest, text, path } = self;
+        let folder = &request.captures;
+        let sensor = sensor(manifest, text, path, &context.assets)?;
+        check_mosaic(sensor.cfa).map_err(described_in(folder))?;
+        let view =
+            request.lens.as_ref().map(|lens| view(lens, manifest, &sensor, &context.assets)).transpose()?;
+        let (positions, bank, fields) = measure(request, (manifest, text), &sensor, view.as_ref(), context)?;
+        if manifest.source.camera_turned && manifest.source.image_scale_mm.is_none() {
+            context.warning(WarningKind::Measurement, format!(
+                "{}: the camera was turned, but `image_scale_mm` is not given: relative illumination lacks a factor cos^3",
+                path.display()
+            ));
+        }
+        let calibration = Calibration {
+            captures: folder.display().to_string(),
+            sensor: sensor.name.clone(),
+            lens: request.lens.as_ref().map(LensInput::to_string),
+            positions,
+            fields,
+        };
+        warn(&calibration, context);
+        let figures = Figures::new(&calibration, &bank, &sensor);
+        Ok(Measurement { bank, figures, calibration })
+    }
 }
 
 type Compared = (CalibratedPosition, Option<Comparison>);
@@ -271,14 +321,8 @@ fn limits(fields: &[FieldEstimate]) -> String {
     text + "hint: more positions of a radius, at other azimuths and phases, improve the bank and show its error"
 }
 
-/// Writes every file of the results.
-fn write_all(
-    out: &Path,
-    calibration: &Calibration,
-    bank: &PsfBank,
-    figures: &Figures,
-    context: &Context,
-) -> Result<(), JobError> {
+/// Writes every file of the results into a folder.
+pub fn keep(measurement: &Measurement, out: &Path, context: &Context) -> Result<(), JobError> {
     make_folder(out)?;
     let write = |name: &str, what: &str, bytes: &[u8]| -> Result<(), JobError> {
         let path = out.join(name);
@@ -286,10 +330,10 @@ fn write_all(
         context.wrote(path, what);
         Ok(())
     };
+    let Measurement { bank, figures, calibration } = measurement;
     let shape = [calibration.positions.len() as u64, 3, CROP as u64, CROP as u64];
-    let psfs = calibration.positions.iter().flat_map(|(p, _)| p.measured.psf.values.iter().flatten());
-    let psfs: Vec<f64> = psfs.copied().collect();
-    let npy = npy_bytes(&shape, &psfs).map_err(|e| JobError::failed(format!("measured.npy: {e}")))?;
+    let npy = npy_bytes(&shape, &measurement.values())
+        .map_err(|e| JobError::failed(format!("measured.npy: {e}")))?;
     write("measured.npy", "PSFs", &npy)?;
     write("psf-calibration.png", "picture", &sheet_png(calibration))?;
     write("psf-calibration.html", "page", page(calibration).as_bytes())?;
