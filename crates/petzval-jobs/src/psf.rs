@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use petzval_base::write_whole;
+use petzval_camera::psf::PsfBank;
 use petzval_design::error::DesignError;
 use petzval_design::lens::psf_plan::PsfPlan;
 use petzval_files::npy_bytes;
@@ -180,6 +181,17 @@ impl Bank {
     /// The light of every PSF relative to the axis, by field and wavelength.
     pub fn illumination(&self) -> Vec<f64> {
         self.psfs.iter().flat_map(|p| p.illumination.iter().copied()).collect()
+    }
+
+    /// The PSFs in single precision, as a simulation takes them in place of a lens.
+    pub fn for_renderer(&self) -> PsfBank {
+        PsfBank {
+            field_radius_mm: self.plan.field_radius_mm.clone(),
+            grid: self.plan.options.grid,
+            pitch_um: self.plan.options.pitch_um,
+            values: self.values().into_iter().map(|value| value as f32).collect(),
+            illumination: self.illumination().into_iter().map(|value| value as f32).collect(),
+        }
     }
 }
 

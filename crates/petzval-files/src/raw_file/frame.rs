@@ -26,6 +26,12 @@ pub struct RawFrame<T = u16> {
 }
 
 impl RawFrame {
+    /// The frame in numbers of 32 bits.
+    pub fn widened(self) -> RawFrame<u32> {
+        let Self { height, width, dn, info } = self;
+        RawFrame { height, width, dn: dn.into_iter().map(u32::from).collect(), info }
+    }
+
     /// A simulated frame with the metadata of its sensor and exposure. Digital numbers are rounded, because a simulation
     /// without noise gives fractions, and clipped to 0..65535.
     pub fn from_raw(raw: &Raw, sensor: &SensorModel) -> Self {
@@ -99,9 +105,7 @@ impl AnyFrame {
     /// The frame in numbers of 32 bits.
     pub fn widened(self) -> RawFrame<u32> {
         match self {
-            Self::Narrow(RawFrame { height, width, dn, info }) => {
-                RawFrame { height, width, dn: dn.into_iter().map(u32::from).collect(), info }
-            }
+            Self::Narrow(frame) => frame.widened(),
             Self::Wide(frame) => frame,
         }
     }

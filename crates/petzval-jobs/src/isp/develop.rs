@@ -7,17 +7,20 @@ use std::time::Instant;
 pub use petzval_camera::isp::{Chroma, Range, Standard};
 use petzval_camera::isp::{HardwareIsp, RawInput, RgbPicture, YcbcrFormat};
 use petzval_files::isp_file::picture_png_bytes;
+use petzval_files::raw_file::RawFrame;
 use petzval_files::{y4m_bytes, yuv_bytes};
 use petzval_report::isp_strip::{Strip, StripParameter, StripStep, page};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::frame::{FrameOptions, Merge, read_frame, read_merged};
+use super::frame::{FrameOptions, Merge, Source, read_merged, read_one};
 use crate::context::Context;
 use crate::error::{JobError, make_folder, write_file};
 use crate::named_isp::{NamedIsp, about_frame, isp_by_name};
 use crate::range::check_ranges;
 use crate::results::{check_folder, has_ending};
+
+pub use super::frame::RawInMemory;
 
 /// Bits of the picture that luma and colour differences are computed from, so that they are rounded once.
 const BITS_OF_YCBCR: u32 = 16;
@@ -116,9 +119,46 @@ pub struct Picture {
 
 /// Develops every frame; writes nothing. All inputs are read before the first is developed.
 pub fn pictures(request: &Request, context: &Context) -> Result<Vec<Picture>, JobError> {
-    let (named, shots, _) = prepared(request, context)?;
+    let named = named_isp(request, context)?;
+    let (_, shots) = shots(request)?;
+    values(request, &named, &shots, context)
+}
+
+/// [`pictures`] of raw frames in memory, which are developed in place of the files of the request.
+pub fn pictures_of(
+    request: &Request,
+    raws: &[RawInMemory<'_>],
+    context: &Context,
+) -> Result<Vec<Picture>, JobError> {
+    let named = named_isp(request, context)?;
+    for raw in raws {
+        let RawFrame { height, width, dn, .. } = raw.frame;
+        if dn.is_empty() || height.checked_mul(*width) != Some(dn.len()) {
+            let message = format!("{}: {} digital numbers for {height}x{width} pixels", raw.name, dn.len());
+            return Err(JobError::input(message, "give one number for each pixel, row by row"));
+        }
+    }
+    let sources: Vec<Source<'_>> = raws.iter().copied().map(Source::Memory).collect();
+    let shots: Shots<'_> = match (&request.merge, raws.first()) {
+        (_, None) => return Err(no_frame()),
+        (Some(_), Some(first)) => vec![(first.name.to_owned(), sources)],
+        (None, Some(_)) => {
+            raws.iter().zip(sources).map(|(raw, source)| (raw.name.to_owned(), vec![source])).collect()
+        }
+    };
+    values(request, &named, &shots, context)
+}
+
+/// The pictures of all shots.
+fn values(
+    request: &Request,
+    named: &NamedIsp,
+    shots: &Shots<'_>,
+    context: &Context,
+) -> Result<Vec<Picture>, JobError> {
+    check_readable(request, shots, context)?;
     let mut pictures = Vec::new();
-    develop(request, &named, &shots, context, &mut |_, _, _, picture| {
+    develop(request, named, shots, context, &mut |_, _, _, picture| {
         pictures.push(picture);
         Ok(())
     })?;
@@ -127,7 +167,9 @@ pub fn pictures(request: &Request, context: &Context) -> Result<Vec<Picture>, Jo
 
 /// Develops every frame, and keeps the pictures. All inputs are read before the first picture is written.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
-    let (named, shots, out) = prepared(request, context)?;
+    let named = named_isp(request, context)?;
+    let (out, shots) = shots(request)?;
+    check_readable(request, &shots, context)?;
     let page_of = |name: &str| format!("{name}-strip.html");
     let files = shots.iter().flat_map(|(name, _)| {
         let page = request.strip.then(|| page_of(name));
@@ -159,8 +201,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     Ok(Response { pictures })
 }
 
-/// The ISP and the frames of a request with the folder of their pictures, once every setting is in its range and every frame can be read.
-fn prepared(request: &Request, context: &Context) -> Result<(NamedIsp, Shots, PathBuf), JobError> {
+/// The ISP of a request with its values, once every setting is in its range.
+fn named_isp(request: &Request, context: &Context) -> Result<NamedIsp, JobError> {
     check_ranges(request)?;
     match (request.ycbcr, request.bits) {
         (None, 8 | 10 | 16) | (Some(_), 8 | 10) => {}
@@ -170,12 +212,13 @@ fn prepared(request: &Request, context: &Context) -> Result<(NamedIsp, Shots, Pa
     let mut named = isp_by_name(&request.isp, &context.assets, context.cancel())?;
     named.set(&request.set)?;
     named.set_bits(if request.ycbcr.is_some() { BITS_OF_YCBCR } else { request.bits });
-    let (out, shots) = shots(request)?;
+    Ok(named)
+}
+
+/// Reads every frame once, before the first is developed.
+fn check_readable(request: &Request, shots: &Shots<'_>, context: &Context) -> Result<(), JobError> {
     let quiet = context.silent();
-    for (_, raws) in &shots {
-        read(request, raws, &quiet)?;
-    }
-    Ok((named, shots, out))
+    shots.iter().try_for_each(|(_, raws)| read(request, raws, &quiet).map(drop))
 }
 
 /// What happens to each picture: called with its name, the raw frame and the values of the ISP.
@@ -185,43 +228,50 @@ type Each<'a> = dyn FnMut(&str, &RawInput, &[f64], Picture) -> Result<(), JobErr
 fn develop(
     request: &Request,
     named: &NamedIsp,
-    shots: &Shots,
+    shots: &Shots<'_>,
     context: &Context,
     each: &mut Each<'_>,
 ) -> Result<(), JobError> {
     for (i, (name, raws)) in shots.iter().enumerate() {
         context.check(|| format!("stopped after {i} of {} pictures", shots.len()))?;
         context.progress(i as u64, shots.len() as u64, name);
-        let raw = &raws[0];
+        let raw = raws.first().map_or(Path::new(""), Source::path);
         let frame = read(request, raws, context)?;
         let values = named.values(frame.about.gain_ev)?;
         let start = Instant::now();
         let picture = named.isp().develop(&frame, &values).map_err(about_frame(raw))?;
         let seconds = start.elapsed().as_secs_f64();
-        each(name, &frame, &values, Picture { raw: raw.clone(), picture, seconds })?;
+        each(name, &frame, &values, Picture { raw: raw.to_owned(), picture, seconds })?;
     }
     Ok(())
 }
 
-/// A frame, of one raw file or merged.
-fn read(request: &Request, raws: &[PathBuf], context: &Context) -> Result<RawInput, JobError> {
-    match &request.merge {
-        Some(merge) => read_merged(raws, merge, &request.frame, context),
-        None => read_frame(&raws[0], &request.frame, context),
+/// A frame, of one raw frame or merged.
+fn read(request: &Request, raws: &[Source<'_>], context: &Context) -> Result<RawInput, JobError> {
+    match (&request.merge, raws.first()) {
+        (Some(merge), _) => read_merged(raws, merge, &request.frame, context),
+        (None, Some(raw)) => read_one(*raw, &request.frame, context),
+        (None, None) => Err(no_frame()),
     }
 }
 
-/// Pictures, each with its name and its raw files.
-type Shots = Vec<(String, Vec<PathBuf>)>;
+/// The error of a request without a frame.
+fn no_frame() -> JobError {
+    JobError::input("no raw frame is given", "give one or more raw files")
+}
+
+/// Pictures, each with its name and its raw frames.
+type Shots<'a> = Vec<(String, Vec<Source<'a>>)>;
 
 /// The folder of the pictures, and their names and raw files. The name of a file for `out` is that of the only picture.
-fn shots(request: &Request) -> Result<(PathBuf, Shots), JobError> {
+fn shots(request: &Request) -> Result<(PathBuf, Shots<'_>), JobError> {
     let out = &request.out;
-    let shots: Shots = match (&request.merge, request.raws.first()) {
-        (Some(_), Some(first)) => vec![(stem(first), request.raws.clone())],
+    let files = || request.raws.iter().map(|raw| Source::File(raw));
+    let shots: Shots<'_> = match (&request.merge, request.raws.first()) {
+        (Some(_), Some(first)) => vec![(stem(first), files().collect())],
         _ => {
             let names = distinct_stems(&request.raws)?;
-            names.into_iter().zip(request.raws.iter().map(|raw| vec![raw.clone()])).collect()
+            names.into_iter().zip(files().map(|raw| vec![raw])).collect()
         }
     };
     let Some(ending) = ENDINGS.into_iter().find(|ending| has_ending(out, ending) && !out.is_dir()) else {
@@ -246,7 +296,7 @@ fn shots(request: &Request) -> Result<(PathBuf, Shots), JobError> {
 }
 
 /// Refuses to replace a raw frame by its picture, also with the leave to overwrite results.
-fn check_inputs_stay(request: &Request, out: &Path, shots: &Shots) -> Result<(), JobError> {
+fn check_inputs_stay(request: &Request, out: &Path, shots: &Shots<'_>) -> Result<(), JobError> {
     let same = |a: &Path, b: &Path| matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b);
     for (name, _) in shots {
         let picture = out.join(format!("{name}.{}", extension(request)));
@@ -332,7 +382,7 @@ fn stem(raw: &Path) -> String {
 /// Names of the files without their endings, each of which names a picture.
 fn distinct_stems(raws: &[PathBuf]) -> Result<Vec<String>, JobError> {
     if raws.is_empty() {
-        return Err(JobError::input("no raw frame is given", "give one or more raw files"));
+        return Err(no_frame());
     }
     let mut seen: BTreeMap<String, &PathBuf> = BTreeMap::new();
     let mut names = Vec::new();

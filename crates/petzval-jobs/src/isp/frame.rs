@@ -1,6 +1,6 @@
 //! Raw files as an ISP takes them: the frame, with the calibration that its file, its sidecar and the sensor give, the first of them first.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use petzval_camera::develop::dark_mean_dn;
 use petzval_camera::isp::{
@@ -9,7 +9,9 @@ use petzval_camera::isp::{
 };
 use petzval_camera::sensor::{CfaPattern, Colour, Exposure, SensorModel};
 use petzval_design::library::Library;
-use petzval_files::raw_file::{FrameCalibration, RawFileError, RawInfo, load_any_raw, sidecar_path};
+use petzval_files::raw_file::{
+    FrameCalibration, RawFileError, RawFrame, RawInfo, load_any_raw, sidecar_path,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -59,34 +61,101 @@ pub struct Merge {
     pub no_motion_check: bool,
 }
 
+/// A raw frame in memory.
+#[derive(Clone, Copy, Debug)]
+pub struct RawInMemory<'a> {
+    /// What its picture and errors call it.
+    pub name: &'a str,
+    /// Digital numbers, row by row, with what is known of camera and exposure: bits and colour filters at least.
+    pub frame: &'a RawFrame<u32>,
+    /// What an ISP may know of it; no file is read for it, also if the frame names one.
+    pub calibration: Option<&'a FrameCalibration>,
+}
+
+/// Where a raw frame is.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Source<'a> {
+    File(&'a Path),
+    Memory(RawInMemory<'a>),
+}
+
+impl<'a> Source<'a> {
+    /// Its file, or its name as one.
+    pub(super) fn path(&self) -> &'a Path {
+        match self {
+            Self::File(path) => path,
+            Self::Memory(raw) => Path::new(raw.name),
+        }
+    }
+
+    fn frame(&self) -> Result<RawFrame<u32>, JobError> {
+        match self {
+            Self::File(path) => Ok(load_any_raw(path)?),
+            Self::Memory(raw) => Ok(raw.frame.clone()),
+        }
+    }
+
+    /// Its calibration: that in memory, or the file that its sidecar names.
+    fn calibration(&self, info: &RawInfo) -> Result<FrameCalibration, JobError> {
+        match (self, &info.calibration) {
+            (Self::File(path), Some(name)) => calibration(path, name),
+            (Self::File(_), None) => Ok(FrameCalibration::default()),
+            (Self::Memory(raw), _) => Ok(raw.calibration.cloned().unwrap_or_default()),
+        }
+    }
+
+    /// The error where neither the frame nor its sidecar states something.
+    fn missing(&self, key: &str) -> JobError {
+        let path = self.path().display();
+        match self {
+            Self::File(_) => JobError::input(
+                format!("{path}: neither the file nor its sidecar gives `{key}`"),
+                format!("add a line `{key} = ...` to {path}.toml"),
+            ),
+            Self::Memory(_) => {
+                JobError::input(format!("{path}: its `info` does not give `{key}`"), format!("give `{key}`"))
+            }
+        }
+    }
+}
+
 /// Reads a raw file.
 pub(super) fn read_frame(
     path: &Path,
     options: &FrameOptions,
     context: &Context,
 ) -> Result<RawInput, JobError> {
-    let (mut frame, _) = read_exposure(path, options, context)?;
-    estimate(&mut frame, options).map_err(about_frame(path))?;
+    read_one(Source::File(path), options, context)
+}
+
+/// Reads a raw frame.
+pub(super) fn read_one(
+    source: Source<'_>,
+    options: &FrameOptions,
+    context: &Context,
+) -> Result<RawInput, JobError> {
+    let (mut frame, _) = read_exposure(source, options, context)?;
+    estimate(&mut frame, options).map_err(about_frame(source.path()))?;
     Ok(frame)
 }
 
-/// Reads raw files of one scene at several exposures, and merges them.
+/// Reads raw frames of one scene at several exposures, and merges them.
 pub(super) fn read_merged(
-    paths: &[PathBuf],
+    sources: &[Source<'_>],
     merge: &Merge,
     options: &FrameOptions,
     context: &Context,
 ) -> Result<RawInput, JobError> {
     let mut frames = Vec::new();
     let mut known = Vec::new();
-    for path in paths {
-        let (frame, exposure) = read_exposure(path, options, context)?;
+    for source in sources {
+        let (frame, exposure) = read_exposure(*source, options, context)?;
         frames.push(frame);
         known.extend(exposure);
     }
     let exposures = match &merge.exposures {
         Some(exposures) => exposures.clone(),
-        None if known.len() == paths.len() => known,
+        None if known.len() == sources.len() => known,
         None => {
             let message = "a raw file without `exposure_s`: its exposure is unknown";
             let hint = "give the relative exposures of all files, such as --exposures 16,4,1";
@@ -95,30 +164,24 @@ pub(super) fn read_merged(
     };
     let merged =
         if merge.no_motion_check { MergeOptions { motion_sigmas: None } } else { MergeOptions::default() };
-    let first = paths.first().map_or(Path::new(""), PathBuf::as_path);
+    let first = sources.first().map_or(Path::new(""), Source::path);
     let mut frame = merge_exposures(&frames, &exposures, &merged).map_err(about_frame(first))?;
     estimate(&mut frame, options).map_err(about_frame(first))?;
     Ok(frame)
 }
 
-/// Reads a raw file, with the product of time and gain if its exposure time is known.
+/// Reads a raw frame, with the product of time and gain if its exposure time is known.
 fn read_exposure(
-    path: &Path,
+    source: Source<'_>,
     options: &FrameOptions,
     context: &Context,
 ) -> Result<(RawInput, Option<f64>), JobError> {
-    let raw = load_any_raw(path)?;
+    let (path, raw) = (source.path(), source.frame()?);
     let info = &raw.info;
-    let missing = |key: &str| {
-        let message = format!("{}: neither the file nor its sidecar gives `{key}`", path.display());
-        JobError::input(message, format!("add a line `{key} = ...` to {}.toml", path.display()))
-    };
+    let missing = |key: &str| source.missing(key);
     let bits = info.bits.ok_or_else(|| missing("bits"))?;
     let cfa = info.cfa.ok_or_else(|| missing("cfa"))?;
-    let calibration = match &info.calibration {
-        Some(name) => calibration(path, name)?,
-        None => FrameCalibration::default(),
-    };
+    let calibration = source.calibration(info)?;
     // A sensor that is named is the one that counts.
     let calibration = match &options.sensor {
         Some(_) => FrameCalibration { response: None, saturation: None, noise: None, ..calibration },

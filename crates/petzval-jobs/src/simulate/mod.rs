@@ -2,6 +2,7 @@
 
 mod chip;
 mod highlights;
+mod memory;
 mod output;
 mod photographs;
 mod request;
@@ -11,16 +12,19 @@ pub(crate) mod spectral;
 
 pub use petzval_camera::develop::{Demosaic, Domain, Interpolation};
 use petzval_camera::sensor::SensorModel;
+use petzval_design::camera::Camera;
+use petzval_files::raw_file::{FrameCalibration, RawFrame};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use self::request::{is_over_spectrum, result_name};
-use self::rig::check_numbers;
+use self::rig::{Rig, check_numbers};
 use self::shot::{Each, write_shot};
 use crate::context::Context;
 use crate::error::JobError;
 use crate::results::check_folder;
 
+pub use memory::InMemory;
 pub use output::Facts;
 pub use request::{PictureAs, Place, RawAs, Request, Restore, Spectral};
 pub use shot::Taken;
@@ -43,19 +47,43 @@ pub struct Frame {
     pub sensor: SensorModel,
     /// Photoelectrons that white gives in a green pixel on the axis.
     pub white_e: f32,
+    /// What an ISP may know of the raw frame; none where the sensor has no Bayer array.
+    pub calibration: Option<FrameCalibration>,
+}
+
+impl Frame {
+    /// The raw frame in whole digital numbers, with sensor and exposure: what `isp develop` takes.
+    pub fn raw(&self) -> RawFrame {
+        RawFrame::from_raw(&self.taken.raw, &self.sensor)
+    }
 }
 
 /// Takes and develops all images; writes nothing.
 pub fn frames(request: &Request, context: &Context) -> Result<Vec<Frame>, JobError> {
+    frames_of(request, InMemory::default(), context)
+}
+
+/// [`frames`], with photographs and PSFs in memory in place of files.
+pub fn frames_of(request: &Request, memory: InMemory<'_>, context: &Context) -> Result<Vec<Frame>, JobError> {
     check_numbers(request)?;
+    memory.check(request)?;
     let mut frames = Vec::new();
-    take(request, context, &mut |_, camera, name, taken| {
+    take(request, memory, context, &mut |rig, camera, name, taken| {
         let body = camera.body();
         let (sensor, white_e) = (body.sensor.clone(), body.exposure.white_e);
-        frames.push(Frame { name: name.to_owned(), taken, sensor, white_e });
+        let calibration = calibration(rig, camera, &taken)?;
+        frames.push(Frame { name: name.to_owned(), taken, sensor, white_e, calibration });
         Ok((Facts::new(), None))
     })?;
     Ok(frames)
+}
+
+/// What an ISP may know of a frame of a Bayer array.
+fn calibration(rig: &Rig, camera: &Camera, taken: &Taken) -> Result<Option<FrameCalibration>, JobError> {
+    let body = camera.body();
+    let frame = || chip::frame(rig, &body.sensor, taken.for_chip(), body.isp.colour_matrix);
+    let frame = body.sensor.cfa.is_bayer().then(frame).transpose()?;
+    Ok(frame.map(|frame| FrameCalibration::of(&frame.about)))
 }
 
 /// Takes and develops all images, and writes raw frames and pictures.
@@ -72,17 +100,22 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let formats = (request.raw_format, request.picture_format);
     let written = names.iter().flat_map(|name| output::names(formats, name, request.isp.is_some()));
     check_folder(&request.out, written, context)?;
-    let images = take(request, context, &mut |rig, camera, name, taken| {
+    let images = take(request, InMemory::default(), context, &mut |rig, camera, name, taken| {
         write_shot(request, rig, camera, name, &taken, context)
     })?;
     Ok(Response { images })
 }
 
 /// Takes all images, over the spectrum or in three colours, and gives each frame to `each`; returns the facts that it returns.
-fn take(request: &Request, context: &Context, each: &mut Each<'_>) -> Result<Vec<Facts>, JobError> {
+fn take(
+    request: &Request,
+    memory: InMemory<'_>,
+    context: &Context,
+    each: &mut Each<'_>,
+) -> Result<Vec<Facts>, JobError> {
     if is_over_spectrum(request) {
-        spectral::run(request, context, each)
+        spectral::run(request, memory, context, each)
     } else {
-        photographs::run(request, context, each)
+        photographs::run(request, memory, context, each)
     }
 }

@@ -1,24 +1,32 @@
 //! `simulate` for photographs in three colours.
 
+use std::borrow::Cow;
+
 use petzval_camera::image::LinearImage;
 use petzval_design::error::DesignError;
 
 use super::highlights::default_white_e;
+use super::memory::InMemory;
 use super::output::Facts;
 use super::request::{Place, Request, result_name};
 use super::rig::{Rig, check_not_stopped};
-use super::shot::{Each, Taken, noise, photograph, placed};
+use super::shot::{Each, Taken, noise, placed};
 use crate::context::Context;
 use crate::error::JobError;
 use crate::event::WarningKind;
 
 /// Takes all images, and gives each to `each`.
-pub fn run(request: &Request, context: &Context, each: &mut Each<'_>) -> Result<Vec<Facts>, JobError> {
+pub fn run(
+    request: &Request,
+    memory: InMemory<'_>,
+    context: &Context,
+    each: &mut Each<'_>,
+) -> Result<Vec<Facts>, JobError> {
     // Every image is read before anything is taken.
-    let photos: Vec<(String, LinearImage)> = (request.images.iter())
-        .map(|path| Ok((result_name(path), photograph(path, context)?)))
+    let photos: Vec<(String, Cow<'_, LinearImage>)> = (request.images.iter())
+        .map(|path| Ok((result_name(path), memory.photograph(path, context)?)))
         .collect::<Result<_, JobError>>()?;
-    let rig = Rig::new(request, context)?;
+    let rig = Rig::new(request, memory.psfs, context)?;
     let white_e = match request.white_e {
         Some(white_e) => white_e,
         None => default_white_e(request, &rig.sensor)?,
@@ -50,7 +58,12 @@ pub fn run(request: &Request, context: &Context, each: &mut Each<'_>) -> Result<
 }
 
 /// A picture laid on the axis one pixel to one that is smaller than what the sensor sees is continued by its edge.
-fn warn_of_small_pictures(request: &Request, rig: &Rig, photos: &[(String, LinearImage)], context: &Context) {
+fn warn_of_small_pictures(
+    request: &Request,
+    rig: &Rig,
+    photos: &[(String, Cow<'_, LinearImage>)],
+    context: &Context,
+) {
     let (height, width) = rig.frame;
     let mut small = photos.iter().filter(|(_, photo)| photo.height < height || photo.width < width);
     if request.place == Place::Centre

@@ -62,8 +62,8 @@ pub struct Rig {
 }
 
 impl Rig {
-    /// The rig of a request; every setting is checked before a lens is traced.
-    pub fn new(request: &Request, context: &Context) -> Result<Self, JobError> {
+    /// The rig of a request, with PSFs in place of those of its lens if there are any; every setting is checked before a lens is traced.
+    pub fn new(request: &Request, given: Option<&PsfBank>, context: &Context) -> Result<Self, JobError> {
         let sensor = request.sensor.read(&context.assets)?;
         if sensor.height.saturating_mul(sensor.width) > MOST_PIXELS {
             return Err(JobError::input(
@@ -110,9 +110,10 @@ impl Rig {
         // As cameras are scored: fields, wavelengths, grids and patches of an experiment by default.
         let psf = PsfConfig::default();
         let coarse = psf.geometry(&sensor);
-        let (source, traced) = match &request.psfs {
-            Some(path) => (PsfSource::Measured(measured(path)?), None),
-            None => {
+        let (source, traced) = match (given, &request.psfs) {
+            (Some(bank), _) => (PsfSource::Measured(bank.clone()), None),
+            (None, Some(path)) => (PsfSource::Measured(measured(path)?), None),
+            (None, None) => {
                 let lens = request.lens.read(&context.assets)?.lens;
                 let plan = psf.plan(&sensor, psf.scoring_pupil_cells)?.with_fields(psf.scoring_fields);
                 // A picture is what a camera takes: even a lens without aberrations has its pupil.

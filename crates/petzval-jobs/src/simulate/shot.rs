@@ -1,14 +1,11 @@
 //! One shot: the frame that the camera takes, what is developed from it, and the files of both.
 
-use std::path::Path;
-
 use petzval_camera::develop::saturated_share;
 use petzval_camera::image::LinearImage;
 use petzval_camera::sensor::{Capture, Noise, NoiseMode, Raw};
 use petzval_camera::tape::Frames;
 use petzval_design::camera::{Camera, to_host};
 use petzval_design::error::DesignError;
-use petzval_files::load_image;
 use petzval_files::raw_file::FrameCalibration;
 use serde_json::json;
 
@@ -19,21 +16,11 @@ use super::request::Request;
 use super::rig::Rig;
 use crate::context::Context;
 use crate::error::{JobError, make_folder};
-use crate::event::WarningKind;
 
 /// The noise of a request.
 pub fn noise(request: &Request) -> Noise {
     let mode = if request.no_noise { NoiseMode::Off } else { NoiseMode::Exact };
     Noise { mode, seed: request.seed }
-}
-
-/// The light of a picture file; warns of statements of the file that are ignored.
-pub fn photograph(path: &Path, context: &Context) -> Result<LinearImage, JobError> {
-    let picture = load_image(path).map_err(DesignError::from)?;
-    for note in picture.notes {
-        context.warning(WarningKind::Picture, format!("{}: {note}", path.display()));
-    }
-    Ok(picture.light)
 }
 
 /// A picture laid on a frame of so many rows and columns.

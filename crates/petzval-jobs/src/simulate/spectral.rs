@@ -3,6 +3,7 @@
 mod conditions;
 mod light;
 
+use std::borrow::Cow;
 use std::path::Path;
 
 use petzval_camera::develop::LinearIsp;
@@ -18,18 +19,24 @@ use self::conditions::Conditions;
 use self::light::Light;
 use super::chip;
 use super::highlights::default_white_e;
+use super::memory::InMemory;
 use super::output::Facts;
 use super::request::{Kind, Request, kind, result_name, scene_name};
 use super::rig::{Rig, check_not_stopped, check_numbers};
-use super::shot::{Each, Taken, photograph, placed};
+use super::shot::{Each, Taken, placed};
 use crate::context::Context;
 use crate::error::JobError;
 use crate::event::WarningKind;
 
 /// Takes all images, and gives each to `each`.
-pub fn run(request: &Request, context: &Context, each: &mut Each<'_>) -> Result<Vec<Facts>, JobError> {
+pub fn run(
+    request: &Request,
+    memory: InMemory<'_>,
+    context: &Context,
+    each: &mut Each<'_>,
+) -> Result<Vec<Facts>, JobError> {
     check(request)?;
-    let mut rig = Rig::new(request, context)?;
+    let mut rig = Rig::new(request, memory.psfs, context)?;
     let mut conditions = Conditions::new(request, &mut rig, context)?;
     let mut shared = Light::over_all(request, &conditions, &rig)?;
     if let Some(white_e) = request.white_e {
@@ -39,8 +46,12 @@ pub fn run(request: &Request, context: &Context, each: &mut Each<'_>) -> Result<
     }
     // Every image is read before anything is taken; only one of them at a time is in memory.
     let mut first = None;
+    let opened = |path: &Path, rig: &Rig, shared: &Light, context: &Context| {
+        let photo = |path: &Path| memory.photograph(path, context);
+        open(request, path, &conditions, rig, shared, &photo)
+    };
     for path in &request.images {
-        first = Some(open(request, path, &conditions, &rig, &shared, context)?);
+        first = Some(opened(path, &rig, &shared, context)?);
     }
     first = first.filter(|_| request.images.len() == 1);
     if request.images.iter().any(|path| kind(path) != Kind::Spectral) {
@@ -54,7 +65,7 @@ pub fn run(request: &Request, context: &Context, each: &mut Each<'_>) -> Result<
         check_not_stopped(frame, request, context)?;
         let (opened, own) = match first.take() {
             Some(opened) => opened,
-            None => open(request, path, &conditions, &rig, &shared, &silent)?,
+            None => opened(path, &rig, &shared, &silent)?,
         };
         let light = own.as_ref().unwrap_or(&shared);
         if let Some(own) = &own {
@@ -133,7 +144,7 @@ pub fn scene_frame(
     context: &Context,
 ) -> Result<SceneFrame, JobError> {
     check_numbers(request)?;
-    let mut rig = Rig::new(request, context)?;
+    let mut rig = Rig::new(request, None, context)?;
     let mut conditions = Conditions::new(request, &mut rig, context)?;
     let mut light = Light::over_all(request, &conditions, &rig)?;
     let white_e = match (request.white_e, request.spectral.illuminance_lux) {
@@ -209,13 +220,13 @@ enum Opened {
 }
 
 /// What an image holds, and its light if its bands are its own.
-fn open(
+fn open<'a>(
     request: &Request,
     path: &Path,
     conditions: &Conditions,
     rig: &Rig,
     shared: &Light,
-    context: &Context,
+    photograph: &dyn Fn(&Path) -> Result<Cow<'a, LinearImage>, JobError>,
 ) -> Result<(Opened, Option<Light>), JobError> {
     let (illuminant, lux, band_um) = (&conditions.illuminant, conditions.lux, &shared.band_um);
     if let Some(name) = scene_name(path) {
@@ -227,7 +238,8 @@ fn open(
         let light = Light::in_file(request, conditions, rig, path, &image.wavelength_um)?;
         return Ok((Opened::Bands(SpectralScene::image(image)), Some(light)));
     }
-    let photo = placed(request, &photograph(path, context)?, rig.frame);
+    let photo = photograph(path)?;
+    let photo = placed(request, &photo, rig.frame);
     let opened = if request.spectral.three_band {
         Opened::ThreeBands(photo)
     } else {
