@@ -38,6 +38,7 @@ mod named_isp;
 mod own_lens;
 mod panic_place;
 pub mod pinhole;
+mod pixels;
 pub mod psf;
 pub mod psf_calibrate;
 pub mod psf_capture;
@@ -71,4 +72,5 @@ const _: () = {
     is_shared::<Call>();
     is_shared::<JobError>();
     is_shared::<report::Watched>();
+    is_shared::<apply::Cameras>();
 };

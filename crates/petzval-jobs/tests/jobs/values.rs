@@ -3,8 +3,14 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use petzval_camera::image::LinearImage;
+use petzval_camera::psf::PsfBank;
+use petzval_files::raw_file::load_raw;
+use petzval_files::{load_image, save_png16};
 use petzval_jobs::isp::develop;
-use petzval_jobs::{Context, Silent, built_in_assets, psf, simulate};
+use petzval_jobs::lens::analyze;
+use petzval_jobs::sensor::capture;
+use petzval_jobs::{Context, JobError, Silent, built_in_assets, psf, psf_calibrate, psf_capture, simulate};
 
 fn context() -> Context {
     Context::new(built_in_assets(), Arc::new(Silent))
@@ -78,4 +84,145 @@ fn frames_and_developed_pictures_are_what_the_files_hold() {
             assert_eq!(u16::from(code), picture.data[colour * plane + at], "{x}, {y}");
         }
     }
+}
+
+#[test]
+fn photographs_psfs_and_raw_frames_in_memory_give_what_their_files_give() {
+    let folder = tempfile::tempdir().unwrap();
+    let captures = folder.path().join("pinhole");
+    let capture = psf_capture::Request {
+        lens: "cooke-triplet-nominal".into(),
+        out: captures.clone(),
+        fields: 1,
+        frames: 2,
+        exposures_ms: vec![4.0, 16.0],
+        ..psf_capture::Request::default()
+    };
+    psf_capture::run(&capture, &context()).unwrap();
+    let calibrate =
+        psf_calibrate::Request { captures: captures.clone(), ..psf_calibrate::Request::default() };
+    let measured = psf_calibrate::measurement(&calibrate, &context()).unwrap();
+    let results = captures.join("psf-calibration");
+    assert!(!results.exists());
+    let response = psf_calibrate::run(&calibrate, &context()).unwrap();
+    assert_eq!(response.figures, measured.figures);
+    assert_eq!(npy::<f64>(&results.join("measured.npy")), measured.values());
+    assert_eq!(npy::<f32>(&results.join("psfs.npy")), measured.bank.values);
+
+    // A photograph through the measured PSFs: both from files, and both from memory.
+    let photo = folder.path().join("photo.png");
+    let mut light = LinearImage::filled(3, 40, 60, 0.2);
+    (5..20).for_each(|row| (10..30).for_each(|col| light.set(row % 3, row, col, 0.7)));
+    save_png16(&light, &photo).unwrap();
+    let light = load_image(&photo).unwrap().light;
+    let out = folder.path().join("taken");
+    let of_files = simulate::Request {
+        images: vec![photo],
+        psfs: Some(results),
+        size: Some((48, 64)),
+        out: out.clone(),
+        ..simulate::Request::default()
+    };
+    let of_memory = simulate::Request { images: vec!["photo".into()], psfs: None, ..of_files.clone() };
+    let photos: &[(&str, &LinearImage)] = &[("photo", &light)];
+    let memory = simulate::InMemory { photos, psfs: Some(&measured.bank) };
+    let frames = simulate::frames_of(&of_memory, memory, &context()).unwrap();
+    let frame = &frames[0];
+    simulate::run(&of_files, &context()).unwrap();
+    let raw = out.join("photo-raw.tiff");
+    assert_eq!(load_raw(&raw).unwrap().dn, frame.raw().dn);
+
+    // The raw frame developed: from its file with sidecar and calibration, and from memory.
+    let request = develop::Request { raws: vec![raw], ..develop::Request::default() };
+    let of_file = develop::pictures(&request, &context()).unwrap();
+    let wide = frame.raw().widened();
+    let in_memory =
+        develop::RawInMemory { name: "photo", frame: &wide, calibration: frame.calibration.as_ref() };
+    let nothing = develop::Request::default();
+    let of_memory = develop::pictures_of(&nothing, &[in_memory], &context()).unwrap();
+    assert_eq!((of_memory.len(), of_memory[0].raw.as_path()), (1, Path::new("photo")));
+    assert_eq!(of_memory[0].picture, of_file[0].picture);
+    assert!(develop::pictures_of(&nothing, &[], &context()).is_err());
+}
+
+#[test]
+fn what_in_memory_is_no_picture_and_no_psf_is_refused() {
+    let light = LinearImage::filled(3, 40, 60, 0.2);
+    let gray = LinearImage::filled(1, 40, 60, 0.2);
+    let psf = psf::Request {
+        lens: "cooke-triplet-nominal".into(),
+        fields: 2,
+        grid: 32,
+        pitch_um: 4.0,
+        ..psf::Request::default()
+    };
+    let bank = psf::bank(&psf, &context()).unwrap().for_renderer();
+    let short = PsfBank { values: bank.values[1..].to_vec(), ..bank.clone() };
+    let request = simulate::Request {
+        images: vec!["photo".into()],
+        size: Some((32, 32)),
+        ..simulate::Request::default()
+    };
+    let refused = |photos: &[(&str, &LinearImage)], psfs: Option<&PsfBank>| {
+        let memory = simulate::InMemory { photos, psfs };
+        simulate::frames_of(&request, memory, &context()).map(|frames| frames.len())
+    };
+    assert_eq!(refused(&[("photo", &light)], Some(&bank)).unwrap(), 1);
+    for (photos, psfs, says) in [
+        (&[("photo", &gray)][..], None, "photo: a picture of 1 planes"),
+        (&[("photo", &light), ("other", &light)], None, "other: a photograph that `images` does not list"),
+        (&[("photo", &light)], Some(&short), "PSF values"),
+    ] {
+        let error = refused(photos, psfs).unwrap_err();
+        assert!(error.to_string().contains(says), "{error}");
+    }
+}
+
+#[test]
+fn frames_of_a_series_come_one_at_a_time_and_end_with_the_job() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("series");
+    let request = capture::Request {
+        sensor: "imx249-fitted".into(),
+        out: out.clone(),
+        gains: vec![1.0, 2.0],
+        exposures: Some(vec![5.0]),
+        dark_exposures: Some(vec![20.0]),
+        size: Some([6, 8]),
+        ..capture::Request::default()
+    };
+    let frames = capture::frames(&request, &context()).unwrap();
+    assert!(!out.exists());
+    assert_eq!(frames.len(), 12);
+    let written = capture::run(&request, &context()).unwrap();
+    assert_eq!(written.frames, 12);
+    for frame in frames {
+        let frame = frame.unwrap();
+        assert_eq!(load_raw(&out.join(&frame.name)).unwrap().dn, frame.frame.dn, "{}", frame.name);
+    }
+
+    let context = context();
+    let mut frames = capture::frames(&request, &context).unwrap();
+    assert!(frames.next().unwrap().is_ok());
+    context.cancel().set();
+    assert!(matches!(frames.next(), Some(Err(JobError::Stopped(_)))));
+    assert!(frames.next().is_none());
+}
+
+#[test]
+fn an_analysis_of_a_lens_is_what_the_job_returns() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("analysis");
+    let request = analyze::Request {
+        lens: "cooke-triplet-nominal".into(),
+        out: Some(out.clone()),
+        only: vec!["json".to_owned()],
+        ..analyze::Request::default()
+    };
+    let analysis = analyze::analysis(&request, &context()).unwrap();
+    assert!(!out.exists());
+    let response = analyze::run(&request, &context()).unwrap();
+    let text = |analysis: &analyze::Analysis| serde_json::to_string(analysis).unwrap();
+    assert_eq!(text(&response.analysis), text(&analysis));
+    assert_eq!(std::fs::read_to_string(out.join("analysis.json")).unwrap(), text(&analysis));
 }

@@ -1,5 +1,12 @@
 //! Pictures of one's own through the cameras of a run.
 
+use std::sync::Arc;
+
+use petzval::camera::image::LinearImage;
+use petzval::files::raw_file::load_raw;
+use petzval::jobs::apply::{Cameras, Taking};
+use petzval::jobs::{Context, Silent, built_in_assets};
+
 use crate::common::{data, finished_run, run_fails, run_ok};
 
 #[test]
@@ -58,6 +65,38 @@ fn own_pictures_go_whole_through_the_cameras_of_a_run() {
     assert_eq!(of_raw.dimensions(), (1920, 1200));
     let off = mean_difference(&of_raw, &nominal);
     assert!(off < 4.0, "{off}");
+
+    // In memory, the cameras make the same pictures, and write nothing.
+    let context = Context::new(built_in_assets(), Arc::new(Silent));
+    let nominal_alone = ["nominal".to_owned()];
+    let cameras = Cameras::open(&folder.path().join("run"), &nominal_alone, "cpu", &[], &context).unwrap();
+    assert_eq!(cameras.names(), nominal_alone);
+    let light = petzval::files::load_image(&data("photos/coffee.png")).unwrap().light;
+    let taken = cameras.take("nominal", &light, Taking::default()).unwrap();
+    let frame = load_raw(&folder.path().join("taken/coffee-raw.tiff")).unwrap();
+    let developed = cameras.develop("nominal", &frame).unwrap();
+    assert_eq!(taken.picture, taken.shown);
+    for (finished, file) in [(taken, &nominal), (developed, &of_raw)] {
+        let LinearImage { width, .. } = finished.shown;
+        for (x, y, pixel) in file.enumerate_pixels() {
+            for (colour, code) in pixel.0.into_iter().enumerate() {
+                let value = 255.0 * finished.shown.plane(colour)[y as usize * width + x as usize];
+                assert!((value - f32::from(code)).abs() < 0.501, "{x}, {y}: {value}, not {code}");
+            }
+        }
+    }
+    for (error, says) in [
+        (
+            cameras.take("end-to-end", &light, Taking::default()).unwrap_err(),
+            "no camera of this name was opened",
+        ),
+        (
+            cameras.take("nominal", &LinearImage::zeros(1, 8, 8), Taking::default()).unwrap_err(),
+            "a picture of 1 planes",
+        ),
+    ] {
+        assert!(error.to_string().contains(says), "{error}");
+    }
 
     // What cannot be applied is named before anything is written.
     for (args, needles) in [
