@@ -1,5 +1,6 @@
 //! Data sets in other formats: what is read, and what is wrong with damaged ones.
 
+use petzval_base::Cancel;
 use std::path::Path;
 
 use petzval_files::coco::convert::{Converted, SourceFormat, convert};
@@ -29,7 +30,7 @@ fn objects(converted: &Converted) -> Vec<(&str, &str, [f64; 4])> {
 
 /// The error of a folder that cannot be read: its message.
 fn fails(format: SourceFormat, root: &Path, needles: &[&str]) {
-    let error = convert(format, root).unwrap_err();
+    let error = convert(format, root, &Cancel::default()).unwrap_err();
     let text = error.to_string();
     assert!(
         needles.iter().all(|needle| text.contains(needle)) && text.contains("hint"),
@@ -53,8 +54,13 @@ fn kitti_regions_are_crowds_of_every_class() {
     write(root, "training/label_2/000003.txt", KITTI);
     write_png(root, "training/image_2/000001.png", 100, 40);
     write_png(root, "training/image_2/000002.png", 100, 40);
-    let converted = convert(SourceFormat::Kitti, root).unwrap();
-    assert_eq!(converted, convert(SourceFormat::Kitti, &root.join("training")).unwrap());
+    let converted = convert(SourceFormat::Kitti, root, &Cancel::default()).unwrap();
+    assert_eq!(converted, convert(SourceFormat::Kitti, &root.join("training"), &Cancel::default()).unwrap());
+    let cancelled = Cancel::default();
+    cancelled.set();
+    for format in [SourceFormat::Kitti, SourceFormat::Bdd100k, SourceFormat::Yolo, SourceFormat::Voc] {
+        assert!(matches!(convert(format, root, &cancelled), Err(CocoError::Stopped(_))), "{format:?}");
+    }
     let (car, pedestrian) = ([10.5, 20.0, 30.0, 12.0], [50.0, 5.0, 10.0, 30.0]);
     let name = "images/000001.png";
     assert_eq!(objects(&converted), [(name, "Car", car), (name, "Pedestrian", pedestrian)]);
@@ -70,7 +76,7 @@ fn kitti_regions_are_crowds_of_every_class() {
 
     // A picture without labels is left out with a note.
     write_png(root, "training/image_2/000009.png", 100, 40);
-    let more = convert(SourceFormat::Kitti, root).unwrap();
+    let more = convert(SourceFormat::Kitti, root, &Cancel::default()).unwrap();
     let found = more.defects.iter().find(|d| d.kind == DefectKind::PictureWithoutLabels).unwrap();
     assert!(found.count == 1 && found.first[0].ends_with("000009.png"), "{found:?}");
     assert_eq!(more.data, converted.data);
@@ -83,7 +89,7 @@ fn kitti_regions_are_crowds_of_every_class() {
     write(root, "devkit_object/mapping/train_mapping.txt", lines);
     write(root, "devkit_object/mapping/train_rand.txt", "3,1,\n2");
     for from in [root.to_owned(), root.join("training")] {
-        let images = convert(SourceFormat::Kitti, &from).unwrap().data.images;
+        let images = convert(SourceFormat::Kitti, &from, &Cancel::default()).unwrap().data.images;
         let drives: Vec<_> = images.iter().map(|image| image.sequence.as_deref()).collect();
         assert_eq!(drives, [Some("drive_a"), Some("drive_b")]);
     }
@@ -95,7 +101,7 @@ fn kitti_regions_are_crowds_of_every_class() {
     let needles = ["000002.txt: line 4: `Car 0.25 one -1.57`", "has 4 values", "1 more places are wrong"];
     fails(SourceFormat::Kitti, root, &needles);
     fails(SourceFormat::Kitti, &root.join("training/label_2"), &["no folder `label_2`"]);
-    assert!(convert(SourceFormat::Kitti, &root.join("nowhere")).is_err());
+    assert!(convert(SourceFormat::Kitti, &root.join("nowhere"), &Cancel::default()).is_err());
 }
 
 const BDD: &str = r#"[
@@ -117,7 +123,7 @@ fn bdd100k_colours_become_states() {
     std::fs::rename(root.join("images/100k/val/a.png"), root.join("images/100k/val/a.jpg")).unwrap();
     write_png(root, "images/100k/val/b.png", 100, 40);
     for place in [root.to_owned(), root.join("labels/det_val.json")] {
-        let converted = convert(SourceFormat::Bdd100k, &place).unwrap();
+        let converted = convert(SourceFormat::Bdd100k, &place, &Cancel::default()).unwrap();
         let name = "images/100k/val/a.jpg";
         assert_eq!(
             objects(&converted),
@@ -139,7 +145,7 @@ fn bdd100k_colours_become_states() {
     // A second file about the same pictures adds its boxes to them.
     let more = r#"[{"name": "a.jpg", "labels": [{"category": "bus", "box2d": {"x1": 1, "y1": 2, "x2": 9, "y2": 8}}, {"category": "lane"}]}]"#;
     write(root, "labels/lane_val.json", more);
-    let both = convert(SourceFormat::Bdd100k, root).unwrap();
+    let both = convert(SourceFormat::Bdd100k, root, &Cancel::default()).unwrap();
     assert_eq!((both.data.images.len(), both.data.annotations.len()), (1, 4));
     assert_eq!(both.data.images[0].sequence.as_deref(), Some("v1"));
     // A file of lanes alone makes no background of a picture.
@@ -149,27 +155,27 @@ fn bdd100k_colours_become_states() {
         "labels/lane_val.json",
         r#"[{"name": "c.png", "labels": [{"category": "lane/curb", "poly2d": []}]}]"#,
     );
-    let lanes = convert(SourceFormat::Bdd100k, root).unwrap();
+    let lanes = convert(SourceFormat::Bdd100k, root, &Cancel::default()).unwrap();
     assert_eq!((lanes.data.images.len(), lanes.defects.count(DefectKind::FileWithoutBoxes)), (1, 1));
     // Neither it nor `b.png` has labels.
     assert_eq!(lanes.defects.count(DefectKind::PictureWithoutLabels), 2);
     // A picture of which a file says that it has no labels is background.
     write(root, "labels/lane_val.json", r#"[{"name": "c.png", "labels": []}]"#);
-    assert_eq!(convert(SourceFormat::Bdd100k, root).unwrap().data.images.len(), 2);
+    assert_eq!(convert(SourceFormat::Bdd100k, root, &Cancel::default()).unwrap().data.images.len(), 2);
     // So is that of a file of its own, which has all labels of it.
     write(
         root,
         "labels/lane_val.json",
         r#"{"name": "c", "frames": [{"objects": [{"category": "lane/curb", "poly2d": []}]}]}"#,
     );
-    assert_eq!(convert(SourceFormat::Bdd100k, root).unwrap().data.images.len(), 2);
+    assert_eq!(convert(SourceFormat::Bdd100k, root, &Cancel::default()).unwrap().data.images.len(), 2);
     std::fs::remove_file(root.join("labels/lane_val.json")).unwrap();
 
     // Files of one picture each, with its name outside and without ending.
     let old = r#"{"name": "b", "frames": [{"timestamp": 1, "objects": [{"category": "car", "id": 3, "attributes": {},
                  "box2d": {"x1": 1, "y1": 2, "x2": 3, "y2": 5}}]}]}"#;
     write(root, "labels/det_val.json", old);
-    let converted = convert(SourceFormat::Bdd100k, root).unwrap();
+    let converted = convert(SourceFormat::Bdd100k, root, &Cancel::default()).unwrap();
     assert_eq!(objects(&converted), [("images/100k/val/b.png", "car", [1.0, 2.0, 2.0, 3.0])]);
 
     for (from, to, needles) in [
@@ -205,7 +211,7 @@ fn yolo_is_read_in_every_layout() {
             "data.yaml",
             "train: ../train/images\nval: ../valid/images\nnc: 2\nnames: ['green', 'red']\n",
         );
-        let converted = convert(SourceFormat::Yolo, root).unwrap();
+        let converted = convert(SourceFormat::Yolo, root, &Cancel::default()).unwrap();
         assert_eq!(
             objects(&converted),
             [(name, "red", [40.0, 8.0, 20.0, 4.0]), (name, "green", [0.0, 0.0, 100.0, 40.0])]
@@ -225,7 +231,7 @@ fn yolo_is_read_in_every_layout() {
     fails(SourceFormat::Yolo, root, &["no file names the classes"]);
     write(root, "classes.txt", "green\nred\n");
     write(root, "README.txt", "a text that is no label");
-    let converted = convert(SourceFormat::Yolo, root).unwrap();
+    let converted = convert(SourceFormat::Yolo, root, &Cancel::default()).unwrap();
     let names: Vec<&str> = converted.data.images.iter().map(|image| image.file_name.as_str()).collect();
     assert_eq!(names, ["images/test/a.png", "images/train/a.png", "images/valid/a.png"]);
     assert_eq!(converted.defects.count(DefectKind::MissingPicture), 1);
@@ -262,7 +268,7 @@ fn voc_boxes_count_from_one_and_difficult_objects_are_ignored() {
         let root = folder.path();
         write(root, labels, VOC);
         write_png(root, picture, 100, 40);
-        let converted = convert(SourceFormat::Voc, root).unwrap();
+        let converted = convert(SourceFormat::Voc, root, &Cancel::default()).unwrap();
         let name = if labels.starts_with("train") { "images/train/a.png" } else { "images/a.png" };
         let (person, car) = ([10.0, 5.0, 20.0, 35.0], [0.0, 0.0, 100.0, 40.0]);
         assert_eq!(objects(&converted), [(name, "person", person), (name, "car", car)]);
@@ -279,7 +285,7 @@ fn voc_boxes_count_from_one_and_difficult_objects_are_ignored() {
     write(root, "Annotations/a.xml", VOC);
     write_png(root, "JPEGImages/b.png", 100, 40);
     write_png(root, "SegmentationClass/a.png", 100, 40);
-    let converted = convert(SourceFormat::Voc, root).unwrap();
+    let converted = convert(SourceFormat::Voc, root, &Cancel::default()).unwrap();
     assert_eq!(converted.data.images[0].split.as_deref(), Some("valid"));
     // A mask has the name of its picture.
     let unlabelled = converted.defects.iter().find(|d| d.kind == DefectKind::PictureWithoutLabels).unwrap();
@@ -297,11 +303,11 @@ fn voc_boxes_count_from_one_and_difficult_objects_are_ignored() {
     write(root, "Annotations/a.xml", "<svg/>");
     fails(SourceFormat::Voc, root, &["line 1", "not `annotation`"]);
     write(root, "Annotations/a.xml", &VOC.replacen("<width>100<", "<width>99<", 1));
-    let converted = convert(SourceFormat::Voc, root).unwrap();
+    let converted = convert(SourceFormat::Voc, root, &Cancel::default()).unwrap();
     assert_eq!((converted.data.images.len(), converted.defects.count(DefectKind::OtherPictureSize)), (0, 1));
     // Deep nesting ends in an error, not in an overflow of the stack.
     write(root, "Annotations/a.xml", &"<annotation>".repeat(200_000));
-    assert!(convert(SourceFormat::Voc, root).is_err());
+    assert!(convert(SourceFormat::Voc, root, &Cancel::default()).is_err());
 }
 
 /// A picture whose EXIF says that it is to be turned, 100 x 40 stored pixels.
@@ -327,7 +333,7 @@ fn yolo_poses_are_boxes_and_outlines_and_rotated_boxes_are_counted() {
     let pose = "0 0.5 0.5 0.2 0.4 0.45 0.35 0.55 0.35 0.45 0.65 0.55 0.65\n";
     write(root, "labels/a.txt", pose);
     write(root, "data.yaml", "kpt_shape: [4, 2]\nnames:\n  0: car\n");
-    let read = || convert(SourceFormat::Yolo, root).unwrap();
+    let read = || convert(SourceFormat::Yolo, root, &Cancel::default()).unwrap();
     let near = |found: &Converted, wanted: [f64; 4]| {
         let bounds = <[f64; 4]>::from(found.data.annotations[0].bounds);
         let is_near = bounds.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-9);
@@ -364,7 +370,7 @@ fn labels_of_turned_pictures_are_turned_as_their_format_says() {
         write(root, &format!("yolo/labels/{name}.txt"), "0 0.5 0.5 0.5 0.1\n");
     }
     write(root, "yolo/data.yaml", "names: [car]\n");
-    let converted = convert(SourceFormat::Yolo, &root.join("yolo")).unwrap();
+    let converted = convert(SourceFormat::Yolo, &root.join("yolo"), &Cancel::default()).unwrap();
     let bounds: Vec<[f64; 4]> = objects(&converted).into_iter().map(|(_, _, bounds)| bounds).collect();
     assert_eq!(bounds, [[10.0, 45.0, 20.0, 10.0], [25.0, 18.0, 50.0, 4.0]]);
     assert_eq!(converted.defects.count(DefectKind::TurnedPicture), 2);
@@ -374,7 +380,7 @@ fn labels_of_turned_pictures_are_turned_as_their_format_says() {
     // VOC states the size: here that of the stored pixels.
     write_turned_png(root, "voc/a.png", 6);
     write(root, "voc/a.xml", VOC);
-    let converted = convert(SourceFormat::Voc, &root.join("voc")).unwrap();
+    let converted = convert(SourceFormat::Voc, &root.join("voc"), &Cancel::default()).unwrap();
     let (person, car) = ([0.0, 10.0, 35.0, 20.0], [0.0, 0.0, 40.0, 100.0]);
     let name = "images/a.png";
     assert_eq!(objects(&converted), [(name, "person", person), (name, "car", car)]);
@@ -385,7 +391,7 @@ fn labels_of_turned_pictures_are_turned_as_their_format_says() {
     // KITTI states none.
     write_turned_png(root, "kitti/image_2/000001.png", 6);
     write(root, "kitti/label_2/000001.txt", KITTI);
-    let converted = convert(SourceFormat::Kitti, &root.join("kitti")).unwrap();
+    let converted = convert(SourceFormat::Kitti, &root.join("kitti"), &Cancel::default()).unwrap();
     assert_eq!((converted.data.images.len(), converted.data.annotations.len()), (0, 0));
     assert_eq!((converted.defects.count(DefectKind::UnknownTurn), converted.defects.errors()), (1, 1));
 }
@@ -414,7 +420,7 @@ fn states_of_every_version_of_bdd100k_are_read_and_labels_without_boxes_are_coun
         labels.join(", ")
     );
     write(root, "labels.json", &text);
-    let converted = convert(SourceFormat::Bdd100k, root).unwrap();
+    let converted = convert(SourceFormat::Bdd100k, root, &Cancel::default()).unwrap();
     let states =
         converted.data.annotations.iter().map(|a| a.attributes.get("state").and_then(|state| state.text()));
     let wanted = [
@@ -441,7 +447,7 @@ fn states_of_every_version_of_bdd100k_are_read_and_labels_without_boxes_are_coun
     }
     // A file of outlines of objects is no file of lanes.
     write(root, "labels.json", r#"[{"name": "a.png", "labels": [{"category": "person", "poly2d": []}]}]"#);
-    let outlines = convert(SourceFormat::Bdd100k, root).unwrap();
+    let outlines = convert(SourceFormat::Bdd100k, root, &Cancel::default()).unwrap();
     assert_eq!(outlines.defects.count(DefectKind::FileWithoutBoxes), 0);
     assert_eq!(outlines.defects.count(DefectKind::LabelWithoutBox), 1);
 }
@@ -463,7 +469,7 @@ fn letters_of_labels_are_never_guessed() {
         [head.as_bytes(), before.as_bytes(), b"\xd0\xd0\xc8\xcb", after.as_bytes()].concat()
     };
     std::fs::write(root.join("voc/a.xml"), file("<?xml version=\"1.0\" encoding=\"GBK\"?>")).unwrap();
-    let converted = convert(SourceFormat::Voc, &root.join("voc")).unwrap();
+    let converted = convert(SourceFormat::Voc, &root.join("voc"), &Cancel::default()).unwrap();
     assert_eq!(converted.data.categories[0].name, "\u{884c}\u{4eba}");
     for (head, needle) in
         [("", "not text in UTF-8"), ("<?xml version='1.0' encoding='x-none'?>", "not known")]
@@ -511,7 +517,7 @@ fn pictures_of_lost_labels_are_not_converted() {
         (SourceFormat::Kitti, "k", &["images/b.png"]),
         (SourceFormat::Voc, "v", &["images/b.png"]),
     ] {
-        let converted = convert(format, &root.join(name)).unwrap();
+        let converted = convert(format, &root.join(name), &Cancel::default()).unwrap();
         let names: Vec<&str> = converted.data.images.iter().map(|image| image.file_name.as_str()).collect();
         assert_eq!(names, left, "{:?}", converted.defects);
         assert_eq!(converted.sources.len(), left.len());

@@ -2,6 +2,7 @@
 //!
 //! COCO files are read 5000 times and other labels 1000 times; `PETZVAL_MUTATIONS=1000000` makes it a million and fifty thousand.
 
+use petzval_base::Cancel;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
@@ -156,7 +157,7 @@ fn mutated_labels_are_read_or_refused() {
         }
         read_mutations(name, text, (mutations() / 5).min(50_000), |bytes| {
             write(labels, bytes);
-            convert(format, root).is_ok()
+            convert(format, root, &Cancel::default()).is_ok()
         });
     }
 }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use petzval_base::FileError;
+use petzval_base::{Cancelled, FileError};
 
 /// Why a data set could not be read or written.
 #[derive(Debug, thiserror::Error)]
@@ -35,6 +35,9 @@ pub enum CocoError {
         /// Further places that are wrong, in this file and others.
         more: usize,
     },
+    /// The job was cancelled before the whole data set was read.
+    #[error("stopped before the whole data set was read")]
+    Stopped(#[from] Cancelled),
 }
 
 impl CocoError {

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
-use petzval_base::write_whole;
+use petzval_base::{Cancel, write_whole};
 
 use super::bounded::read_bounded;
 use super::check::check_entries;
@@ -50,20 +50,24 @@ impl Loaded {
 /// `annotations/instances_*.json`, `_annotations.coco.json` in the folders `train`, `valid` and `test`, one file `.json`. Where there are several, each
 /// is a part of the data set. Pictures are beside the annotations, in `images/` there, or, as COCO itself has
 /// them, in a folder named like the part: `annotations/instances_val2017.json` and `val2017/`.
-pub fn load_coco(place: &Path) -> Result<Loaded, CocoError> {
+///
+/// Fails with [`CocoError::Stopped`] before the next step, such as a file or the check of its entries, once `cancel` is set.
+pub fn load_coco(place: &Path, cancel: &Cancel) -> Result<Loaded, CocoError> {
     let mut defects = Defects::default();
     let mut loaded = match annotation_files(place)?.as_slice() {
         [file] => {
-            let (data, folders) = (entries(file, &mut defects)?, picture_folders(file));
+            let (data, folders) = (entries(file, &mut defects, cancel)?, picture_folders(file));
             Loaded { data, defects, file: file.clone(), folders }
         }
         several => {
             let mut parts = Vec::new();
             for file in several {
-                let (mut data, part) = (entries(file, &mut defects)?, part_of(file).unwrap_or_default());
+                let (mut data, part) =
+                    (entries(file, &mut defects, cancel)?, part_of(file).unwrap_or_default());
                 // Two parts may have pictures of one name, each in its own folder.
                 let folders = picture_folders(file);
                 for image in &mut data.images {
+                    cancel.check()?;
                     let found = picture_in(&folders, &image.file_name);
                     let below = found.as_deref().and_then(|path| path.strip_prefix(place).ok()?.to_str());
                     image.file_name =
@@ -81,10 +85,13 @@ pub fn load_coco(place: &Path) -> Result<Loaded, CocoError> {
 }
 
 /// What a file of annotations holds, each entry checked.
-fn entries(file: &Path, defects: &mut Defects) -> Result<DataSet, CocoError> {
+fn entries(file: &Path, defects: &mut Defects, cancel: &Cancel) -> Result<DataSet, CocoError> {
+    cancel.check()?;
     let hint = "outlines (`segmentation`) are not used and may be left out; or split the data set";
     let bytes = read_bounded(file, LARGEST_ANNOTATIONS, hint)?;
+    cancel.check()?;
     let mut data = parse_coco(bytes, defects).map_err(|error| CocoError::file(file, error))?;
+    cancel.check()?;
     check_entries(&mut data, defects);
     Ok(data)
 }

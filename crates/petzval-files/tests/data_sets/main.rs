@@ -3,6 +3,7 @@
 mod forms;
 mod turned;
 
+use petzval_base::Cancel;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -330,7 +331,10 @@ fn the_files_of_pictures_are_checked() {
     write_png(&root.join("images/none.png"), 40, 25);
     std::fs::write(root.join("broken.png"), b"no picture").unwrap();
 
-    let mut loaded = load_coco(root).unwrap();
+    let cancelled = Cancel::default();
+    cancelled.set();
+    assert!(matches!(load_coco(root, &cancelled), Err(CocoError::Stopped(_))));
+    let mut loaded = load_coco(root, &Cancel::default()).unwrap();
     assert_eq!(loaded.data, unsized_image);
     let loaded_before = loaded.data.images.len();
     let decoded = std::sync::Mutex::new(Vec::new());
@@ -365,12 +369,12 @@ fn the_files_of_pictures_are_checked() {
     for name in ["good.png", "copy.png", "images/none.png"] {
         std::fs::remove_file(root.join(name)).unwrap();
     }
-    let mut loaded = load_coco(root).unwrap();
+    let mut loaded = load_coco(root, &Cancel::default()).unwrap();
     check_pictures(&mut loaded, &|_| Ok(())).unwrap();
     assert!(loaded.data.images.is_empty() && loaded.defects.count(DefectKind::NoPicture) == 1);
     std::fs::write(root.join("annotations.json"), r#"{"images": [], "annotations": [], "categories": []}"#)
         .unwrap();
-    let mut empty = load_coco(root).unwrap();
+    let mut empty = load_coco(root, &Cancel::default()).unwrap();
     check_pictures(&mut empty, &|_| Ok(())).unwrap();
     assert_eq!((empty.defects.errors(), empty.defects.count(DefectKind::NoPicture)), (1, 1));
 }
@@ -388,7 +392,7 @@ fn a_picture_that_is_damaged_in_its_middle_is_found() {
     let pixels = bytes.windows(4).position(|chunk| chunk == b"IDAT").unwrap();
     bytes[pixels + 9] ^= 0x10;
     std::fs::write(root.join("damaged.png"), bytes).unwrap();
-    let mut loaded = load_coco(root).unwrap();
+    let mut loaded = load_coco(root, &Cancel::default()).unwrap();
     check_pictures(&mut loaded, &|_| Ok(())).unwrap();
     assert_eq!(loaded.data.images.len(), 1);
     assert_eq!(loaded.defects.count(DefectKind::UnreadablePicture), 1);
@@ -403,7 +407,7 @@ fn annotations_are_found_where_programs_put_them() {
         ("annotations/instances_train.json", "images/train/a.png"),
         ("mine.JSON", "images/a.png"),
     ];
-    let load = |root: &Path| -> Result<Loaded, CocoError> { load_coco(root) };
+    let load = |root: &Path| -> Result<Loaded, CocoError> { load_coco(root, &Cancel::default()) };
     for (file, picture) in layouts {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join(file);
@@ -450,7 +454,7 @@ fn several_files_of_annotations_are_parts_of_one_data_set() {
             std::fs::write(&file, text("a.png")).unwrap();
             write_png(&folder.path().join(picture.replace("{}", part)), 40, 30 - k as u32);
         }
-        let mut loaded = load_coco(folder.path()).unwrap();
+        let mut loaded = load_coco(folder.path(), &Cancel::default()).unwrap();
         let names: Vec<_> = loaded.data.images.iter().map(|image| image.file_name.clone()).collect();
         assert_eq!(names, parts.map(|part| picture.replace("{}", part)));
         let splits: Vec<_> = loaded.data.images.iter().map(|image| image.split.as_deref().unwrap()).collect();
@@ -469,7 +473,7 @@ fn several_files_of_annotations_are_parts_of_one_data_set() {
     for name in ["instances_train2014.json", "instances_train2017.json", "instances_val2017.json"] {
         std::fs::write(folder.path().join("annotations").join(name), text("a.png")).unwrap();
     }
-    let error = load_coco(folder.path()).unwrap_err().to_string();
+    let error = load_coco(folder.path(), &Cancel::default()).unwrap_err().to_string();
     assert!(error.contains("3 files could be the annotations") && error.contains("train2014"), "{error}");
 }
 
@@ -486,7 +490,7 @@ fn annotations_of_programs_for_windows_are_read() {
     std::fs::write(folder.path().join("annotations.json"), GOOD.replace("a.png", r"night\\a.png")).unwrap();
     write_png(&folder.path().join("night/a.png"), 40, 30);
     write_png(&folder.path().join("b.png"), 40, 30);
-    let mut loaded = load_coco(folder.path()).unwrap();
+    let mut loaded = load_coco(folder.path(), &Cancel::default()).unwrap();
     check_pictures(&mut loaded, &|_| Ok(())).unwrap();
     assert_eq!(loaded.data.images.len(), 2);
 }
@@ -498,7 +502,7 @@ fn a_picture_that_is_left_out_is_no_background() {
     data.annotations.clear();
     save_coco(&data, &folder.path().join("annotations.json")).unwrap();
     write_png(&folder.path().join("a.png"), 40, 30);
-    let mut loaded = load_coco(folder.path()).unwrap();
+    let mut loaded = load_coco(folder.path(), &Cancel::default()).unwrap();
     check_pictures(&mut loaded, &|_| Ok(())).unwrap();
     let count = |kind| loaded.defects.count(kind);
     assert_eq!((count(DefectKind::MissingPicture), count(DefectKind::PictureWithoutBoxes)), (1, 1));
@@ -545,7 +549,7 @@ fn a_picture_whose_labels_cannot_be_used_is_left_out() {
         text.replacen("[1.5, 2, 10, 20]", "[60, 2, 10, 20]", 1),
     )
     .unwrap();
-    let mut loaded = load_coco(folder.path()).unwrap();
+    let mut loaded = load_coco(folder.path(), &Cancel::default()).unwrap();
     assert_eq!(loaded.data.images.len(), 2);
     check_pictures(&mut loaded, &|_| Ok(())).unwrap();
     assert_eq!(names(&loaded.data), ["b.png"]);

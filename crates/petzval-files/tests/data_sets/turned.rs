@@ -1,5 +1,6 @@
 //! Boxes of pictures that EXIF turns.
 
+use petzval_base::Cancel;
 use std::path::Path;
 
 use petzval_files::coco::convert::{SourceFormat, convert};
@@ -33,14 +34,14 @@ fn of_turned(picture: &str, exif: u8, bbox: &str) -> OfTurned {
             "annotations": [{annotation}]}}"#
     );
     std::fs::write(folder.path().join("annotations.json"), text).unwrap();
-    let mut loaded = load_coco(folder.path()).unwrap();
+    let mut loaded = load_coco(folder.path(), &Cancel::default()).unwrap();
     check_pictures(&mut loaded, &|_| Ok(())).unwrap();
     let size = loaded.data.images.first().map(|image| (image.width, image.height));
     let bounds = loaded.data.annotations.first().map(|a| a.bounds.into());
     let kinds = [DefectKind::TurnedBoxes, DefectKind::UnknownTurn, DefectKind::OtherPictureSize];
     // What is written after the check is read as it is.
     save_coco(&loaded.data, &folder.path().join("annotations.json")).unwrap();
-    let mut again = load_coco(folder.path()).unwrap();
+    let mut again = load_coco(folder.path(), &Cancel::default()).unwrap();
     check_pictures(&mut again, &|_| Ok(())).unwrap();
     let noted = kinds.map(|kind| loaded.defects.count(kind));
     loaded.data.annotations.iter_mut().for_each(|a| a.unclipped = None);
@@ -110,7 +111,7 @@ fn boxes_lie_on_their_objects_for_every_orientation() {
         write(root, "classes.txt", "car\n");
         write(root, "a.txt", &format!("0 {} {} {} {}\n", shares[0], shares[1], shares[2], shares[3]));
         let found = |format| {
-            let converted = convert(format, root).unwrap();
+            let converted = convert(format, root, &Cancel::default()).unwrap();
             let bounds = converted.data.annotations.first().map(|a| <[f64; 4]>::from(a.bounds));
             (bounds, converted.data.images.len(), converted.defects)
         };
@@ -166,7 +167,7 @@ fn boxes_lie_on_their_objects_for_every_orientation() {
                     "categories": [{{"id": 1, "name": "car"}}], "annotations": [{annotation}]}}"#
             );
             write(root, "annotations.json", &text);
-            let mut loaded = load_coco(root).unwrap();
+            let mut loaded = load_coco(root, &Cancel::default()).unwrap();
             check_pictures(&mut loaded, &|_| Ok(())).unwrap();
             let bounds = loaded.data.annotations.first().map(|a| a.bounds.into());
             assert!(is_truth(bounds), "orientation {exif}, turned {is_turned}: {bounds:?}");

@@ -65,7 +65,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     }
     let classes =
         request.classes_of.as_ref().map(|experiment| classes_of(experiment, context)).transpose()?;
-    let mut loaded = load_coco(&request.data)?;
+    let mut loaded = load_coco(&request.data, context.cancel())?;
     check_pictures_in(&mut loaded, context)?;
     let mut response = Response {
         annotations: loaded.file.clone(),

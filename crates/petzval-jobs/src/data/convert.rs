@@ -51,7 +51,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         let hint = "give a new folder, or empty this one";
         return Err(JobError::input(format!("{}: the folder is not empty", out.display()), hint));
     }
-    let converted = convert(request.format, &request.input)?;
+    let converted = convert(request.format, &request.input, context.cancel())?;
     if converted.data.images.is_empty() {
         let worst = converted.defects.iter().next();
         let because =

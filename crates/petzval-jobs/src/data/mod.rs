@@ -40,6 +40,7 @@ impl From<CocoError> for JobError {
                     _ => Self::File { path, error },
                 }
             }
+            CocoError::Stopped(cancelled) => cancelled.into(),
             CocoError::Content { path, reason, hint } => {
                 Self::input(format!("{}: {reason}", path.display()), hint)
             }

@@ -269,7 +269,7 @@ fn whole_path(file: &Path) -> Result<String, JobError> {
 /// The pictures of a data set, and the data set. What of it cannot be used is a warning. Refuses to write into `out` if that would replace the
 /// annotations.
 fn labelled(place: &Path, out: Option<&Path>, context: &Context) -> Result<(Vec<Looked>, DataSet), JobError> {
-    let mut loaded = load_coco(place)?;
+    let mut loaded = load_coco(place, context.cancel())?;
     let whole = |path: &Path| path.canonicalize().ok();
     // Annotations written beside those of several parts would be read in place of them.
     let is_of_data = |path: &Path| whole(path).is_some_and(|p| Some(p) == whole(&loaded.file));

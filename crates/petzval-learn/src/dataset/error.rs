@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use petzval_base::Cancelled;
 use petzval_files::ImageError;
+use petzval_files::coco::CocoError;
 
 /// Why a data set cannot be used. Each message says what to do.
 #[derive(Debug, thiserror::Error)]
@@ -24,7 +25,7 @@ pub enum DatasetError {
     Stopped(#[from] Cancelled),
     /// A folder in COCO format cannot be read.
     #[error(transparent)]
-    Coco(#[from] petzval_files::coco::CocoError),
+    Coco(CocoError),
     /// The boxes of a folder are not enough to train and to score a detector.
     #[error("{}: {problem}; `petzval data check` lists what it holds", path.display())]
     Labels {
@@ -125,4 +126,13 @@ pub enum DatasetError {
         /// `training` or `held_out`.
         list: &'static str,
     },
+}
+
+impl From<CocoError> for DatasetError {
+    fn from(error: CocoError) -> Self {
+        match error {
+            CocoError::Stopped(cancelled) => Self::Stopped(cancelled),
+            error => Self::Coco(error),
+        }
+    }
 }

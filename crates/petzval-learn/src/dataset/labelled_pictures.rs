@@ -94,7 +94,7 @@ impl LabelledPictures {
         let class_names = classes.names();
         let validated = purpose == Purpose::ValidatedTraining;
         let trains = purpose != Purpose::Scores;
-        let mut loaded = load_coco(folder)?;
+        let mut loaded = load_coco(folder, cancel)?;
         check_pictures(&mut loaded, &|_| cancel.check())?;
         let mut notes: Vec<String> = loaded.defects.lines(folder).collect();
         let data = &loaded.data;

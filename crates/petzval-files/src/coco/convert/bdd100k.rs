@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
-use petzval_base::FileError;
+use petzval_base::{Cancel, FileError};
 use serde::Deserialize;
 
 use super::builder::{Builder, Converted, Label};
@@ -84,10 +84,10 @@ impl Fields for Object {}
 impl Fields for Corners {}
 
 /// Reads a JSON file, or all of those below a folder. Pictures are looked for by name below the folder.
-pub(super) fn convert_bdd100k(root: &Path) -> Result<Converted, CocoError> {
+pub(super) fn convert_bdd100k(root: &Path, cancel: &Cancel) -> Result<Converted, CocoError> {
     // A single file has its pictures beside it or in the folders around.
     let (labels, base) = if root.is_dir() {
-        (files_below(root)?.into_iter().filter(|p| ends_with(p, "json")).collect(), root.to_owned())
+        (files_below(root, cancel)?.into_iter().filter(|p| ends_with(p, "json")).collect(), root.to_owned())
     } else {
         (vec![root.to_owned()], folder_around(root))
     };
@@ -98,17 +98,19 @@ pub(super) fn convert_bdd100k(root: &Path) -> Result<Converted, CocoError> {
             "name the folder that holds `labels` and `images`",
         ));
     }
-    let files = files_below(&base)?;
+    let files = files_below(&base, cancel)?;
     let by_name = pictures_by(&files, Path::file_name);
     let by_stem = pictures_by(&files, Path::file_stem);
     let mut builder = Builder::default();
     for path in &labels {
+        cancel.check()?;
         let (pictures, is_list) = pictures_of(path)?;
         if is_list && is_of_lanes(&pictures) {
             builder.defects.add(DefectKind::FileWithoutBoxes, || path.display().to_string());
             continue;
         }
         for picture in pictures {
+            cancel.check()?;
             let picture = match picture {
                 Record::Table(picture) => picture,
                 Record::Other(other) => {

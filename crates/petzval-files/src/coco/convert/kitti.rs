@@ -12,7 +12,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use petzval_base::FileError;
+use petzval_base::{Cancel, FileError};
 
 use super::builder::{Builder, Converted, Label};
 use super::tree::{ends_with, files_below, labels_text, pictures_among, pictures_by, split_of};
@@ -61,7 +61,7 @@ struct Line {
 }
 
 /// Reads a folder with `label_2/*.txt` and `image_2/`, or the folder `training` around it.
-pub(super) fn convert_kitti(root: &Path) -> Result<Converted, CocoError> {
+pub(super) fn convert_kitti(root: &Path, cancel: &Cancel) -> Result<Converted, CocoError> {
     let base =
         [root.to_owned(), root.join("training")].into_iter().find(|base| base.join("label_2").is_dir());
     let Some(base) = base else {
@@ -69,9 +69,9 @@ pub(super) fn convert_kitti(root: &Path) -> Result<Converted, CocoError> {
         return Err(CocoError::content(root, "there is no folder `label_2`", hint));
     };
     let labels: Vec<PathBuf> =
-        files_below(&base.join("label_2"))?.into_iter().filter(|p| ends_with(p, "txt")).collect();
+        files_below(&base.join("label_2"), cancel)?.into_iter().filter(|p| ends_with(p, "txt")).collect();
     let files = match base.join("image_2") {
-        folder if folder.is_dir() => files_below(&folder)?,
+        folder if folder.is_dir() => files_below(&folder, cancel)?,
         folder => {
             return Err(CocoError::content(&folder, "there is no such folder", "put the pictures there"));
         }
@@ -83,6 +83,7 @@ pub(super) fn convert_kitti(root: &Path) -> Result<Converted, CocoError> {
     let mut builder = Builder::default();
     let mut regions: Vec<(u64, Bounds)> = Vec::new();
     for path in &labels {
+        cancel.check()?;
         let text = labels_text(path)?;
         let Some(picture) = path.file_stem().and_then(|stem| pictures.get(stem)) else {
             builder.defects.add(DefectKind::MissingPicture, || format!("no picture for {}", path.display()));

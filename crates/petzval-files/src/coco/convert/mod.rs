@@ -13,8 +13,10 @@ mod voc_file;
 mod yolo;
 mod yolo_names;
 
-use schemars::JsonSchema;
 use std::path::Path;
+
+use petzval_base::Cancel;
+use schemars::JsonSchema;
 
 pub use builder::Converted;
 
@@ -34,12 +36,12 @@ pub enum SourceFormat {
     Voc,
 }
 
-/// Reads a folder in another format.
-pub fn convert(format: SourceFormat, root: &Path) -> Result<Converted, CocoError> {
+/// Reads a folder in another format. Fails with [`CocoError::Stopped`] before the next picture or file of labels once `cancel` is set.
+pub fn convert(format: SourceFormat, root: &Path, cancel: &Cancel) -> Result<Converted, CocoError> {
     match format {
-        SourceFormat::Kitti => kitti::convert_kitti(root),
-        SourceFormat::Bdd100k => bdd100k::convert_bdd100k(root),
-        SourceFormat::Yolo => yolo::convert_yolo(root),
-        SourceFormat::Voc => voc::convert_voc(root),
+        SourceFormat::Kitti => kitti::convert_kitti(root, cancel),
+        SourceFormat::Bdd100k => bdd100k::convert_bdd100k(root, cancel),
+        SourceFormat::Yolo => yolo::convert_yolo(root, cancel),
+        SourceFormat::Voc => voc::convert_voc(root, cancel),
     }
 }

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
-use petzval_base::FileError;
+use petzval_base::{Cancel, FileError};
 
 use crate::coco::bounded::read_bounded;
 use crate::coco::error::CocoError;
@@ -26,9 +26,10 @@ const LABELS_HINT: &str = "a file of labels is of one picture";
 const PICTURES: [&str; 7] = ["jpg", "jpeg", "png", "tif", "tiff", "bmp", "webp"];
 
 /// The files below a folder, in the order of their paths. Hidden files are left out.
-pub(super) fn files_below(root: &Path) -> Result<Vec<PathBuf>, CocoError> {
+pub(super) fn files_below(root: &Path, cancel: &Cancel) -> Result<Vec<PathBuf>, CocoError> {
     let (mut found, mut open) = (Vec::new(), vec![(root.to_owned(), 0)]);
     while let Some((folder, depth)) = open.pop() {
+        cancel.check()?;
         for entry in std::fs::read_dir(&folder).map_err(CocoError::io(&folder))? {
             let entry = entry.map_err(CocoError::io(&folder))?;
             let path = entry.path();

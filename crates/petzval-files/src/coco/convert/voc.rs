@@ -12,6 +12,8 @@ use std::collections::HashMap;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
+use petzval_base::Cancel;
+
 use super::builder::{Builder, Converted, Label};
 use super::tree::{ends_with, files_below, labels_text, pictures_among, pictures_by, split_of, xml_text};
 use super::voc_file::{Labels, Object, parse};
@@ -19,8 +21,8 @@ use crate::coco::defect::DefectKind;
 use crate::coco::error::CocoError;
 
 /// Reads a folder with `Annotations/*.xml` and `JPEGImages/`, or with XML files beside the pictures.
-pub(super) fn convert_voc(root: &Path) -> Result<Converted, CocoError> {
-    let files = files_below(root)?;
+pub(super) fn convert_voc(root: &Path, cancel: &Cancel) -> Result<Converted, CocoError> {
+    let files = files_below(root, cancel)?;
     let labels: Vec<&PathBuf> = files.iter().filter(|path| ends_with(path, "xml")).collect();
     if labels.is_empty() {
         let hint = "name the folder that holds `Annotations` and `JPEGImages`";
@@ -31,6 +33,7 @@ pub(super) fn convert_voc(root: &Path) -> Result<Converted, CocoError> {
     let splits = splits(&files)?;
     let mut builder = Builder::default();
     for path in labels {
+        cancel.check()?;
         let read = match xml_text(path)?.and_then(|text| parse(&text)) {
             Ok(read) => read,
             Err(error) => {

@@ -20,7 +20,7 @@ use std::collections::HashSet;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
-use petzval_base::FileError;
+use petzval_base::{Cancel, FileError};
 
 use super::builder::{Builder, Converted, Label};
 use super::tree::{ends_with, files_below, is_picture, labels_text, split_of};
@@ -33,8 +33,8 @@ use crate::coco::error::CocoError;
 const ROUNDING: f64 = 0.01;
 
 /// Reads a folder.
-pub(super) fn convert_yolo(root: &Path) -> Result<Converted, CocoError> {
-    let files = files_below(root)?;
+pub(super) fn convert_yolo(root: &Path, cancel: &Cancel) -> Result<Converted, CocoError> {
+    let files = files_below(root, cancel)?;
     let Names { classes: names, keypoints } = names_of(root, &files)?;
     let labels: HashSet<&Path> = files.iter().filter(|p| ends_with(p, "txt")).map(PathBuf::as_path).collect();
     let mut builder = Builder::of_turned_pictures();
@@ -43,6 +43,7 @@ pub(super) fn convert_yolo(root: &Path) -> Result<Converted, CocoError> {
     }
     let mut used = HashSet::new();
     for picture in files.iter().filter(|path| is_picture(path)) {
+        cancel.check()?;
         let split = split_of(picture.strip_prefix(root).unwrap_or(picture));
         let Some(image) = builder.picture(root, picture, split) else { continue };
         let (id, size) = (image.id, [f64::from(image.width), f64::from(image.height)]);
