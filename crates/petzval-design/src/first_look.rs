@@ -132,7 +132,7 @@ pub(crate) fn steps_in_words(cameras: &[Planned]) -> String {
     format!("{} in all: {}", counted(all, "step"), cameras.join("; "))
 }
 
-/// Looks at an experiment that was made ready.
+/// Looks at an experiment that was made ready. Fails with [`DesignError::Stopped`] before the next lens once the job is cancelled.
 pub fn first_look(setup: &Setup) -> Result<FirstLook, DesignError> {
     let mut lenses: Vec<LensLook> = Vec::new();
     for variant in setup.variants.iter().filter(|v| v.lens != PERFECT_LENS) {
@@ -140,9 +140,13 @@ pub fn first_look(setup: &Setup) -> Result<FirstLook, DesignError> {
             lenses.iter_mut().find(|look| look.cameras.iter().any(|c| starts_alike(setup, c, variant)));
         match known {
             Some(look) => look.cameras.push(variant.name.clone()),
-            None => lenses.push(lens_look(setup, variant, setup.start(variant))?),
+            None => {
+                setup.cancel.check()?;
+                lenses.push(lens_look(setup, variant, setup.start(variant))?);
+            }
         }
     }
+    setup.cancel.check()?;
     let photos = setup.task.windows()?.photos_look(setup);
     let cameras: Vec<Planned> = setup.variants.iter().map(planned).collect();
     let mut look = FirstLook {
@@ -191,6 +195,7 @@ fn lens_look(setup: &Setup, variant: &Variant, start: &Start) -> Result<LensLook
     let lens = &start.lens_file.lens;
     let plan = setup.moving_plan.with_fields(FIELDS);
     let psfs = plan.psfs(lens)?;
+    setup.cancel.check()?;
     let quadrature = Quadrature::grid(CELLS)?;
     let in_colours = Lens { wavelengths_um: plan.wavelengths_um.to_vec(), ..lens.clone() };
     let axis = spot(&in_colours, 0.0, &quadrature);

@@ -70,6 +70,7 @@ impl FrameSource {
         let shots = self.setup.held_out_shots(&self.cameras[0], &|_| true)?;
         let mut frames = Vec::new();
         for (i, held_out) in shots.into_iter().enumerate() {
+            self.setup.cancel.check()?;
             let camera = &self.cameras[i % self.cameras.len()];
             frames.extend(take(camera, &[held_out.shot], !self.setup.experiment.seed)?);
         }

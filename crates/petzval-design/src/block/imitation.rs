@@ -4,6 +4,7 @@
 use std::sync::Arc;
 
 use burn::prelude::*;
+use petzval_base::Cancel;
 use petzval_camera::isp::Isp;
 use petzval_learn::score::Score;
 use serde::{Deserialize, Serialize};
@@ -107,7 +108,9 @@ impl Imitation {
             for number in 0..JUDGED_BATCHES {
                 frames.extend(self.frames(batch, FIRST_JUDGED + number)?);
             }
-            let judge = Judge { isp: self.plan.isp.as_ref(), frames: &frames, scores: &self.plan.scores };
+            // A run stops between steps, and never within one that has moved the network.
+            let (isp, scores, cancel) = (self.plan.isp.as_ref(), &self.plan.scores, &Cancel::default());
+            let judge = Judge { isp, frames: &frames, scores, cancel };
             let gap = judge.gap(self.trainer.proxy(), values, &batch.camera.body().device)?;
             figures.push(("imitation_psnr_db".to_owned(), gap.psnr_at_centre_db));
             figures.push(("imitation_gradient_cosine".to_owned(), gap.gradient_cosine));

@@ -95,6 +95,8 @@ pub struct Scenes {
     moving: Mutex<Kept>,
     /// The windows of scores.
     scored: Mutex<Kept>,
+    /// Stops the making of windows of scores, and of those that are made ahead.
+    cancel: Cancel,
 }
 
 /// The windows of one projection.
@@ -170,6 +172,7 @@ impl Scenes {
             pixel_mm,
             moving: Mutex::default(),
             scored: Mutex::default(),
+            cancel: plan.assets.cancel().clone(),
         })
     }
 
@@ -279,8 +282,10 @@ impl Scenes {
 
     /// Makes the windows of training items that are soon needed. An error comes back when they are.
     fn prepare(&self, view: SceneView, mut items: Range<u64>) {
-        let _later = items
-            .try_for_each(|item| self.window(view, List::Training, self.training_window(item).0).map(|_| ()));
+        let _later = items.try_for_each(|item| -> Result<(), DesignError> {
+            self.cancel.check()?;
+            self.window(view, List::Training, self.training_window(item).0).map(|_| ())
+        });
     }
 
     /// Window `number` of a list.
@@ -431,6 +436,8 @@ impl Windows for Scenes {
         is_chosen: &dyn Fn(usize) -> bool,
     ) -> Result<Vec<HeldOut>, DesignError> {
         let window = |i: usize| {
+            // A street takes a second.
+            self.cancel.check()?;
             let shot = self.shot(SceneView::of(camera), List::HeldOut, i as u64)?;
             Ok(HeldOut {
                 name: self.name(List::HeldOut, i as u64),

@@ -742,4 +742,6 @@ fn a_lens_that_the_experiment_derives_may_be_out_of_focus() {
     assert!(look.problems.is_empty(), "{:?}", look.problems);
     let said = |words: &str| look.warnings.iter().any(|warning| warning.contains(words));
     assert!(said("middle of its bounds: the PSFs' grid"), "{:?}", look.warnings);
+    setup.cancel.set();
+    assert!(first_look(&setup).unwrap_err().is_stopped());
 }

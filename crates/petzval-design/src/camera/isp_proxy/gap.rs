@@ -2,8 +2,9 @@
 
 use burn::prelude::*;
 use burn::tensor::TensorData;
+use petzval_base::Cancel;
 use petzval_camera::image::LinearImage;
-use petzval_camera::isp::{Isp, IspError};
+use petzval_camera::isp::Isp;
 use petzval_camera::tape::on_device;
 use petzval_learn::proxy_isp::ProxyIsp;
 use petzval_learn::score::{Score, ScoreDescription, ScoredPair};
@@ -77,10 +78,13 @@ pub struct Judge<'a> {
     pub frames: &'a [Frame],
     /// Scores of pictures against their truths.
     pub scores: &'a [Box<dyn Score>],
+    /// Stops it before the next frame.
+    pub cancel: &'a Cancel,
 }
 
 impl Judge<'_> {
-    /// Judges a proxy about `values`, one for each parameter of the ISP. `device` has automatic differentiation.
+    /// Judges a proxy about `values`, one for each parameter of the ISP. `device` has automatic differentiation. Fails with
+    /// [`DesignError::Stopped`] once the flag is set.
     pub fn gap(&self, proxy: &ProxyIsp, values: &[f64], device: &Device) -> Result<Gap, DesignError> {
         let centre = proxy.places(values);
         let mut random = ChaCha8Rng::seed_from_u64(SEED);
@@ -92,13 +96,17 @@ impl Judge<'_> {
         }
         let same = vec![centre.clone(); count];
         let truth = |frame: &Frame| -> Result<LinearImage, DesignError> {
+            self.cancel.check()?;
             let picture = self.isp.develop(&frame.ideal, values)?;
             let (height, width, data) = (picture.height, picture.width, picture.encoded());
             Ok(LinearImage { channels: 3, height, width, data })
         };
         let truths: Vec<LinearImage> = self.frames.iter().map(truth).collect::<Result<_, _>>()?;
         let at_centre = self.pictures(proxy, &same, device)?;
-        let scores = self.scores.iter().map(|score| score_gap(score.as_ref(), &at_centre, &truths, device));
+        let scores = self.scores.iter().map(|score| {
+            let score = score.as_ref();
+            score_gap(score, &at_centre, &truths, device, self.cancel)
+        });
         let slopes = self.slopes(proxy, &truths, &beside(&centre, &mut random), device)?;
         Ok(Gap {
             frames: count,
@@ -119,6 +127,7 @@ impl Judge<'_> {
         device: &Device,
     ) -> Result<Vec<Pictures>, DesignError> {
         let both = |(frame, places): (&Frame, &Vec<f64>)| {
+            self.cancel.check()?;
             let isp = self.isp.develop(&frame.raw, &proxy.values(places))?.encoded();
             let proxy = to_host(develop(proxy, frame, at(places, device), device)?)?;
             Ok(Pictures { isp, proxy })
@@ -137,20 +146,23 @@ impl Judge<'_> {
         let count = self.frames.len() as f64;
         let mut by_proxy = vec![0.0; point.len()];
         for (frame, truth) in self.frames.iter().zip(truths) {
+            self.cancel.check()?;
             let places = at(point, device).require_grad();
             let error = develop(proxy, frame, places.clone(), device)? - on_device(truth, device);
             let gradients = error.square().mean().backward();
             let by = places.grad(&gradients).ok_or(DesignError::NoGradient("the parameters of the ISP"))?;
             by_proxy.iter_mut().zip(to_host(by)?).for_each(|(sum, slope)| *sum += f64::from(slope) / count);
         }
-        let (isp, frames) = (self.isp, self.frames);
-        let mean_square_of = |places: &[f64]| -> Result<f64, IspError> {
+        let (isp, frames, cancel) = (self.isp, self.frames, self.cancel);
+        let mean_square_of = |places: &[f64]| -> Result<f64, DesignError> {
             let values = proxy.values(places);
             let of = |(frame, truth): (&Frame, &LinearImage)| {
+                cancel.check()?;
                 let picture = isp.develop(&frame.raw, &values)?;
                 Ok(mean_square(&picture.encoded(), &truth.data))
             };
-            let errors: Vec<f64> = frames.par_iter().zip(truths).map(of).collect::<Result<_, IspError>>()?;
+            let errors: Vec<f64> =
+                frames.par_iter().zip(truths).map(of).collect::<Result<_, DesignError>>()?;
             Ok(errors.iter().sum::<f64>() / count)
         };
         let mut slopes = Vec::new();
@@ -183,10 +195,12 @@ fn score_gap(
     pictures: &[Pictures],
     truths: &[LinearImage],
     device: &Device,
+    cancel: &Cancel,
 ) -> Result<ScoreGap, DesignError> {
     let mean = |of: fn(&Pictures) -> &Vec<f32>| -> Result<f64, DesignError> {
         let mut sum = 0.0;
         for (picture, truth) in pictures.iter().map(of).zip(truths) {
+            cancel.check()?;
             let data = picture.iter().map(|v| v.clamp(0.0, 1.0)).collect();
             let finished = LinearImage { data, ..truth.clone() };
             sum += score.of(&ScoredPair::new(finished, truth.clone(), device))?;

@@ -4,6 +4,7 @@ mod plan;
 
 use std::path::PathBuf;
 
+use petzval_base::Cancel;
 use petzval_camera::develop::{Demosaic, Domain};
 use petzval_camera::isp::Isp;
 use petzval_design::camera::isp_proxy::{Frame, Judge, ParameterSlope, ProxyTrainer, ScoreGap, StepLosses};
@@ -118,12 +119,13 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     if kept.step < plan.training.steps {
         return Err(stop());
     }
-    let frames = source.held_out()?;
-    context.note(format!("comparing proxy and ISP on {} frames of unseen scenes", frames.len()));
-    let judge = Judge { isp: named.isp(), frames: &frames, scores: &context.scores()? };
     let judged = || {
+        let frames = source.held_out()?;
+        context.note(format!("comparing proxy and ISP on {} frames of unseen scenes", frames.len()));
+        let (scores, cancel) = (context.scores()?, context.cancel());
+        let judge = Judge { isp: named.isp(), frames: &frames, scores: &scores, cancel };
         let gap = judge.gap(trainer.proxy(), &values, &device)?;
-        let sheet = sheet(&named, &gap, pictures(&named, &frames, &trainer, &values)?);
+        let sheet = sheet(&named, &gap, pictures(&named, &frames, &trainer, &values, cancel)?);
         Ok((gap, sheet))
     };
     let (gap, sheet) = match judged() {
@@ -243,9 +245,11 @@ fn pictures(
     frames: &[Frame],
     trainer: &ProxyTrainer,
     values: &[f64],
+    cancel: &Cancel,
 ) -> Result<Vec<Pair>, JobError> {
     let mut pairs = Vec::new();
     for frame in frames.iter().step_by((frames.len() / SHOWN).max(1)).take(SHOWN) {
+        cancel.check()?;
         let isp = named.isp().develop(&frame.raw, values).map_err(DesignError::from)?;
         let proxy = trainer.proxy().develop(&frame.raw, values).map_err(DesignError::from)?;
         pairs.push(Pair { height: isp.height, width: isp.width, isp: isp.encoded(), proxy: proxy.encoded() });
