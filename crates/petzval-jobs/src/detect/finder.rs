@@ -2,23 +2,27 @@
 
 use std::path::PathBuf;
 
+use petzval_camera::image::LinearImage;
 use petzval_design::camera::Camera;
 use petzval_design::design_loop::set_sight;
+use petzval_design::error::DesignError;
 use petzval_design::report::run_report::camera_lens;
 use petzval_design::run::{DigestCheck, Kept, RunFolder, load_blocks};
 use petzval_design::setup::Setup;
 use petzval_design::task::objects::{detector_of, untrained};
 use petzval_learn::Device;
 use petzval_learn::dataset::Classes;
-use petzval_learn::detection::{AnyDetector, BackboneKind, Detector, Zoom, Zoomed};
+use petzval_learn::detection::{AnyDetector, BackboneKind, Detection, Detector, Zoom, Zoomed, detect_in};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::Found;
 use crate::apply::none_finished;
 use crate::context::Context;
 use crate::error::JobError;
 use crate::evaluate::camera_of;
 use crate::event::WarningKind;
+use crate::pixels::check_picture;
 use crate::range::check_ranges;
 
 /// Where a detector comes from.
@@ -71,6 +75,55 @@ pub struct Finder {
     pub camera: Option<Camera>,
     /// What of a data set its classes take; none of weights of torchvision, whose classes have the numbers of COCO.
     pub taken: Option<Classes>,
+}
+
+impl Finder {
+    /// A detection in words: its class by name.
+    pub fn in_words(&self, detection: &Detection) -> Found {
+        let Detection { bbox, score, class, .. } = detection;
+        Found {
+            class: self.classes[*class].clone(),
+            score: *score,
+            bbox: [bbox.x1, bbox.y1, bbox.width(), bbox.height()],
+        }
+    }
+}
+
+/// A detector that is opened once and looks at pictures in memory.
+pub struct ObjectFinder {
+    finder: Finder,
+    device: Device,
+}
+
+impl ObjectFinder {
+    /// Opens the detector of a finished camera, or weights. `device` is where tensors live. `accept_changed` names files or folders of the
+    /// run, by their path below it, that may differ from their digests.
+    pub fn open(
+        source: &Source,
+        device: &str,
+        accept_changed: &[String],
+        context: &Context,
+    ) -> Result<Self, JobError> {
+        let device = context.device(device)?;
+        let finder = finder(source, None, &device, accept_changed, context)?;
+        Ok(Self { finder, device })
+    }
+
+    /// Names of its classes; of weights of torchvision the numbers that torchvision gives them.
+    pub fn classes(&self) -> &[String] {
+        &self.finder.classes
+    }
+
+    /// The objects of at least this score, 0..1, in a picture of three planes in linear light where 1 is white; best first. Boxes are in
+    /// pixels of the picture.
+    pub fn find(&self, picture: &LinearImage, least_score: f32) -> Result<Vec<Found>, JobError> {
+        check_picture(picture, "the picture")?;
+        let encoded = LinearImage { data: picture.to_srgb(), ..*picture };
+        let found = detect_in(self.finder.detector.as_ref(), &encoded, &self.device);
+        let found = found.map_err(DesignError::from)?;
+        let sure = found.iter().filter(|detection| detection.score >= least_score);
+        Ok(sure.map(|detection| self.finder.in_words(detection)).collect())
+    }
 }
 
 /// What the network of a camera that looks for objects is called.

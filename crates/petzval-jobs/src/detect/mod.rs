@@ -20,7 +20,7 @@ use petzval_learn::detection::{Detection, detect_in};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-pub use finder::{Source, Weights};
+pub use finder::{ObjectFinder, Source, Weights};
 pub use petzval_learn::detection::BackboneKind;
 pub use petzval_learn::score::detection::CocoSummary;
 pub use scores::{ClassScore, Overhanging, Scores};
@@ -152,13 +152,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         results
             .extend(found.iter().filter(|d| labelled.is_some() || is_sure(d)).map(|d| result(image.id, d)));
         let sure: Vec<Detection> = found.iter().filter(is_sure).copied().collect();
-        let in_words = |d: &Detection| Found {
-            class: finder.classes[d.class].clone(),
-            score: d.score,
-            bbox: [d.bbox.x1, d.bbox.y1, d.bbox.width(), d.bbox.height()],
-        };
         images.push(image);
-        pictures.push(Seen { file: file.clone(), found: sure.iter().map(in_words).collect() });
+        pictures.push(Seen { file: file.clone(), found: sure.iter().map(|d| finder.in_words(d)).collect() });
         if let Some(out) = &request.out {
             let boxes: Vec<_> = sure.iter().map(|d| (d.bbox, d.class)).collect();
             let png = encoded_png_bytes(&with_boxes(&encoded, &boxes, &finder.classes))

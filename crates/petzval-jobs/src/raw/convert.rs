@@ -11,38 +11,41 @@ use serde::{Deserialize, Serialize};
 use super::FrameSummary;
 use crate::context::Context;
 use crate::error::JobError;
+use crate::range::check_ranges;
 use crate::results::check_file;
 
 pub use petzval_camera::sensor::CfaPattern;
 pub use petzval_files::raw_file::Packing;
 
-/// A raw frame to write in the format that the name of the output ends with. Its digital numbers do not change.
-///
-/// Camera and exposure are those of the input and its sidecar, except where the request gives them; they go into the
-/// sidecar of the output.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Request {
-    /// The frame.
-    pub input: PathBuf,
-    /// Where to write it: `.tiff`, `.png`, `.npy`, `.raw` or `.exr`.
-    pub output: PathBuf,
-    /// Packing of a `.raw`; by default the usual one of its bits.
-    pub packing: Option<Packing>,
-    /// Bits of the digital numbers.
-    pub bits: Option<u32>,
-    /// Colour filter array from the first pixel.
-    pub cfa: Option<CfaPattern>,
-    /// Black level, DN.
-    pub black_level_dn: Option<f64>,
-    /// White level, DN.
-    pub white_level_dn: Option<f64>,
-    /// Exposure time, s.
-    pub time_s: Option<f64>,
-    /// Linear analogue gain.
-    pub gain: Option<f64>,
-    /// Pixel pitch, um.
-    pub pixel_um: Option<f64>,
+petzval_base::parameters! {
+    /// A raw frame to write in the format that the name of the output ends with. Its digital numbers do not change.
+    ///
+    /// Camera and exposure are those of the input and its sidecar, except where the request gives them; they go into the
+    /// sidecar of the output.
+    pub struct Request {
+        /// Bits of the digital numbers.
+        bits: Option<u32> = None, "", 1..24, Linear, "give the bits of a digital number, 1 to 24";
+        /// Black level, DN.
+        black_level_dn: Option<f64> = None, "DN", 0.0..16_777_215.0, Linear, "give the black level in DN";
+        /// White level, DN.
+        white_level_dn: Option<f64> = None, "DN", 1.0..16_777_215.0, Linear, "give the digital number of saturation";
+        /// Exposure time, s.
+        time_s: Option<f64> = None, "s", 0.0..1e6, Linear, "give the exposure time in seconds: 5 ms is 0.005";
+        /// Linear analogue gain.
+        gain: Option<f64> = None, "", 1e-6..1e6, Log, "give the linear gain, 1 for 0 dB";
+        /// Pixel pitch, um.
+        pixel_um: Option<f64> = None, "um", 0.1..1000.0, Log, "give the pixel pitch in um";
+    }
+    also {
+        /// The frame.
+        input: PathBuf = PathBuf::new();
+        /// Where to write it: `.tiff`, `.png`, `.npy`, `.raw` or `.exr`.
+        output: PathBuf = PathBuf::new();
+        /// Packing of a `.raw`; by default the usual one of its bits.
+        packing: Option<Packing> = None;
+        /// Colour filter array from the first pixel.
+        cfa: Option<CfaPattern> = None;
+    }
 }
 
 /// What was written.
@@ -57,6 +60,7 @@ pub struct Response {
 
 /// Reads the frame and writes it, with its sidecar.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+    check_ranges(request)?;
     let mut frame = load_any_raw(&request.input)?.in_16_bits().ok_or_else(|| {
         JobError::input(
             format!("{}: numbers of more than 16 bits", request.input.display()),
@@ -82,7 +86,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 }
 
 impl Request {
-    /// Camera and exposure as the request gives them, once every number is in its range.
+    /// Camera and exposure as the request gives them. Levels are those of 16 bits unless the request states more.
     fn info(&self) -> Result<RawInfo, JobError> {
         let info = RawInfo {
             bits: self.bits,
@@ -96,11 +100,6 @@ impl Request {
         };
         info.validate().map_err(|wrong| {
             let OutOfRange { key, value, low, high, meaning } = wrong;
-            let key = match key {
-                "exposure_s" => "time_s",
-                "linear_gain" => "gain",
-                same => same,
-            };
             JobError::setting(key, value, format!("outside {low}..{high}"), format!("give {meaning}"))
         })?;
         Ok(info)

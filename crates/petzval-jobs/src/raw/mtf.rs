@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use petzval_base::csv_text;
+use petzval_camera::image::LinearImage;
 use petzval_camera::sensor::CfaPattern;
 use petzval_files::load_image;
 use petzval_files::raw_file::{RawFrame, holds_digital_numbers, load_raw};
@@ -16,6 +17,7 @@ use serde::{Deserialize, Serialize};
 use crate::context::Context;
 use crate::error::{JobError, json, make_folder, write_file};
 use crate::event::WarningKind;
+use crate::pixels::check_picture;
 use crate::range::check_ranges;
 use crate::results::{check_folder, what_is};
 
@@ -114,6 +116,40 @@ const CLIPPED_SHARE: f64 = 0.005;
 /// Change of the light across a region that is said, of its level.
 const SAID_FALL: f64 = 0.03;
 
+/// Pixels in memory.
+#[derive(Clone, Copy, Debug)]
+pub enum Pixels<'a> {
+    /// A raw frame, with its colour filters, levels and pitch as far as they are known.
+    Raw(&'a RawFrame),
+    /// A picture of three planes in linear light.
+    Picture(&'a LinearImage),
+}
+
+/// Measures the edges of pixels in memory, in place of the file of the request; writes nothing. `name` is what the response calls them.
+pub fn edges(
+    request: &Request,
+    name: &str,
+    pixels: Pixels<'_>,
+    context: &Context,
+) -> Result<Response, JobError> {
+    check_ranges(request)?;
+    let frame = match pixels {
+        Pixels::Raw(raw) => {
+            let RawFrame { height, width, dn, .. } = raw;
+            if dn.is_empty() || height.checked_mul(*width) != Some(dn.len()) {
+                let message = format!("{name}: {} digital numbers for {height}x{width} pixels", dn.len());
+                return Err(JobError::input(message, "give one number for each pixel, row by row"));
+            }
+            frame_of_raw(request, raw, name, context)?
+        }
+        Pixels::Picture(light) => {
+            check_picture(light, name)?;
+            frame_of_picture(request, light, true)?
+        }
+    };
+    measured_edges(request, name, &frame, context)
+}
+
 /// Reads the frame, measures its edges, and writes the files.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     check_ranges(request)?;
@@ -121,29 +157,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         check_folder(out, FILES, context)?;
     }
     let frame = read(request, context)?;
-    for region in &request.regions {
-        if !region.is_inside(frame.height, frame.width) {
-            let message = format!("the frame has {} rows and {} columns", frame.height, frame.width);
-            let hint = "give ROW,COL,HEIGHT,WIDTH, rows and columns counted from 0";
-            return Err(JobError::setting("region", region, message, hint));
-        }
-    }
-    let edges = if request.regions.is_empty() {
-        found(&request.file, &frame)?
-    } else {
-        let each = request.regions.iter().map(|region| measured(region, &frame, context));
-        each.collect::<Result<Vec<_>, _>>()?
-    };
-    warn(&edges, &frame, context);
-    let mut response = Response {
-        file: request.file.display().to_string(),
-        height: frame.height,
-        width: frame.width,
-        light: frame.light,
-        pixel_um: frame.pixel_um,
-        edges,
-        files: Vec::new(),
-    };
+    let name = request.file.display().to_string();
+    let mut response = measured_edges(request, &name, &frame, context)?;
     if let Some(out) = &request.out {
         make_folder(out)?;
         response.files = FILES.iter().map(|name| out.join(name)).collect();
@@ -156,6 +171,38 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     Ok(response)
 }
 
+/// The edges that the request names in a frame, or those that are found.
+fn measured_edges(
+    request: &Request,
+    name: &str,
+    frame: &Frame,
+    context: &Context,
+) -> Result<Response, JobError> {
+    for region in &request.regions {
+        if !region.is_inside(frame.height, frame.width) {
+            let message = format!("the frame has {} rows and {} columns", frame.height, frame.width);
+            let hint = "give ROW,COL,HEIGHT,WIDTH, rows and columns counted from 0";
+            return Err(JobError::setting("region", region, message, hint));
+        }
+    }
+    let edges = if request.regions.is_empty() {
+        found(name, frame)?
+    } else {
+        let each = request.regions.iter().map(|region| measured(region, frame, context));
+        each.collect::<Result<Vec<_>, _>>()?
+    };
+    warn(&edges, frame, context);
+    Ok(Response {
+        file: name.to_owned(),
+        height: frame.height,
+        width: frame.width,
+        light: frame.light,
+        pixel_um: frame.pixel_um,
+        edges,
+        files: Vec::new(),
+    })
+}
+
 /// Cycles per mm of a frequency in cycles per pixel.
 pub fn per_mm(per_px: f64, pixel_um: f64) -> f64 {
     1e3 * per_px / pixel_um
@@ -164,28 +211,41 @@ pub fn per_mm(per_px: f64, pixel_um: f64) -> f64 {
 /// Reads the file as light.
 fn read(request: &Request, context: &Context) -> Result<Frame, JobError> {
     if !request.is_picture && holds_digital_numbers(&request.file)? {
-        return read_raw(request, load_raw(&request.file)?, context);
+        let name = request.file.display().to_string();
+        return frame_of_raw(request, &load_raw(&request.file)?, &name, context);
     }
-    if let Some(cfa) = request.cfa {
-        let message = "a picture has no mosaic";
-        return Err(JobError::setting("cfa", cfa, message, "leave it out, or give a raw frame"));
-    }
+    check_no_mosaic(request)?;
     let picture = load_image(&request.file).map_err(petzval_design::error::DesignError::from)?;
     let name = request.file.display();
     picture.notes.iter().for_each(|note| context.warning(WarningKind::RawFrame, format!("{name}: {note}")));
+    frame_of_picture(request, &picture.light, picture.is_linear)
+}
+
+/// Refuses a colour filter array of a picture.
+fn check_no_mosaic(request: &Request) -> Result<(), JobError> {
+    match request.cfa {
+        Some(cfa) => {
+            let message = "a picture has no mosaic";
+            Err(JobError::setting("cfa", cfa, message, "leave it out, or give a raw frame"))
+        }
+        None => Ok(()),
+    }
+}
+
+fn frame_of_picture(request: &Request, light: &LinearImage, is_linear: bool) -> Result<Frame, JobError> {
+    check_no_mosaic(request)?;
     Ok(Frame {
-        height: picture.light.height,
-        width: picture.light.width,
-        channels: picture_channels(&picture.light),
-        light: if picture.is_linear { Light::Linear } else { Light::SrgbUndone },
+        height: light.height,
+        width: light.width,
+        channels: picture_channels(light),
+        light: if is_linear { Light::Linear } else { Light::SrgbUndone },
         pixel_um: request.pixel_um,
         // Whole numbers of a picture end at black and white; floats have no end.
-        ends: if picture.is_linear { [None; 2] } else { [Some(0.0), Some(1.0)] },
+        ends: if is_linear { [None; 2] } else { [Some(0.0), Some(1.0)] },
     })
 }
 
-fn read_raw(request: &Request, raw: RawFrame, context: &Context) -> Result<Frame, JobError> {
-    let name = request.file.display();
+fn frame_of_raw(request: &Request, raw: &RawFrame, name: &str, context: &Context) -> Result<Frame, JobError> {
     let cfa = request.cfa.or(raw.info.cfa).unwrap_or_else(|| {
         context.warning(WarningKind::RawFrame, format!(
             "{name}: no sidecar states its mosaic, and all pixels are taken for one colour; --cfa RGGB names one"
@@ -244,7 +304,7 @@ fn measured(region: &Region, frame: &Frame, context: &Context) -> Result<Edge, J
 }
 
 /// The edges that are found in the channel with the most light: green, or the first. A channel in which one of them has no response is left out there.
-fn found(file: &Path, frame: &Frame) -> Result<Vec<Edge>, JobError> {
+fn found(name: &str, frame: &Frame) -> Result<Vec<Edge>, JobError> {
     let green = frame.channels.iter().find(|channel| channel.pitch > 1 && channel.name == "green");
     let searched = green.or(frame.channels.first()).map(find_edges).unwrap_or_default();
     let edges: Vec<Edge> = searched
@@ -257,7 +317,7 @@ fn found(file: &Path, frame: &Frame) -> Result<Vec<Edge>, JobError> {
         .collect();
     if edges.is_empty() {
         Err(JobError::input(
-            format!("{}: no slanted edge was found", file.display()),
+            format!("{name}: no slanted edge was found"),
             "name one with --region ROW,COL,HEIGHT,WIDTH: a straight edge, about 5 degrees off the rows or columns, that crosses the region",
         ))
     } else {

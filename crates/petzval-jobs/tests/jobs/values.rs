@@ -9,6 +9,7 @@ use petzval_files::raw_file::load_raw;
 use petzval_files::{load_image, save_png16};
 use petzval_jobs::isp::develop;
 use petzval_jobs::lens::analyze;
+use petzval_jobs::raw::mtf;
 use petzval_jobs::sensor::capture;
 use petzval_jobs::{Context, JobError, Silent, built_in_assets, psf, psf_calibrate, psf_capture, simulate};
 
@@ -225,4 +226,32 @@ fn an_analysis_of_a_lens_is_what_the_job_returns() {
     let text = |analysis: &analyze::Analysis| serde_json::to_string(analysis).unwrap();
     assert_eq!(text(&response.analysis), text(&analysis));
     assert_eq!(std::fs::read_to_string(out.join("analysis.json")).unwrap(), text(&analysis));
+}
+
+#[test]
+fn edges_in_memory_are_measured_as_those_of_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("taken");
+    let request = simulate::Request {
+        images: vec!["scene:slanted-edge".into()],
+        size: Some((128, 128)),
+        spectral: simulate::Spectral { qe: Some("flat:0.6".to_owned()), ..simulate::Spectral::default() },
+        picture_format: simulate::PictureAs::Exr,
+        out: out.clone(),
+        ..simulate::Request::default()
+    };
+    simulate::run(&request, &context()).unwrap();
+    let region = mtf::Region { row: 16, col: 16, height: 96, width: 96 };
+    let [raw, picture] = ["slanted-edge-raw.tiff", "slanted-edge-developed.exr"].map(|name| out.join(name));
+    let of_file = |file: &Path| {
+        let request =
+            mtf::Request { file: file.to_owned(), regions: vec![region], ..mtf::Request::default() };
+        mtf::run(&request, &context()).unwrap()
+    };
+    let request = mtf::Request { regions: vec![region], ..mtf::Request::default() };
+    let in_memory = |pixels: mtf::Pixels<'_>| mtf::edges(&request, "edge", pixels, &context()).unwrap();
+    let (frame, light) = (load_raw(&raw).unwrap(), load_image(&picture).unwrap().light);
+    let of_raw = in_memory(mtf::Pixels::Raw(&frame));
+    assert_eq!((of_raw.file.as_str(), of_raw.edges), ("edge", of_file(&raw).edges));
+    assert_eq!(in_memory(mtf::Pixels::Picture(&light)).edges, of_file(&picture).edges);
 }

@@ -98,7 +98,10 @@ fn what_cannot_be_read_or_written_is_named_and_nothing_is_written() {
             &["convert", "frame.tiff", "a.raw", "--bits", "10"],
             ["the value 1157 at row 1, column 0", "10 bits"],
         ),
-        (&["convert", "frame.tiff", "a.raw", "--bits", "99"], ["--bits 99: outside 1..24", "1 to 24"]),
+        (
+            &["convert", "frame.tiff", "a.raw", "--bits", "99"],
+            ["--bits 99: must lie between 1 and 24", "1 to 24"],
+        ),
         (&["convert", "frame.tiff", "a.raw", "--packing", "mipi"], ["has no 16 bits", "packing"]),
         (
             &["convert", "frame.tiff", "a.png", "--packing", "mipi"],

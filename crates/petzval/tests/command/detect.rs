@@ -1,6 +1,12 @@
 //! `petzval design` for a task of detection, and `petzval detect` with the detector that it trained.
 
 use std::path::Path;
+use std::sync::Arc;
+
+use petzval::camera::image::LinearImage;
+use petzval::files::load_image;
+use petzval::jobs::detect::{ObjectFinder, Source};
+use petzval::jobs::{Context, Silent, built_in_assets};
 
 use crate::common::{self, copy_folder, read, read_json, run_fails, run_ok};
 
@@ -139,6 +145,15 @@ fn a_run_that_looks_for_objects_is_scored_again_reported_and_lends_its_detector(
     assert_eq!(lines.lines().count(), count + 1);
     let results = read_json(&root.join("out/detections.json"));
     assert_eq!(results.as_array().unwrap().len(), count);
+    // In memory, the same detector finds the same.
+    let context = Context::new(built_in_assets(), Arc::new(Silent));
+    let source = Source::Run { run: root.join("run"), camera: Some("nominal".to_owned()) };
+    let finder = ObjectFinder::open(&source, "cpu", &[], &context).unwrap();
+    assert_eq!(finder.classes()[2], "green");
+    let picture = load_image(&root.join("in/01.png")).unwrap().light;
+    let in_memory = serde_json::to_value(finder.find(&picture, 0.0).unwrap()).unwrap();
+    assert_eq!(in_memory, pictures[0]["found"]);
+    assert!(finder.find(&LinearImage::zeros(1, 8, 8), 0.0).is_err());
     let data = read_json(&root.join("out/annotations.json"));
     assert_eq!(data["images"].as_array().unwrap().len(), 10);
     assert_eq!(data["categories"][2]["name"], "green");

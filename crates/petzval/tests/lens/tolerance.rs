@@ -172,7 +172,7 @@ fn wrong_input_is_refused_with_its_place() {
         (&["--merit", "mtf", "--frequency", "0"], &["--frequency", "cycles per mm"]),
         (&["--merit", "mtf", "--frequency", "500"], &["--frequency 500", "resolves nothing beyond 383"]),
         (&["--limit", "-1"], &["--limit", "um for the RMS spot"]),
-        (&["--merit", "mtf", "--limit", "1.5"], &["--limit", "0 to 1"]),
+        (&["--merit", "mtf", "--limit", "1.5"], &["--limit 1.5: no MTF is above 1", "between 0 and 1"]),
         (&["--inverse", "nan"], &["--inverse", "above 0"]),
         (&["--tolerances", "absent.toml"], &["absent.toml", "takes a TOML file"]),
         (&["--merit", "wavefront"], &["wavefront", "rms, mtf"]),

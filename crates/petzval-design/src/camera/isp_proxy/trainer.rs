@@ -188,6 +188,7 @@ pub(super) fn dn_on(raw: &RawInput, device: &Device) -> Tensor<4> {
 
 #[cfg(test)]
 mod tests {
+    use petzval_base::Cancel;
     use petzval_camera::isp::{FrameData, HardwareIsp, IspSettings, NoiseProfile};
     use petzval_learn::dataset::dead_leaves;
 
@@ -244,7 +245,8 @@ mod tests {
         let (isp, device) = (isp(), Device::flex().autodiff());
         let mut trainer = trainer(&isp, 1, &device);
         let unseen: Vec<Frame> = (1_000_000..1_000_004).map(frame).collect();
-        let judge = Judge { isp: &isp, frames: &unseen, scores: &[] };
+        let cancel = Cancel::default();
+        let judge = Judge { isp: &isp, frames: &unseen, scores: &[], cancel: &cancel };
         let gap = |trainer: &ProxyTrainer| judge.gap(trainer.proxy(), &isp.defaults(), &device).unwrap();
         let before = gap(&trainer);
         for step in 0..STEPS {
@@ -259,10 +261,12 @@ mod tests {
         // So they are where the ISP has its best parameters, at which the error has no slope.
         let best: Vec<Frame> =
             unseen.iter().map(|frame| Frame { raw: frame.raw.clone(), ideal: frame.raw.clone() }).collect();
-        let judge = Judge { isp: &isp, frames: &best, scores: &[] };
+        let judge = Judge { isp: &isp, frames: &best, scores: &[], cancel: &cancel };
         let at_best = judge.gap(trainer.proxy(), &isp.defaults(), &device).unwrap();
         assert!(at_best.slopes.iter().all(|slope| slope.isp.abs() > 1e-4), "{at_best:?}");
         assert!(at_best.gradient_cosine > 0.9, "{at_best:?}");
+        cancel.set();
+        assert!(judge.gap(trainer.proxy(), &isp.defaults(), &device).unwrap_err().is_stopped());
     }
 
     #[test]

@@ -62,6 +62,10 @@ petzval_base::parameters! {
         slope: Option<f64> = None, "degrees", 0..89.999, Linear, "degrees, below 90";
         /// Greatest angle of the outermost chief ray to the axis at the image, degrees.
         chief_ray_angle: Option<f64> = None, "degrees", 0..89.999, Linear, "degrees, below 90";
+        /// Field angles, degrees; those of the lens if empty.
+        fields: Vec<f64> = Vec::new(), "degrees", -180.0..180.0, Linear, "degrees from the axis";
+        /// Least and greatest back focal length, mm; empty for none.
+        bfl: Vec<f64> = Vec::new(), "mm", -1e6..1e6, Linear, "for example 24,25";
     }
     also {
         /// The error of the best linear restoration of the frames of a camera is minimised in place of the spots.
@@ -70,16 +74,12 @@ petzval_base::parameters! {
         operands: Option<OperandFile> = None;
         /// Kinds of numbers that vary beside the variables of the lens file; a lens whose file names none varies these alone.
         vary: Vec<Vary> = Vec::new();
-        /// Field angles, degrees; those of the lens if empty.
-        fields: Vec<f64> = Vec::new();
         /// Focal length to hold, mm, or `free`; if left out what the lens file solves for, else that of the lens at the start, or the magnification
         /// of a near object.
         efl: Option<String> = None;
         /// Glasses that a search may exchange, each as `SURFACE` or `SURFACE=NAME,...`: the surface in front of the glass, and the
         /// names that it may get, the whole catalogue if none. The glass that it has always takes part.
         glass: Vec<String> = Vec::new();
-        /// Least and greatest back focal length, mm; empty for none.
-        bfl: Vec<f64> = Vec::new();
     }
 }
 

@@ -41,6 +41,10 @@ petzval_base::parameters! {
         trials: usize = 1000, "", 0..1_000_000, Linear, "at most 1000000; 0 leaves the random lenses out";
         /// How many of the worst lenses are named and written.
         worst: usize = 3, "", 0..1_000_000, Linear, "3 is usual";
+        /// A value of the merit; the response gives the number of lenses that reach it.
+        limit: Option<f64> = None, "", 1e-12..1e12, Log, "a merit: um for the RMS spot, 0 to 1 for the MTF";
+        /// A loss of the merit; the response gives the tolerance of each quantity with which all together cost this much.
+        inverse: Option<f64> = None, "", 1e-12..1e12, Log, "a loss of the merit above 0: um for the RMS spot, less than 1 for the MTF";
     }
     also {
         /// Lens: a built-in name, the path of a file, or the lens itself.
@@ -55,10 +59,6 @@ petzval_base::parameters! {
         kind: PsfKind = PsfKind::default();
         /// What is adjusted on every lens.
         compensate: Compensate = Compensate::default();
-        /// A value of the merit; the response gives the number of lenses that reach it.
-        limit: Option<f64> = None;
-        /// A loss of the merit; the response gives the tolerance of each quantity with which all together cost this much.
-        inverse: Option<f64> = None;
         /// Seed of the random lenses.
         seed: u64 = crate::usual::seed();
         /// Folder for the results; nothing is written without one.
@@ -125,28 +125,15 @@ pub struct Response {
 impl Request {
     fn check(&self) -> Result<(), JobError> {
         check_ranges(self)?;
-        let is_positive = |v: f64| v > 0.0 && v.is_finite();
-        let is_mtf = self.merit == Merit::Mtf;
-        let text = |value: Option<f64>| value.map_or_else(String::new, |v| v.to_string());
-        for (key, value, is_in_range, hint) in [
-            (
-                "limit",
-                text(self.limit),
-                self.limit.is_none_or(|v| is_positive(v) && (!is_mtf || v <= 1.0)),
-                "a merit: um for the RMS spot, 0 to 1 for the MTF",
-            ),
-            (
-                "inverse",
-                text(self.inverse),
-                self.inverse.is_none_or(|v| is_positive(v) && (!is_mtf || v < 1.0)),
-                "a loss of the merit above 0: um for the RMS spot, less than 1 for the MTF",
-            ),
-        ] {
-            if !is_in_range {
-                return Err(JobError::setting(key, value, "out of range", hint));
-            }
+        if self.merit == Merit::Rms {
+            return Ok(());
         }
-        Ok(())
+        let hint = "an MTF lies between 0 and 1";
+        match (self.limit.filter(|limit| *limit > 1.0), self.inverse.filter(|loss| *loss >= 1.0)) {
+            (Some(limit), _) => Err(JobError::setting("limit", limit, "no MTF is above 1", hint)),
+            (None, Some(loss)) => Err(JobError::setting("inverse", loss, "no MTF loses so much", hint)),
+            (None, None) => Ok(()),
+        }
     }
 
     /// The tolerance file, with the grade for everything that it does not name.
