@@ -180,7 +180,7 @@ impl Scenes {
     /// the experiment and the version of the program. Reads every file.
     fn pictures(&self) -> Result<Option<(Vec<PictureFile>, String, String)>, DesignError> {
         let Source::Pictures(pictures, _) = &self.source else { return Ok(None) };
-        let files = pictures.files()?;
+        let files = pictures.files(&self.cancel)?;
         let known = pictures.fingerprint(&files);
         Ok(Some((files, known, pictures.labels())))
     }

@@ -11,13 +11,13 @@ use petzval_design::setup::Setup;
 use petzval_design::task::Drawn;
 use petzval_files::raw_file::{RawFrame, load_raw, sidecar_path};
 
-use super::Place;
 use crate::context::Context;
 use crate::error::JobError;
 use crate::evaluate::camera_of;
 use crate::event::WarningKind;
 use crate::pixels::check_picture;
 use crate::run_page::warn_of_changed_config;
+use crate::simulate::Place;
 
 /// Finished cameras of a run. They take photographs and develop raw frames in memory, and write nothing.
 pub struct Cameras {

@@ -16,7 +16,6 @@ use petzval_learn::detection::{AnyDetector, BackboneKind, Detection, Detector, Z
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::Found;
 use crate::apply::none_finished;
 use crate::context::Context;
 use crate::error::JobError;
@@ -63,6 +62,17 @@ petzval_base::parameters! {
         /// Their backbone.
         backbone: BackboneKind = BackboneKind::Resnet50;
     }
+}
+
+/// An object that was found.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Found {
+    /// Name of its class; for weights of torchvision the number that torchvision gives it.
+    pub class: String,
+    /// How sure the detector is, 0..1.
+    pub score: f32,
+    /// Left edge, upper edge, width and height, pixels.
+    pub bbox: [f32; 4],
 }
 
 /// What finds objects.

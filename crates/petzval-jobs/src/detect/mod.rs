@@ -20,7 +20,7 @@ use petzval_learn::detection::{Detection, detect_in};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-pub use finder::{ObjectFinder, Source, Weights};
+pub use finder::{Found, ObjectFinder, Source, Weights};
 pub use petzval_learn::detection::BackboneKind;
 pub use petzval_learn::score::detection::CocoSummary;
 pub use scores::{ClassScore, Overhanging, Scores};
@@ -81,17 +81,6 @@ pub struct Seen {
     pub file: PathBuf,
     /// What was found in it, best first.
     pub found: Vec<Found>,
-}
-
-/// An object that was found.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Found {
-    /// Name of its class; for weights of torchvision the number that torchvision gives it.
-    pub class: String,
-    /// How sure the detector is, 0..1.
-    pub score: f32,
-    /// Left edge, upper edge, width and height, pixels.
-    pub bbox: [f32; 4],
 }
 
 /// Endings of the files that are taken from a folder; the last is that of raw frames, which only the camera of a run develops.

@@ -102,13 +102,13 @@ pub struct Measurement {
 }
 
 impl Measurement {
+    /// Pixels a side of a measured PSF.
+    pub const CROP: usize = CROP;
+
     /// The measured positions, in the order of the manifest.
     pub fn positions(&self) -> impl Iterator<Item = &CalibratedPosition> {
         self.calibration.positions.iter().map(|(position, _)| position)
     }
-
-    /// Pixels a side of a measured PSF.
-    pub const CROP: usize = CROP;
 
     /// The measured PSFs, `[position, channel, row, column]` with [`Self::CROP`] rows and columns, each of unit sum.
     pub fn values(&self) -> Vec<f64> {

@@ -38,6 +38,7 @@ use super::joint::JointFit;
 use super::measured::{Measured, Unresolved};
 use comparison::compare;
 pub use comparison::{GoodnessOfFit, HistogramComparison, goodness};
+pub use likelihood::Compared;
 use likelihood::Score;
 pub use parameter::{ModelParameters, Parameter};
 pub(super) use result::mean_core_chi2;
@@ -47,9 +48,6 @@ use sample::{arrange, free_parameters, is_plausible, is_usable};
 
 /// Largest number of steps of the fit.
 const MOST_STEPS: usize = 40;
-
-/// Called each time one histogram was compared with the model; its error ends the fit.
-pub type Compared<'a> = &'a (dyn Fn() -> Result<(), Cancelled> + Sync);
 
 /// Fits from the results of the joint fit. `None` if it did not resolve gain, read noise or offset, or if no histogram
 /// is usable.

@@ -249,12 +249,16 @@ impl LabelledPictures {
         self.list(list).iter().map(|picture| picture.sequence.as_str()).collect()
     }
 
-    /// Every picture file. Reads them all.
-    pub fn files(&self) -> Result<Vec<PictureFile>, DatasetError> {
+    /// Every picture file. Reads them all; fails with [`DatasetError::Stopped`] before the next one once `cancel` is set.
+    pub fn files(&self, cancel: &Cancel) -> Result<Vec<PictureFile>, DatasetError> {
         let lists = [List::Training, List::Validation, List::HeldOut].into_iter();
         let all: Vec<(List, &LabelledPicture)> =
             lists.flat_map(|list| self.list(list).iter().map(move |picture| (list, picture))).collect();
-        all.par_iter().map(|(list, picture)| PictureFile::read(&picture.path, &picture.name, *list)).collect()
+        let file = |(list, picture): &(List, &LabelledPicture)| {
+            cancel.check()?;
+            PictureFile::read(&picture.path, &picture.name, *list)
+        };
+        all.par_iter().map(file).collect()
     }
 
     /// What identifies the pictures: of each its list, its name, the SHA-256 of its file and its boxes. `files`: those of [`Self::files`].

@@ -4,9 +4,11 @@ use nalgebra::{DMatrix, DVector};
 use petzval_base::Cancelled;
 use rayon::prelude::*;
 
-use super::Compared;
 use super::parameter::{Numbers, Parameter};
 use super::sample::Sample;
+
+/// Called each time one histogram was compared with the model; its error ends the fit.
+pub type Compared<'a> = &'a (dyn Fn() -> Result<(), Cancelled> + Sync);
 
 /// Log likelihood of the cores, its slope and its information.
 pub struct Score {
