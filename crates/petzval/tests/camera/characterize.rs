@@ -319,7 +319,7 @@ fn corrupt_and_incomplete_captures_are_named() {
         (&["--gains=-1"], ["--gains -1: must lie between", "0.001"]),
         (&["--stack", "2"], ["--stack: 2 frames", "3 to 4096"]),
         (&["--quantum-efficiency", "60"], ["--quantum-efficiency 60: must lie between", "60 % is 0.6"]),
-        (&["--level", "nan"], ["--level NaN: must lie between", "0.0001"]),
+        (&["--level", "nan"], ["--level NaN: must lie between 1e-4 and 10", "above 1 saturates"]),
     ] {
         let all = [&["sensor", "capture", "imx249-fitted", "--out", "new"][..], args].concat();
         run_fails(folder.path(), &all, 2, &needles);
