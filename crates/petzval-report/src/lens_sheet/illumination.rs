@@ -30,13 +30,5 @@ pub(super) fn relative_illumination(analysis: &Analysis) -> Sheet {
     }
     let names = Names { head: "", x: "field, degrees", y: "relative illumination" };
     let remark = "Light on the image plane divided by that on the axis at the same wavelength.";
-    let keys = wavelength_keys(analysis);
-    sheet(
-        analysis,
-        "relative-illumination",
-        "Relative illumination",
-        remark,
-        keys,
-        frame.draw(names, &curves),
-    )
+    sheet(analysis, class, title, remark, wavelength_keys(analysis), frame.draw(names, &curves))
 }

@@ -49,14 +49,9 @@ pub(super) fn mean_over_time(shown: &Shown<'_>) -> Option<Sheet> {
         None => dark.mean.slope.reason().map_or(String::new(), |why| format!("slope not resolved: {why}")),
     });
     panel.points.push(Points { colour: INK.into(), marker: Marker::Circle, is_hollow: false, at });
-    let around = Around {
-        class: "dark-mean",
-        title: "Dark signal over exposure time",
-        remark: "All pixels. Bars: one standard error. The slope over K is the dark current.".into(),
-        keys: Vec::new(),
-        linear_gain: Some(shown.gain.linear_gain),
-    };
-    Some(sheet(shown.all, around, &[panel], 1, HEIGHT_PX))
+    let remark = "All pixels. Bars: one standard error. The slope over K is the dark current.";
+    let names = ["dark-mean", "Dark signal over exposure time"];
+    Some(shown.sheet(names, remark, Vec::new(), &[panel], HEIGHT_PX))
 }
 
 /// Variance of the dark frames of every gain, with its line (Fig. 6 of Tseng et al.).

@@ -4,7 +4,7 @@ use petzval_lab::emva::ChannelResult;
 use petzval_lab::emva::transfer::{Linearity, TransferPoint};
 
 use super::shown::Shown;
-use super::style::{Around, axis_from_zero, colour_keys, colour_name, points_of, sheet, straight};
+use super::style::{axis_from_zero, colour_keys, colour_name, points_of, straight};
 use super::transfer::{HEIGHT_PX, light_axis};
 use crate::number;
 use crate::palette;
@@ -37,16 +37,9 @@ pub(super) fn linearity(shown: &Shown<'_>) -> Option<Sheet> {
         let pen = Pen::thin(palette::mosaic(Some(channel.colour)));
         panel.curves.push(straight(pen, fit.slope / scale(channel), fit.offset_dn, ends));
     }
-    let around = Around {
-        class: "linearity",
-        title: "Linearity",
-        remark:
-            "Lines: regression weighted by the inverse square of the signal, over 5 to 95 % of saturation."
-                .into(),
-        keys: colour_keys(shown),
-        linear_gain: Some(shown.gain.linear_gain),
-    };
-    Some(sheet(shown.all, around, &[panel], 1, HEIGHT_PX))
+    let remark =
+        "Lines: regression weighted by the inverse square of the signal, over 5 to 95 % of saturation.";
+    Some(shown.sheet(["linearity", "Linearity"], remark, colour_keys(shown), &[panel], HEIGHT_PX))
 }
 
 /// Deviation from that line.
@@ -74,12 +67,7 @@ pub(super) fn deviation(shown: &Shown<'_>) -> Option<Sheet> {
             number::fixed(fit.max_percent, 3)
         ));
     }
-    let around = Around {
-        class: "linearity-deviation",
-        title: "Deviation from linearity",
-        remark: "Points of the regression; bars: one standard error.".into(),
-        keys: colour_keys(shown),
-        linear_gain: Some(shown.gain.linear_gain),
-    };
-    Some(sheet(shown.all, around, &[panel], 1, HEIGHT_PX))
+    let remark = "Points of the regression; bars: one standard error.";
+    let names = ["linearity-deviation", "Deviation from linearity"];
+    Some(shown.sheet(names, remark, colour_keys(shown), &[panel], HEIGHT_PX))
 }

@@ -5,7 +5,7 @@ use petzval_lab::emva::spatial::Profile;
 
 use super::shown::Shown;
 use super::spatial::{Stack, channels};
-use super::style::{Around, colour_name, sheet};
+use super::style::colour_name;
 use crate::palette;
 use crate::palette::{LIMIT, MUTED};
 use crate::plot::{Axis, Curve, Key, Panel, Pen, Sheet, span};
@@ -64,10 +64,10 @@ pub(super) fn profiles(shown: &Shown<'_>, stack: Stack) -> Option<Sheet> {
         panel("horizontal", "column", &plots.horizontal_profile),
         panel("vertical", "row", &plots.vertical_profile),
     ];
-    let (class, title, what) = match stack {
-        Stack::Dark => ("profiles-dsnu", "Profiles of the dark frames (DSNU)", "mean dark frame"),
+    let (names, what) = match stack {
+        Stack::Dark => (["profiles-dsnu", "Profiles of the dark frames (DSNU)"], "mean dark frame"),
         Stack::Light => {
-            ("profiles-prnu", "Profiles of the flat frames (PRNU)", "mean flat frame minus the dark one")
+            (["profiles-prnu", "Profiles of the flat frames (PRNU)"], "mean flat frame minus the dark one")
         }
     };
     let remark = match channel.colour {
@@ -82,6 +82,5 @@ pub(super) fn profiles(shown: &Shown<'_>, stack: Stack) -> Option<Sheet> {
         Key::pen(pens[2].clone(), "middle row (column)"),
         Key::pen(pens[0].clone(), "least and largest"),
     ];
-    let around = Around { class, title, remark, keys, linear_gain: Some(shown.gain.linear_gain) };
-    Some(sheet(shown.all, around, &panels, 2, 280.0))
+    Some(shown.sheet(names, remark, keys, &panels, 280.0))
 }

@@ -2,6 +2,9 @@
 
 use petzval_lab::emva::{ChannelResult, Characterization, GainResult};
 
+use super::style::{Around, sheet};
+use crate::plot::{Key, Panel, Sheet};
+
 /// The operating point that the pictures of EMVA 1288 show: the gain with the most complete captures.
 pub(super) struct Shown<'a> {
     pub all: &'a Characterization,
@@ -22,5 +25,19 @@ impl<'a> Shown<'a> {
 
     pub fn channels(&self) -> &'a [ChannelResult] {
         &self.gain.channels
+    }
+
+    /// A sheet of one panel, or of several in two columns, at this gain.
+    pub fn sheet(
+        &self,
+        [class, title]: [&'static str; 2],
+        remark: impl Into<String>,
+        keys: Vec<Key>,
+        panels: &[Panel],
+        frame_height: f64,
+    ) -> Sheet {
+        let linear_gain = Some(self.gain.linear_gain);
+        let around = Around { class, title, remark: remark.into(), keys, linear_gain };
+        sheet(self.all, around, panels, panels.len().min(2), frame_height)
     }
 }

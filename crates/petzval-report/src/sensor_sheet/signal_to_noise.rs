@@ -9,7 +9,7 @@ use petzval_lab::emva::rounding::QUANTISATION_DN2;
 use petzval_lab::emva::transfer::TransferPoint;
 
 use super::shown::Shown;
-use super::style::{Around, axis_of_decades, colour_keys, points_of, sheet};
+use super::style::{axis_of_decades, colour_keys, points_of};
 use super::transfer::HEIGHT_PX;
 use crate::palette;
 use crate::palette::{IDEAL, LIMIT, MUTED};
@@ -111,17 +111,10 @@ pub(super) fn signal_to_noise(shown: &Shown<'_>) -> Option<Sheet> {
     if !marked.is_empty() {
         keys.push(Key::pen(Pen::thin(LIMIT), marked.join(", ")));
     }
-    let around = Around {
-        class: "snr",
-        title: "Signal-to-noise ratio",
-        remark: if has_total {
-            "Temporal noise; points and lines up to saturation.".into()
-        } else {
-            "Temporal noise; points and lines up to saturation. Without resolved DSNU and PRNU there is no total ratio."
-                .into()
-        },
-        keys,
-        linear_gain: Some(shown.gain.linear_gain),
+    let remark = if has_total {
+        "Temporal noise; points and lines up to saturation."
+    } else {
+        "Temporal noise; points and lines up to saturation. Without resolved DSNU and PRNU there is no total ratio."
     };
-    Some(sheet(shown.all, around, &[panel], 1, HEIGHT_PX))
+    Some(shown.sheet(["snr", "Signal-to-noise ratio"], remark, keys, &[panel], HEIGHT_PX))
 }

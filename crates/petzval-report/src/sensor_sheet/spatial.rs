@@ -6,7 +6,7 @@ use petzval_lab::emva::rounding::QUANTISATION_DN2;
 use petzval_lab::emva::spatial::{Spatial, StackPlots};
 
 use super::shown::Shown;
-use super::style::{Around, axis_of_amplitudes, colour_keys, colour_name, sheet};
+use super::style::{axis_of_amplitudes, colour_keys, colour_name};
 use crate::palette;
 use crate::palette::{IDEAL, MUTED};
 use crate::plot::{Axis, Curve, Key, Pen, Sheet, span};
@@ -109,9 +109,9 @@ pub(super) fn spectrograms(shown: &Shown<'_>, stack: Stack) -> Option<Sheet> {
     if stack == Stack::Dark {
         keys.push(Key::pen(quantisation, "quantisation of one frame, 1/√12 DN"));
     }
-    let (class, title) = match stack {
-        Stack::Dark => ("spectrogram-dsnu", "Spectrograms of the dark frames (DSNU)"),
-        Stack::Light => ("spectrogram-prnu", "Spectrograms of the flat frames (PRNU)"),
+    let names = match stack {
+        Stack::Dark => ["spectrogram-dsnu", "Spectrograms of the dark frames (DSNU)"],
+        Stack::Light => ["spectrogram-prnu", "Spectrograms of the flat frames (PRNU)"],
     };
     let remark = match stack {
         Stack::Dark => "Mean over all rows (columns) of the mean dark frame, without a high-pass.",
@@ -119,9 +119,7 @@ pub(super) fn spectrograms(shown: &Shown<'_>, stack: Stack) -> Option<Sheet> {
             "Mean over all rows (columns) of the mean flat frame minus the dark one, without a high-pass."
         }
     };
-    let around =
-        Around { class, title, remark: remark.into(), keys, linear_gain: Some(shown.gain.linear_gain) };
-    Some(sheet(shown.all, around, &panels, 2, 300.0))
+    Some(shown.sheet(names, remark, keys, &panels, 300.0))
 }
 
 /// Log histograms of deviations, DSNU and PRNU, beside normal distributions.
@@ -130,29 +128,17 @@ pub(super) fn defects(shown: &Shown<'_>) -> Option<Sheet> {
     let panels = histogram_panels(shown, names, |plots| &plots.histogram, true)?;
     let mut keys = colour_keys(shown);
     keys.push(Key::pen(Pen::thin(MUTED).dashed(), "normal distribution of the same spread"));
-    let around = Around {
-        class: "defects",
-        title: "Histograms of deviations",
-        remark: "The mean dark frame, and the mean flat frame minus the dark one after the 5 × 5 high-pass of release 3.1."
-            .into(),
-        keys,
-        linear_gain: Some(shown.gain.linear_gain),
-    };
-    Some(sheet(shown.all, around, &panels, panels.len().min(2), 300.0))
+    let remark = "The mean dark frame, and the mean flat frame minus the dark one after the 5 × 5 high-pass of release 3.1.";
+    Some(shown.sheet(["defects", "Histograms of deviations"], remark, keys, &panels, 300.0))
 }
 
 /// Accumulated log histograms of absolute deviations.
 pub(super) fn accumulated_defects(shown: &Shown<'_>) -> Option<Sheet> {
     let names = ["absolute deviation, DN", "pixels at or beyond, %"];
     let panels = histogram_panels(shown, names, |plots| &plots.accumulated, false)?;
-    let around = Around {
-        class: "defects-accumulated",
-        title: "Accumulated histograms of deviations",
-        remark: "Share of the pixels that deviate from the mean by at least the value on the axis.".into(),
-        keys: colour_keys(shown),
-        linear_gain: Some(shown.gain.linear_gain),
-    };
-    Some(sheet(shown.all, around, &panels, 2, 300.0))
+    let remark = "Share of the pixels that deviate from the mean by at least the value on the axis.";
+    let names = ["defects-accumulated", "Accumulated histograms of deviations"];
+    Some(shown.sheet(names, remark, colour_keys(shown), &panels, 300.0))
 }
 
 /// Edges of the bins: the last is as wide as the one before it.

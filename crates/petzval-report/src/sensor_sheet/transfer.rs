@@ -3,9 +3,7 @@
 use petzval_lab::emva::transfer::{TransferPoint, light};
 
 use super::shown::Shown;
-use super::style::{
-    Around, axis_from_zero, colour_keys, colour_name, points_of, sheet, short, straight, with_error,
-};
+use super::style::{axis_from_zero, colour_keys, colour_name, points_of, short, straight, with_error};
 use crate::palette;
 use crate::palette::MUTED;
 use crate::plot::{Key, KeyLine, Panel, Pen, Sheet};
@@ -65,14 +63,7 @@ pub(super) fn sensitivity(shown: &Shown<'_>) -> Option<Sheet> {
     } else {
         "Lines: responsivity R, through the origin, over the points of the fit; hollow points are beyond it."
     };
-    let around = Around {
-        class: "sensitivity",
-        title: "Sensitivity",
-        remark: remark.into(),
-        keys: colour_keys(shown),
-        linear_gain: Some(shown.gain.linear_gain),
-    };
-    Some(sheet(shown.all, around, &[panel], 1, HEIGHT_PX))
+    Some(shown.sheet(["sensitivity", "Sensitivity"], remark, colour_keys(shown), &[panel], HEIGHT_PX))
 }
 
 /// Noise over signal with the fitted system gain.
@@ -113,13 +104,7 @@ pub(super) fn photon_transfer(shown: &Shown<'_>) -> Option<Sheet> {
         let pen = Pen::thin(MUTED).dashed();
         keys.push(Key { line: KeyLine::Pen(pen), name: "saturation: the largest signal".into() });
     }
-    let around = Around {
-        class: "photon-transfer",
-        title: "Photon transfer",
-        remark: "Lines: system gain K, through the origin, over the points of the fit; hollow points are beyond it."
-            .into(),
-        keys,
-        linear_gain: Some(shown.gain.linear_gain),
-    };
-    Some(sheet(shown.all, around, &[panel], 1, HEIGHT_PX))
+    let remark =
+        "Lines: system gain K, through the origin, over the points of the fit; hollow points are beyond it.";
+    Some(shown.sheet(["photon-transfer", "Photon transfer"], remark, keys, &[panel], HEIGHT_PX))
 }
