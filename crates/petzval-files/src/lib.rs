@@ -25,6 +25,7 @@ pub mod raw_file;
 pub mod rii;
 pub mod sensor;
 pub mod seq;
+mod spanned;
 pub mod spectral_file;
 mod tolerance_toml;
 mod toml_number;

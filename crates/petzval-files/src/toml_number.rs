@@ -9,6 +9,7 @@ use toml_writer::{ToTomlValue, TomlStringBuilder};
 
 /// A TOML number. Integers count, and `"inf"` in quotes is infinity.
 #[derive(Clone, Copy, Debug, schemars::JsonSchema)]
+#[schemars(with = "f64")]
 pub(crate) struct Number(pub f64);
 
 impl<'de> Deserialize<'de> for Number {

@@ -4,9 +4,9 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use serde::Deserialize;
-use toml::Spanned;
 
 use super::text::{GlassTables, GlassText, Placed, Thickness};
+use crate::spanned::Spanned;
 use crate::toml_number::Number;
 use petzval_base::FileError;
 use petzval_optics::glass::{

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use schemars::JsonSchema;
 use serde::Deserialize;
-use toml::Spanned;
 
+use crate::spanned::Spanned;
 use crate::toml_number::Number;
 
 /// A number with its place in the file.
@@ -16,52 +16,31 @@ pub(super) type Placed = Spanned<Number>;
 #[serde(deny_unknown_fields, expecting = "a table")]
 pub(crate) struct GlassText {
     #[serde(default)]
-    #[schemars(with = "Vec<String>")]
     pub(super) aliases: Vec<Spanned<String>>,
     #[serde(default)]
     pub(super) maker: String,
     #[serde(default)]
     pub(super) source: String,
-    #[schemars(with = "Option<String>")]
     pub(super) status: Option<Spanned<String>>,
-    #[schemars(with = "Option<f64>")]
     pub(super) nd: Option<Placed>,
-    #[schemars(with = "Option<f64>")]
     pub(super) vd: Option<Placed>,
-    #[schemars(with = "Option<f64>")]
     pub(super) n: Option<Placed>,
-    #[schemars(with = "Option<SellmeierText>")]
     pub(super) sellmeier: Option<Spanned<SellmeierText>>,
-    #[schemars(with = "Option<[f64; 6]>")]
     pub(super) schott: Option<Spanned<[Number; 6]>>,
-    #[schemars(with = "Option<SquareText>")]
     pub(super) square: Option<Spanned<SquareText>>,
-    #[schemars(with = "Option<Vec<[f64; 2]>>")]
     pub(super) powers: Option<Spanned<Vec<[Number; 2]>>>,
-    #[schemars(with = "Option<[f64; 6]>")]
     pub(super) herzberger: Option<Spanned<[Number; 6]>>,
-    #[schemars(with = "Option<GasText>")]
     pub(super) gas: Option<Spanned<GasText>>,
-    #[schemars(with = "Option<[f64; 4]>")]
     pub(super) lorentz_lorenz: Option<Spanned<[Number; 4]>>,
-    #[schemars(with = "Option<[f64; 6]>")]
     pub(super) exotic: Option<Spanned<[Number; 6]>>,
-    #[schemars(with = "Option<TableText>")]
     pub(super) table: Option<Spanned<TableText>>,
-    #[schemars(with = "Option<[f64; 2]>")]
     pub(super) range_um: Option<Spanned<[Number; 2]>>,
-    #[schemars(with = "Option<TransmissionText>")]
     pub(super) transmission: Option<Spanned<TransmissionText>>,
-    #[schemars(with = "Option<ExtinctionText>")]
     pub(super) extinction: Option<Spanned<ExtinctionText>>,
-    #[schemars(with = "Option<ThermalText>")]
     pub(super) thermal: Option<Spanned<ThermalText>>,
     #[serde(default)]
-    #[schemars(with = "Vec<ExpansionText>")]
     pub(super) expansion: Vec<Spanned<ExpansionText>>,
-    #[schemars(with = "Option<f64>")]
     pub(super) density_g_cm3: Option<Placed>,
-    #[schemars(with = "Option<f64>")]
     pub(super) relative_cost: Option<Placed>,
 }
 

@@ -2,8 +2,6 @@
 
 use std::ops::Range;
 
-use toml::Spanned;
-
 use super::parameter::{CURVATURE, parameters};
 use super::text::{
     ExpectText, ExpectedText, LensText, Placed, SolveText, SurfaceText, VariableText, WavelengthsText,
@@ -11,6 +9,7 @@ use super::text::{
 use super::{Expect, Expected, ExpectedSpots, LensFile};
 use crate::draft::{Import, with_open_surfaces};
 use crate::glass_toml::read_glasses;
+use crate::spanned::Spanned;
 use crate::wavelength::{OPTICAL_UM, wavelength_hint, wavelength_message};
 use petzval_base::FileError;
 use petzval_optics::design_space::{EflSolve, Pickup, Variable};

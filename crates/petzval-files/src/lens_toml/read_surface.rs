@@ -2,10 +2,9 @@
 
 use std::sync::Arc;
 
-use toml::Spanned;
-
 use super::read::Reader;
 use super::text::{ForbesText, Placed, PlacementText, SectionText, SurfaceText, Terms};
+use crate::spanned::Spanned;
 use petzval_base::FileError;
 use petzval_optics::glass::{Catalog, Glass};
 use petzval_optics::lens::{
