@@ -7,7 +7,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 use petzval_files::coco::convert::{SourceFormat, convert};
-use petzval_files::coco::{Defects, check_values, coco_bytes, parse_coco, parse_results};
+use petzval_files::coco::{Defects, check_values, coco_bytes, parse_coco};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -15,8 +15,6 @@ const COCO: &[u8] = br#"{"info": {"a": 1}, "images": [{"id": 1, "file_name": "a.
 "categories": [{"id": 1, "name": "light"}, {"id": 2, "name": "car"}], "annotations": [
 {"id": 1, "image_id": 1, "category_id": 1, "bbox": [1.5, 2, 10, 20], "area": 200, "iscrowd": 0, "attributes": {"state": "red"}},
 {"id": 2, "image_id": 1, "category_id": 2, "bbox": [0, 0, 40, 30], "area": 1100.25, "iscrowd": 1, "ignore": 1}]}"#;
-const RESULTS: &[u8] = br#"[{"image_id": 1, "category_id": 1, "bbox": [1, 2, 3, 4], "score": 0.5},
-{"image_id": 1, "category_id": 2, "bbox": [0, 0, 40, 30], "score": 1e-3}]"#;
 const KITTI: &[u8] = b"Car 0.25 1 -1.57 10.5 20.0 40.5 32.0 1.5 1.6 3.9 1 2 30 -1.5\nDontCare -1 -1 -10 7 1 9 8 -1 -1 -1 -1000 -1000 -1000 -10\n";
 const BDD: &[u8] = br#"[{"name": "a.png", "labels": [{"category": "traffic light", "attributes": {"trafficLightColor": "red"},
 "box2d": {"x1": 10, "y1": 5, "x2": 14.5, "y2": 15}}]}, {"name": "b.png", "labels": null}]"#;
@@ -125,9 +123,6 @@ fn mutated_annotations_are_read_or_refused() {
         check_values(&mut again, &mut later);
         assert_eq!((later.errors(), &again.annotations), (0, &data.annotations), "{later:?}");
         true
-    });
-    read_mutations("results", RESULTS, mutations(), |bytes| {
-        parse_results(bytes.to_vec(), None, &mut Defects::default()).is_ok()
     });
 }
 

@@ -38,6 +38,6 @@ pub use folder::{ANNOTATIONS, LARGEST_ANNOTATIONS, Loaded, load_coco, save_coco}
 pub use light_state::{LIGHT_STATES, light_state};
 pub use pictures::{check_pictures, content_digest};
 pub use read::parse_coco;
-pub use results::{Detection, parse_results, results_bytes, save_results};
+pub use results::{Detection, results_bytes, save_results};
 pub use statistics::{ClassStatistics, LARGE_PX2, SMALL_PX2, Statistics};
 pub use write::coco_bytes;

@@ -10,7 +10,7 @@ use std::path::Path;
 use petzval_files::coco::{
     Annotation, Attribute, Bounds, Category, CocoError, DataSet, DefectKind, Defects, Detection, Image,
     Loaded, Severity, Statistics, check_pictures, check_values, coco_bytes, load_coco, parse_coco,
-    parse_results, results_bytes, save_coco, save_results,
+    results_bytes, save_coco, save_results,
 };
 
 const GOOD: &str = r#"{
@@ -557,7 +557,7 @@ fn a_picture_whose_labels_cannot_be_used_is_left_out() {
 }
 
 #[test]
-fn detections_are_read_checked_and_written() {
+fn detections_are_written() {
     let (data, _) = read(GOOD);
     let detections = [
         Detection { image_id: 1, category_id: 1, bounds: Bounds::from([1.0, 2.5, 3.0, 4.0]), score: 0.75 },
@@ -566,28 +566,16 @@ fn detections_are_read_checked_and_written() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("found.json");
     save_results(&detections, &data.images, &path).unwrap();
-    let mut defects = Defects::default();
-    assert_eq!(parse_results(std::fs::read(&path).unwrap(), Some(&data), &mut defects).unwrap(), detections);
-    assert_eq!(defects.iter().count(), 0);
-
+    let written: serde_json::Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+    assert_eq!(written.as_array().unwrap().len(), detections.len());
+    for (record, found) in written.as_array().unwrap().iter().zip(&detections) {
+        assert_eq!(record["image_id"], found.image_id);
+        assert_eq!(record["category_id"], found.category_id);
+        assert_eq!(record["bbox"], serde_json::json!(<[f64; 4]>::from(found.bounds)));
+        assert_eq!(record["score"], found.score);
+    }
     let line = String::from_utf8(results_bytes(&detections[..1], &data.images)).unwrap();
     assert_eq!(line, "[\n{\"image_id\":1,\"category_id\":1,\"bbox\":[1.0,2.5,3.0,4.0],\"score\":0.75}]\n");
-    for (from, to, kind) in [
-        ("0.75", "NaN", DefectKind::NotFinite),
-        ("0.75", "\"high\"", DefectKind::WrongType),
-        (",\"score\":0.75", "", DefectKind::MissingField),
-        ("\"image_id\":1", "\"image_id\":3", DefectKind::UnknownImage),
-        ("\"category_id\":1", "\"category_id\":0", DefectKind::UnknownCategory),
-        ("3.0", "-3.0", DefectKind::NegativeSize),
-        ("3.0,4.0", "1e300,1e300", DefectKind::NotFinite),
-    ] {
-        let mut defects = Defects::default();
-        let read = parse_results(line.replacen(from, to, 1).into_bytes(), Some(&data), &mut defects).unwrap();
-        assert_eq!((read.len(), defects.count(kind)), (0, 1), "{defects:?}");
-        assert!(defects.iter().next().unwrap().first[0].starts_with("result [0]: "));
-    }
-    let error = parse_results(GOOD.into(), None, &mut Defects::default()).unwrap_err();
-    assert!(error.hint.unwrap().contains("list of {image_id"));
 }
 
 #[test]
