@@ -119,9 +119,6 @@ pub enum Unresolved {
     /// The series does not reach saturation.
     #[error("the series does not reach saturation")]
     NotSaturated,
-    /// The converter clips before the pixel is full.
-    #[error("the converter clips before the pixel is full")]
-    ConverterSaturates,
     /// Too few pixels have a dark current above the noise, or it is too little above.
     #[error("{outliers} pixels stand out of the noise of the dark series: too few, or by too little")]
     NoHotPixels {

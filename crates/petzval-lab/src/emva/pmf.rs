@@ -15,8 +15,6 @@
 
 use std::sync::OnceLock;
 
-use petzval_camera::sensor::{Electronics, SensorModel};
-
 /// The conversion of electrons of one exposure to digital numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Response {
@@ -156,45 +154,45 @@ fn spread(p: &mut [f64], weight: f64, mean: f64, sigma: f64) {
     p[high] += weight * (1.0 - below);
 }
 
-/// Probabilities of the digital numbers of a sensor at a linear gain for electrons of mean `rate_e`, with its electronics
-/// noise before or after the converter. Non-uniformity is left out.
-pub fn sensor_digital_numbers(sensor: &SensorModel, linear_gain: f64, rate_e: f64) -> Vec<f64> {
-    let before = sensor.electronics == Electronics::BeforeAdc;
-    let (offset, noise) =
-        if before { (sensor.electronics_mean_dn, sensor.electronics_noise_dn) } else { (0.0, 0.0) };
-    let p = digital_numbers(
-        rate_e,
-        &Response {
-            gain_dn_per_e: sensor.gain_dn_per_e * linear_gain,
-            read_noise_mean_e: sensor.read_noise_mean_e,
-            read_noise_e: sensor.read_noise_e,
-            offset_dn: sensor.black_level_dn + offset,
-            electronics_noise_dn: noise,
-            pattern_variance_e2: 0.0,
-            full_well_e: sensor.full_well_e,
-            max_dn: sensor.max_dn() as u32,
-        },
-    );
-    if before {
-        return p;
-    }
-    let mut again = vec![0.0; p.len()];
-    for (y, weight) in p.iter().enumerate().filter(|(_, w)| **w > 1e-17) {
-        let sigma = sensor.electronics_noise_dn.max(1e-9);
-        spread(&mut again, *weight, y as f64 + sensor.electronics_mean_dn, sigma);
-    }
-    again
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use petzval_camera::image::{CHANNELS, LinearImage};
     use petzval_camera::render::Placement;
-    use petzval_camera::sensor::{Capture, Exposure, Noise, NoiseMode, expose};
+    use petzval_camera::sensor::{Capture, Electronics, Exposure, Noise, NoiseMode, SensorModel, expose};
 
     fn imx249() -> SensorModel {
         petzval_files::parse_sensor(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap()
+    }
+
+    /// Probabilities of the digital numbers of a sensor at a linear gain for electrons of mean `rate_e`, with its electronics
+    /// noise before or after the converter. Non-uniformity is left out.
+    fn sensor_digital_numbers(sensor: &SensorModel, linear_gain: f64, rate_e: f64) -> Vec<f64> {
+        let before = sensor.electronics == Electronics::BeforeAdc;
+        let (offset, noise) =
+            if before { (sensor.electronics_mean_dn, sensor.electronics_noise_dn) } else { (0.0, 0.0) };
+        let p = digital_numbers(
+            rate_e,
+            &Response {
+                gain_dn_per_e: sensor.gain_dn_per_e * linear_gain,
+                read_noise_mean_e: sensor.read_noise_mean_e,
+                read_noise_e: sensor.read_noise_e,
+                offset_dn: sensor.black_level_dn + offset,
+                electronics_noise_dn: noise,
+                pattern_variance_e2: 0.0,
+                full_well_e: sensor.full_well_e,
+                max_dn: sensor.max_dn() as u32,
+            },
+        );
+        if before {
+            return p;
+        }
+        let mut again = vec![0.0; p.len()];
+        for (y, weight) in p.iter().enumerate().filter(|(_, w)| **w > 1e-17) {
+            let sigma = sensor.electronics_noise_dn.max(1e-9);
+            spread(&mut again, *weight, y as f64 + sensor.electronics_mean_dn, sigma);
+        }
+        again
     }
 
     #[test]
