@@ -77,5 +77,4 @@ pub use render::{
 };
 pub use sensor::{
     Capture, CfaPattern, Exposure, Noise, NoiseMode, Raw, SensorError, SensorModel, expose, expose_pixel,
-    expose_with_tape,
 };
