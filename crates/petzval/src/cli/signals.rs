@@ -20,7 +20,7 @@ const GRACE: Duration = Duration::from_secs(1);
 
 /// A flag that the first signal sets, for jobs that write checkpoints.
 pub fn stop_on_signal() -> Result<Cancel, Failure> {
-    stop_saying(|| {
+    first_signal(|| {
         noteln!(
             "stopping after the current step, with a checkpoint; a second signal stops at once, without one"
         );
@@ -29,10 +29,11 @@ pub fn stop_on_signal() -> Result<Cancel, Failure> {
 
 /// The same, of which nothing is said.
 pub fn stop_quietly() -> Result<Cancel, Failure> {
-    stop_saying(|| ())
+    first_signal(|| ())
 }
 
-fn stop_saying(say: impl Fn() + Send + 'static) -> Result<Cancel, Failure> {
+/// A flag that the first signal sets, which does `then` as well. A second signal ends the program.
+fn first_signal(then: impl Fn() + Send + 'static) -> Result<Cancel, Failure> {
     let stop = Cancel::default();
     let mut signals = handled()?;
     let flag = stop.clone();
@@ -41,7 +42,7 @@ fn stop_saying(say: impl Fn() + Send + 'static) -> Result<Cancel, Failure> {
             if flag.set() {
                 std::process::exit(EXIT_AT_ONCE);
             }
-            say();
+            then();
         }
     });
     Ok(stop)
@@ -54,22 +55,13 @@ pub fn end_on_signal() -> Result<Cancel, Failure> {
 
 /// The same for jobs that may take so long to end by themselves. A second signal ends them at once.
 pub fn end_within(grace: Duration) -> Result<Cancel, Failure> {
-    let stop = Cancel::default();
-    let mut signals = handled()?;
-    let flag = stop.clone();
-    std::thread::spawn(move || {
-        for _ in signals.forever() {
-            if flag.set() {
-                std::process::exit(EXIT_AT_ONCE);
-            }
-            std::thread::spawn(move || {
-                std::thread::sleep(grace);
-                noteln!("stopped by a signal; what is not finished is not written");
-                std::process::exit(EXIT_AT_ONCE);
-            });
-        }
-    });
-    Ok(stop)
+    first_signal(move || {
+        std::thread::spawn(move || {
+            std::thread::sleep(grace);
+            noteln!("stopped by a signal; what is not finished is not written");
+            std::process::exit(EXIT_AT_ONCE);
+        });
+    })
 }
 
 /// The signals that end a job. The loss of its terminal ends it as well, unless the job was started by `nohup`.

@@ -5,6 +5,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 
 use petzval::jobs::{Context, JobError, Library, Stopped, Watcher, json};
+use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use super::failure::{EXIT_STOPPED, Failure};
@@ -35,7 +36,7 @@ impl Terminal {
 }
 
 /// Prints a value as JSON on stdout, indented, with the keys of its objects in order.
-pub fn print_json(value: &impl serde::Serialize) -> Result<ExitCode, Failure> {
+pub fn print_json(value: &impl Serialize) -> Result<ExitCode, Failure> {
     outln!("{}", plain::json(&json(value)?));
     Ok(ExitCode::SUCCESS)
 }
@@ -81,6 +82,23 @@ pub fn ending(stopped: Option<&Stopped>, going_on: &str) -> ExitCode {
             ExitCode::from(EXIT_STOPPED)
         }
     }
+}
+
+/// Prints what a job has found whose results are in a folder, and says how one goes on that was interrupted.
+pub fn print_found<R: Serialize + DeserializeOwned>(
+    ended: Result<R, JobError>,
+    context: Context,
+    as_json: bool,
+    summary: impl Fn(&R) -> String,
+) -> Result<ExitCode, Failure> {
+    let (response, stopped) = found(ended)?;
+    drop(context);
+    if as_json {
+        print_json(&response)?;
+    } else {
+        out!("{}", summary(&response));
+    }
+    Ok(ending(stopped.as_ref(), RESUME))
 }
 
 #[cfg(test)]

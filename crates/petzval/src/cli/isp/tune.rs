@@ -11,7 +11,7 @@ use crate::cli::failure::Failure;
 use crate::cli::number::six_digits;
 use crate::cli::plain::shown;
 use crate::cli::signals;
-use crate::cli::terminal::{RESUME, Terminal, ending, found, print_json};
+use crate::cli::terminal::{Terminal, print_found};
 
 /// Find the parameters of an ISP that bring developed frames nearest to references.
 ///
@@ -87,14 +87,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         }
     };
     let request = tune::Request { start, evaluations: args.evaluations };
-    let (response, stopped) = found(tune::run(&request, &context))?;
-    drop(context);
-    if args.json {
-        print_json(&response)?;
-    } else {
-        out!("{}", summary(&response));
-    }
-    Ok(ending(stopped.as_ref(), RESUME))
+    print_found(tune::run(&request, &context), context, args.json, summary)
 }
 
 /// The score before and after, every varied parameter, and the cost.

@@ -11,7 +11,7 @@ use crate::cli::isp::inputs::IspArgs;
 use crate::cli::number::six_digits;
 use crate::cli::plain::shown;
 use crate::cli::signals;
-use crate::cli::terminal::{RESUME, Terminal, ending, found, print_json};
+use crate::cli::terminal::{Terminal, print_found};
 
 /// Parameters whose slopes the summary shows: those of the largest.
 const SHOWN_SLOPES: usize = 10;
@@ -81,14 +81,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         },
         (None, None) => return Err(Failure::input("--out is missing", "give a folder, or --resume")),
     };
-    let (response, stopped) = found(isp_proxy::run(&request, &context))?;
-    drop(context);
-    if args.json {
-        print_json(&response)?;
-    } else {
-        out!("{}", summary(&response));
-    }
-    Ok(ending(stopped.as_ref(), RESUME))
+    print_found(isp_proxy::run(&request, &context), context, args.json, summary)
 }
 
 /// What the imitation costs.

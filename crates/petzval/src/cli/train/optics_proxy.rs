@@ -9,7 +9,7 @@ use crate::cli::defaults::word;
 use crate::cli::failure::Failure;
 use crate::cli::plain::shown;
 use crate::cli::signals;
-use crate::cli::terminal::{RESUME, Terminal, ending, found, print_json};
+use crate::cli::terminal::{Terminal, print_found};
 
 /// Train a network that gives the point spread functions of a lens in place of ray tracing, as the paper did.
 ///
@@ -66,14 +66,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         },
         (None, None) => return Err(Failure::input("--out is missing", "give a folder, or --resume")),
     };
-    let (response, stopped) = found(optics_proxy::run(&request, &context))?;
-    drop(context);
-    if args.json {
-        print_json(&response)?;
-    } else {
-        out!("{}", summary(&response));
-    }
-    Ok(ending(stopped.as_ref(), RESUME))
+    print_found(optics_proxy::run(&request, &context), context, args.json, summary)
 }
 
 /// What the network costs.
