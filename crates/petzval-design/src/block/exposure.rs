@@ -11,7 +11,7 @@ use petzval_base::random::{Stage, Stream};
 use petzval_camera::sensor::Exposure;
 use serde::{Deserialize, Serialize};
 
-use super::{Batch, Block, BlockState, Descent, named, parsed};
+use super::{Batch, Block, BlockState, Descent, as_json, named, parsed, read_places};
 use crate::error::DesignError;
 use crate::experiment::{BlockName, ExposureSetting, StepMethod, StepRule};
 
@@ -169,25 +169,16 @@ impl Block for ExposureBlock {
     }
 
     fn save_numbers(&self) -> Result<BlockState, DesignError> {
-        let text = DesignError::json("the exposure", &self.places)?;
-        Ok(BTreeMap::from([(PLACES.to_owned(), text.into_bytes())]))
+        as_json(PLACES, "the exposure", &self.places)
     }
 
     fn load_numbers(&mut self, state: &BlockState) -> Result<(), String> {
-        let places: Vec<f64> = parsed(state, PLACES)?;
-        if places.len() != self.places.len() {
-            return Err(format!("{PLACES}: {OTHER_SETTINGS}"));
-        }
-        if !places.iter().all(|place| place.is_finite()) {
-            return Err(format!("{PLACES}: not finite everywhere"));
-        }
-        self.places = places;
+        self.places = read_places(state, PLACES, self.places.len(), OTHER_SETTINGS)?;
         Ok(())
     }
 
     fn save_progress(&self) -> Result<BlockState, DesignError> {
-        let text = DesignError::json("the moments of the exposure", &self.progress)?;
-        Ok(BTreeMap::from([(PROGRESS.to_owned(), text.into_bytes())]))
+        as_json(PROGRESS, "the moments of the exposure", &self.progress)
     }
 
     fn load_progress(&mut self, state: &BlockState) -> Result<(), String> {

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::generations::{FirstGeneration, Generations, PointScore};
 use super::imitation::{Imitation, ImitationFigures, ImitationPlan};
-use super::{Batch, Block, BlockState, Descent, backward, named, parsed};
+use super::{Batch, Block, BlockState, Descent, as_json, backward, named, parsed, read_places};
 use crate::camera::{ChipValues, to_host};
 use crate::error::DesignError;
 use crate::experiment::{BlockName, StepMethod, StepRule};
@@ -228,8 +228,7 @@ impl Block for IspBlock {
     }
 
     fn save_numbers(&self) -> Result<BlockState, DesignError> {
-        let text = DesignError::json("the parameters of the ISP", &self.places)?;
-        let mut state = BTreeMap::from([(PLACES.to_owned(), text.into_bytes())]);
+        let mut state = as_json(PLACES, "the parameters of the ISP", &self.places)?;
         // A later stage goes on with what the network has learnt.
         if let Some(imitation) = &self.imitation {
             state.extend(imitation.save()?);
@@ -238,13 +237,7 @@ impl Block for IspBlock {
     }
 
     fn load_numbers(&mut self, state: &BlockState) -> Result<(), String> {
-        let places: Vec<f64> = parsed(state, PLACES)?;
-        if places.len() != self.places.len() {
-            return Err(format!("{PLACES}: {OTHER_PARAMETERS}"));
-        }
-        if !places.iter().all(|place| place.is_finite()) {
-            return Err(format!("{PLACES}: not finite everywhere"));
-        }
+        let places = read_places(state, PLACES, self.places.len(), OTHER_PARAMETERS)?;
         self.imitation = if Imitation::is_in(state) {
             let mut imitation = self.new_imitation().map_err(|e| e.to_string())?;
             imitation.load(state)?;
@@ -257,8 +250,7 @@ impl Block for IspBlock {
     }
 
     fn save_progress(&self) -> Result<BlockState, DesignError> {
-        let text = DesignError::json("the moments of the ISP", &self.progress)?;
-        Ok(BTreeMap::from([(PROGRESS.to_owned(), text.into_bytes())]))
+        as_json(PROGRESS, "the moments of the ISP", &self.progress)
     }
 
     fn load_progress(&mut self, state: &BlockState) -> Result<(), String> {

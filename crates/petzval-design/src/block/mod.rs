@@ -171,6 +171,23 @@ fn named(loss: &NamedLoss) -> BTreeMap<String, f64> {
     loss.parts.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect()
 }
 
+/// A state of one part, as JSON; `what` names it if it cannot be written.
+fn as_json(name: &str, what: &'static str, value: &impl Serialize) -> Result<BlockState, DesignError> {
+    Ok(BTreeMap::from([(name.to_owned(), DesignError::json(what, value)?.into_bytes())]))
+}
+
+/// The places of `count` settings that a state holds; `others` says of which they are if their number is another.
+fn read_places(state: &BlockState, name: &str, count: usize, others: &str) -> Result<Vec<f64>, String> {
+    let places: Vec<f64> = parsed(state, name)?;
+    if places.len() != count {
+        return Err(format!("{name}: {others}"));
+    }
+    if !places.iter().all(|place| place.is_finite()) {
+        return Err(format!("{name}: not finite everywhere"));
+    }
+    Ok(places)
+}
+
 /// A part of a state.
 fn part<'a>(state: &'a BlockState, name: &str) -> Result<&'a [u8], String> {
     state.get(name).map(Vec::as_slice).ok_or_else(|| format!("`{name}` is missing"))

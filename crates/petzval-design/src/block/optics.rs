@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 use super::average::Average;
 use super::generations::{FirstGeneration, Generations, PointScore};
 use super::lifted::Lifted;
-use super::{Batch, Block, BlockState, Descent, Magnified, backward, named, parsed};
+use super::{Batch, Block, BlockState, Descent, Magnified, as_json, backward, named, parsed};
 use crate::camera::{ByLens, Camera, PsfLeaves, Psfs, Shot, to_host};
 use crate::error::DesignError;
 use crate::experiment::{BlockName, FieldOfView, StepMethod, StepRule};
@@ -501,11 +501,9 @@ impl Block for OpticsBlock {
     }
 
     fn save_numbers(&self) -> Result<BlockState, DesignError> {
-        let text = DesignError::json("the coordinates of the lens", &self.x)?;
-        let mut state = BTreeMap::from([(COORDINATES.to_owned(), text.into_bytes())]);
+        let mut state = as_json(COORDINATES, "the coordinates of the lens", &self.x)?;
         if !self.earlier.is_empty() {
-            let text = DesignError::json("the coordinates of earlier lenses", &self.earlier)?;
-            state.insert(EARLIER.to_owned(), text.into_bytes());
+            state.extend(as_json(EARLIER, "the coordinates of earlier lenses", &self.earlier)?);
         }
         Ok(state)
     }
@@ -525,8 +523,7 @@ impl Block for OpticsBlock {
     }
 
     fn save_progress(&self) -> Result<BlockState, DesignError> {
-        let text = DesignError::json("the moments of the lens", &self.progress)?;
-        Ok(BTreeMap::from([(PROGRESS.to_owned(), text.into_bytes())]))
+        as_json(PROGRESS, "the moments of the lens", &self.progress)
     }
 
     fn load_progress(&mut self, state: &BlockState) -> Result<(), String> {
