@@ -12,7 +12,6 @@ use std::time::Instant;
 
 use petzval_base::Cancel;
 use petzval_camera::isp::IspError;
-use petzval_camera::sensor::Noise;
 use petzval_camera::tape::Frames;
 use petzval_files::{LensFile, write_lens};
 use petzval_optics::design_space::EflSolve;
@@ -24,9 +23,9 @@ use crate::block::{Batch, Block, Blocks, ExposureBlock, IspBlock, NetworkBlock, 
 use crate::camera::{Camera, ChipValues, Shot};
 use crate::error::DesignError;
 use crate::experiment::{
-    BlockName, FieldOfView, LensGoal, LensSearch, PERFECT_LENS, Schedule, Stage, StepMethod, Variant, turn_of,
+    BlockName, FieldOfView, LensGoal, LensSearch, PERFECT_LENS, Schedule, Stage, StepMethod, StepRule,
+    Variant, turn_of,
 };
-use crate::parts::PartInputs;
 use crate::position::{Done, POSITION_FILE, Position, Restored, last_variant};
 use crate::report::run_report::camera_lens;
 use crate::run::{
@@ -125,22 +124,9 @@ pub struct DesignLoop {
 /// A loss of so many times the first one of its block in the stage, and of so many times white, is no way to a camera.
 const DIVERGED: f64 = 100.0;
 
-/// The first variant in a stage of which a block and others move by their gradients, and how they move.
-fn moves_together(setup: &Setup, block: BlockName) -> Option<(&Variant, &BTreeMap<BlockName, Schedule>)> {
-    let by_gradient = |s: &Schedule| matches!(s.method, StepMethod::Gradient | StepMethod::Levenberg);
-    setup.variants.iter().find_map(|variant| {
-        variant.stages.iter().find_map(|stage| match stage {
-            Stage::Task(moves) if moves.len() > 1 && moves.contains_key(&block) => {
-                moves.values().all(by_gradient).then_some((variant, moves))
-            }
-            _ => None,
-        })
-    })
-}
-
 /// Does some work, and meanwhile makes the windows of a batch that the camera will take next, where they take long to make.
 fn beside_windows<R>(setup: &Setup, camera: &Camera, batch: Option<u64>, work: impl FnOnce() -> R) -> R {
-    let (Ok(windows), Some(batch)) = (setup.task.windows(), batch) else { return work() };
+    let (Ok(windows), Some(batch)) = (setup.windows(), batch) else { return work() };
     if !windows.are_slow() || rayon::current_num_threads() == 1 {
         return work();
     }
@@ -149,6 +135,55 @@ fn beside_windows<R>(setup: &Setup, camera: &Camera, batch: Option<u64>, work: i
         scope.spawn(move || windows.make_ahead(experiment, view, batch));
         work()
     })
+}
+
+/// The step of a block for the task: on which windows, and by which rule.
+pub struct StepOf<'a> {
+    /// The experiment.
+    pub setup: &'a Setup,
+    /// The variant whose block it is.
+    pub variant: &'a Variant,
+    /// What the step is for.
+    pub objective: &'a dyn Objective,
+    /// The block that moves.
+    pub block: BlockName,
+    /// How it moves.
+    pub rule: StepRule,
+    /// Number of the batch.
+    pub number: u64,
+    /// Number of the batch that the same camera will take next; its windows are made meanwhile.
+    pub next: Option<u64>,
+}
+
+/// Takes the step of a block with a camera whose blocks are held. Returns the losses before the step.
+pub fn step_of(
+    step: &StepOf,
+    camera: &Camera,
+    blocks: &mut Blocks,
+) -> Result<BTreeMap<String, f64>, DesignError> {
+    let StepOf { setup, variant, objective, block, rule, number, next } = *step;
+    let shots = setup.training_shots(camera, number)?;
+    // A network behind the ISP needs no gradient by it, nor do a search and the differences of an exposure: they see the pictures that will be
+    // scored.
+    let needs_none =
+        matches!(block, BlockName::Network | BlockName::Exposure) || rule.method == StepMethod::Evolution;
+    let exact = (needs_none && camera.body().chip.is_some())
+        .then(|| camera.with_chip(ChipValues::Exact(blocks.isp.values())));
+    let camera = exact.as_ref().unwrap_or(camera);
+    let loss = |camera: &Camera, frames: &Frames, shots: &[Shot]| objective.loss(camera, frames, shots);
+    let magnified = |by: f64| setup.magnified_shots(camera, number, by);
+    let is_magnified = block == BlockName::Optics
+        && variant.field == FieldOfView::Free
+        && setup.windows()?.follow_the_lens();
+    let batch = Batch {
+        camera,
+        shots: &shots,
+        noise: setup.noise(variant),
+        loss: &loss,
+        further: &|number| setup.training_shots(camera, number),
+        magnified: is_magnified.then_some(&magnified),
+    };
+    beside_windows(setup, camera, next, || blocks.get_mut(block).step(&batch, rule))
 }
 
 /// What one step did.
@@ -324,27 +359,6 @@ impl DesignLoop {
         Ok(Ending::Finished(Box::new(metrics)))
     }
 
-    /// Takes one step of a block, out of turn, for the first variant in which it and others move by their gradients: for measuring its cost.
-    pub fn one_step(&mut self, block: BlockName) -> Result<(), DesignError> {
-        let setup = self.setup.clone();
-        match moves_together(&setup, block) {
-            Some((variant, moves)) => self.step(variant, moves, block).map(|_| ()),
-            None => Ok(()),
-        }
-    }
-
-    /// The batch of the first lens step, before each part of the camera: for measuring what the parts cost. None if no lens moves.
-    pub fn part_inputs(&mut self) -> Result<Option<PartInputs>, DesignError> {
-        let setup = self.setup.clone();
-        let Some((variant, moves)) = moves_together(&setup, BlockName::Optics) else { return Ok(None) };
-        let camera = self.camera(variant, moves)?;
-        let shots = setup.training_shots(&camera, 0)?;
-        let objective = setup.objective()?;
-        let loss =
-            move |camera: &Camera, frames: &Frames, shots: &[Shot]| objective.loss(camera, frames, shots);
-        PartInputs::new(Box::new(loss), camera, shots, self.noise(variant)).map(Some)
-    }
-
     /// One step of a block for the task.
     fn step(
         &mut self,
@@ -360,38 +374,17 @@ impl DesignLoop {
             }
             _ => self.camera(variant, moves)?,
         };
-        let number = self.batch_number(moves, block, taken);
-        let shots = self.setup.training_shots(&camera, number)?;
-        // A network behind the ISP needs no gradient by it, nor do a search and the differences of an exposure: they see the pictures that will be
-        // scored.
-        let needs_none =
-            matches!(block, BlockName::Network | BlockName::Exposure) || rule.method == StepMethod::Evolution;
-        let camera = if needs_none && camera.body().chip.is_some() {
-            camera.with_chip(ChipValues::Exact(self.blocks.isp.values()))
-        } else {
-            camera
+        let at = StepOf {
+            setup: &self.setup,
+            variant,
+            objective: &*self.objective,
+            block,
+            rule,
+            number: self.batch_number(moves, block, taken),
+            next: self.next_batch(moves, block),
         };
-        let objective = &self.objective;
-        let loss = |camera: &Camera, frames: &Frames, shots: &[Shot]| objective.loss(camera, frames, shots);
-        let setup = self.setup.clone();
-        let further = |number: u64| setup.training_shots(&camera, number);
-        let magnified = |by: f64| setup.magnified_shots(&camera, number, by);
-        let is_magnified = block == BlockName::Optics
-            && variant.field == FieldOfView::Free
-            && setup.task.windows()?.follow_the_lens();
-        let noise = self.noise(variant);
-        let batch = Batch {
-            camera: &camera,
-            shots: &shots,
-            noise,
-            loss: &loss,
-            further: &further,
-            magnified: is_magnified.then_some(&magnified),
-        };
-        let next = self.next_batch(moves, block);
-        let moving = self.blocks.get_mut(block);
-        let losses = beside_windows(&setup, &camera, next, || moving.step(&batch, rule))?;
-        let lowered = moving.lowered().to_vec();
+        let losses = step_of(&at, &camera, &mut self.blocks)?;
+        let lowered = self.blocks.get_mut(block).lowered().to_vec();
         let step = Step { block: block.name(), losses, lowered, learning_rate: rule.rate };
         let mut step = self.after_step(variant, block, step)?;
         // The block that counts the steps of the stage is the last.
@@ -437,7 +430,7 @@ impl DesignLoop {
         };
         let Blocks { exposure, isp, network, .. } = &self.blocks;
         let camera = finished(&at_rest, exposure, isp, network);
-        let noise = self.noise(variant);
+        let noise = self.setup.noise(variant);
         let objective = &self.objective;
         let loss = |camera: &Camera, frames: &Frames, shots: &[Shot]| objective.loss(camera, frames, shots);
         let shots = self.setup.validation_shots(&camera)?;
@@ -563,10 +556,6 @@ impl DesignLoop {
         Ok(())
     }
 
-    fn noise(&self, variant: &Variant) -> Noise {
-        Noise { mode: variant.noise, seed: self.setup.experiment.seed }
-    }
-
     /// The lens of a variant as it stands.
     fn lens(&self, variant: &Variant) -> Result<Lens, DesignError> {
         lens_of(&self.setup, variant, &self.blocks)
@@ -599,7 +588,7 @@ impl DesignLoop {
             None => self.setup.camera_of(variant, self.lens(variant)?, false)?,
         };
         self.camera = Some(camera.clone());
-        Ok(self.held(&camera))
+        Ok(self.blocks.held(&camera))
     }
 
     /// The camera of a variant for a lens step as it might be made: its lens has random errors, of which development knows nothing.
@@ -612,14 +601,7 @@ impl DesignLoop {
     ) -> Result<Camera, DesignError> {
         let drawn = self.camera(variant, moves)?;
         let lens = self.blocks.optics.with_errors(share, self.setup.experiment.seed, step as u64)?;
-        Ok(self.held(&self.setup.moving_camera(variant, lens)?).taken_for(&drawn))
-    }
-
-    /// A camera with exposure, ISP and network as they stand, held.
-    fn held(&self, camera: &Camera) -> Camera {
-        let Blocks { exposure, isp, network, .. } = &self.blocks;
-        let camera = network.attached_to(&camera.exposed_as(&exposure.exposure_in_work()));
-        if camera.body().chip.is_some() { camera.with_chip(isp.held(&camera.body().device)) } else { camera }
+        Ok(self.blocks.held(&self.setup.moving_camera(variant, lens)?).taken_for(&drawn))
     }
 
     fn checkpoint(&self, observer: &mut dyn Observer) -> Result<(), DesignError> {

@@ -147,7 +147,7 @@ pub fn first_look(setup: &Setup) -> Result<FirstLook, DesignError> {
         }
     }
     setup.cancel.check()?;
-    let photos = setup.task.windows()?.photos_look(setup);
+    let photos = setup.windows()?.photos_look(setup);
     let cameras: Vec<Planned> = setup.variants.iter().map(planned).collect();
     let mut look = FirstLook {
         experiment: setup.experiment.name.clone(),

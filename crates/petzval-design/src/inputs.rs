@@ -65,7 +65,8 @@ impl Inputs {
         if let Some(weights) = setup.task.given_weights() {
             add("given weights".to_owned(), weights);
         }
-        let WindowInputs { parts: built_in, pictures } = setup.task.inputs(&setup.experiment, &mut hash)?;
+        let WindowInputs { parts: built_in, pictures } =
+            setup.windows()?.inputs(&setup.experiment, &mut hash)?;
         parts.extend(built_in);
         let list = InputList { parts, held_out: setup.held_out_pictures()?, pictures };
         Ok(Self { fingerprint: hex(hash), list })

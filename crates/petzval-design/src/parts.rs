@@ -5,9 +5,9 @@ use petzval_camera::render::Window;
 use petzval_camera::sensor::{Capture, Noise};
 use petzval_camera::tape::{Frames, expose_op};
 
-use crate::block::LossOf;
 use crate::camera::{Camera, PsfLeaves, Shot, cut};
 use crate::error::DesignError;
+use crate::task::Objective;
 
 /// A part of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,7 +26,7 @@ pub enum Part {
 
 /// A batch as it enters every part of a camera.
 pub struct PartInputs {
-    loss: Box<LossOf<'static>>,
+    objective: Box<dyn Objective>,
     camera: Camera,
     shots: Vec<Shot>,
     captures: Vec<Capture>,
@@ -40,9 +40,9 @@ pub struct PartInputs {
 }
 
 impl PartInputs {
-    /// Takes a batch through a camera without a hardware ISP, and gives it this loss.
+    /// Takes a batch through a camera without a hardware ISP.
     pub fn new(
-        loss: Box<LossOf<'static>>,
+        objective: Box<dyn Objective>,
         camera: Camera,
         shots: Vec<Shot>,
         noise: Noise,
@@ -54,7 +54,7 @@ impl PartInputs {
         let raw = expose_op(irradiance.clone(), &camera.body().sensor, &captures, &noise)?;
         let light = [irradiance.clone(), illumination.clone()];
         let frames = camera.expose(&psfs, light, &captures, &kept, &noise)?;
-        Ok(Self { loss, camera, shots, captures, kept, noise, irradiance, illumination, raw, frames })
+        Ok(Self { objective, camera, shots, captures, kept, noise, irradiance, illumination, raw, frames })
     }
 
     /// Runs a part forward, and the sum of what it gives back to its inputs.
@@ -81,7 +81,7 @@ impl PartInputs {
             }
             Part::Loss => {
                 let frames = Frames { finished: tracked(&self.frames.finished), ..self.frames.clone() };
-                (self.loss)(camera, &frames, &self.shots)?.total
+                self.objective.loss(camera, &frames, &self.shots)?.total
             }
         };
         std::hint::black_box(out.backward());

@@ -16,7 +16,7 @@ const LIKE_FOR_LIKE: f64 = 0.01;
 
 /// Refuses cameras that can give no meaningful result; returns the warnings. `source` is the experiment's text.
 pub fn check(setup: &Setup, source: &Text) -> Result<Vec<String>, DesignError> {
-    setup.task.windows()?.check_sensor(&setup.experiment, &setup.body.sensor)?;
+    setup.windows()?.check_sensor(&setup.experiment, &setup.body.sensor)?;
     let mut warnings = check_exposure(setup, source)?;
     warnings.extend(brighter_lenses(setup));
     warnings.extend(drifting_lenses(setup));

@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use burn::prelude::Device;
 use petzval_base::Cancel;
+use petzval_camera::sensor::Noise;
 use petzval_learn::score::standard_scores;
 
 use crate::block::{Blocks, ExposureBlock, ImitationPlan, IspBlock, NetworkBlock, OpticsBlock};
@@ -15,7 +16,7 @@ use crate::error::DesignError;
 use crate::experiment::{Experiment, ExposureSetting, Variant, places_of};
 use crate::library::Library;
 use crate::study::Study;
-use crate::task::{HeldOut, Objective, PreparedTask, Purpose, WindowPlan};
+use crate::task::{HeldOut, Objective, PreparedTask, Purpose, WindowPlan, Windows};
 
 /// Everything that the design loop needs and that does not change during it.
 pub struct Setup {
@@ -23,6 +24,7 @@ pub struct Setup {
     pub cameras: Cameras,
     /// What the cameras are designed for.
     pub task: Box<dyn PreparedTask>,
+    windows: Option<Box<dyn Windows>>,
     /// How far differences between cameras scatter with the seed, where that is known of this experiment.
     pub study: Option<Study>,
     /// Stops runs and scoring.
@@ -40,11 +42,10 @@ impl Deref for Setup {
 impl Setup {
     /// An experiment with the windows for its training and its scores.
     pub fn new(experiment: Experiment, library: &Library, device: Device) -> Result<Self, DesignError> {
-        let mut setup = Self::without_windows(experiment, library, device)?;
+        let setup = Self::without_windows(experiment, library, device)?;
         // Fails now, while there is no run folder yet, if weights do not fit.
         setup.network()?;
-        setup.load_windows(library, Purpose::Training)?;
-        Ok(setup)
+        setup.with_windows(library, Purpose::Training)
     }
 
     /// [`Setup::new`] to score cameras on pictures of which none trains: all those of the folder that the experiment names.
@@ -53,9 +54,7 @@ impl Setup {
         library: &Library,
         device: Device,
     ) -> Result<Self, DesignError> {
-        let mut setup = Self::without_windows(experiment, library, device)?;
-        setup.load_windows(library, Purpose::Scores)?;
-        Ok(setup)
+        Self::without_windows(experiment, library, device)?.with_windows(library, Purpose::Scores)
     }
 
     /// [`Setup::new`] without windows, for what is not done with them.
@@ -68,21 +67,26 @@ impl Setup {
         let cameras = Cameras::new(experiment, &task.facts(), library, device)?;
         let task = task.prepare(&cameras.experiment, library, &cameras.body.device)?;
         let study = Study::of(&cameras.experiment, library)?;
-        Ok(Self { cameras, task, study, cancel: library.cancel().clone() })
+        Ok(Self { cameras, task, windows: None, study, cancel: library.cancel().clone() })
     }
 
-    fn load_windows(&mut self, library: &Library, purpose: Purpose) -> Result<(), DesignError> {
-        let Self { cameras, task, .. } = self;
-        task.load_windows(&WindowPlan {
-            experiment: &cameras.experiment,
+    fn with_windows(self, library: &Library, purpose: Purpose) -> Result<Self, DesignError> {
+        let windows = self.task.windows(&WindowPlan {
+            experiment: &self.experiment,
             assets: library,
-            training_crops: cameras.training_crops,
-            scoring_crops: cameras.scoring_crops,
-            fixed_plan: &cameras.fixed_plan,
-            pixel_um: cameras.body.sensor.pixel_um,
-            nominal: &cameras.nominal().lens_file.lens,
+            training_crops: self.training_crops,
+            scoring_crops: self.scoring_crops,
+            fixed_plan: &self.fixed_plan,
+            pixel_um: self.body.sensor.pixel_um,
+            nominal: &self.nominal().lens_file.lens,
             purpose,
-        })
+        })?;
+        Ok(Self { windows: Some(windows), ..self })
+    }
+
+    /// The windows of the task. Fails for a setup without them.
+    pub fn windows(&self) -> Result<&dyn Windows, DesignError> {
+        self.windows.as_deref().ok_or(DesignError::NoWindows)
     }
 
     /// A network as a variant starts with it, untrained or with given weights: the same bits for every variant of a run.
@@ -95,14 +99,19 @@ impl Setup {
         self.task.objective(self)
     }
 
+    /// The noise of a variant's frames.
+    pub fn noise(&self, variant: &Variant) -> Noise {
+        Noise { mode: variant.noise, seed: self.experiment.seed }
+    }
+
     /// The training windows of a step.
     pub fn training_shots(&self, camera: &Camera, step: u64) -> Result<Vec<Shot>, DesignError> {
-        self.task.windows()?.training(self, camera, step)
+        self.windows()?.training(self, camera, step)
     }
 
     /// The training windows of a step as a camera would see them if its lens were another one like it, whose image is so many times as large.
     pub fn magnified_shots(&self, camera: &Camera, step: u64, by: f64) -> Result<Vec<Shot>, DesignError> {
-        match self.task.windows()?.magnified(self, camera, step, by)? {
+        match self.windows()?.magnified(self, camera, step, by)? {
             Some(magnified) => Ok(magnified),
             None => self.training_shots(camera, step),
         }
@@ -110,7 +119,7 @@ impl Setup {
 
     /// The windows of every validation, in batches.
     pub fn validation_shots(&self, camera: &Camera) -> Result<Vec<Vec<Shot>>, DesignError> {
-        self.task.windows()?.validation(self, camera)
+        self.windows()?.validation(self, camera)
     }
 
     /// Those of the held-out windows that are chosen by their number.
@@ -119,12 +128,12 @@ impl Setup {
         camera: &Camera,
         is_chosen: &dyn Fn(usize) -> bool,
     ) -> Result<Vec<HeldOut>, DesignError> {
-        self.task.windows()?.held_out(self, camera, is_chosen)
+        self.windows()?.held_out(self, camera, is_chosen)
     }
 
     /// Held-out pictures, and places of the sensor at which each of them is scored.
     pub fn held_out_pictures(&self) -> Result<[usize; 2], DesignError> {
-        Ok(self.task.windows()?.held_out_pictures(&self.experiment))
+        Ok(self.windows()?.held_out_pictures(&self.experiment))
     }
 
     /// The exposure at the start, of which the settings that the experiment names may move.

@@ -365,7 +365,7 @@ fn set_up(experiment: Experiment, device: Device, context: &Context) -> Result<S
 
 /// Lists the training, held-out and skipped pictures, and what their files say that is not obeyed.
 pub(crate) fn report_pictures(setup: &Setup, context: &Context) {
-    for remark in setup.task.remarks() {
+    for remark in setup.windows().iter().flat_map(|windows| windows.remarks()) {
         match remark {
             Remark::Note(text) => context.note(text),
             Remark::Warning(text) => context.warning(WarningKind::DataSet, text),

@@ -1,6 +1,7 @@
 //! The blocks of a camera in work.
 
 use super::{Block, ExposureBlock, IspBlock, NetworkBlock, OpticsBlock};
+use crate::camera::Camera;
 use crate::experiment::BlockName;
 
 /// The blocks of a variant, each with its present numbers.
@@ -34,6 +35,13 @@ impl Blocks {
             BlockName::Isp => &mut self.isp,
             BlockName::Network => &mut self.network,
         }
+    }
+
+    /// A camera with exposure, ISP and network as they stand, held.
+    pub fn held(&self, camera: &Camera) -> Camera {
+        let camera = self.network.attached_to(&camera.exposed_as(&self.exposure.exposure_in_work()));
+        let Some(_) = camera.body().chip else { return camera };
+        camera.with_chip(self.isp.held(&camera.body().device))
     }
 
     /// Starts a stage, in which the blocks that `moves` names move.

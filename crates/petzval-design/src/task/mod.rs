@@ -20,15 +20,12 @@ mod scenes;
 pub mod segments;
 mod windows;
 
-use std::collections::BTreeMap;
-
 use burn::prelude::Device;
 use petzval_base::FileError;
 use petzval_camera::image::LinearImage;
 use petzval_camera::tape::Frames;
 use petzval_learn::loss::NamedLoss;
 use petzval_report::design_report::{DetectionView, TaskSection};
-use sha2::Sha256;
 
 use crate::assets::Assets;
 use crate::block::NetworkBlock;
@@ -36,14 +33,16 @@ use crate::camera::{Camera, Shot};
 use crate::cameras::Cameras;
 use crate::error::DesignError;
 use crate::experiment::{Experiment, TaskFacts};
-use crate::run::input_list::Pictures;
 use crate::run::{Metrics, RunFolder};
 
 pub use judge::{Depth, Findings, Judge, ScoredPicture, Taken, named_scores};
 pub use registry::Tasks;
 pub use scenes::{PicturePlan, ReadPictures, SceneLabels, Scenes};
 pub(crate) use windows::enlarged_by;
-pub use windows::{HeldOut, PhotosLook, Purpose, SceneView, WindowPlan, Windows, in_batches, relative_field};
+pub use windows::{
+    HeldOut, PhotosLook, Purpose, Remark, SceneView, WindowInputs, WindowPlan, Windows, in_batches,
+    relative_field,
+};
 
 /// What cameras are designed for.
 pub trait Task: Send + Sync {
@@ -70,10 +69,7 @@ pub trait Task: Send + Sync {
 /// A task at work on an experiment.
 pub trait PreparedTask: Send + Sync {
     /// Reads or plans its windows.
-    fn load_windows(&mut self, plan: &WindowPlan) -> Result<(), DesignError>;
-
-    /// Its windows, once they are loaded.
-    fn windows(&self) -> Result<&dyn Windows, DesignError>;
+    fn windows(&self, plan: &WindowPlan) -> Result<Box<dyn Windows>, DesignError>;
 
     /// The network of a camera at the start, the same bits for every variant of a run.
     fn network(&self, cameras: &Cameras) -> Result<NetworkBlock, DesignError>;
@@ -93,12 +89,6 @@ pub trait PreparedTask: Send + Sync {
     fn keep_weights(&self, _run: &RunFolder, _kept: &mut Experiment) -> Result<(), DesignError> {
         Ok(())
     }
-
-    /// What identifies its windows; adds them to a hash.
-    fn inputs(&self, experiment: &Experiment, hash: &mut Sha256) -> Result<WindowInputs, DesignError>;
-
-    /// What its pictures are, and what of them cannot be used.
-    fn remarks(&self) -> Vec<Remark>;
 
     /// A picture with what the network of the camera reads in it, for people to look at, and the files of [`Self::read_files`].
     fn drawn(&self, _camera: &Camera, picture: LinearImage) -> Result<Drawn, DesignError> {
@@ -140,24 +130,6 @@ impl Drawn {
 pub trait Objective {
     /// The mean over the pictures of a batch. Its graph leads to whatever the graphs of the frames and of the camera's network lead to.
     fn loss(&self, camera: &Camera, frames: &Frames, shots: &[Shot]) -> Result<NamedLoss, DesignError>;
-}
-
-/// What identifies the windows of an experiment.
-#[derive(Default)]
-pub struct WindowInputs {
-    /// SHA-256 of those that are built in, by name.
-    pub parts: BTreeMap<String, String>,
-    /// The user's pictures.
-    pub pictures: Option<Pictures>,
-}
-
-/// Something that a person should know of the pictures of an experiment.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Remark {
-    /// What they are.
-    Note(String),
-    /// What of them cannot be used, or is not obeyed.
-    Warning(String),
 }
 
 /// What the report of a run shows of a task.

@@ -185,22 +185,6 @@ impl Scenes {
         Ok(Some((files, known, pictures.labels())))
     }
 
-    /// What identifies the scenes of an experiment; adds it to a hash. Nothing of streets.
-    pub fn inputs(&self, experiment: &Experiment, hash: &mut Sha256) -> Result<WindowInputs, DesignError> {
-        let Some((files, known, labels)) = self.pictures()? else { return Ok(WindowInputs::default()) };
-        hash.update(known);
-        let place = Path::new(&experiment.data);
-        let place = std::fs::canonicalize(place).map_err(DesignError::io(place))?;
-        let labels = Some(hex(Sha256::new_with_prefix(labels)));
-        Ok(WindowInputs { pictures: Some(Pictures { place, labels, files }), ..WindowInputs::default() })
-    }
-
-    /// What the scenes are, and what of them cannot be used.
-    pub fn remarks(&self) -> Vec<Remark> {
-        let notes = self.notes.iter().map(|note| Remark::Warning(note.clone()));
-        [Remark::Note(self.in_words())].into_iter().chain(notes).collect()
-    }
-
     /// What a window of a list is called: its number from 1 on, and the picture that it is of.
     fn name(&self, list: List, number: u64) -> String {
         let scene = format!("scene {}", number + 1);
@@ -459,6 +443,21 @@ impl Windows for Scenes {
 
     fn are_slow(&self) -> bool {
         true
+    }
+
+    /// Nothing of streets.
+    fn inputs(&self, experiment: &Experiment, hash: &mut Sha256) -> Result<WindowInputs, DesignError> {
+        let Some((files, known, labels)) = self.pictures()? else { return Ok(WindowInputs::default()) };
+        hash.update(known);
+        let place = Path::new(&experiment.data);
+        let place = std::fs::canonicalize(place).map_err(DesignError::io(place))?;
+        let labels = Some(hex(Sha256::new_with_prefix(labels)));
+        Ok(WindowInputs { pictures: Some(Pictures { place, labels, files }), ..WindowInputs::default() })
+    }
+
+    fn remarks(&self) -> Vec<Remark> {
+        let notes = self.notes.iter().map(|note| Remark::Warning(note.clone()));
+        [Remark::Note(self.in_words())].into_iter().chain(notes).collect()
     }
 }
 

@@ -1,10 +1,13 @@
 //! Windows of scenes that cameras take, and what is known of the camera that looks.
 
+use std::collections::BTreeMap;
+
 use petzval_camera::sensor::SensorModel;
 use petzval_learn::dataset::CropPlan;
 use petzval_optics::lens::Lens;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use sha2::Sha256;
 
 use crate::assets::Assets;
 use crate::camera::{Camera, Shot};
@@ -12,6 +15,7 @@ use crate::cameras::Cameras;
 use crate::error::DesignError;
 use crate::experiment::Experiment;
 use crate::lens::psf_plan::PsfPlan;
+use crate::run::input_list::Pictures;
 
 /// The windows of a task. They depend on the experiment and their numbers alone, and in streets on the lens that looks.
 pub trait Windows: Send + Sync {
@@ -65,6 +69,34 @@ pub trait Windows: Send + Sync {
     fn photos_look(&self, _cameras: &Cameras) -> Option<PhotosLook> {
         None
     }
+
+    /// What identifies them; adds them to a hash.
+    fn inputs(&self, _experiment: &Experiment, _hash: &mut Sha256) -> Result<WindowInputs, DesignError> {
+        Ok(WindowInputs::default())
+    }
+
+    /// What the pictures are, and what of them cannot be used.
+    fn remarks(&self) -> Vec<Remark> {
+        Vec::new()
+    }
+}
+
+/// What identifies the windows of an experiment.
+#[derive(Default)]
+pub struct WindowInputs {
+    /// SHA-256 of those that are built in, by name.
+    pub parts: BTreeMap<String, String>,
+    /// The user's pictures.
+    pub pictures: Option<Pictures>,
+}
+
+/// Something that a person should know of the pictures of an experiment.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Remark {
+    /// What they are.
+    Note(String),
+    /// What of them cannot be used, or is not obeyed.
+    Warning(String),
 }
 
 /// What windows are needed for.

@@ -23,13 +23,12 @@ use petzval_design::scoring::Scorer;
 use petzval_design::setup::Setup;
 use petzval_design::task::pictures::Photographs;
 use petzval_design::task::{
-    Depth, Findings, HeldOut, Judge, Objective, PreparedTask, Remark, ScoredPicture, Taken, Task, TaskReport,
-    Tasks, WindowInputs, WindowPlan, Windows,
+    Depth, Findings, HeldOut, Judge, Objective, PreparedTask, ScoredPicture, Taken, Task, TaskReport, Tasks,
+    WindowPlan, Windows,
 };
 use petzval_learn::loss::NamedLoss;
 use petzval_learn::score::ScoreDescription;
 use petzval_report::design_report::TaskSection;
-use sha2::Sha256;
 
 use crate::common::Silent;
 
@@ -81,7 +80,7 @@ impl Task for Brightness {
     }
 
     fn prepare(&self, _: &Experiment, _: &Assets, _: &Device) -> Result<Box<dyn PreparedTask>, DesignError> {
-        Ok(Box::new(Prepared(None)))
+        Ok(Box::new(Prepared))
     }
 }
 
@@ -151,16 +150,11 @@ impl CameraNetwork for LearnsToRead {
     }
 }
 
-struct Prepared(Option<Numbered>);
+struct Prepared;
 
 impl PreparedTask for Prepared {
-    fn load_windows(&mut self, plan: &WindowPlan) -> Result<(), DesignError> {
-        self.0 = Some(Numbered(Photographs::load(plan)?));
-        Ok(())
-    }
-
-    fn windows(&self) -> Result<&dyn Windows, DesignError> {
-        self.0.as_ref().map(|windows| windows as _).ok_or(DesignError::NoWindows)
+    fn windows(&self, plan: &WindowPlan) -> Result<Box<dyn Windows>, DesignError> {
+        Ok(Box::new(Numbered(Photographs::load(plan)?)))
     }
 
     fn network(&self, cameras: &Cameras) -> Result<NetworkBlock, DesignError> {
@@ -175,14 +169,6 @@ impl PreparedTask for Prepared {
 
     fn judge(&self, _: &Cameras) -> Result<Box<dyn Judge>, DesignError> {
         Ok(Box::new(Errors))
-    }
-
-    fn inputs(&self, _: &Experiment, _: &mut Sha256) -> Result<WindowInputs, DesignError> {
-        Ok(WindowInputs::default())
-    }
-
-    fn remarks(&self) -> Vec<Remark> {
-        Vec::new()
     }
 
     fn report(&self, _: &Cameras, _: &RunFolder, metrics: &Metrics) -> Result<TaskReport, DesignError> {

@@ -673,7 +673,7 @@ fn validation_pictures_are_neither_trained_nor_scored_on_and_moving_lenses_are_v
             Remark::Note(text) => Some(text.strip_prefix(list)?.split_once(": ")?.1.to_owned()),
             Remark::Warning(_) => None,
         };
-        let all = setup.task.remarks().into_iter().find_map(listed).unwrap_or_default();
+        let all = setup.windows().unwrap().remarks().into_iter().find_map(listed).unwrap_or_default();
         all.split(", ").filter(|name| !name.is_empty()).map(str::to_owned).collect()
     };
     let validation = names(&with, "validation");

@@ -58,18 +58,14 @@ fn rendering() -> Result<Prepared, JobError> {
         with_patches_for(&RenderGeometry::default(), &bank, error).map_err(DesignError::from)?;
     let border = kernel_radius(&geometry, &bank.layout()).map_err(DesignError::from)?;
     let scene = texture(FRAME.0 + 2 * border, FRAME.1 + 2 * border);
-    Ok(Prepared {
-        work: format!(
-            "1200 x 1920 RGB, {} x {} blended PSFs from 31 fields, error {:.3} (L1, median), kernels included",
-            geometry.patches.0, geometry.patches.1, blend.median
-        ),
-        units: None,
-        single_thread: false,
-        run: Box::new(move || {
-            std::hint::black_box(render(&geometry, &bank, &scene, ORIGIN).map_err(DesignError::from)?);
-            Ok(())
-        }),
-    })
+    let work = format!(
+        "1200 x 1920 RGB, {} x {} blended PSFs from 31 fields, error {:.3} (L1, median), kernels included",
+        geometry.patches.0, geometry.patches.1, blend.median
+    );
+    Ok(Prepared::new(work, move || {
+        std::hint::black_box(render(&geometry, &bank, &scene, ORIGIN).map_err(DesignError::from)?);
+        Ok(())
+    }))
 }
 
 /// A raw frame of texture with noise, developed by the automotive ISP, shading and distortion included.
@@ -94,34 +90,27 @@ fn chip(preset: &str) -> Result<Prepared, JobError> {
     let values = isp.values(frame.about.gain_ev)?;
     let stages = isp.stage_times(&frame, &values)?;
     let stages: Vec<String> = stages.iter().map(|(stage, s)| format!("{stage} {:.1}", 1e3 * s)).collect();
-    Ok(Prepared {
-        work: format!(
-            "1200 x 1920 raw, all stages of the preset {preset} of the automotive ISP, fixed-point; by the clock, ms: {}",
-            stages.join(", ")
-        ),
-        units: Some(((FRAME.0 * FRAME.1) as f64, "pixels")),
-        single_thread: false,
-        run: Box::new(move || {
-            let picture = isp.isp().develop(&frame, &values).map_err(|e| JobError::failed(e.to_string()))?;
-            std::hint::black_box(picture);
-            Ok(())
-        }),
+    let work = format!(
+        "1200 x 1920 raw, all stages of the preset {preset} of the automotive ISP, fixed-point; by the clock, ms: {}",
+        stages.join(", ")
+    );
+    Ok(Prepared::new(work, move || {
+        let picture = isp.isp().develop(&frame, &values).map_err(|e| JobError::failed(e.to_string()))?;
+        std::hint::black_box(picture);
+        Ok(())
     })
+    .counted((FRAME.0 * FRAME.1) as f64, "pixels"))
 }
 
 /// A mosaic of texture, demosaiced.
 fn demosaicing(method: Demosaic) -> Result<Prepared, JobError> {
     let mosaic = texture(FRAME.0, FRAME.1).plane(1).to_vec();
-    Ok(Prepared {
-        work: format!("1200 x 1920 Bayer mosaic, {}", method.name()),
-        units: Some(((FRAME.0 * FRAME.1) as f64, "pixels")),
-        single_thread: false,
-        run: Box::new(move || {
-            let picture = method.apply(&mosaic, FRAME.0, FRAME.1, CfaPattern::RGGB, ORIGIN);
-            std::hint::black_box(picture.map_err(DesignError::from)?);
-            Ok(())
-        }),
+    Ok(Prepared::new(format!("1200 x 1920 Bayer mosaic, {}", method.name()), move || {
+        let picture = method.apply(&mosaic, FRAME.0, FRAME.1, CfaPattern::RGGB, ORIGIN);
+        std::hint::black_box(picture.map_err(DesignError::from)?);
+        Ok(())
     })
+    .counted((FRAME.0 * FRAME.1) as f64, "pixels"))
 }
 
 /// A frame of an uneven specimen with every noise on, on one thread.
@@ -145,19 +134,16 @@ fn sensor() -> Result<Prepared, JobError> {
     let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build();
     let alone = alone.map_err(|e| JobError::failed(format!("no thread for the bench: {e}")))?;
     let mut frame = 0;
-    Ok(Prepared {
-        work: "1200 x 1920 Bayer frame, exact Poisson, read and electronics noise, DSNU, PRNU, hot pixels, row and \
-               column noise"
-            .to_owned(),
-        units: Some(((FRAME.0 * FRAME.1) as f64, "pixels")),
-        single_thread: true,
-        run: Box::new(move || {
-            frame += 1;
-            let capture = Capture { exposure, placement: ORIGIN, frame };
-            let noise = Noise { mode: NoiseMode::Exact, seed: 1 };
-            let raw = alone.install(|| expose(&light, &sensor, &capture, &noise));
-            std::hint::black_box(raw.map_err(DesignError::from)?);
-            Ok(())
-        }),
+    let work = "1200 x 1920 Bayer frame, exact Poisson, read and electronics noise, DSNU, PRNU, hot pixels, row and \
+               column noise";
+    Ok(Prepared::new(work, move || {
+        frame += 1;
+        let capture = Capture { exposure, placement: ORIGIN, frame };
+        let noise = Noise { mode: NoiseMode::Exact, seed: 1 };
+        let raw = alone.install(|| expose(&light, &sensor, &capture, &noise));
+        std::hint::black_box(raw.map_err(DesignError::from)?);
+        Ok(())
     })
+    .on_one_thread()
+    .counted((FRAME.0 * FRAME.1) as f64, "pixels"))
 }

@@ -1,16 +1,17 @@
 //! Workloads of joint optimisation: steps of networks, of the hardware ISP and of lenses in the built-in experiments.
 
 use petzval_base::simd::widest;
-use petzval_design::design_loop::DesignLoop;
+use petzval_design::block::{Blocks, Sight};
+use petzval_design::camera::Camera;
+use petzval_design::design_loop::{StepOf, step_of};
 use petzval_design::error::DesignError;
-use petzval_design::experiment::BlockName;
-use petzval_design::parts::Part;
-use petzval_design::run::RunFolder;
+use petzval_design::experiment::{BlockName, Schedule, Stage, StepMethod, Variant};
+use petzval_design::parts::{Part, PartInputs};
 use petzval_design::setup::Setup;
+use petzval_design::task::Objective;
 
 use super::workload::{Prepared, Workload};
 use crate::built_in::built_in_assets;
-use crate::design::scorer;
 use crate::device::device;
 use crate::error::JobError;
 
@@ -67,48 +68,92 @@ pub(super) fn workloads() -> Vec<Workload> {
 
 /// A part of `joint_step`.
 fn part(part: Part, what: &str) -> Result<Prepared, JobError> {
-    let assets = built_in_assets();
-    let experiment = assets.experiment(PICTURES)?;
-    let training = experiment.training.clone();
-    let inputs = design_loop(Setup::new(experiment, &assets, device("cpu")?)?)?.part_inputs()?;
-    Ok(Prepared {
-        work: format!("{what}; batch {} of {}^2: a part of joint_step", training.batch, training.crop),
-        units: None,
-        single_thread: false,
-        run: Box::new(move || Ok(inputs.iter().try_for_each(|inputs| inputs.run(part))?)),
-    })
+    let mut steps = Steps::new(PICTURES, BlockName::Optics)?;
+    let Steps { setup, variant, .. } = &steps;
+    let training = &setup.experiment.training;
+    let work = format!("{what}; batch {} of {}^2: a part of joint_step", training.batch, training.crop);
+    let (objective, noise) = (setup.objective()?, setup.noise(variant));
+    let camera = steps.camera()?;
+    let shots = steps.setup.training_shots(&camera, 0)?;
+    let inputs = PartInputs::new(objective, camera, shots, noise)?;
+    Ok(Prepared::new(work, move || Ok(inputs.run(part)?)))
 }
 
 /// Steps of a block of a built-in experiment.
-fn step(experiment: &str, kind: BlockName, what: &str) -> Result<Prepared, JobError> {
-    let assets = built_in_assets();
-    let has_network = experiment == PICTURES;
-    let mut experiment = assets.experiment(experiment)?;
-    experiment.street.windows = WINDOWS;
-    let training = experiment.training.clone();
-    let network = &experiment.network;
-    let size = if has_network {
+fn step(experiment: &str, block: BlockName, what: &str) -> Result<Prepared, JobError> {
+    let mut steps = Steps::new(experiment, block)?;
+    let (training, network) = (&steps.setup.experiment.training, &steps.setup.experiment.network);
+    let size = if experiment == PICTURES {
         format!(", {} channels, {} levels", network.base_channels, network.levels)
     } else {
         String::new()
     };
-    let setup = Setup::new(experiment, &assets, device("cpu")?)?;
-    let mut design = design_loop(setup)?;
-    Ok(Prepared {
-        work: format!("{what}; batch {} of {}^2{size}", training.batch, training.crop),
-        units: None,
-        single_thread: false,
-        run: Box::new(move || {
-            design.one_step(kind)?;
-            Ok(())
-        }),
-    })
+    let work = format!("{what}; batch {} of {}^2{size}", training.batch, training.crop);
+    Ok(Prepared::new(work, move || Ok(steps.step()?)))
 }
 
-/// A run whose single steps write nothing.
-fn design_loop(setup: Setup) -> Result<DesignLoop, JobError> {
-    let scratch = std::env::temp_dir().join(format!("petzval-bench-{}", std::process::id()));
-    let design = DesignLoop::new(RunFolder::create(&scratch)?, scorer(setup)?)?;
-    std::fs::remove_dir_all(&scratch).map_err(DesignError::io(&scratch))?;
-    Ok(design)
+/// Steps of a block, as the first variant takes them in which it and others move by their gradients.
+struct Steps {
+    setup: Setup,
+    variant: Variant,
+    schedule: Schedule,
+    block: BlockName,
+    blocks: Blocks,
+    objective: Box<dyn Objective>,
+    /// Made anew only when the lens has moved.
+    camera: Option<Camera>,
+    taken: usize,
+}
+
+impl Steps {
+    fn new(experiment: &str, block: BlockName) -> Result<Self, JobError> {
+        let assets = built_in_assets();
+        let mut experiment = assets.experiment(experiment)?;
+        experiment.street.windows = WINDOWS;
+        let setup = Setup::new(experiment, &assets, device("cpu")?)?;
+        let by_gradient = |s: &Schedule| matches!(s.method, StepMethod::Gradient | StepMethod::Levenberg);
+        let schedule_of = |stage: &Stage| match stage {
+            Stage::Task(moves) if moves.len() > 1 && moves.values().all(by_gradient) => {
+                moves.get(&block).copied()
+            }
+            _ => None,
+        };
+        let mut found = setup
+            .variants
+            .iter()
+            .filter_map(|variant| Some((variant.clone(), variant.stages.iter().find_map(schedule_of)?)));
+        let (variant, schedule) =
+            found.next().ok_or_else(|| JobError::failed("no stage of the experiment moves the block"))?;
+        drop(found);
+        let (mut blocks, objective) = (setup.blocks(&variant)?, setup.objective()?);
+        blocks.network.set_sight(Sight { sees: variant.sees, zoom: 1.0 });
+        Ok(Self { setup, variant, schedule, block, blocks, objective, camera: None, taken: 0 })
+    }
+
+    fn camera(&mut self) -> Result<Camera, DesignError> {
+        let camera = match self.camera.take() {
+            Some(camera) => camera,
+            None => self.setup.moving_camera(&self.variant, self.blocks.optics.lens()?)?,
+        };
+        self.camera = Some(camera.clone());
+        Ok(self.blocks.held(&camera))
+    }
+
+    fn step(&mut self) -> Result<(), DesignError> {
+        let camera = self.camera()?;
+        let next = (!self.block.moves_psfs()).then_some(self.taken as u64 + 1);
+        let at = StepOf {
+            setup: &self.setup,
+            variant: &self.variant,
+            objective: &*self.objective,
+            block: self.block,
+            rule: self.schedule.rule(self.taken),
+            number: self.taken as u64,
+            next,
+        };
+        step_of(&at, &camera, &mut self.blocks)?;
+        self.taken += 1;
+        self.camera = self.camera.take().filter(|_| !self.block.moves_psfs());
+        Ok(())
+    }
 }

@@ -87,17 +87,14 @@ fn bundle(lens: &Lens) -> RayBundle {
 fn tracing(lens: Lens) -> Result<Prepared, JobError> {
     let (sequence, start) = (lens.at_wavelength(lens.reference_um), bundle(&lens));
     let units = (start.len() * sequence.surfaces.len()) as f64;
-    Ok(Prepared {
-        work: "128 x 128 rays through 7 surfaces".to_owned(),
-        units: Some((units, "surface intersections")),
-        single_thread: true,
-        run: Box::new(move || {
-            let mut rays = start.clone();
-            trace(&sequence, &mut rays);
-            std::hint::black_box(&rays);
-            Ok(())
-        }),
+    Ok(Prepared::new("128 x 128 rays through 7 surfaces", move || {
+        let mut rays = start.clone();
+        trace(&sequence, &mut rays);
+        std::hint::black_box(&rays);
+        Ok(())
     })
+    .on_one_thread()
+    .counted(units, "surface intersections"))
 }
 
 fn adjoint() -> Result<Prepared, JobError> {
@@ -107,83 +104,65 @@ fn adjoint() -> Result<Prepared, JobError> {
     let mut seeds = Seeds::zero(start.len());
     seeds.image_x.fill(1.0);
     seeds.image_y.fill(1.0);
-    Ok(Prepared {
-        work: "128 x 128 rays forward and back, every number of the lens".to_owned(),
-        units: Some((units, "surface intersections")),
-        single_thread: true,
-        run: Box::new(move || {
-            let mut gradient = LensGradient::zero(sequence.surfaces.len());
-            pull_back(&sequence, &start, &seeds, None, &mut gradient);
-            std::hint::black_box(&gradient);
-            Ok(())
-        }),
+    let work = "128 x 128 rays forward and back, every number of the lens";
+    Ok(Prepared::new(work, move || {
+        let mut gradient = LensGradient::zero(sequence.surfaces.len());
+        pull_back(&sequence, &start, &seeds, None, &mut gradient);
+        std::hint::black_box(&gradient);
+        Ok(())
     })
+    .on_one_thread()
+    .counted(units, "surface intersections"))
 }
 
 fn spot_gradient(sampling: PupilSampling, rays: usize) -> Result<Prepared, JobError> {
     let lens = nominal()?;
     let fields: Vec<f64> = (0..13).map(|i| (FIELD_DEG * f64::from(i) / 12.0).to_radians()).collect();
-    Ok(Prepared {
-        work: format!(
-            "RMS spot and gradient, 13 fields x 3 wavelengths x {rays} rays (mirror images counted)"
-        ),
-        units: None,
-        single_thread: false,
-        run: Box::new(move || {
-            std::hint::black_box(mean_square_spot_sampled(&lens, &fields, sampling));
-            Ok(())
-        }),
-    })
+    let work =
+        format!("RMS spot and gradient, 13 fields x 3 wavelengths x {rays} rays (mirror images counted)");
+    Ok(Prepared::new(work, move || {
+        std::hint::black_box(mean_square_spot_sampled(&lens, &fields, sampling));
+        Ok(())
+    }))
 }
 
 fn psf_rgb() -> Result<Prepared, JobError> {
     let (lens, quadrature) = (nominal()?, quadrature(160)?);
-    Ok(Prepared {
-        work: "RGB PSF 128 x 128 at 1 um, 15 degrees, pupil of 160 x 160 cells".to_owned(),
-        units: None,
-        single_thread: true,
-        run: Box::new(move || {
-            let options = PsfOptions::default();
-            std::hint::black_box(psf(&lens, FIELD_DEG.to_radians(), &WAVELENGTHS_UM, &quadrature, &options));
-            Ok(())
-        }),
+    let work = "RGB PSF 128 x 128 at 1 um, 15 degrees, pupil of 160 x 160 cells";
+    Ok(Prepared::new(work, move || {
+        let options = PsfOptions::default();
+        std::hint::black_box(psf(&lens, FIELD_DEG.to_radians(), &WAVELENGTHS_UM, &quadrature, &options));
+        Ok(())
     })
+    .on_one_thread())
 }
 
 fn psf_rgb_gradient() -> Result<Prepared, JobError> {
     let (lens, quadrature) = (nominal()?, quadrature(160)?);
     let template: Vec<f64> = (0..128 * 128).map(|i| f64::from(i % 7)).collect();
-    Ok(Prepared {
-        work: "the same with the gradient to every number of the lens".to_owned(),
-        units: None,
-        single_thread: true,
-        run: Box::new(move || {
-            let options = PsfOptions::default();
-            let field = FIELD_DEG.to_radians();
-            let Some((psf, tape)) = psf_with_tape(&lens, field, &WAVELENGTHS_UM, &quadrature, &options)
-            else {
-                return Err(JobError::failed("no light at 15 degrees"));
-            };
-            let cotangent =
-                PsfCotangent { values: vec![template.clone(); 3], illumination: vec![1.0; 3], chief_y: 0.0 };
-            std::hint::black_box(tape.gradient(&psf, &quadrature, &cotangent));
-            Ok(())
-        }),
+    let work = "the same with the gradient to every number of the lens";
+    Ok(Prepared::new(work, move || {
+        let options = PsfOptions::default();
+        let field = FIELD_DEG.to_radians();
+        let Some((psf, tape)) = psf_with_tape(&lens, field, &WAVELENGTHS_UM, &quadrature, &options) else {
+            return Err(JobError::failed("no light at 15 degrees"));
+        };
+        let cotangent =
+            PsfCotangent { values: vec![template.clone(); 3], illumination: vec![1.0; 3], chief_y: 0.0 };
+        std::hint::black_box(tape.gradient(&psf, &quadrature, &cotangent));
+        Ok(())
     })
+    .on_one_thread())
 }
 
 fn psf_13_fields() -> Result<Prepared, JobError> {
     let lens = nominal()?;
     let plan = PsfPlan::new(13, 6.634, WAVELENGTHS_UM, PsfOptions::default(), quadrature(160)?);
-    Ok(Prepared {
-        work: "13 fields x RGB, 128 x 128 at 1 um, pupil of 160 x 160 cells".to_owned(),
-        units: None,
-        single_thread: false,
-        run: Box::new(move || {
-            std::hint::black_box(plan.bank(&lens)?);
-            Ok(())
-        }),
-    })
+    let work = "13 fields x RGB, 128 x 128 at 1 um, pupil of 160 x 160 cells";
+    Ok(Prepared::new(work, move || {
+        std::hint::black_box(plan.bank(&lens)?);
+        Ok(())
+    }))
 }
 
 /// The optics of `joint_step` by rays: its settings are those of the built-in experiments.
@@ -204,18 +183,13 @@ fn joint_psfs_of(kind: PsfKind, how: &str) -> Result<Prepared, JobError> {
         "{} fields x RGB, {} x {}, {how}, and back to every number of the lens",
         config.fields, config.grid, config.grid
     );
-    Ok(Prepared {
-        work,
-        units: None,
-        single_thread: false,
-        run: Box::new(move || {
-            let traced = plan.trace(&lens)?;
-            let PsfBank { values, illumination, field_radius_mm, .. } = &traced.bank;
-            let by_radius = vec![1.0; field_radius_mm.len()];
-            std::hint::black_box(plan.gradient(&traced, values, illumination, &by_radius));
-            Ok(())
-        }),
-    })
+    Ok(Prepared::new(work, move || {
+        let traced = plan.trace(&lens)?;
+        let PsfBank { values, illumination, field_radius_mm, .. } = &traced.bank;
+        let by_radius = vec![1.0; field_radius_mm.len()];
+        std::hint::black_box(plan.gradient(&traced, values, illumination, &by_radius));
+        Ok(())
+    }))
 }
 
 /// A variable with bounds at half and twice its value, or at a thousandth of a mm^(1-n) to both sides if it is zero.
@@ -263,21 +237,18 @@ fn lm_iteration() -> Result<Prepared, JobError> {
         },
         ..Problem::new(lens)
     };
-    Ok(Prepared {
-        work: format!(
-            "Jacobian and three trial steps; 10 fields x 3 wavelengths x 1024 rays (mirror images counted), {count} variables \
+    let work = format!(
+        "Jacobian and three trial steps; 10 fields x 3 wavelengths x 1024 rays (mirror images counted), {count} variables \
              and the image plane"
-        ),
-        units: None,
-        single_thread: true,
-        run: Box::new(move || {
-            let options = LevenbergOptions { iterations: 1, tolerance: 0.0 };
-            let descent = descend(&problem, &options, &mut |_, _, _| true)
-                .map_err(|e| JobError::failed(e.to_string()))?;
-            std::hint::black_box(descent);
-            Ok(())
-        }),
+    );
+    Ok(Prepared::new(work, move || {
+        let options = LevenbergOptions { iterations: 1, tolerance: 0.0 };
+        let descent =
+            descend(&problem, &options, &mut |_, _, _| true).map_err(|e| JobError::failed(e.to_string()))?;
+        std::hint::black_box(descent);
+        Ok(())
     })
+    .on_one_thread())
 }
 
 fn triplet_recovery() -> Result<Prepared, JobError> {
@@ -295,41 +266,31 @@ fn triplet_recovery() -> Result<Prepared, JobError> {
     }
     let variables = [0, 1, 2, 3, 5].map(|s| around(&disturbed, s, Number::Curvature)).to_vec();
     let problem = Problem { variables, solves, ..Problem::new(disturbed) };
-    Ok(Prepared {
-        work: "every curvature 5 % off, to no more than the nominal RMS spot; 4 fields x 3 wavelengths"
-            .to_owned(),
-        units: None,
-        single_thread: true,
-        run: Box::new(move || {
-            let options = LevenbergOptions::default();
-            let target = nominal_um * (1.0 + 1e-9);
-            let descent = descend(&problem, &options, &mut |_, analysis, _| analysis.mean_rms_um() > target)
-                .map_err(|e| JobError::failed(e.to_string()))?;
-            if descent.best.mean_rms_um() > target {
-                return Err(JobError::failed(format!("only {:.3} um", descent.best.mean_rms_um())));
-            }
-            Ok(())
-        }),
+    let work = "every curvature 5 % off, to no more than the nominal RMS spot; 4 fields x 3 wavelengths";
+    Ok(Prepared::new(work, move || {
+        let options = LevenbergOptions::default();
+        let target = nominal_um * (1.0 + 1e-9);
+        let descent = descend(&problem, &options, &mut |_, analysis, _| analysis.mean_rms_um() > target)
+            .map_err(|e| JobError::failed(e.to_string()))?;
+        if descent.best.mean_rms_um() > target {
+            return Err(JobError::failed(format!("only {:.3} um", descent.best.mean_rms_um())));
+        }
+        Ok(())
     })
+    .on_one_thread())
 }
 
 fn lens_analyze() -> Result<Prepared, JobError> {
     let lens = nominal()?;
-    Ok(Prepared {
-        work: "every analysis, as data, 15 pictures and a page; 4 fields x 3 wavelengths".to_owned(),
-        units: None,
-        single_thread: false,
-        run: Box::new(move || {
-            let analysis = analyze(&lens, &AnalysisOptions::default(), &|| Ok(()))
-                .map_err(|e| JobError::failed(e.to_string()))?;
-            std::hint::black_box(
-                serde_json::to_string(&analysis).map_err(|e| JobError::failed(e.to_string()))?,
-            );
-            for picture in PICTURES {
-                std::hint::black_box(picture.svg(&analysis));
-            }
-            std::hint::black_box(page(&analysis, &surfaces(&lens), PICTURES));
-            Ok(())
-        }),
-    })
+    let work = "every analysis, as data, 15 pictures and a page; 4 fields x 3 wavelengths";
+    Ok(Prepared::new(work, move || {
+        let analysis = analyze(&lens, &AnalysisOptions::default(), &|| Ok(()))
+            .map_err(|e| JobError::failed(e.to_string()))?;
+        std::hint::black_box(serde_json::to_string(&analysis).map_err(|e| JobError::failed(e.to_string()))?);
+        for picture in PICTURES {
+            std::hint::black_box(picture.svg(&analysis));
+        }
+        std::hint::black_box(page(&analysis, &surfaces(&lens), PICTURES));
+        Ok(())
+    }))
 }

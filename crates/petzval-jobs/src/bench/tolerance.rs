@@ -25,22 +25,17 @@ fn random_lenses() -> Result<Prepared, JobError> {
     };
     let merit = RmsSpot::new(&lens);
     let count = tolerances.perturbations.len();
-    Ok(Prepared {
-        work: format!(
-            "{TRIALS} triplets with {count} perturbations, decentres and tilts among them, focused; RMS spot of 7 fields (4, on \
+    let work = format!(
+        "{TRIALS} triplets with {count} perturbations, decentres and tilts among them, focused; RMS spot of 7 fields (4, on \
              both sides) x 3 wavelengths"
-        ),
-        units: None,
-        single_thread: false,
-        run: Box::new(move || {
-            let study =
-                Study::new(&lens, &tolerances, &merit).map_err(|e| JobError::failed(e.to_string()))?;
-            let found = monte_carlo(&study, 1, TRIALS, &|| Ok(()))?;
-            if found.failed() > 0 {
-                return Err(JobError::failed(format!("{} lenses have no image", found.failed())));
-            }
-            std::hint::black_box(found);
-            Ok(())
-        }),
-    })
+    );
+    Ok(Prepared::new(work, move || {
+        let study = Study::new(&lens, &tolerances, &merit).map_err(|e| JobError::failed(e.to_string()))?;
+        let found = monte_carlo(&study, 1, TRIALS, &|| Ok(()))?;
+        if found.failed() > 0 {
+            return Err(JobError::failed(format!("{} lenses have no image", found.failed())));
+        }
+        std::hint::black_box(found);
+        Ok(())
+    }))
 }

@@ -20,3 +20,20 @@ pub struct Prepared {
     pub single_thread: bool,
     pub run: Box<dyn FnMut() -> Result<(), JobError>>,
 }
+
+impl Prepared {
+    /// A workload for all threads.
+    pub fn new(work: impl Into<String>, run: impl FnMut() -> Result<(), JobError> + 'static) -> Self {
+        Self { work: work.into(), units: None, single_thread: false, run: Box::new(run) }
+    }
+
+    /// The same, which always runs on one thread.
+    pub fn on_one_thread(self) -> Self {
+        Self { single_thread: true, ..self }
+    }
+
+    /// The same with so many units of work in a run.
+    pub fn counted(self, units: f64, name: &'static str) -> Self {
+        Self { units: Some((units, name)), ..self }
+    }
+}

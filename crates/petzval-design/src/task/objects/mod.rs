@@ -14,11 +14,10 @@ use petzval_learn::dataset::{Classes, LabelledPictures};
 use petzval_learn::detection::{Truth, detect_in};
 use petzval_learn::loss::NamedLoss;
 use petzval_learn::score::object_scores;
-use sha2::Sha256;
 
 use super::{
-    Drawn, Judge, Objective, PicturePlan, PreparedTask, Remark, SceneLabels, Scenes, Task, TaskReport,
-    WindowInputs, WindowPlan, Windows,
+    Drawn, Judge, Objective, PicturePlan, PreparedTask, SceneLabels, Scenes, Task, TaskReport, WindowPlan,
+    Windows,
 };
 use crate::assets::Assets;
 use crate::block::NetworkBlock;
@@ -64,7 +63,7 @@ impl Task for Objects {
         _: &Device,
     ) -> Result<Box<dyn PreparedTask>, DesignError> {
         let given_weights = network::given_weights(experiment)?;
-        Ok(Box::new(PreparedObjects { given_weights, scenes: None }))
+        Ok(Box::new(PreparedObjects { given_weights }))
     }
 }
 
@@ -91,17 +90,10 @@ fn check_has_boxes(classes: &Classes, text: &str) -> Result<(), FileError> {
 /// The task at work on an experiment.
 struct PreparedObjects {
     given_weights: Option<Vec<u8>>,
-    scenes: Option<Scenes>,
-}
-
-impl PreparedObjects {
-    fn scenes(&self) -> Result<&Scenes, DesignError> {
-        self.scenes.as_ref().ok_or(DesignError::NoWindows)
-    }
 }
 
 impl PreparedTask for PreparedObjects {
-    fn load_windows(&mut self, plan: &WindowPlan) -> Result<(), DesignError> {
+    fn windows(&self, plan: &WindowPlan) -> Result<Box<dyn Windows>, DesignError> {
         let labels = SceneLabels {
             classes: plan.experiment.classes(),
             surfaces: None,
@@ -111,12 +103,7 @@ impl PreparedTask for PreparedObjects {
             },
             of_window: |window| Labels::new(window.truth.clone()),
         };
-        self.scenes = Some(Scenes::new(plan, labels)?);
-        Ok(())
-    }
-
-    fn windows(&self) -> Result<&dyn Windows, DesignError> {
-        self.scenes().map(|scenes| scenes as _)
+        Ok(Box::new(Scenes::new(plan, labels)?))
     }
 
     fn network(&self, cameras: &Cameras) -> Result<NetworkBlock, DesignError> {
@@ -142,14 +129,6 @@ impl PreparedTask for PreparedObjects {
         write_file(&run.input(&name), weights)?;
         kept.detector.weights = Some(format!("inputs/{name}"));
         Ok(())
-    }
-
-    fn inputs(&self, experiment: &Experiment, hash: &mut Sha256) -> Result<WindowInputs, DesignError> {
-        self.scenes()?.inputs(experiment, hash)
-    }
-
-    fn remarks(&self) -> Vec<Remark> {
-        self.scenes.as_ref().map_or_else(Vec::new, Scenes::remarks)
     }
 
     fn drawn(&self, camera: &Camera, picture: LinearImage) -> Result<Drawn, DesignError> {

@@ -5,23 +5,19 @@ mod network;
 mod photographs;
 mod windows;
 
-use std::collections::BTreeMap;
-
 use burn::prelude::Device;
 use petzval_camera::tape::Frames;
 use petzval_learn::loss::{ImageLoss, Lpips, NamedLoss};
 use petzval_learn::score::{STANDARD_SCORES, standard_scores};
-use sha2::{Digest, Sha256};
 
-use super::{Judge, Objective, PreparedTask, Remark, Task, WindowInputs, WindowPlan, Windows};
+use super::{Judge, Objective, PreparedTask, Task, WindowPlan, Windows};
 use crate::assets::Assets;
 use crate::block::NetworkBlock;
 use crate::camera::{Camera, Shot};
 use crate::cameras::Cameras;
 use crate::error::DesignError;
-use crate::experiment::{BUILT_IN_PHOTOS, Experiment, NetworkRole, PicturesKey, TaskFacts};
-use crate::run::input_list::BUILT_IN;
-use crate::run::{RunFolder, hex, write_file};
+use crate::experiment::{Experiment, NetworkRole, PicturesKey, TaskFacts};
+use crate::run::{RunFolder, write_file};
 
 pub use judge::PictureJudge;
 pub use network::Finishing;
@@ -54,24 +50,18 @@ impl Task for Pictures {
         device: &Device,
     ) -> Result<Box<dyn PreparedTask>, DesignError> {
         let given_weights = network::given_weights(experiment, assets, device)?;
-        Ok(Box::new(PreparedPictures { given_weights, photographs: None }))
+        Ok(Box::new(PreparedPictures { given_weights }))
     }
 }
 
 /// The task at work on an experiment.
 struct PreparedPictures {
     given_weights: Option<Vec<u8>>,
-    photographs: Option<Photographs>,
 }
 
 impl PreparedTask for PreparedPictures {
-    fn load_windows(&mut self, plan: &WindowPlan) -> Result<(), DesignError> {
-        self.photographs = Some(Photographs::load(plan)?);
-        Ok(())
-    }
-
-    fn windows(&self) -> Result<&dyn Windows, DesignError> {
-        self.photographs.as_ref().map(|photographs| photographs as _).ok_or(DesignError::NoWindows)
+    fn windows(&self, plan: &WindowPlan) -> Result<Box<dyn Windows>, DesignError> {
+        Ok(Box::new(Photographs::load(plan)?))
     }
 
     fn network(&self, cameras: &Cameras) -> Result<NetworkBlock, DesignError> {
@@ -99,23 +89,6 @@ impl PreparedTask for PreparedPictures {
             kept.network.weights = "inputs/network.safetensors".to_owned();
         }
         Ok(())
-    }
-
-    fn inputs(&self, experiment: &Experiment, hash: &mut Sha256) -> Result<WindowInputs, DesignError> {
-        let photographs = self.photographs.as_ref().ok_or(DesignError::NoWindows)?;
-        photographs.add_to(hash);
-        if experiment.photos != BUILT_IN_PHOTOS {
-            let pictures = Some(photographs.files(&experiment.photos)?);
-            return Ok(WindowInputs { pictures, ..WindowInputs::default() });
-        }
-        let mut own = Sha256::new();
-        photographs.add_to(&mut own);
-        let parts = BTreeMap::from([(BUILT_IN.to_owned(), hex(own))]);
-        Ok(WindowInputs { parts, pictures: None })
-    }
-
-    fn remarks(&self) -> Vec<Remark> {
-        self.photographs.as_ref().map_or_else(Vec::new, Photographs::remarks)
     }
 }
 

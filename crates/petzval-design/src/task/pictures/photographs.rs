@@ -84,7 +84,7 @@ impl Photographs {
     }
 
     /// Lists the training, validation, held-out and skipped pictures, and what their files say that is not obeyed.
-    pub(super) fn remarks(&self) -> Vec<Remark> {
+    pub(super) fn as_remarks(&self) -> Vec<Remark> {
         let listed = |what: &str, names: &[&str]| {
             Remark::Note(format!("{what} pictures ({}): {}", names.len(), names.join(", ")))
         };

@@ -1,18 +1,23 @@
 //! Windows of photographs: at random for training and validation, at fixed places for scores.
 
+use std::collections::BTreeMap;
+
 use petzval_camera::render::Placement;
 use petzval_camera::sensor::SensorModel;
 use petzval_learn::dataset::{
     NamedPhoto, dead_leaves, held_out_placements, light_factors, relight, training_crop,
 };
 use rayon::prelude::*;
+use sha2::{Digest, Sha256};
 
 use super::Photographs;
 use crate::camera::{Camera, Labels, Shot, crop_window};
 use crate::cameras::Cameras;
 use crate::error::DesignError;
-use crate::experiment::Experiment;
-use crate::task::{HeldOut, PhotosLook, Windows, in_batches, relative_field};
+use crate::experiment::{BUILT_IN_PHOTOS, Experiment};
+use crate::run::hex;
+use crate::run::input_list::BUILT_IN;
+use crate::task::{HeldOut, PhotosLook, Remark, WindowInputs, Windows, in_batches, relative_field};
 
 /// The number of the first validation window: beyond those of all steps, and of all that blocks learn besides.
 const FIRST_VALIDATION: u64 = 1 << 42;
@@ -87,6 +92,22 @@ impl Windows for Photographs {
 
     fn photos_look(&self, cameras: &Cameras) -> Option<PhotosLook> {
         Some(self.against(&cameras.body.sensor))
+    }
+
+    fn inputs(&self, experiment: &Experiment, hash: &mut Sha256) -> Result<WindowInputs, DesignError> {
+        self.add_to(hash);
+        if experiment.photos != BUILT_IN_PHOTOS {
+            let pictures = Some(self.files(&experiment.photos)?);
+            return Ok(WindowInputs { pictures, ..WindowInputs::default() });
+        }
+        let mut own = Sha256::new();
+        self.add_to(&mut own);
+        let parts = BTreeMap::from([(BUILT_IN.to_owned(), hex(own))]);
+        Ok(WindowInputs { parts, pictures: None })
+    }
+
+    fn remarks(&self) -> Vec<Remark> {
+        self.as_remarks()
     }
 }
 

@@ -16,11 +16,10 @@ use petzval_learn::dataset::{ClassMap, IGNORED_VALUES, LabelledPictures, ObjectC
 use petzval_learn::loss::{NamedLoss, cross_entropy};
 use petzval_learn::network::Segmenter;
 use petzval_learn::score::segmentation::segment_scores;
-use sha2::Sha256;
 
 use super::{
-    Drawn, Judge, Objective, PicturePlan, PreparedTask, Remark, SceneLabels, Scenes, Task, TaskReport,
-    WindowInputs, WindowPlan, Windows,
+    Drawn, Judge, Objective, PicturePlan, PreparedTask, SceneLabels, Scenes, Task, TaskReport, WindowPlan,
+    Windows,
 };
 use crate::assets::Assets;
 use crate::block::NetworkBlock;
@@ -60,7 +59,7 @@ impl Task for Segments {
     }
 
     fn prepare(&self, _: &Experiment, _: &Assets, _: &Device) -> Result<Box<dyn PreparedTask>, DesignError> {
-        Ok(Box::new(PreparedSegments { scenes: None }))
+        Ok(Box::new(PreparedSegments))
     }
 }
 
@@ -125,18 +124,10 @@ fn check_classes(experiment: &Experiment, text: &str) -> Result<(), FileError> {
 }
 
 /// The task at work on an experiment.
-struct PreparedSegments {
-    scenes: Option<Scenes>,
-}
-
-impl PreparedSegments {
-    fn scenes(&self) -> Result<&Scenes, DesignError> {
-        self.scenes.as_ref().ok_or(DesignError::NoWindows)
-    }
-}
+struct PreparedSegments;
 
 impl PreparedTask for PreparedSegments {
-    fn load_windows(&mut self, plan: &WindowPlan) -> Result<(), DesignError> {
+    fn windows(&self, plan: &WindowPlan) -> Result<Box<dyn Windows>, DesignError> {
         let classes = plan.experiment.classes();
         let labels = SceneLabels {
             surfaces: Some(classes.of_surfaces()),
@@ -147,12 +138,7 @@ impl PreparedTask for PreparedSegments {
             },
             of_window: |window| window.classes.clone().map_or_else(Labels::default, Labels::new),
         };
-        self.scenes = Some(Scenes::new(plan, labels)?);
-        Ok(())
-    }
-
-    fn windows(&self) -> Result<&dyn Windows, DesignError> {
-        self.scenes().map(|scenes| scenes as _)
+        Ok(Box::new(Scenes::new(plan, labels)?))
     }
 
     fn network(&self, cameras: &Cameras) -> Result<NetworkBlock, DesignError> {
@@ -165,14 +151,6 @@ impl PreparedTask for PreparedSegments {
 
     fn judge(&self, cameras: &Cameras) -> Result<Box<dyn Judge>, DesignError> {
         Ok(Box::new(SegmentJudge::new(cameras)?))
-    }
-
-    fn inputs(&self, experiment: &Experiment, hash: &mut Sha256) -> Result<WindowInputs, DesignError> {
-        self.scenes()?.inputs(experiment, hash)
-    }
-
-    fn remarks(&self) -> Vec<Remark> {
-        self.scenes.as_ref().map_or_else(Vec::new, Scenes::remarks)
     }
 
     fn drawn(&self, camera: &Camera, picture: LinearImage) -> Result<Drawn, DesignError> {
