@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::block::Blocks;
 use crate::error::DesignError;
 use crate::experiment::{BlockName, Stage, Variant};
-use crate::run::{DigestCheck, Digests, EventsDigest, Kept, RunFolder, load_blocks};
+use crate::run::{DigestCheck, Digests, EventsDigest, Kept, RunFolder, load_blocks, read_json};
 use crate::setup::Setup;
 use crate::validation::{Course, Validations};
 
@@ -159,8 +159,7 @@ impl Restored {
         let events = Digests::read(folder)?.and_then(|digests| digests.events);
         let path = folder.join(POSITION_FILE);
         let wrong = |problem: String| DesignError::Run { path: path.clone(), problem };
-        let text = petzval_base::read_text(&path).map_err(DesignError::io(&path))?;
-        let position: Position = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
+        let position: Position = read_json(&path)?;
         position.check(setup, step).map_err(|problem| wrong(problem.to_owned()))?;
         let variant = position.variant(setup).or(setup.variants.last());
         let variant = variant.ok_or_else(|| wrong("the experiment has no variants".to_owned()))?;

@@ -18,7 +18,7 @@ use crate::camera::{Camera, host_image, within_range};
 use crate::error::DesignError;
 use crate::lens::restored::{brightened, percent};
 use crate::run::input_list::InputList;
-use crate::run::{CameraMetrics, Metrics, PictureScore, RunFolder, VERSION};
+use crate::run::{CameraMetrics, Metrics, PictureScore, RunFolder, VERSION, read_json};
 use crate::setup::Setup;
 use crate::task::{Depth, Findings, Judge, ScoredPicture, Taken};
 
@@ -236,13 +236,8 @@ fn collect(
     is_wanted: impl Fn(&Path) -> bool,
 ) -> Result<Metrics, DesignError> {
     let figures = setup.variants.iter().map(|variant| run.camera_metrics(&variant.name));
-    let rows: Vec<CameraMetrics> = figures
-        .filter(|path| is_wanted(path))
-        .map(|path| {
-            let text = petzval_base::read_text(&path).map_err(DesignError::io(&path))?;
-            serde_json::from_str(&text).map_err(|e| DesignError::Run { path, problem: e.to_string() })
-        })
-        .collect::<Result<_, _>>()?;
+    let rows: Vec<CameraMetrics> =
+        figures.filter(|path| is_wanted(path)).map(|path| read_json(&path)).collect::<Result<_, _>>()?;
     Ok(Metrics {
         held_out_images,
         held_out_places,

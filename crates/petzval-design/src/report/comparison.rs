@@ -15,7 +15,7 @@ use crate::library::Library;
 use crate::path_text::path_text;
 use crate::report::run_report::read_metrics;
 use crate::run::input_list::InputList;
-use crate::run::{CameraMetrics, DigestCheck, Metrics, RunFolder, RunRecord, hex};
+use crate::run::{CameraMetrics, DigestCheck, Metrics, RunFolder, RunRecord, hex, read_json_if_there};
 use crate::study::{MeanAndDeviation, is_same_lens};
 
 /// Finished runs of one experiment that differ in their seeds alone.
@@ -267,14 +267,9 @@ fn facts(run: &RunFolder, fingerprint: &str) -> Result<BTreeMap<String, String>,
         }
         None => drop(facts.insert("inputs".to_owned(), short(fingerprint))),
     }
-    let path = run.environment();
-    if path.is_file() {
-        let text = petzval_base::read_text(&path).map_err(DesignError::io(&path))?;
-        let environment: serde_json::Value = serde_json::from_str(&text)
-            .map_err(|e| DesignError::Run { path: path.clone(), problem: e.to_string() })?;
-        if let Some(simd) = environment["simd_used"].as_str() {
-            facts.insert("SIMD".to_owned(), simd.to_owned());
-        }
+    let environment: Option<serde_json::Value> = read_json_if_there(&run.environment())?;
+    if let Some(simd) = environment.as_ref().and_then(|environment| environment["simd_used"].as_str()) {
+        facts.insert("SIMD".to_owned(), simd.to_owned());
     }
     Ok(facts)
 }

@@ -22,7 +22,7 @@ use crate::report::attribution::attribution;
 use crate::report::pictures::{frames, held_out, in_order, pictures};
 use crate::run::{
     CameraMetrics, Event, Kept, MadeFigures, MadeMetrics, Metrics, RunFolder, RunRecord, load_blocks,
-    read_events,
+    read_events, read_json,
 };
 use crate::run_progress::{self, is_scored, moved_part};
 use crate::setup::Setup;
@@ -58,8 +58,7 @@ pub fn read_metrics(run: &RunFolder) -> Result<Metrics, DesignError> {
             format!("the run is not finished; go on with `petzval design --resume {}`", run.root().display());
         return Err(DesignError::Run { path, problem });
     }
-    let text = petzval_base::read_text(&path).map_err(DesignError::io(&path))?;
-    serde_json::from_str(&text).map_err(|e| DesignError::Run { path, problem: e.to_string() })
+    read_json(&path)
 }
 
 /// Gathers everything that a report shows.
@@ -451,9 +450,7 @@ fn loss_in_words(name: &str) -> String {
 }
 
 fn environment(path: &Path) -> Result<Vec<(String, String)>, DesignError> {
-    let text = petzval_base::read_text(path).map_err(DesignError::io(path))?;
-    let values: BTreeMap<String, serde_json::Value> = serde_json::from_str(&text)
-        .map_err(|e| DesignError::Run { path: path.to_path_buf(), problem: e.to_string() })?;
+    let values: BTreeMap<String, serde_json::Value> = read_json(path)?;
     let plain = |v: serde_json::Value| match v {
         serde_json::Value::String(s) => s,
         other => other.to_string(),

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use super::{RunFolder, write_file};
+use super::{RunFolder, read_json_if_there, write_file};
 use crate::error::DesignError;
 
 /// The file of digests in the folder whose files it lists.
@@ -57,12 +57,7 @@ impl Digests {
 
     /// Those that a folder keeps; none in a folder of an earlier version.
     pub fn read(folder: &Path) -> Result<Option<Self>, DesignError> {
-        let path = folder.join(FILE);
-        if !path.is_file() {
-            return Ok(None);
-        }
-        let text = petzval_base::read_text(&path).map_err(DesignError::io(&path))?;
-        serde_json::from_str(&text).map(Some).map_err(|e| DesignError::Run { path, problem: e.to_string() })
+        read_json_if_there(&folder.join(FILE))
     }
 
     /// Keeps them in their folder.

@@ -4,6 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use petzval_base::{sweep_parts, write_whole};
+use serde::de::DeserializeOwned;
 
 use crate::error::DesignError;
 
@@ -199,6 +200,19 @@ impl RunFolder {
     pub fn picture(&self, file: &str) -> PathBuf {
         self.root.join("pictures").join(file)
     }
+}
+
+/// Reads a JSON file of a run.
+pub(crate) fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, DesignError> {
+    let text = petzval_base::read_text(path).map_err(DesignError::io(path))?;
+    let damaged =
+        |e: serde_json::Error| DesignError::Run { path: path.to_path_buf(), problem: e.to_string() };
+    serde_json::from_str(&text).map_err(damaged)
+}
+
+/// Reads a JSON file of a run; none if there is no such file, as in a folder of an earlier version.
+pub(crate) fn read_json_if_there<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, DesignError> {
+    if path.is_file() { read_json(path).map(Some) } else { Ok(None) }
 }
 
 /// Writes a file of a run whole or not at all.

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::error::DesignError;
 use crate::experiment::{Experiment, PicturesKey};
 use crate::path_text::path_text;
-use crate::run::{RunFolder, write_file};
+use crate::run::{RunFolder, read_json_if_there, write_file};
 
 /// The name of the built-in photographs among the inputs.
 pub(crate) const BUILT_IN: &str = "built-in photographs";
@@ -46,12 +46,7 @@ pub struct Pictures {
 impl InputList {
     /// That of a run; none in a folder of an earlier version.
     pub fn read(run: &RunFolder) -> Result<Option<Self>, DesignError> {
-        let path = run.input_list();
-        if !path.is_file() {
-            return Ok(None);
-        }
-        let text = petzval_base::read_text(&path).map_err(DesignError::io(&path))?;
-        serde_json::from_str(&text).map(Some).map_err(|e| DesignError::Run { path, problem: e.to_string() })
+        read_json_if_there(&run.input_list())
     }
 
     /// Keeps it in the folder of its run.

@@ -6,7 +6,7 @@ use petzval_learn::score::ScoreDescription;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{RunFolder, note_digests, write_file};
+use super::{RunFolder, note_digests, read_json_if_there, write_file};
 use crate::error::DesignError;
 
 /// Random cameras of every design of a run, whose lenses are off by their tolerances.
@@ -67,13 +67,7 @@ pub struct MadeFigures {
 impl MadeMetrics {
     /// Those of a run; none if it was not evaluated with tolerances.
     pub fn read(run: &RunFolder) -> Result<Option<Self>, DesignError> {
-        let path = run.tolerance();
-        if !path.is_file() {
-            return Ok(None);
-        }
-        let text = petzval_base::read_text(&path).map_err(DesignError::io(&path))?;
-        let found = serde_json::from_str(&text);
-        found.map(Some).map_err(|e| DesignError::Run { path, problem: e.to_string() })
+        read_json_if_there(&run.tolerance())
     }
 
     /// Writes them into the folder of their run.

@@ -25,6 +25,7 @@ pub use digests::{
 };
 pub use events::{Event, EventLog, read_events};
 pub use folder::{RunFolder, write_file};
+pub(crate) use folder::{read_json, read_json_if_there};
 pub use made::{MadeFigures, MadeMetrics, MadeRow};
 pub use metrics::{CameraMetrics, Metrics, PictureScore};
 pub use record::{Finish, RunRecord, VERSION, extend_run, forget_most_memory};

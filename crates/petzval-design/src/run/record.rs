@@ -5,7 +5,7 @@ use std::time::{Duration, SystemTime};
 
 use serde::{Deserialize, Serialize};
 
-use super::{RunFolder, forget_digests, write_file};
+use super::{RunFolder, forget_digests, read_json, write_file};
 use crate::error::DesignError;
 use crate::experiment::Experiment;
 
@@ -48,12 +48,7 @@ impl RunRecord {
     /// The record of a run; none in a folder of a version that kept none.
     pub fn read(run: &RunFolder) -> Result<Option<Self>, DesignError> {
         let path = run.record();
-        if !path.exists() {
-            return Ok(None);
-        }
-        let text = petzval_base::read_text(&path).map_err(DesignError::io(&path))?;
-        let record = serde_json::from_str(&text);
-        record.map(Some).map_err(|e| DesignError::Run { path, problem: e.to_string() })
+        if path.exists() { read_json(&path).map(Some) } else { Ok(None) }
     }
 
     /// Writes the record into the folder of its run.
@@ -106,9 +101,7 @@ fn now() -> String {
 
 /// The record of a run as it is written.
 pub(crate) fn json_record(run: &RunFolder) -> Result<serde_json::Value, DesignError> {
-    let path = run.record();
-    let text = petzval_base::read_text(&path).map_err(DesignError::io(&path))?;
-    serde_json::from_str(&text).map_err(|e| DesignError::Run { path, problem: e.to_string() })
+    read_json(&run.record())
 }
 
 /// Makes a run longer: `longer` becomes what it was begun with, and what was made of the finished cameras together is removed.

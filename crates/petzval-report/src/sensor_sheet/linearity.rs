@@ -4,7 +4,7 @@ use petzval_lab::emva::ChannelResult;
 use petzval_lab::emva::transfer::{Linearity, TransferPoint};
 
 use super::shown::Shown;
-use super::style::{axis_from_zero, colour_keys, colour_name, points_of, straight};
+use super::style::{axis_from_zero, colour_name, points_of, straight};
 use super::transfer::{HEIGHT_PX, light_axis};
 use crate::number;
 use crate::palette;
@@ -39,7 +39,7 @@ pub(super) fn linearity(shown: &Shown<'_>) -> Option<Sheet> {
     }
     let remark =
         "Lines: regression weighted by the inverse square of the signal, over 5 to 95 % of saturation.";
-    Some(shown.sheet(["linearity", "Linearity"], remark, colour_keys(shown), &[panel], HEIGHT_PX))
+    Some(shown.sheet(["linearity", "Linearity"], remark, shown.colour_keys(), &[panel], HEIGHT_PX))
 }
 
 /// Deviation from that line.
@@ -69,5 +69,5 @@ pub(super) fn deviation(shown: &Shown<'_>) -> Option<Sheet> {
     }
     let remark = "Points of the regression; bars: one standard error.";
     let names = ["linearity-deviation", "Deviation from linearity"];
-    Some(shown.sheet(names, remark, colour_keys(shown), &[panel], HEIGHT_PX))
+    Some(shown.sheet(names, remark, shown.colour_keys(), &[panel], HEIGHT_PX))
 }

@@ -2,8 +2,9 @@
 
 use petzval_lab::emva::{ChannelResult, Characterization, GainResult};
 
-use super::style::{Around, sheet};
-use crate::plot::{Key, Panel, Sheet};
+use super::style::{Around, colour_name, marker_of, sheet};
+use crate::palette;
+use crate::plot::{Key, KeyLine, Panel, Sheet};
 
 /// The operating point that the pictures of EMVA 1288 show: the gain with the most complete captures.
 pub(super) struct Shown<'a> {
@@ -25,6 +26,14 @@ impl<'a> Shown<'a> {
 
     pub fn channels(&self) -> &'a [ChannelResult] {
         &self.gain.channels
+    }
+
+    /// A key of the colours of the mosaic.
+    pub fn colour_keys(&self) -> Vec<Key> {
+        let marker =
+            |colour| KeyLine::Marker(palette::mosaic(Some(colour)).to_owned(), marker_of(Some(colour)));
+        let entry = |colour| Key { line: marker(colour), name: colour_name(colour).to_owned() };
+        self.channels().iter().map(|channel| entry(channel.colour)).collect()
     }
 
     /// A sheet of one panel, or of several in two columns, at this gain.

@@ -9,7 +9,7 @@ use petzval_lab::emva::rounding::QUANTISATION_DN2;
 use petzval_lab::emva::transfer::TransferPoint;
 
 use super::shown::Shown;
-use super::style::{axis_of_decades, colour_keys, points_of};
+use super::style::{axis_of_decades, points_of};
 use super::transfer::HEIGHT_PX;
 use crate::palette;
 use crate::palette::{IDEAL, LIMIT, MUTED};
@@ -101,7 +101,7 @@ pub(super) fn signal_to_noise(shown: &Shown<'_>) -> Option<Sheet> {
         let at = before(channel).filter_map(|p| Some(((light(p, unit(*gain))?, ratio(p), 0.0), true)));
         panel.points.extend(points_of(colour, at));
     }
-    let mut keys = colour_keys(shown);
+    let mut keys = shown.colour_keys();
     keys.push(Key::pen(Pen::thin(MUTED), "model"));
     if has_total {
         keys.push(Key::pen(Pen::thin(MUTED).dashed(), "with DSNU and PRNU"));

@@ -6,7 +6,7 @@ use petzval_lab::emva::rounding::QUANTISATION_DN2;
 use petzval_lab::emva::spatial::{Spatial, StackPlots};
 
 use super::shown::Shown;
-use super::style::{axis_of_amplitudes, colour_keys, colour_name};
+use super::style::{axis_of_amplitudes, colour_name};
 use crate::palette;
 use crate::palette::{IDEAL, MUTED};
 use crate::plot::{Axis, Curve, Key, Pen, Sheet, span};
@@ -104,7 +104,7 @@ pub(super) fn spectrograms(shown: &Shown<'_>, stack: Stack) -> Option<Sheet> {
         panel
     };
     let panels = [panel("horizontal", along_rows), panel("vertical", along_columns)];
-    let mut keys = colour_keys(shown);
+    let mut keys = shown.colour_keys();
     keys.push(Key::pen(Pen::thin(MUTED).dashed(), "temporal noise left in the mean frame"));
     if stack == Stack::Dark {
         keys.push(Key::pen(quantisation, "quantisation of one frame, 1/√12 DN"));
@@ -126,7 +126,7 @@ pub(super) fn spectrograms(shown: &Shown<'_>, stack: Stack) -> Option<Sheet> {
 pub(super) fn defects(shown: &Shown<'_>) -> Option<Sheet> {
     let names = ["deviation, DN", "pixels"];
     let panels = histogram_panels(shown, names, |plots| &plots.histogram, true)?;
-    let mut keys = colour_keys(shown);
+    let mut keys = shown.colour_keys();
     keys.push(Key::pen(Pen::thin(MUTED).dashed(), "normal distribution of the same spread"));
     let remark = "The mean dark frame, and the mean flat frame minus the dark one after the 5 × 5 high-pass of release 3.1.";
     Some(shown.sheet(["defects", "Histograms of deviations"], remark, keys, &panels, 300.0))
@@ -138,7 +138,7 @@ pub(super) fn accumulated_defects(shown: &Shown<'_>) -> Option<Sheet> {
     let panels = histogram_panels(shown, names, |plots| &plots.accumulated, false)?;
     let remark = "Share of the pixels that deviate from the mean by at least the value on the axis.";
     let names = ["defects-accumulated", "Accumulated histograms of deviations"];
-    Some(shown.sheet(names, remark, colour_keys(shown), &panels, 300.0))
+    Some(shown.sheet(names, remark, shown.colour_keys(), &panels, 300.0))
 }
 
 /// Edges of the bins: the last is as wide as the one before it.

@@ -4,9 +4,8 @@ use maud::{Markup, html};
 use petzval_camera::sensor::Colour;
 use petzval_lab::emva::{Characterization, Measured};
 
-use super::shown::Shown;
 pub(super) use crate::number::short;
-use crate::plot::{Axis, Curve, Key, KeyLine, Marker, Panel, Pen, Points, Sheet, WIDTH_PX, grid, span};
+use crate::plot::{Axis, Curve, Key, Marker, Panel, Pen, Points, Sheet, WIDTH_PX, grid, span};
 use crate::{number, palette};
 
 /// Marker of a colour of the mosaic.
@@ -52,13 +51,6 @@ pub(super) fn points_of(
 /// The line `y = slope x + intercept` between two values of x.
 pub(super) fn straight(pen: Pen, slope: f64, intercept: f64, [from, to]: [f64; 2]) -> Curve {
     Curve { pen, index: 0, points: [from, to].map(|x| Some([x, slope * x + intercept])).into() }
-}
-
-/// A key of the colours of the mosaic that are shown.
-pub(super) fn colour_keys(shown: &Shown<'_>) -> Vec<Key> {
-    let marker = |colour| KeyLine::Marker(palette::mosaic(Some(colour)).to_owned(), marker_of(Some(colour)));
-    let entry = |colour| Key { line: marker(colour), name: colour_name(colour).to_owned() };
-    shown.channels().iter().map(|channel| entry(channel.colour)).collect()
 }
 
 /// Most decimals of a measured number.

@@ -3,7 +3,7 @@
 use petzval_lab::emva::transfer::{TransferPoint, light};
 
 use super::shown::Shown;
-use super::style::{axis_from_zero, colour_keys, colour_name, points_of, short, straight, with_error};
+use super::style::{axis_from_zero, colour_name, points_of, short, straight, with_error};
 use crate::palette;
 use crate::palette::MUTED;
 use crate::plot::{Key, KeyLine, Panel, Pen, Sheet};
@@ -63,7 +63,7 @@ pub(super) fn sensitivity(shown: &Shown<'_>) -> Option<Sheet> {
     } else {
         "Lines: responsivity R, through the origin, over the points of the fit; hollow points are beyond it."
     };
-    Some(shown.sheet(["sensitivity", "Sensitivity"], remark, colour_keys(shown), &[panel], HEIGHT_PX))
+    Some(shown.sheet(["sensitivity", "Sensitivity"], remark, shown.colour_keys(), &[panel], HEIGHT_PX))
 }
 
 /// Noise over signal with the fitted system gain.
@@ -77,7 +77,7 @@ pub(super) fn photon_transfer(shown: &Shown<'_>) -> Option<Sheet> {
         axis_from_zero(all().map(TransferPoint::shot_variance_dn2), 6),
     );
     panel.notes_left = true;
-    let mut keys = colour_keys(shown);
+    let mut keys = shown.colour_keys();
     for channel in shown.channels() {
         let (transfer, colour) = (&channel.transfer, Some(channel.colour));
         let used = transfer.range;

@@ -8,7 +8,7 @@ use petzval_learn::score::judged;
 use serde::{Deserialize, Serialize};
 
 use crate::error::DesignError;
-use crate::run::{RunFolder, write_file};
+use crate::run::{RunFolder, read_json_if_there, write_file};
 
 /// A state of a picture in which the detector of a camera looks for objects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -108,12 +108,7 @@ pub fn save(folder: &Path, windows: &[SeenWindow]) -> Result<(), DesignError> {
 
 /// The windows of a finished camera; none where an earlier version did not write them, or no objects are looked for.
 pub fn read(run: &RunFolder, camera: &str) -> Result<Option<Vec<SeenWindow>>, DesignError> {
-    let path = path(&run.camera(camera));
-    if !path.is_file() {
-        return Ok(None);
-    }
-    let text = petzval_base::read_text(&path).map_err(DesignError::io(&path))?;
-    serde_json::from_str(&text).map_err(|e| DesignError::Run { path, problem: e.to_string() })
+    read_json_if_there(&path(&run.camera(camera)))
 }
 
 fn path(folder: &Path) -> PathBuf {

@@ -10,7 +10,7 @@ use petzval_learn::score::segmentation::PixelConfusion;
 use serde::{Deserialize, Serialize};
 
 use crate::error::DesignError;
-use crate::run::{RunFolder, write_file};
+use crate::run::{RunFolder, read_json_if_there, write_file};
 
 /// Windows of which pictures are kept.
 pub const SHOWN: usize = 4;
@@ -84,12 +84,8 @@ pub(super) fn save(
 pub fn read(run: &RunFolder, camera: &str, classes: usize) -> Result<Option<SegmentedFrames>, DesignError> {
     let folder = run.camera(camera);
     let path = list(&folder);
-    if !path.is_file() {
-        return Ok(None);
-    }
+    let Some(frames) = read_json_if_there::<Vec<SegmentedFrame>>(&path)? else { return Ok(None) };
     let damaged = |problem: String| DesignError::Run { path: path.clone(), problem };
-    let text = petzval_base::read_text(&path).map_err(DesignError::io(&path))?;
-    let frames: Vec<SegmentedFrame> = serde_json::from_str(&text).map_err(|e| damaged(e.to_string()))?;
     if frames.iter().any(|frame| !frame.confusion.is_of(classes)) {
         return Err(damaged(format!("a confusion that is not of the {classes} classes of the experiment")));
     }
