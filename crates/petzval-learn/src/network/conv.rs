@@ -73,16 +73,9 @@ impl Kernel for ConvLeaky {
 
     fn backward(&self, inputs: &[View<'_>], y: &[f32], gradient: &[f32], wanted: &[bool]) -> Vec<Vec<f32>> {
         let [x, weight, _] = inputs else { unreachable!("three inputs") };
-        let wanted = [wanted[0], wanted[1] || wanted[2]];
-        let (for_x, for_weight, for_bias) = conv_kernel::backward(
-            self.shape(x, weight),
-            x.values,
-            weight.values,
-            y,
-            gradient,
-            self.slope,
-            wanted,
-        );
+        let (shape, wanted) = (self.shape(x, weight), [wanted[0], wanted[1] || wanted[2]]);
+        let (for_x, for_weight, for_bias) =
+            conv_kernel::backward(shape, x.values, weight.values, y, gradient, self.slope, wanted);
         vec![for_x, for_weight, for_bias]
     }
 

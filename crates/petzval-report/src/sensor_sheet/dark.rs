@@ -96,11 +96,6 @@ pub(super) fn variance_over_time(all: &Characterization) -> Option<Sheet> {
         keys: Vec::new(),
         linear_gain: None,
     };
-    Some(sheet(
-        all,
-        around,
-        &panels,
-        if panels.len() > 1 { 3 } else { 1 },
-        if panels.len() > 1 { 190.0 } else { HEIGHT_PX },
-    ))
+    let (columns, height) = if panels.len() > 1 { (3, 190.0) } else { (1, HEIGHT_PX) };
+    Some(sheet(all, around, &panels, columns, height))
 }

@@ -70,12 +70,8 @@ pub(super) fn spectrograms(shown: &Shown<'_>, stack: Stack) -> Option<Sheet> {
         };
         let lowest = (stack == Stack::Dark).then_some(QUANTISATION_DN2.sqrt());
         let all = || channels.iter().flat_map(|(_, s)| power(s).into_iter().skip(1)).chain(lowest);
-        let mut panel = Panel::new(
-            head,
-            [x_name, "amplitude √power, DN"],
-            Axis::between(0.0, 0.5, 5),
-            axis_of_amplitudes(all()),
-        );
+        let (names, x) = ([x_name, "amplitude √power, DN"], Axis::between(0.0, 0.5, 5));
+        let mut panel = Panel::new(head, names, x, axis_of_amplitudes(all()));
         for (channel, spatial) in &channels {
             let values = power(spatial);
             let last = values.len().saturating_sub(1).max(1) as f64;
@@ -94,12 +90,8 @@ pub(super) fn spectrograms(shown: &Shown<'_>, stack: Stack) -> Option<Sheet> {
             panel.curves.push(Curve::over(pen, 0, &[0.0, 0.5], [Some(kept.max(0.0).sqrt()); 2]));
         }
         if stack == Stack::Dark {
-            panel.curves.push(Curve::over(
-                quantisation.clone(),
-                0,
-                &[0.0, 0.5],
-                [Some(QUANTISATION_DN2.sqrt()); 2],
-            ));
+            let level = [Some(QUANTISATION_DN2.sqrt()); 2];
+            panel.curves.push(Curve::over(quantisation.clone(), 0, &[0.0, 0.5], level));
         }
         panel
     };

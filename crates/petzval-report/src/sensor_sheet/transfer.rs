@@ -26,15 +26,10 @@ pub(super) fn light_axis(points: &[TransferPoint]) -> (Vec<f64>, &'static str) {
 /// Signal over light with the fitted responsivity.
 pub(super) fn sensitivity(shown: &Shown<'_>) -> Option<Sheet> {
     let first = shown.channels().first()?;
-    let name = light_axis(&first.points).1;
+    let names = [light_axis(&first.points).1, "mean signal above dark, DN"];
     let every = || shown.channels().iter().flat_map(|c| light_axis(&c.points).0);
     let signals = shown.channels().iter().flat_map(|c| c.points.iter().map(TransferPoint::signal_dn));
-    let mut panel = Panel::new(
-        "",
-        [name, "mean signal above dark, DN"],
-        axis_from_zero(every(), 8),
-        axis_from_zero(signals, 6),
-    );
+    let mut panel = Panel::new("", names, axis_from_zero(every(), 8), axis_from_zero(signals, 6));
     panel.notes_left = true;
     for channel in shown.channels() {
         let (x, _) = light_axis(&channel.points);
@@ -48,12 +43,8 @@ pub(super) fn sensitivity(shown: &Shown<'_>) -> Option<Sheet> {
         panel.points.extend(points_of(Some(channel.colour), at));
         if let Some(slope) = channel.transfer.responsivity_dn.value() {
             let last = x.get(used.1).copied().unwrap_or(0.0);
-            panel.curves.push(straight(
-                Pen::thin(palette::mosaic(Some(channel.colour))),
-                slope,
-                0.0,
-                [0.0, last],
-            ));
+            let pen = Pen::thin(palette::mosaic(Some(channel.colour)));
+            panel.curves.push(straight(pen, slope, 0.0, [0.0, last]));
             let r = with_error(&channel.transfer.responsivity_dn).unwrap_or_default();
             panel.notes.push(format!("{}: R = {r} DN per photon", colour_name(channel.colour)));
         }

@@ -47,12 +47,8 @@ impl Filler<'_> {
                 }
                 let stream = &mut self.stream(Purpose::Tree, 1000 * row + index);
                 let foot = self.plan.road.place(x * (half + 0.95), 0.0, z);
-                self.plan.objects.push(tree::tree(
-                    stream,
-                    self.drawer,
-                    foot,
-                    id(Purpose::Tree, 1000 * row + index),
-                ));
+                let id = id(Purpose::Tree, 1000 * row + index);
+                self.plan.objects.push(tree::tree(stream, self.drawer, foot, id));
             }
         }
         for index in 0..rng.random_range(16..48u64) {

@@ -43,19 +43,12 @@ impl Filler<'_> {
                     for k in 0..4 {
                         let at = z + width * (0.2 + 0.2 * f64::from(k));
                         let place = self.plan.road.place(x * (line + rng.random_range(0.6..3.0)), 0.0, at);
-                        self.plan.objects.push(tree::bush(
-                            rng,
-                            place,
-                            id(Purpose::Tree, 5000 + 10 * number + k as u64),
-                        ));
+                        let id = id(Purpose::Tree, 5000 + 10 * number + k as u64);
+                        self.plan.objects.push(tree::bush(rng, place, id));
                     }
                     let place = self.plan.road.place(x * (line + 4.0), 0.0, z + 0.5 * width);
-                    self.plan.objects.push(tree::tree(
-                        rng,
-                        self.drawer,
-                        place,
-                        id(Purpose::Tree, 5009 + 10 * number),
-                    ));
+                    let id = id(Purpose::Tree, 5009 + 10 * number);
+                    self.plan.objects.push(tree::tree(rng, self.drawer, place, id));
                 } else {
                     self.front(rng, number, x, z, [width, line], storeys, light);
                 }
@@ -70,15 +63,9 @@ impl Filler<'_> {
                 let size = [rng.random_range(14.0..24.0), rng.random_range(9.0..26.0), 12.0];
                 let place = self.plan.road.place(x * back, 0.0, z);
                 let yaw = -x * FRAC_PI_2 + self.plan.road.heading(z);
-                self.plan.objects.push(house::house(
-                    rng,
-                    self.drawer,
-                    light,
-                    place,
-                    yaw,
-                    size,
-                    id(Purpose::BackRow, number),
-                ));
+                let id = id(Purpose::BackRow, number);
+                let object = house::house(rng, self.drawer, light, place, yaw, size, id);
+                self.plan.objects.push(object);
             }
         }
         // Houses close the street at its end.
@@ -86,15 +73,8 @@ impl Filler<'_> {
             let rng = &mut self.stream(Purpose::BackRow, 900 + k);
             let size = [rng.random_range(16.0..24.0), rng.random_range(9.0..22.0), 12.0];
             let place = self.plan.road.place(19.0 * (k as f64 - 2.0), 0.0, END + 4.0);
-            self.plan.objects.push(house::house(
-                rng,
-                self.drawer,
-                light,
-                place,
-                PI,
-                size,
-                id(Purpose::BackRow, 900 + k),
-            ));
+            let id = id(Purpose::BackRow, 900 + k);
+            self.plan.objects.push(house::house(rng, self.drawer, light, place, PI, size, id));
         }
     }
 
@@ -114,15 +94,7 @@ impl Filler<'_> {
         let setback = if rng.random_bool(0.25) { rng.random_range(0.0..3.0) } else { 0.0 };
         let place = self.plan.road.place(x * (line + setback), 0.0, middle);
         let yaw = -x * FRAC_PI_2 + self.plan.road.heading(middle);
-        let object = house::house(
-            rng,
-            self.drawer,
-            light,
-            place,
-            yaw,
-            [width, height, 11.0],
-            id(Purpose::House, number),
-        );
-        self.plan.objects.push(object);
+        let (size, id) = ([width, height, 11.0], id(Purpose::House, number));
+        self.plan.objects.push(house::house(rng, self.drawer, light, place, yaw, size, id));
     }
 }

@@ -107,15 +107,8 @@ impl Filler<'_> {
                     let yaw = yaw + rng.random_range(-0.2..0.2);
                     let kind = ObjectKind::TurnedLight;
                     let other = self.state(2 * i + 1);
-                    self.plan.objects.push(signal::housing(
-                        &style,
-                        place,
-                        yaw,
-                        other,
-                        &colours,
-                        kind,
-                        next(),
-                    ));
+                    let housing = signal::housing(&style, place, yaw, other, &colours, kind, next());
+                    self.plan.objects.push(housing);
                 }
             }
         }
