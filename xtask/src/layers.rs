@@ -11,7 +11,7 @@ use super::circles;
 use super::files::rust_files;
 
 /// Crates in the order in which light meets them. A crate may use those of the groups before its own.
-const ORDER: [&[&str]; 8] = [
+const ORDER: [&[&str]; 9] = [
     &["petzval-base"],
     &["petzval-optics", "petzval-camera", "petzval-street"],
     &["petzval-files"],
@@ -20,16 +20,18 @@ const ORDER: [&[&str]; 8] = [
     &["petzval-design"],
     &["petzval-jobs"],
     &["petzval"],
+    &["petzval-python"],
 ];
 
 /// Outside crates that only some of ours may use directly, with the reason.
-const RESERVED: [(&str, &[&str], &str); 7] = [
+const RESERVED: [(&str, &[&str], &str); 8] = [
     ("burn", &["petzval-camera", "petzval-learn", "petzval-design"], "the tape is cut at the PSF"),
     ("maud", &["petzval-report"], "reports are made in one place"),
     ("clap", &["petzval"], "only the command has a command line"),
     ("miette", &["petzval"], "libraries return typed errors"),
     ("indicatif", &["petzval"], "libraries do not draw"),
     ("include_dir", &["petzval-jobs"], "data travels with the binary"),
+    ("pyo3", &["petzval-python"], "one crate talks to Python"),
     ("signal-hook", &["petzval"], "only the command owns the process"),
 ];
 
@@ -46,7 +48,7 @@ const FORBIDDEN_WORDS: [(&str, &[&str], &str); 2] = [
 /// The command parses arguments, calls a job and prints its response: the libraries behind the jobs, files and threads are not
 /// its business.
 const BEHIND_THE_JOBS: [&str; 7] = ["optics", "camera", "lab", "learn", "report", "files", "design"];
-const NO_JOB_LOGIC: [&str; 6] = ["petzval_", "petzval::{", "std::fs", "File::", "par_iter", "write_whole"];
+const NO_JOB_LOGIC: [&str; 6] = ["petzval_", "crate::{", "std::fs", "File::", "par_iter", "write_whole"];
 
 /// Checks everything; the report on success, all problems otherwise.
 pub fn check() -> Result<String, Vec<String>> {
@@ -91,7 +93,7 @@ pub fn check() -> Result<String, Vec<String>> {
         }
         if name == "petzval" {
             let reason = "the command holds no job logic; it belongs to petzval-jobs";
-            let libraries = BEHIND_THE_JOBS.map(|library| format!("petzval::{library}"));
+            let libraries = BEHIND_THE_JOBS.map(|library| format!("crate::{library}"));
             let words: Vec<&str> = libraries.iter().map(String::as_str).chain(NO_JOB_LOGIC).collect();
             problems.extend(find_words(&sources.join("cli"), &words, reason));
             problems.extend(own_prints(&sources));

@@ -4,6 +4,8 @@
 //! the lens, [`camera`] renders, exposes and develops the picture, [`learn`] holds networks and losses, [`design`]
 //! optimises them together.
 
+pub mod cli;
+
 pub use petzval_base as base;
 pub use petzval_camera as camera;
 pub use petzval_design as design;

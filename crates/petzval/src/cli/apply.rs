@@ -1,9 +1,9 @@
 //! `petzval apply`: pictures of one's own through the cameras of a run.
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
-use petzval::jobs::apply::{self, Request};
+use crate::cli::code::Code;
+use crate::jobs::apply::{self, Request};
 
 use super::defaults::word;
 use super::failure::Failure;
@@ -49,7 +49,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let request = Request {
         run: args.run,
         images: args.images,
@@ -69,5 +69,5 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         outln!("{}  {} x {}, {:.1} s", shown(&p.picture), p.width, p.height, p.seconds);
     }
     response.pages.iter().for_each(|page| outln!("{}", shown(page)));
-    Ok(ExitCode::SUCCESS)
+    Ok(Code::SUCCESS)
 }

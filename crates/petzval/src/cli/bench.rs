@@ -1,8 +1,7 @@
 //! `petzval bench`: measures the speed of standard workloads.
 
-use std::process::ExitCode;
-
-use petzval::jobs::bench;
+use crate::cli::code::Code;
+use crate::jobs::bench;
 
 use super::failure::Failure;
 use super::terminal::{Terminal, print_json};
@@ -25,11 +24,11 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let all = bench::names();
     if args.list {
         all.iter().for_each(|name| outln!("{name}"));
-        return Ok(ExitCode::SUCCESS);
+        return Ok(Code::SUCCESS);
     }
     if let Some(unknown) = args.only.iter().find(|name| !all.contains(&name.as_str())) {
         return Err(Failure::input(format!("--only {unknown}: no such workload"), all.join(", ")));
@@ -46,5 +45,5 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         }
         found.push(one);
     }
-    if args.json { print_json(&found) } else { Ok(ExitCode::SUCCESS) }
+    if args.json { print_json(&found) } else { Ok(Code::SUCCESS) }
 }

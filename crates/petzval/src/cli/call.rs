@@ -2,10 +2,10 @@
 
 use std::io;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 use std::sync::Arc;
 
-use petzval::jobs::{Call, ErrorReport, Event, JobError, Watcher, jobs};
+use crate::cli::code::Code;
+use crate::jobs::{Call, ErrorReport, Event, JobError, Watcher, jobs};
 use serde::Serialize;
 
 use super::failure::Failure;
@@ -35,7 +35,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let call = match args.file.filter(|path| *path != Path::new("-")) {
         Some(path) => Call::read(&path)?,
         None => {
@@ -100,12 +100,12 @@ pub struct JobsArgs {
 }
 
 /// Runs the verb.
-pub fn list(args: JobsArgs) -> Result<ExitCode, Failure> {
+pub fn list(args: JobsArgs) -> Result<Code, Failure> {
     if args.json {
         return print_json(&jobs());
     }
     for job in jobs() {
         outln!("{:<20} {}", job.name, job.about);
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(Code::SUCCESS)
 }

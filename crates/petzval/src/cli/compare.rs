@@ -1,9 +1,9 @@
 //! `petzval compare`: several runs on one page.
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
-use petzval::jobs::compare::{self, Request};
+use crate::cli::code::Code;
+use crate::jobs::compare::{self, Request};
 
 use super::defaults::word;
 use super::failure::Failure;
@@ -37,7 +37,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let request =
         Request { runs: args.runs, out: args.out, csv: args.csv, accept_changed: args.accept_changed };
     let response = compare::run(&request, &terminal.context())?;
@@ -47,5 +47,5 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     outln!("{}", response.markdown);
     outln!("page: {}", shown(&response.page));
     request.csv.iter().for_each(|path| outln!("figures: {}", shown(path)));
-    Ok(ExitCode::SUCCESS)
+    Ok(Code::SUCCESS)
 }

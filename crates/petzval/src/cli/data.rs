@@ -4,12 +4,11 @@ mod check;
 mod convert;
 mod defects;
 
-use std::process::ExitCode;
-
 use clap::Subcommand;
 
 use super::failure::Failure;
 use super::terminal::Terminal;
+use crate::cli::code::Code;
 
 /// Verbs about data sets.
 #[derive(Debug, Subcommand)]
@@ -21,7 +20,7 @@ pub enum DataVerb {
 }
 
 /// Runs a verb.
-pub fn run(verb: DataVerb, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(verb: DataVerb, terminal: &Terminal) -> Result<Code, Failure> {
     match verb {
         DataVerb::Convert(args) => convert::run(args, terminal),
         DataVerb::Check(args) => check::run(args, terminal),

@@ -1,10 +1,10 @@
 //! `petzval design`: the main job.
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
-use petzval::jobs::design::{self, FITTED};
-use petzval::jobs::{JobError, experiment};
+use crate::cli::code::Code;
+use crate::jobs::design::{self, FITTED};
+use crate::jobs::{JobError, experiment};
 
 use super::defaults::word;
 use super::failure::Failure;
@@ -84,9 +84,9 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let stop = signals::stop_on_signal()?;
-    let context = terminal.context().with_cancellation(stop).with_command(command_line());
+    let context = terminal.context().with_cancellation(stop).with_command(terminal.command_line());
     let run = match args.resume {
         Some(run) => design::Run::Resume(design::Resume {
             run,
@@ -114,7 +114,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
             outln!("# Lens and sensor are those that `petzval init --lens {}` writes.", new.experiment);
         }
         out!("{}", experiment::with_every_key(&resolved)?);
-        return Ok(ExitCode::SUCCESS);
+        return Ok(Code::SUCCESS);
     }
     if let (true, design::Run::New(new)) = (args.check, &run) {
         return first_look::print(&design::look(new, &args.device, &context)?, args.json);
@@ -134,11 +134,5 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     }
     sentences.iter().for_each(|sentence| outln!("{sentence}"));
     outln!("\nreport: {}", shown(&report));
-    Ok(ExitCode::SUCCESS)
-}
-
-fn command_line() -> String {
-    // An argument may be no text.
-    let words: Vec<String> = std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect();
-    words.join(" ")
+    Ok(Code::SUCCESS)
 }

@@ -1,12 +1,12 @@
 //! `petzval detect`: what a detector finds in pictures.
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 use std::time::Duration;
 
+use crate::base::csv_text;
+use crate::cli::code::Code;
+use crate::jobs::detect::{self, BackboneKind, Overhanging, Request, Scores, Seen, Source, Weights};
 use clap::ValueEnum;
-use petzval::base::csv_text;
-use petzval::jobs::detect::{self, BackboneKind, Overhanging, Request, Scores, Seen, Source, Weights};
 
 use super::defaults::word;
 use super::failure::Failure;
@@ -92,7 +92,7 @@ impl From<Backbone> for BackboneKind {
 }
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let detector = match (args.run, args.weights) {
         (Some(run), _) => Source::Run { run, camera: args.camera },
         (None, Some(file)) => Source::Weights(Weights {
@@ -123,7 +123,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         print_found(&response.pictures);
     }
     match &response.unread[..] {
-        [] => Ok(ExitCode::SUCCESS),
+        [] => Ok(Code::SUCCESS),
         [first, ..] => {
             let (unread, all) = (response.unread.len(), response.unread.len() + response.pictures.len());
             let message = format!("{unread} of {all} pictures cannot be read, the first is {}", shown(first));

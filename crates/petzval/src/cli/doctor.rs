@@ -1,8 +1,7 @@
 //! `petzval doctor`: shows what this machine and this build offer.
 
-use std::process::ExitCode;
-
-use petzval::jobs::{compiled_in_devices, doctor};
+use crate::cli::code::Code;
+use crate::jobs::{compiled_in_devices, doctor};
 
 use super::failure::Failure;
 use super::terminal::{Terminal, print_json};
@@ -16,7 +15,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let found = doctor::run(&doctor::Request {}, &terminal.context())?;
     if args.json {
         return print_json(&found);
@@ -39,5 +38,5 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     outln!("sensors      {}", found.sensors.join(", "));
     outln!("experiments  {}", found.experiments.join(", "));
     outln!("built-in files: all readable");
-    Ok(ExitCode::SUCCESS)
+    Ok(Code::SUCCESS)
 }

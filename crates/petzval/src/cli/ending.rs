@@ -2,20 +2,20 @@
 
 use std::ffi::OsString;
 use std::io::ErrorKind;
-use std::process::ExitCode;
 
 use clap::Parser;
 use clap::error::ErrorKind as ErrorKindOfArguments;
 
-use super::failure::{self, EXIT_INPUT, Failure};
+use super::code::Code;
+use super::failure::{self, Failure};
 use super::plain::shown;
 use super::{output, plain};
 
 /// Ends the command: reports a failure, writes what is left of the data, and chooses the exit code.
-pub fn finish(ending: Result<ExitCode, Failure>) -> ExitCode {
+pub fn finish(ending: Result<Code, Failure>) -> Code {
     let code = ending.unwrap_or_else(Failure::report);
     output::flush();
-    let has_succeeded = code == ExitCode::SUCCESS;
+    let has_succeeded = code == Code::SUCCESS;
     match output::lost() {
         None => code,
         Some(error) if error.kind() == ErrorKind::BrokenPipe => {
@@ -32,9 +32,9 @@ pub fn finish(ending: Result<ExitCode, Failure>) -> ExitCode {
 }
 
 /// Ends the command after arguments that cannot be parsed, or after `--help` and `--version`.
-pub fn usage(said: &clap::Error) -> ExitCode {
+pub fn usage(said: &clap::Error, words: &[OsString]) -> Code {
     if said.kind() == ErrorKindOfArguments::InvalidUtf8
-        && let Some(refused) = not_text(std::env::args_os().collect())
+        && let Some(refused) = not_text(words)
     {
         let message =
             format!("{}: this argument is not UTF-8, and a name or a value is wanted here", shown(refused));
@@ -47,15 +47,15 @@ pub fn usage(said: &clap::Error) -> ExitCode {
     let is_error = output::is_error(said);
     if is_error && plain::messages(&text) != text {
         output::note(format_args!("{}", text.trim_end()));
-        return ExitCode::from(EXIT_INPUT);
+        return Code::INPUT;
     }
     failure::keep_lines_whole();
     output::of_arguments(said);
-    if is_error { ExitCode::from(EXIT_INPUT) } else { finish(Ok(ExitCode::SUCCESS)) }
+    if is_error { Code::INPUT } else { finish(Ok(Code::SUCCESS)) }
 }
 
 /// The argument that is refused because it is not UTF-8. Folders and many files may have such names, so that not every one is refused.
-fn not_text(arguments: Vec<OsString>) -> Option<OsString> {
+fn not_text(arguments: &[OsString]) -> Option<OsString> {
     let is_refused = |place: usize| {
         let others = arguments.iter().enumerate().map(|(other, argument)| {
             if other == place { argument.clone() } else { argument.to_string_lossy().into_owned().into() }

@@ -1,13 +1,13 @@
 //! `petzval evaluate`: score the cameras of a run again, with exact optics, and cameras as they are made.
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
-use petzval::jobs::evaluate::{
+use crate::cli::code::Code;
+use crate::jobs::evaluate::{
     self, Compensate, Difference, Grade, LensTolerances, Made, MadeMetrics, Metrics, ScoreDescription,
 };
 
-use petzval::base::counted;
+use crate::base::counted;
 
 use super::defaults::word;
 use super::failure::Failure;
@@ -71,7 +71,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let tolerances = args.tolerances.map(source).transpose()?;
     let made = tolerances.map(|tolerances| Made {
         tolerances,
@@ -109,7 +109,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     if let Some(made) = made {
         print_made(&made);
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(Code::SUCCESS)
 }
 
 /// Prints the 95 % range of every score.

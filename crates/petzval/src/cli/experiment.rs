@@ -1,13 +1,13 @@
 //! `petzval experiment` and `petzval schema`: the built-in experiments, and the schemas of files.
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
+use crate::cli::code::Code;
+use crate::jobs::design::Changes;
+use crate::jobs::experiment::{self, FileKind, SchemaRequest};
+use crate::jobs::run_all::{self, Request};
+use crate::jobs::{Call, row};
 use clap::{Subcommand, ValueEnum};
-use petzval::jobs::design::Changes;
-use petzval::jobs::experiment::{self, FileKind, SchemaRequest};
-use petzval::jobs::run_all::{self, Request};
-use petzval::jobs::{Call, row};
 
 use super::defaults::{numbers, word};
 use super::failure::Failure;
@@ -68,7 +68,7 @@ pub struct RunAllArgs {
 }
 
 /// Runs a verb.
-pub fn run(verb: ExperimentVerb, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(verb: ExperimentVerb, terminal: &Terminal) -> Result<Code, Failure> {
     match verb {
         ExperimentVerb::List { json } => {
             let entries = experiment::list(&experiment::ListRequest {}, &terminal.context())?;
@@ -84,10 +84,10 @@ pub fn run(verb: ExperimentVerb, terminal: &Terminal) -> Result<ExitCode, Failur
         }
         ExperimentVerb::RunAll(args) => return run_all(args, terminal),
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(Code::SUCCESS)
 }
 
-fn run_all(args: RunAllArgs, terminal: &Terminal) -> Result<ExitCode, Failure> {
+fn run_all(args: RunAllArgs, terminal: &Terminal) -> Result<Code, Failure> {
     let context = terminal.context().with_cancellation(signals::stop_on_signal()?);
     let request = Request {
         out: args.out,
@@ -105,7 +105,7 @@ fn run_all(args: RunAllArgs, terminal: &Terminal) -> Result<ExitCode, Failure> {
         noteln!("failed: {}: {message}", shown(run));
     }
     Ok(match (stopped, response.failed.is_empty()) {
-        (None, false) => ExitCode::FAILURE,
+        (None, false) => Code::FAILURE,
         (stopped, _) => ending(stopped.as_ref(), "the same command goes on"),
     })
 }
@@ -143,7 +143,7 @@ pub struct SchemaArgs {
 }
 
 /// Runs the verb.
-pub fn schema(args: SchemaArgs, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn schema(args: SchemaArgs, terminal: &Terminal) -> Result<Code, Failure> {
     if let (Some(job), false) = (&args.job, args.kind == Kind::Job) {
         return Err(Failure::input(
             format!("{job}: only the schema of a job has a name"),

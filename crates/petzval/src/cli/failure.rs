@@ -1,22 +1,14 @@
 //! Failures: message, place in the file and hint for the user, and the exit code.
 
 use std::path::Path;
-use std::process::ExitCode;
 
+use crate::base::FileError;
+use crate::cli::code::Code;
+use crate::jobs::{Fault, JobError, Stopped, text_of_file};
 use miette::{LabeledSpan, MietteDiagnostic, MietteHandlerOpts, NamedSource, Report};
-use petzval::base::FileError;
-use petzval::jobs::{Fault, JobError, Stopped, text_of_file};
 
 use super::plain::shown;
 use super::{output, plain};
-
-/// The job failed.
-const EXIT_JOB: u8 = 1;
-/// Bad usage or bad input.
-pub const EXIT_INPUT: u8 = 2;
-
-/// A job was stopped by a signal and can go on: a checkpoint was written (EX_TEMPFAIL of sysexits).
-pub const EXIT_STOPPED: u8 = 75;
 
 /// Turns off the wrapping of lines, so that a path in a message can be copied and searched for.
 pub fn keep_lines_whole() {
@@ -28,18 +20,18 @@ pub fn keep_lines_whole() {
 #[derive(Debug)]
 pub struct Failure {
     report: Report,
-    code: u8,
+    code: Code,
 }
 
 impl Failure {
     /// The request was right, but the job failed.
     pub fn job(message: impl Into<String>) -> Self {
-        Self { report: Report::new(diagnostic(&message.into(), "")), code: EXIT_JOB }
+        Self { report: Report::new(diagnostic(&message.into(), "")), code: Code::FAILURE }
     }
 
     /// The request or a file is wrong.
     pub fn input(message: impl Into<String>, hint: impl Into<String>) -> Self {
-        Self { report: Report::new(diagnostic(&message.into(), &hint.into())), code: EXIT_INPUT }
+        Self { report: Report::new(diagnostic(&message.into(), &hint.into())), code: Code::INPUT }
     }
 
     /// The failure of a call: a setting is named as the key of the request, and a job that goes on says with which request.
@@ -62,14 +54,14 @@ impl Failure {
     }
 
     /// Its exit code.
-    pub fn code(&self) -> ExitCode {
-        ExitCode::from(self.code)
+    pub fn code(&self) -> Code {
+        self.code
     }
 
     /// Prints the failure on stderr; returns its exit code.
-    pub fn report(self) -> ExitCode {
+    pub fn report(self) -> Code {
         output::styled_note(&format!("{:?}", self.report));
-        ExitCode::from(self.code)
+        self.code
     }
 
     fn in_file(path: &Path, error: &FileError) -> Self {
@@ -99,7 +91,7 @@ impl Failure {
             }
             None => Report::new(diagnostic),
         };
-        Self { report, code: EXIT_INPUT }
+        Self { report, code: Code::INPUT }
     }
 }
 
@@ -151,11 +143,11 @@ impl From<JobError> for Failure {
 }
 
 /// The exit code of an error. What goes on from a checkpoint is only interrupted.
-fn code_of(error: &JobError) -> u8 {
+fn code_of(error: &JobError) -> Code {
     match (error, error.fault()) {
-        (JobError::Stopped(stopped), _) if stopped.resume.is_some() => EXIT_STOPPED,
-        (_, Fault::Input) => EXIT_INPUT,
-        (_, Fault::Job) => EXIT_JOB,
+        (JobError::Stopped(stopped), _) if stopped.resume.is_some() => Code::STOPPED,
+        (_, Fault::Input) => Code::INPUT,
+        (_, Fault::Job) => Code::FAILURE,
     }
 }
 

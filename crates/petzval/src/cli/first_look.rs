@@ -1,15 +1,14 @@
 //! The look at an experiment before its first step, on stdout.
 
-use std::process::ExitCode;
+use crate::cli::code::Code;
+use crate::jobs::design::FirstLook;
 
-use petzval::jobs::design::FirstLook;
-
-use super::failure::{EXIT_INPUT, Failure};
+use super::failure::Failure;
 use super::terminal::print_json;
 
 /// Prints the look; the exit code says whether a run could give a result.
-pub fn print(look: &FirstLook, as_json: bool) -> Result<ExitCode, Failure> {
-    let code = if look.problems.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(EXIT_INPUT) };
+pub fn print(look: &FirstLook, as_json: bool) -> Result<Code, Failure> {
+    let code = if look.problems.is_empty() { Code::SUCCESS } else { Code::INPUT };
     if as_json {
         print_json(look)?;
         return Ok(code);

@@ -5,11 +5,11 @@ mod list;
 mod show;
 
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
+use crate::cli::code::Code;
+use crate::jobs::glass::library_with;
+use crate::jobs::{Library, built_in_assets};
 use clap::Subcommand;
-use petzval::jobs::glass::library_with;
-use petzval::jobs::{Library, built_in_assets};
 
 use super::failure::Failure;
 use super::plain::shown;
@@ -27,7 +27,7 @@ pub enum GlassVerb {
 }
 
 /// Runs a verb.
-pub fn run(verb: GlassVerb, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(verb: GlassVerb, terminal: &Terminal) -> Result<Code, Failure> {
     match verb {
         GlassVerb::Find(args) => find::run(args, terminal),
         GlassVerb::Show(args) => show::run(args, terminal),

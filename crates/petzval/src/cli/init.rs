@@ -1,9 +1,9 @@
 //! `petzval init`: an experiment to edit.
 
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
-use petzval::jobs::init::{self, Request};
+use crate::cli::code::Code;
+use crate::jobs::init::{self, Request};
 
 use super::defaults::word;
 use super::failure::Failure;
@@ -38,7 +38,7 @@ pub struct Args {
 const FOLDER: &str = "my-camera";
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let of_lens = args.lens.as_ref().and_then(|lens| Some(PathBuf::from(Path::new(lens).file_stem()?)));
     let out = args.out.or(of_lens).unwrap_or_else(|| PathBuf::from(FOLDER));
     let request = Request {
@@ -61,5 +61,5 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     outln!("{}", shown(&response.experiment));
     let photos = if response.needs_gray_photos { " --photos FOLDER_OF_GRAY_PHOTOGRAPHS" } else { "" };
     outln!("\nnext: petzval design {}{photos}", pasted(&response.experiment));
-    Ok(ExitCode::SUCCESS)
+    Ok(Code::SUCCESS)
 }

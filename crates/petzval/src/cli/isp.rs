@@ -6,12 +6,11 @@ pub(crate) mod inputs;
 mod show;
 mod tune;
 
-use std::process::ExitCode;
-
 use clap::Subcommand;
 
 use super::failure::Failure;
 use super::terminal::Terminal;
+use crate::cli::code::Code;
 
 /// Verbs about image signal processors.
 #[derive(Debug, Subcommand)]
@@ -27,7 +26,7 @@ pub enum IspVerb {
 }
 
 /// Runs a verb.
-pub fn run(verb: IspVerb, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(verb: IspVerb, terminal: &Terminal) -> Result<Code, Failure> {
     match verb {
         IspVerb::Show(args) => show::run(args, terminal),
         IspVerb::Develop(args) => develop::run(args, terminal),

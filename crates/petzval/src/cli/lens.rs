@@ -9,12 +9,11 @@ mod show;
 mod tolerance;
 mod trace;
 
-use std::process::ExitCode;
-
 use clap::Subcommand;
 
 use super::failure::Failure;
 use super::terminal::Terminal;
+use crate::cli::code::Code;
 
 /// Verbs about a lens.
 #[derive(Debug, Subcommand)]
@@ -38,7 +37,7 @@ pub enum LensVerb {
 }
 
 /// Runs a verb.
-pub fn run(verb: LensVerb, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(verb: LensVerb, terminal: &Terminal) -> Result<Code, Failure> {
     match verb {
         LensVerb::List(args) => list::run(args, terminal),
         LensVerb::Show(args) => show::run(args, terminal),

@@ -2,20 +2,24 @@
 //!
 //! Exit codes: 0 ok, 1 the job failed, 2 bad usage or bad input, 75 stopped by a signal after a checkpoint.
 
+// `out!`, `outln!` and `noteln!` of `output` are the only ways to write: the standard macros panic where nobody can read.
+#![deny(clippy::print_stdout, clippy::print_stderr)]
+
 // Its macros are for all modules below.
 #[macro_use]
-pub mod output;
+mod output;
 
 mod apply;
 mod bench;
 mod call;
+mod code;
 mod compare;
 mod data;
 mod defaults;
 mod design;
 mod detect;
 mod doctor;
-pub mod ending;
+mod ending;
 mod evaluate;
 mod experiment;
 mod failure;
@@ -40,14 +44,15 @@ mod terminal;
 mod train;
 mod watcher;
 
+use std::ffi::OsString;
 use std::path::PathBuf;
-use std::process::ExitCode;
 
+use crate::jobs::{MOST_THREADS, usual};
 use clap::{Parser, Subcommand};
-use petzval::jobs::{MOST_THREADS, usual};
 
 use self::terminal::Terminal;
 
+pub use code::Code;
 pub use failure::Failure;
 
 /// Design a camera as one thing: lens, sensor, development and network, optimised together by gradient.
@@ -133,12 +138,21 @@ enum Verb {
     Doctor(doctor::Args),
 }
 
+/// Runs the command with these words, the first of which is its own name; returns how it ended.
+pub fn main(words: impl IntoIterator<Item = OsString>) -> Code {
+    let words: Vec<OsString> = words.into_iter().collect();
+    match Cli::try_parse_from(&words) {
+        Ok(cli) => ending::finish(run(cli, words)),
+        Err(said) => ending::usage(&said, &words),
+    }
+}
+
 /// Runs a parsed command line.
-pub fn run(cli: Cli) -> Result<ExitCode, Failure> {
+fn run(cli: Cli, words: Vec<OsString>) -> Result<Code, Failure> {
     #[cfg(feature = "dng")]
     leave_panics_of_the_dng_reader_to_its_caller();
     failure::keep_lines_whole();
-    if let Err(value) = petzval::base::simd::check_variable() {
+    if let Err(value) = crate::base::simd::check_variable() {
         return Err(Failure::input(
             format!("PETZVAL_SIMD={}: there is no instruction set of this name", value.display()),
             "write avx2 or scalar, or unset the variable: the widest of the machine is used then",
@@ -157,7 +171,7 @@ pub fn run(cli: Cli) -> Result<ExitCode, Failure> {
             .map_err(|e| Failure::job(format!("{} threads: {e}", cli.threads)))?;
     }
     let assets = glass::chosen(&cli.glasses, matches!(cli.verb, Verb::Glass(_)))?;
-    let terminal = Terminal { assets, overwrites: cli.force };
+    let terminal = Terminal { assets, overwrites: cli.force, words };
     match cli.verb {
         Verb::Design(args) => design::run(args, &terminal),
         Verb::Init(args) => init::run(args, &terminal),

@@ -1,10 +1,10 @@
 //! `petzval psf`: the point-spread functions of a lens, as arrays and as a picture.
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
+use crate::cli::code::Code;
+use crate::jobs::psf::{self, PsfKind};
 use clap::ValueEnum;
-use petzval::jobs::psf::{self, PsfKind};
 
 use super::defaults::{numbers, word};
 use super::failure::Failure;
@@ -70,7 +70,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let request = psf::Request {
         lens: args.lens.into(),
         out: args.out,
@@ -85,5 +85,5 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     };
     let response = psf::run(&request, &terminal.context())?;
     noteln!("{} fields x 3 wavelengths written to {}", request.fields, shown(&request.out));
-    if args.json { print_json(&response.axes) } else { Ok(ExitCode::SUCCESS) }
+    if args.json { print_json(&response.axes) } else { Ok(Code::SUCCESS) }
 }

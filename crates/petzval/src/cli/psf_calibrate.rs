@@ -1,9 +1,9 @@
 //! `petzval psf-calibrate`: measures PSFs from captures of a pinhole.
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
-use petzval::jobs::psf_calibrate::{self, Figures, HeldOutBy};
+use crate::cli::code::Code;
+use crate::jobs::psf_calibrate::{self, Figures, HeldOutBy};
 
 use super::failure::Failure;
 use super::plain::shown;
@@ -44,7 +44,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let request = psf_calibrate::Request {
         captures: args.captures,
         lens: args.lens.map(Into::into),
@@ -57,7 +57,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     }
     out!("{}", summary(&response.figures));
     outln!("\nresults in {}; open psf-calibration.html", shown(&response.out));
-    Ok(ExitCode::SUCCESS)
+    Ok(Code::SUCCESS)
 }
 
 /// One line for each position, and one for each field of the bank.

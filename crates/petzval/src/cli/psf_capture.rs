@@ -1,10 +1,10 @@
 //! `petzval psf-capture`: simulates captures of a pinhole in a laboratory.
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
+use crate::cli::code::Code;
+use crate::jobs::psf_capture;
 use clap::ValueEnum;
-use petzval::jobs::psf_capture;
 
 use super::defaults::{numbers, word, words};
 use super::failure::Failure;
@@ -97,7 +97,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let request = psf_capture::Request {
         lens: args.lens.into(),
         out: args.out,
@@ -126,7 +126,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         response.frames,
         request.lens
     );
-    if args.json { print_json(&response.captures) } else { Ok(ExitCode::SUCCESS) }
+    if args.json { print_json(&response.captures) } else { Ok(Code::SUCCESS) }
 }
 
 impl From<Axis> for psf_capture::Axis {

@@ -4,12 +4,11 @@ mod convert;
 mod mtf;
 mod show;
 
-use std::process::ExitCode;
-
 use clap::Subcommand;
 
 use super::failure::Failure;
 use super::terminal::Terminal;
+use crate::cli::code::Code;
 
 /// Verbs about raw frames.
 #[derive(Debug, Subcommand)]
@@ -23,7 +22,7 @@ pub enum RawVerb {
 }
 
 /// Runs a verb.
-pub fn run(verb: RawVerb, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(verb: RawVerb, terminal: &Terminal) -> Result<Code, Failure> {
     match verb {
         RawVerb::Show(args) => show::run(args, terminal),
         RawVerb::Convert(args) => convert::run(args, terminal),

@@ -1,9 +1,9 @@
 //! `petzval report`: write the report of a run again, or show it while the run is at work.
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
-use petzval::jobs::report;
+use crate::cli::code::Code;
+use crate::jobs::report;
 
 use super::failure::Failure;
 use super::plain::shown;
@@ -36,7 +36,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let context = terminal.context();
     if args.watch {
         let watched = report::Watched::open(&args.run, &context)?;
@@ -45,5 +45,5 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let request = report::Request { run: args.run, photo: args.photo, accept_changed: args.accept_changed };
     let response = report::run(&request, &context)?;
     outln!("{}", shown(&response.report));
-    Ok(ExitCode::SUCCESS)
+    Ok(Code::SUCCESS)
 }

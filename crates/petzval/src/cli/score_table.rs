@@ -1,6 +1,6 @@
 //! The table of scores that `design` and `evaluate` print.
 
-use petzval::jobs::design::Metrics;
+use crate::jobs::design::Metrics;
 
 use super::number::figure;
 

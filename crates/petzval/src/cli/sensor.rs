@@ -5,12 +5,11 @@ mod characterize;
 mod list;
 mod show;
 
-use std::process::ExitCode;
-
 use clap::Subcommand;
 
 use super::failure::Failure;
 use super::terminal::Terminal;
+use crate::cli::code::Code;
 
 /// Verbs about a sensor.
 #[derive(Debug, Subcommand)]
@@ -30,7 +29,7 @@ pub enum SensorVerb {
 }
 
 /// Runs a verb.
-pub fn run(verb: SensorVerb, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(verb: SensorVerb, terminal: &Terminal) -> Result<Code, Failure> {
     match verb {
         SensorVerb::List(args) => list::run(args, terminal),
         SensorVerb::Show(args) => show::run(args, terminal),

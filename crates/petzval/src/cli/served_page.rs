@@ -5,12 +5,12 @@
 
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{Ipv4Addr, Shutdown, TcpListener, TcpStream};
-use std::process::ExitCode;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, mpsc};
 use std::time::{Duration, Instant};
 
-use petzval::jobs::JobError;
+use crate::cli::code::Code;
+use crate::jobs::JobError;
 
 use super::failure::Failure;
 use super::output;
@@ -40,7 +40,7 @@ const PIECE: usize = 64 << 10;
 type Request = mpsc::Sender<Result<String, String>>;
 
 /// Answers every request for `/` with the page as it then is, until a signal ends the process. Other machines cannot reach it.
-pub fn serve(port: u16, page: impl Fn() -> Result<String, JobError>) -> Result<ExitCode, Failure> {
+pub fn serve(port: u16, page: impl Fn() -> Result<String, JobError>) -> Result<Code, Failure> {
     let bound = TcpListener::bind((Ipv4Addr::LOCALHOST, port));
     let (listener, address) = bound.and_then(|l| l.local_addr().map(|a| (l, a))).map_err(|error| {
         Failure::input(
@@ -50,7 +50,7 @@ pub fn serve(port: u16, page: impl Fn() -> Result<String, JobError>) -> Result<E
     })?;
     outln!("http://{address}/ shows the run as it grows; Ctrl-C ends this, and not the run");
     if output::is_lost() {
-        return Ok(ExitCode::SUCCESS);
+        return Ok(Code::SUCCESS);
     }
     let (requests, received) = mpsc::channel::<Request>();
     std::thread::spawn(move || accept(&listener, &requests));
@@ -58,7 +58,7 @@ pub fn serve(port: u16, page: impl Fn() -> Result<String, JobError>) -> Result<E
     for reader in received {
         let _gone = reader.send(page().map_err(|error| error.to_string()));
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(Code::SUCCESS)
 }
 
 /// Gives each reader a thread.

@@ -5,8 +5,8 @@
 
 use std::time::Duration;
 
-use petzval::base::Cancel;
-use petzval::jobs::machine;
+use crate::base::Cancel;
+use crate::jobs::machine;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1, SIGUSR2};
 use signal_hook::iterator::Signals;
 

@@ -1,10 +1,10 @@
 //! `petzval simulate`: photographs and scenes through a lens onto a sensor.
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
+use crate::cli::code::Code;
+use crate::jobs::simulate::{self, Request};
 use clap::ValueEnum;
-use petzval::jobs::simulate::{self, Request};
 
 use super::defaults::word;
 use super::failure::Failure;
@@ -211,7 +211,7 @@ enum Domain {
 }
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let over = args.spectral;
     let request = Request {
         images: args.images,
@@ -275,7 +275,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
             outln!("{file}");
         }
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(Code::SUCCESS)
 }
 
 /// Rows and columns of `480x640`.

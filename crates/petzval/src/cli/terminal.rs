@@ -1,14 +1,15 @@
 //! Common parts of all verbs: the built-in library with the user's glasses, reports of jobs on stderr, and JSON on stdout.
 
+use std::ffi::OsString;
 use std::path::Path;
-use std::process::ExitCode;
 use std::sync::Arc;
 
-use petzval::jobs::{Context, JobError, Library, Stopped, Watcher, json};
+use crate::cli::code::Code;
+use crate::jobs::{Context, JobError, Library, Stopped, Watcher, json};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use super::failure::{EXIT_STOPPED, Failure};
+use super::failure::Failure;
 use super::plain;
 use super::watcher::Stderr;
 
@@ -21,9 +22,18 @@ pub struct Terminal {
     pub assets: Library,
     /// Whether results that are there are overwritten.
     pub overwrites: bool,
+    /// The words of the command line.
+    pub words: Vec<OsString>,
 }
 
 impl Terminal {
+    /// The command line, as runs keep it.
+    pub fn command_line(&self) -> String {
+        // An argument may be no text.
+        let words: Vec<String> = self.words.iter().map(|word| word.to_string_lossy().into_owned()).collect();
+        words.join(" ")
+    }
+
     /// The context of one job. Its reports go to stderr; its progress bar disappears with the context.
     pub fn context(&self) -> Context {
         self.context_of(Arc::new(Stderr::new()))
@@ -36,9 +46,9 @@ impl Terminal {
 }
 
 /// Prints a value as JSON on stdout, indented, with the keys of its objects in order.
-pub fn print_json(value: &impl Serialize) -> Result<ExitCode, Failure> {
+pub fn print_json(value: &impl Serialize) -> Result<Code, Failure> {
     outln!("{}", plain::json(&json(value)?));
-    Ok(ExitCode::SUCCESS)
+    Ok(Code::SUCCESS)
 }
 
 /// A path as it can be pasted into a shell: one with spaces is quoted, bytes that a terminal would obey or not show are written by their numbers.
@@ -74,12 +84,12 @@ pub fn found<R: DeserializeOwned>(ended: Result<R, JobError>) -> Result<(R, Opti
 }
 
 /// The exit code of a job. One that was interrupted says where, and how to go on.
-pub fn ending(stopped: Option<&Stopped>, going_on: &str) -> ExitCode {
+pub fn ending(stopped: Option<&Stopped>, going_on: &str) -> Code {
     match stopped {
-        None => ExitCode::SUCCESS,
+        None => Code::SUCCESS,
         Some(stopped) => {
             noteln!("{}; {going_on}", plain::message(&stopped.message));
-            ExitCode::from(EXIT_STOPPED)
+            Code::STOPPED
         }
     }
 }
@@ -90,7 +100,7 @@ pub fn print_found<R: Serialize + DeserializeOwned>(
     context: Context,
     as_json: bool,
     summary: impl Fn(&R) -> String,
-) -> Result<ExitCode, Failure> {
+) -> Result<Code, Failure> {
     let (response, stopped) = found(ended)?;
     drop(context);
     if as_json {

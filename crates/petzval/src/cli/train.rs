@@ -3,12 +3,11 @@
 mod isp_proxy;
 mod optics_proxy;
 
-use std::process::ExitCode;
-
 use clap::Subcommand;
 
 use super::failure::Failure;
 use super::terminal::Terminal;
+use crate::cli::code::Code;
 
 /// What is trained.
 #[derive(Debug, Subcommand)]
@@ -20,7 +19,7 @@ pub enum TrainVerb {
 }
 
 /// Runs a verb.
-pub fn run(verb: TrainVerb, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(verb: TrainVerb, terminal: &Terminal) -> Result<Code, Failure> {
     match verb {
         TrainVerb::IspProxy(args) => isp_proxy::run(args, terminal),
         TrainVerb::OpticsProxy(args) => optics_proxy::run(args, terminal),

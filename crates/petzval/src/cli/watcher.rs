@@ -3,8 +3,8 @@
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
+use crate::jobs::{Event, Watcher};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use petzval::jobs::{Event, Watcher};
 
 use super::plain;
 

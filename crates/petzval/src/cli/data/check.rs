@@ -2,12 +2,12 @@
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
-use std::process::ExitCode;
 
-use petzval::jobs::data::check::{self, Request, Taken};
+use crate::jobs::data::check::{self, Request, Taken};
 
 use super::defects::table;
-use crate::cli::failure::{EXIT_INPUT, Failure};
+use crate::cli::code::Code;
+use crate::cli::failure::Failure;
 use crate::cli::plain::{plain, shown};
 use crate::cli::terminal::{Terminal, print_json};
 
@@ -38,7 +38,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let request = Request {
         data: args.data,
         out: args.out,
@@ -57,7 +57,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
             outln!("\n{}", shown(page));
         }
     }
-    Ok(if response.errors > 0 { ExitCode::from(EXIT_INPUT) } else { ExitCode::SUCCESS })
+    Ok(if response.errors > 0 { Code::INPUT } else { Code::SUCCESS })
 }
 
 /// Which categories are of which class.

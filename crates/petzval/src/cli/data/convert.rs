@@ -1,14 +1,14 @@
 //! `petzval data convert`: a data set of another format in COCO format.
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
+use crate::jobs::data::SourceFormat;
+use crate::jobs::data::convert::{self, Request};
 use clap::ValueEnum;
-use petzval::jobs::data::SourceFormat;
-use petzval::jobs::data::convert::{self, Request};
 
 use super::defects::table;
-use crate::cli::failure::{EXIT_INPUT, Failure};
+use crate::cli::code::Code;
+use crate::cli::failure::Failure;
 use crate::cli::plain::shown;
 use crate::cli::terminal::{Terminal, print_json};
 
@@ -52,7 +52,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let format = match args.format {
         Format::Kitti => SourceFormat::Kitti,
         Format::Bdd100k => SourceFormat::Bdd100k,
@@ -72,5 +72,5 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
             response.copied
         );
     }
-    Ok(if response.errors > 0 { ExitCode::from(EXIT_INPUT) } else { ExitCode::SUCCESS })
+    Ok(if response.errors > 0 { Code::INPUT } else { Code::SUCCESS })
 }

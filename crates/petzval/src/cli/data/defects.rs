@@ -1,6 +1,6 @@
 //! The tables of `petzval data`.
 
-use petzval::jobs::data::{Defect, Severity, Statistics};
+use crate::jobs::data::{Defect, Severity, Statistics};
 
 /// Pictures, classes and defects.
 pub fn table(statistics: &Statistics, defects: &[Defect]) -> String {

@@ -1,9 +1,8 @@
 //! `petzval glass find`: the glasses nearest to an index and an Abbe number.
 
-use std::process::ExitCode;
+use crate::jobs::glass::find;
 
-use petzval::jobs::glass::find;
-
+use crate::cli::code::Code;
 use crate::cli::failure::Failure;
 use crate::cli::number::figure;
 use crate::cli::terminal::{Terminal, print_json};
@@ -32,7 +31,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let request = find::Request {
         nd: args.nd,
         vd: args.vd,
@@ -58,5 +57,5 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         );
         outln!("{}", line.trim_end());
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(Code::SUCCESS)
 }

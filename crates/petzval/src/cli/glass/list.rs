@@ -1,9 +1,8 @@
 //! `petzval glass list`: lists every glass.
 
-use std::process::ExitCode;
+use crate::jobs::glass::list;
 
-use petzval::jobs::glass::list;
-
+use crate::cli::code::Code;
 use crate::cli::failure::Failure;
 use crate::cli::number::figure;
 use crate::cli::terminal::{Terminal, print_json};
@@ -20,7 +19,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let response = list::run(&list::Request { maker: args.maker }, &terminal.context())?;
     if args.json {
         return print_json(&response.glasses);
@@ -32,5 +31,5 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         let line = format!("{:<22} {:<12} {nd:>8} {vd:>8}  {status}", glass.name, glass.maker);
         outln!("{}", line.trim_end());
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(Code::SUCCESS)
 }

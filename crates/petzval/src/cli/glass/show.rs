@@ -1,9 +1,8 @@
 //! `petzval glass show`: all data of a glass.
 
-use std::process::ExitCode;
+use crate::jobs::glass::show::{self, PATH_MM};
 
-use petzval::jobs::glass::show::{self, PATH_MM};
-
+use crate::cli::code::Code;
 use crate::cli::failure::Failure;
 use crate::cli::number::figure;
 use crate::cli::terminal::{Terminal, print_json};
@@ -25,14 +24,14 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let request = show::Request { name: args.name, temperature: args.temperature, pressure: args.pressure };
     let response = show::run(&request, &terminal.context())?;
     if args.json {
         return print_json(&response.glass);
     }
     print(&response);
-    Ok(ExitCode::SUCCESS)
+    Ok(Code::SUCCESS)
 }
 
 fn print(response: &show::Response) {

@@ -1,12 +1,12 @@
 //! `petzval isp chart`: colours, noise and sharpness of a developed test chart.
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
-use petzval::jobs::isp::chart::{self, Response};
-use petzval::jobs::simulate;
+use crate::jobs::isp::chart::{self, Response};
+use crate::jobs::simulate;
 
 use super::inputs::IspArgs;
+use crate::cli::code::Code;
 use crate::cli::defaults::word;
 use crate::cli::failure::Failure;
 use crate::cli::plain::shown;
@@ -72,7 +72,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let spectral = simulate::Spectral {
         illuminant: args.illuminant,
         illuminance_lux: args.illuminance_lux,
@@ -100,7 +100,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         return print_json(&response);
     }
     out!("{}", table(&response));
-    Ok(ExitCode::SUCCESS)
+    Ok(Code::SUCCESS)
 }
 
 /// The gray patches of the ColorChecker.

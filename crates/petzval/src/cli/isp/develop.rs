@@ -1,13 +1,13 @@
 //! `petzval isp develop`: raw frames to pictures.
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
+use crate::jobs::isp::Merge;
+use crate::jobs::isp::develop::{self, Chroma, Container, Range, Standard, YcbcrFile};
 use clap::ValueEnum;
-use petzval::jobs::isp::Merge;
-use petzval::jobs::isp::develop::{self, Chroma, Container, Range, Standard, YcbcrFile};
 
 use super::inputs::{FrameArgs, IspArgs};
+use crate::cli::code::Code;
 use crate::cli::defaults::word;
 use crate::cli::failure::Failure;
 use crate::cli::plain::shown;
@@ -159,7 +159,7 @@ impl FileArgs {
 }
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let request = develop::Request {
         raws: args.raws,
         isp: args.isp.name(),
@@ -185,5 +185,5 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
             outln!("{}", shown(strip));
         }
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(Code::SUCCESS)
 }

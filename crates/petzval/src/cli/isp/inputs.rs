@@ -1,6 +1,6 @@
 //! Arguments that verbs about ISPs share.
 
-use petzval::jobs::isp::{FrameOptions, NEUTRAL};
+use crate::jobs::isp::{FrameOptions, NEUTRAL};
 
 /// What raw files leave open.
 #[derive(Debug, clap::Args)]

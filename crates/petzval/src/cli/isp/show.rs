@@ -1,9 +1,8 @@
 //! `petzval isp show`: prints the parameters of an ISP.
 
-use std::process::ExitCode;
+use crate::jobs::isp::show;
 
-use petzval::jobs::isp::show;
-
+use crate::cli::code::Code;
 use crate::cli::defaults::word;
 use crate::cli::failure::Failure;
 use crate::cli::terminal::{Terminal, print_json};
@@ -28,14 +27,14 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let shown = show::run(&show::Request { isp: args.isp, gain_ev: args.gain_ev }, &terminal.context())?;
     if args.json {
         return print_json(&shown);
     }
     if args.raw {
         out!("{}", shown.settings);
-        return Ok(ExitCode::SUCCESS);
+        return Ok(Code::SUCCESS);
     }
     outln!("{}: {} parameters\n", shown.name, shown.parameters.len());
     let width = shown.parameters.iter().map(|p| p.name.len()).max().unwrap_or(0).max(9);
@@ -45,5 +44,5 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         let range = format!("{} .. {}", p.min, p.max);
         outln!("{star} {:<width$}  {:>12}  {:<8} {range:<22} {}", p.name, p.value, p.unit, p.sentence);
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(Code::SUCCESS)
 }

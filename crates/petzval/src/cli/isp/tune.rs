@@ -1,11 +1,11 @@
 //! `petzval isp tune`: finds the parameters of an ISP.
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
-use petzval::jobs::isp::tune::{self, Plan, Response, Start};
+use crate::jobs::isp::tune::{self, Plan, Response, Start};
 
 use super::inputs::{FrameArgs, IspArgs};
+use crate::cli::code::Code;
 use crate::cli::defaults::{word, words};
 use crate::cli::failure::Failure;
 use crate::cli::number::six_digits;
@@ -62,7 +62,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let context = terminal.context().with_cancellation(signals::stop_on_signal()?);
     let start = match (args.resume, args.raws, args.reference, args.out) {
         (Some(folder), ..) => Start::Resume { folder },

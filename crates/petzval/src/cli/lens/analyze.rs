@@ -1,12 +1,12 @@
 //! `petzval lens analyze`: the analyses of lens design, as pictures and as data.
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
+use crate::jobs::lens::analyze::{self, Analysis};
 use clap::builder::PossibleValuesParser;
-use petzval::jobs::lens::analyze::{self, Analysis};
 
 use super::focus::FocusAt;
+use crate::cli::code::Code;
 use crate::cli::defaults::word;
 use crate::cli::failure::Failure;
 use crate::cli::plain::shown;
@@ -53,7 +53,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let request = analyze::Request {
         lens: args.lens.into(),
         out: args.out,
@@ -75,12 +75,12 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         let data = serde_json::to_string(&response.analysis).map_err(|e| Failure::job(e.to_string()))?;
         outln!("{data}");
         noteln!("{written}");
-        return Ok(ExitCode::SUCCESS);
+        return Ok(Code::SUCCESS);
     }
     out!("{}", summary(&response.analysis));
     let open = if response.page.is_some() { "; open analysis.html" } else { "" };
     outln!("\n{written}{open}");
-    Ok(ExitCode::SUCCESS)
+    Ok(Code::SUCCESS)
 }
 
 /// A few lines for people.

@@ -1,10 +1,10 @@
 //! `petzval lens convert`: converts a lens file to another format, with a report of what is lost.
 
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
-use petzval::jobs::lens::convert;
+use crate::jobs::lens::convert;
 
+use crate::cli::code::Code;
 use crate::cli::failure::Failure;
 use crate::cli::plain::shown;
 use crate::cli::terminal::{Terminal, print_json};
@@ -27,7 +27,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let response =
         convert::run(&convert::Request { from: args.from.into(), to: args.to }, &terminal.context())?;
     if args.json {
@@ -40,5 +40,5 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         }
     }
     outln!("{}", shown(to));
-    Ok(ExitCode::SUCCESS)
+    Ok(Code::SUCCESS)
 }

@@ -1,11 +1,11 @@
 //! `petzval lens focus`, and the option `--focus`: the position of the image plane of a lens.
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
+use crate::jobs::lens::{self, focus};
 use clap::ValueEnum;
-use petzval::jobs::lens::{self, focus};
 
+use crate::cli::code::Code;
 use crate::cli::defaults::word;
 use crate::cli::failure::Failure;
 use crate::cli::plain::shown;
@@ -31,7 +31,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let request = focus::Request { lens: args.lens.into(), focus: args.at.into(), to: args.to };
     let response = focus::run(&request, &terminal.context())?;
     if args.json {
@@ -48,7 +48,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         }
         outln!("{}", shown(to));
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(Code::SUCCESS)
 }
 
 /// Position of the image plane.

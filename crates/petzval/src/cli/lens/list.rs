@@ -1,9 +1,8 @@
 //! `petzval lens list`: the built-in lenses.
 
-use std::process::ExitCode;
+use crate::jobs::lens::list;
 
-use petzval::jobs::lens::list;
-
+use crate::cli::code::Code;
 use crate::cli::failure::Failure;
 use crate::cli::terminal::{Terminal, print_json};
 
@@ -18,7 +17,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let lenses = list::run(&list::Request {}, &terminal.context())?.lenses;
     if args.json {
         return print_json(&lenses);
@@ -37,5 +36,5 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
             l.source
         );
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(Code::SUCCESS)
 }

@@ -1,12 +1,12 @@
 //! `petzval lens show`: the numbers of a lens.
 
-use std::process::ExitCode;
 use std::sync::Arc;
 
-use petzval::jobs::lens::show::{self, Prescription, Response, Surface};
-use petzval::jobs::{Context, Silent};
+use crate::jobs::lens::show::{self, Prescription, Response, Surface};
+use crate::jobs::{Context, Silent};
 
 use super::focus::FocusAt;
+use crate::cli::code::Code;
 use crate::cli::defaults::word;
 use crate::cli::failure::Failure;
 use crate::cli::terminal::{Terminal, print_json};
@@ -25,13 +25,13 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let request = show::Request { lens: args.lens.into(), focus: args.focus.into() };
     let response = match show::run(&request, &terminal.context()) {
         Ok(response) => response,
         Err(error) => {
             // Print the prescription if it can be read: it may show the cause. The warnings were already printed.
-            let silent = Context::new(petzval::built_in_assets(), Arc::new(Silent));
+            let silent = Context::new(crate::built_in_assets(), Arc::new(Silent));
             if !args.json
                 && let Ok(Prescription { name, surfaces }) = show::prescription(&request, &silent)
             {
@@ -44,7 +44,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         return print_json(&response.figures);
     }
     print(&response);
-    Ok(ExitCode::SUCCESS)
+    Ok(Code::SUCCESS)
 }
 
 /// The surfaces of a lens, as lines.

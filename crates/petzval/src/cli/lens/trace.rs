@@ -1,10 +1,9 @@
 //! `petzval lens trace`: one ray through every surface.
 
-use std::process::ExitCode;
-
+use crate::jobs::lens::trace;
 use clap::ValueEnum;
-use petzval::jobs::lens::trace;
 
+use crate::cli::code::Code;
 use crate::cli::defaults::word;
 use crate::cli::failure::Failure;
 use crate::cli::terminal::{Terminal, print_json};
@@ -41,7 +40,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let request = trace::Request {
         lens: args.lens.into(),
         field: args.field,
@@ -67,7 +66,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     if let Some(opl_mm) = response.opl_mm {
         outln!("optical path: {opl_mm:.9} mm");
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(Code::SUCCESS)
 }
 
 fn row(name: &str, at: &trace::Place) -> String {

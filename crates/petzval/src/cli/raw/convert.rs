@@ -1,11 +1,11 @@
 //! `petzval raw convert`: writes a raw frame in another format.
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
+use crate::jobs::raw::convert::{self, CfaPattern, Packing};
 use clap::ValueEnum;
-use petzval::jobs::raw::convert::{self, CfaPattern, Packing};
 
+use crate::cli::code::Code;
 use crate::cli::failure::Failure;
 use crate::cli::plain::shown;
 use crate::cli::terminal::{Terminal, print_json};
@@ -65,7 +65,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let request = convert::Request {
         input: args.input,
         output: args.output,
@@ -88,5 +88,5 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         return print_json(&response.frame);
     }
     outln!("{}\n{}", shown(&response.frame.file), shown(&response.sidecar));
-    Ok(ExitCode::SUCCESS)
+    Ok(Code::SUCCESS)
 }

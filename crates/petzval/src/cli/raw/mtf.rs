@@ -1,11 +1,11 @@
 //! `petzval raw mtf`: the MTF at slanted edges.
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
-use petzval::jobs::raw::convert::CfaPattern;
-use petzval::jobs::raw::mtf::{self, Region, Response, per_mm};
+use crate::jobs::raw::convert::CfaPattern;
+use crate::jobs::raw::mtf::{self, Region, Response, per_mm};
 
+use crate::cli::code::Code;
 use crate::cli::failure::Failure;
 use crate::cli::plain::shown;
 use crate::cli::terminal::{Terminal, print_json};
@@ -42,7 +42,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let request = mtf::Request {
         file: args.file,
         regions: args.regions,
@@ -56,7 +56,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         return print_json(&response);
     }
     out!("{}", table(&response));
-    Ok(ExitCode::SUCCESS)
+    Ok(Code::SUCCESS)
 }
 
 /// A row for every channel of every edge.

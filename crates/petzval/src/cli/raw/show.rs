@@ -1,10 +1,10 @@
 //! `petzval raw show`: shows a raw frame.
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
-use petzval::jobs::raw::{RawInfo, show};
+use crate::jobs::raw::{RawInfo, show};
 
+use crate::cli::code::Code;
 use crate::cli::failure::Failure;
 use crate::cli::plain::shown;
 use crate::cli::terminal::{Terminal, print_json};
@@ -23,7 +23,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let frame = show::run(&show::Request { file: args.file }, &terminal.context())?;
     if args.json {
         return print_json(&frame);
@@ -56,7 +56,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
             s.at_zero
         );
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(Code::SUCCESS)
 }
 
 /// Camera and exposure, a line for each known number.

@@ -1,11 +1,11 @@
 //! `petzval sensor capture`: simulates the calibration series of a sensor.
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
+use crate::jobs::sensor::capture;
 use clap::ValueEnum;
-use petzval::jobs::sensor::capture;
 
+use crate::cli::code::Code;
 use crate::cli::defaults::word;
 use crate::cli::failure::Failure;
 use crate::cli::plain::shown;
@@ -91,7 +91,7 @@ fn rows_and_columns(size: &str) -> Result<[usize; 2], Failure> {
 }
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let request = capture::Request {
         size: args.size.as_deref().map(rows_and_columns).transpose()?,
         sensor: args.sensor.into(),
@@ -118,5 +118,5 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     if written.kept > 0 {
         noteln!("{} of {} frames already existed", written.kept, written.frames);
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(Code::SUCCESS)
 }

@@ -2,14 +2,14 @@
 
 use std::fmt::Write;
 use std::path::PathBuf;
-use std::process::ExitCode;
 
-use clap::ValueEnum;
-use petzval::jobs::sensor::characterize::{
+use crate::jobs::sensor::characterize::{
     self, Characterization, Colour, GAINS, HighPass, HistogramComparison, Measured, NamedFit, Values,
     Verdict, colour_name, fits,
 };
+use clap::ValueEnum;
 
+use crate::cli::code::Code;
 use crate::cli::defaults::word;
 use crate::cli::failure::Failure;
 use crate::cli::terminal::{Terminal, print_json};
@@ -62,7 +62,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let request = characterize::Request {
         dir: args.dir,
         out: args.out,
@@ -81,7 +81,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         return print_json(&found);
     }
     out!("{}", table(&found, request.values));
-    Ok(ExitCode::SUCCESS)
+    Ok(Code::SUCCESS)
 }
 
 /// Lines of numbers. Unresolved numbers are collected, one line for each reason.
@@ -268,7 +268,7 @@ const SHOWN: [&str; 21] = [
 
 #[cfg(test)]
 mod tests {
-    use petzval::jobs::sensor::characterize::Unresolved;
+    use crate::jobs::sensor::characterize::Unresolved;
 
     use super::*;
 

@@ -1,9 +1,8 @@
 //! `petzval sensor list`: the built-in sensors.
 
-use std::process::ExitCode;
+use crate::jobs::sensor::list;
 
-use petzval::jobs::sensor::list;
-
+use crate::cli::code::Code;
 use crate::cli::failure::Failure;
 use crate::cli::number::six_digits;
 use crate::cli::terminal::{Terminal, print_json};
@@ -17,7 +16,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let sensors = list::run(&list::Request {}, &terminal.context())?.sensors;
     if args.json {
         return print_json(&sensors);
@@ -45,5 +44,5 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
             six_digits(s.read_noise_e),
         );
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(Code::SUCCESS)
 }

@@ -1,9 +1,8 @@
 //! `petzval sensor show`: a sensor in numbers.
 
-use std::process::ExitCode;
+use crate::jobs::sensor::show::{self, Colour, Electronics, SensorModel};
 
-use petzval::jobs::sensor::show::{self, Colour, Electronics, SensorModel};
-
+use crate::cli::code::Code;
 use crate::cli::failure::Failure;
 use crate::cli::number::six_digits;
 use crate::cli::terminal::{Terminal, print_json};
@@ -113,7 +112,7 @@ fn facts(s: &SensorModel) -> String {
 }
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let response =
         show::run(&show::Request { sensor: args.sensor.into(), gains: args.gains }, &terminal.context())?;
     if args.json {
@@ -159,5 +158,5 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
             if d.converter_limits { "  converter" } else { "  full well" }
         );
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(Code::SUCCESS)
 }

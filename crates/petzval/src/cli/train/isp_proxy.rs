@@ -1,10 +1,10 @@
 //! `petzval train isp-proxy`: trains a network that imitates an ISP.
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
-use petzval::jobs::train::isp_proxy::{self, Plan, ProxyTraining, Request, Response};
+use crate::jobs::train::isp_proxy::{self, Plan, ProxyTraining, Request, Response};
 
+use crate::cli::code::Code;
 use crate::cli::defaults::{word, words};
 use crate::cli::failure::Failure;
 use crate::cli::isp::inputs::IspArgs;
@@ -64,7 +64,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let context = terminal.context().with_cancellation(signals::stop_on_signal()?);
     let Args { steps, base_channels, levels, seed, .. } = args;
     let request = match (args.resume, args.out) {

@@ -1,10 +1,10 @@
 //! `petzval train optics-proxy`: trains a network in place of ray tracing.
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
-use petzval::jobs::train::optics_proxy::{self, OpticsTraining, Plan, Request, Response};
+use crate::jobs::train::optics_proxy::{self, OpticsTraining, Plan, Request, Response};
 
+use crate::cli::code::Code;
 use crate::cli::defaults::word;
 use crate::cli::failure::Failure;
 use crate::cli::plain::shown;
@@ -52,7 +52,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let context = terminal.context().with_cancellation(signals::stop_on_signal()?);
     let Args { steps, batch, seed, hidden, channels, .. } = args;
     let request = match (args.resume, args.out) {

@@ -1,7 +1,7 @@
 //! The goal of an optimisation as arguments.
 
+use crate::jobs::lens::optimize::{Goal, Vary};
 use clap::ValueEnum;
-use petzval::jobs::lens::optimize::{Goal, Vary};
 
 /// A kind of numbers.
 #[derive(Clone, Copy, Debug, ValueEnum)]

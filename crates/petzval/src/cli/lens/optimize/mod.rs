@@ -3,13 +3,13 @@
 mod goal;
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
+use crate::jobs::lens::optimize::{self, Figures, Goal, Response, Restored, Start, Trade};
+use crate::jobs::usual;
 use clap::ValueEnum;
-use petzval::jobs::lens::optimize::{self, Figures, Goal, Response, Restored, Start, Trade};
-use petzval::jobs::usual;
 
 use self::goal::GoalArgs;
+use crate::cli::code::Code;
 use crate::cli::failure::Failure;
 use crate::cli::plain::shown;
 use crate::cli::signals;
@@ -150,7 +150,7 @@ impl Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let is_json = args.json;
     let request = args.request()?;
     let context = terminal.context().with_cancellation(signals::stop_on_signal()?);

@@ -3,11 +3,11 @@
 mod table;
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
+use crate::jobs::lens::tolerance::{self, PsfKind};
 use clap::ValueEnum;
-use petzval::jobs::lens::tolerance::{self, PsfKind};
 
+use crate::cli::code::Code;
 use crate::cli::defaults::word;
 use crate::cli::failure::Failure;
 use crate::cli::plain::shown;
@@ -104,7 +104,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let request = tolerance::Request {
         lens: args.lens.into(),
         tolerances: args.tolerances,
@@ -141,5 +141,5 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     if let Some(out) = &request.out {
         noteln!("written to {}", shown(out));
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(Code::SUCCESS)
 }

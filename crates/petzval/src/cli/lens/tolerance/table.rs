@@ -1,6 +1,6 @@
 //! The figures of a tolerance analysis as a table.
 
-use petzval::jobs::lens::tolerance::{Better, RandomLenses, Report, Response, three_digits};
+use crate::jobs::lens::tolerance::{Better, RandomLenses, Report, Response, three_digits};
 
 /// Number of rows without --all.
 const ROWS: usize = 20;
