@@ -27,7 +27,9 @@ pub use fan::{Fan, fan};
 pub use field_curves::{FieldCurves, field_curves};
 pub use first_order_table::{FirstOrderTable, first_order_table};
 pub use layout::{Layout, LayoutElement, LayoutLine, LayoutRay, LineKind, layout};
-pub use mtf::{FieldMtf, MtfByField, MtfCurve, ThroughFocusMtf, field_mtf, mtf_by_field, through_focus_mtf};
+pub use mtf::{
+    FieldMtf, MtfByField, MtfCurve, ThroughFocusMtf, field_mtf, mtf_at, mtf_by_field, through_focus_mtf,
+};
 pub use options::{AnalysisOptions, image_f_number};
 pub use spot_diagram::{SpotDiagram, spot_diagram};
 pub use third_order::{ThirdOrder, ThirdOrderSurface, third_order};

@@ -171,22 +171,32 @@ impl Spreads {
 
 /// Modulation of a field over frequency.
 pub fn field_mtf(lens: &Lens, field_deg: f64, options: &AnalysisOptions) -> Result<FieldMtf, AnalysisError> {
+    let frequencies = evenly(0.0, options.highest_frequency(lens), options.frequency_points.max(2));
+    mtf_at(lens, field_deg, &frequencies, options)
+}
+
+/// Modulation of a field at frequencies in cycles/mm.
+pub fn mtf_at(
+    lens: &Lens,
+    field_deg: f64,
+    frequency_per_mm: &[f64],
+    options: &AnalysisOptions,
+) -> Result<FieldMtf, AnalysisError> {
     let field = LensAtField::new(lens, field_deg)?;
-    let frequency_per_mm = evenly(0.0, options.highest_frequency(lens), options.frequency_points.max(2));
     let landings = Landings::new(&field, options)?;
     let channels = waves(&field);
     let waves: Option<Vec<PupilWave>> = channels.as_ref().map(|c| c.iter().map(WaveChannel::wave).collect());
     let by_waves = |waves: Option<Vec<PupilWave>>| {
         let spreads = Spreads::new(&waves?);
-        Some(MtfCurve::of(&frequency_per_mm, |section, f| spreads.modulation(section, f)))
+        Some(MtfCurve::of(frequency_per_mm, |section, f| spreads.modulation(section, f)))
     };
     let ideal = waves.as_ref().map(|waves| waves.iter().map(PupilWave::ideal).collect());
     Ok(FieldMtf {
         field_deg,
-        geometric: MtfCurve::of(&frequency_per_mm, |section, f| landings.modulation(section, f, 0.0)),
+        geometric: MtfCurve::of(frequency_per_mm, |section, f| landings.modulation(section, f, 0.0)),
         diffraction: by_waves(waves),
         limit: by_waves(ideal),
-        frequency_per_mm,
+        frequency_per_mm: frequency_per_mm.to_vec(),
     })
 }
 

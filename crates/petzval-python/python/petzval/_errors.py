@@ -1,0 +1,88 @@
+"""Exceptions, and how the binary part makes them."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where something is wrong: an argument or a key, or a place in a file.
+
+    What is not known is ``None`` or empty.
+    """
+
+    path: Path | None = None
+    line: int | None = None
+    column: int | None = None
+    key: str = ""
+    value: str = ""
+    source: str | None = None
+
+
+class PetzvalError(Exception):
+    """Something that Petzval could not do.
+
+    Attributes:
+        message: What is wrong.
+        place: Where: an argument, or a file with its line.
+        hint: What to do; may be empty.
+        kind: ``setting``, ``input``, ``file``, ``failed``, ``panic`` or ``stopped``.
+    """
+
+    def __init__(
+        self, text: str, *, message: str = "", place: Place | None = None, hint: str = "", kind: str = "failed"
+    ) -> None:
+        super().__init__(f"{text}\nhint: {hint}" if hint else text)
+        self.message = message or text
+        self.place = place or Place()
+        self.hint = hint
+        self.kind = kind
+
+
+class InputError(PetzvalError, ValueError):
+    """An argument, a request or a file is wrong."""
+
+
+class Stopped(PetzvalError):
+    """A job was cancelled by its flag.
+
+    Attributes:
+        kept: The files and folders that it has written, each of them whole.
+        resume: The request with which the same job goes on; ``None`` if it begins again.
+        response: What was found until then, if that is of use.
+    """
+
+    def __init__(self, text: str, *, stopped: dict[str, Any], **known: Any) -> None:
+        super().__init__(text, **known)
+        self.kept = [Path(path) for path in stopped.get("kept", [])]
+        self.resume: dict[str, Any] | None = stopped.get("resume")
+        self.response: dict[str, Any] | None = stopped.get("response")
+
+
+class PetzvalWarning(UserWarning):
+    """Something to know before believing a result."""
+
+
+@dataclass(frozen=True)
+class _Report:
+    kind: str
+    message: str
+    place: dict[str, Any] = field(default_factory=dict)
+    hint: str = ""
+    stopped: dict[str, Any] | None = None
+
+
+def of_report(report: str, text: str, is_input: bool) -> PetzvalError:
+    """The exception of an error that the binary part reports as JSON. `text` is the whole error on one line."""
+    found = _Report(**json.loads(report)) if report else _Report("failed", text)
+    place = dict(found.place)
+    if "path" in place:
+        place["path"] = Path(place["path"])
+    known: dict[str, Any] = {"message": found.message, "place": Place(**place), "hint": found.hint, "kind": found.kind}
+    if found.stopped is not None:
+        return Stopped(text, stopped=found.stopped, **known)
+    return (InputError if is_input else PetzvalError)(text, **known)

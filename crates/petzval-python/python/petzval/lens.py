@@ -1,0 +1,547 @@
+"""Lenses: read, changed, looked at, optimised and toleranced."""
+
+from __future__ import annotations
+
+import html
+import json
+import math
+import os
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _petzval, jobs
+from ._errors import InputError, Place
+from ._petzval import Cancel
+from ._watch import Progress, watch
+
+__all__ = ["Coordinate", "DesignSpace", "Lens", "Mtf", "Optimized", "Spots", "Surface", "Tolerance", "Variable", "Wavefront"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A surface of a lens.
+
+    Attributes:
+        radius_mm: Radius of curvature; infinite where it is flat.
+        conic: Conic constant.
+        asphere: Coefficients of r^2, r^4, ..., r^16, in mm^-1, mm^-3, ...
+        thickness_mm: Distance to the next vertex; of the last one, to the image plane.
+        glass: The medium behind it; ``AIR`` for air.
+        semi_diameter_mm: Clear radius.
+        is_stop: Whether it is the aperture stop.
+        label: What it is called; may be empty.
+    """
+
+    radius_mm: float
+    conic: float
+    asphere: tuple[float, ...]
+    thickness_mm: float
+    glass: str
+    semi_diameter_mm: float
+    is_stop: bool
+    label: str
+
+
+@dataclass(frozen=True)
+class Spots:
+    """Spot diagrams by field.
+
+    Attributes:
+        fields_deg: Fields, degrees, ``[field]``.
+        rms_um: RMS radius of all wavelengths together about their centroid, um, ``[field]``.
+        rms_by_wavelength_um: The same of each wavelength about its own centroid, um, ``[field, wavelength]``.
+        centroid_um: Centroid from the chief ray, x and y, um, ``[field, 2]``.
+        chief_mm: Where the chief ray lands, x and y, mm, ``[field, 2]``.
+        airy_um: Radius of the first dark ring of a perfect lens, um.
+        points_um: Rays from the chief ray, um: of each field and wavelength an array ``[ray, 2]``.
+    """
+
+    fields_deg: Array
+    rms_um: Array
+    rms_by_wavelength_um: Array
+    centroid_um: Array
+    chief_mm: Array
+    airy_um: float
+    points_um: list[list[Array]]
+
+
+@dataclass(frozen=True)
+class Mtf:
+    """Modulation by field and frequency.
+
+    `sagittal` and `tangential` are by waves where waves can be had, and NaN elsewhere; `geometric_sagittal` and
+    `geometric_tangential` are by rays. All are ``[field, frequency]``, 0 to 1.
+    """
+
+    fields_deg: Array
+    per_mm: Array
+    sagittal: Array
+    tangential: Array
+    geometric_sagittal: Array
+    geometric_tangential: Array
+    limit_sagittal: Array
+    limit_tangential: Array
+
+
+@dataclass(frozen=True)
+class Wavefront:
+    """Wavefronts by field and wavelength, in waves.
+
+    Attributes:
+        rms_waves: RMS about the mean, ``[field, wavelength]``.
+        rms_centroid_waves: RMS without tilt.
+        peak_to_valley_waves: Highest minus lowest value.
+        strehl: Strehl ratio; NaN where the wavefront is too rough.
+        zernike_waves: Fringe coefficients, ``[field, wavelength, 37]``; NaN where they are not determined.
+    """
+
+    fields_deg: Array
+    wavelengths_um: Array
+    rms_waves: Array
+    rms_centroid_waves: Array
+    peak_to_valley_waves: Array
+    strehl: Array
+    zernike_waves: Array
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A number of a surface that may move between two bounds, as a lens file states them: radii in mm, tilts in degrees."""
+
+    surface: int
+    number: str
+    min: float
+    max: float
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """What a free coordinate stands for, and its bounds; ``None`` where there is none."""
+
+    name: str
+    min: float | None
+    max: float | None
+
+
+class Lens:
+    """A lens. It never changes: what would change it gives another one.
+
+    Make it with `load` or `parse`.
+    """
+
+    def __init__(self, core: _petzval.Lens) -> None:
+        self._core = core
+
+    @classmethod
+    def load(cls, name: str | os.PathLike[str], *, glasses: Sequence[str | os.PathLike[str]] = ()) -> Lens:
+        """Reads a lens: a built-in name, or a file of Petzval (``.toml``), OpticStudio (``.zmx``), CODE V (``.seq``) or Optiland (``.json``).
+
+        What the file says and the lens does not hold is a `PetzvalWarning` each.
+
+        Args:
+            name: Path or built-in name; ``petzval.jobs.run("lens-list")`` lists these.
+            glasses: Glass catalogues (``.agf``, ``.toml``, ``.yml`` or folders) whose glasses take precedence.
+
+        Raises:
+            InputError: The file is wrong; its place is in the error.
+        """
+        with watch() as watching:
+            return cls(_petzval.Lens.load(os.fspath(name), list(glasses), watching))
+
+    @classmethod
+    def parse(
+        cls,
+        text: str,
+        format: Literal["toml", "zmx", "seq", "json"] = "toml",
+        *,
+        glasses: Sequence[str | os.PathLike[str]] = (),
+    ) -> Lens:
+        """Reads the text of a lens file, as `load` reads the file."""
+        with watch() as watching:
+            return cls(_petzval.Lens.parse(text, format, list(glasses), watching))
+
+    @cached_property
+    def _facts(self) -> dict[str, Any]:
+        facts: dict[str, Any] = json.loads(self._core.facts())
+        return facts
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+        return str(self._facts["name"])
+
+    @property
+    def source(self) -> str:
+        """Where its numbers come from."""
+        return str(self._facts["source"])
+
+    @property
+    def efl_mm(self) -> float:
+        """Effective focal length, mm; infinite where the lens is afocal."""
+        return _or(self._facts["efl_mm"], math.inf)
+
+    @property
+    def bfl_mm(self) -> float:
+        """From the last vertex to the rear focal point, mm; infinite where the lens is afocal."""
+        return _or(self._facts["bfl_mm"], math.inf)
+
+    @property
+    def f_number(self) -> float:
+        """Focal length over entrance pupil diameter."""
+        return _or(self._facts["f_number"], math.inf)
+
+    @property
+    def entrance_pupil_mm(self) -> float:
+        """Entrance pupil diameter, mm."""
+        return float(self._facts["entrance_pupil_mm"])
+
+    @property
+    def reference_um(self) -> float:
+        """Wavelength of first-order properties and of the reference chief ray, um."""
+        return float(self._facts["reference_um"])
+
+    @property
+    def wavelengths_um(self) -> Array:
+        """Wavelengths in which it is judged, um, ``[wavelength]``."""
+        return np.array(self._facts["wavelengths_um"])
+
+    @property
+    def fields_deg(self) -> Array:
+        """Fields at which it is judged, degrees, ``[field]``."""
+        return np.array(self._facts["fields_deg"])
+
+    @cached_property
+    def surfaces(self) -> tuple[Surface, ...]:
+        """Its surfaces in the order that light meets them."""
+        return tuple(
+            Surface(
+                radius_mm=_or(row["radius_mm"], math.inf),
+                conic=row["conic"],
+                asphere=tuple(row["asphere"]),
+                thickness_mm=row["thickness_mm"],
+                glass=row["glass"],
+                semi_diameter_mm=row["semi_diameter_mm"],
+                is_stop=row["is_stop"],
+                label=row["label"],
+            )
+            for row in self._facts["surfaces"]
+        )
+
+    @cached_property
+    def figures(self) -> dict[str, Any]:
+        """Every figure that ``petzval lens show`` prints, by name."""
+        found: dict[str, Any] = self._run("lens-show", {})["figures"]
+        return found
+
+    def to_toml(self) -> str:
+        """The lens as text of a lens file of Petzval."""
+        return self._core.toml()
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes a lens file of Petzval (``.toml``), OpticStudio (``.zmx``) or CODE V (``.seq``), by the ending of its name.
+
+        What the format cannot hold is a `PetzvalWarning` each. The file is whole or not there.
+        """
+        path = Path(path)
+        with tempfile.TemporaryDirectory() as folder:
+            own = Path(folder) / "lens.toml"
+            own.write_text(self.to_toml(), encoding="utf-8")
+            request = {"from": own, "to": path}
+            jobs.run("lens-convert", request, glasses=self._core.glasses(), overwrite=True)
+
+    def with_(
+        self,
+        surface: int | None = None,
+        *,
+        wavelengths_um: ArrayLike | None = None,
+        fields_deg: ArrayLike | None = None,
+        **numbers: float,
+    ) -> Lens:
+        """The lens with other numbers of a surface, or with other wavelengths or fields.
+
+        Args:
+            surface: The surface, from 0.
+            wavelengths_um: Wavelengths, um, ascending.
+            fields_deg: Fields, degrees, ascending.
+            **numbers: By the names of lens files, such as ``radius_mm=-31.0`` or ``thickness_mm=2.0``.
+
+        Raises:
+            InputError: There is no such surface or number, or the lens could not be built.
+        """
+        if numbers and surface is None:
+            raise InputError("surface: which surface has the numbers?", place=Place(key="surface"))
+        changes = [(_index(surface), name, float(value)) for name, value in numbers.items()]
+        with watch() as watching:
+            core = self._core.changed(changes, _floats(wavelengths_um), _floats(fields_deg), watching)
+        return Lens(core)
+
+    def layout_svg(self, path: str | os.PathLike[str] | None = None, *, px_per_mm: float | None = None) -> str:
+        """The cross-section with rays, as text of an SVG picture; also written to `path` if one is given."""
+        with watch() as watching:
+            svg = self._core.layout_svg(px_per_mm, watching)
+        if path is not None:
+            Path(path).write_text(svg, encoding="utf-8")
+        return svg
+
+    def spots(self, fields_deg: ArrayLike | None = None) -> Spots:
+        """Spot diagrams through the real stop.
+
+        Args:
+            fields_deg: Fields, degrees; those of the lens if left out.
+        """
+        fields = self._fields(fields_deg)
+        with watch() as watching:
+            found = json.loads(self._core.spots(fields, watching))
+        return Spots(
+            fields_deg=np.array(fields),
+            rms_um=_array(found, "rms_um"),
+            rms_by_wavelength_um=_array(found, "rms_by_wavelength_um"),
+            centroid_um=_array(found, "centroid_um"),
+            chief_mm=_array(found, "chief_mm"),
+            airy_um=float(found[0]["airy_radius_um"]),
+            points_um=[[np.array(rays).reshape(-1, 2) for rays in field["points_um"]] for field in found],
+        )
+
+    def mtf(self, per_mm: ArrayLike, fields_deg: ArrayLike | None = None) -> Mtf:
+        """Modulation at frequencies, all wavelengths of the lens together.
+
+        Args:
+            per_mm: Frequencies on the image plane, cycles/mm.
+            fields_deg: Fields, degrees; those of the lens if left out.
+        """
+        fields = self._fields(fields_deg)
+        frequencies = np.atleast_1d(np.asarray(per_mm, dtype=np.float64))
+        with watch() as watching:
+            found = json.loads(self._core.mtf(fields, frequencies, watching))
+
+        def curves(kind: str, section: str) -> Array:
+            none = [math.nan] * len(frequencies)
+            return np.array([none if field[kind] is None else field[kind][section] for field in found])
+
+        return Mtf(
+            fields_deg=np.array(fields),
+            per_mm=frequencies,
+            sagittal=curves("diffraction", "sagittal"),
+            tangential=curves("diffraction", "tangential"),
+            geometric_sagittal=curves("geometric", "sagittal"),
+            geometric_tangential=curves("geometric", "tangential"),
+            limit_sagittal=curves("limit", "sagittal"),
+            limit_tangential=curves("limit", "tangential"),
+        )
+
+    def wavefront(self, fields_deg: ArrayLike | None = None) -> Wavefront:
+        """Wavefronts about the chief ray of each wavelength.
+
+        Args:
+            fields_deg: Fields, degrees; those of the lens if left out.
+        """
+        fields = self._fields(fields_deg)
+        with watch() as watching:
+            found = json.loads(self._core.wavefront(fields, watching))
+        terms = 37
+        zernike = [[[math.nan] * terms if z is None else z for z in field["zernike_waves"]] for field in found]
+        return Wavefront(
+            fields_deg=np.array(fields),
+            wavelengths_um=self.wavelengths_um,
+            rms_waves=_array(found, "rms_waves"),
+            rms_centroid_waves=_array(found, "rms_centroid_waves"),
+            peak_to_valley_waves=_array(found, "peak_to_valley_waves"),
+            strehl=_array(found, "strehl"),
+            zernike_waves=np.array(zernike, dtype=np.float64),
+        )
+
+    def variables(
+        self,
+        variables: Sequence[Variable] | None = None,
+        *,
+        efl: Literal["held", "free"] | int = "held",
+        focus: Literal["paraxial", "free", "fixed"] = "paraxial",
+        defocus_mm: float = 0.5,
+        element_edge_mm: float | None = 0.8,
+        element_centre_mm: float | None = None,
+        air_gap_mm: float | None = 0.05,
+        back_focal_mm: tuple[float, float] | None = None,
+        track_mm: float | None = None,
+        distortion: float | None = None,
+        held_field_deg: float | None = None,
+        held_share: float = 0.003,
+    ) -> DesignSpace:
+        """The lenses that this one may become.
+
+        Args:
+            variables: What may move. Those of the lens file if left out; or, where it names none, radii, air gaps and aspheres near their own values.
+            efl: ``"held"``: the solve of the lens file, or the last curved surface, holds the focal length; a number: this surface does;
+                ``"free"``: none does.
+            focus: ``"paraxial"``: the image plane stands at the paraxial image, and a defocus is a coordinate; ``"free"``: its distance is one;
+                ``"fixed"``: it stays at its distance from the last vertex.
+            defocus_mm: Greatest defocus to both sides, mm.
+            element_edge_mm: Least edge thickness of elements, mm; ``None`` for no limit, as in all limits.
+            element_centre_mm: Least thickness of elements on the axis, mm.
+            air_gap_mm: Least air between surfaces, mm.
+            back_focal_mm: Least and greatest back focal length, mm.
+            track_mm: Greatest distance from the first vertex to the image plane, mm.
+            distortion: Greatest distortion of the outermost field, a share.
+            held_field_deg: A field whose image height stays as it is, degrees: it holds the field of view.
+            held_share: By how much of itself that height may change.
+        """
+        plan: dict[str, Any] = {
+            "variables": None if variables is None else [vars(v) for v in variables],
+            "efl_surface": efl if isinstance(efl, int) else None,
+            "is_efl_free": efl == "free",
+            "focus": focus,
+            "defocus_mm": defocus_mm,
+            "element_edge_mm": element_edge_mm,
+            "element_centre_mm": element_centre_mm,
+            "air_gap_mm": air_gap_mm,
+            "back_focal_mm": back_focal_mm,
+            "track_mm": track_mm,
+            "distortion": distortion,
+            "held_field_deg": held_field_deg,
+            "held_share": held_share,
+        }
+        return DesignSpace(_petzval.DesignSpace(self._core, json.dumps(plan)))
+
+    def optimize(
+        self, out: str | os.PathLike[str] | None = None, *, progress: Progress = False, cancel: Cancel | None = None, **request: Any
+    ) -> Optimized:
+        """The lens optimised within limits, by the job ``lens-optimize``.
+
+        Args:
+            out: Folder for the history, with which an interrupted optimisation goes on; none is kept if left out.
+            progress: ``True`` for a bar, or a function that takes every event.
+            cancel: A flag that another thread may set.
+            **request: Further keys of the job, such as ``rounds=100`` or ``search=True``; see `petzval.requests.LensOptimize`.
+        """
+        with tempfile.TemporaryDirectory() as folder:
+            kept = Path(folder) / "optimised" if out is None else Path(out)
+            asked = {**request, "out": kept}
+            response = self._run("lens-optimize", asked, key="start", progress=progress, cancel=cancel)
+            best = Lens.load(kept / "best.toml", glasses=self._core.glasses())
+        return Optimized(lens=best, response=response)
+
+    def tolerance(self, *, progress: Progress = False, cancel: Cancel | None = None, **request: Any) -> Tolerance:
+        """Sensitivities of the lens, and lenses made at random, by the job ``lens-tolerance``.
+
+        Args:
+            progress: ``True`` for a bar, or a function that takes every event.
+            cancel: A flag that another thread may set.
+            **request: Further keys of the job, such as ``grade="commercial"``, ``trials=1000`` or ``seed=0``; see
+                `petzval.requests.LensTolerance`.
+        """
+        return Tolerance(self._run("lens-tolerance", request, progress=progress, cancel=cancel))
+
+    def _run(self, job: str, request: Mapping[str, Any], *, key: str = "lens", **how: Any) -> dict[str, Any]:
+        asked = {**request, key: {"toml": self.to_toml()}}
+        return jobs.run(job, asked, glasses=self._core.glasses(), **how)
+
+    def _fields(self, fields_deg: ArrayLike | None) -> Array:
+        return self.fields_deg if fields_deg is None else np.atleast_1d(np.asarray(fields_deg, dtype=np.float64))
+
+    def __repr__(self) -> str:
+        return f"<Lens {self.name!r}: {len(self.surfaces)} surfaces, {self.efl_mm:.4g} mm, f/{self.f_number:.3g}>"
+
+    def _repr_html_(self) -> str:
+        return f"<figure>{self.layout_svg()}<figcaption>{html.escape(repr(self))}</figcaption></figure>"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _again, (self.to_toml(), self._core.glasses())
+
+
+def _again(toml: str, glasses: list[str]) -> Lens:
+    return Lens.parse(toml, glasses=glasses)
+
+
+class DesignSpace:
+    """The lenses that a lens may become, by free coordinates without bounds.
+
+    A coordinate of 0 is the middle between the bounds of its number; the map is the sine, so that no step leaves the bounds. Make it with
+    `Lens.variables`.
+    """
+
+    def __init__(self, core: _petzval.DesignSpace) -> None:
+        self._core = core
+
+    @cached_property
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        """What each coordinate stands for."""
+        return tuple(Coordinate(**row) for row in json.loads(self._core.describe()))
+
+    @property
+    def start(self) -> Array:
+        """The coordinates of the lens that the space was made of, ``[coordinate]``."""
+        return self._core.start()
+
+    def lens_at(self, x: ArrayLike) -> Lens:
+        """The lens at coordinates ``[coordinate]``. Pickups and solves follow.
+
+        Raises:
+            InputError: The coordinates are not finite or too many, or no curvature gives the focal length.
+        """
+        return Lens(self._core.lens_at(x))
+
+    def coordinates_of(self, lens: Lens) -> Array:
+        """The coordinates of a lens with the same surfaces, moved inside the bounds."""
+        return self._core.coordinates_of(lens._core)
+
+    def penalty(self, x: ArrayLike) -> tuple[float, Array]:
+        """The sum of the squares of all violations of limits, mm^2, and its derivatives by the coordinates."""
+        return self._core.penalty(x)
+
+    def __len__(self) -> int:
+        return len(self.coordinates)
+
+    def __repr__(self) -> str:
+        return f"<DesignSpace of {len(self)} coordinates: {', '.join(c.name for c in self.coordinates)}>"
+
+
+@dataclass(frozen=True)
+class Optimized:
+    """An optimised lens, and the response of the job."""
+
+    lens: Lens
+    response: dict[str, Any]
+
+    def _repr_html_(self) -> str:
+        return self.lens._repr_html_()
+
+
+class Tolerance:
+    """What errors of making do to a lens."""
+
+    def __init__(self, response: dict[str, Any]) -> None:
+        self.response = response
+        """The whole response of the job, as its schema says."""
+
+    @property
+    def sensitivities(self) -> list[dict[str, Any]]:
+        """A row for each error: its name, unit and effect. ``pandas.DataFrame`` takes it as it is."""
+        rows: list[dict[str, Any]] = self.response["sensitivities"]
+        return rows
+
+
+def _or(value: float | None, other: float) -> float:
+    return other if value is None else float(value)
+
+
+def _index(surface: int | None) -> int:
+    if surface is None or surface < 0:
+        raise InputError(f"surface {surface}: surfaces are counted from 0", place=Place(key="surface", value=str(surface)))
+    return surface
+
+
+def _floats(values: ArrayLike | None) -> list[float] | None:
+    return None if values is None else [float(v) for v in np.atleast_1d(np.asarray(values, dtype=np.float64))]
+
+
+def _array(rows: list[dict[str, Any]], key: str) -> Array:
+    """What every row has under a key; null is NaN."""
+    return np.array([row[key] for row in rows], dtype=np.float64)

@@ -1,0 +1,1558 @@
+"""The requests of all jobs as typed dictionaries, by the name of the job: ``lens-tolerance`` is `LensTolerance`.
+
+Every key may be left out but those that a job says it needs. `write_requests.py` writes this file from the schemas of the jobs.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal, TypedDict
+
+JobName = Literal['design', 'design-check', 'init', 'experiment-list', 'experiment-show', 'experiment-run-all', 'schema', 'report', 'compare', 'evaluate', 'lens-show', 'lens-trace', 'lens-analyze', 'lens-convert', 'lens-focus', 'lens-list', 'lens-optimize', 'lens-tolerance', 'glass-find', 'glass-list', 'glass-show', 'psf', 'psf-calibrate', 'psf-capture', 'sensor-list', 'sensor-show', 'sensor-capture', 'sensor-characterize', 'simulate', 'raw-show', 'raw-convert', 'raw-mtf', 'isp-show', 'isp-develop', 'isp-tune', 'isp-chart', 'apply', 'detect', 'data-convert', 'data-check', 'train-isp-proxy', 'train-optics-proxy', 'bench', 'doctor']
+"""Every job."""
+
+
+class Design(TypedDict, total=False):
+    """A run to begin, or to go on with.
+
+    Needs `run`."""
+    device: str
+    """Where tensors live."""
+    run: "DesignRunRun1" | "DesignRunRun2"
+    """Begin a run, or go on with one."""
+
+
+class DesignRunRun1(TypedDict, total=False):
+    """A new one.
+
+    Needs `new`."""
+    new: "DesignRunRun1NewNewRun"
+
+
+class DesignRunRun1NewNewRun(TypedDict, total=False):
+    """A run to begin."""
+    changes: "DesignRunRun1NewNewRunChangesChanges"
+    """What differs from the experiment's file."""
+    experiment: str | "DesignRunRun1NewNewRunExperimentInput2ExperimentText1TomlText" | dict[str, Any]
+    """Experiment: a built-in name, the path of a file, or the experiment itself; or the name or path of a lens, for
+    which one is made as `init` does."""
+    out: str | None
+    """Folder of the run; `runs/EXPERIMENT-seed-SEED` if none is given, where a file `experiment.toml` is called by
+    its folder, and the name of a variant that is made alone stands before the seed."""
+
+
+class DesignRunRun1NewNewRunChangesChanges(TypedDict, total=False):
+    """What differs from the file of an experiment."""
+    data: str | None
+    """Folder of pictures with boxes in COCO format, in which objects are to be found, in place of the experiment's
+    scenes."""
+    is_full: bool
+    """Take the budget of a night on a GPU, see `Experiment::to_full_size`; then `steps` must be none."""
+    photos: str | None
+    """Folder of pictures in place of the experiment's."""
+    seed: int | None
+    """Seed of everything random."""
+    steps: int | None
+    """Network steps of each variant in place of `training.steps`, or of `isp.steps` where a hardware ISP stands;
+    lens steps in proportion. At least 1."""
+    variant: str | None
+    """Make this variant alone, and those from which it starts."""
+
+
+class DesignRunRun1NewNewRunExperimentInput2ExperimentText1TomlText(TypedDict, total=False):
+    """The text of a file in TOML.
+
+    Needs `toml`."""
+    toml: str
+    """The text."""
+
+
+class DesignRunRun2(TypedDict, total=False):
+    """One that was begun before.
+
+    Needs `resume`."""
+    resume: "DesignRunRun2ResumeResume"
+
+
+class DesignRunRun2ResumeResume(TypedDict, total=False):
+    """A run to go on with."""
+    accept_changed: list[str]
+    """Files or folders of the run, by their path below it, that may differ from their digests."""
+    data: str | None
+    """Where its labelled pictures are now, if they were moved."""
+    extend_to: int | None
+    """Make every camera longer, so that its network takes this many steps in all."""
+    photos: str | None
+    """Where its photographs are now, if they were moved."""
+    run: str
+    """Its folder."""
+
+
+class DesignCheck(TypedDict, total=False):
+    """A run to look at before it begins.
+
+    Needs `run`."""
+    device: str
+    """Where tensors live."""
+    run: "DesignCheckRunNewRun"
+    """The run."""
+
+
+class DesignCheckRunNewRun(TypedDict, total=False):
+    """A run to begin."""
+    changes: "DesignCheckRunNewRunChangesChanges"
+    """What differs from the experiment's file."""
+    experiment: str | "DesignCheckRunNewRunExperimentInput2ExperimentText1TomlText" | dict[str, Any]
+    """Experiment: a built-in name, the path of a file, or the experiment itself; or the name or path of a lens, for
+    which one is made as `init` does."""
+    out: str | None
+    """Folder of the run; `runs/EXPERIMENT-seed-SEED` if none is given, where a file `experiment.toml` is called by
+    its folder, and the name of a variant that is made alone stands before the seed."""
+
+
+class DesignCheckRunNewRunChangesChanges(TypedDict, total=False):
+    """What differs from the file of an experiment."""
+    data: str | None
+    """Folder of pictures with boxes in COCO format, in which objects are to be found, in place of the experiment's
+    scenes."""
+    is_full: bool
+    """Take the budget of a night on a GPU, see `Experiment::to_full_size`; then `steps` must be none."""
+    photos: str | None
+    """Folder of pictures in place of the experiment's."""
+    seed: int | None
+    """Seed of everything random."""
+    steps: int | None
+    """Network steps of each variant in place of `training.steps`, or of `isp.steps` where a hardware ISP stands;
+    lens steps in proportion. At least 1."""
+    variant: str | None
+    """Make this variant alone, and those from which it starts."""
+
+
+class DesignCheckRunNewRunExperimentInput2ExperimentText1TomlText(TypedDict, total=False):
+    """The text of a file in TOML.
+
+    Needs `toml`."""
+    toml: str
+    """The text."""
+
+
+Init = TypedDict('Init', {'from': Any, 'lens': Any, 'out': Any, 'sensor': Any}, total=False)
+
+
+class InitFromInput2ExperimentText1TomlText(TypedDict, total=False):
+    """The text of a file in TOML.
+
+    Needs `toml`."""
+    toml: str
+    """The text."""
+
+
+class InitLens1Input22LensText1(TypedDict, total=False):
+    """Petzval's own format.
+
+    Needs `toml`."""
+    toml: str
+    """The text."""
+
+
+class InitLens1Input22LensText2(TypedDict, total=False):
+    """Any format that is read.
+
+    Needs `text`, `format`."""
+    format: Literal['toml'] | Literal['zmx'] | Literal['seq'] | Literal['json']
+    """Its format."""
+    text: str
+    """The text."""
+
+
+class InitSensor1Input32TomlText(TypedDict, total=False):
+    """The text of a file in TOML.
+
+    Needs `toml`."""
+    toml: str
+    """The text."""
+
+
+class ExperimentList(TypedDict, total=False):
+    """An empty request."""
+
+
+class ExperimentShow(TypedDict, total=False):
+    """Which experiment.
+
+    Needs `name`."""
+    name: str
+    """Experiment file, or the name of a built-in one."""
+
+
+class ExperimentRunAll(TypedDict, total=False):
+    """What to run."""
+    changes: "ExperimentRunAllChangesChanges"
+    """What differs from the files of the experiments; its seed is ignored."""
+    device: str
+    """Where tensors live."""
+    experiments: list[str]
+    """Experiments by name or path; all built-in ones if none is named."""
+    out: str
+    """Folder for the runs, `EXPERIMENT-seed-SEED` each, and the page. Finished runs in it are kept, interrupted ones
+    go on."""
+    seeds: list[int]
+    """Seeds. All experiments have a run of the first before any has one of the second."""
+
+
+class ExperimentRunAllChangesChanges(TypedDict, total=False):
+    """What differs from the file of an experiment."""
+    data: str | None
+    """Folder of pictures with boxes in COCO format, in which objects are to be found, in place of the experiment's
+    scenes."""
+    is_full: bool
+    """Take the budget of a night on a GPU, see `Experiment::to_full_size`; then `steps` must be none."""
+    photos: str | None
+    """Folder of pictures in place of the experiment's."""
+    seed: int | None
+    """Seed of everything random."""
+    steps: int | None
+    """Network steps of each variant in place of `training.steps`, or of `isp.steps` where a hardware ISP stands;
+    lens steps in proportion. At least 1."""
+    variant: str | None
+    """Make this variant alone, and those from which it starts."""
+
+
+class Schema(TypedDict, total=False):
+    """Which files.
+
+    Needs `kind`."""
+    kind: Literal['experiment'] | Literal['lens'] | Literal['sensor']
+    """Their kind."""
+
+
+class Report(TypedDict, total=False):
+    """A finished run.
+
+    Needs `run`."""
+    accept_changed: list[str]
+    """Files or folders of the run, by their path below it, that may differ from their digests."""
+    photo: str | None
+    """A photograph that every camera takes over its whole sensor. The frames stay in the folder, for later reports."""
+    run: str
+    """Its folder."""
+
+
+class Compare(TypedDict, total=False):
+    """Runs to compare.
+
+    Needs `runs`."""
+    accept_changed: list[str]
+    """Files or folders of the runs, by their path below them, that may differ from their digests."""
+    csv: str | None
+    """Comma-separated values of the cameras; not written without a name."""
+    out: str
+    """The page."""
+    runs: list[str]
+    """Folders of finished runs; those that differ in the seed alone are taken together."""
+
+
+class Evaluate(TypedDict, total=False):
+    """A finished run.
+
+    Needs `run`."""
+    accept_changed: list[str]
+    """Files or folders of the run, by their path below it, that may differ from their digests."""
+    data: str | None
+    """Labelled pictures: those of the run where they are now, or others, all of which are scored. A folder or a file
+    of annotations."""
+    device: str
+    """Where tensors live."""
+    made: "EvaluateMade1Made" | None
+    """Also make cameras at random, whose lenses are off by their tolerances, and score them."""
+    photos: str | None
+    """Photographs: those of the run where they are now, or others, all of which are scored."""
+    psf: Literal['geometric'] | Literal['diffraction'] | None
+    """PSFs by rays or by waves, in place of those of the run."""
+    run: str
+    """Its folder."""
+
+
+class EvaluateMade1Made(TypedDict, total=False):
+    """Cameras to be made at random from each design of a run."""
+    calibrate: bool
+    """Whether each camera is calibrated: development knows its lens as it was made, not only the lens as drawn."""
+    compensate: Literal['focus'] | Literal['none']
+    """What is adjusted on every lens."""
+    limit: float | None
+    """What a camera has to reach in the first score; that of the first camera as drawn if none is given, as in all
+    other scores."""
+    pictures: int
+    """Most held-out pictures on which each is scored, at least 1."""
+    seed: int
+    """Seed of their errors."""
+    tolerances: "EvaluateMade1MadeTolerancesLensTolerances1" | "EvaluateMade1MadeTolerancesLensTolerances2"
+    """Their tolerances."""
+    trials: int
+    """How many of each design, 1 to 100000."""
+
+
+class EvaluateMade1MadeTolerancesLensTolerances1(TypedDict, total=False):
+    """Tolerances of good practice, of this grade.
+
+    Needs `grade`."""
+    grade: Literal['commercial'] | Literal['precision'] | Literal['high']
+
+
+class EvaluateMade1MadeTolerancesLensTolerances2(TypedDict, total=False):
+    """A tolerance file, for the lenses of all designs.
+
+    Needs `file`."""
+    file: str
+
+
+class LensShow(TypedDict, total=False):
+    """Which lens to show.
+
+    Needs `lens`."""
+    focus: Literal['file'] | Literal['paraxial'] | Literal['best']
+    """Where the image plane goes."""
+    lens: str | "LensShowLensInput2LensText1" | "LensShowLensInput2LensText2"
+    """Lens: a built-in name, the path of a file, or the lens itself."""
+
+
+class LensShowLensInput2LensText1(TypedDict, total=False):
+    """Petzval's own format.
+
+    Needs `toml`."""
+    toml: str
+    """The text."""
+
+
+class LensShowLensInput2LensText2(TypedDict, total=False):
+    """Any format that is read.
+
+    Needs `text`, `format`."""
+    format: Literal['toml'] | Literal['zmx'] | Literal['seq'] | Literal['json']
+    """Its format."""
+    text: str
+    """The text."""
+
+
+class LensTrace(TypedDict, total=False):
+    """A ray through a lens.
+
+    Needs `lens`, `field`, `wavelength`, `pupil`."""
+    aim: Literal['real'] | Literal['paraxial']
+    """What the pupil point lies on."""
+    field: float
+    """Field angle, degrees: within 180 degrees of the axis, or 90 for a near object."""
+    lens: str | "LensTraceLensInput2LensText1" | "LensTraceLensInput2LensText2"
+    """Lens: a built-in name, the path of a file, or the lens itself."""
+    pupil: list[float]
+    """Point of the pupil, x and y in units of its radius."""
+    wavelength: float
+    """Wavelength, um, 0.2 to 20. Unit: um."""
+
+
+class LensTraceLensInput2LensText1(TypedDict, total=False):
+    """Petzval's own format.
+
+    Needs `toml`."""
+    toml: str
+    """The text."""
+
+
+class LensTraceLensInput2LensText2(TypedDict, total=False):
+    """Any format that is read.
+
+    Needs `text`, `format`."""
+    format: Literal['toml'] | Literal['zmx'] | Literal['seq'] | Literal['json']
+    """Its format."""
+    text: str
+    """The text."""
+
+
+class LensAnalyze(TypedDict, total=False):
+    """What to compute of a lens, and what to write.
+
+    Files: one SVG for every `Picture`; `analysis.html`, all of them on one page; `analysis.json`, the data; the
+    curves as CSV. Fields and wavelengths are those of the lens file, 31 of each at most; rays are aimed at the
+    real stop.
+
+    Needs `lens`."""
+    focus: Literal['file'] | Literal['paraxial'] | Literal['best']
+    """Where the image plane goes."""
+    frequency: float | None
+    """Frequency of MTF through focus, cycles/mm; half of the highest, or of the Nyquist frequency, if left out.
+    Unit: cycles/mm."""
+    lens: str | "LensAnalyzeLensInput2LensText1" | "LensAnalyzeLensInput2LensText2"
+    """Lens: a built-in name, the path of a file, or the lens itself."""
+    max_frequency: float | None
+    """Highest frequency of MTF curves, cycles/mm; if left out, 100, or about half of the cutoff if that is less, but
+    beyond the Nyquist frequency. Unit: cycles/mm."""
+    only: list[str]
+    """Write only these of `names`; all if empty."""
+    out: str | None
+    """Folder for the results; `NAME-analysis` if left out."""
+    pixel_um: float | None
+    """Pixel pitch, um, 0.1 to 1000, in place of a sensor. Unit: um."""
+    sensor: str | "LensAnalyzeSensor1Input22TomlText" | None
+    """Sensor, by name, by path, or itself: its pixels' Nyquist frequency is marked in MTF curves."""
+
+
+class LensAnalyzeLensInput2LensText1(TypedDict, total=False):
+    """Petzval's own format.
+
+    Needs `toml`."""
+    toml: str
+    """The text."""
+
+
+class LensAnalyzeLensInput2LensText2(TypedDict, total=False):
+    """Any format that is read.
+
+    Needs `text`, `format`."""
+    format: Literal['toml'] | Literal['zmx'] | Literal['seq'] | Literal['json']
+    """Its format."""
+    text: str
+    """The text."""
+
+
+class LensAnalyzeSensor1Input22TomlText(TypedDict, total=False):
+    """The text of a file in TOML.
+
+    Needs `toml`."""
+    toml: str
+    """The text."""
+
+
+LensConvert = TypedDict('LensConvert', {'from': Any, 'to': Any}, total=False)
+
+
+class LensConvertFromInput2LensText1(TypedDict, total=False):
+    """Petzval's own format.
+
+    Needs `toml`."""
+    toml: str
+    """The text."""
+
+
+class LensConvertFromInput2LensText2(TypedDict, total=False):
+    """Any format that is read.
+
+    Needs `text`, `format`."""
+    format: Literal['toml'] | Literal['zmx'] | Literal['seq'] | Literal['json']
+    """Its format."""
+    text: str
+    """The text."""
+
+
+class LensFocus(TypedDict, total=False):
+    """A lens to focus.
+
+    Needs `lens`."""
+    focus: Literal['file'] | Literal['paraxial'] | Literal['best']
+    """Where its image plane goes."""
+    lens: str | "LensFocusLensInput2LensText1" | "LensFocusLensInput2LensText2"
+    """Lens: a built-in name, the path of a file, or the lens itself."""
+    to: str | None
+    """The file to write, whose ending names the format; none to see the figures alone."""
+
+
+class LensFocusLensInput2LensText1(TypedDict, total=False):
+    """Petzval's own format.
+
+    Needs `toml`."""
+    toml: str
+    """The text."""
+
+
+class LensFocusLensInput2LensText2(TypedDict, total=False):
+    """Any format that is read.
+
+    Needs `text`, `format`."""
+    format: Literal['toml'] | Literal['zmx'] | Literal['seq'] | Literal['json']
+    """Its format."""
+    text: str
+    """The text."""
+
+
+class LensList(TypedDict, total=False):
+    """The built-in lenses."""
+
+
+class LensOptimize(TypedDict, total=False):
+    """An optimisation that begins, or one that is continued, and how far it goes in this call.
+
+    Needs `start`."""
+    iterations: int | None
+    """Iterations of a descent: 200 if none are given. One that is continued goes on to those that it began with, or
+    takes as many more as are given here."""
+    rounds: int | None
+    """Rounds of a search, 1 at least: 10 if none are given; the same rounds give the same lenses on any machine. One
+    that is continued goes on to those that it began with, or takes as many more as are given here."""
+    seconds: float | None
+    """Stops a search after the round in which so many seconds have passed, if that is before its last round. Unit:
+    s."""
+    start: "LensOptimizeStartStart1" | "LensOptimizeStartStart2"
+    """Where it starts."""
+    trade: bool
+    """Whether to search again, for as many rounds, with each of some further requirements, to see what each costs."""
+
+
+class LensOptimizeStartStart1(TypedDict, total=False):
+    """At a lens.
+
+    Needs `new`."""
+    new: "LensOptimizeStartStart1New"
+
+
+LensOptimizeStartStart1New = TypedDict('LensOptimizeStartStart1New', {'global': Any, 'goal': Any, 'lens': Any, 'out': Any, 'seed': Any}, total=False)
+
+
+class LensOptimizeStartStart1NewGoalGoal(TypedDict, total=False):
+    """What an optimised lens has to be."""
+    air: float | None
+    """Least air between elements, on the axis and at the edge, mm, 0.01 at least. Unit: mm."""
+    bfl: list[float]
+    """Least and greatest back focal length, mm; empty for none. Unit: mm."""
+    centre: float | None
+    """Least centre thickness of every element, mm. Unit: mm."""
+    chief_ray_angle: float | None
+    """Greatest angle of the outermost chief ray to the axis at the image, degrees. Unit: degrees."""
+    clear_diameter: float | None
+    """Greatest clear diameter of any surface, mm. Unit: mm."""
+    distortion: float | None
+    """Greatest distortion at the outermost field, percent. Unit: %."""
+    edge: float | None
+    """Least edge thickness of every element, mm, 0.01 at least. Unit: mm."""
+    efl: str | None
+    """Focal length to hold, mm, or `free`; if left out what the lens file solves for, else that of the lens at the
+    start, or the magnification of a near object."""
+    f_number: float | None
+    """F-number: sets the entrance pupil by the focal length that is held, or that of the start."""
+    fields: list[float]
+    """Field angles, degrees; those of the lens if empty. Unit: degrees."""
+    glass: list[str]
+    """Glasses that a search may exchange, each as `SURFACE` or `SURFACE=NAME,...`: the surface in front of the
+    glass, and the names that it may get, the whole catalogue if none. The glass that it has always takes part."""
+    operands: "LensOptimizeStartStart1NewGoalGoalOperands1OperandFile" | None
+    """Further figures, each with a bound and a weight, and the weight of the spots beside them."""
+    power: float
+    """The mean over the fields of `RMS^power` is minimised: 1 the mean spot, 2 the mean square, 8 nearly the worst;
+    0.5 to 64."""
+    restored: "LensOptimizeStartStart1NewGoalGoalRestored1Restored" | None
+    """The error of the best linear restoration of the frames of a camera is minimised in place of the spots."""
+    slope: float | None
+    """Steepest surface within its clear aperture, degrees. Unit: degrees."""
+    track: float | None
+    """Greatest track, mm: between any two of the vertices and the image plane. Unit: mm."""
+    vary: list[Literal['curvature'] | Literal['thickness'] | Literal['air'] | Literal['conic'] | Literal['asphere']]
+    """Kinds of numbers that vary beside the variables of the lens file; a lens whose file names none varies these
+    alone."""
+    wavelengths: list[float]
+    """Wavelengths, um, all of the same weight; those of the lens if empty. Unit: um."""
+
+
+class LensOptimizeStartStart1NewGoalGoalOperands1OperandFile(TypedDict, total=False):
+    """Figures that a lens should reach.
+
+    Needs `operand`."""
+    operand: list["LensOptimizeStartStart1NewGoalGoalOperands1OperandFileOperandItemOperand"]
+    """The figures."""
+    spot_weight: float
+    """How much the RMS spots count beside them, from 0."""
+
+
+class LensOptimizeStartStart1NewGoalGoalOperands1OperandFileOperandItemOperand(TypedDict, total=False):
+    """A figure with its bounds.
+
+    Needs `of`."""
+    at_least: float | None
+    """Least value."""
+    at_most: float | None
+    """Greatest value."""
+    field_deg: float | None
+    """Field angle, degrees; where it is left out, all fields of the lens for contrast, spots and wavefronts, and the
+    outermost for the others."""
+    frequency_per_mm: float | None
+    """Spatial frequency of contrast, cycles per mm."""
+    of: Literal['mtf'] | Literal['spot'] | Literal['wavefront'] | Literal['focal-length'] | Literal['back-focal-length'] | Literal['track'] | Literal['distortion'] | Literal['chief-ray-angle'] | Literal['image-height']
+    """The figure."""
+    waves: bool
+    """Whether contrast includes diffraction."""
+    weight_um: float
+    """Micrometres of spot that one unit beyond a bound counts as much as: for contrast 1, for a wavefront 1 wave,
+    for a spot 1 um. Bounds of the other figures bind: a millimetre beyond counts at least 10 000 um, as for a
+    limit."""
+
+
+class LensOptimizeStartStart1NewGoalGoalRestored1Restored(TypedDict, total=False):
+    """The camera whose raw frames should be restored as well as possible."""
+    sensor: str
+    """Sensor, by file or built-in name."""
+    white_e: float
+    """Photoelectrons that white gives in a green pixel on the axis. Unit: e-."""
+
+
+class LensOptimizeStartStart1NewLensInput2LensText1(TypedDict, total=False):
+    """Petzval's own format.
+
+    Needs `toml`."""
+    toml: str
+    """The text."""
+
+
+class LensOptimizeStartStart1NewLensInput2LensText2(TypedDict, total=False):
+    """Any format that is read.
+
+    Needs `text`, `format`."""
+    format: Literal['toml'] | Literal['zmx'] | Literal['seq'] | Literal['json']
+    """Its format."""
+    text: str
+    """The text."""
+
+
+class LensOptimizeStartStart2(TypedDict, total=False):
+    """Where the optimisation in a folder ended, with its goal.
+
+    Needs `resume`."""
+    resume: "LensOptimizeStartStart2Resume"
+
+
+class LensOptimizeStartStart2Resume(TypedDict, total=False):
+    """A part of a request.
+
+    Needs `folder`."""
+    folder: str
+    """The folder."""
+    rewind: int | None
+    """Forget every step after this one first."""
+
+
+class LensTolerance(TypedDict, total=False):
+    """A lens with its tolerances, and what to find out.
+
+    Needs `lens`."""
+    compensate: Literal['focus'] | Literal['none']
+    """What is adjusted on every lens."""
+    frequency: float
+    """Spatial frequency of the MTF, cycles/mm, 0.01 to 10000. Unit: cycles/mm."""
+    grade: Literal['commercial'] | Literal['precision'] | Literal['high'] | None
+    """Tolerances of good practice for everything that the file does not name; precision without a file."""
+    inverse: float | None
+    """A loss of the merit; the response gives the tolerance of each quantity with which all together cost this much."""
+    kind: Literal['geometric'] | Literal['diffraction']
+    """Whether the MTF takes light for rays or for waves."""
+    lens: str | "LensToleranceLensInput2LensText1" | "LensToleranceLensInput2LensText2"
+    """Lens: a built-in name, the path of a file, or the lens itself."""
+    limit: float | None
+    """A value of the merit; the response gives the number of lenses that reach it."""
+    merit: Literal['rms'] | Literal['mtf']
+    """What a lens is judged by, over its fields (on both sides of the axis) and wavelengths."""
+    out: str | None
+    """Folder for the results; nothing is written without one."""
+    seed: int
+    """Seed of the random lenses."""
+    tolerances: str | None
+    """Tolerance file."""
+    trials: int
+    """How many lenses are made at random, 1000000 at most."""
+    worst: int
+    """How many of the worst lenses are named and written."""
+
+
+class LensToleranceLensInput2LensText1(TypedDict, total=False):
+    """Petzval's own format.
+
+    Needs `toml`."""
+    toml: str
+    """The text."""
+
+
+class LensToleranceLensInput2LensText2(TypedDict, total=False):
+    """Any format that is read.
+
+    Needs `text`, `format`."""
+    format: Literal['toml'] | Literal['zmx'] | Literal['seq'] | Literal['json']
+    """Its format."""
+    text: str
+    """The text."""
+
+
+class GlassFind(TypedDict, total=False):
+    """Which glasses to look for. The distance is `sqrt((dnd / 0.01)^2 + dVd^2)`: 0.01 of index counts as much as 1
+    of Abbe number.
+
+    Needs `nd`, `vd`."""
+    count: int
+    """Largest number of glasses in the response."""
+    maker: str | None
+    """Only glasses of this maker: any part of the name, in upper or lower case."""
+    nd: float
+    """Index at the d line, 587.6 nm, 1 to 5."""
+    obsolete: bool
+    """Whether obsolete glasses count too."""
+    vd: float
+    """Abbe number `(nd - 1) / (nF - nC)`, 1 to 1000."""
+
+
+class GlassList(TypedDict, total=False):
+    """Which glasses to list."""
+    maker: str | None
+    """Only glasses of this maker: any part of the name, in upper or lower case."""
+
+
+class GlassShow(TypedDict, total=False):
+    """Which glass to show, and in which air.
+
+    Needs `name`."""
+    name: str
+    """Its name, or `MAKER:NAME` where several makers have one of that name."""
+    pressure: float | None
+    """Pressure of that air, atm, 0 (vacuum) to 100; 1 if left out. Needs a temperature. Unit: atm."""
+    temperature: float | None
+    """Temperature of the glass and of the air around it, degrees Celsius, -200 to 1000, for `Line::index_at`. Unit:
+    degrees Celsius."""
+
+
+class Psf(TypedDict, total=False):
+    """The PSFs of a lens, per field and wavelength, written to a folder.
+
+    Files: `psf.npy`, float64 `[field, wavelength, row, column]`, each of unit sum, centred on the chief ray;
+    `illumination.npy`, float64 `[field, wavelength]`; `psf.png`, a labelled sheet to look at; `psf.json`, the
+    axes.
+
+    Needs `lens`, `out`."""
+    corner_mm: float
+    """Image radius of the last field, mm. Unit: mm."""
+    fields: int
+    """Number of fields from the axis to the corner, 2 to 201."""
+    grid: int
+    """Cells a side, 16 to 1024."""
+    kind: Literal['geometric'] | Literal['diffraction']
+    """Rays or waves."""
+    lens: str | "PsfLensInput2LensText1" | "PsfLensInput2LensText2"
+    """Lens: a built-in name, the path of a file, or the lens itself."""
+    out: str
+    """Folder for the results."""
+    pitch_um: float
+    """Cell size, um. Unit: um."""
+    pupil_cells: int
+    """Least pupil cells a side; diffraction chooses its own."""
+    pupil_error: float
+    """Error (L1, of PSFs of unit sum) above which the pupil cells are doubled."""
+    wavelengths: list[float]
+    """Wavelengths of the red, green and blue channel, um, 0.2 to 20. Unit: um."""
+
+
+class PsfLensInput2LensText1(TypedDict, total=False):
+    """Petzval's own format.
+
+    Needs `toml`."""
+    toml: str
+    """The text."""
+
+
+class PsfLensInput2LensText2(TypedDict, total=False):
+    """Any format that is read.
+
+    Needs `text`, `format`."""
+    format: Literal['toml'] | Literal['zmx'] | Literal['seq'] | Literal['json']
+    """Its format."""
+    text: str
+    """The text."""
+
+
+class PsfCalibrate(TypedDict, total=False):
+    """Captures of a pinhole from which to measure PSFs.
+
+    Files: `calibration.json`, all figures; `psf-calibration.html`, a page to look at; `psf-calibration.png`, all
+    PSFs on a sheet; `measured.npy`, float64 `[position, channel, row, column]`; `psfs.toml` and `psfs.npy`, the
+    bank of PSFs for the renderer.
+
+    Needs `captures`."""
+    captures: str
+    """Folder of captures, with `captures.toml`."""
+    lens: str | "PsfCalibrateLens1Input2LensText1" | "PsfCalibrateLens1Input2LensText2" | None
+    """Lens to compare with, if any: a built-in name, the path of a file, or the lens itself."""
+    out: str | None
+    """Folder for the results; `psf-calibration` in the folder of captures if it is not given."""
+    seed: int
+    """Seed of the draws behind the noise floor."""
+
+
+class PsfCalibrateLens1Input2LensText1(TypedDict, total=False):
+    """Petzval's own format.
+
+    Needs `toml`."""
+    toml: str
+    """The text."""
+
+
+class PsfCalibrateLens1Input2LensText2(TypedDict, total=False):
+    """Any format that is read.
+
+    Needs `text`, `format`."""
+    format: Literal['toml'] | Literal['zmx'] | Literal['seq'] | Literal['json']
+    """Its format."""
+    text: str
+    """The text."""
+
+
+class PsfCapture(TypedDict, total=False):
+    """Captures of a pinhole: frames and their manifest, for `crate::psf_calibrate`.
+
+    A pinhole lit by a white diode of 4900 K is put at field radii along directions from the axis; fields that the
+    sensor does not reach are left out. The camera turns towards the source. At each place frames are taken at
+    several exposure times with the sensor's noise; only a window around the source is written. A folder that
+    holds captures is not changed.
+
+    Needs `lens`, `out`."""
+    axes: list[Literal['vertical'] | Literal['horizontal'] | Literal['diagonal']]
+    """Directions in which the source is moved."""
+    dark_frames: int
+    """Dark frames of each exposure time and place, 0 to 1000."""
+    distance_mm: float
+    """Distance of the pinhole from the lens, mm, 10 to 1e7. Unit: mm."""
+    exposures_ms: list[float]
+    """Exposure times, ms, the shortest first. Unit: ms."""
+    fields: int
+    """Number of fields from the axis to `radius_mm`, 1 to 99."""
+    focus: Literal['source'] | Literal['file']
+    """Where the lens is focused."""
+    frames: int
+    """Frames of each exposure time, 1 to 1000."""
+    lens: str | "PsfCaptureLensInput2LensText1" | "PsfCaptureLensInput2LensText2"
+    """Lens: a built-in name, the path of a file, or the lens itself."""
+    out: str
+    """Folder for the captures."""
+    peak: float
+    """Signal of the brightest pixel of all places, behind its own colour filter, at the longest exposure, as a share
+    of the range of converter or full well, the lesser; above 1 it clips. It sets the brightness of the source."""
+    pinhole_um: float
+    """Diameter of the pinhole, um; its image may be at most a pixel wide. Unit: um."""
+    radius_mm: float
+    """Image radius of the last field, mm. Unit: mm."""
+    seed: int
+    """Seed of the noise and of the error of alignment, up to half a pixel."""
+    sensor: str | "PsfCaptureSensorInput22TomlText"
+    """Sensor: a built-in name, the path of a file, or the sensor itself."""
+    window: int
+    """Pixels a side of the window that is written, 48 to 1024."""
+
+
+class PsfCaptureLensInput2LensText1(TypedDict, total=False):
+    """Petzval's own format.
+
+    Needs `toml`."""
+    toml: str
+    """The text."""
+
+
+class PsfCaptureLensInput2LensText2(TypedDict, total=False):
+    """Any format that is read.
+
+    Needs `text`, `format`."""
+    format: Literal['toml'] | Literal['zmx'] | Literal['seq'] | Literal['json']
+    """Its format."""
+    text: str
+    """The text."""
+
+
+class PsfCaptureSensorInput22TomlText(TypedDict, total=False):
+    """The text of a file in TOML.
+
+    Needs `toml`."""
+    toml: str
+    """The text."""
+
+
+class SensorList(TypedDict, total=False):
+    """The built-in sensors."""
+
+
+class SensorShow(TypedDict, total=False):
+    """A sensor to look at.
+
+    Needs `sensor`."""
+    gains: list[float]
+    """Linear gains of the figures, above 0 and at most 10000; if empty those that the sensor offers, or 1."""
+    sensor: str | "SensorShowSensorInput2TomlText"
+    """Sensor: a built-in name, the path of a file, or the sensor itself."""
+
+
+class SensorShowSensorInput2TomlText(TypedDict, total=False):
+    """The text of a file in TOML.
+
+    Needs `toml`."""
+    toml: str
+    """The text."""
+
+
+class SensorCapture(TypedDict, total=False):
+    """The calibration series of a sensor: pairs of flat and of dark frames over gains and exposure times, further
+    dark pairs for the dark current, and stacks for the non-uniformity, all listed in `captures.toml`.
+
+    The same request continues a series that was interrupted. An empty field takes its value from the series that
+    `emva` chooses.
+
+    Needs `sensor`, `out`."""
+    dark_exposures: list[float] | None
+    """Exposure times of dark pairs, ms. Unit: ms."""
+    emva: bool
+    """The series of EMVA 1288 release 4.0 Linear (`Plan::emva`) in place of that of Tseng et al. 2021
+    (`Plan::default`)."""
+    exposures: list[float] | None
+    """Exposure times of flat and dark pairs, ms. Unit: ms."""
+    format: Literal['tiff'] | Literal['png']
+    """Format of the frames."""
+    gains: list[float]
+    """Linear gains; if empty, those of the series."""
+    level: float | None
+    """Signal of the brightest colour at the longest exposure as a share of the range; above 1 it saturates."""
+    out: str
+    """Folder for the captures."""
+    quantum_efficiency: float | None
+    """Quantum efficiency of green or clear pixels, 0 to 1, which converts electrons to photons."""
+    seed: int
+    """Seed of the noise."""
+    sensor: str | "SensorCaptureSensorInput2TomlText"
+    """Sensor: a built-in name, the path of a file, or the sensor itself."""
+    size: list[int] | None
+    """Rows and columns of the frames, from the corner of the sensor; by default the whole sensor."""
+    stack: int | None
+    """Frames of the flat and the dark stack; 0 for none."""
+    wavelength: float | None
+    """Wavelength of the light, um; the sensor's curves there give the photons and the response of each colour,
+    unless `quantum_efficiency` is given. Unit: um."""
+
+
+class SensorCaptureSensorInput2TomlText(TypedDict, total=False):
+    """The text of a file in TOML.
+
+    Needs `toml`."""
+    toml: str
+    """The text."""
+
+
+class SensorCharacterize(TypedDict, total=False):
+    """Captures from which to measure a sensor: EMVA 1288, and the paper's calibration over all gains.
+
+    Needs `dir`."""
+    dir: str
+    """Folder of the captures, or its `captures.toml`."""
+    fit_histograms: bool
+    """Whether the remaining parameters of the model are fitted to the captured histograms."""
+    highpass: Literal['none'] | Literal['r3.1'] | Literal['r4']
+    """High-pass before DSNU and PRNU."""
+    mean_difference: bool
+    """Whether the difference of the frames' means is taken from the temporal variance; without it, Eq. 6 of Tseng et
+    al. 2021."""
+    out: str | None
+    """Folder for the results, which are not written without it: `sensor.toml` if K is resolved, `results.json`,
+    `emva-*.xml` for each gain and colour, `histograms.csv`, `report.html`, and its plots as `.svg`."""
+    pixel_um: float | None
+    """Pixel pitch, um, 0.1 to 1000, if the list does not state it. Unit: um."""
+    values: Literal['library'] | Literal['corrected']
+    """Which values the XML files hold."""
+
+
+class Simulate(TypedDict, total=False):
+    """Photographs and scenes to take. What is left out has the default of the command.
+
+    Needs `images`."""
+    development: "SimulateDevelopmentInterpolation"
+    """How the colours of the mosaic are interpolated."""
+    gain: float
+    """Linear analogue gain."""
+    images: list[str]
+    """Photographs (PNG, JPEG, TIFF; OpenEXR and Radiance HDR in linear light), spectral images, or `scene:NAME`."""
+    isp: str | None
+    """An image signal processor whose picture is written beside the developed one: a preset, a file, or `neutral`."""
+    lens: str | "SimulateLensInput2LensText1" | "SimulateLensInput2LensText2"
+    """Lens: a built-in name, the path of a file, or the lens itself."""
+    no_distortion: bool
+    """Take the picture as the light on the image plane: straight lines stay straight. Without it, the picture is the
+    rectilinear scene in front of the lens, and its distortion is rendered."""
+    no_noise: bool
+    """Leave out all noise."""
+    out: str
+    """Folder for the results."""
+    picture_format: Literal['png'] | Literal['png16'] | Literal['exr'] | Literal['npy']
+    """Format of the developed picture."""
+    place: Literal['fill'] | Literal['centre']
+    """How a photograph lands on the sensor."""
+    psfs: str | None
+    """Measured PSFs in place of the lens: the results of `psf-calibrate`."""
+    raw_format: Literal['tiff'] | Literal['png'] | Literal['packed'] | Literal['npy']
+    """Format of the raw frame."""
+    restore: "SimulateRestore1Restore" | None
+    """Restoration of the developed picture with the PSFs of the lens; none leaves its blur."""
+    samples: int | None
+    """Samples of the scene along a side of a pixel, 1 to 8: a pixel collects the light of `samples` x `samples` of
+    them. If left out, 4 where every image is a built-in scene of edges and at most a million pixels are read, and
+    else 1."""
+    seed: int
+    """Seed of the noise."""
+    sensor: str | "SimulateSensorInput22TomlText"
+    """Sensor: a built-in name, the path of a file, or the sensor itself."""
+    size: list[Any] | None
+    """Rows and columns in the middle of the sensor that are read; all of them if none are given."""
+    spectral: "SimulateSpectralSpectral"
+    """The light, for a simulation over the spectrum."""
+    time_s: float
+    """Exposure time, s. Unit: s."""
+    white_e: float | None
+    """Photoelectrons that white gives in a green pixel on the axis; 70 % of those with which white saturates the
+    first colour if none are given, or what the light gives over the spectrum. Unit: e-."""
+
+
+class SimulateDevelopmentInterpolation(TypedDict, total=False):
+    """Interpolation of the colours of white-balanced mosaics, 1 = white."""
+    demosaic: Literal['bilinear'] | Literal['malvar'] | Literal['rcd'] | Literal['menon']
+    """The method."""
+    domain: Literal['linear'] | Literal['stabilised']
+    """The values that it takes."""
+
+
+class SimulateLensInput2LensText1(TypedDict, total=False):
+    """Petzval's own format.
+
+    Needs `toml`."""
+    toml: str
+    """The text."""
+
+
+class SimulateLensInput2LensText2(TypedDict, total=False):
+    """Any format that is read.
+
+    Needs `text`, `format`."""
+    format: Literal['toml'] | Literal['zmx'] | Literal['seq'] | Literal['json']
+    """Its format."""
+    text: str
+    """The text."""
+
+
+class SimulateRestore1Restore(TypedDict, total=False):
+    """Restoration of a developed picture."""
+    noise: float | None
+    """Power of noise over that of the picture at a tenth of a cycle per pixel; that of sensor, exposure and
+    demosaicing if none is given."""
+
+
+class SimulateSensorInput22TomlText(TypedDict, total=False):
+    """The text of a file in TOML.
+
+    Needs `toml`."""
+    toml: str
+    """The text."""
+
+
+class SimulateSpectralSpectral(TypedDict, total=False):
+    """The light, and how finely its spectrum is sampled. Any of these makes a simulation one over the spectrum."""
+    bands: int | None
+    """Bands for scenes and photographs, 2 to 401; 16, or more where these would be over 20 nm apart."""
+    illuminance_lux: float | None
+    """Illuminance of the scene, lux; 500, or as `white_e` needs. Unit: lux."""
+    illuminant: str | None
+    """Light on the scene: D65, A, FL11, LED-B3, ..., daylight:KELVIN, blackbody:KELVIN, or a CSV file of wavelengths
+    in nm and relative power; D65 if none is named."""
+    no_colour_matrix: bool
+    """The camera's own colours, without the matrix fitted to the ColorChecker."""
+    qe: str | None
+    """Quantum efficiency in place of the sensor's: a built-in name, `flat:VALUE`, or a CSV or TOML file."""
+    three_band: bool
+    """Photographs through three PSFs, then electrons by a 3x3 matrix."""
+    transmission: str | None
+    """Transmission of the lens: a number in 0..1, or a CSV file of wavelengths in nm and transmission."""
+
+
+class RawShow(TypedDict, total=False):
+    """A raw frame to summarise: gray TIFF or PNG of 8 or 16 bits, a NumPy array, a packed `.raw` with its sidecar,
+    or DNG with the cargo feature `dng`.
+
+    Needs `file`."""
+    file: str
+    """The frame."""
+
+
+class RawConvert(TypedDict, total=False):
+    """A raw frame to write in the format that the name of the output ends with. Its digital numbers do not change.
+
+    Camera and exposure are those of the input and its sidecar, except where the request gives them; they go into
+    the sidecar of the output.
+
+    Needs `input`, `output`."""
+    bits: int | None
+    """Bits of the digital numbers."""
+    black_level_dn: float | None
+    """Black level, DN. Unit: DN."""
+    cfa: str | None
+    """Colour filter array from the first pixel."""
+    gain: float | None
+    """Linear analogue gain."""
+    input: str
+    """The frame."""
+    output: str
+    """Where to write it: `.tiff`, `.png`, `.npy`, `.raw` or `.exr`."""
+    packing: Literal['mipi'] | Literal['lsb'] | Literal['u16le'] | Literal['u16be'] | None
+    """Packing of a `.raw`; by default the usual one of its bits."""
+    pixel_um: float | None
+    """Pixel pitch, um. Unit: um."""
+    time_s: float | None
+    """Exposure time, s. Unit: s."""
+    white_level_dn: float | None
+    """White level, DN. Unit: DN."""
+
+
+class RawMtf(TypedDict, total=False):
+    """A frame to measure.
+
+    Needs `file`."""
+    cfa: str | None
+    """Colour filter array in place of that of the sidecar; of raw frames only."""
+    file: str
+    """A raw frame, as `raw show` reads it, or a picture."""
+    is_picture: bool
+    """Take gray integers as a picture, and undo its sRGB curve; otherwise they are digital numbers."""
+    out: str | None
+    """Folder for `mtf.csv`, `mtf.json` and `mtf.svg`; nothing is written without it."""
+    pixel_um: float | None
+    """Pixel pitch in place of that of the sidecar, um. Unit: um."""
+    regions: list["RawMtfRegionsItemRegion"]
+    """Regions with one edge each; if none are given, edges are looked for."""
+
+
+class RawMtfRegionsItemRegion(TypedDict, total=False):
+    """A rectangle of a frame's pixels. As text: `ROW,COL,HEIGHT,WIDTH`.
+
+    Needs `row`, `col`, `height`, `width`."""
+    col: int
+    """First column, from 0."""
+    height: int
+    """Rows."""
+    row: int
+    """First row, from 0."""
+    width: int
+    """Columns."""
+
+
+class IspShow(TypedDict, total=False):
+    """An ISP to show."""
+    gain_ev: float
+    """Gain of the sensor above its lowest at which to show the values of a preset, EV. Unit: EV."""
+    isp: str
+    """Name of a preset, or a file of settings or of the description of an external ISP."""
+
+
+class IspDevelop(TypedDict, total=False):
+    """Raw frames to develop.
+
+    For each `NAME.*` the folder `out` gets `NAME.png`, or `NAME.y4m` or `NAME.yuv`, and, with `strip`, `NAME-
+    strip.html`: the picture after every stage, with the parameters of the stage. Frames that are merged give one
+    picture, named by the first.
+
+    Needs `raws`, `out`."""
+    bits: int
+    """Bits of the pictures, 8, 10 or 16; of luma and colour differences, 8 or 10. A PNG of 10 bits has its codes
+    scaled to 16."""
+    frame: "IspDevelopFrameFrameOptions"
+    """What the raw files leave open."""
+    isp: str
+    """Name of a preset, or a file of settings or of the description of an external ISP."""
+    merge: "IspDevelopMerge1Merge" | None
+    """Merge the frames, exposures of one scene, into one."""
+    out: str
+    """Folder for the pictures; or, where there is one picture, its file."""
+    raws: list[str]
+    """The frames, in files with sidecars."""
+    set: list[str]
+    """Further values, each `stage.key=value`."""
+    strip: bool
+    """Whether to write the page of all stages."""
+    ycbcr: "IspDevelopYcbcr1YcbcrFile" | None
+    """Luma and colour differences in place of a PNG."""
+
+
+class IspDevelopFrameFrameOptions(TypedDict, total=False):
+    """What raw files leave open."""
+    auto_balance: bool
+    """Whether to estimate the white balance from the frame."""
+    auto_exposure: bool
+    """Whether to estimate from the frame what is white."""
+    sensor: str | "IspDevelopFrameFrameOptionsSensor1Input2TomlText" | None
+    """Sensor: a built-in name, the path of a file, or the sensor itself; none means the built-in sensor that the
+    sidecar names, if any."""
+    white_dn: float | None
+    """Digital number of white light in a green pixel; none means that of the calibration, else the level of
+    saturation."""
+
+
+class IspDevelopFrameFrameOptionsSensor1Input2TomlText(TypedDict, total=False):
+    """The text of a file in TOML.
+
+    Needs `toml`."""
+    toml: str
+    """The text."""
+
+
+class IspDevelopMerge1Merge(TypedDict, total=False):
+    """Several raw files as one frame."""
+    exposures: list[float] | None
+    """Relative exposures, products of time and gain, one for each file; none takes them from the sidecars."""
+    no_motion_check: bool
+    """Leave out the check for motion."""
+
+
+class IspDevelopYcbcr1YcbcrFile(TypedDict, total=False):
+    """A file of luma and colour differences."""
+    chroma: Literal['444'] | Literal['422'] | Literal['420']
+    """How many colour differences there are."""
+    container: Literal['y4m'] | Literal['yuv']
+    """The kind of file."""
+    range: Literal['full'] | Literal['limited']
+    """The codes between black and white."""
+    standard: Literal['bt601'] | Literal['bt709']
+    """The standard of luma."""
+
+
+class IspTune(TypedDict, total=False):
+    """A search that begins, or one that is continued, and how far it goes.
+
+    Needs `start`."""
+    evaluations: int | None
+    """Settings that are tried in all, those before an interruption included. If none are given, a new search tries
+    500, and one that is continued as many as it began with."""
+    start: "IspTuneStartStart1" | "IspTuneStartStart2"
+    """Where it starts."""
+
+
+class IspTuneStartStart1(TypedDict, total=False):
+    """At the settings of an ISP.
+
+    Needs `new`."""
+    new: "IspTuneStartStart1New"
+
+
+class IspTuneStartStart1New(TypedDict, total=False):
+    """A part of a request.
+
+    Needs `plan`, `out`."""
+    out: str
+    """Folder for results and state; it must not hold a search."""
+    plan: "IspTuneStartStart1NewPlanPlan"
+    """What is tuned for what."""
+
+
+class IspTuneStartStart1NewPlanPlan(TypedDict, total=False):
+    """What is tuned for what."""
+    frame: "IspTuneStartStart1NewPlanPlanFrameFrameOptions"
+    """What the raw files leave open."""
+    isp: str
+    """Name of a preset, or a file of settings or of the description of an external ISP."""
+    objective: str
+    """Score to raise: `psnr_db`, `ssim` or `one_minus_lpips`; `psnr` and `lpips` mean the same."""
+    raws: str
+    """Folder of raw frames with sidecars."""
+    reference: str
+    """Folder of the pictures that each should become: a picture of the same name, and of the same size."""
+    seed: int
+    """Seed of the search."""
+    set: list[str]
+    """Further values, each `stage.key=value`."""
+    vary: list[str]
+    """Parameters that vary: names, stages, or `all`."""
+
+
+class IspTuneStartStart1NewPlanPlanFrameFrameOptions(TypedDict, total=False):
+    """What raw files leave open."""
+    auto_balance: bool
+    """Whether to estimate the white balance from the frame."""
+    auto_exposure: bool
+    """Whether to estimate from the frame what is white."""
+    sensor: str | "IspTuneStartStart1NewPlanPlanFrameFrameOptionsSensor1Input2TomlText" | None
+    """Sensor: a built-in name, the path of a file, or the sensor itself; none means the built-in sensor that the
+    sidecar names, if any."""
+    white_dn: float | None
+    """Digital number of white light in a green pixel; none means that of the calibration, else the level of
+    saturation."""
+
+
+class IspTuneStartStart1NewPlanPlanFrameFrameOptionsSensor1Input2TomlText(TypedDict, total=False):
+    """The text of a file in TOML.
+
+    Needs `toml`."""
+    toml: str
+    """The text."""
+
+
+class IspTuneStartStart2(TypedDict, total=False):
+    """Where the search in a folder ended.
+
+    Needs `resume`."""
+    resume: "IspTuneStartStart2Resume"
+
+
+class IspTuneStartStart2Resume(TypedDict, total=False):
+    """A part of a request.
+
+    Needs `folder`."""
+    folder: str
+    """The folder."""
+
+
+class IspChart(TypedDict, total=False):
+    """A camera and an ISP to measure. What is left out has the default of the command.
+
+    Needs `out`."""
+    camera: "IspChartCameraRequest"
+    """The camera and its exposure. Images, formats and the other developments of a simulation are not used."""
+    isp: str
+    """Name of a preset, or a file of settings or of the description of an external ISP."""
+    out: str
+    """Folder for the results."""
+    set: list[str]
+    """Further values, each `stage.key=value`."""
+
+
+class IspChartCameraRequest(TypedDict, total=False):
+    """Photographs and scenes to take. What is left out has the default of the command."""
+    development: "IspChartCameraRequestDevelopmentInterpolation"
+    """How the colours of the mosaic are interpolated."""
+    gain: float
+    """Linear analogue gain."""
+    images: list[str]
+    """Photographs (PNG, JPEG, TIFF; OpenEXR and Radiance HDR in linear light), spectral images, or `scene:NAME`."""
+    isp: str | None
+    """An image signal processor whose picture is written beside the developed one: a preset, a file, or `neutral`."""
+    lens: str | "IspChartCameraRequestLensInput2LensText1" | "IspChartCameraRequestLensInput2LensText2"
+    """Lens: a built-in name, the path of a file, or the lens itself."""
+    no_distortion: bool
+    """Take the picture as the light on the image plane: straight lines stay straight. Without it, the picture is the
+    rectilinear scene in front of the lens, and its distortion is rendered."""
+    no_noise: bool
+    """Leave out all noise."""
+    out: str
+    """Folder for the results."""
+    picture_format: Literal['png'] | Literal['png16'] | Literal['exr'] | Literal['npy']
+    """Format of the developed picture."""
+    place: Literal['fill'] | Literal['centre']
+    """How a photograph lands on the sensor."""
+    psfs: str | None
+    """Measured PSFs in place of the lens: the results of `psf-calibrate`."""
+    raw_format: Literal['tiff'] | Literal['png'] | Literal['packed'] | Literal['npy']
+    """Format of the raw frame."""
+    restore: "IspChartCameraRequestRestore1Restore" | None
+    """Restoration of the developed picture with the PSFs of the lens; none leaves its blur."""
+    samples: int | None
+    """Samples of the scene along a side of a pixel, 1 to 8: a pixel collects the light of `samples` x `samples` of
+    them. If left out, 4 where every image is a built-in scene of edges and at most a million pixels are read, and
+    else 1."""
+    seed: int
+    """Seed of the noise."""
+    sensor: str | "IspChartCameraRequestSensorInput22TomlText"
+    """Sensor: a built-in name, the path of a file, or the sensor itself."""
+    size: list[Any] | None
+    """Rows and columns in the middle of the sensor that are read; all of them if none are given."""
+    spectral: "IspChartCameraRequestSpectralSpectral"
+    """The light, for a simulation over the spectrum."""
+    time_s: float
+    """Exposure time, s. Unit: s."""
+    white_e: float | None
+    """Photoelectrons that white gives in a green pixel on the axis; 70 % of those with which white saturates the
+    first colour if none are given, or what the light gives over the spectrum. Unit: e-."""
+
+
+class IspChartCameraRequestDevelopmentInterpolation(TypedDict, total=False):
+    """Interpolation of the colours of white-balanced mosaics, 1 = white."""
+    demosaic: Literal['bilinear'] | Literal['malvar'] | Literal['rcd'] | Literal['menon']
+    """The method."""
+    domain: Literal['linear'] | Literal['stabilised']
+    """The values that it takes."""
+
+
+class IspChartCameraRequestLensInput2LensText1(TypedDict, total=False):
+    """Petzval's own format.
+
+    Needs `toml`."""
+    toml: str
+    """The text."""
+
+
+class IspChartCameraRequestLensInput2LensText2(TypedDict, total=False):
+    """Any format that is read.
+
+    Needs `text`, `format`."""
+    format: Literal['toml'] | Literal['zmx'] | Literal['seq'] | Literal['json']
+    """Its format."""
+    text: str
+    """The text."""
+
+
+class IspChartCameraRequestRestore1Restore(TypedDict, total=False):
+    """Restoration of a developed picture."""
+    noise: float | None
+    """Power of noise over that of the picture at a tenth of a cycle per pixel; that of sensor, exposure and
+    demosaicing if none is given."""
+
+
+class IspChartCameraRequestSensorInput22TomlText(TypedDict, total=False):
+    """The text of a file in TOML.
+
+    Needs `toml`."""
+    toml: str
+    """The text."""
+
+
+class IspChartCameraRequestSpectralSpectral(TypedDict, total=False):
+    """The light, and how finely its spectrum is sampled. Any of these makes a simulation one over the spectrum."""
+    bands: int | None
+    """Bands for scenes and photographs, 2 to 401; 16, or more where these would be over 20 nm apart."""
+    illuminance_lux: float | None
+    """Illuminance of the scene, lux; 500, or as `white_e` needs. Unit: lux."""
+    illuminant: str | None
+    """Light on the scene: D65, A, FL11, LED-B3, ..., daylight:KELVIN, blackbody:KELVIN, or a CSV file of wavelengths
+    in nm and relative power; D65 if none is named."""
+    no_colour_matrix: bool
+    """The camera's own colours, without the matrix fitted to the ColorChecker."""
+    qe: str | None
+    """Quantum efficiency in place of the sensor's: a built-in name, `flat:VALUE`, or a CSV or TOML file."""
+    three_band: bool
+    """Photographs through three PSFs, then electrons by a 3x3 matrix."""
+    transmission: str | None
+    """Transmission of the lens: a number in 0..1, or a CSV file of wavelengths in nm and transmission."""
+
+
+class Apply(TypedDict, total=False):
+    """Pictures, and the cameras that take them.
+
+    Needs `run`, `images`."""
+    accept_changed: list[str]
+    """Files or folders of the run, by their path below it, that may differ from their digests."""
+    cameras: list[str]
+    """Names of cameras of the run; all that are finished if empty."""
+    device: str
+    """Where tensors live."""
+    images: list[str]
+    """Photographs, which the cameras take; and raw frames, which they develop: DNG files, and files with a sidecar."""
+    out: str
+    """Folder for the pictures."""
+    place: Literal['fill'] | Literal['centre']
+    """How a photograph lands on the sensor."""
+    run: str
+    """Folder of the run."""
+    seed: int
+    """Seed of the noise."""
+
+
+class Detect(TypedDict, total=False):
+    """Pictures to look at, and the detector.
+
+    Needs `detector`."""
+    accept_changed: list[str]
+    """Files or folders of the run, by their path below it, that may differ from their digests."""
+    data: str | None
+    """In place of `images`: a data set in COCO format, in all of whose pictures is looked, and with whose objects is
+    compared."""
+    detector: "DetectDetectorSource1" | "DetectDetectorSource2"
+    """Where the detector comes from."""
+    device: str
+    """Device of the tensors."""
+    images: list[str]
+    """Pictures, and folders of pictures; for the camera of a run also raw frames, which it develops: DNG files, and
+    files with a sidecar."""
+    least_score: float
+    """Least score of a detection, 0..1."""
+    out: str | None
+    """Folder for results and drawn pictures."""
+
+
+class DetectDetectorSource1(TypedDict, total=False):
+    """A finished camera of a run; the last one if none is named.
+
+    Needs `run`."""
+    run: "DetectDetectorSource1Run"
+
+
+class DetectDetectorSource1Run(TypedDict, total=False):
+    """A part of a request.
+
+    Needs `run`."""
+    camera: str | None
+    """The camera."""
+    run: str
+    """Folder of the run."""
+
+
+class DetectDetectorSource2(TypedDict, total=False):
+    """Weights of a Faster R-CNN under the names of torchvision.
+
+    Needs `weights`."""
+    weights: "DetectDetectorSource2WeightsWeights"
+
+
+class DetectDetectorSource2WeightsWeights(TypedDict, total=False):
+    """Weights of a Faster R-CNN under the names of torchvision, and the size in which it looks."""
+    backbone: Literal['small'] | Literal['resnet18'] | Literal['resnet50'] | Literal['mobilenet-v2']
+    """Their backbone."""
+    classes: int
+    """Classes of the weights, without the background."""
+    file: str
+    """The safetensors file."""
+    longer_side: int
+    """Most pixels that the longer side may have after that. Unit: pixels."""
+    shorter_side: int
+    """Pixels to which the shorter side of a picture is scaled before the detector looks. Unit: pixels."""
+
+
+class DataConvert(TypedDict, total=False):
+    """A data set to convert.
+
+    Needs `format`, `input`, `out`."""
+    copy: bool
+    """Copy pictures. Otherwise they are hard links to the given files, which take no space, where the file system
+    allows."""
+    format: Literal['kitti'] | Literal['bdd100k'] | Literal['yolo'] | Literal['voc']
+    """Its format."""
+    input: str
+    """Its folder; of BDD100K also a file."""
+    out: str
+    """Folder for the data set; it must be new or empty."""
+
+
+class DataCheck(TypedDict, total=False):
+    """A data set to check. What is left out has the default of the command.
+
+    Needs `data`."""
+    classes_of: str | "DataCheckClassesOf1Input2ExperimentText1TomlText" | dict[str, Any] | None
+    """An experiment, by built-in name, by path, or itself, whose classes are looked for in the data set."""
+    data: str
+    """Its folder, or its file of annotations."""
+    out: str | None
+    """Folder for a page with samples; none is written without."""
+    samples: int
+    """Pictures on the page."""
+
+
+class DataCheckClassesOf1Input2ExperimentText1TomlText(TypedDict, total=False):
+    """The text of a file in TOML.
+
+    Needs `toml`."""
+    toml: str
+    """The text."""
+
+
+class TrainIspProxy(TypedDict, total=False):
+    """A training that begins, or one that is continued."""
+
+
+class TrainOpticsProxy(TypedDict, total=False):
+    """A training that begins, or one that is continued."""
+
+
+class Bench(TypedDict, total=False):
+    """A workload to measure."""
+    seconds: float
+    """Seconds to spend on it; it runs at least three times. Unit: s."""
+    workload: str
+    """Its name, one of `names`."""
+
+
+class Doctor(TypedDict, total=False):
+    """An empty request."""

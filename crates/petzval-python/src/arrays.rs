@@ -1,0 +1,42 @@
+//! Arrays of Python on their way in.
+
+use numpy::ndarray::ArrayViewD;
+use numpy::{AllowTypeChange, PyArrayLike1, PyUntypedArrayMethods};
+use petzval_jobs::JobError;
+use pyo3::prelude::*;
+
+use crate::error::exception;
+
+/// The numbers of an array, all of them finite. A list, an array of whole numbers or of float32, and one with strides will do.
+pub fn finite(
+    py: Python<'_>,
+    name: &'static str,
+    array: &PyArrayLike1<'_, f64, AllowTypeChange>,
+) -> PyResult<Vec<f64>> {
+    let numbers: Vec<f64> = array.as_array().iter().copied().collect();
+    match numbers.iter().position(|x| !x.is_finite()) {
+        None if array.len() > 0 => Ok(numbers),
+        None => Err(exception(py, &JobError::setting(name, "[]", "is empty", "give one number at least"))),
+        Some(place) => {
+            let hint = format!("element {place} is no finite number");
+            Err(exception(py, &JobError::setting(name, numbers[place], "is not finite", hint)))
+        }
+    }
+}
+
+/// The numbers of an array of a known shape, all of them finite.
+pub fn checked(
+    py: Python<'_>,
+    name: &'static str,
+    array: ArrayViewD<'_, f64>,
+    shape: &[usize],
+) -> PyResult<Vec<f64>> {
+    if array.shape() != shape {
+        let (found, hint) = (format!("of shape {:?}", array.shape()), format!("give {shape:?}"));
+        return Err(exception(py, &JobError::setting(name, found, "has the wrong shape", hint)));
+    }
+    if let Some(wrong) = array.iter().find(|x| !x.is_finite()) {
+        return Err(exception(py, &JobError::setting(name, wrong, "is not finite", "")));
+    }
+    Ok(array.iter().copied().collect())
+}

@@ -1,0 +1,52 @@
+//! The binary part of the Python package `petzval`. It is private: typed modules of the package call it.
+//!
+//! Arrays come in as anything that NumPy can make an array of, and go out without a copy. What has many names goes through as JSON. All work is
+//! done without Python's lock, on the threads of [`pool`], and is watched as [`watch`] says.
+
+mod arrays;
+mod error;
+mod jobs;
+mod lens;
+mod pool;
+mod psf;
+mod space;
+mod watch;
+
+use std::ffi::OsString;
+
+use pyo3::prelude::*;
+
+/// How many threads work has.
+#[pyfunction]
+fn threads(py: Python<'_>) -> PyResult<usize> {
+    pool::threads().map_err(|e| error::exception(py, &e))
+}
+
+/// Chooses how many threads the next work has; 0 means one per core.
+#[pyfunction]
+fn set_threads(threads: usize) {
+    pool::set_threads(threads);
+}
+
+/// The command with these words, the first of which is its own name; returns its exit code.
+#[pyfunction]
+fn command(py: Python<'_>, words: Vec<OsString>) -> u8 {
+    py.detach(|| petzval::cli::main(words).number())
+}
+
+/// The module.
+#[pymodule(gil_used = false)]
+mod _petzval {
+    #[pymodule_export]
+    use super::jobs::{call, job_names, job_schemas};
+    #[pymodule_export]
+    use super::lens::PyLens;
+    #[pymodule_export]
+    use super::psf::PyPsfPlan;
+    #[pymodule_export]
+    use super::space::PyDesignSpace;
+    #[pymodule_export]
+    use super::watch::PyCancel;
+    #[pymodule_export]
+    use super::{command, set_threads, threads};
+}

@@ -1,0 +1,229 @@
+//! PSFs of a lens, and of the lenses of a design space with their gradient.
+
+use numpy::ndarray::{Array1, Array2, Array4};
+use numpy::{
+    AllowTypeChange, IntoPyArray, PyArray1, PyArray2, PyArray4, PyArrayLike1, PyArrayLike2, PyArrayLike4,
+};
+use petzval_jobs::{Context, JobError};
+use petzval_optics::psf::{FieldPsf, PsfCotangent, PsfKind, PsfOptions, psf_converged, psf_with_tape};
+use petzval_optics::pupil::{PupilRefinement, Quadrature};
+use pyo3::prelude::*;
+use rayon::prelude::*;
+
+use crate::arrays::{checked, finite};
+use crate::error::exception;
+use crate::lens::{PyLens, check_fields};
+use crate::space::PyDesignSpace;
+use crate::watch::{Watch, watched};
+
+/// Fields, colours and cells of PSFs.
+#[pyclass(frozen, name = "PsfPlan", module = "petzval._petzval")]
+pub struct PyPsfPlan {
+    fields_deg: Vec<f64>,
+    wavelengths_um: Vec<f64>,
+    options: PsfOptions,
+    /// Cells a side of the pupil: the first number of them where they are refined.
+    pupil_cells: usize,
+    quadrature: Quadrature,
+}
+
+/// The arrays of PSFs: values, illumination, chief rays in mm, captured light, pupil cells and their error.
+type Arrays<'py> = (
+    Bound<'py, PyArray4<f64>>,
+    Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray2<f64>>,
+    usize,
+    f64,
+);
+
+#[pymethods]
+impl PyPsfPlan {
+    #[new]
+    fn new(
+        py: Python<'_>,
+        fields_deg: PyArrayLike1<'_, f64, AllowTypeChange>,
+        wavelengths_um: PyArrayLike1<'_, f64, AllowTypeChange>,
+        grid: i64,
+        pitch_um: f64,
+        kind: &str,
+        pupil_cells: i64,
+    ) -> PyResult<Self> {
+        let fields_deg = finite(py, "fields_deg", &fields_deg)?;
+        let wavelengths_um = finite(py, "wavelengths_um", &wavelengths_um)?;
+        let plan = || -> Result<Self, JobError> {
+            check_fields(&fields_deg, 180.0)?;
+            if let Some(wrong) = wavelengths_um.iter().find(|um| !(0.2..=20.0).contains(*um)) {
+                return Err(JobError::setting(
+                    "wavelengths_um",
+                    wrong,
+                    "out of range",
+                    "in um, 0.2 to 20; 550 nm is 0.55",
+                ));
+            }
+            let cells = usize::try_from(grid).ok().filter(|grid| (4..=4096).contains(grid));
+            let cells = cells
+                .ok_or_else(|| JobError::setting("grid", grid, "out of range", "4 to 4096 cells a side"))?;
+            if !(1e-6..=1e3).contains(&pitch_um) {
+                return Err(JobError::setting("pitch_um", pitch_um, "out of range", "in um, 1e-6 to 1000"));
+            }
+            let kind = match kind {
+                "geometric" => PsfKind::Geometric,
+                "diffraction" => PsfKind::Diffraction,
+                _ => {
+                    return Err(JobError::setting(
+                        "kind",
+                        kind,
+                        "no such kind",
+                        "\"geometric\" or \"diffraction\"",
+                    ));
+                }
+            };
+            let pupil = usize::try_from(pupil_cells).unwrap_or(0);
+            let quadrature = Quadrature::grid(pupil).map_err(|e| {
+                JobError::setting("pupil_cells", pupil_cells, e.to_string(), "256 is accurate, 64 is quick")
+            })?;
+            let options = PsfOptions { grid: cells, pitch_um, kind };
+            Ok(Self { fields_deg, wavelengths_um, options, pupil_cells: pupil, quadrature })
+        };
+        plan().map_err(|error| exception(py, &error))
+    }
+
+    /// The PSFs of a lens, on as many pupil cells as the error needs.
+    fn of_lens<'py>(
+        &self,
+        py: Python<'py>,
+        lens: &PyLens,
+        pupil_error: f64,
+        watch: Watch<'_>,
+    ) -> PyResult<Arrays<'py>> {
+        if !(pupil_error > 0.0) {
+            let error = JobError::setting("pupil_error", pupil_error, "is not positive", "0.02 is usual");
+            return Err(exception(py, &error));
+        }
+        let refinement =
+            PupilRefinement { tolerance: pupil_error, first_cells: self.pupil_cells, most_cells: 4096 };
+        let lens = &lens.file.lens;
+        let found = watched(py, &watch, |context| {
+            self.by_field(context, |field| {
+                psf_converged(lens, field, &self.wavelengths_um, &self.options, &refinement)
+            })
+        })?;
+        let cells = found.iter().map(|of| of.cells).max().unwrap_or(self.pupil_cells);
+        let error = found.iter().map(|of| of.error).fold(0.0, f64::max);
+        let psfs: Vec<FieldPsf> = found.into_iter().map(|of| of.value).collect();
+        self.arrays(py, &psfs, cells, error)
+    }
+
+    /// The PSFs of the lens at free coordinates, on the pupil cells of the plan.
+    fn at<'py>(
+        &self,
+        py: Python<'py>,
+        space: &PyDesignSpace,
+        x: PyArrayLike1<'_, f64, AllowTypeChange>,
+        watch: Watch<'_>,
+    ) -> PyResult<Arrays<'py>> {
+        let x = space.coordinates(py, &x)?;
+        let psfs = watched(py, &watch, |context| {
+            let lens = space.lens_of(&x)?;
+            let of_field =
+                |field| psf_with_tape(&lens, field, &self.wavelengths_um, &self.quadrature, &self.options);
+            Ok(self.by_field(context, of_field)?.into_iter().map(|(psf, _)| psf).collect::<Vec<_>>())
+        })?;
+        self.arrays(py, &psfs, self.pupil_cells, 0.0)
+    }
+
+    /// Derivatives by the free coordinates of a loss with these derivatives by values, illumination and heights of chief rays (1/mm).
+    fn pull_back<'py>(
+        &self,
+        py: Python<'py>,
+        space: &PyDesignSpace,
+        x: PyArrayLike1<'_, f64, AllowTypeChange>,
+        values: PyArrayLike4<'_, f64, AllowTypeChange>,
+        illumination: PyArrayLike2<'_, f64, AllowTypeChange>,
+        chief_y: PyArrayLike1<'_, f64, AllowTypeChange>,
+        watch: Watch<'_>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let x = space.coordinates(py, &x)?;
+        let (fields, colours, grid) = (self.fields_deg.len(), self.wavelengths_um.len(), self.options.grid);
+        let values = checked(py, "values", values.as_array().into_dyn(), &[fields, colours, grid, grid])?;
+        let light = checked(py, "illumination", illumination.as_array().into_dyn(), &[fields, colours])?;
+        let chief_y = checked(py, "chief_y", chief_y.as_array().into_dyn(), &[fields])?;
+        let gradient = watched(py, &watch, |context| {
+            let lens = space.lens_of(&x)?;
+            let cells = grid * grid;
+            let of_field = |i: usize| {
+                let field = self.fields_deg[i].to_radians();
+                let (psf, tape) =
+                    psf_with_tape(&lens, field, &self.wavelengths_um, &self.quadrature, &self.options)?;
+                let of_colour = |c: usize| values[(i * colours + c) * cells..][..cells].to_vec();
+                let cotangent = PsfCotangent {
+                    values: (0..colours).map(of_colour).collect(),
+                    illumination: light[i * colours..][..colours].to_vec(),
+                    chief_y: chief_y[i],
+                };
+                Some(tape.gradient(&psf, &self.quadrature, &cotangent))
+            };
+            let parts = (0..fields)
+                .into_par_iter()
+                .map(|i| {
+                    context.check(|| "stopped before all fields were traced")?;
+                    of_field(i).ok_or_else(|| no_light(self.fields_deg[i]))
+                })
+                .collect::<Result<Vec<_>, JobError>>()?;
+            let mut parts = parts.into_iter();
+            let Some(mut sum) = parts.next() else { return Ok(vec![0.0; x.len()]) };
+            parts.for_each(|part| sum += &part);
+            Ok(space.pull_back(&x, &lens, &sum))
+        })?;
+        Ok(Array1::from_vec(gradient).into_pyarray(py))
+    }
+}
+
+impl PyPsfPlan {
+    /// What each field gives, in the order of the fields.
+    fn by_field<T: Send>(
+        &self,
+        context: &Context,
+        of: impl Fn(f64) -> Option<T> + Sync,
+    ) -> Result<Vec<T>, JobError> {
+        let found = self.fields_deg.par_iter().map(|field| {
+            context.check(|| "stopped before all fields were traced")?;
+            of(field.to_radians()).ok_or_else(|| no_light(*field))
+        });
+        found.collect()
+    }
+
+    fn arrays<'py>(
+        &self,
+        py: Python<'py>,
+        psfs: &[FieldPsf],
+        cells: usize,
+        error: f64,
+    ) -> PyResult<Arrays<'py>> {
+        let (fields, colours, grid) = (self.fields_deg.len(), self.wavelengths_um.len(), self.options.grid);
+        let values = psfs.iter().flat_map(|p| p.values.iter().flatten().copied()).collect();
+        let of_colours = |of: fn(&FieldPsf) -> &Vec<f64>| -> Vec<f64> {
+            psfs.iter().flat_map(|p| of(p).iter().copied()).collect()
+        };
+        let chief = psfs.iter().flat_map(|p| [p.chief_x_mm, p.chief_y_mm]).collect();
+        let wrong = |e: numpy::ndarray::ShapeError| exception(py, &JobError::failed(e.to_string()));
+        let table =
+            |columns: usize, of: Vec<f64>| Array2::from_shape_vec((fields, columns), of).map_err(wrong);
+        Ok((
+            Array4::from_shape_vec((fields, colours, grid, grid), values).map_err(wrong)?.into_pyarray(py),
+            table(colours, of_colours(|p| &p.illumination))?.into_pyarray(py),
+            table(2, chief)?.into_pyarray(py),
+            table(colours, of_colours(|p| &p.captured))?.into_pyarray(py),
+            cells,
+            error,
+        ))
+    }
+}
+
+fn no_light(field_deg: f64) -> JobError {
+    JobError::input(
+        format!("fields_deg: no light of the field {field_deg} degrees arrives on the grid"),
+        "try a smaller field, a larger grid, or the other kind of PSF",
+    )
+}

@@ -1,0 +1,276 @@
+//! The free coordinates of a lens, and what its lenses must keep.
+
+use std::path::PathBuf;
+
+use numpy::{AllowTypeChange, IntoPyArray, PyArray1, PyArrayLike1};
+use petzval_files::LensFile;
+use petzval_jobs::{JobError, json};
+use petzval_optics::constraint::{Constraint, penalty};
+use petzval_optics::design_space::{
+    DesignSpace, DesignSpaceError, EflSolve, Focus, SmoothSpace, Solves, Variable, near_variables,
+};
+use petzval_optics::gradient::LensGradient;
+use petzval_optics::lens::Lens;
+use petzval_optics::number::Number;
+use petzval_optics::optimize::Limits;
+use petzval_optics::pupil::chief_ray;
+use pyo3::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::arrays::finite;
+use crate::error::exception;
+use crate::lens::{PyLens, number_of};
+
+/// Which numbers of a lens move, and how they are free.
+#[pyclass(frozen, name = "DesignSpace", module = "petzval._petzval")]
+pub struct PyDesignSpace {
+    space: SmoothSpace,
+    file: LensFile,
+    glasses: Vec<PathBuf>,
+    constraints: Vec<Constraint>,
+}
+
+/// A variable as Python states it.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Asked {
+    surface: usize,
+    number: String,
+    min: f64,
+    max: f64,
+}
+
+/// A coordinate as Python sees it.
+#[derive(Serialize)]
+struct Coordinate {
+    name: String,
+    min: Option<f64>,
+    max: Option<f64>,
+}
+
+/// What a design space is made of.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Plan {
+    /// The variables; those of the lens, or the usual ones near its numbers, if none are given.
+    variables: Option<Vec<Asked>>,
+    /// The surface whose curvature holds the focal length, from 0.
+    efl_surface: Option<usize>,
+    /// Whether no curvature holds the focal length.
+    is_efl_free: bool,
+    /// `fixed`, `free` or `paraxial`.
+    focus: String,
+    /// Half-range of the defocus, mm, where the focus is paraxial.
+    defocus_mm: f64,
+    element_edge_mm: Option<f64>,
+    element_centre_mm: Option<f64>,
+    air_gap_mm: Option<f64>,
+    back_focal_mm: Option<[f64; 2]>,
+    track_mm: Option<f64>,
+    distortion: Option<f64>,
+    /// The field whose image height is held, degrees, and by how much of itself it may change.
+    held_field_deg: Option<f64>,
+    held_share: f64,
+}
+
+fn refused(error: &DesignSpaceError) -> JobError {
+    JobError::input(error.to_string(), "name other variables or bounds")
+}
+
+impl Plan {
+    fn solves_and_variables(&self, file: &LensFile) -> Result<(Solves, Vec<Variable>), JobError> {
+        let lens = &file.lens;
+        let mut solves = Solves { efl: file.efl_solve, length: file.length_solve, ..Solves::default() };
+        let usual = near_variables(lens, &solves);
+        if let Some(surface) = self.efl_surface {
+            let order = petzval_optics::paraxial::first_order(&lens.at_wavelength(lens.reference_um));
+            solves.efl = Some(EflSolve { surface, efl_mm: order.efl_mm, radius_mm: None });
+        }
+        let own = (!file.variables.is_empty()).then(|| file.variables.clone());
+        let variables = match (&self.variables, own, usual) {
+            (Some(asked), ..) => asked.iter().map(|asked| asked.variable(lens)).collect::<Result<_, _>>()?,
+            (None, Some(own), _) => own,
+            (None, None, Some((near, solve))) => {
+                solves.efl = solves.efl.or(Some(solve));
+                near
+            }
+            (None, None, None) => {
+                let message = "the lens names no variables, and has no curved surface with a focal length";
+                return Err(JobError::input(message, "name variables"));
+            }
+        };
+        if self.is_efl_free {
+            solves.efl = None;
+        }
+        let settled = |v: &Variable| {
+            solves.efl.is_none_or(|solve| (solve.surface, Number::Curvature) != (v.surface, v.number))
+        };
+        Ok((solves, variables.into_iter().filter(settled).collect()))
+    }
+
+    fn focus(&self) -> Result<Focus, JobError> {
+        match self.focus.as_str() {
+            "fixed" => Ok(Focus::Fixed),
+            "free" => Ok(Focus::Free),
+            "paraxial" => Ok(Focus::Paraxial { range_mm: self.defocus_mm }),
+            other => {
+                let hint = "\"fixed\", \"free\" or \"paraxial\"";
+                Err(JobError::setting("focus", other, "no such focus", hint))
+            }
+        }
+    }
+
+    fn constraints(&self, lens: &Lens, solves: &Solves) -> Result<Vec<Constraint>, JobError> {
+        let limits = Limits {
+            element_edge_mm: self.element_edge_mm,
+            element_centre_mm: self.element_centre_mm,
+            air_gap_mm: self.air_gap_mm,
+            back_focal_mm: self.back_focal_mm,
+            track_mm: self.track_mm,
+            distortion: self.distortion,
+            ..Limits::default()
+        };
+        let outermost = lens.fields_deg.iter().copied().fold(0.0, f64::max).to_radians();
+        let mut all = limits.constraints(lens, outermost);
+        let solved = solves.efl.and_then(|solve| Some((solve.surface, solve.radius_mm?)));
+        all.extend(solved.map(|(surface, radius_mm)| Constraint::SolvedRadius { surface, radius_mm }));
+        if let Some(field_deg) = self.held_field_deg {
+            let field_rad = field_deg.to_radians();
+            let chief = chief_ray(&lens.at_wavelength(lens.reference_um), field_rad).ok_or_else(|| {
+                JobError::setting("held_field_deg", field_deg, "its chief ray does not reach the image", "")
+            })?;
+            let tolerance_mm = self.held_share * chief.y_mm.abs();
+            all.push(Constraint::ChiefHeight { field_rad, wanted_mm: chief.y_mm, tolerance_mm });
+        }
+        Ok(all)
+    }
+}
+
+impl Asked {
+    fn variable(&self, lens: &Lens) -> Result<Variable, JobError> {
+        let number = number_of(lens, self.surface, &self.number)?;
+        Ok(Variable { surface: self.surface, number, min: self.min, max: self.max })
+    }
+}
+
+#[pymethods]
+impl PyDesignSpace {
+    /// A space around a lens; `plan` is JSON.
+    #[new]
+    fn new(py: Python<'_>, lens: &PyLens, plan: &str) -> PyResult<Self> {
+        let made = || -> Result<Self, JobError> {
+            let plan: Plan = serde_json::from_str(plan).map_err(|e| JobError::input(e.to_string(), ""))?;
+            let (solves, variables) = plan.solves_and_variables(&lens.file)?;
+            let constraints = plan.constraints(&lens.file.lens, &solves)?;
+            let space = DesignSpace::new(
+                lens.file.lens.clone(),
+                variables,
+                lens.file.pickups.clone(),
+                solves,
+                plan.focus()?,
+            );
+            let space = space.and_then(SmoothSpace::new).map_err(|e| refused(&e))?;
+            Ok(Self { space, file: lens.file.clone(), glasses: lens.glasses.clone(), constraints })
+        };
+        made().map_err(|error| exception(py, &error))
+    }
+
+    /// The free coordinates of the lens that the space was made around.
+    fn start<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.space.start().to_vec().into_pyarray(py)
+    }
+
+    /// Name and bounds of each coordinate, as JSON.
+    fn describe(&self, py: Python<'_>) -> PyResult<String> {
+        let under = self.space.space();
+        let mut all: Vec<Coordinate> = under
+            .variables()
+            .iter()
+            .map(|v| Coordinate {
+                name: format!("surfaces[{}].{}", v.surface, v.number),
+                min: Some(v.min),
+                max: Some(v.max),
+            })
+            .collect();
+        for [min, max] in &under.bounds()[all.len()..] {
+            let bound = |at: f64| at.is_finite().then_some(at);
+            let name = match under.focus() {
+                Focus::Paraxial { .. } => "defocus_mm",
+                _ => "image_distance_mm",
+            };
+            all.push(Coordinate { name: name.to_owned(), min: bound(*min), max: bound(*max) });
+        }
+        json(&all).map_err(|error| exception(py, &error))
+    }
+
+    /// The lens at free coordinates.
+    fn lens_at(&self, py: Python<'_>, x: PyArrayLike1<'_, f64, AllowTypeChange>) -> PyResult<PyLens> {
+        let x = self.coordinates(py, &x)?;
+        let lens = self.lens_of(&x).map_err(|error| exception(py, &error))?;
+        Ok(PyLens {
+            file: LensFile { lens, expect: None, ..self.file.clone() },
+            glasses: self.glasses.clone(),
+        })
+    }
+
+    /// The free coordinates of a lens with the same surfaces, moved inside their bounds.
+    fn coordinates_of<'py>(&self, py: Python<'py>, lens: &PyLens) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let (mine, other) = (self.file.lens.surfaces.len(), lens.file.lens.surfaces.len());
+        if mine != other {
+            let hint = format!("it has {other} surfaces, the lenses of this space {mine}");
+            return Err(exception(
+                py,
+                &JobError::setting("lens", &lens.file.lens.name, "is another lens", hint),
+            ));
+        }
+        let at = self.space.space().coordinates(&lens.file.lens);
+        Ok(self.space.free(&at).into_pyarray(py))
+    }
+
+    /// The squares of all violations at free coordinates, mm^2, and the derivatives of their sum.
+    fn penalty<'py>(
+        &self,
+        py: Python<'py>,
+        x: PyArrayLike1<'_, f64, AllowTypeChange>,
+    ) -> PyResult<(f64, Bound<'py, PyArray1<f64>>)> {
+        let x = self.coordinates(py, &x)?;
+        let found = py.detach(|| -> Result<_, JobError> {
+            let lens = self.lens_of(&x)?;
+            let (value, gradient) = penalty(&self.constraints, &lens)
+                .ok_or_else(|| JobError::input("a ray that a limit needs is lost", "step back"))?;
+            Ok((value, self.pull_back(&x, &lens, &gradient)))
+        });
+        let (value, gradient) = found.map_err(|error| exception(py, &error))?;
+        Ok((value, gradient.into_pyarray(py)))
+    }
+}
+
+impl PyDesignSpace {
+    /// Free coordinates that an array holds.
+    pub fn coordinates(
+        &self,
+        py: Python<'_>,
+        x: &PyArrayLike1<'_, f64, AllowTypeChange>,
+    ) -> PyResult<Vec<f64>> {
+        let x = finite(py, "x", x)?;
+        let dimension = self.space.dimension();
+        if x.len() == dimension {
+            return Ok(x);
+        }
+        let hint = format!("the space has {dimension} coordinates");
+        Err(exception(
+            py,
+            &JobError::setting("x", format!("of length {}", x.len()), "has the wrong length", hint),
+        ))
+    }
+
+    /// The lens at free coordinates.
+    pub fn lens_of(&self, x: &[f64]) -> Result<Lens, JobError> {
+        self.space.lens_at(x).map_err(|e| refused(&e))
+    }
+
+    /// Derivatives by the free coordinates, from those by the numbers of the lens at `x`.
+    pub fn pull_back(&self, x: &[f64], lens: &Lens, gradient: &LensGradient) -> Vec<f64> {
+        self.space.pull_back(x, lens, gradient)
+    }
+}

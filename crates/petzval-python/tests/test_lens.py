@@ -1,0 +1,87 @@
+import pickle
+import warnings
+
+import numpy as np
+import pytest
+
+import petzval as pz
+
+
+def test_first_order_is_that_of_the_command(triplet: pz.Lens) -> None:
+    figures = pz.jobs.run("lens-show", {"lens": "cooke-triplet-nominal"})["figures"]
+    assert triplet.efl_mm == pytest.approx(figures["efl_mm"], rel=1e-12)
+    assert triplet.bfl_mm == pytest.approx(figures["bfl_mm"], rel=1e-12)
+    assert triplet.f_number == pytest.approx(figures["f_number"], rel=1e-12)
+    assert triplet.figures == figures
+    assert len(triplet.surfaces) == len(figures["surfaces"])
+    assert [s.is_stop for s in triplet.surfaces].count(True) == 1
+
+
+def test_a_changed_lens_is_another_one(triplet: pz.Lens) -> None:
+    before = triplet.to_toml()
+    radius = triplet.surfaces[0].radius_mm
+    other = triplet.with_(0, radius_mm=1.01 * radius, thickness_mm=triplet.surfaces[0].thickness_mm + 0.1)
+    assert other.surfaces[0].radius_mm == pytest.approx(1.01 * radius, rel=1e-14)
+    assert other.efl_mm > triplet.efl_mm
+    assert triplet.to_toml() == before
+    wide = triplet.with_(fields_deg=[0.0, 5.0], wavelengths_um=(0.5, 0.6))
+    assert wide.fields_deg.tolist() == [0.0, 5.0] and wide.wavelengths_um.tolist() == [0.5, 0.6]
+
+
+def test_saved_and_loaded_it_is_the_same(triplet: pz.Lens, tmp_path) -> None:
+    for name in ("a.toml", "b.zmx"):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", pz.PetzvalWarning)
+            triplet.save(tmp_path / name)
+            again = pz.Lens.load(tmp_path / name)
+        assert again.efl_mm == pytest.approx(triplet.efl_mm, rel=1e-9)
+    assert pz.Lens.load(tmp_path / "a.toml").to_toml() == triplet.to_toml()
+    assert pickle.loads(pickle.dumps(triplet)).to_toml() == triplet.to_toml()
+
+
+def test_analyses_are_arrays_by_field(triplet: pz.Lens) -> None:
+    spots = triplet.spots()
+    fields, colours = len(triplet.fields_deg), len(triplet.wavelengths_um)
+    assert spots.rms_um.shape == (fields,) and spots.rms_by_wavelength_um.shape == (fields, colours)
+    figures = triplet.figures["rms_spot_poly_real_stop_um"]
+    np.testing.assert_allclose(spots.rms_um, figures, rtol=5e-3)
+    assert spots.points_um[0][0].shape[1] == 2
+
+    mtf = triplet.mtf([0.0, 20.0, 40.0], fields_deg=[0.0, 10.0])
+    assert mtf.sagittal.shape == (2, 3)
+    np.testing.assert_allclose(mtf.sagittal[:, 0], 1.0, atol=1e-9)
+    assert np.all(np.diff(mtf.geometric_tangential, axis=1) < 0)
+    assert np.all(mtf.limit_sagittal >= mtf.sagittal - 1e-9)
+
+    waves = triplet.wavefront([0.0])
+    assert waves.zernike_waves.shape == (1, colours, 37)
+    assert waves.rms_waves[0, 0] > 0
+
+
+def test_the_layout_is_a_picture(triplet: pz.Lens, tmp_path) -> None:
+    svg = triplet.layout_svg(tmp_path / "layout.svg")
+    assert svg.startswith("<svg") and (tmp_path / "layout.svg").read_text() == svg
+    assert "<svg" in triplet._repr_html_() and "Lens" in repr(triplet)
+
+
+def test_a_design_space_moves_the_lens(triplet: pz.Lens) -> None:
+    space = triplet.variables()
+    x = space.start
+    assert len(space) == len(x) > 4
+    np.testing.assert_allclose(space.lens_at(x).efl_mm, triplet.efl_mm, rtol=1e-6)
+    moved = space.lens_at(x + 0.05)
+    np.testing.assert_allclose(moved.efl_mm, triplet.efl_mm, rtol=1e-6)
+    np.testing.assert_allclose(space.coordinates_of(moved), x + 0.05, atol=1e-6)
+    value, gradient = triplet.variables(track_mm=10.0).penalty(x)
+    assert value > 0 and gradient.shape == x.shape and np.any(gradient != 0)
+
+
+def test_the_penalty_has_its_gradient(triplet: pz.Lens) -> None:
+    space = triplet.variables(track_mm=40.0)
+    x, step = space.start, 1e-6
+    _, gradient = space.penalty(x)
+    for i in range(len(x)):
+        h = np.zeros_like(x)
+        h[i] = step
+        difference = (space.penalty(x + h)[0] - space.penalty(x - h)[0]) / (2 * step)
+        assert gradient[i] == pytest.approx(difference, rel=1e-5, abs=1e-6)

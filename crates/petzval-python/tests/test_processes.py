@@ -1,0 +1,73 @@
+"""Interrupts, forks and the command: each in a process of its own."""
+
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+import petzval as pz
+
+
+def _rms(field: float) -> float:
+    return float(pz.Lens.load("cooke-triplet-nominal").spots([field]).rms_um[0])
+
+
+@pytest.mark.parametrize("method", ["fork", "spawn"])
+def test_a_child_process_has_threads_of_its_own(method: str) -> None:
+    wanted = [_rms(field) for field in (0.0, 5.0)]
+    with multiprocessing.get_context(method).Pool(2) as pool:
+        assert pool.map_async(_rms, [0.0, 5.0]).get(timeout=60) == wanted
+
+
+def test_an_interrupt_stops_a_job() -> None:
+    code = """
+import petzval, sys
+print("ready", flush=True)
+try:
+    petzval.jobs.run("lens-tolerance", {"lens": "cooke-triplet-nominal", "trials": 1000000})
+except KeyboardInterrupt:
+    print("interrupted", flush=True)
+"""
+    child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    assert child.stdout is not None and child.stdout.readline() == "ready\n"
+    time.sleep(0.5)
+    child.send_signal(signal.SIGINT)
+    said, _ = child.communicate(timeout=60)
+    assert said == "interrupted\n" and child.returncode == 0
+
+
+def test_the_package_brings_the_command(tmp_path) -> None:
+    def run(*words: str) -> "subprocess.CompletedProcess[str]":
+        return subprocess.run([sys.executable, "-m", "petzval", *words], capture_output=True, text=True, cwd=tmp_path)
+
+    shown = run("lens", "show", "cooke-triplet-nominal", "--json")
+    assert shown.returncode == 0 and '"efl_mm"' in shown.stdout
+    wrong = run("lens", "show", "no-such-lens")
+    assert wrong.returncode == 2 and "no-such-lens" in wrong.stderr
+    assert run("--version").stdout.startswith("petzval ")
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
+def test_a_fork_while_a_thread_works_does_not_hang() -> None:
+    code = """
+import os, threading, petzval
+lens = petzval.Lens.load("cooke-triplet-nominal")
+lens.spots()
+thread = threading.Thread(target=lambda: [lens.spots() for _ in range(20)])
+thread.start()
+child = os.fork()
+if child == 0:
+    lens.spots([0.0])
+    os._exit(7)
+_, status = os.waitpid(child, 0)
+thread.join()
+print(os.waitstatus_to_exitcode(status))
+"""
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", code], capture_output=True, text=True, timeout=120, check=True
+    )
+    assert done.stdout == "7\n"

@@ -1,0 +1,69 @@
+import numpy as np
+import pytest
+
+import petzval as pz
+from petzval import _petzval
+from petzval._watch import watch
+
+
+def test_psfs_are_those_of_the_command(triplet: pz.Lens, tmp_path) -> None:
+    request = {"lens": "cooke-triplet-nominal", "out": tmp_path / "psf", "fields": 3, "grid": 48, "pitch_um": 3.0}
+    axes = pz.jobs.run("psf", request)["axes"]
+    values = np.load(tmp_path / "psf" / "psf.npy")
+    bank = pz.psf(
+        triplet,
+        fields_deg=axes["field_deg"],
+        wavelengths_um=axes["wavelengths_um"],
+        grid=48,
+        pitch_um=3.0,
+        pupil_cells=axes["pupil_cells"],
+    )
+    assert bank.values.shape == values.shape == (3, 3, 48, 48)
+    np.testing.assert_allclose(bank.values.sum((2, 3)), 1.0, rtol=1e-12)
+    assert np.abs(bank.values - values).sum((2, 3)).max() < 0.03
+    np.testing.assert_allclose(bank.field_radius_mm, axes["field_radius_mm"], atol=1e-5)
+
+
+def test_arrays_may_be_lists_float32_or_strided(triplet: pz.Lens) -> None:
+    wanted = pz.psf(triplet, fields_deg=[0.0, 10.0], wavelengths_um=[0.55], grid=16, pitch_um=6.0).values
+    for fields in ([0, 10], np.float32([0, 10]), np.arange(0.0, 20.0, 5.0)[::2], np.array([[0.0, 10.0]]).T[:, 0]):
+        given = pz.psf(triplet, fields_deg=fields, wavelengths_um=(0.55,), grid=16, pitch_um=6.0).values
+        np.testing.assert_array_equal(given, wanted)
+
+
+def test_waves_and_rays(triplet: pz.Lens) -> None:
+    bank = pz.psf(triplet, fields_deg=[0.0], grid=32, pitch_um=2.0, kind="diffraction")
+    assert bank.kind == "diffraction" and bank.pupil_error == 0.0
+    assert bank.values.shape[1] == len(triplet.wavelengths_um)
+
+
+def test_a_bank_is_saved(triplet: pz.Lens, tmp_path) -> None:
+    bank = pz.psf(triplet, grid=16, pitch_um=6.0)
+    bank.save(tmp_path / "bank")
+    np.testing.assert_array_equal(np.load(tmp_path / "bank" / "psf.npy"), bank.values)
+
+
+@pytest.mark.parametrize("kind", ["geometric", "diffraction"])
+def test_the_gradient_is_that_of_differences(triplet: pz.Lens, kind: str) -> None:
+    space = triplet.variables()
+    plan = _petzval.PsfPlan([0.0, 8.0], [0.55], 16, 4.0, kind, 64)
+    x = space.start
+    random = np.random.default_rng(1)
+    # Smooth weights: a splat has kinks.
+    y = np.linspace(-1, 1, 16)
+    weights = np.cos(2 * y)[:, None] * np.cos(y)[None, :] + np.zeros((2, 1, 16, 16))
+    light, chief = random.normal(size=(2, 1)), random.normal(size=2)
+
+    def loss(x: np.ndarray) -> float:
+        with watch() as watching:
+            values, illumination, chief_mm, *_ = plan.at(space._core, x, watching)
+        return float((values * weights).sum() + (illumination * light).sum() + chief_mm[:, 1] @ chief)
+
+    with watch() as watching:
+        gradient = plan.pull_back(space._core, x, weights, light, chief, watching)
+    step = 1e-5
+    for i in range(len(x)):
+        h = np.zeros_like(x)
+        h[i] = step
+        difference = (loss(x + h) - loss(x - h)) / (2 * step)
+        assert gradient[i] == pytest.approx(difference, rel=1e-5, abs=1e-6)
