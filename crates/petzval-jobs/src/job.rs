@@ -121,15 +121,11 @@ fn request<J: Job>(request: Value) -> Result<J::Request, JobError> {
     if !J::NEEDS.is_empty() && !request.is_object() {
         return Err(refused(FileError::of_value(".", "expected an object")));
     }
-    // A key that is misspelt is found before the one that is missing in its place.
-    let missing = J::NEEDS.iter().find(|key| request.get(key).is_none());
-    let read = serde_path_to_error::deserialize(request).map_err(|error| {
-        refused(FileError::of_value(&error.path().to_string(), &error.inner().to_string()))
-    })?;
-    match missing {
-        Some(missing) => Err(refused(FileError::of_value(missing, "the key is missing"))),
-        None => Ok(read),
+    if let Some(missing) = J::NEEDS.iter().find(|key| request.get(key).is_none()) {
+        return Err(refused(FileError::of_value(missing, "the key is missing")));
     }
+    serde_path_to_error::deserialize(request)
+        .map_err(|error| refused(FileError::of_value(&error.path().to_string(), &error.inner().to_string())))
 }
 
 /// A request as the job reads it, with every default filled in.

@@ -1,7 +1,7 @@
 //! The binary part of the Python package `petzval`. It is private: typed modules of the package call it.
 //!
 //! Arrays come in as anything that NumPy can make an array of, and go out without a copy. What has many names goes through as JSON. All work is
-//! done without Python's lock, on the threads of [`pool`], and is watched as [`watch`] says.
+//! done without Python's lock, on the threads of `pool`, and is watched as `watch` says.
 
 mod arrays;
 mod error;

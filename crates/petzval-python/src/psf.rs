@@ -97,7 +97,7 @@ impl PyPsfPlan {
         pupil_error: f64,
         watch: Watch<'_>,
     ) -> PyResult<Arrays<'py>> {
-        if !(pupil_error > 0.0) {
+        if pupil_error.is_nan() || pupil_error <= 0.0 {
             let error = JobError::setting("pupil_error", pupil_error, "is not positive", "0.02 is usual");
             return Err(exception(py, &error));
         }

@@ -18,7 +18,7 @@ def test_every_job_has_a_schema() -> None:
 
 def test_a_wrong_key_is_named() -> None:
     with pytest.raises(pz.InputError, match="lenss") as caught:
-        pz.jobs.run("lens-show", {"lenss": "x"})
+        pz.jobs.run("lens-show", {"lens": "cooke-triplet-nominal", "lenss": "x"})
     assert isinstance(caught.value, ValueError) and caught.value.kind == "input"
     with pytest.raises(pz.InputError, match="did you mean `lens-show`"):
         pz.jobs.run("lens-sho")

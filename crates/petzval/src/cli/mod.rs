@@ -1,4 +1,4 @@
-//! The command line: one file per verb. Data goes to stdout, everything else to stderr; [`output`] writes both.
+//! The command line: one file per verb. Data goes to stdout, everything else to stderr; `output` writes both.
 //!
 //! Exit codes: 0 ok, 1 the job failed, 2 bad usage or bad input, 75 stopped by a signal after a checkpoint.
 
