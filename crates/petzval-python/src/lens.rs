@@ -40,7 +40,7 @@ struct SurfaceRow {
     is_stop: bool,
 }
 
-/// What Python asks of a lens again and again.
+/// What Python reads of a lens again and again.
 #[derive(Serialize)]
 struct Facts {
     name: String,

@@ -33,7 +33,7 @@ pub struct PyDesignSpace {
 /// A variable as Python states it.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Asked {
+struct Stated {
     surface: usize,
     number: String,
     min: f64,
@@ -53,7 +53,7 @@ struct Coordinate {
 #[serde(deny_unknown_fields)]
 struct Plan {
     /// The variables; those of the lens, or the usual ones near its numbers, if none are given.
-    variables: Option<Vec<Asked>>,
+    variables: Option<Vec<Stated>>,
     /// The surface whose curvature holds the focal length, from 0.
     efl_surface: Option<usize>,
     /// Whether no curvature holds the focal length.
@@ -88,7 +88,7 @@ impl Plan {
         }
         let own = (!file.variables.is_empty()).then(|| file.variables.clone());
         let variables = match (&self.variables, own, usual) {
-            (Some(asked), ..) => asked.iter().map(|asked| asked.variable(lens)).collect::<Result<_, _>>()?,
+            (Some(stated), ..) => stated.iter().map(|one| one.variable(lens)).collect::<Result<_, _>>()?,
             (None, Some(own), _) => own,
             (None, None, Some((near, solve))) => {
                 solves.efl = solves.efl.or(Some(solve));
@@ -146,7 +146,7 @@ impl Plan {
     }
 }
 
-impl Asked {
+impl Stated {
     fn variable(&self, lens: &Lens) -> Result<Variable, JobError> {
         let number = number_of(lens, self.surface, &self.number)?;
         Ok(Variable { surface: self.surface, number, min: self.min, max: self.max })

@@ -48,7 +48,7 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 
 use crate::jobs::{MOST_THREADS, usual};
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 use self::terminal::Terminal;
 
@@ -143,7 +143,7 @@ pub fn main(words: impl IntoIterator<Item = OsString>) -> Code {
     let words: Vec<OsString> = words.into_iter().collect();
     match Cli::try_parse_from(&words) {
         Ok(cli) => ending::finish(run(cli, words)),
-        Err(said) => ending::usage(&said, &words),
+        Err(said) => ending::usage(&said, &words, &Cli::command()),
     }
 }
 
