@@ -1,6 +1,7 @@
 //! A catalogue: glasses by name.
 
 use std::collections::BTreeMap;
+use std::fmt;
 use std::sync::Arc;
 
 use super::Glass;
@@ -18,8 +19,7 @@ pub struct Catalog {
 }
 
 /// There is no glass of that name.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{}; the nearest names are {}", self.reason(), self.nearest.join(", "))]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UnknownGlass {
     /// The requested name.
     pub name: String,
@@ -28,6 +28,14 @@ pub struct UnknownGlass {
     /// The nearest known names, best first. They are a hint, never a substitute.
     pub nearest: Vec<String>,
 }
+
+impl fmt::Display for UnknownGlass {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}; the nearest names are {}", self.reason(), self.nearest.join(", "))
+    }
+}
+
+impl std::error::Error for UnknownGlass {}
 
 impl UnknownGlass {
     /// The reason, without the nearest names.

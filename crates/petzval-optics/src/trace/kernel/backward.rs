@@ -358,7 +358,7 @@ pub(super) fn sweep<S: Simd>(
             }
             OwnCotangent::General(pulled) => {
                 let bars = general::own_bars(surface, crossing.point, d, pulled, alpha, optical_path_bar);
-                add_general(&bars, &mut sums[i]);
+                add_general(&bars, alpha.simd(), &mut sums[i]);
             }
         }
 
@@ -386,6 +386,7 @@ pub(super) fn sweep<S: Simd>(
 }
 
 /// Intermediate results of a sweep for the numbers of a surface.
+#[expect(clippy::large_enum_variant, reason = "one at a time, on the stack")]
 enum OwnCotangent<S: Simd> {
     /// The slopes of the sag, and the cotangent of dz/du.
     Plain(Slopes<S>, Lanes<S>),
@@ -443,14 +444,14 @@ fn add_plain<S: Simd>(
 
 /// Adds the cotangents of the numbers of any shape, of a diffractive structure and of a thin lens.
 #[inline(always)]
-fn add_general<S: Simd>(bars: &OwnBars<S>, sums: &mut Sums<S>) {
+fn add_general<S: Simd>(bars: &OwnBars, simd: S, sums: &mut Sums<S>) {
     for (number, bar) in &bars.shape {
-        sums.add(*number, *bar);
+        sums.add(*number, Lanes::load(simd, bar));
     }
     for (k, bar) in bars.phase.iter().enumerate() {
-        sums.add(Number::Phase(k), *bar);
+        sums.add(Number::Phase(k), Lanes::load(simd, bar));
     }
-    sums.add(Number::Power, bars.power);
+    sums.add(Number::Power, Lanes::load(simd, &bars.power));
 }
 
 /// Adds the cotangents of a frame.

@@ -10,7 +10,7 @@ use pulp::Simd;
 
 use super::rays::{Meeting, Rays, Tangent};
 use crate::jet::{Dual, Jet};
-use crate::lanes::{Lanes, Mask, V3, along, dot, scaled};
+use crate::lanes::{Lanes, MAX_LANES, Mask, V3, along, dot, scaled};
 use crate::number::Number;
 use crate::number::PHASE_TERMS;
 use crate::trace::sequence::{Bending, SurfaceAtWavelength, structure_path};
@@ -367,6 +367,18 @@ impl<S: Simd> Step<S> {
     }
 }
 
+/// Numbers of several rays in memory, one row per number.
+type Rows<const N: usize> = [[f64; MAX_LANES]; N];
+
+#[inline(always)]
+fn store<S: Simd, const N: usize>(values: [Lanes<S>; N]) -> Rows<N> {
+    let mut rows = [[0.0; MAX_LANES]; N];
+    for (row, value) in rows.iter_mut().zip(values) {
+        value.store(row);
+    }
+    rows
+}
+
 /// Intersects rays with a surface with a departure, from a first guess of the path.
 ///
 /// This and the functions below are calls, not part of the loop over the surfaces: few surfaces need them.
@@ -479,10 +491,10 @@ pub(super) fn added_path_slope<S: Simd>(s: &SurfaceAtWavelength, point: V3<S>) -
 }
 
 /// Sums of a surface's own numbers: of its shape, of a diffractive structure and of the power of a thin lens.
-pub(super) struct OwnBars<S: Simd> {
-    pub shape: Vec<(Number, Lanes<S>)>,
-    pub phase: [Lanes<S>; PHASE_TERMS],
-    pub power: Lanes<S>,
+pub(super) struct OwnBars {
+    pub shape: Vec<(Number, [f64; MAX_LANES])>,
+    pub phase: Rows<PHASE_TERMS>,
+    pub power: [f64; MAX_LANES],
 }
 
 /// Cotangents of a surface's own numbers, from `alpha`, the cotangent of its sag, and that of the optical path.
@@ -494,26 +506,26 @@ pub(super) fn own_bars<S: Simd>(
     pulled: &Pulled<S>,
     alpha: Lanes<S>,
     optical_path_bar: Option<Lanes<S>>,
-) -> OwnBars<S> {
+) -> OwnBars {
     alpha.simd().vectorize(
         #[inline(always)]
         || {
             let step = Step::new(s, point, before);
             let path = optical_path_bar.unwrap_or(alpha.constant(0.0));
-            let [x, y] = pulled.slope;
             let sensitivities = s.shape.sensitivities([point[0], point[1]]);
             let mut shape = Vec::with_capacity(sensitivities.len());
             for (number, jet) in &sensitivities {
-                shape.push((*number, alpha * jet.value + x * jet.slope[0] + y * jet.slope[1]));
+                let bar = alpha * jet.value + pulled.slope[0] * jet.slope[0] + pulled.slope[1] * jet.slope[1];
+                let [row] = store([bar]);
+                shape.push((*number, row));
             }
             // A thin lens adds -power r^2 / 2 to the optical path.
-            let power = match s.bending {
-                Bending::ThinLens { .. } => {
-                    pulled.power - path * (point[0] * point[0] + point[1] * point[1]) * 0.5
-                }
-                _ => pulled.power,
+            let square = point[0] * point[0] + point[1] * point[1];
+            let [power] = match s.bending {
+                Bending::ThinLens { .. } => store([pulled.power - path * square * 0.5]),
+                _ => store([pulled.power]),
             };
-            OwnBars { shape, phase: step.path_sums(s, pulled.path_slope, path), power }
+            OwnBars { shape, phase: store(step.path_sums(s, pulled.path_slope, path)), power }
         },
     )
 }
