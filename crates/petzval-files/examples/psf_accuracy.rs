@@ -5,7 +5,7 @@
 mod common;
 
 use common::read_lens;
-use petzval_optics::psf::{PsfOptions, psf, psf_traced_with_tape};
+use petzval_optics::psf::{PsfOptions, psf, psf_traced};
 use petzval_optics::pupil::Quadrature;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -18,15 +18,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let wavelengths = [0.62, 0.55, 0.486];
     let dense = Quadrature::grid(cells)?;
     println!("{}: {field} deg, reference of {} rays a colour", lens.name, 2 * dense.len());
-    let traced = |quadrature: &Quadrature| {
-        let found = psf_traced_with_tape(&lens, field.to_radians(), &wavelengths, quadrature, &options);
-        found.map(|(psf, _)| psf).ok_or("no light")
-    };
-    let reference = traced(&dense)?;
+    let reference =
+        psf_traced(&lens, field.to_radians(), &wavelengths, &dense, &options).ok_or("no light")?;
     for cells in [64, 96, 128, 160, 192, 256, 384, 512] {
         let quadrature = Quadrature::grid(cells)?;
         let fast = psf(&lens, field.to_radians(), &wavelengths, &quadrature, &options).ok_or("no light")?;
-        let slow = traced(&quadrature)?;
+        let slow =
+            psf_traced(&lens, field.to_radians(), &wavelengths, &quadrature, &options).ok_or("no light")?;
         let distance = |p: &[Vec<f64>]| -> f64 {
             let l1 = |a: &Vec<f64>, b: &Vec<f64>| a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum::<f64>();
             p.iter().zip(&reference.values).map(|(a, b)| l1(a, b)).sum::<f64>() / 3.0

@@ -86,31 +86,37 @@ impl<R: Real> Real for Dual<R> {
     }
 }
 
-/// Operators on numbers that carry derivatives, each by its formula.
-macro_rules! operators {
-    ($number:ident: $($trait:ident $name:ident($a:ident, $b:ident: $other:ty) = $result:expr;)*) => {$(
-        impl<R: Real> $trait<$other> for $number<R> {
-            type Output = Self;
-            #[inline(always)]
-            fn $name(self, $b: $other) -> Self {
-                let $a = self;
-                $result
-            }
-        }
-    )*};
+impl<R: Real> Add for Dual<R> {
+    type Output = Self;
+    #[inline(always)]
+    fn add(self, b: Self) -> Self {
+        Self { value: self.value + b.value, by: self.by + b.by }
+    }
 }
 
-operators! { Dual:
-    Add add(a, b: Dual<R>) = Dual { value: a.value + b.value, by: a.by + b.by };
-    Sub sub(a, b: Dual<R>) = Dual { value: a.value - b.value, by: a.by - b.by };
-    Mul mul(a, b: Dual<R>) = Dual { value: a.value * b.value, by: a.by * b.value + a.value * b.by };
-    Div div(a, b: Dual<R>) = {
-        let value = a.value / b.value;
-        Dual { value, by: (a.by - value * b.by) / b.value }
-    };
-    Add add(a, b: f64) = Dual { value: a.value + b, by: a.by };
-    Sub sub(a, b: f64) = Dual { value: a.value - b, by: a.by };
-    Mul mul(a, b: f64) = Dual { value: a.value * b, by: a.by * b };
+impl<R: Real> Sub for Dual<R> {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(self, b: Self) -> Self {
+        Self { value: self.value - b.value, by: self.by - b.by }
+    }
+}
+
+impl<R: Real> Mul for Dual<R> {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, b: Self) -> Self {
+        Self { value: self.value * b.value, by: self.by * b.value + self.value * b.by }
+    }
+}
+
+impl<R: Real> Div for Dual<R> {
+    type Output = Self;
+    #[inline(always)]
+    fn div(self, b: Self) -> Self {
+        let value = self.value / b.value;
+        Self { value, by: (self.by - value * b.by) / b.value }
+    }
 }
 
 impl<R: Real> Neg for Dual<R> {
@@ -118,6 +124,30 @@ impl<R: Real> Neg for Dual<R> {
     #[inline(always)]
     fn neg(self) -> Self {
         Self { value: -self.value, by: -self.by }
+    }
+}
+
+impl<R: Real> Add<f64> for Dual<R> {
+    type Output = Self;
+    #[inline(always)]
+    fn add(self, b: f64) -> Self {
+        Self { value: self.value + b, by: self.by }
+    }
+}
+
+impl<R: Real> Sub<f64> for Dual<R> {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(self, b: f64) -> Self {
+        Self { value: self.value - b, by: self.by }
+    }
+}
+
+impl<R: Real> Mul<f64> for Dual<R> {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, b: f64) -> Self {
+        Self { value: self.value * b, by: self.by * b }
     }
 }
 
@@ -180,12 +210,6 @@ impl<R: Real> Real for Jet<R> {
     }
 }
 
-operators! { Jet:
-    Sub sub(a, b: Jet<R>) = a + -b;
-    Add add(a, b: f64) = Jet { value: a.value + b, ..a };
-    Sub sub(a, b: f64) = a + -b;
-}
-
 impl<R: Real> Add for Jet<R> {
     type Output = Self;
     #[inline(always)]
@@ -201,6 +225,14 @@ impl<R: Real> Neg for Jet<R> {
     #[inline(always)]
     fn neg(self) -> Self {
         self * -1.0
+    }
+}
+
+impl<R: Real> Sub for Jet<R> {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(self, b: Self) -> Self {
+        self + -b
     }
 }
 
@@ -230,6 +262,22 @@ impl<R: Real> Div for Jet<R> {
         let per = b.value.constant(1.0) / b.value;
         let square = per * per;
         self * b.chain(per, -square, square * per * 2.0)
+    }
+}
+
+impl<R: Real> Add<f64> for Jet<R> {
+    type Output = Self;
+    #[inline(always)]
+    fn add(self, b: f64) -> Self {
+        Self { value: self.value + b, ..self }
+    }
+}
+
+impl<R: Real> Sub<f64> for Jet<R> {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(self, b: f64) -> Self {
+        self + -b
     }
 }
 

@@ -7,9 +7,7 @@ use built_in::all_lenses;
 use common::{nominal_triplet, special_lenses};
 use petzval_optics::lens::{Lens, Placement};
 use petzval_optics::number::Number;
-use petzval_optics::psf::{
-    FieldPsf, PsfKind, PsfMethod, PsfOptions, psf, psf_converged, psf_traced_with_tape,
-};
+use petzval_optics::psf::{FieldPsf, PsfKind, PsfMethod, PsfOptions, psf, psf_converged, psf_traced};
 use petzval_optics::pupil::{PupilRefinement, Quadrature};
 use petzval_optics::spot::{mean_square_spot, spot, spot_converged, spot_paraxial_pupil};
 
@@ -30,7 +28,7 @@ fn both_on(pitch_um: f64, lens: &Lens, field_deg: f64, cells: [usize; 2]) -> (Fi
     let [fast, reference] = cells.map(|c| Quadrature::grid(c).unwrap());
     let field = field_deg.to_radians();
     let polynomial = psf(lens, field, &WAVELENGTHS_UM, &fast, &options).unwrap();
-    let (traced, _) = psf_traced_with_tape(lens, field, &WAVELENGTHS_UM, &reference, &options).unwrap();
+    let traced = psf_traced(lens, field, &WAVELENGTHS_UM, &reference, &options).unwrap();
     (polynomial, traced)
 }
 

@@ -596,10 +596,10 @@ fn shared_tolerances_cost_their_share() {
     let merit = RmsSpot::new(&lens);
     let study = Study::new(&lens, &tolerances, &merit).unwrap();
     let shared = inverse(&study, 1.0, &|| Ok(())).unwrap();
-    for (i, s) in shared[..3].iter().enumerate() {
+    for s in &shared[..3] {
         let end = |sign: f64| {
             let mut off = vec![0.0; 4];
-            off[i] = sign * s.tolerance;
+            off[s.perturbation] = sign * s.tolerance;
             study.make(&off).unwrap().value - study.nominal().value
         };
         let loss = end(1.0).max(end(-1.0));

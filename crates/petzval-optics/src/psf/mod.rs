@@ -3,7 +3,7 @@
 //! The light of a filled pupil is splatted on a grid around the chief ray. [`psf`] evaluates ray positions from
 //! polynomials over the pupil, through one to four hundred traced rays. If the polynomials miss other traced rays by
 //! too much, or if rays through the stop are lost, it traces a ray for every pupil cell, as the reference
-//! [`psf_traced_with_tape`] always does.
+//! [`psf_traced`] always does.
 //!
 //! A thin lens has no aberrations: [`perfect_psf`]. [`PsfKind::Diffraction`] adds waves instead of rays, see [`wave`](crate::wave).
 
@@ -113,6 +113,17 @@ pub fn psf(
     psf_with_tape(lens, field_rad, wavelengths_um, quadrature, options).map(|(psf, _)| psf)
 }
 
+/// [`psf`] with a traced ray for every pupil cell: the reference.
+pub fn psf_traced(
+    lens: &Lens,
+    field_rad: f64,
+    wavelengths_um: &[f64],
+    quadrature: &Quadrature,
+    options: &PsfOptions,
+) -> Option<FieldPsf> {
+    make(lens, field_rad, wavelengths_um, quadrature, options, Evaluation::Reference).map(|(psf, _)| psf)
+}
+
 /// [`psf`] with the tape for its gradient.
 ///
 /// If every cell is traced because rays through the stop are lost, the gradient leaves out the change of a ray's light with
@@ -127,7 +138,7 @@ pub fn psf_with_tape(
     make(lens, field_rad, wavelengths_um, quadrature, options, Evaluation::Fast)
 }
 
-/// [`psf_with_tape`] by a traced ray for every cell of the pupil: the reference.
+/// [`psf_traced`] with the tape for its gradient.
 pub fn psf_traced_with_tape(
     lens: &Lens,
     field_rad: f64,

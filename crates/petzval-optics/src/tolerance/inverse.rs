@@ -20,6 +20,8 @@ const ACCURACY: f64 = 1e-4;
 /// The tolerance of a quantity that takes its share of a loss.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shared {
+    /// Index of the perturbation.
+    pub perturbation: usize,
     /// Its tolerance, in its unit.
     pub tolerance: f64,
     /// Whether even a tolerance 1024 times as wide as the given one costs less than the share: it is given as that wide.
@@ -47,7 +49,7 @@ pub fn inverse(
             };
             end(1.0).max(end(-1.0)) - share
         };
-        let shared = |tolerance: f64, is_free: bool| Shared { tolerance, is_free };
+        let shared = |tolerance: f64, is_free: bool| Shared { perturbation: i, tolerance, is_free };
         // Enclose it between a tolerance that costs less and one that costs more.
         let (mut low, mut high) = (given, given);
         let (mut at_low, mut at_high) = (beyond(given), 0.0);

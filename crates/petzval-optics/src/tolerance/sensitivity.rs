@@ -20,6 +20,8 @@ use crate::merit::Better;
 /// One row of the table.
 #[derive(Clone, Debug)]
 pub struct Sensitivity {
+    /// Index of the perturbation.
+    pub perturbation: usize,
     /// Derivative of the merit per unit of the quantity, compensators following.
     pub derivative: f64,
     /// The merit with the quantity at plus its tolerance, compensators set; `None` if that lens brings no image.
@@ -86,6 +88,7 @@ pub fn sensitivities(
         })
         .collect::<Result<_, Cancelled>>()?;
     let row = |(i, [plus, minus]): (usize, &[Option<End>; 2])| Sensitivity {
+        perturbation: i,
         derivative: derivatives[i],
         at_plus: plus.as_ref().map(|e| e.made.value),
         at_minus: minus.as_ref().map(|e| e.made.value),

@@ -6,7 +6,7 @@
 //! These formulas are long, and many shapes share them. So they are compiled once per instruction set, as operations on
 //! numbers in memory ([`Rows`]), and not into every kernel.
 
-use pulp::Simd;
+use pulp::{Simd, WithSimd};
 
 use super::rays::{Meeting, Rays, Tangent};
 use crate::jet::{Dual, Jet};
@@ -81,14 +81,14 @@ struct Own<S: Simd> {
     pub power: f64,
 }
 
-/// Cotangents of the direction behind a surface, pulled back to the inputs of the step.
-pub(super) struct Pulled<S: Simd> {
+/// Cotangents of the inputs of a step.
+struct StepCotangent<S: Simd> {
     /// Of the direction in front, at a fixed point.
     pub before: V3<S>,
     /// Of the point, at a fixed direction in front.
     pub point: V3<S>,
     /// Of the slopes of the sag.
-    slope: [Lanes<S>; 2],
+    pub slope: [Lanes<S>; 2],
     /// Of `mu`.
     pub mu: Lanes<S>,
     /// Of the index behind, apart from mu.
@@ -96,11 +96,7 @@ pub(super) struct Pulled<S: Simd> {
     /// Of the slopes of the structure's optical path.
     path_slope: [Lanes<S>; 2],
     /// Of the power of a thin lens.
-    power: Lanes<S>,
-    /// `(-z_x, -z_y, 1)`, no cotangent.
-    pub normal: V3<S>,
-    /// The normal times the direction in front, no cotangent.
-    pub approach: Lanes<S>,
+    pub power: Lanes<S>,
 }
 
 impl<S: Simd> Step<S> {
@@ -242,11 +238,11 @@ impl<S: Simd> Step<S> {
 
     /// Pulls cotangents of the direction behind back to the inputs of the step.
     #[inline(always)]
-    pub fn pull_back(&self, s: &SurfaceAtWavelength, after_bar: V3<S>) -> Pulled<S> {
+    pub fn pull_back(&self, s: &SurfaceAtWavelength, after_bar: V3<S>) -> StepCotangent<S> {
         let zero = self.b.constant(0.0);
         let (d, n) = (self.before, self.normal);
         let per_n = 1.0 / s.n_after;
-        let mut inputs_bar = Pulled {
+        let mut inputs_bar = StepCotangent {
             before: [zero; 3],
             point: [zero; 3],
             slope: [zero; 2],
@@ -254,8 +250,6 @@ impl<S: Simd> Step<S> {
             n_after: zero,
             path_slope: [zero; 2],
             power: zero,
-            normal: n,
-            approach: self.approach(),
         };
         // A thin lens: through the normalisation to the slopes, then through tan' = mu tan - power (x, y) / n'.
         if let Bending::ThinLens { power_per_mm } = s.bending {
@@ -379,27 +373,81 @@ fn store<S: Simd, const N: usize>(values: [Lanes<S>; N]) -> Rows<N> {
     rows
 }
 
+#[inline(always)]
+fn load<S: Simd, const N: usize>(simd: S, rows: &Rows<N>) -> [Lanes<S>; N] {
+    let mut values = [Lanes::splat(simd, 0.0); N];
+    for (value, row) in values.iter_mut().zip(rows) {
+        *value = Lanes::load(simd, row);
+    }
+    values
+}
+
+/// One where the mask holds, zero elsewhere.
+#[inline(always)]
+fn as_number<S: Simd>(ok: Mask<S>, like: Lanes<S>) -> Lanes<S> {
+    ok.select(like.constant(1.0), like.constant(0.0))
+}
+
+#[inline(always)]
+fn is_one<S: Simd>(ok: Lanes<S>) -> Mask<S> {
+    ok.constant(0.5).lt(ok)
+}
+
+struct Follow<'a> {
+    s: &'a SurfaceAtWavelength,
+    position: Rows<3>,
+    direction: Rows<3>,
+    start: Rows<1>,
+}
+
+impl WithSimd for Follow<'_> {
+    /// Path, and whether there is one.
+    type Output = Rows<2>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> Rows<2> {
+        let ray = Rays { position: load(simd, &self.position), direction: load(simd, &self.direction) };
+        let [start] = load(simd, &self.start);
+        let meeting = newton(self.s, &ray, start);
+        store([meeting.path, as_number(meeting.ok, meeting.path)])
+    }
+}
+
 /// Intersects rays with a surface with a departure, from a first guess of the path.
-///
-/// This and the functions below are calls, not part of the loop over the surfaces: few surfaces need them.
 #[inline(always)]
 pub(super) fn follow<S: Simd>(s: &SurfaceAtWavelength, ray: &Rays<S>, start: Lanes<S>) -> Meeting<S> {
-    start.simd().vectorize(
-        #[inline(always)]
-        || newton(s, ray, start),
-    )
+    let simd = ray.position[0].simd();
+    let (position, direction) = (store(ray.position), store(ray.direction));
+    let found = simd.vectorize(Follow { s, position, direction, start: store([start]) });
+    let [path, ok] = load(simd, &found);
+    Meeting { point: along(ray.position, path, ray.direction), path, ok: is_one(ok) }
+}
+
+struct Redirect<'a> {
+    s: &'a SurfaceAtWavelength,
+    point: Rows<3>,
+    before: Rows<3>,
+}
+
+impl WithSimd for Redirect<'_> {
+    /// Direction behind, and whether light passes.
+    type Output = Rows<4>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> Rows<4> {
+        let step = Step::new(self.s, load(simd, &self.point), load(simd, &self.before));
+        let [x, y, z] = step.after;
+        store([x, y, z, as_number(step.ok, x)])
+    }
 }
 
 /// Direction behind a surface, and whether light passes.
 #[inline(always)]
 pub(super) fn redirect<S: Simd>(s: &SurfaceAtWavelength, point: V3<S>, before: V3<S>) -> (V3<S>, Mask<S>) {
-    point[0].simd().vectorize(
-        #[inline(always)]
-        || {
-            let step = Step::new(s, point, before);
-            (step.after, step.ok)
-        },
-    )
+    let simd = point[0].simd();
+    let found = simd.vectorize(Redirect { s, point: store(point), before: store(before) });
+    let [x, y, z, ok] = load(simd, &found);
+    ([x, y, z], is_one(ok))
 }
 
 /// Changes of the numbers of a surface: its own, by slot, `mu`, and the signed index behind.
@@ -408,6 +456,31 @@ pub(super) struct Change<'a> {
     pub numbers: &'a [f64],
     pub mu: f64,
     pub n_after: f64,
+}
+
+struct PathChange<'a> {
+    s: &'a SurfaceAtWavelength,
+    point: Rows<3>,
+    before: Rows<3>,
+    change: &'a [f64],
+}
+
+impl WithSimd for PathChange<'_> {
+    type Output = Rows<1>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> Rows<1> {
+        let point: V3<S> = load(simd, &self.point);
+        let step = Step::new(self.s, point, load(simd, &self.before));
+        let mut sum = Lanes::splat(simd, 0.0);
+        for (term, amount) in step.path_terms(self.s).iter().zip(&self.change[Number::Phase(0).slot()..]) {
+            sum += term[0] * *amount;
+        }
+        if let Bending::ThinLens { .. } = self.s.bending {
+            sum = (point[0] * point[0] + point[1] * point[1]) * (-0.5 * self.change[Number::Power.slot()]);
+        }
+        store([sum])
+    }
 }
 
 /// Change of the optical path of a thin lens or a structure at fixed points, when its own numbers change by `change`, given by
@@ -419,20 +492,47 @@ pub(super) fn added_path_change<S: Simd>(
     before: V3<S>,
     change: &[f64],
 ) -> Lanes<S> {
-    point[0].simd().vectorize(
-        #[inline(always)]
-        || {
-            let step = Step::new(s, point, before);
-            let mut sum = point[0].constant(0.0);
-            for (term, amount) in step.path_terms(s).iter().zip(&change[Number::Phase(0).slot()..]) {
-                sum += term[0] * *amount;
-            }
-            if let Bending::ThinLens { .. } = s.bending {
-                sum = (point[0] * point[0] + point[1] * point[1]) * (-0.5 * change[Number::Power.slot()]);
-            }
-            sum
-        },
-    )
+    let simd = point[0].simd();
+    let [sum] =
+        load(simd, &simd.vectorize(PathChange { s, point: store(point), before: store(before), change }));
+    sum
+}
+
+struct PushForward<'a> {
+    s: &'a SurfaceAtWavelength,
+    point: Rows<3>,
+    before: Rows<3>,
+    path: Rows<1>,
+    position: Rows<3>,
+    direction: Rows<3>,
+    change: Option<Change<'a>>,
+}
+
+impl WithSimd for PushForward<'_> {
+    /// Position and direction.
+    type Output = (Rows<3>, Rows<3>);
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> (Rows<3>, Rows<3>) {
+        let step = Step::new(self.s, load(simd, &self.point), load(simd, &self.before));
+        let [path] = load(simd, &self.path);
+        let tangent =
+            Tangent { position: load(simd, &self.position), direction: load(simd, &self.direction) };
+        let mut own = None;
+        if let Some(change) = &self.change {
+            let (sag, slope) = step.shape_change(self.s, change.numbers);
+            own = Some(Own {
+                sag,
+                slope,
+                mu: change.mu,
+                n_after: change.n_after,
+                path_slope: step.path_change(self.s, change.numbers),
+                power: change.numbers[Number::Power.slot()],
+            });
+        }
+        let pushed = step.push_forward(self.s, path, &tangent, own.as_ref());
+        (store(pushed.position), store(pushed.direction))
+    }
 }
 
 /// Carries the tangent of entering rays of direction `before` to their points on the surface and to their directions
@@ -446,25 +546,56 @@ pub(super) fn push_forward<S: Simd>(
     tangent: &Tangent<S>,
     change: Option<Change>,
 ) -> Tangent<S> {
-    path.simd().vectorize(
-        #[inline(always)]
-        || {
-            let step = Step::new(s, point, before);
-            let mut own = None;
-            if let Some(change) = &change {
-                let (sag, slope) = step.shape_change(s, change.numbers);
-                own = Some(Own {
-                    sag,
-                    slope,
-                    mu: change.mu,
-                    n_after: change.n_after,
-                    path_slope: step.path_change(s, change.numbers),
-                    power: change.numbers[Number::Power.slot()],
-                });
-            }
-            step.push_forward(s, path, tangent, own.as_ref())
-        },
-    )
+    let simd = path.simd();
+    let (position, direction) = simd.vectorize(PushForward {
+        s,
+        point: store(point),
+        before: store(before),
+        path: store([path]),
+        position: store(tangent.position),
+        direction: store(tangent.direction),
+        change,
+    });
+    Tangent { position: load(simd, &position), direction: load(simd, &direction) }
+}
+
+/// Cotangents of the direction behind a surface, pulled back to the inputs of the bending.
+pub(super) struct Pulled<S: Simd> {
+    /// Of the direction in front, at a fixed point.
+    pub before: V3<S>,
+    /// Of the point, at a fixed direction in front.
+    pub point: V3<S>,
+    /// Of `mu`.
+    pub mu: Lanes<S>,
+    /// Of the index behind, apart from mu.
+    pub n_after: Lanes<S>,
+    /// `(-z_x, -z_y, 1)`.
+    pub normal: V3<S>,
+    /// The normal times the direction in front.
+    pub approach: Lanes<S>,
+    slopes_and_power: Rows<5>,
+}
+
+struct PullBack<'a> {
+    s: &'a SurfaceAtWavelength,
+    point: Rows<3>,
+    before: Rows<3>,
+    after_bar: Rows<3>,
+}
+
+impl WithSimd for PullBack<'_> {
+    /// The fields of [`Pulled`] in their order, but for the last; and the last.
+    type Output = (Rows<12>, Rows<5>);
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> (Rows<12>, Rows<5>) {
+        let step = Step::new(self.s, load(simd, &self.point), load(simd, &self.before));
+        let inputs_bar = step.pull_back(self.s, load(simd, &self.after_bar));
+        let ([a, b, c], [d, e, f], [g, h, i]) = (inputs_bar.before, inputs_bar.point, step.normal);
+        let first = store([a, b, c, d, e, f, inputs_bar.mu, inputs_bar.n_after, g, h, i, step.approach()]);
+        let ([sx, sy], [px, py]) = (inputs_bar.slope, inputs_bar.path_slope);
+        (first, store([sx, sy, px, py, inputs_bar.power]))
+    }
 }
 
 /// Pulls cotangents of the direction behind back to the direction in front and to the point.
@@ -475,19 +606,45 @@ pub(super) fn pull_back<S: Simd>(
     before: V3<S>,
     after_bar: V3<S>,
 ) -> Pulled<S> {
-    point[0].simd().vectorize(
-        #[inline(always)]
-        || Step::new(s, point, before).pull_back(s, after_bar),
-    )
+    let simd = point[0].simd();
+    let (first, slopes_and_power) = simd.vectorize(PullBack {
+        s,
+        point: store(point),
+        before: store(before),
+        after_bar: store(after_bar),
+    });
+    let [a, b, c, d, e, f, mu, n_after, g, h, i, approach] = load(simd, &first);
+    Pulled { before: [a, b, c], point: [d, e, f], mu, n_after, normal: [g, h, i], approach, slopes_and_power }
+}
+
+struct AddedPath<'a> {
+    s: &'a SurfaceAtWavelength,
+    at: Rows<2>,
+}
+
+impl WithSimd for AddedPath<'_> {
+    type Output = Rows<2>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> Rows<2> {
+        store(self.s.added_path_mm(Jet::axes(load(simd, &self.at))).slope)
+    }
 }
 
 /// Gradient by x and y of the optical path of a thin lens or a structure.
 #[inline(always)]
 pub(super) fn added_path_slope<S: Simd>(s: &SurfaceAtWavelength, point: V3<S>) -> [Lanes<S>; 2] {
-    point[0].simd().vectorize(
-        #[inline(always)]
-        || s.added_path_mm(Jet::axes([point[0], point[1]])).slope,
-    )
+    let simd = point[0].simd();
+    load(simd, &simd.vectorize(AddedPath { s, at: store([point[0], point[1]]) }))
+}
+
+struct OwnSums<'a> {
+    s: &'a SurfaceAtWavelength,
+    point: Rows<3>,
+    before: Rows<3>,
+    slopes_and_power: &'a Rows<5>,
+    /// Cotangents of the sag, and of the optical path.
+    alpha: Rows<2>,
 }
 
 /// Sums of a surface's own numbers: of its shape, of a diffractive structure and of the power of a thin lens.
@@ -495,6 +652,32 @@ pub(super) struct OwnBars {
     pub shape: Vec<(Number, [f64; MAX_LANES])>,
     pub phase: Rows<PHASE_TERMS>,
     pub power: [f64; MAX_LANES],
+}
+
+impl WithSimd for OwnSums<'_> {
+    type Output = OwnBars;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> OwnBars {
+        let point = load(simd, &self.point);
+        let step = Step::new(self.s, point, load(simd, &self.before));
+        let [sx, sy, px, py, power] = load(simd, self.slopes_and_power);
+        let [alpha, path] = load(simd, &self.alpha);
+        let sensitivities = self.s.shape.sensitivities([point[0], point[1]]);
+        let mut shape = Vec::with_capacity(sensitivities.len());
+        for (number, jet) in &sensitivities {
+            let bar = alpha * jet.value + sx * jet.slope[0] + sy * jet.slope[1];
+            let [row] = store([bar]);
+            shape.push((*number, row));
+        }
+        // A thin lens adds -power r^2 / 2 to the optical path.
+        let square = point[0] * point[0] + point[1] * point[1];
+        let [power] = match self.s.bending {
+            Bending::ThinLens { .. } => store([power - path * square * 0.5]),
+            _ => store([power]),
+        };
+        OwnBars { shape, phase: store(step.path_sums(self.s, [px, py], path)), power }
+    }
 }
 
 /// Cotangents of a surface's own numbers, from `alpha`, the cotangent of its sag, and that of the optical path.
@@ -507,27 +690,18 @@ pub(super) fn own_bars<S: Simd>(
     alpha: Lanes<S>,
     optical_path_bar: Option<Lanes<S>>,
 ) -> OwnBars {
-    alpha.simd().vectorize(
-        #[inline(always)]
-        || {
-            let step = Step::new(s, point, before);
-            let path = optical_path_bar.unwrap_or(alpha.constant(0.0));
-            let sensitivities = s.shape.sensitivities([point[0], point[1]]);
-            let mut shape = Vec::with_capacity(sensitivities.len());
-            for (number, jet) in &sensitivities {
-                let bar = alpha * jet.value + pulled.slope[0] * jet.slope[0] + pulled.slope[1] * jet.slope[1];
-                let [row] = store([bar]);
-                shape.push((*number, row));
-            }
-            // A thin lens adds -power r^2 / 2 to the optical path.
-            let square = point[0] * point[0] + point[1] * point[1];
-            let [power] = match s.bending {
-                Bending::ThinLens { .. } => store([pulled.power - path * square * 0.5]),
-                _ => store([pulled.power]),
-            };
-            OwnBars { shape, phase: store(step.path_sums(s, pulled.path_slope, path)), power }
-        },
-    )
+    let (point, before) = (store(point), store(before));
+    let path = match optical_path_bar {
+        Some(bar) => bar,
+        None => alpha.constant(0.0),
+    };
+    alpha.simd().vectorize(OwnSums {
+        s,
+        point,
+        before,
+        slopes_and_power: &pulled.slopes_and_power,
+        alpha: store([alpha, path]),
+    })
 }
 
 /// Change of the slopes of a function when the point moves.
