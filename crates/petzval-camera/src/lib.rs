@@ -77,4 +77,5 @@ pub use render::{
 };
 pub use sensor::{
     Capture, CfaPattern, Exposure, Noise, NoiseMode, Raw, SensorError, SensorModel, expose, expose_pixel,
+    expose_with_tape,
 };

@@ -8,6 +8,7 @@ use std::ops::Range;
 use std::thread::LocalKey;
 
 use petzval_base::simd::dispatch;
+use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 
 /// A fixed-point number: `value = whole / 2^fraction`, between `min` and `max`.
@@ -140,7 +141,16 @@ pub fn release_spare_memory() {
 /// Runs a loop over pixels that fills no grid, compiled for the widest vectors of the machine. It and all that it calls have to be inlined.
 #[inline(always)]
 pub fn in_vectors<R>(of: impl FnOnce() -> R) -> R {
-    dispatch(of)
+    struct Loop<F>(F);
+    impl<R, F: FnOnce() -> R> WithSimd for Loop<F> {
+        type Output = R;
+
+        #[inline(always)]
+        fn with_simd<S: Simd>(self, _: S) -> R {
+            (self.0)()
+        }
+    }
+    dispatch(Loop(of))
 }
 
 /// Pixels that are computed on the stack before they are written; see [`by_blocks`].
@@ -209,7 +219,8 @@ impl<T: Pixel> Grid<T> {
     /// A copy.
     pub fn copied(&self) -> Self {
         Self::from_rows(
-            self.size(),
+            self.height,
+            self.width,
             #[inline(always)]
             |row, out| out.copy_from_slice(self.row(row)),
         )
@@ -219,15 +230,11 @@ impl<T: Pixel> Grid<T> {
         self.width + 2 * BORDER
     }
 
-    /// Its rows and columns.
-    pub fn size(&self) -> (usize, usize) {
-        (self.height, self.width)
-    }
-
-    /// The grid of so many rows and columns whose rows `fill` writes, with the border of the outermost pixels. `fill` depends on the row alone and writes every pixel.
-    pub fn from_rows(size: (usize, usize), fill: impl Fn(usize, &mut [T]) + Sync) -> Self {
+    /// The grid whose rows `fill` writes, with the border of the outermost pixels. `fill` depends on the row alone and writes every pixel.
+    pub fn from_rows(height: usize, width: usize, fill: impl Fn(usize, &mut [T]) + Sync) -> Self {
         let [grid] = Self::several_from_rows(
-            size,
+            height,
+            width,
             #[inline(always)]
             |row, [out]| fill(row, out),
         );
@@ -236,7 +243,8 @@ impl<T: Pixel> Grid<T> {
 
     /// Several grids at once, whose rows `fill` writes together.
     pub fn several_from_rows<const N: usize>(
-        (height, width): (usize, usize),
+        height: usize,
+        width: usize,
         fill: impl Fn(usize, [&mut [T]; N]) + Sync,
     ) -> [Self; N] {
         let stride = width + 2 * BORDER;
@@ -248,10 +256,8 @@ impl<T: Pixel> Grid<T> {
             .map(|_| chunks.each_mut().map(|rows| rows.next().unwrap_or_default()))
             .collect();
         work.into_par_iter().enumerate().for_each(|(chunk, lines)| {
-            in_vectors(
-                #[inline(always)]
-                || fill_lines(&fill, chunk * ROWS, lines, stride),
-            );
+            // Compiled for the widest vectors of the machine.
+            dispatch(Fill { fill: &fill, first: chunk * ROWS, lines, stride });
         });
         grids.map(|data| Self::mirrored(height, width, data))
     }
@@ -309,23 +315,29 @@ impl<T: Pixel> Grid<T> {
     }
 }
 
-/// Fills some rows of grids, from row `first` on.
-#[inline(always)]
-fn fill_lines<T: Pixel, const N: usize>(
-    fill: &impl Fn(usize, [&mut [T]; N]),
+/// The filling of some rows of grids, as an operation that is compiled for every instruction set.
+struct Fill<'a, T, F, const N: usize> {
+    fill: &'a F,
     first: usize,
-    mut lines: [&mut [T]; N],
+    lines: [&'a mut [T]; N],
     stride: usize,
-) {
-    let rows = lines.first().map_or(0, |lines| lines.len() / stride);
-    for i in 0..rows {
-        let line = i * stride;
-        let inside = lines.each_mut().map(
-            #[inline(always)]
-            |lines| &mut lines[line + BORDER..line + stride - BORDER],
-        );
-        fill(first + i, inside);
-        lines.iter_mut().for_each(|lines| mirror_ends(&mut lines[line..line + stride]));
+}
+
+impl<T: Pixel, F: Fn(usize, [&mut [T]; N]), const N: usize> WithSimd for Fill<'_, T, F, N> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(mut self, _: S) {
+        let rows = self.lines.first().map_or(0, |lines| lines.len() / self.stride);
+        for i in 0..rows {
+            let line = i * self.stride;
+            let inside = self.lines.each_mut().map(
+                #[inline(always)]
+                |lines| &mut lines[line + BORDER..line + self.stride - BORDER],
+            );
+            (self.fill)(self.first + i, inside);
+            self.lines.iter_mut().for_each(|lines| mirror_ends(&mut lines[line..line + self.stride]));
+        }
     }
 }
 
@@ -552,7 +564,7 @@ mod tests {
 
     #[test]
     fn the_border_mirrors_the_grid() {
-        let grid = Grid::from_rows((20, 24), |r, line: &mut [i32]| {
+        let grid = Grid::from_rows(20, 24, |r, line: &mut [i32]| {
             (0..24).for_each(|c| line[c] = (100 * r + c) as i32)
         });
         assert_eq!(grid.near(0, -2, 0)[..2], [200, 201]);

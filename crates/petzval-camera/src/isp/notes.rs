@@ -111,7 +111,8 @@ impl Look<'_> {
             let curve = Gamma::default().table();
             let encoded = rgb.each_ref().map(|grid| {
                 Grid::from_rows(
-                    grid.size(),
+                    grid.height,
+                    grid.width,
                     #[inline(always)]
                     |row, out| {
                         for (out, root) in out.iter_mut().zip(grid.row(row)) {

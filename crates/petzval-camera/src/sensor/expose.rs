@@ -5,6 +5,7 @@
 //! names. All instruction sets give the same bits.
 
 use petzval_base::simd::dispatch;
+use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 
 use super::fixed_pattern::{Pattern, PatternRow, PatternScratch, PixelPattern, Shared};
@@ -41,20 +42,29 @@ pub(crate) fn expose_checked(
     dn.par_chunks_exact_mut(width.max(1)).enumerate().for_each_init(
         Scratch::default,
         |scratch, (row, dn)| {
-            dispatch(
-                #[inline(always)]
-                || expose_row::<false>(&frame, row, scratch, dn, &mut []),
-            );
+            dispatch(ExposeRow::<false> { frame: &frame, row, scratch, dn, by_light: &mut [] });
         },
     );
     Raw { height, width, dn, capture: *capture }
 }
 
-/// As [`expose`] after the checks, with the derivative of every digital number with respect to the light in its pixel
+/// As [`expose`], with the derivative of every digital number with respect to the light in its pixel
 /// ([`SensorModel::response`] times irradiance), DN per unit, row by row.
 ///
 /// The [`NoiseMode`](super::NoiseMode) sets the derivative of electrons with respect to their rate. Read and electronics noise do not
 /// depend on light. Rounding passes the gradient unchanged. Negative light, a full well and a converter at its limits block it.
+pub fn expose_with_tape(
+    irradiance: &LinearImage,
+    sensor: &SensorModel,
+    capture: &Capture,
+    noise: &Noise,
+) -> Result<(Raw, Vec<f32>), SensorError> {
+    check_irradiance(irradiance)?;
+    check_capture(sensor, capture, irradiance.height, irradiance.width)?;
+    Ok(expose_tracked(irradiance, sensor, capture, noise))
+}
+
+/// [`expose_with_tape`] after the checks. Irradiance that is not finite makes its pixel and derivative NaN.
 pub(crate) fn expose_tracked(
     irradiance: &LinearImage,
     sensor: &SensorModel,
@@ -68,10 +78,7 @@ pub(crate) fn expose_tracked(
     dn.par_chunks_exact_mut(step).zip(by_light.par_chunks_exact_mut(step)).enumerate().for_each_init(
         Scratch::default,
         |scratch, (row, (dn, by_light))| {
-            dispatch(
-                #[inline(always)]
-                || expose_row::<true>(&frame, row, scratch, dn, by_light),
-            );
+            dispatch(ExposeRow::<true> { frame: &frame, row, scratch, dn, by_light });
         },
     );
     (Raw { height, width, dn, capture: *capture }, by_light)
@@ -126,9 +133,28 @@ pub(super) struct Scratch {
     shot: ShotScratch,
 }
 
-/// Exposes one row. With `TAPE` it also computes the derivatives with respect to light; `by_light` is empty without.
+/// The exposure of one row. With `TAPE` it also computes the derivatives.
+pub(super) struct ExposeRow<'f, 'a, 'm, const TAPE: bool> {
+    pub frame: &'f Frame<'a>,
+    pub row: usize,
+    pub scratch: &'m mut Scratch,
+    pub dn: &'m mut [f32],
+    /// Derivatives with respect to light; empty without a tape.
+    pub by_light: &'m mut [f32],
+}
+
+impl<const TAPE: bool> WithSimd for ExposeRow<'_, '_, '_, TAPE> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { frame, row, scratch, dn, by_light } = self;
+        expose_row::<TAPE>(frame, row, scratch, dn, by_light);
+    }
+}
+
 #[inline(always)]
-pub(super) fn expose_row<const TAPE: bool>(
+fn expose_row<const TAPE: bool>(
     frame: &Frame,
     row: usize,
     scratch: &mut Scratch,

@@ -16,7 +16,7 @@ pub struct PixelReading {
 }
 
 /// Reading of sensor pixel `(row, col)` under `irradiance` (red, green, blue; 1.0 = white). This is the readable reference
-/// of [`crate::sensor::expose()`] and its derivative, which have the same bits.
+/// of [`crate::sensor::expose_with_tape`], which gives the same bits.
 ///
 /// `capture.placement` is not used. Irradiance that is not finite gives NaN.
 pub fn expose_pixel(

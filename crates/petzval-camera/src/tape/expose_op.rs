@@ -14,9 +14,8 @@ use crate::sensor::{
 
 /// Exposes a batch: irradiance `[B,3,H,W]` to digital numbers `[B,1,H,W]`, one capture per picture.
 ///
-/// The [`crate::sensor::NoiseMode`] sets the derivative of electrons with respect to their rate. Read and electronics noise do not depend
-/// on light. Rounding passes the gradient unchanged; negative light, a full well and a converter at its limits block it. Irradiance that is
-/// not finite makes its pixel NaN and is not an error.
+/// The [`crate::sensor::NoiseMode`] sets the gradient; see [`crate::sensor::expose_with_tape`]. Irradiance that is not
+/// finite makes its pixel NaN and is not an error.
 pub fn expose_op(
     irradiance: Tensor<4>,
     sensor: &SensorModel,

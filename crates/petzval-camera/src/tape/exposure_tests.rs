@@ -89,7 +89,7 @@ fn tangent_and_adjoint_agree() {
     let (mut forward, mut size) = (0.0, 0.0);
     for (b, capture) in captures().iter().enumerate() {
         let frame = picture(&values(light.clone()), b, CHANNELS, HEIGHT, WIDTH);
-        let (_, slopes) = crate::sensor::expose_tracked(&frame, &sensor, capture, &noise);
+        let (_, slopes) = crate::sensor::expose_with_tape(&frame, &sensor, capture, &noise).unwrap();
         for i in 0..HEIGHT * WIDTH {
             let colour =
                 sensor.cfa.colour(capture.placement.row + i / WIDTH, capture.placement.col + i % WIDTH);

@@ -58,14 +58,15 @@ impl BayerDenoise {
     }
 
     fn scale_fixed(&self, mosaic: &Grid<i16>, step: isize, limit: f64) -> Grid<i16> {
-        let (height, width) = mosaic.size();
+        let (height, width) = (mosaic.height, mosaic.width);
         let biweight = Biweight::new(limit);
         let [beside, diagonal] = self.weights().map(|w| WEIGHT.of(w));
         let (strength, radial) = (WEIGHT.of(self.strength), WEIGHT.of(self.radial));
         let corner = ((height * height + width * width) as f64).max(1.0);
         let scale = ((1_u64 << 44) as f64 / corner).round() as i64;
         Grid::from_rows(
-            (height, width),
+            height,
+            width,
             #[inline(always)]
             |row, out| {
                 let near = mosaic.around(row, out.len());

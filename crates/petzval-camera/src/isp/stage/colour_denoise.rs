@@ -61,7 +61,8 @@ pub fn fixed(luma: &LumaDenoise, chroma: &ChromaDenoise, rgb: [Grid<i16>; 3], si
     }
     let (height, width) = (rgb[0].height, rgb[0].width);
     let [y, u, v] = Grid::several_from_rows(
-        (height, width),
+        height,
+        width,
         #[inline(always)]
         |row, [y, u, v]| {
             let width = y.len();
@@ -76,7 +77,8 @@ pub fn fixed(luma: &LumaDenoise, chroma: &ChromaDenoise, rgb: [Grid<i16>; 3], si
     let [u, v] = chroma.fixed(&y, [u, v], sigma);
     let (strength, limit) = (WEIGHT.of(luma.strength), Biweight::new(luma.threshold * sigma));
     Grid::several_from_rows(
-        (height, width),
+        height,
+        width,
         #[inline(always)]
         |row, [r, g, b]| {
             let width = r.len();
@@ -133,7 +135,8 @@ impl ChromaDenoise {
         let [limit, guard] = [self.threshold, self.guard].map(|limit| Biweight::new(limit * sigma));
         for step in [2, 4] {
             planes = Grid::several_from_rows(
-                luma.size(),
+                luma.height,
+                luma.width,
                 #[inline(always)]
                 |row, [to_u, to_v]| {
                     let width = to_u.len();

@@ -31,7 +31,8 @@ impl Defects {
         let threshold = ROOT.of(self.threshold).max(1);
         let (inverse, slope) = ((1 << 24) / threshold, WEIGHT.of(self.slope));
         Grid::from_rows(
-            mosaic.size(),
+            mosaic.height,
+            mosaic.width,
             #[inline(always)]
             |row, out| {
                 let near = mosaic.around(row, out.len());

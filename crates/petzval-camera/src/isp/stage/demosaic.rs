@@ -42,7 +42,8 @@ pub fn fixed(method: Demosaic, mosaic: &Grid<i16>, cfa: CfaPattern) -> [Grid<i16
 fn linear(mosaic: &Grid<i16>, cfa: CfaPattern, is_corrected: bool) -> [Grid<i16>; 3] {
     let correction = i32::from(is_corrected);
     Grid::several_from_rows(
-        mosaic.size(),
+        mosaic.height,
+        mosaic.width,
         #[inline(always)]
         |row, [red, green, blue]| {
             let width = red.len();
@@ -144,7 +145,8 @@ impl FalseColour {
         }
         let strength = WEIGHT.of(self.strength);
         let [red, blue] = Grid::several_from_rows(
-            green.size(),
+            green.height,
+            green.width,
             #[inline(always)]
             |row, [to_red, to_blue]| {
                 for (colour, out) in [(&red, to_red), (&blue, to_blue)] {
@@ -239,7 +241,7 @@ mod tests {
         let [smooth, _, _] = FalseColour::smooth([red.clone(), red.zeros_like(), red.clone()], &theta);
         let smooth: Vec<f32> = smooth.into_data().try_to_vec().unwrap();
         let whole = |factor: f64| {
-            Grid::from_rows((height, width), |row, out: &mut [i16]| {
+            Grid::from_rows(height, width, |row, out: &mut [i16]| {
                 let roots = given[row].iter().map(|v| ROOT.of(factor * f64::from(*v)) as i16);
                 out.iter_mut().zip(roots).for_each(|(out, v)| *out = v);
             })

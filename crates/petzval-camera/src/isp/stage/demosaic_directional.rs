@@ -11,11 +11,12 @@ const THIRD: i32 = 1365;
 
 /// Roots of the three colours from the roots of a mosaic.
 pub fn directional(mosaic: &Grid<i16>, cfa: CfaPattern) -> [Grid<i16>; 3] {
-    let size = mosaic.size();
+    let (height, width) = (mosaic.height, mosaic.width);
     let columns = directions(mosaic, cfa);
     // Green at red and blue, along the chosen direction.
     let green = Grid::from_rows(
-        size,
+        height,
+        width,
         #[inline(always)]
         |row, out| {
             let width = out.len();
@@ -38,7 +39,8 @@ pub fn directional(mosaic: &Grid<i16>, cfa: CfaPattern) -> [Grid<i16>; 3] {
     // Colours at green: along the row and the column in which they were measured. `from` gives the colour there, and elsewhere.
     let at_green = |green: &Grid<i16>, from: [&Grid<i16>; 2]| {
         let [red, blue] = Grid::several_from_rows(
-            size,
+            height,
+            width,
             #[inline(always)]
             |row, [red, blue]| {
                 let width = red.len();
@@ -64,7 +66,8 @@ pub fn directional(mosaic: &Grid<i16>, cfa: CfaPattern) -> [Grid<i16>; 3] {
     let [red, blue] = at_green(&green, [mosaic, mosaic]);
     // Red at blue and blue at red, along the chosen direction.
     let [red, blue] = Grid::several_from_rows(
-        size,
+        height,
+        width,
         #[inline(always)]
         |row, [to_red, to_blue]| {
             let width = to_red.len();
@@ -89,7 +92,8 @@ pub fn directional(mosaic: &Grid<i16>, cfa: CfaPattern) -> [Grid<i16>; 3] {
     );
     // Refine green by the low-pass of its difference from the measured colour along the chosen direction.
     let refined = Grid::from_rows(
-        size,
+        height,
+        width,
         #[inline(always)]
         |row, out| {
             let (green_first, is_red_row) = cfa.row_kind(row);
@@ -103,7 +107,8 @@ pub fn directional(mosaic: &Grid<i16>, cfa: CfaPattern) -> [Grid<i16>; 3] {
     let [red, blue] = at_green(&refined, [&red, &blue]);
     // Refine red at blue and blue at red by the low-pass of their difference along the chosen direction.
     let [red, blue] = Grid::several_from_rows(
-        size,
+        height,
+        width,
         #[inline(always)]
         |row, [to_red, to_blue]| {
             let width = to_red.len();
@@ -155,10 +160,11 @@ fn without_third(
 
 /// 1 where the differences of the measured colour from green vary less along the column than along the row.
 fn directions(mosaic: &Grid<i16>, cfa: CfaPattern) -> Grid<i16> {
-    let size = mosaic.size();
+    let (height, width) = (mosaic.height, mosaic.width);
     // Differences from green by the row and by the column, times 4; 0 at green.
     let [by_row, by_col] = Grid::several_from_rows(
-        size,
+        height,
+        width,
         #[inline(always)]
         |row, [by_row, by_col]| {
             let width = by_row.len();
@@ -180,7 +186,8 @@ fn directions(mosaic: &Grid<i16>, cfa: CfaPattern) -> Grid<i16> {
         },
     );
     Grid::from_rows(
-        size,
+        height,
+        width,
         #[inline(always)]
         |row, out| {
             let (by_row, by_col) = (by_row.around(row, out.len()), by_col.around(row, out.len()));

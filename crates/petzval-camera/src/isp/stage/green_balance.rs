@@ -28,7 +28,8 @@ impl GreenBalance {
         }
         let (biweight, half) = (Biweight::new(self.threshold * sigma), WEIGHT.of(0.5 * self.strength));
         Grid::from_rows(
-            mosaic.size(),
+            mosaic.height,
+            mosaic.width,
             #[inline(always)]
             |row, out| {
                 let near = mosaic.around(row, out.len());

@@ -29,7 +29,8 @@ impl PurpleFringe {
         }
         let (strength, threshold) = (WEIGHT.of(self.strength), ROOT.of(self.threshold));
         let [red, blue] = Grid::several_from_rows(
-            green.size(),
+            green.height,
+            green.width,
             #[inline(always)]
             |row, [to_red, to_blue]| {
                 let width = to_red.len();

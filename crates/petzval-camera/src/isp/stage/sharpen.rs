@@ -65,7 +65,8 @@ impl Sharpen {
         let weights = self.weights();
         let reach = (1..=REACH).rev().find(|k| weights[*k] != 0).unwrap_or(0);
         let luma = Grid::from_rows(
-            (height, width),
+            height,
+            width,
             #[inline(always)]
             |row, out| {
                 let [r, g, b] = rgb.each_ref().map(|grid| grid.around(row, out.len()).at(0, 0));
@@ -78,7 +79,8 @@ impl Sharpen {
         // The Gaussian along the columns, then along the rows.
         let weights = &weights[..=reach];
         let down = Grid::from_rows(
-            (height, width),
+            height,
+            width,
             #[inline(always)]
             |row, out| {
                 let blurred = blur(luma.around(row, out.len()), (1, 0), weights);
@@ -88,7 +90,8 @@ impl Sharpen {
         let (amount, coring) = (WEIGHT.of(self.amount), ENCODED.of(self.coring));
         let (over, under) = (ENCODED.of(self.over), ENCODED.of(self.under));
         Grid::several_from_rows(
-            (height, width),
+            height,
+            width,
             #[inline(always)]
             |row, outs| {
                 let mut detail = blur(down.around(row, width), (0, 1), weights);
@@ -237,7 +240,7 @@ mod tests {
             let far = farthest(&smooth, &wanted);
             assert!(far < 1e-6, "{far}");
             let whole = || {
-                Grid::from_rows((height, width), |row, out| {
+                Grid::from_rows(height, width, |row, out| {
                     out.iter_mut().zip(&given[row]).for_each(|(out, v)| *out = ENCODED.of(*v) as i16);
                 })
             };

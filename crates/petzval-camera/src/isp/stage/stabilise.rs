@@ -100,7 +100,8 @@ impl Stable {
 /// The roots of the light of a mosaic, each by `root`.
 pub fn rooted(light: &Grid<i32>, root: impl Fn(i32) -> i32 + Sync) -> Grid<i16> {
     Grid::from_rows(
-        light.size(),
+        light.height,
+        light.width,
         #[inline(always)]
         |row, out| {
             let light = light.row(row);

@@ -77,7 +77,8 @@ impl ToneMap {
         let darkest = f64::from(DARKEST_LOG2).exp2();
         let table = OctaveTable::new(LINEAR.max, LOG2, |v| (v / one).max(darkest).log2());
         Grid::from_rows(
-            light.size(),
+            light.height,
+            light.width,
             #[inline(always)]
             |row, out| {
                 let near = light.around(row, out.len());

@@ -1,9 +1,9 @@
 //! Compares the rows of `expose` with the pixels of the readable reference, bit by bit.
 
-use pulp::Simd;
+use pulp::{Simd, WithSimd};
 
 use super::*;
-use crate::sensor::expose::{Frame, Scratch, expose_row};
+use crate::sensor::expose::{ExposeRow, Frame, Scratch};
 
 const MODES: [NoiseMode; 6] = [
     NoiseMode::Exact,
@@ -59,7 +59,7 @@ fn every_pixel_of_a_frame_equals_the_reference_pixel() {
                 frame: 3,
                 ..capture(15_000.0, 0.3, 1.3)
             };
-            let (raw, slopes) = expose_tracked(&light, sensor, &capture, &noise(mode));
+            let (raw, slopes) = expose_with_tape(&light, sensor, &capture, &noise(mode)).unwrap();
             assert_eq!(expose(&light, sensor, &capture, &noise(mode)).unwrap(), raw);
             for pixel in 0..raw.dn.len() {
                 let (r, c) = (pixel / 150, pixel % 150);
@@ -80,11 +80,26 @@ fn row_with(simd: impl Simd, light: &LinearImage, sensor: &SensorModel, mode: No
     let n = light.width;
     let (mut dn, mut by_light) = (vec![0.0f32; n], vec![0.0f32; n]);
     let mut scratch = Scratch::default();
-    simd.vectorize(
-        #[inline(always)]
-        || expose_row::<true>(&frame, 2, &mut scratch, &mut dn, &mut by_light),
-    );
+    let row = ExposeRow::<true> {
+        frame: &frame,
+        row: 2,
+        scratch: &mut scratch,
+        dn: &mut dn,
+        by_light: &mut by_light,
+    };
+    simd.vectorize(Row(row));
     dn.iter().chain(&by_light).map(|v| v.to_bits()).collect()
+}
+
+struct Row<'f, 'a, 'm>(ExposeRow<'f, 'a, 'm, true>);
+
+impl WithSimd for Row<'_, '_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        self.0.with_simd(simd);
+    }
 }
 
 #[test]
@@ -115,7 +130,7 @@ fn noise_depends_on_seed_frame_and_pixel_only() {
     for mode in MODES {
         let run = |threads: usize, noise: Noise, capture: Capture| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| expose_tracked(&light, &sensor, &capture, &noise))
+            pool.install(|| expose_with_tape(&light, &sensor, &capture, &noise).unwrap())
         };
         let base = run(1, noise(mode), frame);
         assert!(base == run(2, noise(mode), frame));

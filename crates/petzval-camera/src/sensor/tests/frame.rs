@@ -6,7 +6,7 @@ use super::*;
 fn full_well_and_converter_saturate_and_block_the_gradient() {
     let bright = LinearImage::filled(CHANNELS, 4, 4, 1.0);
     let at = |sensor: &SensorModel, mode| {
-        expose_tracked(&bright, sensor, &capture(60000.0, 0.01, 1.0), &noise(mode))
+        expose_with_tape(&bright, sensor, &capture(60000.0, 0.01, 1.0), &noise(mode)).unwrap()
     };
     let (raw, slopes) = at(&imx249(), NoiseMode::StraightThrough);
     assert!(raw.dn.iter().all(|&v| v == 4095.0));
@@ -58,7 +58,7 @@ fn slopes_match_finite_differences() {
         let light = |value: f32| LinearImage::filled(CHANNELS, 6, 6, value);
         let frame = capture(5000.0, 0.05, 2.0);
         let dn = |v: f32| expose(&light(v), &sensor, &frame, &noise(NoiseMode::Off)).unwrap().dn;
-        let (_, slopes) = expose_tracked(&light(0.4), &sensor, &frame, &noise(NoiseMode::Off));
+        let (_, slopes) = expose_with_tape(&light(0.4), &sensor, &frame, &noise(NoiseMode::Off)).unwrap();
         let h = 1.0 / 64.0;
         let (high, low) = (dn(0.4 + h), dn(0.4 - h));
         for i in 0..36 {
@@ -72,7 +72,7 @@ fn slopes_match_finite_differences() {
     // The dequantised factor is noisy but has mean one.
     let (sensor, frame) = (imx249(), capture(5000.0, 0.01, 2.0));
     let many = LinearImage::filled(CHANNELS, 400, 400, 0.4);
-    let run = |mode| expose_tracked(&many, &sensor, &frame, &noise(mode)).1;
+    let run = |mode| expose_with_tape(&many, &sensor, &frame, &noise(mode)).unwrap().1;
     let (noisy, plain) = (run(NoiseMode::Dequantised), run(NoiseMode::Off)[1]);
     let green = (0..400 * 400).filter(|i| (i / 400 + i % 400) % 2 == 1).map(|i| noisy[i] as f64);
     let (n, mean, variance, _) = moments(green);
@@ -83,7 +83,7 @@ fn slopes_match_finite_differences() {
 fn exact_counts_have_no_derivative_with_respect_to_light() {
     let light = LinearImage::filled(CHANNELS, 4, 4, 0.3);
     let frame = capture(5000.0, 0.01, 1.0);
-    let (_, slopes) = expose_tracked(&light, &imx249(), &frame, &noise(NoiseMode::Exact));
+    let (_, slopes) = expose_with_tape(&light, &imx249(), &frame, &noise(NoiseMode::Exact)).unwrap();
     assert!(slopes.iter().all(|&v| v == 0.0));
 }
 
