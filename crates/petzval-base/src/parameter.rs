@@ -157,22 +157,36 @@ impl Numbers for f32 {
     }
 }
 
-macro_rules! several_numbers {
-    ($(($($parameter:tt)*) $kind:ty),*) => {$(
-        impl<$($parameter)*> Numbers for $kind {
-            fn numbers(&self) -> Vec<f64> {
-                self.iter().flat_map(Numbers::numbers).collect()
-            }
+impl<T: Numbers, const N: usize> Numbers for [T; N] {
+    fn numbers(&self) -> Vec<f64> {
+        self.iter().flat_map(Numbers::numbers).collect()
+    }
 
-            fn set_numbers(&mut self, values: &mut dyn Iterator<Item = f64>) {
-                self.iter_mut().for_each(|number| number.set_numbers(values));
-            }
-        }
-    )*};
+    fn set_numbers(&mut self, values: &mut dyn Iterator<Item = f64>) {
+        self.iter_mut().for_each(|number| number.set_numbers(values));
+    }
 }
 
-// A number that is left out has no value, and stays left out.
-several_numbers!((T: Numbers, const N: usize) [T; N], (T: Numbers) Vec<T>, (T: Numbers) Option<T>);
+impl<T: Numbers> Numbers for Vec<T> {
+    fn numbers(&self) -> Vec<f64> {
+        self.iter().flat_map(Numbers::numbers).collect()
+    }
+
+    fn set_numbers(&mut self, values: &mut dyn Iterator<Item = f64>) {
+        self.iter_mut().for_each(|number| number.set_numbers(values));
+    }
+}
+
+/// A number that is left out has no value, and stays left out.
+impl<T: Numbers> Numbers for Option<T> {
+    fn numbers(&self) -> Vec<f64> {
+        self.iter().flat_map(Numbers::numbers).collect()
+    }
+
+    fn set_numbers(&mut self, values: &mut dyn Iterator<Item = f64>) {
+        self.iter_mut().for_each(|number| number.set_numbers(values));
+    }
+}
 
 /// Declares a configuration table: the struct, its default, its reading by serde, its JSON Schema, and its
 /// [`ParameterTable`](crate::parameter::ParameterTable).
