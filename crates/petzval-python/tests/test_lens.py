@@ -85,3 +85,15 @@ def test_the_penalty_has_its_gradient(triplet: pz.Lens) -> None:
         h[i] = step
         difference = (space.penalty(x + h)[0] - space.penalty(x - h)[0]) / (2 * step)
         assert gradient[i] == pytest.approx(difference, rel=1e-5, abs=1e-6)
+
+
+def test_a_lens_is_optimised_and_toleranced(triplet: pz.Lens, tmp_path) -> None:
+    better = triplet.optimize(goal={"edge": 0.8}, iterations=5)
+    assert better.lens.spots().rms_um.mean() < triplet.spots().rms_um.mean()
+    assert better.lens.efl_mm == pytest.approx(triplet.efl_mm, rel=1e-6)
+    kept = triplet.optimize(tmp_path / "kept", goal={"edge": 0.8}, iterations=5)
+    assert kept.lens.to_toml() == better.lens.to_toml() and (tmp_path / "kept" / "best.toml").is_file()
+
+    tolerance = triplet.tolerance(grade="commercial", trials=5)
+    rows = tolerance.sensitivities
+    assert rows and all({"name", "unit"} <= row.keys() for row in rows)

@@ -411,21 +411,37 @@ class Lens:
         return DesignSpace(_petzval.DesignSpace(self._core, json.dumps(plan)))
 
     def optimize(
-        self, out: str | os.PathLike[str] | None = None, *, progress: Progress = False, cancel: Cancel | None = None, **request: Any
+        self,
+        out: str | os.PathLike[str] | None = None,
+        *,
+        goal: Mapping[str, Any] | None = None,
+        search: bool = False,
+        seed: int | None = None,
+        progress: Progress = False,
+        cancel: Cancel | None = None,
+        **request: Any,
     ) -> Optimized:
         """The lens optimised within limits, by the job ``lens-optimize``.
 
         Args:
             out: Folder for the history, with which an interrupted optimisation goes on; none is kept if left out.
+            goal: What the lens has to be, such as ``{"edge": 0.8, "track": 60.0}``; the schema of the job has all keys.
+            search: Whether to search the whole of the bounds, not only downhill from the lens.
+            seed: Seed of the search.
             progress: ``True`` for a bar, or a function that takes every event.
             cancel: A flag that another thread may set.
-            **request: Further keys of the job, such as ``rounds=100`` or ``search=True``; see `petzval.requests.LensOptimize`.
+            **request: Further keys of the job, such as ``iterations=50`` or ``rounds=100``; see `petzval.requests.LensOptimize`.
         """
         with tempfile.TemporaryDirectory() as folder:
             kept = Path(folder) / "optimised" if out is None else Path(out)
-            asked = {**request, "out": kept}
-            response = self._run("lens-optimize", asked, key="start", progress=progress, cancel=cancel)
-            best = Lens.load(kept / "best.toml", glasses=self._core.glasses())
+            new: dict[str, Any] = {"lens": {"toml": self.to_toml()}, "out": kept, "goal": dict(goal or {}), "global": search}
+            if seed is not None:
+                new["seed"] = seed
+            asked = {**request, "start": {"new": new}}
+            response = jobs.run(
+                "lens-optimize", asked, glasses=self._core.glasses(), progress=progress, cancel=cancel
+            )
+            best = Lens.load(response["found"]["lens"], glasses=self._core.glasses())
         return Optimized(lens=best, response=response)
 
     def tolerance(self, *, progress: Progress = False, cancel: Cancel | None = None, **request: Any) -> Tolerance:
@@ -439,8 +455,8 @@ class Lens:
         """
         return Tolerance(self._run("lens-tolerance", request, progress=progress, cancel=cancel))
 
-    def _run(self, job: str, request: Mapping[str, Any], *, key: str = "lens", **how: Any) -> dict[str, Any]:
-        asked = {**request, key: {"toml": self.to_toml()}}
+    def _run(self, job: str, request: Mapping[str, Any], **how: Any) -> dict[str, Any]:
+        asked = {**request, "lens": {"toml": self.to_toml()}}
         return jobs.run(job, asked, glasses=self._core.glasses(), **how)
 
     def _fields(self, fields_deg: ArrayLike | None) -> Array:
@@ -524,7 +540,7 @@ class Tolerance:
     @property
     def sensitivities(self) -> list[dict[str, Any]]:
         """A row for each error: its name, unit and effect. ``pandas.DataFrame`` takes it as it is."""
-        rows: list[dict[str, Any]] = self.response["sensitivities"]
+        rows: list[dict[str, Any]] = self.response["report"]["sensitivities"]
         return rows
 
 
