@@ -9,8 +9,7 @@ use serde_json::{Map, Value};
 
 use crate::context::Context;
 use crate::error::JobError;
-use crate::event::WarningKind;
-use crate::glass::library_with;
+use crate::glass::context_with;
 use crate::job::Row;
 use crate::keys::{InKeys, error_in_keys};
 use crate::table::jobs;
@@ -119,9 +118,7 @@ impl Call {
         if context.command().is_empty() {
             context = context.with_command(format!("petzval call # job {}", self.job));
         }
-        let warn = |line: String| context.warning(WarningKind::LensFile, line);
-        let assets = library_with(context.assets.clone(), &self.glasses, false, &warn)?;
-        let context = context.with_assets(assets);
+        let context = context_with(context, &self.glasses)?;
         if self.threads == 0 {
             return row.run(request, &context);
         }

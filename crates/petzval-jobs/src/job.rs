@@ -78,13 +78,7 @@ impl Row {
     /// Runs it. A request that does not fit the schema is an error with the key that is wrong; a panic is a failure of this job alone.
     pub fn run(&self, request: Value, context: &Context) -> Result<Value, JobError> {
         let context = context.for_a_job();
-        panic_place::keep();
-        // What a job leaves half done is dropped with it: its context is lent, and holds nothing that a panic could break.
-        let result = catch_unwind(AssertUnwindSafe(|| (self.run)(request, &context)));
-        let result = result.unwrap_or_else(|panic| {
-            let (message, place) = panic_place::of(panic.as_ref());
-            Err(JobError::Panic { job: self.name.to_owned(), message, place })
-        });
+        let result = guarded(self.name, || (self.run)(request, &context));
         // Work that does not know of the context does not know what the job has written before.
         result.map_err(|error| match error {
             JobError::Stopped(stopped) if stopped.kept.is_empty() => {
@@ -93,6 +87,16 @@ impl Row {
             other => other,
         })
     }
+}
+
+/// Does work of a job. A panic is an error that names the job.
+pub fn guarded<T>(job: &str, work: impl FnOnce() -> Result<T, JobError>) -> Result<T, JobError> {
+    panic_place::keep();
+    // What a job leaves half done is dropped with it: its context is lent, and holds nothing that a panic could break.
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| {
+        let (message, place) = panic_place::of(panic.as_ref());
+        Err(JobError::Panic { job: job.to_owned(), message, place })
+    })
 }
 
 fn schema<J: Job>() -> Value {

@@ -61,7 +61,7 @@ pub use device::compiled_in_devices;
 pub use error::{ErrorReport, Fault, JobError, Place, Stopped, json, text_of_file};
 pub use event::{CameraScore, Event, WarningKind};
 pub use input::{ExperimentInput, LensInput, SensorInput};
-pub use job::{Job, Row};
+pub use job::{Job, Row, guarded};
 pub use petzval_design::library::Library;
 pub use table::jobs;
 

@@ -3,6 +3,7 @@
 use petzval_camera::image::{CHANNELS, LinearImage};
 use petzval_camera::psf::PsfBank;
 use petzval_design::error::DesignError;
+use petzval_files::raw_file::RawFrame;
 
 use crate::error::JobError;
 
@@ -28,6 +29,16 @@ pub(crate) fn check_picture(picture: &LinearImage, name: &str) -> Result<(), Job
         }
         None => Ok(()),
     }
+}
+
+/// Refuses a raw frame that has not one number for each pixel. `name` is what errors call it.
+pub(crate) fn check_numbers<T>(frame: &RawFrame<T>, name: &str) -> Result<(), JobError> {
+    let RawFrame { height, width, dn, .. } = frame;
+    if dn.is_empty() || height.checked_mul(*width) != Some(dn.len()) {
+        let message = format!("{name}: {} digital numbers for {height}x{width} pixels", dn.len());
+        return Err(JobError::input(message, "give one number for each pixel, row by row"));
+    }
+    Ok(())
 }
 
 /// Refuses PSFs that no picture can be rendered with.

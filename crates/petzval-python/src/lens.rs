@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use numpy::{AllowTypeChange, PyArrayLike1};
 use petzval_files::{LensFile, write_lens};
-use petzval_jobs::glass::library_with;
+use petzval_jobs::glass::context_with;
 use petzval_jobs::input::{Input, LensFormat, LensText};
-use petzval_jobs::{Context, JobError, LensInput, WarningKind, json};
+use petzval_jobs::{Context, JobError, LensInput, json};
 use petzval_optics::analysis::{AnalysisOptions, layout, mtf_at, spot_diagram, wavefront};
 use petzval_optics::lens::Lens;
 use petzval_optics::number::Number;
@@ -57,8 +57,7 @@ struct Facts {
 
 /// A lens as its job reads it, with the glasses of these catalogues first.
 fn read(input: &LensInput, glasses: &[PathBuf], context: &Context) -> Result<LensFile, JobError> {
-    let warn = |line: String| context.warning(WarningKind::LensFile, line);
-    input.read(&library_with(context.assets.clone(), glasses, false, &warn)?)
+    input.read(&context_with(context.clone(), glasses)?.assets)
 }
 
 #[pymethods]
@@ -118,7 +117,7 @@ impl PyLens {
             source: lens.source.clone(),
             efl_mm: number(order.efl_mm),
             bfl_mm: number(order.bfl_mm),
-            f_number: number(order.efl_mm.abs() / lens.entrance_pupil_mm),
+            f_number: number(order.f_number),
             entrance_pupil_mm: lens.entrance_pupil_mm,
             reference_um: lens.reference_um,
             wavelengths_um: lens.wavelengths_um.clone(),

@@ -1,19 +1,26 @@
 //! Work outside Python's lock: its events go to Python, and an interrupt stops it.
 
-use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 
 use petzval_base::Cancel;
-use petzval_jobs::{Context, Event, JobError, Watcher, built_in_assets};
+use petzval_jobs::{Context, Event, JobError, Library, Watcher, built_in_assets, guarded};
 use pyo3::prelude::*;
 
-use crate::error::{exception, panicked};
+use crate::error::exception;
 use crate::pool::pool;
 
 /// How often the calling thread looks for interrupts.
 const TICK: Duration = Duration::from_millis(50);
+
+/// The built-in files, with their glasses read: that takes longer than most calls.
+static LIBRARY: LazyLock<Library> = LazyLock::new(|| {
+    let library = built_in_assets();
+    // An error comes back where a lens is read.
+    let _read = library.catalog();
+    library
+});
 
 /// A flag that stops work, from any thread.
 #[pyclass(frozen, name = "Cancel", module = "petzval._petzval")]
@@ -63,22 +70,17 @@ pub fn watched<T: Send>(
     let Watch(listener, flag) = watch;
     let cancel = flag.as_ref().map(|flag| flag.get().0.clone()).unwrap_or_default();
     let (sender, mut events) = channel();
-    let context = Context::new(built_in_assets(), Arc::new(Events(sender))).with_cancellation(cancel.clone());
+    let context = Context::new(LIBRARY.clone(), Arc::new(Events(sender))).with_cancellation(cancel.clone());
     let (done, raised) = std::thread::scope(|scope| {
-        let worker = scope.spawn(move || {
-            // What panics is dropped with its work.
-            pool().and_then(|pool| {
-                catch_unwind(AssertUnwindSafe(|| pool.install(|| work(&context))))
-                    .unwrap_or_else(|panic| Err(panicked(panic.as_ref())))
-            })
-        });
+        let worker = scope
+            .spawn(move || pool().and_then(|pool| guarded("petzval", || pool.install(|| work(&context)))));
         let raised = listen(py, &mut events, listener.as_ref(), &cancel);
         (py.detach(|| worker.join()), raised)
     });
     match (raised, done) {
         (Some(raised), _) => Err(raised),
         (None, Ok(done)) => done.map_err(|error| exception(py, &error)),
-        (None, Err(panic)) => Err(exception(py, &panicked(panic.as_ref()))),
+        (None, Err(panic)) => std::panic::resume_unwind(panic),
     }
 }
 

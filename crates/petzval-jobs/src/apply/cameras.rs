@@ -15,7 +15,7 @@ use crate::context::Context;
 use crate::error::JobError;
 use crate::evaluate::camera_of;
 use crate::event::WarningKind;
-use crate::pixels::check_picture;
+use crate::pixels::{check_numbers, check_picture};
 use crate::run_page::warn_of_changed_config;
 use crate::simulate::Place;
 
@@ -236,10 +236,7 @@ fn check_raw(frame: &RawFrame, sensor: &SensorModel, name: &str) -> Result<(), J
             frame[0], frame[1], whole[0], whole[1]
         ));
     }
-    if frame.dn.is_empty() || frame.dn.len() != frame.height * frame.width {
-        let (height, width) = (frame.height, frame.width);
-        return wrong(format!("{} digital numbers for {height} x {width} pixels", frame.dn.len()));
-    }
+    check_numbers(frame, name)?;
     let Placement { row, col } = centred(sensor.height, sensor.width, frame);
     let cfa = sensor.cfa.starting_at(row, col);
     if frame.info.cfa.is_some_and(|found| found != cfa) {

@@ -9,7 +9,9 @@ use petzval_design::library::Library;
 use petzval_files::{GlassWarning, decode, is_meant_as_catalog, parse_agf, parse_catalog, parse_rii};
 use petzval_optics::glass::Catalog;
 
+use crate::context::Context;
 use crate::error::JobError;
+use crate::event::WarningKind;
 
 /// The glasses of the user's files, and the lines of these files that were not understood.
 #[derive(Clone, Debug, Default)]
@@ -62,6 +64,13 @@ pub fn library_with(
         warn("`petzval glass list` shows every line of glass catalogues that is left out".to_owned());
     }
     Ok(library.with_glasses(chosen.catalog))
+}
+
+/// A context with the glasses of these files, which take precedence. Lines that were not understood are warnings, the first of each kind.
+pub fn context_with(context: Context, paths: &[PathBuf]) -> Result<Context, JobError> {
+    let warn = |line: String| context.warning(WarningKind::LensFile, line);
+    let library = library_with(context.assets.clone(), paths, false, &warn)?;
+    Ok(context.with_assets(library))
 }
 
 const ENDINGS: &str = ".agf, .toml, .yml or .yaml";

@@ -9,7 +9,7 @@ use petzval_optics::glass::{Glass, LINE_C_UM, LINE_D_UM, LINE_F_UM, LINE_G_UM};
 
 use crate::finite::finite;
 
-pub use catalogs::{ChosenGlasses, library_with, read_glasses};
+pub use catalogs::{ChosenGlasses, context_with, library_with, read_glasses};
 
 /// Whether a glass is of a maker, by any part of the maker's name in upper or lower case; without a maker every glass is.
 fn is_made_by(glass: &Glass, maker: Option<&str>) -> bool {

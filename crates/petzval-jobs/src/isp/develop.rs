@@ -7,7 +7,6 @@ use std::time::Instant;
 pub use petzval_camera::isp::{Chroma, Range, Standard};
 use petzval_camera::isp::{HardwareIsp, RawInput, RgbPicture, YcbcrFormat};
 use petzval_files::isp_file::picture_png_bytes;
-use petzval_files::raw_file::RawFrame;
 use petzval_files::{y4m_bytes, yuv_bytes};
 use petzval_report::isp_strip::{Strip, StripParameter, StripStep, page};
 use schemars::JsonSchema;
@@ -17,6 +16,7 @@ use super::frame::{FrameOptions, Merge, Source, read_merged, read_one};
 use crate::context::Context;
 use crate::error::{JobError, make_folder, write_file};
 use crate::named_isp::{NamedIsp, about_frame, isp_by_name};
+use crate::pixels::check_numbers;
 use crate::range::check_ranges;
 use crate::results::{check_folder, has_ending};
 
@@ -131,13 +131,7 @@ pub fn pictures_of(
     context: &Context,
 ) -> Result<Vec<Picture>, JobError> {
     let named = named_isp(request, context)?;
-    for raw in raws {
-        let RawFrame { height, width, dn, .. } = raw.frame;
-        if dn.is_empty() || height.checked_mul(*width) != Some(dn.len()) {
-            let message = format!("{}: {} digital numbers for {height}x{width} pixels", raw.name, dn.len());
-            return Err(JobError::input(message, "give one number for each pixel, row by row"));
-        }
-    }
+    raws.iter().try_for_each(|raw| check_numbers(raw.frame, raw.name))?;
     let sources: Vec<Source<'_>> = raws.iter().copied().map(Source::Memory).collect();
     let shots: Shots<'_> = match (&request.merge, raws.first()) {
         (_, None) => return Err(no_frame()),

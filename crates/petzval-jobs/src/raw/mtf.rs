@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 use crate::context::Context;
 use crate::error::{JobError, json, make_folder, write_file};
 use crate::event::WarningKind;
-use crate::pixels::check_picture;
+use crate::pixels::{check_numbers, check_picture};
 use crate::range::check_ranges;
 use crate::results::{check_folder, what_is};
 
@@ -135,11 +135,7 @@ pub fn edges(
     check_ranges(request)?;
     let frame = match pixels {
         Pixels::Raw(raw) => {
-            let RawFrame { height, width, dn, .. } = raw;
-            if dn.is_empty() || height.checked_mul(*width) != Some(dn.len()) {
-                let message = format!("{name}: {} digital numbers for {height}x{width} pixels", dn.len());
-                return Err(JobError::input(message, "give one number for each pixel, row by row"));
-            }
+            check_numbers(raw, name)?;
             frame_of_raw(request, raw, name, context)?
         }
         Pixels::Picture(light) => {

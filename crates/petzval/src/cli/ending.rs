@@ -32,7 +32,7 @@ pub fn finish(ending: Result<Code, Failure>) -> Code {
 }
 
 /// Ends the command after arguments that cannot be parsed, or after `--help` and `--version`.
-pub fn usage(said: &clap::Error, words: &[OsString], command: &Command) -> Code {
+pub fn usage(said: &clap::Error, words: &[OsString], command: fn() -> Command) -> Code {
     if said.kind() == ErrorKindOfArguments::InvalidUtf8
         && let Some(refused) = not_text(words, command)
     {
@@ -55,15 +55,12 @@ pub fn usage(said: &clap::Error, words: &[OsString], command: &Command) -> Code 
 }
 
 /// The argument that is refused because it is not UTF-8. Folders and many files may have such names, so that not every one is refused.
-fn not_text(arguments: &[OsString], command: &Command) -> Option<OsString> {
+fn not_text(arguments: &[OsString], command: fn() -> Command) -> Option<OsString> {
     let is_refused = |place: usize| {
         let others = arguments.iter().enumerate().map(|(other, argument)| {
             if other == place { argument.clone() } else { argument.to_string_lossy().into_owned().into() }
         });
-        command
-            .clone()
-            .try_get_matches_from(others)
-            .is_err_and(|e| e.kind() == ErrorKindOfArguments::InvalidUtf8)
+        command().try_get_matches_from(others).is_err_and(|e| e.kind() == ErrorKindOfArguments::InvalidUtf8)
     };
     let place =
         (0..arguments.len()).find(|place| arguments[*place].to_str().is_none() && is_refused(*place))?;

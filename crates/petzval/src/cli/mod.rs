@@ -143,7 +143,7 @@ pub fn main(words: impl IntoIterator<Item = OsString>) -> Code {
     let words: Vec<OsString> = words.into_iter().collect();
     match Cli::try_parse_from(&words) {
         Ok(cli) => ending::finish(run(cli, words)),
-        Err(said) => ending::usage(&said, &words, &Cli::command()),
+        Err(said) => ending::usage(&said, &words, Cli::command),
     }
 }
 
