@@ -16,8 +16,8 @@ use super::{output, plain, signals};
 ///
 /// A call names a job and holds its request:
 ///
-///     echo '{"format": 1, "job": "lens-trace", "request": {"lens": "cooke-triplet-nominal",
-///       "field": 10, "wavelength": 0.55, "pupil": [0, 1]}}' | petzval call
+///   echo '{"format": 1, "job": "lens-trace", "request": {"lens": "cooke-triplet-nominal",
+///     "field": 10, "wavelength": 0.55, "pupil": [0, 1]}}' | petzval call
 ///
 /// `petzval jobs` lists the jobs, `petzval schema job NAME` prints what a request may hold, and `petzval schema call` what
 /// stands beside it: glasses, overwrite, threads, device.
