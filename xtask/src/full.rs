@@ -51,6 +51,7 @@ fn parts(root: &Path) -> Result<Vec<Part>, String> {
             &[&test[..], &["damaged", "mutat"]].concat(),
             true,
         ),
+        part("the Python package, with PyTorch".to_owned(), &["xtask", "python", "--torch"], false),
     ];
     for experiment in experiments(root)? {
         let check = ["run", "--release", "--quiet", "--", "design", "--check", &experiment];

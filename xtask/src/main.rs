@@ -1,14 +1,15 @@
 //! Chores of the workspace.
 //!
 //! `cargo xtask layers` checks that the crates keep the order of the light path, and that no modules and no folders inside a crate use
-//! each other in a circle. `cargo xtask words` checks the comments: short sentences, no house words. `cargo xtask full` runs what
-//! continuous integration has no time for.
+//! each other in a circle. `cargo xtask words` checks the comments: short sentences, no house words. `cargo xtask python` installs the Python
+//! package and tests it. `cargo xtask full` runs what continuous integration has no time for.
 
 mod circles;
 mod files;
 mod full;
 mod layers;
 mod lexer;
+mod python;
 mod sources;
 mod words;
 
@@ -19,9 +20,10 @@ fn main() -> ExitCode {
     let result = match verb.as_str() {
         "layers" => layers::check(),
         "words" => words::check(),
+        "python" => python::check(std::env::args().any(|word| word == "--torch")),
         "full" => full::check(),
         _ => {
-            eprintln!("usage: cargo xtask layers|words|full");
+            eprintln!("usage: cargo xtask layers|words|python [--torch]|full");
             return ExitCode::from(2);
         }
     };
