@@ -9,6 +9,8 @@ mod jobs;
 mod lens;
 mod pool;
 mod psf;
+mod render;
+mod sensor;
 mod space;
 mod watch;
 
@@ -43,6 +45,10 @@ mod _petzval {
     use super::lens::PyLens;
     #[pymodule_export]
     use super::psf::PyPsfPlan;
+    #[pymodule_export]
+    use super::render::{PyDistortion, PyRenderer, wiener};
+    #[pymodule_export]
+    use super::sensor::PySensor;
     #[pymodule_export]
     use super::space::PyDesignSpace;
     #[pymodule_export]

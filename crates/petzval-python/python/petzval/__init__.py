@@ -8,21 +8,32 @@ from ._errors import InputError, PetzvalError, PetzvalWarning, Place, Stopped
 from ._petzval import Cancel, set_threads, threads
 from .lens import DesignSpace, Lens, Surface, Variable
 from .psfs import PsfBank, psf
+from .rendering import Distortion, FieldPsfs, Wiener, blend_error, patches_for, render, restore
+from .sensors import FixedPattern, Sensor
 
 __all__ = [
     "Cancel",
     "DesignSpace",
+    "Distortion",
+    "FieldPsfs",
+    "FixedPattern",
     "InputError",
     "Lens",
     "PetzvalError",
     "PetzvalWarning",
     "Place",
     "PsfBank",
+    "Sensor",
     "Stopped",
     "Surface",
     "Variable",
+    "Wiener",
+    "blend_error",
     "jobs",
+    "patches_for",
     "psf",
+    "render",
+    "restore",
     "set_threads",
     "threads",
 ]

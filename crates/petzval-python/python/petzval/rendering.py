@@ -1,0 +1,302 @@
+"""Light through a lens by Petzval's own renderer: blurred by the PSF of its place, dimmed and distorted; and the blur taken out again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _petzval
+from ._errors import InputError, Place
+from ._petzval import Cancel
+from ._watch import watch
+from .lens import Lens
+from .sensors import Sensor, _count
+
+__all__ = ["Distortion", "FieldPsfs", "HasPsfs", "Wiener", "blend_error", "patches_for", "render", "restore"]
+
+Picture = NDArray[np.float32]
+
+
+class HasPsfs(Protocol):
+    """PSFs of a rotationally symmetric lens by image radius: a `PsfBank`, or `FieldPsfs` of one's own.
+
+    A PSF belongs to an image point on the +y axis. Rows are y, away from the axis; the image point lies between the two middle cells.
+    """
+
+    @property
+    def values(self) -> Any:
+        """``[field, colour, y, x]``; each PSF has unit sum."""
+
+    @property
+    def illumination(self) -> Any:
+        """Irradiance of the image of a uniform scene, 1 on the axis, ``[field, colour]``."""
+
+    @property
+    def field_radius_mm(self) -> Any:
+        """Image radius of each field, mm, ascending from 0, ``[field]``."""
+
+    @property
+    def pitch_um(self) -> float:
+        """Size of a cell, um."""
+
+
+@dataclass(frozen=True, repr=False)
+class FieldPsfs:
+    """PSFs of one's own: measured, computed elsewhere, or tensors. `PsfBank` has the same attributes.
+
+    Attributes:
+        values: ``[field, colour, y, x]``; each PSF has unit sum. y grows away from the axis; the image point lies between the two middle cells.
+        field_radius_mm: Image radius of each field, mm, ascending from 0, ``[field]``.
+        pitch_um: Size of a cell, um.
+        illumination: Irradiance of the image of a uniform scene, 1 on the axis, ``[field, colour]``.
+    """
+
+    values: Any
+    field_radius_mm: Any
+    pitch_um: float
+    illumination: Any
+
+    def __repr__(self) -> str:
+        return f"<FieldPsfs {tuple(np.shape(self.values))}, cells of {self.pitch_um:g} um>"
+
+
+@dataclass(frozen=True, repr=False)
+class Distortion:
+    """Where on the image the points of a rectilinear picture land: the chief-ray map of a rotationally symmetric lens.
+
+    Between the given radii the map is a cubic through neighbouring values; beyond the last it is straight.
+
+    Attributes:
+        image_mm: Image radii, mm, ascending from 0, at least two.
+        ideal_mm: Radius of each in an image without distortion that has the same scale on the axis, mm, ascending from 0.
+
+    Raises:
+        InputError: The radii are no map.
+    """
+
+    image_mm: ArrayLike
+    ideal_mm: ArrayLike
+
+    def __post_init__(self) -> None:
+        # Fail where the map is made, not where it is used.
+        _ = self._core
+
+    @cached_property
+    def _core(self) -> _petzval.Distortion:
+        return _petzval.Distortion(self.image_mm, self.ideal_mm)
+
+    @classmethod
+    def of(cls, lens: Lens, sensor: Sensor) -> Distortion:
+        """That of a lens in front of a sensor, as ``petzval simulate`` renders it.
+
+        Raises:
+            InputError: A chief ray is lost, or the field is wider than a rectilinear picture can be.
+        """
+        with watch() as watching:
+            return cls(*_petzval.Distortion.table(lens._core, sensor._core, watching))
+
+    def to_ideal_mm(self, image_mm: ArrayLike) -> NDArray[np.float64]:
+        """The ideal radius of each image radius, mm, ``[radius]``."""
+        return self._core.ideal_mm(np.atleast_1d(np.asarray(image_mm, dtype=np.float64)))
+
+    def to_image_mm(self, ideal_mm: ArrayLike) -> NDArray[np.float64]:
+        """The image radius of each ideal radius, mm, ``[radius]``: where a label of the scene lands."""
+        return self._core.image_mm(np.atleast_1d(np.asarray(ideal_mm, dtype=np.float64)))
+
+    def frame(self, shape: tuple[int, int], pixel_um: float) -> tuple[int, int]:
+        """Rows and columns of a rectilinear picture that covers everything a sensor sees, in pixels of the sensor.
+
+        The optical axis meets the middle of both.
+        """
+        height, width = _pair("shape", shape)
+        return self._core.frame(height, width, pixel_um)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Distortion, (self.image_mm, self.ideal_mm)
+
+    def __repr__(self) -> str:
+        radii = np.asarray(self.image_mm)
+        return f"<Distortion of {len(radii)} radii up to {radii[-1]:.3g} mm>"
+
+
+@dataclass(frozen=True)
+class Wiener:
+    """How strongly a restoration trusts what it sees: the power of noise over that of the picture,
+
+    ``P_c(f) = noise (10 f)^power exp(s_c(f))``, with the frequency f in cycles per pixel.
+
+    Attributes:
+        noise: P at a tenth of a cycle per pixel, above 0.
+        power: Power of the frequency with which it grows, from 0.
+        curves: ``s_c`` of each colour at 1/64, 1/32, ... 1/2 cycles per pixel, ``[colour, 6]``, linear in log f between; 0 if left out.
+    """
+
+    noise: float = _petzval.wiener(None)[0]
+    power: float = _petzval.wiener(None)[1]
+    curves: Any = None
+
+    @classmethod
+    def of_exposure(cls, sensor: Sensor, *, white_e: float, time_s: float = 0.0, linear_gain: float = 1.0) -> Wiener:
+        """The filter for pictures of a sensor whose green pixels have `white_e` electrons of white, exposed for `time_s` at a linear gain."""
+        noise, power = _petzval.wiener((sensor._core, white_e, time_s, linear_gain))
+        return cls(noise, power)
+
+
+def render(
+    picture: ArrayLike,
+    psfs: HasPsfs,
+    *,
+    pixel_um: float,
+    shape: tuple[int, int] | None = None,
+    patches: tuple[int, int] | None = None,
+    distortion: Distortion | None = None,
+    row: int = 0,
+    column: int = 0,
+    size: tuple[int, int] | None = None,
+    samples: int = 1,
+    cancel: Cancel | None = None,
+) -> Picture:
+    """The light of a picture on the pixels of a sensor behind a lens.
+
+    The PSF of its place spreads the light of every point, relative illumination dims it, and distortion moves it. The sensor is divided into
+    patches; each has the PSF of its centre, rotated to its azimuth and integrated over pixels, and neighbouring patches blend. The optical axis
+    meets the middle of the sensor.
+
+    Args:
+        picture: Linear light of the scene, ``[y, x, colour]`` or ``[y, x]`` for one colour; not negative. It covers the sensor, or, with a
+            distortion, what the lens projects onto it (`Distortion.frame`). Outside it its edge is repeated.
+        psfs: PSFs of as many colours.
+        pixel_um: Pixel pitch, um.
+        shape: Rows and columns of the sensor; those of the picture if left out, which a distortion does not allow.
+        patches: Rows and columns of patches; if left out as many as ``petzval simulate`` takes (`patches_for`).
+        distortion: Where points land; as the picture shows them if left out.
+        row: Sensor row of the first pixel of the result.
+        column: Sensor column of the first pixel of the result.
+        size: Rows and columns of the result; up to the last pixel of the sensor if left out.
+        samples: Samples of the picture along a side of each pixel, which collects their mean.
+        cancel: A flag that another thread may set.
+
+    Returns:
+        Light on the pixels, ``[y, x, colour]`` or ``[y, x]``, 1 where a uniform scene of 1 is imaged on the axis. Error of the transforms: about
+        1e-6 of the largest value.
+
+    Raises:
+        InputError: An argument is out of its range, or shapes do not fit.
+    """
+    light, is_plane = _picture("picture", picture)
+    samples = _count("samples", samples)
+    if shape is None:
+        if distortion is not None:
+            hint = "name the rows and columns of the sensor"
+            raise InputError("shape: left out beside a distortion", place=Place(key="shape"), hint=hint)
+        shape = light.shape[0] // max(samples, 1), light.shape[1] // max(samples, 1)
+    height, width = _pair("shape", shape)
+    first = _count("row", row), _count("column", column)
+    last = _pair("size", size) if size is not None else (height - first[0], width - first[1])
+    window = first + (max(last[0], 0), max(last[1], 0))
+    with watch(cancel=cancel) as watching:
+        renderer = _renderer(psfs, (height, width), pixel_um, patches, None, watching)
+        core = None if distortion is None else distortion._core
+        found = renderer.light(light, core, window, samples, watching)
+    return found[..., 0] if is_plane else found
+
+
+def restore(
+    picture: ArrayLike,
+    psfs: HasPsfs,
+    *,
+    pixel_um: float,
+    wiener: Wiener | None = None,
+    shape: tuple[int, int] | None = None,
+    patches: tuple[int, int] | None = None,
+    row: int = 0,
+    column: int = 0,
+    cancel: Cancel | None = None,
+) -> Picture:
+    """A picture without the blur of its lens, as far as its noise allows: a Wiener filter that varies over the sensor as the blur does.
+
+    Each patch has the filter ``conj(K) / (|K|^2 + P)`` of its own kernel K; P is that of `Wiener`.
+
+    Args:
+        picture: Linear light, corrected for shading, ``[y, x, colour]`` or ``[y, x]``. Beyond its border its edge is repeated.
+        psfs: PSFs of as many colours.
+        pixel_um: Pixel pitch, um.
+        wiener: The noise; that of 16,000 electrons of white if left out.
+        shape: Rows and columns of the sensor; those of the picture if left out.
+        patches: Rows and columns of patches; if left out as many as ``petzval simulate`` takes (`patches_for`).
+        row: Sensor row of the first pixel of the picture.
+        column: Sensor column of the first pixel of the picture.
+        cancel: A flag that another thread may set.
+
+    Raises:
+        InputError: An argument is out of its range, or shapes do not fit.
+    """
+    blurred, is_plane = _picture("picture", picture)
+    wiener = Wiener() if wiener is None else wiener
+    curves = np.zeros((blurred.shape[2], 6)) if wiener.curves is None else wiener.curves
+    place = _count("row", row), _count("column", column)
+    with watch(cancel=cancel) as watching:
+        renderer = _renderer(psfs, blurred.shape[:2] if shape is None else shape, pixel_um, patches, None, watching)
+        found = renderer.restore(blurred, (wiener.noise, wiener.power, curves), *place, watching)
+    return found[..., 0] if is_plane else found
+
+
+def patches_for(
+    psfs: HasPsfs, shape: tuple[int, int], *, pixel_um: float, blend_error: float | None = None
+) -> tuple[int, int]:
+    """The fewest rows and columns of patches that blend PSFs with a median error over the sensor.
+
+    Args:
+        psfs: The PSFs.
+        shape: Rows and columns of the sensor.
+        pixel_um: Pixel pitch, um.
+        blend_error: Largest median error, see `blend_error`; that of scoring in experiments if left out.
+    """
+    with watch() as watching:
+        return _renderer(psfs, shape, pixel_um, None, blend_error, watching).patches()
+
+
+def blend_error(
+    psfs: HasPsfs, shape: tuple[int, int], patches: tuple[int, int], *, pixel_um: float
+) -> tuple[float, float]:
+    """Median over the sensor, and largest, of the difference between the PSF that is blended at a place and that of the place itself.
+
+    The difference is the sum of absolute differences over the pixels, both of unit sum, mean of the colours; 2 at most.
+    """
+    with watch() as watching:
+        return _renderer(psfs, shape, pixel_um, patches, None, watching).blend_error(watching)
+
+
+def _renderer(
+    psfs: HasPsfs,
+    shape: tuple[int, ...],
+    pixel_um: float,
+    patches: tuple[int, int] | None,
+    largest_error: float | None,
+    watching: Any,
+) -> _petzval.Renderer:
+    height, width = _pair("shape", shape)
+    number = None if patches is None else _pair("patches", patches)
+    return _petzval.Renderer(
+        psfs.values, psfs.illumination, psfs.field_radius_mm, psfs.pitch_um, (height, width, pixel_um), number, largest_error, watching
+    )
+
+
+def _pair(name: str, value: tuple[int, ...]) -> tuple[int, int]:
+    """Rows and columns."""
+    if isinstance(value, (tuple, list)) and len(value) == 2:
+        return _count(name, value[0]), _count(name, value[1])
+    raise InputError(f"{name} {value!r}: not two whole numbers", place=Place(key=name, value=repr(value)), hint="rows and columns")
+
+
+def _picture(name: str, picture: ArrayLike) -> tuple[Picture, bool]:
+    """A picture ``[y, x, colour]``, and whether it was given without colours."""
+    pixels: Picture = np.asarray(picture, dtype=np.float32)
+    if pixels.ndim not in (2, 3):
+        place = Place(key=name, value=f"of shape {pixels.shape}")
+        raise InputError(f"{name} of shape {pixels.shape}: has the wrong shape", place=place, hint="give [y, x] or [y, x, colour]")
+    return (pixels[..., None], True) if pixels.ndim == 2 else (pixels, False)
