@@ -132,11 +132,12 @@ class Wiener:
     Attributes:
         noise: P at a tenth of a cycle per pixel, above 0.
         power: Power of the frequency with which it grows, from 0.
+            Both are numbers; `petzval.torch.restore` takes tensors, too.
         curves: ``s_c`` of each colour at 1/64, 1/32, ... 1/2 cycles per pixel, ``[colour, 6]``, linear in log f between; 0 if left out.
     """
 
-    noise: float = _petzval.wiener(None)[0]
-    power: float = _petzval.wiener(None)[1]
+    noise: Any = _petzval.wiener(None)[0]
+    power: Any = _petzval.wiener(None)[1]
     curves: Any = None
 
     @classmethod
@@ -195,6 +196,10 @@ def render(
             raise InputError("shape: left out beside a distortion", place=Place(key="shape"), hint=hint)
         shape = light.shape[0] // max(samples, 1), light.shape[1] // max(samples, 1)
     height, width = _pair("shape", shape)
+    if distortion is None and light.shape[:2] != (height * samples, width * samples):
+        value = f"of {light.shape[0]} x {light.shape[1]} samples"
+        hint = f"the sensor has {height} x {width} pixels of {samples} x {samples} samples"
+        raise InputError(f"picture {value}: does not cover the sensor", place=Place(key="picture", value=value), hint=hint)
     first = _count("row", row), _count("column", column)
     last = _pair("size", size) if size is not None else (height - first[0], width - first[1])
     window = first + (max(last[0], 0), max(last[1], 0))

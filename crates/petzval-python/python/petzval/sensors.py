@@ -313,9 +313,10 @@ class Sensor:
         size: tuple[int, int] | None = None,
     ) -> NDArray[np.uint16]:
         """A dark frame ``[y, x]``: what `expose` gives without light, of the whole sensor or its first ``size`` rows and columns."""
-        height, width = self.shape if size is None else size
-        if height <= 0 or width <= 0:
-            raise InputError(f"size {size}: no size of a frame", place=Place(key="size", value=str(size)), hint="rows and columns")
+        height, width = self.shape if size is None else (_count("size", size[0]), _count("size", size[1]))
+        if not (1 <= height <= self.shape[0] and 1 <= width <= self.shape[1]):
+            place = Place(key="size", value=str(size))
+            raise InputError(f"size {size}: no size of a frame", place=place, hint=f"rows and columns, up to {self.shape}")
         # One dark pixel stands for all of them.
         electrons = np.broadcast_to(np.float32(0), (height, width))
         return self.expose(electrons, seed=seed, frame=frame, time_s=time_s, linear_gain=linear_gain)
