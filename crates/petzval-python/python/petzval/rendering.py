@@ -52,13 +52,17 @@ class FieldPsfs:
         values: ``[field, colour, y, x]``; each PSF has unit sum. y grows away from the axis; the image point lies between the two middle cells.
         field_radius_mm: Image radius of each field, mm, ascending from 0, ``[field]``.
         pitch_um: Size of a cell, um.
-        illumination: Irradiance of the image of a uniform scene, 1 on the axis, ``[field, colour]``.
+        illumination: Irradiance of the image of a uniform scene, 1 on the axis, ``[field, colour]``; 1 everywhere if left out.
     """
 
     values: Any
     field_radius_mm: Any
     pitch_um: float
-    illumination: Any
+    illumination: Any = None
+
+    def __post_init__(self) -> None:
+        if self.illumination is None:
+            object.__setattr__(self, "illumination", np.ones(np.shape(self.values)[:2]))
 
     def __repr__(self) -> str:
         return f"<FieldPsfs {tuple(np.shape(self.values))}, cells of {self.pitch_um:g} um>"

@@ -175,3 +175,15 @@ def test_wrong_arguments_are_exceptions(sensor: pz.Sensor) -> None:
             expose(flat, sensor, **{"seed": 0, **setting})
     with pytest.raises(pz.InputError, match="linear_gain"):
         expose(flat, sensor.with_(gain_steps=[1.0, 4.0]), seed=0, linear_gain=2.9)
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_gradients_of_functions_are_those_of_backward(sensor: pz.Sensor, mode: str) -> None:
+    electrons = batch(light(6, 7, 3)).requires_grad_()
+
+    def loss(electrons: "torch.Tensor") -> "torch.Tensor":
+        return expose(electrons, sensor, seed=4, mode=mode).square().mean()
+
+    loss(electrons).backward()
+    assert electrons.grad.dtype == torch.float32 and (electrons.grad.abs().max() > 0.0) == (mode != "exact")
+    torch.testing.assert_close(torch.func.grad(loss)(electrons.detach()), electrons.grad)

@@ -18,6 +18,19 @@ def test_a_flat_scene_stays_flat_and_dims_off_the_axis() -> None:
         np.testing.assert_allclose(light[..., c], np.interp(radius, bank.field_radius_mm, bank.illumination[:, c]), atol=3e-6)
 
 
+def test_a_flag_stops_it() -> None:
+    flag = pz.Cancel()
+    flag.set()
+    with pytest.raises(pz.Stopped):
+        pz.render(np.ones((20, 20, 3)), psfs(2, 3), pixel_um=5.0, patches=(1, 1), cancel=flag)
+
+
+def test_psfs_without_illumination_do_not_dim() -> None:
+    bank = psfs(3, 3)
+    even = pz.FieldPsfs(bank.values, bank.field_radius_mm, bank.pitch_um)
+    np.testing.assert_allclose(pz.render(np.ones((20, 24, 3)), even, pixel_um=5.0, patches=(3, 3)), 1.0, atol=3e-6)
+
+
 def test_a_point_becomes_the_psf_of_its_place() -> None:
     bank = psfs(1, 1, grid=8, pitch_um=5.0)
     scene = np.zeros((41, 41))
