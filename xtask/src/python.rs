@@ -9,14 +9,15 @@ use std::process::Command;
 const OLDEST: (u32, u32) = (3, 11);
 
 /// What the tests of the optional parts need. PyTorch takes 5.4 GB from PyPI, which has it for Linux with the libraries of CUDA alone.
-const OPTIONAL: [&str; 7] =
-    ["torch", "torchvision", "onnx", "onnxruntime", "onnxscript", "pandas", "xarray"];
+const OPTIONAL: [&str; 7] = ["torch", "torchvision", "onnx", "onnxruntime", "onnxscript", "pandas", "xarray"];
 
 /// Installs and tests the package. Without a Python that is new enough nothing is tested, and the report says so.
 pub fn check(with_torch: bool) -> Result<String, Vec<String>> {
     let Some(python) = interpreter() else {
         let (major, minor) = OLDEST;
-        return Ok(format!("NOT TESTED: the Python package, as there is no Python {major}.{minor} or newer with venv and pip here"));
+        return Ok(format!(
+            "NOT TESTED: the Python package, as there is no Python {major}.{minor} or newer with venv and pip here"
+        ));
     };
     run(&python, with_torch).map_err(|problem| vec![problem])
 }
@@ -27,7 +28,8 @@ fn run(python: &str, with_torch: bool) -> Result<String, String> {
     let environment = environment(&root);
     succeeds(Command::new(python).args(["-m", "venv"]).arg(&environment))?;
     let own = environment.join(if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" });
-    let pip = |what: &[&OsStr]| succeeds(Command::new(&own).args(["-m", "pip", "install", "--quiet"]).args(what));
+    let pip =
+        |what: &[&OsStr]| succeeds(Command::new(&own).args(["-m", "pip", "install", "--quiet"]).args(what));
     let mut with_tests = package.clone().into_os_string();
     with_tests.push("[test]");
     pip(&[&with_tests])?;
@@ -41,7 +43,8 @@ fn run(python: &str, with_torch: bool) -> Result<String, String> {
         module(&["pytest", "-q", "tests/torch"])?;
         return Ok("the Python package is installed, typed and tested, with PyTorch".to_owned());
     }
-    Ok("the Python package is installed, typed and tested; without PyTorch, see `cargo xtask full`".to_owned())
+    Ok("the Python package is installed, typed and tested; without PyTorch, see `cargo xtask full`"
+        .to_owned())
 }
 
 /// The first Python on the path that is new enough.
@@ -57,7 +60,8 @@ fn interpreter() -> Option<String> {
 
 /// Where the environment stands: beside what cargo builds.
 fn environment(root: &Path) -> PathBuf {
-    let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root.join("target"), |dir| root.join(dir));
+    let target =
+        std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root.join("target"), |dir| root.join(dir));
     target.join("python")
 }
 

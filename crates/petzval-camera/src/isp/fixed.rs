@@ -298,14 +298,11 @@ impl<T: Pixel> Grid<T> {
         Around { grid: self, row, width }
     }
 
-    /// Four by four pixels. `(row, col)`, a pixel of the grid, is the second pixel of the second row.
+    /// Four pixels of a row; `(row, col)` is the second of them, and may lie in the border.
     #[inline(always)]
-    pub fn four_by_four(&self, row: i32, col: i32) -> [[T; 4]; 4] {
-        let start = (row as usize + BORDER - 1) * self.stride() + col as usize + BORDER - 1;
-        std::array::from_fn(
-            #[inline(always)]
-            |k| self.data[start + k * self.stride()..].first_chunk().copied().unwrap_or_default(),
-        )
+    pub fn four(&self, row: i32, col: i32) -> &[T] {
+        let start = (row + BORDER as i32) as usize * self.stride() + col as usize + BORDER - 1;
+        &self.data[start..start + 4]
     }
 
     /// A row of the grid.

@@ -97,13 +97,13 @@ impl Dewarp {
                         for c in 0..down.len().min(BLOCK) {
                             let of_rows = &table[(y[c] & ((1 << PLACE_BITS) - 1)) as usize];
                             let of_cols = &across[(x[c] & ((1 << PLACE_BITS) - 1)) as usize];
-                            let four = colours.four_by_four(y[c] >> PLACE_BITS, x[c] >> PLACE_BITS);
+                            let (row, col) = (y[c] >> PLACE_BITS, x[c] >> PLACE_BITS);
                             // Down the four columns, three colours and a gap each, then across: sixteen numbers at a time.
                             let mut columns = [0; 16];
-                            for (line, weight) in four.iter().zip(of_rows) {
-                                let line = line.as_flattened();
-                                for k in 0..16 {
-                                    columns[k] += i32::from(line[k]) * weight;
+                            for (k, weight) in of_rows.iter().enumerate() {
+                                let line = colours.four(row + k as i32 - 1, col).as_flattened();
+                                for (sum, value) in columns.iter_mut().zip(line) {
+                                    *sum += i32::from(*value) * weight;
                                 }
                             }
                             for k in 0..16 {
