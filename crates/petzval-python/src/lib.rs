@@ -7,6 +7,7 @@ mod arrays;
 mod error;
 mod jobs;
 mod lens;
+mod lift;
 mod pool;
 mod psf;
 mod render;
@@ -43,6 +44,8 @@ mod _petzval {
     use super::jobs::{call, job_names, job_schemas};
     #[pymodule_export]
     use super::lens::PyLens;
+    #[pymodule_export]
+    use super::lift::{lift, lifted_step};
     #[pymodule_export]
     use super::psf::PyPsfPlan;
     #[pymodule_export]

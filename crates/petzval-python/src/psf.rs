@@ -5,8 +5,10 @@ use numpy::{
     AllowTypeChange, IntoPyArray, PyArray1, PyArray2, PyArray4, PyArrayLike1, PyArrayLike2, PyArrayLike4,
 };
 use petzval_jobs::{Context, JobError};
+use petzval_optics::gradient::LensGradient;
+use petzval_optics::lens::Lens;
 use petzval_optics::psf::{FieldPsf, PsfCotangent, PsfKind, PsfOptions, psf_converged, psf_with_tape};
-use petzval_optics::pupil::{PupilRefinement, Quadrature};
+use petzval_optics::pupil::{PupilRefinement, Quadrature, chief_ray, pull_back_chief};
 use pyo3::prelude::*;
 use rayon::prelude::*;
 
@@ -115,17 +117,16 @@ impl PyPsfPlan {
         self.arrays(py, &psfs, cells, error)
     }
 
-    /// The PSFs of the lens at free coordinates, on the pupil cells of the plan.
+    /// The PSFs of the lens with these numbers, on the pupil cells of the plan.
     fn at<'py>(
         &self,
         py: Python<'py>,
         space: &PyDesignSpace,
-        x: PyArrayLike1<'_, f64, AllowTypeChange>,
+        numbers: PyArrayLike1<'_, f64, AllowTypeChange>,
         watch: Watch<'_>,
     ) -> PyResult<Arrays<'py>> {
-        let x = space.coordinates(py, &x)?;
+        let lens = space.lens_with(py, &numbers)?;
         let psfs = watched(py, &watch, |context| {
-            let lens = space.lens_of(&x)?;
             let of_field =
                 |field| psf_with_tape(&lens, field, &self.wavelengths_um, &self.quadrature, &self.options);
             Ok(self.by_field(context, of_field)?.into_iter().map(|(psf, _)| psf).collect::<Vec<_>>())
@@ -133,36 +134,32 @@ impl PyPsfPlan {
         self.arrays(py, &psfs, self.pupil_cells, 0.0)
     }
 
-    /// Derivatives by the free coordinates of a loss with these derivatives by values, illumination and heights of chief rays (1/mm).
+    /// Derivatives by the numbers of the lens of a loss with these derivatives by values, illumination and chief rays (1/mm).
     fn pull_back<'py>(
         &self,
         py: Python<'py>,
         space: &PyDesignSpace,
-        x: PyArrayLike1<'_, f64, AllowTypeChange>,
+        numbers: PyArrayLike1<'_, f64, AllowTypeChange>,
         values: PyArrayLike4<'_, f64, AllowTypeChange>,
         illumination: PyArrayLike2<'_, f64, AllowTypeChange>,
-        chief_y: PyArrayLike1<'_, f64, AllowTypeChange>,
+        chief_mm: PyArrayLike2<'_, f64, AllowTypeChange>,
         watch: Watch<'_>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let x = space.coordinates(py, &x)?;
+        let lens = space.lens_with(py, &numbers)?;
         let (fields, colours, grid) = (self.fields_deg.len(), self.wavelengths_um.len(), self.options.grid);
         let values = checked(py, "values", values.as_array().into_dyn(), &[fields, colours, grid, grid])?;
         let light = checked(py, "illumination", illumination.as_array().into_dyn(), &[fields, colours])?;
-        let chief_y = checked(py, "chief_y", chief_y.as_array().into_dyn(), &[fields])?;
+        let chief_mm = checked(py, "chief_mm", chief_mm.as_array().into_dyn(), &[fields, 2])?;
         let gradient = watched(py, &watch, |context| {
-            let lens = space.lens_of(&x)?;
             let cells = grid * grid;
             let of_field = |i: usize| {
-                let field = self.fields_deg[i].to_radians();
-                let (psf, tape) =
-                    psf_with_tape(&lens, field, &self.wavelengths_um, &self.quadrature, &self.options)?;
                 let of_colour = |c: usize| values[(i * colours + c) * cells..][..cells].to_vec();
                 let cotangent = PsfCotangent {
                     values: (0..colours).map(of_colour).collect(),
                     illumination: light[i * colours..][..colours].to_vec(),
-                    chief_y: chief_y[i],
+                    chief_y: chief_mm[2 * i + 1],
                 };
-                Some(tape.gradient(&psf, &self.quadrature, &cotangent))
+                self.gradient(&lens, self.fields_deg[i].to_radians(), &cotangent, chief_mm[2 * i])
             };
             let parts = (0..fields)
                 .into_par_iter()
@@ -171,18 +168,56 @@ impl PyPsfPlan {
                     of_field(i).ok_or_else(|| no_light(self.fields_deg[i]))
                 })
                 .collect::<Result<Vec<_>, JobError>>()?;
-            let mut parts = parts.into_iter();
-            let Some(mut sum) = parts.next() else { return Ok(vec![0.0; x.len()]) };
-            parts.for_each(|part| sum += &part);
-            Ok(space.pull_back(&x, &lens, &sum))
+            let mut sum = LensGradient::zero(lens.surfaces.len());
+            parts.iter().for_each(|part| sum += part);
+            Ok(space.by_numbers(&sum))
         })?;
         Ok(Array1::from_vec(gradient).into_pyarray(py))
     }
 }
 
 impl PyPsfPlan {
+    /// Field angles, degrees.
+    pub fn fields_deg(&self) -> &[f64] {
+        &self.fields_deg
+    }
+
+    /// Wavelengths, um.
+    pub fn wavelengths_um(&self) -> &[f64] {
+        &self.wavelengths_um
+    }
+
+    /// The gradient of the relative illumination of a field at the middle wavelength; `None` if no light arrives.
+    pub fn light_gradient(&self, lens: &Lens, field_rad: f64) -> Option<LensGradient> {
+        let (colours, cells) = (self.wavelengths_um.len(), self.options.grid.pow(2));
+        let mut illumination = vec![0.0; colours];
+        illumination[colours / 2] = 1.0;
+        let cotangent = PsfCotangent { values: vec![vec![0.0; cells]; colours], illumination, chief_y: 0.0 };
+        self.gradient(lens, field_rad, &cotangent, 0.0)
+    }
+
+    /// The gradient of a loss with these derivatives by the PSFs of a field and by x of its chief ray; `None` if no light arrives.
+    fn gradient(
+        &self,
+        lens: &Lens,
+        field_rad: f64,
+        cotangent: &PsfCotangent,
+        by_chief_x: f64,
+    ) -> Option<LensGradient> {
+        let (psf, tape) =
+            psf_with_tape(lens, field_rad, &self.wavelengths_um, &self.quadrature, &self.options)?;
+        let mut gradient = tape.gradient(&psf, &self.quadrature, cotangent);
+        // In a lens without a plane of symmetry, the chief ray leaves the plane of the fields.
+        let reference = lens.at_wavelength(lens.reference_um);
+        if by_chief_x != 0.0 && !reference.is_mirror_symmetric {
+            let chief = chief_ray(&reference, field_rad)?;
+            pull_back_chief(&reference, &chief, [by_chief_x, 0.0], &mut gradient);
+        }
+        Some(gradient)
+    }
+
     /// What each field gives, in the order of the fields.
-    fn by_field<T: Send>(
+    pub fn by_field<T: Send>(
         &self,
         context: &Context,
         of: impl Fn(f64) -> Option<T> + Sync,

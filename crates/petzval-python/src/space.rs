@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use numpy::{AllowTypeChange, IntoPyArray, PyArray1, PyArrayLike1};
+use numpy::{AllowTypeChange, IntoPyArray, PyArray1, PyArray2, PyArrayLike1, PyArrayMethods};
+use petzval_design::block::free_slopes;
 use petzval_files::LensFile;
 use petzval_jobs::{JobError, json};
 use petzval_optics::constraint::{Constraint, penalty};
@@ -17,7 +18,7 @@ use petzval_optics::pupil::chief_ray;
 use pyo3::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::arrays::finite;
+use crate::arrays::{checked, finite};
 use crate::error::exception;
 use crate::lens::{PyLens, number_of};
 
@@ -28,6 +29,8 @@ pub struct PyDesignSpace {
     file: LensFile,
     glasses: Vec<PathBuf>,
     constraints: Vec<Constraint>,
+    /// The plan that it was made by, as JSON.
+    plan: String,
 }
 
 /// A variable as Python states it.
@@ -73,7 +76,7 @@ struct Plan {
     held_share: f64,
 }
 
-fn refused(error: &DesignSpaceError) -> JobError {
+pub fn refused(error: &DesignSpaceError) -> JobError {
     JobError::input(error.to_string(), "name other variables or bounds")
 }
 
@@ -159,6 +162,7 @@ impl PyDesignSpace {
     #[new]
     fn new(py: Python<'_>, lens: &PyLens, plan: &str) -> PyResult<Self> {
         let made = || -> Result<Self, JobError> {
+            let text = plan.to_owned();
             let plan: Plan = serde_json::from_str(plan).map_err(|e| JobError::input(e.to_string(), ""))?;
             let (solves, variables) = plan.solves_and_variables(&lens.file)?;
             let constraints = plan.constraints(&lens.file.lens, &solves)?;
@@ -170,9 +174,15 @@ impl PyDesignSpace {
                 plan.focus()?,
             );
             let space = space.and_then(SmoothSpace::new).map_err(|e| refused(&e))?;
-            Ok(Self { space, file: lens.file.clone(), glasses: lens.glasses.clone(), constraints })
+            let (file, glasses) = (lens.file.clone(), lens.glasses.clone());
+            Ok(Self { space, file, glasses, constraints, plan: text })
         };
         made().map_err(|error| exception(py, &error))
+    }
+
+    /// The lens that the space was made around, and the plan, as JSON: what makes the same space again.
+    fn parts(&self) -> (PyLens, String) {
+        (PyLens { file: self.file.clone(), glasses: self.glasses.clone() }, self.plan.clone())
     }
 
     /// The free coordinates of the lens that the space was made around.
@@ -213,7 +223,7 @@ impl PyDesignSpace {
         })
     }
 
-    /// The free coordinates of a lens with the same surfaces, moved inside their bounds.
+    /// Free coordinates of a lens with the same surfaces, moved inside their bounds: not onto them, where the map has no slope.
     fn coordinates_of<'py>(&self, py: Python<'py>, lens: &PyLens) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let (mine, other) = (self.file.lens.surfaces.len(), lens.file.lens.surfaces.len());
         if mine != other {
@@ -224,7 +234,30 @@ impl PyDesignSpace {
             ));
         }
         let at = self.space.space().coordinates(&lens.file.lens);
-        Ok(self.space.free(&at).into_pyarray(py))
+        Ok(self.space.off_bounds(&self.space.free(&at)).into_pyarray(py))
+    }
+
+    /// The numbers of the lens that follow free coordinates, and their derivatives, `[number][coordinate]`. Curvatures are in 1/mm, tilts in rad.
+    fn numbers<'py>(
+        &self,
+        py: Python<'py>,
+        x: PyArrayLike1<'_, f64, AllowTypeChange>,
+    ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>)> {
+        let x = self.coordinates(py, &x)?;
+        let places = self.space.space().numbers();
+        let found = py.detach(|| -> Result<_, JobError> {
+            let lens = self.lens_of(&x)?;
+            let slopes = free_slopes(&self.space, &x, &[], &lens).map_err(|e| refused(&e))?;
+            let rows: Vec<f64> = slopes.rows(0, places.len()).transpose().iter().copied().collect();
+            Ok((places.iter().map(|(s, number)| number.read(&lens, *s)).collect::<Vec<f64>>(), rows))
+        });
+        let (numbers, rows) = found.map_err(|error| exception(py, &error))?;
+        Ok((numbers.into_pyarray(py), rows.into_pyarray(py).reshape([places.len(), x.len()])?))
+    }
+
+    /// How many numbers of the lens follow the coordinates.
+    fn number_count(&self) -> usize {
+        self.space.space().numbers().len()
     }
 
     /// The squares of all violations at free coordinates, mm^2, and the derivatives of their sum.
@@ -267,6 +300,36 @@ impl PyDesignSpace {
     /// The lens at free coordinates.
     pub fn lens_of(&self, x: &[f64]) -> Result<Lens, JobError> {
         self.space.lens_at(x).map_err(|e| refused(&e))
+    }
+
+    /// The space itself.
+    pub fn space(&self) -> &SmoothSpace {
+        &self.space
+    }
+
+    /// What its lenses must keep.
+    pub fn constraints(&self) -> &[Constraint] {
+        &self.constraints
+    }
+
+    /// The lens with numbers that `numbers` gave.
+    pub fn lens_with(
+        &self,
+        py: Python<'_>,
+        numbers: &PyArrayLike1<'_, f64, AllowTypeChange>,
+    ) -> PyResult<Lens> {
+        let places = self.space.space().numbers();
+        let numbers = checked(py, "numbers", numbers.as_array().into_dyn(), &[places.len()])?;
+        let mut lens = self.space.space().base().clone();
+        for ((surface, number), value) in places.iter().zip(numbers) {
+            number.write(&mut lens, *surface, value);
+        }
+        Ok(lens)
+    }
+
+    /// Derivatives by the numbers of the space, from those by all numbers of the lens.
+    pub fn by_numbers(&self, gradient: &LensGradient) -> Vec<f64> {
+        self.space.space().numbers().iter().map(|number| gradient[*number]).collect()
     }
 
     /// Derivatives by the free coordinates, from those by the numbers of the lens at `x`.

@@ -82,11 +82,21 @@ def _calls(lens: pz.Lens, folder: Path) -> Iterator[tuple[str, Callable[[], Any]
 
     def pull_back(values: Any, light: Any, chief: Any) -> Any:
         with watch() as watching:
-            return plan.pull_back(space._core, right, values, light, chief, watching)
+            return plan.pull_back(space._core, space._core.numbers(right)[0], values, light, chief, watching)
 
-    good = np.zeros((1, 1, 16, 16)), np.zeros((1, 1)), np.zeros(1)
-    for i, bad in ((0, np.zeros((1, 1, 16, 15))), (0, good[0] * NAN), (1, np.zeros((2, 1))), (2, np.zeros(3)), (2, [INF]), (1, "x")):
+    good = np.zeros((1, 1, 16, 16)), np.zeros((1, 1)), np.zeros((1, 2))
+    for i, bad in ((0, np.zeros((1, 1, 16, 15))), (0, good[0] * NAN), (1, np.zeros((2, 1))), (2, np.zeros(3)), (2, [[INF, 0.0]]), (1, "x")):
         yield f"cotangent {i}", lambda i=i, bad=bad: pull_back(*(bad if k == i else v for k, v in enumerate(good)))
+
+    def lift(x: Any, loss: Any, by_numbers: Any, weight: Any) -> Any:
+        with watch() as watching:
+            return _petzval.lift(plan, space._core, x, loss, by_numbers, weight, watching)
+
+    by = np.ones(space._core.number_count())
+    for arguments in (([], 1.0, by, 1.0), (right, 0.0, by, 1.0), (right, NAN, by, 1.0), (right, 1.0, by[:-1], 1.0), (right, 1.0, by * NAN, 1.0)):
+        yield f"lift {arguments!r}", lambda arguments=arguments: lift(*arguments)
+    yield "lift weight", lambda: lift(right, 1.0, by, -1.0)
+    yield "numbers", lambda: space._core.numbers(right[:-1])
     for job, request in (
         ("psf", {}),
         ("psf", {"lens": "cooke-triplet-nominal", "out": folder / "p", "fields": -1}),

@@ -76,6 +76,21 @@ def test_a_design_space_moves_the_lens(triplet: pz.Lens) -> None:
     assert value > 0 and gradient.shape == x.shape and np.any(gradient != 0)
 
 
+def test_a_design_space_is_pickled(triplet: pz.Lens) -> None:
+    space = triplet.variables(track_mm=40.0, efl=2)
+    again = pickle.loads(pickle.dumps(space))
+    assert again.coordinates == space.coordinates
+    np.testing.assert_allclose(again.start, space.start, atol=1e-12)
+    assert again.penalty(space.start)[0] == pytest.approx(space.penalty(space.start)[0], rel=1e-12)
+
+
+def test_coordinates_have_slopes_where_a_lens_stands_on_a_bound(triplet: pz.Lens) -> None:
+    radius = triplet.surfaces[0].radius_mm
+    space = triplet.variables([pz.Variable(0, "radius_mm", 0.8 * radius, 1.2 * radius)], efl="free", focus="fixed")
+    on_bound = space.coordinates_of(triplet.with_(0, radius_mm=2.0 * radius))
+    assert 0.97 < np.sin(on_bound[0]) < 1.0 and on_bound[0] < np.pi / 2
+
+
 def test_the_penalty_has_its_gradient(triplet: pz.Lens) -> None:
     space = triplet.variables(track_mm=40.0)
     x, step = space.start, 1e-6

@@ -52,18 +52,54 @@ def test_the_gradient_is_that_of_differences(triplet: pz.Lens, kind: str) -> Non
     # Smooth weights: a splat has kinks.
     y = np.linspace(-1, 1, 16)
     weights = np.cos(2 * y)[:, None] * np.cos(y)[None, :] + np.zeros((2, 1, 16, 16))
-    light, chief = random.normal(size=(2, 1)), random.normal(size=2)
+    light, chief = random.normal(size=(2, 1)), random.normal(size=(2, 2))
 
     def loss(x: np.ndarray) -> float:
+        numbers, _ = space._core.numbers(x)
         with watch() as watching:
-            values, illumination, chief_mm, *_ = plan.at(space._core, x, watching)
-        return float((values * weights).sum() + (illumination * light).sum() + chief_mm[:, 1] @ chief)
+            values, illumination, chief_mm, *_ = plan.at(space._core, numbers, watching)
+        return float((values * weights).sum() + (illumination * light).sum() + (chief_mm * chief).sum())
 
+    numbers, slopes = space._core.numbers(x)
     with watch() as watching:
-        gradient = plan.pull_back(space._core, x, weights, light, chief, watching)
+        gradient = plan.pull_back(space._core, numbers, weights, light, chief, watching) @ slopes
     step = 1e-5
     for i in range(len(x)):
         h = np.zeros_like(x)
         h[i] = step
         difference = (loss(x + h) - loss(x - h)) / (2 * step)
         assert gradient[i] == pytest.approx(difference, rel=1e-5, abs=1e-6)
+
+
+def test_the_chief_ray_of_a_decentred_lens_has_its_gradient_in_x_and_y(triplet: pz.Lens) -> None:
+    decentred = pz.Lens.parse(triplet.to_toml().replace("[[surface]]", "[[surface]]\ndecenter_x_mm = 0.05", 1))
+    radius = decentred.surfaces[1].radius_mm
+    variables = [pz.Variable(0, "decenter_x_mm", -0.2, 0.2), pz.Variable(1, "radius_mm", *sorted((0.8 * radius, 1.2 * radius)))]
+    space = decentred.variables(variables)
+    plan = _petzval.PsfPlan([0.0, 8.0], [0.55], 16, 4.0, "geometric", 64)
+    zeros = np.zeros((2, 1, 16, 16)), np.zeros((2, 1))
+
+    def chief(x: np.ndarray) -> np.ndarray:
+        with watch() as watching:
+            return plan.at(space._core, space._core.numbers(x)[0], watching)[2]
+
+    x, step = space.start, 1e-5
+    numbers, slopes = space._core.numbers(x)
+    differences = np.stack([(chief(x + h) - chief(x - h)) / (2 * step) for h in step * np.eye(len(x))], axis=-1)
+    assert np.abs(differences[:, 0]).max() > 1e-3
+    for field, axis in np.ndindex(2, 2):
+        by_chief = np.zeros((2, 2))
+        by_chief[field, axis] = 1.0
+        with watch() as watching:
+            gradient = plan.pull_back(space._core, numbers, *zeros, by_chief, watching) @ slopes
+        np.testing.assert_allclose(gradient, differences[field, axis], rtol=1e-6, atol=1e-8)
+
+
+def test_numbers_of_a_lens_follow_its_coordinates(triplet: pz.Lens) -> None:
+    space = triplet.variables()
+    x, step = space.start, 1e-6
+    numbers, slopes = space._core.numbers(x)
+    assert slopes.shape == (len(numbers), len(x)) and space._core.number_count() == len(numbers)
+    for i, h in enumerate(step * np.eye(len(x))):
+        difference = (space._core.numbers(x + h)[0] - space._core.numbers(x - h)[0]) / (2 * step)
+        np.testing.assert_allclose(slopes[:, i], difference, rtol=1e-6, atol=1e-9)

@@ -32,6 +32,7 @@ pub use blocks::Blocks;
 pub use exposure::ExposureBlock;
 pub use imitation::ImitationPlan;
 pub use isp::IspBlock;
+pub use lifted::{Lift, Lifted, free_slopes};
 pub use network::{CameraNetwork, NetworkBlock, Sight};
 pub use optics::OpticsBlock;
 

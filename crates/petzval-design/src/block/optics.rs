@@ -8,17 +8,16 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use burn::tensor::Gradients;
-use nalgebra::DVector;
 use petzval_base::random::{Stage, Stream};
 use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::Lens;
-use petzval_optics::merit::{Seen, lifted_normal_equations};
+use petzval_optics::merit::Seen;
 use petzval_optics::paraxial::{image_height_per_tangent, pull_back_image_height, pull_back_log_brightness};
 use serde::{Deserialize, Serialize};
 
 use super::average::Average;
 use super::generations::{FirstGeneration, Generations, PointScore};
-use super::lifted::Lifted;
+use super::lifted::{Lift, Lifted};
 use super::{Batch, Block, BlockState, Descent, Magnified, as_json, backward, named, parsed};
 use crate::camera::{ByLens, Camera, PsfLeaves, Psfs, Shot, to_host};
 use crate::error::DesignError;
@@ -288,32 +287,24 @@ impl OpticsBlock {
             by_loss += &by_drawn;
         }
         let value = losses.get(TOTAL).copied().unwrap_or(f64::NAN);
-        let numbers = space.space().numbers();
         let rays = self.start.spots(&lens);
         if !(slopes.iter().all(|s| s.is_finite()) && value > 0.0) {
             self.x[0] = f64::NAN;
             return Ok(losses);
         }
         let seen = Seen { rays: &rays, places: true, light: &light };
-        let Some(mut gram) = lifted_normal_equations(seen, &lens, numbers, value, &by_loss) else {
+        let lift = Lift {
+            space,
+            x: &self.x,
+            errors: &self.errors,
+            lens: &lens,
+            seen,
+            violations: &violations,
+            constraint_weight: self.constraint_weight,
+        };
+        let Some(curvature) = lift.curvature(value, &by_loss)? else {
             return Ok(losses);
         };
-        // Each violation v of a requirement is a residual of its own, sqrt(weight) v, with dv = d(v^2) / (2 v).
-        for (square, by_square) in &violations {
-            let by = |i: usize| numbers.get(i).map_or(0.0, |n| by_square[*n] / (2.0 * square.sqrt()));
-            let by = DVector::from_fn(gram.nrows(), |i, _| by(i));
-            gram.ger(self.constraint_weight, &by, &by, 1.0);
-        }
-        let by_coordinates = space.space().map(&space.space().coordinates(&lens))?.slopes;
-        let inner = gram.view((0, 0), (numbers.len() + 1, numbers.len() + 1));
-        // How the coordinates of the space follow the free ones, each its own.
-        let stretch = space.pull_back_coordinates_off(&self.x, &self.errors, &vec![1.0; self.x.len()]);
-        let mut curvature = by_coordinates.transpose() * inner * &by_coordinates;
-        for (row, a) in stretch.iter().enumerate() {
-            for (column, b) in stretch.iter().enumerate() {
-                curvature[(row, column)] *= a * b;
-            }
-        }
         // The squares of the residuals add up to the loss: half of its derivatives belong to the curvature.
         let half: Vec<f64> = slopes.iter().map(|s| 0.5 * s).collect();
         let before = self.x.clone();

@@ -476,6 +476,10 @@ def _again(toml: str, glasses: list[str]) -> Lens:
     return Lens.parse(toml, glasses=glasses)
 
 
+def _space_again(lens: Lens, plan: str) -> DesignSpace:
+    return DesignSpace(_petzval.DesignSpace(lens._core, plan))
+
+
 class DesignSpace:
     """The lenses that a lens may become, by free coordinates without bounds.
 
@@ -505,7 +509,7 @@ class DesignSpace:
         return Lens(self._core.lens_at(x))
 
     def coordinates_of(self, lens: Lens) -> Array:
-        """The coordinates of a lens with the same surfaces, moved inside the bounds."""
+        """The coordinates of a lens with the same surfaces, moved inside the bounds: not onto them, where the map has no slope."""
         return self._core.coordinates_of(lens._core)
 
     def penalty(self, x: ArrayLike) -> tuple[float, Array]:
@@ -514,6 +518,13 @@ class DesignSpace:
 
     def __len__(self) -> int:
         return len(self.coordinates)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> DesignSpace:
+        return self
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        lens, plan = self._core.parts()
+        return _space_again, (Lens(lens), plan)
 
     def __repr__(self) -> str:
         return f"<DesignSpace of {len(self)} coordinates: {', '.join(c.name for c in self.coordinates)}>"

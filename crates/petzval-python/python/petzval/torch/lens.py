@@ -1,0 +1,228 @@
+"""A lens as a module of PyTorch."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import torch
+from torch import Tensor, nn
+
+from .._errors import InputError, Place
+from ..lens import DesignSpace
+from ..lens import Lens as PlainLens
+from ..psfs import Kind
+from . import _ops
+
+__all__ = ["Lens", "Psfs"]
+
+
+class Psfs(NamedTuple):
+    """PSFs of a lens by field and wavelength, float64.
+
+    Attributes:
+        values: ``[field, wavelength, y, x]``; each PSF has unit sum. y grows away from the axis; the chief ray of the reference wavelength lands
+            between the two middle cells.
+        illumination: Irradiance of the image of a uniform scene, 1 on the axis of a lens without vignetting, ``[field, wavelength]``.
+        chief_mm: Where the chief ray of the reference wavelength lands, x and y, mm, ``[field, 2]``.
+        captured: Share of the light that falls inside the grid, ``[field, wavelength]``. It has no gradient.
+        fields_deg: Field angles, degrees.
+        wavelengths_um: Wavelengths, um.
+        pitch_um: Size of a cell, um.
+        kind: ``"geometric"`` (rays) or ``"diffraction"`` (waves).
+    """
+
+    values: Tensor
+    illumination: Tensor
+    chief_mm: Tensor
+    captured: Tensor
+    fields_deg: tuple[float, ...]
+    wavelengths_um: tuple[float, ...]
+    pitch_um: float
+    kind: Kind
+
+    def to(self, *args: Any, **options: Any) -> Psfs:
+        """The same with every tensor as ``Tensor.to`` makes it, such as ``psfs.to("cuda", torch.float32)``. Gradients pass."""
+        values, illumination, chief_mm, captured, *rest = self
+        moved = (tensor.to(*args, **options) for tensor in (values, illumination, chief_mm, captured))
+        return Psfs(*moved, *rest)
+
+
+@dataclass
+class Cut:
+    """The numbers of a lens as a leaf, while a loss is lifted to its rays: the graph of PSFs ends here."""
+
+    numbers: Tensor
+    plans: list[Any] = field(default_factory=list)
+
+
+class Lens(nn.Module):
+    """A lens that moves: PSFs and penalty with exact gradients by its free coordinates.
+
+    The only parameter, ``x``, ``[coordinate]``, holds the free coordinates of a design space: angles of about the size of 1, without bounds, so
+    that one learning rate suits all; 1e-2 is usual for Adam. It stays float64 whatever the rest of a model is cast to (``.half()``,
+    ``.to(torch.bfloat16)``): in float32 gradients of PSFs are 1e-5 off. Cast the PSFs instead.
+
+    Rays are traced on the CPU. If ``x`` is on another device, it is copied to the CPU and the results are copied back. A device without float64
+    leaves ``x`` where it is.
+
+    First derivatives go by autograd, ``torch.func.grad``, ``jacrev``, ``vmap`` and ``torch.compile(fullgraph=True)``. PSFs have no forward mode
+    (``jvp``); penalties have one. Second derivatives raise `NotImplementedError`.
+
+    Args:
+        lens: The lens to begin with.
+        space: What may move, by ``lens.variables(..)``. Left out, it is ``lens.variables()``.
+
+    Raises:
+        InputError: The space is one of a lens with other surfaces.
+    """
+
+    x: nn.Parameter
+
+    def __init__(self, lens: PlainLens, space: DesignSpace | None = None) -> None:
+        super().__init__()
+        if not isinstance(lens, PlainLens):
+            raise _wrong("lens", lens, "give a petzval.Lens")
+        if not (space is None or isinstance(space, DesignSpace)):
+            raise _wrong("space", space, "give what petzval.Lens.variables returns")
+        self.space = lens.variables() if space is None else space
+        self._key = _ops.key_of(self.space)
+        self._title = lens.name
+        self._fields_deg = tuple(lens.fields_deg.tolist())
+        self._wavelengths_um = tuple(lens.wavelengths_um.tolist())
+        self._cut: Cut | None = None
+        self.x = nn.Parameter(torch.from_numpy(self.space.coordinates_of(lens)))
+
+    def psf(
+        self,
+        *,
+        fields_deg: Sequence[float] | None = None,
+        wavelengths_um: Sequence[float] | None = None,
+        grid: int = 64,
+        pitch_um: float = 1.0,
+        kind: Kind = "geometric",
+        pupil_cells: int = 64,
+    ) -> Psfs:
+        """The PSFs of the lens as it stands, by exact tracing.
+
+        Args:
+            fields_deg: Field angles, degrees; those of the lens if left out.
+            wavelengths_um: Wavelengths, um, 0.2 to 20; those of the lens if left out.
+            grid: Cells a side, 4 to 4096.
+            pitch_um: Size of a cell, um.
+            kind: Rays (``"geometric"``) or waves (``"diffraction"``).
+            pupil_cells: Cells a side of the pupil. They are not refined, so that the PSFs are a smooth function; 64 is quick, 256 accurate.
+
+        Raises:
+            InputError: An argument is out of its range, ``x`` is not finite, or no light of a field arrives.
+        """
+        fields = self._fields_deg if fields_deg is None else _numbers("fields_deg", fields_deg)
+        colours = self._wavelengths_um if wavelengths_um is None else _numbers("wavelengths_um", wavelengths_um)
+        if not isinstance(kind, str):
+            raise _wrong("kind", kind, "\"geometric\" or \"diffraction\"")
+        for name, cells in (("grid", grid), ("pupil_cells", pupil_cells)):
+            if not isinstance(cells, int):
+                raise _wrong(name, cells, "a whole number")
+        if not isinstance(pitch_um, (int, float)):
+            raise _wrong("pitch_um", pitch_um, "a number, um")
+        plan = (self._key, list(fields), list(colours), grid, float(pitch_um), kind, pupil_cells)
+        if self._cut is None:
+            numbers = _ops.lens_numbers(self._x_on_cpu(), self._key)
+        else:
+            numbers = self._cut.numbers
+            self._cut.plans.append(plan)
+        values, light, chief_mm, captured = (tensor.to(self.x.device) for tensor in _ops.psf(numbers, plan))
+        return Psfs(values, light, chief_mm, captured, fields, colours, float(pitch_um), kind)
+
+    def forward(self, **options: Any) -> Psfs:
+        """`psf`, so that ``torch.func.functional_call`` and hooks of modules apply."""
+        return self.psf(**options)
+
+    def penalty(self) -> Tensor:
+        """The sum of the squares of all violations of the limits of the space, mm^2: 0 where all are kept. A scalar, float64."""
+        return _ops.lens_penalty(self._x_on_cpu(), self._key).to(self.x.device)
+
+    def lens(self) -> PlainLens:
+        """The lens as it stands, for `Lens.save`, `Lens.spots` and all else."""
+        return self.space.lens_at(self.x.detach().cpu().numpy())
+
+    def extra_repr(self) -> str:
+        return f"{self._title!r}, {len(self.space)} coordinates"
+
+    def get_extra_state(self) -> dict[str, Any]:
+        """Name and bounds of each coordinate: a state is loaded only by a lens with the same ones."""
+        rows = [[c.name, c.min, c.max] for c in self.space.coordinates]
+        return {"coordinates": rows}
+
+    def set_extra_state(self, state: dict[str, Any]) -> None:
+        if not _alike(state, self.get_extra_state()):
+            raise InputError(
+                f"state: its coordinates are not those of {self._title!r}",
+                place=Place(key="state"),
+                hint="make the petzval.torch.Lens with the design space with which the state was saved",
+            )
+
+    def _load_from_state_dict(self, state_dict: dict[str, Any], prefix: str, *rest: Any) -> None:
+        # Before x is overwritten.
+        if prefix + "_extra_state" in state_dict:
+            self.set_extra_state(state_dict[prefix + "_extra_state"])
+        super()._load_from_state_dict(state_dict, prefix, *rest)
+
+    def _apply(self, fn: Callable[[Tensor], Tensor], recurse: bool = True) -> Lens:
+        def kept(tensor: Tensor) -> Tensor:
+            # Every cast of a module comes through here, also as part of a larger one.
+            try:
+                moved = fn(tensor)
+            except TypeError:
+                return tensor
+            return moved if moved.dtype == tensor.dtype else tensor.to(moved.device)
+
+        super()._apply(kept, recurse)
+        return self
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        super().__setstate__(state)
+        # Another process counts its spaces anew.
+        self._key = _ops.key_of(self.space)
+
+    def _x_on_cpu(self) -> Tensor:
+        return self.x.to("cpu", torch.float64)
+
+    @contextmanager
+    def _lifted(self) -> Iterator[Cut]:
+        """Within it the graph of PSFs ends at the numbers of the lens, which collect derivatives."""
+        with torch.no_grad():
+            numbers = _ops.lens_numbers(self._x_on_cpu(), self._key)
+        self._cut = Cut(numbers.requires_grad_())
+        try:
+            yield self._cut
+        finally:
+            self._cut = None
+
+
+def _wrong(name: str, value: object, hint: str) -> InputError:
+    return InputError(f"{name} = {value!r}: of the wrong type", place=Place(key=name, value=repr(value)), hint=hint)
+
+
+def _numbers(name: str, values: Any) -> tuple[float, ...]:
+    """Numbers of a list, a tuple, an array or a tensor. ``torch.compile`` follows lists and tuples."""
+    try:
+        return (float(values),) if isinstance(values, (int, float)) else tuple([float(value) for value in values])
+    except (TypeError, ValueError) as error:
+        raise _wrong(name, values, "a list of numbers") from error
+
+
+def _alike(state: Any, mine: dict[str, Any]) -> bool:
+    """Whether two states have the same coordinates: names, and bounds up to rounding."""
+    if not isinstance(state, dict) or len(state.get("coordinates", ())) != len(mine["coordinates"]):
+        return False
+
+    def near(a: Any, b: Any) -> bool:
+        if isinstance(a, float) and isinstance(b, float):
+            return abs(a - b) <= 1e-9 * max(abs(a), abs(b))
+        return bool(a == b)
+
+    rows = zip(state["coordinates"], mine["coordinates"])
+    return all(near(a, b) for row, my_row in rows for a, b in zip(row, my_row))
