@@ -72,7 +72,7 @@ def test_the_gradient_is_that_of_differences(triplet: pz.Lens, kind: str) -> Non
 
 
 def test_the_chief_ray_of_a_decentred_lens_has_its_gradient_in_x_and_y(triplet: pz.Lens) -> None:
-    decentred = pz.Lens.parse(triplet.to_toml().replace("[[surface]]", "[[surface]]\ndecenter_x_mm = 0.05", 1))
+    decentred = pz.Lens.parse(triplet.to_toml().replace("[[surface]]", "[[surface]]\nplacement = { decenter_mm = [0.05, 0.0] }", 1))
     radius = decentred.surfaces[1].radius_mm
     variables = [pz.Variable(0, "decenter_x_mm", -0.2, 0.2), pz.Variable(1, "radius_mm", *sorted((0.8 * radius, 1.2 * radius)))]
     space = decentred.variables(variables)
