@@ -45,6 +45,30 @@ def test_a_compiled_step_is_the_eager_one(glass: pt.Lens, triplet: pz.Lens) -> N
     assert float(tight.penalty()) > float(glass.penalty())
 
 
+def test_curvature_steps_take_a_compiled_loss(triplet: pz.Lens) -> None:
+    torch.compiler.reset()
+
+    def loss(glass: pt.Lens) -> torch.Tensor:
+        return glass.psf(fields_deg=[0.0, 8.0], wavelengths_um=[0.55], grid=16, pitch_um=4.0).values.square().sum()
+
+    found = []
+    for of in (loss, torch.compile(loss, fullgraph=True, backend="aot_eager")):
+        glass = pt.Lens(triplet)
+        with torch.no_grad():
+            glass.x += 0.02
+        optimizer = pt.LevenbergMarquardt(glass)
+
+        def closure(glass: pt.Lens = glass, of=of) -> torch.Tensor:
+            value = of(glass)
+            value.backward()
+            return value
+
+        for _ in range(3):
+            optimizer.step(closure)
+        found.append(glass.x.detach())
+    torch.testing.assert_close(found[1], found[0], rtol=0.0, atol=1e-12)
+
+
 def test_wrong_arguments_are_errors_of_the_compiled_step_too(glass: pt.Lens) -> None:
     torch.compiler.reset()
     compiled = torch.compile(lambda: glass.psf(fields_deg=[0.0], grid=2).values.sum(), fullgraph=True, backend="aot_eager")

@@ -1,7 +1,6 @@
 """A lens as a module: casts, devices, states, copies, two at once, and training."""
 
 import copy
-import gc
 import io
 import pickle
 
@@ -12,7 +11,6 @@ torch = pytest.importorskip("torch")
 
 import petzval as pz  # noqa: E402
 import petzval.torch as pt  # noqa: E402
-from petzval.torch import _ops  # noqa: E402
 
 OPTIONS = {"fields_deg": [0.0, 8.0], "wavelengths_um": [0.55], "grid": 16, "pitch_um": 4.0}
 
@@ -164,7 +162,7 @@ def test_two_lenses_at_once(glass: pt.Lens, triplet: pz.Lens) -> None:
 def test_wrong_arguments_name_themselves(glass: pt.Lens, options: dict, name: str) -> None:
     with pytest.raises(pz.InputError, match=name) as caught:
         glass.psf(**{**OPTIONS, **options})
-    assert caught.value.place.key == name or options == {"fields_deg": [89.9]}
+    assert caught.value.place.key == name
 
 
 def test_wrong_lenses_spaces_and_coordinates(glass: pt.Lens, triplet: pz.Lens) -> None:
@@ -196,7 +194,7 @@ def test_a_small_network_learns_behind_a_moving_lens(glass: pt.Lens) -> None:
     net = torch.nn.Sequential(torch.nn.Conv2d(1, 8, 5, padding=2), torch.nn.ReLU(), torch.nn.Conv2d(8, 1, 5, padding=2))
     optimizer = torch.optim.Adam([{"params": net.parameters(), "lr": 4e-3}, {"params": glass.parameters(), "lr": 1e-2}])
     model = torch.nn.ModuleList([net, glass]).float()
-    start, losses = glass.x.detach().clone(), []
+    start, efl_mm, losses = glass.x.detach().clone(), glass.lens().efl_mm, []
     for _ in range(80):
         scene = torch.nn.functional.avg_pool2d(torch.rand(4, 1, 96, 96), 3)
         psfs = glass.psf(fields_deg=[0.0, 12.0], wavelengths_um=[0.55], grid=16, pitch_um=6.0, pupil_cells=32).to(torch.float32)
@@ -215,7 +213,4 @@ def test_a_small_network_learns_behind_a_moving_lens(glass: pt.Lens) -> None:
     assert float((glass.x.detach() - start).abs().max()) > 1e-2
     assert glass.x.dtype == torch.float64 and len(list(model.parameters())) == 5
     # What was designed is a lens like any other.
-    assert glass.lens().efl_mm == pytest.approx(50.0, abs=50.0)
-    del model
-    gc.collect()
-    assert glass._key in _ops._SPACES
+    assert glass.lens().efl_mm == pytest.approx(efl_mm, rel=1e-6)

@@ -35,7 +35,7 @@ def _losses(glass: pt.Lens, optimizer: torch.optim.Optimizer, steps: int, penalt
     return losses
 
 
-def _defocused(triplet: pz.Lens) -> pt.Lens:
+def _moved(triplet: pz.Lens) -> pt.Lens:
     glass = pt.Lens(triplet)
     random = np.random.default_rng(1)
     with torch.no_grad():
@@ -44,22 +44,19 @@ def _defocused(triplet: pz.Lens) -> pt.Lens:
 
 
 def test_a_loss_falls_faster_than_by_adam(triplet: pz.Lens) -> None:
-    steps, found = 20, {}
-    for name in ("curvature", "adam 3e-3", "adam 1e-2", "adam 3e-2"):
-        glass = _defocused(triplet)
-        if name == "curvature":
-            losses = _losses(glass, pt.LevenbergMarquardt(glass, lr=0.3, penalty_weight=10.0), steps, 0.0)
-        else:
-            losses = _losses(glass, torch.optim.Adam(glass.parameters(), lr=float(name[5:])), steps, 10.0)
-        found[name] = losses[-1] / losses[0]
-    print(found)
-    best = min(ratio for name, ratio in found.items() if name != "curvature")
-    assert found["curvature"] < 0.5 * best, found
+    glass = _moved(triplet)
+    curved = _losses(glass, pt.LevenbergMarquardt(glass, penalty_weight=10.0), 13, 0.0)
+    assert curved[-1] < 0.45 * curved[0]
+    # Adam at its best rate does not come that far with five times as many steps.
+    for rate in (3e-3, 1e-2, 3e-2):
+        glass = _moved(triplet)
+        losses = _losses(glass, torch.optim.Adam(glass.parameters(), lr=rate), 61, 10.0)
+        assert losses[0] == curved[0]
+        assert min(losses) > 1.1 * curved[-1], rate
 
 
 def test_a_step_is_that_of_the_formula(triplet: pz.Lens) -> None:
-    # A loss by the place of one chief ray: the lift then is Gauss and Newton's own step along it.
-    glass = _defocused(triplet)
+    glass = _moved(triplet)
     x = glass.x.detach().clone()
     optimizer = pt.LevenbergMarquardt(glass, lr=1e-3, penalty_weight=0.0)
 
@@ -85,7 +82,7 @@ def test_a_step_is_that_of_the_formula(triplet: pz.Lens) -> None:
 
 
 def test_the_gradient_after_a_step_is_that_of_backward(triplet: pz.Lens) -> None:
-    glass = _defocused(triplet)
+    glass = _moved(triplet)
     (_spot(glass) + glass.x.square().sum()).backward()
     wanted = glass.x.grad.clone()
     optimizer = pt.LevenbergMarquardt(glass)
@@ -104,15 +101,16 @@ def test_the_gradient_after_a_step_is_that_of_backward(triplet: pz.Lens) -> None
 
 def test_violated_limits_are_mended(triplet: pz.Lens) -> None:
     glass = pt.Lens(triplet, triplet.variables(back_focal_mm=(0.0, 0.97 * triplet.bfl_mm)))
-    before = float(glass.penalty())
-    assert before > 1.0
+    before = float(glass.penalty().detach())
+    assert before > 0.5
     _losses(glass, pt.LevenbergMarquardt(glass, lr=0.5, penalty_weight=100.0), 20, 0.0)
-    assert float(glass.penalty()) < 0.05 * before
+    assert float(glass.penalty().detach()) < 0.05 * before
 
 
 def test_a_resumed_run_takes_the_same_steps(triplet: pz.Lens) -> None:
-    whole = _defocused(triplet)
+    whole = _moved(triplet)
     optimizer = pt.LevenbergMarquardt(whole)
+    schedule = torch.optim.lr_scheduler.ExponentialLR(optimizer, 0.5)
     _losses(whole, optimizer, 3, 0.0)
     part = pt.Lens(triplet)
     part.load_state_dict(whole.state_dict())
@@ -121,8 +119,7 @@ def test_a_resumed_run_takes_the_same_steps(triplet: pz.Lens) -> None:
     for glass, of in ((whole, optimizer), (part, other)):
         _losses(glass, of, 2, 0.0)
     assert torch.equal(whole.x, part.x)
-    # A schedule sees it as any other optimiser.
-    torch.optim.lr_scheduler.ExponentialLR(optimizer, 0.5).step()
+    schedule.step()
     assert optimizer.param_groups[0]["lr"] == pytest.approx(0.15)
 
 
@@ -151,3 +148,16 @@ def test_wrong_losses_and_arguments(glass: pt.Lens) -> None:
     with pytest.raises(ZeroDivisionError):
         optimizer.step(lambda: 1 / 0)
     assert _spot(glass).requires_grad and glass._cut is None
+
+
+def test_a_loss_that_no_ray_moves_leaves_the_lens(glass: pt.Lens) -> None:
+    x = glass.x.detach().clone()
+
+    def closure() -> torch.Tensor:
+        loss = 1.0 + 0.0 * _spot(glass)
+        loss.backward()
+        return loss
+
+    with pytest.warns(pz.PetzvalWarning, match="the lens stays"):
+        pt.LevenbergMarquardt(glass).step(closure)
+    assert torch.equal(glass.x.detach(), x)
