@@ -65,6 +65,8 @@ def test_vmap_of_values_and_of_gradients(glass: pt.Lens) -> None:
         torch.testing.assert_close(gradient, _backward(loss, x), rtol=1e-12, atol=1e-14)
 
 
+# PyTorch's forward mode uses what it advises against.
+@pytest.mark.filterwarnings("ignore:.torch.jit")
 def test_forward_derivatives_of_numbers_and_penalty(triplet) -> None:
     glass = pt.Lens(triplet, triplet.variables(track_mm=10.0))
     x = glass.x.detach()
@@ -80,3 +82,10 @@ def test_forward_derivatives_of_numbers_and_penalty(triplet) -> None:
         return _ops.lens_numbers(x, glass._key)
 
     torch.testing.assert_close(torch.func.jacfwd(numbers)(x), torch.func.jacrev(numbers)(x), rtol=1e-12, atol=1e-15)
+
+
+def test_coordinates_in_float32_are_traced_in_float64(glass: pt.Lens) -> None:
+    x = glass.x.detach().float()
+    gradient = torch.func.grad(_loss(glass))(x)
+    assert gradient.dtype == torch.float32 and _psfs(glass)(x).values.dtype == torch.float64
+    torch.testing.assert_close(gradient, torch.func.grad(_loss(glass))(x.double()).float(), rtol=1e-6, atol=0.0)

@@ -299,7 +299,7 @@ def _applied(function: Any, with_jvp: Any, *arguments: Any) -> Any:
 
 
 def lens_numbers(x: Tensor, space: int) -> Tensor:
-    """The numbers of the lens that move, ``[number]``: curvatures in 1/mm, lengths in mm, tilts in rad. `x` is float64 on the CPU, ``[coordinate]``."""
+    """The numbers of the lens that move, ``[number]``: curvatures in 1/mm, lengths in mm, tilts in rad. `x` is float64 on the CPU."""
     numbers, _ = _applied(_LensNumbers, _LensNumbersForward, x, space)
     return numbers
 
