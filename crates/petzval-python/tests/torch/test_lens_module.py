@@ -9,6 +9,8 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+import torch.utils.checkpoint  # noqa: E402
+
 import petzval as pz  # noqa: E402
 import petzval.torch as pt  # noqa: E402
 
@@ -95,6 +97,27 @@ def test_a_state_is_saved_and_loaded(glass: pt.Lens, triplet: pz.Lens) -> None:
     other.load_state_dict(torch.load(kept, weights_only=True))
     assert torch.equal(other.x, glass.x)
     assert other.lens().to_toml() == glass.lens().to_toml()
+
+
+@pytest.mark.parametrize("assign", [False, True])
+def test_a_state_that_was_cast_is_loaded_in_float64(glass: pt.Lens, assign: bool) -> None:
+    state = {name: value.float() if isinstance(value, torch.Tensor) else value for name, value in glass.state_dict().items()}
+    glass.load_state_dict(state, assign=assign)
+    assert glass.x.dtype == torch.float64 and isinstance(glass.x, torch.nn.Parameter)
+    assert torch.equal(glass.x.detach(), state["x"].double())
+
+
+def test_inference_and_checkpointing(glass: pt.Lens) -> None:
+    def loss() -> torch.Tensor:
+        return glass.psf(**OPTIONS).values.square().sum()
+
+    loss().backward()
+    wanted = glass.x.grad.clone()
+    with torch.inference_mode():
+        assert not loss().requires_grad
+    glass.x.grad = None
+    torch.utils.checkpoint.checkpoint(loss, use_reentrant=False).backward()
+    assert torch.equal(glass.x.grad, wanted)
 
 
 def test_a_state_of_another_space_is_refused(glass: pt.Lens, triplet: pz.Lens) -> None:

@@ -168,6 +168,9 @@ class Lens(nn.Module):
         # Before x is overwritten.
         if prefix + "_extra_state" in state_dict:
             self.set_extra_state(state_dict[prefix + "_extra_state"])
+        # With ``assign=True`` the tensor itself becomes the parameter.
+        if isinstance(state_dict.get(prefix + "x"), Tensor):
+            state_dict[prefix + "x"] = state_dict[prefix + "x"].to(torch.float64)
         super()._load_from_state_dict(state_dict, prefix, *rest)
 
     def _apply(self, fn: Callable[[Tensor], Tensor], recurse: bool = True) -> Lens:
