@@ -81,6 +81,33 @@ def test_a_step_is_that_of_the_formula(triplet: pz.Lens) -> None:
     assert 0.0 < explained <= loss * (1.0 + 1e-6)
 
 
+def test_the_curvature_is_the_motion_of_rays(triplet: pz.Lens) -> None:
+    glass = _moved(triplet)
+    x = glass.x.detach().numpy().copy()
+    optimizer = pt.LevenbergMarquardt(glass, lr=1e-3, penalty_weight=0.0)
+
+    def closure() -> torch.Tensor:
+        loss = _spot(glass)
+        loss.backward()
+        return loss
+
+    optimizer.step(closure)
+    curvature = optimizer.state[glass.x]["curvature"].numpy()
+
+    # Rays of spot diagrams by differences: about their chief ray, and the chief ray itself, um.
+    def landings(x: np.ndarray) -> list[np.ndarray]:
+        spots = glass.space.lens_at(x).with_(wavelengths_um=OPTIONS["wavelengths_um"]).spots(OPTIONS["fields_deg"])
+        about_chief = [np.concatenate(points) / np.sqrt(sum(map(len, points))) for points in spots.points_um]
+        return [*about_chief, 1e3 * spots.chief_mm]
+
+    moved = [zip(landings(x + h), landings(x - h)) for h in 1e-5 * np.eye(len(x))]
+    jacobian = np.stack([np.concatenate([(a - b).ravel() for a, b in pairs]) for pairs in moved], axis=-1)
+    motion = jacobian.T @ jacobian
+    scale = (curvature * motion).sum() / (motion * motion).sum()
+    # The rays of the step sample the whole stop by Gauss-Legendre quadrature, those of the diagram a grid that apertures cut.
+    assert np.linalg.norm(curvature - scale * motion) < 0.06 * np.linalg.norm(curvature)
+
+
 def test_the_gradient_after_a_step_is_that_of_backward(triplet: pz.Lens) -> None:
     glass = _moved(triplet)
     (_spot(glass) + glass.x.square().sum()).backward()
