@@ -6,7 +6,6 @@ use petzval_design::block::{Lift, Lifted};
 use petzval_jobs::JobError;
 use petzval_optics::constraint::penalty;
 use petzval_optics::gradient::LensGradient;
-use petzval_optics::lens::Lens;
 use petzval_optics::merit::{Seen, SpotResiduals};
 use petzval_optics::pupil::PupilSampling;
 use pyo3::prelude::*;
@@ -52,7 +51,7 @@ pub fn lift<'py>(
         let lens = space.lens_of(&x)?;
         // The light of each field, at the middle wavelength.
         let light: Vec<LensGradient> = plan.by_field(context, |field| plan.light_gradient(&lens, field))?;
-        let rays = beams(plan, &lens);
+        let rays = beams(plan);
         // Each violation is a residual of its own.
         let squares = space.constraints().par_iter().map(|constraint| {
             penalty(std::slice::from_ref(constraint), &lens)
@@ -91,7 +90,7 @@ pub fn lift<'py>(
 }
 
 /// The rays that stand for the beams of PSFs, as those of a design.
-fn beams(plan: &PyPsfPlan, lens: &Lens) -> SpotResiduals {
+fn beams(plan: &PyPsfPlan) -> SpotResiduals {
     let fields_rad: Vec<f64> = plan.fields_deg().iter().map(|field| field.to_radians()).collect();
     SpotResiduals {
         field_weights: vec![1.0; fields_rad.len()],
@@ -99,7 +98,6 @@ fn beams(plan: &PyPsfPlan, lens: &Lens) -> SpotResiduals {
         wavelengths_um: plan.wavelengths_um().to_vec(),
         sampling: PupilSampling::Degree(8),
         power: 2.0,
-        ..SpotResiduals::new(lens)
     }
 }
 

@@ -33,6 +33,9 @@ pub struct PyDesignSpace {
     plan: String,
 }
 
+/// Numbers of a lens, and their derivatives by coordinates.
+type Numbers<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>);
+
 /// A variable as Python states it.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -242,7 +245,7 @@ impl PyDesignSpace {
         &self,
         py: Python<'py>,
         x: PyArrayLike1<'_, f64, AllowTypeChange>,
-    ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>)> {
+    ) -> PyResult<Numbers<'py>> {
         let x = self.coordinates(py, &x)?;
         let places = self.space.space().numbers();
         let found = py.detach(|| -> Result<_, JobError> {
