@@ -61,8 +61,7 @@ impl Dewarp {
         // Across, a weight counts for the four numbers of its pixel.
         let across: Vec<[i32; 16]> =
             table.iter().map(|weights| std::array::from_fn(|k| weights[k / 4])).collect();
-        let inside = #[inline(always)]
-        |at: i32, len: usize| at.max(0).min((len as i32 - 1) << PLACE_BITS);
+        let inside = |at: i32, len: usize| at.max(0).min((len as i32 - 1) << PLACE_BITS);
         // The colours of a pixel side by side: one access fetches all of them.
         let colours = Grid::from_rows(
             height,
