@@ -4,6 +4,7 @@
 //! done without Python's lock, on the threads of `pool`, and is watched as `watch` says.
 
 mod arrays;
+mod develop;
 mod error;
 mod jobs;
 mod lens;
@@ -12,6 +13,10 @@ mod pool;
 mod psf;
 mod render;
 mod sensor;
+mod linear_isp;
+mod pool;
+mod psf;
+mod raw_frame;
 mod space;
 mod watch;
 
@@ -41,6 +46,8 @@ fn command(py: Python<'_>, words: Vec<OsString>) -> u8 {
 #[pymodule(gil_used = false)]
 mod _petzval {
     #[pymodule_export]
+    use super::develop::PyIsp;
+    #[pymodule_export]
     use super::jobs::{call, job_names, job_schemas};
     #[pymodule_export]
     use super::lens::PyLens;
@@ -52,6 +59,11 @@ mod _petzval {
     use super::render::{PyDistortion, PyRenderer, wiener};
     #[pymodule_export]
     use super::sensor::PySensor;
+    use super::linear_isp::PyLinearIsp;
+    #[pymodule_export]
+    use super::psf::PyPsfPlan;
+    #[pymodule_export]
+    use super::raw_frame::PyRawFrame;
     #[pymodule_export]
     use super::space::PyDesignSpace;
     #[pymodule_export]

@@ -21,6 +21,7 @@ use crate::error::JobError;
 use crate::event::WarningKind;
 use crate::input::SensorInput;
 use crate::named_isp::about_frame;
+use crate::pixels::check_numbers;
 
 /// What raw files leave open.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -119,13 +120,29 @@ impl<'a> Source<'a> {
     }
 }
 
-/// Reads a raw file.
-pub(super) fn read_frame(
-    path: &Path,
+/// Reads a raw file as an ISP takes it.
+pub fn read_frame(path: &Path, options: &FrameOptions, context: &Context) -> Result<RawInput, JobError> {
+    read_one(Source::File(path), options, context)
+}
+
+/// A raw frame in memory as an ISP takes it.
+pub fn frame_in_memory(
+    raw: RawInMemory<'_>,
     options: &FrameOptions,
     context: &Context,
 ) -> Result<RawInput, JobError> {
-    read_one(Source::File(path), options, context)
+    check_numbers(raw.frame, raw.name)?;
+    read_one(Source::Memory(raw), options, context)
+}
+
+/// What an ISP knows of frames like one in memory, without their numbers: no level is estimated from these.
+pub fn frames_like(
+    raw: RawInMemory<'_>,
+    options: &FrameOptions,
+    context: &Context,
+) -> Result<RawInput, JobError> {
+    let frame = RawFrame { height: 0, width: 0, dn: Vec::new(), info: raw.frame.info.clone() };
+    Ok(read_exposure(Source::Memory(RawInMemory { frame: &frame, ..raw }), options, context)?.0)
 }
 
 /// Reads a raw frame.

@@ -7,5 +7,5 @@ mod pile;
 pub mod show;
 pub mod tune;
 
-pub use crate::named_isp::{NEUTRAL, NamedIsp, external, isp_by_name};
-pub use frame::{FrameOptions, Merge};
+pub use crate::named_isp::{NEUTRAL, NamedIsp, about_frame, external, isp_by_name, preset_file};
+pub use frame::{FrameOptions, Merge, RawInMemory, frame_in_memory, frames_like, read_frame};

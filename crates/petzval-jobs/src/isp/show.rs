@@ -1,6 +1,7 @@
 //! `isp show`: the parameters of an ISP.
 
 use petzval_base::parameter::Scale;
+use petzval_camera::isp::IspParameter;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -54,25 +55,33 @@ pub struct ShownParameter {
     pub sentence: String,
 }
 
+impl ShownParameter {
+    /// A parameter with its present value.
+    pub fn new(parameter: &IspParameter, value: f64) -> Self {
+        let IspParameter { name, about } = parameter;
+        Self {
+            name: name.clone(),
+            value,
+            default: parameter.default_value(),
+            unit: about.unit.to_owned(),
+            min: about.min,
+            max: about.max,
+            scale: match about.scale {
+                Scale::Linear => "linear",
+                Scale::Log => "log",
+            }
+            .to_owned(),
+            sentence: about.sentence.clone(),
+        }
+    }
+}
+
 /// Reads the settings of an ISP.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let named = isp_by_name(&request.isp, &context.assets, context.cancel())?;
     check_ranges(request)?;
     let values = named.values(request.gain_ev)?;
-    let shown = named.parameters.iter().zip(&values).map(|(p, value)| ShownParameter {
-        name: p.name.clone(),
-        value: *value,
-        default: p.default_value(),
-        unit: p.about.unit.to_owned(),
-        min: p.about.min,
-        max: p.about.max,
-        scale: match p.about.scale {
-            Scale::Linear => "linear",
-            Scale::Log => "log",
-        }
-        .to_owned(),
-        sentence: p.about.sentence.clone(),
-    });
+    let shown = named.parameters.iter().zip(&values).map(|(p, value)| ShownParameter::new(p, *value));
     Ok(Response {
         name: named.isp().name().to_owned(),
         parameters: shown.collect(),

@@ -7,7 +7,8 @@ use std::sync::Arc;
 
 use petzval_base::Cancel;
 use petzval_camera::isp::{
-    HardwareIsp, Isp, IspError, IspParameter, IspPreset, IspSettings, RawInput, RgbPicture, check_values,
+    GainKnot, HardwareIsp, Isp, IspError, IspParameter, IspPreset, IspSettings, RawInput, RgbPicture,
+    check_values,
 };
 use petzval_design::assets::{Assets, OutsideIsp};
 use petzval_design::error::DesignError;
@@ -18,6 +19,7 @@ use petzval_learn::Device;
 use petzval_learn::network::IspProxyConfig;
 use petzval_learn::proxy_isp::{FRAME_NUMBERS, ProxyIsp};
 use petzval_learn::weight_file::Weights;
+use serde::Serialize;
 
 use self::external::ExternalIsp;
 use crate::error::{JobError, Stopped};
@@ -50,11 +52,11 @@ enum Kind {
 /// ISP or of a proxy. The flag stops the calls of an external ISP.
 pub fn isp_by_name(name: &str, assets: &Assets, cancel: &Cancel) -> Result<NamedIsp, JobError> {
     if name == NEUTRAL && !Path::new(name).is_file() {
-        return Ok(NamedIsp::built_in(IspPreset::default()));
+        return Ok(NamedIsp::of_preset(IspPreset::default()));
     }
     let source = assets.text("ISP", "isp", name)?;
     let settings = match parse_isp_file(&source.text).map_err(DesignError::input(&source.path))? {
-        IspFile::Preset(preset) => return Ok(NamedIsp::built_in(*preset)),
+        IspFile::Preset(preset) => return Ok(NamedIsp::of_preset(*preset)),
         IspFile::External(about) => return NamedIsp::external(about, &source.path, cancel),
         IspFile::Proxy(about) => return NamedIsp::proxy(&about, &source.path, assets, cancel),
         IspFile::Settings(settings) => settings,
@@ -97,7 +99,8 @@ pub(crate) fn external_isp(path: &Path, cancel: &Cancel) -> Result<OutsideIsp, D
 }
 
 impl NamedIsp {
-    fn built_in(preset: IspPreset) -> Self {
+    /// The built-in ISP with the values of a preset.
+    pub fn of_preset(preset: IspPreset) -> Self {
         let isp = Box::new(HardwareIsp { settings: preset.settings.clone() });
         let preset = Box::new(preset);
         Self {
@@ -152,6 +155,14 @@ impl NamedIsp {
         let isp = Box::new(ProxyIsp::new(of.isp(), varied, values.clone(), network));
         let parameters = of.parameters.clone();
         Ok(Self { parameters, kind: Kind::Proxy { isp, values, of: Box::new(of) }, changes: Vec::new() })
+    }
+
+    /// The preset of the built-in ISP, without what was set beside it; none of another ISP.
+    pub fn preset(&self) -> Option<&IspPreset> {
+        match &self.kind {
+            Kind::BuiltIn { preset, .. } => Some(preset),
+            Kind::External { .. } | Kind::Proxy { .. } => None,
+        }
     }
 
     /// The ISP behind its interface.
@@ -313,8 +324,21 @@ impl NamedIsp {
     }
 }
 
+/// A file of a preset with its values by gain, which [`isp_by_name`] reads.
+pub fn preset_file(preset: &IspPreset) -> Result<String, JobError> {
+    #[derive(Serialize)]
+    struct Knots<'a> {
+        knot: &'a [GainKnot],
+    }
+    let knots = toml::to_string(&Knots { knot: &preset.knot });
+    let knots = knots.map_err(|e| JobError::failed(e.to_string()))?;
+    // An empty list would be a key of the last stage.
+    let knots = if preset.knot.is_empty() { String::new() } else { format!("\n{knots}") };
+    Ok(preset_toml(&preset.about, &preset.settings) + &knots)
+}
+
 /// The error of an ISP about the frame of a file.
-pub(super) fn about_frame(file: &Path) -> impl Fn(IspError) -> JobError {
+pub fn about_frame(file: &Path) -> impl Fn(IspError) -> JobError {
     move |error| match error {
         IspError::Input { .. } => {
             JobError::input(format!("{}: {error}", file.display()), "correct the frame or its sidecar")

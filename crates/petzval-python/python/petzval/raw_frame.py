@@ -1,0 +1,279 @@
+"""Raw frames as an image signal processor takes them."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _petzval
+from ._errors import InputError, Place
+from ._watch import watch
+
+__all__ = ["FrameInfo", "RawFrame"]
+
+
+class _HasToml(Protocol):
+    def to_toml(self) -> str: ...
+
+
+SensorLike = str | os.PathLike[str] | _HasToml
+"""A built-in name, the path of a sensor file, or something that has its text."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrameInfo:
+    """What is known of a raw frame beside its digital numbers (DN).
+
+    Needed are `bits`, `cfa` and `black_level_dn`, or a `sensor`, which gives them. Light is counted in units of white.
+
+    Attributes:
+        bits: Bits of a number, 8 to 24.
+        cfa: Colours of the Bayer array from the first pixel on: ``"RGGB"``, ``"GRBG"``, ``"GBRG"`` or ``"BGGR"``.
+        black_level_dn: Number without light, DN.
+        white_level_dn: Number of saturation, DN; the largest number if left out.
+        sensor: Sensor whose noise, answers to white and saturation count: a built-in name, a path, or an object with ``to_toml``.
+        exposure_s: Exposure time, s: the dark signal of the sensor depends on it.
+        linear_gain: Linear analogue gain, 1 = the system gain of the sensor.
+        white_e: Electrons of white in a green pixel; needs a sensor. It gives `white_dn`, and `black_dn` where that is left out.
+        black_dn: Mean number of a dark pixel, DN; takes precedence over `black_level_dn`.
+        white_dn: Number of white light in a green pixel, DN; that of saturation if left out.
+        response: Answers of red, green and blue pixels to white light, relative to green, 0.01 to 100. The white balance divides by them.
+        saturation: Light at which the first colour saturates under white light.
+        noise: Variance of the light of a green pixel, ``shot * light + read``: shot and read.
+        gain_ev: Gain above the lowest, EV: presets set parameters by it. That of `linear_gain` if left out.
+        colour_matrix: Linear sRGB from white-balanced camera colours, ``[3, 3]``; the camera's own colours if left out.
+        shading: Relative illumination at the nodes of a mesh over the frame, red, green and blue, ``[3, rows, cols]``, above 0.
+        warp: Where to fetch each pixel of a picture without distortion: displacements along y and x, pixels, ``[2, rows, cols]``.
+        companding: Knots of companded and of linear numbers, ascending from 0; numbers are linear in light if left out.
+        auto_balance: Whether to estimate the white balance from the frame.
+        auto_exposure: Whether to estimate from the frame what is white.
+    """
+
+    bits: int | None = None
+    cfa: str | None = None
+    black_level_dn: float | None = None
+    white_level_dn: float | None = None
+    sensor: SensorLike | None = None
+    exposure_s: float | None = None
+    linear_gain: float | None = None
+    white_e: float | None = None
+    black_dn: float | None = None
+    white_dn: float | None = None
+    response: Sequence[float] | None = None
+    saturation: float | None = None
+    noise: tuple[float, float] | None = None
+    gain_ev: float | None = None
+    colour_matrix: ArrayLike | None = None
+    shading: ArrayLike | None = None
+    warp: ArrayLike | None = None
+    companding: tuple[Sequence[int], Sequence[int]] | None = None
+    auto_balance: bool = False
+    auto_exposure: bool = False
+
+    def _json(self) -> str:
+        """What the binary part reads of it."""
+        noise = _numbers("noise", self.noise, (2,))
+        companding = self.companding
+        about = {
+            "info": {
+                "bits": self.bits,
+                "cfa": self.cfa,
+                "black_level_dn": _number("black_level_dn", self.black_level_dn),
+                "white_level_dn": _number("white_level_dn", self.white_level_dn),
+                "exposure_s": _number("exposure_s", self.exposure_s),
+                "linear_gain": _number("linear_gain", self.linear_gain),
+                "companding": None
+                if companding is None
+                else {"companded_dn": [int(v) for v in companding[0]], "linear_dn": [int(v) for v in companding[1]]},
+            },
+            "calibration": {
+                "black_dn": _number("black_dn", self.black_dn),
+                "white_dn": _number("white_dn", self.white_dn),
+                "response": _numbers("response", self.response, (3,)),
+                "saturation": _number("saturation", self.saturation),
+                "gain_ev": _number("gain_ev", self.gain_ev),
+                "colour_matrix": _numbers("colour_matrix", self.colour_matrix, (3, 3)),
+                "noise": None if noise is None else {"shot": noise[0], "read": noise[1]},
+                "shading": _mesh("shading", self.shading, 3),
+                "warp": _mesh("warp", self.warp, 2),
+            },
+            "options": {
+                "sensor": None if self.sensor is None else sensor_input(self.sensor),
+                "auto_balance": self.auto_balance,
+                "auto_exposure": self.auto_exposure,
+            },
+            "white_e": _number("white_e", self.white_e),
+        }
+        return json.dumps(about, allow_nan=False)
+
+
+class RawFrame:
+    """A raw frame with all that an image signal processor knows of it. It never changes.
+
+    Args:
+        values: Digital numbers, ``[y, x]``, 0 to 2^bits - 1; fractions are rounded. Sides are even and at least 16.
+        info: What is known of them.
+
+    Raises:
+        InputError: A number is none, or does not fit in the bits; or something needed is not known.
+    """
+
+    def __init__(self, values: ArrayLike, info: FrameInfo) -> None:
+        about = info._json()
+        with watch() as watching:
+            self._core = _petzval.RawFrame.of_numbers(values, about, watching)
+
+    @classmethod
+    def load(
+        cls,
+        path: str | os.PathLike[str],
+        *,
+        sensor: SensorLike | None = None,
+        white_dn: float | None = None,
+        auto_balance: bool = False,
+        auto_exposure: bool = False,
+    ) -> RawFrame:
+        """Reads a raw file (TIFF, PNG, NPY, packed, DNG) with its sidecar and calibration, as ``petzval isp develop`` does.
+
+        Args:
+            path: The file; its sidecar is the TOML file of the same name with ``.toml`` appended.
+            sensor: The sensor; the built-in one that the sidecar names if left out.
+            white_dn: Number of white light in a green pixel, DN; that of the calibration, or of saturation, if left out.
+            auto_balance: Whether to estimate the white balance from the frame.
+            auto_exposure: Whether to estimate from the frame what is white.
+
+        Raises:
+            InputError: The file, its sidecar or its calibration is wrong; the place is in the error.
+        """
+        options = {
+            "sensor": None if sensor is None else sensor_input(sensor),
+            "white_dn": _number("white_dn", white_dn),
+            "auto_balance": auto_balance,
+            "auto_exposure": auto_exposure,
+        }
+        with watch() as watching:
+            return cls._of(_petzval.RawFrame.load(os.fspath(path), json.dumps(options), watching))
+
+    @classmethod
+    def like(cls, info: FrameInfo) -> RawFrame:
+        """What is known of frames that come later: it has no pixels, and `petzval.torch` develops tensors by it."""
+        about = info._json()
+        with watch() as watching:
+            return cls._of(_petzval.RawFrame.like(about, watching))
+
+    @classmethod
+    def _of(cls, core: _petzval.RawFrame) -> RawFrame:
+        frame = cls.__new__(cls)
+        frame._core = core
+        return frame
+
+    @cached_property
+    def _facts(self) -> dict[str, Any]:
+        facts: dict[str, Any] = json.loads(self._core.facts())
+        return facts
+
+    @cached_property
+    def linear_dn(self) -> NDArray[np.float32]:
+        """Digital numbers proportional to light, ``[y, x]``: expanded where the frame is companded."""
+        return self._core.linear_dn()
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return self._facts["height"], self._facts["width"]
+
+    @property
+    def bits(self) -> int:
+        """Bits of a digital number."""
+        return int(self._facts["bits"])
+
+    @property
+    def cfa(self) -> str:
+        """Colours of the Bayer array from the first pixel on, such as ``RG/GB``."""
+        return str(self._facts["cfa"])
+
+    @property
+    def black_dn(self) -> float:
+        """Digital number of the dark."""
+        return float(self._facts["about"]["black_dn"])
+
+    @property
+    def white_dn(self) -> float:
+        """Digital number of white light in a green pixel."""
+        return float(self._facts["about"]["white_dn"])
+
+    @property
+    def response(self) -> tuple[float, float, float]:
+        """Answers of red, green and blue pixels to white light, relative to green."""
+        red, green, blue = self._facts["about"]["response"]
+        return red, green, blue
+
+    @property
+    def saturation(self) -> float:
+        """Light, 1 = white, at which the first colour saturates under white light."""
+        return float(self._facts["about"]["saturation"])
+
+    @property
+    def noise(self) -> tuple[float, float]:
+        """Variance of the light of a green pixel, ``shot * light + read``: shot and read."""
+        noise = self._facts["about"]["noise"]
+        return noise["shot"], noise["read"]
+
+    @property
+    def gain_ev(self) -> float:
+        """Gain of the sensor above its lowest, EV."""
+        return float(self._facts["about"]["gain_ev"])
+
+    def __repr__(self) -> str:
+        height, width = self.shape
+        size = f"{height} x {width}" if height else "later"
+        return f"<RawFrame {size}: {self.bits} bits, {self.cfa}, black {self.black_dn:.6g} DN, white {self.white_dn:.6g} DN>"
+
+
+def sensor_input(sensor: SensorLike) -> str | dict[str, str]:
+    """A sensor as requests of jobs have it."""
+    if isinstance(sensor, (str, os.PathLike)):
+        return os.fspath(sensor)
+    return {"toml": sensor.to_toml()}
+
+
+def _number(key: str, value: float | None) -> float | None:
+    if value is None:
+        return None
+    number = float(value)
+    if not np.isfinite(number):
+        raise InputError(f"{key}: {value} is not finite", place=Place(key=key, value=str(value)), hint="give a finite number")
+    return number
+
+
+def _numbers(key: str, values: ArrayLike | None, shape: tuple[int, ...]) -> Any:
+    """Finite numbers of a known shape as lists."""
+    if values is None:
+        return None
+    array = np.asarray(values, dtype=np.float64)
+    if array.shape != shape:
+        place = Place(key=key, value=str(array.shape))
+        raise InputError(f"{key}: has the shape {array.shape}", place=place, hint=f"give {shape}")
+    if not np.isfinite(array).all():
+        raise InputError(f"{key}: {array} is not finite", place=Place(key=key, value=str(array)), hint="give finite numbers")
+    return array.tolist()
+
+
+def _mesh(key: str, values: ArrayLike | None, planes: int) -> dict[str, Any] | None:
+    """Planes of nodes as a calibration has them."""
+    if values is None:
+        return None
+    array = np.asarray(values, dtype=np.float64)
+    if array.ndim != 3:
+        place = Place(key=key, value=str(array.shape))
+        raise InputError(f"{key}: has the shape {array.shape}", place=place, hint=f"give [{planes}, rows, cols]")
+    rows, cols = array.shape[1:]
+    nodes = _numbers(key, array, (planes, rows, cols))
+    return {"rows": rows, "cols": cols, "planes": [[v for row in plane for v in row] for plane in nodes]}
