@@ -15,7 +15,7 @@ use petzval_camera::isp::{
     DifferentiableIsp, IspError, IspParameter, IspPreset, IspSettings, RawInput, RgbPicture, SmoothIsp,
 };
 use petzval_jobs::isp::show::ShownParameter;
-use petzval_jobs::isp::{NamedIsp, about_frame, isp_by_name, preset_file};
+use petzval_jobs::isp::{NEUTRAL, NamedIsp, about_frame, develop, isp_by_name, preset_file};
 use petzval_jobs::{Context, JobError, json};
 use pyo3::prelude::*;
 use serde::de::DeserializeOwned;
@@ -42,9 +42,10 @@ type Derivatives<'py> = (Bound<'py, PyArray3<f32>>, Bound<'py, PyArray2<f64>>);
 
 #[pymethods]
 impl PyIsp {
-    /// The ISP of a preset by name or path.
+    /// The ISP of a preset by name or path; without one every parameter has its default.
     #[staticmethod]
-    fn load(py: Python<'_>, name: &str, watch: Watch<'_>) -> PyResult<Self> {
+    fn load(py: Python<'_>, name: Option<&str>, watch: Watch<'_>) -> PyResult<Self> {
+        let name = name.unwrap_or(NEUTRAL);
         watched(py, &watch, |context| Self::of(&isp_by_name(name, &context.assets, context.cancel())?, name))
     }
 
@@ -158,9 +159,10 @@ impl PyIsp {
         &self,
         py: Python<'py>,
         frame: &PyRawFrame,
-        bits: u32,
+        bits: Option<u32>,
         watch: Watch<'_>,
     ) -> PyResult<Bound<'py, PyAny>> {
+        let bits = bits.unwrap_or(develop::Request::default().bits);
         let picture = watched(py, &watch, |_| {
             let mut named = self.named();
             named.set_bits(bits);

@@ -4,9 +4,10 @@ use std::path::PathBuf;
 
 use numpy::ndarray::Array2;
 use numpy::{AllowTypeChange, IntoPyArray, PyArray2, PyArrayLike2};
+use petzval_base::FileError;
 use petzval_camera::isp::{FrameData, RawInput};
 use petzval_camera::sensor::{CfaPattern, Exposure};
-use petzval_files::raw_file::{FrameCalibration, RawFrame, RawInfo};
+use petzval_files::raw_file::{FrameCalibration, RawFrame, RawInfo, Sidecar};
 use petzval_jobs::isp::{FrameOptions, RawInMemory, frame_in_memory, frames_like, read_frame};
 use petzval_jobs::{Context, JobError, json, simulate};
 use pyo3::prelude::*;
@@ -52,19 +53,11 @@ impl About {
 
     /// Checks the numbers, and adds what a named sensor says.
     fn completed(mut self, context: &Context) -> Result<Self, JobError> {
-        self.info.validate().map_err(|e| {
-            JobError::setting(
-                e.key,
-                e.value,
-                "out of range",
-                format!("{}, {} to {}", e.meaning, e.low, e.high),
-            )
-        })?;
+        // What a sidecar or a calibration may not say, an array may not have.
+        let empty = RawFrame { height: 0, width: 0, dn: Vec::new(), info: self.info };
+        self.info = Sidecar::from_toml(&Sidecar::of(&empty).to_toml()).map_err(|e| refused(&e))?.info;
         let calibration = FrameCalibration::from_toml(&self.calibration.to_toml());
-        self.calibration = calibration.map_err(|e| {
-            let hint = e.hint.clone().unwrap_or_default();
-            JobError::input(format!("{}: {}", e.key, e.message), hint)
-        })?;
+        self.calibration = calibration.map_err(|e| refused(&e))?;
         let Some(sensor) = &self.options.sensor else {
             return match self.white_e {
                 None => Ok(self),
@@ -91,6 +84,11 @@ impl About {
         }
         Ok(self)
     }
+}
+
+/// The error of a text that no user sees.
+fn refused(error: &FileError) -> JobError {
+    JobError::input(format!("{}: {}", error.key, error.message), error.hint.clone().unwrap_or_default())
 }
 
 #[pymethods]
@@ -153,6 +151,12 @@ impl PyRawFrame {
             frames_like(raw, &options, context)
         })?;
         Ok(Self { input })
+    }
+
+    /// What is known of the frame, for frames that come later.
+    fn without_pixels(&self) -> Self {
+        let RawInput { bits, cfa, ref about, .. } = self.input;
+        Self { input: RawInput { height: 0, width: 0, dn: Vec::new(), bits, cfa, about: about.clone() } }
     }
 
     /// Digital numbers proportional to light, `[y, x]`.

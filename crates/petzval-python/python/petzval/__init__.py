@@ -6,10 +6,13 @@ Arrays are NumPy's, pictures are ``[y, x]`` or ``[y, x, channel]``, names carry 
 from . import jobs
 from ._errors import InputError, PetzvalError, PetzvalWarning, Place, Stopped
 from ._petzval import Cancel, set_threads, threads
+from .isp import Isp, IspParameter, develop
 from .lens import DesignSpace, Lens, Surface, Variable
+from .linear_isp import LinearIsp
 from .psfs import PsfBank, psf
 from .rendering import Distortion, FieldPsfs, Wiener, blend_error, patches_for, render, restore
 from .sensors import FixedPattern, Sensor
+from .raw_frame import FrameInfo, RawFrame
 
 __all__ = [
     "Cancel",
@@ -17,8 +20,12 @@ __all__ = [
     "Distortion",
     "FieldPsfs",
     "FixedPattern",
+    "FrameInfo",
     "InputError",
+    "Isp",
+    "IspParameter",
     "Lens",
+    "LinearIsp",
     "PetzvalError",
     "PetzvalWarning",
     "Place",
@@ -29,6 +36,11 @@ __all__ = [
     "Variable",
     "Wiener",
     "blend_error",
+    "RawFrame",
+    "Stopped",
+    "Surface",
+    "Variable",
+    "develop",
     "jobs",
     "patches_for",
     "psf",

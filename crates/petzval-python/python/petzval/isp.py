@@ -242,10 +242,11 @@ class Isp:
         """The single numbers that names stand for, also those in which ``_`` stands for the dot."""
         found: dict[str, tuple[str, ...]] = {}
         for name in self.parameters:
-            found[name] = (name,)
             key = name.split("[")[0]
             for spelt in {key, key.replace(".", "_")}:
-                found[spelt] = (*found.get(spelt, ()), name) if spelt != name else (name,)
+                found[spelt] = (*found.get(spelt, ()), name)
+            if name != key:
+                found[name] = (name,)
         return found
 
     def __getitem__(self, name: str) -> float:

@@ -118,9 +118,9 @@ class LinearIsp:
             shapes = f"{numbers.shape}, {planes.shape} and {light.shape}"
             hint = "give [y, x], [y, x, 3] and [y, x, 3]"
             raise InputError(f"raw, cotangent, illumination: shapes {shapes}", place=Place(key="raw", value=shapes), hint=hint)
-        planar = [np.moveaxis(of, -1, 0)[None] for of in (light, planes)]
+        light, planes = np.moveaxis(light, -1, 0), np.moveaxis(planes, -1, 0)
         with watch() as watching:
-            by_raw, by_light = self._core.pull_back(numbers[None], *planar, watching)
+            by_raw, by_light = self._core.pull_back(numbers[None], light[None], planes[None], watching)
         return by_raw[0], np.moveaxis(by_light[0], 0, -1)
 
     def __reduce__(self) -> tuple[object, ...]:

@@ -180,6 +180,11 @@ class RawFrame:
         return facts
 
     @cached_property
+    def _about(self) -> str:
+        """What is known of the frame, without its size and numbers."""
+        return json.dumps([self.bits, self.cfa, self._facts["about"]])
+
+    @cached_property
     def linear_dn(self) -> NDArray[np.float32]:
         """Digital numbers proportional to light, ``[y, x]``: expanded where the frame is companded."""
         return self._core.linear_dn()

@@ -8,6 +8,7 @@ try:
 except ImportError as _error:
     raise ImportError("petzval.torch needs PyTorch 2.6 or newer: pip install 'petzval[torch]'") from _error
 
+from .develop import Isp, develop, develop_linear
 from .expose import expose
 from .lens import Lens, Psfs
 from .levenberg import LevenbergMarquardt
@@ -15,9 +16,12 @@ from .render import illumination_map, project, render
 from .restore import restore
 
 __all__ = [
+    "Isp",
     "Lens",
     "LevenbergMarquardt",
     "Psfs",
+    "develop",
+    "develop_linear",
     "expose",
     "illumination_map",
     "project",

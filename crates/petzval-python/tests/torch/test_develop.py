@@ -1,0 +1,214 @@
+"""Development as operators: equal to Petzval's own, with gradients, and a parameter that is found by descent."""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+import petzval as pz
+import petzval.torch as pt
+
+sys.path.insert(0, str(Path(__file__).parent.parent))
+from test_isp import INFO, SHAPE, linear, mosaic, scene
+
+torch.set_num_threads(1)
+
+ISP = pz.Isp.load("automotive").at_gain(INFO.gain_ev)
+FRAME = pz.RawFrame.like(INFO)
+
+
+def raw(**how: Any) -> Any:
+    return torch.from_numpy(mosaic().astype(np.float32)).to(**how)
+
+
+def weights(frames: int = 1) -> Any:
+    at = torch.arange(frames * 3 * SHAPE[0] * SHAPE[1], dtype=torch.float32)
+    return (torch.sin(0.37 * at) + 0.2).reshape(frames, 3, *SHAPE)
+
+
+def test_pictures_are_those_of_petzval() -> None:
+    wanted = np.moveaxis(ISP.smooth(mosaic(), INFO), -1, 0)
+    found = pt.develop(raw(), isp=ISP, frame=INFO)
+    assert found.shape == (3, *SHAPE) and found.dtype == torch.float32
+    np.testing.assert_allclose(found.numpy(), wanted, atol=1e-5)
+    fixed = ISP.develop(mosaic(), INFO, bits=16) / 65535
+    assert np.mean((np.moveaxis(fixed, -1, 0) - found.clamp(0, 1).numpy()) ** 2) < 10**-5.2
+
+    # Frames with parameters of their own, and parameters that all share; whole numbers and 64 bits.
+    values = torch.from_numpy(ISP.values())
+    other = torch.from_numpy(ISP.with_(gain_stops=0.5).values())
+    batch = torch.stack([raw(), raw() + 5.0])
+    each = pt.develop(batch, torch.stack([values, other]), isp=ISP, frame=FRAME)
+    assert torch.equal(each[0], found)
+    assert torch.equal(each[1], pt.develop(batch, other, isp=ISP, frame=FRAME)[1])
+    assert torch.equal(pt.develop(torch.from_numpy(mosaic()), isp=ISP, frame=FRAME), found)
+    assert pt.develop(raw(dtype=torch.float64), isp=ISP, frame=FRAME).dtype == torch.float64
+
+
+def test_gradients_are_those_of_differences() -> None:
+    names = list(ISP.parameters)
+    theta = ISP.with_(gain_stops=0.4, output_contrast=1.1).values()
+    values = torch.from_numpy(theta).requires_grad_()
+    numbers = raw().requires_grad_()
+    # Smooth weights over the picture: the differences then stand above the rounding of 32 bits.
+    y, x = torch.meshgrid(torch.arange(SHAPE[0]), torch.arange(SHAPE[1]), indexing="ij")
+    smooth = (torch.sin(0.37 * x + 0.23 * y) + 0.2).double()
+
+    def loss(numbers: Any, values: Any) -> Any:
+        return (pt.develop(numbers, values, isp=ISP, frame=FRAME).double() * smooth).sum()
+
+    loss(numbers, values).backward()
+    with torch.no_grad():
+        for name in ("gain.stops", "white_balance.red", "tone_map.strength", "gamma.exponent", "output.contrast"):
+            step = torch.zeros_like(values)
+            step[names.index(name)] = 2e-3
+            difference = (loss(numbers, values + step) - loss(numbers, values - step)) / 4e-3
+            assert float(values.grad[names.index(name)]) == pytest.approx(float(difference), rel=0.03, abs=0.01), name
+        error = size = 0.0
+        for i in range(0, SHAPE[0] * SHAPE[1], 97):
+            pixel = torch.zeros(SHAPE[0] * SHAPE[1])
+            pixel[i] = 1.0
+            pixel = pixel.reshape(SHAPE)
+            difference = float(loss(numbers + pixel, values) - loss(numbers - pixel, values)) / 2
+            error, size = error + (float(numbers.grad.flatten()[i]) - difference) ** 2, size + difference**2
+        assert 0 < error < 0.01 * size
+    by_raw, by_values = ISP.pull_back(mosaic(), np.repeat(smooth.numpy()[..., None], 3, axis=-1), INFO, values=theta)
+    np.testing.assert_allclose(numbers.grad.numpy(), by_raw, atol=1e-5 * np.abs(by_raw).max())
+    np.testing.assert_allclose(values.grad.numpy(), by_values, rtol=1e-5, atol=1e-5 * np.abs(by_values).max())
+
+
+def test_linear_development_is_that_of_petzval() -> None:
+    isp = linear(demosaic="malvar")
+    shade = torch.from_numpy(np.moveaxis(np.clip(1.0 - 0.3 * scene(), 0.1, 1.0), -1, 0).astype(np.float32))
+    numbers = torch.stack([raw(), raw() + 3.0]).requires_grad_()
+    light = shade.clone().requires_grad_()
+    found = pt.develop_linear(numbers, light, isp=isp)
+    for i, frame in enumerate(numbers.detach().numpy()):
+        wanted = isp.develop(frame, np.moveaxis(shade.numpy(), 0, -1))
+        np.testing.assert_allclose(found[i].detach().numpy(), np.moveaxis(wanted, -1, 0), atol=1e-5)
+    flat = pt.develop_linear(raw(), isp=isp)
+    np.testing.assert_allclose(flat.numpy(), np.moveaxis(isp.develop(mosaic()), -1, 0), atol=1e-5)
+
+    # It is affine in the numbers below saturation: differences are exact up to rounding.
+    (found * weights(2)).sum().backward()
+    random = torch.Generator().manual_seed(3)
+    with torch.no_grad():
+        along = torch.randn(numbers.shape, generator=random)
+        moved = [pt.develop_linear(numbers + sign * 0.5 * along, light, isp=isp).double() for sign in (1, -1)]
+        difference = ((moved[0] - moved[1]) * weights(2)).sum()
+        assert float((numbers.grad * along).sum()) == pytest.approx(float(difference), rel=2e-3)
+        across = torch.randn(light.shape, generator=random)
+        moved = [pt.develop_linear(numbers, light + sign * 1e-3 * across, isp=isp).double() for sign in (1, -1)]
+        difference = ((moved[0] - moved[1]) * weights(2)).sum() / 2e-3
+        assert float((light.grad * across).sum()) == pytest.approx(float(difference), rel=2e-3)
+
+
+def test_operators_pass_opcheck() -> None:
+    ops, chip = torch.ops.petzval, pt.Isp(ISP, frame=FRAME)
+    numbers, values = torch.stack([raw(), raw() + 5.0]), chip.values().detach().expand(2, -1)
+    isp = chip._number
+    torch.library.opcheck(ops.develop.default, (numbers, values, isp))
+    torch.library.opcheck(ops.develop_backward.default, (numbers, values, weights(2), isp))
+    from petzval.torch.develop import _number_linear
+
+    isp, light = _number_linear(linear()), torch.ones(2, 3, *SHAPE)
+    torch.library.opcheck(ops.develop_linear.default, (numbers, light, isp))
+    torch.library.opcheck(ops.develop_linear_backward.default, (numbers, light, weights(2), isp))
+
+
+def test_functional_transforms() -> None:
+    values = torch.from_numpy(ISP.values())
+    several = torch.stack([values, torch.from_numpy(ISP.with_(gain_stops=0.4).values())])
+
+    def loss(values: Any, numbers: Any) -> Any:
+        return pt.develop(numbers, values, isp=ISP, frame=FRAME).square().mean()
+
+    mapped = torch.func.vmap(loss, in_dims=(0, None))(several, raw())
+    single = torch.stack([loss(row, raw()) for row in several])
+    torch.testing.assert_close(mapped, single)
+    mapped = torch.func.vmap(torch.func.grad(loss), in_dims=(0, None))(several, raw())
+    single = torch.stack([torch.func.grad(loss)(row, raw()) for row in several])
+    torch.testing.assert_close(mapped, single)
+    rows = torch.func.jacrev(lambda v: pt.develop(raw(), v, isp=ISP, frame=FRAME).mean((1, 2)))(values)
+    assert rows.shape == (3, len(values))
+    with pytest.raises(NotImplementedError, match="second derivatives"):
+        torch.autograd.functional.hessian(lambda v: loss(v, raw()), values)
+
+
+def test_it_compiles_as_one_graph() -> None:
+    chip = pt.Isp(ISP, frame=FRAME, vary=["gain", "sharpen"])
+    light = linear()
+    whole = torch.compile(
+        lambda raw: chip(raw).square().mean() + pt.develop_linear(raw, isp=light).mean(), fullgraph=True, backend="aot_eager"
+    )
+    whole(raw()).backward()
+    compiled, chip.places.grad = chip.places.grad, None
+    (chip(raw()).square().mean() + pt.develop_linear(raw(), isp=light).mean()).backward()
+    torch.testing.assert_close(compiled, chip.places.grad, rtol=1e-5, atol=1e-8)
+
+
+def test_a_module_moves_parameters_inside_their_ranges() -> None:
+    chip = pt.Isp(ISP, frame=FRAME)
+    assert len(chip.places) == len(ISP.parameters) and "vary" in repr(chip)
+    np.testing.assert_allclose(chip.values().detach(), ISP.values(), rtol=1e-12, atol=1e-12)
+    rows = list(ISP.parameters.values())
+    for place, at in ((-3.0, [p.min for p in rows]), (5.0, [p.max for p in rows])):
+        with torch.no_grad():
+            chip.places.fill_(place)
+        np.testing.assert_allclose(chip.values().detach(), at, rtol=1e-12)
+        np.testing.assert_allclose(chip.isp().values(), at, rtol=1e-12)
+        # Beyond a bound, derivatives that lead back pass, and no others.
+        for sign in (1.0, -1.0):
+            chip.places.grad = None
+            (sign * chip.values().sum()).backward()
+            assert bool((chip.places.grad != 0).all()) == ((place < 0) == (sign < 0))
+    toe = pt.Isp(ISP, frame=FRAME, vary="gamma.toe")
+    assert toe.varied == ("gamma.toe",)
+    with torch.no_grad():
+        toe.places.fill_(0.5)
+    low, high = ISP.parameters["gamma.toe"].min, ISP.parameters["gamma.toe"].max
+    assert toe.isp()["gamma.toe"] == pytest.approx(np.sqrt(low * high))
+    again = pt.Isp(ISP, frame=FRAME, vary="gamma.toe")
+    again.load_state_dict(toe.state_dict())
+    assert torch.equal(again.values(), toe.values())
+
+
+def test_parameters_are_found_by_descent() -> None:
+    hidden = ISP.with_(gain_stops=0.6, gamma_exponent=2.0)
+    target = pt.develop(raw(), isp=hidden, frame=FRAME)
+    chip = pt.Isp(ISP, frame=FRAME, vary=["gain.stops", "gamma.exponent"])
+    optimizer = torch.optim.Adam(chip.parameters(), lr=0.05)
+    losses = []
+    for step in range(50):
+        optimizer.param_groups[0]["lr"] = 0.05 * (1 - step / 50)
+        optimizer.zero_grad()
+        loss = (chip(raw()) - target).square().mean()
+        loss.backward()
+        optimizer.step()
+        losses.append(loss.item())
+    assert losses[-1] < 1e-3 * losses[0]
+    found = chip.isp()
+    assert found["gain.stops"] == pytest.approx(0.6, abs=0.03)
+    assert found["gamma.exponent"] == pytest.approx(2.0, abs=0.03)
+
+
+def test_wrong_tensors_are_exceptions() -> None:
+    values = torch.from_numpy(ISP.values())
+    for call in (
+        lambda: pt.develop(raw()[0], isp=ISP, frame=FRAME),
+        lambda: pt.develop(raw()[:, :-1], isp=ISP, frame=FRAME),
+        lambda: pt.develop(raw() * float("nan"), isp=ISP, frame=FRAME),
+        lambda: pt.develop(raw(), values[:-1], isp=ISP, frame=FRAME),
+        lambda: pt.develop(raw(), values + 1e4, isp=ISP, frame=FRAME),
+        lambda: pt.develop(raw(), values[None, None], isp=ISP, frame=FRAME),
+        lambda: pt.Isp(ISP, frame=FRAME, vary=["sharpness"]),
+        lambda: pt.develop_linear(raw()[0], isp=linear()),
+        lambda: pt.develop_linear(raw(), torch.ones(3, 4, 4), isp=linear()),
+        lambda: pt.develop_linear(raw() * float("inf"), isp=linear()),
+    ):
+        with pytest.raises(pz.InputError):
+            call()
