@@ -2,8 +2,6 @@
 
 use std::path::PathBuf;
 
-use burn::prelude::*;
-use burn::tensor::TensorData;
 use numpy::ndarray::{Array, Array2, Array3, Array4, ArrayViewD, Dimension, StrideShape};
 use numpy::{
     AllowTypeChange, IntoPyArray, PyArray1, PyArray2, PyArray3, PyArray4, PyArrayLike2, PyArrayLike3,
@@ -12,7 +10,8 @@ use numpy::{
 use petzval_camera::develop::{Demosaic, Domain};
 use petzval_camera::image::CHANNELS;
 use petzval_camera::isp::{
-    DifferentiableIsp, IspError, IspParameter, IspPreset, IspSettings, RawInput, RgbPicture, SmoothIsp,
+    IspError, IspParameter, IspPreset, IspSettings, RawInput, RgbPicture, SmoothIsp, smooth_picture,
+    smooth_pull_back,
 };
 use petzval_jobs::isp::show::ShownParameter;
 use petzval_jobs::isp::{NEUTRAL, NamedIsp, about_frame, develop, isp_by_name, preset_file};
@@ -121,13 +120,10 @@ impl PyIsp {
             let written: Vec<String> =
                 numbers.iter().map(|(name, value)| format!("{name}={value}")).collect();
             self.named().set(&written)?;
-            let mut values = preset.settings.values();
+            let (parameters, mut values) = (IspSettings::parameters(), preset.settings.values());
             for (name, number) in &numbers {
-                let is_named = |p: &IspParameter| p.name == *name;
-                for (_, value) in
-                    IspSettings::parameters().iter().zip(&mut values).filter(|(p, _)| is_named(p))
-                {
-                    *value = *number;
+                if let Some(i) = parameters.iter().position(|p| p.name == *name) {
+                    values[i] = *number;
                 }
                 for knot in &mut preset.knot {
                     knot.set.remove(name);
@@ -279,16 +275,10 @@ struct Batch {
 }
 
 impl Batch {
-    /// Numbers and values of a frame on a device.
-    fn tensors(&self, i: usize, device: &Device) -> (Tensor<4>, Tensor<1>) {
-        let RawInput { height, width, .. } = self.frame;
-        let (pixels, count) = (height * width, self.values.len() / self.frames);
-        let raw = self.raw[i * pixels..][..pixels].to_vec();
-        let values: Vec<f32> = self.values[i * count..][..count].iter().map(|v| *v as f32).collect();
-        (
-            Tensor::from_data(TensorData::new(raw, [1, 1, height, width]), device),
-            Tensor::from_data(TensorData::new(values, [count]), device),
-        )
+    /// Numbers and values of a frame.
+    fn of_frame(&self, i: usize) -> (&[f32], &[f64]) {
+        let (pixels, count) = (self.frame.height * self.frame.width, self.values.len() / self.frames);
+        (&self.raw[i * pixels..][..pixels], &self.values[i * count..][..count])
     }
 
     /// The pictures, one frame after the other: the operations of each use all threads.
@@ -296,40 +286,26 @@ impl Batch {
         let mut pictures = Vec::new();
         for i in 0..self.frames {
             context.check(|| "stopped before all frames were developed")?;
-            let (raw, values) = self.tensors(i, &Device::flex());
-            let picture = self.isp.develop_on_tape(raw, &self.frame, values).map_err(|e| refused(&e))?;
-            pictures.extend(on_host(picture)?);
+            let (raw, values) = self.of_frame(i);
+            pictures.extend(smooth_picture(&self.isp, raw, &self.frame, values).map_err(|e| refused(&e))?);
         }
         Ok(pictures)
     }
 
     /// Derivatives by numbers and values, one tape after the other: a tape keeps the planes of every stage.
     fn pull_back(&self, cotangent: &[f32], context: &Context) -> Result<(Vec<f32>, Vec<f64>), JobError> {
-        let RawInput { height, width, .. } = self.frame;
-        let size = CHANNELS * height * width;
+        let size = CHANNELS * self.frame.height * self.frame.width;
         let (mut by_raw, mut by_values) = (Vec::new(), Vec::new());
         for i in 0..self.frames {
             context.check(|| "stopped before all frames were developed")?;
-            let device = Device::flex().autodiff();
-            let (raw, values) = self.tensors(i, &device);
-            let (raw, values) = (raw.require_grad(), values.require_grad());
-            let picture = self.isp.develop_on_tape(raw.clone(), &self.frame, values.clone());
-            let weights =
-                TensorData::new(cotangent[i * size..][..size].to_vec(), [1, CHANNELS, height, width]);
-            let loss = picture.map_err(|e| refused(&e))? * Tensor::<4>::from_data(weights, &device);
-            let gradients = loss.sum().backward();
-            let none = || JobError::failed("the development has no gradient");
-            by_raw.extend(on_host(raw.grad(&gradients).ok_or_else(none)?)?);
-            let by = on_host(values.grad(&gradients).ok_or_else(none)?)?;
-            by_values.extend(by.into_iter().map(f64::from));
+            let ((raw, values), of_picture) = (self.of_frame(i), &cotangent[i * size..][..size]);
+            let found = smooth_pull_back(&self.isp, raw, &self.frame, values, of_picture);
+            let (of_raw, of_values) = found.map_err(|e| refused(&e))?;
+            by_raw.extend(of_raw);
+            by_values.extend(of_values);
         }
         Ok((by_raw, by_values))
     }
-}
-
-/// The numbers of a tensor.
-pub fn on_host<const D: usize>(tensor: Tensor<D>) -> Result<Vec<f32>, JobError> {
-    tensor.into_data().try_to_vec::<f32>().map_err(|e| JobError::failed(format!("{e:?}")))
 }
 
 /// An array of numbers in the order of memory.

@@ -1,22 +1,20 @@
 //! Linear development of the frames of a sensor, with derivatives.
 
-use burn::prelude::*;
-use burn::tensor::TensorData;
 use numpy::ndarray::{Array3, Array4};
 use numpy::{
-    AllowTypeChange, IntoPyArray, PyArray3, PyArray4, PyArrayLike2, PyArrayLike3, PyArrayLike4,
-    PyUntypedArrayMethods,
+    AllowTypeChange, IntoPyArray, PyArray3, PyArray4, PyArrayLike3, PyArrayLike4, PyUntypedArrayMethods,
 };
 use petzval_camera::develop::{Demosaic, Domain, LinearIsp};
 use petzval_camera::image::{CHANNELS, LinearImage};
 use petzval_camera::render::Placement;
 use petzval_camera::sensor::{Capture, Exposure, Raw, SensorError, SensorModel};
-use petzval_camera::tape::linear_isp_op;
+use petzval_camera::tape::linear_isp_pull_back;
 use petzval_jobs::{JobError, SensorInput, simulate};
 use pyo3::prelude::*;
+use rayon::prelude::*;
 use serde::Deserialize;
 
-use crate::develop::{array, checked_f32, method, on_host};
+use crate::develop::{array, checked_f32, method};
 use crate::error::exception;
 use crate::raw_frame::NAME;
 use crate::watch::{Watch, watched};
@@ -93,46 +91,27 @@ impl PyLinearIsp {
         })
     }
 
-    /// Develops a frame `[y, x]` with relative illumination `[3, y, x]` to linear light `[3, y, x]`, by the readable reference.
+    /// Develops frames `[frame, y, x]` with relative illumination `[frame, 3, y, x]` to linear light `[frame, 3, y, x]`.
     fn develop<'py>(
-        &self,
-        py: Python<'py>,
-        raw: PyArrayLike2<'_, f32, AllowTypeChange>,
-        illumination: PyArrayLike3<'_, f32, AllowTypeChange>,
-        watch: Watch<'_>,
-    ) -> PyResult<Bound<'py, PyArray3<f32>>> {
-        let (height, width) = raw.as_array().dim();
-        let dn = checked_f32(py, NAME, raw.as_array().into_dyn(), &[height, width])?;
-        let light =
-            checked_f32(py, "illumination", illumination.as_array().into_dyn(), &[CHANNELS, height, width])?;
-        let picture = watched(py, &watch, |_| {
-            let raw = Raw { height, width, dn, capture: self.capture };
-            let illumination = LinearImage { channels: CHANNELS, height, width, data: light };
-            self.isp.develop(&raw, &illumination, &self.sensor).map_err(|e| refused(&e))
-        })?;
-        let picture: Array3<f32> = array(py, (CHANNELS, height, width), picture.data)?;
-        Ok(picture.into_pyarray(py))
-    }
-
-    /// Develops frames `[frame, y, x]` with relative illumination `[frame, 3, y, x]` to `[frame, 3, y, x]`, as an operation of the tape.
-    fn on_tape<'py>(
         &self,
         py: Python<'py>,
         raw: PyArrayLike3<'_, f32, AllowTypeChange>,
         illumination: PyArrayLike4<'_, f32, AllowTypeChange>,
         watch: Watch<'_>,
     ) -> PyResult<Bound<'py, PyArray4<f32>>> {
-        let batch = Batch::new(py, &raw, &illumination)?;
-        let [frames, _, height, width] = batch.shape;
+        let batch = self.batch(py, &raw, &illumination)?;
         let pictures = watched(py, &watch, |_| {
-            let (raw, illumination) = batch.tensors(&Device::flex());
-            on_host(self.of_tensors(raw, illumination)?)
+            let of_frame = |(raw, light): &(Raw, LinearImage)| {
+                self.isp.develop(raw, light, &self.sensor).map(|p| p.data)
+            };
+            batch.par_iter().map(of_frame).collect::<Result<Vec<_>, _>>().map_err(|e| refused(&e))
         })?;
-        let pictures: Array4<f32> = array(py, (frames, CHANNELS, height, width), pictures)?;
+        let (frames, height, width) = raw.as_array().dim();
+        let pictures: Array4<f32> = array(py, (frames, CHANNELS, height, width), pictures.concat())?;
         Ok(pictures.into_pyarray(py))
     }
 
-    /// Derivatives of a loss that has the derivatives `cotangent` by what [`Self::on_tape`] returns.
+    /// Derivatives of a loss that has the derivatives `cotangent` by what [`Self::develop`] returns.
     fn pull_back<'py>(
         &self,
         py: Python<'py>,
@@ -141,55 +120,35 @@ impl PyLinearIsp {
         cotangent: PyArrayLike4<'_, f32, AllowTypeChange>,
         watch: Watch<'_>,
     ) -> PyResult<Derivatives<'py>> {
-        let batch = Batch::new(py, &raw, &illumination)?;
-        let [frames, _, height, width] = batch.shape;
+        let batch = self.batch(py, &raw, &illumination)?;
+        let (frames, height, width) = raw.as_array().dim();
         let shape = [frames, CHANNELS, height, width];
         let cotangent = checked_f32(py, "cotangent", cotangent.as_array().into_dyn(), &shape)?;
-        let (by_raw, by_light) = watched(py, &watch, |_| {
-            let demosaic = self.isp.interpolation.demosaic;
-            if !demosaic.is_differentiable() {
-                let hint = "bilinear, malvar and menon have one";
-                return Err(JobError::setting("demosaic", demosaic.name(), "has no gradient", hint));
-            }
-            let device = Device::flex().autodiff();
-            let (raw, illumination) = batch.tensors(&device);
-            let (raw, illumination) = (raw.require_grad(), illumination.require_grad());
-            let weights = Tensor::<4>::from_data(TensorData::new(cotangent, shape), &device);
-            let loss = self.of_tensors(raw.clone(), illumination.clone())? * weights;
-            let gradients = loss.sum().backward();
-            let none = || JobError::failed("the development has no gradient");
-            Ok((
-                on_host(raw.grad(&gradients).ok_or_else(none)?)?,
-                on_host(illumination.grad(&gradients).ok_or_else(none)?)?,
-            ))
+        let found = watched(py, &watch, |_| {
+            let of_frame = |((raw, light), of_picture): (&(Raw, LinearImage), &[f32])| {
+                let d_picture = LinearImage { data: of_picture.to_vec(), ..*light };
+                linear_isp_pull_back(raw, light, &d_picture, &self.isp, &self.sensor)
+            };
+            let of_pictures = cotangent.par_chunks(CHANNELS * height * width);
+            let all: Result<Vec<_>, _> = batch.par_iter().zip(of_pictures).map(of_frame).collect();
+            all.map_err(|e| refused(&e))
         })?;
-        let by_raw: Array3<f32> = array(py, (frames, height, width), by_raw)?;
-        let by_light: Array4<f32> = array(py, (frames, CHANNELS, height, width), by_light)?;
+        let (by_raw, by_light): (Vec<_>, Vec<_>) =
+            found.into_iter().map(|(raw, light)| (raw, light.data)).unzip();
+        let by_raw: Array3<f32> = array(py, (frames, height, width), by_raw.concat())?;
+        let by_light: Array4<f32> = array(py, (frames, CHANNELS, height, width), by_light.concat())?;
         Ok((by_raw.into_pyarray(py), by_light.into_pyarray(py)))
     }
 }
 
 impl PyLinearIsp {
-    fn of_tensors(&self, raw: Tensor<4>, illumination: Tensor<4>) -> Result<Tensor<4>, JobError> {
-        let captures = vec![self.capture; raw.dims()[0]];
-        linear_isp_op(raw, illumination, &self.isp, &self.sensor, &captures).map_err(|e| refused(&e))
-    }
-}
-
-/// Frames and their relative illumination, checked.
-struct Batch {
-    /// Of the frames.
-    shape: [usize; 4],
-    raw: Vec<f32>,
-    illumination: Vec<f32>,
-}
-
-impl Batch {
-    fn new(
+    /// Frames with their relative illumination, checked.
+    fn batch(
+        &self,
         py: Python<'_>,
         raw: &PyArrayLike3<'_, f32, AllowTypeChange>,
         illumination: &PyArrayLike4<'_, f32, AllowTypeChange>,
-    ) -> PyResult<Self> {
+    ) -> PyResult<Vec<(Raw, LinearImage)>> {
         let (frames, height, width) = raw.as_array().dim();
         if raw.len() == 0 {
             let error = JobError::setting(NAME, "[]", "is empty", "give at least one frame");
@@ -197,17 +156,13 @@ impl Batch {
         }
         let dn = checked_f32(py, NAME, raw.as_array().into_dyn(), &[frames, height, width])?;
         let light = [frames, CHANNELS, height, width];
-        let illumination = checked_f32(py, "illumination", illumination.as_array().into_dyn(), &light)?;
-        Ok(Self { shape: [frames, 1, height, width], raw: dn, illumination })
-    }
-
-    fn tensors(&self, device: &Device) -> (Tensor<4>, Tensor<4>) {
-        let [frames, _, height, width] = self.shape;
-        let light = TensorData::new(self.illumination.clone(), [frames, CHANNELS, height, width]);
-        (
-            Tensor::from_data(TensorData::new(self.raw.clone(), self.shape), device),
-            Tensor::from_data(light, device),
-        )
+        let light = checked_f32(py, "illumination", illumination.as_array().into_dyn(), &light)?;
+        let of_frame = |(dn, light): (&[f32], &[f32])| {
+            let raw = Raw { height, width, dn: dn.to_vec(), capture: self.capture };
+            (raw, LinearImage { channels: CHANNELS, height, width, data: light.to_vec() })
+        };
+        let pixels = height * width;
+        Ok(dn.chunks_exact(pixels).zip(light.chunks_exact(CHANNELS * pixels)).map(of_frame).collect())
     }
 }
 

@@ -249,6 +249,8 @@ def test_wrong_arguments_are_exceptions(raw_file: Path) -> None:
         "small": lambda: pz.develop(raw[:8, :8], info=INFO),
         "empty": lambda: pz.develop(raw[:0], info=INFO),
         "three axes": lambda: pz.develop(raw[None], info=INFO),
+        "no pixels": lambda: isp.develop(pz.RawFrame.like(INFO)),
+        "smooth without pixels": lambda: isp.smooth(pz.RawFrame.like(INFO)),
         "text": lambda: pz.develop([["a"]], info=INFO),
         "bits of the picture": lambda: pz.develop(frame, bits=9),
         "negative bits": lambda: pz.develop(frame, bits=-8),

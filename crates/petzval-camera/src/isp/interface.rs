@@ -82,17 +82,69 @@ pub fn developed_without_gradient(
     values: &[f64],
     bits: u32,
 ) -> Result<RgbPicture, IspError> {
-    frame.validate()?;
-    let (device, height, width) = (Device::flex(), frame.height, frame.width);
-    let dn = TensorData::new(frame.linear_dn(), [1, 1, height, width]);
-    let theta = TensorData::new(values.iter().map(|v| *v as f32).collect::<Vec<f32>>(), [values.len()]);
-    let picture =
-        isp.develop_on_tape(Tensor::from_data(dn, &device), frame, Tensor::from_data(theta, &device))?;
-    let encoded =
-        picture.into_data().try_to_vec::<f32>().map_err(|e| IspError::External(format!("{e:?}")))?;
+    let encoded = smooth_picture(isp, &frame.linear_dn(), frame, values)?;
     let white = ((1_u32 << bits) - 1) as f32;
     let data = encoded.iter().map(|v| (v.clamp(0.0, 1.0) * white).round() as u16).collect();
-    Ok(RgbPicture { height, width, bits, data })
+    Ok(RgbPicture { height: frame.height, width: frame.width, bits, data })
+}
+
+/// What a differentiable ISP makes of linear digital numbers, sRGB-encoded, about 0..1: three planes. `frame` gives everything but the
+/// numbers.
+pub fn smooth_picture(
+    isp: &dyn DifferentiableIsp,
+    dn: &[f32],
+    frame: &RawInput,
+    values: &[f64],
+) -> Result<Vec<f32>, IspError> {
+    let (dn, values) = tensors(dn, frame, values, &Device::flex())?;
+    on_host(isp.develop_on_tape(dn, frame, values)?)
+}
+
+/// Derivatives by digital numbers and by parameters of a loss that has the derivatives `d_picture` by [`smooth_picture`].
+pub fn smooth_pull_back(
+    isp: &dyn DifferentiableIsp,
+    dn: &[f32],
+    frame: &RawInput,
+    values: &[f64],
+    d_picture: &[f32],
+) -> Result<(Vec<f32>, Vec<f64>), IspError> {
+    let device = Device::flex().autodiff();
+    let (dn, values) = tensors(dn, frame, values, &device)?;
+    let (dn, values) = (dn.require_grad(), values.require_grad());
+    let picture = isp.develop_on_tape(dn.clone(), frame, values.clone())?;
+    check_count("number of derivatives", d_picture.len(), picture.shape().num_elements())?;
+    let weights: Tensor<4> = Tensor::from_data(TensorData::new(d_picture.to_vec(), picture.dims()), &device);
+    let gradients = (picture * weights).sum().backward();
+    // What the picture does not depend on has no derivative on the tape.
+    let by_dn = dn.grad(&gradients).unwrap_or_else(|| dn.detach().zeros_like());
+    let by_values = values.grad(&gradients).unwrap_or_else(|| values.detach().zeros_like());
+    Ok((on_host(by_dn)?, on_host(by_values)?.into_iter().map(f64::from).collect()))
+}
+
+/// Digital numbers and parameters of a frame on a device.
+fn tensors(
+    dn: &[f32],
+    frame: &RawInput,
+    values: &[f64],
+    device: &Device,
+) -> Result<(Tensor<4>, Tensor<1>), IspError> {
+    frame.validate()?;
+    let (height, width) = (frame.height, frame.width);
+    check_count("number of pixels", dn.len(), height * width)?;
+    let dn = TensorData::new(dn.to_vec(), [1, 1, height, width]);
+    let values = TensorData::new(values.iter().map(|v| *v as f32).collect::<Vec<f32>>(), [values.len()]);
+    Ok((Tensor::from_data(dn, device), Tensor::from_data(values, device)))
+}
+
+fn check_count(what: &'static str, count: usize, wanted: usize) -> Result<(), IspError> {
+    if count == wanted {
+        return Ok(());
+    }
+    Err(IspError::Input { what, got: count.to_string(), need: "that of the frame" })
+}
+
+fn on_host<const D: usize>(tensor: Tensor<D>) -> Result<Vec<f32>, IspError> {
+    tensor.into_data().try_to_vec::<f32>().map_err(|e| IspError::External(format!("{e:?}")))
 }
 
 /// Checks the values of parameters.

@@ -100,24 +100,17 @@ fn whole_numbers_stay_close_to_the_smooth_version() {
     }
 }
 
-/// The sum of a picture's values times fixed random weights, as a function of the numbers.
-fn weighted(isp: &SmoothIsp, frame: &RawInput, weights: &Tensor<4>, values: &[f64]) -> f64 {
-    let device = weights.device();
-    let dn: Vec<f32> = frame.dn.iter().map(|v| *v as f32).collect();
-    let dn = Tensor::from_data(TensorData::new(dn, [1, 1, frame.height, frame.width]), &device);
-    let values: Vec<f32> = values.iter().map(|v| *v as f32).collect();
-    let count = values.len();
-    let picture =
-        isp.develop_on_tape(dn, frame, Tensor::from_data(TensorData::new(values, [count]), &device)).unwrap();
-    let product = (picture * weights.clone()).into_data().try_to_vec::<f32>().unwrap();
-    product.into_iter().map(f64::from).sum()
+/// The sum of a picture's values times fixed weights, as a function of the numbers.
+fn weighted(isp: &SmoothIsp, frame: &RawInput, weights: &[f32], values: &[f64]) -> f64 {
+    let picture = smooth_picture(isp, &frame.linear_dn(), frame, values).unwrap();
+    // The products in 32 bits, as on the tape.
+    picture.iter().zip(weights).map(|(v, w)| f64::from(v * w)).sum()
 }
 
-fn random_weights(height: usize, width: usize, device: &Device) -> Tensor<4> {
+fn random_weights(height: usize, width: usize) -> Vec<f32> {
     // Smooth weights: differences of the sum are then well above the rounding of f32.
     let of = |i: usize| (0.37 * (i % width) as f32 + 0.23 * (i / width) as f32).sin() + 0.2;
-    let values: Vec<f32> = (0..CHANNELS * height * width).map(of).collect();
-    Tensor::from_data(TensorData::new(values, [1, CHANNELS, height, width]), device)
+    (0..CHANNELS * height * width).map(of).collect()
 }
 
 #[test]
@@ -126,19 +119,12 @@ fn every_number_has_the_gradient_of_differences() {
     let frame = frame(height, width, 4000.0);
     let isp = SmoothIsp { settings: busy() };
     let values = isp.settings.values();
-    let device = Device::flex().autodiff();
-    let dn: Vec<f32> = frame.dn.iter().map(|v| *v as f32).collect();
-    let dn: Tensor<4> = Tensor::from_data(TensorData::new(dn, [1, 1, height, width]), &device).require_grad();
-    let host: Vec<f32> = values.iter().map(|v| *v as f32).collect();
-    let theta: Tensor<1> = Tensor::from_data(TensorData::new(host, [values.len()]), &device).require_grad();
-    let picture = isp.develop_on_tape(dn.clone(), &frame, theta.clone()).unwrap();
-    let gradients = (picture * random_weights(height, width, &device)).sum().backward();
-    let by_theta = theta.grad(&gradients).unwrap().into_data().try_to_vec::<f32>().unwrap();
-    assert!(
-        dn.grad(&gradients).unwrap().into_data().try_to_vec::<f32>().unwrap().iter().all(|v| v.is_finite())
-    );
+    let weights = random_weights(height, width);
+    let (by_dn, by_theta) = smooth_pull_back(&isp, &frame.linear_dn(), &frame, &values, &weights).unwrap();
+    assert!(by_dn.iter().all(|v| v.is_finite()));
+    assert!(smooth_pull_back(&isp, &frame.linear_dn(), &frame, &values, &weights[1..]).is_err());
+    assert!(smooth_picture(&isp, &by_dn[1..], &frame, &values).is_err());
 
-    let weights = random_weights(height, width, &Device::flex());
     for (i, p) in IspSettings::parameters().iter().enumerate() {
         let step = 2e-3 * (p.about.max - p.about.min).min(values[i].abs().max(0.1));
         let moved = |sign: f64| {
@@ -147,7 +133,7 @@ fn every_number_has_the_gradient_of_differences() {
             weighted(&isp, &frame, &weights, &values)
         };
         let wanted = (moved(1.0) - moved(-1.0)) / (2.0 * step);
-        let found = f64::from(by_theta[i]);
+        let found = by_theta[i];
         // Pixels that cross a bound between the two differences leave a few per cent.
         assert!((found - wanted).abs() < 0.05 * wanted.abs() + 0.01, "{}: {found} {wanted}", p.name);
         assert!(wanted != 0.0, "{} has no effect on this frame", p.name);
@@ -160,16 +146,8 @@ fn the_gradient_by_the_raw_frame_is_that_of_differences() {
     let mut frame = frame(height, width, 4000.0);
     let isp = SmoothIsp { settings: busy() };
     let values = isp.settings.values();
-    let device = Device::flex().autodiff();
-    let dn: Vec<f32> = frame.dn.iter().map(|v| *v as f32).collect();
-    let tracked: Tensor<4> =
-        Tensor::from_data(TensorData::new(dn, [1, 1, height, width]), &device).require_grad();
-    let host: Vec<f32> = values.iter().map(|v| *v as f32).collect();
-    let theta = Tensor::from_data(TensorData::new(host, [values.len()]), &device);
-    let picture = isp.develop_on_tape(tracked.clone(), &frame, theta).unwrap();
-    let gradients = (picture * random_weights(height, width, &device)).sum().backward();
-    let by_dn = tracked.grad(&gradients).unwrap().into_data().try_to_vec::<f32>().unwrap();
-    let weights = random_weights(height, width, &Device::flex());
+    let weights = random_weights(height, width);
+    let (by_dn, _) = smooth_pull_back(&isp, &frame.linear_dn(), &frame, &values, &weights).unwrap();
     let (mut error, mut size) = (0.0, 0.0);
     for i in (0..height * width).step_by(37) {
         let mut moved = |by: i64| {

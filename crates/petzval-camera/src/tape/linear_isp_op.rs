@@ -4,9 +4,11 @@ use burn::prelude::*;
 use burn::tensor::TensorData;
 
 use super::develop_op::develop_by_op;
+use super::on_device;
 use crate::develop::LinearIsp;
 use crate::develop::clip_levels_dn;
-use crate::sensor::{Capture, SensorError, SensorModel};
+use crate::image::LinearImage;
+use crate::sensor::{Capture, Raw, SensorError, SensorModel};
 
 /// Develops a batch: digital numbers `[B,1,H,W]` and relative illumination `[B,3,H,W]` to linear light `[B,3,H,W]`,
 /// differentiable in both. See [`LinearIsp::develop`].
@@ -51,4 +53,50 @@ pub fn linear_isp_op(
     let matrix = Tensor::<3>::from_data(TensorData::new(rows, [1, 3, 3]), &device);
     let flat = picture.reshape([batch, 3, height * width]);
     Ok(matrix.expand([batch, 3, 3]).matmul(flat).reshape([batch, 3, height, width]))
+}
+
+/// Derivatives by digital numbers and by relative illumination of a loss that has the derivatives `d_picture` by
+/// [`LinearIsp::develop`].
+///
+/// Fails on another shape, and for a method of demosaicing without a gradient.
+pub fn linear_isp_pull_back(
+    raw: &Raw,
+    illumination: &LinearImage,
+    d_picture: &LinearImage,
+    isp: &LinearIsp,
+    sensor: &SensorModel,
+) -> Result<(Vec<f32>, LinearImage), SensorError> {
+    let shape =
+        |i: &LinearImage| format!("{} x {} x {}, {} values", i.channels, i.height, i.width, i.data.len());
+    let (height, width, pixels) = (raw.height, raw.width, raw.height * raw.width);
+    let wanted = format!("3 x {height} x {width}, {} values", 3 * pixels);
+    for (what, image) in
+        [("illumination map", illumination), ("gradient of the developed picture", d_picture)]
+    {
+        if shape(image) != wanted {
+            return Err(SensorError::Shape { what, expected: wanted, got: shape(image) });
+        }
+    }
+    if raw.dn.len() != pixels {
+        let (expected, got) = (format!("{pixels} values"), format!("{} values", raw.dn.len()));
+        return Err(SensorError::Shape { what: "raw frame", expected, got });
+    }
+    let demosaic = isp.interpolation.demosaic;
+    if !demosaic.is_differentiable() {
+        let expected = "bilinear, malvar or menon, which have a gradient".to_owned();
+        let (what, got) = ("method of demosaicing", demosaic.name().to_owned());
+        return Err(SensorError::Shape { what, expected, got });
+    }
+    let device = Device::flex().autodiff();
+    let dn = TensorData::new(raw.dn.clone(), [1, 1, height, width]);
+    let dn = Tensor::<4>::from_data(dn, &device).require_grad();
+    let light = on_device(illumination, &device).require_grad();
+    let picture = linear_isp_op(dn.clone(), light.clone(), isp, sensor, &[raw.capture])?;
+    let gradients = (picture * on_device(d_picture, &device)).sum().backward();
+    let by = |tensor: Tensor<4>| {
+        let found = tensor.grad(&gradients).expect("the picture depends on both");
+        found.into_data().try_to_vec::<f32>().expect("f32 on the host")
+    };
+    let by_dn = by(dn);
+    Ok((by_dn, LinearImage { data: by(light), ..*d_picture }))
 }

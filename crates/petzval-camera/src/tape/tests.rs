@@ -218,17 +218,20 @@ fn the_linear_isp_on_the_tape_is_its_reference_to_the_bit() {
 
 #[test]
 fn clipped_highlights_have_no_gradient() {
-    use crate::develop::LinearIsp;
-    use crate::develop::{clip_levels_dn, develop_adjoint};
+    use crate::develop::{Demosaic, Interpolation, LinearIsp, clip_levels_dn, develop_adjoint};
+    use crate::sensor::Raw;
     let text = include_str!("../../../../data/sensors/imx249-fitted.toml");
     let sensor: SensorModel = toml::from_str(text).unwrap();
     let (dn, captures, _) = overexposed(&sensor);
-    let raw = tensor(dn[..168].to_vec(), [1, 1, 12, 14]).require_grad();
-    let light = tensor(vec![1.0; 3 * 168], [1, 3, 12, 14]);
-    let out = linear_isp_op(raw.clone(), light, &LinearIsp::default(), &sensor, &captures[..1]).unwrap();
-    let gradients = out.sum().backward();
-    let found = values(raw.grad(&gradients).unwrap());
+    let raw = Raw { height: 12, width: 14, dn: dn[..168].to_vec(), capture: captures[0] };
     let ones = LinearImage::filled(CHANNELS, 12, 14, 1.0);
+    let isp = LinearIsp::default();
+    let (found, _) = linear_isp_pull_back(&raw, &ones, &ones, &isp, &sensor).unwrap();
+    let gray = LinearImage::filled(1, 12, 14, 1.0);
+    assert!(linear_isp_pull_back(&raw, &ones, &gray, &isp, &sensor).is_err());
+    let rcd = Interpolation { demosaic: Demosaic::Rcd, ..Interpolation::default() };
+    let error = linear_isp_pull_back(&raw, &ones, &ones, &LinearIsp { interpolation: rcd, ..isp }, &sensor);
+    assert!(error.unwrap_err().to_string().contains("rcd"));
     let unclipped = develop_adjoint(&ones, &sensor, &captures[0]).unwrap();
     let levels = clip_levels_dn(&sensor, &captures[0], 12, 14).unwrap();
     let clipped = dn[..168].iter().zip(&levels).filter(|(dn, level)| dn > level).count();

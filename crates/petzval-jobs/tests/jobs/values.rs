@@ -7,7 +7,7 @@ use petzval_camera::image::LinearImage;
 use petzval_camera::psf::PsfBank;
 use petzval_files::raw_file::load_raw;
 use petzval_files::{load_image, save_png16};
-use petzval_jobs::isp::develop;
+use petzval_jobs::isp::{self, develop};
 use petzval_jobs::lens::analyze;
 use petzval_jobs::raw::mtf;
 use petzval_jobs::sensor::capture;
@@ -143,6 +143,11 @@ fn photographs_psfs_and_raw_frames_in_memory_give_what_their_files_give() {
     let of_memory = develop::pictures_of(&nothing, &[in_memory], &context()).unwrap();
     assert_eq!((of_memory.len(), of_memory[0].raw.as_path()), (1, Path::new("photo")));
     assert_eq!(of_memory[0].picture, of_file[0].picture);
+    let options = isp::FrameOptions::default();
+    let known = isp::frame_in_memory(in_memory, &options, &context()).unwrap();
+    assert_eq!(known, isp::read_frame(&request.raws[0], &options, &context()).unwrap());
+    let like = isp::frames_like(in_memory, &options, &context()).unwrap();
+    assert_eq!((like.height, like.bits, like.cfa, like.about), (0, known.bits, known.cfa, known.about));
     assert!(develop::pictures_of(&nothing, &[], &context()).is_err());
 }
 
@@ -254,4 +259,16 @@ fn edges_in_memory_are_measured_as_those_of_files() {
     let of_raw = in_memory(mtf::Pixels::Raw(&frame));
     assert_eq!((of_raw.file.as_str(), of_raw.edges), ("edge", of_file(&raw).edges));
     assert_eq!(in_memory(mtf::Pixels::Picture(&light)).edges, of_file(&picture).edges);
+}
+
+#[test]
+fn a_preset_is_written_with_its_values_by_gain() {
+    let (assets, cancel) = (built_in_assets(), petzval_base::Cancel::default());
+    for name in ["neutral", "quality", "low-light"] {
+        let preset = isp::isp_by_name(name, &assets, &cancel).unwrap().preset().unwrap().clone();
+        let text = isp::preset_file(&preset).unwrap();
+        let read =
+            isp::isp_by_name("mine", &assets.clone().with_text("mine".to_owned(), text), &cancel).unwrap();
+        assert_eq!(read.preset(), Some(&preset), "{name}");
+    }
 }

@@ -96,8 +96,8 @@ class LinearIsp:
             place = Place(key="raw", value=shapes)
             raise InputError(f"raw, illumination: shapes {shapes}", place=place, hint="give [y, x] and [y, x, 3]")
         with watch() as watching:
-            picture = self._core.develop(numbers, np.moveaxis(light, -1, 0), watching)
-        return np.moveaxis(picture, 0, -1)
+            picture = self._core.develop(numbers[None], np.moveaxis(light, -1, 0)[None], watching)
+        return np.moveaxis(picture[0], 0, -1)
 
     def pull_back(
         self, raw: ArrayLike, cotangent: ArrayLike, illumination: ArrayLike | None = None

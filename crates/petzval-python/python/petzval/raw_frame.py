@@ -27,7 +27,7 @@ SensorLike = str | os.PathLike[str] | _HasToml
 """A built-in name, the path of a sensor file, or something that has its text."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class FrameInfo:
     """What is known of a raw frame beside its digital numbers (DN).
 

@@ -78,7 +78,7 @@ def _develop_backward(raw: Tensor, parameters: Tensor, cotangent: Tensor, isp: i
 
 def _develop_linear(raw: Tensor, illumination: Tensor, isp: int) -> Tensor:
     with watch() as watching:
-        return _like(_KEPT[isp].on_tape(_host(raw), _host(illumination), watching), raw)
+        return _like(_KEPT[isp].develop(_host(raw), _host(illumination), watching), raw)
 
 
 def _develop_linear_backward(raw: Tensor, illumination: Tensor, cotangent: Tensor, isp: int) -> tuple[Tensor, Tensor]:
