@@ -19,6 +19,7 @@ mod psf;
 mod raw_frame;
 mod space;
 mod watch;
+mod weights;
 
 use std::ffi::OsString;
 
@@ -68,6 +69,8 @@ mod _petzval {
     use super::space::PyDesignSpace;
     #[pymodule_export]
     use super::watch::PyCancel;
+    #[pymodule_export]
+    use super::weights::PyNetwork;
     #[pymodule_export]
     use super::{command, set_threads, threads};
 }

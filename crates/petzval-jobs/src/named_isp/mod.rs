@@ -150,7 +150,7 @@ impl NamedIsp {
             levels: about.levels,
             ..IspProxyConfig::default()
         };
-        let network = config.init(0, &Device::flex()).and_then(|network| network.load_bytes(bytes));
+        let network = config.init(0, &Device::flex()).and_then(|network| network.load_any(bytes));
         let network = network.map_err(|e| wrong(format!("{}: {e}", weights.display())))?;
         let isp = Box::new(ProxyIsp::new(of.isp(), varied, values.clone(), network));
         let parameters = of.parameters.clone();

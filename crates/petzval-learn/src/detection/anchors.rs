@@ -1,9 +1,11 @@
 //! Anchors: boxes of fixed sizes and shapes at every place of a feature map, from which proposals are predicted.
 
+use serde::Serialize;
+
 use super::BBox;
 
 /// Sizes and shapes of anchors, one set of sizes for each level of the pyramid.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Anchors {
     /// Sides of square anchors, pixels, by level.
     pub sizes: Vec<Vec<f32>>,

@@ -1,6 +1,6 @@
 //! Every kind of detector that an experiment may name, as one module.
 
-use burn::module::Module;
+use burn::module::{Module, ParamId};
 use burn::prelude::*;
 use safetensors::SafeTensors;
 use schemars::JsonSchema;
@@ -10,6 +10,7 @@ use super::parameters::{Outputs, Parameters};
 use super::{BackboneKind, Detection, Detector, FasterRcnn, FasterRcnnConfig, Fcos, FcosConfig, Truth};
 use crate::loss::{LossError, NamedLoss};
 use crate::network::NetworkError;
+use crate::weight_file::NamedArray;
 
 /// A kind of detector.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -64,19 +65,44 @@ impl DetectorKind {
         classes: usize,
         from: &Parameters,
     ) -> Result<AnyDetector, NetworkError> {
-        Ok(match self {
-            Self::FasterRcnn => {
-                AnyDetector::FasterRcnn(FasterRcnn::with(two_stages(backbone, classes), from)?)
-            }
-            Self::Fcos => {
-                let config = match backbone {
-                    BackboneKind::Small => FcosConfig::small(classes),
-                    _ => FcosConfig { backbone, channels: 256, depth: 4, ..FcosConfig::small(classes) },
-                };
-                AnyDetector::Fcos(Fcos::with(config, from)?)
-            }
+        Ok(match self.config(backbone, classes) {
+            DetectorConfig::FasterRcnn(config) => AnyDetector::FasterRcnn(FasterRcnn::with(config, from)?),
+            DetectorConfig::Fcos(config) => AnyDetector::Fcos(Fcos::with(config, from)?),
         })
     }
+
+    /// The settings of a detector on a backbone.
+    pub fn config(self, backbone: BackboneKind, classes: usize) -> DetectorConfig {
+        match self {
+            Self::FasterRcnn => DetectorConfig::FasterRcnn(two_stages(backbone, classes)),
+            Self::Fcos => DetectorConfig::Fcos(match backbone {
+                BackboneKind::Small => FcosConfig::small(classes),
+                _ => FcosConfig { backbone, channels: 256, depth: 4, ..FcosConfig::small(classes) },
+            }),
+        }
+    }
+
+    /// A detector with zeros for weights, and the name of each weight by its number: torchvision's name where torchvision has such a weight.
+    pub(crate) fn listed(
+        self,
+        backbone: BackboneKind,
+        classes: usize,
+        device: &Device,
+    ) -> Result<(AnyDetector, Vec<(ParamId, String)>), NetworkError> {
+        let from = Parameters::listed(device);
+        let detector = self.with(backbone, classes, &from)?;
+        Ok((detector, from.names()))
+    }
+}
+
+/// Settings of a detector of one of the kinds.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum DetectorConfig {
+    /// Of two stages.
+    FasterRcnn(FasterRcnnConfig),
+    /// Of one stage.
+    Fcos(FcosConfig),
 }
 
 fn two_stages(backbone: BackboneKind, classes: usize) -> FasterRcnnConfig {
@@ -160,6 +186,17 @@ impl AnyDetector {
     /// The same with its weights held: no gradient goes to them.
     pub fn held(self) -> Self {
         self.no_grad()
+    }
+
+    /// What its last layers say of pictures `[batch, 3, height, width]`, sRGB-encoded, before any box is chosen.
+    ///
+    /// Faster R-CNN: `objectness` `[batch, anchors]` and `offsets` `[batch, anchors, 4]` of the first stage. One stage: `logits` `[batch, places,
+    /// classes]`, `distances` `[batch, places, 4]` (logarithms of distances in strides) and `centredness` `[batch, places]`.
+    pub fn heads(&self, pictures: Tensor<4>) -> Result<Vec<NamedArray>, LossError> {
+        match self {
+            Self::FasterRcnn(detector) => detector.heads(pictures),
+            Self::Fcos(detector) => detector.heads(pictures),
+        }
     }
 
     fn of_kind(&self) -> &dyn Detector {

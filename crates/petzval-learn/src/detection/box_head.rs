@@ -5,6 +5,7 @@ use burn::prelude::*;
 use burn::tensor::activation::{relu, softmax};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
+use serde::Serialize;
 
 use super::box_coder::BoxCoder;
 use super::layers::Linear;
@@ -27,7 +28,7 @@ const LEAST_SIDE: f32 = 1e-2;
 pub(super) const PROPOSALS_WITH_OBJECTS: Matcher = Matcher { high: 0.5, low: 0.5, keep_best: false };
 
 /// How proposals are judged and trained.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct BoxHeadConfig {
     /// Classes, without the background.
     pub classes: usize,

@@ -4,6 +4,7 @@ use std::f32::consts::SQRT_2;
 
 use burn::module::Module;
 use burn::prelude::*;
+use serde::Serialize;
 
 use super::anchors::Anchors;
 use super::backbone::{Backbone, BackboneKind};
@@ -15,11 +16,13 @@ use super::proposals::{ProposalConfig, ProposalNetwork, Proposed};
 use super::pyramid::Pyramid;
 use super::roi_align::RoiAlign;
 use super::{BBox, Detection, Detector, Truth, normalized, seen_sides};
+use crate::loss::image_loss::read_numbers;
 use crate::loss::{LossError, NamedLoss};
 use crate::network::NetworkError;
+use crate::weight_file::NamedArray;
 
 /// The parts of a Faster R-CNN and their settings.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FasterRcnnConfig {
     /// The backbone.
     pub backbone: BackboneKind,
@@ -147,6 +150,27 @@ impl FasterRcnn {
             ("proposal_box", proposed),
             ("class", class),
             ("box", bbox),
+        ])
+    }
+}
+
+impl FasterRcnn {
+    /// See [`AnyDetector::heads`](super::AnyDetector::heads).
+    pub(super) fn heads(&self, pictures: Tensor<4>) -> Result<Vec<NamedArray>, LossError> {
+        let [_, _, height, width] = pictures.dims();
+        let seen = self.proposals.look(&self.maps(pictures), seen_sides([height, width]));
+        let ([batch, anchors], [_, _, sides]) = (seen.logits.dims(), seen.offsets.dims());
+        Ok(vec![
+            NamedArray::new(
+                "objectness",
+                [batch, anchors],
+                read_numbers(seen.logits, "logits of proposals")?,
+            ),
+            NamedArray::new(
+                "offsets",
+                [batch, anchors, sides],
+                read_numbers(seen.offsets, "boxes of proposals")?,
+            ),
         ])
     }
 }

@@ -4,6 +4,7 @@
 use burn::module::Module;
 use burn::prelude::*;
 use burn::tensor::activation::sigmoid;
+use serde::Serialize;
 
 use super::backbone::{Backbone, BackboneKind};
 use super::box_head::best;
@@ -15,9 +16,10 @@ use super::{BBox, Detection, Detector, Truth, normalized, seen_sides};
 use crate::loss::image_loss::read_numbers;
 use crate::loss::{LossError, NamedLoss};
 use crate::network::NetworkError;
+use crate::weight_file::NamedArray;
 
 /// The parts of the detector and their settings.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FcosConfig {
     /// The backbone.
     pub backbone: BackboneKind,
@@ -167,6 +169,30 @@ impl Fcos {
         let [logits, distances, centredness] =
             [logits, distances, centredness].map(|levels| Tensor::cat(levels, 1));
         Seen { logits, distances: distances.clamp_max(LARGEST_LOG), centredness, places }
+    }
+
+    /// See [`AnyDetector::heads`](super::AnyDetector::heads).
+    pub(super) fn heads(&self, pictures: Tensor<4>) -> Result<Vec<NamedArray>, LossError> {
+        let seen = self.look(pictures);
+        let [batch, places, classes] = seen.logits.dims();
+        let sides = seen.distances.dims()[2];
+        Ok(vec![
+            NamedArray::new(
+                "logits",
+                [batch, places, classes],
+                read_numbers(seen.logits, "scores of objects")?,
+            ),
+            NamedArray::new(
+                "distances",
+                [batch, places, sides],
+                read_numbers(seen.distances, "boxes of objects")?,
+            ),
+            NamedArray::new(
+                "centredness",
+                [batch, places],
+                read_numbers(seen.centredness, "scores of objects")?,
+            ),
+        ])
     }
 
     /// The object that each place is to find; none for background. Of several objects the smallest.

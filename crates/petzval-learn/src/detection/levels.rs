@@ -1,10 +1,12 @@
 //! Which level of the pyramid a box is looked at on.
 
+use serde::Serialize;
+
 use super::BBox;
 
 /// Levels by size of box (Lin 2017, equation 1): `floor(canonical_level + log2(sqrt(area) / canonical_size + 1e-6))`, kept within the
 /// levels that there are. Level `k` is `2^k` times smaller than the picture.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct LevelOfBox {
     /// The finest level.
     pub finest: usize,

@@ -1,5 +1,7 @@
 //! Which object an anchor or a proposal is to find.
 
+use serde::Serialize;
+
 use super::BBox;
 
 /// What a box is matched with.
@@ -14,7 +16,7 @@ pub enum Match {
 }
 
 /// Overlaps above which a box is matched with an object, and below which it is background.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Matcher {
     /// Least intersection over union of a match.
     pub high: f32,

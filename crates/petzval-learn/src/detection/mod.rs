@@ -36,7 +36,7 @@ mod zoomed;
 #[cfg(test)]
 mod reference;
 
-pub use any::{AnyDetector, DetectorKind, WeightsOf};
+pub use any::{AnyDetector, DetectorConfig, DetectorKind, WeightsOf};
 pub use backbone::BackboneKind;
 pub use boxes::BBox;
 pub use faster_rcnn::{FasterRcnn, FasterRcnnConfig};

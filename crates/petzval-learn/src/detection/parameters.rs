@@ -3,7 +3,7 @@
 
 use std::cell::RefCell;
 
-use burn::module::Param;
+use burn::module::{Param, ParamId};
 use burn::prelude::*;
 use burn::tensor::TensorData;
 use safetensors::SafeTensors;
@@ -26,6 +26,8 @@ pub(crate) enum Parameters<'a> {
     Drawn(RefCell<Initializer>),
     /// Reads them.
     Read { file: &'a SafeTensors<'a>, outputs: Option<Outputs>, drawn: RefCell<Initializer> },
+    /// Zeros, and the name of each by its number.
+    Listed { names: RefCell<Vec<(ParamId, String)>>, drawn: RefCell<Initializer> },
     /// Reads those of the backbone from a file of a classifier, and draws the others.
     ReadBackbone { file: &'a SafeTensors<'a>, drawn: RefCell<Initializer> },
 }
@@ -49,6 +51,19 @@ impl<'a> Parameters<'a> {
     /// Weights from a seed.
     pub fn drawn(seed: u64, device: &Device) -> Self {
         Self::Drawn(RefCell::new(Initializer::new(seed, device)))
+    }
+
+    /// Zeros whose names are listed.
+    pub fn listed(device: &Device) -> Self {
+        Self::Listed { names: RefCell::default(), drawn: RefCell::new(Initializer::new(0, device)) }
+    }
+
+    /// The names that were listed, by the numbers of their weights.
+    pub fn names(self) -> Vec<(ParamId, String)> {
+        match self {
+            Self::Listed { names, .. } => names.into_inner(),
+            _ => Vec::new(),
+        }
     }
 
     /// Weights of a file; their numbers for optimisers derive from the seed.
@@ -78,6 +93,11 @@ impl<'a> Parameters<'a> {
     ) -> Result<Param<Tensor<D>>, NetworkError> {
         let (values, drawn) = match self {
             Self::Drawn(drawn) => (None, drawn),
+            Self::Listed { names, drawn } => {
+                let zeros = drawn.borrow_mut().zeros(shape);
+                names.borrow_mut().push((zeros.id, name.to_owned()));
+                return Ok(zeros);
+            }
             Self::ReadBackbone { file, drawn } => {
                 let name = name.strip_prefix(OF_BACKBONE).map(name_in_classifier);
                 (name.map(|name| values(file, &name, &shape)).transpose()?, drawn)

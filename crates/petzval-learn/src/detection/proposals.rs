@@ -5,6 +5,7 @@ use burn::prelude::*;
 use burn::tensor::activation::{relu, sigmoid};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
+use serde::Serialize;
 
 use super::anchors::Anchors;
 use super::box_coder::BoxCoder;
@@ -28,7 +29,7 @@ const LEAST_SIDE: f32 = 1e-3;
 pub(super) const POSITIVE_ANCHORS: f32 = 0.5;
 
 /// How proposals are made and trained.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ProposalConfig {
     /// The anchors of every level.
     pub anchors: Anchors,

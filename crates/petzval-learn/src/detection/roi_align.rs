@@ -10,11 +10,12 @@ use burn::prelude::*;
 use burn::tensor::TensorData;
 use petzval_camera::tape::{Kernel, View, apply, is_on_host};
 use rayon::prelude::*;
+use serde::Serialize;
 
 use super::BBox;
 
 /// How boxes become small maps.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct RoiAlign {
     /// Height and width of the small map.
     pub size: [usize; 2],

@@ -145,6 +145,11 @@ pub struct IspProxy {
 }
 
 impl IspProxy {
+    /// How many parameters it takes.
+    pub fn parameters(&self) -> usize {
+        self.hidden_weight.dims()[0]
+    }
+
     /// Develops raw mosaics with parameters.
     ///
     /// `raw`: `[batch, 4, height / 2, width / 2]`, colours red, green, green, blue of the 2x2 mosaic, linear, black 0 and

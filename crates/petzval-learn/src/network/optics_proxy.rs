@@ -148,6 +148,11 @@ pub struct OpticsProxy {
 }
 
 impl OpticsProxy {
+    /// How many inputs it takes.
+    pub fn inputs(&self) -> usize {
+        self.first.weight.dims()[0]
+    }
+
     /// The PSFs of numbers and fields `[batch, inputs]`, each input scaled to mean 0 and variance 1.
     pub fn forward(&self, inputs: Tensor<2>) -> PredictedPsfs {
         let [batch, _] = inputs.dims();

@@ -21,6 +21,14 @@ pub enum NetworkError {
         "the stored weight {0} is not finite everywhere; the file is damaged, or the training went astray"
     )]
     NotFinite(String),
+    /// An input of a network is missing, or its network cannot take it.
+    #[error("input `{name}` {problem}")]
+    BadInput {
+        /// Name of the input.
+        name: String,
+        /// What is wrong, and what is right.
+        problem: String,
+    },
     /// The weights could not be stored.
     #[error("the weights could not be stored: {0}")]
     NotStored(String),

@@ -2,7 +2,7 @@
 
 mod error;
 
-use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
+use burn::module::{Module, ModuleMapper, ModuleVisitor, Param, ParamId};
 use burn::prelude::*;
 use burn::store::{ModuleRecord, RecordError};
 use burn::tensor::Bytes;
@@ -31,6 +31,15 @@ pub trait Weights: Module {
         }
     }
 
+    /// Loads weights that [`to_bytes`](Self::to_bytes) or [`to_safetensors`](Self::to_safetensors) wrote.
+    fn load_any(self, bytes: Vec<u8>) -> Result<Self, NetworkError> {
+        if SafeTensors::read_metadata(&bytes).is_ok() {
+            self.with_weights(&bytes)
+        } else {
+            self.load_bytes(bytes)
+        }
+    }
+
     /// All weights as a safetensors file, for other programs: 32-bit floats, row-major, under the path of fields and of places in lists, as
     /// `encoder.0.weight`. The values are those of the network to the bit.
     fn to_safetensors(&self) -> Result<Vec<u8>, NetworkError> {
@@ -45,6 +54,67 @@ pub trait Weights: Module {
 }
 
 impl<M: Module> Weights for M {}
+
+/// An array with a name, row-major.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NamedArray {
+    /// Its name.
+    pub name: String,
+    /// Its shape.
+    pub shape: Vec<usize>,
+    /// As many values as the shape says.
+    pub values: Vec<f32>,
+}
+
+impl NamedArray {
+    pub(crate) fn new(name: &str, shape: impl Into<Vec<usize>>, values: Vec<f32>) -> Self {
+        Self { name: name.to_owned(), shape: shape.into(), values }
+    }
+}
+
+/// How many batches a normalisation of torchvision has seen: a whole number beside its weights, which nothing here needs.
+const BATCHES_SEEN: &str = "num_batches_tracked";
+
+/// All weights of a safetensors file, of f16 or f32. Fails on one of another type and on one that is not finite, and names it.
+pub(crate) fn read_arrays(file: &[u8]) -> Result<Vec<NamedArray>, NetworkError> {
+    let bad = NetworkError::BadWeights;
+    let file = SafeTensors::deserialize(file).map_err(|e| bad(format!("not a safetensors file: {e}")))?;
+    let weights = file.iter().filter(|(name, _)| !name.ends_with(BATCHES_SEEN));
+    let array = |(name, view): (&str, TensorView)| {
+        let values = read_weights(&file, name, view.shape())
+            .map_err(|problem| bad(format!("{name} is {problem}, expected F32 or F16")))?;
+        Ok(NamedArray::new(name, view.shape(), values))
+    };
+    weights.map(array).collect()
+}
+
+/// Arrays as a safetensors file.
+pub(crate) fn write_arrays(arrays: &[NamedArray]) -> Result<Vec<u8>, NetworkError> {
+    let bytes = |values: &[f32]| values.iter().flat_map(|v| v.to_le_bytes()).collect();
+    let tensors: Vec<NamedTensor> =
+        arrays.iter().map(|a| (a.name.clone(), a.shape.clone(), bytes(&a.values))).collect();
+    safetensors_of(&tensors).map_err(|error| NetworkError::NotStored(error.to_string()))
+}
+
+/// A weight of a network.
+pub(crate) struct Weight {
+    /// Its number for optimisers.
+    pub id: ParamId,
+    /// Its path, shape and values.
+    pub array: NamedArray,
+}
+
+/// All weights of a network in its own order.
+pub(crate) fn weights_of<M: Module>(network: &M) -> Result<Vec<Weight>, NetworkError> {
+    let mut found = NamedWeights::default();
+    network.visit(&mut found);
+    let weight = |((name, shape, data), id): ((String, Vec<usize>, TensorData), ParamId)| {
+        let values =
+            data.try_to_vec::<f32>().map_err(|e| NetworkError::NotStored(format!("{name}: {e:?}")))?;
+        Ok(Weight { id, array: NamedArray { name, shape, values } })
+    };
+    found.tensors.into_iter().zip(found.ids).map(weight).collect()
+}
 
 /// Values of a tensor of f16 or f32, all finite. The error says what is there in place of a tensor of this shape.
 pub(crate) fn read_weights(file: &SafeTensors, name: &str, shape: &[usize]) -> Result<Vec<f32>, String> {
@@ -65,19 +135,8 @@ pub(crate) fn read_weights(file: &SafeTensors, name: &str, shape: &[usize]) -> R
 }
 
 fn weights_file<M: Module>(network: &M) -> Result<Vec<u8>, NetworkError> {
-    let not_stored = |error: &dyn std::fmt::Display| NetworkError::NotStored(error.to_string());
-    let mut found = NamedWeights::default();
-    network.visit(&mut found);
-    let tensors: Vec<NamedTensor> = found
-        .tensors
-        .into_iter()
-        .map(|(name, shape, data)| {
-            let values =
-                data.try_to_vec::<f32>().map_err(|e| NetworkError::NotStored(format!("{name}: {e:?}")))?;
-            Ok((name, shape, values.iter().flat_map(|v| v.to_le_bytes()).collect()))
-        })
-        .collect::<Result<_, NetworkError>>()?;
-    safetensors_of(&tensors).map_err(|error| not_stored(&error))
+    let arrays: Vec<NamedArray> = weights_of(network)?.into_iter().map(|weight| weight.array).collect();
+    write_arrays(&arrays)
 }
 
 /// Name, shape and values of a tensor: 32-bit floats, row-major, the least significant byte first.
@@ -183,12 +242,14 @@ pub(crate) fn not_finite<M: Module>(network: &M) -> Option<String> {
 struct NamedWeights {
     path: Path,
     tensors: Vec<(String, Vec<usize>, TensorData)>,
+    ids: Vec<ParamId>,
 }
 
 impl ModuleVisitor for NamedWeights {
     fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
         let weights = param.val().detach();
         self.tensors.push((self.path.name(), weights.dims().to_vec(), weights.into_data()));
+        self.ids.push(param.id);
     }
 
     fn enter_module(&mut self, name: &str, container: &str) {

@@ -13,6 +13,7 @@ from .psfs import PsfBank, psf
 from .rendering import Distortion, FieldPsfs, Wiener, blend_error, patches_for, render, restore
 from .sensors import FixedPattern, Sensor
 from .raw_frame import FrameInfo, RawFrame
+from .weights import Weights
 
 __all__ = [
     "Cancel",
@@ -41,6 +42,7 @@ __all__ = [
     "Surface",
     "Variable",
     "develop",
+    "Weights",
     "jobs",
     "patches_for",
     "psf",

@@ -102,9 +102,9 @@ impl ProxyOptics {
         Ok(Self { space, domain, scale, network, device: device.clone() })
     }
 
-    /// The same with these weights.
+    /// The same with the weights of a file, of this program or safetensors.
     pub fn with_weights(mut self, weights: Vec<u8>) -> Result<Self, DesignError> {
-        self.network = self.network.load_bytes(weights)?;
+        self.network = self.network.load_any(weights)?;
         Ok(self)
     }
 

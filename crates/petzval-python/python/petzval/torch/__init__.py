@@ -8,6 +8,7 @@ try:
 except ImportError as _error:
     raise ImportError("petzval.torch needs PyTorch 2.6 or newer: pip install 'petzval[torch]'") from _error
 
+from . import models
 from .develop import Isp, develop, develop_linear
 from .expose import expose
 from .lens import Lens, Psfs
@@ -24,6 +25,7 @@ __all__ = [
     "develop_linear",
     "expose",
     "illumination_map",
+    "models",
     "project",
     "render",
     "restore",

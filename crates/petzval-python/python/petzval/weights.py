@@ -1,0 +1,275 @@
+"""Weights of trained networks: as arrays by name, on their way out of Petzval and back, and what the networks make of arrays.
+
+`petzval.torch.models` has a torch module for each of them.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _petzval
+from ._errors import InputError, Place
+from ._watch import watch
+
+__all__ = ["Kind", "Weights"]
+
+Array = NDArray[np.float32]
+Kind = Literal["u-net", "restoration", "restoration-naf", "segmenter", "isp-proxy", "optics-proxy", "faster-rcnn", "fcos"]
+
+# Files of weights in the folder of a camera, and in that of a proxy.
+_FILES = ("network.safetensors", "weights.safetensors")
+
+
+class Weights:
+    """A trained network: its kind, its settings and its weights. Immutable.
+
+    Kind and settings follow from the names and shapes of the weights. Weights of detectors have the names that torchvision gives to them;
+    those of other networks have the names of the modules in `petzval.torch.models`.
+
+    Args:
+        tensors: All weights by name; float32, float16 or float64, which is rounded to float32.
+        kind: What the network is, where its weights do not say so: a U-Net that finishes pictures and a segmenter of three classes have weights
+            of the same names and shapes, which are taken for ``"u-net"``.
+
+    Raises:
+        InputError: A weight is missing, too many, of another shape or not finite; the message names it.
+    """
+
+    def __init__(self, tensors: Mapping[str, ArrayLike], *, kind: Kind | None = None) -> None:
+        with watch() as watching:
+            self._core = _petzval.Network.of(_arrays("tensors", tensors), _kind(kind), watching)
+
+    @classmethod
+    def _of(cls, core: _petzval.Network) -> Weights:
+        weights = cls.__new__(cls)
+        weights._core = core
+        return weights
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str], *, camera: str | None = None, kind: Kind | None = None) -> Weights:
+        """Reads weights.
+
+        Args:
+            path: A safetensors file: ``network.safetensors`` of a camera, ``weights.safetensors`` of a proxy, or a detector under the names of
+                torchvision. Or the folder that holds one of the first two, or the folder of a run.
+            camera: Which camera of a run; need not be given where the run has one.
+            kind: See `Weights`.
+
+        Raises:
+            InputError: There is no such file, or it holds no weights of a network of Petzval.
+        """
+        if not isinstance(path, str | os.PathLike):
+            raise InputError(f"path is {path!r}; give a file or a folder", place=Place(key="path", value=repr(path)))
+        file = _file(Path(path), camera)
+        try:
+            contents = file.read_bytes()
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or str(error)
+            hint = "give a safetensors file, such as cameras/NAME/network.safetensors of a run"
+            raise InputError(f"{file}: {reason}", place=Place(path=file, key="path"), hint=hint) from error
+        with watch() as watching:
+            try:
+                return cls._of(_petzval.Network.read(contents, _kind(kind), watching))
+            except InputError as error:
+                place = Place(path=file, key="path")
+                raise InputError(f"{file}: {error.message}", place=place, hint=error.hint, kind=error.kind) from error
+
+    @classmethod
+    def built_in(cls, name: str) -> Weights:
+        """Weights that Petzval brings: ``"restoration_naf"``, or ``"restoration_naf_waves"`` for PSFs by waves.
+
+        Raises:
+            InputError: There are no such weights.
+        """
+        if not isinstance(name, str):
+            raise InputError(f"name is {name!r}; give the name of built-in weights", place=Place(key="name", value=repr(name)))
+        with watch() as watching:
+            return cls._of(_petzval.Network.built_in(name, watching))
+
+    @classmethod
+    def drawn(cls, kind: Kind, *, seed: int = 0, **settings: int | str) -> Weights:
+        """Weights with which Petzval begins a training: drawn from a seed.
+
+        Args:
+            kind: The kind of network.
+            seed: 0 or above; the same seed gives the same weights.
+            **settings: ``base_channels`` and ``levels`` of networks for pictures (and ``classes`` of a segmenter); ``parameters``,
+                ``base_channels``, ``levels``, ``thumbnail_channels`` and ``hidden`` of a proxy of an ISP; ``inputs``, ``hidden`` and
+                ``channels`` of one of optics; ``backbone`` (``"small"``, ``"resnet18"``, ``"resnet50"``, ``"mobilenet-v2"``) and ``classes`` of
+                detectors.
+
+        Raises:
+            InputError: A setting is out of its range, missing, or none of this kind.
+        """
+        if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or not 0 <= seed < 2**64:
+            raise InputError(f"seed is {seed!r}; give a whole number, 0 or above", place=Place(key="seed", value=repr(seed)))
+        try:
+            spec = json.dumps({"kind": kind, "settings": settings}, allow_nan=False)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"settings: {error}", place=Place(key="settings", value=repr(settings))) from error
+        with watch() as watching:
+            return cls._of(_petzval.Network.drawn(spec, int(seed), watching))
+
+    @cached_property
+    def _facts(self) -> dict[str, Any]:
+        facts: dict[str, Any] = json.loads(self._core.facts())
+        return facts
+
+    @property
+    def kind(self) -> Kind:
+        """What the network is."""
+        kind: Kind = self._facts["kind"]
+        return kind
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Its sizes, as `drawn` takes them."""
+        return dict(self._facts["settings"])
+
+    @property
+    def detector(self) -> dict[str, Any] | None:
+        """All settings of a detector: anchors, thresholds, numbers of proposals; ``None`` of another network."""
+        detector: dict[str, Any] | None = self._facts["detector"]
+        return detector
+
+    @cached_property
+    def tensors(self) -> Mapping[str, Array]:
+        """All weights by name, float32, in the order of the layers. They cannot be changed in place: see `with_`."""
+        tensors = dict(self._core.tensors())
+        for tensor in tensors.values():
+            tensor.setflags(write=False)
+        return MappingProxyType(tensors)
+
+    def with_(self, tensors: Mapping[str, ArrayLike]) -> Weights:
+        """The same network with some weights changed.
+
+        Raises:
+            InputError: There is no such weight, or it has another shape or is not finite.
+        """
+        unknown = next((name for name in tensors if name not in self.tensors), None)
+        if unknown is not None:
+            hint = f"its weights are {', '.join(list(self.tensors)[:3])}, ..."
+            raise InputError(f"tensors: there is no weight {unknown!r}", place=Place(key="tensors", value=repr(unknown)), hint=hint)
+        return Weights({**self.tensors, **tensors}, kind=self.kind)
+
+    def save(self, path: str | os.PathLike[str], *, names: Literal["petzval", "torchvision"] = "petzval") -> None:
+        """Writes a safetensors file, whole or not at all.
+
+        An experiment takes it as ``network.weights`` or ``detector.weights``, the description of a proxy as ``weights``, and `load` reads it. A
+        file with the names of torchvision is what ``petzval detect --weights`` takes.
+
+        Args:
+            path: The file.
+            names: The names of ``network.safetensors`` in runs, or those of torchvision. The latter for ``"faster-rcnn"`` on a backbone of
+                torchvision alone.
+
+        Raises:
+            InputError: The file cannot be written, or torchvision has no such network.
+        """
+        if names not in ("petzval", "torchvision"):
+            hint = '"petzval" or "torchvision"'
+            raise InputError(f"names is {names!r}; give {hint}", place=Place(key="names", value=repr(names)), hint=hint)
+        with watch() as watching:
+            contents = self._core.file(names == "torchvision", watching)
+        path = Path(path)
+        beside = path.with_name(f".{path.name}.{os.getpid()}")
+        try:
+            beside.write_bytes(contents)
+            beside.replace(path)
+        except OSError as error:
+            beside.unlink(missing_ok=True)
+            raise InputError(f"{path}: {error.strerror}", place=Place(path=path, key="path"), hint="name a file that can be written") from error
+
+    def run(self, **inputs: ArrayLike) -> dict[str, Array]:
+        """What Petzval's network makes of arrays, on the processor.
+
+        Pictures are ``[batch, channel, y, x]``, sRGB-encoded, about 0 to 1. Inputs and outputs by kind:
+
+        * ``u-net``: ``pictures`` gives ``finished``.
+        * ``restoration``, ``restoration-naf``: ``restored`` and ``developed``, ``field`` (``[batch, 1, y, x]``, 0 on the axis, 1 in the corner)
+          and ``noise`` (``[batch, 1, y, x]``, standard deviation in the square root of light) give ``finished`` and ``curves`` (``[3, knot]``,
+          of the restoration in front of it).
+        * ``segmenter``: ``pictures`` gives ``logits``, ``[batch, class, y, x]``.
+        * ``isp-proxy``: ``raw`` (``[batch, 4, y / 2, x / 2]``; red, green, green, blue; black 0, white 1) and ``theta``
+          (``[batch, parameter]``) give ``picture``.
+        * ``optics-proxy``: ``inputs`` (``[batch, input]``) gives ``values`` (``[batch, colour, y, x]``, each of unit sum) and ``illumination``.
+        * ``faster-rcnn``, ``fcos``: ``pictures`` gives ``boxes`` (``[found, 4]``: x1, y1, x2, y2 in pixels), ``scores``, ``classes`` (from 0) and
+          ``pictures`` (the number of the picture), and what the last layers say of every anchor or place: ``objectness`` and ``offsets``, or
+          ``logits``, ``distances`` and ``centredness``.
+
+        Raises:
+            InputError: An input is missing, is none of this kind, has another shape or is not finite; the message names it.
+        """
+        with watch() as watching:
+            return dict(self._core.run(_arrays("inputs", inputs), watching))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _again, (dict(self.tensors), self.kind)
+
+    def __repr__(self) -> str:
+        settings = ", ".join(f"{name}={value!r}" for name, value in self.settings.items())
+        count = sum(tensor.size for tensor in self.tensors.values())
+        return f"<Weights of a network {self.kind!r}: {settings}; {count} numbers>"
+
+
+def _again(tensors: Mapping[str, ArrayLike], kind: Kind) -> Weights:
+    """Weights that come out of a pickle."""
+    return Weights(tensors, kind=kind)
+
+
+def _kind(kind: Kind | None) -> str | None:
+    if kind is not None and not isinstance(kind, str):
+        raise InputError(f"kind is {kind!r}; give the name of a kind", place=Place(key="kind", value=repr(kind)))
+    return kind
+
+
+def _arrays(key: str, arrays: Mapping[str, ArrayLike]) -> list[tuple[str, Array]]:
+    """Arrays as the binary part takes them: float32 in one piece."""
+    if not isinstance(arrays, Mapping):
+        raise InputError(f"{key} is {arrays!r}; give arrays by name", place=Place(key=key, value=repr(arrays)))
+    return [(_name(key, name), _array(f"{key}[{name!r}]", array)) for name, array in arrays.items()]
+
+
+def _name(key: str, name: str) -> str:
+    if not isinstance(name, str):
+        raise InputError(f"{key} has the name {name!r}; names are strings", place=Place(key=key, value=repr(name)))
+    return name
+
+
+def _array(key: str, value: ArrayLike) -> Array:
+    try:
+        array = np.asarray(value)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{key} is no array: {error}", place=Place(key=key)) from error
+    if array.dtype.kind not in "fiu":
+        raise InputError(f"{key} has the type {array.dtype}; give real numbers", place=Place(key=key, value=str(array.dtype)))
+    with np.errstate(over="ignore"):
+        # What does not fit float32 becomes infinite, and is refused as such.
+        return np.ascontiguousarray(array, dtype=np.float32).reshape(array.shape)
+
+
+def _file(path: Path, camera: str | None) -> Path:
+    """The file of weights that a path stands for."""
+    cameras = path / "cameras"
+    if camera is not None and (not isinstance(camera, str) or not cameras.is_dir()):
+        hint = "name a camera where `path` is the folder of a run"
+        raise InputError(f"{path}: no run, and camera is {camera!r}", place=Place(path=path, key="camera"), hint=hint)
+    if cameras.is_dir():
+        made = sorted(folder.name for folder in cameras.iterdir() if (folder / _FILES[0]).is_file())
+        if camera is None and len(made) == 1:
+            camera = made[0]
+        if camera not in made:
+            found = ", ".join(made) or "none yet"
+            hint = f"cameras with a network are: {found}"
+            raise InputError(f"{path}: camera is {camera!r}", place=Place(path=path, key="camera", value=repr(camera)), hint=hint)
+        return cameras / camera / _FILES[0]
+    return next((path / name for name in _FILES if (path / name).is_file()), path)
