@@ -14,6 +14,7 @@ use petzval_base::Cancel;
 use petzval_camera::isp::IspError;
 use petzval_camera::tape::Frames;
 use petzval_files::{LensFile, write_lens};
+use petzval_learn::guest::GuestError;
 use petzval_optics::design_space::EflSolve;
 use petzval_optics::lens::{Lens, validate};
 use petzval_optics::number::Number;
@@ -183,7 +184,10 @@ pub fn step_of(
         further: &|number| setup.training_shots(camera, number),
         magnified: is_magnified.then_some(&magnified),
     };
-    beside_windows(setup, camera, next, || blocks.get_mut(block).step(&batch, rule))
+    let stepped = beside_windows(setup, camera, next, || blocks.get_mut(block).step(&batch, rule));
+    // A network of a user that failed on the tape has given no gradient, whatever block moves.
+    blocks.network.check()?;
+    stepped
 }
 
 /// What one step did.
@@ -317,8 +321,11 @@ impl DesignLoop {
                     self.checkpoint(observer)?;
                     return Ok(Ending::Stopped(self.position.step));
                 }
-                // An external ISP was stopped in the middle of the step, which is lost: the run goes on from its last checkpoint.
-                Err(DesignError::Isp(IspError::Stopped(_))) if stop.is_set() => {
+                // An external ISP or a user's network was stopped in the middle of the step, which is lost: the run goes on from its last
+                // checkpoint.
+                Err(DesignError::Isp(IspError::Stopped(_)) | DesignError::Guest(GuestError::Stopped(_)))
+                    if stop.is_set() =>
+                {
                     return Ok(Ending::Stopped(latest_checkpoint(&self.run)?.map_or(0, |(step, _)| step)));
                 }
                 _ => {}
@@ -664,8 +671,11 @@ impl DesignLoop {
             observer.file(&path, "lens");
         }
         save_blocks(&folder, self.blocks.all(), Kept::Numbers)?;
-        if self.blocks.network.free_numbers() > 0 {
-            let weights = self.blocks.network.to_safetensors()?;
+        let weights = match self.blocks.network.free_numbers() {
+            0 => None,
+            _ => self.blocks.network.to_safetensors()?,
+        };
+        if let Some(weights) = weights {
             let path = folder.join("network.safetensors");
             write_file(&path, &weights)?;
             observer.file(&path, "weights");

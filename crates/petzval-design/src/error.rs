@@ -7,6 +7,7 @@ use petzval_camera::image::ShapeError;
 use petzval_camera::isp::IspError;
 use petzval_camera::sensor::SensorError;
 use petzval_learn::dataset::DatasetError;
+use petzval_learn::guest::GuestError;
 
 /// Why a design, a score or a report could not be made.
 #[derive(Debug, thiserror::Error)]
@@ -137,6 +138,9 @@ pub enum DesignError {
     /// The network could not be made.
     #[error(transparent)]
     Network(#[from] petzval_learn::network::NetworkError),
+    /// A network or a loss of a user could not be made, or did not do its work.
+    #[error(transparent)]
+    Guest(#[from] GuestError),
     /// A raw frame could not be developed.
     #[error(transparent)]
     Isp(#[from] IspError),
@@ -286,7 +290,10 @@ impl DesignError {
             Self::InBands { error, .. } => error.is_stopped(),
             other => matches!(
                 other,
-                Self::Stopped(_) | Self::Isp(IspError::Stopped(_)) | Self::Dataset(DatasetError::Stopped(_))
+                Self::Stopped(_)
+                    | Self::Isp(IspError::Stopped(_))
+                    | Self::Guest(GuestError::Stopped(_))
+                    | Self::Dataset(DatasetError::Stopped(_))
             ),
         }
     }
@@ -305,6 +312,7 @@ impl DesignError {
                 | Self::Unknown { .. }
                 | Self::UnknownScore { .. }
                 | Self::NothingToMove(_)
+                | Self::Guest(GuestError::Unusable { .. })
                 | Self::NotSymmetric(_)
                 | Self::Space(_)
                 | Self::Pupil(_)

@@ -6,7 +6,7 @@ use std::path::Path;
 use petzval_base::{Cancel, FileError};
 use petzval_optics::glass::Catalog;
 
-use crate::assets::{Assets, ExternalIsps, Text, WarningSink};
+use crate::assets::{Assets, ExternalIsps, Guests, Text, WarningSink};
 use crate::error::DesignError;
 use crate::experiment::{BUILT_IN_PHOTOS, Experiment, STREET, TaskFacts};
 use crate::path_text::path_text;
@@ -70,6 +70,11 @@ impl Library {
     /// See [`Assets::with_external_isps`].
     pub fn with_external_isps(self, external_isps: ExternalIsps) -> Self {
         Self { assets: self.assets.with_external_isps(external_isps), ..self }
+    }
+
+    /// See [`Assets::with_guests`].
+    pub fn with_guests(self, guests: Guests) -> Self {
+        Self { assets: self.assets.with_guests(guests), ..self }
     }
 
     /// See [`Assets::stopped_by`].

@@ -77,7 +77,7 @@ impl PartInputs {
             }
             Part::Network => {
                 let restored = self.frames.restored.as_ref().map(tracked);
-                camera.finish(tracked(&self.frames.developed), restored, kept).sum()
+                camera.finish(tracked(&self.frames.developed), restored, kept)?.sum()
             }
             Part::Loss => {
                 let frames = Frames { finished: tracked(&self.frames.finished), ..self.frames.clone() };

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use petzval_base::Cancel;
+use petzval_design::assets::Guests;
 use petzval_design::library::Library;
 use petzval_learn::Device;
 use petzval_learn::loss::Lpips;
@@ -13,6 +14,7 @@ use petzval_learn::score::{Score, standard_scores};
 use crate::device;
 use crate::error::{JobError, Stopped};
 use crate::event::{Event, WarningKind};
+use crate::guest::Workers;
 use crate::named_isp::external_isp;
 
 /// Receives what a job says while it works. The command prints it, a studio draws it.
@@ -83,7 +85,18 @@ impl Context {
     pub fn with_cancellation(self, cancel: Cancel) -> Self {
         let flag = cancel.clone();
         let assets = self.assets.with_external_isps(Arc::new(move |path| external_isp(path, &flag)));
-        Self { assets: assets.stopped_by(cancel.clone()), cancel, ..self }
+        let (flag, watcher) = (cancel.clone(), self.watcher.clone());
+        let guests = assets.with_guests(Arc::new(move |timeout_s| {
+            let watcher = watcher.clone();
+            let said = move |line: &str| watcher.event(&Event::Note { text: line.to_owned() });
+            Arc::new(Workers::new(timeout_s, flag.clone(), Arc::new(said)))
+        }));
+        Self { assets: guests.stopped_by(cancel.clone()), cancel, ..self }
+    }
+
+    /// The same context, whose jobs call classes in Python through another host than a process of their own.
+    pub fn with_guests(self, guests: Guests) -> Self {
+        Self { assets: self.assets.with_guests(guests), ..self }
     }
 
     /// The same context, whose events go through another watcher, made from its own.

@@ -27,6 +27,7 @@ pub mod experiment;
 mod finite;
 mod frames;
 pub mod glass;
+pub mod guest;
 pub mod init;
 pub mod input;
 pub mod isp;

@@ -6,6 +6,7 @@
 mod arrays;
 mod develop;
 mod error;
+mod guest;
 mod jobs;
 mod lens;
 mod lift;

@@ -9,6 +9,7 @@ use petzval_jobs::{Context, Event, JobError, Library, Watcher, built_in_assets, 
 use pyo3::prelude::*;
 
 use crate::error::exception;
+use crate::guest::InProcess;
 use crate::pool::pool;
 
 /// How often the calling thread looks for interrupts.
@@ -70,7 +71,15 @@ pub fn watched<T: Send>(
     let Watch(listener, flag) = watch;
     let cancel = flag.as_ref().map(|flag| flag.get().0.clone()).unwrap_or_default();
     let (sender, mut events) = channel();
+    let said = Events(sender.clone());
+    let said = Arc::new(move |line: &str| said.event(&Event::Note { text: line.to_owned() }));
     let context = Context::new(LIBRARY.clone(), Arc::new(Events(sender))).with_cancellation(cancel.clone());
+    let context = context.with_guests(Arc::new(move |_| Arc::new(InProcess::new(said.clone()))));
+    // A class of the user works on a thread of the pool: what it calls has to be done there.
+    if rayon::current_thread_index().is_some() {
+        let done = py.detach(|| guarded("petzval", || work(&context)));
+        return done.map_err(|error| exception(py, &error));
+    }
     let (done, raised) = std::thread::scope(|scope| {
         let worker = scope
             .spawn(move || pool().and_then(|pool| guarded("petzval", || pool.install(|| work(&context)))));

@@ -13,6 +13,7 @@ use petzval_camera::sensor::SensorModel;
 use petzval_files::{
     Import, LensFile, decode, parse_lens_start, parse_optiland_start, parse_seq_start, parse_zmx_start,
 };
+use petzval_learn::guest::{GuestError, Host};
 use petzval_optics::glass::Catalog;
 
 use crate::assets::glass_warnings::glass_warnings;
@@ -30,6 +31,7 @@ pub struct Assets {
     catalog: OnceLock<Catalog>,
     warnings: Option<WarningSink>,
     external_isps: Option<ExternalIsps>,
+    guests: Option<Guests>,
     cancel: Cancel,
 }
 
@@ -46,6 +48,9 @@ pub struct OutsideIsp {
 
 /// Makes the ISP of a file that describes one outside this program.
 pub type ExternalIsps = Arc<dyn Fn(&Path) -> Result<OutsideIsp, DesignError> + Send + Sync>;
+
+/// Makes the host of a run's networks and losses in Python. Its objects get this many seconds for each call, where the host can tell.
+pub type Guests = Arc<dyn Fn(f64) -> Arc<dyn Host> + Send + Sync>;
 
 /// Receives one line per warning.
 pub type WarningSink = Arc<dyn Fn(&str) + Send + Sync>;
@@ -103,6 +108,11 @@ impl Assets {
         Self { external_isps: Some(external_isps), ..self }
     }
 
+    /// The same library, which can call networks and losses in Python.
+    pub fn with_guests(self, guests: Guests) -> Self {
+        Self { guests: Some(guests), ..self }
+    }
+
     /// The same library, whose reading of pictures ends once the flag is set, as does the work of what is made from it.
     pub fn stopped_by(self, cancel: Cancel) -> Self {
         Self { cancel, ..self }
@@ -123,6 +133,15 @@ impl Assets {
                 "name a preset of the built-in ISP",
             )),
         }
+    }
+
+    /// A host for the networks and losses of one run.
+    pub fn guest_host(&self, timeout_s: f64) -> Result<Arc<dyn Host>, DesignError> {
+        let make = self.guests.as_ref().ok_or_else(|| GuestError::Unusable {
+            message: "classes in Python cannot be called here".to_owned(),
+            hint: "name a network and a task of this program".to_owned(),
+        })?;
+        Ok(make(timeout_s))
     }
 
     /// All files below a folder on disk, for tests and for a changed library.

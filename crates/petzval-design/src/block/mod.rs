@@ -9,6 +9,7 @@ mod average;
 mod blocks;
 mod exposure;
 mod generations;
+mod guest;
 mod imitation;
 mod isp;
 mod lifted;

@@ -3,19 +3,22 @@
 use std::any::Any;
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::optim::{GradientsParams, ModuleOptimizer};
 use burn::prelude::*;
 use burn::tensor::{Bytes, Gradients};
+use petzval_learn::network::GuestNetwork;
 use petzval_learn::weight_file::Weights;
 
+use super::guest::GuestInTraining;
 use super::{Batch, Block, BlockState, backward, named, part};
 use crate::camera::Camera;
 use crate::error::DesignError;
 use crate::experiment::{BlockName, DetectorInput, StepRule};
 
-const WEIGHTS: &str = "weights.bin";
+pub(super) const WEIGHTS: &str = "weights.bin";
 const OPTIMIZER: &str = "optimizer.bin";
 const ANCHOR: &str = "anchor.bin";
 
@@ -59,6 +62,11 @@ impl NetworkBlock {
         Self { learner: Box::new(InTraining::new(network, how)), sight: Sight::default() }
     }
 
+    /// A network of a user, which learns by an optimiser of its own.
+    pub fn of_guest(network: Arc<GuestNetwork>) -> Self {
+        Self { learner: Box::new(GuestInTraining(network)), sight: Sight::default() }
+    }
+
     /// Sets what the network sees, if it looks at finished pictures.
     pub fn set_sight(&mut self, sight: Sight) {
         self.sight = sight;
@@ -85,9 +93,14 @@ impl NetworkBlock {
         Some(in_training.network.clone().no_grad())
     }
 
-    /// All weights as a safetensors file, for other programs.
-    pub fn to_safetensors(&self) -> Result<Vec<u8>, DesignError> {
+    /// All weights as a safetensors file, for other programs; none of a network of a user, whose weights only its class can read.
+    pub fn to_safetensors(&self) -> Result<Option<Vec<u8>>, DesignError> {
         self.learner.to_safetensors()
+    }
+
+    /// Fails if a network of a user could not do its work on the tape.
+    pub fn check(&self) -> Result<(), DesignError> {
+        self.learner.check()
     }
 
     /// A camera with this network, its weights held: no gradient goes to them.
@@ -116,7 +129,7 @@ impl Block for NetworkBlock {
         let losses = named(&loss);
         // A loss that is no number must not reach the weights; the caller ends the run.
         if losses.values().all(|v| v.is_finite()) {
-            self.learner.descend(backward(loss), rule);
+            self.learner.descend(backward(loss), rule)?;
         }
         Ok(losses)
     }
@@ -139,15 +152,19 @@ impl Block for NetworkBlock {
 }
 
 /// A network in training, whatever its type.
-trait Learner {
+pub(super) trait Learner {
     fn as_any(&self) -> &dyn Any;
-    /// Number of its weights.
+    /// Number of its weights; 1 where only the network itself knows.
     fn weights(&self) -> usize;
+    /// Fails if it could not do its work on the tape.
+    fn check(&self) -> Result<(), DesignError> {
+        Ok(())
+    }
     fn begin_stage(&mut self);
     fn attached(&self, camera: &Camera, sight: Sight, is_held: bool) -> Camera;
     /// Takes a step down the gradients of a loss, and towards the weights at the start of the stage.
-    fn descend(&mut self, gradients: Gradients, rule: StepRule);
-    fn to_safetensors(&self) -> Result<Vec<u8>, DesignError>;
+    fn descend(&mut self, gradients: Gradients, rule: StepRule) -> Result<(), DesignError>;
+    fn to_safetensors(&self) -> Result<Option<Vec<u8>>, DesignError>;
     fn save_numbers(&self) -> Result<BlockState, DesignError>;
     fn load_numbers(&mut self, state: &BlockState) -> Result<(), String>;
     fn save_progress(&self) -> Result<BlockState, DesignError>;
@@ -188,16 +205,17 @@ impl<C: CameraNetwork> Learner for InTraining<C> {
         self.how.attached(if is_held { network.no_grad() } else { network }, camera, sight)
     }
 
-    fn descend(&mut self, gradients: Gradients, rule: StepRule) {
+    fn descend(&mut self, gradients: Gradients, rule: StepRule) -> Result<(), DesignError> {
         let gradients = GradientsParams::from_grads(gradients, &self.network);
         self.network = self.optimizer.step(rule.rate, self.network.clone(), gradients);
         if rule.proximal > 0.0 {
             self.network = pulled_towards(self.network.clone(), &self.anchor, rule.rate * rule.proximal);
         }
+        Ok(())
     }
 
-    fn to_safetensors(&self) -> Result<Vec<u8>, DesignError> {
-        Ok(self.network.to_safetensors()?)
+    fn to_safetensors(&self) -> Result<Option<Vec<u8>>, DesignError> {
+        Ok(Some(self.network.to_safetensors()?))
     }
 
     fn save_numbers(&self) -> Result<BlockState, DesignError> {

@@ -488,7 +488,7 @@ impl Camera {
         // The network finishes what a display would show.
         let finished = match by_chip {
             Some(picture) => cut(picture),
-            None => self.finish(developed.clone(), restored.clone(), kept),
+            None => self.finish(developed.clone(), restored.clone(), kept)?,
         };
         Ok(Processed { developed, restored, finished })
     }
@@ -589,10 +589,10 @@ impl Camera {
         developed: Tensor<4>,
         restored: Option<Tensor<4>>,
         windows: &[Window],
-    ) -> Tensor<4> {
+    ) -> Result<Tensor<4>, DesignError> {
         let [batch, _, height, width] = developed.dims();
         let body = &self.body;
-        let Some(network) = &self.network else { return srgb_encode_op(restored.unwrap_or(developed)) };
+        let Some(network) = &self.network else { return Ok(srgb_encode_op(restored.unwrap_or(developed))) };
         let corner_mm = body.geometry.radius_mm(0, 0);
         let field_of = |window: &Window| {
             let Placement { row, col } = window.placement;
@@ -603,12 +603,11 @@ impl Camera {
         let field = Tensor::from_data(TensorData::new(field, [batch, 1, height, width]), &body.device);
         let noise = field.zeros_like() + stabilised_noise(&body.sensor, &body.exposure);
         let encoded = srgb_encode_op(developed);
-        network.finish_in_tiles(&NetworkInput {
-            developed: encoded,
-            restored: restored.map(srgb_encode_op),
-            field,
-            noise,
-        })
+        let restored = restored.map(srgb_encode_op);
+        let finished =
+            network.finish_in_tiles(&NetworkInput { developed: encoded, restored, field, noise });
+        network.check()?;
+        Ok(finished)
     }
 
     /// What the hardware ISP makes of raw frames, if the body has one: in whole numbers unless its values are on the tape.

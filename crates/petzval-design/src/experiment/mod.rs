@@ -6,6 +6,7 @@ mod derived_lens;
 mod keys;
 mod names;
 mod plan;
+mod python;
 mod resolve;
 mod scores;
 mod size;
@@ -15,8 +16,12 @@ mod variants;
 
 pub use commented::{commented_toml, reference_markdown};
 pub use derived_lens::{BOX_CENTRE_LENS, PERFECT_LENS, is_derived_lens};
-pub use names::{BUILT_IN_PHOTOS, BlockName, DetectorInput, FieldOfView, LensGoal, STREET, StepMethod};
+pub use names::{
+    BUILT_IN_PHOTOS, BlockName, DetectorInput, FieldOfView, LensGoal, NetworkKind, STREET, StepMethod,
+};
 pub use plan::{LensSearch, Schedule, Stage, StepRule, Variant, cosine_rate, turn_of};
+pub(crate) use python::PYTHON;
+pub use python::PythonConfig;
 pub use size::{FULL_BATCH, FULL_STEPS};
 pub use tables::{
     CheckpointConfig, ConstraintConfig, DetectorConfig, DevelopmentConfig, ExposureConfig, ExposureSetting,
@@ -68,6 +73,9 @@ pub struct Experiment {
     pub isp: IspConfig,
     /// The network that makes pictures for people.
     pub network: NetworkConfig,
+    /// Classes in Python: a network or a loss of one's own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub python: Option<PythonConfig>,
     /// The detector, where objects are to be found; it takes the network's place.
     pub detector: DetectorConfig,
     /// The streets in which objects are to be found.
@@ -112,6 +120,7 @@ impl Default for Experiment {
             development: DevelopmentConfig::default(),
             isp: IspConfig::default(),
             network: NetworkConfig::default(),
+            python: None,
             detector: DetectorConfig::default(),
             street: StreetConfig::default(),
             training: TrainingConfig::default(),

@@ -1,7 +1,36 @@
 //! The words of the experiment file that are more than text and numbers.
 
+use petzval_learn::network;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+
+/// The network behind the development, by kind.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum NetworkKind {
+    /// A U-Net that sees the picture alone.
+    UNet,
+    /// A U-Net behind a restoration whose regularisation is trained with it. It sees the pictures before and after restoration, its place
+    /// in the field and the noise.
+    Restoration,
+    /// The same with a NAF network in place of the U-Net.
+    #[default]
+    RestorationNaf,
+    /// A class in Python, which `python.network` names.
+    Python,
+}
+
+impl NetworkKind {
+    /// The kind of a network of this program; none for a class in Python.
+    pub fn ours(self) -> Option<network::NetworkKind> {
+        match self {
+            Self::UNet => Some(network::NetworkKind::UNet),
+            Self::Restoration => Some(network::NetworkKind::Restoration),
+            Self::RestorationNaf => Some(network::NetworkKind::RestorationNaf),
+            Self::Python => None,
+        }
+    }
+}
 
 /// The name of the built-in photographs.
 pub const BUILT_IN_PHOTOS: &str = "built-in";

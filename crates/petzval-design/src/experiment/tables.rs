@@ -7,7 +7,6 @@ use petzval_camera::develop::{Demosaic, Domain, Interpolation};
 use petzval_camera::isp::IspParameter;
 use petzval_camera::sensor::{Exposure, NoiseMode};
 use petzval_learn::detection::{BackboneKind, DetectorKind};
-use petzval_learn::network::NetworkKind;
 use petzval_optics::constraint::Constraint;
 use petzval_optics::lens::Lens;
 use petzval_optics::optimize::Limits;
@@ -15,6 +14,8 @@ use petzval_optics::psf::PsfKind;
 use petzval_street::{Families, Light};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+
+use super::names::NetworkKind;
 
 parameters! {
     /// Exposure of every camera of the experiment.
@@ -105,7 +106,7 @@ parameters! {
         /// Levels of halved resolution.
         levels: usize = 3, "", 1..6, Linear, "3 or 4";
     } also {
-        /// A U-Net that sees the picture alone, or a U-Net or NAF network behind a restoration that is trained with it.
+        /// A U-Net that sees the picture alone, a U-Net or NAF network behind a restoration that is trained with it, or a class in Python.
         kind: NetworkKind = NetworkKind::RestorationNaf;
         /// The weights from which the network of every camera starts. "built-in": those that come with the program, of a network that has learnt behind
         /// many lenses and at many exposures, if the network is of their kind and sizes (restoration-naf, 16 channels, 3 levels), else drawn

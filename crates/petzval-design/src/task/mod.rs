@@ -8,6 +8,7 @@
 //! | [`Judge`] | the scores of a camera |
 //! | [`Tasks`] | all tasks, by name |
 //! | [`pictures`] | pictures for people to look at |
+//! | [`python`] | pictures for a loss and scores of a user |
 //! | [`Scenes`] | labelled windows of streets, or of pictures of one's own |
 //! | [`objects`] | objects to be found, in classes of one's own |
 //! | [`segments`] | a class for every pixel |
@@ -15,6 +16,7 @@
 mod judge;
 pub mod objects;
 pub mod pictures;
+pub mod python;
 mod registry;
 mod scenes;
 pub mod segments;

@@ -9,6 +9,7 @@ use serde::Deserialize;
 use super::Task;
 use super::objects::Objects;
 use super::pictures::Pictures;
+use super::python::PythonTask;
 use super::segments::Segments;
 use crate::error::DesignError;
 use crate::experiment::Experiment;
@@ -51,7 +52,7 @@ impl Tasks {
     /// Those of this program: one row a task.
     pub fn built_in() -> Self {
         let none = Self { rows: Vec::new(), presets: Vec::new() };
-        let rows = none.with(Pictures).with(Objects).with(Segments);
+        let rows = none.with(Pictures).with(Objects).with(Segments).with(PythonTask);
         PRESETS.into_iter().fold(rows, |tasks, (name, text)| {
             tasks.with_preset(name, text).expect("the presets of this program are read by its tests")
         })
@@ -153,6 +154,7 @@ mod tests {
             "image-quality",
             "objects",
             "segments",
+            "python",
             "pedestrian-vehicle",
             "traffic-light",
             "street-segmentation",

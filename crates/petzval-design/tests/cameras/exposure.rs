@@ -233,7 +233,7 @@ fn a_network_that_learnt_behind_many_lenses_is_the_start_of_another_run() {
     };
     let started = with(&given).unwrap();
     let bytes = std::fs::read(&weights).unwrap();
-    assert_eq!(started.network().unwrap().to_safetensors().unwrap(), bytes);
+    assert_eq!(started.network().unwrap().to_safetensors().unwrap().unwrap(), bytes);
     // The run keeps them, and its configuration names its own copy.
     let kept = RunFolder::create(&folder.path().join("kept")).unwrap();
     keep_inputs(&started, &assets, &kept).unwrap();

@@ -14,7 +14,7 @@ use petzval_camera::tape::Frames;
 use petzval_design::block::{Batch, Block, OpticsBlock};
 use petzval_design::camera::{Camera, Labels, PsfSource, SameTime, Shot};
 use petzval_design::experiment::{
-    DevelopmentConfig, ExposureSetting, FieldOfView, LensGoal, LensSearch, StepMethod, StepRule,
+    DevelopmentConfig, ExposureSetting, FieldOfView, LensGoal, LensSearch, NetworkKind, StepMethod, StepRule,
     VariantConfig,
 };
 use petzval_design::lens::psf_plan::PsfPlan;
@@ -24,7 +24,6 @@ use petzval_design::setup::Setup;
 use petzval_design::task::Objective;
 use petzval_learn::Device;
 use petzval_learn::loss::NamedLoss;
-use petzval_learn::network::NetworkKind;
 use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::image_brightness;
 use petzval_optics::psf::PsfKind;

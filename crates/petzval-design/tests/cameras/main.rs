@@ -5,6 +5,7 @@ mod common;
 mod detection;
 mod distortion;
 mod exposure;
+mod guest_class;
 mod hardware_isp;
 mod joint_gradient;
 mod line_integral;

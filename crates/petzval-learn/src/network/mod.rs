@@ -15,6 +15,7 @@ mod any;
 mod conv;
 mod conv_kernel;
 mod depthwise;
+mod guest_network;
 mod input;
 mod isp_proxy;
 mod leaky_conv;
@@ -35,6 +36,7 @@ pub use crate::weight_file::NetworkError;
 pub use any::{Network, NetworkKind};
 pub use conv::{conv_leaky, conv3x3_leaky};
 pub use depthwise::depthwise;
+pub use guest_network::GuestNetwork;
 pub use input::NetworkInput;
 pub use isp_proxy::{IspProxy, IspProxyConfig};
 pub use naf::{Naf, NafConfig};
@@ -48,6 +50,8 @@ pub use unet::{UNet, UNetConfig};
 pub(crate) use weights::Initializer;
 
 use burn::prelude::*;
+
+use crate::guest::GuestError;
 
 /// Pixels a side of the tiles of large pictures, a multiple of every network's unit: a network of 16 channels takes half a gigabyte for one.
 pub const TILE: usize = 1024;
@@ -68,6 +72,11 @@ pub trait PictureNetwork: Send + Sync {
             Some(reach) => in_tiles(input, TILE, reach, |tile| self.finish(tile)),
             None => self.finish(input),
         }
+    }
+
+    /// Fails if a network of a user could not do its work since it was made: what it gave then was no result.
+    fn check(&self) -> Result<(), GuestError> {
+        Ok(())
     }
 
     /// The curves `[3, KNOTS]` of the [restoration](petzval_camera::render::Wiener::curves) in front of it, if they are trained with it.

@@ -1,5 +1,6 @@
 """The command: ``python -m petzval`` and ``petzval`` are the same."""
 
+import os
 import signal
 import sys
 
@@ -10,6 +11,8 @@ def main() -> None:
     """Runs the command with the words of the command line, and ends with its exit code."""
     # The command handles interrupts itself: it ends with a checkpoint.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
+    # Classes of an experiment run in the Python that has the command.
+    os.environ.setdefault("PETZVAL_PYTHON", sys.executable)
     sys.exit(_petzval.command(["petzval", *sys.argv[1:]]))
 
 

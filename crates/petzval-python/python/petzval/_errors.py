@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from ._worker import cause_of
+
 
 @dataclass(frozen=True)
 class Place:
@@ -85,4 +87,6 @@ def of_report(report: str, text: str, is_input: bool) -> PetzvalError:
     known: dict[str, Any] = {"message": found.message, "place": Place(**place), "hint": found.hint, "kind": found.kind}
     if found.stopped is not None:
         return Stopped(text, stopped=found.stopped, **known)
-    return (InputError if is_input else PetzvalError)(text, **known)
+    error = (InputError if is_input else PetzvalError)(text, **known)
+    error.__cause__ = cause_of(text)
+    return error

@@ -4,6 +4,7 @@ mod checked;
 mod classes;
 mod exposure;
 mod isp;
+mod python;
 
 use petzval_base::FileError;
 use petzval_base::parameter::Parameters;
@@ -24,6 +25,7 @@ const RULES: &[Rule] = &[
     networks_get_the_pictures_they_need,
     isp::parameters_and_windows,
     network_weights_have_a_network,
+    python::classes_and_uses,
     exposure::settings_and_ranges,
     classes::fit_the_task,
     waiting_needs_validations,
@@ -117,7 +119,8 @@ fn demosaicing_leads_a_moving_lens(c: &Checked) -> Result<(), FileError> {
 fn networks_get_the_pictures_they_need(c: &Checked) -> Result<(), FileError> {
     let e = c.experiment;
     let finishes = c.facts.network == NetworkRole::Finishes;
-    if !finishes || !e.network.kind.needs_restoration() || e.development.restore {
+    let needs_it = e.network.kind.ours().is_some_and(|kind| kind.needs_restoration());
+    if !finishes || !needs_it || e.development.restore {
         return Ok(());
     }
     let error = c.at(&["network", "kind"], "this network needs a restored picture");

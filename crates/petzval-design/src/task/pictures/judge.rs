@@ -19,8 +19,12 @@ pub struct PictureJudge {
 impl PictureJudge {
     /// The scores of `known` that the experiment names, in that order.
     pub fn new(experiment: &Experiment, known: Vec<Box<dyn Score>>) -> Result<Self, DesignError> {
-        let scores = named_scores(&experiment.scoring.scores, known, |score| score.name())?;
-        Ok(Self { scores: scores.into() })
+        Ok(Self::of(named_scores(&experiment.scoring.scores, known, |score| score.name())?))
+    }
+
+    /// These scores.
+    pub fn of(scores: Vec<Box<dyn Score>>) -> Self {
+        Self { scores: scores.into() }
     }
 }
 

@@ -5,8 +5,11 @@ mod network;
 mod photographs;
 mod windows;
 
+use std::sync::Arc;
+
 use burn::prelude::Device;
 use petzval_camera::tape::Frames;
+use petzval_learn::guest::Host;
 use petzval_learn::loss::{ImageLoss, Lpips, NamedLoss};
 use petzval_learn::score::{STANDARD_SCORES, standard_scores};
 
@@ -49,14 +52,24 @@ impl Task for Pictures {
         assets: &Assets,
         device: &Device,
     ) -> Result<Box<dyn PreparedTask>, DesignError> {
-        let given_weights = network::given_weights(experiment, assets, device)?;
-        Ok(Box::new(PreparedPictures { given_weights }))
+        Ok(Box::new(PreparedPictures::new(experiment, assets, device)?))
     }
 }
 
 /// The task at work on an experiment.
-struct PreparedPictures {
+pub(super) struct PreparedPictures {
     given_weights: Option<Vec<u8>>,
+    /// Where classes in Python live, if the experiment names some.
+    pub host: Option<Arc<dyn Host>>,
+}
+
+impl PreparedPictures {
+    /// Reads given weights.
+    pub fn new(experiment: &Experiment, assets: &Assets, device: &Device) -> Result<Self, DesignError> {
+        let host = experiment.python.as_ref().map(|python| assets.guest_host(python.timeout_s)).transpose()?;
+        let given_weights = network::given_weights(experiment, assets, device)?;
+        Ok(Self { given_weights, host })
+    }
 }
 
 impl PreparedTask for PreparedPictures {
@@ -65,7 +78,7 @@ impl PreparedTask for PreparedPictures {
     }
 
     fn network(&self, cameras: &Cameras) -> Result<NetworkBlock, DesignError> {
-        network::block(cameras, self.given_weights.as_deref())
+        network::block(cameras, self.given_weights.as_deref(), self.host.as_deref())
     }
 
     fn objective(&self, cameras: &Cameras) -> Result<Box<dyn Objective>, DesignError> {
@@ -85,8 +98,9 @@ impl PreparedTask for PreparedPictures {
         // The built-in ones are known by their fingerprint, as the built-in photographs are.
         let given = self.given_weights.as_ref().filter(|_| !kept.network.has_built_in_weights());
         if let Some(weights) = given {
-            write_file(&run.input("network.safetensors"), weights)?;
-            kept.network.weights = "inputs/network.safetensors".to_owned();
+            let file = if kept.network.kind.ours().is_some() { "network.safetensors" } else { "network.bin" };
+            write_file(&run.input(file), weights)?;
+            kept.network.weights = format!("inputs/{file}");
         }
         Ok(())
     }

@@ -9,8 +9,8 @@
 mod cache;
 #[cfg_attr(not(unix), path = "no_guard.rs")]
 mod guard;
-mod process;
-mod workplace;
+pub(crate) mod process;
+pub(crate) mod workplace;
 
 use std::path::{Path, PathBuf};
 use std::sync::{Condvar, Mutex, PoisonError};

@@ -80,7 +80,7 @@ pub(super) fn run_within(
 }
 
 /// Ends a command with its group, and waits until the system has removed it.
-fn stop(child: &mut Child) {
+pub(crate) fn stop(child: &mut Child) {
     #[cfg(unix)]
     if let Some(group) = i32::try_from(child.id()).ok().and_then(rustix::process::Pid::from_raw) {
         // Fails only if the whole group has ended by itself.

@@ -14,7 +14,7 @@ use super::guard::Guard;
 ///
 /// Where the guard is killed as well, as by the end of a batch job, the folder is left. Its name is that of a part of this process
 /// ([`sweep_parts_in`]), so that a later process removes it.
-pub(super) struct Workplace {
+pub(crate) struct Workplace {
     folder: TempDir,
     _lock: Option<File>,
     guard: Mutex<Guard>,
