@@ -14,7 +14,7 @@ use petzval_learn::score::{Score, standard_scores};
 use crate::device;
 use crate::error::{JobError, Stopped};
 use crate::event::{Event, WarningKind};
-use crate::guest::Workers;
+use crate::guest::{Host, Workers};
 use crate::named_isp::external_isp;
 
 /// Receives what a job says while it works. The command prints it, a studio draws it.
@@ -86,7 +86,7 @@ impl Context {
         let flag = cancel.clone();
         let assets = self.assets.with_external_isps(Arc::new(move |path| external_isp(path, &flag)));
         let (flag, watcher) = (cancel.clone(), self.watcher.clone());
-        let guests = assets.with_guests(Arc::new(move |timeout_s| {
+        let guests = assets.with_guests(Arc::new(move |timeout_s| -> Arc<dyn Host> {
             let watcher = watcher.clone();
             let said = move |line: &str| watcher.event(&Event::Note { text: line.to_owned() });
             Arc::new(Workers::new(timeout_s, flag.clone(), Arc::new(said)))

@@ -62,7 +62,8 @@ impl Guest for Inside {
                 .collect::<PyResult<_>>()?;
             let bytes = PyBytes::new(py, call.bytes.unwrap_or_default());
             let function = py.import("petzval._worker")?.getattr("call")?;
-            let (answer, arrays, bytes): Given = function.call1((&self.object, header, arrays, bytes))?.extract()?;
+            let (answer, arrays, bytes): Given =
+                function.call1((&self.object, header, arrays, bytes))?.extract()?;
             let array = |found: &PyReadonlyArrayDyn<'_, f32>| Array {
                 values: found.as_array().iter().copied().collect(),
                 shape: found.shape().to_vec(),

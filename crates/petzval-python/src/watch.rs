@@ -5,6 +5,7 @@ use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 
 use petzval_base::Cancel;
+use petzval_jobs::guest::Host;
 use petzval_jobs::{Context, Event, JobError, Library, Watcher, built_in_assets, guarded};
 use pyo3::prelude::*;
 
@@ -74,7 +75,8 @@ pub fn watched<T: Send>(
     let said = Events(sender.clone());
     let said = Arc::new(move |line: &str| said.event(&Event::Note { text: line.to_owned() }));
     let context = Context::new(LIBRARY.clone(), Arc::new(Events(sender))).with_cancellation(cancel.clone());
-    let context = context.with_guests(Arc::new(move |_| Arc::new(InProcess::new(said.clone()))));
+    let context =
+        context.with_guests(Arc::new(move |_| -> Arc<dyn Host> { Arc::new(InProcess::new(said.clone())) }));
     // A class of the user works on a thread of the pool: what it calls has to be done there.
     if rayon::current_thread_index().is_some() {
         let done = py.detach(|| guarded("petzval", || work(&context)));

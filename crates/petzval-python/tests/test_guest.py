@@ -270,7 +270,7 @@ def test_derivatives_of_the_numpy_classes_are_those_of_differences() -> None:
 
     draw = np.random.default_rng(3).standard_normal
     network = tiny_nets.Restorer(channels=8, seed=1)
-    network.w[1] += 0.1 * draw(network.w[1].shape)
+    network.kept[0] += 0.1 * draw(network.kept[0].shape)
     x, cotangent, direction, e = draw((2, 8, 6, 5)), draw((2, 3, 6, 5)), draw((2, 8, 6, 5)), 1e-6
 
     def value(at: np.ndarray) -> float:
@@ -279,6 +279,12 @@ def test_derivatives_of_the_numpy_classes_are_those_of_differences() -> None:
     wanted = (value(x + e * direction) - value(x - e * direction)) / (2 * e)
     network.forward(x)
     assert (network.backward(cotangent) * direction).sum() == pytest.approx(wanted, rel=1e-6)
+    weights, along = network.kept[0].copy(), draw(network.kept[0].shape)
+    values = []
+    for sign in (1, -1):
+        network.kept[0] = weights + sign * e * along
+        values.append(value(x))
+    assert (network.gradient * along).sum() == pytest.approx((values[0] - values[1]) / (2 * e), rel=1e-6)
     loss, (pictures, targets, along) = tiny_nets.Edges().loss, draw((3, 2, 3, 6, 5))
     wanted = (loss(pictures + e * along, targets)[0] - loss(pictures - e * along, targets)[0]) / (2 * e)
     assert (loss(pictures, targets)[1] * along).sum() == pytest.approx(wanted, rel=1e-6)

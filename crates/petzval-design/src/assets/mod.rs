@@ -49,7 +49,7 @@ pub struct OutsideIsp {
 /// Makes the ISP of a file that describes one outside this program.
 pub type ExternalIsps = Arc<dyn Fn(&Path) -> Result<OutsideIsp, DesignError> + Send + Sync>;
 
-/// Makes the host of a run's networks and losses in Python. Its objects get this many seconds for each call, where the host can tell.
+/// Makes the host of a run's networks and losses in Python. The number is the longest time of a call, s, where the host can limit it.
 pub type Guests = Arc<dyn Fn(f64) -> Arc<dyn Host> + Send + Sync>;
 
 /// Receives one line per warning.

@@ -604,8 +604,7 @@ impl Camera {
         let noise = field.zeros_like() + stabilised_noise(&body.sensor, &body.exposure);
         let encoded = srgb_encode_op(developed);
         let restored = restored.map(srgb_encode_op);
-        let finished =
-            network.finish_in_tiles(&NetworkInput { developed: encoded, restored, field, noise });
+        let finished = network.finish_in_tiles(&NetworkInput { developed: encoded, restored, field, noise });
         network.check()?;
         Ok(finished)
     }

@@ -82,7 +82,10 @@ impl Host for Home {
         arguments: &Map<String, Value>,
     ) -> Result<(Arc<dyn Guest>, Value), GuestError> {
         if class == "nets:Missing" {
-            return Err(GuestError::Unusable { message: "no module `nets`".to_owned(), hint: "h".to_owned() });
+            return Err(GuestError::Unusable {
+                message: "no module `nets`".to_owned(),
+                hint: "h".to_owned(),
+            });
         }
         let gain = arguments.get("gain").and_then(Value::as_f64).unwrap_or_default() as f32;
         let object = Object { gain, passes_left: self.passes, ..Object::default() };
@@ -158,7 +161,9 @@ impl Guest for Inside {
 fn library(passes: usize) -> Library {
     let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data");
     let host = Home { passes };
-    Library::from_folder(&data).unwrap().with_guests(Arc::new(move |_| Arc::new(host.clone())))
+    Library::from_folder(&data)
+        .unwrap()
+        .with_guests(Arc::new(move |_| -> Arc<dyn Host> { Arc::new(host.clone()) }))
 }
 
 fn setup(text: &str, library: &Library) -> Result<Setup, DesignError> {
@@ -196,7 +201,8 @@ impl Observer for Stops {
 fn a_network_and_a_loss_of_a_user_are_designed_for_and_resumed_to_the_same_bits() {
     let folder = tempfile::tempdir().unwrap();
     let run = |name: &str| RunFolder::create(&folder.path().join(name)).unwrap();
-    let weights = |run: &RunFolder| std::fs::read(run.camera("a").join("blocks/network/weights.bin")).unwrap();
+    let weights =
+        |run: &RunFolder| std::fs::read(run.camera("a").join("blocks/network/weights.bin")).unwrap();
 
     let whole = run("whole");
     let Ending::Finished(metrics) = designed(&whole, &library(99), |_| Box::new(Silent)).unwrap() else {
@@ -253,15 +259,17 @@ fn what_cannot_be_made_or_scored_is_refused_before_a_run() {
     assert!(missing.is_input(), "{missing}");
     let score = refused("\"square\"", "\"sqare\"").unwrap_err().to_string();
     assert!(score.contains("no score called `sqare`; there are square, psnr_db"), "{score}");
-    let parsed = |from: &str, to: &str| {
-        Experiment::parse(&EXPERIMENT.replacen(from, to, 1)).unwrap_err().to_string()
-    };
+    let parsed =
+        |from: &str, to: &str| Experiment::parse(&EXPERIMENT.replacen(from, to, 1)).unwrap_err().to_string();
     assert!(parsed("task = \"python\"", "").contains("nothing uses this class"));
     assert!(parsed("kind = \"python\"", "").contains("write \"python\" for network.kind"));
     assert!(parsed("nets:Gain", "nets.Gain").contains("is no module with a class"));
     let unnamed = parsed("[python.task]\nclass = \"nets:Square\"\n", "");
     assert!(unnamed.contains("`python.task` is missing"), "{unnamed}");
-    let pulled = parsed("moves = [\"optics\", \"network\"]", "moves = [\"network\"]\nschedule = { network = { proximal = 0.1 } }");
+    let pulled = parsed(
+        "moves = [\"optics\", \"network\"]",
+        "moves = [\"network\"]\nschedule = { network = { proximal = 0.1 } }",
+    );
     assert!(pulled.contains("no proximal term"), "{pulled}");
     // Without a host nothing can be called.
     let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data");

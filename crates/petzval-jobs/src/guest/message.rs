@@ -111,12 +111,7 @@ pub fn read_answer(
 
 impl AnswerHeader {
     /// The header of an answer that is no error; `said` receives the traceback of an exception line by line.
-    pub fn checked(
-        self,
-        class: &str,
-        method: &'static str,
-        said: &dyn Fn(&str),
-    ) -> Result<Self, GuestError> {
+    pub fn checked(self, class: &str, method: &'static str, said: &dyn Fn(&str)) -> Result<Self, GuestError> {
         let Some(ReportedError { kind, message, hint, traceback }) = self.error else { return Ok(self) };
         traceback.lines().for_each(said);
         Err(match kind.as_str() {

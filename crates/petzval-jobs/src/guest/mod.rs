@@ -7,9 +7,9 @@
 //! | `worker` | the process, its channel, and what it prints |
 
 mod message;
-mod worker;
 #[cfg(test)]
 mod tests;
+mod worker;
 
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -69,7 +69,7 @@ impl Host for Workers {
     ) -> Result<(Arc<dyn Guest>, Value), GuestError> {
         let (worker, id) = self.worker()?;
         let header = json!({"verb": "make", "id": id, "class": class, "role": role, "arguments": arguments});
-        let answer = worker.ask(&header, class, &Call { method: "__init__", ..Call::default() })?;
+        let answer = worker.request(&header, class, &Call { method: "__init__", ..Call::default() })?;
         let guest = InWorker { worker, id, class: class.to_owned() };
         Ok((Arc::new(guest), answer.value))
     }
@@ -85,12 +85,12 @@ struct InWorker {
 impl Guest for InWorker {
     fn call(&self, call: &Call) -> Result<Answer, GuestError> {
         let header = json!({"verb": "call", "id": self.id, "method": call.method, "number": call.number});
-        self.worker.ask(&header, &self.class, call)
+        self.worker.request(&header, &self.class, call)
     }
 }
 
 impl Drop for InWorker {
     fn drop(&mut self) {
-        self.worker.tell(&json!({"verb": "forget", "id": self.id}));
+        self.worker.notify(&json!({"verb": "forget", "id": self.id}));
     }
 }

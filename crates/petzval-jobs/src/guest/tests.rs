@@ -44,8 +44,7 @@ fn arrays_and_bytes_come_through_and_damaged_answers_are_refused() {
 fn errors_are_those_that_the_worker_reports_with_their_traceback() {
     let lines = Mutex::new(Vec::new());
     let refused = |kind: &str| {
-        let error =
-            json!({"error": {"kind": kind, "message": "m", "hint": "h", "traceback": "a\nb\n"}});
+        let error = json!({"error": {"kind": kind, "message": "m", "hint": "h", "traceback": "a\nb\n"}});
         let said = |line: &str| lines.lock().unwrap().push(line.to_owned());
         super::read_answer(&error.to_string(), "nets:Net", "step", &said).unwrap_err()
     };
@@ -66,9 +65,9 @@ fn scripted(script: &str, cancel: &Cancel) -> Result<Worker, GuestError> {
 }
 
 #[cfg(unix)]
-fn asked(worker: &Worker) -> String {
+fn failure(worker: &Worker) -> String {
     let header = json!({"verb": "call"});
-    worker.ask(&header, "nets:Net", &Call { method: "step", ..Call::default() }).unwrap_err().to_string()
+    worker.request(&header, "nets:Net", &Call { method: "step", ..Call::default() }).unwrap_err().to_string()
 }
 
 #[test]
@@ -76,17 +75,17 @@ fn asked(worker: &Worker) -> String {
 fn a_worker_that_dies_or_hangs_is_reported_with_its_last_lines() {
     let cancel = Cancel::default();
     let dies = scripted("head -c 20 >/dev/null; echo out of memory >&2; exit 3", &cancel).unwrap();
-    let said = asked(&dies);
+    let said = failure(&dies);
     assert!(said.contains("`nets:Net.step`: its Python process has ended (exit status: 3"), "{said}");
     assert!(said.ends_with("it wrote: out of memory"), "{said}");
-    assert!(asked(&dies).contains("has ended before"));
+    assert!(failure(&dies).contains("has ended before"));
 
     let folder = tempfile::tempdir().unwrap();
     let child = folder.path().join("child");
     let hangs = format!("sleep 60 & echo $! > {}; echo waiting >&2; wait", child.display());
     let hangs = scripted(&hangs, &cancel).unwrap();
     let start = Instant::now();
-    let said = asked(&hangs);
+    let said = failure(&hangs);
     assert!(said.contains("no answer within 0.5 s") && said.ends_with("waiting"), "{said}");
     assert!(start.elapsed() < Duration::from_secs(10));
     // What it started is ended with it.

@@ -1,7 +1,8 @@
-//! The process of a worker: it is started with the text of `_worker.py`, asked one thing at a time, and ended with all that it has started.
+//! The process of a worker: it is started with the text of `_worker.py`, takes one request at a time, and is ended with all that it has started.
 
 use std::collections::VecDeque;
 use std::io::{self, BufRead, BufReader, Write};
+use std::path::Path;
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -92,7 +93,7 @@ impl Worker {
         Self::run(command, SOURCE, timeout, cancel, said).map_err(|error| match error {
             stopped @ GuestError::Stopped(_) => stopped,
             other => GuestError::Unusable {
-                message: format!("{}: {other}", interpreter.display()),
+                message: format!("{}: {other}", Path::new(&interpreter).display()),
                 hint: format!("{INTERPRETER} names an interpreter of Python 3.11 or newer that has NumPy"),
             },
         })
@@ -170,12 +171,14 @@ impl Worker {
         let value = message::answer(header, &body).map_err(GuestError::Gone)?.value;
         match value["protocol"].as_u64() {
             Some(PROTOCOL) => Ok(()),
-            other => Err(GuestError::Gone(format!("speaks version {other:?} of the channel, not {PROTOCOL}"))),
+            other => {
+                Err(GuestError::Gone(format!("speaks version {other:?} of the channel, not {PROTOCOL}")))
+            }
         }
     }
 
     /// Sends a request and waits for its answer.
-    pub fn ask(&self, header: &Value, class: &str, call: &Call) -> Result<Answer, GuestError> {
+    pub fn request(&self, header: &Value, class: &str, call: &Call) -> Result<Answer, GuestError> {
         let mut channel = self.channel.lock().unwrap_or_else(PoisonError::into_inner);
         let name = format!("`{class}.{}`", call.method);
         let Some(pipe) = &mut channel.requests else {
@@ -191,7 +194,7 @@ impl Worker {
     }
 
     /// Sends a request that has no answer. A worker that has ended needs none.
-    pub fn tell(&self, header: &Value) {
+    pub fn notify(&self, header: &Value) {
         let mut channel = self.channel.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(pipe) = &mut channel.requests {
             let _ended = message::write(pipe, header, &[], &[]);

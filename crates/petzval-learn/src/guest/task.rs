@@ -47,7 +47,8 @@ impl GuestTask {
         let (object, about) = Named::make(host, class, Role::Task, Map::new())?;
         let about: About = serde_json::from_value(about).map_err(|e| GuestError::Unusable {
             message: format!("`{}.scores`: {e}", class.class),
-            hint: "scores = {\"edge_error\": {\"higher_is_better\": False, \"definition\": \"...\"}}".to_owned(),
+            hint: "scores = {\"edge_error\": {\"higher_is_better\": False, \"definition\": \"...\"}}"
+                .to_owned(),
         })?;
         let described = |(name, stated): (String, StatedScore)| ScoreDescription {
             title: stated.title.unwrap_or_else(|| name.replace('_', " ")),
@@ -198,7 +199,10 @@ mod tests {
         assert_eq!(by_picture, [2.0; 6]);
         assert_eq!(task.score(finished, targets).unwrap()["error"], 24.0);
         let score = &task.scores()[0];
-        assert_eq!((score.title.as_str(), score.unit.as_str(), score.higher_is_better), ("error", "DN", false));
+        assert_eq!(
+            (score.title.as_str(), score.unit.as_str(), score.higher_is_better),
+            ("error", "DN", false)
+        );
     }
 
     #[test]
@@ -212,6 +216,9 @@ mod tests {
         let refused = broken.score(picture(3.0), picture(1.0)).unwrap_err().to_string();
         assert!(refused.contains("`tasks:Square.score` gives as `error` no number"), "{refused}");
         let unstated = task(1.0, json!({"scores": {"error": {"unit": "DN"}}})).err().unwrap().to_string();
-        assert!(unstated.contains("higher_is_better") && unstated.contains("tasks:Square.scores"), "{unstated}");
+        assert!(
+            unstated.contains("higher_is_better") && unstated.contains("tasks:Square.scores"),
+            "{unstated}"
+        );
     }
 }

@@ -34,12 +34,7 @@ struct State {
 
 impl GuestNetwork {
     /// A network as its class makes it from the number of planes of its input and a seed. It is the same for the same arguments.
-    pub fn new(
-        host: &dyn Host,
-        class: &GuestClass,
-        channels: usize,
-        seed: u64,
-    ) -> Result<Self, GuestError> {
+    pub fn new(host: &dyn Host, class: &GuestClass, channels: usize, seed: u64) -> Result<Self, GuestError> {
         let own = [("channels", json!(channels)), ("seed", json!(seed))];
         let own = own.map(|(name, value)| (name.to_owned(), value)).into_iter().collect();
         let (object, _) = Named::make(host, class, Role::Network, own)?;
@@ -183,13 +178,7 @@ impl Kernel for Pass {
         (finished, shape)
     }
 
-    fn backward(
-        &self,
-        inputs: &[View<'_>],
-        _: &[f32],
-        gradient: &[f32],
-        wanted: &[bool],
-    ) -> Vec<Vec<f32>> {
+    fn backward(&self, inputs: &[View<'_>], _: &[f32], gradient: &[f32], wanted: &[bool]) -> Vec<Vec<f32>> {
         let planes = &inputs[0];
         let cotangent = self.or_zeros(planes.values.len(), |state| {
             self.network.backward(state, planes, self.number.load(Ordering::Relaxed), gradient)

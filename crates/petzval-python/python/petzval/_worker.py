@@ -52,11 +52,11 @@ class _Guest:
 
 def make(header: str) -> tuple[str, _Guest | None]:
     """Makes an object of ``{"class", "role", "arguments"}``. Returns the answer, and the object if there is one."""
-    asked = json.loads(header)
-    class_name: str = asked["class"]
+    request = json.loads(header)
+    class_name: str = request["class"]
     try:
-        made = _found(class_name, asked["role"])(**asked["arguments"])
-        about = {"scores": _scores(made, class_name)} if asked["role"] == "task" else None
+        made = _found(class_name, request["role"])(**request["arguments"])
+        about = {"scores": _scores(made, class_name)} if request["role"] == "task" else None
     except _Unusable as error:
         return _error("unusable", str(error), hint=error.hint), None
     except BaseException as error:  # Whatever the user's code raises is reported.
@@ -68,9 +68,9 @@ def call(
     guest: _Guest, header: str, arrays: list[NDArray[np.float32]], blob: bytes
 ) -> tuple[str, list[NDArray[np.float32]], bytes]:
     """Calls ``{"method", "number"}`` of an object. Returns the answer, its arrays, and its bytes."""
-    asked = json.loads(header)
+    request = json.loads(header)
     try:
-        value, found, saved = _called(guest.made, asked["method"], asked.get("number"), arrays, blob)
+        value, found, saved = _called(guest.made, request["method"], request.get("number"), arrays, blob)
     except _Answer as error:
         return _error("answer", str(error)), [], b""
     except BaseException as error:  # Whatever the user's code raises is reported.

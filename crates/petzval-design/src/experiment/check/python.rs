@@ -58,7 +58,8 @@ fn of(
     let is_name = |name: &str| {
         let parts = || name.split('.');
         parts().all(|part| {
-            part.chars().all(|c| c.is_alphanumeric() || c == '_') && !part.starts_with(|c: char| c.is_numeric())
+            part.chars().all(|c| c.is_alphanumeric() || c == '_')
+                && !part.starts_with(|c: char| c.is_numeric())
         }) && parts().all(|part| !part.is_empty())
     };
     match class.class.split_once(':') {

@@ -66,7 +66,8 @@ pub(super) struct PreparedPictures {
 impl PreparedPictures {
     /// Reads given weights.
     pub fn new(experiment: &Experiment, assets: &Assets, device: &Device) -> Result<Self, DesignError> {
-        let host = experiment.python.as_ref().map(|python| assets.guest_host(python.timeout_s)).transpose()?;
+        let host =
+            experiment.python.as_ref().map(|python| assets.guest_host(python.timeout_s)).transpose()?;
         let given_weights = network::given_weights(experiment, assets, device)?;
         Ok(Self { given_weights, host })
     }

@@ -36,7 +36,8 @@ impl OwnJudge {
                 all.push(score.clone());
                 continue;
             }
-            let is_it = |score: &&mut Option<Box<dyn Score>>| score.as_ref().is_some_and(|s| s.name() == name);
+            let is_it =
+                |score: &&mut Option<Box<dyn Score>>| score.as_ref().is_some_and(|s| s.name() == name);
             let Some(score) = standard.iter_mut().find(is_it).and_then(Option::take) else {
                 return Err(DesignError::UnknownScore { name: name.clone(), known });
             };
