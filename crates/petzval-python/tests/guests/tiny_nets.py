@@ -3,9 +3,8 @@ import numpy as np
 
 class Restorer:
     def __init__(self, *, channels, seed, width=8):
-        weights = np.random.default_rng(seed).standard_normal(width * (channels * 9 + 3)) / 9
-        weights[-3 * width :] = 0
-        self.width, self.steps, self.kept = width, 0, np.stack([weights, 0 * weights, 0 * weights])
+        self.width, self.steps, self.kept = width, 0, np.zeros((3, width * (channels * 9 + 3)))
+        self.kept[0, : -3 * width] = np.random.default_rng(seed).standard_normal(width * channels * 9) / 9
 
     def weights(self):
         return self.kept[0, : -3 * self.width].reshape(self.width, -1), self.kept[0, -3 * self.width :].reshape(3, -1)
@@ -18,8 +17,8 @@ class Restorer:
     def backward(self, cotangent):
         (first, last), c = self.weights(), cotangent.reshape(len(cotangent), 3, -1)
         by_h = (last.T @ c) * (self.h > 0)
-        by_weights = (np.einsum("bop,bkp->ok", by_h, self.a), np.einsum("bop,bkp->ok", c, self.h))
-        self.gradient = np.concatenate([by.ravel() for by in by_weights])
+        pairs = (by_h, self.a), (c, self.h)
+        self.gradient = np.concatenate([np.einsum("bop,bkp->ok", *pair).ravel() for pair in pairs])
         return spread(first.T @ by_h, self.x.shape) + np.pad(cotangent, ((0, 0), (0, self.x.shape[1] - 3), (0, 0), (0, 0)))
 
     def step(self, rate):
