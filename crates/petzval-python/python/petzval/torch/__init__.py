@@ -13,6 +13,7 @@ from .develop import Isp, develop, develop_linear
 from .expose import expose
 from .lens import Lens, Psfs
 from .levenberg import LevenbergMarquardt
+from .network import Network
 from .render import illumination_map, project, render
 from .restore import restore
 
@@ -20,6 +21,7 @@ __all__ = [
     "Isp",
     "Lens",
     "LevenbergMarquardt",
+    "Network",
     "Psfs",
     "develop",
     "develop_linear",
