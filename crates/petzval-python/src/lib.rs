@@ -10,14 +10,12 @@ mod guest;
 mod jobs;
 mod lens;
 mod lift;
-mod pool;
-mod psf;
-mod render;
-mod sensor;
 mod linear_isp;
 mod pool;
 mod psf;
 mod raw_frame;
+mod render;
+mod sensor;
 mod space;
 mod watch;
 mod weights;
@@ -56,16 +54,15 @@ mod _petzval {
     #[pymodule_export]
     use super::lift::{lift, lifted_step};
     #[pymodule_export]
-    use super::psf::PyPsfPlan;
-    #[pymodule_export]
-    use super::render::{PyDistortion, PyRenderer, wiener};
-    #[pymodule_export]
-    use super::sensor::PySensor;
     use super::linear_isp::PyLinearIsp;
     #[pymodule_export]
     use super::psf::PyPsfPlan;
     #[pymodule_export]
     use super::raw_frame::PyRawFrame;
+    #[pymodule_export]
+    use super::render::{PyDistortion, PyRenderer, wiener};
+    #[pymodule_export]
+    use super::sensor::PySensor;
     #[pymodule_export]
     use super::space::PyDesignSpace;
     #[pymodule_export]

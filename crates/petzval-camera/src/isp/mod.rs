@@ -30,8 +30,8 @@ pub use error::IspError;
 pub use hardware::HardwareIsp;
 pub use input::{Companding, FrameData, Mesh, NoiseProfile, RawInput};
 pub use interface::{
-    DifferentiableIsp, Isp, IspParameter, RgbPicture, check_values, developed_without_gradient, smooth_picture,
-    smooth_pull_back,
+    DifferentiableIsp, Isp, IspParameter, RgbPicture, check_values, developed_without_gradient,
+    smooth_picture, smooth_pull_back,
 };
 pub use merge::{MergeOptions, merge_exposures};
 pub use notes::Watch;

@@ -10,9 +10,9 @@ from .isp import Isp, IspParameter, develop
 from .lens import DesignSpace, Lens, Surface, Variable
 from .linear_isp import LinearIsp
 from .psfs import PsfBank, psf
+from .raw_frame import FrameInfo, RawFrame
 from .rendering import Distortion, FieldPsfs, Wiener, blend_error, patches_for, render, restore
 from .sensors import FixedPattern, Sensor
-from .raw_frame import FrameInfo, RawFrame
 from .weights import Weights
 
 __all__ = [
@@ -31,18 +31,15 @@ __all__ = [
     "PetzvalWarning",
     "Place",
     "PsfBank",
+    "RawFrame",
     "Sensor",
     "Stopped",
     "Surface",
     "Variable",
+    "Weights",
     "Wiener",
     "blend_error",
-    "RawFrame",
-    "Stopped",
-    "Surface",
-    "Variable",
     "develop",
-    "Weights",
     "jobs",
     "patches_for",
     "psf",

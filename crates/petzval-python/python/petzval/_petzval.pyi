@@ -3,9 +3,7 @@
 from collections.abc import Callable, Sequence
 from os import PathLike
 
-from numpy import float32, float64, uint16
-from numpy import float32, float64, uint8, uint16
-from numpy import float32, float64
+from numpy import float32, float64, uint16, uint8
 from numpy.typing import ArrayLike, NDArray
 
 _Watch = tuple[Callable[[str], None] | None, Cancel | None]
@@ -124,6 +122,7 @@ class Renderer:
     ) -> _Picture: ...
 
 def wiener(of: tuple[Sensor, float, float, float] | None) -> tuple[float, float]: ...
+
 def lift(
     plan: PsfPlan,
     space: DesignSpace,
@@ -142,6 +141,7 @@ def lifted_step(
     steps: int,
     rate: float,
 ) -> tuple[NDArray[float64], NDArray[float64], NDArray[float64]]: ...
+
 class RawFrame:
     @staticmethod
     def load(path: str, options: str, watch: _Watch) -> RawFrame: ...
@@ -179,6 +179,7 @@ class LinearIsp:
     def pull_back(
         self, raw: ArrayLike, illumination: ArrayLike, cotangent: ArrayLike, watch: _Watch
     ) -> tuple[NDArray[float32], NDArray[float32]]: ...
+
 class Network:
     @staticmethod
     def read(file: bytes, kind: str | None, watch: _Watch) -> Network: ...
