@@ -1,7 +1,6 @@
 //! A job with all that it needs, as one value: a work unit, a call from another language, a request to a server.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use schemars::{JsonSchema, schema_for};
 use serde::{Deserialize, Serialize};
@@ -11,7 +10,7 @@ use crate::context::Context;
 use crate::error::JobError;
 use crate::glass::context_with;
 use crate::job::Row;
-use crate::keys::{InKeys, error_in_keys};
+use crate::keys::error_in_keys;
 use crate::table::jobs;
 
 /// The version of [`Call`] that this program writes and reads.
@@ -102,8 +101,7 @@ impl Call {
     /// Makes it. Its glasses take precedence over those of the context. In a context without a command line, results name the job. Events and
     /// errors name keys of the request in place of flags of the command.
     pub fn run(self, context: &Context) -> Result<Value, JobError> {
-        let context = context.clone().watched_through(|watcher| Arc::new(InKeys(watcher)));
-        self.made(&context).map_err(error_in_keys)
+        self.made(&context.clone().in_keys()).map_err(error_in_keys)
     }
 
     fn made(self, context: &Context) -> Result<Value, JobError> {

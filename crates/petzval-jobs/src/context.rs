@@ -15,6 +15,7 @@ use crate::device;
 use crate::error::{JobError, Stopped};
 use crate::event::{Event, WarningKind};
 use crate::guest::{Host, Workers};
+use crate::keys::InKeys;
 use crate::named_isp::external_isp;
 
 /// Receives what a job says while it works. The command prints it, a studio draws it.
@@ -99,9 +100,9 @@ impl Context {
         Self { assets: self.assets.with_guests(guests), ..self }
     }
 
-    /// The same context, whose events go through another watcher, made from its own.
-    pub(crate) fn watched_through(self, other: impl FnOnce(Arc<dyn Watcher>) -> Arc<dyn Watcher>) -> Self {
-        Self { watcher: other(self.watcher), ..self }
+    /// The same context, whose events name keys of requests in place of flags of the command.
+    pub fn in_keys(self) -> Self {
+        Self { watcher: Arc::new(InKeys(self.watcher)), ..self }
     }
 
     /// The same context for another job, which has written nothing yet.

@@ -54,7 +54,7 @@ fn without_flags(text: &str, mark: &str) -> String {
 }
 
 /// An error with keys in place of flags.
-pub(crate) fn error_in_keys(error: JobError) -> JobError {
+pub fn error_in_keys(error: JobError) -> JobError {
     match error {
         JobError::Setting { key, value, message, hint } => {
             JobError::Setting { key, value, message: in_keys(&message), hint: in_keys(&hint) }

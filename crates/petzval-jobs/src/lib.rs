@@ -63,6 +63,7 @@ pub use error::{ErrorReport, Fault, JobError, Place, Stopped, json, text_of_file
 pub use event::{CameraScore, Event, WarningKind};
 pub use input::{ExperimentInput, LensInput, SensorInput};
 pub use job::{Job, Row, guarded};
+pub use keys::error_in_keys;
 pub use petzval_design::library::Library;
 pub use table::jobs;
 

@@ -2,25 +2,23 @@
 //! distortion of the lens, the answer and the noise of the sensor.
 
 use petzval_camera::image::LinearImage;
-use petzval_camera::isp::{Mesh, RawInput};
+use petzval_camera::isp::{Mesh, RawInput, RgbPicture};
 use petzval_camera::render::{Distortion, RenderGeometry, Window};
 use petzval_camera::sensor::{Raw, SensorModel};
 use petzval_camera::spectral::Matrix3;
 use petzval_design::error::DesignError;
-use petzval_files::isp_file::picture_png_bytes;
 
-use super::rig::{CHIP_BITS, Rig};
+use super::rig::Rig;
 use crate::error::JobError;
 use crate::named_isp::NamedIsp;
 
 /// Nodes along a side of the calibrated meshes.
 const MESH: usize = 33;
 
-/// The picture as a PNG.
-pub fn png(isp: &NamedIsp, frame: &RawInput) -> Result<Vec<u8>, JobError> {
+/// The picture.
+pub fn picture(isp: &NamedIsp, frame: &RawInput) -> Result<RgbPicture, JobError> {
     let values = isp.values(frame.about.gain_ev)?;
-    let picture = isp.isp().develop(frame, &values).map_err(DesignError::from)?;
-    picture_png_bytes(&picture, CHIP_BITS).map_err(JobError::failed)
+    Ok(isp.isp().develop(frame, &values).map_err(DesignError::from)?)
 }
 
 /// A raw frame, taken where the lens leaves `illumination`, as the image signal processor receives it.

@@ -32,7 +32,7 @@ use crate::named_isp::{NamedIsp, isp_by_name};
 use crate::range::check_ranges;
 
 /// Most pixels of a simulated frame, and most samples of its scene: the largest sensors have 150 million pixels. Each pixel takes about
-/// 150 bytes, each further sample 12.
+/// 160 bytes, each further sample 12.
 const MOST_PIXELS: usize = 200_000_000;
 
 /// Bits of the pictures of an image signal processor.

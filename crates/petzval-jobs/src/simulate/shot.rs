@@ -1,21 +1,15 @@
-//! One shot: the frame that the camera takes, what is developed from it, and the files of both.
+//! One shot: the frame that the camera takes, and what is developed from it.
 
-use petzval_camera::develop::saturated_share;
 use petzval_camera::image::LinearImage;
 use petzval_camera::sensor::{Capture, Noise, NoiseMode, Raw};
 use petzval_camera::tape::Frames;
-use petzval_design::camera::{Camera, to_host};
+use petzval_design::camera::{Camera, host_image, to_host};
 use petzval_design::error::DesignError;
-use petzval_files::raw_file::FrameCalibration;
-use serde_json::json;
 
-use super::chip;
-use super::highlights::Saturation;
-use super::output::{self, Facts};
+use super::output::Facts;
 use super::request::Request;
 use super::rig::Rig;
-use crate::context::Context;
-use crate::error::{JobError, make_folder};
+use crate::error::JobError;
 
 /// The noise of a request.
 pub fn noise(request: &Request) -> Noise {
@@ -31,10 +25,14 @@ pub fn placed(request: &Request, picture: &LinearImage, frame: (usize, usize)) -
 /// One frame and what was developed from it, on the host.
 #[derive(Clone, Debug)]
 pub struct Taken {
+    /// Light on the pixels in three colours: 1 is white on the axis.
+    pub irradiance: LinearImage,
     /// The raw frame, in digital numbers.
     pub raw: Raw,
     /// The developed picture in linear light, restored where the request restores: 1 is white.
     pub developed: LinearImage,
+    /// The developed picture before its restoration; none where nothing is restored.
+    pub unrestored: Option<LinearImage>,
     /// Light of each pixel relative to the axis, in three colours.
     pub illumination: LinearImage,
 }
@@ -45,12 +43,16 @@ pub type Each<'a> = dyn FnMut(&Rig, &Camera, &str, Taken) -> Result<(Facts, Opti
 impl Taken {
     /// The first frame of a camera's shots, copied from the device. Its picture is the restored one where the camera restores.
     pub fn new(frames: &Frames, capture: Capture) -> Result<Self, DesignError> {
-        let [_, channels, height, width] = frames.developed.dims();
+        let [_, _, height, width] = frames.raw.dims();
         let raw = Raw { height, width, dn: to_host(frames.raw.clone())?, capture };
-        let data = to_host(frames.restored.as_ref().unwrap_or(&frames.developed).clone())?;
-        let developed = LinearImage { channels, height, width, data };
-        let data = to_host(frames.illumination.clone())?;
-        Ok(Self { raw, developed, illumination: LinearImage { channels: 3, height, width, data } })
+        let developed = host_image(frames.developed.clone())?;
+        let (developed, unrestored) = match &frames.restored {
+            Some(restored) => (host_image(restored.clone())?, Some(developed)),
+            None => (developed, None),
+        };
+        let irradiance = host_image(frames.irradiance.clone())?;
+        let illumination = host_image(frames.illumination.clone())?;
+        Ok(Self { irradiance, raw, developed, unrestored, illumination })
     }
 
     /// The raw frame, and the relative illumination of its pixels.
@@ -70,41 +72,4 @@ impl Taken {
         let capture = Capture { exposure, placement: rig.window.placement, frame };
         Self::new(&camera.take_light(light, capture, &noise(request))?, capture)
     }
-}
-
-/// Writes the results of a shot; returns facts about them, and a warning if many pixels are saturated.
-pub fn write_shot(
-    request: &Request,
-    rig: &Rig,
-    camera: &Camera,
-    name: &str,
-    taken: &Taken,
-    context: &Context,
-) -> Result<(Facts, Option<String>), JobError> {
-    make_folder(&request.out)?;
-    let (sensor, white_e) = (&camera.body().sensor, camera.body().exposure.white_e);
-    let share = saturated_share(&taken.raw, sensor);
-    let saturation = Saturation::of(request, sensor, white_e, share)?;
-    let display_white = saturation.display_white();
-    let formats = (request.raw_format, request.picture_format);
-    let picture = (&taken.developed, display_white);
-    let colour_matrix = camera.body().isp.colour_matrix;
-    // ISPs take frames of a Bayer array.
-    let frame = sensor.cfa.is_bayer().then(|| chip::frame(rig, sensor, taken.for_chip(), colour_matrix));
-    let frame = frame.transpose()?;
-    let by_chip = rig.chip.as_ref().zip(frame.as_ref()).map(|(isp, frame)| chip::png(isp, frame));
-    let more = output::More {
-        calibration: frame.map(|frame| FrameCalibration::of(&frame.about)),
-        by_chip: by_chip.transpose()?,
-    };
-    let mut facts = output::write(formats, &request.out, name, &taken.raw, sensor, picture, &more)?;
-    output::report_files(&facts, context);
-    for (key, value) in [
-        ("white_e", json!(white_e)),
-        ("saturated_share", json!(saturation.share)),
-        ("display_white", json!(display_white)),
-    ] {
-        facts.insert(key.to_owned(), value);
-    }
-    Ok((facts, saturation.warning(request, sensor, name, white_e)))
 }

@@ -51,6 +51,8 @@ fn frames_and_developed_pictures_are_what_the_files_hold() {
         images: vec!["scene:slanted-edge".into()],
         size: Some((32, 32)),
         spectral: simulate::Spectral { qe: Some("imx219".to_owned()), ..simulate::Spectral::default() },
+        isp: Some("quality".to_owned()),
+        restore: Some(simulate::Restore::default()),
         raw_format: simulate::RawAs::Npy,
         picture_format: simulate::PictureAs::Npy,
         out: out.clone(),
@@ -64,7 +66,27 @@ fn frames_and_developed_pictures_are_what_the_files_hold() {
     let raw: Vec<f32> = npy::<u16>(&out.join("slanted-edge-raw.npy")).into_iter().map(f32::from).collect();
     assert_eq!(raw, frame.taken.raw.dn);
     let developed = npy::<f32>(&out.join("slanted-edge-developed.npy"));
-    assert_eq!(developed.len(), frame.taken.developed.data.len());
+    assert_eq!(developed, frame.taken.developed.data);
+    assert_ne!(frame.taken.unrestored.as_ref().unwrap().data, developed);
+    assert_eq!(frame.by_isp.as_ref().unwrap().data.len(), developed.len());
+
+    // A frame in memory is written as the job writes it.
+    let again = folder.path().join("again");
+    let formats = (request.raw_format, request.picture_format);
+    frame.write(formats, &again, &context()).unwrap();
+    let names = |folder: &Path| -> Vec<_> {
+        let mut names: Vec<_> = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name()).collect();
+        names.sort();
+        names
+    };
+    assert_eq!(names(&again), names(&out));
+    for name in names(&out) {
+        assert!(
+            std::fs::read(again.join(&name)).unwrap() == std::fs::read(out.join(&name)).unwrap(),
+            "{name:?}"
+        );
+    }
+    assert!(frame.write(formats, &again, &context()).is_err(), "nothing is overwritten");
 
     let pictures = folder.path().join("pictures");
     let request = develop::Request {
