@@ -95,6 +95,7 @@ fn tolerance_request(folder: &std::path::Path) -> tolerance::Request {
         limit: Some(14.0),
         inverse: None,
         seed: 1,
+        list_trials: true,
         worst: 1,
         out: Some(folder.join("made")),
     }
@@ -135,6 +136,26 @@ fn requests_and_responses_survive_json() {
     run(glass::list::run, glass::list::Request { maker: None });
     let near = glass::find::Request { nd: 1.5168, vd: 64.17, count: 3, maker: None, obsolete: false };
     assert_eq!(run(glass::find::run, near).glasses.len(), 3);
+}
+
+#[test]
+fn a_random_lens_is_listed_and_made_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let request = tolerance_request(folder.path());
+    let found = tolerance::run(&request, &context()).unwrap();
+    let trials = found.trials.unwrap();
+    assert_eq!((trials.lenses.len(), trials.compensators.len()), (5, 1));
+    assert!(trials.lenses.iter().all(|lens| lens.errors.len() == trials.errors.len()));
+    let random = found.report.monte_carlo.unwrap();
+    let worst = &random.worst[0];
+    assert_eq!(trials.lenses[worst.trial].merit, worst.merit);
+    let lens = tolerance::lens_of_trial(&request, worst.trial, &context()).unwrap();
+    let written =
+        std::fs::read_to_string(folder.path().join(format!("made/lens-{:05}.toml", worst.trial))).unwrap();
+    assert_eq!(petzval_files::write_lens(&lens), written);
+    assert!(tolerance::lens_of_trial(&request, 5, &context()).is_err());
+    let unlisted = tolerance::Request { list_trials: false, out: None, ..request };
+    assert_eq!(tolerance::run(&unlisted, &context()).unwrap().trials, None);
 }
 
 /// Keeps the last progress, and cancels the job at some unit of its work.

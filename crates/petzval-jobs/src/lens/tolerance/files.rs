@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use petzval_base::{csv_number, csv_text};
-use petzval_files::{LensFile, write_lens, write_tolerances};
+use petzval_files::{write_lens, write_tolerances};
 use petzval_optics::tolerance::{Freedom, MonteCarlo};
 use petzval_report::tolerance_sheet::{
     BuiltEstimate, CompensatorTravel, RandomLenses, ToleranceRow, ToleranceSheet, WorstLens, page,
@@ -12,6 +12,7 @@ use petzval_report::tolerance_sheet::{
 
 use super::findings::Findings;
 use super::report::{self, Better, Report, Sensitivity};
+use super::trials::made_again;
 use crate::context::Context;
 use crate::error::{JobError, json, write_file};
 use crate::results::what_is;
@@ -49,14 +50,10 @@ pub(super) fn write_all(
             add("yield.svg", yield_svg(&sheet, random))?;
         }
         for number in random.worst(worst) {
-            let off = findings.study.draw(random.seed, number as u64);
-            // A lens without an image has no focus, and no file.
-            let Some(made) = findings.study.make(&off) else { continue };
-            let mut lens = made.lens;
-            lens.name = format!("{}, lens {number} of seed {}", findings.lens.name, random.seed);
-            lens.source =
-                format!("petzval lens tolerance: {} {:.4}", findings.study.merit().name(), made.value);
-            add(&format!("lens-{number:05}.toml"), write_lens(&LensFile::of(lens)))?;
+            let lens = made_again(findings.lens, findings.study, random.seed, number as u64);
+            if let Some(lens) = lens {
+                add(&format!("lens-{number:05}.toml"), write_lens(&lens))?;
+            }
         }
     }
     Ok(files)

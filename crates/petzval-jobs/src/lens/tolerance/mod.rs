@@ -3,17 +3,20 @@
 mod files;
 mod findings;
 mod report;
+mod trials;
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use petzval_base::Cancelled;
 use petzval_design::error::DesignError;
-use petzval_files::{ToleranceFile, parse_tolerances};
+use petzval_files::{LensFile, ToleranceFile, parse_tolerances};
 use petzval_optics::analysis::first_order_table;
 use petzval_optics::lens::Lens;
 use petzval_optics::merit::{self, Mtf, RmsSpot};
-use petzval_optics::tolerance::{self, Study, ToleranceError, inverse, monte_carlo, sensitivities};
+use petzval_optics::tolerance::{
+    self, Study, ToleranceError, Tolerances, inverse, monte_carlo, sensitivities,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -28,6 +31,8 @@ use crate::results::check_folder;
 pub use report::{
     Better, Compensator, Estimate, Percentile, Quantity, RandomLenses, Report, Sensitivity, Travel, Worst,
 };
+
+pub use trials::{Trial, Trials};
 
 pub use petzval_optics::psf::PsfKind;
 pub use petzval_report::tolerance_sheet::three_digits;
@@ -61,6 +66,8 @@ petzval_base::parameters! {
         compensate: Compensate = Compensate::default();
         /// Seed of the random lenses.
         seed: u64 = crate::usual::seed();
+        /// Whether the response lists every random lens with its errors: some 50 numbers each.
+        list_trials: bool = false;
         /// Folder for the results; nothing is written without one.
         out: Option<PathBuf> = None;
     }
@@ -117,6 +124,9 @@ pub struct Response {
     pub report: Report,
     /// Names of the compensators, in the order of the figures.
     pub compensators: Vec<String>,
+    /// Every random lens, if the request lists them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub trials: Option<Trials>,
     /// The files that were written.
     #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub files: Vec<PathBuf>,
@@ -162,41 +172,75 @@ pub(crate) fn read(path: &Path, lens: &Lens) -> Result<ToleranceFile, JobError> 
     Ok(parse_tolerances(&text, lens).map_err(DesignError::input(path))?)
 }
 
+/// A lens with what may be off and what it is judged by, as a request names them.
+struct Subject {
+    name: String,
+    lens: Lens,
+    tolerances: Tolerances,
+    merit: Box<dyn merit::Merit>,
+}
+
+impl Subject {
+    fn of(request: &Request, context: &Context) -> Result<Self, JobError> {
+        request.check()?;
+        let (name, context) = request.lens.placed(context)?;
+        let lens = context.assets.lens(&name)?.lens;
+        check_image(&name, &lens)?;
+        let tolerances =
+            request.tolerance_file(&lens)?.tolerances(&lens, request.compensate == Compensate::Focus);
+        if tolerances.perturbations.is_empty() {
+            return Err(JobError::input(
+                "nothing is off: there is no tolerance",
+                "give a --grade, or name some in the file",
+            ));
+        }
+        let cutoff = first_order_table(&lens).cutoff_per_mm;
+        if request.merit == Merit::Mtf && request.frequency >= cutoff {
+            return Err(JobError::setting(
+                "frequency",
+                request.frequency,
+                format!("the lens resolves nothing beyond {cutoff:.1} cycles/mm"),
+                "the cutoff is 1 / (wavelength x working f-number)",
+            ));
+        }
+        let merit = request.merit(&lens);
+        Ok(Self { name, lens, tolerances, merit })
+    }
+
+    fn study(&self) -> Result<Study<'_>, JobError> {
+        Study::new(&self.lens, &self.tolerances, self.merit.as_ref()).map_err(|error| {
+            let hint = match error {
+                ToleranceError::NoMerit => "`petzval lens show` says which field has no spot",
+                _ => "correct the tolerance file",
+            };
+            JobError::input(format!("{}: {error}", self.name), hint)
+        })
+    }
+}
+
+/// The random lens of a number, from 0, as the same request makes it.
+pub fn lens_of_trial(request: &Request, number: usize, context: &Context) -> Result<LensFile, JobError> {
+    let subject = Subject::of(request, context)?;
+    if number >= request.trials {
+        let hint = match request.trials {
+            0 => "the request makes no lenses".to_owned(),
+            trials => format!("a number from 0 to {}", trials - 1),
+        };
+        return Err(JobError::setting("trial", number, "there is no such lens", hint));
+    }
+    trials::made_again(&subject.lens, &subject.study()?, request.seed, number as u64)
+        .ok_or_else(|| JobError::setting("trial", number, "this lens brings no image", "take another"))
+}
+
 /// Finds the sensitivities, makes the random lenses, and writes the results.
 ///
 /// Files in the folder, if the request names one: `tolerance.html` (the page), `tolerance.json` (all figures), `sensitivities.csv`, `trials.csv` (every
 /// lens with all its errors), `tolerances.toml` (every tolerance, ready to be edited), `yield.svg`, `sensitivity.svg`, and the
 /// worst lenses.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
-    request.check()?;
-    let (name, context) = &request.lens.placed(context)?;
-    let lens = context.assets.lens(name)?.lens;
-    check_image(name, &lens)?;
-    let tolerances =
-        request.tolerance_file(&lens)?.tolerances(&lens, request.compensate == Compensate::Focus);
-    if tolerances.perturbations.is_empty() {
-        return Err(JobError::input(
-            "nothing is off: there is no tolerance",
-            "give a --grade, or name some in the file",
-        ));
-    }
-    let cutoff = first_order_table(&lens).cutoff_per_mm;
-    if request.merit == Merit::Mtf && request.frequency >= cutoff {
-        return Err(JobError::setting(
-            "frequency",
-            request.frequency,
-            format!("the lens resolves nothing beyond {cutoff:.1} cycles/mm"),
-            "the cutoff is 1 / (wavelength x working f-number)",
-        ));
-    }
-    let merit = request.merit(&lens);
-    let study = Study::new(&lens, &tolerances, merit.as_ref()).map_err(|error| {
-        let hint = match error {
-            ToleranceError::NoMerit => "`petzval lens show` says which field has no spot",
-            _ => "correct the tolerance file",
-        };
-        JobError::input(format!("{name}: {error}"), hint)
-    })?;
+    let subject = Subject::of(request, context)?;
+    let study = subject.study()?;
+    let Subject { lens, tolerances, .. } = &subject;
     if let Some(out) = &request.out {
         check_folder(
             out,
@@ -217,7 +261,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         None => None,
         Some(loss) => Some(counted(context, "inverse", count, |tick| inverse(&study, loss, tick))?),
     };
-    let findings = Findings { lens: &lens, study: &study, table, random, shared, limit: request.limit };
+    let findings = Findings { lens, study: &study, table, random, shared, limit: request.limit };
     let report = report::report(&findings, request.worst);
     let files = match &request.out {
         Some(out) => files::write_all(&findings, &report, out, request.worst, context)?,
@@ -225,7 +269,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     };
     let compensators =
         tolerances.compensators.iter().map(|(freedom, _)| findings.compensator_name(freedom)).collect();
-    Ok(Response { report, compensators, files })
+    let listed = findings.random.as_ref().filter(|_| request.list_trials);
+    let trials = listed.map(|random| trials::trials(&findings, random));
+    Ok(Response { report, compensators, trials, files })
 }
 
 /// Does a part of the job that calls `tick` after each unit of its work, until the job is cancelled.

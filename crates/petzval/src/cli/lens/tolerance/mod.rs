@@ -130,6 +130,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
         limit: args.limit,
         inverse: args.inverse,
         seed: args.seed,
+        list_trials: false,
         worst: args.worst,
         out: args.out,
     };
