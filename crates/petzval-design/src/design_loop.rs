@@ -676,7 +676,7 @@ impl DesignLoop {
             _ => self.blocks.network.to_safetensors()?,
         };
         if let Some(weights) = weights {
-            let path = folder.join("network.safetensors");
+            let path = self.run.camera_weights(&variant.name);
             write_file(&path, &weights)?;
             observer.file(&path, "weights");
         }

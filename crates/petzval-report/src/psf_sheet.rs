@@ -47,16 +47,68 @@ impl Places {
     }
 }
 
+/// A row of a sheet.
+struct SheetRow {
+    name: &'static str,
+    /// Its wavelength, if it shows one alone.
+    um: Option<f64>,
+    tint: Tint,
+}
+
+/// How the tones of a cell become a colour.
+enum Tint {
+    /// The first three channels as red, green and blue.
+    Together,
+    /// The first channel.
+    Red,
+    /// The second.
+    Green,
+    /// The third, lightened: blue alone is dark.
+    Blue,
+    /// A channel in gray.
+    Gray(usize),
+}
+
+impl Tint {
+    fn of(&self, tone: impl Fn(usize) -> u8) -> Rgb<u8> {
+        match *self {
+            Self::Together => Rgb([tone(0), tone(1), tone(2)]),
+            Self::Red => Rgb([tone(0), 0, 0]),
+            Self::Green => Rgb([0, tone(1), 0]),
+            Self::Blue => Rgb([tone(2) / 3, tone(2) / 2, tone(2)]),
+            Self::Gray(channel) => Rgb([tone(channel); 3]),
+        }
+    }
+}
+
 /// Draws PSFs on one sheet, a PNG. Rows are colour, red, green and blue with their wavelengths, um. Brightness is the square root of the
 /// value relative to the largest of its field, so that cores and tails are both visible. Above each column stand its field and where its
 /// chief ray lands, below the sheet a scale bar.
 pub fn psf_sheet(psfs: &[FieldPsf], options: &PsfOptions, wavelengths_um: [f64; 3]) -> Vec<u8> {
-    png::encode(&sheet(psfs, options, wavelengths_um))
+    png::encode(&sheet(psfs, options, &rows_of_three(wavelengths_um)))
 }
 
-fn sheet(psfs: &[FieldPsf], options: &PsfOptions, wavelengths_um: [f64; 3]) -> RgbImage {
+/// [`psf_sheet`] for any number of wavelengths. Where they are not three, each has a row in gray.
+pub fn psf_sheet_of(psfs: &[FieldPsf], options: &PsfOptions, wavelengths_um: &[f64]) -> Vec<u8> {
+    if let Ok(three) = wavelengths_um.try_into() {
+        return psf_sheet(psfs, options, three);
+    }
+    let row = |(channel, um): (usize, &f64)| SheetRow { name: "", um: Some(*um), tint: Tint::Gray(channel) };
+    png::encode(&sheet(psfs, options, &wavelengths_um.iter().enumerate().map(row).collect::<Vec<_>>()))
+}
+
+fn rows_of_three([red, green, blue]: [f64; 3]) -> [SheetRow; 4] {
+    [
+        SheetRow { name: "together", um: None, tint: Tint::Together },
+        SheetRow { name: "red", um: Some(red), tint: Tint::Red },
+        SheetRow { name: "green", um: Some(green), tint: Tint::Green },
+        SheetRow { name: "blue", um: Some(blue), tint: Tint::Blue },
+    ]
+}
+
+fn sheet(psfs: &[FieldPsf], options: &PsfOptions, rows: &[SheetRow]) -> RgbImage {
     let (grid, places) = (options.grid, Places::new(options.grid));
-    let [width, bottom] = places.corner(psfs.len(), 4);
+    let [width, bottom] = places.corner(psfs.len(), rows.len());
     let mut sheet = RgbImage::from_pixel(width, bottom + 2 * LINE_PX, PAPER);
     for (column, psf) in psfs.iter().enumerate() {
         let [left, _] = places.corner(column, 0);
@@ -72,27 +124,20 @@ fn sheet(psfs: &[FieldPsf], options: &PsfOptions, wavelengths_um: [f64; 3]) -> R
             let value = psf.values.get(channel).map_or(0.0, |v| v[cell]);
             (255.0 * (value / largest).sqrt()).round() as u8
         };
-        for row in 0..4 {
+        for (row, SheetRow { tint, .. }) in rows.iter().enumerate() {
             let [left, top] = places.corner(column, row);
             for (x, y) in (0..places.side).flat_map(|y| (0..places.side).map(move |x| (x, y))) {
                 // Draw y upwards, as in lens drawings.
                 let cell = (grid - 1 - (y / places.zoom) as usize) * grid + (x / places.zoom) as usize;
-                let rgb = [tone(0, cell), tone(1, cell), tone(2, cell)];
-                let colour = match row {
-                    0 => rgb,
-                    1 => [rgb[0], 0, 0],
-                    2 => [0, rgb[1], 0],
-                    _ => [rgb[2] / 3, rgb[2] / 2, rgb[2]],
-                };
-                sheet.put_pixel(left + x, top + y, Rgb(colour));
+                sheet.put_pixel(left + x, top + y, tint.of(|channel| tone(channel, cell)));
             }
         }
     }
-    for (row, name) in ["together", "red", "green", "blue"].into_iter().enumerate() {
+    for (row, SheetRow { name, um, .. }) in rows.iter().enumerate() {
         let top = places.corner(0, row)[1] + places.side / 2 - LINE_PX;
         draw_text(&mut sheet, [GAP, top], name, INK);
-        if let Some(um) = row.checked_sub(1).map(|channel| wavelengths_um[channel]) {
-            draw_text(&mut sheet, [GAP, top + LINE_PX], &format!("{} µm", number::fixed(um, 3)), INK);
+        if let Some(um) = um {
+            draw_text(&mut sheet, [GAP, top + LINE_PX], &format!("{} µm", number::fixed(*um, 3)), INK);
         }
     }
     let bar_um = number::round_length(BAR * grid as f64 * options.pitch_um);
@@ -115,6 +160,18 @@ mod tests {
     use crate::sample::triplet;
 
     #[test]
+    fn wavelengths_that_are_not_three_have_gray_rows() {
+        let options = PsfOptions { grid: 40, pitch_um: 2.0, ..PsfOptions::default() };
+        let psf = psf(&triplet(), 0.1, &[0.62, 0.5], &Quadrature::grid(16).unwrap(), &options).unwrap();
+        let picture =
+            image::load_from_memory(&psf_sheet_of(&[psf], &options, &[0.62, 0.5])).unwrap().into_rgb8();
+        let places = Places::new(40);
+        assert_eq!(picture.height(), places.corner(1, 2)[1] + 2 * LINE_PX);
+        assert!(picture.pixels().all(|pixel| pixel[0] == pixel[1] && pixel[1] == pixel[2]));
+        assert!(picture.pixels().any(|pixel| pixel[0] == 255));
+    }
+
+    #[test]
     fn the_scale_bar_is_as_long_as_it_says_and_psfs_stand_below_their_labels() {
         let options = PsfOptions { grid: 40, pitch_um: 2.0, ..PsfOptions::default() };
         let wavelengths_um = [0.62, 0.55, 0.486];
@@ -124,7 +181,7 @@ mod tests {
                 psf(&triplet(), deg.to_radians(), &wavelengths_um, &Quadrature::grid(16).unwrap(), &options)
             })
             .collect();
-        let sheet = sheet(&psfs, &options, wavelengths_um);
+        let sheet = sheet(&psfs, &options, &rows_of_three(wavelengths_um));
         let places = Places::new(40);
         assert_eq!((places.zoom, places.side), (3, 120));
         // 0.3 of 80 um is 24 um: the bar has 20 um, ten cells.

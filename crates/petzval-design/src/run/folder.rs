@@ -186,6 +186,11 @@ impl RunFolder {
         self.camera(name).join("metrics.json")
     }
 
+    /// The weights of a camera's network, in a format that others read.
+    pub fn camera_weights(&self, name: &str) -> PathBuf {
+        self.camera(name).join("network.safetensors")
+    }
+
     /// Those of some cameras that are finished.
     pub fn finished<'a>(&self, names: impl IntoIterator<Item = &'a str>) -> Vec<&'a str> {
         names.into_iter().filter(|name| self.camera_metrics(name).is_file()).collect()

@@ -5,7 +5,7 @@ use petzval_optics::glass::{Glass, LINE_C_UM, LINE_D_UM, LINE_F_UM, LINE_G_UM};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{at_lines, nd_and_vd, p_gf, status};
+use super::{at_lines, named, nd_and_vd, p_gf, status};
 use crate::context::Context;
 use crate::error::JobError;
 use crate::range::check_ranges;
@@ -155,18 +155,13 @@ impl Request {
 
 /// Looks the glass up and computes its figures.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
-    let catalog = context.assets.catalog()?;
-    let glass = catalog.get(&request.name).map_err(|unknown| {
-        let nearest = unknown.nearest.join(", ");
-        let hint = format!("the nearest names are {nearest}; `petzval glass list` shows every glass");
-        JobError::input(unknown.reason(), hint)
-    })?;
+    let glass = named(&request.name, &context.assets)?;
     let air = request.air()?;
     if air.is_some() && glass.index_at(LINE_D_UM, DN_DT_C[0], 1.0).is_none() {
         let message = format!("the catalogue does not say how {} changes with temperature", glass.name);
         return Err(JobError::input(message, "leave --temperature out"));
     }
-    let others = (catalog.all(&glass.name).iter())
+    let others = (context.assets.catalog()?.all(&glass.name).iter())
         .filter(|other| **other != glass && !other.maker.is_empty())
         .map(|other| format!("{}:{}", other.maker.to_uppercase(), other.name))
         .collect();

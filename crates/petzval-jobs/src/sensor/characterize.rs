@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use petzval_base::{csv_number, csv_text, write_whole};
 use petzval_design::error::DesignError;
 use petzval_lab::emva::captures::milliseconds;
-use petzval_lab::emva::{Captures, Done, Options, characterize, result_xml, sensor_toml, warning_lines};
+use petzval_lab::emva::{Captures, Done, Options, characterize, result_xml, warning_lines};
 use petzval_report::sensor_sheet;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -21,7 +21,7 @@ pub use petzval_camera::sensor::Colour;
 pub use petzval_lab::emva::joint::GAINS;
 pub use petzval_lab::emva::{
     Characterization, HighPass, HistogramComparison, Measured, NamedFit, Unresolved, Values, Verdict,
-    colour_name, fits,
+    colour_name, fits, sensor_toml,
 };
 
 petzval_base::parameters! {
@@ -104,6 +104,7 @@ pub fn keep(
     out: &Path,
     context: &Context,
 ) -> Result<Vec<PathBuf>, JobError> {
+    check_folder(out, RESULTS, context)?;
     make_folder(out)?;
     let mut files = Vec::new();
     let mut write = |name: &str, text: &str| -> Result<(), JobError> {
