@@ -75,4 +75,5 @@ const _: () = {
     is_shared::<JobError>();
     is_shared::<report::Watched>();
     is_shared::<apply::Cameras>();
+    is_shared::<simulate::Photographer>();
 };

@@ -4,19 +4,28 @@
 //! done without Python's lock, on the threads of `pool`, and is watched as `watch` says.
 
 mod arrays;
+mod camera;
+mod detector;
 mod develop;
 mod error;
+mod glass;
 mod guest;
 mod jobs;
 mod lens;
 mod lift;
 mod linear_isp;
+mod pictures;
 mod pool;
 mod psf;
+mod psf_picture;
 mod raw_frame;
 mod render;
+mod requests;
+mod run;
 mod sensor;
+mod sheet;
 mod space;
+mod tolerance;
 mod watch;
 mod weights;
 
@@ -46,7 +55,13 @@ fn command(py: Python<'_>, words: Vec<OsString>) -> u8 {
 #[pymodule(gil_used = false)]
 mod _petzval {
     #[pymodule_export]
+    use super::camera::{PyCamera, PyFrame};
+    #[pymodule_export]
+    use super::detector::PyDetector;
+    #[pymodule_export]
     use super::develop::PyIsp;
+    #[pymodule_export]
+    use super::glass::PyGlass;
     #[pymodule_export]
     use super::jobs::{call, job_names, job_schemas};
     #[pymodule_export]
@@ -56,15 +71,25 @@ mod _petzval {
     #[pymodule_export]
     use super::linear_isp::PyLinearIsp;
     #[pymodule_export]
+    use super::pictures::read_picture;
+    #[pymodule_export]
     use super::psf::PyPsfPlan;
+    #[pymodule_export]
+    use super::psf_picture::psf_picture;
     #[pymodule_export]
     use super::raw_frame::PyRawFrame;
     #[pymodule_export]
     use super::render::{PyDistortion, PyRenderer, wiener};
     #[pymodule_export]
+    use super::run::{PyCameras, PyRun};
+    #[pymodule_export]
     use super::sensor::PySensor;
     #[pymodule_export]
+    use super::sheet::PySheet;
+    #[pymodule_export]
     use super::space::PyDesignSpace;
+    #[pymodule_export]
+    use super::tolerance::lens_of_trial;
     #[pymodule_export]
     use super::watch::PyCancel;
     #[pymodule_export]

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use petzval_base::Cancel;
 use petzval_jobs::guest::Host;
-use petzval_jobs::{Context, Event, JobError, Library, Watcher, built_in_assets, guarded};
+use petzval_jobs::{Context, Event, JobError, Library, Watcher, built_in_assets, error_in_keys, guarded};
 use pyo3::prelude::*;
 
 use crate::error::exception;
@@ -74,7 +74,9 @@ pub fn watched<T: Send>(
     let (sender, mut events) = channel();
     let said = Events(sender.clone());
     let said = Arc::new(move |line: &str| said.event(&Event::Note { text: line.to_owned() }));
-    let context = Context::new(LIBRARY.clone(), Arc::new(Events(sender))).with_cancellation(cancel.clone());
+    // Messages name keys of requests in place of flags of the command.
+    let context = Context::new(LIBRARY.clone(), Arc::new(Events(sender)));
+    let context = context.with_cancellation(cancel.clone()).in_keys();
     let context =
         context.with_guests(Arc::new(move |_| -> Arc<dyn Host> { Arc::new(InProcess::new(said.clone())) }));
     // A class of the user works on a thread of the pool: what it calls has to be done there.
@@ -85,12 +87,12 @@ pub fn watched<T: Send>(
     let (done, raised) = std::thread::scope(|scope| {
         let worker = scope
             .spawn(move || pool().and_then(|pool| guarded("petzval", || pool.install(|| work(&context)))));
-        let raised = listen(py, &mut events, listener.as_ref(), &cancel);
+        let raised = listen(py, &mut events, listener.as_ref(), &cancel, &|| worker.is_finished());
         (py.detach(|| worker.join()), raised)
     });
     match (raised, done) {
         (Some(raised), _) => Err(raised),
-        (None, Ok(done)) => done.map_err(|error| exception(py, &error)),
+        (None, Ok(done)) => done.map_err(|error| exception(py, &error_in_keys(error))),
         (None, Err(panic)) => std::panic::resume_unwind(panic),
     }
 }
@@ -101,6 +103,7 @@ fn listen(
     events: &mut Receiver<Event>,
     listener: Option<&Bound<'_, PyAny>>,
     cancel: &Cancel,
+    is_done: &dyn Fn() -> bool,
 ) -> Option<PyErr> {
     let mut raised = None;
     loop {
@@ -109,6 +112,11 @@ fn listen(
         let event = py.detach(move || waiting.recv_timeout(TICK));
         let event = match event {
             Ok(event) => Some(event),
+            // The result of the work may keep the sender alive. All events precede the end of the work.
+            Err(RecvTimeoutError::Timeout) if is_done() => match events.try_recv() {
+                Ok(event) => Some(event),
+                Err(_) => return raised,
+            },
             Err(RecvTimeoutError::Timeout) => None,
             Err(RecvTimeoutError::Disconnected) => return raised,
         };

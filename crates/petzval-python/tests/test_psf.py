@@ -43,6 +43,16 @@ def test_a_bank_is_saved(triplet: pz.Lens, tmp_path) -> None:
     np.testing.assert_array_equal(np.load(tmp_path / "bank" / "psf.npy"), bank.values)
 
 
+def test_a_notebook_shows_the_psfs(triplet: pz.Lens) -> None:
+    for wavelengths in ([0.55], [0.48, 0.55, 0.62], [0.45, 0.5, 0.55, 0.6, 0.65]):
+        bank = pz.psf(triplet, fields_deg=[0.0, 8.0], wavelengths_um=wavelengths, grid=16, pitch_um=6.0)
+        assert bank.picture_png().startswith(b"\x89PNG")
+        assert 'src="data:image/png;base64,' in bank._repr_html_()
+    assert len(bank.picture_png(fields=1)) < len(bank.picture_png())
+    with pytest.raises(pz.InputError, match="cells 0"):
+        bank.picture_png(cells=0)
+
+
 @pytest.mark.parametrize("kind", ["geometric", "diffraction"])
 def test_the_gradient_is_that_of_differences(triplet: pz.Lens, kind: str) -> None:
     space = triplet.variables()

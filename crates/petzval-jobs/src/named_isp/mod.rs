@@ -99,6 +99,15 @@ pub(crate) fn external_isp(path: &Path, cancel: &Cancel) -> Result<OutsideIsp, D
 }
 
 impl NamedIsp {
+    /// Whether it is a command, or a network that imitates one.
+    pub fn is_external(&self) -> bool {
+        match &self.kind {
+            Kind::BuiltIn { .. } => false,
+            Kind::External { .. } => true,
+            Kind::Proxy { of, .. } => of.is_external(),
+        }
+    }
+
     /// The built-in ISP with the values of a preset.
     pub fn of_preset(preset: IspPreset) -> Self {
         let isp = Box::new(HardwareIsp { settings: preset.settings.clone() });

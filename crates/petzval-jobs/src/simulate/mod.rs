@@ -15,7 +15,7 @@ pub use petzval_camera::develop::{Demosaic, Domain, Interpolation};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use self::request::{is_over_spectrum, result_name};
+use self::request::result_name;
 use self::rig::check_numbers;
 use self::shot::Each;
 use crate::context::Context;
@@ -25,7 +25,8 @@ use crate::results::check_folder;
 pub use frame::Frame;
 pub use memory::InMemory;
 pub use output::Facts;
-pub use request::{PictureAs, Place, RawAs, Request, Restore, Spectral};
+pub use photographs::Photographer;
+pub use request::{PictureAs, Place, RawAs, Request, Restore, Spectral, is_over_spectrum};
 pub use shot::Taken;
 
 /// What was written.

@@ -3,17 +3,110 @@
 use std::borrow::Cow;
 
 use petzval_camera::image::LinearImage;
+use petzval_design::camera::Camera;
 use petzval_design::error::DesignError;
 
+use super::frame::Frame;
 use super::highlights::default_white_e;
 use super::memory::InMemory;
 use super::output::Facts;
 use super::request::{Place, Request, result_name};
-use super::rig::{Rig, check_not_stopped};
+use super::rig::{Rig, check_not_stopped, check_numbers};
 use super::shot::{Each, Taken, noise, placed};
 use crate::context::Context;
 use crate::error::JobError;
 use crate::event::WarningKind;
+
+/// A camera for photographs in three colours that is opened once: its PSFs are traced for the first of them.
+pub struct Photographer {
+    request: Request,
+    rig: Rig,
+    camera: Camera,
+}
+
+/// Photographs by name.
+type Photos<'a> = [(String, Cow<'a, LinearImage>)];
+
+impl Photographer {
+    /// Opens the camera of a request, whose images and seed do not matter.
+    pub fn open(request: &Request, memory: InMemory<'_>, context: &Context) -> Result<Self, JobError> {
+        check_numbers(request)?;
+        memory.check(request)?;
+        Self::traced(request, memory, context)
+    }
+
+    fn traced(request: &Request, memory: InMemory<'_>, context: &Context) -> Result<Self, JobError> {
+        let rig = Rig::new(request, memory.psfs, context)?;
+        let white_e = match request.white_e {
+            Some(white_e) => white_e,
+            None => default_white_e(request, &rig.sensor)?,
+        };
+        let camera = rig.camera(request, rig.sensor.clone(), white_e, rig.isp)?;
+        Ok(Self { request: request.clone(), rig, camera })
+    }
+
+    /// Whether the frames of a request are those of this camera: only images and seed may be others.
+    pub fn fits(&self, request: &Request) -> bool {
+        let Request { images, seed, .. } = &self.request;
+        self.request == Request { images: images.clone(), seed: *seed, ..request.clone() }
+    }
+
+    /// Whether it may serve other calls than the one that opened it: an external ISP is stopped with its call.
+    pub fn outlasts_its_call(&self) -> bool {
+        self.rig.chip.as_ref().is_none_or(|isp| !isp.is_external())
+    }
+
+    /// Takes the photographs of a request that it fits; writes nothing.
+    pub fn frames(
+        &self,
+        request: &Request,
+        memory: InMemory<'_>,
+        context: &Context,
+    ) -> Result<Vec<Frame>, JobError> {
+        memory.check(request)?;
+        let mut frames = Vec::new();
+        self.take(request, &photos(request, memory, context)?, context, &mut |rig, camera, name, taken| {
+            let (frame, warning) = Frame::of(request, rig, camera, name, taken)?;
+            frames.push(frame);
+            Ok((Facts::new(), warning))
+        })?;
+        Ok(frames)
+    }
+
+    /// Takes photographs, and gives each to `each`.
+    fn take(
+        &self,
+        request: &Request,
+        photos: &Photos<'_>,
+        context: &Context,
+        each: &mut Each<'_>,
+    ) -> Result<Vec<Facts>, JobError> {
+        let Self { rig, camera, .. } = self;
+        warn_of_small_pictures(request, rig, photos, context);
+        let mut written = Vec::new();
+        for (frame, (name, photo)) in photos.iter().enumerate() {
+            check_not_stopped(frame, request, context)?;
+            context.progress(frame as u64, photos.len() as u64, name);
+            let (picture, frame) = (placed(request, photo, rig.frame), frame as u64);
+            let taken = match rig.samples {
+                1 => {
+                    let shot = rig.shot(&picture, frame)?;
+                    let frames = camera.take(std::slice::from_ref(&shot), &noise(request))?;
+                    Taken::new(&frames, camera.capture(&shot))?
+                }
+                _ => {
+                    let light = rig.light(&picture).map_err(DesignError::from)?;
+                    Taken::of_light(request, rig, camera, &light, frame)?
+                }
+            };
+            let (facts, warning) = each(rig, camera, name, taken)?;
+            warning.into_iter().for_each(|warning| context.warning(WarningKind::Saturation, warning));
+            written.push(facts);
+        }
+        context.progress(photos.len() as u64, photos.len() as u64, "");
+        Ok(written)
+    }
+}
 
 /// Takes all images, and gives each to `each`.
 pub fn run(
@@ -23,47 +116,21 @@ pub fn run(
     each: &mut Each<'_>,
 ) -> Result<Vec<Facts>, JobError> {
     // Every image is read before anything is taken.
-    let photos: Vec<(String, Cow<'_, LinearImage>)> = (request.images.iter())
-        .map(|path| Ok((result_name(path), memory.photograph(path, context)?)))
-        .collect::<Result<_, JobError>>()?;
-    let rig = Rig::new(request, memory.psfs, context)?;
-    let white_e = match request.white_e {
-        Some(white_e) => white_e,
-        None => default_white_e(request, &rig.sensor)?,
-    };
-    let camera = rig.camera(request, rig.sensor.clone(), white_e, rig.isp)?;
-    warn_of_small_pictures(request, &rig, &photos, context);
-    let mut written = Vec::new();
-    for (frame, (name, photo)) in photos.iter().enumerate() {
-        check_not_stopped(frame, request, context)?;
-        context.progress(frame as u64, photos.len() as u64, name);
-        let (picture, frame) = (placed(request, photo, rig.frame), frame as u64);
-        let taken = match rig.samples {
-            1 => {
-                let shot = rig.shot(&picture, frame)?;
-                let frames = camera.take(std::slice::from_ref(&shot), &noise(request))?;
-                Taken::new(&frames, camera.capture(&shot))?
-            }
-            _ => {
-                let light = rig.light(&picture).map_err(DesignError::from)?;
-                Taken::of_light(request, &rig, &camera, &light, frame)?
-            }
-        };
-        let (facts, warning) = each(&rig, &camera, name, taken)?;
-        warning.into_iter().for_each(|warning| context.warning(WarningKind::Saturation, warning));
-        written.push(facts);
-    }
-    context.progress(photos.len() as u64, photos.len() as u64, "");
-    Ok(written)
+    let photos = photos(request, memory, context)?;
+    Photographer::traced(request, memory, context)?.take(request, &photos, context, each)
+}
+
+/// The photographs of a request, from memory and from files.
+fn photos<'a>(
+    request: &Request,
+    memory: InMemory<'a>,
+    context: &Context,
+) -> Result<Vec<(String, Cow<'a, LinearImage>)>, JobError> {
+    request.images.iter().map(|path| Ok((result_name(path), memory.photograph(path, context)?))).collect()
 }
 
 /// A picture laid on the axis one pixel to one that is smaller than what the sensor sees is continued by its edge.
-fn warn_of_small_pictures(
-    request: &Request,
-    rig: &Rig,
-    photos: &[(String, Cow<'_, LinearImage>)],
-    context: &Context,
-) {
+fn warn_of_small_pictures(request: &Request, rig: &Rig, photos: &Photos<'_>, context: &Context) {
     let (height, width) = rig.frame;
     let mut small = photos.iter().filter(|(_, photo)| photo.height < height || photo.width < width);
     if request.place == Place::Centre

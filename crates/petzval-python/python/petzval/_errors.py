@@ -49,6 +49,12 @@ class InputError(PetzvalError, ValueError):
     """An argument, a request or a file is wrong."""
 
 
+def setting(key: str, value: str, message: str, hint: str) -> InputError:
+    """The error of an argument that cannot be used."""
+    place = Place(key=key, value=value)
+    return InputError(f"{key} {value}: {message}", message=message, place=place, hint=hint, kind="setting")
+
+
 class Stopped(PetzvalError):
     """A job was cancelled by its flag.
 

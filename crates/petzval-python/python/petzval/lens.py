@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _petzval, jobs
-from ._errors import InputError, Place
+from ._errors import InputError, Place, setting
 from ._petzval import Cancel
 from ._watch import Progress, watch
 
@@ -451,9 +451,11 @@ class Lens:
             progress: ``True`` for a bar, or a function that takes every event.
             cancel: A flag that another thread may set.
             **request: Further keys of the job, such as ``grade="commercial"``, ``trials=1000`` or ``seed=0``; see
-                `petzval.requests.LensTolerance`.
+                `petzval.requests.LensTolerance`. With ``list_trials=False`` the random lenses are not listed one by one.
         """
-        return Tolerance(self._run("lens-tolerance", request, progress=progress, cancel=cancel))
+        whole = {"list_trials": True, **request}
+        response = self._run("lens-tolerance", whole, progress=progress, cancel=cancel)
+        return Tolerance(response, {**whole, "lens": {"toml": self.to_toml()}}, self._core.glasses())
 
     def _run(self, job: str, request: Mapping[str, Any], **how: Any) -> dict[str, Any]:
         asked = {**request, "lens": {"toml": self.to_toml()}}
@@ -544,15 +546,58 @@ class Optimized:
 class Tolerance:
     """What errors of making do to a lens."""
 
-    def __init__(self, response: dict[str, Any]) -> None:
+    def __init__(self, response: dict[str, Any], request: dict[str, Any], glasses: list[str]) -> None:
         self.response = response
         """The whole response of the job, as its schema says."""
+        self._request = request
+        self._glasses = glasses
 
     @property
     def sensitivities(self) -> list[dict[str, Any]]:
         """A row for each error: its name, unit and effect. ``pandas.DataFrame`` takes it as it is."""
         rows: list[dict[str, Any]] = self.response["report"]["sensitivities"]
         return rows
+
+    @cached_property
+    def trials(self) -> list[dict[str, Any]]:
+        """A row for each random lens. ``pandas.DataFrame`` takes it as it is.
+
+        Keys are ``trial``; the merit, ``merit_um`` for the RMS spot and ``merit`` for the MTF; ``set: NAME (UNIT)`` for every compensator, such as
+        ``set: image distance (mm)``; and ``NAME (UNIT)`` for every error, such as ``surface 1 thickness (mm)``. Without an image, merit and
+        compensators are NaN. Empty if the request did not list the lenses.
+        """
+        found = self.response.get("trials")
+        if found is None:
+            return []
+        unit = self.response["report"]["unit"]
+        merit = f"merit_{unit}" if unit else "merit"
+        set_to = [f"set: {_with_unit(row)}" for row in found["compensators"]]
+        off = [_with_unit(row) for row in found["errors"]]
+        nowhere = [math.nan] * len(set_to)
+        return [
+            {
+                "trial": number,
+                merit: _or(lens["merit"], math.nan),
+                **dict(zip(set_to, lens["compensators"] or nowhere, strict=True)),
+                **dict(zip(off, lens["errors"], strict=True)),
+            }
+            for number, lens in enumerate(found["lenses"])
+        ]
+
+    def lens(self, trial: int) -> Lens:
+        """The random lens of a number, from 0, made again with its compensators set.
+
+        Raises:
+            InputError: There is no such lens, or it brings no image.
+        """
+        if trial < 0:
+            raise setting("trial", str(trial), "there is no such lens", "lenses are counted from 0")
+        with watch() as watching:
+            return Lens(_petzval.lens_of_trial(jobs._json(self._request), trial, self._glasses, watching))
+
+
+def _with_unit(quantity: dict[str, Any]) -> str:
+    return f"{quantity['name']} ({quantity['unit']})" if quantity["unit"] else str(quantity["name"])
 
 
 def _or(value: float | None, other: float) -> float:

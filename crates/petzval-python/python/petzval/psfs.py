@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import html
 import json
 import os
 from dataclasses import dataclass
@@ -12,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _petzval
-from ._errors import InputError, Place
+from ._errors import InputError, Place, setting
 from ._petzval import Cancel
 from ._watch import Progress, watch
 from .lens import Lens
@@ -117,6 +119,35 @@ class PsfBank:
         np.save(folder / "psf.npy", self.values)
         np.save(folder / "illumination.npy", self.illumination)
         (folder / "psf.json").write_text(json.dumps(axes, indent=2) + "\n", encoding="utf-8")
+
+    def picture_png(self, *, fields: int = 7, cells: int = 128) -> bytes:
+        """The PSFs as a PNG: a column a field, a row a wavelength; three wavelengths are shown in colour and together, too.
+
+        Brightness is the square root of the value, so that cores and tails are both visible.
+
+        Args:
+            fields: Most fields, spread evenly.
+            cells: Most cells a side, around the chief ray.
+        """
+        for name, value in (("fields", fields), ("cells", cells)):
+            if value < 1:
+                raise setting(name, str(value), "nothing would be shown", "1 or more")
+        every, colours, side, _ = self.values.shape
+        shown = np.unique(np.linspace(0, every - 1, min(fields, every)).round().astype(int))
+        three = np.unique(np.linspace(0, colours - 1, min(3, colours)).round().astype(int))
+        edge = max(0, (side - cells) // 2)
+        middle = slice(edge, side - edge)
+        values = self.values[np.ix_(shown, three)][:, :, middle, middle]
+        with watch() as watching:
+            png = _petzval.psf_picture(
+                values, self.fields_deg[shown], self.chief_mm[shown], self.wavelengths_um[three], self.pitch_um, watching
+            )
+        return bytes(png)
+
+    def _repr_html_(self) -> str:
+        data = base64.b64encode(self.picture_png()).decode("ascii")
+        caption = html.escape(repr(self))
+        return f'<figure><img alt="{caption}" src="data:image/png;base64,{data}"><figcaption>{caption}</figcaption></figure>'
 
     def __repr__(self) -> str:
         fields, colours, cells, _ = self.values.shape
