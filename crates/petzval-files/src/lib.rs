@@ -15,11 +15,13 @@ mod label_image;
 pub mod lens_toml;
 mod limits;
 mod loss;
+mod npy_array;
 mod old_glass;
 mod operand_toml;
 pub mod optics_proxy_file;
 pub mod optiland;
 mod picture_file;
+pub mod psf_file;
 pub mod quantum_efficiency;
 pub mod raw_file;
 pub mod rii;
@@ -47,6 +49,7 @@ pub use lens_toml::{
 };
 pub use loss::{Effect, Loss};
 pub use operand_toml::{Figure, Operand, OperandFile, parse_operands};
+pub use npy_array::FloatType;
 pub use optiland::{parse_optiland, parse_optiland_start};
 pub(crate) use picture_file::undecoded;
 pub use picture_file::{

@@ -4,20 +4,17 @@ use npyz::{Deserialize, NpyFile, Order, WriterBuilder};
 
 use super::frame::{AnyFrame, MOST_PIXELS, RawFrame, Unreadable};
 use super::info::{MOST_BITS, RawInfo, largest_dn};
+use crate::npy_array::check_header;
 
 const HINT: &str = "save the frame with numpy.save as a C array of two axes, rows and columns, of dtype uint16, or uint32 for more than 16 bits";
 
-/// Longest header that is read, bytes; NumPy writes 128 for two axes.
-const MOST_HEADER: usize = 1024;
-
-/// Largest number of brackets in a header, and of digits in its shape. The header of a frame has fewer.
-const MOST_BRACKETS: usize = 4;
+/// Largest number of digits in the shape of a frame. The header of a frame has fewer.
 const MOST_DIGITS: usize = 18;
 
 /// Reads an array of whole numbers below 2^24, of any integer or floating-point type of NumPy.
 pub(super) fn decode(bytes: &[u8]) -> Result<AnyFrame, Unreadable> {
     let unreadable = |reason: String| Unreadable { reason, hint: HINT };
-    check_header(bytes).map_err(unreadable)?;
+    check_header(bytes, MOST_DIGITS).map_err(unreadable)?;
     let array = NpyFile::new(bytes).map_err(|e| unreadable(e.to_string()))?;
     let &[height, width] = array.shape() else {
         return Err(unreadable(format!("an array of {} axes", array.shape().len())));
@@ -78,27 +75,6 @@ fn numbers(bytes: &[u8], kind: &str) -> Result<Vec<f64>, String> {
         "f8" => of::<f64>(bytes, |v| v),
         _ => Err(format!("an array of {kind}, not of numbers")),
     }
-}
-
-/// Refuses headers on which the crate's reader would fail: very long ones, deeply nested brackets, and shapes whose product
-/// does not fit in 64 bits.
-fn check_header(bytes: &[u8]) -> Result<(), String> {
-    let cut = || "the file ends in its header".to_owned();
-    let (start, length) = match bytes.get(6).ok_or_else(cut)? {
-        1 => (10, bytes.get(8..10).map(|b| usize::from(u16::from_le_bytes([b[0], b[1]])))),
-        _ => (12, bytes.get(8..12).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as usize)),
-    };
-    let length = length.ok_or_else(cut)?;
-    if length > MOST_HEADER {
-        return Err(format!("a header of {length} bytes"));
-    }
-    let header = bytes.get(start..start + length).ok_or_else(cut)?;
-    let deepest = header.iter().filter(|b| matches!(b, b'(' | b'[' | b'{')).count();
-    let shape = header.windows(5).position(|w| w == b"shape").map_or(header, |at| &header[at..]);
-    if deepest > MOST_BRACKETS || shape.iter().filter(|b| b.is_ascii_digit()).count() > MOST_DIGITS {
-        return Err("the header is not that of a picture".to_owned());
-    }
-    Ok(())
 }
 
 /// The bytes of an array of `<u2`.

@@ -1,0 +1,138 @@
+//! Reads a bank of PSFs.
+
+use std::path::Path;
+
+use petzval_base::FileError;
+
+use super::axes::at_key;
+use super::check::MOST_VALUES;
+use super::{
+    FORMAT, ILLUMINATION_FILE, PsfAxes, PsfFault, PsfFile, PsfFileError, VALUES_FILE, VERSION,
+    axes_file, old_toml,
+};
+use crate::npy_array::{FloatArray, FloatType, read_floats};
+
+/// How NumPy writes an array that is read.
+const NUMPY_HINT: &str = "numpy.save(file, psfs) of float16, float32 or float64, [field, wavelength, row, column]";
+
+/// What writes files of axes.
+const AXES_HINT: &str = "`petzval psf` and `petzval psf-calibrate` write such files; the book says what they hold";
+
+/// What is wrong with a bank, and in which of its files.
+#[derive(Clone, Debug, PartialEq)]
+pub enum WrongPart {
+    /// The file with the axes.
+    Axes(FileError),
+    /// The array of PSFs.
+    Values(FileError),
+    /// The array of relative illumination.
+    Illumination(FileError),
+}
+
+/// Reads a bank from its `psf.json`, its `psfs.toml`, or the folder that holds one.
+pub fn read_psfs(path: &Path) -> Result<PsfFile, PsfFileError> {
+    let path = axes_file(path);
+    let text = match petzval_base::read_text(&path) {
+        Err(error) if error.kind() == std::io::ErrorKind::InvalidData => {
+            return Err(PsfFileError::file(&path)(message("the file is not UTF-8 text", AXES_HINT)));
+        }
+        other => other.map_err(PsfFileError::io(&path))?,
+    };
+    let beside = |name: &str| path.with_file_name(name);
+    let read = |name: &str| {
+        let file = beside(name);
+        petzval_base::read_whole(&file).map_err(PsfFileError::io(&file))
+    };
+    if path.extension().is_some_and(|ending| ending == "toml") {
+        let old = old_toml::parse(&text).map_err(PsfFileError::file(&path))?;
+        let values = read(&old.values)?;
+        return old_toml::bank(&old, &text, &values).map_err(|part| match part {
+            WrongPart::Axes(error) | WrongPart::Illumination(error) => PsfFileError::file(&path)(error),
+            WrongPart::Values(error) => PsfFileError::file(&beside(&old.values))(error),
+        });
+    }
+    let axes = PsfAxes::parse(&text).map_err(PsfFileError::file(&path))?;
+    let light = illumination_file(&axes);
+    let values = read(&axes.values_file)?;
+    let illumination = light.as_deref().map(read).transpose()?;
+    let names = [axes.values_file.clone(), light.unwrap_or_default()];
+    bank(axes, &text, &values, illumination.as_deref()).map_err(|part| match part {
+        WrongPart::Axes(error) => PsfFileError::file(&path)(error),
+        WrongPart::Values(error) => PsfFileError::file(&beside(&names[0]))(error),
+        WrongPart::Illumination(error) => PsfFileError::file(&beside(&names[1]))(error),
+    })
+}
+
+/// A bank of the text of `psf.json` and the bytes of its arrays.
+pub fn parse_psfs(text: &str, values: &[u8], illumination: Option<&[u8]>) -> Result<PsfFile, WrongPart> {
+    bank(PsfAxes::parse(text).map_err(WrongPart::Axes)?, text, values, illumination)
+}
+
+/// The file of the illumination. Files without a version do not name it.
+fn illumination_file(axes: &PsfAxes) -> Option<String> {
+    match axes.version {
+        0 => Some(ILLUMINATION_FILE.to_owned()),
+        _ => axes.illumination_file.clone(),
+    }
+}
+
+fn bank(axes: PsfAxes, text: &str, values: &[u8], illumination: Option<&[u8]>) -> Result<PsfFile, WrongPart> {
+    let FloatArray { shape, values, precision } =
+        read_floats(values, MOST_VALUES).map_err(|reason| WrongPart::Values(message(reason, NUMPY_HINT)))?;
+    let shape = <[usize; 4]>::try_from(shape).map_err(|shape| {
+        let reason = format!("an array of {} axes, shape {shape:?}", shape.len());
+        WrongPart::Values(message(reason, NUMPY_HINT))
+    })?;
+    let illumination = match illumination {
+        None => vec![1.0; shape[0] * shape[1]],
+        Some(bytes) => {
+            let hint = "numpy.save(file, illumination) of float16, float32 or float64, [field, wavelength]";
+            let array = read_floats(bytes, MOST_VALUES)
+                .map_err(|reason| WrongPart::Illumination(message(reason, hint)))?;
+            if array.shape != shape[..2] {
+                let reason = format!("shape {:?}, and the PSFs have {shape:?}", array.shape);
+                return Err(WrongPart::Illumination(message(reason, hint)));
+            }
+            array.values
+        }
+    };
+    // Names of files have served; a bank is the same under others.
+    let axes = PsfAxes {
+        format: FORMAT.to_owned(),
+        version: VERSION,
+        values_file: VALUES_FILE.to_owned(),
+        illumination_file: Some(ILLUMINATION_FILE.to_owned()),
+        ..axes
+    };
+    let made = match precision {
+        // Rounding to 11 bits moves the sums.
+        FloatType::Float16 => PsfFile::normalised(axes, shape, values, illumination),
+        FloatType::Float32 | FloatType::Float64 => PsfFile::new(axes, shape, values, illumination),
+    };
+    made.map_err(|fault| part(text, &fault))
+}
+
+/// A fault as the error of the file that has it.
+pub(super) fn part(text: &str, fault: &PsfFault) -> WrongPart {
+    let PsfFault { key, value, message: reason, hint } = fault;
+    match *key {
+        "values" => WrongPart::Values(message(reason.clone(), hint)),
+        "illumination" => WrongPart::Illumination(message(reason.clone(), hint)),
+        key => {
+            let error = at_key(text, key, reason.clone()).hint(*hint);
+            WrongPart::Axes(FileError { value: value.clone(), ..error })
+        }
+    }
+}
+
+/// An error without a place.
+pub(super) fn message(message: impl Into<String>, hint: &str) -> FileError {
+    FileError {
+        line: None,
+        column: None,
+        key: String::new(),
+        value: String::new(),
+        message: message.into(),
+        hint: Some(hint.to_owned()),
+    }
+}
