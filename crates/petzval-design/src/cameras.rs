@@ -9,10 +9,11 @@ use burn::prelude::Device;
 use petzval_camera::develop::LinearIsp;
 use petzval_camera::isp::{IspParameter, IspSettings};
 use petzval_camera::linear_limit::{LinearLimit, NaturalScenes};
-use petzval_camera::psf::PsfLayout;
+use petzval_camera::psf::{PsfBank, PsfLayout};
 use petzval_camera::render::{Wiener, kernel_radius, with_patches_for};
 use petzval_camera::sensor::SensorModel;
 use petzval_files::isp_file::{IspFile, parse_isp_file};
+use petzval_files::psf_file::{axes_file, read_psfs};
 use petzval_learn::dataset::CropPlan;
 use petzval_learn::loss::Lpips;
 use petzval_learn::score::Field;
@@ -25,8 +26,8 @@ use crate::camera::optics_proxy::{ProxyOptics, read_proxy_optics};
 use crate::camera::{Body, Camera, Chip, PsfErrors, PsfSource, Psfs, SameTime};
 use crate::error::DesignError;
 use crate::experiment::{
-    BlockName, Experiment, ExposureSetting, FieldOfView, OF_THE_WHOLE_FRAME, SameOf, Stage, StepMethod,
-    TaskFacts, Variant, places_of,
+    BlockName, Experiment, ExposureSetting, FieldOfView, OF_THE_WHOLE_FRAME, PsfsBy, SameOf, Stage,
+    StepMethod, TaskFacts, Variant, places_of,
 };
 use crate::lens::psf_plan::PsfPlan;
 use crate::lens::start::{Start, StartOf};
@@ -62,6 +63,8 @@ pub struct Cameras {
     pub scoring_crops: CropPlan,
     /// Weights of the perceptual loss.
     lpips_weights: Vec<u8>,
+    /// PSFs that every camera has in place of those of its lens.
+    given: Option<Arc<PsfBank>>,
 }
 
 impl Cameras {
@@ -117,6 +120,8 @@ impl Cameras {
                 read_proxy_optics(Path::new(path), &starts[&start_key(variant)], &moving_plan, &device)?;
             optics_proxies.insert(path.clone(), Arc::new(proxy));
         }
+        let named = experiment.psf.named_file().filter(|_| experiment.psf.kind == PsfsBy::File);
+        let given = named.map(|file| given_bank(Path::new(file))).transpose()?;
         let layout = PsfLayout {
             field_radius_mm: fixed_plan.field_radius_mm.clone(),
             grid: experiment.psf.grid,
@@ -150,7 +155,7 @@ impl Cameras {
             // The automatic exposure of a street at night is as long as it may be: what it does not gather stays dark.
             is_normalised: !experiment.sees_streets(facts),
         });
-        Ok(Self {
+        let cameras = Self {
             experiment,
             facts: *facts,
             variants,
@@ -173,7 +178,30 @@ impl Cameras {
             training_crops,
             scoring_crops,
             lpips_weights,
-        })
+            given: None,
+        };
+        match given {
+            Some(bank) => cameras.with_psfs(Arc::new(bank)),
+            None => Ok(cameras),
+        }
+    }
+
+    /// The same cameras with these PSFs in place of those of their lenses. They form the images, and development and restoration know them: a camera
+    /// whose PSFs were measured is calibrated by them.
+    pub fn with_psfs(self, bank: Arc<PsfBank>) -> Result<Self, DesignError> {
+        // Windows of scenes reach as far beyond what is exposed as the PSFs do.
+        let margin = kernel_radius(&self.body.geometry, &bank.layout()).map_err(|e| {
+            let hint = "grid and pitch_um of the file make the PSF, pixel_um the pixels it covers";
+            DesignError::misfit(Path::new(&self.experiment.sensor), &e, hint)
+        })?;
+        let (training_crops, scoring_crops) =
+            (CropPlan { margin, ..self.training_crops }, CropPlan { margin, ..self.scoring_crops });
+        Ok(Self { given: Some(bank), training_crops, scoring_crops, ..self })
+    }
+
+    /// The PSFs that every camera has in place of those of its lens, if there are any.
+    pub fn given_psfs(&self) -> Option<&PsfBank> {
+        self.given.as_deref()
     }
 
     /// The start of the experiment's own lens.
@@ -190,7 +218,7 @@ impl Cameras {
     /// `psf.scoring_fields` and as many patches as `psf.scoring_blend_error` needs.
     pub fn camera(&self, lens: Lens, is_moving: bool) -> Result<Camera, DesignError> {
         let moving = is_moving.then(|| self.moving_plan.clone());
-        self.camera_with(lens, moving, PerfectImage::of(self.experiment.psf.kind))
+        self.camera_with(lens, moving, PerfectImage::of(self.experiment.psf.kind.traced()))
     }
 
     /// [`Cameras::camera`] of a variant's lens, which may be without aberrations.
@@ -206,17 +234,25 @@ impl Cameras {
         moving_plan: Option<PsfPlan>,
         perfect_image: PerfectImage,
     ) -> Result<Camera, DesignError> {
-        let traced = |lens: Lens, plan: PsfPlan| -> Result<Arc<Psfs>, DesignError> {
-            let plan = PsfPlan { perfect_image, ..plan };
-            Ok(Arc::new(PsfSource::Traced { lens: Box::new(lens), plan }.psfs()?))
+        // PSFs of a file are those of every lens; else they are traced.
+        let formed = |lens: Lens, plan: PsfPlan| -> Result<Arc<Psfs>, DesignError> {
+            let (lens, plan) = (Box::new(lens), PsfPlan { perfect_image, ..plan });
+            let source = match self.given.clone() {
+                Some(bank) => PsfSource::Given { bank, lens: Some(lens) },
+                None => PsfSource::Traced { lens, plan },
+            };
+            Ok(Arc::new(source.psfs()?))
         };
         if let Some(plan) = moving_plan {
-            return Camera::new(self.body.clone(), traced(lens, plan)?);
+            return Camera::new(self.body.clone(), formed(lens, plan)?);
         }
         let psf = &self.experiment.psf;
         let plan = self.fixed_plan.with_fields(psf.scoring_fields);
-        let (plan, pupil) = plan.converged(&lens, psf.scoring_pupil_error)?;
-        let psfs = traced(lens, plan)?;
+        let (plan, pupil) = match &self.given {
+            Some(_) => (plan, 0.0),
+            None => plan.converged(&lens, psf.scoring_pupil_error)?,
+        };
+        let psfs = formed(lens, plan)?;
         let (geometry, blend) = with_patches_for(&self.body.geometry, psfs.bank(), psf.scoring_blend_error)?;
         let camera = Camera::new(Arc::new(Body { geometry, ..(*self.body).clone() }), psfs)?;
         Ok(camera.with_psf_errors(PsfErrors { pupil, blend: blend.median }))
@@ -224,7 +260,8 @@ impl Cameras {
 
     /// The camera of a variant's lens on its way, without a network: [`Cameras::camera_of`], or with PSFs from the network that the variant names.
     pub fn moving_camera(&self, variant: &Variant, lens: Lens) -> Result<Camera, DesignError> {
-        let Some(proxy) = variant.optics_proxy.as_ref().map(|path| self.optics_proxies[path].clone()) else {
+        let proxy = variant.optics_proxy.as_ref().filter(|_| self.given.is_none());
+        let Some(proxy) = proxy.map(|path| self.optics_proxies[path].clone()) else {
             return self.camera_of(variant, lens, true);
         };
         let field_radius_mm = self.moving_plan.field_radius_mm.clone();
@@ -260,6 +297,12 @@ impl Cameras {
     pub fn corner_mm(&self) -> f64 {
         self.fixed_plan.field_radius_mm.last().copied().unwrap_or(0.0)
     }
+}
+
+/// The PSFs of a file as cameras take them.
+pub fn given_bank(path: &Path) -> Result<PsfBank, DesignError> {
+    let bank = read_psfs(path)?.for_cameras();
+    bank.map_err(|fault| DesignError::input(&axes_file(path))(fault.into()))
 }
 
 /// By what the start of a variant is found.

@@ -6,6 +6,7 @@ use petzval_base::{Cancelled, FileError};
 use petzval_camera::image::ShapeError;
 use petzval_camera::isp::IspError;
 use petzval_camera::sensor::SensorError;
+use petzval_files::psf_file::PsfFileError;
 use petzval_learn::dataset::DatasetError;
 use petzval_learn::guest::GuestError;
 
@@ -159,7 +160,9 @@ pub enum DesignError {
     #[error(transparent)]
     Window(#[from] ShapeError),
     /// A camera whose lens is not known cannot be scored or moved.
-    #[error("the camera's PSFs were measured: no lens is known; hint: name a lens in place of measured PSFs")]
+    #[error(
+        "the camera's PSFs come from a file: there is no lens that could move; hint: name a lens in place of the file"
+    )]
     NoLens,
     /// The detector of the camera sees the scene itself.
     #[error(
@@ -276,6 +279,15 @@ fn what_to_try(rate: Option<(&'static str, f64)>, config: &Path) -> String {
         None => format!("narrow the bounds of the lens in a copy of {config}"),
     };
     format!("{lower}, and begin another run; resumed, this one would take the same steps again")
+}
+
+impl From<PsfFileError> for DesignError {
+    fn from(error: PsfFileError) -> Self {
+        match error {
+            PsfFileError::File { path, error } => Self::Input { path, error },
+            PsfFileError::Io { path, error } => Self::Io { path, error },
+        }
+    }
 }
 
 impl DesignError {

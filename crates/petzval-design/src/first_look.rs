@@ -165,7 +165,9 @@ pub fn first_look(setup: &Setup) -> Result<FirstLook, DesignError> {
         let of_lens = |v: &&Variant| lens.cameras.contains(&v.name);
         setup.variants.iter().find(of_lens).is_some_and(|v| is_derived_lens(&v.lens))
     };
-    let off_the_grid = |lens: &LensLook| off_the_grid(setup, lens);
+    // PSFs of a file have a grid of their own.
+    let is_traced = setup.given_psfs().is_none();
+    let off_the_grid = |lens: &LensLook| off_the_grid(setup, lens).filter(|_| is_traced);
     let (derived, own): (Vec<&LensLook>, Vec<&LensLook>) = look.lenses.iter().partition(is_derived);
     let problems = own.into_iter().filter_map(off_the_grid).collect();
     let controls: Vec<String> = derived.into_iter().filter_map(off_the_grid).collect();

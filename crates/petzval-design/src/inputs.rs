@@ -4,7 +4,8 @@
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
 
-use petzval_files::write_lens;
+use petzval_files::psf_file::{AXES_FILE, read_psfs, write_psfs};
+use petzval_files::{FloatType, write_lens};
 use sha2::{Digest, Sha256};
 
 use crate::assets::Assets;
@@ -17,10 +18,13 @@ use crate::run::{RunFolder, RunRecord, hex, write_file};
 use crate::setup::Setup;
 use crate::task::WindowInputs;
 
+/// Folder of the PSFs of a file, below that of the inputs.
+const PSFS: &str = "psfs";
+
 /// The inputs of a setup: one by one, and all of them in one digest.
 pub struct Inputs {
     /// SHA-256 of all: the lens with its glasses, the sensor, the hardware ISP, the networks in place of tracing and
-    /// given weights of a network or a detector if there are any, and every photograph by name and content.
+    /// PSFs of a file and given weights of a network or a detector if there are any, and every photograph by name and content.
     pub fingerprint: String,
     /// Each by its name.
     pub list: InputList,
@@ -61,6 +65,13 @@ impl Inputs {
                 network.extend(read(&file)?);
             }
             add(format!("network in place of tracing of {}", variant.name), &network);
+        }
+        if let Some(file) = setup.experiment.psf.named_file() {
+            let bank = read_psfs(Path::new(file))?;
+            let mut bytes = DesignError::json("the PSFs", &bank.axes)?.into_bytes();
+            let numbers = bank.values.iter().chain(&bank.illumination);
+            bytes.extend(numbers.flat_map(|number| number.to_le_bytes()));
+            add("PSFs".to_owned(), &bytes);
         }
         if let Some(weights) = setup.task.given_weights() {
             add("given weights".to_owned(), weights);
@@ -120,6 +131,11 @@ pub fn keep_inputs(setup: &Setup, assets: &Assets, run: &RunFolder) -> Result<()
             }
         };
     }
+    if let Some(file) = kept.psf.named_file() {
+        let folder = run.input(PSFS);
+        write_psfs(&read_psfs(Path::new(file))?, &folder, FloatType::Float64)?;
+        kept.psf.file = format!("inputs/{PSFS}/{AXES_FILE}");
+    }
     setup.task.keep_weights(run, &mut kept)?;
     for variant in &mut kept.variant {
         if let Some(name) = variant.lens.as_mut().filter(|name| !is_derived_lens(name)) {
@@ -170,7 +186,7 @@ pub fn check_inputs(setup: &Setup, run: &RunFolder) -> Result<Inputs, DesignErro
     }
     let changed = InputList::read(run)?.map_or_else(Vec::new, |then| then.differences(&now.list));
     let what = match &changed[..] {
-        [] => "lens, glasses, sensor, ISP, networks in place of tracing, given weights, photographs or labelled pictures are not those that \
+        [] => "lens, glasses, sensor, ISP, networks in place of tracing, PSFs, given weights, photographs or labelled pictures are not those that \
                this run began with, or an earlier version began it"
             .to_owned(),
         named => format!("inputs are not those that this run began with: {}", named.join(", ")),

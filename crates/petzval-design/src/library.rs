@@ -148,6 +148,10 @@ impl Library {
                 let hint = "the proxy.toml of a folder that `petzval train optics-proxy` made";
                 return (!Path::new(name).is_file()).then(|| hint.to_owned());
             }
+            "file" => {
+                let hint = "a folder that `petzval psf` or `petzval psf-calibrate` wrote, or its psf.json";
+                return (!Path::new(name).exists()).then(|| hint.to_owned());
+            }
             "weights" => {
                 let hint = match key[0] {
                     "network" => {

@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use burn::prelude::Device;
 use petzval_base::Cancel;
+use petzval_camera::psf::PsfBank;
 use petzval_camera::sensor::Noise;
 use petzval_learn::score::standard_scores;
 
@@ -42,10 +43,32 @@ impl Deref for Setup {
 impl Setup {
     /// An experiment with the windows for its training and its scores.
     pub fn new(experiment: Experiment, library: &Library, device: Device) -> Result<Self, DesignError> {
+        Self::with_psfs(experiment, library, device, None, Purpose::Training)
+    }
+
+    /// The same for a purpose, with PSFs in place of those of every lens, if there are any.
+    pub fn with_psfs(
+        experiment: Experiment,
+        library: &Library,
+        device: Device,
+        psfs: Option<&Arc<PsfBank>>,
+        purpose: Purpose,
+    ) -> Result<Self, DesignError> {
         let setup = Self::without_windows(experiment, library, device)?;
-        // Fails now, while there is no run folder yet, if weights do not fit.
-        setup.network()?;
-        setup.with_windows(library, Purpose::Training)
+        let setup = match psfs {
+            Some(bank) => setup.having_psfs(bank.clone())?,
+            None => setup,
+        };
+        if purpose == Purpose::Training {
+            // Fails now, while there is no run folder yet, if weights do not fit.
+            setup.network()?;
+        }
+        setup.with_windows(library, purpose)
+    }
+
+    /// The same setup, without windows, whose cameras have these PSFs in place of those of their lenses; see [`Cameras::with_psfs`].
+    pub fn having_psfs(self, bank: Arc<PsfBank>) -> Result<Self, DesignError> {
+        Ok(Self { cameras: self.cameras.with_psfs(bank)?, windows: None, ..self })
     }
 
     /// [`Setup::new`] to score cameras on pictures of which none trains: all those of the folder that the experiment names.
@@ -54,7 +77,7 @@ impl Setup {
         library: &Library,
         device: Device,
     ) -> Result<Self, DesignError> {
-        Self::without_windows(experiment, library, device)?.with_windows(library, Purpose::Scores)
+        Self::with_psfs(experiment, library, device, None, Purpose::Scores)
     }
 
     /// [`Setup::new`] without windows, for what is not done with them.

@@ -48,8 +48,8 @@ pub use lens_toml::{
     Expect, Expected, ExpectedSpots, LensFile, lens_schema, parse_lens, parse_lens_start, write_lens,
 };
 pub use loss::{Effect, Loss};
-pub use operand_toml::{Figure, Operand, OperandFile, parse_operands};
 pub use npy_array::FloatType;
+pub use operand_toml::{Figure, Operand, OperandFile, parse_operands};
 pub use optiland::{parse_optiland, parse_optiland_start};
 pub(crate) use picture_file::undecoded;
 pub use picture_file::{

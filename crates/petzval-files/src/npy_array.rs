@@ -75,9 +75,7 @@ pub(crate) fn float_bytes(shape: &[u64], values: &[f64], precision: FloatType) -
         FloatType::Float16 => {
             npy_bytes(shape, &values.iter().map(|value| f16::from_f64(*value)).collect::<Vec<_>>())
         }
-        FloatType::Float32 => {
-            npy_bytes(shape, &values.iter().map(|value| *value as f32).collect::<Vec<_>>())
-        }
+        FloatType::Float32 => npy_bytes(shape, &values.iter().map(|value| *value as f32).collect::<Vec<_>>()),
         FloatType::Float64 => npy_bytes(shape, values),
     }
 }

@@ -5,10 +5,11 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use petzval_camera::psf::PsfBank;
 use petzval_design::block::Block;
 use petzval_design::camera::Camera;
 use petzval_design::design_loop::{finished_camera, set_sight};
-use petzval_design::experiment::Experiment;
+use petzval_design::experiment::{Experiment, PsfsBy};
 use petzval_design::inputs::{check_inputs, check_parts};
 use petzval_design::made_cameras::{MadeError, TrialPlan, made_cameras, symmetric};
 use petzval_design::report::run_report::{camera_lens, read_metrics};
@@ -16,6 +17,7 @@ use petzval_design::run::input_list::{check_pictures_are_there, pictures_of_run}
 use petzval_design::run::{CameraMetrics, DigestCheck, Kept, PictureScore, RunFolder, load_blocks};
 use petzval_design::scoring::{Scorer, ranges_of_means};
 use petzval_design::setup::Setup;
+use petzval_design::task::Purpose;
 use petzval_files::ToleranceFile;
 use petzval_optics::lens::Lens;
 use petzval_optics::psf::PsfKind;
@@ -27,6 +29,7 @@ use crate::context::Context;
 use crate::design::{pictures_now, report_pictures, scorer};
 use crate::error::JobError;
 use crate::event::WarningKind;
+use crate::given_psfs;
 use crate::lens::tolerance::read as read_tolerances;
 use crate::range::check_ranges;
 use crate::run_page::warn_of_changed_config;
@@ -51,6 +54,9 @@ pub struct Request {
     pub accept_changed: Vec<String>,
     /// PSFs by rays or by waves, in place of those of the run.
     pub psf: Option<PsfKind>,
+    /// PSFs in place of those of each camera's lens: the folder of results of `psf` or `psf-calibrate`, or its `psf.json`. They form the images, and
+    /// development and restoration know them; networks and ISPs stay as they were trained. Spots and fields of view are those of the lens.
+    pub psfs: Option<PathBuf>,
     /// Also make cameras at random, whose lenses are off by their tolerances, and score them.
     pub made: Option<Made>,
 }
@@ -64,6 +70,7 @@ impl Default for Request {
             data: None,
             accept_changed: Vec::new(),
             psf: None,
+            psfs: None,
             made: None,
         }
     }
@@ -154,18 +161,21 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let mut experiment = context.assets.experiment_of_run(&folder)?;
     let key = context.assets.facts_of(&experiment)?.pictures;
     let place = pictures_now(key, request.photos.as_deref(), request.data.as_deref())?;
-    if let Some(kind) = request.psf {
+    let given = request.psfs.as_deref().map(given_psfs::bank).transpose()?;
+    check_given(request, &experiment)?;
+    let kept = if given.is_some() { without_ceilings(kept, context) } else { kept };
+    if let Some(kind) = request.psf.map(PsfsBy::from) {
         // `tolerance.json` stands beside the scores of the run, and is compared with them.
         if request.made.is_some() && kind != experiment.psf.kind {
-            let name = if kind == PsfKind::Geometric { "geometric" } else { "diffraction" };
+            let name = if kind == PsfsBy::Geometric { "geometric" } else { "diffraction" };
             let hint = "made cameras are scored with the PSFs of the run; leave one of the two out";
             return Err(JobError::setting("psf", name, "not together with made cameras", hint));
         }
         // The networks are those of the run, and so are the weights from which they started.
-        experiment.network.pin_weights(experiment.psf.kind);
+        experiment.network.pin_weights(experiment.psf.kind.traced());
         experiment.psf.kind = kind;
     }
-    let (setup, are_others) = setup(experiment, &folder, place, request, context)?;
+    let (setup, are_others) = setup(experiment, &folder, (place, given.as_ref()), request, context)?;
     let scorer = scorer(setup)?;
     let setup = scorer.setup();
     if scorer.scores() != kept.scores {
@@ -219,18 +229,46 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     })
 }
 
+/// The figures of a run without those of its ceilings, whose PSFs are those of a perfect lens.
+fn without_ceilings(mut kept: Metrics, context: &Context) -> Metrics {
+    for row in kept.rows.iter().filter(|row| row.is_ceiling) {
+        context.note(format!("{} is left out: a ceiling has perfect PSFs", row.camera));
+    }
+    kept.rows.retain(|row| !row.is_ceiling);
+    kept
+}
+
+/// Refuses what would trace lenses beside PSFs of a file.
+fn check_given(request: &Request, experiment: &Experiment) -> Result<(), JobError> {
+    if let (Some(path), Some(_)) = (&request.psfs, request.psf) {
+        let hint = "leave one of psfs and psf out";
+        return Err(JobError::setting("psfs", path.display(), "not together with rays or waves", hint));
+    }
+    if request.made.is_none() {
+        return Ok(());
+    }
+    let hint = "made cameras have the PSFs of their lenses, which are traced; leave one of the two out";
+    if let Some(path) = &request.psfs {
+        return Err(JobError::setting("psfs", path.display(), "not together with made cameras", hint));
+    }
+    if experiment.psf.kind == PsfsBy::File {
+        return Err(JobError::input("the cameras of this run have the PSFs of a file", hint));
+    }
+    Ok(())
+}
+
 /// What cameras of a run are scored with, and whether its pictures are others than those of the run.
 fn setup(
     mut experiment: Experiment,
     folder: &RunFolder,
-    place: Option<&Path>,
+    (place, given): (Option<&Path>, Option<&Arc<PsfBank>>),
     request: &Request,
     context: &Context,
 ) -> Result<(Setup, bool), JobError> {
     let device = || context.device(&request.device);
     let Some(place) = place else {
         check_pictures_are_there(folder, &experiment, context.assets.facts_of(&experiment)?.pictures)?;
-        let setup = Setup::new(experiment, &context.assets, device()?)?;
+        let setup = Setup::with_psfs(experiment, &context.assets, device()?, given, Purpose::Training)?;
         check_inputs(&setup, folder)?;
         return Ok((setup, false));
     };
@@ -238,7 +276,7 @@ fn setup(
     pictures_of_run(folder, &mut experiment, key, Some(place))?;
     // Pictures of the run that were moved are known by their content.
     let silent = context.assets.clone().reporting_warnings(Arc::new(|_: &str| ()));
-    if let Ok(setup) = Setup::new(experiment.clone(), &silent, device()?)
+    if let Ok(setup) = Setup::with_psfs(experiment.clone(), &silent, device()?, given, Purpose::Training)
         && check_inputs(&setup, folder).is_ok()
     {
         context
@@ -255,7 +293,7 @@ fn setup(
             hint,
         ));
     }
-    let setup = Setup::for_scores(experiment, &context.assets, device()?)?;
+    let setup = Setup::with_psfs(experiment, &context.assets, device()?, given, Purpose::Scores)?;
     check_parts(&setup, folder)?;
     context.note(format!(
         "{} holds other pictures than those of the run: all of them are scored",

@@ -26,6 +26,7 @@ mod event;
 pub mod experiment;
 mod finite;
 mod frames;
+mod given_psfs;
 pub mod glass;
 pub mod guest;
 pub mod init;

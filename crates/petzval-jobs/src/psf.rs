@@ -2,26 +2,27 @@
 
 use std::path::{Path, PathBuf};
 
-use petzval_base::write_whole;
 use petzval_camera::psf::PsfBank;
 use petzval_design::error::DesignError;
 use petzval_design::lens::psf_plan::PsfPlan;
-use petzval_files::npy_bytes;
+use petzval_files::FloatType;
+use petzval_files::psf_file::{AXES_FILE, ILLUMINATION_FILE, PsfFile, VALUES_FILE, write_psfs};
 use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::first_order;
-use petzval_optics::psf::{FieldPsf, PsfMethod, PsfOptions};
+use petzval_optics::psf::{FieldPsf, PsfOptions};
 use petzval_optics::pupil::Quadrature;
 use petzval_report::psf_sheet::psf_sheet;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
-use crate::error::{JobError, json, make_folder, write_file};
+use crate::error::{JobError, make_folder, write_file};
 use crate::event::WarningKind;
 use crate::input::LensInput;
 use crate::range::check_ranges;
 use crate::results::{check_folder, what_is};
 
+pub use petzval_files::psf_file::{Channel, Method, PsfAxes as Axes, PsfOrigin};
 pub use petzval_optics::psf::PsfKind;
 
 petzval_base::parameters! {
@@ -29,6 +30,7 @@ petzval_base::parameters! {
     ///
     /// Files: `psf.npy`, float64 `[field, wavelength, row, column]`, each of unit sum, centred on the chief ray;
     /// `illumination.npy`, float64 `[field, wavelength]`; `psf.png`, a labelled sheet to look at; `psf.json`, the axes.
+    /// `simulate`, `apply`, `evaluate` and experiments take the folder.
     pub struct Request {
         /// Number of fields from the axis to the corner, 2 to 201.
         fields: usize = 13, "", 2..201, Linear, "2 to 201 fields; 13 are usual";
@@ -65,86 +67,24 @@ pub struct Response {
     pub axes: Axes,
 }
 
-/// The axes of the arrays.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Axes {
-    /// Name of the lens.
-    pub lens: String,
-    /// Names of the axes of `psf.npy`.
-    pub axes: [String; 4],
-    /// Field angles, degrees.
-    pub field_deg: Vec<f64>,
-    /// Image radii of the fields, mm: where their chief rays land.
-    pub field_radius_mm: Vec<f64>,
-    /// Where the reference chief ray lands across the plane of the fields, mm.
-    pub chief_ray_x_mm: Vec<f64>,
-    /// Where the reference chief ray lands in the plane of the fields, mm.
-    pub chief_ray_y_mm: Vec<f64>,
-    /// Wavelengths, um.
-    pub wavelengths_um: [f64; 3],
-    /// Cell size, um.
-    pub pitch_um: f64,
-    /// Pupil cells a side; diffraction chooses its own.
-    pub pupil_cells: usize,
-    /// Error by the pupil cells: the sum of absolute differences of PSFs of unit sum; 0 of diffraction.
-    pub pupil_error: f64,
-    /// Direction of the rows.
-    pub row_axis: String,
-    /// Share of the light that falls inside the grid, per field and wavelength.
-    pub captured: Vec<Vec<f64>>,
-    /// How each PSF was computed, per field and wavelength.
-    pub method: Vec<Vec<Method>>,
-}
-
-/// How a PSF was computed; see [`PsfMethod`].
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(tag = "kind", rename_all = "kebab-case")]
-pub enum Method {
-    /// From polynomials over the pupil through traced rays.
-    Polynomial {
-        /// Total degree.
-        degree: usize,
-        /// Largest distance between the polynomials and traced rays that they were not fitted to, um.
-        residual_um: f64,
-    },
-    /// From one traced ray per pupil cell.
-    Traced,
-    /// The point of a thin lens without aberrations.
-    Point,
-    /// The pattern of Airy, of a thin lens without aberrations.
-    Airy,
-    /// By diffraction, from polynomials of this total degree.
-    Wave {
-        /// Total degree.
-        degree: usize,
-    },
-}
-
-impl From<&PsfMethod> for Method {
-    fn from(method: &PsfMethod) -> Self {
-        match *method {
-            PsfMethod::Polynomial { degree, residual_um } => Self::Polynomial { degree, residual_um },
-            PsfMethod::Traced => Self::Traced,
-            PsfMethod::Point => Self::Point,
-            PsfMethod::Airy => Self::Airy,
-            PsfMethod::Wave { degree } => Self::Wave { degree },
-        }
-    }
-}
-
 impl Request {
     /// The PSFs' fields, wavelengths and grids, once every setting is in its range.
     fn plan(&self) -> Result<PsfPlan, JobError> {
-        check_ranges(self)?;
+        let (options, quadrature) = self.options()?;
         let [red, green, blue] = self.wavelengths[..] else {
             let hint = "for example 0.62,0.55,0.486";
             return Err(JobError::setting("wavelengths", "", "needs three numbers", hint));
         };
-        let quadrature = Quadrature::grid(self.pupil_cells).map_err(|e| {
-            JobError::setting("pupil_cells", "", e.to_string(), "256 is accurate, 64 is quick")
-        })?;
-        let options = PsfOptions { grid: self.grid, pitch_um: self.pitch_um, kind: self.kind };
         Ok(PsfPlan::new(self.fields, self.corner_mm, [red, green, blue], options, quadrature))
+    }
+
+    /// The grid of each PSF and that of the pupil, once every setting is in its range.
+    pub fn options(&self) -> Result<(PsfOptions, Quadrature), JobError> {
+        check_ranges(self)?;
+        let quadrature = Quadrature::grid(self.pupil_cells).map_err(|e| {
+            JobError::setting("pupil_cells", self.pupil_cells, e.to_string(), "256 is accurate, 64 is quick")
+        })?;
+        Ok((PsfOptions { grid: self.grid, pitch_um: self.pitch_um, kind: self.kind }, quadrature))
     }
 
     fn side_um(&self) -> f64 {
@@ -152,8 +92,11 @@ impl Request {
     }
 }
 
+/// A sheet of all PSFs to look at.
+const SHEET: &str = "psf.png";
+
 /// The files of the results.
-const FILES: [&str; 4] = ["psf.npy", "illumination.npy", "psf.png", "psf.json"];
+const FILES: [&str; 4] = [VALUES_FILE, ILLUMINATION_FILE, SHEET, AXES_FILE];
 
 /// The PSFs of a lens as values: what `psf` keeps as files.
 #[derive(Clone, Debug)]
@@ -181,6 +124,16 @@ impl Bank {
     /// The light of every PSF relative to the axis, by field and wavelength.
     pub fn illumination(&self) -> Vec<f64> {
         self.psfs.iter().flat_map(|p| p.illumination.iter().copied()).collect()
+    }
+
+    /// The bank as its files hold it.
+    pub fn file(&self) -> PsfFile {
+        PsfFile {
+            axes: self.axes.clone(),
+            shape: self.shape(),
+            values: self.values(),
+            illumination: self.illumination(),
+        }
     }
 
     /// The PSFs in single precision, as a simulation takes them in place of a lens.
@@ -254,18 +207,19 @@ fn computed(request: &Request, lens: &Lens, plan: &PsfPlan, context: &Context) -
     warn_of_lost_light(request, &psfs, context);
     let axes = Axes {
         lens: lens.name.clone(),
-        axes: ["field", "wavelength", "row", "column"].map(str::to_owned),
-        field_deg: psfs.iter().map(|p| p.field_rad.to_degrees()).collect(),
-        field_radius_mm: plan.field_radius_mm.clone(),
+        kind: Some(request.kind.into()),
         chief_ray_x_mm: psfs.iter().map(|p| p.chief_x_mm).collect(),
         chief_ray_y_mm: psfs.iter().map(|p| p.chief_y_mm).collect(),
-        wavelengths_um: plan.wavelengths_um,
-        pitch_um: request.pitch_um,
-        pupil_cells: plan.quadrature.cells,
-        pupil_error: error,
-        row_axis: "y, away from the axis".to_owned(),
+        field_deg: psfs.iter().map(|p| p.field_rad.to_degrees()).collect(),
+        image_scale_mm: plan.image_scale_mm(lens).ok().flatten().filter(|mm| *mm > 0.0),
+        channels: Channel::RGB.to_vec(),
+        wavelengths_um: plan.wavelengths_um.to_vec(),
         captured: psfs.iter().map(|p| p.captured.clone()).collect(),
+        pupil_cells: Some(plan.quadrature.cells),
+        pupil_error: Some(error),
         method: psfs.iter().map(|p| p.method.iter().map(Method::from).collect()).collect(),
+        ..Axes::new(request.pitch_um, plan.field_radius_mm.clone())
+            .symmetric(lens.is_rotationally_symmetric())
     };
     Ok(Bank { psfs, plan, axes })
 }
@@ -273,12 +227,9 @@ fn computed(request: &Request, lens: &Lens, plan: &PsfPlan, context: &Context) -
 /// Keeps a bank as the files of `psf` in a folder; returns their paths.
 pub fn keep(bank: &Bank, folder: &Path) -> Result<Vec<PathBuf>, JobError> {
     make_folder(folder)?;
-    let shape = bank.shape().map(|length| length as u64);
-    let [psf, light, sheet, text] = FILES.map(|name| folder.join(name));
-    write_npy(&psf, &shape, &bank.values())?;
-    write_npy(&light, &shape[..2], &bank.illumination())?;
+    let sheet = folder.join(SHEET);
     write_file(&sheet, psf_sheet(&bank.psfs, &bank.plan.options, bank.plan.wavelengths_um))?;
-    write_whole(&text, json(&bank.axes)?.as_bytes()).map_err(DesignError::io(&text))?;
+    let [psf, light, text] = write_psfs(&bank.file(), folder, FloatType::Float64)?;
     Ok(vec![psf, light, sheet, text])
 }
 
@@ -299,9 +250,4 @@ fn warn_of_lost_light(request: &Request, psfs: &[FieldPsf], context: &Context) {
             ),
         );
     }
-}
-
-fn write_npy(path: &Path, shape: &[u64], values: &[f64]) -> Result<(), JobError> {
-    let write = || write_whole(path, &npy_bytes(shape, values)?);
-    Ok(write().map_err(DesignError::io(path))?)
 }

@@ -17,6 +17,7 @@ mod linear_isp;
 mod pictures;
 mod pool;
 mod psf;
+mod psf_files;
 mod psf_picture;
 mod raw_frame;
 mod render;
@@ -74,6 +75,8 @@ mod _petzval {
     use super::pictures::read_picture;
     #[pymodule_export]
     use super::psf::PyPsfPlan;
+    #[pymodule_export]
+    use super::psf_files::{image_scale_mm, is_rotationally_symmetric, psfs_load, psfs_of, psfs_save};
     #[pymodule_export]
     use super::psf_picture::psf_picture;
     #[pymodule_export]

@@ -4,10 +4,10 @@ use numpy::ndarray::{Array1, Array2, Array4};
 use numpy::{
     AllowTypeChange, IntoPyArray, PyArray1, PyArray2, PyArray4, PyArrayLike1, PyArrayLike2, PyArrayLike4,
 };
-use petzval_jobs::{Context, JobError};
+use petzval_jobs::{Context, JobError, psf};
 use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::Lens;
-use petzval_optics::psf::{FieldPsf, PsfCotangent, PsfKind, PsfOptions, psf_converged, psf_with_tape};
+use petzval_optics::psf::{FieldPsf, PsfCotangent, PsfOptions, psf_converged, psf_with_tape};
 use petzval_optics::pupil::{PupilRefinement, Quadrature, chief_ray, pull_back_chief};
 use pyo3::prelude::*;
 use rayon::prelude::*;
@@ -55,40 +55,37 @@ impl PyPsfPlan {
         let wavelengths_um = finite(py, "wavelengths_um", &wavelengths_um)?;
         let plan = || -> Result<Self, JobError> {
             check_fields(&fields_deg, 180.0)?;
-            if let Some(wrong) = wavelengths_um.iter().find(|um| !(0.2..=20.0).contains(*um)) {
-                return Err(JobError::setting(
-                    "wavelengths_um",
-                    wrong,
-                    "out of range",
-                    "in um, 0.2 to 20; 550 nm is 0.55",
-                ));
-            }
-            let cells = usize::try_from(grid).ok().filter(|grid| (4..=4096).contains(grid));
-            let cells = cells
-                .ok_or_else(|| JobError::setting("grid", grid, "out of range", "4 to 4096 cells a side"))?;
-            if !(1e-6..=1e3).contains(&pitch_um) {
-                return Err(JobError::setting("pitch_um", pitch_um, "out of range", "in um, 1e-6 to 1000"));
-            }
-            let kind = match kind {
-                "geometric" => PsfKind::Geometric,
-                "diffraction" => PsfKind::Diffraction,
-                _ => {
-                    return Err(JobError::setting(
-                        "kind",
-                        kind,
-                        "no such kind",
-                        "\"geometric\" or \"diffraction\"",
-                    ));
-                }
-            };
-            let pupil = usize::try_from(pupil_cells).unwrap_or(0);
-            let quadrature = Quadrature::grid(pupil).map_err(|e| {
-                JobError::setting("pupil_cells", pupil_cells, e.to_string(), "256 is accurate, 64 is quick")
+            let kind = serde_json::from_value(kind.into()).map_err(|_| {
+                let hint = "\"geometric\" or \"diffraction\"";
+                JobError::setting("kind", kind, "no such kind", hint)
             })?;
-            let options = PsfOptions { grid: cells, pitch_um, kind };
-            Ok(Self { fields_deg, wavelengths_um, options, pupil_cells: pupil, quadrature })
+            let count = |cells: i64| usize::try_from(cells).unwrap_or(0);
+            let request = psf::Request {
+                wavelengths: wavelengths_um.clone(),
+                grid: count(grid),
+                pitch_um,
+                kind,
+                pupil_cells: count(pupil_cells),
+                ..psf::Request::default()
+            };
+            let (options, quadrature) = request.options()?;
+            let pupil_cells = request.pupil_cells;
+            Ok(Self { fields_deg, wavelengths_um, options, pupil_cells, quadrature })
         };
-        plan().map_err(|error| exception(py, &error))
+        // Arguments have names of their own, and numbers below 0 are shown as they were given.
+        let named = |error: JobError| match error {
+            JobError::Setting { key: "wavelengths", value, message, hint } => {
+                JobError::Setting { key: "wavelengths_um", value, message, hint }
+            }
+            JobError::Setting { key: "grid", message, hint, .. } => {
+                JobError::setting("grid", grid, message, hint)
+            }
+            JobError::Setting { key: "pupil_cells", message, hint, .. } => {
+                JobError::setting("pupil_cells", pupil_cells, message, hint)
+            }
+            other => other,
+        };
+        plan().map_err(|error| exception(py, &named(error)))
     }
 
     /// The PSFs of a lens, on as many pupil cells as the error needs.

@@ -135,7 +135,7 @@ def test_an_error_names_argument_value_and_what_is_right(triplet: pz.Lens) -> No
         pz.psf(triplet, grid=2)
     error = caught.value
     assert (error.place.key, error.place.value) == ("grid", "2")
-    assert "4 to 4096" in error.hint and error.hint in str(error)
+    assert "16 to 1024" in error.hint and error.hint in str(error)
     with pytest.raises(pz.InputError, match="7 surfaces, from 0 to 6"):
         triplet.with_(7, radius_mm=30.0)
 

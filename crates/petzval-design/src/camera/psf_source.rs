@@ -30,8 +30,13 @@ pub enum PsfSource {
         /// The network.
         proxy: Arc<ProxyOptics>,
     },
-    /// PSFs that were measured from captures; no lens is known.
-    Measured(PsfBank),
+    /// PSFs from a file, whatever the lens: they were measured, or made elsewhere.
+    Given {
+        /// The PSFs.
+        bank: Arc<PsfBank>,
+        /// The lens through whose chief rays scenes are seen, and whose brightness counts, if it is known.
+        lens: Option<Box<Lens>>,
+    },
 }
 
 /// The derivatives of a loss by the lens that forms the PSFs.
@@ -50,7 +55,7 @@ pub struct Psfs {
 enum Kind {
     Traced { lens: Box<Lens>, plan: PsfPlan, traced: Box<BankWithTape> },
     Proxy { lens: Box<Lens>, predicted: Box<ProxyPsfs> },
-    Measured(PsfBank),
+    Given { bank: Arc<PsfBank>, lens: Option<Box<Lens>> },
 }
 
 impl PsfSource {
@@ -65,7 +70,7 @@ impl PsfSource {
                 let predicted = Box::new(proxy.psfs(&lens, &field_radius_mm)?);
                 Kind::Proxy { lens, predicted }
             }
-            Self::Measured(bank) => Kind::Measured(bank),
+            Self::Given { bank, lens } => Kind::Given { bank, lens },
         };
         Ok(Psfs { kind })
     }
@@ -77,15 +82,15 @@ impl Psfs {
         match &self.kind {
             Kind::Traced { traced, .. } => &traced.bank,
             Kind::Proxy { predicted, .. } => &predicted.bank,
-            Kind::Measured(bank) => bank,
+            Kind::Given { bank, .. } => bank,
         }
     }
 
-    /// The lens that forms them, if it is known.
+    /// The lens that forms them, or in place of whose PSFs they stand, if it is known.
     pub fn lens(&self) -> Option<&Lens> {
         match &self.kind {
             Kind::Traced { lens, .. } | Kind::Proxy { lens, .. } => Some(lens),
-            Kind::Measured(_) => None,
+            Kind::Given { lens, .. } => lens.as_deref(),
         }
     }
 
@@ -93,15 +98,17 @@ impl Psfs {
     pub fn plan(&self) -> Option<&PsfPlan> {
         match &self.kind {
             Kind::Traced { plan, .. } => Some(plan),
-            Kind::Proxy { .. } | Kind::Measured(_) => None,
+            Kind::Proxy { .. } | Kind::Given { .. } => None,
         }
     }
 
-    /// Least share of a PSF's light that its grid holds, over fields and colours; `None` where the PSFs are not traced.
+    /// Least share of a PSF's light that its grid holds, over fields and colours; 1 where the PSFs are given, whose grid is all that is known;
+    /// `None` of a network.
     pub fn captured(&self) -> Option<f64> {
         match &self.kind {
             Kind::Traced { traced, .. } => Some(traced.captured()),
-            Kind::Proxy { .. } | Kind::Measured(_) => None,
+            Kind::Given { .. } => Some(1.0),
+            Kind::Proxy { .. } => None,
         }
     }
 
@@ -111,7 +118,7 @@ impl Psfs {
             Kind::Traced { plan, traced, .. } if plan.options.kind == PsfKind::Diffraction => {
                 traced.by_rays()
             }
-            Kind::Traced { .. } | Kind::Proxy { .. } | Kind::Measured(_) => 0.0,
+            Kind::Traced { .. } | Kind::Proxy { .. } | Kind::Given { .. } => 0.0,
         }
     }
 
@@ -119,7 +126,7 @@ impl Psfs {
     pub fn light_gradients(&self) -> Option<Vec<LensGradient>> {
         match &self.kind {
             Kind::Traced { plan, traced, .. } => Some(plan.light_gradients(traced)),
-            Kind::Proxy { .. } | Kind::Measured(_) => None,
+            Kind::Proxy { .. } | Kind::Given { .. } => None,
         }
     }
 
@@ -139,7 +146,7 @@ impl Psfs {
             Kind::Proxy { predicted, .. } => {
                 Ok(ByLens::Coordinates(predicted.by_coordinates(by_values, by_illumination)?))
             }
-            Kind::Measured(_) => Err(DesignError::NoLens),
+            Kind::Given { .. } => Err(DesignError::NoLens),
         }
     }
 }

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use petzval_base::{FileError, quote};
 
-use super::{Experiment, NO_ISP, is_derived_lens};
+use super::{Experiment, NO_FILE, NO_ISP, is_derived_lens};
 
 impl Experiment {
     /// The keys in which this experiment differs from another, each with the value there: `training.steps`, `60`.
@@ -23,7 +23,7 @@ impl Experiment {
         found
     }
 
-    /// Every lens, sensor, ISP, network and data set that the experiment names, each with its key. What is derived from the experiment itself
+    /// Every lens, sensor, ISP, network, data set and bank of PSFs that the experiment names, each with its key. What is derived from the experiment itself
     /// (the perfect lens, no ISP) is not among them.
     pub fn inputs_mut(&mut self) -> impl Iterator<Item = (Vec<String>, &mut String)> {
         let key = |parts: &[&str]| parts.iter().map(|part| (*part).to_owned()).collect::<Vec<_>>();
@@ -34,6 +34,7 @@ impl Experiment {
         });
         let is_file = !self.network.draws_weights() && !self.network.has_built_in_weights();
         let weights = Some(&mut self.network.weights).filter(|_| is_file);
+        let psfs = Some(&mut self.psf.file).filter(|file| *file != NO_FILE);
         let preset = Some(&mut self.isp.preset).filter(|preset| *preset != NO_ISP);
         [
             (key(&["lens"]), &mut self.lens),
@@ -43,6 +44,7 @@ impl Experiment {
         ]
         .into_iter()
         .chain(weights.map(|weights| (key(&["network", "weights"]), weights)))
+        .chain(psfs.map(|file| (key(&["psf", "file"]), file)))
         .chain(preset.map(|preset| (key(&["isp", "preset"]), preset)))
         .chain(self.detector.weights.as_mut().map(|weights| (key(&["detector", "weights"]), weights)))
         .chain(of_variants)

@@ -17,7 +17,7 @@ mod variants;
 pub use commented::{commented_toml, reference_markdown};
 pub use derived_lens::{BOX_CENTRE_LENS, PERFECT_LENS, is_derived_lens};
 pub use names::{
-    BUILT_IN_PHOTOS, BlockName, DetectorInput, FieldOfView, LensGoal, NetworkKind, STREET, StepMethod,
+    BUILT_IN_PHOTOS, BlockName, DetectorInput, FieldOfView, LensGoal, NetworkKind, PsfsBy, STREET, StepMethod,
 };
 pub use plan::{LensSearch, Schedule, Stage, StepRule, Variant, cosine_rate, turn_of};
 pub(crate) use python::PYTHON;
@@ -28,7 +28,7 @@ pub use tables::{
     IspConfig, Keep, NO_ISP, NetworkConfig, OpticsConfig, PsfConfig, SameOf, ScoringConfig, SpotConfig,
     StreetConfig, TrainingConfig, ValidationConfig,
 };
-pub(crate) use tables::{OF_THE_WHOLE_FRAME, places_of};
+pub(crate) use tables::{NO_FILE, OF_THE_WHOLE_FRAME, places_of};
 pub use task_facts::{NetworkRole, PicturesKey, TaskFacts};
 pub use variants::{Goal, SCENE, ScheduleConfig, StageConfig, VariantConfig, standard_variants};
 

@@ -1,6 +1,7 @@
 //! The words of the experiment file that are more than text and numbers.
 
 use petzval_learn::network;
+use petzval_optics::psf::PsfKind;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -68,6 +69,38 @@ impl BlockName {
             Self::Exposure => "exposure",
             Self::Isp => "isp",
             Self::Network => "network",
+        }
+    }
+}
+
+/// Where the PSFs of an experiment come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum PsfsBy {
+    /// Rays.
+    #[default]
+    Geometric,
+    /// Waves.
+    Diffraction,
+    /// A file: PSFs that were measured or made elsewhere, and stay as they are.
+    File,
+}
+
+impl PsfsBy {
+    /// How lenses are traced. PSFs in a file are those of real light, and waves stand beside them.
+    pub fn traced(self) -> PsfKind {
+        match self {
+            Self::Geometric => PsfKind::Geometric,
+            Self::Diffraction | Self::File => PsfKind::Diffraction,
+        }
+    }
+}
+
+impl From<PsfKind> for PsfsBy {
+    fn from(kind: PsfKind) -> Self {
+        match kind {
+            PsfKind::Geometric => Self::Geometric,
+            PsfKind::Diffraction => Self::Diffraction,
         }
     }
 }

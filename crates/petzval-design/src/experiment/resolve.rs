@@ -36,7 +36,7 @@ impl Experiment {
         let named = variant.perfect_image;
         named.unwrap_or_else(|| match parent {
             Some(parent) => self.perfect_image_of(parent),
-            None => PerfectImage::of(self.psf.kind),
+            None => PerfectImage::of(self.psf.kind.traced()),
         })
     }
 

@@ -15,7 +15,7 @@ use petzval_street::{Families, Light};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::names::NetworkKind;
+use super::names::{NetworkKind, PsfsBy};
 
 parameters! {
     /// Exposure of every camera of the experiment.
@@ -93,8 +93,21 @@ parameters! {
         /// Largest error of their PSFs, for which the pupil cells are doubled up to 2048: the sum of absolute differences, of unit sum.
         scoring_pupil_error: f64 = 0.02, "", 0.001..2, Log, "0.02, or 2 to keep the fewest cells";
     } also {
-        /// Rays, right where aberrations spread light over many times the Airy disk, or waves.
-        kind: PsfKind = PsfKind::Geometric;
+        /// Rays, right where aberrations spread light over many times the Airy disk; waves; or a file, whose PSFs every camera has.
+        kind: PsfsBy = PsfsBy::Geometric;
+        /// The PSFs of the kind "file": a folder or its psf.json, as `petzval psf` and `petzval psf-calibrate` write them. They are held, so that no
+        /// lens moves. "none" for the other kinds.
+        file: String = NO_FILE.to_owned();
+    }
+}
+
+/// No file of PSFs.
+pub(crate) const NO_FILE: &str = "none";
+
+impl PsfConfig {
+    /// The file of PSFs that it names.
+    pub fn named_file(&self) -> Option<&str> {
+        Some(self.file.as_str()).filter(|file| *file != NO_FILE)
     }
 }
 

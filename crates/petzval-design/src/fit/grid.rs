@@ -2,10 +2,9 @@
 
 use petzval_camera::sensor::SensorModel;
 use petzval_optics::lens::Lens;
-use petzval_optics::psf::PsfKind;
 
 use crate::error::DesignError;
-use crate::experiment::PsfConfig;
+use crate::experiment::{PsfConfig, PsfsBy};
 
 /// Fields on which a grid is tried.
 const FIELDS: usize = 9;
@@ -90,7 +89,7 @@ pub(super) fn rays_or_waves(
     let by_rays = psf.plan(sensor, CELLS)?.trace(lens)?.by_rays();
     let rough = psf.rough_fields(by_rays);
     if rough.is_some() {
-        psf.kind = PsfKind::Geometric;
+        psf.kind = PsfsBy::Geometric;
     }
     Ok(rough.map(|rough| format!("psf.kind: geometric, rays alone; by waves, {rough}")))
 }

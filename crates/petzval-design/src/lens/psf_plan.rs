@@ -19,7 +19,7 @@ use petzval_optics::trace::Sequence;
 use rayon::prelude::*;
 
 use crate::error::DesignError;
-use crate::experiment::PsfConfig;
+use crate::experiment::{PsfConfig, PsfsBy};
 
 /// The fields, wavelengths and grids on which a lens is turned into PSFs.
 #[derive(Clone, Debug)]
@@ -66,10 +66,14 @@ impl PsfConfig {
     /// and PSFs of rough fields are by rays.
     pub fn plan(&self, sensor: &SensorModel, cells: usize) -> Result<PsfPlan, DesignError> {
         let corner_mm = 0.5e-3 * sensor.pixel_um * (sensor.height as f64).hypot(sensor.width as f64);
-        let options = PsfOptions { grid: self.grid, pitch_um: self.pitch_um, kind: self.kind };
+        let options = PsfOptions { grid: self.grid, pitch_um: self.pitch_um, kind: self.kind.traced() };
         let plan =
             PsfPlan::new(self.fields, corner_mm, self.wavelengths_um, options, Quadrature::grid(cells)?);
-        Ok(PsfPlan { perfect_image: PerfectImage::of(self.kind), rough_fields: RoughFields::ByRays, ..plan })
+        Ok(PsfPlan {
+            perfect_image: PerfectImage::of(self.kind.traced()),
+            rough_fields: RoughFields::ByRays,
+            ..plan
+        })
     }
 
     /// What to say of PSFs whose grid holds no more than a share `captured` of their light at some place; `None` if it holds nearly all.
@@ -86,7 +90,7 @@ impl PsfConfig {
     /// Warning for a camera that computes the PSFs of a share `by_rays` of its fields by rays although waves were requested; `None` if
     /// there are no such fields.
     pub fn rough_fields(&self, by_rays: f64) -> Option<String> {
-        (self.kind == PsfKind::Diffraction && by_rays > 0.0).then(|| {
+        (self.kind == PsfsBy::Diffraction && by_rays > 0.0).then(|| {
             format!(
                 "PSFs of {:.0} % of the fields are by rays: no wave can be computed there, because rays through the stop are lost or the \
                  wavefront is too rough",
@@ -269,6 +273,18 @@ impl PsfPlan {
         Ok(angles)
     }
 
+    /// Image height per tangent of the field, mm, which an ideal image has everywhere: that of the lens near the axis. `None` if there is no field
+    /// off the axis.
+    pub fn image_scale_mm(&self, lens: &Lens) -> Result<Option<f64>, DesignError> {
+        let near = self.field_angles(lens)?.last().copied().unwrap_or(0.0) * NEAR_AXIS;
+        if near == 0.0 {
+            return Ok(None);
+        }
+        let chief = chief_ray(&lens.at_wavelength(lens.reference_um), near);
+        let chief = chief.ok_or(DesignError::NoLight { field_deg: near.to_degrees() })?;
+        Ok(Some(chief.y_mm / near.tan()))
+    }
+
     /// The chief-ray map of a lens: where on the image the points of a rectilinear picture land. An error if a field is wider than 85
     /// degrees.
     pub fn distortion(&self, lens: &Lens) -> Result<Distortion, DesignError> {
@@ -282,9 +298,7 @@ impl PsfPlan {
             Ok(chief.ok_or(DesignError::NoLight { field_deg: field.to_degrees() })?.y_mm)
         };
         let image_mm = angles.iter().map(|field| height(*field)).collect::<Result<Vec<_>, DesignError>>()?;
-        // The ideal image has the scale of the real one near the axis.
-        let near = angles.last().copied().unwrap_or(0.0) * NEAR_AXIS;
-        let scale_mm = if near != 0.0 { height(near)? / near.tan() } else { 1.0 };
+        let scale_mm = self.image_scale_mm(lens)?.unwrap_or(1.0);
         let ideal_mm = angles.iter().map(|field| scale_mm * field.tan()).collect();
         Ok(Distortion::new(image_mm, ideal_mm).map_err(RenderError::from)?)
     }

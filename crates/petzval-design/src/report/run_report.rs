@@ -5,6 +5,7 @@ use std::path::Path;
 
 use petzval_base::counted;
 use petzval_base::parameter::Parameter;
+use petzval_camera::psf::PsfBank;
 use petzval_files::{LensFile, parse_lens};
 use petzval_optics::analysis::first_order_table;
 use petzval_optics::design_space::Variable;
@@ -143,7 +144,10 @@ fn gathered(
                 SHOWN_OF_NYQUIST * nyquist_per_mm,
             ),
             over_field: view::to_full_field(lens, full_rad, &plan.wavelengths_um),
-            psfs: psf_views(&PsfPlan { perfect_image: variant.perfect_image, ..plan.clone() }, lens)?,
+            psfs: match setup.given_psfs() {
+                Some(bank) => given_psf_views(bank, plan, lens),
+                None => psf_views(&PsfPlan { perfect_image: variant.perfect_image, ..plan.clone() }, lens)?,
+            },
             changes: if variant.moves_lens() {
                 changes(&setup.start(variant).lens_file, lens)
             } else {
@@ -232,6 +236,42 @@ fn psf_views(plan: &PsfPlan, lens: &Lens) -> Result<Vec<PsfView>, DesignError> {
     Ok(shown.iter().filter_map(view).collect())
 }
 
+/// PSFs of a file at the shown fields, with their RMS radii; the field angles are those of the lens.
+fn given_psf_views(bank: &PsfBank, plan: &PsfPlan, lens: &Lens) -> Vec<PsfView> {
+    let (cells, last) = (bank.grid * bank.grid, bank.field_radius_mm.len() - 1);
+    let view = |field: usize| {
+        let channel = |c: usize| -> Vec<f64> {
+            bank.values[(3 * field + c) * cells..][..cells].iter().map(|value| f64::from(*value)).collect()
+        };
+        let values = [channel(0), channel(1), channel(2)];
+        let light = &bank.illumination[3 * field..][..3];
+        Some(PsfView {
+            field_deg: plan.field_angle(lens, bank.field_radius_mm[field]).ok()?.to_degrees(),
+            chief_y_mm: bank.field_radius_mm[field],
+            grid: bank.grid,
+            pitch_um: bank.pitch_um,
+            rms_um: rms_radius_um(&values, bank.grid, bank.pitch_um),
+            values,
+            illumination: f64::from(light.iter().sum::<f32>()) / 3.0,
+        })
+    };
+    let mut shown: Vec<usize> = SHOWN_QUARTERS.iter().map(|q| (q * last + 2) / 4).collect();
+    shown.dedup();
+    // The lens as drawn may not reach as far as the PSFs.
+    shown.into_iter().filter_map(view).collect()
+}
+
+/// RMS radius of PSFs of unit sum about the common centroid of the channels, um.
+fn rms_radius_um(channels: &[Vec<f64>; 3], grid: usize, pitch_um: f64) -> f64 {
+    let moment = |of: &dyn Fn(f64, f64) -> f64| -> f64 {
+        let at = |i: usize| (i as f64 - 0.5 * (grid as f64 - 1.0)) * pitch_um;
+        let cells = channels.iter().flat_map(|psf| psf.iter().enumerate());
+        cells.map(|(i, light)| light * of(at(i % grid), at(i / grid))).sum::<f64>() / 3.0
+    };
+    let (x, y) = (moment(&|x, _| x), moment(&|_, y| y));
+    moment(&|a, b| (a - x).powi(2) + (b - y).powi(2)).sqrt()
+}
+
 fn notes(setup: &Setup, metrics: &Metrics) -> Vec<String> {
     let by_camera = |f: &dyn Fn(&CameraMetrics) -> String| {
         metrics.rows.iter().map(|m| format!("{} {}", m.camera, f(m))).collect::<Vec<_>>().join(", ")
@@ -252,7 +292,11 @@ fn notes(setup: &Setup, metrics: &Metrics) -> Vec<String> {
             by_camera(&|m| format!("{:.1} %", 100.0 * m.psf_captured))
         ),
         format!(
-            "Lenses are traced exactly; the noise of scored pictures is exact Poisson and the same for every camera. {}",
+            "{}; the noise of scored pictures is exact Poisson and the same for every camera. {}",
+            match setup.given_psfs() {
+                Some(_) => "Every camera has the PSFs of a file, which take its pictures; RMS spots, MTFs and angles are those of the lens as drawn, traced exactly",
+                None => "Lenses are traced exactly",
+            },
             if setup.experiment.sees_streets(&setup.facts) { "Streets are seen through the chief rays of each lens, distortion included." } else { "Distortion is not rendered: each place gets the PSF of the field whose chief ray lands there." }
         ),
     ]

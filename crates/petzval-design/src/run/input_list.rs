@@ -21,7 +21,7 @@ const NAMED: usize = 3;
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct InputList {
-    /// SHA-256 by name: the lens of each variant, the sensor, the ISP, given weights.
+    /// SHA-256 by name: the lens of each variant, the sensor, the ISP, PSFs of a file, given weights.
     pub parts: BTreeMap<String, String>,
     /// Held-out pictures, and places of the sensor at which each is scored.
     pub held_out: [usize; 2],

@@ -14,8 +14,8 @@ use petzval_camera::tape::Frames;
 use petzval_design::block::{Batch, Block, OpticsBlock};
 use petzval_design::camera::{Camera, Labels, PsfSource, SameTime, Shot};
 use petzval_design::experiment::{
-    DevelopmentConfig, ExposureSetting, FieldOfView, LensGoal, LensSearch, NetworkKind, StepMethod, StepRule,
-    VariantConfig,
+    DevelopmentConfig, ExposureSetting, FieldOfView, LensGoal, LensSearch, NetworkKind, PsfsBy, StepMethod,
+    StepRule, VariantConfig,
 };
 use petzval_design::lens::psf_plan::PsfPlan;
 use petzval_design::lens::start::Start;
@@ -26,7 +26,6 @@ use petzval_learn::Device;
 use petzval_learn::loss::NamedLoss;
 use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::image_brightness;
-use petzval_optics::psf::PsfKind;
 
 fn setup() -> Setup {
     setup_with(false)
@@ -39,7 +38,7 @@ fn setup_with(restore: bool) -> Setup {
     experiment.development =
         DevelopmentConfig { demosaic: Demosaic::Bilinear, domain: Domain::Linear, restore };
     experiment.network.kind = if restore { NetworkKind::Restoration } else { NetworkKind::UNet };
-    experiment.psf.kind = PsfKind::Geometric;
+    experiment.psf.kind = PsfsBy::Geometric;
     experiment.psf.fields = 5;
     experiment.psf.pupil_cells = 32;
     experiment.psf.scoring_pupil_cells = 32;

@@ -482,7 +482,7 @@ fn built_in_weights_are_those_for_the_psfs_of_the_experiment() {
     assert_ne!(rays, waves);
     let started = |kind: PsfKind, weights: &str| {
         let mut experiment = assets.experiment("cooke-triplet-image-quality").unwrap();
-        experiment.psf.kind = kind;
+        experiment.psf.kind = kind.into();
         experiment.network.weights = weights.to_owned();
         let setup = Setup::without_windows(experiment, &assets, Device::flex().autodiff()).unwrap();
         assert!(setup.experiment.network.has_built_in_weights());

@@ -226,7 +226,11 @@ impl PsfAxes {
         json.end().map_err(|error| json_error(text, "", &error))?;
         let wrong = |key: &str, message: String, hint: &str| Err(at_key(text, key, message).hint(hint));
         if !axes.format.is_empty() && axes.format != FORMAT {
-            return wrong("format", format!("\"{}\" is another format", axes.format), "write \"petzval-psfs\"");
+            return wrong(
+                "format",
+                format!("\"{}\" is another format", axes.format),
+                "write \"petzval-psfs\"",
+            );
         }
         if axes.version > VERSION {
             let message = format!("version {} is younger than this program", axes.version);
@@ -243,7 +247,11 @@ impl PsfAxes {
         let names = [Some(&axes.values_file), axes.illumination_file.as_ref()];
         for (key, name) in ["values_file", "illumination_file"].iter().zip(names) {
             if name.is_some_and(|name| name.is_empty() || name.contains(['/', '\\'])) {
-                return wrong(key, "not the name of a file".to_owned(), "name a file in the folder of this one");
+                return wrong(
+                    key,
+                    "not the name of a file".to_owned(),
+                    "name a file in the folder of this one",
+                );
             }
         }
         Ok(axes)

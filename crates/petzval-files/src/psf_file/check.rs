@@ -2,6 +2,8 @@
 
 use std::ops::RangeInclusive;
 
+use petzval_base::FileError;
+
 use super::{PsfAxes, PsfFile};
 use crate::OPTICAL_UM;
 
@@ -29,6 +31,14 @@ pub struct PsfFault {
     pub message: String,
     /// What is right.
     pub hint: &'static str,
+}
+
+impl From<PsfFault> for FileError {
+    fn from(fault: PsfFault) -> Self {
+        let PsfFault { key, value, message, hint } = fault;
+        let (line, column) = (None, None);
+        Self { line, column, key: key.to_owned(), value, message, hint: Some(hint.to_owned()) }
+    }
 }
 
 pub(super) fn fault(
@@ -107,13 +117,24 @@ impl PsfFile {
         let count = self.shape.iter().try_fold(1_usize, |n, side| n.checked_mul(*side));
         if count.is_none_or(|n| n == 0 || n > MOST_VALUES || n != self.values.len()) {
             let message = format!("{} numbers of shape {shape}", self.values.len());
-            return Err(fault("values", shape, message, "[field, wavelength, row, column], at most 2^28 numbers"));
+            return Err(fault(
+                "values",
+                shape,
+                message,
+                "[field, wavelength, row, column], at most 2^28 numbers",
+            ));
         }
         if rows != columns {
-            return Err(fault("values", shape, "not as many rows as columns", "PSFs are square: pad them with zeros"));
+            return Err(fault(
+                "values",
+                shape,
+                "not as many rows as columns",
+                "PSFs are square: pad them with zeros",
+            ));
         }
         if self.illumination.len() != fields * colours {
-            let message = format!("{} numbers for {fields} fields of {colours} wavelengths", self.illumination.len());
+            let message =
+                format!("{} numbers for {fields} fields of {colours} wavelengths", self.illumination.len());
             return Err(fault("illumination", "", message, "[field, wavelength], as the PSFs"));
         }
         let axes = &self.axes;
@@ -130,14 +151,21 @@ impl PsfFile {
                 return Err(fault(key, "", message, "one for each field"));
             }
         }
-        for (key, length) in [("wavelengths_um", axes.wavelengths_um.len()), ("channels", axes.channels.len())] {
+        for (key, length) in
+            [("wavelengths_um", axes.wavelengths_um.len()), ("channels", axes.channels.len())]
+        {
             if length != colours && length > 0 {
                 let message = format!("{length} entries, and the array has {colours} wavelengths");
                 return Err(fault(key, "", message, "one for each wavelength"));
             }
         }
         if axes.captured.iter().any(|of_field| of_field.len() != colours) {
-            return Err(fault("captured", "", "a field has another number of wavelengths", "one for each wavelength"));
+            return Err(fault(
+                "captured",
+                "",
+                "a field has another number of wavelengths",
+                "one for each wavelength",
+            ));
         }
         Ok(())
     }
@@ -155,22 +183,31 @@ impl PsfFile {
         if let Some(wrong) = angle {
             return Err(fault("field_deg", wrong, "no field angle", "in degrees, below 180"));
         }
-        for (key, all) in [("chief_ray_x_mm", &axes.chief_ray_x_mm), ("chief_ray_y_mm", &axes.chief_ray_y_mm)] {
+        for (key, all) in [("chief_ray_x_mm", &axes.chief_ray_x_mm), ("chief_ray_y_mm", &axes.chief_ray_y_mm)]
+        {
             if let Some(wrong) = all.iter().find(|mm| !mm.is_finite()) {
                 return Err(fault(key, wrong, "no place on the image plane", "in mm"));
             }
         }
         if axes.image_scale_mm.is_some_and(|mm| !(mm.is_finite() && mm > 0.0)) {
             let value = axes.image_scale_mm.unwrap_or_default();
-            return Err(fault("image_scale_mm", value, "not positive", "the focal length of a far object, in mm"));
+            return Err(fault(
+                "image_scale_mm",
+                value,
+                "not positive",
+                "the focal length of a far object, in mm",
+            ));
         }
         if let Some(wrong) = axes.wavelengths_um.iter().find(|um| !OPTICAL_UM.contains(um)) {
             return Err(fault("wavelengths_um", wrong, "no wavelength", "in um: 550 nm is 0.55"));
         }
-        if let Some(wrong) = axes.captured.iter().flatten().find(|share| !(share.is_finite() && **share >= 0.0)) {
+        if let Some(wrong) =
+            axes.captured.iter().flatten().find(|share| !(share.is_finite() && **share >= 0.0))
+        {
             return Err(fault("captured", wrong, "no share of the light", "0 to 1"));
         }
-        if !axes.rotationally_symmetric && (axes.chief_ray_x_mm.is_empty() || axes.chief_ray_y_mm.is_empty()) {
+        if !axes.rotationally_symmetric && (axes.chief_ray_x_mm.is_empty() || axes.chief_ray_y_mm.is_empty())
+        {
             let message = "the places of the fields are missing";
             let hint = "give chief_ray_x_mm and chief_ray_y_mm of each field";
             return Err(fault("rotationally_symmetric", false, message, hint));
@@ -178,7 +215,8 @@ impl PsfFile {
         if axes.rotationally_symmetric
             && let Some(wrong) = axes.chief_ray_x_mm.iter().find(|mm| mm.abs() > ON_PLANE_MM)
         {
-            let message = "a field beside the plane of the fields, in a bank that is said to be rotationally symmetric";
+            let message =
+                "a field beside the plane of the fields, in a bank that is said to be rotationally symmetric";
             return Err(fault("chief_ray_x_mm", wrong, message, "write false for rotationally_symmetric"));
         }
         Ok(())
@@ -188,9 +226,14 @@ impl PsfFile {
     fn check_light(&self) -> Result<(), PsfFault> {
         let [_, colours, rows, columns] = self.shape;
         for (i, psf) in self.values.chunks_exact(rows * columns).enumerate() {
-            if let Some((cell, wrong)) = psf.iter().enumerate().find(|(_, v)| !(v.is_finite() && **v >= 0.0)) {
-                let message =
-                    format!("{} holds {wrong} at row {}, column {}", self.place(i), cell / columns, cell % columns);
+            if let Some((cell, wrong)) = psf.iter().enumerate().find(|(_, v)| !(v.is_finite() && **v >= 0.0))
+            {
+                let message = format!(
+                    "{} holds {wrong} at row {}, column {}",
+                    self.place(i),
+                    cell / columns,
+                    cell % columns
+                );
                 let hint = "the light on a cell is a number from 0 on; set what noise has made negative to 0";
                 return Err(fault("values", wrong, message, hint));
             }
@@ -199,7 +242,9 @@ impl PsfFile {
                 return Err(fault("values", 0, message, "leave the field out, or take a larger grid"));
             }
         }
-        if let Some((i, wrong)) = self.illumination.iter().enumerate().find(|(_, v)| !(v.is_finite() && **v >= 0.0)) {
+        if let Some((i, wrong)) =
+            self.illumination.iter().enumerate().find(|(_, v)| !(v.is_finite() && **v >= 0.0))
+        {
             let message = format!("{wrong} of field {}, wavelength {}", i / colours, i % colours);
             return Err(fault("illumination", wrong, message, "numbers from 0 on, 1 on the axis"));
         }

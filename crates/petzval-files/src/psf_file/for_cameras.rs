@@ -27,11 +27,21 @@ impl PsfFile {
         let axes = &self.axes;
         if !axes.rotationally_symmetric {
             let message = "cameras turn the PSFs of one azimuth about the axis, and so cannot take these";
-            return Err(fault("rotationally_symmetric", false, message, "take PSFs of a rotationally symmetric lens"));
+            return Err(fault(
+                "rotationally_symmetric",
+                false,
+                message,
+                "take PSFs of a rotationally symmetric lens",
+            ));
         }
         if let Some(below) = axes.chief_ray_y_mm.iter().find(|mm| **mm < -ON_AXIS_MM) {
             let message = "a field below the axis: its rows run towards the axis";
-            return Err(fault("chief_ray_y_mm", below, message, "take the field on the other side of the axis"));
+            return Err(fault(
+                "chief_ray_y_mm",
+                below,
+                message,
+                "take the field on the other side of the axis",
+            ));
         }
         let (order, field_radius_mm) = self.fields_outwards();
         if let Some(first) = field_radius_mm.first().filter(|mm| **mm > 0.0) {
@@ -39,7 +49,12 @@ impl PsfFile {
             return Err(fault("field_radius_mm", first, message, "add the PSFs of the axis"));
         }
         if let Some(pair) = field_radius_mm.windows(2).find(|pair| pair[0] == pair[1]) {
-            return Err(fault("field_radius_mm", pair[1], "two fields have this radius", "leave one of them out"));
+            return Err(fault(
+                "field_radius_mm",
+                pair[1],
+                "two fields have this radius",
+                "leave one of them out",
+            ));
         }
         let colours = self.colours()?;
         let [_, wavelengths, rows, columns] = self.shape;
@@ -51,7 +66,9 @@ impl PsfFile {
             values: Vec::with_capacity(order.len() * CHANNELS * cells),
             illumination: Vec::with_capacity(order.len() * CHANNELS),
         };
-        for (field, colour) in order.iter().flat_map(|field| colours.iter().map(move |colour| (field, colour))) {
+        for (field, colour) in
+            order.iter().flat_map(|field| colours.iter().map(move |colour| (field, colour)))
+        {
             let psf = field * wavelengths + colour;
             bank.values.extend(self.values[psf * cells..][..cells].iter().map(|value| *value as f32));
             bank.illumination.push(self.illumination[psf] as f32);
@@ -63,10 +80,17 @@ impl PsfFile {
     /// Where the points of a rectilinear scene land, if field angles and the scale of the image are known.
     pub fn distortion(&self) -> Result<Option<Distortion>, PsfFault> {
         let axes = &self.axes;
-        let (Some(scale_mm), false) = (axes.image_scale_mm, axes.field_deg.is_empty()) else { return Ok(None) };
+        let (Some(scale_mm), false) = (axes.image_scale_mm, axes.field_deg.is_empty()) else {
+            return Ok(None);
+        };
         if let Some(wide) = axes.field_deg.iter().find(|deg| deg.abs() > WIDEST_PICTURE_DEG) {
             let message = "a rectilinear picture of a scene ends before 90 degrees";
-            return Err(fault("field_deg", wide, message, "leave distortion out, so that the picture lies on the image as it is"));
+            return Err(fault(
+                "field_deg",
+                wide,
+                message,
+                "leave distortion out, so that the picture lies on the image as it is",
+            ));
         }
         let (order, image_mm) = self.fields_outwards();
         if image_mm.len() < 2 {
@@ -109,7 +133,12 @@ impl PsfFile {
             CHANNELS => Ok([0, 1, 2]),
             other => {
                 let message = format!("{other} wavelengths, and a camera has three colours");
-                Err(fault("values", format!("{:?}", self.shape), message, "take one wavelength or three, or name three `channels`"))
+                Err(fault(
+                    "values",
+                    format!("{:?}", self.shape),
+                    message,
+                    "take one wavelength or three, or name three `channels`",
+                ))
             }
         }
     }

@@ -10,7 +10,8 @@ use super::{Channel, PsfAxes, PsfFile, PsfOrigin};
 use crate::npy_array::read_floats;
 
 /// How NumPy writes an array that is read.
-const NUMPY_HINT: &str = "numpy.save(file, psfs) of float16, float32 or float64, [field, channel, row, column]";
+const NUMPY_HINT: &str =
+    "numpy.save(file, psfs) of float16, float32 or float64, [field, channel, row, column]";
 
 /// The axes of a bank of PSFs, as in `psfs.toml`.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -53,7 +54,8 @@ pub fn bank(old: &OldAxes, text: &str, values: &[u8]) -> Result<PsfFile, WrongPa
         let message = "radii start at 0 and ascend".to_owned();
         return wrong("field_radius_mm", message, "radii in mm from 0 upwards");
     }
-    let array = read_floats(values, MOST_VALUES).map_err(|reason| WrongPart::Values(message(reason, NUMPY_HINT)))?;
+    let array =
+        read_floats(values, MOST_VALUES).map_err(|reason| WrongPart::Values(message(reason, NUMPY_HINT)))?;
     let shape = [fields, CHANNELS, grid, grid];
     if array.shape != shape {
         let reason = format!("holds {:?}; {shape:?} are needed", array.shape);
@@ -71,7 +73,9 @@ pub fn bank(old: &OldAxes, text: &str, values: &[u8]) -> Result<PsfFile, WrongPa
         WrongPart::Illumination(_) => {
             WrongPart::Axes(FileError::at_key(text, &["illumination"], fault.message).hint(fault.hint))
         }
-        WrongPart::Axes(_) => WrongPart::Axes(FileError::at_key(text, &[fault.key], fault.message).hint(fault.hint)),
+        WrongPart::Axes(_) => {
+            WrongPart::Axes(FileError::at_key(text, &[fault.key], fault.message).hint(fault.hint))
+        }
         values => values,
     })
 }

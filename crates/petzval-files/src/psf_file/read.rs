@@ -7,16 +7,18 @@ use petzval_base::FileError;
 use super::axes::at_key;
 use super::check::MOST_VALUES;
 use super::{
-    FORMAT, ILLUMINATION_FILE, PsfAxes, PsfFault, PsfFile, PsfFileError, VALUES_FILE, VERSION,
-    axes_file, old_toml,
+    FORMAT, ILLUMINATION_FILE, PsfAxes, PsfFault, PsfFile, PsfFileError, VALUES_FILE, VERSION, axes_file,
+    old_toml,
 };
 use crate::npy_array::{FloatArray, FloatType, read_floats};
 
 /// How NumPy writes an array that is read.
-const NUMPY_HINT: &str = "numpy.save(file, psfs) of float16, float32 or float64, [field, wavelength, row, column]";
+const NUMPY_HINT: &str =
+    "numpy.save(file, psfs) of float16, float32 or float64, [field, wavelength, row, column]";
 
 /// What writes files of axes.
-const AXES_HINT: &str = "`petzval psf` and `petzval psf-calibrate` write such files; the book says what they hold";
+const AXES_HINT: &str =
+    "`petzval psf` and `petzval psf-calibrate` write such files; the book says what they hold";
 
 /// What is wrong with a bank, and in which of its files.
 #[derive(Clone, Debug, PartialEq)]

@@ -5,7 +5,8 @@ use crate::npy_array::{FloatType, float_bytes};
 fn bank() -> PsfFile {
     let (fields, grid) = (2, 4);
     let cells = grid * grid;
-    let mut values: Vec<f64> = (0..fields * 3 * cells).map(|i| 1.0 + f64::from((i * 37 % 23) as u32)).collect();
+    let mut values: Vec<f64> =
+        (0..fields * 3 * cells).map(|i| 1.0 + f64::from((i * 37 % 23) as u32)).collect();
     for psf in values.chunks_exact_mut(cells) {
         let sum: f64 = psf.iter().sum();
         psf.iter_mut().for_each(|value| *value /= sum);
@@ -21,7 +22,14 @@ fn bank() -> PsfFile {
         captured: vec![vec![1.0, 0.99, 0.98]; 2],
         pupil_cells: Some(64),
         pupil_error: Some(0.01),
-        method: vec![vec![Method::Polynomial { degree: 8, residual_um: 1e-3 }, Method::Traced, Method::Wave { degree: 10 }]; 2],
+        method: vec![
+            vec![
+                Method::Polynomial { degree: 8, residual_um: 1e-3 },
+                Method::Traced,
+                Method::Wave { degree: 10 }
+            ];
+            2
+        ],
         ..PsfAxes::new(1.5, vec![0.0, 2.0])
     };
     PsfFile::new(axes, [fields, 3, grid, grid], values, vec![1.0, 1.0, 1.0, 0.8, 0.7, 0.6]).unwrap()
@@ -44,13 +52,18 @@ fn refused(text: &str) -> String {
 #[test]
 fn what_is_written_is_read_in_every_precision() {
     let (folder, wanted) = (tempfile::tempdir().unwrap(), bank());
-    for (precision, most) in [(FloatType::Float64, 0.0), (FloatType::Float32, 1e-7), (FloatType::Float16, 1e-3)] {
+    for (precision, most) in
+        [(FloatType::Float64, 0.0), (FloatType::Float32, 1e-7), (FloatType::Float16, 1e-3)]
+    {
         let at = folder.path().join(format!("{precision:?}"));
         let files = write_psfs(&bank(), &at, precision).unwrap();
         assert!(files.iter().all(|file| file.is_file()));
         for path in [at.clone(), at.join(AXES_FILE)] {
             let read = read_psfs(&path).unwrap();
-            assert_eq!((&read.axes, read.shape, &read.illumination), (&wanted.axes, wanted.shape, &wanted.illumination));
+            assert_eq!(
+                (&read.axes, read.shape, &read.illumination),
+                (&wanted.axes, wanted.shape, &wanted.illumination)
+            );
             let off = read.values.iter().zip(&wanted.values).map(|(a, b)| ((a - b) / b).abs());
             assert!(off.fold(0.0, f64::max) <= most, "{precision:?}");
         }
@@ -99,9 +112,16 @@ fn psfs_in_toml_are_read() {
     let path = at.join(OLD_AXES_FILE);
     let write = |axes: &str| std::fs::write(&path, axes).unwrap();
     write(axes);
-    std::fs::write(at.join("psfs.npy"), float_bytes(&[2, 3, 4, 4], &bank().values, FloatType::Float32).unwrap()).unwrap();
+    std::fs::write(
+        at.join("psfs.npy"),
+        float_bytes(&[2, 3, 4, 4], &bank().values, FloatType::Float32).unwrap(),
+    )
+    .unwrap();
     let read = read_psfs(at).unwrap();
-    assert_eq!((read.axes.kind, read.axes.channels.as_slice()), (Some(PsfOrigin::Measured), &Channel::RGB[..]));
+    assert_eq!(
+        (read.axes.kind, read.axes.channels.as_slice()),
+        (Some(PsfOrigin::Measured), &Channel::RGB[..])
+    );
     let (of_old, of_new) = (read.for_cameras().unwrap(), bank().for_cameras().unwrap());
     assert_eq!(of_old, of_new);
     for (from, to, says) in [
@@ -150,7 +170,8 @@ fn cameras_get_fields_outwards_and_colours_from_red_to_blue() {
     };
     assert_eq!(blue_first.for_cameras().unwrap(), wanted);
     // Where channels are named, they count, whatever the wavelengths.
-    let named = PsfFile { axes: PsfAxes { channels: Channel::RGB.to_vec(), ..blue_first.axes.clone() }, ..bank() };
+    let named =
+        PsfFile { axes: PsfAxes { channels: Channel::RGB.to_vec(), ..blue_first.axes.clone() }, ..bank() };
     assert_eq!(named.for_cameras().unwrap(), wanted);
 }
 
@@ -177,12 +198,7 @@ fn what_cameras_cannot_take_is_refused() {
         let fault = says(axes);
         assert!(fault.key == key && !fault.hint.is_empty(), "{fault}");
     }
-    let two = PsfFile::new(
-        PsfAxes::new(1.0, vec![0.0]),
-        [1, 2, 2, 2],
-        vec![0.25; 8],
-        vec![1.0; 2],
-    );
+    let two = PsfFile::new(PsfAxes::new(1.0, vec![0.0]), [1, 2, 2, 2], vec![0.25; 8], vec![1.0; 2]);
     assert!(two.unwrap().for_cameras().unwrap_err().message.contains("three colours"));
 }
 
@@ -200,8 +216,16 @@ fn every_defect_of_the_axes_is_named_with_key_line_and_hint() {
         ("\"pitch_um\": 1.5", "\"pitch_um\": \"1.5\"", "`pitch_um`: expected a number, not a text"),
         ("\"pitch_um\": 1.5,", "", "the key `pitch_um` is missing"),
         ("\"pitch_um\"", "\"pitch_mm\"", "`pitch_mm`: no such key here"),
-        ("\"field_radius_mm\": [\n    0.0,\n    2.0", "\"field_radius_mm\": [\n    0.0,\n    -2.0", "`field_radius_mm = -2`"),
-        ("\"field_radius_mm\": [\n    0.0,", "\"field_radius_mm\": [", "1 numbers, and the array has 2 fields"),
+        (
+            "\"field_radius_mm\": [\n    0.0,\n    2.0",
+            "\"field_radius_mm\": [\n    0.0,\n    -2.0",
+            "`field_radius_mm = -2`",
+        ),
+        (
+            "\"field_radius_mm\": [\n    0.0,",
+            "\"field_radius_mm\": [",
+            "1 numbers, and the array has 2 fields",
+        ),
         ("10.0\n", "180.0\n", "`field_deg = 180`"),
         ("11.5", "-11.5", "`image_scale_mm = -11.5`"),
         ("0.62,", "620.0,", "`wavelengths_um = 620`"),
@@ -306,6 +330,7 @@ fn psfs_of_any_sum_can_be_normalised() {
     let scaled = bank().values.iter().map(|value| 7.0 * value).collect();
     let made = PsfFile::normalised(bank().axes, bank().shape, scaled, bank().illumination).unwrap();
     assert!(made.values.iter().zip(&bank().values).all(|(a, b)| (a - b).abs() < 1e-15));
-    let dark = PsfFile::normalised(bank().axes, bank().shape, vec![0.0; 96], bank().illumination).unwrap_err();
+    let dark =
+        PsfFile::normalised(bank().axes, bank().shape, vec![0.0; 96], bank().illumination).unwrap_err();
     assert!(dark.to_string().contains("sums to 0"));
 }

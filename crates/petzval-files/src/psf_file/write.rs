@@ -30,7 +30,8 @@ pub fn psf_files(bank: &PsfFile, precision: FloatType) -> std::io::Result<[(&'st
 pub fn write_psfs(bank: &PsfFile, folder: &Path, precision: FloatType) -> Result<[PathBuf; 3], PsfFileError> {
     let axes = folder.join(AXES_FILE);
     bank.check().map_err(|fault| {
-        let (WrongPart::Axes(error) | WrongPart::Values(error) | WrongPart::Illumination(error)) = part("", &fault);
+        let (WrongPart::Axes(error) | WrongPart::Values(error) | WrongPart::Illumination(error)) =
+            part("", &fault);
         PsfFileError::file(&axes)(error)
     })?;
     std::fs::create_dir_all(folder).map_err(PsfFileError::io(folder))?;

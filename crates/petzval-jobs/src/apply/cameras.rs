@@ -15,6 +15,7 @@ use crate::context::Context;
 use crate::error::JobError;
 use crate::evaluate::camera_of;
 use crate::event::WarningKind;
+use crate::given_psfs;
 use crate::pixels::{check_numbers, check_picture};
 use crate::run_page::warn_of_changed_config;
 use crate::simulate::Place;
@@ -170,6 +171,11 @@ impl Chosen {
         check.check_cameras(names.iter().map(String::as_str))?;
         let setup = Setup::without_windows(experiment, &context.assets, context.device(device)?)?;
         Ok(Self { names, setup, folder })
+    }
+
+    /// The same cameras with the PSFs of a file in place of those of their lenses.
+    pub(super) fn with_psfs(self, path: &Path) -> Result<Self, JobError> {
+        Ok(Self { setup: self.setup.having_psfs(given_psfs::bank(path)?)?, ..self })
     }
 
     /// Makes the cameras from the files of the run.

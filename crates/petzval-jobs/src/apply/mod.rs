@@ -33,6 +33,9 @@ pub struct Request {
     pub images: Vec<PathBuf>,
     /// Names of cameras of the run; all that are finished if empty.
     pub cameras: Vec<String>,
+    /// PSFs in place of those of each camera's lens: the folder of results of `psf` or `psf-calibrate`, or its `psf.json`. They form the images of
+    /// photographs. Development and restoration know them, also those of raw frames; the network stays as it was trained.
+    pub psfs: Option<PathBuf>,
     /// How a photograph lands on the sensor.
     pub place: Place,
     /// Seed of the noise.
@@ -51,6 +54,7 @@ impl Default for Request {
             run: PathBuf::new(),
             images: Vec::new(),
             cameras: Vec::new(),
+            psfs: None,
             place: Place::default(),
             seed: crate::usual::seed(),
             out: PathBuf::from("applied"),
@@ -104,6 +108,10 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let stems = stems(&request.images)?;
     let chosen =
         Chosen::new(&request.run, &request.cameras, &request.device, &request.accept_changed, context)?;
+    let chosen = match &request.psfs {
+        Some(path) => chosen.with_psfs(path)?,
+        None => chosen,
+    };
     let read_files = chosen.setup.task.read_files();
     let files: Vec<String> =
         stems.iter().flat_map(|stem| files_of(stem, &chosen.names, read_files)).collect();

@@ -177,7 +177,7 @@ fn joint_psfs_waves() -> Result<Prepared, JobError> {
 }
 
 fn joint_psfs_of(kind: PsfKind, how: &str) -> Result<Prepared, JobError> {
-    let (lens, config) = (nominal()?, PsfConfig { kind, ..PsfConfig::default() });
+    let (lens, config) = (nominal()?, PsfConfig { kind: kind.into(), ..PsfConfig::default() });
     let plan = config.plan(&built_in_assets().sensor("imx249-fitted")?, config.pupil_cells)?;
     let work = format!(
         "{} fields x RGB, {} x {}, {how}, and back to every number of the lens",

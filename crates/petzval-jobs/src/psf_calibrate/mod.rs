@@ -6,17 +6,18 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use petzval_base::{FileError, write_whole};
+use petzval_camera::image::CHANNELS;
 use petzval_camera::psf::PsfBank;
 use petzval_camera::sensor::SensorModel;
 use petzval_design::assets::Assets;
 use petzval_design::error::DesignError;
 use petzval_design::library::Library;
 use petzval_design::path_text::path_text;
-use petzval_files::npy_bytes;
+use petzval_files::psf_file::{AXES_FILE, Channel, PsfAxes, PsfFile, PsfOrigin, write_psfs};
+use petzval_files::{FloatType, npy_bytes};
 use petzval_lab::psf_calibration::compare::{Comparison, compare};
 use petzval_lab::psf_calibration::estimate::{FieldEstimate, Place, estimate_bank};
 use petzval_lab::psf_calibration::measure::check_mosaic;
-use petzval_lab::psf_calibration::psf_file::save_psfs;
 use petzval_lab::psf_calibration::{
     CROP, CalibratedPosition, Manifest, PsfCalibrationError, calibrate_position, read_manifest,
 };
@@ -41,8 +42,8 @@ pub use petzval_lab::psf_calibration::held_out::HeldOutBy;
 /// Captures of a pinhole from which to measure PSFs.
 ///
 /// Files: `calibration.json`, all figures; `psf-calibration.html`, a page to look at; `psf-calibration.png`, all PSFs on a
-/// sheet; `measured.npy`, float64 `[position, channel, row, column]`; `psfs.toml` and `psfs.npy`, the bank of PSFs for the
-/// renderer.
+/// sheet; `measured.npy`, float64 `[position, channel, row, column]`; `psf.json`, `psf.npy` (float32) and `illumination.npy`, the bank of PSFs,
+/// which `simulate`, `apply`, `evaluate` and experiments take.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Request {
@@ -102,6 +103,22 @@ pub struct Measurement {
 }
 
 impl Measurement {
+    /// The bank as its files hold it.
+    pub fn file(&self) -> PsfFile {
+        let PsfBank { field_radius_mm, grid, pitch_um, values, illumination } = &self.bank;
+        PsfFile {
+            axes: PsfAxes {
+                source: format!("measured: {}", self.calibration.captures),
+                kind: Some(PsfOrigin::Measured),
+                channels: Channel::RGB.to_vec(),
+                ..PsfAxes::new(*pitch_um, field_radius_mm.clone())
+            },
+            shape: [field_radius_mm.len(), CHANNELS, *grid, *grid],
+            values: values.iter().map(|value| f64::from(*value)).collect(),
+            illumination: illumination.iter().map(|light| f64::from(*light)).collect(),
+        }
+    }
+
     /// Pixels a side of a measured PSF.
     pub const CROP: usize = CROP;
 
@@ -125,7 +142,11 @@ pub fn measurement(request: &Request, context: &Context) -> Result<Measurement, 
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let captured = Captured::read(request)?;
     let out = request.out.clone().unwrap_or_else(|| request.captures.join("psf-calibration"));
-    check_folder(&out, ["calibration.json", "psf-calibration.png", "psf-calibration.html"], context)?;
+    check_folder(
+        &out,
+        ["calibration.json", "psf-calibration.png", "psf-calibration.html", AXES_FILE],
+        context,
+    )?;
     let measurement = captured.measured(request, context)?;
     keep(&measurement, &out, context)?;
     Ok(Response { out, figures: measurement.figures })
@@ -330,14 +351,15 @@ pub fn keep(measurement: &Measurement, out: &Path, context: &Context) -> Result<
         context.wrote(path, what);
         Ok(())
     };
-    let Measurement { bank, figures, calibration } = measurement;
+    let Measurement { figures, calibration, .. } = measurement;
     let shape = [calibration.positions.len() as u64, 3, CROP as u64, CROP as u64];
     let npy = npy_bytes(&shape, &measurement.values())
         .map_err(|e| JobError::failed(format!("measured.npy: {e}")))?;
     write("measured.npy", "PSFs", &npy)?;
     write("psf-calibration.png", "picture", &sheet_png(calibration))?;
     write("psf-calibration.html", "page", page(calibration).as_bytes())?;
-    save_psfs(bank, &format!("measured: {}", calibration.captures), out)?;
-    context.wrote(out.join("psfs.toml"), "PSFs");
+    for path in write_psfs(&measurement.file(), out, FloatType::Float32)? {
+        context.wrote(path, "PSFs");
+    }
     write("calibration.json", "figures", json(figures)?.as_bytes())
 }

@@ -19,7 +19,7 @@ use crate::pixels::{check_picture, check_psfs};
 pub struct InMemory<'a> {
     /// Photographs by name: three planes in linear light, 1 is white. `images` of the request lists the names, beside scenes and files.
     pub photos: &'a [(&'a str, &'a LinearImage)],
-    /// PSFs in place of those of the lens. As with measured PSFs, no distortion is rendered.
+    /// PSFs in place of those of the lens. No distortion is rendered.
     pub psfs: Option<&'a PsfBank>,
 }
 

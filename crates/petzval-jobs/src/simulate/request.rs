@@ -57,7 +57,7 @@ petzval_base::parameters! {
         images: Vec<PathBuf> = Vec::new();
         /// Lens: a built-in name, the path of a file, or the lens itself.
         lens: LensInput = crate::usual::lens().into();
-        /// Measured PSFs in place of the lens: the results of `psf-calibrate`.
+        /// PSFs in place of those of the lens: the folder of results of `psf` or `psf-calibrate`, or its `psf.json`.
         psfs: Option<PathBuf> = None;
         /// Sensor: a built-in name, the path of a file, or the sensor itself.
         sensor: SensorInput = crate::usual::sensor().into();

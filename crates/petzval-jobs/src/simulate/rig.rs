@@ -1,6 +1,5 @@
 //! The rig of a simulation: PSFs in front of a sensor, and the cameras made of them.
 
-use std::path::Path;
 use std::sync::Arc;
 
 use petzval_camera::develop::LinearIsp;
@@ -16,9 +15,6 @@ use petzval_design::camera::{Body, Camera, Labels, PsfSource, Psfs, Shot};
 use petzval_design::error::DesignError;
 use petzval_design::experiment::PsfConfig;
 use petzval_design::lens::psf_plan::PsfPlan;
-use petzval_lab::psf_calibration::PsfCalibrationError;
-use petzval_lab::psf_calibration::manifest::MANIFEST_FILE;
-use petzval_lab::psf_calibration::psf_file::{AXES_FILE, load_psfs};
 use petzval_learn::Device;
 use petzval_optics::lens::Lens;
 use petzval_optics::psf::PerfectImage;
@@ -28,6 +24,7 @@ use super::request::Request;
 use crate::context::Context;
 use crate::error::JobError;
 use crate::event::WarningKind;
+use crate::given_psfs;
 use crate::named_isp::{NamedIsp, isp_by_name};
 use crate::range::check_ranges;
 
@@ -57,13 +54,13 @@ pub struct Rig {
     psfs: Arc<Psfs>,
     /// The image signal processor whose picture is wanted, too.
     pub chip: Option<NamedIsp>,
-    /// The lens and how its PSFs are traced; none behind measured PSFs.
+    /// The lens and how its PSFs are traced; none behind given PSFs.
     pub traced: Option<(Lens, PsfPlan)>,
 }
 
 impl Rig {
     /// The rig of a request, with PSFs in place of those of its lens if there are any; every setting is checked before a lens is traced.
-    pub fn new(request: &Request, given: Option<&PsfBank>, context: &Context) -> Result<Self, JobError> {
+    pub fn new(request: &Request, in_memory: Option<&PsfBank>, context: &Context) -> Result<Self, JobError> {
         let sensor = request.sensor.read(&context.assets)?;
         if sensor.height.saturating_mul(sensor.width) > MOST_PIXELS {
             return Err(JobError::input(
@@ -110,9 +107,18 @@ impl Rig {
         // As cameras are scored: fields, wavelengths, grids and patches of an experiment by default.
         let psf = PsfConfig::default();
         let coarse = psf.geometry(&sensor);
-        let (source, traced) = match (given, &request.psfs) {
-            (Some(bank), _) => (PsfSource::Measured(bank.clone()), None),
-            (None, Some(path)) => (PsfSource::Measured(measured(path)?), None),
+        // The distortion of given PSFs, where their file has it.
+        let mut distortion = None;
+        let given = |bank: Arc<PsfBank>| PsfSource::Given { bank, lens: None };
+        let (source, traced) = match (in_memory, &request.psfs) {
+            (Some(bank), _) => (given(Arc::new(bank.clone())), None),
+            (None, Some(path)) => {
+                let file = given_psfs::read(path)?;
+                if !request.no_distortion {
+                    distortion = file.distortion().map_err(given_psfs::in_file(path))?;
+                }
+                (given(Arc::new(file.for_cameras().map_err(given_psfs::in_file(path))?)), None)
+            }
             (None, None) => {
                 let lens = request.lens.read(&context.assets)?.lens;
                 let plan = psf.plan(&sensor, psf.scoring_pupil_cells)?.with_fields(psf.scoring_fields);
@@ -143,10 +149,9 @@ impl Rig {
             ));
         }
         let border = kernel_radius(&geometry, &psfs.bank().layout()).map_err(DesignError::from)?;
-        let distortion = match &traced {
-            Some((lens, plan)) if !request.no_distortion => Some(plan.distortion(lens)?),
-            _ => None,
-        };
+        if let Some((lens, plan)) = traced.as_ref().filter(|_| !request.no_distortion) {
+            distortion = Some(plan.distortion(lens)?);
+        }
         let frame = match &distortion {
             Some(distortion) => distortion.ideal_frame(&geometry).map_err(DesignError::from)?,
             None => (sensor.height, sensor.width),
@@ -245,31 +250,6 @@ fn window(request: &Request, sensor: &SensorModel) -> Result<Window, JobError> {
             format!("--size {height}x{width}: no part of the sensor that can be developed"),
             format!("rows x columns, from a tile of the filter array to {}x{}", whole.0, whole.1),
         )
-    })
-}
-
-/// The PSFs that --psfs names. For captures, the error explains how to measure PSFs from them.
-fn measured(path: &Path) -> Result<PsfBank, JobError> {
-    let (results, list) = (path.join("psf-calibration"), path.join(MANIFEST_FILE));
-    if list.is_file() && !path.join(AXES_FILE).is_file() {
-        let hint = if results.join(AXES_FILE).is_file() {
-            format!("the PSFs that were measured from them are in {}", results.display())
-        } else {
-            format!("run `petzval psf-calibrate {}` first, then give {}", path.display(), results.display())
-        };
-        return Err(JobError::input(
-            format!("--psfs {}: these are captures, not PSFs", path.display()),
-            hint,
-        ));
-    }
-    load_psfs(path).map_err(|error| match error {
-        PsfCalibrationError::Io { path, error } if error.kind() == std::io::ErrorKind::NotFound => {
-            JobError::input(
-                format!("--psfs: {}: {error}", path.display()),
-                "give a folder of results of `petzval psf-calibrate`, or its psfs.toml",
-            )
-        }
-        other => other.into(),
     })
 }
 

@@ -7,6 +7,7 @@ mod lens_mtf;
 mod measuring;
 mod one_development;
 mod pinhole_captures;
+mod psf_files;
 mod schema_check;
 mod schemas;
 mod table;

@@ -130,7 +130,7 @@ fn photographs_psfs_and_raw_frames_in_memory_give_what_their_files_give() {
     let response = psf_calibrate::run(&calibrate, &context()).unwrap();
     assert_eq!(response.figures, measured.figures);
     assert_eq!(npy::<f64>(&results.join("measured.npy")), measured.values());
-    assert_eq!(npy::<f32>(&results.join("psfs.npy")), measured.bank.values);
+    assert_eq!(npy::<f32>(&results.join("psf.npy")), measured.bank.values);
 
     // A photograph through the measured PSFs: both from files, and both from memory.
     let photo = folder.path().join("photo.png");

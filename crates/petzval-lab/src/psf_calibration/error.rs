@@ -10,7 +10,7 @@ use petzval_files::raw_file::RawFileError;
 /// Why captures could not be read, or hold no PSF.
 #[derive(Debug, thiserror::Error)]
 pub enum PsfCalibrationError {
-    /// The manifest, or a file of measured PSFs, is wrong.
+    /// The manifest is wrong.
     #[error("{}: {error}", path.display())]
     File {
         /// The file.
@@ -148,14 +148,6 @@ pub enum PsfCalibrationError {
     /// The measured PSFs make no bank.
     #[error("measured PSFs: {0}")]
     Bank(#[from] PsfError),
-    /// The numbers and the axes of a file of PSFs disagree.
-    #[error("{}: {reason}", path.display())]
-    Values {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong.
-        reason: String,
-    },
 }
 
 impl PsfCalibrationError {

@@ -18,7 +18,6 @@
 //! | comparison of measured and simulated PSFs | [`compare`] |
 //! | one measured place of the source | [`place`] |
 //! | PSFs on fine cells from several azimuths, for the renderer; how well they predict | [`estimate`], [`held_out`], [`register`] |
-//! | a bank of PSFs as files | [`psf_file`] |
 //! | frames of a simulated source, and the spectrum of its diode | [`capture`], [`led`] |
 //! | a folder of captures from its manifest to measured PSFs | [`folder`] |
 //!
@@ -41,7 +40,6 @@ pub mod manifest;
 pub mod measure;
 pub mod merge;
 pub mod place;
-pub mod psf_file;
 pub mod register;
 mod spots;
 pub mod track;

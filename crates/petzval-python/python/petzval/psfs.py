@@ -5,13 +5,14 @@ from __future__ import annotations
 import base64
 import html
 import json
+import math
 import os
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from . import _petzval
 from ._errors import InputError, Place, setting
@@ -25,12 +26,40 @@ if TYPE_CHECKING:
 __all__ = ["PsfBank", "psf"]
 
 Array = NDArray[np.float64]
-Kind = Literal["geometric", "diffraction"]
+Kind = Literal["geometric", "diffraction", "measured", "other"]
+Traced = Literal["geometric", "diffraction"]
+Channel = Literal["red", "green", "blue"]
+
+
+def _array(name: str, value: ArrayLike, axes: tuple[str, ...]) -> Array:
+    """An argument as an array of these axes."""
+    hint = f"give numbers, [{', '.join(axes)}]"
+    try:
+        array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name}: {error}", place=Place(key=name), hint=hint) from error
+    if array.ndim != len(axes):
+        place = Place(key=name, value=f"of shape {array.shape}")
+        raise InputError(f"{name}: shape {array.shape}", place=place, hint=hint)
+    return array
+
+
+def _json(axes: dict[str, Any]) -> str:
+    """Axes as JSON, which has no number that is not finite."""
+    for key, value in axes.items():
+        for number in value if isinstance(value, list) else [value]:
+            if isinstance(number, float) and not math.isfinite(number):
+                place = Place(key=key, value=str(number))
+                raise InputError(f"{key} {number}: not finite", place=place, hint="give finite numbers")
+    try:
+        return json.dumps(axes)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"the axes of the PSFs: {error}", hint="give numbers and texts") from error
 
 
 @dataclass(frozen=True, repr=False)
 class PsfBank:
-    """PSFs of a lens by field and wavelength.
+    """PSFs by field and wavelength: of a lens, measured, or made elsewhere.
 
     Attributes:
         values: ``[field, wavelength, y, x]``; each PSF has unit sum. y grows away from the axis; the chief ray of the reference wavelength lands
@@ -41,10 +70,14 @@ class PsfBank:
         wavelengths_um: Wavelengths, um, ``[wavelength]``.
         pitch_um: Size of a cell, um.
         captured: Share of the light that falls inside the grid, ``[field, wavelength]``.
-        kind: ``"geometric"`` (rays) or ``"diffraction"`` (waves).
+        kind: ``"geometric"`` (rays), ``"diffraction"`` (waves), ``"measured"`` or ``"other"``.
         pupil_cells: Cells a side of the pupil on which the PSFs were computed.
         pupil_error: Error by these cells: sum of absolute differences of a PSF of unit sum; 0 of waves.
         lens: Name of the lens.
+        channels: The colour of a camera for which each wavelength stands; empty where that is not said.
+        source: Where the PSFs come from, in words.
+        rotationally_symmetric: Whether the PSFs of other azimuths are these, turned: only then a camera takes them.
+        image_scale_mm: Image height per tangent of the field near the axis, mm, by which cameras know the distortion; NaN if it is not known.
     """
 
     values: Array
@@ -58,6 +91,10 @@ class PsfBank:
     pupil_cells: int
     pupil_error: float
     lens: str
+    channels: tuple[Channel, ...] = ()
+    source: str = ""
+    rotationally_symmetric: bool = True
+    image_scale_mm: float = float("nan")
 
     @property
     def field_radius_mm(self) -> Array:
@@ -89,36 +126,156 @@ class PsfBank:
         attrs = {"lens": self.lens, "kind": self.kind, "pitch_um": self.pitch_um}
         return xarray.DataArray(self.values, dims=dims, coords=coords, name="psf", attrs=attrs)
 
-    def save(self, folder: str | os.PathLike[str]) -> None:
-        """Writes ``psf.json`` and arrays as ``.npy`` into a folder, as ``petzval psf`` does and `load` reads.
+    @classmethod
+    def of(
+        cls,
+        values: ArrayLike,
+        *,
+        pitch_um: float,
+        field_radius_mm: ArrayLike,
+        illumination: ArrayLike | None = None,
+        fields_deg: ArrayLike | None = None,
+        wavelengths_um: ArrayLike | None = None,
+        channels: Sequence[Channel] | None = None,
+        kind: Kind = "other",
+        source: str = "",
+    ) -> PsfBank:
+        """A bank of PSFs that were measured or computed elsewhere, of a rotationally symmetric lens.
+
+        The PSFs are those of points on the +y axis of the image: rows run along y, away from the axis, and columns along x. The image point is
+        in the middle of the grid, and cells hold the light that falls on them. PSFs that were measured in pixels are integrated over them already;
+        a camera would blur them twice.
+
+        Args:
+            values: ``[field, wavelength, y, x]``, square, 0 or more. Each PSF is divided by its sum.
+            pitch_um: Size of a cell, um, 1e-6 to 1000.
+            field_radius_mm: Distance from the axis at which each field is imaged, mm, ``[field]``. Cameras need one at 0.
+            illumination: Relative illumination, 1 on the axis, ``[field, wavelength]``; 1 everywhere if left out.
+            fields_deg: Field angles, degrees, ``[field]``; unknown (NaN) if left out.
+            wavelengths_um: Wavelengths, um, ``[wavelength]``; unknown (NaN) if left out.
+            channels: The colour for which each wavelength stands. Without it cameras take the longest of three wavelengths for red; one stands for
+                all colours.
+            kind: How they were made.
+            source: Where they come from, in words.
 
         Raises:
-            InputError: A part of the folder is there already and is no folder.
+            InputError: Shapes disagree, a number is out of its range, or a PSF has no light.
         """
-        folder = Path(folder)
+        psfs = _array("values", values, ("field", "wavelength", "y", "x"))
+        radius = _array("field_radius_mm", field_radius_mm, ("field",))
+        if (radius < 0.0).any():
+            place = Place(key="field_radius_mm", value=str(radius.min()))
+            raise InputError(f"field_radius_mm {radius.min()}: no distance", place=place, hint="in mm, 0 on the axis")
+        fields, colours = psfs.shape[:2]
+        unknown = np.full(fields, np.nan), np.full(colours, np.nan)
+        bank = cls(
+            values=psfs,
+            illumination=np.ones((fields, colours))
+            if illumination is None
+            else _array("illumination", illumination, ("field", "wavelength")),
+            fields_deg=unknown[0] if fields_deg is None else _array("fields_deg", fields_deg, ("field",)),
+            chief_mm=np.stack([np.zeros_like(radius), radius], axis=-1),
+            wavelengths_um=unknown[1] if wavelengths_um is None else _array("wavelengths_um", wavelengths_um, ("wavelength",)),
+            pitch_um=pitch_um,
+            captured=np.full((fields, colours), np.nan),
+            kind=kind,
+            pupil_cells=0,
+            pupil_error=0.0,
+            lens="",
+            channels=tuple(channels or ()),
+            source=source,
+        )
+        with watch() as watching:
+            normalised, light = _petzval.psfs_of(bank._axes(), bank.values, bank.illumination, watching)
+        return replace(bank, values=normalised, illumination=light)
+
+    def save(self, folder: str | os.PathLike[str], *, dtype: DTypeLike = np.float64) -> None:
+        """Writes ``psf.json``, ``psf.npy`` and ``illumination.npy`` into a folder, as ``petzval psf`` does.
+
+        `load` reads the folder, and so do ``simulate``, ``apply``, ``evaluate`` (``psfs`` of their requests) and experiments
+        (``[psf] kind = "file"``).
+
+        Args:
+            folder: The folder; it is made if it does not exist.
+            dtype: Precision of the PSFs: ``float16``, ``float32`` or ``float64``.
+
+        Raises:
+            InputError: The bank has a fault, or nothing can be written there.
+        """
         try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            place = Place(path=folder, key="folder")
-            raise InputError(f"{folder}: {error.strerror}", place=place, hint="name a folder that can be made") from error
-        axes = {
-            "lens": self.lens,
-            "axes": ["field", "wavelength", "row", "column"],
-            "field_deg": self.fields_deg.tolist(),
-            "field_radius_mm": self.field_radius_mm.tolist(),
-            "chief_ray_x_mm": self.chief_mm[:, 0].tolist(),
-            "chief_ray_y_mm": self.chief_mm[:, 1].tolist(),
-            "wavelengths_um": self.wavelengths_um.tolist(),
-            "pitch_um": self.pitch_um,
-            "kind": self.kind,
-            "pupil_cells": self.pupil_cells,
-            "pupil_error": self.pupil_error,
-            "row_axis": "y, away from the axis",
-            "captured": self.captured.tolist(),
+            precision = np.dtype(dtype).name
+        except TypeError as error:
+            place = Place(key="dtype", value=str(dtype))
+            raise InputError(f"dtype {dtype!r}: {error}", place=place, hint="numpy.float16, float32 or float64") from error
+        with watch() as watching:
+            _petzval.psfs_save(os.fspath(folder), self._axes(), self.values, self.illumination, precision, watching)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> PsfBank:
+        """Reads a bank: a folder that ``petzval psf``, ``petzval psf-calibrate`` or `save` wrote, or its ``psf.json``.
+
+        What the file does not say is NaN, 0 or empty. ``psfs.toml`` of earlier versions is read, too.
+
+        Raises:
+            InputError: A file has a defect, which is named with file, key and value.
+        """
+        with watch() as watching:
+            text, (values, illumination) = _petzval.psfs_load(os.fspath(path), watching)
+        axes = json.loads(text)
+        fields, colours = values.shape[:2]
+        radius = np.array(axes["field_radius_mm"], dtype=np.float64)
+
+        def known(key: str, otherwise: Array) -> Array:
+            return np.array(axes[key], dtype=np.float64) if key in axes else otherwise
+
+        y = known("chief_ray_y_mm", radius)
+        return cls(
+            values=values,
+            illumination=illumination,
+            fields_deg=known("field_deg", np.full(fields, np.nan)),
+            chief_mm=np.stack([known("chief_ray_x_mm", np.zeros(fields)), y], axis=-1),
+            wavelengths_um=known("wavelengths_um", np.full(colours, np.nan)),
+            pitch_um=axes["pitch_um"],
+            captured=known("captured", np.full((fields, colours), np.nan)),
+            kind=axes.get("kind", "other"),
+            pupil_cells=axes.get("pupil_cells", 0),
+            pupil_error=axes.get("pupil_error", 0.0),
+            lens=axes.get("lens", ""),
+            channels=tuple(axes.get("channels", ())),
+            source=axes.get("source", ""),
+            rotationally_symmetric=axes["rotationally_symmetric"],
+            image_scale_mm=axes.get("image_scale_mm", float("nan")),
+        )
+
+    def _axes(self) -> str:
+        """The axes as in ``psf.json``; what is not known is left out."""
+        lists = {
+            "field_radius_mm": self.field_radius_mm,
+            "chief_ray_x_mm": self.chief_mm[:, 0],
+            "chief_ray_y_mm": self.chief_mm[:, 1],
+            "field_deg": self.fields_deg,
+            "wavelengths_um": self.wavelengths_um,
+            "captured": self.captured,
         }
-        np.save(folder / "psf.npy", self.values)
-        np.save(folder / "illumination.npy", self.illumination)
-        (folder / "psf.json").write_text(json.dumps(axes, indent=2) + "\n", encoding="utf-8")
+        needed = {"field_radius_mm", "chief_ray_x_mm", "chief_ray_y_mm"}
+        axes: dict[str, Any] = {
+            "format": "petzval-psfs",
+            "version": 1,
+            "lens": self.lens,
+            "source": self.source,
+            "kind": self.kind,
+            "pitch_um": self.pitch_um,
+            "rotationally_symmetric": self.rotationally_symmetric,
+            "row_axis": "y, away from the axis" if self.rotationally_symmetric else "y",
+            "channels": list(self.channels),
+            "pupil_error": self.pupil_error,
+        }
+        axes |= {key: of.tolist() for key, of in lists.items() if key in needed or not np.isnan(of).all()}
+        if self.pupil_cells > 0:
+            axes["pupil_cells"] = self.pupil_cells
+        if not np.isnan(self.image_scale_mm):
+            axes["image_scale_mm"] = self.image_scale_mm
+        return _json(axes)
 
     def picture_png(self, *, fields: int = 7, cells: int = 128) -> bytes:
         """The PSFs as a PNG: a column a field, a row a wavelength; three wavelengths are shown in colour and together, too.
@@ -151,7 +308,7 @@ class PsfBank:
 
     def __repr__(self) -> str:
         fields, colours, cells, _ = self.values.shape
-        return f"<PsfBank of {self.lens!r}: {fields} fields, {colours} wavelengths, {cells} cells of {self.pitch_um:g} um, {self.kind}>"
+        return f"<PsfBank of {self.lens or self.source!r}: {fields} fields, {colours} wavelengths, {cells} cells of {self.pitch_um:g} um, {self.kind}>"
 
 
 def psf(
@@ -161,7 +318,7 @@ def psf(
     wavelengths_um: ArrayLike | None = None,
     grid: int = 64,
     pitch_um: float = 1.0,
-    kind: Kind = "geometric",
+    kind: Traced = "geometric",
     pupil_cells: int = 64,
     pupil_error: float = 0.02,
     progress: Progress = False,
@@ -189,4 +346,19 @@ def psf(
     plan = _petzval.PsfPlan(fields, colours, grid, pitch_um, kind, pupil_cells)
     with watch(progress, cancel) as watching:
         values, illumination, chief_mm, captured, cells, error = plan.of_lens(lens._core, pupil_error, watching)
-    return PsfBank(values, illumination, fields, chief_mm, colours, pitch_um, captured, kind, cells, error, lens.name)
+    scale_mm = _petzval.image_scale_mm(lens._core)
+    return PsfBank(
+        values,
+        illumination,
+        fields,
+        chief_mm,
+        colours,
+        pitch_um,
+        captured,
+        kind,
+        cells,
+        error,
+        lens.name,
+        rotationally_symmetric=_petzval.is_rotationally_symmetric(lens._core),
+        image_scale_mm=float("nan") if scale_mm is None else scale_mm,
+    )

@@ -28,6 +28,10 @@ pub struct Args {
     /// Camera of the run; may be repeated [default: all that are finished]
     #[arg(long, value_name = "NAME")]
     camera: Vec<String>,
+    /// PSFs in place of those of each camera's lens: a folder that psf or psf-calibrate wrote, or its psf.json. They form the images of
+    /// photographs; development and restoration know them, also those of raw frames
+    #[arg(long, value_name = "PATH")]
+    psfs: Option<PathBuf>,
     /// How a photograph lands on the sensor
     #[arg(long, value_enum, default_value = word(Request::default().place))]
     place: Place,
@@ -54,6 +58,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
         run: args.run,
         images: args.images,
         cameras: args.camera,
+        psfs: args.psfs,
         place: args.place.into(),
         seed: args.seed,
         out: args.out,

@@ -41,6 +41,10 @@ pub struct Args {
     /// Take PSFs by rays (geometric) or by waves (diffraction), in place of those of the run
     #[arg(long, value_enum, value_name = "KIND", hide_possible_values = true, conflicts_with = "tolerances")]
     psf: Option<Kind>,
+    /// Take these PSFs in place of those of each camera's lens: a folder that psf or psf-calibrate wrote, or its psf.json. They form the images;
+    /// development and restoration know them. Spots and fields of view are those of the lens
+    #[arg(long, value_name = "PATH", conflicts_with_all = ["psf", "tolerances"])]
+    psfs: Option<PathBuf>,
     /// Make cameras at random: a tolerance file, or a grade: default (precision), commercial, precision or high
     #[arg(long, value_name = "FILE|GRADE")]
     tolerances: Option<PathBuf>,
@@ -89,6 +93,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
         data: args.data,
         accept_changed: args.accept_changed,
         psf: args.psf.map(Into::into),
+        psfs: args.psfs,
         made,
     };
     let response = evaluate::run(&request, &terminal.context().with_cancellation(signals::end_on_signal()?))?;

@@ -32,7 +32,8 @@ impl From<Kind> for PsfKind {
 /// Write the PSFs of a lens, per field and wavelength.
 ///
 /// Files: psf.npy is float64 [field, wavelength, row, column], each PSF of unit sum and centred on the chief ray; illumination.npy is
-/// float64 [field, wavelength]. psf.png is a picture of all PSFs with fields, wavelengths and a scale bar. psf.json holds the axes.
+/// float64 [field, wavelength]. psf.png is a picture of all PSFs with fields, wavelengths and a scale bar. psf.json holds the axes. simulate,
+/// apply and evaluate take the folder by --psfs, experiments by psf.kind = "file".
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Lens file, or a built-in name

@@ -22,8 +22,8 @@ use super::terminal::{Terminal, print_json};
 /// Other mosaics are refused.
 ///
 /// Files: calibration.json, all figures; psf-calibration.html, a page with tables and pictures; psf-calibration.png,
-/// all PSFs; measured.npy, float64 [position, channel, row, column]; psfs.toml and psfs.npy, for `simulate --psfs` in
-/// place of a traced lens.
+/// all PSFs; measured.npy, float64 [position, channel, row, column]; psf.json, psf.npy and illumination.npy, for
+/// `simulate --psfs` in place of a traced lens.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Folder of captures, with captures.toml

@@ -114,8 +114,8 @@ pub struct Args {
     /// Lens file, or a built-in name
     #[arg(long, default_value = word(Request::default().lens))]
     lens: String,
-    /// Measured PSFs in place of the lens: the results of psf-calibrate (a folder, or its psfs.toml). They include the
-    /// relative illumination. Clear pixels receive the three planes of a picture, each spread by its PSF, in the
+    /// PSFs in place of the lens: a folder that psf or psf-calibrate wrote, or its psf.json (psfs.toml of earlier versions). They include the
+    /// relative illumination, and distortion where the file has it: that of psf does. Clear pixels receive the three planes of a picture, each spread by its PSF, in the
     /// mixture of the sensor's clear_response
     #[arg(long, value_name = "PATH", conflicts_with = "lens")]
     psfs: Option<PathBuf>,

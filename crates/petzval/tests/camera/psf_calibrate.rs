@@ -125,7 +125,7 @@ fn a_monochrome_sensor_is_measured_and_a_binned_one_refused() {
     }
     // A second time gives the same bits, and other threads do too.
     run_ok(at, &["psf-calibrate", "captures", "--lens", LENS, "--out", "again", "--threads", "1"]);
-    for file in ["calibration.json", "psfs.npy", "psfs.toml", "psf-calibration.png"] {
+    for file in ["calibration.json", "psf.npy", "psf.json", "illumination.npy", "psf-calibration.png"] {
         let read = |out: &str| std::fs::read(at.join(out).join(file)).unwrap();
         assert!(read("psfs") == read("again"), "{file} differs");
     }
@@ -209,22 +209,25 @@ fn damaged_measured_psfs_are_refused() {
     run_ok(at, &["psf-calibrate", "captures", "--out", "psfs"]);
     let photo = data("photos/coffee.png").display().to_string();
     let simulate = ["simulate", &photo, "--psfs", "psfs", "--out", "never"];
-    let axes = at.join("psfs/psfs.toml");
+    let axes = at.join("psfs/psf.json");
     let good = std::fs::read_to_string(&axes).unwrap();
-    for (from, to, needle) in [
-        ("grid = 69", "grid = 68", "psfs.npy: holds"),
-        ("grid = 69", "grid = 0", "grid"),
-        ("pitch_um = ", "pitch_um = 1e300 #", "`pitch_um = 1e300`"),
-        ("grid = 69", "grid = 4294967296", "too many values"),
-        ("field_radius_mm = [0.0", "field_radius_mm = [0.5", "radii start at 0"),
-        ("values = ", "value = ", "`value = "),
-        ("psfs.npy", "none.npy", "none.npy"),
+    for (from, to, needles) in [
+        ("\"pitch_um\": ", "\"pitch_um\": 1e300, \"x\": ", &["psf.json", "`x`: no such key here"][..]),
+        ("\"pitch_um\": ", "\"pitch_um\": -", &["psf.json", "`pitch_um = -", "not between"]),
+        (
+            "\"field_radius_mm\": [\n    0.0",
+            "\"field_radius_mm\": [\n    0.5",
+            &["`field_radius_mm = 0.5`", "no field lies on the axis"],
+        ),
+        ("\"version\": 1", "\"version\": 9", &["`version`", "younger"]),
+        ("\"psf.npy\"", "\"none.npy\"", &["none.npy"]),
     ] {
+        assert!(good.contains(from), "{good}");
         std::fs::write(&axes, good.replacen(from, to, 1)).unwrap();
-        run_fails(at, &simulate, 2, &[needle]);
+        run_fails(at, &simulate, 2, needles);
     }
     std::fs::write(&axes, &good).unwrap();
-    std::fs::write(at.join("psfs/psfs.npy"), b"\x93NUMPY\x01\x00").unwrap();
-    run_fails(at, &simulate, 2, &["psfs.npy"]);
+    std::fs::write(at.join("psfs/psf.npy"), b"\x93NUMPY\x01\x00").unwrap();
+    run_fails(at, &simulate, 2, &["psf.npy"]);
     run_fails(at, &["simulate", &photo, "--psfs", "nowhere.toml", "--out", "never"], 2, &["nowhere.toml"]);
 }

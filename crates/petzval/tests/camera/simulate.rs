@@ -84,7 +84,7 @@ fn what_cannot_be_read_is_named_and_nothing_is_written() {
         (&[&good, "cut.png"], ["cut.png: cannot decode", "it is cut off"]),
         (&[&good, "--psfs", "shots"], ["--psfs shots: these are captures", "petzval psf-calibrate shots"]),
         (&[&good, "--psfs", "done"], ["--psfs done: these are captures", "are in done/psf-calibration"]),
-        (&[&good, "--psfs", "none"], ["none", "results of `petzval psf-calibrate`"]),
+        (&[&good, "--psfs", "none"], ["none", "results of `petzval psf` or `petzval psf-calibrate`"]),
         (&["nowhere.png"], ["nowhere.png", "No such file"]),
         (&["twin"], ["twin", "folder"]),
         (&[&good, "twin/coffee.png"], ["twin/coffee.png: another image is called `coffee`", "--out"]),

@@ -4,9 +4,8 @@ use std::path::Path;
 
 use crate::common::*;
 use petzval::base::parameter::Parameters;
-use petzval::design::experiment::{Experiment, OpticsConfig, reference_markdown};
+use petzval::design::experiment::{Experiment, OpticsConfig, PsfsBy, reference_markdown};
 use petzval::design::task::Tasks;
-use petzval::jobs::psf::PsfKind;
 use serde_json::Value;
 
 fn schema(kind: &str) -> Value {
@@ -127,7 +126,7 @@ fn the_printed_configuration_is_complete_and_reads_back_to_the_same_experiment()
     let built_in = read(&data("experiments/cooke-triplet-image-quality.toml"));
     let mut built_in = Experiment::parse(&built_in).unwrap();
     built_in.name = "Camera design".to_owned();
-    assert_eq!(std::mem::replace(&mut built_in.psf.kind, PsfKind::Geometric), PsfKind::Diffraction);
+    assert_eq!(std::mem::replace(&mut built_in.psf.kind, PsfsBy::Geometric), PsfsBy::Diffraction);
     assert_eq!(Experiment::parse("").unwrap(), built_in);
 }
 

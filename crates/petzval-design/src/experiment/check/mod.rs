@@ -4,6 +4,7 @@ mod checked;
 mod classes;
 mod exposure;
 mod isp;
+mod psf;
 mod python;
 
 use petzval_base::FileError;
@@ -33,6 +34,8 @@ const RULES: &[Rule] = &[
     losses_have_a_weight,
     scores_are_named_once,
     grids_are_even,
+    psf::files_and_kinds,
+    psf::no_lens_moves,
 ];
 
 impl Experiment {

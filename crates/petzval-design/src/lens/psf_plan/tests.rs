@@ -69,7 +69,7 @@ fn a_field_of_which_no_wave_can_be_computed_is_refused_or_by_rays() {
     let same = (0..5)
         .filter(|f| mixed.bank.values[f * cells..][..cells] == all_rays.bank.values[f * cells..][..cells]);
     assert_eq!(same.count() as f64 / 5.0, mixed.by_rays());
-    let config = PsfConfig { kind: PsfKind::Diffraction, ..PsfConfig::default() };
+    let config = PsfConfig { kind: PsfsBy::Diffraction, ..PsfConfig::default() };
     assert!(config.rough_fields(mixed.by_rays()).unwrap().contains("% of the fields are by rays"));
     assert_eq!(config.rough_fields(0.0), None);
 }
@@ -97,7 +97,8 @@ fn a_perfect_lens_has_the_image_of_the_kind_unless_another_is_named() {
         petzval_optics::solve::thin_equivalent(&assets().lens("cooke-triplet-nominal").unwrap().lens);
     let sensor = assets().sensor("imx249-fitted").unwrap();
     let brightest = |kind: PsfKind, image: Option<PerfectImage>| {
-        let plan = PsfConfig { kind, fields: 2, ..PsfConfig::default() }.plan(&sensor, 32).unwrap();
+        let plan =
+            PsfConfig { kind: kind.into(), fields: 2, ..PsfConfig::default() }.plan(&sensor, 32).unwrap();
         let plan = PsfPlan { perfect_image: image.unwrap_or(plan.perfect_image), ..plan };
         plan.bank(&perfect).unwrap().values.iter().copied().fold(0.0, f32::max)
     };

@@ -97,7 +97,7 @@ pub(super) fn given_weights(
     };
     let drawn = kind.init(base_channels, levels, experiment.seed, device)?;
     if experiment.network.has_built_in_weights() {
-        let bytes = assets.bytes(experiment.network.built_in_file(experiment.psf.kind))?;
+        let bytes = assets.bytes(experiment.network.built_in_file(experiment.psf.kind.traced()))?;
         return Ok(drawn.with_weights(bytes).is_ok().then(|| bytes.to_vec()));
     }
     let bytes = petzval_base::read_whole(path).map_err(DesignError::io(path))?;

@@ -7,11 +7,11 @@ use petzval_camera::psf::PsfBank;
 use petzval_design::camera::optics_proxy::{
     FILES, OpticsFieldGap, OpticsGap, OpticsJudge, OpticsLosses, ProxyDomain, ProxyOptics, ProxyOpticsTrainer,
 };
+use petzval_design::experiment::PsfsBy;
 use petzval_design::lens::sampler::LensSampler;
 use petzval_design::setup::Setup;
 use petzval_files::optics_proxy_file::OpticsProxyFile;
 use petzval_files::write_lens;
-use petzval_optics::psf::PsfKind;
 use petzval_report::optics_proxy_sheet::{FieldGap, Gap as ShownGap, PsfRow, Sheet, page};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -123,8 +123,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     check_ranges(&plan.training)?;
     let device = context.device("cpu")?;
     let mut experiment = context.assets.experiment(&plan.experiment)?;
-    if experiment.psf.kind != PsfKind::Geometric {
-        experiment.psf.kind = PsfKind::Geometric;
+    if experiment.psf.kind != PsfsBy::Geometric {
+        experiment.psf.kind = PsfsBy::Geometric;
         context.note(
             "the network learns the PSFs of rays: experiments that use it have psf.kind = \"geometric\"",
         );
