@@ -467,7 +467,7 @@ impl Reader<'_> {
     }
 
     fn expect(&self, text: &ExpectText, lens: &Lens) -> Result<Expect, FileError> {
-        let one = |key: &str, text: &Option<ExpectedText>| {
+        let one = |key: &str, text: &Option<ExpectedText>| -> Result<Option<Expected>, FileError> {
             let read = |text: &ExpectedText| {
                 Ok(Expected {
                     value: self.finite(key, &text.value)?,
