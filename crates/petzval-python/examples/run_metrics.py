@@ -1,0 +1,34 @@
+"""A design, and its figures: scores as a table, losses as a plot. Needs pandas and Matplotlib."""
+
+# %% A short run of the main job; give the folder of a finished one in the command line.
+import sys
+
+import pandas as pd
+
+import petzval as pz
+
+folder = sys.argv[1] if len(sys.argv) > 1 else "run"
+if folder == "run":
+    changes = {"seed": 1, "steps": 20}
+    pz.jobs.run("design", {"run": {"new": {"experiment": "cooke-triplet-image-quality", "changes": changes, "out": folder}}})
+
+# %% One row a camera.
+run = pz.Run(folder)
+scores = pd.DataFrame(run.rows).set_index("camera")
+print(scores[["psnr_db", "ssim", "rms_spot_um"]].round(3).to_string())
+
+# %% Losses over the steps.
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+
+steps = pd.DataFrame([{"camera": e["variant"], "block": e["block"], "step": e["step"], **e["losses"]} for e in run.events() if e.get("losses")])
+figure, axes = plt.subplots(figsize=(7, 4))
+for (camera, block), part in steps[steps.block == "network"].groupby(["camera", "block"]):
+    loss = next(column for column in part.columns[3:] if part[column].notna().any())
+    axes.plot(range(len(part)), part[loss], label=f"{camera}: {loss}")
+axes.set(xlabel="step of the network", ylabel="loss", yscale="log")
+axes.legend()
+figure.savefig("losses.png", dpi=120)
+print(len(steps), "steps; losses.png is written")
