@@ -302,7 +302,7 @@ impl Cameras {
 /// The PSFs of a file as cameras take them.
 pub fn given_bank(path: &Path) -> Result<PsfBank, DesignError> {
     let bank = read_psfs(path)?.for_cameras();
-    bank.map_err(|fault| DesignError::input(&axes_file(path))(fault.into()))
+    bank.map_err(|fault| DesignError::input(&axes_file(path))(fault.in_file()))
 }
 
 /// By what the start of a variant is found.

@@ -33,7 +33,7 @@ pub(crate) fn bank(path: &Path) -> Result<Arc<PsfBank>, JobError> {
 
 /// What cameras cannot take of a file, as an error of the file.
 pub(crate) fn in_file(path: &Path) -> impl Fn(PsfFault) -> JobError {
-    move |fault| JobError::File { path: axes_file(path), error: Box::new(fault.into()) }
+    move |fault| JobError::File { path: axes_file(path), error: Box::new(fault.in_file()) }
 }
 
 impl From<PsfFileError> for JobError {

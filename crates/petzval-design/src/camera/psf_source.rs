@@ -53,7 +53,7 @@ pub struct Psfs {
 }
 
 enum Kind {
-    Traced { lens: Box<Lens>, plan: PsfPlan, traced: Box<BankWithTape> },
+    Traced { lens: Box<Lens>, plan: Box<PsfPlan>, traced: Box<BankWithTape> },
     Proxy { lens: Box<Lens>, predicted: Box<ProxyPsfs> },
     Given { bank: Arc<PsfBank>, lens: Option<Box<Lens>> },
 }
@@ -64,7 +64,7 @@ impl PsfSource {
         let kind = match self {
             Self::Traced { lens, plan } => {
                 let traced = Box::new(plan.trace(&lens)?);
-                Kind::Traced { lens, plan, traced }
+                Kind::Traced { lens, plan: Box::new(plan), traced }
             }
             Self::Proxy { lens, field_radius_mm, proxy } => {
                 let predicted = Box::new(proxy.psfs(&lens, &field_radius_mm)?);

@@ -33,11 +33,12 @@ pub struct PsfFault {
     pub hint: &'static str,
 }
 
-impl From<PsfFault> for FileError {
-    fn from(fault: PsfFault) -> Self {
-        let PsfFault { key, value, message, hint } = fault;
+impl PsfFault {
+    /// The fault as an error of the file of axes, at a key without a line.
+    pub fn in_file(self) -> FileError {
+        let Self { key, value, message, hint } = self;
         let (line, column) = (None, None);
-        Self { line, column, key: key.to_owned(), value, message, hint: Some(hint.to_owned()) }
+        FileError { line, column, key: key.to_owned(), value, message, hint: Some(hint.to_owned()) }
     }
 }
 
