@@ -118,7 +118,7 @@ pub fn psfs_save(
 
 /// Reads a bank: its axes as JSON, and its arrays.
 #[pyfunction]
-pub fn psfs_load(py: Python<'_>, path: PathBuf, watch: Watch<'_>) -> PyResult<(String, Arrays<'_>)> {
+pub fn psfs_load<'py>(py: Python<'py>, path: PathBuf, watch: Watch<'_>) -> PyResult<(String, Arrays<'py>)> {
     let (axes, bank) = watched(py, &watch, |_| {
         let bank = read_psfs(&path)?;
         Ok((json(&bank.axes)?, bank))

@@ -192,7 +192,7 @@ impl PyCameras {
         watch: Watch<'_>,
     ) -> PyResult<Seen<'py>> {
         let usual = Taking::default();
-        let place = place.map_or(Ok(usual.place), |name| place_named(name));
+        let place = place.map_or(Ok(usual.place), place_named);
         let place = place.map_err(|error| exception(py, &error))?;
         let taking = Taking { place, seed: seed.unwrap_or(usual.seed), frame };
         let given = picture.given(py)?;
