@@ -23,8 +23,8 @@ const PSFS: &str = "psfs";
 
 /// The inputs of a setup: one by one, and all of them in one digest.
 pub struct Inputs {
-    /// SHA-256 of all: the lens with its glasses, the sensor, the hardware ISP, the networks in place of tracing,
-    /// PSFs of a file and given weights of a network or a detector if there are any, and every photograph by name and content.
+    /// SHA-256 of all: the lens with its glasses, the sensor, and every photograph by name and content. With them, where there are any: the
+    /// hardware ISP, the networks in place of tracing, PSFs of a file, and given weights of a network or a detector.
     pub fingerprint: String,
     /// Each by its name.
     pub list: InputList,

@@ -1,5 +1,5 @@
-//! Requests and answers as they stand in the pipes of a worker: 16 bytes (`PTZG`, length of the header, length of the body), a header in JSON, and a body:
-//! arrays of 32-bit floats in the shapes of the header, then bytes. All numbers are little-endian.
+//! Requests and answers as they stand in the pipes of a worker: 16 bytes (`PTZG`, length of the header, length of the body), a header in JSON, and a body.
+//! The body has arrays of 32-bit floats in the shapes of the header, then bytes. All numbers are little-endian.
 
 use std::io::{self, Read, Write};
 
