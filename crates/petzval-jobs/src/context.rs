@@ -13,16 +13,10 @@ use petzval_learn::score::{Score, standard_scores};
 
 use crate::device;
 use crate::error::{JobError, Stopped};
-use crate::event::{Event, WarningKind};
+use crate::event::{Event, WarningKind, Watcher};
 use crate::guest::{Host, Workers};
 use crate::keys::InKeys;
 use crate::named_isp::external_isp;
-
-/// Receives what a job says while it works. The command prints it, a studio draws it.
-pub trait Watcher: Send + Sync {
-    /// Something happened. A job calls it from any of its threads.
-    fn event(&self, event: &Event);
-}
 
 /// A watcher that ignores everything.
 #[derive(Clone, Copy, Debug, Default)]

@@ -173,6 +173,12 @@ impl fmt::Display for CameraScore {
     }
 }
 
+/// Receives what a job says while it works. The command prints it, a studio draws it.
+pub trait Watcher: Send + Sync {
+    /// Something happened. A job calls it from any of its threads.
+    fn event(&self, event: &Event);
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -10,7 +10,7 @@ use petzval_lab::psf_calibration::manifest::MANIFEST_FILE;
 use crate::error::JobError;
 
 /// The file that `psfs` of a request names. For captures, the error explains how to measure PSFs from them.
-pub(crate) fn read(path: &Path) -> Result<PsfFile, JobError> {
+pub(crate) fn bank_of(path: &Path) -> Result<PsfFile, JobError> {
     let results = path.join("psf-calibration");
     if path.join(MANIFEST_FILE).is_file() && !axes_file(path).is_file() {
         let hint = if axes_file(&results).is_file() {
@@ -28,7 +28,7 @@ pub(crate) fn read(path: &Path) -> Result<PsfFile, JobError> {
 
 /// The PSFs of a file as cameras take them.
 pub(crate) fn bank(path: &Path) -> Result<Arc<PsfBank>, JobError> {
-    Ok(Arc::new(read(path)?.for_cameras().map_err(in_file(path))?))
+    Ok(Arc::new(bank_of(path)?.for_cameras().map_err(in_file(path))?))
 }
 
 /// What cameras cannot take of a file, as an error of the file.

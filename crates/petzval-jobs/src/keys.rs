@@ -4,9 +4,8 @@
 
 use std::sync::Arc;
 
-use crate::context::Watcher;
 use crate::error::{JobError, Stopped};
-use crate::event::Event;
+use crate::event::{Event, Watcher};
 
 /// Flags whose key has another name, or stands in the call and not in its request.
 const OTHERS: [(&str, &str); 3] = [

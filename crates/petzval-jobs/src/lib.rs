@@ -58,10 +58,10 @@ pub mod usual;
 
 pub use built_in::built_in_assets;
 pub use call::{CALL_FORMAT, Call, MOST_THREADS, row};
-pub use context::{Context, Silent, Watcher};
+pub use context::{Context, Silent};
 pub use device::compiled_in_devices;
 pub use error::{ErrorReport, Fault, JobError, Place, Stopped, json, text_of_file};
-pub use event::{CameraScore, Event, WarningKind};
+pub use event::{CameraScore, Event, WarningKind, Watcher};
 pub use input::{ExperimentInput, LensInput, SensorInput};
 pub use job::{Job, Row, guarded};
 pub use keys::error_in_keys;

@@ -6,7 +6,7 @@
 //! |---|---|
 //! | [`network`] | the network that improves the picture |
 //! | [`detection`] | networks that find objects |
-//! | [`guest`] | networks, losses and scores of a user, in another language |
+//! | [`guest`], [`guest_task`] | networks, losses and scores of a user, in another language |
 //! | [`loss`] | losses: the distance between a picture and the photograph |
 //! | [`optimizer`] | how weights are moved where Adam alone is slow |
 //! | [`proxy_isp`] | a network in place of an image signal processor |
@@ -22,6 +22,7 @@ pub mod any_network;
 pub mod dataset;
 pub mod detection;
 pub mod guest;
+pub mod guest_task;
 pub mod loss;
 pub mod network;
 pub mod optimizer;

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use burn::tensor::Gradients;
 use petzval_learn::network::GuestNetwork;
 
-use super::network::{Learner, Sight, WEIGHTS};
+use super::learner::{Learner, Sight, WEIGHTS};
 use super::{BlockState, part};
 use crate::camera::Camera;
 use crate::error::DesignError;

@@ -12,6 +12,7 @@ mod generations;
 mod guest;
 mod imitation;
 mod isp;
+mod learner;
 mod lifted;
 mod network;
 mod optics;
@@ -33,8 +34,9 @@ pub use blocks::Blocks;
 pub use exposure::ExposureBlock;
 pub use imitation::ImitationPlan;
 pub use isp::IspBlock;
+pub use learner::Sight;
 pub use lifted::{Lift, Lifted, free_slopes};
-pub use network::{CameraNetwork, NetworkBlock, Sight};
+pub use network::{CameraNetwork, NetworkBlock};
 pub use optics::OpticsBlock;
 
 /// What a checkpoint keeps of a block: bytes by the name of their part.

@@ -13,12 +13,12 @@ use petzval_learn::network::GuestNetwork;
 use petzval_learn::weight_file::Weights;
 
 use super::guest::GuestInTraining;
+use super::learner::{Learner, Sight, WEIGHTS};
 use super::{Batch, Block, BlockState, backward, named, part};
 use crate::camera::Camera;
 use crate::error::DesignError;
-use crate::experiment::{BlockName, DetectorInput, StepRule};
+use crate::experiment::{BlockName, StepRule};
 
-pub(super) const WEIGHTS: &str = "weights.bin";
 const OPTIMIZER: &str = "optimizer.bin";
 const ANCHOR: &str = "anchor.bin";
 
@@ -32,22 +32,6 @@ pub trait CameraNetwork: 'static {
 
     /// An optimiser that has not seen a gradient yet.
     fn optimizer(&self, network: &Self::Module) -> ModuleOptimizer;
-}
-
-/// What a network that looks at finished pictures gets to see.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sight {
-    /// The pictures, or the truth.
-    pub sees: DetectorInput,
-    /// By how much they are enlarged.
-    pub zoom: f64,
-}
-
-impl Default for Sight {
-    /// Finished pictures as they are.
-    fn default() -> Self {
-        Self { sees: DetectorInput::Picture, zoom: 1.0 }
-    }
 }
 
 /// A network of any kind with its optimiser.
@@ -149,26 +133,6 @@ impl Block for NetworkBlock {
     fn load_progress(&mut self, state: &BlockState) -> Result<(), String> {
         self.learner.load_progress(state)
     }
-}
-
-/// A network in training, whatever its type.
-pub(super) trait Learner {
-    fn as_any(&self) -> &dyn Any;
-    /// Number of its weights; 1 where only the network itself knows.
-    fn weights(&self) -> usize;
-    /// Fails if it could not do its work on the tape.
-    fn check(&self) -> Result<(), DesignError> {
-        Ok(())
-    }
-    fn begin_stage(&mut self);
-    fn attached(&self, camera: &Camera, sight: Sight, is_held: bool) -> Camera;
-    /// Takes a step down the gradients of a loss, and towards the weights at the start of the stage.
-    fn descend(&mut self, gradients: Gradients, rule: StepRule) -> Result<(), DesignError>;
-    fn to_safetensors(&self) -> Result<Option<Vec<u8>>, DesignError>;
-    fn save_numbers(&self) -> Result<BlockState, DesignError>;
-    fn load_numbers(&mut self, state: &BlockState) -> Result<(), String>;
-    fn save_progress(&self) -> Result<BlockState, DesignError>;
-    fn load_progress(&mut self, state: &BlockState) -> Result<(), String>;
 }
 
 /// A network of one type in training.

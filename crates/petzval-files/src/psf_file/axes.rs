@@ -5,7 +5,7 @@ use petzval_optics::psf::{PsfKind, PsfMethod};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{ILLUMINATION_FILE, VALUES_FILE};
+use super::names::{ILLUMINATION_FILE, VALUES_FILE};
 
 /// What `format` of the file says.
 pub const FORMAT: &str = "petzval-psfs";

@@ -19,11 +19,13 @@
 mod axes;
 mod check;
 mod for_cameras;
+mod names;
 mod old_toml;
 mod read;
 #[cfg(test)]
 mod tests;
 mod write;
+mod wrong_part;
 
 use std::path::{Path, PathBuf};
 
@@ -31,20 +33,10 @@ use petzval_base::FileError;
 
 pub use axes::{Channel, FORMAT, Method, PsfAxes, PsfOrigin, VERSION};
 pub use check::PsfFault;
-pub use read::{WrongPart, parse_psfs, read_psfs};
+pub use names::{AXES_FILE, ILLUMINATION_FILE, OLD_AXES_FILE, VALUES_FILE};
+pub use read::{parse_psfs, read_psfs};
 pub use write::{psf_files, write_psfs};
-
-/// Name of the file with the axes.
-pub const AXES_FILE: &str = "psf.json";
-
-/// Name of the file with the axes in the earlier form of measured PSFs.
-pub const OLD_AXES_FILE: &str = "psfs.toml";
-
-/// Name of the array of PSFs.
-pub const VALUES_FILE: &str = "psf.npy";
-
-/// Name of the array of relative illumination.
-pub const ILLUMINATION_FILE: &str = "illumination.npy";
+pub use wrong_part::WrongPart;
 
 /// A bank of point-spread functions with its axes.
 #[derive(Clone, Debug, PartialEq)]

@@ -5,7 +5,7 @@ use petzval_camera::image::CHANNELS;
 use serde::Deserialize;
 
 use super::check::MOST_VALUES;
-use super::read::{WrongPart, message, part};
+use super::wrong_part::{WrongPart, message, part};
 use super::{Channel, PsfAxes, PsfFile, PsfOrigin};
 use crate::npy_array::read_floats;
 

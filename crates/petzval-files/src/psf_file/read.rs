@@ -2,14 +2,10 @@
 
 use std::path::Path;
 
-use petzval_base::FileError;
-
-use super::axes::at_key;
 use super::check::MOST_VALUES;
-use super::{
-    FORMAT, ILLUMINATION_FILE, PsfAxes, PsfFault, PsfFile, PsfFileError, VALUES_FILE, VERSION, axes_file,
-    old_toml,
-};
+use super::names::{ILLUMINATION_FILE, VALUES_FILE};
+use super::wrong_part::{WrongPart, message, part};
+use super::{FORMAT, PsfAxes, PsfFile, PsfFileError, VERSION, axes_file, old_toml};
 use crate::npy_array::{FloatArray, FloatType, read_floats};
 
 /// How NumPy writes an array that is read.
@@ -19,17 +15,6 @@ const NUMPY_HINT: &str =
 /// What writes files of axes.
 const AXES_HINT: &str =
     "`petzval psf` and `petzval psf-calibrate` write such files; the book says what they hold";
-
-/// What is wrong with a bank, and in which of its files.
-#[derive(Clone, Debug, PartialEq)]
-pub enum WrongPart {
-    /// The file with the axes.
-    Axes(FileError),
-    /// The array of PSFs.
-    Values(FileError),
-    /// The array of relative illumination.
-    Illumination(FileError),
-}
 
 /// Reads a bank from its `psf.json`, its `psfs.toml`, or the folder that holds one.
 pub fn read_psfs(path: &Path) -> Result<PsfFile, PsfFileError> {
@@ -112,29 +97,4 @@ fn bank(axes: PsfAxes, text: &str, values: &[u8], illumination: Option<&[u8]>) -
         FloatType::Float32 | FloatType::Float64 => PsfFile::new(axes, shape, values, illumination),
     };
     made.map_err(|fault| part(text, &fault))
-}
-
-/// A fault as the error of the file that has it.
-pub(super) fn part(text: &str, fault: &PsfFault) -> WrongPart {
-    let PsfFault { key, value, message: reason, hint } = fault;
-    match *key {
-        "values" => WrongPart::Values(message(reason.clone(), hint)),
-        "illumination" => WrongPart::Illumination(message(reason.clone(), hint)),
-        key => {
-            let error = at_key(text, key, reason.clone()).hint(*hint);
-            WrongPart::Axes(FileError { value: value.clone(), ..error })
-        }
-    }
-}
-
-/// An error without a place.
-pub(super) fn message(message: impl Into<String>, hint: &str) -> FileError {
-    FileError {
-        line: None,
-        column: None,
-        key: String::new(),
-        value: String::new(),
-        message: message.into(),
-        hint: Some(hint.to_owned()),
-    }
 }

@@ -4,8 +4,9 @@ use std::path::{Path, PathBuf};
 
 use petzval_base::write_whole;
 
-use super::read::{WrongPart, part};
-use super::{AXES_FILE, ILLUMINATION_FILE, PsfAxes, PsfFile, PsfFileError, VALUES_FILE};
+use super::names::{AXES_FILE, ILLUMINATION_FILE, VALUES_FILE};
+use super::wrong_part::{WrongPart, part};
+use super::{PsfAxes, PsfFile, PsfFileError};
 use crate::npy_array::{FloatType, float_bytes};
 
 /// The files of a bank, by name: the PSFs in a precision, the relative illumination in double precision, and last the axes, which name them.

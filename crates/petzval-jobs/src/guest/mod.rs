@@ -20,10 +20,8 @@ use serde_json::{Map, Value, json};
 use self::worker::Worker;
 
 pub use self::message::read_answer;
+pub use self::worker::Said;
 pub use petzval_learn::guest::{Answer, Array, Call, Guest, GuestError, Host, Role};
-
-/// Receives each line that classes print, and the traceback of each exception of theirs.
-pub type Said = Arc<dyn Fn(&str) + Send + Sync>;
 
 /// The host of one run's classes: a process that is started when the first object is made.
 pub struct Workers {

@@ -13,10 +13,12 @@ use petzval_base::Cancel;
 use petzval_learn::guest::{Answer, Call, GuestError};
 use serde_json::Value;
 
-use super::Said;
 use super::message::{self, AnswerHeader};
 use crate::named_isp::external::process::stop;
 use crate::named_isp::external::workplace::Workplace;
+
+/// Receives each line that classes print, and the traceback of each exception of theirs.
+pub type Said = Arc<dyn Fn(&str) + Send + Sync>;
 
 /// What the process runs.
 const SOURCE: &str = include_str!("../../../petzval-python/python/petzval/_worker.py");

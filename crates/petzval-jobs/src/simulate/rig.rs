@@ -113,7 +113,7 @@ impl Rig {
         let (source, traced) = match (in_memory, &request.psfs) {
             (Some(bank), _) => (given(Arc::new(bank.clone())), None),
             (None, Some(path)) => {
-                let file = given_psfs::read(path)?;
+                let file = given_psfs::bank_of(path)?;
                 if !request.no_distortion {
                     distortion = file.distortion().map_err(given_psfs::in_file(path))?;
                 }

@@ -3,12 +3,10 @@
 //! | part | holds |
 //! |---|---|
 //! | [`Host`], [`Guest`] | where objects live, and how their methods are called: arrays in, arrays out |
-//! | [`GuestTask`] | such an object as loss and scores of pictures |
+//! | [`GuestTask`](crate::guest_task::GuestTask) | such an object as loss and scores of pictures |
 //! | [`GuestNetwork`](crate::network::GuestNetwork) | such an object as a network behind the development |
 //!
 //! What an object gives back is checked here, whatever its host: shapes, and that every number is finite.
-
-mod task;
 
 use std::sync::Arc;
 
@@ -16,8 +14,6 @@ use petzval_camera::tape::View;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
-
-pub use task::GuestTask;
 
 /// A class of a user, with what its objects are made with.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -151,7 +147,7 @@ impl Named {
         Ok((Self { guest, class: class.class.clone() }, about))
     }
 
-    fn wrong(&self, method: &'static str, problem: impl Into<String>) -> GuestError {
+    pub(crate) fn wrong(&self, method: &'static str, problem: impl Into<String>) -> GuestError {
         GuestError::Answer { class: self.class.clone(), method, problem: problem.into() }
     }
 
@@ -166,7 +162,7 @@ impl Named {
     }
 
     /// Checks an array that a method gave; `what` says which.
-    fn check(
+    pub(crate) fn check(
         &self,
         method: &'static str,
         what: &str,

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use petzval_learn::guest::GuestTask;
+use petzval_learn::guest_task::GuestTask;
 use petzval_learn::score::{Score, ScoreDescription, standard_scores};
 
 use crate::cameras::Cameras;

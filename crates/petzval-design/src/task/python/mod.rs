@@ -6,7 +6,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use burn::prelude::Device;
 use petzval_camera::tape::Frames;
-use petzval_learn::guest::{GuestError, GuestTask};
+use petzval_learn::guest::GuestError;
+use petzval_learn::guest_task::GuestTask;
 use petzval_learn::loss::NamedLoss;
 
 use super::pictures::{Pictures, PreparedPictures};

@@ -8,7 +8,7 @@ use petzval_camera::tape::{Kernel, View, apply};
 use serde::Deserialize;
 use serde_json::{Map, Value};
 
-use super::{Call, GuestClass, GuestError, Host, Named, Role};
+use crate::guest::{Call, GuestClass, GuestError, Host, Named, Role};
 use crate::score::ScoreDescription;
 
 /// Digits after the decimal point of a score that does not say how many.
@@ -97,7 +97,7 @@ impl GuestTask {
         method: &'static str,
         finished: Tensor<4>,
         targets: Tensor<4>,
-    ) -> Result<super::Answer, GuestError> {
+    ) -> Result<crate::guest::Answer, GuestError> {
         let read = |tensor: Tensor<4>| {
             let shape = tensor.dims().to_vec();
             let values = tensor.into_data().convert::<f32>().try_to_vec::<f32>();
