@@ -130,8 +130,10 @@ def _detector(kind: Kind, backbone: str) -> pz.Weights:
     """A detector whose scores are far apart, so that rounding does not change which boxes are chosen."""
     pytest.importorskip("torchvision")
     weights = pz.Weights.drawn(kind, seed=2, backbone=backbone, classes=3)
-    spread = {"rpn.head.cls_logits.weight": 20.0, "rpn.head.bbox_pred.weight": 4.0, "roi_heads.box_predictor.cls_score.weight": 20.0}
-    spread |= {"head.logits.weight": 20.0, "head.distances.weight": 4.0, "head.centredness.weight": 10.0, "head.logits.bias": 0.2}
+    spread = {"rpn.head.cls_logits.weight": 10.0, "roi_heads.box_predictor.cls_score.weight": 2.0}
+    spread |= {"head.logits.weight": 5.0, "head.logits.bias": 0.2, "head.centredness.weight": 5.0}
+    # Untrained backbones with frozen normalisation amplify; the maps of all of them have values of about 1 here.
+    spread |= {f"backbone.fpn.layer_blocks.{i}.0.weight": {"small": 1.0, "resnet18": 0.04, "mobilenet-v2": 0.2}[backbone] for i in range(4)}
     return weights.with_({name: factor * weights.tensors[name] for name, factor in spread.items() if name in weights.tensors})
 
 
@@ -142,9 +144,12 @@ def _found(weights: pz.Weights, picture: Any) -> dict[str, Any]:
 
 def _assert_same(found: dict[str, Any], wanted: dict[str, Any], side: int) -> None:
     assert len(wanted["scores"]) > 10 and len(found["scores"]) == len(wanted["scores"])
-    np.testing.assert_array_equal(found["labels"], wanted["labels"])
-    np.testing.assert_allclose(found["scores"], wanted["scores"], atol=1e-5)
-    np.testing.assert_allclose(found["boxes"], wanted["boxes"], atol=1e-5 * side)
+    # The order of two detections whose scores differ by rounding alone is not compared.
+    far = np.abs(found["scores"][:, None] - wanted["scores"]) / 1e-5
+    far = np.maximum(far, np.abs(found["boxes"][:, None] - wanted["boxes"]).max(2) / (1e-5 * side))
+    far = np.where(found["labels"][:, None] == wanted["labels"], far, np.inf)
+    assert sorted(far.argmin(1)) == list(range(len(far))), np.sort(far.min(1))[-5:]
+    assert far.min(1).max() < 1.0, np.sort(far.min(1))[-5:]
 
 
 @pytest.mark.parametrize("backbone", ["small", "resnet18", "mobilenet-v2"])
