@@ -1,6 +1,8 @@
 """Weights come out as arrays and go back to the bit; what does not fit is named."""
 
 import pickle
+import struct
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -72,6 +74,33 @@ def test_a_detector_has_the_names_of_torchvision(tmp_path: Path) -> None:
             pz.Weights.drawn(kind, backbone="small", classes=1).save(file, names="torchvision")
     with pytest.raises(pz.InputError, match="names is 'torch'"):
         weights.save(file, names="torch")  # type: ignore[arg-type]
+
+
+def _write_png(file: Path, picture: np.ndarray) -> None:
+    """An 8-bit PNG of ``[y, x, 3]``."""
+    height, width, _ = picture.shape
+    rows = b"".join(b"\0" + row.tobytes() for row in picture)
+    chunks = ((b"IHDR", struct.pack(">2I5B", width, height, 8, 2, 0, 0, 0)), (b"IDAT", zlib.compress(rows)), (b"IEND", b""))
+    parts = (struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data)) for kind, data in chunks)
+    file.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(parts))
+
+
+def test_a_detector_with_changed_weights_is_what_the_command_looks_with(tmp_path: Path) -> None:
+    weights = pz.Weights.drawn("faster-rcnn", backbone="mobilenet-v2", classes=2)
+    last = "roi_heads.box_predictor.cls_score.bias"
+    # Smaller maps, so that the scores do not follow the rounding of a decoded picture.
+    maps = {name: 0.2 * tensor for name, tensor in weights.tensors.items() if name.startswith("backbone.fpn.layer_blocks") and tensor.ndim == 4}
+    weights = weights.with_({last: [0.0, 0.5, -0.5], **maps})
+    weights.save(tmp_path / "weights.safetensors", names="torchvision")
+    picture = np.random.default_rng(1).integers(0, 256, (48, 64, 3), dtype=np.uint8)
+    _write_png(tmp_path / "picture.png", picture)
+    source = {"file": tmp_path / "weights.safetensors", "backbone": "mobilenet-v2", "classes": 2, "shorter_side": 48, "longer_side": 64}
+    request = {"images": [tmp_path / "picture.png"], "detector": {"weights": source}, "least_score": 0.05}
+    (of_picture,) = pz.jobs.run("detect", request)["pictures"]
+    found = weights.run(pictures=picture.transpose(2, 0, 1)[None] / 255)
+    assert len(found["scores"]) > 3
+    np.testing.assert_allclose([of["score"] for of in of_picture["found"]], found["scores"], atol=1e-5)
+    np.testing.assert_allclose([of["bbox"][:2] for of in of_picture["found"]], found["boxes"][:, :2], atol=1e-3)
 
 
 def test_a_camera_of_a_run_is_found_by_name(tmp_path: Path) -> None:
