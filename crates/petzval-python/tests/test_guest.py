@@ -135,6 +135,8 @@ def test_three_cameras_killed_and_resumed_have_the_bits_of_an_uninterrupted_run_
     assert [row["camera"] for row in metrics["rows"]] == ["nominal", "spot-optimised", "end-to-end"]
     assert all(0 < row["scores"]["edge_error"] < 1 for row in metrics["rows"])
     assert "RMS error of differences of neighbours" in (run / "report.html").read_text()
+    again = pz.jobs.run("evaluate", {"run": str(run)})
+    assert again["largest_difference_from_run"] < 1e-6
     # The lens was led by the class, and the loss fell.
     moved = [step for step in steps(run) if step["block"] == "optics"]
     assert len(moved) == 2 and all(np.isfinite(step["losses"]["total"]) for step in moved)  # type: ignore[index]
