@@ -102,7 +102,7 @@ def test_noise_follows_the_seed(camera: pz.Camera, frames: pz.Frames, scene: np.
 
 def test_a_sensor_may_be_its_text(scene: np.ndarray, tmp_path: Path) -> None:
     class Own:
-        def toml(self) -> str:
+        def to_toml(self) -> str:
             return (tmp_path / "own" / "sensor.toml").read_text()
 
     pz.jobs.run("init", {"out": tmp_path / "own"})

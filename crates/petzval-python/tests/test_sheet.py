@@ -53,7 +53,7 @@ def test_the_page_the_plots_and_the_sensor_are_kept(sheet: pz.Sheet, tmp_path: P
     assert "<svg" in shown and "system gain" in shown
     files = sheet.save(tmp_path / "all")
     assert {"results.json", "report.html", "sensor.toml"} <= {path.name for path in files}
-    assert (tmp_path / "all" / "sensor.toml").read_text() == sheet.toml()
+    assert (tmp_path / "all" / "sensor.toml").read_text() == sheet.to_toml()
     with pytest.raises(pz.InputError, match="exists already"):
         sheet.save(tmp_path / "all")
 

@@ -26,7 +26,7 @@ __all__ = ["Camera", "Frames", "HasToml"]
 class HasToml(Protocol):
     """What gives itself as the text of a file of Petzval, such as a sensor."""
 
-    def toml(self) -> str:
+    def to_toml(self) -> str:
         """The text."""
 
 
@@ -127,7 +127,7 @@ class Camera:
 
     Args:
         lens: A lens, a built-in name, or the path of a lens file.
-        sensor: A built-in name, the path of a sensor file, or anything with a method ``toml``.
+        sensor: A built-in name, the path of a sensor file, or anything with a method ``to_toml``.
         exposure_e: Photoelectrons that white gives in a green pixel on the axis; ``white_e`` of the command.
         time_s: Exposure time, s.
         gain: Linear analogue gain.
@@ -168,7 +168,7 @@ class Camera:
         self._glasses = lens._core.glasses() if isinstance(lens, Lens) else []
         self._request = request | _known(
             lens={"toml": lens.to_toml()} if isinstance(lens, Lens) else lens,
-            sensor={"toml": sensor.toml()} if isinstance(sensor, HasToml) else sensor,
+            sensor={"toml": sensor.to_toml()} if isinstance(sensor, HasToml) else sensor,
             white_e=exposure_e,
             time_s=time_s,
             gain=gain,

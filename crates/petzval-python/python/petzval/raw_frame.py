@@ -7,7 +7,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,15 +15,12 @@ from numpy.typing import ArrayLike, NDArray
 from . import _petzval
 from ._errors import InputError, Place
 from ._watch import watch
+from .cameras import HasToml
 
 __all__ = ["FrameInfo", "RawFrame"]
 
 
-class _HasToml(Protocol):
-    def to_toml(self) -> str: ...
-
-
-SensorLike = str | os.PathLike[str] | _HasToml
+SensorLike = str | os.PathLike[str] | HasToml
 """A built-in name, the path of a sensor file, or something that has its text."""
 
 

@@ -151,7 +151,7 @@ class Sheet:
         """The plots of the page by name, as text of SVG pictures."""
         return {name.removesuffix(".svg"): text for name, text in self._pages.items() if name.endswith(".svg")}
 
-    def toml(self) -> str:
+    def to_toml(self) -> str:
         """The sensor as text of a sensor file, which `petzval.Camera` takes.
 
         Raises:
