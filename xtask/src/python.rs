@@ -31,7 +31,7 @@ fn run(python: &str, with_torch: bool) -> Result<String, String> {
     let pip =
         |what: &[&OsStr]| succeeds(Command::new(&own).args(["-m", "pip", "install", "--quiet"]).args(what));
     let mut with_tests = package.clone().into_os_string();
-    with_tests.push("[test]");
+    with_tests.push("[test,examples]");
     pip(&[&with_tests])?;
     if with_torch {
         pip(&OPTIONAL.map(OsStr::new))?;

@@ -1,0 +1,45 @@
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = Path(__file__).parent.parent / "examples"
+
+pytestmark = pytest.mark.skipif(not EXAMPLES.is_dir(), reason="only beside the sources")
+
+
+def run_example(name: str, folder: Path, *words: str) -> str:
+    done = subprocess.run([sys.executable, EXAMPLES / name, *words], cwd=folder, capture_output=True, text=True, timeout=600)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_a_lens_is_looked_at_and_takes_a_picture(tmp_path: Path) -> None:
+    said = run_example("hello_lens.py", tmp_path)
+    assert "RMS spot radius" in said and "(240, 320) uint16" in said
+    assert (tmp_path / "layout.svg").read_text().startswith("<svg") and any((tmp_path / "shot").iterdir())
+
+
+def test_tolerances_are_tables(tmp_path: Path) -> None:
+    pytest.importorskip("pandas")
+    said = run_example("tolerances.py", tmp_path)
+    assert "50%" in said and "90%" in said and (tmp_path / "worst.toml").is_file()
+
+
+def test_a_sensor_is_measured(tmp_path: Path) -> None:
+    pytest.importorskip("pandas")
+    assert "system gain" in run_example("emva_sheet.py", tmp_path)
+    assert (tmp_path / "sheet.html").is_file() and "gain_dn_per_e" in (tmp_path / "my-sensor.toml").read_text()
+
+
+def test_psfs_are_labelled_and_kept(tmp_path: Path) -> None:
+    pytest.importorskip("xarray")
+    assert "the same values: True" in run_example("psfs_as_xarray.py", tmp_path)
+
+
+def test_figures_of_a_run_are_shown(tmp_path: Path, run_folder: Path) -> None:
+    pytest.importorskip("pandas")
+    pytest.importorskip("matplotlib")
+    assert "end-to-end" in run_example("run_metrics.py", tmp_path, str(run_folder))
+    assert (tmp_path / "losses.png").is_file()
