@@ -1,16 +1,13 @@
-"""A lens, its spots and its sharpness, and a photograph through it. Needs NumPy.
-
-Give a lens of your own in the command line: .zmx, .seq, .json or .toml.
-"""
+"""A lens, its spots and its sharpness, and a picture through it. Needs NumPy."""
 
 # %% Read a lens, and look at it.
-import sys
-
 import numpy as np
 
 import petzval as pz
 
-lens = pz.Lens.load(sys.argv[1] if len(sys.argv) > 1 else "cooke-triplet-nominal")
+LENS = "cooke-triplet-nominal"  # or the path of your own: .zmx, .seq, .json, .toml
+
+lens = pz.Lens.load(LENS)
 lens.layout_svg("layout.svg")
 print(lens)
 

@@ -1,19 +1,20 @@
 """A design, and its figures: scores as a table, losses as a plot. Needs pandas and Matplotlib."""
 
-# %% A short run of the main job; give the folder of a finished one in the command line.
-import sys
+# %% A short run of the main job, where there is none yet.
+from pathlib import Path
 
 import pandas as pd
 
 import petzval as pz
 
-folder = sys.argv[1] if len(sys.argv) > 1 else "run"
-if folder == "run":
+RUN = "run"  # or the folder of your own
+
+if not Path(RUN).is_dir():
     changes = {"seed": 1, "steps": 20}
-    pz.jobs.run("design", {"run": {"new": {"experiment": "cooke-triplet-image-quality", "changes": changes, "out": folder}}})
+    pz.jobs.run("design", {"run": {"new": {"experiment": "cooke-triplet-image-quality", "changes": changes, "out": RUN}}})
 
 # %% One row a camera.
-run = pz.Run(folder)
+run = pz.Run(RUN)
 scores = pd.DataFrame(run.rows).set_index("camera")
 print(scores[["psnr_db", "ssim", "rms_spot_um"]].round(3).to_string())
 
