@@ -16,7 +16,7 @@ if not Path(RUN).is_dir():
 # %% One row a camera.
 run = pz.Run(RUN)
 scores = pd.DataFrame(run.rows).set_index("camera")
-print(scores[["psnr_db", "ssim", "rms_spot_um"]].round(3).to_string())
+print(scores[["one_minus_lpips", "psnr_db", "rms_spot_um"]].round(3).to_string())
 
 # %% Losses over the steps.
 import matplotlib
@@ -24,11 +24,10 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-steps = pd.DataFrame([{"camera": e["variant"], "block": e["block"], "step": e["step"], **e["losses"]} for e in run.events() if e.get("losses")])
+steps = pd.DataFrame([{"camera": e["camera"], "block": e["block"], "step": e["step"], **e["losses"]} for e in run.events() if e.get("losses")])
 figure, axes = plt.subplots(figsize=(7, 4))
-for (camera, block), part in steps[steps.block == "network"].groupby(["camera", "block"]):
-    loss = next(column for column in part.columns[3:] if part[column].notna().any())
-    axes.plot(range(len(part)), part[loss], label=f"{camera}: {loss}")
+for camera, part in steps[steps.block == "network"].groupby("camera"):
+    axes.plot(range(len(part)), part.total, label=camera)
 axes.set(xlabel="step of the network", ylabel="loss", yscale="log")
 axes.legend()
 figure.savefig("losses.png", dpi=120)

@@ -67,9 +67,10 @@ impl Given {
     }
 }
 
-/// A fault of an argument.
+/// A fault of an argument. Fields have another name in files.
 fn wrong(fault: PsfFault) -> JobError {
-    JobError::setting(fault.key, fault.value, fault.message, fault.hint)
+    let argument = if fault.key == "field_deg" { "fields_deg" } else { fault.key };
+    JobError::setting(argument, fault.value, fault.message, fault.hint)
 }
 
 fn arrays(py: Python<'_>, bank: PsfFile) -> PyResult<Arrays<'_>> {

@@ -133,7 +133,7 @@ def test_three_cameras_killed_and_resumed_have_the_bits_of_an_uninterrupted_run_
     # The report is that of any other design, with the score of the class.
     metrics = json.loads((run / "metrics.json").read_text())
     assert [row["camera"] for row in metrics["rows"]] == ["nominal", "spot-optimised", "end-to-end"]
-    assert all(0 < row["scores"]["edge_error"] < 1 for row in metrics["rows"])
+    assert all(0 < row["edge_error"] < 1 for row in metrics["rows"])
     assert "RMS error of differences of neighbours" in (run / "report.html").read_text()
     again = pz.jobs.run("evaluate", {"run": str(run)})
     assert again["largest_difference_from_run"] < 1e-6

@@ -39,9 +39,9 @@ def test_a_lens_is_made_again(triplet: pz.Lens, tolerance: pz.lens.Tolerance, tm
     pz.jobs.run("lens-tolerance", request)
     [path] = tmp_path.glob("lens-*.toml")
     assert path.stem == f"lens-{worst['trial']:05}" and path.read_text() == lens.to_toml()
-    # An error of the thickness behind the first surface is in the lens.
+    # An error of the thickness behind the first surface is in the lens. Tilts of elements move vertices along the axis by less than 1e-5 mm.
     off = worst["surface 1 thickness (mm)"]
-    assert lens.surfaces[0].thickness_mm - triplet.surfaces[0].thickness_mm == pytest.approx(off, abs=1e-9)
+    assert lens.surfaces[0].thickness_mm - triplet.surfaces[0].thickness_mm == pytest.approx(off, abs=1e-5)
 
 
 def test_lenses_are_listed_only_on_request(triplet: pz.Lens) -> None:

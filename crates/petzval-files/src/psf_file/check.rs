@@ -99,7 +99,7 @@ impl PsfFile {
         for (i, psf) in self.values.chunks_exact(cells).enumerate() {
             let sum: f64 = psf.iter().sum();
             if (sum - 1.0).abs() > SUM_ERROR {
-                let message = format!("{} sums to {sum}", self.place(i));
+                let message = format!("{} sums to {}", self.place(i), (1e9 * sum).round() / 1e9);
                 let hint = "divide each PSF by its sum; illumination holds how much light there is";
                 return Err(fault("values", "", message, hint));
             }

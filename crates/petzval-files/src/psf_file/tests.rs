@@ -213,7 +213,7 @@ fn every_defect_of_the_axes_is_named_with_key_line_and_hint() {
         ("\"psf.npy\"", "\"../psf.npy\"", "`values_file`"),
         ("\"pitch_um\": 1.5", "\"pitch_um\": 0.0", "`pitch_um = 0`: not between"),
         ("\"pitch_um\": 1.5", "\"pitch_um\": -1.0", "`pitch_um = -1`"),
-        ("\"pitch_um\": 1.5", "\"pitch_um\": \"1.5\"", "`pitch_um`: expected a number, not a text"),
+        ("\"pitch_um\": 1.5", "\"pitch_um\": \"1.5\"", "`pitch_um`: expected a number, found a text"),
         ("\"pitch_um\": 1.5,", "", "the key `pitch_um` is missing"),
         ("\"pitch_um\"", "\"pitch_mm\"", "`pitch_mm`: no such key here"),
         (

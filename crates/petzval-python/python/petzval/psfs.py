@@ -121,7 +121,8 @@ class PsfBank:
             "x_um": self.x_um,
             "illumination": (dims[:2], self.illumination),
             "captured": (dims[:2], self.captured),
-            "chief_mm": (("field_deg", "axis"), self.chief_mm),
+            "chief_x_mm": (dims[:1], self.chief_mm[:, 0]),
+            "chief_y_mm": (dims[:1], self.chief_mm[:, 1]),
         }
         attrs = {"lens": self.lens, "kind": self.kind, "pitch_um": self.pitch_um}
         return xarray.DataArray(self.values, dims=dims, coords=coords, name="psf", attrs=attrs)

@@ -268,6 +268,10 @@ class Evaluate(TypedDict, total=False):
     """Photographs: those of the run where they are now, or others, all of which are scored."""
     psf: Literal['geometric'] | Literal['diffraction'] | None
     """PSFs by rays or by waves, in place of those of the run."""
+    psfs: str | None
+    """PSFs in place of those of each camera's lens: the folder of results of `psf` or `psf-calibrate`, or its
+    `psf.json`. They form the images, and development and restoration know them; networks and ISPs stay as they
+    were trained. Spots and fields of view are those of the lens."""
     run: str
     """Its folder."""
 
@@ -643,6 +647,8 @@ class LensTolerance(TypedDict, total=False):
     """Lens: a built-in name, the path of a file, or the lens itself."""
     limit: float | None
     """A value of the merit; the response gives the number of lenses that reach it."""
+    list_trials: bool
+    """Whether the response lists every random lens with its errors: some 50 numbers each."""
     merit: Literal['rms'] | Literal['mtf']
     """What a lens is judged by, over its fields (on both sides of the axis) and wavelengths."""
     out: str | None
@@ -716,7 +722,7 @@ class Psf(TypedDict, total=False):
 
     Files: `psf.npy`, float64 `[field, wavelength, row, column]`, each of unit sum, centred on the chief ray;
     `illumination.npy`, float64 `[field, wavelength]`; `psf.png`, a labelled sheet to look at; `psf.json`, the
-    axes.
+    axes. `simulate`, `apply`, `evaluate` and experiments take the folder.
 
     Needs `lens`, `out`."""
     corner_mm: float
@@ -763,8 +769,8 @@ class PsfCalibrate(TypedDict, total=False):
     """Captures of a pinhole from which to measure PSFs.
 
     Files: `calibration.json`, all figures; `psf-calibration.html`, a page to look at; `psf-calibration.png`, all
-    PSFs on a sheet; `measured.npy`, float64 `[position, channel, row, column]`; `psfs.toml` and `psfs.npy`, the
-    bank of PSFs for the renderer.
+    PSFs on a sheet; `measured.npy`, float64 `[position, channel, row, column]`; `psf.json`, `psf.npy` (float32)
+    and `illumination.npy`, the bank of PSFs, which `simulate`, `apply`, `evaluate` and experiments take.
 
     Needs `captures`."""
     captures: str
@@ -979,7 +985,7 @@ class Simulate(TypedDict, total=False):
     place: Literal['fill'] | Literal['centre']
     """How a photograph lands on the sensor."""
     psfs: str | None
-    """Measured PSFs in place of the lens: the results of `psf-calibrate`."""
+    """PSFs in place of those of the lens: the folder of results of `psf` or `psf-calibrate`, or its `psf.json`."""
     raw_format: Literal['tiff'] | Literal['png'] | Literal['packed'] | Literal['npy']
     """Format of the raw frame."""
     restore: "SimulateRestore1Restore" | None
@@ -1335,7 +1341,7 @@ class IspChartCameraRequest(TypedDict, total=False):
     place: Literal['fill'] | Literal['centre']
     """How a photograph lands on the sensor."""
     psfs: str | None
-    """Measured PSFs in place of the lens: the results of `psf-calibrate`."""
+    """PSFs in place of those of the lens: the folder of results of `psf` or `psf-calibrate`, or its `psf.json`."""
     raw_format: Literal['tiff'] | Literal['png'] | Literal['packed'] | Literal['npy']
     """Format of the raw frame."""
     restore: "IspChartCameraRequestRestore1Restore" | None
@@ -1435,6 +1441,10 @@ class Apply(TypedDict, total=False):
     """Folder for the pictures."""
     place: Literal['fill'] | Literal['centre']
     """How a photograph lands on the sensor."""
+    psfs: str | None
+    """PSFs in place of those of each camera's lens: the folder of results of `psf` or `psf-calibrate`, or its
+    `psf.json`. They form the images of photographs. Development and restoration know them, also those of raw
+    frames; the network stays as it was trained."""
     run: str
     """Folder of the run."""
     seed: int
