@@ -6,7 +6,7 @@
 mod run;
 mod spec;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use burn::module::{Module, ParamId};
 use burn::prelude::*;
@@ -103,8 +103,7 @@ impl NamedNetwork {
             }
             by_path.push(NamedArray { name: path.clone(), ..weight });
         }
-        let surplus: BTreeSet<String> = given.into_keys().collect();
-        if let Some(name) = surplus.first() {
+        if let Some(name) = given.into_keys().next() {
             return Err(bad(format!("{name} is no weight of a network of the kind {}", spec.kind())));
         }
         let network = blank.network.with_weights(&write_arrays(&by_path)?)?;
