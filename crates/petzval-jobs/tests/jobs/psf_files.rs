@@ -153,9 +153,9 @@ weights = "none"
 [training]
 steps = 6
 batch = 1
-crop = 32
+crop = 64
 [scoring]
-crop = 32
+crop = 64
 scores = ["psnr_db"]
 [checkpoint]
 every = 2
