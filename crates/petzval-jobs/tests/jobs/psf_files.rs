@@ -193,7 +193,7 @@ fn an_experiment_holds_the_psfs_of_a_file_and_its_run_stands_on_its_own() {
     std::fs::write(&file, &text).unwrap();
     let new = |out: &str| json!({"run": {"new": {"experiment": file, "out": at.join(out)}}});
     let whole = run("design", new("whole"), &context()).unwrap();
-    let score = |response: &Value| response["metrics"]["rows"][0]["scores"]["psnr_db"].as_f64().unwrap();
+    let score = |response: &Value| response["metrics"]["rows"][0]["psnr_db"].as_f64().unwrap();
     assert!(score(&whole) > 5.0, "{whole}");
 
     // The PSFs are inputs of the run, and kept in it.
