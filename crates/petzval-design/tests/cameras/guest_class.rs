@@ -258,7 +258,10 @@ fn what_cannot_be_made_or_scored_is_refused_before_a_run() {
     let missing = refused("nets:Square", "nets:Missing").unwrap_err();
     assert!(missing.is_input(), "{missing}");
     let score = refused("\"square\"", "\"sqare\"").unwrap_err().to_string();
-    assert!(score.contains("no score called `sqare`; there are square, psnr_db"), "{score}");
+    assert!(
+        score.contains("no score called `sqare`; there are square, one_minus_lpips, psnr_db, ssim"),
+        "{score}"
+    );
     let parsed =
         |from: &str, to: &str| Experiment::parse(&EXPERIMENT.replacen(from, to, 1)).unwrap_err().to_string();
     assert!(parsed("task = \"python\"", "").contains("nothing uses this class"));
