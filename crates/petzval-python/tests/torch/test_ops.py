@@ -170,7 +170,7 @@ def test_ten_thousand_calls_leave_nothing_behind(glass: pt.Lens) -> None:
         loss = glass.penalty()
         if i % 10 == 0:
             # No plan is like the last ones.
-            psfs = glass.psf(fields_deg=[1e-4 * i], wavelengths_um=[0.55], grid=4, pitch_um=30.0, pupil_cells=12)
+            psfs = glass.psf(fields_deg=[1e-4 * i], wavelengths_um=[0.55], grid=16, pitch_um=8.0, pupil_cells=12)
             loss = loss + psfs.values.square().sum()
         loss.backward()
 
