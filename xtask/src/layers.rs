@@ -11,7 +11,7 @@ use super::circles;
 use super::files::rust_files;
 
 /// Crates in the order in which light meets them. A crate may use those of the groups before its own.
-const ORDER: [&[&str]; 9] = [
+const ORDER: [&[&str]; 10] = [
     &["petzval-base"],
     &["petzval-optics", "petzval-camera", "petzval-street"],
     &["petzval-files"],
@@ -19,6 +19,7 @@ const ORDER: [&[&str]; 9] = [
     &["petzval-report"],
     &["petzval-design"],
     &["petzval-jobs"],
+    &["petzval-units"],
     &["petzval"],
     &["petzval-python"],
 ];
