@@ -43,13 +43,18 @@ fn parts(root: &Path) -> Result<Vec<Part>, String> {
         words: words.iter().map(|word| (*word).to_owned()).collect(),
         mutations,
     };
-    let test = ["test", "--release", "--workspace", "--"];
+    let test = ["test", "--release", "--workspace", "--no-fail-fast", "--"];
     let mut all = vec![
         part("widths of the fixed-point ISP, with overflow checks".to_owned(), &["widths"], false),
         part(
             format!("readers of files, {MUTATIONS} damaged files of each kind"),
             &[&test[..], &["damaged", "mutat"]].concat(),
             true,
+        ),
+        part(
+            "tests that continuous integration leaves out".to_owned(),
+            &[&test[..], &["--ignored"]].concat(),
+            false,
         ),
         part("the Python package, with PyTorch".to_owned(), &["xtask", "python", "--torch"], false),
     ];

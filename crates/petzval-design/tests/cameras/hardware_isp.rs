@@ -174,6 +174,7 @@ fn the_chip_is_improved_without_its_gradient_and_a_search_continues_with_the_sam
 }
 
 #[test]
+#[ignore = "trains a network as an ISP for over a minute; `cargo xtask full` runs it"]
 fn a_network_that_imitates_the_chip_leads_it_and_the_lens_and_continues_with_the_same_bits() {
     // The rate at which the network learns has fallen when it begins to lead: weights that still jump would make other figures on every machine.
     let isp = "vary = [\"gain.stops\", \"gamma.exponent\"]\nproxy_warm_up = 50\nproxy_steps = 4\nsteps = 1\n";

@@ -72,6 +72,7 @@ fn training_brings_the_illumination_nearer_and_continues_with_the_same_bits() {
 }
 
 #[test]
+#[ignore = "trains a network for half a minute; `cargo xtask full` runs it"]
 fn the_psfs_of_some_lenses_are_learnt_by_heart() {
     let setup = setup();
     let mut trainer = trainer(&setup, 1);

@@ -400,6 +400,7 @@ fn write_torchvision_weights(file: &Path, prefix: &str) {
 }
 
 #[test]
+#[ignore = "trains detectors with whole backbones; `cargo xtask full` runs it"]
 fn a_detector_starts_from_weights_of_torchvision() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path();

@@ -148,6 +148,7 @@ fn the_full_size_differs_in_its_budget_alone() {
 }
 
 #[test]
+#[ignore = "trains a network for half a minute; `cargo xtask full` runs it"]
 fn a_network_in_place_of_tracing_is_trained_described_and_leads_a_lens() {
     let folder = tempfile::tempdir().unwrap();
     let tiny = tiny_experiment().replace("grid = 64", "grid = 128");
