@@ -4,13 +4,14 @@ use std::path::PathBuf;
 
 use petzval_base::write_whole;
 use petzval_design::error::DesignError;
-use petzval_design::report::comparison::{Comparison, compare, comparison_csv};
+use petzval_design::report::comparison::{ComparedDifference, Comparison, compare, comparison_csv};
 use petzval_design::report::run_report::report_of_run;
 use petzval_design::run::RunFolder;
 use petzval_design::setup::Setup;
 use petzval_design::study::MeanAndDeviation;
 use petzval_learn::score::ScoreDescription;
 use petzval_report::comparison::{Group, SHOWN, TextTable, page};
+use petzval_report::{capitalised, signed_with_error, with_error};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -79,7 +80,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     }
     let of_group = |group: &Group| {
         let tables: Vec<String> = group.tables.iter().map(TextTable::markdown).collect();
-        format!("## {}\n\n{}\n\n{}", group.title, group.subtitle, tables.join("\n"))
+        let answer = group.answer.as_ref().map_or_else(String::new, |answer| format!("{answer}\n\n"));
+        format!("## {}\n\n{answer}{}\n\n{}", group.title, group.subtitle, tables.join("\n"))
     };
     let above = differences.map(|table| table.markdown());
     let markdown = above.into_iter().chain(groups.iter().map(of_group)).collect::<Vec<_>>().join("\n");
@@ -132,14 +134,39 @@ fn group(comparison: &Comparison, context: &Context) -> Result<Group, JobError> 
     let seeds: Vec<String> = comparison.seeds.iter().map(u64::to_string).collect();
     let memory = comparison.memory_gb.map_or_else(String::new, |gb| format!(", at most {gb:.2} GB"));
     let subtitle = format!(
-        "{} {}, {} steps of network or ISP, {:.2} hours in all{memory}.",
+        "{} {}; {} steps of network or ISP; {:.2} hours in all{memory}.",
         if seeds.len() == 1 { "Seed" } else { "Seeds" },
         seeds.join(", "),
         comparison.steps,
         comparison.hours
     );
-    Ok(Group { title: comparison.title.clone(), subtitle, tables: tables(comparison), report })
+    let (title, answer) = (comparison.title.clone(), answer(comparison));
+    Ok(Group { title, answer, subtitle, tables: tables(comparison), report })
 }
+
+/// `End-to-end against nominal: +0.86 ± 0.06 dB PSNR, ...; against spot-optimised: ...`; none without another camera.
+fn answer(comparison: &Comparison) -> Option<String> {
+    let Comparison { scores, differences, seeds, .. } = comparison;
+    let first = differences.first()?;
+    let against = |difference: &ComparedDifference| {
+        let figures = difference.scores.iter().zip(scores).map(|(value, score)| {
+            let unit = if score.unit.is_empty() { String::new() } else { format!(" {}", score.unit) };
+            format!(
+                "{}{unit} {}",
+                signed_with_error(value.mean, value.deviation, score.decimals),
+                score.title
+            )
+        });
+        format!("against {}: {}", difference.against, figures.take(FIGURES).collect::<Vec<_>>().join(", "))
+    };
+    let all: Vec<String> = differences.iter().take(CAMERAS).map(against).collect();
+    let over = if seeds.len() == 1 { "one seed".to_owned() } else { format!("{} seeds", seeds.len()) };
+    Some(format!("{} over {over}, {}.", capitalised(&first.camera), all.join("; ")))
+}
+
+/// Most scores that the first sentence of an experiment names, and most cameras.
+const FIGURES: usize = 2;
+const CAMERAS: usize = 2;
 
 /// What differs between experiments: a column for each key, and a row for each experiment with the scores of its last camera that is no
 /// ceiling. None for a single experiment.
@@ -160,7 +187,7 @@ fn differences(comparisons: &[Comparison]) -> Option<TextTable> {
         let score = |score: &&ScoreDescription| {
             let place = comparison.scores.iter().position(|own| own.name == score.name);
             let value = place.and_then(|place| camera?.scores.get(place));
-            value.map_or_else(|| "-".to_owned(), |v| format!("{:.*}", score.decimals, v.mean))
+            value.map_or_else(|| "-".to_owned(), |v| with_error(v.mean, 0.0, score.decimals))
         };
         let values = comparison.differs.iter().map(|(_, value)| value.clone());
         let name = camera.map_or("-", |camera| &camera.name).to_owned();
@@ -189,12 +216,10 @@ fn tables(comparison: &Comparison) -> Vec<TextTable> {
         [vec![first.to_owned()], headings.clone(), further.to_vec()].concat()
     };
     let cell = |value: &MeanAndDeviation, decimals: usize, is_difference: bool| {
-        let mean = if is_difference {
-            format!("{:+.decimals$}", value.mean)
-        } else {
-            format!("{:.decimals$}", value.mean)
-        };
-        if is_several { format!("{mean} ± {:.decimals$}", value.deviation) } else { mean }
+        // A single seed has no deviation, and figures without one have all their decimals.
+        let deviation = if is_several { value.deviation } else { 0.0 };
+        let text = if is_difference { signed_with_error } else { with_error };
+        text(value.mean, deviation, decimals)
     };
     let all = |values: &[MeanAndDeviation], is_difference: bool| -> Vec<String> {
         values.iter().zip(scores).map(|(v, s)| cell(v, s.decimals, is_difference)).collect()

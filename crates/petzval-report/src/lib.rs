@@ -50,5 +50,8 @@ pub mod sensor_sheet;
 pub mod side_by_side;
 mod table;
 pub mod tolerance_sheet;
+mod words;
 
+pub use number::{signed_with_error, with_error};
 pub use palette::class_colour;
+pub use words::capitalised;

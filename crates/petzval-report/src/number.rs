@@ -60,12 +60,12 @@ pub(crate) fn decimals_of(error: f64) -> Option<i32> {
 
 /// A value that ends where its standard error begins, with the error: `1.3 ± 0.2`. Without an error, or with one that rounds to nothing at
 /// the most `decimals`, the value alone.
-pub(crate) fn with_error(value: f64, error: f64, decimals: usize) -> String {
+pub fn with_error(value: f64, error: f64, decimals: usize) -> String {
     joined(value, error, decimals, fixed)
 }
 
 /// The same with the sign of the value: `+1.3 ± 0.2`.
-pub(crate) fn signed_with_error(value: f64, error: f64, decimals: usize) -> String {
+pub fn signed_with_error(value: f64, error: f64, decimals: usize) -> String {
     joined(value, error, decimals, signed)
 }
 

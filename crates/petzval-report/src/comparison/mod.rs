@@ -11,6 +11,8 @@ use crate::table::{Column, Row, Table};
 pub struct Group {
     /// Title of the experiment.
     pub title: String,
+    /// What came out, in one sentence; none where one camera stands alone.
+    pub answer: Option<String>,
     /// Seeds, steps, time and memory, in words.
     pub subtitle: String,
     /// Tables of text: each with a caption, heads of columns and rows.
@@ -79,6 +81,7 @@ pub fn page(differences: Option<&TextTable>, groups: &[Group]) -> String {
 fn of_group(group: &Group) -> Markup {
     let report = &group.report;
     html! {
+        @if let Some(answer) = &group.answer { p.lead.answer { (answer) } }
         p.muted { (group.subtitle) }
         @for table in &group.tables { (table.html()) }
         @if !report.pictures.is_empty() {
@@ -102,6 +105,7 @@ mod tests {
     fn group() -> Group {
         Group {
             title: "A <test>".into(),
+            answer: Some("End-to-end is ahead.".into()),
             subtitle: "3 seeds".into(),
             tables: vec![TextTable {
                 caption: "Scores.".into(),
@@ -117,9 +121,15 @@ mod tests {
         let table = TextTable { head: vec!["experiment".into(), "psf.grid".into()], ..TextTable::default() };
         let page = page(Some(&table), &[group(), Group { title: "Other".into(), ..Group::default() }]);
         crate::page::assert_readable(&page);
-        for words in
-            ["<h2>A &lt;test&gt;</h2>", "<h2>Other</h2>", "27.1 ± 0.2", "Lenses", "Over the run", "psf.grid"]
-        {
+        for words in [
+            "<h2>A &lt;test&gt;</h2>",
+            "End-to-end is ahead.",
+            "<h2>Other</h2>",
+            "27.1 ± 0.2",
+            "Lenses",
+            "Over the run",
+            "psf.grid",
+        ] {
             assert!(page.contains(words), "{words}");
         }
         assert!(!page.contains("NaN"));

@@ -2,9 +2,9 @@
 
 use super::answer_view::Answer;
 use super::view::{CameraDetection, DetectionView, Range, Report};
-use super::words::capitalised;
 use crate::number;
 use crate::page::Tile;
+use crate::words::capitalised;
 
 /// Decimals of average precisions without a range.
 const DECIMALS: usize = 3;

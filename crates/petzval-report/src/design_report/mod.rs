@@ -25,7 +25,6 @@ mod scored_answer;
 mod segmentation;
 mod standing;
 mod view;
-mod words;
 
 pub use choice::choice;
 pub use detail::detail;

@@ -5,10 +5,10 @@ use petzval_base::counted;
 
 use super::standing::{Difference, Standing};
 use super::view::{Report, camera_colour};
-use super::words::capitalised;
 use crate::page::{caption, figure};
 use crate::palette::MUTED;
 use crate::plot::{Axis, Curve, Key, KeyLine, Marker, Panel, Pen, Points, Sheet, grid, span};
+use crate::words::capitalised;
 
 /// Width of the chart and height of the field between its axes, px.
 const WIDTH_PX: f64 = 720.0;

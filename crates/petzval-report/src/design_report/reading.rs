@@ -6,8 +6,8 @@ use petzval_base::counted;
 use super::found_answer::Found;
 use super::score_table::{Figure, first_order, picture_scores, spot};
 use super::view::{DetectionView, OneSeed, Report, SeedStudy, TableRow};
-use super::words::capitalised;
 use crate::number;
+use crate::words::capitalised;
 
 /// The scores of all objects. Those of groups have a table of their own, with ranges.
 const OF_ALL_OBJECTS: [&str; 2] = [AP50, "AP"];

@@ -4,9 +4,9 @@ use super::answer_view::Answer;
 use super::score_table::{Figure, picture_scores};
 use super::standing::{Difference, OF_WHAT, Standing};
 use super::view::Report;
-use super::words::capitalised;
 use crate::number;
 use crate::page::Tile;
+use crate::words::capitalised;
 
 /// The answer; none without two cameras to compare.
 pub(super) fn answer(report: &Report) -> Option<Answer> {

@@ -13,20 +13,16 @@ use petzval_lab::psf_calibration::held_out::HeldOutBy;
 use super::sheet::{DECADES, Tone, kinds, picture};
 use super::{Calibration, by_direction};
 use crate::number::fixed;
-use crate::page::{Page, caption, facts, section, with_contents};
+use crate::page::{Page, Tile, caption, facts, numbers, section, with_contents};
 use crate::plot::{plain, span};
 use crate::png;
 use crate::table::{Column, Row, Table};
+use crate::words::capitalised;
 
 /// The page. It is self-contained and suitable for printing.
 pub fn page(calibration: &Calibration) -> String {
-    let mut sections = vec![section("Summary", summary(calibration))];
-    let directions = by_direction(calibration);
-    for (i, (direction, members)) in directions.iter().enumerate() {
-        let below = (i + 1 == directions.len()).then(|| how_to_read_pictures(calibration));
-        let body = html! { (pictures(calibration, members)) @if let Some(text) = below { (text) } };
-        sections.push(section(format!("PSFs, {direction}"), body));
-    }
+    let mut sections = vec![section("Summary", html! { (answer(calibration)) (summary(calibration)) })];
+    sections.push(section("PSFs", side_by_side(calibration)));
     if calibration.lens.is_some() {
         sections.push(section("L1 distance from the simulated PSF", distances(calibration)));
     }
@@ -46,6 +42,40 @@ pub fn page(calibration: &Calibration) -> String {
     }
     .html()
 }
+
+/// Whether measured and simulated PSFs differ by more than noise, with three numbers. Nothing without a lens to compare with.
+fn answer(calibration: &Calibration) -> Markup {
+    let compared: Vec<(&CalibratedPosition, &Comparison)> =
+        calibration.positions.iter().filter_map(|(p, c)| Some((p, c.as_ref()?))).collect();
+    if compared.is_empty() {
+        return html! {};
+    }
+    let median = |of: fn(&(&CalibratedPosition, &Comparison)) -> f64| {
+        petzval_base::statistics::median(compared.iter().map(of).collect::<Vec<f64>>())
+    };
+    let (found, noise) = (median(|(_, c)| c.l1[1]), median(|(p, _)| p.measured.floor.l1[1]));
+    let ratio = found / noise;
+    let verdict = if ratio <= BY_NOISE {
+        "no more than noise alone makes them".to_owned()
+    } else {
+        format!("{} times as much as noise alone makes them", fixed(ratio, 1))
+    };
+    let tile = |value: String, label: &str| Tile { value, label: label.to_owned(), is_gain: None };
+    html! {
+        p.lead.answer { "Measured and simulated PSFs differ " (verdict) "." }
+        (numbers(&[
+            tile(fixed(found, 3), "L1 distance, green, median over the positions"),
+            tile(fixed(noise, 3), "the same by noise alone"),
+            tile(
+                format!("{} of {}", compared.iter().filter(|(p, c)| c.l1[1] <= BY_NOISE * p.measured.floor.l1[1]).count(), compared.len()),
+                "positions where noise explains the distance",
+            ),
+        ]))
+    }
+}
+
+/// Distances up to this many times that of noise alone are its own: floors of a few frames are known to a fifth.
+const BY_NOISE: f64 = 1.5;
 
 /// What was measured, how good it is, and where it does not hold.
 fn summary(calibration: &Calibration) -> Markup {
@@ -126,6 +156,18 @@ fn how_to_read_pictures(calibration: &Calibration) -> Markup {
             "demosaiced. “Ideal pixels”: every colour in every pixel."
         }
     })
+}
+
+/// The PSFs of all directions.
+fn side_by_side(calibration: &Calibration) -> Markup {
+    html! {
+        div.directions {
+            @for (direction, members) in by_direction(calibration) {
+                div { h3 { (direction) } (pictures(calibration, &members)) }
+            }
+        }
+        (how_to_read_pictures(calibration))
+    }
 }
 
 /// The PSFs of one direction: a column for each field radius, a row for each kind of picture.
@@ -352,7 +394,7 @@ fn warnings(calibration: &Calibration, radii_mm: Option<(f64, f64)>) -> Markup {
             }
             @for (warning, positions) in said {
                 li {
-                    (plain(warning)) " ("
+                    (plain(&capitalised(warning))) " ("
                     @if positions.len() == calibration.positions.len() { "all positions" } @else { (plain(&positions.join(", "))) }
                     ")"
                 }

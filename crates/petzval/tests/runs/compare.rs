@@ -16,15 +16,16 @@ fn all_experiments_are_run_with_every_seed_and_compared_and_the_same_command_goe
     }
     let text = &said.stdout;
     assert_eq!(text.matches("\n## ").count(), 2, "{text}");
-    assert!(text.contains("Seeds 1, 2, 4 steps") && text.contains("| against |"), "{text}");
+    assert!(text.contains("Seeds 1, 2; 4 steps") && text.contains("| against |"), "{text}");
     // Means and deviations are those of the runs.
     let psnr = |run: &str| {
         let rows = read_json(&folder.path().join("all").join(run).join("metrics.json"))["rows"].clone();
         rows[0]["psnr_db"].as_f64().unwrap()
     };
     let (a, b) = (psnr("tiny-seed-1"), psnr("tiny-seed-2"));
-    let wanted = format!("{:.2} ± {:.2}", 0.5 * (a + b), (a - b).abs() / 2.0_f64.sqrt());
-    assert!(text.contains(&wanted), "{wanted} in {text}");
+    let wanted = petzval_report::with_error(0.5 * (a + b), (a - b).abs() / 2.0_f64.sqrt(), 2);
+    assert!(text.contains(&format!(" {wanted} |")), "{wanted} in {text}");
+    assert!(text.contains("End-to-end over 2 seeds, against nominal: "), "{text}");
     let page = read(&folder.path().join("all/comparison.html"));
     assert!(page.contains("Runs compared") && page.contains("Dim Cooke") && page.contains("<img"));
     // What differs between the experiments has columns of its own.

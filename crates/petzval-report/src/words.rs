@@ -1,7 +1,7 @@
 //! Words of sentences.
 
 /// A name as a sentence begins with it.
-pub(super) fn capitalised(name: &str) -> String {
+pub fn capitalised(name: &str) -> String {
     let mut letters = name.chars();
     letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }
