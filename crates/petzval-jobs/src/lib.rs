@@ -53,6 +53,7 @@ mod run_page;
 pub mod sensor;
 pub mod simulate;
 pub mod table;
+pub mod threads;
 pub mod train;
 pub mod usual;
 

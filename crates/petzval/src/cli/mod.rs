@@ -47,6 +47,7 @@ mod watcher;
 use std::ffi::OsString;
 use std::path::PathBuf;
 
+use crate::jobs::threads::{Source, threads};
 use crate::jobs::{MOST_THREADS, usual};
 use clap::{CommandFactory, Parser, Subcommand};
 
@@ -62,7 +63,8 @@ pub use failure::Failure;
 #[derive(Debug, Parser)]
 #[command(name = "petzval", version, propagate_version = true)]
 pub struct Cli {
-    /// Threads to use; 0 means one per core. Results do not depend on it.
+    /// Threads to use; 0 means RAYON_NUM_THREADS, SLURM_CPUS_PER_TASK or HQ_CPUS, the first of them that is set, else one per core. Results do not
+    /// depend on it.
     #[arg(long, global = true, default_value_t = usual::threads(), value_name = "N")]
     threads: usize,
     /// Glass catalogue whose glasses take precedence over the built-in ones: .agf, .toml, a page of
@@ -164,11 +166,12 @@ fn run(cli: Cli, words: Vec<OsString>) -> Result<Code, Failure> {
             "0 means one per core",
         ));
     }
-    if cli.threads > 0 {
+    let threads = threads(cli.threads)?;
+    if threads.source != Source::Cores {
         rayon::ThreadPoolBuilder::new()
-            .num_threads(cli.threads)
+            .num_threads(threads.number)
             .build_global()
-            .map_err(|e| Failure::job(format!("{} threads: {e}", cli.threads)))?;
+            .map_err(|e| Failure::job(format!("{} threads: {e}", threads.number)))?;
     }
     let assets = glass::chosen(&cli.glasses, matches!(cli.verb, Verb::Glass(_)))?;
     let terminal = Terminal { assets, overwrites: cli.force, words };
@@ -196,7 +199,7 @@ fn run(cli: Cli, words: Vec<OsString>) -> Result<Code, Failure> {
         Verb::Call(args) => call::run(args, &terminal),
         Verb::Jobs(args) => call::list(args),
         Verb::Bench(args) => bench::run(args, &terminal),
-        Verb::Doctor(args) => doctor::run(args, &terminal),
+        Verb::Doctor(args) => doctor::run(args, threads.source, &terminal),
     }
 }
 
