@@ -1,0 +1,26 @@
+"""submitit: units as jobs of its local executor, by the example of the Python package. One job is interrupted as a preemption does it.
+
+Called by `cargo xtask engines` with the folder of the examples, the file of units and the store.
+"""
+
+import sys
+import time
+from pathlib import Path
+
+EXAMPLES, UNITS, STORE = sys.argv[1:]
+sys.path.insert(0, EXAMPLES)
+
+import units_with_submitit as example
+
+jobs = example.submit(UNITS, STORE, cluster="local")
+began = time.monotonic()
+while not list(Path(STORE).glob("*/**/search.json")):
+    assert time.monotonic() - began < 60, "no checkpoint"
+    time.sleep(0.05)
+running = next(job for job in jobs if job.state == "RUNNING")
+running._interrupt()
+finished = [job.result() for job in jobs]
+assert all(code == 0 for code in finished), finished
+said = "".join(Path(job.paths.stderr).read_text() for job in jobs)
+assert "with a checkpoint" in said, said
+print(f"{len(jobs)} units, one job was interrupted and submitted again")
