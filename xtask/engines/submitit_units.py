@@ -3,11 +3,14 @@
 Called by `cargo xtask engines` with the folder of the examples, the file of units and the store.
 """
 
+import os
 import sys
 import time
 from pathlib import Path
 
 EXAMPLES, UNITS, STORE = sys.argv[1:]
+# The jobs load the class of the example as well.
+os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [EXAMPLES, os.environ.get("PYTHONPATH")]))
 sys.path.insert(0, EXAMPLES)
 
 import units_with_submitit as example
@@ -15,7 +18,7 @@ import units_with_submitit as example
 jobs = example.submit(UNITS, STORE, cluster="local")
 began = time.monotonic()
 while not list(Path(STORE).glob("*/**/search.json")):
-    assert time.monotonic() - began < 60, "no checkpoint"
+    assert time.monotonic() - began < 300, "no checkpoint"
     time.sleep(0.05)
 running = next(job for job in jobs if job.state == "RUNNING")
 running._interrupt()

@@ -47,8 +47,8 @@ pub fn check(words: &[String]) -> Result<String, Vec<String>> {
     while let Some(word) = words.next() {
         match word.as_str() {
             "--long" => long = true,
-            "--petzval" => petzval = words.next().map(PathBuf::from),
-            "--python" => python = words.next().map(PathBuf::from),
+            "--petzval" => petzval = words.next().and_then(|path| std::path::absolute(path).ok()),
+            "--python" => python = words.next().and_then(|path| std::path::absolute(path).ok()),
             name if PARTS.iter().any(|(part, _)| *part == name) => named.push(name),
             other => return Err(vec![format!("{other}: no such part; {USAGE}")]),
         }

@@ -1,14 +1,20 @@
 //! HyperQueue, Ray and submitit: packages of PyPI. What is done with each is a script beside these sources.
 
+use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::time::Duration;
 
 use super::units::Units;
+use super::wait::until;
 use super::{Ended, Tools};
 
 /// Units of each test, and rounds of each: long enough to be interrupted.
 const UNITS: usize = 4;
 const ROUNDS: usize = 12;
+
+/// Longest time of a script.
+const PATIENCE: Duration = Duration::from_secs(900);
 
 pub fn hyperqueue(tools: &Tools) -> Result<Ended, String> {
     with_script(tools, "hyperqueue", |units, store| {
@@ -45,12 +51,22 @@ fn with_script(
     let units = Units::new(&tools.petzval, &tools.folder, UNITS, ROUNDS)?;
     let store = tools.folder.join("store");
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("engines/{engine}_units.py"));
+    let log = tools.folder.join("script.log");
+    let file = File::create(&log).map_err(|e| format!("{}: {e}", log.display()))?;
+    let again = file.try_clone().map_err(|e| e.to_string())?;
     let mut command = Command::new(python);
-    command.arg(script).args(words(&units, &store)).current_dir(&tools.folder);
-    let output = command.output().map_err(|e| format!("{command:?}: {e}"))?;
-    let said = String::from_utf8_lossy(&output.stdout);
-    if !output.status.success() {
-        return Err(format!("{}: {said}{}", output.status, String::from_utf8_lossy(&output.stderr)));
+    command.arg(script).args(words(&units, &store)).current_dir(&tools.folder).stdout(again).stderr(file);
+    let mut child = command.spawn().map_err(|e| format!("{command:?}: {e}"))?;
+    let ended = until("the end of the script", PATIENCE, || {
+        child.try_wait().map(|status| status.is_some()).map_err(|e| e.to_string())
+    });
+    // One that has ended is not killed.
+    let _ = child.kill();
+    let status = child.wait().map_err(|e| e.to_string())?;
+    let said = fs::read_to_string(&log).unwrap_or_default();
+    ended.map_err(|problem| format!("{problem}\n{said}"))?;
+    if !status.success() {
+        return Err(format!("{status}\n{said}"));
     }
     units.compare(&store)?;
     Ok(Ended::Passed(said.lines().last().unwrap_or_default().to_owned()))

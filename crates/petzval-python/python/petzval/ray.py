@@ -141,10 +141,20 @@ def _names(file: Path) -> list[str]:
     return [json.loads(line)["name"] for line in lines if line.strip()]
 
 
+def _simd(file: Path) -> str:
+    """The value of PETZVAL_SIMD with which the command has the instruction set of the units."""
+    with file.open(encoding="utf-8") as lines:
+        level = str(json.loads(next(line for line in lines if line.strip())).get("simd", "avx2"))
+    # The others are the widest of machines that have them.
+    return level if level in ("avx2", "scalar") else "best"
+
+
 def _run(file: Path, store: Path, shard: str, threads: int) -> None:
     """Runs a share of the units in a process of its own, so that their instruction set and their memory end with it."""
     words = ["unit", "run", str(file), "--store", str(store), "--shard", shard, "--threads", str(threads)]
-    code = subprocess.run([sys.executable, "-m", "petzval", *words], preexec_fn=_end_with_parent).returncode
+    environment = {**os.environ, "PETZVAL_SIMD": _simd(file)}
+    command = [sys.executable, "-m", "petzval", *words]
+    code = subprocess.run(command, env=environment, preexec_fn=_end_with_parent).returncode
     if code == _STOPPED:
         raise Interrupted(f"shard {shard} of {file} was stopped after a checkpoint")
     if code not in (0, _FAILED):
