@@ -24,7 +24,7 @@ const STOPPED: i32 = 75;
 
 pub fn run(tools: &Tools) -> Result<Ended, String> {
     let (count, rounds, pace) =
-        if tools.long { (64, 200, Duration::from_secs(60)) } else { (24, 4, Duration::from_secs(2)) };
+        if tools.long { (64, 60, Duration::from_secs(60)) } else { (24, 4, Duration::from_secs(2)) };
     let units = Units::new(&tools.petzval, &tools.folder, count, rounds)?;
     let longest = SIGNALS
         .iter()
@@ -34,10 +34,12 @@ pub fn run(tools: &Tools) -> Result<Ended, String> {
         .max()
         .unwrap_or_default();
     let store = tools.folder.join("shared");
-    let killed = shared(tools, &units, &store, pace)?;
+    let named = tools.long && has_names();
+    let killed = shared(tools, &units, &store, pace, named)?;
     units.compare(&store)?;
+    let names = if named { "on machines of different names" } else { "on one machine" };
     Ok(Ended::Passed(format!(
-        "{WORKERS} processes finished {count} units, {killed} were killed; checkpoint at most {:.2} s after each of {}",
+        "{WORKERS} processes {names} finished {count} units, {killed} were killed; checkpoint at most {:.2} s after each of {}",
         longest.as_secs_f64(),
         SIGNALS.join(", ")
     )))
@@ -74,18 +76,23 @@ fn signalled(tools: &Tools, units: &Units, signal: &str) -> Result<Duration, Str
 }
 
 /// Runs the units by several processes, of which one is killed at each `pace` and replaced. Returns how many were killed.
-fn shared(tools: &Tools, units: &Units, store: &Path, pace: Duration) -> Result<usize, String> {
+///
+/// With names of their own the processes seem to be on different machines: that one is gone is seen only by its claim, which grows stale.
+fn shared(tools: &Tools, units: &Units, store: &Path, pace: Duration, named: bool) -> Result<usize, String> {
     let started = |worker: usize, times: usize| {
         let log = File::create(tools.folder.join(format!("worker-{worker}-{times}.log")))
             .map_err(|e| e.to_string())?;
         let again = log.try_clone().map_err(|e| e.to_string())?;
         let mut command = unit_run(&tools.petzval, &units.file, store);
+        if named {
+            command = on_machine(&format!("worker-{worker}-{times}"), &command);
+        }
         command.stdout(log).stderr(again).spawn().map_err(|e| e.to_string())
     };
     let mut workers =
         (0..WORKERS).map(|worker| started(worker, 0)).collect::<Result<Vec<Child>, String>>()?;
     let (began, mut killed) = (Instant::now(), 0);
-    let patience = pace * 60 + Duration::from_secs(600);
+    let patience = pace * 120 + Duration::from_secs(600);
     loop {
         std::thread::sleep(Duration::from_millis(100));
         let mut running = Vec::new();
@@ -110,6 +117,20 @@ fn shared(tools: &Tools, units: &Units, store: &Path, pace: Duration) -> Result<
             workers[worker] = started(worker, killed)?;
         }
     }
+}
+
+/// The same command in a space of names of its own, where the machine has this name.
+fn on_machine(name: &str, command: &Command) -> Command {
+    let mut named = Command::new("unshare");
+    named.args(["--user", "--map-root-user", "--uts", "sh", "-c", r#"hostname "$0" && exec "$@""#, name]);
+    named.arg(command.get_program()).args(command.get_args());
+    named
+}
+
+/// Whether processes may have names of machines of their own here.
+fn has_names() -> bool {
+    let output = on_machine("worker", &Command::new("hostname")).output();
+    output.is_ok_and(|output| output.stdout == b"worker\n")
 }
 
 fn send(signal: &str, child: &Child) {
