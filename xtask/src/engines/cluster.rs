@@ -128,7 +128,7 @@ impl Cluster {
 
 impl Drop for Cluster {
     fn drop(&mut self) {
-        // Daemons that are asked to end first end their jobs.
+        // A daemon that gets SIGTERM ends its jobs first.
         for (_, child) in self.running.iter_mut().rev() {
             let _ = Command::new("kill").args(["-s", "TERM", &child.id().to_string()]).status();
             let gone = until("", Duration::from_secs(10), || {
