@@ -30,4 +30,4 @@ finished = [job.result() for job in jobs]
 assert all(code == 0 for code in finished), finished
 said = "".join(Path(job.paths.stderr).read_text() for job in jobs)
 assert "with a checkpoint" in said, said
-print(f"{len(jobs)} units, one job was interrupted and submitted again")
+print(f"{len(jobs)} jobs, one was interrupted and submitted again")
