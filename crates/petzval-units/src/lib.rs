@@ -1,2 +1,7 @@
 //! Many jobs: each is a unit of work with a key of its own in a store that several processes share.
 
+pub mod store;
+pub mod unit;
+
+pub use store::{Outcome, RunOptions, Store, Summary, UnitState, run_all, run_unit};
+pub use unit::{Key, Shard, Unit, UnitFile};

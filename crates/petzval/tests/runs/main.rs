@@ -12,3 +12,4 @@ mod moved;
 mod output;
 mod resume;
 mod segments;
+mod units;
