@@ -32,6 +32,8 @@ mod position;
 pub mod report;
 pub mod run;
 mod run_progress;
+pub mod run_row;
+pub mod scalar_log;
 pub mod scoring;
 pub mod setup;
 pub mod spectral_light;

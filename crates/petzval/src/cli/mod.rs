@@ -35,12 +35,14 @@ mod psf_calibrate;
 mod psf_capture;
 mod raw;
 mod report;
+mod runs;
 mod score_table;
 mod sensor;
 mod served_page;
 mod signals;
 mod simulate;
 mod terminal;
+mod text_table;
 mod train;
 mod watcher;
 
@@ -132,6 +134,8 @@ enum Verb {
     Call(call::Args),
     #[command(about = "List the jobs of `petzval call`")]
     Jobs(call::JobsArgs),
+    #[command(about = "List all runs below a folder, with their states, scores and differences")]
+    Runs(runs::Args),
     #[command(about = "Measure standard workloads")]
     Bench(bench::Args),
     #[command(about = "Show what this machine and this build offer")]
@@ -195,6 +199,7 @@ fn run(cli: Cli, words: Vec<OsString>) -> Result<Code, Failure> {
         Verb::Train(verb) => train::run(verb, &terminal),
         Verb::Call(args) => call::run(args, &terminal),
         Verb::Jobs(args) => call::list(args),
+        Verb::Runs(args) => runs::run(args, &terminal),
         Verb::Bench(args) => bench::run(args, &terminal),
         Verb::Doctor(args) => doctor::run(args, &terminal),
     }

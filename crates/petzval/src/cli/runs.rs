@@ -1,0 +1,135 @@
+//! `petzval runs`: all runs below a folder in one table.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use crate::cli::code::Code;
+use crate::design::run_row::{RunRow, RunState};
+use crate::units::runs::{Runs, USUAL_FOLDER, runs_in};
+
+use super::failure::Failure;
+use super::plain::shown;
+use super::signals;
+use super::terminal::{Terminal, print_json};
+use super::text_table::TextTable;
+
+/// List all runs below a folder: how far each has come, its scores, and in which keys of their experiments they differ.
+///
+/// A run is finished, running, stopped (it goes on with `petzval design --resume`) or damaged, with the reason. Scores are those of the
+/// last finished camera that is no ceiling. Runs are compared with those of the same title.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Folder with runs, at any depth
+    #[arg(default_value = USUAL_FOLDER)]
+    dir: PathBuf,
+    /// Print the table again whenever it changes, until a signal ends it
+    #[arg(long, conflicts_with = "json")]
+    watch: bool,
+    /// Machine-readable output
+    #[arg(long)]
+    json: bool,
+}
+
+/// Between two looks of --watch.
+const AGAIN: Duration = Duration::from_secs(2);
+
+/// Runs the verb.
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
+    let context = terminal.context();
+    if args.watch {
+        let stop = signals::end_on_signal()?;
+        let context = context.with_cancellation(stop);
+        let mut last = String::new();
+        loop {
+            let text = in_words(&runs_in(&args.dir, &context)?, &args);
+            if text != last {
+                outln!("{text}");
+                last = text;
+            }
+            std::thread::sleep(AGAIN);
+        }
+    }
+    let runs = runs_in(&args.dir, &context.with_cancellation(signals::end_on_signal()?))?;
+    if args.json {
+        return print_json(&runs);
+    }
+    out!("{}", in_words(&runs, &args));
+    Ok(Code::SUCCESS)
+}
+
+/// Keys that a line names of those that differ.
+const NAMED: usize = 6;
+
+/// The table, and what is damaged.
+fn in_words(runs: &Runs, args: &Args) -> String {
+    if runs.runs.is_empty() {
+        return format!("no runs in {}\n", shown(&args.dir));
+    }
+    let mut table = TextTable::new(["run", "state", "step", "time", "scores", "differs in"]);
+    for row in &runs.runs {
+        table.row([
+            name(row, args),
+            state(row.state).to_owned(),
+            steps(row),
+            time(row.seconds),
+            scores(row),
+            differs(row),
+        ]);
+    }
+    let reasons =
+        runs.runs.iter().filter_map(|row| Some(format!("{}: {}\n", name(row, args), row.reason.as_ref()?)));
+    table.text() + &reasons.collect::<String>()
+}
+
+fn name(row: &RunRow, args: &Args) -> String {
+    let below = row.run.strip_prefix(&args.dir).ok().filter(|path| path.as_os_str() != "");
+    shown(below.unwrap_or(&row.run))
+}
+
+fn state(state: RunState) -> &'static str {
+    match state {
+        RunState::Finished => "finished",
+        RunState::Running => "running",
+        RunState::Stopped => "stopped",
+        RunState::Damaged => "damaged",
+    }
+}
+
+fn steps(row: &RunRow) -> String {
+    match (row.state, row.total) {
+        (RunState::Damaged, _) | (_, 0) => "-".to_owned(),
+        (RunState::Finished, _) => row.step.to_string(),
+        (_, total) => format!("{}/{total}", row.step),
+    }
+}
+
+/// Seconds as hours and minutes.
+pub(super) fn time(seconds: f64) -> String {
+    let whole = seconds.max(0.0).round() as u64;
+    let (hours, minutes) = (whole / 3600, whole / 60 % 60);
+    if hours > 0 {
+        format!("{hours} h {minutes:02} min")
+    } else if minutes > 0 {
+        format!("{minutes} min {:02} s", whole % 60)
+    } else {
+        format!("{seconds:.1} s")
+    }
+}
+
+fn scores(row: &RunRow) -> String {
+    let values: Vec<String> =
+        row.scores.iter().map(|score| format!("{} {:.4}", score.name, score.value)).collect();
+    match &row.camera {
+        Some(camera) => format!("{camera}: {}", values.join(", ")),
+        None => "-".to_owned(),
+    }
+}
+
+fn differs(row: &RunRow) -> String {
+    let named: Vec<String> =
+        row.differs.iter().take(NAMED).map(|(key, value)| format!("{key}={value}")).collect();
+    match row.differs.len().saturating_sub(NAMED) {
+        0 => named.join(" "),
+        more => format!("{} and {more} more", named.join(" ")),
+    }
+}
