@@ -26,6 +26,7 @@ use petzval_learn::score::ScoreDescription;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::{JobError, Stopped, json, make_folder};
 use crate::event::{CameraScore, Event, WarningKind};
@@ -162,6 +163,40 @@ fn stopped(message: impl Into<String>, run: &Path, request: &Request) -> JobErro
     let resume = Run::Resume(Resume { run: run.clone(), ..Resume::default() });
     let again = Request { run: resume, ..request.clone() };
     Stopped::new(message).keeping(run).going_on_with(&again).into()
+}
+
+/// As a unit of work.
+pub(crate) const UNIT: AsUnit<Request> = AsUnit {
+    seed: Some(|request, seed| {
+        if let Run::New(new) = &mut request.run {
+            new.changes.seed = Some(seed);
+        }
+    }),
+    place: Some(|request, folder| {
+        if let Run::New(new) = &mut request.run {
+            new.out = Some(folder.to_owned());
+        }
+    }),
+    going_on: Some(|request, folder| {
+        let is_begun = RunFolder::open(folder).is_ok_and(|run| run.record().is_file());
+        is_begun.then(|| Request {
+            run: Run::Resume(Resume { run: folder.to_owned(), ..Resume::default() }),
+            device: request.device.clone(),
+        })
+    }),
+    behind: Some(|request, context| match &request.run {
+        // The experiment that is made for a lens names built-in inputs alone.
+        Run::New(new) if !is_lens(&new.experiment.name(), context) => Ok(inputs_of(&resolved(new, context)?)),
+        _ => Ok(Vec::new()),
+    }),
+};
+
+/// Files and folders that an experiment names.
+pub(crate) fn inputs_of(experiment: &Experiment) -> Vec<PathBuf> {
+    let mut experiment = experiment.clone();
+    let is_built_in = |name: &str| [BUILT_IN_PHOTOS, STREET].contains(&name);
+    let named = experiment.inputs_mut().filter(|(_, name)| !is_built_in(name));
+    named.map(|(_, name)| PathBuf::from(&*name)).filter(|path| path.exists()).collect()
 }
 
 /// Starts or continues a run, until every camera is made and scored. A run that is cancelled leaves a checkpoint.

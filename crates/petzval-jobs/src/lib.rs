@@ -10,6 +10,7 @@
 //! an additional stop.
 
 pub mod apply;
+mod as_unit;
 pub mod bench;
 mod built_in;
 mod call;
@@ -57,6 +58,7 @@ pub mod table;
 pub mod train;
 pub mod usual;
 
+pub use as_unit::AsUnit;
 pub use built_in::built_in_assets;
 pub use call::{CALL_FORMAT, Call, MOST_THREADS, row};
 pub use context::{Context, Silent};

@@ -44,6 +44,7 @@ mod simulate;
 mod terminal;
 mod text_table;
 mod train;
+mod unit;
 mod watcher;
 
 use std::ffi::OsString;
@@ -130,6 +131,9 @@ enum Verb {
     /// Train networks that stand in for what has no gradient
     #[command(subcommand)]
     Train(train::TrainVerb),
+    /// Run jobs as units of work in a store that many processes share
+    #[command(subcommand)]
+    Unit(unit::UnitVerb),
     #[command(about = "Run any job from a call in JSON, and print its response")]
     Call(call::Args),
     #[command(about = "List the jobs of `petzval call`")]
@@ -175,7 +179,8 @@ fn run(cli: Cli, words: Vec<OsString>) -> Result<Code, Failure> {
             .map_err(|e| Failure::job(format!("{} threads: {e}", cli.threads)))?;
     }
     let assets = glass::chosen(&cli.glasses, matches!(cli.verb, Verb::Glass(_)))?;
-    let terminal = Terminal { assets, overwrites: cli.force, words };
+    let has_glasses = !cli.glasses.is_empty() || glass::are_in_environment();
+    let terminal = Terminal { assets, has_glasses, overwrites: cli.force, words };
     match cli.verb {
         Verb::Design(args) => design::run(args, &terminal),
         Verb::Init(args) => init::run(args, &terminal),
@@ -197,6 +202,7 @@ fn run(cli: Cli, words: Vec<OsString>) -> Result<Code, Failure> {
         Verb::Detect(args) => detect::run(args, &terminal),
         Verb::Data(verb) => data::run(verb, &terminal),
         Verb::Train(verb) => train::run(verb, &terminal),
+        Verb::Unit(verb) => unit::run(verb, &terminal),
         Verb::Call(args) => call::run(args, &terminal),
         Verb::Jobs(args) => call::list(args),
         Verb::Runs(args) => runs::run(args, &terminal),

@@ -13,3 +13,4 @@ mod moved;
 mod output;
 mod resume;
 mod segments;
+mod units;
