@@ -39,5 +39,6 @@ pub mod setup;
 pub mod spectral_light;
 pub mod study;
 pub mod task;
+mod tensorboard;
 mod thread_safety;
 pub mod validation;

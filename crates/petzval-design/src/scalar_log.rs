@@ -11,7 +11,6 @@ use std::sync::Arc;
 use std::time::{Duration, UNIX_EPOCH};
 
 use petzval_base::{csv_text, write_whole};
-use petzval_files::tensorboard::{FILE_MARK, scalar_record, version_record};
 use petzval_optics::glass::Catalog;
 use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::first_order;
@@ -20,6 +19,7 @@ use petzval_optics::spot::spot;
 use crate::error::DesignError;
 use crate::run::{Event, RunFolder, RunRecord, read_events};
 use crate::setup::Setup;
+use crate::tensorboard::{FILE_MARK, scalar_record, version_record};
 
 /// Head of `scalars.csv`: a line for each number. `step` counts steps of the run, `tag_step` those of the camera that the tag counts.
 const HEAD: [&str; 6] = ["step", "seconds", "camera", "tag", "tag_step", "value"];

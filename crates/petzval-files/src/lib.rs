@@ -29,7 +29,6 @@ pub mod sensor;
 pub mod seq;
 mod spanned;
 pub mod spectral_file;
-pub mod tensorboard;
 mod tolerance_toml;
 mod toml_number;
 mod wavelength;

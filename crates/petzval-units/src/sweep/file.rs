@@ -7,6 +7,8 @@ use petzval_jobs::JobError;
 use schemars::{JsonSchema, schema_for};
 use serde::{Deserialize, Serialize};
 
+use super::expand::at_place;
+
 /// What a sweep runs, and what varies from unit to unit.
 ///
 /// Units are all combinations of the values of `grid`, the rows of `list`, the draws of `random`, `variants` and `seeds`. A key is a key path of the
@@ -119,7 +121,7 @@ impl Source {
 
     /// An error about the value at a path of keys.
     pub fn at(&self, place: &[&str], message: impl Into<String>, hint: impl Into<String>) -> JobError {
-        in_file(&self.path, FileError::at_key(&self.text, place, message).hint(hint))
+        in_file(&self.path, at_place(&self.text, place, message).hint(hint))
     }
 
     /// The value at a path of keys.

@@ -98,7 +98,10 @@ fn label(value: &Value, place: usize) -> String {
             // Of a path the name of the file says most.
             let path = Path::new(text);
             let stem = path.file_stem().map_or_else(|| text.as_str().into(), |stem| stem.to_string_lossy());
-            let is_path = text.contains(['/', '\\']) || path.is_file();
+            let is_ending = |ending: &std::ffi::OsStr| {
+                ending.to_str().is_some_and(|ending| ending.chars().all(|c| c.is_ascii_alphabetic()))
+            };
+            let is_path = text.contains(['/', '\\']) || path.extension().is_some_and(is_ending);
             let short = clean(if is_path { &stem } else { text });
             short.chars().take(LONGEST_TEXT).collect()
         }

@@ -41,6 +41,7 @@ mod sensor;
 mod served_page;
 mod signals;
 mod simulate;
+mod sweep;
 mod terminal;
 mod text_table;
 mod train;
@@ -138,6 +139,8 @@ enum Verb {
     Call(call::Args),
     #[command(about = "List the jobs of `petzval call`")]
     Jobs(call::JobsArgs),
+    #[command(about = "Run every combination of values of an experiment or a job, and gather the results")]
+    Sweep(sweep::Args),
     #[command(about = "List all runs below a folder, with their states, scores and differences")]
     Runs(runs::Args),
     #[command(about = "Measure standard workloads")]
@@ -205,6 +208,7 @@ fn run(cli: Cli, words: Vec<OsString>) -> Result<Code, Failure> {
         Verb::Unit(verb) => unit::run(verb, &terminal),
         Verb::Call(args) => call::run(args, &terminal),
         Verb::Jobs(args) => call::list(args),
+        Verb::Sweep(args) => sweep::run(args, &terminal),
         Verb::Runs(args) => runs::run(args, &terminal),
         Verb::Bench(args) => bench::run(args, &terminal),
         Verb::Doctor(args) => doctor::run(args, &terminal),

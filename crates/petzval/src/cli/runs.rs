@@ -1,6 +1,6 @@
 //! `petzval runs`: all runs below a folder in one table.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use crate::cli::code::Code;
@@ -8,14 +8,14 @@ use crate::design::run_row::{RunRow, RunState};
 use crate::units::runs::{Runs, USUAL_FOLDER, runs_in};
 
 use super::failure::Failure;
-use super::plain::shown;
+use super::plain::{self, shown};
 use super::signals;
 use super::terminal::{Terminal, print_json};
 use super::text_table::TextTable;
 
 /// List all runs below a folder: how far each has come, its scores, and in which keys of their experiments they differ.
 ///
-/// A run is finished, running, stopped (it goes on with `petzval design --resume`) or damaged, with the reason. Scores are those of the
+/// Units of stores, as `petzval sweep` keeps them, are listed by their names. A run is finished, running, stopped (it goes on with `petzval design --resume`) or damaged, with the reason. Scores are those of the
 /// last finished camera that is no ceiling. Runs are compared with those of the same title.
 #[derive(Debug, clap::Args)]
 pub struct Args {
@@ -60,30 +60,45 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
 /// Keys that a line names of those that differ.
 const NAMED: usize = 6;
 
-/// The table, and what is damaged.
+/// The table, and what is damaged or failed.
 fn in_words(runs: &Runs, args: &Args) -> String {
-    if runs.runs.is_empty() {
+    if runs.runs.is_empty() && runs.units.is_empty() {
         return format!("no runs in {}\n", shown(&args.dir));
     }
     let mut table = TextTable::new(["run", "state", "step", "time", "scores", "differs in"]);
+    let mut reasons = String::new();
     for row in &runs.runs {
+        let name = name(&row.run, args);
+        let state = state(row.state).to_owned();
+        if let Some(reason) = &row.reason {
+            reasons += &format!("{name}: {reason}\n");
+        }
+        table.row([name, state, steps(row), time(row.seconds), scores(row), differs(row)]);
+    }
+    for unit in &runs.units {
+        let name = format!("{}: {}", name(&unit.store, args), plain::line(&unit.name));
+        if let Some(reason) = &unit.reason {
+            reasons += &format!("{name}: {}\n", plain::message(reason));
+        }
+        let none = || "-".to_owned();
+        let run = unit.run.as_ref();
+        let seconds = unit.seconds.or(run.map(|run| run.seconds));
         table.row([
-            name(row, args),
-            state(row.state).to_owned(),
-            steps(row),
-            time(row.seconds),
-            scores(row),
-            differs(row),
+            name,
+            unit.state.clone(),
+            run.map_or_else(none, steps),
+            seconds.map_or_else(none, time),
+            run.map_or_else(none, scores),
+            run.map_or_else(String::new, differs),
         ]);
     }
-    let reasons =
-        runs.runs.iter().filter_map(|row| Some(format!("{}: {}\n", name(row, args), row.reason.as_ref()?)));
-    table.text() + &reasons.collect::<String>()
+    table.text() + &reasons
 }
 
-fn name(row: &RunRow, args: &Args) -> String {
-    let below = row.run.strip_prefix(&args.dir).ok().filter(|path| path.as_os_str() != "");
-    shown(below.unwrap_or(&row.run))
+/// A path below the folder that is listed.
+fn name(path: &Path, args: &Args) -> String {
+    let below = path.strip_prefix(&args.dir).ok().filter(|path| path.as_os_str() != "");
+    shown(below.unwrap_or(path))
 }
 
 fn state(state: RunState) -> &'static str {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::base::write_whole;
 use crate::report::sweep_page;
 use crate::units::store::Seen;
-use crate::units::sweep::{Choice, Gathered, KeptSweep, gather, status, view};
+use crate::units::sweep::{Choice, Gathered, KeptSweep, gather, status, units_file, view};
 
 use super::super::code::Code;
 use super::super::failure::Failure;
@@ -37,6 +37,10 @@ pub struct Args {
     json: bool,
 }
 
+/// The job whose units may be parts of one analysis, and the key that says so.
+const TOLERANCES: &str = "lens-tolerance";
+const PART: &str = "part";
+
 /// Files of the results.
 const FILES: [&str; 3] = ["table.csv", "units.csv", "sweep.html"];
 
@@ -58,6 +62,10 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<Code, Failure> {
     }
     out!("{}", in_words(&gathered));
     outln!("{}", gathered.status.in_words());
+    if kept.job == TOLERANCES && kept.keys.iter().any(|key| key == PART) {
+        let units = pasted(&units_file(&args.dir));
+        outln!("join the parts: petzval unit gather {units} --store {}", pasted(&args.dir));
+    }
     FILES.iter().for_each(|name| outln!("{}", shown(folder.join(name))));
     Ok(Code::SUCCESS)
 }

@@ -8,10 +8,10 @@
 //! `tensorflow/core/framework/summary.proto` for the numbers of the fields.
 
 /// What stands in the name of a file by which TensorBoard knows it.
-pub const FILE_MARK: &str = "tfevents";
+pub(crate) const FILE_MARK: &str = "tfevents";
 
 /// The record that a file begins with: the version of the format. `time_s`: seconds since 1970.
-pub fn version_record(time_s: f64) -> Vec<u8> {
+pub(crate) fn version_record(time_s: f64) -> Vec<u8> {
     let mut event = Message::default();
     event.double(EVENT_WALL_TIME, time_s);
     event.bytes(EVENT_FILE_VERSION, b"brain.Event:2");
@@ -19,7 +19,7 @@ pub fn version_record(time_s: f64) -> Vec<u8> {
 }
 
 /// A record of scalars at one step, each with its tag, such as `network/total`. `time_s`: seconds since 1970.
-pub fn scalar_record(time_s: f64, step: u64, scalars: &[(String, f64)]) -> Vec<u8> {
+pub(crate) fn scalar_record(time_s: f64, step: u64, scalars: &[(String, f64)]) -> Vec<u8> {
     let mut summary = Message::default();
     for (tag, value) in scalars {
         let mut of_tag = Message::default();
