@@ -52,6 +52,7 @@ mod results;
 pub mod run_all;
 mod run_page;
 pub mod sensor;
+mod settings;
 pub mod simulate;
 pub mod table;
 pub mod threads;
@@ -69,6 +70,7 @@ pub use input::{ExperimentInput, LensInput, SensorInput};
 pub use job::{Job, Row, guarded};
 pub use keys::error_in_keys;
 pub use petzval_design::library::Library;
+pub use settings::settings_of;
 pub use table::jobs;
 
 /// What outlives a call may go from thread to thread: a server keeps it.

@@ -164,7 +164,7 @@ fn one(request: &Request, name: &str, seed: u64, root: &Path) -> design::Request
         Ok(_) => Run::Resume(Resume { run: root.to_owned(), ..Resume::default() }),
         Err(_) => Run::New(new_run(request, name, seed, root)),
     };
-    design::Request { run, device: request.device.clone() }
+    design::Request { run, device: request.device.clone(), ..design::Request::default() }
 }
 
 fn new_run(request: &Request, name: &str, seed: u64, root: &Path) -> NewRun {

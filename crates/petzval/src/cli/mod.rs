@@ -35,12 +35,15 @@ mod psf_calibrate;
 mod psf_capture;
 mod raw;
 mod report;
+mod runs;
 mod score_table;
 mod sensor;
 mod served_page;
 mod signals;
 mod simulate;
+mod sweep;
 mod terminal;
+mod text_table;
 mod train;
 mod unit;
 mod watcher;
@@ -138,6 +141,10 @@ enum Verb {
     Call(call::Args),
     #[command(about = "List the jobs of `petzval call`")]
     Jobs(call::JobsArgs),
+    #[command(about = "Run every combination of values of an experiment or a job, and gather the results")]
+    Sweep(sweep::Args),
+    #[command(about = "List all runs below a folder, with their states, scores and differences")]
+    Runs(runs::Args),
     #[command(about = "Measure standard workloads")]
     Bench(bench::Args),
     #[command(about = "Show what this machine and this build offer")]
@@ -204,6 +211,8 @@ fn run(cli: Cli, words: Vec<OsString>) -> Result<Code, Failure> {
         Verb::Unit(verb) => unit::run(verb, &terminal),
         Verb::Call(args) => call::run(args, &terminal),
         Verb::Jobs(args) => call::list(args),
+        Verb::Sweep(args) => sweep::run(args, &terminal),
+        Verb::Runs(args) => runs::run(args, &terminal),
         Verb::Bench(args) => bench::run(args, &terminal),
         Verb::Doctor(args) => doctor::run(args, threads.source, &terminal),
     }

@@ -5,6 +5,7 @@ mod common;
 
 mod apply;
 mod compare;
+mod curves;
 mod design;
 mod finite;
 mod init;
