@@ -111,14 +111,15 @@ fn slurm(of: &Submission) -> String {
 #SBATCH --output="{logs}"
 {options}
 # Every task takes its share of the units: those that are finished are passed over, one with a checkpoint goes on.
-export PETZVAL_SIMD={simd} RAYON_NUM_THREADS=${{SLURM_CPUS_PER_TASK:-{threads}}}
+export PETZVAL_SIMD={simd}
 {program} unit run {units} --store {store} --shard "$SLURM_ARRAY_TASK_ID/{tasks}" &
 p=$!
-# No exec: the shell passes signals on, which reach it alone, and waits until the checkpoint is written.
-trap 'kill -TERM $p' USR1 USR2 TERM
-while :; do wait $p; rc=$?; kill -0 $p 2>/dev/null || break; done
-# 75: stopped after a checkpoint. Back into the queue.
-if [ $rc = 75 ]; then scontrol requeue "${{SLURM_ARRAY_JOB_ID}}_$SLURM_ARRAY_TASK_ID"; sleep 60; fi
+# No exec: signals reach the shell alone, which passes them on and waits until the checkpoint is written.
+trap 'kill -TERM $p 2>/dev/null' USR1 USR2 TERM
+while kill -0 $p 2>/dev/null; do wait $p; done
+wait $p; rc=$?
+# 75: stopped after a checkpoint. Back into the queue, where Slurm puts only what it has ended itself.
+if [ $rc = 75 ]; then trap - TERM; scontrol requeue "${{SLURM_ARRAY_JOB_ID}}_$SLURM_ARRAY_TASK_ID"; sleep 60; fi
 exit $rc
 "#,
         simd = simd.variable()
@@ -138,7 +139,7 @@ fn hq(of: &Submission) -> String {
 mkdir -p {logs}
 exec hq submit --name={name} --array=0-{last} --cpus={threads} --crash-limit=100{options} \
     --stdout={logs}/'%{{TASK_ID}}.out' --stderr={logs}/'%{{TASK_ID}}.log' \
-    --env=PETZVAL_SIMD={simd} --env=RAYON_NUM_THREADS={threads} \
+    --env=PETZVAL_SIMD={simd} \
     -- sh -c 'exec "$1" unit run "$2" --store "$3" --shard "$HQ_TASK_ID/{tasks}"' petzval {program} {units} {store}
 "#,
         simd = simd.variable()
@@ -148,23 +149,23 @@ exec hq submit --name={name} --array=0-{last} --cpus={threads} --crash-limit=100
 /// The tasks of Ray, by the Python package.
 fn ray(of: &Submission) -> String {
     let text = |path: &Path| serde_json::Value::from(path.to_string_lossy()).to_string();
-    let Submission { tasks, threads, simd, .. } = of;
+    let Submission { tasks, threads, .. } = of;
     format!(
         r#"# Every task takes its share of the units: those that are finished are passed over, one with a checkpoint goes on.
 # RAY_ADDRESS names the cluster; without it Ray starts on this machine.
+import sys
+
 import petzval.ray
 
-petzval.ray.run_units(
-    {units},
-    store={store},
-    tasks={tasks},
-    num_cpus={threads},
-    simd="{simd}",
-)
+results = petzval.ray.run_units({units}, store={store}, tasks={tasks}, num_cpus={threads})
+failed = [result for result in results if result.error is not None]
+for result in failed:
+    print(f"{{result.name}}: {{result.error}}", file=sys.stderr)
+print(len(results) - len(failed), "units have a result")
+sys.exit(1 if failed else 0)
 "#,
         units = text(&of.units),
-        store = text(&of.store),
-        simd = simd.name()
+        store = text(&of.store)
     )
 }
 
@@ -210,7 +211,7 @@ mod tests {
         let slurm = Engine::Slurm.script(&submission());
         assert!(
             slurm.contains("#SBATCH --time=04:00:00\n")
-                && slurm.contains("trap 'kill -TERM $p' USR1 USR2 TERM")
+                && slurm.contains("trap 'kill -TERM $p 2>/dev/null' USR1 USR2 TERM")
         );
         assert!(!slurm.contains("exec "));
     }
@@ -219,6 +220,9 @@ mod tests {
     fn the_script_of_ray_names_the_units_as_texts_of_python() {
         let of = Submission { units: "/a \"b\"/units.jsonl".into(), ..submission() };
         let script = Engine::Ray.script(&of);
-        assert!(script.contains(r#""/a \"b\"/units.jsonl","#) && script.contains("num_cpus=2"), "{script}");
+        assert!(
+            script.contains(r#"run_units("/a \"b\"/units.jsonl","#) && script.contains("num_cpus=2"),
+            "{script}"
+        );
     }
 }
