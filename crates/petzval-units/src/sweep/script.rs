@@ -126,7 +126,8 @@ exit $rc
     )
 }
 
-/// The tasks of HyperQueue. A task that ends with 75 has a checkpoint, and is begun again at once: HyperQueue takes any code but 0 for a failure.
+/// The tasks of HyperQueue, which starts those of a lost worker again. A task that it cancels ends with 75 after a checkpoint, which it takes for a
+/// failure: the same script goes on.
 fn hq(of: &Submission) -> String {
     let Submission { name, tasks, threads, simd, options, .. } = of;
     let (program, units, store) = (quoted(&of.program), quoted(&of.units), quoted(&of.store));
