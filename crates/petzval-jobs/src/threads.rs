@@ -78,9 +78,9 @@ fn number(text: &str) -> Option<usize> {
 fn cores_in_list(text: &str) -> Option<usize> {
     let count = |part: &str| match part.split_once('-') {
         None => number(part).map(|_| 1),
-        Some((first, last)) => (number(last)? + 1).checked_sub(number(first)?),
+        Some((first, last)) => number(last)?.checked_add(1)?.checked_sub(number(first)?),
     };
-    text.split(',').map(|part| count(part.trim())).sum()
+    text.split(',').try_fold(0_usize, |sum, part| sum.checked_add(count(part.trim())?))
 }
 
 #[cfg(test)]
@@ -118,6 +118,7 @@ mod tests {
             ("SLURM_CPUS_PER_TASK", "0"),
             ("SLURM_CPUS_PER_TASK", "100000"),
             ("HQ_CPUS", "3-1"),
+            ("HQ_CPUS", "0-18446744073709551615"),
             ("HQ_CPUS", "a,b"),
         ] {
             let message = with(&[(name, value)], 0).unwrap_err().to_string();
