@@ -3,6 +3,7 @@
 Called by `cargo xtask engines` with the command, the file of units and the store.
 """
 
+import json
 import signal
 import subprocess
 import sys
@@ -94,9 +95,31 @@ def finished() -> None:
     assert results() == COUNT, f"{results()} results of {COUNT}"
 
 
+def rate() -> float:
+    """Units a minute, for units that do next to nothing."""
+    file, store, count = f"{STORE}-rate.jsonl", f"{STORE}-rate", 200
+    call = {"format": 1, "job": "glass-show"}
+    requests = [{"name": "N-BK7", "temperature": 20 + task / 100} for task in range(count)]
+    lines = [json.dumps({"name": f"glass-{task}", "call": call | {"request": requests[task]}}) for task in range(count)]
+    Path(file).write_text("\n".join(lines) + "\n")
+    with LocalCluster(worker_config=WorkerConfig(cores=CORES)) as cluster:
+        job = Job()
+        for _ in range(count):
+            job.program([PETZVAL, "unit", "run", file, "--store", store], stdout=None, stderr=None)
+        client = cluster.client()
+        began = time.monotonic()
+        client.wait_for_jobs([client.submit(job)])
+        seconds = time.monotonic() - began
+    assert len(list(Path(store).glob("*/result.json"))) == count
+    return 60 * count / seconds
+
+
 if sys.argv[4:] == ["machine"]:
     machine()
 seconds = cancelled()
 lost()
 finished()
-print(f"cancelled (tasks gone {seconds:.1f} s after the job's end), lost and finished: {COUNT} units")
+print(
+    f"cancelled (tasks gone {seconds:.1f} s after the job's end), lost and finished: {COUNT} units; "
+    f"200 units as tasks: {rate():.0f} a minute"
+)

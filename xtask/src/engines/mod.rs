@@ -4,6 +4,7 @@
 mod cluster;
 mod python;
 mod slurm;
+mod throughput;
 mod units;
 mod wait;
 mod workers;
@@ -29,16 +30,17 @@ pub struct Tools {
 pub type Part = (&'static str, fn(&Tools) -> Result<Ended, String>);
 
 /// The parts.
-pub static PARTS: [Part; 5] = [
+pub static PARTS: [Part; 6] = [
     ("workers", workers::run),
     ("slurm", slurm::run),
     ("hyperqueue", python::hyperqueue),
     ("ray", python::ray),
     ("submitit", python::submitit),
+    ("throughput", throughput::run),
 ];
 
 /// How the parts are called.
-pub const USAGE: &str = "cargo xtask engines [--long] [--petzval PROGRAM] [--python PYTHON] [PART]..., with parts workers, slurm, hyperqueue, ray, submitit";
+pub const USAGE: &str = "cargo xtask engines [--long] [--petzval PROGRAM] [--python PYTHON] [PART]..., with parts workers, slurm, hyperqueue, ray, submitit, throughput";
 
 /// Runs the parts that the words name, or all.
 pub fn check(words: &[String]) -> Result<String, Vec<String>> {
