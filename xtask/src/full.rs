@@ -1,47 +1,87 @@
-//! `cargo xtask full`: what continuous integration has no time for. Every part is a command of its own; all of them run, and the last lines say how
-//! each ended.
+//! `cargo xtask full`: what continuous integration has no time for. All parts run, and the last lines say how each ended, and which could not be
+//! run because a program is missing.
 
 use std::path::Path;
 use std::process::Command;
 use std::time::Instant;
 
+use crate::ended::Ended;
+use crate::{engines, python};
+
 /// Damaged files of each kind that readers are fed.
 const MUTATIONS: &str = "200000";
 
-/// A part: its name, and the words of its command behind `cargo`.
+/// A part with its name.
 struct Part {
     name: String,
-    words: Vec<String>,
-    mutations: bool,
+    work: Work,
 }
 
-/// Runs every part. The report has a line for each; it is an error if one fails.
+/// What a part does.
+enum Work {
+    /// A command of cargo, by its words; with so many damaged files, if at all.
+    Cargo { words: Vec<String>, mutations: bool },
+    /// The Python package, with PyTorch.
+    Python,
+    /// Units of work under a program of others.
+    Engine(&'static engines::Part),
+}
+
+/// Runs every part. The report has a line for each; it is an error if one fails. What could not be run is said last.
 pub fn check() -> Result<String, Vec<String>> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let parts = parts(&root).map_err(|problem| vec![problem])?;
-    let (mut lines, mut failed) = (Vec::new(), 0);
+    let (mut lines, mut not_run, mut failed) = (Vec::new(), Vec::new(), 0);
     for part in &parts {
         println!("== {}", part.name);
         let started = Instant::now();
-        let mut command = Command::new(env!("CARGO"));
-        command.args(&part.words).current_dir(&root);
-        if part.mutations {
-            command.env("PETZVAL_MUTATIONS", MUTATIONS);
+        let ended = part.work.run(&root);
+        let line = |how: &str, what: &str| {
+            let what = what.lines().next().unwrap_or_default();
+            format!("{how:7} {:6.0} s  {}: {what}", started.elapsed().as_secs_f64(), part.name)
+        };
+        match ended {
+            Ok(Ended::Passed(seen)) => lines.push(line("passed", &seen)),
+            Ok(Ended::NotRun(why)) => not_run.push(line("NOT RUN", &why)),
+            Err(problem) => {
+                println!("{problem}");
+                failed += 1;
+                lines.push(line("FAILED", &problem));
+            }
         }
-        let passed = command.status().is_ok_and(|status| status.success());
-        failed += usize::from(!passed);
-        let ended = if passed { "passed" } else { "FAILED" };
-        lines.push(format!("{ended} {:6.0} s  {}", started.elapsed().as_secs_f64(), part.name));
     }
-    lines.push(format!("{} passed, {failed} failed", parts.len() - failed));
+    let passed = parts.len() - failed - not_run.len();
+    let counts = format!("{passed} passed, {failed} failed, {} NOT RUN", not_run.len());
+    lines.extend(not_run);
+    lines.push(counts);
     if failed == 0 { Ok(lines.join("\n")) } else { Err(lines) }
 }
 
+impl Work {
+    fn run(&self, root: &Path) -> Result<Ended, String> {
+        match self {
+            Self::Cargo { words, mutations } => {
+                let mut command = Command::new(env!("CARGO"));
+                command.args(words).current_dir(root);
+                if *mutations {
+                    command.env("PETZVAL_MUTATIONS", MUTATIONS);
+                }
+                match command.status() {
+                    Ok(status) if status.success() => Ok(Ended::Passed("ok".to_owned())),
+                    Ok(status) => Err(format!("{status}")),
+                    Err(error) => Err(error.to_string()),
+                }
+            }
+            Self::Python => python::check(true).map_err(|problems| problems.join("\n")),
+            Self::Engine(part) => engines::run(part),
+        }
+    }
+}
+
 fn parts(root: &Path) -> Result<Vec<Part>, String> {
-    let part = |name: String, words: &[&str], mutations| Part {
-        name,
-        words: words.iter().map(|word| (*word).to_owned()).collect(),
-        mutations,
+    let part = |name: String, words: &[&str], mutations| {
+        let words = words.iter().map(|word| (*word).to_owned()).collect();
+        Part { name, work: Work::Cargo { words, mutations } }
     };
     let test = ["test", "--release", "--workspace", "--no-fail-fast", "--"];
     let mut all = vec![
@@ -56,12 +96,17 @@ fn parts(root: &Path) -> Result<Vec<Part>, String> {
             &[&test[..], &["--ignored"]].concat(),
             false,
         ),
-        part("the Python package, with PyTorch".to_owned(), &["xtask", "python", "--torch"], false),
+        Part { name: "the Python package, with PyTorch".to_owned(), work: Work::Python },
     ];
     for experiment in experiments(root)? {
         let check = ["run", "--release", "--quiet", "--", "design", "--check", &experiment];
         all.push(part(format!("the built-in experiment {experiment} can begin"), &check, false));
     }
+    let engine = |part: &'static engines::Part| Part {
+        name: format!("units of work: {}", part.0),
+        work: Work::Engine(part),
+    };
+    all.extend(engines::PARTS.iter().map(engine));
     Ok(all)
 }
 
@@ -90,8 +135,14 @@ mod tests {
     fn every_built_in_experiment_is_a_part() {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
         let parts = parts(&root).unwrap();
-        let has = |words: &str| parts.iter().any(|part| part.words.join(" ").contains(words));
+        let cargo = parts.iter().filter_map(|part| match &part.work {
+            Work::Cargo { words, mutations } => Some((words.join(" "), *mutations)),
+            _ => None,
+        });
+        let cargo: Vec<(String, bool)> = cargo.collect();
+        let has = |words: &str| cargo.iter().any(|(line, _)| line.contains(words));
         assert!(has("design --check cooke-triplet-image-quality") && has("widths"));
-        assert!(parts.len() > 20 && parts.iter().any(|part| part.mutations));
+        assert!(parts.len() > 20 && cargo.iter().any(|(_, mutations)| *mutations));
+        assert!(parts.iter().any(|part| part.name.ends_with("slurm")));
     }
 }

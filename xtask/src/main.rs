@@ -2,9 +2,11 @@
 //!
 //! `cargo xtask layers` checks that the crates keep the order of the light path, and that no modules and no folders inside a crate use
 //! each other in a circle. `cargo xtask words` checks the comments: short sentences, no house words. `cargo xtask python` installs the Python
-//! package and tests it. `cargo xtask full` runs what continuous integration has no time for.
+//! package and tests it. `cargo xtask engines` runs units of work under Slurm, HyperQueue, Ray and submitit. `cargo xtask full` runs what continuous integration has no time for.
 
 mod circles;
+mod ended;
+mod engines;
 mod files;
 mod full;
 mod layers;
@@ -20,10 +22,13 @@ fn main() -> ExitCode {
     let result = match verb.as_str() {
         "layers" => layers::check(),
         "words" => words::check(),
-        "python" => python::check(std::env::args().any(|word| word == "--torch")),
+        "python" => {
+            python::check(std::env::args().any(|word| word == "--torch")).map(|ended| ended.to_string())
+        }
+        "engines" => engines::check(&std::env::args().skip(2).collect::<Vec<_>>()),
         "full" => full::check(),
         _ => {
-            eprintln!("usage: cargo xtask layers|words|python [--torch]|full");
+            eprintln!("usage: cargo xtask layers|words|python [--torch]|engines|full");
             return ExitCode::from(2);
         }
     };

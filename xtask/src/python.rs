@@ -5,6 +5,8 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use crate::ended::Ended;
+
 /// The oldest Python that the package takes.
 const OLDEST: (u32, u32) = (3, 11);
 
@@ -12,14 +14,14 @@ const OLDEST: (u32, u32) = (3, 11);
 const OPTIONAL: [&str; 7] = ["torch", "torchvision", "onnx", "onnxruntime", "onnxscript", "pandas", "xarray"];
 
 /// Installs and tests the package. Without a Python that is new enough nothing is tested, and the report says so.
-pub fn check(with_torch: bool) -> Result<String, Vec<String>> {
+pub fn check(with_torch: bool) -> Result<Ended, Vec<String>> {
     let Some(python) = interpreter() else {
         let (major, minor) = OLDEST;
-        return Ok(format!(
-            "NOT TESTED: the Python package, as there is no Python {major}.{minor} or newer with venv and pip here"
-        ));
+        return Ok(Ended::NotRun(format!(
+            "there is no Python {major}.{minor} or newer with venv and pip here"
+        )));
     };
-    run(&python, with_torch).map_err(|problem| vec![problem])
+    run(&python, with_torch).map(Ended::Passed).map_err(|problem| vec![problem])
 }
 
 fn run(python: &str, with_torch: bool) -> Result<String, String> {
@@ -45,6 +47,19 @@ fn run(python: &str, with_torch: bool) -> Result<String, String> {
     }
     Ok("the Python package is installed, typed and tested; without PyTorch, see `cargo xtask full`"
         .to_owned())
+}
+
+/// A Python that has the package and further ones of PyPI, in the environment of [`check`]. None if there is no Python, or PyPI cannot be reached:
+/// the text says which.
+pub fn with_packages(packages: &[&str]) -> Result<PathBuf, String> {
+    let python = interpreter().ok_or("no Python that is new enough, with venv and pip")?;
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let environment = environment(&root);
+    succeeds(Command::new(python).args(["-m", "venv"]).arg(&environment))?;
+    let own = environment.join(if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" });
+    let pip = ["-m", "pip", "install", "--quiet"];
+    succeeds(Command::new(&own).args(pip).args(packages).arg(root.join("crates/petzval-python")))?;
+    Ok(own)
 }
 
 /// The first Python on the path that is new enough.

@@ -8,7 +8,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use petzval_base::Cancel;
 use petzval_camera::isp::IspError;
@@ -120,7 +120,12 @@ pub struct DesignLoop {
     camera: Option<Camera>,
     validations: Validations,
     log: EventLog,
+    /// When the last checkpoint was written.
+    kept_at: Instant,
 }
+
+/// A checkpoint is written after so long at the latest, however long steps take.
+const KEPT_EVERY: Duration = Duration::from_secs(60);
 
 /// A loss of so many times the first one of its block in the stage, and of so many times white, is no way to a camera.
 const DIVERGED: f64 = 100.0;
@@ -277,7 +282,8 @@ impl DesignLoop {
         }
         let objective = setup.objective()?;
         let camera = None;
-        Ok(Self { objective, scorer, blocks, position, camera, validations, log, setup, run })
+        let kept_at = Instant::now();
+        Ok(Self { objective, scorer, blocks, position, camera, validations, log, setup, run, kept_at })
     }
 
     /// Runs to the end, or until [`Setup::cancel`] is set; then the step in work is finished and a checkpoint written. A step that improves or
@@ -350,6 +356,8 @@ impl DesignLoop {
             let every = self.setup.experiment.checkpoint.every as u64;
             if turn.is_none() || self.position.step.is_multiple_of(every) {
                 self.checkpoint(observer)?;
+            } else if self.kept_at.elapsed() >= KEPT_EVERY {
+                self.keep(observer)?;
             }
         }
         let metrics = collect_metrics(&self.setup, &self.run, self.scorer.scores())?;
@@ -611,7 +619,21 @@ impl DesignLoop {
         Ok(self.blocks.held(&self.setup.moving_camera(variant, lens)?).taken_for(&drawn))
     }
 
-    fn checkpoint(&self, observer: &mut dyn Observer) -> Result<(), DesignError> {
+    /// Keeps the step in a checkpoint, and the lens in the history of lenses.
+    fn checkpoint(&mut self, observer: &mut dyn Observer) -> Result<(), DesignError> {
+        self.keep(observer)?;
+        // A variant that has not begun adds nothing to the history of lenses.
+        let p = &self.position;
+        if let (Some(variant), true) = (p.variant(&self.setup), p.stage > 0 || !p.taken.is_empty()) {
+            let path = self.run.lens_at_step(p.step);
+            write_file(&path, self.lens_text(variant, &self.lens(variant)?).as_bytes())?;
+            observer.file(&path, "lens");
+        }
+        Ok(())
+    }
+
+    /// Keeps the step in a checkpoint. The history of lenses, which a report shows, does not depend on how long steps take.
+    fn keep(&mut self, observer: &mut dyn Observer) -> Result<(), DesignError> {
         let keep = self.setup.experiment.checkpoint.keep;
         let events = self.log.digest()?;
         save_checkpoint(&self.run, self.position.step, keep, Some(events), |folder| {
@@ -626,13 +648,7 @@ impl DesignLoop {
         {
             observer.file(&folder, "checkpoint");
         }
-        // A variant that has not begun adds nothing to the history of lenses.
-        let p = &self.position;
-        if let (Some(variant), true) = (p.variant(&self.setup), p.stage > 0 || !p.taken.is_empty()) {
-            let path = self.run.lens_at_step(p.step);
-            write_file(&path, self.lens_text(variant, &self.lens(variant)?).as_bytes())?;
-            observer.file(&path, "lens");
-        }
+        self.kept_at = Instant::now();
         Ok(())
     }
 

@@ -10,6 +10,8 @@ use petzval_files::psf_file::PsfFileError;
 use petzval_learn::dataset::DatasetError;
 use petzval_learn::guest::GuestError;
 
+use crate::experiment::WrongSetting;
+
 /// Why a design, a score or a report could not be made.
 #[derive(Debug, thiserror::Error)]
 pub enum DesignError {
@@ -21,6 +23,9 @@ pub enum DesignError {
         /// What is wrong, where, and what to write instead.
         error: Box<FileError>,
     },
+    /// A setting that takes the place of a value of the experiment cannot be used.
+    #[error(transparent)]
+    Setting(#[from] WrongSetting),
     /// A name that is neither built in nor a file.
     #[error("no {kind} called `{name}`: neither a file nor one of the built-in ones ({known}){}",
         near.as_ref().map(|n| format!("; did you mean `{n}`?")).unwrap_or_default())]
@@ -321,6 +326,7 @@ impl DesignError {
         matches!(
             self,
             Self::Input { .. }
+                | Self::Setting(_)
                 | Self::Unknown { .. }
                 | Self::UnknownScore { .. }
                 | Self::NothingToMove(_)

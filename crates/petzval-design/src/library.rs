@@ -1,14 +1,14 @@
 //! The library of a program: its built-in files and its tasks, and the rule by which a name becomes an experiment.
 
 use std::ops::Deref;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use petzval_base::{Cancel, FileError};
 use petzval_optics::glass::Catalog;
 
 use crate::assets::{Assets, ExternalIsps, Guests, Text, WarningSink};
 use crate::error::DesignError;
-use crate::experiment::{BUILT_IN_PHOTOS, Experiment, STREET, TaskFacts};
+use crate::experiment::{BUILT_IN_PHOTOS, Experiment, STREET, Settings, TaskFacts, WithSettings};
 use crate::path_text::path_text;
 use crate::run::input_list::pictures_of_run;
 use crate::run::{RunFolder, RunRecord, config_text, json_record};
@@ -96,12 +96,63 @@ impl Library {
     /// looked for beside it first.
     pub fn experiment(&self, name: &str) -> Result<Experiment, DesignError> {
         let source = self.text("experiment", "experiments", name)?;
+        self.located(self.checked(&source)?, &source)
+    }
+
+    /// The experiment of a text, checked.
+    fn checked(&self, source: &Text) -> Result<Experiment, DesignError> {
         let experiment = self.tasks.parse(&source.text).and_then(|experiment| {
             self.tasks.check_scores(&experiment, &source.text)?;
             Ok(experiment)
         });
-        let experiment = experiment.map_err(DesignError::input(&source.path))?;
-        self.located(experiment, &source)
+        experiment.map_err(DesignError::input(&source.path))
+    }
+
+    /// The same with settings in place of values of its file. A path that is set is looked for from the working folder first.
+    ///
+    /// A setting that makes the experiment wrong is named by the error; an error that the file has without it names its place there.
+    pub fn experiment_with(&self, name: &str, settings: &Settings) -> Result<Experiment, DesignError> {
+        if settings.is_empty() {
+            return self.experiment(name);
+        }
+        let source = self.text("experiment", "experiments", name)?;
+        self.with_settings(&source, settings)
+    }
+
+    /// An experiment that is in no file with settings in place of its values.
+    pub fn changed_by(&self, experiment: Experiment, settings: &Settings) -> Result<Experiment, DesignError> {
+        if settings.is_empty() {
+            return Ok(experiment);
+        }
+        self.with_settings(&Text { path: PathBuf::new(), text: experiment.to_toml()? }, settings)
+    }
+
+    fn with_settings(&self, source: &Text, settings: &Settings) -> Result<Experiment, DesignError> {
+        let mut complete = Experiment::read(&source.text).map_err(DesignError::input(&source.path))?;
+        self.tasks.complete(&mut complete);
+        let with = WithSettings::new(&source.text, &complete, settings)?;
+        let text = Text { path: source.path.clone(), text: with.text.clone() };
+        let found = self.checked(&text).and_then(|mut experiment| {
+            for (key, input) in experiment.inputs_mut() {
+                let path = Path::new(input.as_str());
+                if with.is_set(&key) && path.is_relative() && path.exists() {
+                    *input = path_text(&std::path::absolute(path).map_err(DesignError::io(path))?)?;
+                }
+            }
+            self.located(experiment, &text)
+        });
+        found.map_err(|error| {
+            let DesignError::Input { error, .. } = &error else { return error };
+            // What the file itself has wrong is shown there.
+            match self.checked(source).and_then(|experiment| self.located(experiment, source)) {
+                Err(DesignError::Input { path, error: own })
+                    if own.message == error.message && own.key == error.key =>
+                {
+                    DesignError::Input { path, error: own }
+                }
+                _ => with.wrong(error, settings).into(),
+            }
+        })
     }
 
     /// An experiment with the paths that it names made those of files beside its own.

@@ -15,6 +15,7 @@ use petzval_report::{capitalised, signed_with_error, with_error};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::as_unit::{AsUnit, within};
 use crate::context::Context;
 use crate::error::JobError;
 use crate::event::WarningKind;
@@ -52,6 +53,12 @@ pub struct Response {
     /// Its tables in Markdown.
     pub markdown: String,
 }
+
+/// As a unit of work.
+pub(crate) const UNIT: AsUnit<Request> = AsUnit {
+    place: Some(|request, folder| request.out = within(folder, &request.out, "comparison.html")),
+    ..AsUnit::PLAIN
+};
 
 /// Compares finished runs and writes the page.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {

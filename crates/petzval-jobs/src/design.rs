@@ -7,6 +7,7 @@ use petzval_base::simd::level;
 use petzval_design::assets::Text;
 use petzval_design::design_loop::{DesignLoop, Ending, Observer};
 use petzval_design::error::DesignError;
+pub use petzval_design::experiment::Settings;
 use petzval_design::experiment::{BUILT_IN_PHOTOS, Experiment, PicturesKey, PsfConfig, STREET};
 use petzval_design::first_look::first_look;
 use petzval_design::inputs::{Inputs, check_inputs, keep_inputs};
@@ -16,6 +17,7 @@ use petzval_design::run::input_list::{InputList, check_pictures_are_there};
 use petzval_design::run::{
     CameraMetrics, DigestCheck, Event as StepEvent, RunFolder, RunRecord, VERSION, extend_run, write_file,
 };
+use petzval_design::scalar_log::ScalarLog;
 use petzval_design::scoring::Scorer;
 use petzval_design::setup::Setup;
 use petzval_design::task::Remark;
@@ -24,6 +26,7 @@ use petzval_learn::score::ScoreDescription;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::{JobError, Stopped, json, make_folder};
 use crate::event::{CameraScore, Event, WarningKind};
@@ -49,12 +52,22 @@ pub struct Request {
     pub run: Run,
     /// Where tensors live.
     pub device: String,
+    /// Further forms in which losses, scores and figures of lenses are written after every step. A run that has them goes on with them.
+    pub log: Vec<LogForm>,
 }
 
 impl Default for Request {
     fn default() -> Self {
-        Self { run: Run::New(NewRun::default()), device: crate::usual::device() }
+        Self { run: Run::New(NewRun::default()), device: crate::usual::device(), log: Vec::new() }
     }
+}
+
+/// A form of the curves of a run, beside its `events.jsonl`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum LogForm {
+    /// `tensorboard/VARIANT/` with event files of TensorBoard, and `scalars.csv` with the same numbers.
+    Tensorboard,
 }
 
 /// Which run.
@@ -123,6 +136,9 @@ petzval_base::parameters! {
         is_full: bool = false;
         /// Make this variant alone, and those from which it starts.
         variant: Option<String> = None;
+        /// Values in place of those of the file, by key path: `{"training.steps": 400, "psf.kind": "diffraction"}`. An element of a list of tables is
+        /// named by its `name` or its place from 0, as in `variant.end-to-end.stage.2.schedule.optics.learning_rate`.
+        set: Settings = Settings::new();
     }
 }
 
@@ -142,13 +158,45 @@ pub struct Response {
 }
 
 /// How a cancelled run ends that is kept in a folder, and goes on from there.
-fn stopped(message: impl Into<String>, run: &Path, device: &str) -> JobError {
+fn stopped(message: impl Into<String>, run: &Path, request: &Request) -> JobError {
     let run = run.to_path_buf();
-    let again = Request {
-        run: Run::Resume(Resume { run: run.clone(), ..Resume::default() }),
-        device: device.to_owned(),
-    };
+    let resume = Run::Resume(Resume { run: run.clone(), ..Resume::default() });
+    let again = Request { run: resume, ..request.clone() };
     Stopped::new(message).keeping(run).going_on_with(&again).into()
+}
+
+/// As a unit of work.
+pub(crate) const UNIT: AsUnit<Request> = AsUnit {
+    seed: Some(|request, seed| {
+        if let Run::New(new) = &mut request.run {
+            new.changes.seed = Some(seed);
+        }
+    }),
+    place: Some(|request, folder| {
+        if let Run::New(new) = &mut request.run {
+            new.out = Some(folder.to_owned());
+        }
+    }),
+    going_on: Some(|request, folder| {
+        let is_begun = RunFolder::open(folder).is_ok_and(|run| run.record().is_file());
+        is_begun.then(|| Request {
+            run: Run::Resume(Resume { run: folder.to_owned(), ..Resume::default() }),
+            device: request.device.clone(),
+        })
+    }),
+    behind: Some(|request, context| match &request.run {
+        // The experiment that is made for a lens names built-in inputs alone.
+        Run::New(new) if !is_lens(&new.experiment.name(), context) => Ok(inputs_of(&resolved(new, context)?)),
+        _ => Ok(Vec::new()),
+    }),
+};
+
+/// Files and folders that an experiment names.
+pub(crate) fn inputs_of(experiment: &Experiment) -> Vec<PathBuf> {
+    let mut experiment = experiment.clone();
+    let is_built_in = |name: &str| [BUILT_IN_PHOTOS, STREET].contains(&name);
+    let named = experiment.inputs_mut().filter(|(_, name)| !is_built_in(name));
+    named.map(|(_, name)| PathBuf::from(&*name)).filter(|path| path.exists()).collect()
 }
 
 /// Starts or continues a run, until every camera is made and scored. A run that is cancelled leaves a checkpoint.
@@ -156,7 +204,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     run_from(request, context).map_err(|error| match (&request.run, error) {
         // A run that goes on is as it was until it takes a step.
         (Run::Resume(resume), JobError::Stopped(early)) if early.resume.is_none() => {
-            stopped(early.message, &resume.run, &request.device)
+            stopped(early.message, &resume.run, request)
         }
         (_, error) => error,
     })
@@ -229,11 +277,11 @@ fn run_from(request: &Request, context: &Context) -> Result<Response, JobError> 
     report_pictures(&setup, context);
     report_weights(&setup, context);
     let psf = setup.experiment.psf.clone();
-    let mut watch = Watch { context, scores, psf, total: 0 };
+    let is_logged = !request.log.is_empty() || ScalarLog::is_there(&folder);
+    let curves = is_logged.then(|| ScalarLog::open(setup.clone(), &folder)).transpose()?;
+    let mut watch = Watch { context, scores, psf, total: 0, curves };
     match design.run(&mut watch)? {
-        Ending::Stopped(step) => {
-            Err(stopped(format!("stopped at step {step}"), folder.root(), &request.device))
-        }
+        Ending::Stopped(step) => Err(stopped(format!("stopped at step {step}"), folder.root(), request)),
         Ending::Finished(metrics) => {
             let (report, sentences) = crate::run_page::write(&setup, &folder, context)?;
             Ok(Response { run: folder.root().to_path_buf(), metrics, report, sentences })
@@ -441,10 +489,12 @@ fn prepared(new: &NewRun, context: &Context) -> Result<(Experiment, Context), Jo
         check_is_no_folder(Path::new(name))?;
     }
     if !is_lens(name, context) {
-        let experiment = context.assets.experiment(name)?;
+        let experiment = context.assets.experiment_with(name, &new.changes.set)?;
         return Ok((changed(experiment, &new.changes, context)?, context.clone()));
     }
     let usual = context.assets.experiment(DEFAULT_EXPERIMENT)?;
+    // Settings are those of the fitted experiment; whether their keys are known does not depend on the lens.
+    context.assets.experiment_with(DEFAULT_EXPERIMENT, &new.changes.set)?;
     // What is refused for every lens is refused before this one is fitted, which takes seconds and many notes.
     check_root(new, &changed(usual.clone(), &new.changes, context)?, context)?;
     let made = own_lens(usual, name, None, context)?;
@@ -454,6 +504,7 @@ fn prepared(new: &NewRun, context: &Context) -> Result<(Experiment, Context), Jo
     let files = files.map(|(folder, text)| (format!("{folder}/{fitted}.toml"), text));
     let assets = context.assets.clone().with_files(files);
     let experiment = Experiment { lens: fitted.clone(), sensor: fitted, ..made.experiment };
+    let experiment = assets.changed_by(experiment, &new.changes.set)?;
     Ok((changed(experiment, &new.changes, context)?, context.clone().with_assets(assets)))
 }
 
@@ -475,6 +526,7 @@ fn check_is_no_folder(path: &Path) -> Result<(), JobError> {
 /// An experiment with the changes of a request.
 fn changed(mut experiment: Experiment, changes: &Changes, context: &Context) -> Result<Experiment, JobError> {
     check_ranges(changes)?;
+    check_said_once(changes)?;
     let facts = context.assets.facts_of(&experiment)?;
     if let Some(seed) = changes.seed {
         experiment.seed = seed;
@@ -520,6 +572,30 @@ fn changed(mut experiment: Experiment, changes: &Changes, context: &Context) -> 
         experiment = experiment.only(name).ok_or_else(unknown)?;
     }
     Ok(experiment)
+}
+
+/// Refuses settings of keys for which the request has a field that is used.
+fn check_said_once(changes: &Changes) -> Result<(), JobError> {
+    let Changes { seed, photos, data, steps, is_full, set, .. } = changes;
+    let fields = [
+        ("seed", seed.is_some(), &["seed"][..]),
+        ("photos", photos.is_some(), &["photos"]),
+        ("data", data.is_some(), &["data"]),
+        ("steps", steps.is_some(), &["training.steps", "isp.steps"]),
+        ("is_full", *is_full, &["training.steps", "isp.steps", "network.base_channels", "training.batch"]),
+    ];
+    for (field, _, keys) in fields.into_iter().filter(|(_, is_used, _)| *is_used) {
+        if let Some((key, value)) = set.iter().find(|(key, _)| keys.contains(&key.as_str())) {
+            let message = format!("`{field}` of the request decides that");
+            return Err(JobError::setting(
+                "set",
+                format!("{key}={value}"),
+                message,
+                "leave one of the two out",
+            ));
+        }
+    }
+    Ok(())
 }
 
 fn absolute(path: &Path) -> Result<String, JobError> {
@@ -569,6 +645,21 @@ struct Watch<'a> {
     /// The errors that PSFs may have.
     psf: PsfConfig,
     total: u64,
+    /// Curves for other programs, as long as they can be written.
+    curves: Option<ScalarLog>,
+}
+
+impl Watch<'_> {
+    /// Adds to the curves. What cannot be written ends them, and not the run.
+    fn add(&mut self, to: impl FnOnce(&mut ScalarLog) -> Result<(), DesignError>) {
+        if let Some(Err(error)) = self.curves.as_mut().map(to) {
+            self.curves = None;
+            let text = format!(
+                "{error}; no more curves are written, and those of the whole run are when it goes on"
+            );
+            self.context.warning(WarningKind::Other, text);
+        }
+    }
 }
 
 impl Observer for Watch<'_> {
@@ -588,10 +679,14 @@ impl Observer for Watch<'_> {
             total: self.total,
             losses: event.losses.clone(),
         });
+        self.add(|curves| curves.event(event));
     }
 
     fn file(&mut self, path: &Path, what: &str) {
         self.context.event(&Event::File { path: path.to_path_buf(), what: what.to_owned() });
+        if what == "lens" {
+            self.add(ScalarLog::lens);
+        }
     }
 
     fn note(&mut self, text: &str) {

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use petzval_base::{Cancelled, FileError, LONGEST_NAME, write_whole};
 use petzval_design::error::DesignError;
+use petzval_design::experiment::WrongSetting;
 use petzval_files::raw_file::RawFileError;
 use petzval_files::{ImageError, decode};
 use schemars::JsonSchema;
@@ -267,6 +268,9 @@ impl From<DesignError> for JobError {
         match error {
             DesignError::Input { path, error } => {
                 error_in_request(&path, &error).unwrap_or(Self::File { path, error })
+            }
+            DesignError::Setting(WrongSetting { setting, message, hint }) => {
+                Self::Setting { key: "set", value: setting, message, hint }
             }
             _ if error.is_stopped() => Stopped::new(error.to_string()).into(),
             DesignError::Image(ImageError::Io { ref source, .. }) => {

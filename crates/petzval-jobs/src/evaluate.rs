@@ -25,6 +25,7 @@ use petzval_optics::tolerance::Tolerances;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::design::{pictures_now, report_pictures, scorer};
 use crate::error::JobError;
@@ -140,6 +141,16 @@ pub struct Difference {
     /// Their 95 % ranges over the photographs, low and high; none for less than two photographs, and for scores of objects.
     pub ranges: BTreeMap<String, [f64; 2]>,
 }
+
+/// As a unit of work.
+pub(crate) const UNIT: AsUnit<Request> = AsUnit {
+    seed: Some(|request, seed| {
+        if let Some(made) = &mut request.made {
+            made.seed = seed;
+        }
+    }),
+    ..AsUnit::PLAIN
+};
 
 /// Scores the cameras: lenses by exact tracing, pictures on the held-out photographs. The run folder stays as it is, unless cameras are made
 /// from the designs: then `tolerance.json` is written, and the report with its figures.

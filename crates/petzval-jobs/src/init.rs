@@ -14,6 +14,7 @@ use petzval_optics::design_space::{Solves, near_variables};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::JobError;
 use crate::event::WarningKind;
@@ -70,6 +71,10 @@ pub struct Response {
     /// Whether the sensor is monochrome and the experiment's photographs are in colour: it needs others.
     pub needs_gray_photos: bool,
 }
+
+/// As a unit of work.
+pub(crate) const UNIT: AsUnit<Request> =
+    AsUnit { place: Some(|request, folder| request.out = folder.to_owned()), ..AsUnit::PLAIN };
 
 /// Writes the files. With a lens of one's own the experiment is fitted to it: its title, focus, sensor, fields, PSFs, requirements and, if the file
 /// names none, variables follow from the lens.

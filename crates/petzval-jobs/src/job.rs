@@ -1,6 +1,7 @@
 //! What a job is, and the table of all of them.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
 
 use petzval_base::FileError;
 use schemars::generate::SchemaSettings;
@@ -9,6 +10,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
+use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::{JobError, Stopped};
 use crate::panic_place;
@@ -25,6 +27,9 @@ pub trait Job {
     type Request: Serialize + DeserializeOwned + JsonSchema;
     /// Its response.
     type Response: Serialize + JsonSchema;
+
+    /// How it is done as a unit of work.
+    const UNIT: AsUnit<Self::Request> = AsUnit::PLAIN;
 
     /// Runs it.
     fn run(request: &Self::Request, context: &Context) -> Result<Self::Response, JobError>;
@@ -45,6 +50,14 @@ pub struct Row {
     filled_in: fn(Value) -> Result<Value, JobError>,
     #[serde(skip)]
     run: fn(Value, &Context) -> Result<Value, JobError>,
+    #[serde(skip)]
+    seeded: fn(Value, u64) -> Result<Option<Value>, JobError>,
+    #[serde(skip)]
+    kept_in: fn(Value, &Path) -> Result<Value, JobError>,
+    #[serde(skip)]
+    going_on: fn(Value, &Path) -> Result<Option<Value>, JobError>,
+    #[serde(skip)]
+    behind: fn(Value, &Context) -> Result<Vec<PathBuf>, JobError>,
 }
 
 impl Row {
@@ -57,6 +70,10 @@ impl Row {
             response_schema: response_schema::<J>,
             filled_in: filled_in::<J>,
             run: run::<J>,
+            seeded: seeded::<J>,
+            kept_in: kept_in::<J>,
+            going_on: going_on::<J>,
+            behind: behind::<J>,
         }
     }
 
@@ -73,6 +90,26 @@ impl Row {
     /// A request with every default filled in. A request that does not fit the schema is an error with the key that is wrong.
     pub fn filled_in(&self, request: Value) -> Result<Value, JobError> {
         (self.filled_in)(request)
+    }
+
+    /// A request with another seed; none if the job draws nothing at random.
+    pub fn seeded(&self, request: Value, seed: u64) -> Result<Option<Value>, JobError> {
+        (self.seeded)(request, seed)
+    }
+
+    /// A request whose results are written into a folder, or below it; the request itself if the job writes nothing.
+    pub fn kept_in(&self, request: Value, folder: &Path) -> Result<Value, JobError> {
+        (self.kept_in)(request, folder)
+    }
+
+    /// The request that goes on from what a folder of [`Row::kept_in`] holds; none if the job has to begin again.
+    pub fn going_on(&self, request: Value, folder: &Path) -> Result<Option<Value>, JobError> {
+        (self.going_on)(request, folder)
+    }
+
+    /// Files and folders on which the result of a request depends, but which only a file that it names refers to.
+    pub fn behind(&self, request: Value, context: &Context) -> Result<Vec<PathBuf>, JobError> {
+        (self.behind)(request, context)
     }
 
     /// Runs it. A request that does not fit the schema is an error with the key that is wrong; a panic is a failure of this job alone.
@@ -134,12 +171,42 @@ fn request<J: Job>(request: Value) -> Result<J::Request, JobError> {
 
 /// A request as the job reads it, with every default filled in.
 fn filled_in<J: Job>(of: Value) -> Result<Value, JobError> {
-    serde_json::to_value(request::<J>(of)?).map_err(|e| JobError::failed(e.to_string()))
+    to_json(&request::<J>(of)?)
+}
+
+fn to_json(of: &impl Serialize) -> Result<Value, JobError> {
+    serde_json::to_value(of).map_err(|e| JobError::failed(e.to_string()))
+}
+
+fn seeded<J: Job>(of: Value, seed: u64) -> Result<Option<Value>, JobError> {
+    let mut request = request::<J>(of)?;
+    let Some(set) = J::UNIT.seed else { return Ok(None) };
+    set(&mut request, seed);
+    to_json(&request).map(Some)
+}
+
+fn kept_in<J: Job>(of: Value, folder: &Path) -> Result<Value, JobError> {
+    let mut request = request::<J>(of)?;
+    if let Some(place) = J::UNIT.place {
+        place(&mut request, folder);
+    }
+    to_json(&request)
+}
+
+fn going_on<J: Job>(of: Value, folder: &Path) -> Result<Option<Value>, JobError> {
+    let request = request::<J>(of)?;
+    let again = J::UNIT.going_on.and_then(|going_on| going_on(&request, folder));
+    again.as_ref().map(to_json).transpose()
+}
+
+fn behind<J: Job>(of: Value, context: &Context) -> Result<Vec<PathBuf>, JobError> {
+    let request = request::<J>(of)?;
+    J::UNIT.behind.map_or_else(|| Ok(Vec::new()), |behind| behind(&request, context))
 }
 
 fn run<J: Job>(of: Value, context: &Context) -> Result<Value, JobError> {
     let request = request::<J>(of)?;
-    serde_json::to_value(J::run(&request, context)?).map_err(|e| JobError::failed(e.to_string()))
+    to_json(&J::run(&request, context)?)
 }
 
 #[cfg(test)]

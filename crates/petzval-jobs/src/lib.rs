@@ -10,6 +10,7 @@
 //! an additional stop.
 
 pub mod apply;
+mod as_unit;
 pub mod bench;
 mod built_in;
 mod call;
@@ -51,11 +52,14 @@ mod results;
 pub mod run_all;
 mod run_page;
 pub mod sensor;
+mod settings;
 pub mod simulate;
 pub mod table;
+pub mod threads;
 pub mod train;
 pub mod usual;
 
+pub use as_unit::AsUnit;
 pub use built_in::built_in_assets;
 pub use call::{CALL_FORMAT, Call, MOST_THREADS, row};
 pub use context::{Context, Silent};
@@ -66,6 +70,7 @@ pub use input::{ExperimentInput, LensInput, SensorInput};
 pub use job::{Job, Row, guarded};
 pub use keys::error_in_keys;
 pub use petzval_design::library::Library;
+pub use settings::settings_of;
 pub use table::jobs;
 
 /// What outlives a call may go from thread to thread: a server keeps it.

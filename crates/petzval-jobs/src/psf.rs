@@ -15,6 +15,7 @@ use petzval_report::psf_sheet::psf_sheet;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::{JobError, make_folder, write_file};
 use crate::event::WarningKind;
@@ -153,6 +154,10 @@ pub fn bank(request: &Request, context: &Context) -> Result<Bank, JobError> {
     let (lens, plan) = prepared(request, context)?;
     computed(request, &lens, &plan, context)
 }
+
+/// As a unit of work.
+pub(crate) const UNIT: AsUnit<Request> =
+    AsUnit { place: Some(|request, folder| request.out = folder.to_owned()), ..AsUnit::PLAIN };
 
 /// Computes the PSFs, and keeps them as files.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {

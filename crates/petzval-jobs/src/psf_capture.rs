@@ -17,6 +17,7 @@ use petzval_lab::psf_calibration::{CROP, FinePsf, Spot};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::{JobError, make_folder};
 use crate::frames::Frames;
@@ -125,6 +126,13 @@ pub struct CapturedPosition {
     /// Where the chief ray lands on the sensor, (row, column), px.
     pub chief_ray_px: [f64; 2],
 }
+
+/// As a unit of work.
+pub(crate) const UNIT: AsUnit<Request> = AsUnit {
+    seed: Some(|request, seed| request.seed = seed),
+    place: Some(|request, folder| request.out = folder.to_owned()),
+    ..AsUnit::PLAIN
+};
 
 /// Traces the PSFs, exposes all frames, and writes them with their manifest.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {

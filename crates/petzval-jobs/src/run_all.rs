@@ -11,6 +11,7 @@ use petzval_files::write_lens;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::as_unit::AsUnit;
 use crate::compare;
 use crate::context::Context;
 use crate::design::{self, Changes, NewRun, Resume, Run};
@@ -68,6 +69,17 @@ fn comparisons(context: &Context) -> Result<Vec<String>, JobError> {
         })
         .collect()
 }
+
+/// As a unit of work.
+pub(crate) const UNIT: AsUnit<Request> = AsUnit {
+    seed: Some(|request, seed| request.seeds = vec![seed]),
+    place: Some(|request, folder| request.out = folder.to_owned()),
+    // The same request keeps finished runs, and goes on with the others.
+    going_on: Some(|request, folder| {
+        folder.is_dir().then(|| Request { out: folder.to_owned(), ..request.clone() })
+    }),
+    ..AsUnit::PLAIN
+};
 
 /// Runs what is not finished yet, then compares all that is. Once it is cancelled it compares what is finished, and the same request goes on.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
@@ -152,7 +164,7 @@ fn one(request: &Request, name: &str, seed: u64, root: &Path) -> design::Request
         Ok(_) => Run::Resume(Resume { run: root.to_owned(), ..Resume::default() }),
         Err(_) => Run::New(new_run(request, name, seed, root)),
     };
-    design::Request { run, device: request.device.clone() }
+    design::Request { run, device: request.device.clone(), ..design::Request::default() }
 }
 
 fn new_run(request: &Request, name: &str, seed: u64, root: &Path) -> NewRun {

@@ -1,11 +1,12 @@
 //! The table of jobs: one row a verb.
 
+use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::JobError;
 use crate::job::{Job, Row};
 
 macro_rules! jobs {
-    ($($job:ident $name:literal $needs:tt $about:literal $request:ty => $response:ty, $run:path;)*) => {
+    ($($job:ident $name:literal $needs:tt $about:literal $request:ty => $response:ty, $run:path $(, $unit:path)?;)*) => {
         $(
             #[doc = $about]
             #[derive(Clone, Copy, Debug)]
@@ -17,6 +18,7 @@ macro_rules! jobs {
                 const NEEDS: &'static [&'static str] = &$needs;
                 type Request = $request;
                 type Response = $response;
+                $(const UNIT: AsUnit<$request> = $unit;)?
 
                 fn run(request: &$request, context: &Context) -> Result<$response, JobError> {
                     $run(request, context)
@@ -31,13 +33,13 @@ macro_rules! jobs {
 jobs! {
     Design "design" ["run"]
         "Designs lens and network together, and compares with controls."
-        crate::design::Request => crate::design::Response, crate::design::run;
+        crate::design::Request => crate::design::Response, crate::design::run, crate::design::UNIT;
     DesignCheck "design-check" ["run"]
         "Looks at an experiment as before its first step; writes nothing."
         crate::design::LookRequest => petzval_design::first_look::FirstLook, crate::design::look_at;
     Init "init" ["out"]
         "Writes an experiment with its lens and sensor as files to edit."
-        crate::init::Request => crate::init::Response, crate::init::run;
+        crate::init::Request => crate::init::Response, crate::init::run, crate::init::UNIT;
     ExperimentList "experiment-list" []
         "Lists the built-in experiments with their variants."
         crate::experiment::ListRequest => Vec<crate::experiment::Entry>, crate::experiment::list;
@@ -46,7 +48,7 @@ jobs! {
         crate::experiment::ShowRequest => String, crate::experiment::show;
     ExperimentRunAll "experiment-run-all" []
         "Runs the built-in experiments, or some, with several seeds."
-        crate::run_all::Request => crate::run_all::Response, crate::run_all::run;
+        crate::run_all::Request => crate::run_all::Response, crate::run_all::run, crate::run_all::UNIT;
     Schema "schema" ["kind"]
         "Gives the JSON Schema of experiment, lens or sensor files."
         crate::experiment::SchemaRequest => serde_json::Value, crate::experiment::schema;
@@ -55,10 +57,10 @@ jobs! {
         crate::report::Request => crate::report::Response, crate::report::run;
     Compare "compare" ["runs"]
         "Puts several runs on one page."
-        crate::compare::Request => crate::compare::Response, crate::compare::run;
+        crate::compare::Request => crate::compare::Response, crate::compare::run, crate::compare::UNIT;
     Evaluate "evaluate" ["run"]
         "Scores the cameras of a run again, with exact optics."
-        crate::evaluate::Request => crate::evaluate::Response, crate::evaluate::run;
+        crate::evaluate::Request => crate::evaluate::Response, crate::evaluate::run, crate::evaluate::UNIT;
     LensShow "lens-show" ["lens"]
         "Gives the prescription of a lens and its first-order data."
         crate::lens::show::Request => crate::lens::show::Response, crate::lens::show::run;
@@ -67,22 +69,22 @@ jobs! {
         crate::lens::trace::Request => crate::lens::trace::Response, crate::lens::trace::run;
     LensAnalyze "lens-analyze" ["lens"]
         "Writes the analysis of a lens: pictures and data."
-        crate::lens::analyze::Request => crate::lens::analyze::Response, crate::lens::analyze::run;
+        crate::lens::analyze::Request => crate::lens::analyze::Response, crate::lens::analyze::run, crate::lens::analyze::UNIT;
     LensConvert "lens-convert" ["from", "to"]
         "Writes a lens in the format of another program."
-        crate::lens::convert::Request => crate::lens::convert::Response, crate::lens::convert::run;
+        crate::lens::convert::Request => crate::lens::convert::Response, crate::lens::convert::run, crate::lens::convert::UNIT;
     LensFocus "lens-focus" ["lens"]
         "Moves the image plane of a lens to its best focus."
-        crate::lens::focus::Request => crate::lens::focus::Response, crate::lens::focus::run;
+        crate::lens::focus::Request => crate::lens::focus::Response, crate::lens::focus::run, crate::lens::focus::UNIT;
     LensList "lens-list" []
         "Lists the built-in lenses."
         crate::lens::list::Request => crate::lens::list::Response, crate::lens::list::run;
     LensOptimize "lens-optimize" ["start"]
         "Optimises a lens within limits."
-        crate::lens::optimize::Request => crate::lens::optimize::Response, crate::lens::optimize::run;
+        crate::lens::optimize::Request => crate::lens::optimize::Response, crate::lens::optimize::run, crate::lens::optimize::UNIT;
     LensTolerance "lens-tolerance" ["lens"]
         "Tolerances a lens: sensitivities and lenses made at random."
-        crate::lens::tolerance::Request => crate::lens::tolerance::Response, crate::lens::tolerance::run;
+        crate::lens::tolerance::Request => crate::lens::tolerance::Response, crate::lens::tolerance::run, crate::lens::tolerance::UNIT;
     GlassFind "glass-find" ["nd", "vd"]
         "Finds the glasses nearest to an index and an Abbe number."
         crate::glass::find::Request => crate::glass::find::Response, crate::glass::find::run;
@@ -94,13 +96,13 @@ jobs! {
         crate::glass::show::Request => crate::glass::show::Response, crate::glass::show::run;
     Psf "psf" ["lens", "out"]
         "Writes the point-spread functions of a lens."
-        crate::psf::Request => crate::psf::Response, crate::psf::run;
+        crate::psf::Request => crate::psf::Response, crate::psf::run, crate::psf::UNIT;
     PsfCalibrate "psf-calibrate" ["captures"]
         "Measures point-spread functions from captures of a pinhole."
-        crate::psf_calibrate::Request => crate::psf_calibrate::Response, crate::psf_calibrate::run;
+        crate::psf_calibrate::Request => crate::psf_calibrate::Response, crate::psf_calibrate::run, crate::psf_calibrate::UNIT;
     PsfCapture "psf-capture" ["lens", "out"]
         "Simulates captures of a pinhole for `psf-calibrate`."
-        crate::psf_capture::Request => crate::psf_capture::Response, crate::psf_capture::run;
+        crate::psf_capture::Request => crate::psf_capture::Response, crate::psf_capture::run, crate::psf_capture::UNIT;
     SensorList "sensor-list" []
         "Lists the built-in sensors."
         crate::sensor::list::Request => crate::sensor::list::Response, crate::sensor::list::run;
@@ -109,52 +111,52 @@ jobs! {
         crate::sensor::show::Request => crate::sensor::show::Response, crate::sensor::show::run;
     SensorCapture "sensor-capture" ["sensor", "out"]
         "Simulates the calibration series of a sensor."
-        crate::sensor::capture::Request => crate::sensor::capture::Response, crate::sensor::capture::run;
+        crate::sensor::capture::Request => crate::sensor::capture::Response, crate::sensor::capture::run, crate::sensor::capture::UNIT;
     SensorCharacterize "sensor-characterize" ["dir"]
         "Measures a sensor from captures, after EMVA 1288."
-        crate::sensor::characterize::Request => crate::sensor::characterize::Response, crate::sensor::characterize::run;
+        crate::sensor::characterize::Request => crate::sensor::characterize::Response, crate::sensor::characterize::run, crate::sensor::characterize::UNIT;
     Simulate "simulate" ["images"]
         "Takes photographs through a lens: photograph, raw frame, developed picture."
-        crate::simulate::Request => crate::simulate::Response, crate::simulate::run;
+        crate::simulate::Request => crate::simulate::Response, crate::simulate::run, crate::simulate::UNIT;
     RawShow "raw-show" ["file"]
         "Gives what raw frames say of themselves."
         crate::raw::show::Request => crate::raw::show::Response, crate::raw::show::run;
     RawConvert "raw-convert" ["input", "output"]
         "Writes raw frames in another format."
-        crate::raw::convert::Request => crate::raw::convert::Response, crate::raw::convert::run;
+        crate::raw::convert::Request => crate::raw::convert::Response, crate::raw::convert::run, crate::raw::convert::UNIT;
     RawMtf "raw-mtf" ["file"]
         "Measures slanted edges of raw frames."
-        crate::raw::mtf::Request => crate::raw::mtf::Response, crate::raw::mtf::run;
+        crate::raw::mtf::Request => crate::raw::mtf::Response, crate::raw::mtf::run, crate::raw::mtf::UNIT;
     IspShow "isp-show" []
         "Gives the parameters of an image signal processor."
         crate::isp::show::Request => crate::isp::show::Response, crate::isp::show::run;
     IspDevelop "isp-develop" ["raws", "out"]
         "Develops raw frames."
-        crate::isp::develop::Request => crate::isp::develop::Response, crate::isp::develop::run;
+        crate::isp::develop::Request => crate::isp::develop::Response, crate::isp::develop::run, crate::isp::develop::UNIT;
     IspTune "isp-tune" ["start"]
         "Tunes the parameters of an image signal processor."
-        crate::isp::tune::Request => crate::isp::tune::Response, crate::isp::tune::run;
+        crate::isp::tune::Request => crate::isp::tune::Response, crate::isp::tune::run, crate::isp::tune::UNIT;
     IspChart "isp-chart" ["out"]
         "Measures the developed test chart."
-        crate::isp::chart::Request => crate::isp::chart::Response, crate::isp::chart::run;
+        crate::isp::chart::Request => crate::isp::chart::Response, crate::isp::chart::run, crate::isp::chart::UNIT;
     Apply "apply" ["run", "images"]
         "Takes pictures with the cameras of a run."
-        crate::apply::Request => crate::apply::Response, crate::apply::run;
+        crate::apply::Request => crate::apply::Response, crate::apply::run, crate::apply::UNIT;
     Detect "detect" ["detector"]
         "Finds objects in pictures."
-        crate::detect::Request => crate::detect::Response, crate::detect::run;
+        crate::detect::Request => crate::detect::Response, crate::detect::run, crate::detect::UNIT;
     DataConvert "data-convert" ["format", "input", "out"]
         "Converts a data set for object detection."
-        crate::data::convert::Request => crate::data::convert::Response, crate::data::convert::run;
+        crate::data::convert::Request => crate::data::convert::Response, crate::data::convert::run, crate::data::convert::UNIT;
     DataCheck "data-check" ["data"]
         "Checks a data set for object detection."
-        crate::data::check::Request => crate::data::check::Response, crate::data::check::run;
+        crate::data::check::Request => crate::data::check::Response, crate::data::check::run, crate::data::check::UNIT;
     TrainIspProxy "train-isp-proxy" []
         "Trains a network that imitates an image signal processor."
-        crate::train::isp_proxy::Request => crate::train::isp_proxy::Response, crate::train::isp_proxy::run;
+        crate::train::isp_proxy::Request => crate::train::isp_proxy::Response, crate::train::isp_proxy::run, crate::train::isp_proxy::UNIT;
     TrainOpticsProxy "train-optics-proxy" []
         "Trains a network in place of ray tracing."
-        crate::train::optics_proxy::Request => crate::train::optics_proxy::Response, crate::train::optics_proxy::run;
+        crate::train::optics_proxy::Request => crate::train::optics_proxy::Response, crate::train::optics_proxy::run, crate::train::optics_proxy::UNIT;
     Bench "bench" []
         "Measures a standard workload."
         crate::bench::Request => crate::bench::Response, crate::bench::run;

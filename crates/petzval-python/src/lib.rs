@@ -40,7 +40,7 @@ fn threads(py: Python<'_>) -> PyResult<usize> {
     pool::threads().map_err(|e| error::exception(py, &e))
 }
 
-/// Chooses how many threads the next work has; 0 means one per core.
+/// Chooses how many threads the next work has; 0 means those of a batch system, else one per core.
 #[pyfunction]
 fn set_threads(threads: usize) {
     pool::set_threads(threads);

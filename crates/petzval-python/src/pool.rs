@@ -11,7 +11,7 @@ struct Kept {
     pool: Arc<ThreadPool>,
 }
 
-/// The pool of this process, and how many threads it shall have; 0 means one per core.
+/// The pool of this process, and how many threads it shall have; 0 means those of a batch system, else one per core.
 static POOL: Mutex<(usize, Option<Kept>)> = Mutex::new((0, None));
 
 /// The pool in which all work is done. A process that was forked has none of its parent's threads and gets a pool of its own.
@@ -27,8 +27,9 @@ pub fn pool() -> Result<Arc<ThreadPool>, JobError> {
     if let Some(parent) = kept.1.take() {
         std::mem::forget(parent);
     }
-    let pool = ThreadPoolBuilder::new().num_threads(kept.0).build();
-    let pool = Arc::new(pool.map_err(|e| JobError::failed(format!("{} threads: {e}", kept.0)))?);
+    let number = petzval_jobs::threads::threads(kept.0)?.number;
+    let pool = ThreadPoolBuilder::new().num_threads(number).build();
+    let pool = Arc::new(pool.map_err(|e| JobError::failed(format!("{number} threads: {e}")))?);
     kept.1 = Some(Kept { process, pool: pool.clone() });
     Ok(pool)
 }
@@ -38,7 +39,7 @@ pub fn threads() -> Result<usize, JobError> {
     Ok(pool()?.current_num_threads())
 }
 
-/// Chooses how many threads the next work has; 0 means one per core. Work that runs keeps its threads.
+/// Chooses how many threads the next work has; 0 means those of a batch system, else one per core. Work that runs keeps its threads.
 pub fn set_threads(threads: usize) {
     let mut kept = POOL.lock().unwrap_or_else(PoisonError::into_inner);
     let mine = kept.1.take();

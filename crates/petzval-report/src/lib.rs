@@ -12,6 +12,7 @@
 //! | [`psf_calibration_sheet`] | measured PSFs beside simulated ones |
 //! | [`comparison`] | several runs |
 //! | [`side_by_side`] | one picture by several cameras |
+//! | [`sweep_page`] | a sweep: its table, a scatter plot, pictures by its units |
 //! | [`isp_strip`] | the stages of an ISP |
 //! | [`isp_proxy_sheet`] | an ISP and the network that imitates it |
 //! | [`chart_sheet`] | a developed test chart: colours, noise, sharpness |
@@ -48,6 +49,7 @@ mod rgb_picture;
 mod sample;
 pub mod sensor_sheet;
 pub mod side_by_side;
+pub mod sweep_page;
 mod table;
 pub mod tolerance_sheet;
 mod words;

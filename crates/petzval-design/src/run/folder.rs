@@ -141,6 +141,16 @@ impl RunFolder {
         self.root.join("events.jsonl")
     }
 
+    /// Numbers of every step as comma-separated values, if they are written.
+    pub fn scalars_csv(&self) -> PathBuf {
+        self.root.join("scalars.csv")
+    }
+
+    /// Event files of TensorBoard, a folder for each camera, if they are written.
+    pub fn tensorboard(&self) -> PathBuf {
+        self.root.join("tensorboard")
+    }
+
     /// Final figures.
     pub fn metrics(&self) -> PathBuf {
         self.root.join("metrics.json")

@@ -15,6 +15,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use self::cameras::Chosen;
+use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::{JobError, make_folder, write_file};
 use crate::results::{check_distinct, check_folder};
@@ -100,6 +101,13 @@ enum Subject {
     /// A frame that a sensor took.
     Raw(Box<RawFrame>),
 }
+
+/// As a unit of work.
+pub(crate) const UNIT: AsUnit<Request> = AsUnit {
+    seed: Some(|request, seed| request.seed = seed),
+    place: Some(|request, folder| request.out = folder.to_owned()),
+    ..AsUnit::PLAIN
+};
 
 /// Takes the photographs and develops the raw frames. The folder `out` gets `NAME-CAMERA.png` for each, and `NAME-scene.png` of each
 /// photograph as it lies on the sensor, and `NAME-side-by-side.html` with all of them. A task may add files, such as

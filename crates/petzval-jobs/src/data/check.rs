@@ -12,6 +12,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::check_pictures_in;
+use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::{JobError, make_folder};
 use crate::event::WarningKind;
@@ -56,6 +57,12 @@ pub struct Response {
     #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub page: Option<PathBuf>,
 }
+
+/// As a unit of work.
+pub(crate) const UNIT: AsUnit<Request> = AsUnit {
+    place: Some(|request, folder| request.out = request.out.take().map(|_| folder.to_owned())),
+    ..AsUnit::PLAIN
+};
 
 /// Reads and checks annotations and pictures. The folder `out` gets `data.json` (the response) and `data.html`.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {

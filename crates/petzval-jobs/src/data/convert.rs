@@ -7,6 +7,7 @@ use petzval_files::coco::{ANNOTATIONS, Defect, Statistics, save_coco};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::{JobError, make_folder};
 
@@ -42,6 +43,10 @@ pub struct Response {
     /// Cases that cannot be used.
     pub errors: usize,
 }
+
+/// As a unit of work.
+pub(crate) const UNIT: AsUnit<Request> =
+    AsUnit { place: Some(|request, folder| request.out = folder.to_owned()), ..AsUnit::PLAIN };
 
 /// Converts a data set. The annotations are written last: a folder that has them is complete.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {

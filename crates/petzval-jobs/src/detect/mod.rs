@@ -28,6 +28,7 @@ pub use scores::{ClassScore, Overhanging, Scores};
 use finder::{Finder, finder};
 
 use crate::apply::{developed, is_raw, raw_frame};
+use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::data::check_pictures_in;
 use crate::error::{JobError, Stopped, make_folder, write_file};
@@ -92,6 +93,12 @@ struct Looked {
     /// Its record in the data set.
     image: Image,
 }
+
+/// As a unit of work.
+pub(crate) const UNIT: AsUnit<Request> = AsUnit {
+    place: Some(|request, folder| request.out = request.out.take().map(|_| folder.to_owned())),
+    ..AsUnit::PLAIN
+};
 
 /// Detects objects in pictures, for a camera of a run at their own size.
 ///

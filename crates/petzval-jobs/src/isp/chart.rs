@@ -11,6 +11,7 @@ use petzval_report::chart_sheet::{ChartSheet, page};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::{JobError, make_folder, write_file};
 use crate::named_isp::isp_by_name;
@@ -84,6 +85,13 @@ pub struct Response {
     #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub page: PathBuf,
 }
+
+/// As a unit of work.
+pub(crate) const UNIT: AsUnit<Request> = AsUnit {
+    seed: Some(|request, seed| request.camera.seed = seed),
+    place: Some(|request, folder| request.out = folder.to_owned()),
+    ..AsUnit::PLAIN
+};
 
 /// Takes, develops and measures the chart. The folder `out` gets `chart.json` (the response), `chart.png` and `chart.html`.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {

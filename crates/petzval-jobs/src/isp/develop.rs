@@ -13,6 +13,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::frame::{FrameOptions, Merge, Source, read_merged, read_one};
+use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::{JobError, make_folder, write_file};
 use crate::named_isp::{NamedIsp, about_frame, isp_by_name};
@@ -158,6 +159,10 @@ fn values(
     })?;
     Ok(pictures)
 }
+
+/// As a unit of work.
+pub(crate) const UNIT: AsUnit<Request> =
+    AsUnit { place: Some(|request, folder| request.out = folder.to_owned()), ..AsUnit::PLAIN };
 
 /// Develops every frame, and keeps the pictures. All inputs are read before the first picture is written.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {

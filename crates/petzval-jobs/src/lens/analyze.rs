@@ -12,6 +12,7 @@ use serde::Serialize;
 
 use super::analysis_csv::TABLES;
 use super::focus::{FocusAt, check_image, focused, out_of_focus};
+use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::{JobError, make_folder, write_file};
 use crate::event::WarningKind;
@@ -115,6 +116,10 @@ impl Request {
 pub fn analysis(request: &Request, context: &Context) -> Result<Analysis, JobError> {
     Prepared::new(request, context)?.analysed(context)
 }
+
+/// As a unit of work.
+pub(crate) const UNIT: AsUnit<Request> =
+    AsUnit { place: Some(|request, folder| request.out = Some(folder.to_owned())), ..AsUnit::PLAIN };
 
 /// Analyses the lens and writes the files.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {

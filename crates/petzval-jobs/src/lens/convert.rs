@@ -9,6 +9,7 @@ use petzval_optics::paraxial::first_order;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::as_unit::{AsUnit, within};
 use crate::context::Context;
 use crate::error::{JobError, write_file};
 use crate::finite::finite;
@@ -42,6 +43,12 @@ pub struct Response {
     /// Properties of the lens that the new file does not represent.
     pub losses_of_writing: Vec<Loss>,
 }
+
+/// As a unit of work.
+pub(crate) const UNIT: AsUnit<Request> = AsUnit {
+    place: Some(|request, folder| request.to = within(folder, &request.to, "lens.toml")),
+    ..AsUnit::PLAIN
+};
 
 /// Reads the lens and writes it in the other format. A lens that would bend light otherwise there is refused.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {

@@ -13,6 +13,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::convert::write_as_named;
+use crate::as_unit::{AsUnit, within};
 use crate::context::Context;
 use crate::error::JobError;
 use crate::input::LensInput;
@@ -72,6 +73,12 @@ pub struct Response {
     /// Properties of the lens that the new file does not represent.
     pub losses_of_writing: Vec<Loss>,
 }
+
+/// As a unit of work.
+pub(crate) const UNIT: AsUnit<Request> = AsUnit {
+    place: Some(|request, folder| request.to = request.to.as_ref().map(|to| within(folder, to, "lens.toml"))),
+    ..AsUnit::PLAIN
+};
 
 /// Focuses the lens, and writes it if a file is named.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {

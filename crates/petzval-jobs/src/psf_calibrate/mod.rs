@@ -25,6 +25,7 @@ use petzval_report::psf_calibration_sheet::{Calibration, page, sheet_png};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::{JobError, json, make_folder};
 use crate::event::WarningKind;
@@ -137,6 +138,13 @@ impl Measurement {
 pub fn measurement(request: &Request, context: &Context) -> Result<Measurement, JobError> {
     Captured::read(request)?.measured(request, context)
 }
+
+/// As a unit of work.
+pub(crate) const UNIT: AsUnit<Request> = AsUnit {
+    seed: Some(|request, seed| request.seed = seed),
+    place: Some(|request, folder| request.out = Some(folder.to_owned())),
+    ..AsUnit::PLAIN
+};
 
 /// Measures every position, fits the bank, and writes the results.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {

@@ -9,6 +9,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::FrameSummary;
+use crate::as_unit::{AsUnit, within};
 use crate::context::Context;
 use crate::error::JobError;
 use crate::range::check_ranges;
@@ -57,6 +58,12 @@ pub struct Response {
     #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub sidecar: PathBuf,
 }
+
+/// As a unit of work.
+pub(crate) const UNIT: AsUnit<Request> = AsUnit {
+    place: Some(|request, folder| request.output = within(folder, &request.output, "raw.tiff")),
+    ..AsUnit::PLAIN
+};
 
 /// Reads the frame and writes it, with its sidecar.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {

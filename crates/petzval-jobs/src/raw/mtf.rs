@@ -14,6 +14,7 @@ use petzval_report::mtf_sheet::{EdgePanel, mtf_svg};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::{JobError, json, make_folder, write_file};
 use crate::event::WarningKind;
@@ -145,6 +146,12 @@ pub fn edges(
     };
     measured_edges(request, name, &frame, context)
 }
+
+/// As a unit of work.
+pub(crate) const UNIT: AsUnit<Request> = AsUnit {
+    place: Some(|request, folder| request.out = request.out.take().map(|_| folder.to_owned())),
+    ..AsUnit::PLAIN
+};
 
 /// Reads the frame, measures its edges, and writes the files.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {

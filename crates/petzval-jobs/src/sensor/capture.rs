@@ -9,6 +9,7 @@ use petzval_lab::emva::{Plan, Written, write_series};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::{JobError, make_folder};
 use crate::frames;
@@ -122,6 +123,13 @@ pub fn frames(request: &Request, context: &Context) -> Result<Frames, JobError> 
     let (sensor, plan) = prepared(request, context)?;
     Ok(Frames { series: Series::new(&sensor, &plan)?, next: 0, cancel: context.cancel().clone() })
 }
+
+/// As a unit of work.
+pub(crate) const UNIT: AsUnit<Request> = AsUnit {
+    seed: Some(|request, seed| request.seed = seed),
+    place: Some(|request, folder| request.out = folder.to_owned()),
+    ..AsUnit::PLAIN
+};
 
 /// Exposes and writes the frames that the folder does not hold yet, and lists all of them.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {

@@ -10,6 +10,7 @@ use petzval_report::sensor_sheet;
 use schemars::JsonSchema;
 use serde::Serialize;
 
+use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::{JobError, make_folder};
 use crate::event::WarningKind;
@@ -82,6 +83,12 @@ pub fn characterization(request: &Request, context: &Context) -> Result<Characte
         .for_each(|line| context.warning(WarningKind::Measurement, line));
     Ok(characterization)
 }
+
+/// As a unit of work.
+pub(crate) const UNIT: AsUnit<Request> = AsUnit {
+    place: Some(|request, folder| request.out = request.out.take().map(|_| folder.to_owned())),
+    ..AsUnit::PLAIN
+};
 
 /// Reads the captures, measures the sensor, and keeps the results in the folder of the request, if it names one.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {

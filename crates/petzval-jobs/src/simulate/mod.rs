@@ -18,6 +18,7 @@ use serde::{Deserialize, Serialize};
 use self::request::result_name;
 use self::rig::check_numbers;
 use self::shot::Each;
+use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::JobError;
 use crate::results::check_folder;
@@ -53,6 +54,13 @@ pub fn frames_of(request: &Request, memory: InMemory<'_>, context: &Context) -> 
     })?;
     Ok(frames)
 }
+
+/// As a unit of work.
+pub(crate) const UNIT: AsUnit<Request> = AsUnit {
+    seed: Some(|request, seed| request.seed = seed),
+    place: Some(|request, folder| request.out = folder.to_owned()),
+    ..AsUnit::PLAIN
+};
 
 /// Takes and develops all images, and writes raw frames and pictures.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {

@@ -1,7 +1,7 @@
 //! The folder of a network in training: its state, then its weights and its description. And the loop that goes on with it.
 
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use petzval_base::write_whole;
 use petzval_design::error::DesignError;
@@ -14,6 +14,9 @@ use crate::error::{JobError, json, make_folder};
 /// Steps between two records of the losses, and between two states from which training can continue.
 const RECORD_EVERY: usize = 50;
 const KEEP_EVERY: usize = 250;
+
+/// A state is kept after so long at the latest, however long steps take.
+const KEEP_WITHIN: Duration = Duration::from_secs(60);
 
 /// File of the weights.
 pub(super) const WEIGHTS: &str = "weights.bin";
@@ -35,6 +38,9 @@ pub(super) struct Kept<P, I, L> {
     pub seconds: f64,
     /// Losses on the way.
     pub history: Vec<Record<L>>,
+    /// Losses of the steps since the last record; none where an earlier version did not keep them.
+    #[serde(default = "Vec::new")]
+    pub recent: Vec<L>,
 }
 
 /// The mean losses of some steps.
@@ -49,7 +55,7 @@ pub struct Record<L> {
 impl<P, I, L> Kept<P, I, L> {
     /// A training that has not begun.
     pub fn new(plan: P, inputs: I) -> Self {
-        Self { plan, inputs, step: 0, seconds: 0.0, history: Vec::new() }
+        Self { plan, inputs, step: 0, seconds: 0.0, history: Vec::new(), recent: Vec::new() }
     }
 }
 
@@ -79,26 +85,25 @@ pub(super) fn train<T: Training, P: Serialize, I: Serialize>(
     kept: &mut Kept<P, I, T::Losses>,
     context: &Context,
 ) -> Result<(), JobError> {
-    let mut recent = Vec::new();
     let mut clock = Instant::now();
     while kept.step < steps {
         match training.step(kept.step) {
             Ok(losses) => {
-                recent.push(losses);
+                kept.recent.push(losses);
                 kept.step += 1;
             }
             // The network is as it was before the step, which is made again when the training goes on.
             Err(JobError::Stopped(_)) => {}
             Err(error) => return Err(error),
         }
-        if !recent.is_empty() && (kept.step.is_multiple_of(RECORD_EVERY) || kept.step == steps) {
-            let losses = T::mean(&recent);
-            recent.clear();
+        if !kept.recent.is_empty() && (kept.step.is_multiple_of(RECORD_EVERY) || kept.step == steps) {
+            let losses = T::mean(&std::mem::take(&mut kept.recent));
             kept.history.push(Record { step: kept.step, losses });
             context.progress(kept.step as u64, steps as u64, T::words(&losses));
         }
         let is_cancelled = context.is_cancelled();
-        if kept.step.is_multiple_of(KEEP_EVERY) || kept.step == steps || is_cancelled {
+        let is_due = kept.step.is_multiple_of(KEEP_EVERY) || clock.elapsed() >= KEEP_WITHIN;
+        if is_due || kept.step == steps || is_cancelled {
             kept.seconds += clock.elapsed().as_secs_f64();
             clock = Instant::now();
             folder.keep(kept, kept.step, &training.state()?)?;
@@ -129,6 +134,11 @@ impl TrainingFolder {
         }
         make_folder(root)?;
         Ok(folder)
+    }
+
+    /// Whether a folder holds a training.
+    pub fn is_in(root: &Path) -> bool {
+        Self(root.to_owned()).training().is_file()
     }
 
     /// Reads the training in a folder.

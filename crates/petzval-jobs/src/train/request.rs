@@ -8,6 +8,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::folder::{Kept, TrainingFolder};
+use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::JobError;
 
@@ -27,6 +28,24 @@ pub enum Request<P> {
         /// The folder.
         folder: PathBuf,
     },
+}
+
+impl<P> Request<P> {
+    /// As a unit of work whose plan takes a seed by a function.
+    pub(super) const fn unit(seed: fn(&mut Self, u64)) -> AsUnit<Self> {
+        AsUnit {
+            seed: Some(seed),
+            place: Some(|request, folder| {
+                if let Self::New { out, .. } = request {
+                    *out = folder.to_owned();
+                }
+            }),
+            going_on: Some(|_, folder| {
+                TrainingFolder::is_in(folder).then(|| Self::Resume { folder: folder.to_owned() })
+            }),
+            ..AsUnit::PLAIN
+        }
+    }
 }
 
 impl<P: Clone + DeserializeOwned> Request<P> {

@@ -17,6 +17,9 @@ class Design(TypedDict, total=False):
     Needs `run`."""
     device: str
     """Where tensors live."""
+    log: list[Literal['tensorboard']]
+    """Further forms in which losses, scores and figures of lenses are written after every step. A run that has them
+    goes on with them."""
     run: "DesignRunRun1" | "DesignRunRun2"
     """Begin a run, or go on with one."""
 
@@ -51,6 +54,10 @@ class DesignRunRun1NewNewRunChangesChanges(TypedDict, total=False):
     """Folder of pictures in place of the experiment's."""
     seed: int | None
     """Seed of everything random."""
+    set: dict[str, Any]
+    """Values in place of those of the file, by key path: `{"training.steps": 400, "psf.kind": "diffraction"}`. An
+    element of a list of tables is named by its `name` or its place from 0, as in `variant.end-to-
+    end.stage.2.schedule.optics.learning_rate`."""
     steps: int | None
     """Network steps of each variant in place of `training.steps`, or of `isp.steps` where a hardware ISP stands;
     lens steps in proportion. At least 1."""
@@ -120,6 +127,10 @@ class DesignCheckRunNewRunChangesChanges(TypedDict, total=False):
     """Folder of pictures in place of the experiment's."""
     seed: int | None
     """Seed of everything random."""
+    set: dict[str, Any]
+    """Values in place of those of the file, by key path: `{"training.steps": 400, "psf.kind": "diffraction"}`. An
+    element of a list of tables is named by its `name` or its place from 0, as in `variant.end-to-
+    end.stage.2.schedule.optics.learning_rate`."""
     steps: int | None
     """Network steps of each variant in place of `training.steps`, or of `isp.steps` where a hardware ISP stands;
     lens steps in proportion. At least 1."""
@@ -210,6 +221,10 @@ class ExperimentRunAllChangesChanges(TypedDict, total=False):
     """Folder of pictures in place of the experiment's."""
     seed: int | None
     """Seed of everything random."""
+    set: dict[str, Any]
+    """Values in place of those of the file, by key path: `{"training.steps": 400, "psf.kind": "diffraction"}`. An
+    element of a list of tables is named by its `name` or its place from 0, as in `variant.end-to-
+    end.stage.2.schedule.optics.learning_rate`."""
     steps: int | None
     """Network steps of each variant in place of `training.steps`, or of `isp.steps` where a hardware ISP stands;
     lens steps in proportion. At least 1."""

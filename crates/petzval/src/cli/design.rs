@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use crate::cli::code::Code;
 use crate::jobs::design::{self, FITTED};
-use crate::jobs::{JobError, experiment};
+use crate::jobs::{JobError, experiment, settings_of};
 
 use super::defaults::word;
 use super::failure::Failure;
@@ -35,12 +35,12 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Continue the run in this folder; --photos or --data say where its pictures are now, if they were moved
-    #[arg(long, value_name = "RUN", conflicts_with_all = ["experiment", "out", "seed", "steps", "full", "variant"])]
+    #[arg(long, value_name = "RUN", conflicts_with_all = ["experiment", "out", "seed", "steps", "full", "variant", "set"])]
     resume: Option<PathBuf>,
     /// Make every camera of the resumed run longer, so that its network takes N steps in all; the lens steps in proportion.
     /// The further steps are a stage of their own, with learning rates that begin and fall again. Not for experiments in which a
     /// variant starts from another, as in those with a detector
-    #[arg(long, value_name = "N", requires = "resume", conflicts_with_all = ["experiment", "out", "seed", "steps", "full", "variant"])]
+    #[arg(long, value_name = "N", requires = "resume", conflicts_with_all = ["experiment", "out", "seed", "steps", "full", "variant", "set"])]
     extend_to: Option<usize>,
     /// Believe this file or folder of the resumed run though it does not agree with its digest, such as checkpoints/step-000012; may be repeated
     #[arg(long, value_name = "NAME", requires = "resume")]
@@ -68,6 +68,10 @@ pub struct Args {
     /// Make only this variant of the experiment, and the variants from which it starts
     #[arg(long, value_name = "NAME")]
     variant: Option<String>,
+    /// A value in place of one of the experiment's file, such as training.steps=400 or psf.kind=diffraction; may be repeated. Keys are paths; a
+    /// variant is named by its name, as in variant.end-to-end.noise=off. Values are TOML, and a bare word is a text
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
     /// Print the experiment, with every default filled in and the changes of these options, and stop
     #[arg(long, conflicts_with = "resume")]
     print_config: bool,
@@ -78,9 +82,20 @@ pub struct Args {
     /// With --check: machine-readable output
     #[arg(long, requires = "check")]
     json: bool,
+    /// Write losses, scores and figures of the lens after every step in a further form, too: event files of TensorBoard, a folder for each
+    /// variant below RUN/tensorboard, and the same numbers as RUN/scalars.csv. A run that has them goes on with them
+    #[arg(long, value_name = "FORM", value_enum)]
+    log: Option<LogForm>,
     /// Device for tensors; `petzval doctor` lists them
     #[arg(long, default_value = word(design::Request::default().device))]
     device: String,
+}
+
+/// A further form of the curves of a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum LogForm {
+    /// Event files of TensorBoard, and comma-separated values
+    Tensorboard,
 }
 
 /// Runs the verb.
@@ -105,6 +120,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
                 steps: args.steps,
                 is_full: args.full,
                 variant: args.variant,
+                set: settings_of(&args.set)?,
             },
         }),
     };
@@ -119,7 +135,8 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     if let (true, design::Run::New(new)) = (args.check, &run) {
         return first_look::print(&design::look(new, &args.device, &context)?, args.json);
     }
-    let request = design::Request { run, device: args.device };
+    let log = args.log.map(|LogForm::Tensorboard| design::LogForm::Tensorboard).into_iter().collect();
+    let request = design::Request { run, device: args.device, log };
     let design::Response { metrics, report, sentences, .. } = match design::run(&request, &context) {
         Ok(response) => response,
         Err(JobError::Stopped(stopped)) if stopped.resume.is_some() => {

@@ -1,6 +1,7 @@
 //! `petzval doctor`: shows what this machine and this build offer.
 
 use crate::cli::code::Code;
+use crate::jobs::threads::Source;
 use crate::jobs::{compiled_in_devices, doctor};
 
 use super::failure::Failure;
@@ -15,7 +16,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
+pub fn run(args: Args, threads_from: Source, terminal: &Terminal) -> Result<Code, Failure> {
     let found = doctor::run(&doctor::Request {}, &terminal.context())?;
     if args.json {
         return print_json(&found);
@@ -30,7 +31,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
         format!("; {} used", machine.simd_used)
     };
     outln!("SIMD         {}{narrowed}", machine.simd);
-    outln!("threads      {} of {} cores", machine.threads, machine.cores);
+    outln!("threads      {} of {} cores, by {threads_from}", machine.threads, machine.cores);
     for (name, what) in compiled_in_devices() {
         outln!("device       {name}: {what}");
     }

@@ -7,6 +7,7 @@ use crate::jobs::design::Changes;
 use crate::jobs::experiment::{self, FileKind, SchemaRequest};
 use crate::jobs::run_all::{self, Request};
 use crate::jobs::{Call, row};
+use crate::units::sweep::SweepFile;
 use clap::{Subcommand, ValueEnum};
 
 use super::defaults::{numbers, word};
@@ -119,6 +120,8 @@ enum Kind {
     Lens,
     /// A sensor
     Sensor,
+    /// A sweep of `petzval sweep`
+    Sweep,
     /// A call of `petzval call`
     Call,
     /// The request of a job, by its name, or its response
@@ -160,6 +163,7 @@ pub fn schema(args: SchemaArgs, terminal: &Terminal) -> Result<Code, Failure> {
         Kind::Experiment => FileKind::Experiment,
         Kind::Lens => FileKind::Lens,
         Kind::Sensor => FileKind::Sensor,
+        Kind::Sweep => return print_json(&SweepFile::schema()),
         Kind::Call => return print_json(&Call::schema()),
         Kind::Job => {
             let row = row(args.job.as_deref().unwrap_or_default())?;

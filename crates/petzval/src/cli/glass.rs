@@ -35,6 +35,11 @@ pub fn run(verb: GlassVerb, terminal: &Terminal) -> Result<Code, Failure> {
     }
 }
 
+/// Whether PETZVAL_GLASSES lists catalogues.
+pub fn are_in_environment() -> bool {
+    std::env::var_os("PETZVAL_GLASSES").is_some_and(|listed| !listed.is_empty())
+}
+
 /// Reads the catalogues of PETZVAL_GLASSES and of the command line, and returns the built-in library with these
 /// glasses. Prints a warning for each line that was not understood: all of them if the command is about glass, else one of
 /// each kind.

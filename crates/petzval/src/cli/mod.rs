@@ -35,18 +35,23 @@ mod psf_calibrate;
 mod psf_capture;
 mod raw;
 mod report;
+mod runs;
 mod score_table;
 mod sensor;
 mod served_page;
 mod signals;
 mod simulate;
+mod sweep;
 mod terminal;
+mod text_table;
 mod train;
+mod unit;
 mod watcher;
 
 use std::ffi::OsString;
 use std::path::PathBuf;
 
+use crate::jobs::threads::{Source, threads};
 use crate::jobs::{MOST_THREADS, usual};
 use clap::{CommandFactory, Parser, Subcommand};
 
@@ -62,7 +67,8 @@ pub use failure::Failure;
 #[derive(Debug, Parser)]
 #[command(name = "petzval", version, propagate_version = true)]
 pub struct Cli {
-    /// Threads to use; 0 means one per core. Results do not depend on it.
+    /// Threads to use; 0 means RAYON_NUM_THREADS, SLURM_CPUS_PER_TASK or HQ_CPUS, the first of them that is set, else one per core. Results do not
+    /// depend on it.
     #[arg(long, global = true, default_value_t = usual::threads(), value_name = "N")]
     threads: usize,
     /// Glass catalogue whose glasses take precedence over the built-in ones: .agf, .toml, a page of
@@ -128,10 +134,17 @@ enum Verb {
     /// Train networks that stand in for what has no gradient
     #[command(subcommand)]
     Train(train::TrainVerb),
+    /// Run jobs as units of work in a store that many processes share
+    #[command(subcommand)]
+    Unit(unit::UnitVerb),
     #[command(about = "Run any job from a call in JSON, and print its response")]
     Call(call::Args),
     #[command(about = "List the jobs of `petzval call`")]
     Jobs(call::JobsArgs),
+    #[command(about = "Run every combination of values of an experiment or a job, and gather the results")]
+    Sweep(sweep::Args),
+    #[command(about = "List all runs below a folder, with their states, scores and differences")]
+    Runs(runs::Args),
     #[command(about = "Measure standard workloads")]
     Bench(bench::Args),
     #[command(about = "Show what this machine and this build offer")]
@@ -164,14 +177,16 @@ fn run(cli: Cli, words: Vec<OsString>) -> Result<Code, Failure> {
             "0 means one per core",
         ));
     }
-    if cli.threads > 0 {
+    let threads = threads(cli.threads)?;
+    if threads.source != Source::Cores {
         rayon::ThreadPoolBuilder::new()
-            .num_threads(cli.threads)
+            .num_threads(threads.number)
             .build_global()
-            .map_err(|e| Failure::job(format!("{} threads: {e}", cli.threads)))?;
+            .map_err(|e| Failure::job(format!("{} threads: {e}", threads.number)))?;
     }
     let assets = glass::chosen(&cli.glasses, matches!(cli.verb, Verb::Glass(_)))?;
-    let terminal = Terminal { assets, overwrites: cli.force, words };
+    let has_glasses = !cli.glasses.is_empty() || glass::are_in_environment();
+    let terminal = Terminal { assets, has_glasses, overwrites: cli.force, words };
     match cli.verb {
         Verb::Design(args) => design::run(args, &terminal),
         Verb::Init(args) => init::run(args, &terminal),
@@ -193,10 +208,13 @@ fn run(cli: Cli, words: Vec<OsString>) -> Result<Code, Failure> {
         Verb::Detect(args) => detect::run(args, &terminal),
         Verb::Data(verb) => data::run(verb, &terminal),
         Verb::Train(verb) => train::run(verb, &terminal),
+        Verb::Unit(verb) => unit::run(verb, &terminal),
         Verb::Call(args) => call::run(args, &terminal),
         Verb::Jobs(args) => call::list(args),
+        Verb::Sweep(args) => sweep::run(args, &terminal),
+        Verb::Runs(args) => runs::run(args, &terminal),
         Verb::Bench(args) => bench::run(args, &terminal),
-        Verb::Doctor(args) => doctor::run(args, &terminal),
+        Verb::Doctor(args) => doctor::run(args, threads.source, &terminal),
     }
 }
 

@@ -1,7 +1,10 @@
 //! Ctrl-C, SIGTERM, and SIGUSR1 and SIGUSR2, which batch systems send before the end of a time limit, stop a job.
 //!
-//! Jobs that can be continued end after the current step; a second signal stops them at once. All others end at once, except that an
+//! Jobs that can be continued end after the current step; a second Ctrl-C stops them at once. All others end at once, except that an
 //! external ISP is stopped first, with its processes and its folder; a design stops it in the middle of a step.
+//!
+//! The other signals may be repeated. A batch system sends them to the job's shell, which passes them on, and to the job; and again at the end of
+//! the grace time, when the checkpoint may still be being written.
 
 use std::time::Duration;
 
@@ -22,7 +25,7 @@ const GRACE: Duration = Duration::from_secs(1);
 pub fn stop_on_signal() -> Result<Cancel, Failure> {
     first_signal(|| {
         noteln!(
-            "stopping after the current step, with a checkpoint; a second signal stops at once, without one"
+            "stopping after the current step, with a checkpoint; a second Ctrl-C stops at once, without one"
         );
     })
 }
@@ -32,17 +35,18 @@ pub fn stop_quietly() -> Result<Cancel, Failure> {
     first_signal(|| ())
 }
 
-/// A flag that the first signal sets, which does `then` as well. A second signal ends the program.
+/// A flag that the first signal sets, which does `then` as well. A second Ctrl-C ends the program.
 fn first_signal(then: impl Fn() + Send + 'static) -> Result<Cancel, Failure> {
     let stop = Cancel::default();
     let mut signals = handled()?;
     let flag = stop.clone();
     std::thread::spawn(move || {
-        for _ in signals.forever() {
-            if flag.set() {
-                std::process::exit(EXIT_AT_ONCE);
+        for signal in signals.forever() {
+            match (flag.set(), signal) {
+                (false, _) => then(),
+                (true, SIGINT) => std::process::exit(EXIT_AT_ONCE),
+                (true, _) => {}
             }
-            then();
         }
     });
     Ok(stop)
@@ -53,7 +57,7 @@ pub fn end_on_signal() -> Result<Cancel, Failure> {
     end_within(GRACE)
 }
 
-/// The same for jobs that may take so long to end by themselves. A second signal ends them at once.
+/// The same for jobs that may take so long to end by themselves. A second Ctrl-C ends them at once.
 pub fn end_within(grace: Duration) -> Result<Cancel, Failure> {
     first_signal(move || {
         std::thread::spawn(move || {

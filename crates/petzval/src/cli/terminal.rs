@@ -20,6 +20,8 @@ pub const RESUME: &str = "--resume continues";
 pub struct Terminal {
     /// The built-in library; the user's glasses take precedence.
     pub assets: Library,
+    /// Whether the user has named glasses, on the command line or by the environment.
+    pub has_glasses: bool,
     /// Whether results that are there are overwritten.
     pub overwrites: bool,
     /// The words of the command line.

@@ -30,6 +30,25 @@ fn doctor_describes_the_machine() {
     assert!(text.contains("built-in files: all readable"), "{text}");
 }
 
+#[test]
+fn a_batch_system_says_how_many_threads_there_are() {
+    let folder = tempfile::tempdir().unwrap();
+    let doctor = |words: &[&str], name, value: &str| {
+        let mut command = petzval(folder.path());
+        command.args(["doctor", "--threads"]).args(words).env_remove("RAYON_NUM_THREADS");
+        outcome(command.env(name, value).output().unwrap())
+    };
+    let said = doctor(&["0"], "SLURM_CPUS_PER_TASK", "3");
+    assert!(
+        said.stdout.contains("threads      3 of ") && said.stdout.contains("by SLURM_CPUS_PER_TASK"),
+        "{said:?}"
+    );
+    assert!(doctor(&["2"], "SLURM_CPUS_PER_TASK", "3").stdout.contains("threads      2 of "));
+    let refused = doctor(&["0"], "HQ_CPUS", "all");
+    assert_eq!(refused.code, Some(2));
+    assert!(refused.says("HQ_CPUS=all") && refused.says("--threads"), "{refused:?}");
+}
+
 /// Every workload name that programs may rely on; they arrive with their stages.
 const WORKLOADS: [&str; 31] = [
     "psf_rgb",

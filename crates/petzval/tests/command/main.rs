@@ -11,3 +11,4 @@ mod files;
 mod machine;
 mod names;
 mod schema;
+mod sweep;

@@ -5,6 +5,7 @@ mod common;
 
 mod apply;
 mod compare;
+mod curves;
 mod design;
 mod finite;
 mod init;
@@ -12,3 +13,4 @@ mod moved;
 mod output;
 mod resume;
 mod segments;
+mod units;

@@ -89,6 +89,11 @@ impl TuneFolder {
         Ok(folder)
     }
 
+    /// Whether a folder holds a search.
+    pub fn is_in(root: &Path) -> bool {
+        Self(root.to_owned()).state().is_file()
+    }
+
     /// Reads the search in a folder.
     pub fn open(root: &Path) -> Result<(Self, Checkpoint), JobError> {
         let folder = Self(root.to_owned());

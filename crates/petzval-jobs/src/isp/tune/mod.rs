@@ -21,6 +21,7 @@ use serde::{Deserialize, Serialize};
 use self::cases::{Case, cases, fingerprint};
 use self::folder::{Checkpoint, TuneFolder};
 use super::frame::read_frame;
+use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::{JobError, Stopped};
 use crate::event::WarningKind;
@@ -116,6 +117,25 @@ pub struct Tuned {
     /// Its value in the best settings.
     pub best: f64,
 }
+
+/// As a unit of work.
+pub(crate) const UNIT: AsUnit<Request> = AsUnit {
+    seed: Some(|request, seed| {
+        if let Start::New { plan, .. } = &mut request.start {
+            plan.seed = seed;
+        }
+    }),
+    place: Some(|request, folder| {
+        if let Start::New { out, .. } = &mut request.start {
+            *out = folder.to_owned();
+        }
+    }),
+    going_on: Some(|request, folder| {
+        TuneFolder::is_in(folder)
+            .then(|| Request { start: Start::Resume { folder: folder.to_owned() }, ..request.clone() })
+    }),
+    ..AsUnit::PLAIN
+};
 
 /// Tunes the ISP.
 ///

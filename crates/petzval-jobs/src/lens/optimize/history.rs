@@ -121,6 +121,11 @@ impl History {
         Ok(history)
     }
 
+    /// Whether a folder holds an optimisation with which one can go on: the configuration is written after the lens at the start.
+    pub fn is_in(root: &Path) -> bool {
+        root.join("config.json").is_file()
+    }
+
     /// Opens a folder, back to step `rewind` if given: later steps are forgotten.
     pub fn open(root: &Path, rewind: Option<usize>, context: &Context) -> Result<(Self, Config), JobError> {
         let read = |name: &str| {

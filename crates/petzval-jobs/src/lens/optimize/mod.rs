@@ -28,6 +28,7 @@ use self::progress::{Upto, named_violations, not_optimisable, only_image_plane};
 use self::request::{ITERATIONS, ROUNDS};
 use self::search::search;
 use self::trade::{check_trade, trades};
+use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::JobError;
 use crate::event::WarningKind;
@@ -42,6 +43,30 @@ pub fn read_operands(path: &Path) -> Result<OperandFile, JobError> {
     let text = petzval_base::read_text(path).map_err(DesignError::io(path))?;
     Ok(parse_operands(&text).map_err(DesignError::input(path))?)
 }
+
+/// As a unit of work.
+pub(crate) const UNIT: AsUnit<Request> = AsUnit {
+    seed: Some(|request, seed| {
+        if let Start::New { seed: own, .. } = &mut request.start {
+            *own = seed;
+        }
+    }),
+    place: Some(|request, folder| {
+        if let Start::New { out, .. } = &mut request.start {
+            *out = folder.to_owned();
+        }
+    }),
+    going_on: Some(|request, folder| {
+        History::is_in(folder).then(|| Request {
+            start: Start::Resume { folder: folder.to_owned(), rewind: None },
+            iterations: None,
+            rounds: None,
+            seconds: request.seconds,
+            trade: request.trade,
+        })
+    }),
+    ..AsUnit::PLAIN
+};
 
 /// Optimises the lens.
 ///

@@ -118,14 +118,13 @@ fn sheet(findings: &Findings, report: &Report) -> ToleranceSheet {
         even_share: s.inverse_tolerance.zip(s.inverse_is_free),
     };
     let known = |value: Option<f64>| value.unwrap_or(f64::NAN);
-    let compensators = findings.study.tolerances().compensators.iter();
     ToleranceSheet {
         lens: report.lens.clone(),
         merit: report.merit.clone(),
         unit: report.unit.clone(),
         higher_is_better: report.better == Better::Higher,
         nominal: report.nominal,
-        compensators: compensators.map(|(freedom, _)| findings.compensator_name(freedom)).collect(),
+        compensators: findings.compensators(),
         rows: report.sensitivities.iter().map(row).collect(),
         estimate: report.estimate.as_ref().map(|e| BuiltEstimate {
             root_sum_square: known(e.root_sum_square),

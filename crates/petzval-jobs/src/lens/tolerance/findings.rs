@@ -13,6 +13,8 @@ pub struct Findings<'a> {
     pub table: Sensitivities,
     /// Lenses made at random.
     pub random: Option<MonteCarlo>,
+    /// Number of the first of them.
+    pub first: usize,
     /// Tolerances that share a loss.
     pub shared: Option<Vec<Shared>>,
     /// A merit that lenses have to reach.
@@ -26,6 +28,12 @@ impl Findings<'_> {
         let loss = |i: &usize| self.table.rows[*i].worst_loss(self.study.better(), self.table.nominal);
         rows.sort_by(|a, b| loss(b).total_cmp(&loss(a)));
         rows
+    }
+
+    /// Names of the compensators, in their order.
+    pub fn compensators(&self) -> Vec<String> {
+        let all = self.study.tolerances().compensators.iter();
+        all.map(|(freedom, _)| self.compensator_name(freedom)).collect()
     }
 
     /// Name of a compensator: the thickness behind the last surface is the image distance.

@@ -2,6 +2,7 @@
 
 mod files;
 mod findings;
+mod part;
 mod report;
 mod trials;
 
@@ -15,19 +16,21 @@ use petzval_optics::analysis::first_order_table;
 use petzval_optics::lens::Lens;
 use petzval_optics::merit::{self, Mtf, RmsSpot};
 use petzval_optics::tolerance::{
-    self, Study, ToleranceError, Tolerances, inverse, monte_carlo, sensitivities,
+    self, MonteCarlo, Sensitivities, Study, ToleranceError, Tolerances, inverse, sensitivities,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use self::findings::Findings;
 use super::focus::check_image;
+use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::{JobError, make_folder};
 use crate::input::LensInput;
 use crate::range::check_ranges;
 use crate::results::check_folder;
 
+pub use part::{MadeLenses, Part, join};
 pub use report::{
     Better, Compensator, Estimate, Percentile, Quantity, RandomLenses, Report, Sensitivity, Travel, Worst,
 };
@@ -66,6 +69,8 @@ petzval_base::parameters! {
         compensate: Compensate = Compensate::default();
         /// Seed of the random lenses.
         seed: u64 = crate::usual::seed();
+        /// Only random lenses of these numbers, as a part of `trials` that is joined with others later; sensitivities are then left to the joining.
+        part: Option<Part> = None;
         /// Whether the response lists every random lens with its errors: some 50 numbers each.
         list_trials: bool = false;
         /// Folder for the results; nothing is written without one.
@@ -127,6 +132,9 @@ pub struct Response {
     /// Every random lens, if the request lists them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub trials: Option<Trials>,
+    /// The lenses of a part, if the request names one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub made: Option<MadeLenses>,
     /// The files that were written.
     #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub files: Vec<PathBuf>,
@@ -135,6 +143,7 @@ pub struct Response {
 impl Request {
     fn check(&self) -> Result<(), JobError> {
         check_ranges(self)?;
+        self.check_part()?;
         if self.merit == Merit::Rms {
             return Ok(());
         }
@@ -232,6 +241,13 @@ pub fn lens_of_trial(request: &Request, number: usize, context: &Context) -> Res
         .ok_or_else(|| JobError::setting("trial", number, "this lens brings no image", "take another"))
 }
 
+/// As a unit of work.
+pub(crate) const UNIT: AsUnit<Request> = AsUnit {
+    seed: Some(|request, seed| request.seed = seed),
+    place: Some(|request, folder| request.out = request.out.take().map(|_| folder.to_owned())),
+    ..AsUnit::PLAIN
+};
+
 /// Finds the sensitivities, makes the random lenses, and writes the results.
 ///
 /// Files in the folder, if the request names one: `tolerance.html` (the page), `tolerance.json` (all figures), `sensitivities.csv`, `trials.csv` (every
@@ -240,7 +256,6 @@ pub fn lens_of_trial(request: &Request, number: usize, context: &Context) -> Res
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let subject = Subject::of(request, context)?;
     let study = subject.study()?;
-    let Subject { lens, tolerances, .. } = &subject;
     if let Some(out) = &request.out {
         check_folder(
             out,
@@ -249,29 +264,79 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         )?;
         make_folder(out)?;
     }
-    let count = tolerances.perturbations.len() as u64;
-    let table = counted(context, "sensitivities", count, |tick| sensitivities(&study, tick))?;
+    if let Some(part) = request.part {
+        return one_part(request, &subject, &study, part, context);
+    }
+    let all = Part { from: 0, to: request.trials };
     let random = match request.trials {
         0 => None,
-        trials => Some(counted(context, "lenses", trials as u64, |tick| {
-            monte_carlo(&study, request.seed, trials, tick)
-        })?),
+        _ => Some(lenses(request, &study, all, context)?),
     };
+    analysed(request, &subject, &study, random, context)
+}
+
+/// Makes the random lenses of a part.
+fn lenses(request: &Request, study: &Study, part: Part, context: &Context) -> Result<MonteCarlo, JobError> {
+    let count = (part.to - part.from) as u64;
+    counted(context, "lenses", count, |tick| part::made(study, request.seed, part, tick))
+}
+
+/// The response of a part: figures of its lenses, without sensitivities.
+fn one_part(
+    request: &Request,
+    subject: &Subject,
+    study: &Study,
+    part: Part,
+    context: &Context,
+) -> Result<Response, JobError> {
+    let random = lenses(request, study, part, context)?;
+    let made = MadeLenses::of(part, &random);
+    let table = Sensitivities { nominal: study.nominal().value, rows: Vec::new(), estimate: None };
+    let findings = Findings {
+        lens: &subject.lens,
+        study,
+        table,
+        random: Some(random),
+        first: part.from,
+        shared: None,
+        limit: request.limit,
+    };
+    let report = report::report(&findings, request.worst);
+    let trials = findings.random.as_ref().filter(|_| request.list_trials);
+    let trials = trials.map(|random| trials::trials(&findings, random));
+    Ok(Response {
+        report,
+        compensators: findings.compensators(),
+        trials,
+        made: Some(made),
+        files: Vec::new(),
+    })
+}
+
+/// The analysis with lenses that are made already: sensitivities, figures and files.
+fn analysed(
+    request: &Request,
+    subject: &Subject,
+    study: &Study,
+    random: Option<MonteCarlo>,
+    context: &Context,
+) -> Result<Response, JobError> {
+    let Subject { lens, tolerances, .. } = subject;
+    let count = tolerances.perturbations.len() as u64;
+    let table = counted(context, "sensitivities", count, |tick| sensitivities(study, tick))?;
     let shared = match request.inverse {
         None => None,
-        Some(loss) => Some(counted(context, "inverse", count, |tick| inverse(&study, loss, tick))?),
+        Some(loss) => Some(counted(context, "inverse", count, |tick| inverse(study, loss, tick))?),
     };
-    let findings = Findings { lens, study: &study, table, random, shared, limit: request.limit };
+    let findings = Findings { lens, study, table, random, first: 0, shared, limit: request.limit };
     let report = report::report(&findings, request.worst);
     let files = match &request.out {
         Some(out) => files::write_all(&findings, &report, out, request.worst, context)?,
         None => Vec::new(),
     };
-    let compensators =
-        tolerances.compensators.iter().map(|(freedom, _)| findings.compensator_name(freedom)).collect();
     let listed = findings.random.as_ref().filter(|_| request.list_trials);
     let trials = listed.map(|random| trials::trials(&findings, random));
-    Ok(Response { report, compensators, trials, files })
+    Ok(Response { report, compensators: findings.compensators(), trials, made: None, files })
 }
 
 /// Does a part of the job that calls `tick` after each unit of its work, until the job is cancelled.

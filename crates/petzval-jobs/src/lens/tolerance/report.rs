@@ -244,7 +244,7 @@ fn random_lenses(findings: &Findings, found: &MonteCarlo, worst: usize) -> Rando
             .map(|(k, (freedom, _))| travel(findings, found, k, freedom))
             .collect(),
         worst: (found.worst(worst).into_iter())
-            .map(|trial| Worst { trial, merit: found.trials[trial].value })
+            .map(|place| Worst { trial: findings.first + place, merit: found.trials[place].value })
             .collect(),
         yield_curve: found.yield_curve(),
     }

@@ -41,7 +41,7 @@ pub(super) fn trials(findings: &Findings, random: &MonteCarlo) -> Trials {
     let lens = |(number, trial): (usize, &petzval_optics::tolerance::Trial)| Trial {
         merit: trial.value,
         compensators: trial.compensators.clone(),
-        errors: findings.study.draw(random.seed, number as u64),
+        errors: findings.study.draw(random.seed, (findings.first + number) as u64),
     };
     Trials {
         compensators: tolerances.compensators.iter().map(compensator).collect(),

@@ -20,7 +20,9 @@ use serde::{Deserialize, Serialize};
 
 use super::folder::{Kept as AnyKept, Training, WEIGHTS, train};
 use super::request::{Request as AnyRequest, located, stopped};
+use crate::as_unit::AsUnit;
 use crate::context::Context;
+use crate::design::inputs_of;
 use crate::error::JobError;
 use crate::named_isp::{NamedIsp, isp_by_name};
 use crate::range::check_ranges;
@@ -77,6 +79,19 @@ pub struct Response {
     #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub page: PathBuf,
 }
+
+/// As a unit of work.
+pub(crate) const UNIT: AsUnit<Request> = AsUnit {
+    behind: Some(|request, context| match request {
+        Request::New { plan, .. } => Ok(inputs_of(&context.assets.experiment(&plan.experiment)?)),
+        Request::Resume { .. } => Ok(Vec::new()),
+    }),
+    ..Request::unit(|request, seed| {
+        if let Request::New { plan, .. } = request {
+            plan.training.seed = seed;
+        }
+    })
+};
 
 /// Trains a proxy and judges it.
 ///

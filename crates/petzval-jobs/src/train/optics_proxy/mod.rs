@@ -18,7 +18,9 @@ use serde::{Deserialize, Serialize};
 
 use super::folder::{Kept as AnyKept, Training, WEIGHTS, train};
 use super::request::{Request as AnyRequest, located, stopped};
+use crate::as_unit::AsUnit;
 use crate::context::Context;
+use crate::design::inputs_of;
 use crate::error::JobError;
 use crate::experiment::DEFAULT_EXPERIMENT;
 use crate::range::check_ranges;
@@ -112,6 +114,19 @@ impl Training for ProxyOpticsTrainer {
         Ok(self.save()?)
     }
 }
+
+/// As a unit of work.
+pub(crate) const UNIT: AsUnit<Request> = AsUnit {
+    behind: Some(|request, context| match request {
+        Request::New { plan, .. } => Ok(inputs_of(&context.assets.experiment(&plan.experiment)?)),
+        Request::Resume { .. } => Ok(Vec::new()),
+    }),
+    ..Request::unit(|request, seed| {
+        if let Request::New { plan, .. } = request {
+            plan.training.seed = seed;
+        }
+    })
+};
 
 /// Trains a network and judges it on lenses that it has not seen.
 ///

@@ -2,9 +2,11 @@
 
 mod table;
 
+use std::fmt;
 use std::path::PathBuf;
+use std::str::FromStr;
 
-use crate::jobs::lens::tolerance::{self, PsfKind};
+use crate::jobs::lens::tolerance::{self, Part, PsfKind};
 use clap::ValueEnum;
 
 use crate::cli::code::Code;
@@ -51,6 +53,48 @@ enum Compensate {
     None,
 }
 
+/// Random lenses: all of a number of them, or those of some numbers.
+#[derive(Clone, Copy, Debug)]
+struct Lenses {
+    all: usize,
+    part: Option<Part>,
+}
+
+impl Default for Lenses {
+    fn default() -> Self {
+        let tolerance::Request { trials: all, part, .. } = tolerance::Request::default();
+        Self { all, part }
+    }
+}
+
+impl fmt::Display for Lenses {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.part {
+            None => write!(f, "{}", self.all),
+            Some(Part { from, to }) => write!(f, "{from}..{to}"),
+        }
+    }
+}
+
+impl FromStr for Lenses {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let number =
+            |text: &str| text.parse().map_err(|_| format!("`{text}` is no number of lenses: give N or A..B"));
+        match text.split_once("..") {
+            None => Ok(Self { all: number(text)?, part: None }),
+            Some((from, to)) => {
+                let part = Part { from: number(from)?, to: number(to)? };
+                if part.from >= part.to {
+                    return Err(format!("`{text}` holds no lens: 0..500 are the first five hundred"));
+                }
+                Ok(Self { all: part.to, part: Some(part) })
+            }
+        }
+    }
+}
+
 /// Compute the sensitivity of a lens to manufacturing errors, and the quality of random lenses with such errors.
 ///
 /// With --out: tolerance.html (summary, distribution, worst offenders), tolerance.json (all figures), sensitivities.csv, trials.csv (every lens with all its errors), tolerances.toml (every
@@ -74,9 +118,10 @@ pub struct Args {
     /// Kind of the MTF: rays, accurate where spots are many times the Airy disk, or waves
     #[arg(long, value_enum, default_value = word(tolerance::Request::default().kind))]
     kind: Kind,
-    /// Number of random lenses
-    #[arg(long, default_value_t = tolerance::Request::default().trials, value_name = "N")]
-    trials: usize,
+    /// Number of random lenses; or A..B, to make only those of numbers A to B - 1, as a part that is joined with others later (see `petzval unit
+    /// gather`)
+    #[arg(long, default_value_t = Lenses::default(), value_name = "N")]
+    trials: Lenses,
     /// What is adjusted on every lens
     #[arg(long, value_enum, default_value = word(tolerance::Request::default().compensate))]
     compensate: Compensate,
@@ -122,7 +167,8 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
             Kind::Geometric => PsfKind::Geometric,
             Kind::Diffraction => PsfKind::Diffraction,
         },
-        trials: args.trials,
+        trials: args.trials.all,
+        part: args.trials.part,
         compensate: match args.compensate {
             Compensate::Focus => tolerance::Compensate::Focus,
             Compensate::None => tolerance::Compensate::None,
@@ -136,7 +182,8 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     };
     let response = tolerance::run(&request, &terminal.context())?;
     if args.json {
-        return print_json(&response.report);
+        // A part is joined by its whole response.
+        return if request.part.is_some() { print_json(&response) } else { print_json(&response.report) };
     }
     table::print(&response, args.all);
     if let Some(out) = &request.out {

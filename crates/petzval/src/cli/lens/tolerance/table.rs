@@ -15,8 +15,10 @@ pub fn print(response: &Response, all: bool) {
         outln!("adjusted on every lens: {}", compensators.join(", "));
     }
     outln!("nominal {:.4} {}\n", report.nominal, report.unit);
-    sensitivities(report, all);
-    estimate(report);
+    if response.made.is_none() {
+        sensitivities(report, all);
+        estimate(report);
+    }
     if let Some(random) = &report.monte_carlo {
         lenses(report, random, compensators);
     }

@@ -1,0 +1,187 @@
+//! A run folder in one row of a table: what it is, how far it has come, and what came out. Nothing in the folder is changed.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::error::DesignError;
+use crate::experiment::Experiment;
+use crate::library::Library;
+use crate::report::run_report::read_metrics;
+use crate::run::{CameraMetrics, RunFolder, RunRecord, read_events, read_json};
+
+/// How a run stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum RunState {
+    /// Every camera is made and scored.
+    Finished,
+    /// A process works on it.
+    Running,
+    /// No process works on it, and it goes on with `--resume`.
+    Stopped,
+    /// A file of it cannot be read, or does not fit the others.
+    Damaged,
+}
+
+/// A run in one row.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct RunRow {
+    /// Its folder.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
+    pub run: PathBuf,
+    /// Title of its experiment; empty where it cannot be read.
+    pub experiment: String,
+    /// How it stands.
+    pub state: RunState,
+    /// What is damaged, and where.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reason: Option<String>,
+    /// Steps taken.
+    pub step: u64,
+    /// Steps in all, scores of cameras included; fewer are taken where validations end a stage.
+    pub total: u64,
+    /// The last finished camera that is no ceiling.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub camera: Option<String>,
+    /// Scores of that camera, in the order of the experiment.
+    pub scores: Vec<RowScore>,
+    /// Wall-clock seconds of all steps.
+    pub seconds: f64,
+    /// When it was begun: UTC, RFC 3339; empty where that is not known.
+    pub begun: String,
+    /// Every key of its experiment that differs from the other runs of the same title, with its value here.
+    #[serde(default)]
+    pub differs: BTreeMap<String, String>,
+    /// Every value of its experiment by key.
+    #[serde(skip)]
+    pub values: BTreeMap<String, String>,
+}
+
+/// A score of a camera.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct RowScore {
+    /// Its name: `psnr_db`.
+    pub name: String,
+    /// Its value.
+    pub value: f64,
+}
+
+/// Whether a folder is that of a run, whole or damaged.
+pub fn is_run(folder: &Path) -> bool {
+    let has = |name: &str| folder.join(name).exists();
+    has("config.toml") && (has("run.json") || has("checkpoints") || has("metrics.json"))
+        || has("run.json") && has("checkpoints")
+}
+
+/// A run in one row. A folder that cannot be read is a row as well, with the reason.
+pub fn run_row(folder: &Path, library: &Library) -> RunRow {
+    let mut row = RunRow {
+        run: folder.to_path_buf(),
+        experiment: String::new(),
+        state: RunState::Stopped,
+        reason: None,
+        step: 0,
+        total: 0,
+        camera: None,
+        scores: Vec::new(),
+        seconds: 0.0,
+        begun: String::new(),
+        differs: BTreeMap::new(),
+        values: BTreeMap::new(),
+    };
+    if let Err(error) = fill(&mut row, folder, library) {
+        row.state = RunState::Damaged;
+        row.reason = Some(error.to_string());
+    }
+    row
+}
+
+/// Fills a row with what can be read; what was read before an error stays.
+fn fill(row: &mut RunRow, folder: &Path, library: &Library) -> Result<(), DesignError> {
+    let run = RunFolder::open(folder)?;
+    let record = RunRecord::read(&run)?;
+    if let Some(record) = &record {
+        row.begun.clone_from(&record.begun);
+    }
+    let experiment = library.config_of_run(&run)?;
+    row.experiment.clone_from(&experiment.name);
+    row.values = experiment.values();
+    row.total = experiment
+        .variants()
+        .iter()
+        .map(|v| v.stages.iter().map(|s| s.steps()).sum::<usize>() as u64 + 1)
+        .sum();
+    if run.events().exists() {
+        let events = read_events(&run.events())?;
+        row.step = events.last().map_or(0, |event| event.step);
+        row.seconds = events.iter().map(|event| event.seconds).sum();
+    }
+    let finish = record.as_ref().and_then(|record| record.finished.as_ref());
+    if run.metrics().exists() {
+        let metrics = read_metrics(&run)?;
+        row.take(&metrics.rows, &metrics.scores.iter().map(|score| score.name.clone()).collect::<Vec<_>>());
+        row.state = RunState::Finished;
+        row.seconds = finish.map_or(row.seconds, |finish| finish.seconds);
+        return Ok(());
+    }
+    if let Some(finish) = finish {
+        let problem = format!("metrics.json is missing, and the run was finished on {}", finish.date);
+        return Err(DesignError::Run { path: run.root().to_path_buf(), problem });
+    }
+    row.state = if is_at_work(folder) { RunState::Running } else { RunState::Stopped };
+    row.take(&finished_cameras(&run, &experiment)?, &experiment.scoring.scores);
+    Ok(())
+}
+
+/// The figures of the cameras that are finished, in the order of the experiment.
+fn finished_cameras(run: &RunFolder, experiment: &Experiment) -> Result<Vec<CameraMetrics>, DesignError> {
+    let names = experiment.variant.iter().map(|variant| variant.name.as_str());
+    run.finished(names).into_iter().map(|name| read_json(&run.camera_metrics(name))).collect()
+}
+
+/// Whether a process holds the lock of a run.
+fn is_at_work(folder: &Path) -> bool {
+    let lock = fs::File::open(folder.join("run.lock"));
+    lock.is_ok_and(|file| matches!(file.try_lock_shared(), Err(fs::TryLockError::WouldBlock)))
+}
+
+impl RunRow {
+    /// Takes the scores of the last camera that is no ceiling.
+    fn take(&mut self, cameras: &[CameraMetrics], order: &[String]) {
+        let Some(camera) = cameras.iter().rfind(|camera| !camera.is_ceiling).or(cameras.last()) else {
+            return;
+        };
+        self.camera = Some(camera.camera.clone());
+        let score = |name: &String| Some(RowScore { name: name.clone(), value: *camera.scores.get(name)? });
+        self.scores = order.iter().filter_map(score).collect();
+    }
+}
+
+/// Notes in every row the keys by which it differs from the other rows of the same title. Names and paths of folders are none of them.
+pub fn note_differences(rows: &mut [RunRow]) {
+    let mut seen: BTreeMap<(String, String), Vec<Option<String>>> = BTreeMap::new();
+    let mut keys: BTreeMap<String, std::collections::BTreeSet<String>> = BTreeMap::new();
+    for row in rows.iter().filter(|row| !row.values.is_empty()) {
+        keys.entry(row.experiment.clone()).or_default().extend(row.values.keys().cloned());
+    }
+    for row in rows.iter().filter(|row| !row.values.is_empty()) {
+        for key in &keys[&row.experiment] {
+            let value = row.values.get(key).cloned();
+            let values = seen.entry((row.experiment.clone(), key.clone())).or_default();
+            if !values.contains(&value) {
+                values.push(value);
+            }
+        }
+    }
+    for row in rows.iter_mut().filter(|row| !row.values.is_empty()) {
+        let differs = keys[&row.experiment].iter().filter(|key| {
+            seen.get(&(row.experiment.clone(), (*key).clone())).is_some_and(|values| values.len() > 1)
+        });
+        let value = |key: &String| row.values.get(key).cloned().unwrap_or_else(|| "-".to_owned());
+        row.differs = differs.map(|key| (key.clone(), value(key))).collect();
+    }
+}

@@ -1,0 +1,226 @@
+//! A store of results by content, which processes of several machines share without locks.
+//!
+//! `STORE/KEY/` is the folder of a unit:
+//!
+//! | name | holds |
+//! |---|---|
+//! | `unit.json` | the unit with the digests of its inputs |
+//! | `claim-0001.json` | who makes the first attempt; made exclusively, never changed |
+//! | `attempt-0001.json` | how many times its claim was renewed, and how it ended |
+//! | `log-0001.jsonl` | its events, one a line |
+//! | `work-0001/` | its files: the checkpoint, and in the end the results |
+//! | `error.json` | why the last failed attempt failed |
+//! | `files/` | the results of the attempt that finished |
+//! | `result.json` | the result; written last, exclusively |
+//!
+//! Attempts are numbered. Whoever makes the claim of the next number has the unit, so that no claim is ever removed and no two processes take
+//! over the same one. A claim is stale if its process is known to be gone, or if it has not changed for [`STALE_AFTER`] by the clock of the
+//! process that looks at it. Each attempt works in a folder of its own, so that two at once do no harm: the first `result.json` counts.
+
+mod attempt;
+mod clock;
+mod error;
+mod gather;
+mod holder;
+mod layer;
+mod log;
+mod record;
+mod runner;
+mod state;
+
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use self::record::{AttemptRecord, StoreRecord, UnitRecord};
+use crate::unit::{Key, PROGRAM, Prepared, Unit};
+
+pub use attempt::{Attempt, Begun};
+pub use clock::{Clock, SystemClock};
+pub use error::StoreError;
+pub use gather::{Joined, gather_tolerances, parts_of};
+pub use holder::Holder;
+pub use layer::{Disk, FileLayer};
+pub use record::{Claim, Cost, Failure, STORE_FORMAT, StoredResult};
+pub use runner::{Outcome, RunOptions, Summary, run_all, run_unit};
+pub use state::{Seen, UnitState};
+
+/// How often a claim is renewed.
+pub const RENEWED_EVERY: Duration = Duration::from_secs(10);
+
+/// How long a claim may stay unchanged before its process counts as gone.
+pub const STALE_AFTER: Duration = Duration::from_secs(300);
+
+/// How long a file may take to become visible after it was made elsewhere.
+const VISIBLE_WITHIN: Duration = Duration::from_secs(90);
+
+/// The file that makes a folder a store.
+const STORE: &str = "store.json";
+
+/// A store of results.
+#[derive(Clone)]
+pub struct Store {
+    root: PathBuf,
+    layer: Arc<dyn FileLayer>,
+    clock: Arc<dyn Clock>,
+}
+
+impl Store {
+    /// Opens a store, which is made if the folder is not there or empty. Fails if the folder holds something else, or results of another version.
+    pub fn open_or_new(root: &Path) -> Result<Self, StoreError> {
+        Self::on(root, Arc::new(Disk), Arc::new(SystemClock::default()))
+    }
+
+    /// Opens a store that is there.
+    pub fn open(root: &Path) -> Result<Self, StoreError> {
+        if !root.join(STORE).is_file() {
+            let hint = "give the folder that `petzval unit run` had as --store";
+            return Err(StoreError::wrong(root, "this is no store of units: it has no store.json", hint));
+        }
+        Self::open_or_new(root)
+    }
+
+    /// A store on a file layer and a clock of its own.
+    pub fn on(root: &Path, layer: Arc<dyn FileLayer>, clock: Arc<dyn Clock>) -> Result<Self, StoreError> {
+        let root = std::path::absolute(root).map_err(StoreError::io(root))?;
+        let store = Self { root, layer, clock };
+        let path = store.root.join(STORE);
+        let own = StoreRecord { format: STORE_FORMAT, program: PROGRAM.to_owned() };
+        if store.read_if_there::<StoreRecord>(&path)?.is_none() {
+            store.layer.make_folder(&store.root).map_err(StoreError::io(&store.root))?;
+            let names = store.layer.list(&store.root).map_err(StoreError::io(&store.root))?;
+            // Another process may be making the store at this moment.
+            if names
+                .iter()
+                .any(|name| name != STORE && !name.starts_with('.') && name.parse::<Key>().is_err())
+            {
+                let hint = "name an empty folder, or one that is not there yet";
+                return Err(StoreError::wrong(
+                    &store.root,
+                    "this folder holds something else than a store",
+                    hint,
+                ));
+            }
+            store.layer.publish(&path, to_json(&own, &path)?.as_bytes()).map_err(StoreError::io(&path))?;
+        }
+        let there: StoreRecord = store.read_late(&path)?;
+        if there != own {
+            let StoreRecord { format, program } = there;
+            let message = format!(
+                "this store is of Petzval {program}, format {format}, and this program is Petzval {PROGRAM}, format {STORE_FORMAT}"
+            );
+            let hint = "use that version, or another store: results of two versions are not mixed";
+            return Err(StoreError::wrong(&path, message, hint));
+        }
+        Ok(store)
+    }
+
+    /// Its folder.
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// The folder of a unit.
+    pub fn folder(&self, key: &Key) -> PathBuf {
+        self.root.join(key.as_str())
+    }
+
+    /// The keys of all units that were ever begun here, sorted.
+    pub fn keys(&self) -> Result<Vec<Key>, StoreError> {
+        let names = self.layer.list(&self.root).map_err(StoreError::io(&self.root))?;
+        let mut keys: Vec<Key> = names.iter().filter_map(|name| name.parse().ok()).collect();
+        keys.sort();
+        Ok(keys)
+    }
+
+    /// The unit of a key; none if it is not there, or not visible yet.
+    pub fn unit(&self, key: &Key) -> Result<Option<Unit>, StoreError> {
+        let record: Option<UnitRecord> = self.read_if_there(&self.folder(key).join("unit.json"))?;
+        Ok(record.map(|record| record.unit))
+    }
+
+    /// The result of a unit; none if it has none yet.
+    pub fn result(&self, key: &Key) -> Result<Option<StoredResult>, StoreError> {
+        self.read_if_there(&self.result_file(key))
+    }
+
+    /// The folder of the results of a unit; none if its job wrote nothing.
+    pub fn files(&self, result: &StoredResult) -> Option<PathBuf> {
+        let folder = self.folder(&result.key);
+        let (named, renamed) = (folder.join(result.files.as_ref()?), folder.join("files"));
+        Some(if self.layer.is_folder(&renamed) { renamed } else { named })
+    }
+
+    fn result_file(&self, key: &Key) -> PathBuf {
+        self.folder(key).join("result.json")
+    }
+
+    fn claim_file(&self, key: &Key, number: u32) -> PathBuf {
+        self.folder(key).join(format!("claim-{number:04}.json"))
+    }
+
+    fn attempt_file(&self, key: &Key, number: u32) -> PathBuf {
+        self.folder(key).join(format!("attempt-{number:04}.json"))
+    }
+
+    fn log_file(&self, key: &Key, number: u32) -> PathBuf {
+        self.folder(key).join(format!("log-{number:04}.jsonl"))
+    }
+
+    fn work_folder(&self, key: &Key, number: u32) -> PathBuf {
+        self.folder(key).join(format!("work-{number:04}"))
+    }
+
+    fn attempt_record(&self, key: &Key, number: u32) -> Result<Option<AttemptRecord>, StoreError> {
+        self.read_if_there(&self.attempt_file(key, number))
+    }
+
+    /// Keeps what the folder of a unit is about.
+    fn keep_unit(&self, prepared: &Prepared) -> Result<(), StoreError> {
+        let path = self.folder(&prepared.key).join("unit.json");
+        let record = UnitRecord { unit: prepared.unit.clone(), inputs: prepared.inputs.clone() };
+        let text = to_json(&record, &path)?;
+        self.layer.create(&path, text.as_bytes()).map_err(StoreError::io(&path)).map(|_| ())
+    }
+
+    /// The value in a file; none if there is no such file.
+    fn read_if_there<T: DeserializeOwned>(&self, path: &Path) -> Result<Option<T>, StoreError> {
+        let bytes = match self.layer.read(path) {
+            Ok(bytes) => bytes,
+            // ESTALE: another machine has replaced the file between two requests to the server. It is there again at the next look.
+            Err(error) if error.kind() == ErrorKind::NotFound || error.raw_os_error() == Some(116) => {
+                return Ok(None);
+            }
+            Err(error) => return Err(StoreError::io(path)(error)),
+        };
+        serde_json::from_slice(&bytes).map(Some).map_err(|e| {
+            let hint = "it was changed since it was written, or another version wrote it; take it away, and the unit is run again";
+            StoreError::wrong(path, e.to_string(), hint)
+        })
+    }
+
+    /// The value in a file that is there, though it may not be visible yet.
+    fn read_late<T: DeserializeOwned>(&self, path: &Path) -> Result<T, StoreError> {
+        let first = self.clock.now();
+        loop {
+            if let Some(value) = self.read_if_there(path)? {
+                return Ok(value);
+            }
+            if self.clock.now() - first > VISIBLE_WITHIN {
+                let message =
+                    format!("the file was made, but is not visible after {} s", VISIBLE_WITHIN.as_secs());
+                return Err(StoreError::wrong(path, message, "look whether this file system works"));
+            }
+            self.clock.wait(Duration::from_secs(1));
+        }
+    }
+}
+
+/// A value as indented JSON.
+fn to_json(of: &impl Serialize, path: &Path) -> Result<String, StoreError> {
+    serde_json::to_string_pretty(of).map_err(|e| StoreError::wrong(path, e.to_string(), ""))
+}

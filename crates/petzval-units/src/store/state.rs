@@ -1,0 +1,96 @@
+//! Where a unit stands.
+
+use std::collections::HashMap;
+use std::time::Duration;
+
+use super::error::StoreError;
+use super::record::{AttemptRecord, Claim, Ended, Failure, StoredResult};
+use super::{STALE_AFTER, Store};
+use crate::unit::Key;
+
+/// Where a unit stands.
+#[derive(Clone, Debug, PartialEq)]
+pub enum UnitState {
+    /// Nobody has begun it.
+    Waiting,
+    /// A process works on it.
+    Running {
+        /// Number of the attempt.
+        attempt: u32,
+        /// Who; none if the file system does not show it yet.
+        claim: Option<Claim>,
+    },
+    /// The process that worked on it is gone: the next one goes on.
+    Stale {
+        /// Number of the attempt.
+        attempt: u32,
+        /// Who worked on it.
+        claim: Option<Claim>,
+    },
+    /// It was stopped; the next process goes on.
+    Stopped {
+        /// Number of the attempt.
+        attempt: u32,
+    },
+    /// It has failed.
+    Failed(Box<Failure>),
+    /// It has a result.
+    Done(Box<StoredResult>),
+}
+
+/// Since when claims are unchanged, as one process has seen them by its own clock.
+#[derive(Clone, Debug, Default)]
+pub struct Seen {
+    claims: HashMap<Key, (u32, Option<u64>, Duration)>,
+}
+
+impl Seen {
+    /// How long attempt `number` of a unit has shown this many renewals.
+    fn unchanged(&mut self, key: &Key, number: u32, renewed: Option<u64>, now: Duration) -> Duration {
+        match self.claims.get(key) {
+            Some((n, r, since)) if (*n, *r) == (number, renewed) => now.saturating_sub(*since),
+            _ => {
+                self.claims.insert(key.clone(), (number, renewed, now));
+                Duration::ZERO
+            }
+        }
+    }
+}
+
+impl Store {
+    /// Where a unit stands, as this process sees it. A claim of another machine counts as stale if `seen` has known it unchanged for
+    /// [`STALE_AFTER`].
+    pub fn state(&self, key: &Key, seen: &mut Seen) -> Result<UnitState, StoreError> {
+        if let Some(result) = self.result(key)? {
+            return Ok(UnitState::Done(Box::new(result)));
+        }
+        // Claims are numbered without gaps, and never removed.
+        let mut newest: Option<(u32, Claim)> = None;
+        loop {
+            let next = newest.as_ref().map_or(1, |(number, _)| number + 1);
+            match self.read_if_there(&self.claim_file(key, next))? {
+                Some(claim) => newest = Some((next, claim)),
+                None => break,
+            }
+        }
+        let Some((attempt, claim)) = newest else { return Ok(UnitState::Waiting) };
+        let record = self.attempt_record(key, attempt)?;
+        let renewed = record.as_ref().map(|record| record.renewed);
+        Ok(match record {
+            Some(AttemptRecord { ended: Some(Ended::Failed(failure)), .. }) => UnitState::Failed(failure),
+            Some(AttemptRecord { ended: Some(Ended::Stopped), .. }) => UnitState::Stopped { attempt },
+            record => {
+                let unchanged = seen.unchanged(key, attempt, renewed, self.clock.now());
+                // An attempt that has ended with a result has one that is not visible yet, or that was taken away since.
+                let has_result = record.is_some_and(|record| record.ended.is_some());
+                let is_gone = !has_result && claim.holder.is_gone();
+                let claim = Some(claim);
+                if is_gone || unchanged >= STALE_AFTER {
+                    UnitState::Stale { attempt, claim }
+                } else {
+                    UnitState::Running { attempt, claim }
+                }
+            }
+        })
+    }
+}

@@ -1,0 +1,195 @@
+//! What a sweep will cost: from units that are finished, or from one unit made short and timed.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::time::Instant;
+
+use cpu_time::ProcessTime;
+use petzval_design::experiment::{BlockName, Experiment};
+use petzval_design::run::read_events;
+use petzval_jobs::design::{self, Changes, Request, Run};
+use petzval_jobs::{Context, JobError, Stopped};
+use serde_json::Value;
+
+use super::kept::KeptSweep;
+use super::plan::{DESIGN, Plan};
+use super::status::State;
+use crate::store::{Seen, Store};
+
+/// Network steps of the unit that is timed.
+const STEPS: usize = 4;
+
+/// The file that makes a folder a store.
+const STORE: &str = "store.json";
+
+/// What a sweep will cost.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Estimate {
+    /// Units whose result is there already.
+    pub done: usize,
+    /// CPU hours of the units that are left.
+    pub cpu_hours: f64,
+    /// Disk space of the units that are left, GB.
+    pub disk_gb: f64,
+    /// What the estimate was made from, in words.
+    pub basis: String,
+}
+
+/// Estimates what is left of a sweep; none if nothing is known, as of a job other than a design none of whose units is finished.
+///
+/// Units of the sweep that the store has a result of give the mean. Otherwise the first unit is made with a few network steps in a folder of its own, which
+/// takes a minute or two; every unit then costs by its own number of steps. A key that makes single steps longer, such as `training.batch`, is not seen.
+pub fn estimate(
+    plan: &Plan,
+    kept: &KeptSweep,
+    store: &Path,
+    context: &Context,
+) -> Result<Option<Estimate>, JobError> {
+    let mut costs = Vec::new();
+    if store.join(STORE).is_file() {
+        let store_there = Store::open(store)?;
+        let status = super::status::status(kept, store, &mut Seen::default())?;
+        for unit in status.units.iter().filter(|unit| unit.state == State::Done) {
+            let folder = store_there.root().join(&unit.key);
+            costs.push((unit.cpu_seconds.unwrap_or(0.0), bytes_of(&folder)));
+        }
+    }
+    let (done, all) = (costs.len(), plan.units.len());
+    if done > 0 {
+        let mean = |of: fn(&(f64, u64)) -> f64| costs.iter().map(of).sum::<f64>() / done as f64;
+        let left = (all - done) as f64;
+        return Ok(Some(Estimate {
+            done,
+            cpu_hours: left * mean(|cost| cost.0) / 3600.0,
+            disk_gb: left * mean(|cost| cost.1 as f64) / 1e9,
+            basis: format!("the mean of {done} finished units"),
+        }));
+    }
+    let Some(first) = plan.units.first().filter(|_| plan.job == DESIGN) else { return Ok(None) };
+    let timed = timed(&first.call.request, context)?;
+    let mut seconds = 0.0;
+    for unit in &plan.units {
+        seconds += timed.seconds_of(&experiment_of(&unit.call.request, context)?);
+    }
+    Ok(Some(Estimate {
+        done,
+        cpu_hours: seconds / 3600.0,
+        disk_gb: all as f64 * timed.bytes as f64 / 1e9,
+        basis: format!("the unit `{}` with {STEPS} network steps, timed here", first.name),
+    }))
+}
+
+/// What a short run has shown.
+struct Timed {
+    /// CPU seconds of a step by camera and block.
+    of_step: BTreeMap<(String, String), f64>,
+    /// CPU seconds of all that does not depend on the number of steps.
+    rest: f64,
+    /// Bytes of its folder.
+    bytes: u64,
+}
+
+impl Timed {
+    /// CPU seconds of the unit of an experiment.
+    fn seconds_of(&self, experiment: &Experiment) -> f64 {
+        let of_block = |block: &str| {
+            let all: Vec<f64> = self
+                .of_step
+                .iter()
+                .filter(|((_, other), _)| other == block)
+                .map(|(_, seconds)| *seconds)
+                .collect();
+            if all.is_empty() { 0.0 } else { all.iter().sum::<f64>() / all.len() as f64 }
+        };
+        let steps = experiment.variants().into_iter().flat_map(|variant| {
+            BlockName::ALL.into_iter().map(move |block| {
+                (variant.name.clone(), block.name().to_owned(), variant.task_steps_of(block))
+            })
+        });
+        let of_steps: f64 = steps
+            .map(|(camera, block, steps)| {
+                let known = self.of_step.get(&(camera, block.clone())).copied();
+                steps as f64 * known.unwrap_or_else(|| of_block(&block))
+            })
+            .sum();
+        self.rest + of_steps
+    }
+}
+
+/// Makes a unit with a few steps and times its parts.
+fn timed(request: &Value, context: &Context) -> Result<Timed, JobError> {
+    let folder = tempfile::tempdir()
+        .map_err(|e| JobError::failed(format!("a folder for the unit that is timed: {e}")))?;
+    let request: Request =
+        serde_json::from_value(request.clone()).map_err(|e| JobError::failed(e.to_string()))?;
+    let Run::New(new) = request.run else {
+        return Err(JobError::failed("a unit of a sweep begins a new run"));
+    };
+    let root = folder.path().join("run");
+    let changes = Changes { steps: Some(STEPS), ..Changes::default() };
+    let new = design::NewRun { out: Some(root.clone()), changes, ..new };
+    let request = Request { run: Run::New(new), ..Request { device: request.device, ..Request::default() } };
+    context.note("timing a unit with a few steps");
+    let (cpu, wall) = (ProcessTime::now(), Instant::now());
+    // Its steps are no steps of a unit: nobody is to take them for that.
+    design::run(&request, &context.silent()).map_err(|error| match error {
+        // Its folder goes with it.
+        JobError::Stopped(_) => Stopped::new("stopped while a unit was timed; nothing is written").into(),
+        other => other,
+    })?;
+    let (cpu, wall) = (cpu.elapsed().as_secs_f64(), wall.elapsed().as_secs_f64());
+    let events = read_events(&root.join("events.jsonl")).map_err(JobError::from)?;
+    let mut steps: BTreeMap<(String, String), Vec<f64>> = BTreeMap::new();
+    for event in &events {
+        if BlockName::ALL.iter().any(|block| block.name() == event.block) {
+            steps.entry((event.camera.clone(), event.block.clone())).or_default().push(event.seconds);
+        }
+    }
+    let per_wall = cpu / wall.max(1e-9);
+    let in_steps: f64 = steps.values().flatten().sum();
+    let mean = |seconds: &[f64]| seconds.iter().sum::<f64>() / seconds.len() as f64;
+    Ok(Timed {
+        of_step: steps.iter().map(|(key, seconds)| (key.clone(), mean(seconds) * per_wall)).collect(),
+        rest: (wall - in_steps).max(0.0) * per_wall,
+        bytes: bytes_of(&root),
+    })
+}
+
+/// The experiment that the request of a unit holds.
+fn experiment_of(request: &Value, context: &Context) -> Result<Experiment, JobError> {
+    let text = request["run"]["new"]["experiment"]["toml"].as_str().unwrap_or_default();
+    context.assets.tasks().parse(text).map_err(|e| JobError::failed(e.to_string()))
+}
+
+/// Bytes of all files below a folder.
+fn bytes_of(folder: &Path) -> u64 {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    entries
+        .map(|entry| match entry.metadata() {
+            Ok(about) if about.is_dir() => bytes_of(&entry.path()),
+            Ok(about) => about.len(),
+            Err(_) => 0,
+        })
+        .sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_unit_costs_by_its_own_steps_and_what_no_step_changes() {
+        let key = |camera: &str, block: &str| (camera.to_owned(), block.to_owned());
+        let of_step = BTreeMap::from([
+            (key("nominal", "network"), 2.0),
+            (key("end-to-end", "network"), 4.0),
+            (key("end-to-end", "optics"), 10.0),
+        ]);
+        let timed = Timed { of_step, rest: 100.0, bytes: 0 };
+        let mut experiment = Experiment::default();
+        experiment.training.steps = 10;
+        experiment.optics.steps = 3;
+        // Three cameras of ten network steps; the second one costs the mean of the others.
+        assert_eq!(timed.seconds_of(&experiment), 100.0 + 10.0 * (2.0 + 3.0 + 4.0) + 3.0 * 10.0);
+    }
+}

@@ -1,0 +1,529 @@
+//! From what varies to the combinations that are run: a pure function of the file.
+
+use std::collections::BTreeMap;
+
+use petzval_base::FileError;
+use petzval_base::random::{Stage, Stream};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use sha2::{Digest, Sha256};
+
+use super::file::SweepFile;
+
+/// Most units of a sweep.
+pub const MOST_UNITS: usize = 100_000;
+
+/// A key that varies.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SweptKey {
+    /// Its key path: `training.steps`.
+    pub key: String,
+    /// Where it stands in the file: `["grid", "training", "steps"]`.
+    pub place: Vec<String>,
+}
+
+/// What is run: the values of the keys that vary, a variant and a seed, where the file names any.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Combination {
+    /// A value for each key that varies, in their order.
+    pub values: Vec<Value>,
+    /// The variant.
+    pub variant: Option<String>,
+    /// The seed.
+    pub seed: Option<u64>,
+}
+
+/// All combinations of a file.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Expansion {
+    /// The keys that vary: those of the grid, of the list, and those that are drawn, each in the order of their names.
+    pub keys: Vec<SweptKey>,
+    /// The combinations. Those of the first seed come first; then keys vary in their order, the last one fastest.
+    pub combinations: Vec<Combination>,
+    /// Draws that gave the values of an earlier one, and are left out.
+    pub merged: usize,
+}
+
+/// Expands a file; `text` is its text, for the places of errors.
+///
+/// The order depends on names and values alone. A draw depends on the seed of `random`, its number and its key: more draws leave the earlier ones as
+/// they are. Drawn numbers are rounded to four digits. Equal values of a list are refused, equal draws are merged.
+pub fn expand(file: &SweepFile, text: &str) -> Result<Expansion, FileError> {
+    let wrong = |place: &[String], message: String, hint: &str| {
+        let place: Vec<&str> = place.iter().map(String::as_str).collect();
+        at_place(text, &place, message).hint(hint)
+    };
+    let grid = lists(&file.grid, "grid", &wrong)?;
+    let list = lists(&file.list, "list", &wrong)?;
+    let random = Random::of(&file.random, &wrong)?;
+    let keys: Vec<SweptKey> = grid
+        .iter()
+        .chain(&list)
+        .map(|(key, _)| key.clone())
+        .chain(random.keys.iter().map(|(key, _)| key.clone()))
+        .collect();
+    check_keys(&keys, file, &wrong)?;
+    if let Some(((first, values), (other, others))) =
+        list.first().zip(list.iter().find(|(_, others)| others.len() != list[0].1.len()))
+    {
+        let message = format!("has {} values, and `{}` has {}", others.len(), first.key, values.len());
+        return Err(wrong(&other.place, message, "a list has one value of every key for each of its rows"));
+    }
+    for (what, is_twice) in [("seeds", twice(&file.seeds)), ("variants", twice(&file.variants))] {
+        if let Some(place) = is_twice {
+            return Err(wrong(
+                &[what.to_owned(), place.to_string()],
+                "stands twice".to_owned(),
+                "name each once",
+            ));
+        }
+    }
+
+    // Rows of values: of the grid, times those of the list, times the draws.
+    let mut rows: Vec<Vec<Value>> = vec![Vec::new()];
+    for (_, values) in &grid {
+        rows = product(&rows, values.iter().map(|value| vec![value.clone()]));
+        check_number(rows.len(), &wrong)?;
+    }
+    if let Some((_, first)) = list.first() {
+        let row = |i: usize| list.iter().map(|(_, values)| values[i].clone()).collect::<Vec<Value>>();
+        let of_list: Vec<Vec<Value>> = (0..first.len()).map(row).collect();
+        if let Some(place) = twice(&of_list) {
+            let message = "this row of the list stands twice".to_owned();
+            let place = [list[0].0.place.clone(), vec![place.to_string()]].concat();
+            return Err(wrong(&place, message, "give every row once; for repetitions give seeds"));
+        }
+        rows = product(&rows, of_list.into_iter());
+    }
+    let (draws, merged) = random.draws();
+    if !random.keys.is_empty() {
+        check_number(rows.len() * draws.len(), &wrong)?;
+        rows = product(&rows, draws.into_iter());
+    }
+    let (variants, seeds) = (each_or_none(&file.variants), each_or_none(&file.seeds));
+    check_number(rows.len() * variants.len() * seeds.len(), &wrong)?;
+    let mut combinations = Vec::new();
+    for seed in seeds {
+        for values in &rows {
+            for variant in &variants {
+                combinations.push(Combination { values: values.clone(), variant: variant.clone(), seed });
+            }
+        }
+    }
+    Ok(Expansion { keys, combinations, merged })
+}
+
+/// An error about the value at a path of keys. An element of a list is called by the key of the list.
+pub(super) fn at_place(text: &str, place: &[&str], message: impl Into<String>) -> FileError {
+    let error = FileError::at_key(text, place, message);
+    let key = place.iter().rfind(|part| part.parse::<usize>().is_err());
+    FileError { key: key.map_or_else(String::new, |key| (*key).to_owned()), ..error }
+}
+
+/// How an error at a place of the file is made.
+type Wrong<'a> = dyn Fn(&[String], String, &str) -> FileError + 'a;
+
+fn check_number(units: usize, wrong: &Wrong) -> Result<(), FileError> {
+    if units <= MOST_UNITS {
+        return Ok(());
+    }
+    Err(wrong(&[], format!("more than {MOST_UNITS} units"), "draw some at random, or make several sweeps"))
+}
+
+/// Every row followed by every one of `others`.
+fn product(rows: &[Vec<Value>], others: impl Iterator<Item = Vec<Value>> + Clone) -> Vec<Vec<Value>> {
+    rows.iter().flat_map(|row| others.clone().map(move |other| [row.clone(), other].concat())).collect()
+}
+
+/// Each element; nothing, once, where there are none.
+fn each_or_none<T: Clone>(all: &[T]) -> Vec<Option<T>> {
+    if all.is_empty() { vec![None] } else { all.iter().cloned().map(Some).collect() }
+}
+
+/// The place of the first element that equals an earlier one.
+fn twice<T: PartialEq>(all: &[T]) -> Option<usize> {
+    (1..all.len()).find(|place| all[..*place].contains(&all[*place]))
+}
+
+/// The keys of a table with their lists of values, by name. Tables in it are parts of key paths.
+fn lists(table: &toml::Table, name: &str, wrong: &Wrong) -> Result<Vec<(SweptKey, Vec<Value>)>, FileError> {
+    let mut found = Vec::new();
+    leaves(table, &[name.to_owned()], &|_| false, &mut found);
+    let mut keys = Vec::new();
+    for (place, value) in found {
+        let key = SweptKey { key: place[1..].join("."), place };
+        let toml::Value::Array(values) = value else {
+            let message = "expected a list of values".to_owned();
+            return Err(wrong(
+                &key.place,
+                message,
+                "write several values in square brackets, such as [1, 2]; what does not vary belongs to [set]",
+            ));
+        };
+        if values.is_empty() {
+            return Err(wrong(
+                &key.place,
+                "the list is empty".to_owned(),
+                "give at least one value, or leave the key out",
+            ));
+        }
+        let values =
+            values.iter().map(|value| json(value, &key.place, wrong)).collect::<Result<Vec<_>, _>>()?;
+        // Rows of a list may repeat single values.
+        if let Some(place) = twice(&values).filter(|_| name == "grid") {
+            let at = [key.place.clone(), vec![place.to_string()]].concat();
+            return Err(wrong(
+                &at,
+                "stands twice".to_owned(),
+                "give every value once; for repetitions give seeds",
+            ));
+        }
+        keys.push((key, values));
+    }
+    keys.sort_by(|a, b| a.0.key.cmp(&b.0.key));
+    Ok(keys)
+}
+
+/// Every value that is no table, or for which `ends` says that it is a value, with its place.
+fn leaves<'t>(
+    table: &'t toml::Table,
+    place: &[String],
+    ends: &dyn Fn(&toml::Table) -> bool,
+    found: &mut Vec<(Vec<String>, &'t toml::Value)>,
+) {
+    for (key, value) in table {
+        let below = [place, &[key.clone()]].concat();
+        match value {
+            toml::Value::Table(inner) if !ends(inner) => leaves(inner, &below, ends, found),
+            value => found.push((below, value)),
+        }
+    }
+}
+
+/// A value as JSON.
+fn json(value: &toml::Value, place: &[String], wrong: &Wrong) -> Result<Value, FileError> {
+    let refused = || {
+        wrong(
+            place,
+            "holds a value that is neither text, number, true, false nor a list of them".to_owned(),
+            "write dates in quotes",
+        )
+    };
+    match value {
+        toml::Value::Datetime(_) => Err(refused()),
+        toml::Value::Float(number) if !number.is_finite() => Err(refused()),
+        value => serde_json::to_value(value).map_err(|_| refused()),
+    }
+}
+
+/// Sees that no key stands twice, or above another.
+fn check_keys(keys: &[SweptKey], file: &SweepFile, wrong: &Wrong) -> Result<(), FileError> {
+    for (place, key) in keys.iter().enumerate() {
+        let clashes = |other: &&SweptKey| {
+            other.key == key.key
+                || key.key.starts_with(&format!("{}.", other.key))
+                || other.key.starts_with(&format!("{}.", key.key))
+        };
+        if let Some(other) = keys[..place].iter().find(clashes) {
+            let message = format!("`{}` varies already, in [{}]", other.key, other.place[0]);
+            return Err(wrong(&key.place, message, "let each key vary once"));
+        }
+        for (field, is_used) in [("seed", !file.seeds.is_empty()), ("variant", !file.variants.is_empty())] {
+            if is_used && key.key == field {
+                let message = format!("`{field}s` is given as well");
+                return Err(wrong(&key.place, message, "leave one of the two out"));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// What is drawn of a key.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+struct Draw {
+    from: Option<toml::Value>,
+    to: Option<toml::Value>,
+    log: bool,
+    choice: Option<Vec<toml::Value>>,
+}
+
+/// From what a value is drawn.
+enum Range {
+    /// Numbers between two, by equal ratios if `log`.
+    Numbers { from: f64, to: f64, log: bool },
+    /// Whole numbers between two, both included.
+    Whole { from: i64, to: i64, log: bool },
+    /// One of these.
+    Choice(Vec<Value>),
+}
+
+/// The table of keys whose values are drawn.
+#[derive(Default)]
+struct Random {
+    n: usize,
+    seed: u64,
+    keys: Vec<(SweptKey, Range)>,
+}
+
+impl Random {
+    fn of(table: &toml::Table, wrong: &Wrong) -> Result<Self, FileError> {
+        let mut table = table.clone();
+        let mut whole = |key: &str, least: i64| match table.remove(key) {
+            None => Ok(None),
+            Some(toml::Value::Integer(value)) if value >= least => Ok(Some(value)),
+            Some(_) => {
+                let place = ["random".to_owned(), key.to_owned()];
+                Err(wrong(
+                    &place,
+                    format!("expected a number from {least} without a decimal point"),
+                    "such as 20",
+                ))
+            }
+        };
+        let (n, seed) = (whole("n", 1)?, whole("seed", 0)?);
+        let mut found = Vec::new();
+        let ends = |table: &toml::Table| {
+            table.is_empty()
+                || table.keys().any(|key| ["from", "to", "choice", "log"].contains(&key.as_str()))
+        };
+        leaves(&table, &["random".to_owned()], &ends, &mut found);
+        let mut keys = Vec::new();
+        for (place, value) in found {
+            let key = SweptKey { key: place[1..].join("."), place };
+            let range = range(value).map_err(|message| {
+                wrong(&key.place, message, "write {from = 1e-4, to = 1e-2, log = true} or {choice = [1, 2]}")
+            })?;
+            keys.push((key, range));
+        }
+        keys.sort_by(|a, b| a.0.key.cmp(&b.0.key));
+        let place = ["random".to_owned()];
+        match (n, keys.is_empty()) {
+            (None, false) => Err(wrong(&place, "`n` is missing".to_owned(), "say how many draws: n = 20")),
+            (Some(_), true) => Err(wrong(
+                &place,
+                "no key is drawn".to_owned(),
+                "name one: \"training.learning_rate\" = {from = 1e-4, to = 1e-2, log = true}",
+            )),
+            (n, _) if n.unwrap_or(0) > MOST_UNITS as i64 => Err(wrong(
+                &["random".to_owned(), "n".to_owned()],
+                format!("more than {MOST_UNITS} draws"),
+                "draw fewer",
+            )),
+            (n, _) => Ok(Self { n: n.unwrap_or(0) as usize, seed: seed.unwrap_or(1) as u64, keys }),
+        }
+    }
+
+    /// The draws, each different from those before it, and the number of those left out.
+    fn draws(&self) -> (Vec<Vec<Value>>, usize) {
+        let mut draws: Vec<Vec<Value>> = Vec::new();
+        let mut known = std::collections::HashSet::new();
+        for number in 0..self.n {
+            let stream = Stream::new(self.seed, number as u64, Stage::Search);
+            let draw: Vec<Value> = self
+                .keys
+                .iter()
+                .map(|(key, range)| {
+                    let [u, _] = stream.uniforms(place_of(&key.key), 0);
+                    range.at(u)
+                })
+                .collect();
+            if known.insert(Value::from(draw.clone()).to_string()) {
+                draws.push(draw);
+            }
+        }
+        let merged = self.n - draws.len();
+        (draws, merged)
+    }
+}
+
+/// A number for a key, by which its draws differ from those of others.
+fn place_of(key: &str) -> u32 {
+    let digest = Sha256::digest(key);
+    u32::from_le_bytes([digest[0], digest[1], digest[2], digest[3]])
+}
+
+/// From what a value is drawn; a message where that says nothing.
+fn range(value: &toml::Value) -> Result<Range, String> {
+    let draw: Draw =
+        value.clone().try_into().map_err(|e: toml::de::Error| e.message().trim().replace('\n', ", "))?;
+    let range = match draw {
+        Draw { choice: Some(choice), from: None, to: None, log: false } => {
+            let values: Result<Vec<Value>, _> = choice.iter().map(serde_json::to_value).collect();
+            let values = values.map_err(|e| e.to_string())?;
+            if values.is_empty() || values.iter().any(Value::is_null) {
+                return Err("`choice` is empty, or holds what is no finite value".to_owned());
+            }
+            Range::Choice(values)
+        }
+        Draw { choice: None, from: Some(from), to: Some(to), log } => match (from, to) {
+            (toml::Value::Integer(from), toml::Value::Integer(to)) => Range::Whole { from, to, log },
+            (from, to) => {
+                let number =
+                    |value: &toml::Value| value.as_float().or_else(|| value.as_integer().map(|v| v as f64));
+                match (number(&from), number(&to)) {
+                    (Some(from), Some(to)) => Range::Numbers { from, to, log },
+                    _ => return Err("`from` and `to` are numbers".to_owned()),
+                }
+            }
+        },
+        _ => return Err("expected `from` and `to`, or `choice`".to_owned()),
+    };
+    let (from, to, log) = match range {
+        Range::Numbers { from, to, log } => (from, to, log),
+        Range::Whole { from, to, log } => (from as f64, to as f64, log),
+        Range::Choice(_) => return Ok(range),
+    };
+    match () {
+        () if !(from < to && (to - from).is_finite()) => {
+            Err(format!("`from` = {from} must be less than `to` = {to}"))
+        }
+        () if log && from <= 0.0 => Err("by equal ratios, `from` must be positive".to_owned()),
+        () => Ok(range),
+    }
+}
+
+impl Range {
+    /// The value at a place from 0 to less than 1.
+    fn at(&self, u: f64) -> Value {
+        match self {
+            Self::Choice(values) => {
+                values[((u * values.len() as f64) as usize).min(values.len() - 1)].clone()
+            }
+            Self::Numbers { from, to, log } => {
+                let value = if *log { from * (to / from).powf(u) } else { from + u * (to - from) };
+                rounded(value).clamp(*from, *to).into()
+            }
+            Self::Whole { from, to, log } => {
+                let (low, high) = (*from as f64, *to as f64 + 1.0);
+                let value = if *log { low * (high / low).powf(u) } else { low + u * (high - low) };
+                (value.floor() as i64).clamp(*from, *to).into()
+            }
+        }
+    }
+}
+
+/// A number with four digits.
+fn rounded(value: f64) -> f64 {
+    format!("{value:.3e}").parse().unwrap_or(value)
+}
+
+/// Every value below a table that is no table itself, with its place, which begins with the name of the table.
+pub(super) fn leaves_of<'t>(table: &'t toml::Table, name: &str) -> Vec<(Vec<String>, &'t toml::Value)> {
+    let mut found = Vec::new();
+    leaves(table, &[name.to_owned()], &|_| false, &mut found);
+    found
+}
+
+/// The values of a combination by key.
+pub fn by_key(keys: &[SweptKey], combination: &Combination) -> BTreeMap<String, Value> {
+    keys.iter().map(|key| key.key.clone()).zip(combination.values.iter().cloned()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+    use crate::sweep::file::parse;
+
+    fn expanded(text: &str) -> Result<Expansion, FileError> {
+        expand(&parse(text).unwrap(), text)
+    }
+
+    /// The combinations as JSON: values, variant, seed.
+    fn all(text: &str) -> Vec<Value> {
+        expanded(text).unwrap().combinations.iter().map(|c| json!([c.values, c.variant, c.seed])).collect()
+    }
+
+    #[test]
+    fn all_combinations_are_made_in_an_order_that_the_file_alone_decides() {
+        let text = "seeds = [1, 2]\nvariants = [\"a\", \"b\"]\n[grid]\n\"z.k\" = [3, 4]\n[list]\nx = [5, 5]\ny.w = [\"p\", \"q\"]\n";
+        let keys: Vec<String> = expanded(text).unwrap().keys.iter().map(|key| key.key.clone()).collect();
+        assert_eq!(keys, ["z.k", "x", "y.w"]);
+        let found = all(text);
+        assert_eq!(found.len(), 16);
+        assert_eq!(
+            found[..3],
+            [json!([[3, 5, "p"], "a", 1]), json!([[3, 5, "p"], "b", 1]), json!([[3, 5, "q"], "a", 1])]
+        );
+        assert_eq!(found[15], json!([[4, 5, "q"], "b", 2]));
+        // The order of the file's lines is none of it.
+        let turned = "variants = [\"a\", \"b\"]\nseeds = [1, 2]\n[list.y]\nw = [\"p\", \"q\"]\n[list]\nx = [5, 5]\n[grid.z]\nk = [3, 4]\n";
+        assert_eq!(all(turned), found);
+        assert_eq!(all(""), [json!([[], null, null])]);
+        assert_eq!(
+            all("[grid]\na = [[1, 2], {b = 1}]\n"),
+            [json!([[[1, 2]], null, null]), json!([[{"b": 1}], null, null])]
+        );
+    }
+
+    #[test]
+    fn draws_depend_on_their_number_and_key_alone() {
+        let text = |n: usize, more: &str| {
+            format!("[random]\nn = {n}\nseed = 3\nrate = {{from = 1e-4, to = 1e-2, log = true}}\n{more}")
+        };
+        let rates =
+            |of: &[Value], i: usize| -> Vec<f64> { of.iter().map(|c| c[0][i].as_f64().unwrap()).collect() };
+        let ten = rates(&all(&text(10, "")), 0);
+        assert_eq!(rates(&all(&text(4, "")), 0), ten[..4]);
+        let more = all(&text(10, "kind = {choice = [\"p\", \"q\"]}\nbatch = {from = 1, to = 4}\n"));
+        assert_eq!(rates(&more, 2), ten);
+        for c in &more {
+            let batch = c[0][0].as_i64().unwrap();
+            assert!((1..=4).contains(&batch) && ["p", "q"].contains(&c[0][1].as_str().unwrap()));
+        }
+        // By equal ratios, half of many draws lie below the geometric mean; 3.9 standard deviations are 62 of 1000, of which some are merged.
+        let many = rates(&all(&text(1000, "")), 0);
+        let below = many.iter().filter(|rate| **rate < 1e-3).count();
+        assert!((420..=560).contains(&below), "{below}");
+        assert!(many.iter().all(|rate| (1e-4..=1e-2).contains(rate) && rate.to_string().len() <= 9));
+        let seven = all(&text(10, "").replace("seed = 3", "seed = 7"));
+        assert_ne!(rates(&seven, 0), ten);
+    }
+
+    #[test]
+    fn equal_draws_are_merged_and_counted() {
+        let found = expanded("[random]\nn = 50\nk = {choice = [1, 2, 3]}\n").unwrap();
+        assert_eq!((found.combinations.len(), found.merged), (3, 47));
+        // Both ends of a range of whole numbers are drawn.
+        let mut drawn: Vec<Value> = all("[random]\nn = 200\nk = {from = 2, to = 4, log = true}\n")
+            .iter()
+            .map(|c| c[0][0].clone())
+            .collect();
+        drawn.sort_by_key(|v| v.as_i64());
+        assert_eq!(drawn, [json!(2), json!(3), json!(4)]);
+    }
+
+    #[test]
+    fn what_cannot_be_expanded_is_refused_with_its_place() {
+        for (text, line, says) in [
+            ("[grid]\na = []\n", 2, "the list is empty"),
+            ("[grid]\na = 4\n", 2, "expected a list of values"),
+            ("[grid]\na.b = [1, 2, 1]\n", 2, "stands twice"),
+            ("[grid]\na = [2026-11-28]\n", 2, "neither text"),
+            ("[grid]\na = [1]\n[list]\na = [2]\n", 4, "`a` varies already, in [grid]"),
+            ("[grid]\na = [1]\n\"a.b\" = [1]\n", 3, "`a` varies already"),
+            ("[list]\na = [1, 2]\nb = [1]\n", 3, "has 1 values, and `a` has 2"),
+            ("[list]\na = [1, 1]\nb = [2, 2]\n", 2, "this row of the list stands twice"),
+            ("seeds = [1]\n[grid]\nseed = [2]\n", 3, "`seeds` is given as well"),
+            ("seeds = [1, 1]\n", 1, "stands twice"),
+            ("[random]\nk = {from = 1, to = 2}\n", 1, "`n` is missing"),
+            ("[random]\nn = 3\n", 1, "no key is drawn"),
+            ("[random]\nn = 0\nk = {from = 1, to = 2}\n", 2, "a number from 1"),
+            ("[random]\nn = 3\nk = {from = 2, to = 1}\n", 3, "must be less than"),
+            ("[random]\nn = 3\nk = {from = 0, to = 1, log = true}\n", 3, "must be positive"),
+            ("[random]\nn = 3\nk = {from = 0}\n", 3, "expected `from` and `to`"),
+            ("[random]\nn = 3\nk = {from = 0, upto = 1}\n", 3, "unknown field `upto`"),
+            ("[random]\nn = 3\nk = {choice = []}\n", 3, "`choice` is empty"),
+            ("[random]\nn = 3\nk = 4\n", 3, "expected"),
+        ] {
+            let error = expanded(text).unwrap_err();
+            assert_eq!(error.line, Some(line), "{text}: {error}");
+            assert!(error.to_string().contains(says), "{text}: {error}");
+            assert!(error.hint.is_some(), "{text}");
+        }
+        let many = "[grid]\na = [1,2,3,4,5,6,7,8,9,10]\nb = [1,2,3,4,5,6,7,8,9,10]\nc = [1,2,3,4,5,6,7,8,9,10]\n[random]\nn = 150\nd = {from = 0.0, to = 1.0}\n";
+        assert!(expanded(many).unwrap_err().to_string().contains("more than 100000 units"));
+    }
+}

@@ -1,0 +1,401 @@
+//! The results of a sweep as tables: a row for each combination, with mean, spread and range over its seeds; and a row for each unit.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use petzval_base::{csv_number, csv_text};
+use petzval_design::run::Metrics;
+use petzval_jobs::JobError;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::kept::KeptSweep;
+use super::plan::DESIGN;
+use super::status::{State, SweepStatus};
+use crate::store::Store;
+
+/// Most figures of a response that become columns, for jobs without scores.
+const MOST_FIGURES: usize = 40;
+
+/// A figure that units have, a column of the tables.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct FigureColumn {
+    /// Its name in files: `psnr_db`.
+    pub name: String,
+    /// Its name in words.
+    pub title: String,
+    /// Its unit; may be empty.
+    pub unit: String,
+    /// Digits after the point that are worth printing; none where that is not known.
+    pub decimals: Option<usize>,
+    /// Whether more is better; none where neither is.
+    pub higher_is_better: Option<bool>,
+}
+
+/// A figure over the units of a row.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Spread {
+    /// Units that have it.
+    pub count: usize,
+    /// Their mean.
+    pub mean: f64,
+    /// Their standard deviation, by the number less one; none for one unit.
+    pub deviation: Option<f64>,
+    /// The least of their values.
+    pub low: f64,
+    /// The largest of their values.
+    pub high: f64,
+}
+
+/// A finished unit, or one of its cameras.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct UnitResult {
+    /// Name of the unit.
+    pub unit: String,
+    /// The camera; empty where the job makes none.
+    pub camera: String,
+    /// Whether the camera has a lens without aberrations.
+    pub is_ceiling: bool,
+    /// The values of the keys that vary.
+    pub values: Vec<Value>,
+    /// The seed of the unit.
+    pub seed: Option<u64>,
+    /// Every figure; none where it has no value.
+    pub figures: Vec<Option<f64>>,
+    /// Folder of the files of the unit, if its job wrote some.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
+    pub files: Option<PathBuf>,
+    /// CPU seconds of all attempts of the unit, s.
+    pub cpu_seconds: f64,
+}
+
+/// Results that differ in their seeds alone.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct GatheredRow {
+    /// The camera; empty where the job makes none.
+    pub camera: String,
+    /// Whether the camera has a lens without aberrations.
+    pub is_ceiling: bool,
+    /// The values of the keys that vary.
+    pub values: Vec<Value>,
+    /// Names of the units, in the order of the sweep.
+    pub units: Vec<String>,
+    /// Every figure; none where no unit has it.
+    pub figures: Vec<Option<Spread>>,
+}
+
+/// The results of a sweep.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Gathered {
+    /// Title of the sweep.
+    pub title: String,
+    /// Keys that vary.
+    pub keys: Vec<String>,
+    /// Figures, scores first.
+    pub figures: Vec<FigureColumn>,
+    /// A row for each combination and camera.
+    pub rows: Vec<GatheredRow>,
+    /// A row for each unit and camera.
+    pub units: Vec<UnitResult>,
+    /// How all units stand.
+    pub status: SweepStatus,
+}
+
+/// Gathers the results of the units that are finished.
+pub fn gather(sweep: &KeptSweep, root: &Path, status: SweepStatus) -> Result<Gathered, JobError> {
+    let store = Store::open(root)?;
+    let mut figures: Vec<FigureColumn> = Vec::new();
+    let mut found: Vec<(UnitResult, BTreeMap<String, f64>)> = Vec::new();
+    for (unit, _) in sweep.units.iter().zip(&status.units).filter(|(_, status)| status.state == State::Done) {
+        // What was done a moment ago may not be visible any more on a network file system.
+        let Some(result) = store.result(&unit.key)? else { continue };
+        let bare = |camera: &str, is_ceiling| UnitResult {
+            unit: unit.name.clone(),
+            camera: camera.to_owned(),
+            is_ceiling,
+            values: unit.values.clone(),
+            seed: unit.seed,
+            figures: Vec::new(),
+            files: store.files(&result),
+            cpu_seconds: result.cost.all_cpu_seconds,
+        };
+        if sweep.job == DESIGN {
+            let metrics: Metrics =
+                serde_json::from_value(result.response["metrics"].clone()).map_err(|e| {
+                    let message =
+                        format!("store: {}: the figures of unit `{}`: {e}", root.display(), unit.name);
+                    JobError::input(
+                        message,
+                        "another version wrote them; run the unit again in another store",
+                    )
+                })?;
+            add_columns(&mut figures, of_design(&metrics));
+            for row in &metrics.rows {
+                if unit.variant.as_ref().is_some_and(|variant| *variant != row.camera) {
+                    continue;
+                }
+                let mut values = row.scores.clone();
+                values.extend(
+                    [
+                        ("rms_spot_um", row.rms_spot_um),
+                        ("efl_mm", row.efl_mm),
+                        ("f_number", row.f_number),
+                        ("fov_deg", row.fov_deg),
+                    ]
+                    .map(|(name, value)| (name.to_owned(), value)),
+                );
+                found.push((bare(&row.camera, row.is_ceiling), values));
+            }
+        } else {
+            let mut values = BTreeMap::new();
+            add_numbers("", &result.response, &mut values);
+            add_columns(&mut figures, values.keys().take(MOST_FIGURES).map(|name| plain(name)));
+            found.push((bare("", false), values));
+        }
+    }
+    let units: Vec<UnitResult> = found
+        .into_iter()
+        .map(|(unit, values)| UnitResult {
+            figures: figures.iter().map(|figure| values.get(&figure.name).copied()).collect(),
+            ..unit
+        })
+        .collect();
+    let rows = rows(&units, figures.len());
+    Ok(Gathered { title: sweep.title.clone(), keys: sweep.keys.clone(), figures, rows, units, status })
+}
+
+/// The figures of a design: its scores, then those of the lens.
+fn of_design(metrics: &Metrics) -> impl Iterator<Item = FigureColumn> + '_ {
+    let scores = metrics.scores.iter().map(|score| FigureColumn {
+        name: score.name.clone(),
+        title: score.title.clone(),
+        unit: score.unit.clone(),
+        decimals: Some(score.decimals),
+        higher_is_better: Some(score.higher_is_better),
+    });
+    let lens = [
+        ("rms_spot_um", "RMS spot", "um", 2),
+        ("efl_mm", "focal length", "mm", 3),
+        ("f_number", "f-number", "", 3),
+        ("fov_deg", "field of view", "deg", 2),
+    ];
+    scores.chain(lens.into_iter().map(|(name, title, unit, decimals)| FigureColumn {
+        name: name.to_owned(),
+        title: title.to_owned(),
+        unit: unit.to_owned(),
+        decimals: Some(decimals),
+        higher_is_better: None,
+    }))
+}
+
+/// A figure of which only its name is known.
+fn plain(name: &str) -> FigureColumn {
+    FigureColumn {
+        name: name.to_owned(),
+        title: name.replace(['_', '.'], " "),
+        unit: String::new(),
+        decimals: None,
+        higher_is_better: None,
+    }
+}
+
+fn add_columns(known: &mut Vec<FigureColumn>, more: impl Iterator<Item = FigureColumn>) {
+    for column in more {
+        if !known.iter().any(|other| other.name == column.name) {
+            known.push(column);
+        }
+    }
+}
+
+/// Every number of a response by its key path; those in lists are left out.
+fn add_numbers(path: &str, value: &Value, found: &mut BTreeMap<String, f64>) {
+    match value {
+        Value::Number(number) => {
+            if let Some(value) = number.as_f64() {
+                found.insert(path.to_owned(), value);
+            }
+        }
+        Value::Object(keys) => keys.iter().for_each(|(key, value)| {
+            let below = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
+            add_numbers(&below, value, found);
+        }),
+        _ => {}
+    }
+}
+
+/// Units that differ in their seeds alone in one row.
+fn rows(units: &[UnitResult], figures: usize) -> Vec<GatheredRow> {
+    let mut groups: Vec<(GatheredRow, Vec<&UnitResult>)> = Vec::new();
+    for unit in units {
+        let same = groups.iter_mut().find(|(row, _)| row.camera == unit.camera && row.values == unit.values);
+        if let Some((_, of_row)) = same {
+            of_row.push(unit);
+            continue;
+        }
+        let row = GatheredRow {
+            camera: unit.camera.clone(),
+            is_ceiling: unit.is_ceiling,
+            values: unit.values.clone(),
+            units: Vec::new(),
+            figures: Vec::new(),
+        };
+        groups.push((row, vec![unit]));
+    }
+    groups
+        .into_iter()
+        .map(|(row, of_row)| GatheredRow {
+            units: of_row.iter().map(|unit| unit.unit.clone()).collect(),
+            figures: (0..figures).map(|k| spread(of_row.iter().filter_map(|unit| unit.figures[k]))).collect(),
+            ..row
+        })
+        .collect()
+}
+
+/// Mean, standard deviation and range; none of no values.
+fn spread(values: impl Iterator<Item = f64>) -> Option<Spread> {
+    let values: Vec<f64> = values.collect();
+    let count = values.len();
+    if count == 0 {
+        return None;
+    }
+    let mean = values.iter().sum::<f64>() / count as f64;
+    let squares: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
+    Some(Spread {
+        count,
+        mean,
+        deviation: (count > 1).then(|| (squares / (count - 1) as f64).sqrt()),
+        low: values.iter().copied().fold(f64::INFINITY, f64::min),
+        high: values.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+    })
+}
+
+impl Gathered {
+    /// The rows as comma-separated values: keys, camera, number of units; of each figure mean, deviation, least and largest value.
+    pub fn csv(&self) -> String {
+        let of_figures = self.figures.iter().flat_map(|figure| {
+            ["mean", "deviation", "low", "high"].map(|what| format!("{}_{what}", figure.name))
+        });
+        let head =
+            self.keys.iter().cloned().chain(["camera".to_owned(), "units".to_owned()]).chain(of_figures);
+        let row = |row: &GatheredRow| -> Vec<String> {
+            let values = row.values.iter().map(in_words);
+            let figures = row.figures.iter().flat_map(|spread| {
+                [
+                    spread.map(|s| s.mean),
+                    spread.and_then(|s| s.deviation),
+                    spread.map(|s| s.low),
+                    spread.map(|s| s.high),
+                ]
+                .map(csv_number)
+            });
+            values.chain([row.camera.clone(), row.units.len().to_string()]).chain(figures).collect()
+        };
+        csv_text([head.collect::<Vec<_>>()].into_iter().chain(self.rows.iter().map(row)))
+    }
+
+    /// The single units as comma-separated values: name, keys, camera, seed, figures, CPU seconds.
+    pub fn units_csv(&self) -> String {
+        let figures = self.figures.iter().map(|figure| figure.name.clone());
+        let head = ["unit".to_owned()].into_iter().chain(self.keys.iter().cloned());
+        let head = head
+            .chain(["camera", "seed"].map(str::to_owned))
+            .chain(figures)
+            .chain(["cpu_seconds".to_owned()]);
+        let row = |unit: &UnitResult| -> Vec<String> {
+            let seed = unit.seed.map_or_else(String::new, |seed| seed.to_string());
+            let values = unit.values.iter().map(in_words);
+            let figures = unit.figures.iter().map(|value| csv_number(*value));
+            [unit.unit.clone()]
+                .into_iter()
+                .chain(values)
+                .chain([unit.camera.clone(), seed])
+                .chain(figures)
+                .chain([unit.cpu_seconds.to_string()])
+                .collect()
+        };
+        csv_text([head.collect::<Vec<_>>()].into_iter().chain(self.units.iter().map(row)))
+    }
+
+    /// Whether the mean of a row is the best of its column among cameras that are no ceiling; no figure without a direction is.
+    pub fn is_best(&self, row: &GatheredRow, k: usize) -> bool {
+        let Some(higher) = self.figures[k].higher_is_better else { return false };
+        let of =
+            |row: &GatheredRow| row.figures[k].map(|spread| if higher { spread.mean } else { -spread.mean });
+        let others = self.rows.iter().filter(|other| !other.is_ceiling).filter_map(of);
+        let best = others.fold(f64::NEG_INFINITY, f64::max);
+        self.rows.len() > 1 && !row.is_ceiling && of(row) == Some(best)
+    }
+}
+
+/// A value of a key as a cell: texts without quotes.
+pub fn in_words(value: &Value) -> String {
+    value.as_str().map_or_else(|| value.to_string(), str::to_owned)
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    fn unit(name: &str, camera: &str, grid: u64, psnr: Option<f64>) -> UnitResult {
+        UnitResult {
+            unit: name.to_owned(),
+            camera: camera.to_owned(),
+            is_ceiling: camera == "ideal",
+            values: vec![json!(grid), json!("a, b")],
+            seed: Some(1),
+            figures: vec![psnr, Some(1.0)],
+            files: None,
+            cpu_seconds: 2.5,
+        }
+    }
+
+    fn gathered(units: Vec<UnitResult>) -> Gathered {
+        let psnr = FigureColumn { decimals: Some(2), higher_is_better: Some(true), ..plain("psnr_db") };
+        Gathered {
+            title: String::new(),
+            keys: vec!["psf.grid".to_owned(), "lens".to_owned()],
+            figures: vec![psnr, plain("spot")],
+            rows: rows(&units, 2),
+            units,
+            status: SweepStatus { title: String::new(), units: Vec::new() },
+        }
+    }
+
+    #[test]
+    fn a_row_has_mean_spread_and_range_over_its_seeds() {
+        let all = gathered(vec![
+            unit("1", "a", 64, Some(20.0)),
+            unit("2", "a", 64, Some(22.0)),
+            unit("3", "ideal", 64, Some(40.0)),
+            unit("4", "a", 128, Some(21.5)),
+            unit("5", "a", 128, None),
+            unit("6", "b", 128, None),
+        ]);
+        let [first, ideal, second, none] = &all.rows[..] else { panic!("{:?}", all.rows) };
+        let wanted = Spread { count: 2, mean: 21.0, deviation: Some(2f64.sqrt()), low: 20.0, high: 22.0 };
+        assert_eq!((first.figures[0], &first.units), (Some(wanted), &vec!["1".to_owned(), "2".to_owned()]));
+        assert_eq!(second.figures[0].unwrap().deviation, None);
+        assert_eq!((second.units.len(), none.figures[0]), (2, None));
+        // A ceiling is no candidate, a figure without a direction has no best.
+        let best: Vec<bool> = all.rows.iter().map(|row| all.is_best(row, 0)).collect();
+        assert_eq!(best, [false, false, true, false]);
+        assert!(!all.is_best(first, 1) && ideal.is_ceiling);
+        let csv = all.csv();
+        let lines: Vec<&str> = csv.lines().collect();
+        assert!(lines[0].starts_with(
+            "psf.grid,lens,camera,units,psnr_db_mean,psnr_db_deviation,psnr_db_low,psnr_db_high,spot_mean"
+        ));
+        assert!(lines[3].starts_with("128,\"a, b\",a,2,21.5,,21.5,21.5,1,0,1,1"), "{}", lines[3]);
+        assert_eq!(all.units_csv().lines().nth(5).unwrap(), "5,128,\"a, b\",a,1,,1,2.5");
+    }
+
+    #[test]
+    fn numbers_of_any_response_are_figures() {
+        let mut found = BTreeMap::new();
+        add_numbers("", &json!({"a": 1, "b": {"c": 2.5, "d": "x"}, "e": [3], "f": null}), &mut found);
+        assert_eq!(found, BTreeMap::from([("a".to_owned(), 1.0), ("b.c".to_owned(), 2.5)]));
+    }
+}

@@ -1,0 +1,27 @@
+//! Sweeps: a file says what is run and what varies; every combination is a unit of a store, and what came out is one table.
+//!
+//! ```text
+//! Source -> Expansion -> Plan -> units.jsonl in a store -> SweepStatus, Gathered -> SweepView
+//! ```
+
+mod estimate;
+mod expand;
+mod file;
+mod gather;
+mod kept;
+mod name;
+mod plan;
+mod script;
+mod status;
+mod view;
+
+pub use estimate::{Estimate, estimate};
+pub use expand::{Combination, Expansion, MOST_UNITS, SweptKey, expand};
+pub use file::{Level, Source, SweepFile, parse};
+pub use gather::{FigureColumn, Gathered, GatheredRow, Spread, UnitResult, gather};
+pub use kept::{KeptSweep, KeptUnit, keyed, logs_folder, units_file};
+pub use name::{names, short_keys};
+pub use plan::{DESIGN, Plan, PlannedUnit, plan};
+pub use script::{Engine, Submission, USUAL_JOBS, USUAL_TIME};
+pub use status::{State, SweepStatus, UnitStatus, status};
+pub use view::{Choice, view};

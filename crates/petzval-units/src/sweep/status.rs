@@ -1,0 +1,143 @@
+//! How the units of a sweep stand.
+
+use std::path::Path;
+
+use petzval_jobs::JobError;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::kept::KeptSweep;
+use crate::store::{Seen, Store, UnitState};
+
+/// How a unit stands, in one word.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum State {
+    /// It has a result.
+    Done,
+    /// A process works on it.
+    Running,
+    /// The process that worked on it is gone; the next one goes on.
+    Stale,
+    /// It was stopped; the next process goes on.
+    Stopped,
+    /// It has failed.
+    Failed,
+    /// Nobody has begun it.
+    Waiting,
+}
+
+impl State {
+    /// All, in the order in which they are counted.
+    pub const ALL: [Self; 6] =
+        [Self::Done, Self::Running, Self::Stale, Self::Stopped, Self::Failed, Self::Waiting];
+
+    /// In one word.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Done => "done",
+            Self::Running => "running",
+            Self::Stale => "stale",
+            Self::Stopped => "stopped",
+            Self::Failed => "failed",
+            Self::Waiting => "waiting",
+        }
+    }
+}
+
+/// A unit and how it stands.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct UnitStatus {
+    /// Its name.
+    pub name: String,
+    /// Its key in the store.
+    pub key: String,
+    /// How it stands.
+    pub state: State,
+    /// Number of the attempt, from 1; 0 before the first.
+    pub attempt: u32,
+    /// Who works or worked on it; empty where nobody did, or where the file system does not show it yet.
+    pub holder: String,
+    /// Wall-clock seconds of the attempt that ended it, s.
+    pub seconds: Option<f64>,
+    /// CPU seconds of all its attempts, s.
+    pub cpu_seconds: Option<f64>,
+    /// Why it failed, with the hint.
+    pub error: Option<String>,
+}
+
+/// How a sweep stands.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct SweepStatus {
+    /// Title.
+    pub title: String,
+    /// Units, in the order of the sweep.
+    pub units: Vec<UnitStatus>,
+}
+
+impl SweepStatus {
+    /// How many units stand so.
+    pub fn count(&self, state: State) -> usize {
+        self.units.iter().filter(|unit| unit.state == state).count()
+    }
+
+    /// `4 done, 1 failed, 1 waiting`.
+    pub fn in_words(&self) -> String {
+        let counts = State::ALL.map(|state| (self.count(state), state.word()));
+        let there: Vec<String> = counts
+            .iter()
+            .filter(|(count, _)| *count > 0)
+            .map(|(count, word)| format!("{count} {word}"))
+            .collect();
+        there.join(", ")
+    }
+}
+
+/// How the units of a sweep stand, as this process sees it. `seen` holds what earlier looks have seen: without it no claim of another machine is stale.
+pub fn status(sweep: &KeptSweep, root: &Path, seen: &mut Seen) -> Result<SweepStatus, JobError> {
+    let store = Store::open(root)?;
+    let mut units = Vec::with_capacity(sweep.units.len());
+    for unit in &sweep.units {
+        let bare = UnitStatus {
+            name: unit.name.clone(),
+            key: unit.key.to_string(),
+            state: State::Waiting,
+            attempt: 0,
+            holder: String::new(),
+            seconds: None,
+            cpu_seconds: None,
+            error: None,
+        };
+        let of_claim = |state, attempt, claim: Option<crate::store::Claim>| {
+            let holder = claim.map_or_else(String::new, |claim| claim.holder.to_string());
+            UnitStatus { state, attempt, holder, ..bare.clone() }
+        };
+        units.push(match store.state(&unit.key, seen)? {
+            UnitState::Waiting => bare,
+            UnitState::Running { attempt, claim } => of_claim(State::Running, attempt, claim),
+            UnitState::Stale { attempt, claim } => of_claim(State::Stale, attempt, claim),
+            UnitState::Stopped { attempt } => of_claim(State::Stopped, attempt, None),
+            UnitState::Failed(failure) => UnitStatus {
+                state: State::Failed,
+                attempt: failure.attempt,
+                holder: failure.cost.holder.to_string(),
+                seconds: Some(failure.cost.seconds),
+                cpu_seconds: Some(failure.cost.all_cpu_seconds),
+                error: Some(match failure.error.hint.as_str() {
+                    "" => failure.error.message.clone(),
+                    hint => format!("{} (hint: {hint})", failure.error.message),
+                }),
+                ..bare
+            },
+            UnitState::Done(result) => UnitStatus {
+                state: State::Done,
+                attempt: result.attempt,
+                holder: result.cost.holder.to_string(),
+                seconds: Some(result.cost.seconds),
+                cpu_seconds: Some(result.cost.all_cpu_seconds),
+                ..bare
+            },
+        });
+    }
+    Ok(SweepStatus { title: sweep.title.clone(), units })
+}

@@ -1,0 +1,125 @@
+//! A disk that is full, that has become read-only, or whose replies are lost, from any operation on.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use petzval_jobs::JobError;
+use petzval_units::store::{Attempt, Begun, Clock, Disk, Holder, STALE_AFTER, Seen, Store, StoreError};
+use petzval_units::unit::Prepared;
+use serde_json::json;
+
+use crate::layers::{Fault, Faulty, Simulated};
+use crate::{prepared, trivial};
+
+/// Another process each time, of whose end nobody knows.
+fn holder(pid: u32) -> Holder {
+    Holder { host: "node".to_owned(), pid, process_start: 0, system: String::new() }
+}
+
+/// Runs a unit to its end. Returns the number of the attempt whose result counts.
+fn run(store: &Store, unit: &Prepared, pid: u32, seen: &mut Seen) -> Result<Option<u32>, StoreError> {
+    let mut attempt: Box<Attempt> = match store.begin(unit, &holder(pid), false, seen)? {
+        Begun::Mine(attempt) => attempt,
+        Begun::Done(result) => return Ok(Some(result.attempt)),
+        Begun::Elsewhere(_) | Begun::Failed(_) => return Ok(None),
+    };
+    if let Some((earlier, has_ended)) = attempt.earlier()?.first() {
+        attempt.take_over(earlier, *has_ended)?;
+    }
+    // The job writes its files past the layer.
+    std::fs::create_dir_all(attempt.folder()).unwrap();
+    std::fs::write(attempt.folder().join("out.txt"), "done").unwrap();
+    attempt.renew()?;
+    attempt.finish(json!({"value": 7})).map(|result| Some(result.attempt))
+}
+
+#[test]
+fn no_unit_is_lost_or_counted_twice_where_any_operation_fails() {
+    let unit = prepared(&trivial("unit", 1.0));
+    for fault in [Fault::Full, Fault::ReadOnly, Fault::ReplyLost] {
+        let mut failures = 0;
+        for after in 0.. {
+            let folder = tempfile::tempdir().unwrap();
+            let root = folder.path().join("store");
+            let clock = Arc::new(Simulated::default());
+            let layer = Arc::new(Faulty { fault, after, changes: AtomicUsize::new(0) });
+            let first = Store::on(&root, layer.clone(), clock.clone())
+                .and_then(|store| run(&store, &unit, 1, &mut Seen::default()));
+            let has_failed = layer.changes.load(Ordering::Relaxed) > after;
+            if let Err(error) = &first {
+                failures += 1;
+                names_the_fault(fault, error);
+            }
+            // The disk works again, and another process comes: at once, and once the claim that could not be ended is stale.
+            let store = Store::on(&root, Arc::new(Disk), clock.clone()).unwrap();
+            let mut seen = Seen::default();
+            let mut second = run(&store, &unit, 2, &mut seen).unwrap();
+            if second.is_none() {
+                clock.wait(STALE_AFTER);
+                second = run(&store, &unit, 2, &mut seen).unwrap();
+            }
+            let result = store.result(&unit.key).unwrap().unwrap();
+            assert_eq!(second, Some(result.attempt), "{fault:?} after {after}");
+            assert_eq!(result.response, json!({"value": 7}));
+            if let Ok(Some(counted)) = first {
+                assert_eq!(
+                    counted, result.attempt,
+                    "{fault:?} after {after}: a result that was reported counts"
+                );
+            }
+            let files = store.files(&result).unwrap();
+            assert_eq!(std::fs::read_to_string(files.join("out.txt")).unwrap(), "done");
+            if !has_failed {
+                break;
+            }
+        }
+        assert!(failures >= 6, "{fault:?}: only {failures} operations failed");
+    }
+}
+
+/// The error names the disk; one of a full or read-only disk says what to do.
+fn names_the_fault(fault: Fault, error: &StoreError) {
+    let (number, hint) = match fault {
+        Fault::Full => (28, "make room and run the same command again"),
+        Fault::ReadOnly => (30, "a store that this process may write to"),
+        Fault::ReplyLost => (5, "run the same command again"),
+    };
+    let text = error.to_string();
+    assert!(text.contains(&format!("os error {number}")) && text.contains("store"), "{text}");
+    let job = match error {
+        StoreError::Io { path, source } => JobError::from(StoreError::Io {
+            path: path.clone(),
+            source: std::io::Error::from_raw_os_error(source.raw_os_error().unwrap()),
+        }),
+        StoreError::Wrong { .. } => panic!("{text}"),
+    };
+    let report = job.report();
+    assert!(report.message.contains(hint) || report.hint.contains(hint), "{report:?}");
+}
+
+#[test]
+fn a_folder_that_is_no_store_and_a_store_of_another_version_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = |name: &str| folder.path().join(name);
+    let refused = |root: &Path| {
+        let error = JobError::from(Store::open_or_new(root).err().unwrap()).report();
+        format!("{} | {}", error.message, error.hint)
+    };
+    std::fs::create_dir(here("photos")).unwrap();
+    std::fs::write(here("photos/a.png"), "x").unwrap();
+    assert!(refused(&here("photos")).contains("something else than a store"));
+    assert!(!here("photos/store.json").exists());
+    let text = Store::open(&here("none")).err().unwrap().to_string();
+    assert!(text.contains("no store.json") && !here("none").exists(), "{text}");
+    Store::open_or_new(&here("store")).unwrap();
+    Store::open(&here("store")).unwrap();
+    std::fs::write(here("store/store.json"), r#"{"format": 1, "program": "0.0.9"}"#).unwrap();
+    let text = refused(&here("store"));
+    assert!(text.contains("Petzval 0.0.9, format 1") && text.contains("another store"), "{text}");
+    std::fs::write(here("store/store.json"), r#"{"format": 2, "program": "9.0.0"}"#).unwrap();
+    assert!(refused(&here("store")).contains("format 2"));
+    std::fs::write(here("store/store.json"), "{").unwrap();
+    let text = refused(&here("store"));
+    assert!(text.contains("store.json") && text.contains("changed since it was written"), "{text}");
+}

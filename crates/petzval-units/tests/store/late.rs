@@ -1,0 +1,176 @@
+//! Machines that share a file server which shows changes late.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
+
+use petzval_base::random::{Stage, Stream};
+use petzval_units::store::{Attempt, Begun, Clock, FileLayer, Holder, STALE_AFTER, Seen, Store, UnitState};
+use petzval_units::unit::Prepared;
+use serde_json::json;
+
+use crate::layers::{Late, Server, Simulated};
+use crate::{prepared, trivial};
+
+/// Parts of a unit's work, each of which is kept.
+const PARTS: u64 = 6;
+
+/// Machines, all of which work until the units are done.
+struct Machine {
+    layer: Arc<Late>,
+    store: Store,
+    holder: Holder,
+    seen: Seen,
+    working: Option<(usize, Box<Attempt>)>,
+    /// Until when it stands still, with its clock.
+    frozen_until: Duration,
+}
+
+fn machine(number: usize, server: &Arc<Server>, clock: &Arc<Simulated>) -> Machine {
+    let layer = Arc::new(Late { server: server.clone(), clock: clock.clone(), machine: number });
+    let store = Store::on(Path::new("/shared/store"), layer.clone(), clock.clone()).unwrap();
+    let holder = Holder { host: format!("node{number}"), pid: 1, process_start: 0, system: String::new() };
+    Machine { layer, store, holder, seen: Seen::default(), working: None, frozen_until: Duration::ZERO }
+}
+
+/// What a part adds to the result of a unit: a result without every part in its order is another one.
+fn with_part(sum: u64, part: u64) -> u64 {
+    sum.wrapping_mul(31).wrapping_add(part + 1)
+}
+
+/// Begins a unit, if it can be begun, from what an earlier attempt has kept.
+fn begin(machine: &mut Machine, units: &[Prepared], from: usize) {
+    for place in 0..units.len() {
+        let place = (place + from) % units.len();
+        let begun = machine.store.begin(&units[place], &machine.holder, false, &mut machine.seen).unwrap();
+        if let Begun::Mine(attempt) = begun {
+            if let Some((earlier, has_ended)) = attempt.earlier().unwrap().first() {
+                attempt.take_over(earlier, *has_ended).unwrap();
+            }
+            machine.working = Some((place, attempt));
+            return;
+        }
+    }
+}
+
+/// Does a part of a unit. Returns the number of an attempt whose result counts.
+fn work(machine: &mut Machine) -> Option<(usize, u32)> {
+    let (place, mut attempt) = machine.working.take()?;
+    let path = attempt.folder().join("progress");
+    let (part, sum): (u64, u64) = match machine.layer.read(&path) {
+        Ok(bytes) => serde_json::from_slice(&bytes).unwrap(),
+        Err(_) => (0, 0),
+    };
+    if part < PARTS {
+        let next = serde_json::to_vec(&(part + 1, with_part(sum, part))).unwrap();
+        machine.layer.replace(&path, &next).unwrap();
+        attempt.renew().unwrap();
+        machine.working = Some((place, attempt));
+        return None;
+    }
+    let number = attempt.number();
+    let result = attempt.finish(json!({"sum": sum})).unwrap();
+    Some((place, result.attempt)).filter(|_| result.attempt == number)
+}
+
+/// Machines are killed, stopped and frozen at random, and every unit ends with one result, made of every part once.
+#[test]
+fn units_are_done_once_on_a_server_that_shows_changes_late() {
+    let units: Vec<Prepared> =
+        (0..5).map(|i| prepared(&trivial(&format!("unit {i}"), f64::from(i)))).collect();
+    let expected = (0..PARTS).fold(0, with_part);
+    let (mut lost, mut taken_over) = (0, 0);
+    for seed in 0..40 {
+        let (server, clock) = (Arc::new(Server::default()), Arc::new(Simulated::default()));
+        let mut machines: Vec<Machine> = (0..4).map(|number| machine(number, &server, &clock)).collect();
+        let mut winners = vec![Vec::new(); units.len()];
+        let mut next_machine = machines.len();
+        for step in 0.. {
+            assert!(step < 20_000, "seed {seed}: the units do not end");
+            let [choice, chance] = Stream::new(seed, step, Stage::Search).uniforms(0, 0);
+            let [pause, other] = Stream::new(seed, step, Stage::Search).uniforms(1, 0);
+            clock.wait(Duration::from_secs_f64(4.0 * pause));
+            let which = (choice * machines.len() as f64) as usize;
+            if machines[which].frozen_until > clock.now() {
+                continue;
+            }
+            match chance {
+                // Killed: another process, which knows nothing, takes its place.
+                ..0.04 => {
+                    lost += usize::from(machines[which].working.is_some());
+                    machines[which] = machine(next_machine, &server, &clock);
+                    next_machine += 1;
+                }
+                ..0.06 => {
+                    if let Some((_, attempt)) = machines[which].working.take() {
+                        attempt.stop().unwrap();
+                    }
+                }
+                // Suspended for longer than a claim lives, with its unit.
+                ..0.07 => machines[which].frozen_until = clock.now() + 2 * STALE_AFTER,
+                _ if machines[which].working.is_some() => {
+                    if let Some((place, attempt)) = work(&mut machines[which]) {
+                        winners[place].push(attempt);
+                    }
+                }
+                _ => begin(&mut machines[which], &units, (other * units.len() as f64) as usize),
+            }
+            if winners.iter().all(|winners| !winners.is_empty())
+                && machines.iter().all(|machine| machine.working.is_none())
+            {
+                break;
+            }
+        }
+        clock.wait(Duration::from_secs(10));
+        let store = machine(next_machine, &server, &clock).store;
+        assert_eq!(store.keys().unwrap().len(), units.len());
+        for (unit, winners) in units.iter().zip(&winners) {
+            let result = store.result(&unit.key).unwrap().unwrap();
+            assert_eq!(*winners, [result.attempt], "seed {seed}: {} counts once", unit.unit.name);
+            assert_eq!(result.response["sum"], expected, "seed {seed}: {}", unit.unit.name);
+            taken_over += usize::from(result.attempt > 1);
+        }
+    }
+    assert!(lost > 20 && taken_over > 20, "{lost} lost, {taken_over} taken over: the test shows nothing");
+}
+
+#[test]
+fn a_claim_is_stale_by_the_clock_of_the_reader_and_a_living_owner_does_no_harm() {
+    let (server, clock) = (Arc::new(Server::default()), Arc::new(Simulated::default()));
+    let unit = prepared(&trivial("unit", 1.0));
+    let (mut one, mut two) = (machine(0, &server, &clock), machine(1, &server, &clock));
+    begin(&mut one, std::slice::from_ref(&unit), 0);
+    work(&mut one);
+    // The first look of the other machine is late: only what it sees unchanged counts.
+    clock.wait(3 * STALE_AFTER);
+    let state = |machine: &mut Machine| machine.store.state(&unit.key, &mut machine.seen).unwrap();
+    assert!(matches!(state(&mut two), UnitState::Running { attempt: 1, .. }));
+    clock.wait(STALE_AFTER - Duration::from_secs(1));
+    assert!(matches!(state(&mut two), UnitState::Running { attempt: 1, .. }));
+    // A renewal that becomes visible begins the count anew.
+    work(&mut one);
+    clock.wait(Duration::from_secs(6));
+    assert!(matches!(state(&mut two), UnitState::Running { attempt: 1, .. }));
+    clock.wait(STALE_AFTER);
+    assert!(matches!(state(&mut two), UnitState::Stale { attempt: 1, .. }));
+    begin(&mut two, std::slice::from_ref(&unit), 0);
+    let second = two.working.as_ref().unwrap().1.number();
+    assert_eq!(second, 2);
+    // The owner of the stale claim lives, and learns of the other one once its claim is visible.
+    clock.wait(Duration::from_secs(6));
+    let (_, attempt) = one.working.as_mut().unwrap();
+    assert_eq!(attempt.renew().unwrap().unwrap().holder.host, "node1");
+    // Both end; the first result counts, and both are the same.
+    let ended = |machine: &mut Machine| loop {
+        if machine.working.is_none() {
+            break None;
+        }
+        if let Some(ended) = work(machine) {
+            break Some(ended.1);
+        }
+    };
+    assert_eq!((ended(&mut two), ended(&mut one)), (Some(2), None));
+    clock.wait(Duration::from_secs(6));
+    let UnitState::Done(result) = state(&mut one) else { panic!() };
+    assert_eq!((result.attempt, &result.response["sum"]), (2, &json!((0..PARTS).fold(0, with_part))));
+}

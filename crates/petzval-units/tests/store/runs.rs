@@ -1,0 +1,184 @@
+//! Units run by the jobs that they name.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+use std::sync::{Arc, Mutex};
+
+use petzval_jobs::{Context, Event, Watcher, built_in_assets};
+use petzval_units::store::Seen;
+use petzval_units::store::{Outcome, RunOptions, Store, UnitState, run_all, run_unit};
+use petzval_units::unit::Unit;
+use serde_json::json;
+
+use crate::{context, prepared, trivial, unit};
+
+const USUAL: RunOptions = RunOptions { retries: false, leaves_others: false };
+
+fn store(folder: &Path) -> Store {
+    Store::open_or_new(&folder.join("store")).unwrap()
+}
+
+#[test]
+fn a_unit_with_a_result_is_not_run_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let (store, unit) = (store(folder.path()), trivial("ray", 10.0));
+    let Outcome::Done(first) = run_unit(&unit, &store, &context(), USUAL).unwrap() else { panic!() };
+    assert_eq!((first.attempt, first.files.clone()), (1, None));
+    assert!(first.response.is_object(), "{first:?}");
+    assert!(first.cost.seconds > 0.0 && first.cost.all_cpu_seconds >= first.cost.cpu_seconds);
+    let before = first.cost.began.clone();
+    let Outcome::There(again) = run_unit(&unit, &store, &context(), USUAL).unwrap() else { panic!() };
+    assert_eq!((again.cost.began.clone(), *again), (before, *first));
+    // Another name is the same work.
+    let other = Unit { name: "other".to_owned(), ..unit };
+    assert!(matches!(run_unit(&other, &store, &context(), USUAL).unwrap(), Outcome::There(_)));
+    assert_eq!(store.keys().unwrap().len(), 1);
+}
+
+#[test]
+fn files_of_a_job_are_in_the_store_and_named_from_there() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = store(folder.path());
+    let convert =
+        unit("convert", "lens-convert", json!({"from": "cooke-triplet-nominal", "to": "elsewhere/a.zmx"}));
+    let Outcome::Done(result) = run_unit(&convert, &store, &context(), USUAL).unwrap() else { panic!() };
+    assert_eq!(result.response["to"], "files/a.zmx");
+    let files = store.files(&result).unwrap();
+    assert_eq!(files, store.folder(&result.key).join("files"));
+    assert!(files.join("a.zmx").is_file() && !Path::new("elsewhere").exists());
+    assert!(store.unit(&result.key).unwrap() == Some(convert));
+}
+
+#[test]
+fn a_unit_that_fails_keeps_its_error_and_is_run_again_only_on_request() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = store(folder.path());
+    let lens = folder.path().join("lens.toml");
+    // It can be read, so that the unit is ready, and is no lens.
+    std::fs::write(&lens, "name = \"x\"\n").unwrap();
+    let broken = unit("broken", "lens-show", json!({"lens": lens.to_str().unwrap()}));
+    let (good, key) = (trivial("good", 1.0), prepared(&broken).key);
+    let run = |options| run_all(&[&broken, &good], &store, &context(), options).unwrap();
+    let summary = run(USUAL);
+    assert_eq!((summary.done, summary.failed.len(), summary.stopped.is_none()), (1, 1, true));
+    let failure = &summary.failed[0];
+    assert_eq!((failure.unit.as_str(), failure.attempt), ("broken", 1));
+    assert!(failure.error.place.as_ref().unwrap().path.as_deref() == Some(lens.as_path()), "{failure:?}");
+    let kept = std::fs::read_to_string(store.folder(&key).join("error.json")).unwrap();
+    assert_eq!(kept.parse::<serde_json::Value>().unwrap()["error"]["message"], json!(failure.error.message));
+    let summary = run(USUAL);
+    assert_eq!((summary.there, summary.failed[0].attempt), (1, 1));
+    let summary = run(RunOptions { retries: true, ..USUAL });
+    assert_eq!((summary.there, summary.failed[0].attempt), (1, 2));
+    let state = store.state(&key, &mut Seen::default()).unwrap();
+    assert!(matches!(state, UnitState::Failed(failure) if failure.attempt == 2));
+}
+
+/// Keeps the notes of a job.
+#[derive(Default)]
+struct Notes(Mutex<Vec<String>>);
+
+impl Watcher for Notes {
+    fn event(&self, event: &Event) {
+        self.0.lock().unwrap().push(event.to_string());
+    }
+}
+
+#[test]
+fn many_workers_on_one_store_do_each_unit_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = store(folder.path());
+    let units: Vec<Unit> = (0..24).map(|i| trivial(&format!("ray {i}"), f64::from(i) * 0.5)).collect();
+    let all: Vec<&Unit> = units.iter().collect();
+    let done: usize = std::thread::scope(|scope| {
+        let work = || run_all(&all, &store, &context(), USUAL).unwrap();
+        let workers: Vec<_> = (0..8).map(|_| scope.spawn(work)).collect();
+        workers
+            .into_iter()
+            .map(|worker| {
+                let summary = worker.join().unwrap();
+                assert_eq!(summary.done + summary.there, 24, "{summary:?}");
+                summary.done
+            })
+            .sum()
+    });
+    assert_eq!(done, 24);
+    let attempts: BTreeSet<u32> =
+        store.keys().unwrap().iter().map(|key| store.result(key).unwrap().unwrap().attempt).collect();
+    assert_eq!(attempts, BTreeSet::from([1]));
+}
+
+/// A search of two rounds.
+fn search() -> Unit {
+    let goal = json!({"wavelengths": [0.5876]});
+    let start = json!({"new": {"lens": "cooke-triplet-nominal", "out": "", "global": true, "goal": goal}});
+    unit("search", "lens-optimize", json!({"start": start, "rounds": 2}))
+}
+
+/// A context that cancels a search after its first round.
+fn stopping() -> Context {
+    struct Stopper(petzval_base::Cancel);
+    impl Watcher for Stopper {
+        fn event(&self, event: &Event) {
+            if matches!(event, Event::Progress { done: 1.., .. }) {
+                self.0.set();
+            }
+        }
+    }
+    let cancel = petzval_base::Cancel::default();
+    Context::new(built_in_assets(), Arc::new(Stopper(cancel.clone()))).with_cancellation(cancel)
+}
+
+#[test]
+fn a_stopped_optimisation_goes_on_to_the_same_bits() {
+    let folder = tempfile::tempdir().unwrap();
+    let search = search();
+    let whole = store(&folder.path().join("whole"));
+    let Outcome::Done(whole) = run_unit(&search, &whole, &context(), USUAL).unwrap() else { panic!() };
+    let store = store(folder.path());
+    assert!(matches!(run_unit(&search, &store, &stopping(), USUAL).unwrap(), Outcome::Stopped(_)));
+    let state = store.state(&prepared(&search).key, &mut Seen::default()).unwrap();
+    assert_eq!(state, UnitState::Stopped { attempt: 1 });
+    let notes = Arc::new(Notes::default());
+    let watched = Context::new(built_in_assets(), notes.clone());
+    let Outcome::Done(result) = run_unit(&search, &store, &watched, USUAL).unwrap() else { panic!() };
+    assert!(notes.0.lock().unwrap().iter().any(|note| note == "going on from a checkpoint"));
+    assert_eq!((result.attempt, &result.response), (2, &whole.response));
+    let best = std::fs::read(store.files(&result).unwrap().join("best.toml")).unwrap();
+    let other = folder.path().join("whole/store").join(whole.key.as_str()).join("files/best.toml");
+    assert_eq!(best, std::fs::read(other).unwrap());
+}
+
+/// A process is killed, and the disk has lost its last writes: the unit begins again. What a process has ended itself is whole, and never removed.
+#[test]
+fn a_damaged_checkpoint_of_a_killed_process_is_no_end() {
+    let folder = tempfile::tempdir().unwrap();
+    let search = search();
+    let key = prepared(&search).key;
+    for (was_killed, name) in [(true, "killed"), (false, "stopped")] {
+        let store = store(&folder.path().join(name));
+        assert!(matches!(run_unit(&search, &store, &stopping(), USUAL).unwrap(), Outcome::Stopped(_)));
+        let at = |name: &str| store.folder(&key).join(name);
+        std::fs::write(at("work-0001/search.json"), "{").unwrap();
+        if was_killed {
+            let claim = std::fs::read_to_string(at("claim-0001.json")).unwrap();
+            let mut claim: serde_json::Value = claim.parse().unwrap();
+            claim["holder"]["process_start"] = json!(1);
+            std::fs::write(at("claim-0001.json"), claim.to_string()).unwrap();
+            std::fs::remove_file(at("attempt-0001.json")).unwrap();
+        }
+        let notes = Arc::new(Notes::default());
+        let watched = Context::new(built_in_assets(), notes.clone());
+        match run_unit(&search, &store, &watched, USUAL).unwrap() {
+            Outcome::Done(result) => {
+                assert!(was_killed && result.attempt == 2);
+                assert!(notes.0.lock().unwrap().iter().any(|note| note.contains("the unit begins again")));
+            }
+            Outcome::Failed(failure) => {
+                assert!(!was_killed && failure.error.message.contains("search.json"), "{failure:?}");
+                assert!(at("work-0002/config.json").is_file());
+            }
+            other => panic!("{other:?}"),
+        }
+    }
+}

@@ -1,0 +1,114 @@
+//! `petzval sweep gather`.
+
+use std::path::{Path, PathBuf};
+
+use crate::base::write_whole;
+use crate::report::sweep_page;
+use crate::units::store::Seen;
+use crate::units::sweep::{Choice, Gathered, KeptSweep, gather, status, units_file, view};
+
+use super::super::code::Code;
+use super::super::failure::Failure;
+use super::super::plain::{self, shown};
+use super::super::terminal::{Terminal, pasted, print_json};
+
+/// Gather the results of a sweep: a table in which the keys that vary are columns, with mean, standard deviation over the seeds, and range.
+///
+/// It is written as table.csv, the single units as units.csv, and sweep.html shows the table, the same picture by every unit, and one scatter
+/// plot. A sweep that still runs is gathered as far as it has come; units that failed are listed with their errors.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Folder of the store
+    dir: PathBuf,
+    /// Folder for the tables and the page [default: the store]
+    #[arg(long, value_name = "FOLDER")]
+    out: Option<PathBuf>,
+    /// Key or figure along the axis of the scatter plot to the right [default: the first key with numbers, else the second figure]
+    #[arg(long, value_name = "NAME")]
+    x: Option<String>,
+    /// Key or figure along its upward axis [default: the first figure]
+    #[arg(long, value_name = "NAME")]
+    y: Option<String>,
+    /// Figure that the page shows; may be repeated [default: all scores and those of the lens]
+    #[arg(long, value_name = "NAME")]
+    figure: Vec<String>,
+    /// Machine-readable output
+    #[arg(long)]
+    json: bool,
+}
+
+/// The job whose units may be parts of one analysis, and the key that says so.
+const TOLERANCES: &str = "lens-tolerance";
+const PART: &str = "part";
+
+/// Files of the results.
+const FILES: [&str; 3] = ["table.csv", "units.csv", "sweep.html"];
+
+/// Runs the verb.
+pub fn run(args: &Args, terminal: &Terminal) -> Result<Code, Failure> {
+    let kept = KeptSweep::read(&args.dir)?;
+    let gathered = gather(&kept, &args.dir, status(&kept, &args.dir, &mut Seen::default())?)?;
+    let choice = Choice { x: args.x.clone(), y: args.y.clone(), figures: args.figure.clone() };
+    let again = format!("petzval sweep {} --store {} --retry", pasted(&kept.file), pasted(&args.dir));
+    let page = sweep_page::page(&view(&gathered, &choice, &again)?);
+    let folder = args.out.as_ref().unwrap_or(&args.dir);
+    check_room(folder, args.out.is_some() && !terminal.overwrites)?;
+    for (name, text) in FILES.iter().zip([gathered.csv(), gathered.units_csv(), page]) {
+        let path = folder.join(name);
+        write_whole(&path, text.as_bytes()).map_err(|e| Failure::job(format!("{}: {e}", shown(&path))))?;
+    }
+    if args.json {
+        return print_json(&gathered);
+    }
+    out!("{}", in_words(&gathered));
+    outln!("{}", gathered.status.in_words());
+    if kept.job == TOLERANCES && kept.keys.iter().any(|key| key == PART) {
+        let units = pasted(&units_file(&args.dir));
+        outln!("join the parts: petzval unit gather {units} --store {}", pasted(&args.dir));
+    }
+    FILES.iter().for_each(|name| outln!("{}", shown(folder.join(name))));
+    Ok(Code::SUCCESS)
+}
+
+/// Makes the folder of the results. A folder of one's own must not hold any yet.
+fn check_room(folder: &Path, is_own: bool) -> Result<(), Failure> {
+    if let Some(there) = FILES.iter().map(|name| folder.join(name)).find(|path| is_own && path.exists()) {
+        return Err(Failure::input(format!("{}: is there already", shown(&there)), "--force overwrites it"));
+    }
+    std::fs::create_dir_all(folder)
+        .map_err(|e| Failure::input(format!("{}: {e}", shown(folder)), "give a folder that can be made"))
+}
+
+/// Figures of the table on the terminal.
+const SHOWN: usize = 4;
+
+/// The table with its first figures.
+fn in_words(gathered: &Gathered) -> String {
+    let figures = gathered.figures.len().min(SHOWN);
+    let text = |value: &serde_json::Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+    let mut rows: Vec<Vec<String>> = Vec::new();
+    let heads = gathered.keys.iter().cloned().chain(["camera", "units"].map(str::to_owned));
+    rows.push(heads.chain(gathered.figures.iter().take(figures).map(|figure| figure.name.clone())).collect());
+    for row in &gathered.rows {
+        let cells = row.figures.iter().take(figures).zip(&gathered.figures).map(|(spread, figure)| {
+            let Some(spread) = spread else { return "-".to_owned() };
+            let decimals = figure.decimals.unwrap_or(4);
+            let deviation =
+                spread.deviation.map_or_else(String::new, |deviation| format!(" ± {deviation:.decimals$}"));
+            format!("{:.decimals$}{deviation}", spread.mean)
+        });
+        let camera = if row.camera.is_empty() { "-".to_owned() } else { row.camera.clone() };
+        rows.push(
+            row.values.iter().map(text).chain([camera, row.units.len().to_string()]).chain(cells).collect(),
+        );
+    }
+    let columns = rows[0].len();
+    let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
+    let widths: Vec<usize> = (0..columns).map(width).collect();
+    let line = |row: &Vec<String>| {
+        let cells: Vec<String> =
+            row.iter().zip(&widths).map(|(cell, width)| format!("{cell:<width$}")).collect();
+        plain::line(cells.join("  ").trim_end()).into_owned() + "\n"
+    };
+    rows.iter().map(line).collect()
+}

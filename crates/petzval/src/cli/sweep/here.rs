@@ -1,0 +1,141 @@
+//! Units on this machine: processes of `petzval unit run`, which take units until none is left.
+
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+use crate::base::Cancel;
+use crate::units::store::Seen;
+use crate::units::sweep::{KeptSweep, State, logs_folder, status, units_file};
+
+use super::super::code::Code;
+use super::super::failure::Failure;
+use super::super::plain::{self, shown};
+use super::super::terminal::pasted;
+
+/// How the units run.
+pub struct Options {
+    /// Processes.
+    pub jobs: usize,
+    /// Names of units that have failed and are run again; all units if there are none.
+    pub again: Vec<String>,
+}
+
+/// Between two looks at the processes.
+const LOOK: Duration = Duration::from_millis(200);
+
+/// Looks at the processes between two looks at the units.
+const LOOKS: u32 = 25;
+
+/// Runs the units. A signal is passed on to the processes, which end with their checkpoints.
+pub fn run(kept: &KeptSweep, root: &Path, options: &Options, stop: &Cancel) -> Result<Code, Failure> {
+    let mut running = Vec::new();
+    for place in 0..options.jobs {
+        running.push(start(kept, root, options, place)?);
+    }
+    let (mut looks, mut is_passed_on, mut last) = (0, false, String::new());
+    let mut seen = Seen::default();
+    let mut is_stopped = false;
+    while !running.is_empty() {
+        if stop.is_set() && !is_passed_on {
+            is_passed_on = true;
+            noteln!("stopping after the current step, with a checkpoint; the same command goes on");
+            running.iter().for_each(pass_on);
+        }
+        let mut left = Vec::new();
+        for mut child in running {
+            match child.try_wait().map_err(|e| Failure::job(format!("a process of the sweep: {e}")))? {
+                None => left.push(child),
+                Some(ended) => is_stopped |= ended.code() == Some(STOPPED),
+            }
+        }
+        running = left;
+        looks += 1;
+        if options.jobs > 1 && looks % LOOKS == 0 {
+            let words = status(kept, root, &mut seen)?.in_words();
+            if words != last {
+                noteln!("{words}");
+                last = words;
+            }
+        }
+        std::thread::sleep(LOOK);
+    }
+    let status = status(kept, root, &mut seen)?;
+    outln!("{}", status.in_words());
+    for unit in status.units.iter().filter(|unit| unit.state == State::Failed) {
+        outln!("  {}", plain::message(&format!("{}: {}", unit.name, unit.error.clone().unwrap_or_default())));
+    }
+    let done = status.count(State::Done);
+    if done > 0 {
+        outln!("gather: petzval sweep gather {}", pasted(root));
+    }
+    if status.count(State::Failed) > 0 {
+        outln!(
+            "run a failed unit again: petzval sweep {} --store {} --retry NAME",
+            pasted(&kept.file),
+            pasted(root)
+        );
+    }
+    Ok(if is_stopped || stop.is_set() {
+        Code::STOPPED
+    } else if done == status.units.len() {
+        Code::SUCCESS
+    } else {
+        Code::FAILURE
+    })
+}
+
+/// Exit code of a process that was stopped by a signal.
+const STOPPED: i32 = 75;
+
+/// Starts a process. Where there are several, each writes to a file of its own.
+fn start(kept: &KeptSweep, root: &Path, options: &Options, place: usize) -> Result<Child, Failure> {
+    let program = std::env::current_exe().map_err(|e| Failure::job(format!("this program: {e}")))?;
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    // The folder in which a process works may be another one.
+    let root = std::path::absolute(root).map_err(|e| Failure::job(format!("{}: {e}", shown(root))))?;
+    let mut command = Command::new(program);
+    command.args(["unit", "run"]).arg(units_file(&root)).arg("--store").arg(&root);
+    for name in &options.again {
+        command.arg("--name").arg(name);
+    }
+    if !options.again.is_empty() {
+        command.arg("--retry");
+    }
+    if kept.threads == 0 {
+        command.arg("--threads").arg((cores / options.jobs).max(1).to_string());
+    }
+    command.env("PETZVAL_SIMD", kept.simd.variable()).stdin(Stdio::null()).stdout(Stdio::null());
+    // These processes take all units, also within a task of a cluster.
+    for variable in ["SLURM_ARRAY_TASK_ID", "HQ_TASK_ID"] {
+        command.env_remove(variable);
+    }
+    if options.jobs > 1 {
+        let log = logs_folder(&root).join(format!("here-{place}.log"));
+        let file = std::fs::File::create(&log).map_err(|e| Failure::job(format!("{}: {e}", shown(&log))))?;
+        command.stderr(file);
+    }
+    in_a_group_of_its_own(&mut command);
+    command.spawn().map_err(|e| Failure::job(format!("a process of the sweep: {e}")))
+}
+
+/// Keeps Ctrl-C of a terminal from a process: it is passed on once, and a second signal would end the process without a checkpoint.
+#[cfg(unix)]
+fn in_a_group_of_its_own(command: &mut Command) {
+    use std::os::unix::process::CommandExt;
+    command.process_group(0);
+}
+
+#[cfg(not(unix))]
+fn in_a_group_of_its_own(_: &mut Command) {}
+
+/// Passes a signal on.
+#[cfg(unix)]
+fn pass_on(child: &Child) {
+    // A process that has ended needs none.
+    let _ended =
+        rustix::process::kill_process(rustix::process::Pid::from_child(child), rustix::process::Signal::TERM);
+}
+
+#[cfg(not(unix))]
+fn pass_on(_: &Child) {}

@@ -1,0 +1,80 @@
+//! `petzval sweep status`.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use crate::units::store::Seen;
+use crate::units::sweep::{KeptSweep, State, SweepStatus, UnitStatus, status};
+
+use super::super::code::Code;
+use super::super::failure::Failure;
+use super::super::plain;
+use super::super::runs::time;
+use super::super::signals;
+use super::super::terminal::print_json;
+use super::super::text_table::TextTable;
+
+/// Show how the units of a sweep stand: done, running, stale (their process is gone, the next one goes on), stopped, failed or waiting.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Folder of the store
+    dir: PathBuf,
+    /// List units that are done or waiting, too
+    #[arg(long)]
+    all: bool,
+    /// Print it again whenever it changes, until all units have ended or a signal comes
+    #[arg(long, conflicts_with = "json")]
+    watch: bool,
+    /// Machine-readable output
+    #[arg(long)]
+    json: bool,
+}
+
+/// Between two looks of --watch.
+const AGAIN: Duration = Duration::from_secs(2);
+
+/// Runs the verb.
+pub fn run(args: &Args) -> Result<Code, Failure> {
+    let kept = KeptSweep::read(&args.dir)?;
+    let mut seen = Seen::default();
+    if !args.watch {
+        let now = status(&kept, &args.dir, &mut seen)?;
+        if args.json {
+            return print_json(&now);
+        }
+        out!("{}", in_words(&now, args.all));
+        return Ok(Code::SUCCESS);
+    }
+    let _stop = signals::end_on_signal()?;
+    let mut last = String::new();
+    loop {
+        let now = status(&kept, &args.dir, &mut seen)?;
+        let text = in_words(&now, args.all);
+        if text != last {
+            outln!("{text}");
+            last = text;
+        }
+        if now.count(State::Done) + now.count(State::Failed) == now.units.len() {
+            return Ok(Code::SUCCESS);
+        }
+        std::thread::sleep(AGAIN);
+    }
+}
+
+fn in_words(now: &SweepStatus, all: bool) -> String {
+    let mut table = TextTable::new(["unit", "state", "attempt", "time", "by"]);
+    let is_shown = |unit: &&UnitStatus| all || !matches!(unit.state, State::Done | State::Waiting);
+    let mut errors = String::new();
+    let mut shown = 0;
+    for unit in now.units.iter().filter(is_shown) {
+        shown += 1;
+        let attempt = if unit.attempt == 0 { "-".to_owned() } else { unit.attempt.to_string() };
+        let seconds = unit.seconds.map_or_else(|| "-".to_owned(), time);
+        table.row([unit.name.clone(), unit.state.word().to_owned(), attempt, seconds, unit.holder.clone()]);
+        if let Some(error) = &unit.error {
+            errors += &format!("{}: {}\n", unit.name, plain::message(error));
+        }
+    }
+    let table = if shown > 0 { table.text() } else { String::new() };
+    format!("{table}{errors}{} of {} units: {}\n", now.count(State::Done), now.units.len(), now.in_words())
+}

@@ -1,0 +1,89 @@
+//! `petzval unit gather`.
+
+use std::path::{Path, PathBuf};
+
+use crate::base::counted;
+use crate::cli::code::Code;
+use crate::jobs::JobError;
+use crate::units::store::{Joined, Store, gather_tolerances};
+use crate::units::unit::UnitFile;
+use serde::Serialize;
+
+use super::super::failure::Failure;
+use super::super::plain::{self, shown};
+use super::super::terminal::{Terminal, print_json};
+use super::run::context;
+
+/// Join the random lenses of `lens-tolerance` units that are parts of one analysis.
+///
+/// Units that differ in `part` alone become one analysis, the same to the bit as that of a single run. Sensitivities are computed here, once.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// File of units, one in each line as JSON
+    file: PathBuf,
+    /// Folder of the store
+    #[arg(long, value_name = "DIR")]
+    store: PathBuf,
+    /// Folder for the files of the analysis, as `lens tolerance --out` writes them; of several analyses one folder each in it
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Machine-readable output
+    #[arg(long)]
+    json: bool,
+}
+
+/// An analysis, as JSON.
+#[derive(Serialize)]
+struct Row<'j> {
+    units: &'j [String],
+    report: &'j crate::jobs::lens::tolerance::Report,
+}
+
+/// Runs the verb.
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
+    let file = UnitFile::read(&args.file)?;
+    let store = Store::open(&args.store).map_err(JobError::from)?;
+    let absolute = |path: &Path| {
+        std::path::absolute(path).map_err(|e| Failure::input(format!("{}: {e}", shown(path)), ""))
+    };
+    let out = args.out.as_deref().map(absolute).transpose()?;
+    // Its analyses are computed with the instruction set of their lenses.
+    if let Some(unit) = file.units.iter().find(|unit| unit.call.job == "lens-tolerance") {
+        super::run::with_level(unit, terminal)?;
+    }
+    let context = context(&args.file, terminal)?;
+    let units: Vec<_> = file.units.iter().collect();
+    let joined = gather_tolerances(&units, &store, &context, out.as_deref());
+    drop(context);
+    let joined = joined?;
+    if args.json {
+        return print_json(&joined.iter().map(row).collect::<Vec<_>>());
+    }
+    for Joined { units, response } in &joined {
+        let report = &response.report;
+        let lenses = report.monte_carlo.as_ref();
+        let figures = lenses.map_or_else(String::new, |random| {
+            let number =
+                |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |value| format!("{value:.4}"));
+            format!(
+                ": {} lenses, mean {} {}, standard deviation {}",
+                random.trials,
+                number(random.mean),
+                report.unit,
+                number(random.standard_deviation)
+            )
+        });
+        outln!(
+            "{}",
+            plain::message(&format!("{} from {}{figures}", report.lens, counted(units.len(), "unit")))
+        );
+    }
+    if let Some(out) = &out {
+        noteln!("written to {}", shown(out));
+    }
+    Ok(Code::SUCCESS)
+}
+
+fn row(Joined { units, response }: &Joined) -> Row<'_> {
+    Row { units, report: &response.report }
+}

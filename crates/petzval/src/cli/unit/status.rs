@@ -1,0 +1,104 @@
+//! `petzval unit status`.
+
+use std::path::PathBuf;
+
+use crate::cli::code::Code;
+use crate::jobs::JobError;
+use crate::units::store::{Claim, Cost, Failure as FailedUnit, Seen, Store, UnitState};
+use serde::Serialize;
+
+use super::super::failure::Failure;
+use super::super::plain;
+use super::super::terminal::print_json;
+
+/// Show where the units of a store stand.
+///
+/// Units that nobody has begun are not in a store. Whether a process of another machine still lives is seen only by who waits for it.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Folder of the store
+    dir: PathBuf,
+    /// Machine-readable output
+    #[arg(long)]
+    json: bool,
+}
+
+/// A unit, as JSON.
+#[derive(Serialize)]
+struct Row {
+    key: String,
+    name: String,
+    job: String,
+    state: &'static str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    attempt: Option<u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    claim: Option<Claim>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    failure: Option<Box<FailedUnit>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    cost: Option<Cost>,
+}
+
+/// Runs the verb.
+pub fn run(args: Args) -> Result<Code, Failure> {
+    let rows = rows(&args)?;
+    if args.json {
+        return print_json(&rows);
+    }
+    for row in &rows {
+        let more = match row {
+            Row { failure: Some(failure), .. } => failure.error.message.clone(),
+            Row { claim: Some(claim), .. } => format!("{} since {}", claim.holder, claim.began),
+            Row { cost: Some(cost), .. } => format!("{:.1} s", cost.seconds),
+            _ => String::new(),
+        };
+        let line = format!("{}  {:<8} {:<20} {}  {more}", &row.key[..12], row.state, row.job, row.name);
+        outln!("{}", plain::line(line.trim_end()));
+    }
+    let count = |state: &str| rows.iter().filter(|row| row.state == state).count();
+    let counts = ["done", "running", "stopped", "stale", "failed"].map(|state| (state, count(state)));
+    let counts: Vec<String> =
+        counts.iter().filter(|(_, n)| *n > 0).map(|(state, n)| format!("{n} {state}")).collect();
+    outln!("{}", if counts.is_empty() { "no unit was begun here".to_owned() } else { counts.join(", ") });
+    Ok(Code::SUCCESS)
+}
+
+fn rows(args: &Args) -> Result<Vec<Row>, JobError> {
+    let store = Store::open(&args.dir)?;
+    let mut seen = Seen::default();
+    let mut rows = Vec::new();
+    for key in store.keys()? {
+        let unit = store.unit(&key)?;
+        let (name, job) = unit.map_or_else(Default::default, |unit| (unit.name, unit.call.job));
+        let bare = Row {
+            key: key.to_string(),
+            name,
+            job,
+            state: "waiting",
+            attempt: None,
+            claim: None,
+            failure: None,
+            cost: None,
+        };
+        rows.push(match store.state(&key, &mut seen)? {
+            UnitState::Waiting => bare,
+            UnitState::Running { attempt, claim } => {
+                Row { state: "running", attempt: Some(attempt), claim, ..bare }
+            }
+            UnitState::Stale { attempt, claim } => {
+                Row { state: "stale", attempt: Some(attempt), claim, ..bare }
+            }
+            UnitState::Stopped { attempt } => Row { state: "stopped", attempt: Some(attempt), ..bare },
+            UnitState::Failed(failure) => {
+                let (attempt, cost) = (Some(failure.attempt), Some(failure.cost.clone()));
+                Row { state: "failed", attempt, cost, failure: Some(failure), ..bare }
+            }
+            UnitState::Done(result) => {
+                Row { state: "done", attempt: Some(result.attempt), cost: Some(result.cost), ..bare }
+            }
+        });
+    }
+    rows.sort_by(|a, b| a.name.cmp(&b.name));
+    Ok(rows)
+}

@@ -1,0 +1,231 @@
+//! Sweeps: what is refused before anything runs, and small ones from the first unit to the table.
+
+use std::path::Path;
+
+use crate::common::*;
+
+/// A sweep of a job that takes no time.
+const LENSES: &str = "job = \"lens-show\"\n[grid]\nlens = [\"cooke-triplet-nominal\", \"single.toml\"]\n";
+
+/// A lens that is not built in.
+const SINGLE: &str = "name = \"single\"\nunits = \"mm\"\n[aperture]\nentrance_pupil_diameter_mm = 5.0\n[object]\ndistance_mm = inf\n\
+    [wavelengths]\num = [0.55]\nreference_um = 0.55\n[fields]\nangle_deg = [0.0, 5.0]\n[glass.M15]\nn = 1.5\n\
+    [[surface]]\nstop = true\nradius_mm = 50.0\nthickness_mm = 3.0\nglass = \"M15\"\nsemi_diameter_mm = 5.0\n\
+    [[surface]]\nradius_mm = -50.0\nthickness_mm = 49.5\nsemi_diameter_mm = 5.0\n";
+
+fn write(folder: &Path, name: &str, text: &str) {
+    std::fs::write(folder.join(name), text).unwrap();
+}
+
+#[test]
+fn what_is_wrong_is_refused_with_its_place_and_nothing_is_written() {
+    let folder = tempfile::tempdir().unwrap();
+    write(folder.path(), "tiny.toml", &tiny_experiment());
+    let many = "experiment = \"tiny.toml\"\n[grid]\nvalidation.every = [2, 0]\n[list]\nvalidation.patience = [0, 5, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]\n\
+        training.batch = [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15]\n";
+    for (text, needles) in [
+        (
+            "experiment = \"tiny.toml\"\n[grid]\npsf.gird = [64]\n",
+            &[
+                "s.toml:3:13: `psf.gird = 64`: unit `gird=64` (1 of 1)",
+                "no such key here",
+                "did you mean `grid`?",
+            ][..],
+        ),
+        ("experiment = \"tiny.toml\"\nsteps = 3\nsteps = 4\n", &["s.toml:3:", "duplicate key"]),
+        ("experiment = \"tiny.toml\"\n[grid]\npsf.grid = []\n", &["s.toml:3:12:", "the list is empty"]),
+        (
+            "experiment = \"tiny.toml\"\nseed = [1]\n",
+            &["s.toml:2:1: `seed = [1]`: no such key here", "did you mean `seeds`?"],
+        ),
+        // The seventeenth of thirty units: its keys do not fit each other.
+        (
+            many,
+            &[
+                "s.toml:5:27: `validation.patience = 5`: unit `every=0,batch=2,patience=5` (17 of 30): there are no validations",
+                "validation.every",
+            ],
+        ),
+        (
+            "experiment = \"tiny.toml\"\n[grid]\npsf.grid = [48, 47]\n",
+            &["s.toml:3:17: `psf.grid = 47`: unit `grid=47` (2 of 2): must be even", "take 48"],
+        ),
+        (
+            "experiment = \"tiny.toml\"\nvariants = [\"nominal\", \"best\"]\n",
+            &["s.toml:2:24: `variants = \"best\"`", "no such variant", "spot-optimised"],
+        ),
+        ("experiment = \"tiny.toml\"\n[grid]\nloss.l1_weight = [1, 1.0]\n", &["would run the same"]),
+        (
+            "experiment = \"tiny.toml\"\njob = \"lens-show\"\n",
+            &["s.toml:2:7:", "an experiment is named as well"],
+        ),
+        ("[grid]\npsf.grid = [64]\n", &["neither an experiment nor a job"]),
+        ("job = \"lens-shw\"\n", &["s.toml:1:7:", "there is no job `lens-shw`", "did you mean `lens-show`?"]),
+        (
+            "job = \"lens-show\"\n[grid]\nlenz = [\"cooke-triplet-nominal\"]\n[request]\nlens = \"cooke-triplet-nominal\"\n",
+            &["s.toml:3:9: `lenz = \"cooke-triplet-nominal\"`", "no such key here", "did you mean `lens`?"],
+        ),
+        (
+            "experiment = \"cooke-triplet-nominal\"\n",
+            &["s.toml:1:14:", "a lens and not an experiment", "petzval init --lens"],
+        ),
+    ] {
+        write(folder.path(), "s.toml", text);
+        run_fails(folder.path(), &["sweep", "s.toml", "--store", "store"], 2, needles);
+    }
+    write(folder.path(), "s.toml", LENSES);
+    write(folder.path(), "single.toml", SINGLE);
+    run_fails(
+        folder.path(),
+        &["sweep", "s.toml", "--retry", "lens=singel"],
+        2,
+        &["no unit of this name", "did you mean `lens=single`?"],
+    );
+    run_fails(folder.path(), &["sweep", "status", "store"], 2, &["store: no sweep is kept here"]);
+    run_fails(folder.path(), &["sweep", "gather", "."], 2, &["no sweep is kept here"]);
+    std::fs::create_dir(folder.path().join("full")).unwrap();
+    write(folder.path(), "full/notes.txt", "mine");
+    run_fails(
+        folder.path(),
+        &["sweep", "s.toml", "--store", "full"],
+        2,
+        &["holds something else than a store"],
+    );
+    std::fs::create_dir(folder.path().join("other")).unwrap();
+    write(folder.path(), "other/store.json", "{\"format\": 1, \"program\": \"0.0.1\"}");
+    run_fails(folder.path(), &["sweep", "s.toml", "--store", "other"], 2, &["store is of Petzval 0.0.1"]);
+}
+
+#[test]
+fn a_sweep_of_a_job_is_run_here_gathered_and_a_failed_unit_run_again() {
+    let folder = tempfile::tempdir().unwrap();
+    write(folder.path(), "single.toml", SINGLE);
+    write(folder.path(), "s.toml", LENSES);
+    let dry = run_ok(folder.path(), &["sweep", "s.toml", "--dry-run"]);
+    assert!(
+        dry.stdout.starts_with("2 units\n  lens=cooke-triplet-nominal\n  lens=single\n"),
+        "{}",
+        dry.stdout
+    );
+    assert!(dry.stdout.contains("not known before a unit of the job `lens-show` is finished"));
+    assert!(!folder.path().join("sweeps").exists());
+    let print = run_ok(folder.path(), &["sweep", "s.toml", "--submit", "print", "--option=--partition=long"]);
+    assert!(
+        print.stdout.contains("#SBATCH --array=0-1\n") && print.stdout.contains("#SBATCH --partition=long\n")
+    );
+    let here = run_ok(folder.path(), &["sweep", "s.toml", "--submit", "here", "--jobs", "2"]);
+    assert!(here.stdout.starts_with("2 done\n"), "{}", here.stdout);
+    // The lens stays what it was when the units were made; the same command passes finished units over.
+    let again = run_ok(folder.path(), &["sweep", "s.toml", "--submit", "here"]);
+    assert!(again.stdout.starts_with("2 done\n"), "{}", again.stdout);
+    let status = run_ok(folder.path(), &["sweep", "status", "sweeps/s", "--json"]).json();
+    assert_eq!(status["units"][1]["attempt"], 1);
+    let gathered =
+        run_ok(folder.path(), &["sweep", "gather", "sweeps/s", "--x", "efl_mm", "--y", "f_number"]);
+    assert!(gathered.stdout.contains("sweep.html"), "{}", gathered.stdout);
+    let table = read(&folder.path().join("sweeps/s/table.csv"));
+    let lines: Vec<&str> = table.lines().collect();
+    assert!(lines[0].starts_with("lens,camera,units,") && lines[0].contains("efl_mm_mean"), "{table}");
+    assert_eq!(lines.len(), 3);
+    assert!(read(&folder.path().join("sweeps/s/sweep.html")).contains("class=\"points\""));
+    run_fails(
+        folder.path(),
+        &["sweep", "gather", "sweeps/s", "--x", "elf_mm"],
+        2,
+        &["--x elf_mm: no unit has such a figure", "did you mean `efl_mm`?"],
+    );
+    run_fails(
+        folder.path(),
+        &["sweep", "gather", "sweeps/s", "--x", "lens"],
+        2,
+        &["--x lens: the values of this key are no numbers"],
+    );
+
+    // A ray at a field that the lens cannot take fails, and nothing else does.
+    let trace = "job = \"lens-trace\"\n[request]\nlens = \"cooke-triplet-nominal\"\nwavelength = 0.55\npupil = [0.0, 0.5]\n[grid]\nfield = [5.0, 400.0]\n";
+    write(folder.path(), "t.toml", trace);
+    let failed = run(folder.path(), &["sweep", "t.toml", "--submit", "here"]);
+    assert_eq!(failed.code, Some(1), "{failed:?}");
+    assert!(failed.stdout.starts_with("1 done, 1 failed\n  field=400.0: "), "{}", failed.stdout);
+    let retried = run(folder.path(), &["sweep", "t.toml", "--retry", "field=400.0"]);
+    assert_eq!(retried.code, Some(1), "{retried:?}");
+    let status = run_ok(folder.path(), &["sweep", "status", "sweeps/t", "--json"]).json();
+    assert_eq!((&status["units"][1]["state"], &status["units"][1]["attempt"]), (&"failed".into(), &2.into()));
+    let page = run_ok(folder.path(), &["sweep", "gather", "sweeps/t"]).stdout;
+    assert!(page.contains("1 done, 1 failed"), "{page}");
+    let html = read(&folder.path().join("sweeps/t/sweep.html"));
+    assert!(
+        html.contains("Failed units") && html.contains("--retry &#39;field=400.0&#39;")
+            || html.contains("--retry 'field=400.0'"),
+        "{html}"
+    );
+}
+
+#[test]
+fn settings_of_the_command_line_are_those_of_the_printed_experiment() {
+    let folder = tempfile::tempdir().unwrap();
+    write(folder.path(), "tiny.toml", &tiny_experiment());
+    let with = |more: &[&str]| {
+        run_ok(folder.path(), &[&["design", "tiny.toml", "--print-config"], more].concat()).stdout
+    };
+    let set = with(&[
+        "--set",
+        "psf.grid=48",
+        "--set",
+        "psf.kind=diffraction",
+        "--set",
+        "variant.end-to-end.noise=off",
+        "--set",
+        "training.steps = 7",
+    ]);
+    let read_back: toml::Table = set.parse().unwrap();
+    assert_eq!(read_back["psf"]["grid"].as_integer(), Some(48));
+    assert_eq!(read_back["psf"]["kind"].as_str(), Some("diffraction"));
+    assert_eq!(read_back["training"]["steps"].as_integer(), Some(7));
+    assert_eq!(read_back["variant"][2]["noise"].as_str(), Some("off"));
+    // Nothing else differs, and what is set to its value changes nothing.
+    let plain: toml::Table = with(&[]).parse().unwrap();
+    assert_eq!(plain["optics"], read_back["optics"]);
+    assert_eq!(with(&["--set", "seed=1"]), with(&[]));
+    for (set, needles) in [
+        (
+            &["psf.gird=48"][..],
+            &["--set psf.gird=48: `psf.gird`: no such key here", "did you mean `grid`?"][..],
+        ),
+        (&["steps=48"], &["--set steps=48: `steps`: no such key here", "`training.steps`"]),
+        (&["psf.grid=47"], &["--set psf.grid=47: must be even", "take 48"]),
+        (
+            &["training.batch=many"],
+            &["--set training.batch=many: `training.batch`: expected a number from 0"],
+        ),
+        (&["training.batch=0"], &["--set training.batch=0: must lie between 1 and 1024"]),
+        (
+            &["lens=cooke-triplet-nominl"],
+            &[
+                "--set lens=cooke-triplet-nominl: neither a file nor built in",
+                "did you mean \"cooke-triplet-nominal\"?",
+            ],
+        ),
+        (&["psf.grid"], &["--set psf.grid: there is no `=`", "training.steps=400"]),
+        (&["psf.grid=48", "--set", "psf.grid=64"], &["this key is set twice"]),
+        (
+            &["training.steps=5", "--steps", "4"],
+            &["--set training.steps=5: `steps` of the request decides that"],
+        ),
+        (
+            &["variant.best.noise=off"],
+            &["there is no `best` in this list", "nominal, spot-optimised, end-to-end"],
+        ),
+    ] {
+        let args = [&["design", "tiny.toml", "--print-config", "--set"][..], set].concat();
+        run_fails(folder.path(), &args, 2, needles);
+    }
+    // What the file itself has wrong is shown there.
+    write(folder.path(), "wrong.toml", &tiny_experiment().replace("batch = 1\n", "batch = 0\n"));
+    run_fails(
+        folder.path(),
+        &["design", "wrong.toml", "--print-config", "--set", "psf.grid=48"],
+        2,
+        &["wrong.toml:", "`batch = 0`: must lie between"],
+    );
+}

@@ -1,0 +1,65 @@
+//! Slurm: an array of units is preempted by a job of another partition, put back into the queue, and finishes. Both ways in which Slurm announces a
+//! preemption are tried.
+
+use std::fs;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use super::cluster::{Cluster, missing};
+use super::units::{Units, checkpoints};
+use super::wait::until;
+use super::{Ended, Tools};
+
+/// Tasks of the array; as many CPUs has the node.
+const TASKS: usize = 2;
+
+/// Rounds of a search: long enough to be interrupted.
+const ROUNDS: usize = 20;
+
+pub fn run(tools: &Tools) -> Result<Ended, String> {
+    let missing = missing();
+    if !missing.is_empty() {
+        let names = missing.join(", ");
+        return Ok(Ended::NotRun(format!("no {names} here; Debian: munge slurmctld slurmd slurm-client")));
+    }
+    let units = Units::new(&tools.petzval, &tools.folder, 2 * TASKS, ROUNDS)?;
+    let mut seen = Vec::new();
+    for (name, warned) in [("own-signal", true), ("term", false)] {
+        let folder = tools.folder.join(name);
+        let seconds = preempted(tools, &units, &folder, warned).map_err(|e| format!("{name}: {e}"))?;
+        seen.push(format!("{name} {seconds:.0} s"));
+    }
+    Ok(Ended::Passed(format!(
+        "{} units as {TASKS} tasks, preempted and put back, equal to the bit ({})",
+        units.count,
+        seen.join(", ")
+    )))
+}
+
+/// Submits the array, preempts it when its first units have checkpoints, and waits for the end. Returns the seconds.
+fn preempted(tools: &Tools, units: &Units, folder: &Path, warned: bool) -> Result<f64, String> {
+    let began = Instant::now();
+    let cluster = Cluster::start(&folder.join("slurm"), TASKS, warned)?;
+    let store = folder.join("store");
+    let tasks = TASKS.to_string();
+    let script =
+        units.script(&tools.petzval, "slurm.sh", &store, &["--tasks", &tasks, "--option=--partition=low"])?;
+    let array = cluster.submit(&[&script.display().to_string()])?;
+    until("checkpoints of both tasks", Duration::from_secs(120), || Ok(checkpoints(&store).len() == TASKS))?;
+    // It takes all CPUs: Slurm preempts both tasks.
+    let log = folder.join("high.log");
+    let log = format!("--output={}", log.display());
+    let high = ["--partition=high", "--exclusive", &log, "--wrap=sleep 2"];
+    cluster.submit(&high)?;
+    cluster.wait_for_all(Duration::from_secs(600))?;
+    let shown = cluster.says("scontrol", &["show", "job", &array])?;
+    fs::write(folder.join("jobs.txt"), &shown).map_err(|e| e.to_string())?;
+    for needle in ["Restarts=1", "JobState=COMPLETED", "ExitCode=0:0"] {
+        let times = shown.matches(needle).count();
+        if times != TASKS {
+            return Err(format!("{times} of {TASKS} tasks have {needle}:\n{shown}"));
+        }
+    }
+    units.compare(&store)?;
+    Ok(began.elapsed().as_secs_f64())
+}
