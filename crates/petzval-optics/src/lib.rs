@@ -36,6 +36,7 @@ pub mod merit;
 pub mod number;
 pub mod optimize;
 pub mod paraxial;
+mod powers;
 pub mod psf;
 pub mod pupil;
 pub mod seidel;

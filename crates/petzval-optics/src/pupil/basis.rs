@@ -11,6 +11,7 @@ use std::sync::OnceLock;
 use nalgebra::DMatrix;
 
 use super::linear::Matrix;
+use crate::powers::{Powers, powers_of};
 
 /// The degrees for which a basis exists, ascending.
 const DEGREES: [usize; 7] = [4, 6, 8, 10, 12, 16, 20];
@@ -30,6 +31,8 @@ const FINE: (usize, usize, usize) = (8, 16, 32);
 /// The terms of one parity, and the matrices of their least-squares fit.
 #[derive(Debug)]
 pub(crate) struct Parity {
+    /// Total degree.
+    degree: usize,
     /// Powers (i, j) of p_x and p_y, rows of one i after another: i ascending, then j ascending.
     pub powers: Vec<(usize, usize)>,
     /// Coefficients from values at the samples.
@@ -108,11 +111,10 @@ fn gauss_legendre(count: usize) -> Vec<(f64, f64)> {
         .collect()
 }
 
-/// Derivatives of `p_x^i p_y^j` by p_x and p_y.
-fn slope_of((i, j): (usize, usize), p: [f64; 2]) -> [f64; 2] {
-    let power = |p: f64, i: usize| p.powi(i as i32);
-    let slope = |p: f64, i: usize| if i == 0 { 0.0 } else { i as f64 * power(p, i - 1) };
-    [slope(p[0], i) * power(p[1], j), power(p[0], i) * slope(p[1], j)]
+/// Derivatives of `p_x^i p_y^j` by p_x and p_y, from the powers of both.
+fn slope_of((i, j): (usize, usize), [x, y]: &[Powers; 2]) -> [f64; 2] {
+    let slope = |of: &Powers, i: usize| if i == 0 { 0.0 } else { i as f64 * of[i - 1] };
+    [slope(x, i) * y[j], x[i] * slope(y, j)]
 }
 
 /// Powers (i, j) of a parity: i ascending, then j.
@@ -123,23 +125,23 @@ fn powers(degree: usize, parity: usize) -> Vec<(usize, usize)> {
 impl Parity {
     fn new(degree: usize, parity: usize, samples: &[[f64; 2]]) -> Self {
         let powers = powers(degree, parity);
-        let value = DMatrix::from_fn(samples.len(), powers.len(), |r, c| {
-            samples[r][0].powi(powers[c].0 as i32) * samples[r][1].powi(powers[c].1 as i32)
-        });
+        let of_points = |points: &[[f64; 2]]| -> Vec<[Powers; 2]> {
+            points.iter().map(|p| p.map(|v| powers_of(v, degree))).collect()
+        };
+        let value_at = |[x, y]: &[Powers; 2], (i, j): (usize, usize)| x[i] * y[j];
+        let at = of_points(samples);
+        let value = DMatrix::from_fn(samples.len(), powers.len(), |r, c| value_at(&at[r], powers[c]));
         // Least squares by QR: coefficients = R^-1 Q^T values.
         let qr = value.qr();
         let q_t = qr.q().transpose();
         // The rank is full: there are more samples than terms, and the samples lie on no curve of that degree.
         let solve = qr.r().solve_upper_triangular(&q_t).unwrap_or_else(|| unreachable!("full column rank"));
         let fit = Matrix::new(powers.len(), samples.len(), |r, c| solve[(r, c)]);
-        let slopes = [0, 1].map(|axis| {
-            Matrix::new(samples.len(), powers.len(), |r, c| slope_of(powers[c], samples[r])[axis])
-        });
-        let points = check_points();
-        let checks = Matrix::new(points.len(), powers.len(), |r, c| {
-            points[r][0].powi(powers[c].0 as i32) * points[r][1].powi(powers[c].1 as i32)
-        });
-        Self { powers, fit, slopes, checks }
+        let slopes = [0, 1]
+            .map(|axis| Matrix::new(samples.len(), powers.len(), |r, c| slope_of(powers[c], &at[r])[axis]));
+        let points = of_points(&check_points());
+        let checks = Matrix::new(points.len(), powers.len(), |r, c| value_at(&points[r], powers[c]));
+        Self { degree, powers, fit, slopes, checks }
     }
 
     /// Coefficients of the polynomial through values at the samples.
@@ -173,9 +175,10 @@ impl Parity {
 
     /// Derivatives by p_x and p_y at a point of the pupil.
     pub fn slope(&self, coefficients: &[f64], p: [f64; 2]) -> [f64; 2] {
+        let p = p.map(|v| powers_of(v, self.degree));
         let mut sum = [0.0; 2];
         for (c, powers) in coefficients.iter().zip(&self.powers) {
-            let by = slope_of(*powers, p);
+            let by = slope_of(*powers, &p);
             sum = [sum[0] + c * by[0], sum[1] + c * by[1]];
         }
         sum
@@ -183,8 +186,9 @@ impl Parity {
 
     /// Adds the cotangents of the coefficients, from those of [`Parity::slope`].
     pub fn pull_back_slope(&self, bar: [f64; 2], p: [f64; 2], coefficients_bar: &mut [f64]) {
+        let p = p.map(|v| powers_of(v, self.degree));
         for (c, powers) in coefficients_bar.iter_mut().zip(&self.powers) {
-            let by = slope_of(*powers, p);
+            let by = slope_of(*powers, &p);
             *c += bar[0] * by[0] + bar[1] * by[1];
         }
     }

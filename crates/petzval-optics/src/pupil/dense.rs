@@ -1,5 +1,6 @@
 //! Evaluates pupil polynomials densely: row by row of the pupil, several points at a time.
 
+use crate::powers::{Powers, powers_of};
 use pulp::Simd;
 
 use super::basis::{Parity, PupilBasis};
@@ -52,7 +53,8 @@ impl PupilRows {
                 }
             })
             .collect();
-        let powers = (0..=MAX_POWER).map(|j| rows.iter().map(|r| r.p_y.powi(j as i32)).collect()).collect();
+        let of_rows: Vec<Powers> = rows.iter().map(|row| powers_of(row.p_y, MAX_POWER)).collect();
+        let powers = (0..=MAX_POWER).map(|j| of_rows.iter().map(|row| row[j]).collect()).collect();
         Self { rows, powers }
     }
 

@@ -1,5 +1,6 @@
 //! Least-squares polynomials through values at arbitrary points of a plane.
 
+use crate::powers::{MAX_POWER, Powers, powers_of};
 use nalgebra::DMatrix;
 
 use crate::pupil::Symmetry;
@@ -103,21 +104,6 @@ impl PlaneFit {
             *bar += row_bar[*i] * powers[*j];
         }
     }
-}
-
-/// Bound above the highest power of a coordinate.
-const MAX_POWER: usize = 24;
-
-/// The powers of a coordinate from 0 on.
-type Powers = [f64; MAX_POWER];
-
-/// Powers up to a degree, each to the last digit; zeros above.
-fn powers_of(v: f64, degree: usize) -> Powers {
-    let mut all = [0.0; MAX_POWER];
-    for (n, power) in all.iter_mut().enumerate().take(degree + 1) {
-        *power = v.powi(n as i32);
-    }
-    all
 }
 
 /// Powers by repeated products.
