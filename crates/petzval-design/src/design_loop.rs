@@ -31,8 +31,8 @@ use crate::position::{Done, POSITION_FILE, Position, Restored, last_variant};
 use crate::report::run_report::camera_lens;
 use crate::run::{
     CameraMetrics, ChangedFile, DigestCheck, Digests, Event, EventLog, Kept, Metrics, RunFolder, RunRecord,
-    all_checkpoints, forget_most_memory, latest_checkpoint, load_blocks, note_digests, save_blocks,
-    save_checkpoint, set_aside, write_file,
+    all_checkpoints, first_reads, forget_most_memory, latest_checkpoint, load_blocks, note_digests,
+    save_blocks, save_checkpoint, set_aside, write_file,
 };
 use crate::run_progress::{SCORE, TOTAL};
 use crate::scoring::{Scored, Scorer, collect_metrics};
@@ -122,6 +122,8 @@ pub struct DesignLoop {
     log: EventLog,
     /// When the last checkpoint was written.
     kept_at: Instant,
+    /// Whether a step reads its windows and has changed nothing yet.
+    waits_for_windows: bool,
 }
 
 /// A checkpoint is written after so long at the latest, however long steps take.
@@ -167,8 +169,18 @@ pub fn step_of(
     camera: &Camera,
     blocks: &mut Blocks,
 ) -> Result<BTreeMap<String, f64>, DesignError> {
+    let shots = step.setup.training_shots(camera, step.number)?;
+    step_on(step, camera, blocks, &shots)
+}
+
+/// [`step_of`] on training windows that are there already.
+fn step_on(
+    step: &StepOf,
+    camera: &Camera,
+    blocks: &mut Blocks,
+    shots: &[Shot],
+) -> Result<BTreeMap<String, f64>, DesignError> {
     let StepOf { setup, variant, objective, block, rule, number, next } = *step;
-    let shots = setup.training_shots(camera, number)?;
     // A network behind the ISP needs no gradient by it, nor do a search and the differences of an exposure: they see the pictures that will be
     // scored.
     let needs_none =
@@ -183,7 +195,7 @@ pub fn step_of(
         && setup.windows()?.follow_the_lens();
     let batch = Batch {
         camera,
-        shots: &shots,
+        shots,
         noise: setup.noise(variant),
         loss: &loss,
         further: &|number| setup.training_shots(camera, number),
@@ -282,8 +294,19 @@ impl DesignLoop {
         }
         let objective = setup.objective()?;
         let camera = None;
-        let kept_at = Instant::now();
-        Ok(Self { objective, scorer, blocks, position, camera, validations, log, setup, run, kept_at })
+        Ok(Self {
+            objective,
+            scorer,
+            blocks,
+            position,
+            camera,
+            validations,
+            log,
+            setup,
+            run,
+            kept_at: Instant::now(),
+            waits_for_windows: false,
+        })
     }
 
     /// Runs to the end, or until [`Setup::cancel`] is set; then the step in work is finished and a checkpoint written. A step that improves or
@@ -338,7 +361,13 @@ impl DesignLoop {
             }
             let Step { block, losses, lowered, learning_rate } = match step {
                 Ok(step) => step,
-                Err(error) => return Err(self.astray(error, variant, turn.map(|(_, block)| block))?),
+                Err(error) => {
+                    // A picture that cannot be read: once it can, the run goes on from here.
+                    if self.waits_for_windows {
+                        self.checkpoint(observer)?;
+                    }
+                    return Err(self.astray(error, variant, turn.map(|(_, block)| block))?);
+                }
             };
             self.position.step += 1;
             let event = Event {
@@ -398,7 +427,10 @@ impl DesignLoop {
             number: self.batch_number(moves, block, taken),
             next: self.next_batch(moves, block),
         };
-        let losses = step_of(&at, &camera, &mut self.blocks)?;
+        self.waits_for_windows = true;
+        let shots = self.setup.training_shots(&camera, at.number)?;
+        self.waits_for_windows = false;
+        let losses = step_on(&at, &camera, &mut self.blocks, &shots)?;
         let lowered = self.blocks.get_mut(block).lowered().to_vec();
         let step = Step { block: block.name(), losses, lowered, learning_rate: rule.rate };
         let mut step = self.after_step(variant, block, step)?;
@@ -635,6 +667,9 @@ impl DesignLoop {
     /// Keeps the step in a checkpoint. The history of lenses, which a report shows, does not depend on how long steps take.
     fn keep(&mut self, observer: &mut dyn Observer) -> Result<(), DesignError> {
         let keep = self.setup.experiment.checkpoint.keep;
+        if let Some(reads) = self.setup.windows()?.first_reads() {
+            first_reads::add(&self.run, reads.take_fresh())?;
+        }
         let events = self.log.digest()?;
         save_checkpoint(&self.run, self.position.step, keep, Some(events), |folder| {
             let text = DesignError::json("the position of the run", &self.position)?;

@@ -13,10 +13,11 @@ use crate::camera::optics_proxy::FILES;
 use crate::error::DesignError;
 use crate::experiment::{Experiment, is_derived_lens};
 use crate::path_text::path_text;
+use crate::run::first_reads;
 use crate::run::input_list::{BUILT_IN, InputList, Pictures};
 use crate::run::{RunFolder, RunRecord, hex, write_file};
 use crate::setup::Setup;
-use crate::task::WindowInputs;
+use crate::task::{Content, WindowInputs};
 
 /// Folder of the PSFs of a file, below that of the inputs.
 const PSFS: &str = "psfs";
@@ -31,8 +32,13 @@ pub struct Inputs {
 }
 
 impl Inputs {
-    /// Those of a setup, whose pictures are read.
+    /// Those of a setup. Its pictures are read, unless they are a large set.
     pub fn of(setup: &Setup) -> Result<Self, DesignError> {
+        Self::with(setup, Content::AtStart)
+    }
+
+    /// Those of a setup with so much of the content of its pictures.
+    fn with(setup: &Setup, content: Content) -> Result<Self, DesignError> {
         let mut hash = Sha256::new();
         let mut parts = BTreeMap::new();
         let mut add = |name: String, bytes: &[u8]| {
@@ -77,7 +83,7 @@ impl Inputs {
             add("given weights".to_owned(), weights);
         }
         let WindowInputs { parts: built_in, pictures } =
-            setup.windows()?.inputs(&setup.experiment, &mut hash)?;
+            setup.windows()?.inputs(&setup.experiment, content, &mut hash)?;
         parts.extend(built_in);
         let list = InputList { parts, held_out: setup.held_out_pictures()?, pictures };
         Ok(Self { fingerprint: hex(hash), list })
@@ -180,11 +186,19 @@ fn make_parent(path: &Path) -> Result<(), DesignError> {
 pub fn check_inputs(setup: &Setup, run: &RunFolder) -> Result<Inputs, DesignError> {
     let path = run.fingerprint();
     let noted = petzval_base::read_text(&path).map_err(DesignError::io(&path))?;
-    let now = Inputs::of(setup)?;
+    let then = InputList::read(run)?;
+    // Earlier versions read every picture at the start, however many there were.
+    let pictures = then.as_ref().and_then(|then| then.pictures.as_ref());
+    let are_read_later = pictures.is_some_and(|pictures| !pictures.are_read());
+    let content = if are_read_later { Content::AtStart } else { Content::All };
+    let now = Inputs::with(setup, content)?;
+    if let Some(reads) = setup.windows()?.first_reads() {
+        reads.expect(first_reads::read(run)?);
+    }
     if noted.trim() == now.fingerprint {
         return Ok(now);
     }
-    let changed = InputList::read(run)?.map_or_else(Vec::new, |then| then.differences(&now.list));
+    let changed = then.map_or_else(Vec::new, |then| then.differences(&now.list));
     let what = match &changed[..] {
         [] => "lens, glasses, sensor, ISP, networks in place of tracing, PSFs, given weights, photographs or labelled pictures are not those that \
                this run began with, or an earlier version began it"

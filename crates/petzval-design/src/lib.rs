@@ -9,6 +9,7 @@
 //! objective gives the loss, and one [`block`] of the camera moves down its gradient. [`scoring`] scores finished cameras on
 //! held-out photographs; [`run`] keeps everything in a folder; [`report`] gathers what the report shows.
 
+mod ahead;
 pub mod assets;
 pub mod block;
 pub mod camera;

@@ -25,6 +25,9 @@ use crate::task::{Depth, Findings, Judge, ScoredPicture, Taken};
 /// Seed of the noise in scored frames: the same for every camera and every run.
 const SCORING_SEED: u64 = 0x5C0_12E;
 
+/// Held-out windows that are in memory at a time.
+const WINDOWS_AT_A_TIME: usize = 64;
+
 /// Scores cameras by what an experiment names.
 pub struct Scorer {
     setup: Arc<Setup>,
@@ -125,16 +128,21 @@ impl Scorer {
         let noise = Noise { mode: NoiseMode::Exact, seed: SCORING_SEED };
         let mut findings = self.judge.begin(depth);
         let mut pictures = Vec::new();
-        let windows = self.setup.held_out_shots(camera, is_chosen)?;
-        let count = windows.len();
-        for (i, window) in windows.into_iter().enumerate() {
-            self.setup.cancel.check()?;
-            tick(i, count);
-            let frames = camera.take(std::slice::from_ref(&window.shot), &noise)?;
-            // As a stored picture would be.
-            let finished = within_range(frames.finished.clone())?;
-            let developed = host_image(srgb_encode_op(frames.developed.clone()))?;
-            pictures.push(findings.add(Taken { camera, window, frames, finished, developed })?);
+        let all: usize = self.setup.held_out_pictures()?.iter().product();
+        let chosen: Vec<usize> = (0..all).filter(|number| is_chosen(*number)).collect();
+        let count = chosen.len();
+        // A few windows at a time: those of a large set would not fit in memory together.
+        for some in chosen.chunks(WINDOWS_AT_A_TIME) {
+            let is_one_of_them = |number: usize| some.binary_search(&number).is_ok();
+            for window in self.setup.held_out_shots(camera, &is_one_of_them)? {
+                self.setup.cancel.check()?;
+                tick(pictures.len(), count);
+                let frames = camera.take(std::slice::from_ref(&window.shot), &noise)?;
+                // As a stored picture would be.
+                let finished = within_range(frames.finished.clone())?;
+                let developed = host_image(srgb_encode_op(frames.developed.clone()))?;
+                pictures.push(findings.add(Taken { camera, window, frames, finished, developed })?);
+            }
         }
         Ok((pictures, findings))
     }

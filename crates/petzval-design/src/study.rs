@@ -102,6 +102,7 @@ fn agrees(one: &Experiment, other: &Experiment) -> bool {
         lens: String::new(),
         sensor: String::new(),
         checkpoint: Default::default(),
+        reading: Default::default(),
         ..e.clone()
     };
     compared(one) == compared(other)

@@ -21,6 +21,7 @@ mod operand_toml;
 pub mod optics_proxy_file;
 pub mod optiland;
 mod picture_file;
+mod picture_set;
 pub mod psf_file;
 pub mod quantum_efficiency;
 pub mod raw_file;
@@ -55,6 +56,10 @@ pub(crate) use picture_file::undecoded;
 pub use picture_file::{
     ImageError, Picture, encoded_png_bytes, load_image, load_image_bytes, picture_size, png_bytes, save_png,
     save_png16,
+};
+pub use picture_set::{
+    CheckedPictures, PictureSetError, Stamp, StoredPicture, check_stored, digests_of_alike, hex_digest,
+    in_hex, stored_pictures,
 };
 pub use quantum_efficiency::{parse_quantum_efficiency, parse_quantum_efficiency_toml};
 pub use rii::parse_rii;

@@ -16,7 +16,7 @@
 //! | [`dataset`] | photographs, split into training and held-out pictures |
 //!
 //! Pictures are tensors of shape `[batch, channel, row, column]`, sRGB-encoded, about 0..1. Networks and losses take and
-//! return tensors on the device on which they were made. Files are read only by [`dataset::load_folder`].
+//! return tensors on the device on which they were made. Files are read only by [`dataset`].
 
 pub mod any_network;
 pub mod dataset;

@@ -1,17 +1,25 @@
 //! Photographs, their split, and the positions of crops.
 
-use std::{collections::HashSet, fs};
+use std::collections::HashSet;
+use std::fs;
+use std::path::Path;
 
 use petzval_base::Cancel;
 use petzval_camera::image::{LinearImage, srgb_decode};
 use petzval_learn::dataset::{
-    CropPlan, DatasetError, NamedPhoto, PhotoSet, PhotoSplit, held_out_placements, load_folder, training_crop,
+    CropPlan, DatasetError, FoundPhotos, List, Photo, PhotoSearch, PhotoSet, PhotoSplit, READ_AT_ONCE,
+    Readers, find_photos, held_out_placements, training_crop,
 };
 use proptest::prelude::*;
 
-fn photo(name: &str, height: usize, width: usize, value: f32) -> NamedPhoto {
-    let image = LinearImage::filled(3, height, width, value);
-    NamedPhoto { name: name.to_string(), image }
+fn photo(name: &str, height: usize, width: usize, value: f32) -> Photo {
+    Photo::here(name, LinearImage::filled(3, height, width, value))
+}
+
+/// The photographs of a place of any size, in a set of up to so many bytes read at the start.
+fn found(place: &Path, read_at_once: u64) -> Result<FoundPhotos, DatasetError> {
+    let search = PhotoSearch { window: 1, most_bytes: 1 << 20, read_at_once, cancel: &Cancel::default() };
+    find_photos(place, &search)
 }
 
 fn split(training: &[&str], held_out: &[&str]) -> PhotoSplit {
@@ -19,7 +27,7 @@ fn split(training: &[&str], held_out: &[&str]) -> PhotoSplit {
     PhotoSplit { training: own(training), held_out: own(held_out) }
 }
 
-fn three() -> Vec<NamedPhoto> {
+fn three() -> Vec<Photo> {
     vec![photo("a.png", 200, 300, 0.1), photo("b.png", 256, 256, 0.2), photo("c.png", 180, 190, 0.3)]
 }
 
@@ -59,42 +67,101 @@ fn splits_with_a_repeated_unknown_or_shared_picture_are_refused() {
     assert!(matches!(error(twice, split(&["a.png"], &["a.png"])), DatasetError::DuplicateName { .. }));
 }
 
+/// Rows and columns of pictures of 5 x 4 pixels are not halved where windows have 3.
+fn searched(place: &Path, read_at_once: u64) -> Result<FoundPhotos, DatasetError> {
+    let search = PhotoSearch { window: 3, most_bytes: 1 << 20, read_at_once, cancel: &Cancel::default() };
+    find_photos(place, &search)
+}
+
+fn names(found: &FoundPhotos) -> Vec<&str> {
+    found.photos.iter().map(|photo| photo.name.as_str()).collect()
+}
+
 #[test]
-fn a_folder_is_read_in_order_and_a_damaged_file_is_named() {
+fn a_folder_is_listed_in_order_and_a_damaged_file_is_named() {
     let folder = tempfile::tempdir().unwrap();
-    assert!(matches!(load_folder(folder.path(), &Cancel::default()), Err(DatasetError::EmptyFolder { .. })));
-    assert!(matches!(
-        load_folder(folder.path().join("none"), &Cancel::default()),
-        Err(DatasetError::Io { .. })
-    ));
+    let empty = searched(folder.path(), READ_AT_ONCE).unwrap_err();
+    assert!(empty.to_string().contains("tar shards"), "{empty}");
+    assert!(searched(&folder.path().join("none"), READ_AT_ONCE).is_err());
 
     let gray = image::GrayImage::from_fn(5, 4, |x, y| image::Luma([(40 * x + 10 * y) as u8]));
     for name in ["b.png", "a.JPG", "c.tiff"] {
         gray.save(folder.path().join(name)).unwrap();
     }
     fs::write(folder.path().join("notes.txt"), "not a picture").unwrap();
-    let photos = load_folder(folder.path(), &Cancel::default()).unwrap().photos;
-    let names: Vec<&str> = photos.iter().map(|p| p.name.as_str()).collect();
-    assert_eq!(names, ["a.JPG", "b.png", "c.tiff"]);
-    let png = &photos[1].image;
-    assert_eq!([png.channels, png.height, png.width], [3, 4, 5]);
-    for channel in 0..3 {
-        assert!((png.get(channel, 2, 3) - srgb_decode(140.0 / 255.0)).abs() < 1e-6);
-    }
-
     fs::write(folder.path().join("d.png"), b"\x89PNG\r\n\x1a\nbroken").unwrap();
-    std::fs::copy(folder.path().join("b.png"), folder.path().join("e.png")).unwrap();
-    let mut found = load_folder(folder.path(), &Cancel::default()).unwrap();
-    assert_eq!(found.photos.len(), 4, "a damaged file does not spoil the others");
-    let [(name, error)] = &found.skipped[..] else { panic!("one is skipped: {:?}", found.skipped) };
-    assert!(
-        name == "d.png"
-            && matches!(error, DatasetError::Unreadable(_))
-            && error.to_string().contains("d.png")
-    );
-    found.skip_copies();
-    let (name, error) = found.skipped.last().unwrap();
-    assert!(name == "e.png" && error.to_string().contains("e.png is the same picture as"), "{error}");
+    fs::copy(folder.path().join("b.png"), folder.path().join("e.png")).unwrap();
+    image::GrayImage::new(2, 2).save(folder.path().join("f.png")).unwrap();
+    for read_at_once in [READ_AT_ONCE, 0] {
+        let found = searched(folder.path(), read_at_once).unwrap();
+        let all = names(&found);
+        // Read as a whole, the TIFF of the same pixels is a copy, too: its file is another one.
+        let expected: &[&str] =
+            if found.are_read_later() { &["a.JPG", "b.png", "c.tiff"] } else { &["a.JPG", "b.png"] };
+        assert_eq!(all, expected);
+        let light = found.photos[1].light(&found.readers).unwrap();
+        assert_eq!([light.channels, light.height, light.width], [3, 4, 5]);
+        assert_eq!([found.photos[1].height, found.photos[1].width], [4, 5]);
+        for channel in 0..3 {
+            assert!((light.get(channel, 2, 3) - srgb_decode(140.0 / 255.0)).abs() < 1e-6);
+        }
+        let skipped: Vec<String> = found.skipped.iter().map(|(name, why)| format!("{name}: {why}")).collect();
+        let says =
+            |name: &str, why: &str| skipped.iter().any(|text| text.starts_with(name) && text.contains(why));
+        assert!(says("d.png", "d.png"), "{skipped:?}");
+        assert!(says("e.png", "e.png is the same picture as b.png"), "{skipped:?}");
+        assert!(says("f.png", "cannot hold a window of 3 x 3"), "{skipped:?}");
+    }
+}
+
+/// A large set differs from a small one in when its pictures are read, and in nothing else.
+#[test]
+fn pictures_that_are_read_later_are_those_that_are_read_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    for k in 0..6_u8 {
+        let value = |x: u32, y: u32| image::Luma([(17 * x + 29 * y) as u8 ^ (k * 37)]);
+        image::GrayImage::from_fn(7 + u32::from(k), 9, value)
+            .save(folder.path().join(format!("{k}.png")))
+            .unwrap();
+    }
+    let [at_once, later] = [READ_AT_ONCE, 0].map(|most| searched(folder.path(), most).unwrap());
+    assert!(later.are_read_later() && !at_once.are_read_later());
+    assert_eq!(names(&at_once), names(&later));
+    for (own, other) in at_once.photos.iter().zip(&later.photos) {
+        // Both sides are twice that of the window: every photograph is halved.
+        assert_eq!((own.height, own.width), (4, own.light(&at_once.readers).unwrap().width));
+        assert_eq!((own.height, own.width), (other.height, other.width));
+        assert_eq!(own.light(&at_once.readers).unwrap(), other.light(&later.readers).unwrap());
+    }
+    // What was read is known by its digest, and nothing else.
+    let known = later.readers.reads.as_ref().unwrap().take_fresh();
+    assert_eq!(known.len(), 6);
+    let again = searched(folder.path(), 0).unwrap();
+    again.readers.reads.as_ref().unwrap().expect(known);
+    again.photos[0].light(&again.readers).unwrap();
+    // A picture of the same size with other pixels.
+    image::GrayImage::new(8, 9).save(folder.path().join("1.png")).unwrap();
+    let changed = again.photos[1].light(&again.readers).unwrap_err().to_string();
+    assert!(changed.contains("1.png") && changed.contains("put it back"), "{changed}");
+    // One that is damaged behind its head is named when it is read.
+    let bytes = fs::read(folder.path().join("2.png")).unwrap();
+    fs::write(folder.path().join("2.png"), &bytes[..bytes.len() - 20]).unwrap();
+    let damaged = searched(folder.path(), 0).unwrap();
+    assert_eq!(damaged.photos.len(), 6);
+    let error = damaged.photos[2].light(&damaged.readers).unwrap_err();
+    assert!(matches!(error, DatasetError::Unreadable(_)) && error.to_string().contains("2.png"), "{error}");
+}
+
+#[test]
+fn fewer_held_out_pictures_are_spread_over_all() {
+    let photos =
+        |count: usize| (0..count).map(|k| photo(&format!("{k}.png"), 9, 9, k as f32)).collect::<Vec<_>>();
+    let set = PhotoSet::for_scores(photos(10), Readers::default()).unwrap();
+    let names = |most: usize| -> Vec<String> {
+        set.clone().with_held_out(most).list(List::HeldOut).iter().map(|photo| photo.name.clone()).collect()
+    };
+    assert_eq!(names(4), ["0.png", "2.png", "5.png", "7.png"]);
+    assert_eq!((names(0).len(), names(10).len(), names(11).len()), (10, 10, 10));
 }
 
 #[test]
@@ -107,9 +174,10 @@ fn what_a_picture_of_a_folder_says_and_is_not_obeyed_is_noted_by_name() {
         if let Some(profile) = profile {
             encoder.set_icc_profile(profile).unwrap();
         }
-        encoder.write_image(&[100; 12], 2, 2, image::ExtendedColorType::Rgb8).unwrap();
+        let gray = if name == "a.png" { 100 } else { 120 };
+        encoder.write_image(&[gray; 12], 2, 2, image::ExtendedColorType::Rgb8).unwrap();
     }
-    let found = load_folder(folder.path(), &Cancel::default()).unwrap();
+    let found = found(folder.path(), READ_AT_ONCE).unwrap();
     assert_eq!((found.photos.len(), found.notes.len()), (2, 1));
     let (name, note) = &found.notes[0];
     assert!(name == "b.png" && note.contains("ICC profile"), "{name}: {note}");
@@ -214,7 +282,13 @@ fn the_embedded_photographs_match_their_list() {
     }
     let names = |entries: &[Entry]| entries.iter().map(|e| e.file.clone()).collect::<Vec<_>>();
     let split = PhotoSplit { training: names(&list.training), held_out: names(&list.held_out) };
-    let photos = load_folder(folder, &Cancel::default()).unwrap().photos;
+    // No picture is twice as large as such a window.
+    let search =
+        PhotoSearch { window: 4000, most_bytes: 0, read_at_once: READ_AT_ONCE, cancel: &Cancel::default() };
+    assert!(find_photos(Path::new(folder), &search).unwrap().photos.is_empty());
+    let files = petzval_files::stored_pictures(Path::new(folder)).unwrap();
+    let photos: Vec<Photo> =
+        files.iter().map(|file| Photo::here(file.name.clone(), file.load().unwrap().light)).collect();
     assert_eq!(photos.len(), split.training.len() + split.held_out.len(), "every picture is in one list");
     let set = PhotoSet::new(photos, &split).unwrap();
 
@@ -223,8 +297,8 @@ fn the_embedded_photographs_match_their_list() {
     plan.check(set.training()).unwrap();
     plan.check(set.held_out()).unwrap();
     for photo in set.held_out() {
-        let pixels = photo.image.height * photo.image.width;
-        let (red, rest) = photo.image.data.split_at(pixels);
+        let light = set.light(photo).unwrap();
+        let (red, rest) = light.data.split_at(photo.height * photo.width);
         assert!(red.iter().zip(rest).any(|(r, g)| (r - g).abs() > 0.1), "{} is gray", photo.name);
     }
 }
@@ -234,7 +308,7 @@ proptest! {
     fn crops_lie_inside_photograph_and_sensor(seed: u64, step: u64, item: u32, crop in 1_usize..150, margin in 0_usize..15) {
         let (plan, photos) = (CropPlan::on_1920x1200(crop, margin), three());
         let draw = training_crop(&plan, &photos, seed, step, item).unwrap();
-        let image = &photos[draw.photo].image;
+        let image = photos[draw.photo].light(&Readers::default()).unwrap();
         prop_assert!(image.crop(draw.row, draw.column, plan.window(), plan.window()).is_ok());
         prop_assert!(draw.sensor_row + crop <= 1200 && draw.sensor_column + crop <= 1920);
     }

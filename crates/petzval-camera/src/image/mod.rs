@@ -4,6 +4,7 @@
 //! ([`srgb_encode`], [`srgb_decode`]).
 
 mod place;
+mod point_values;
 mod srgb;
 
 pub(crate) use srgb::SRGB_TOE;

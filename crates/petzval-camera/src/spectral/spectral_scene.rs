@@ -16,7 +16,7 @@ pub struct SpectralScene {
 
 #[derive(Debug, Clone, PartialEq)]
 enum Content {
-    Surfaces { scene: ReflectanceScene, radiance: Vec<Vec<f64>> },
+    Surfaces { scene: ReflectanceScene, radiance: Vec<Vec<f64>>, as_points: bool },
     Print { photo: LinearImage, radiance: [Vec<f64>; 3] },
     Image(SpectralImage),
 }
@@ -25,7 +25,19 @@ impl SpectralScene {
     /// Surfaces under `light` with an illuminance of `lux`; the bands equal those of [`ReflectanceScene::under`].
     pub fn surfaces(scene: ReflectanceScene, light: &Illuminant, lux: f64, band_um: &[f64]) -> Self {
         let radiance = scene.radiance(light, lux, band_um);
-        Self { band_um: band_um.to_vec(), content: Content::Surfaces { scene, radiance } }
+        Self { band_um: band_um.to_vec(), content: Content::Surfaces { scene, radiance, as_points: false } }
+    }
+
+    /// Surfaces whose planes hold the light at the middle of each sample ([`LinearImage::point_values`]) in place of its mean over the sample. A
+    /// renderer that takes samples for points then shows edges as sharp as a lens does.
+    pub fn surfaces_as_points(
+        scene: ReflectanceScene,
+        light: &Illuminant,
+        lux: f64,
+        band_um: &[f64],
+    ) -> Self {
+        let radiance = scene.radiance(light, lux, band_um);
+        Self { band_um: band_um.to_vec(), content: Content::Surfaces { scene, radiance, as_points: true } }
     }
 
     /// A photograph as a matt print; the bands equal those of [`upsample`](super::upsample).
@@ -46,8 +58,9 @@ impl SpectralScene {
             LinearImage { channels: CHANNELS, height, width, data }
         };
         match &self.content {
-            Content::Surfaces { scene, radiance } => {
-                together(scene.height, scene.width, &|band| scene.plane(radiance, band))
+            Content::Surfaces { scene, radiance, as_points } => {
+                let means = together(scene.height, scene.width, &|band| scene.plane(radiance, band));
+                if *as_points { means.point_values() } else { means }
             }
             Content::Print { photo, radiance } => {
                 together(photo.height, photo.width, &|band| print_plane(photo, radiance, band))

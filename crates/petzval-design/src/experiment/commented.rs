@@ -6,12 +6,12 @@ use serde_json::Value;
 
 use super::{
     CheckpointConfig, ConstraintConfig, Experiment, ExposureConfig, IspConfig, NetworkConfig, OpticsConfig,
-    PsfConfig, ScoringConfig, SpotConfig, StreetConfig, TrainingConfig, ValidationConfig,
+    PsfConfig, ReadingConfig, ScoringConfig, SpotConfig, StreetConfig, TrainingConfig, ValidationConfig,
 };
 use crate::error::DesignError;
 
 /// The tables of numbers of an experiment, by name.
-pub(super) fn tables() -> [(&'static str, ParameterTable); 13] {
+pub(super) fn tables() -> [(&'static str, ParameterTable); 14] {
     [
         ("exposure", ExposureConfig::table()),
         ("psf", PsfConfig::table()),
@@ -26,6 +26,7 @@ pub(super) fn tables() -> [(&'static str, ParameterTable); 13] {
         ("scoring", ScoringConfig::table()),
         ("validation", ValidationConfig::table()),
         ("checkpoint", CheckpointConfig::table()),
+        ("reading", ReadingConfig::table()),
     ]
 }
 

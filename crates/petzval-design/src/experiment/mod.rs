@@ -28,8 +28,8 @@ pub use settings::{Settings, WrongSetting};
 pub use size::{FULL_BATCH, FULL_STEPS};
 pub use tables::{
     CheckpointConfig, ConstraintConfig, DetectorConfig, DevelopmentConfig, ExposureConfig, ExposureSetting,
-    IspConfig, Keep, NO_ISP, NetworkConfig, OpticsConfig, PsfConfig, SameOf, ScoringConfig, SpotConfig,
-    StreetConfig, TrainingConfig, ValidationConfig,
+    IspConfig, Keep, NO_ISP, NetworkConfig, OpticsConfig, PsfConfig, ReadingConfig, SameOf, ScoringConfig,
+    SpotConfig, StreetConfig, TrainingConfig, ValidationConfig,
 };
 pub(crate) use tables::{NO_FILE, OF_THE_WHOLE_FRAME, places_of};
 pub use task_facts::{NetworkRole, PicturesKey, TaskFacts};
@@ -60,7 +60,7 @@ pub struct Experiment {
     pub lens: String,
     /// The sensor.
     pub sensor: String,
-    /// `built-in`, or a folder of pictures.
+    /// `built-in`, or a folder of pictures, a folder of tar shards, a shard, or a list with one path a line.
     pub photos: String,
     /// Scenes in which objects are to be found: `street`, or a folder of pictures with boxes in COCO format.
     pub data: String,
@@ -99,6 +99,8 @@ pub struct Experiment {
     pub validation: ValidationConfig,
     /// How often the run can be resumed from.
     pub checkpoint: CheckpointConfig,
+    /// How pictures are read.
+    pub reading: ReadingConfig,
     /// The classes of a task that has them, in the order of their numbers; those of its preset where none are stated.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub class: Vec<ObjectClass>,
@@ -134,6 +136,7 @@ impl Default for Experiment {
             scoring: ScoringConfig::default(),
             validation: ValidationConfig::default(),
             checkpoint: CheckpointConfig::default(),
+            reading: ReadingConfig::default(),
             class: Vec::new(),
             variant: standard_variants(),
         }

@@ -408,6 +408,8 @@ parameters! {
         places_per_side: usize = 4, "", 1..15, Linear, "3 gives 9 places";
         /// Side of a scored window; in streets behind the experiment's lens.
         crop: usize = 120, "pixels", 64..1200, Linear, "LPIPS needs at least 64 pixels";
+        /// Held-out photographs that are scored, spread evenly over all by name; 0 scores them all.
+        pictures: usize = 0, "", 0..1e7, Log, "0 for all; 100 scores 100 of a large set";
     } also {
         /// Names of the scores: one_minus_lpips, psnr_db, ssim; where objects are to be found, ap50, ap and ap75 by default.
         scores: Vec<String> = ["one_minus_lpips", "psnr_db", "ssim"].map(str::to_owned).to_vec();
@@ -459,6 +461,21 @@ parameters! {
         every: usize = 50, "", 1..1e8, Log, "steps between checkpoints";
         /// Checkpoints kept.
         keep: usize = 3, "", 1..1e4, Log, "checkpoints kept";
+    }
+}
+
+parameters! {
+    /// How the pictures of a user are read. Windows and figures do not depend on it.
+    pub struct ReadingConfig {
+        /// Memory for decoded pictures and for windows that are made ahead. A set that has more is read beside the steps.
+        memory_mb: usize = 1024, "MB", 64..1e6, Log, "1024 MB are 40 photographs of 1920 x 1080, or 400 windows of 450 x 450";
+    }
+}
+
+impl ReadingConfig {
+    /// The memory in bytes.
+    pub fn bytes(&self) -> u64 {
+        (self.memory_mb as u64) << 20
     }
 }
 

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use petzval_base::{FileError, csv_number, csv_text};
+use petzval_learn::dataset::PictureFile;
 use petzval_learn::score::ScoreDescription;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -163,9 +164,10 @@ impl Finished {
         self.record.as_ref().map(|record| record.version.as_str())
     }
 
-    /// The experiment without what may differ between runs that repeat it: the seed, and where inputs lie, whose content the fingerprint has.
+    /// The experiment without what may differ between runs that repeat it: the seed, the memory for reading, and where inputs lie, whose content the
+    /// fingerprint has.
     fn repeated(&self) -> Experiment {
-        let mut config = Experiment { seed: 0, ..self.config.clone() };
+        let mut config = Experiment { seed: 0, reading: Default::default(), ..self.config.clone() };
         for (key, place) in config.inputs_mut() {
             let is_built_in = [BUILT_IN_PHOTOS, STREET].contains(&place.as_str());
             if ["photos", "data", "isp"].contains(&key[0].as_str()) && !is_built_in {
@@ -259,7 +261,11 @@ fn facts(run: &RunFolder, fingerprint: &str) -> Result<BTreeMap<String, String>,
         Some(list) => {
             facts.extend(list.parts.iter().map(|(name, digest)| (name.clone(), short(digest))));
             if let Some(pictures) = &list.pictures {
-                let known: String = pictures.files.iter().map(|file| file.sha256.as_str()).collect();
+                // Of a large set, names and sizes are known.
+                let known = |file: &PictureFile| {
+                    file.sha256.clone().unwrap_or_else(|| format!("{} {}", file.name, file.bytes))
+                };
+                let known: String = pictures.files.iter().map(known).collect();
                 let labels = pictures.labels.as_deref().unwrap_or("");
                 let digest = hex(Sha256::new_with_prefix(known + labels));
                 facts.insert("pictures".to_owned(), format!("{}, {}", pictures.files.len(), short(&digest)));

@@ -121,6 +121,11 @@ impl RunFolder {
         self.root.join("inputs").join("inputs.json")
     }
 
+    /// Digests of pictures from their first read.
+    pub fn first_reads(&self) -> PathBuf {
+        self.input("first-reads.jsonl")
+    }
+
     /// The lens that the run began with, glasses included.
     pub fn nominal_lens(&self) -> PathBuf {
         self.root.join("inputs").join("lens.toml")

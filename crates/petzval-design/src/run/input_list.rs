@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use petzval_learn::dataset::{List, PictureFile};
 use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
 
 use crate::error::DesignError;
 use crate::experiment::{Experiment, PicturesKey};
@@ -73,6 +74,18 @@ impl InputList {
 }
 
 impl Pictures {
+    /// Whether the content of every file is known.
+    pub fn are_read(&self) -> bool {
+        self.files.iter().all(|file| file.sha256.is_some())
+    }
+
+    /// Adds the files to a hash by list, name and size.
+    pub fn add_names_to(&self, hash: &mut Sha256) {
+        for PictureFile { name, list, bytes, .. } in &self.files {
+            hash.update(format!("{}: {name} {bytes} bytes\n", purpose(*list)));
+        }
+    }
+
     fn differences(&self, now: &Self) -> Vec<String> {
         let by_name = |files: &[PictureFile]| -> BTreeMap<String, PictureFile> {
             files.iter().map(|file| (file.name.clone(), file.clone())).collect()
@@ -82,7 +95,7 @@ impl Pictures {
         for (name, file) in &then {
             all.extend(match found.get(name) {
                 None => Some(format!("the picture {name}, which is missing or cannot be used")),
-                Some(other) if other.sha256 != file.sha256 => {
+                Some(other) if !is_same(file, other) => {
                     Some(format!("the picture {name} ({}, and now {})", in_words(file), in_words(other)))
                 }
                 Some(other) if other.list != file.list => Some(format!(
@@ -147,6 +160,14 @@ pub fn check_pictures_are_there(
     Err(DesignError::Run { path: run.root().to_path_buf(), problem })
 }
 
+/// Whether two files have the same content, as far as that is known.
+fn is_same(one: &PictureFile, other: &PictureFile) -> bool {
+    match (&one.sha256, &other.sha256) {
+        (Some(one), Some(other)) => one == other,
+        _ => one.bytes == other.bytes,
+    }
+}
+
 /// Size and time of a file.
 fn in_words(file: &PictureFile) -> String {
     let time = file.modified_s.map(|s| std::time::UNIX_EPOCH + std::time::Duration::from_secs(s));
@@ -168,7 +189,7 @@ mod tests {
     use super::*;
 
     fn file(name: &str, sha256: &str, list: List) -> PictureFile {
-        PictureFile { name: name.into(), list, bytes: 10, modified_s: Some(0), sha256: sha256.into() }
+        PictureFile { name: name.into(), list, bytes: 10, modified_s: Some(0), sha256: Some(sha256.into()) }
     }
 
     #[test]

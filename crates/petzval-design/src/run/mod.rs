@@ -9,6 +9,7 @@
 mod checkpoint;
 mod digests;
 mod events;
+pub(crate) mod first_reads;
 mod folder;
 pub mod input_list;
 mod made;

@@ -42,7 +42,7 @@ pub use registry::Tasks;
 pub use scenes::{PicturePlan, ReadPictures, SceneLabels, Scenes};
 pub(crate) use windows::enlarged_by;
 pub use windows::{
-    HeldOut, PhotosLook, Purpose, Remark, SceneView, WindowInputs, WindowPlan, Windows, in_batches,
+    Content, HeldOut, PhotosLook, Purpose, Remark, SceneView, WindowInputs, WindowPlan, Windows, in_batches,
     relative_field,
 };
 

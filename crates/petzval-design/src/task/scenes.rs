@@ -9,14 +9,15 @@ use std::sync::{Arc, Mutex, PoisonError};
 use petzval_base::Cancel;
 use petzval_camera::render::Placement;
 use petzval_learn::dataset::{
-    self, Classes, CropPlan, DatasetError, LabelledPictures, LabelledWindow, List, PictureFile,
-    PictureWindows, StreetPlan, StreetView,
+    self, Classes, CropPlan, DatasetError, FirstReads, LabelledPictures, LabelledWindow, List, PictureFile,
+    PictureWindows, Shelf, StreetPlan, StreetView,
 };
 use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::image_height_per_tangent;
 use petzval_street::SurfaceClass;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
 use crate::camera::{Camera, Labels, Shot, crop_window};
@@ -27,7 +28,8 @@ use crate::lens::psf_plan::PsfPlan;
 use crate::run::hex;
 use crate::run::input_list::Pictures;
 use crate::task::{
-    HeldOut, Purpose, Remark, SceneView, WindowInputs, WindowPlan, Windows, in_batches, relative_field,
+    Content, HeldOut, Purpose, Remark, SceneView, WindowInputs, WindowPlan, Windows, in_batches,
+    relative_field,
 };
 
 /// The first frame of validations, beyond those of all steps. Scores have a noise of their own.
@@ -95,6 +97,8 @@ pub struct Scenes {
     moving: Mutex<Kept>,
     /// The windows of scores.
     scored: Mutex<Kept>,
+    /// The windows of pictures.
+    shelf: Shelf<LabelledWindow>,
     /// Stops the making of windows of scores, and of those that are made ahead.
     cancel: Cancel,
 }
@@ -172,15 +176,17 @@ impl Scenes {
             pixel_mm,
             moving: Mutex::default(),
             scored: Mutex::default(),
+            shelf: Shelf::new(experiment.reading.bytes()),
             cancel: plan.assets.cancel().clone(),
         })
     }
 
     /// The pictures of a folder: their files, what identifies them with their boxes, and the boxes alone. None of streets, which follow from
-    /// the experiment and the version of the program. Reads every file.
-    fn pictures(&self) -> Result<Option<(Vec<PictureFile>, String, String)>, DesignError> {
+    /// the experiment and the version of the program.
+    fn pictures(&self, content: Content) -> Result<Option<(Vec<PictureFile>, String, String)>, DesignError> {
         let Source::Pictures(pictures, _) = &self.source else { return Ok(None) };
-        let files = pictures.files(&self.cancel)?;
+        let are_read = content == Content::All || pictures.first_reads().is_none();
+        let files = pictures.files(are_read, &self.cancel)?;
         let known = pictures.fingerprint(&files);
         Ok(Some((files, known, pictures.labels())))
     }
@@ -266,10 +272,14 @@ impl Scenes {
 
     /// Makes the windows of training items that are soon needed. An error comes back when they are.
     fn prepare(&self, view: SceneView, mut items: Range<u64>) {
-        let _later = items.try_for_each(|item| -> Result<(), DesignError> {
+        let make = |item| -> Result<(), DesignError> {
             self.cancel.check()?;
             self.window(view, List::Training, self.training_window(item).0).map(|_| ())
-        });
+        };
+        let _later = match &self.source {
+            Source::Streets(_) => items.try_for_each(make),
+            Source::Pictures(..) => items.into_par_iter().try_for_each(make),
+        };
     }
 
     /// Window `number` of a list.
@@ -314,11 +324,15 @@ impl Scenes {
     }
 
     fn window(&self, view: SceneView, list: List, number: u64) -> Result<Arc<LabelledWindow>, DesignError> {
-        let kept = if list == List::HeldOut { &self.scored } else { &self.moving };
-        let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
         let crops = self.crops(list);
         let window = match &self.source {
+            Source::Pictures(pictures, how) => {
+                let window = || pictures.window(how, list, [number, self.windows_of(list)], &crops);
+                return Ok(self.shelf.get(&format!("{list:?} {number}"), window)?);
+            }
             Source::Streets(plan) => {
+                let kept = if list == List::HeldOut { &self.scored } else { &self.moving };
+                let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
                 let lens = view.lens.ok_or(DesignError::NoLens)?;
                 let magnification = view.magnification;
                 let view = self.view(lens, view.light, &mut kept)?;
@@ -335,17 +349,12 @@ impl Scenes {
                 if let Some(window) = kept.windows.get(&(list, number)) {
                     return Ok(window.clone());
                 }
-                plan.window(list, families, number, [&view, &self.reference], &crops)?
-            }
-            Source::Pictures(pictures, how) => {
-                if let Some(window) = kept.windows.get(&(list, number)) {
-                    return Ok(window.clone());
-                }
-                pictures.window(how, list, [number, self.windows_of(list)], &crops)?
+                let window = plan.window(list, families, number, [&view, &self.reference], &crops)?;
+                let window = Arc::new(window);
+                kept.windows.insert((list, number), window.clone());
+                window
             }
         };
-        let window = Arc::new(window);
-        kept.windows.insert((list, number), window.clone());
         Ok(window)
     }
 
@@ -446,13 +455,27 @@ impl Windows for Scenes {
     }
 
     /// Nothing of streets.
-    fn inputs(&self, experiment: &Experiment, hash: &mut Sha256) -> Result<WindowInputs, DesignError> {
-        let Some((files, known, labels)) = self.pictures()? else { return Ok(WindowInputs::default()) };
+    fn inputs(
+        &self,
+        experiment: &Experiment,
+        content: Content,
+        hash: &mut Sha256,
+    ) -> Result<WindowInputs, DesignError> {
+        let Some((files, known, labels)) = self.pictures(content)? else {
+            return Ok(WindowInputs::default());
+        };
         hash.update(known);
         let place = Path::new(&experiment.data);
         let place = std::fs::canonicalize(place).map_err(DesignError::io(place))?;
         let labels = Some(hex(Sha256::new_with_prefix(labels)));
         Ok(WindowInputs { pictures: Some(Pictures { place, labels, files }), ..WindowInputs::default() })
+    }
+
+    fn first_reads(&self) -> Option<&FirstReads> {
+        match &self.source {
+            Source::Streets(_) => None,
+            Source::Pictures(pictures, _) => pictures.first_reads(),
+        }
     }
 
     fn remarks(&self) -> Vec<Remark> {

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use petzval_camera::sensor::SensorModel;
-use petzval_learn::dataset::CropPlan;
+use petzval_learn::dataset::{CropPlan, FirstReads};
 use petzval_optics::lens::Lens;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -71,14 +71,33 @@ pub trait Windows: Send + Sync {
     }
 
     /// What identifies them; adds them to a hash.
-    fn inputs(&self, _experiment: &Experiment, _hash: &mut Sha256) -> Result<WindowInputs, DesignError> {
+    fn inputs(
+        &self,
+        _experiment: &Experiment,
+        _content: Content,
+        _hash: &mut Sha256,
+    ) -> Result<WindowInputs, DesignError> {
         Ok(WindowInputs::default())
+    }
+
+    /// Digests of picture files from their first read; none where all are read at the start.
+    fn first_reads(&self) -> Option<&FirstReads> {
+        None
     }
 
     /// What the pictures are, and what of them cannot be used.
     fn remarks(&self) -> Vec<Remark> {
         Vec::new()
     }
+}
+
+/// By how much of their pictures the inputs of a run are known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Content {
+    /// All of it if the set is read at its start. Else names and sizes; digests follow when files are read first.
+    AtStart,
+    /// All of it. This reads every file.
+    All,
 }
 
 /// What identifies the windows of an experiment.

@@ -110,11 +110,16 @@ pub fn save_coco(data: &DataSet, path: &Path) -> Result<(), CocoError> {
     write_whole(path, &coco_bytes(data)).map_err(CocoError::io(path))
 }
 
-/// The files of annotations of a folder, each of a part of another name, or the file itself; at least one.
-fn annotation_files(place: &Path) -> Result<Vec<PathBuf>, CocoError> {
-    if !place.is_dir() {
-        return Ok(vec![place.to_owned()]);
+/// Whether a place has annotations in COCO format, or several files that could be those: a file `.json`, or a folder with some.
+pub fn has_annotations(place: &Path) -> bool {
+    if place.is_dir() {
+        return found_files(place).is_ok_and(|found| !found.is_empty());
     }
+    place.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("json"))
+}
+
+/// Files of a folder that could be annotations.
+fn found_files(place: &Path) -> Result<Vec<PathBuf>, CocoError> {
     if let Some(file) = [ANNOTATIONS, ROBOFLOW].map(|name| place.join(name)).into_iter().find(|f| f.is_file())
     {
         return Ok(vec![file]);
@@ -127,7 +132,15 @@ fn annotation_files(place: &Path) -> Result<Vec<PathBuf>, CocoError> {
     let of_roboflow = ["train", "valid", "test"].map(|part| place.join(part).join(ROBOFLOW));
     let of_roboflow: Vec<PathBuf> = of_roboflow.into_iter().filter(|file| file.is_file()).collect();
     let found = [of_coco, of_roboflow].into_iter().find(|files| !files.is_empty());
-    let found = found.map_or_else(|| json_files(place, |_| true), Ok)?;
+    found.map_or_else(|| json_files(place, |_| true), Ok)
+}
+
+/// The files of annotations of a folder, each of a part of another name, or the file itself; at least one.
+fn annotation_files(place: &Path) -> Result<Vec<PathBuf>, CocoError> {
+    if !place.is_dir() {
+        return Ok(vec![place.to_owned()]);
+    }
+    let found = found_files(place)?;
     let parts: BTreeSet<String> = found.iter().filter_map(|file| part_of(file)).collect();
     match found.len() {
         0 => {

@@ -1,12 +1,10 @@
 //! Checks the picture files of a data set.
 
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::{HashMap, HashSet};
 use std::io;
-use std::ops::Range;
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::path::Path;
 
-use petzval_base::Cancelled;
+use petzval_base::{Cancel, Cancelled};
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
@@ -15,7 +13,7 @@ use super::data_set::Image;
 use super::defect::{DefectKind, Defects};
 use super::folder::Loaded;
 use super::turned::{BoxesOf, boxes_of, turned};
-use crate::picture_file::{MOST_PICTURE_BYTES, PictureHead, decoded_head, picture_head};
+use crate::picture_set::{CheckedPictures, StoredPicture, checked_heads, digests_of_alike, in_hex};
 
 /// What a second check of the values finds once sizes are known.
 const NOTED_AGAIN: [DefectKind; 3] =
@@ -37,12 +35,33 @@ pub fn check_pictures(
     loaded: &mut Loaded,
     watch: &(dyn Fn(usize) -> Result<(), Cancelled> + Sync),
 ) -> Result<(), Cancelled> {
+    let how = PictureCheck { most_light_bytes: u64::MAX, remembered: &CheckedPictures::default() };
+    check_pictures_by(loaded, &how, watch).map(|_| ())
+}
+
+/// How pictures are checked.
+#[derive(Clone, Copy, Debug)]
+pub struct PictureCheck<'a> {
+    /// Bytes of light up to which all pictures are decoded. Of a larger set only the heads of files are read.
+    pub most_light_bytes: u64,
+    /// Pictures that were decoded before, which are not decoded again.
+    pub remembered: &'a CheckedPictures,
+}
+
+/// [`check_pictures`] by other means. Says whether all pictures were decoded.
+pub fn check_pictures_by(
+    loaded: &mut Loaded,
+    how: &PictureCheck,
+    watch: &(dyn Fn(usize) -> Result<(), Cancelled> + Sync),
+) -> Result<bool, Cancelled> {
     let mut unusable = HashSet::new();
     let mut turning = HashMap::new();
     let mut is_clipping_due = false;
     let mut images = std::mem::take(&mut loaded.data.images);
     let with_boxes: HashSet<u64> = loaded.data.annotations.iter().map(|a| a.image_id).collect();
-    let heads = decoded_heads(&images, loaded, watch)?;
+    let picture = |image: &Image| loaded.picture(&image.file_name).map(StoredPicture::file);
+    let pictures: Vec<Option<StoredPicture>> = images.par_iter().map(picture).collect();
+    let (heads, are_decoded) = checked_heads(&pictures, how.most_light_bytes, how.remembered, watch)?;
     for (image, head) in images.iter_mut().zip(heads) {
         let name = image.file_name.clone();
         let stated = (image.width, image.height);
@@ -88,7 +107,7 @@ pub fn check_pictures(
     let listed = images.len();
     images.retain(|image| !unusable.contains(&image.id));
     loaded.data.images = images;
-    note_copies(loaded);
+    note_copies(loaded, how.remembered);
     loaded.data.annotations.retain(|annotation| !unusable.contains(&annotation.image_id));
     for annotation in &mut loaded.data.annotations {
         if let Some(head) = turning.get(&annotation.image_id) {
@@ -108,91 +127,41 @@ pub fn check_pictures(
         loaded.defects.add(DefectKind::NoPicture, || format!("of {listed} listed pictures none is left"));
     }
     count_boxes(&loaded.data, &mut loaded.defects);
-    Ok(())
+    Ok(are_decoded)
 }
 
-/// The head of each picture, whose file is decoded as a whole, or why it cannot be; `None` where there is no file.
-fn decoded_heads(
-    images: &[Image],
-    loaded: &Loaded,
-    watch: &(dyn Fn(usize) -> Result<(), Cancelled> + Sync),
-) -> Result<Vec<Option<Result<PictureHead, String>>>, Cancelled> {
-    let paths: Vec<Option<PathBuf>> =
-        images.par_iter().map(|image| loaded.picture(&image.file_name)).collect();
-    // Some decoders read the whole file for its head.
-    let length =
-        |path: &Option<PathBuf>| path.as_ref().and_then(|p| p.metadata().ok()).map_or(0, |m| m.len());
-    let lengths: Vec<u64> = paths.iter().map(length).collect();
-    let heads = in_batches(&paths, &lengths, |path| {
-        Ok(path.as_ref().map(|path| picture_head(path).map_err(|error| error.to_string())))
-    })?;
-    let bytes = |head: &Option<Result<PictureHead, String>>| match head {
-        Some(Ok(head)) => head.reading_bytes(),
-        _ => 0,
+/// Notes pictures whose files have the content of an earlier one. Of those whose digest is not known, files of one length whose first and last
+/// bytes agree are read.
+fn note_copies(loaded: &mut Loaded, remembered: &CheckedPictures) {
+    let stored: Vec<(&str, StoredPicture, Option<String>)> = (loaded.data.images.par_iter())
+        .filter_map(|image| {
+            let picture = StoredPicture::file(loaded.picture(&image.file_name)?);
+            let digest = remembered.digest(&picture);
+            Some((image.file_name.as_str(), picture, digest))
+        })
+        .collect();
+    let are_known = stored.iter().all(|(_, _, digest)| digest.is_some());
+    let digests: Vec<Option<String>> = if are_known {
+        stored.iter().map(|(_, _, digest)| digest.clone()).collect()
+    } else {
+        let pictures: Vec<Option<&StoredPicture>> =
+            stored.iter().map(|(_, picture, _)| Some(picture)).collect();
+        // It takes seconds, and is not stopped.
+        let Ok(digests) = digests_of_alike(&pictures, &Cancel::default()) else { return };
+        digests.iter().map(|digest| digest.as_ref().map(in_hex)).collect()
     };
-    let bytes: Vec<u64> = heads.iter().map(bytes).collect();
-    let decoded = AtomicUsize::new(0);
-    let pictures: Vec<_> = paths.into_iter().zip(heads).collect();
-    in_batches(&pictures, &bytes, |(path, head)| {
-        let head = match (path, head) {
-            (Some(path), Some(Ok(_))) => Some(decoded_head(path).map_err(|error| error.to_string())),
-            (_, head) => head.clone(),
-        };
-        watch(decoded.fetch_add(1, Ordering::Relaxed) + 1)?;
-        Ok(head)
-    })
-}
-
-/// What a function makes of each value, on all threads; of so many at a time that they take at most [`MOST_PICTURE_BYTES`] together. Ends soon
-/// after its first error.
-fn in_batches<T: Sync, U: Send>(
-    values: &[T],
-    bytes: &[u64],
-    make: impl Fn(&T) -> Result<U, Cancelled> + Sync,
-) -> Result<Vec<U>, Cancelled> {
-    let mut made = Vec::with_capacity(values.len());
-    for batch in batches(bytes, MOST_PICTURE_BYTES) {
-        made.extend(values[batch].par_iter().map(&make).collect::<Result<Vec<U>, Cancelled>>()?);
-    }
-    Ok(made)
-}
-
-/// Consecutive ranges of values whose sums are at most `most`; a larger value is a range of its own.
-fn batches(values: &[u64], most: u64) -> Vec<Range<usize>> {
-    let (mut ranges, mut first, mut sum) = (Vec::new(), 0, 0u64);
-    for (i, value) in values.iter().enumerate() {
-        if i > first && sum.saturating_add(*value) > most {
-            ranges.push(first..i);
-            (first, sum) = (i, 0);
-        }
-        sum = sum.saturating_add(*value);
-    }
-    ranges.push(first..values.len());
-    ranges
-}
-
-/// Notes pictures whose files have the content of an earlier one.
-fn note_copies(loaded: &mut Loaded) {
-    let mut by_length: BTreeMap<u64, Vec<(&str, PathBuf)>> = BTreeMap::new();
-    for image in &loaded.data.images {
-        let Some(path) = loaded.picture(&image.file_name) else { continue };
-        let Ok(file) = path.metadata() else { continue };
-        by_length.entry(file.len()).or_default().push((&image.file_name, path));
-    }
-    for files in by_length.into_values().filter(|files| files.len() > 1) {
-        let mut first: BTreeMap<String, &str> = BTreeMap::new();
-        for (name, path) in files {
-            let Ok(digest) = content_digest(&path) else { continue };
-            match first.get(&digest) {
-                // Entries of one file are noted by their names.
-                Some(original) if *original == name => {}
-                Some(original) => {
-                    loaded.defects.add(DefectKind::SamePicture, || format!("{original} and {name}"))
-                }
-                None => drop(first.insert(digest, name)),
-            }
+    let mut first: HashMap<String, &str> = HashMap::new();
+    let mut copies = Vec::new();
+    for ((name, ..), digest) in stored.iter().zip(digests) {
+        let Some(digest) = digest else { continue };
+        match first.get(&digest) {
+            // Entries of one file are noted by their names.
+            Some(original) if original == name => {}
+            Some(original) => copies.push(format!("{original} and {name}")),
+            None => drop(first.insert(digest, name)),
         }
     }
+    copies.into_iter().for_each(|both| loaded.defects.add(DefectKind::SamePicture, || both));
 }
 
 /// The SHA-256 of the content of a file, hexadecimal.
@@ -200,17 +169,4 @@ pub fn content_digest(path: &Path) -> io::Result<String> {
     let mut hash = Sha256::new();
     io::copy(&mut petzval_base::open_file(path)?, &mut hash)?;
     Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn batches_keep_the_order_and_their_sums_below_the_limit() {
-        let values = [5, 3, 2, 1, 12, 9, 1, 0, 0, 7];
-        let ranges = batches(&values, 10);
-        assert_eq!(ranges, [0..3, 3..4, 4..5, 5..9, 9..10]);
-        assert_eq!(batches(&[], 10).iter().map(Range::len).collect::<Vec<_>>(), [0]);
-    }
 }

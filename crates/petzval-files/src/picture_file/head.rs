@@ -65,10 +65,14 @@ impl PictureHead {
         )
     }
 
+    /// Bytes of its light.
+    pub fn light_bytes(&self) -> u64 {
+        (u64::from(self.stored.0) * u64::from(self.stored.1)).saturating_mul(LIGHT_BYTES)
+    }
+
     /// Most bytes of memory that reading takes. The decoder may copy the file. The samples are there until they are light.
     pub fn reading_bytes(&self) -> u64 {
-        let pixels = u64::from(self.stored.0) * u64::from(self.stored.1);
-        let converting = self.sample_bytes.saturating_add(pixels.saturating_mul(LIGHT_BYTES));
+        let converting = self.sample_bytes.saturating_add(self.light_bytes());
         self.file_bytes.saturating_mul(2).saturating_add(self.decoding_bytes.max(converting))
     }
 

@@ -23,7 +23,7 @@ pub(crate) use self::head::PictureHead;
 use self::head::{OLD_HDR, decoder_limits};
 use self::ignored::{hdr_notes, png_notes, profile_note, tiff_notes};
 pub use self::size::picture_size;
-pub(crate) use self::size::{decoded_head, picture_head};
+pub(crate) use self::size::{check_decodes, head_of, picture_head};
 
 /// Rows that are turned into light at a time.
 const STRIP_ROWS: u32 = 64;

@@ -9,7 +9,7 @@ use ::image::{DynamicImage, ImageFormat, ImageReader};
 use super::cut_off::{CUT_OFF, is_cut_off};
 use super::error::{ImageError, undecoded};
 use super::head::{OLD_HDR, PictureHead, decoder_limits};
-use super::{exr_file, load_image_bytes, picture_bytes};
+use super::{exr_file, load_image_bytes};
 
 /// Columns and rows of a picture as [`load_image`](super::load_image) reads it, the right way up. Pixels are not decoded.
 pub fn picture_size(path: &Path) -> Result<(u32, u32), ImageError> {
@@ -25,7 +25,12 @@ pub(crate) fn picture_head(path: &Path) -> Result<PictureHead, ImageError> {
     head_of(BufReader::new(file), file_bytes, &name)?.checked(&name)
 }
 
-fn head_of<R: BufRead + Seek>(source: R, file_bytes: u64, name: &str) -> Result<PictureHead, ImageError> {
+/// The head of a picture of so many encoded bytes; `name` appears in errors.
+pub(crate) fn head_of<R: BufRead + Seek>(
+    source: R,
+    file_bytes: u64,
+    name: &str,
+) -> Result<PictureHead, ImageError> {
     let decode = |reason: String| ImageError::Decode { name: name.to_owned(), reason };
     let undecodable = |e: ::image::ImageError| decode(undecoded(&e));
     let system = |e: std::io::Error| decode(e.to_string());
@@ -56,25 +61,21 @@ fn head_of<R: BufRead + Seek>(source: R, file_bytes: u64, name: &str) -> Result<
     }
 }
 
-/// [`picture_head`] of a file that is decoded from its first byte to its last: [`load_image`](super::load_image) does not fail with it.
-pub(crate) fn decoded_head(path: &Path) -> Result<PictureHead, ImageError> {
-    let head = picture_head(path)?;
-    let bytes = picture_bytes(path)?;
-    let name = path.display().to_string();
-    let format = ::image::guess_format(&bytes).ok();
+/// Decodes a picture from its first byte to its last: [`load_image_bytes`] does not fail with it. `name` appears in errors.
+pub(crate) fn check_decodes(bytes: &[u8], name: &str) -> Result<(), ImageError> {
+    let format = ::image::guess_format(bytes).ok();
     // The samples of the two common kinds are numbers in any case: turning them into light would take most of the time.
     if !matches!(format, Some(ImageFormat::Png | ImageFormat::Jpeg)) {
-        load_image_bytes(&bytes, &name)?;
-        return Ok(head);
+        return load_image_bytes(bytes, name).map(|_| ());
     }
-    let decode = |reason: String| ImageError::Decode { name: name.clone(), reason };
-    if is_cut_off(&bytes) {
+    let decode = |reason: String| ImageError::Decode { name: name.to_owned(), reason };
+    if is_cut_off(bytes) {
         return Err(decode(CUT_OFF.to_owned()));
     }
     let mut reader =
-        ImageReader::new(Cursor::new(&bytes)).with_guessed_format().map_err(|e| decode(e.to_string()))?;
+        ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| decode(e.to_string()))?;
     reader.limits(decoder_limits());
     let decoder = reader.into_decoder().map_err(|e| decode(undecoded(&e)))?;
     DynamicImage::from_decoder(decoder).map_err(|e| decode(undecoded(&e)))?;
-    Ok(head)
+    Ok(())
 }

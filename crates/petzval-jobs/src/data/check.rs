@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use petzval_base::write_whole;
 use petzval_design::error::DesignError;
 use petzval_files::coco::{Annotation, Attribute, Defect, Loaded, Severity, Statistics, load_coco};
-use petzval_files::load_image;
+use petzval_files::{CheckedPictures, load_image};
 use petzval_learn::dataset::Classes;
 use petzval_report::data_sheet::{DataSheet, DefectRow, Sample, SampleBox, page};
 use schemars::JsonSchema;
@@ -13,6 +13,8 @@ use serde::{Deserialize, Serialize};
 
 use super::check_pictures_in;
 use crate::as_unit::AsUnit;
+use super::memory::{remember, remembered};
+use super::photographs::{checked, photographs_of};
 use crate::context::Context;
 use crate::error::{JobError, make_folder};
 use crate::event::WarningKind;
@@ -29,19 +31,21 @@ petzval_base::parameters! {
         samples: usize = 12, "", 0..200, Linear, "the page holds its pictures";
     }
     also {
-        /// Its folder, or its file of annotations.
+        /// Its folder, or its file of annotations; or photographs: a folder, a list with one path a line, a tar shard or a folder of shards.
         data: PathBuf = PathBuf::from(".");
         /// Folder for a page with samples; none is written without.
         out: Option<PathBuf> = None;
         /// An experiment, by built-in name, by path, or itself, whose classes are looked for in the data set.
         classes_of: Option<ExperimentInput> = None;
+        /// Decodes every picture, also those that an earlier check has decoded and that have not changed since by size and time.
+        no_cache: bool = false;
     }
 }
 
 /// What a data set holds, and what is wrong with it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Response {
-    /// The file of annotations.
+    /// The file of annotations, or where the photographs are.
     #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub annotations: PathBuf,
     /// What can be used.
@@ -72,8 +76,20 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     }
     let classes =
         request.classes_of.as_ref().map(|experiment| classes_of(experiment, context)).transpose()?;
-    let mut loaded = load_coco(&request.data, context.cancel())?;
-    check_pictures_in(&mut loaded, context)?;
+    let place = &request.data;
+    let before = if request.no_cache { CheckedPictures::default() } else { remembered(place) };
+    let loaded = match photographs_of(place)? {
+        Some(pictures) => checked(place, &pictures, &before, context),
+        None => load_coco(place, context.cancel()).map_err(JobError::from).and_then(|mut loaded| {
+            check_pictures_in(&mut loaded, &before, context)?;
+            Ok(loaded)
+        }),
+    };
+    // Also what a check had done that was stopped.
+    if !request.no_cache {
+        remember(place, &before, context);
+    }
+    let loaded = loaded?;
     let mut response = Response {
         annotations: loaded.file.clone(),
         statistics: Statistics::of(&loaded.data),

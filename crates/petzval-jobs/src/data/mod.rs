@@ -2,8 +2,11 @@
 
 pub mod check;
 pub mod convert;
+mod memory;
+mod photographs;
 
-use petzval_files::coco::{CocoError, Loaded, check_pictures};
+use petzval_files::CheckedPictures;
+use petzval_files::coco::{CocoError, Loaded, PictureCheck, check_pictures_by};
 
 use crate::context::Context;
 use crate::error::JobError;
@@ -14,14 +17,19 @@ pub use petzval_files::coco::{ClassStatistics, Defect, Severity, Statistics};
 /// Largest file of which an error shows the line, bytes.
 const LARGEST_SHOWN: u64 = 20_000;
 
-/// Checks the pictures of a data set, and says how many are done.
-pub(crate) fn check_pictures_in(loaded: &mut Loaded, context: &Context) -> Result<(), JobError> {
+/// Checks the pictures of a data set, and says how many are done. Those that are remembered are not decoded again.
+pub(crate) fn check_pictures_in(
+    loaded: &mut Loaded,
+    remembered: &CheckedPictures,
+    context: &Context,
+) -> Result<(), JobError> {
     let count = loaded.data.images.len() as u64;
     let watch = |done: usize| {
         context.progress(done as u64, count, "pictures are decoded");
         context.cancel().check()
     };
-    Ok(check_pictures(loaded, &watch)?)
+    let how = PictureCheck { most_light_bytes: u64::MAX, remembered };
+    Ok(check_pictures_by(loaded, &how, &watch).map(|_| ())?)
 }
 
 impl From<CocoError> for JobError {

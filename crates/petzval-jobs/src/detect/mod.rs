@@ -14,7 +14,7 @@ use petzval_design::task::objects::boxes::with_boxes;
 use petzval_files::coco::{
     self, ANNOTATIONS, Bounds, Category, DataSet, Image, load_coco, save_coco, save_results,
 };
-use petzval_files::{encoded_png_bytes, load_image};
+use petzval_files::{CheckedPictures, encoded_png_bytes, load_image};
 use petzval_learn::dataset::{in_classes, taken_as};
 use petzval_learn::detection::{Detection, detect_in};
 use schemars::JsonSchema;
@@ -268,7 +268,7 @@ fn labelled(place: &Path, out: Option<&Path>, context: &Context) -> Result<(Vec<
         let message = format!("{}: the data set is in this folder", out.display());
         return Err(JobError::input(message, "name another folder for --out"));
     }
-    check_pictures_in(&mut loaded, context)?;
+    check_pictures_in(&mut loaded, &CheckedPictures::default(), context)?;
     for line in loaded.defects.lines(place) {
         context.warning(WarningKind::DataSet, line);
     }

@@ -25,8 +25,9 @@ const BITS: u32 = 16;
 /// Quantum efficiency where the sensor has none and none is named.
 const DEFAULT_QE: &str = "imx219";
 
-/// Samples of the chart along a side of a pixel, unless the camera of the request says how many.
-pub const SAMPLES: usize = 1;
+/// Samples of the chart along a side of a pixel, unless the camera of the request says how many. With two, which show the light at their middles,
+/// MTFs are right to 0.01 below 0.5 cycles a pixel.
+pub const SAMPLES: usize = 2;
 
 /// A camera and an ISP to measure. What is left out has the default of the command.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -136,7 +136,8 @@ pub struct SceneFrame {
     pub white_e: f64,
 }
 
-/// Takes the scene that `draw` makes for a sensor of so many rows and columns, of one sample a pixel, without writing anything. Without
+/// Takes the scene that `draw` makes on so many rows and columns of samples, without writing anything. Shares of materials are coverage of the
+/// sample; the lens sees the light at its middle ([`LinearImage::point_values`]). Without
 /// `white_e` and an illuminance, white is as bright as in photographs by default.
 pub fn scene_frame(
     request: &Request,
@@ -160,7 +161,7 @@ pub fn scene_frame(
     light.warn(&conditions, &rig, None, context);
     let (illuminant, lux) = (&conditions.illuminant, conditions.lux);
     let scene = draw(rig.sensor.height * rig.samples, rig.sensor.width * rig.samples);
-    let opened = Opened::Bands(SpectralScene::surfaces(scene, illuminant, lux, &light.band_um));
+    let opened = Opened::Bands(SpectralScene::surfaces_as_points(scene, illuminant, lux, &light.band_um));
     let electrons = electrons(request, &rig, &conditions, &light, &opened, "chart", context)?;
     let (camera, taken) = take(request, &rig, &light, &electrons, 0)?;
     let body = camera.body();

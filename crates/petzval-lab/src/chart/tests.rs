@@ -1,7 +1,9 @@
 //! Charts whose colours, noise and sharpness are known.
 
-use petzval_camera::image::srgb_encode;
+use petzval_camera::image::{LinearImage, srgb_encode};
 use petzval_camera::isp::RgbPicture;
+use petzval_camera::psf::PsfBank;
+use petzval_camera::render::{Placement, RenderGeometry, Window, light_on_pixels};
 use petzval_camera::spectral::{
     ChartData, Illuminant, TestChart, apply, colour_checker, d65_white, seen_under,
 };
@@ -94,4 +96,51 @@ fn windows_follow_the_picture() {
     let still = measure(&still, &CHART, &wanted(), |at| at);
     assert_eq!(moved.patches, still.patches);
     assert_eq!(moved.edges[0], still.edges[0]);
+}
+
+/// The MTF50 of the edges of the chart behind a lens whose PSF is a Gauss curve of so many pixels, drawn with so many samples a pixel.
+fn mtf50_behind_a_lens(sigma_px: f64, samples: usize, as_points: bool) -> f64 {
+    let (_, _, srgb_of_xyz) = d65_white();
+    let linear: Vec<[f64; 3]> = wanted().iter().map(|xyz| apply(&srgb_of_xyz, *xyz)).collect();
+    let scene = TestChart { height: CHART.height * samples, width: CHART.width * samples }.draw();
+    let plane = |c: usize| {
+        let light = &linear;
+        scene.pixels.iter().map(move |(a, b, share)| {
+            let share = f64::from(*share);
+            ((1.0 - share) * light[*a as usize][c] + share * light[*b as usize][c]) as f32
+        })
+    };
+    let data = (0..3).flat_map(plane).collect();
+    let means = LinearImage { channels: 3, height: scene.height, width: scene.width, data };
+    let scene = if as_points { means.point_values() } else { means };
+    // Cells of a tenth of a pixel: their own blur is a thousandth of the MTF.
+    let (grid, pixel_um, pitch_um) = (60, 4.0, 0.4);
+    let cell = |i: usize| (-0.5 * ((i as f64 - 29.5) * pitch_um / (sigma_px * pixel_um)).powi(2)).exp();
+    let psf: Vec<f64> = (0..grid * grid).map(|i| cell(i / grid) * cell(i % grid)).collect();
+    let sum: f64 = psf.iter().sum();
+    let values = psf.iter().map(|v| (v / sum) as f32).collect::<Vec<_>>().repeat(3);
+    let bank = PsfBank { field_radius_mm: vec![0.0], grid, pitch_um, values, illumination: vec![1.0; 3] };
+    let (sensor_height, sensor_width) = (CHART.height, CHART.width);
+    let geometry = RenderGeometry { sensor_height, sensor_width, pixel_um, patches: (1, 1) };
+    let window =
+        Window { placement: Placement { row: 0, col: 0 }, height: sensor_height, width: sensor_width };
+    let light = light_on_pixels(&geometry, &bank, &scene, None, &window, samples).unwrap();
+    let data = light.data.iter().map(|v| (srgb_encode(v.clamp(0.0, 1.0)) * 65535.0).round() as u16).collect();
+    let picture = RgbPicture { height: sensor_height, width: sensor_width, bits: 16, data };
+    let figures = measure(&picture, &CHART, &wanted(), |at| at);
+    figures.edges[0].mtf50_per_px.unwrap()
+}
+
+#[test]
+fn an_edge_behind_a_lens_has_the_mtf_of_lens_and_pixel() {
+    use std::f64::consts::PI;
+    let sigma_px = 0.45;
+    // The transfer of the Gauss curve, of a pixel and of the cells of the PSF; it falls to a half once.
+    let sinc = |x: f64| (PI * x).sin() / (PI * x);
+    let mtf = |f: f64| (-2.0 * (PI * sigma_px * f).powi(2)).exp() * sinc(f) * sinc(0.1 * f);
+    let wanted = (1..10_000).map(|i| f64::from(i) * 1e-4).find(|f| mtf(*f) < 0.5).unwrap();
+    let [plain, as_points] = [false, true].map(|as_points| mtf50_behind_a_lens(sigma_px, 2, as_points));
+    assert!((as_points / wanted - 1.0).abs() < 0.006, "{as_points} {wanted}");
+    // Means that are integrated twice are what this is about.
+    assert!(plain / wanted < 0.985, "{plain} {wanted}");
 }

@@ -3,7 +3,7 @@
 use rand::RngExt;
 use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
 
-use super::{DatasetError, NamedPhoto};
+use super::{DatasetError, Photo};
 
 /// Size of the training windows, and the sensor on which they are placed.
 ///
@@ -76,7 +76,7 @@ impl CropPlan {
     }
 
     /// Checks that the sensor and every photograph can hold the crop. Fails on an empty list.
-    pub fn check(&self, photos: &[NamedPhoto]) -> Result<(), DatasetError> {
+    pub fn check(&self, photos: &[Photo]) -> Result<(), DatasetError> {
         self.check_sensor()?;
         if photos.is_empty() {
             return Err(DatasetError::EmptyList { list: "training" });
@@ -110,7 +110,7 @@ pub struct TrainingCrop {
 /// positions where it fits would hardly ever cover the sensor's corners.
 pub fn training_crop(
     plan: &CropPlan,
-    photos: &[NamedPhoto],
+    photos: &[Photo],
     seed: u64,
     step: u64,
     item: u32,
@@ -123,12 +123,12 @@ pub fn training_crop(
     generator.set_word_pos(u128::from(item) * 64);
 
     let photo = generator.random_range(0..photos.len());
-    let image = &photos[photo].image;
+    let Photo { height, width, .. } = photos[photo];
     let window = plan.window();
     Ok(TrainingCrop {
         photo,
-        row: generator.random_range(0..=image.height - window),
-        column: generator.random_range(0..=image.width - window),
+        row: generator.random_range(0..=height - window),
+        column: generator.random_range(0..=width - window),
         flip: generator.random(),
         sensor_row: around(generator.random_range(0..plan.sensor_rows), plan.crop, plan.sensor_rows),
         sensor_column: around(generator.random_range(0..plan.sensor_columns), plan.crop, plan.sensor_columns),

@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use petzval_base::Cancelled;
-use petzval_files::ImageError;
 use petzval_files::coco::CocoError;
+use petzval_files::{ImageError, PictureSetError};
 
 /// Why a data set cannot be used. Each message says what to do.
 #[derive(Debug, thiserror::Error)]
@@ -19,6 +19,20 @@ pub enum DatasetError {
         path: PathBuf,
         /// The error of the system.
         source: std::io::Error,
+    },
+    /// Pictures that cannot be listed.
+    #[error(transparent)]
+    Set(#[from] PictureSetError),
+    /// A picture is not what it was.
+    #[error(
+        "{}: {name} is not what it was when this run read it first; put it back, or start a new run",
+        path.display()
+    )]
+    Changed {
+        /// Its file, or that of its shard.
+        path: PathBuf,
+        /// Its name.
+        name: String,
     },
     /// The job was cancelled before all pictures were read.
     #[error("stopped before all pictures were read")]

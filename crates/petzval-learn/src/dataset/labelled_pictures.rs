@@ -6,11 +6,12 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use petzval_base::Cancel;
 use petzval_camera::image::{CHANNELS, LinearImage};
-use petzval_files::coco::{Image, check_pictures, load_coco};
-use petzval_files::load_image;
+use petzval_files::coco::{Image, PictureCheck, check_pictures_by, load_coco};
+use petzval_files::{CheckedPictures, StoredPicture, load_image_bytes};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -19,7 +20,7 @@ use super::classes::{taken_as, truth};
 use super::crop::around;
 use super::label_file::{LabelFile, drawn_pixel};
 use super::labelled_window::{LARGEST_SHARE, LEAST_INSIDE, crop_around, drawn_by_class, inside, off_middle};
-use super::{Classes, CropPlan, DatasetError, LabelledWindow, List, PictureFile};
+use super::{Classes, CropPlan, DatasetError, FirstReads, LabelledWindow, List, PictureFile, READ_AT_ONCE};
 use crate::detection::{BBox, Object, Truth};
 
 /// Where a data set says nothing of its parts: of every so many sequences, the last is held out and the one before it is for validation.
@@ -43,11 +44,13 @@ pub(super) struct LabelledPicture {
 
 /// The pictures of a folder, in three lists. They share no sequence, unless the data set itself has pictures of one in several parts, or no
 /// second one for training; then a note says so.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default)]
 pub struct LabelledPictures {
     training: Vec<LabelledPicture>,
     validation: Vec<LabelledPicture>,
     held_out: Vec<LabelledPicture>,
+    /// Digests of files from their first read; none where all are read at the start.
+    reads: Option<Arc<FirstReads>>,
 }
 
 /// How windows of pictures are chosen.
@@ -82,7 +85,8 @@ impl LabelledPictures {
     /// itself. For [`Purpose::ValidatedTraining`] every
     /// fifth sequence is for validation, or the last of those for training where there are fewer; if not, they are for training.
     ///
-    /// Reading the pictures takes minutes for thousands of them; it ends with [`DatasetError::Stopped`] once `cancel` is set.
+    /// Pictures whose light takes up to [`READ_AT_ONCE`] bytes together are decoded, and damaged ones left out. Of a larger set the heads of files are
+    /// read; what is damaged behind its head is an error when it is needed. Ends with [`DatasetError::Stopped`] once `cancel` is set.
     pub fn load(
         folder: &Path,
         classes: &Classes,
@@ -95,7 +99,8 @@ impl LabelledPictures {
         let validated = purpose == Purpose::ValidatedTraining;
         let trains = purpose != Purpose::Scores;
         let mut loaded = load_coco(folder, cancel)?;
-        check_pictures(&mut loaded, &|_| cancel.check())?;
+        let how = PictureCheck { most_light_bytes: READ_AT_ONCE, remembered: &CheckedPictures::default() };
+        let are_decoded = check_pictures_by(&mut loaded, &how, &|_| cancel.check())?;
         let mut notes: Vec<String> = loaded.defects.lines(folder).collect();
         let data = &loaded.data;
         let objects = data.objects_of_images();
@@ -119,7 +124,14 @@ impl LabelledPictures {
             ));
         }
         notes.extend(taken_as(data, classes).map(|note| format!("{}: {note}", folder.display())));
-        let mut found = Self::default();
+        let reads = (!are_decoded).then(Arc::default);
+        if reads.is_some() {
+            notes.push(format!(
+                "{}: pictures are read when they are needed; a damaged one stops the run then, and `petzval data check` finds it before",
+                folder.display()
+            ));
+        }
+        let mut found = Self { reads, ..Self::default() };
         let mut small = 0;
         for (image, objects) in data.images.iter().zip(&objects) {
             let size = [image.height as usize, image.width as usize];
@@ -249,24 +261,30 @@ impl LabelledPictures {
         self.list(list).iter().map(|picture| picture.sequence.as_str()).collect()
     }
 
-    /// Every picture file. Reads them all; fails with [`DatasetError::Stopped`] before the next one once `cancel` is set.
-    pub fn files(&self, cancel: &Cancel) -> Result<Vec<PictureFile>, DatasetError> {
+    /// Digests of files from their first read; none where all are read at the start.
+    pub fn first_reads(&self) -> Option<&FirstReads> {
+        self.reads.as_deref()
+    }
+
+    /// Every picture file, with its digest if they `are_read`. Fails with [`DatasetError::Stopped`] before the next one once `cancel` is set.
+    pub fn files(&self, are_read: bool, cancel: &Cancel) -> Result<Vec<PictureFile>, DatasetError> {
         let lists = [List::Training, List::Validation, List::HeldOut].into_iter();
         let all: Vec<(List, &LabelledPicture)> =
             lists.flat_map(|list| self.list(list).iter().map(move |picture| (list, picture))).collect();
         let file = |(list, picture): &(List, &LabelledPicture)| {
             cancel.check()?;
-            PictureFile::read(&picture.path, &picture.name, *list)
+            PictureFile::of(&picture.path, &picture.name, *list, are_read)
         };
         all.par_iter().map(file).collect()
     }
 
-    /// What identifies the pictures: of each its list, its name, the SHA-256 of its file and its boxes. `files`: those of [`Self::files`].
+    /// What identifies the pictures: of each its list, its name, the SHA-256 of its file, or its size as long as that is not known, and its boxes. `files`: those of [`Self::files`].
     pub fn fingerprint(&self, files: &[PictureFile]) -> String {
         let mut text = String::new();
         let lists = [List::Training, List::Validation, List::HeldOut].into_iter();
         let pictures = lists.flat_map(|list| self.list(list).iter().map(move |picture| (list, picture)));
-        for ((list, picture), PictureFile { sha256, .. }) in pictures.zip(files) {
+        for ((list, picture), PictureFile { sha256, bytes, .. }) in pictures.zip(files) {
+            let sha256 = sha256.clone().unwrap_or_else(|| format!("{bytes} bytes"));
             text += &format!("{list:?} {} {sha256}{}\n", picture.name, boxes_of(picture));
         }
         text
@@ -311,7 +329,7 @@ impl LabelledPictures {
         crops: &CropPlan,
     ) -> Result<LabelledWindow, DatasetError> {
         let picture = self.picture(list, [number, of]);
-        let light = load_image(&picture.path)?.light;
+        let light = self.light(picture)?;
         let mut random = ChaCha8Rng::seed_from_u64(how.seed ^ 0x91c2_77e0_53aa_8b1d);
         random.set_stream(3 * number + list as u64);
         let size = [light.height, light.width];
@@ -351,6 +369,22 @@ impl LabelledPictures {
             Some(classes) => window.with_classes(classes.part(first, crops.crop)),
             None => window,
         })
+    }
+}
+
+impl LabelledPictures {
+    /// The light of a picture. Fails if its file has another content than at its first read, or another size than when the set was listed.
+    fn light(&self, picture: &LabelledPicture) -> Result<LinearImage, DatasetError> {
+        let (path, stored) = (&picture.path, StoredPicture::file(picture.path.clone()));
+        let bytes = stored.bytes()?;
+        if let Some(reads) = &self.reads {
+            reads.note(&picture.name, || path.clone(), &bytes)?;
+        }
+        let light = load_image_bytes(&bytes, &stored.display())?.light;
+        if [light.height, light.width] != picture.size {
+            return Err(DatasetError::Changed { path: path.clone(), name: picture.name.clone() });
+        }
+        Ok(light)
     }
 }
 

@@ -8,7 +8,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-use super::{ClassMap, CropPlan};
+use super::{ClassMap, CropPlan, TakesBytes};
 use crate::detection::{BBox, Object, Truth};
 
 /// Brightest light that is kept, in units of white; sensors are full long before.
@@ -87,6 +87,13 @@ pub struct LabelledWindow {
     /// Whether it is exposed for as long behind every lens, so that a lens which gathers more light shows. In a bright street the automatic
     /// exposure takes back what the lens brings.
     pub follows_light: bool,
+}
+
+impl TakesBytes for LabelledWindow {
+    fn bytes(&self) -> u64 {
+        let classes = self.classes.as_ref().map_or(0, |map| map.classes.len());
+        (size_of_val(self.planes.as_slice()) + classes) as u64
+    }
 }
 
 impl LabelledWindow {

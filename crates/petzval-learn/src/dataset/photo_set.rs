@@ -1,37 +1,15 @@
 //! Pictures, split into training and held-out pictures.
 
-use std::{
-    collections::BTreeSet,
-    fs,
-    path::{Path, PathBuf},
-};
+use std::collections::{BTreeSet, HashMap};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use petzval_base::Cancel;
-use petzval_camera::image::LinearImage;
-use petzval_files::{Picture, load_image};
+use petzval_camera::image::{CHANNELS, LinearImage};
 use serde::{Deserialize, Serialize};
 
-use super::DatasetError;
-
-/// A picture, and its name in lists, logs and errors.
-#[derive(Clone, Debug, PartialEq)]
-pub struct NamedPhoto {
-    /// File name without folder, such as `coffee.png`.
-    pub name: String,
-    /// The picture in linear light.
-    pub image: LinearImage,
-}
-
-impl NamedPhoto {
-    /// Refuses a picture that cannot hold a square window of `needed` pixels a side.
-    pub fn check_holds(&self, needed: usize) -> Result<(), DatasetError> {
-        let LinearImage { height, width, .. } = self.image;
-        if height >= needed && width >= needed {
-            return Ok(());
-        }
-        Err(DatasetError::PhotoTooSmall { name: self.name.clone(), height, width, needed })
-    }
-}
+use super::photo::{Photo, Readers};
+use super::{DatasetError, FirstReads, List};
 
 /// Names of the training pictures and of the held-out pictures.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -45,9 +23,10 @@ pub struct PhotoSplit {
 /// Training, validation and held-out pictures, with no picture in two of the lists.
 #[derive(Clone, Debug, Default)]
 pub struct PhotoSet {
-    training: Vec<NamedPhoto>,
-    validation: Vec<NamedPhoto>,
-    held_out: Vec<NamedPhoto>,
+    training: Vec<Photo>,
+    validation: Vec<Photo>,
+    held_out: Vec<Photo>,
+    readers: Arc<Readers>,
 }
 
 impl PhotoSet {
@@ -55,7 +34,7 @@ impl PhotoSet {
     ///
     /// Fails on an empty list, an unknown or repeated name, a name in both lists, and a training picture that equals a held-out
     /// picture of another name.
-    pub fn new(photos: Vec<NamedPhoto>, split: &PhotoSplit) -> Result<Self, DatasetError> {
+    pub fn new(photos: Vec<Photo>, split: &PhotoSplit) -> Result<Self, DatasetError> {
         let mut names = BTreeSet::new();
         if let Some(twice) = photos.iter().find(|p| !names.insert(p.name.as_str())) {
             return Err(DatasetError::DuplicateName { name: twice.name.clone() });
@@ -68,21 +47,40 @@ impl PhotoSet {
 
         // Compare contents too: a renamed copy in both lists would falsify the scores.
         for judge in &held_out {
-            if let Some(same) = training.iter().find(|t| t.image == judge.image) {
+            if let Some(same) = training.iter().find(|t| t.is_same(judge)) {
                 return Err(DatasetError::SameContent {
                     training: same.name.clone(),
                     held_out: judge.name.clone(),
                 });
             }
         }
-        Ok(Self { training, validation: Vec::new(), held_out })
+        Ok(Self { training, held_out, ..Self::default() })
+    }
+
+    /// Two lists of photographs of different names and contents, with what reads them. Fails where one is empty.
+    pub fn of_lists(
+        training: Vec<Photo>,
+        held_out: Vec<Photo>,
+        readers: Readers,
+    ) -> Result<Self, DatasetError> {
+        for (list, photos) in [("training", &training), ("held_out", &held_out)] {
+            if photos.is_empty() {
+                return Err(DatasetError::EmptyList { list });
+            }
+        }
+        Ok(Self { training, validation: Vec::new(), held_out, readers: Arc::new(readers) })
     }
 
     /// Pictures that are all for scores. Fails without a picture, and on a name that is there twice.
-    pub fn for_scores(photos: Vec<NamedPhoto>) -> Result<Self, DatasetError> {
-        let names: Vec<String> = photos.iter().map(|photo| photo.name.clone()).collect();
-        let held_out = pick(&photos, "held_out", &names)?;
-        Ok(Self { held_out, ..Self::default() })
+    pub fn for_scores(photos: Vec<Photo>, readers: Readers) -> Result<Self, DatasetError> {
+        if photos.is_empty() {
+            return Err(DatasetError::EmptyList { list: "held_out" });
+        }
+        let mut names = BTreeSet::new();
+        match photos.iter().find(|photo| !names.insert(photo.name.as_str())) {
+            Some(twice) => Err(DatasetError::DuplicateName { name: twice.name.clone() }),
+            None => Ok(Self { held_out: photos, readers: Arc::new(readers), ..Self::default() }),
+        }
     }
 
     /// The same with every `every`-th training picture, or the last of fewer, kept for validation in place of training. Fails if none would be
@@ -97,105 +95,81 @@ impl PhotoSet {
         if training.is_empty() {
             Err(DatasetError::EmptyList { list: "training" })
         } else {
-            Ok(Self { training, validation, held_out: self.held_out })
+            Ok(Self { training, validation, held_out: self.held_out, readers: self.readers })
         }
     }
 
+    /// The same with at most so many held-out pictures, spread evenly over all; 0 keeps them all.
+    pub fn with_held_out(self, most: usize) -> Self {
+        let all = self.held_out.len();
+        if most == 0 || most >= all {
+            return self;
+        }
+        let held_out = (0..most).map(|k| self.held_out[k * all / most].clone()).collect();
+        Self { held_out, ..self }
+    }
+
+    /// Whether the light of all photographs is kept in memory.
+    pub fn keeps_all(&self) -> bool {
+        let lists = [&self.training, &self.validation, &self.held_out];
+        let stored = lists.into_iter().flatten().filter(|photo| photo.file().is_some());
+        let bytes = |photo: &Photo| (size_of::<f32>() * CHANNELS * photo.height * photo.width) as u64;
+        stored.map(bytes).sum::<u64>() <= self.readers.shelf.most_bytes()
+    }
+
+    /// The pictures of a list.
+    pub fn list(&self, list: List) -> &[Photo] {
+        match list {
+            List::Training => &self.training,
+            List::Validation => &self.validation,
+            List::HeldOut => &self.held_out,
+        }
+    }
+
+    /// The light of one of its photographs.
+    pub fn light(&self, photo: &Photo) -> Result<Arc<LinearImage>, DatasetError> {
+        photo.light(&self.readers)
+    }
+
+    /// Digests of files from their first read; none where all pictures were read at the start.
+    pub fn first_reads(&self) -> Option<&FirstReads> {
+        self.readers.reads.as_ref()
+    }
+
     /// The training pictures, in the order of the split.
-    pub fn training(&self) -> &[NamedPhoto] {
+    pub fn training(&self) -> &[Photo] {
         &self.training
     }
 
     /// The pictures of validations; none unless [`PhotoSet::with_validation`] kept some.
-    pub fn validation(&self) -> &[NamedPhoto] {
+    pub fn validation(&self) -> &[Photo] {
         &self.validation
     }
 
     /// The held-out pictures, in the order of the split.
-    pub fn held_out(&self) -> &[NamedPhoto] {
+    pub fn held_out(&self) -> &[Photo] {
         &self.held_out
     }
 }
 
-fn pick(
-    photos: &[NamedPhoto],
-    list: &'static str,
-    names: &[String],
-) -> Result<Vec<NamedPhoto>, DatasetError> {
+fn pick(photos: &[Photo], list: &'static str, names: &[String]) -> Result<Vec<Photo>, DatasetError> {
     if names.is_empty() {
         return Err(DatasetError::EmptyList { list });
     }
     let mut seen = BTreeSet::new();
+    let by_name: HashMap<&str, &Photo> = photos.iter().map(|photo| (photo.name.as_str(), photo)).collect();
     names
         .iter()
         .map(|name| {
             if !seen.insert(name) {
                 return Err(DatasetError::DuplicateName { name: name.clone() });
             }
-            photos.iter().find(|p| &p.name == name).cloned().ok_or_else(|| {
+            by_name.get(name.as_str()).copied().cloned().ok_or_else(|| {
                 let known: Vec<&str> = photos.iter().map(|p| p.name.as_str()).collect();
                 DatasetError::UnknownName { list, name: name.clone(), known: known.join(", ") }
             })
         })
         .collect()
-}
-
-/// The pictures of a folder.
-#[derive(Debug, Default)]
-pub struct Folder {
-    /// Those that can be used.
-    pub photos: Vec<NamedPhoto>,
-    /// Names of the others, each with the reason.
-    pub skipped: Vec<(String, DatasetError)>,
-    /// What files say that was not obeyed ([`Picture::notes`](petzval_files::Picture::notes)), with the name of the picture.
-    pub notes: Vec<(String, String)>,
-}
-
-impl Folder {
-    /// Takes out the pictures in which `check` finds something wrong.
-    pub fn skip(&mut self, mut check: impl FnMut(&NamedPhoto) -> Result<(), DatasetError>) {
-        let skipped = &mut self.skipped;
-        self.photos.retain(|photo| match check(photo) {
-            Ok(()) => true,
-            Err(reason) => {
-                skipped.push((photo.name.clone(), reason));
-                false
-            }
-        });
-    }
-
-    /// Takes out every picture that is the same as an earlier one.
-    pub fn skip_copies(&mut self) {
-        let photos = std::mem::take(&mut self.photos);
-        for photo in photos {
-            match self.photos.iter().find(|earlier| earlier.image == photo.image) {
-                Some(first) => {
-                    let reason = DatasetError::Copy { name: photo.name.clone(), first: first.name.clone() };
-                    self.skipped.push((photo.name, reason));
-                }
-                None => self.photos.push(photo),
-            }
-        }
-    }
-}
-
-/// Reads every `.png`, `.jpg`, `.jpeg`, `.tif` and `.tiff` file of a folder, without subfolders, sorted by name.
-///
-/// The name of a picture is its file name. Files that cannot be decoded are skipped. Fails on a folder without pictures.
-pub fn load_folder(folder: impl AsRef<Path>, cancel: &Cancel) -> Result<Folder, DatasetError> {
-    let mut found = Folder::default();
-    for path in picture_paths(folder.as_ref())? {
-        cancel.check()?;
-        let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-        match load_image(&path) {
-            Ok(Picture { light, notes, .. }) => {
-                found.notes.extend(notes.into_iter().map(|note| (name.clone(), note)));
-                found.photos.push(NamedPhoto { name, image: light });
-            }
-            Err(error) => found.skipped.push((name, error.into())),
-        }
-    }
-    Ok(found)
 }
 
 /// Every `.png`, `.jpg`, `.jpeg`, `.tif` and `.tiff` file of a folder, without subfolders, sorted by name. Fails if there is none.

@@ -1,9 +1,10 @@
 //! A picture file as a run remembers it.
 
+use std::io;
 use std::path::Path;
-use std::time::UNIX_EPOCH;
 
 use petzval_files::coco::content_digest;
+use petzval_files::{Stamp, StoredPicture, in_hex};
 use serde::{Deserialize, Serialize};
 
 use super::{DatasetError, List};
@@ -20,22 +21,34 @@ pub struct PictureFile {
     pub bytes: u64,
     /// Time of the last change, seconds since 1970; none if the system does not report it.
     pub modified_s: Option<u64>,
-    /// SHA-256 of its content, hexadecimal.
-    pub sha256: String,
+    /// SHA-256 of its content, hexadecimal; none in a large set, whose files are read when they are needed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sha256: Option<String>,
 }
 
 impl PictureFile {
-    /// Looks at a file and reads it.
-    pub fn read(path: &Path, name: &str, list: List) -> Result<Self, DatasetError> {
+    /// Looks at a file and, if it `is_read`, reads it.
+    pub fn of(path: &Path, name: &str, list: List, is_read: bool) -> Result<Self, DatasetError> {
+        let digest = || content_digest(path);
+        Self::with(Stamp::of(path), name, list, is_read.then_some(&digest), path)
+    }
+
+    /// The same of a picture of a set.
+    pub fn stored(picture: &StoredPicture, list: List, is_read: bool) -> Result<Self, DatasetError> {
+        let digest = || picture.digest().map(|digest| in_hex(&digest));
+        Self::with(picture.stamp(), &picture.name, list, is_read.then_some(&digest), picture.path())
+    }
+
+    fn with(
+        stamp: io::Result<Stamp>,
+        name: &str,
+        list: List,
+        digest: Option<&dyn Fn() -> io::Result<String>>,
+        path: &Path,
+    ) -> Result<Self, DatasetError> {
         let failed = |source| DatasetError::Io { path: path.to_owned(), source };
-        let about = path.metadata().map_err(failed)?;
-        let since_1970 = about.modified().ok().and_then(|time| time.duration_since(UNIX_EPOCH).ok());
-        Ok(Self {
-            name: name.to_owned(),
-            list,
-            bytes: about.len(),
-            modified_s: since_1970.map(|since| since.as_secs()),
-            sha256: content_digest(path).map_err(failed)?,
-        })
+        let Stamp { bytes, modified_s } = stamp.map_err(failed)?;
+        let sha256 = digest.map(|digest| digest().map_err(failed)).transpose()?;
+        Ok(Self { name: name.to_owned(), list, bytes, modified_s, sha256 })
     }
 }

@@ -1,5 +1,6 @@
 //! Output of a command while its job runs: warnings, notes, and a bar with the time left.
 
+use std::collections::VecDeque;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
@@ -24,27 +25,61 @@ pub struct Stderr {
 /// Time between two drawings of the bar while a unit of work takes long.
 const REDRAWN_EVERY: Duration = Duration::from_secs(1);
 
+/// The time left follows the speed of the last so many units of work at least, and of the last so many seconds at least.
+const RECENT_UNITS: u64 = 20;
+const RECENT: Duration = Duration::from_secs(30);
+
+/// Units of work that end within this time of each other are one point of the speed.
+const POINT: Duration = Duration::from_millis(250);
+
 /// Part of a job whose units of work are counted together.
 struct Phase {
-    start: Instant,
+    total: u64,
+    /// Times, and the units done then: the first, and those since the start of the recent past.
+    points: VecDeque<(Instant, u64)>,
     /// Units done at the start.
     first: u64,
-    total: u64,
     /// When the last plain line was written.
     last_line: Instant,
 }
 
 impl Phase {
-    /// How long the rest will take at the mean speed so far: `, about 20 s left`; nothing before the first unit is done.
-    fn left(&self, done: u64) -> String {
-        match done.checked_sub(self.first) {
-            None | Some(0) => String::new(),
-            Some(taken) => {
-                let rest = self.total.saturating_sub(done) as f64;
-                let seconds = self.start.elapsed().as_secs_f64() * rest / taken as f64;
-                format!(", about {seconds:.0} s left")
-            }
+    fn new(now: Instant, done: u64, total: u64) -> Self {
+        Self { total, points: VecDeque::from([(now, done)]), first: done, last_line: now }
+    }
+
+    /// Whether a report belongs to this phase. Another total, or fewer units than before, begin another one.
+    fn goes_on(&self, done: u64, total: u64) -> bool {
+        self.total == total && self.points.back().is_none_or(|(_, before)| done >= *before)
+    }
+
+    /// Notes how many units are done.
+    fn note(&mut self, now: Instant, done: u64) {
+        let is_recent = |(time, _): &(Instant, u64)| now.duration_since(*time) < POINT;
+        if self.points.len() > 1 && self.points.back().is_some_and(is_recent) {
+            self.points.pop_back();
         }
+        self.points.push_back((now, done));
+        // The second point is the first one of the recent past once it is old enough.
+        while let Some((time, units)) = self.points.get(1).copied()
+            && now.duration_since(time) >= RECENT
+            && done - units >= RECENT_UNITS
+        {
+            self.points.pop_front();
+        }
+    }
+
+    /// How long the rest will take at the recent speed: `, about 20 s left`; nothing before the first unit is done.
+    fn left(&self) -> String {
+        let (Some((start, before)), Some((now, done))) = (self.points.front(), self.points.back()) else {
+            return String::new();
+        };
+        if done == before {
+            return String::new();
+        }
+        let rest = self.total.saturating_sub(*done) as f64;
+        let seconds = now.duration_since(*start).as_secs_f64() * rest / (done - before) as f64;
+        format!(", about {seconds:.0} s left")
     }
 }
 
@@ -70,11 +105,11 @@ impl Stderr {
         let text = plain::message(text);
         // The numbers stay valid if a thread panics while it holds the lock.
         let mut phase = self.phase.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        let now = Instant::now();
         let phase = match &mut *phase {
-            Some(phase) if phase.total == total => phase,
+            Some(phase) if phase.goes_on(done, total) => phase,
             _ => {
-                let now = Instant::now();
-                *phase = Some(Phase { start: now, first: done, total, last_line: now });
+                *phase = Some(Phase::new(now, done, total));
                 self.bar.set_length(total);
                 self.bar.set_position(done);
                 self.bar.set_message(text.clone());
@@ -85,15 +120,16 @@ impl Stderr {
                 return;
             }
         };
+        phase.note(now, done);
         if !self.is_plain {
             self.bar.set_message(text.clone());
             self.bar.set_position(done);
-            self.bar.set_prefix(phase.left(done));
+            self.bar.set_prefix(phase.left());
         } else if done > phase.first
-            && (done.is_multiple_of(PLAIN_EVERY) || phase.last_line.elapsed() > PLAIN_AFTER)
+            && (done.is_multiple_of(PLAIN_EVERY) || now.duration_since(phase.last_line) > PLAIN_AFTER)
         {
-            noteln!("{done}/{total}{}: {text}", phase.left(done));
-            phase.last_line = Instant::now();
+            noteln!("{done}/{total}{}: {text}", phase.left());
+            phase.last_line = now;
         }
     }
 }
@@ -122,11 +158,45 @@ impl Drop for Stderr {
 mod tests {
     use super::*;
 
+    /// A phase from a number of units on, and what it says after units that take so many seconds each.
+    fn left_after(first: u64, total: u64, seconds: impl Iterator<Item = u64>) -> Vec<String> {
+        let mut now = Instant::now();
+        let mut phase = Phase::new(now, first, total);
+        let mut said = vec![phase.left()];
+        for (done, seconds) in (first + 1..).zip(seconds) {
+            now += Duration::from_secs(seconds);
+            phase.note(now, done);
+            said.push(phase.left());
+        }
+        said
+    }
+
     #[test]
-    fn the_time_left_is_that_of_the_mean_speed_and_unknown_before_the_first_unit() {
-        let start = Instant::now().checked_sub(Duration::from_secs(30)).unwrap();
-        let phase = Phase { start, first: 10, total: 40, last_line: start };
-        assert_eq!([phase.left(9), phase.left(10)], ["", ""]);
-        assert_eq!([phase.left(20), phase.left(40)], [", about 60 s left", ", about 0 s left"]);
+    fn the_time_left_follows_the_recent_speed() {
+        // A hundred slow units, then quick ones: the mean of all would still say 2.3 s a unit after forty of them.
+        let said = left_after(0, 1000, [3; 100].into_iter().chain([1; 60]));
+        assert_eq!(said[0], "", "unknown before the first unit");
+        assert_eq!([&said[1], &said[100]], [", about 2997 s left", ", about 2700 s left"]);
+        assert_eq!(said[140], ", about 860 s left");
+    }
+
+    #[test]
+    fn units_that_a_restored_run_has_done_before_do_not_count() {
+        let said = left_after(900, 1000, [2; 10].into_iter());
+        assert_eq!(said[10], ", about 180 s left");
+    }
+
+    #[test]
+    fn long_units_are_averaged_over_a_number_of_them() {
+        // Every tenth unit takes a minute: the time left includes such units as often as they come.
+        let said = left_after(0, 400, (0..200).map(|unit| if unit % 10 == 9 { 60 } else { 1 }));
+        assert_eq!(said[200], format!(", about {} s left", 200 / 10 * 69));
+    }
+
+    #[test]
+    fn fewer_units_than_before_begin_another_phase() {
+        let mut phase = Phase::new(Instant::now(), 0, 12);
+        phase.note(Instant::now(), 12);
+        assert!(phase.goes_on(12, 12) && !phase.goes_on(1, 12) && !phase.goes_on(12, 13));
     }
 }

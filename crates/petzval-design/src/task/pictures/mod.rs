@@ -1,5 +1,6 @@
 //! Pictures for people to look at: photographs, a loss of pictures against the truth, and scores of single pictures.
 
+mod ahead;
 mod judge;
 mod network;
 mod photographs;

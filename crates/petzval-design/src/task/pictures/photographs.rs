@@ -1,18 +1,22 @@
-//! Photographs: the built-in ones, or those of a folder.
+//! Photographs: the built-in ones, or those of a folder, a list or tar shards.
 
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 
-use petzval_base::{Cancel, FileError};
+use petzval_base::FileError;
+use petzval_camera::image::LinearImage;
 use petzval_camera::sensor::{Colour, SensorModel};
 use petzval_files::load_image_bytes;
 use petzval_learn::dataset::{
-    CropPlan, DatasetError, Folder, List, NamedPhoto, PhotoSet, PhotoSplit, PictureFile, load_folder,
+    CropPlan, DatasetError, FoundPhotos, List, Photo, PhotoSearch, PhotoSet, PhotoSplit, PictureFile,
+    READ_AT_ONCE, find_photos,
 };
 use rayon::prelude::*;
 use serde::Deserialize;
 use sha2::{Digest, Sha256};
 
+use super::ahead::{PhotosAhead, TrainingPhotos};
 use crate::assets::Assets;
 use crate::error::DesignError;
 use crate::experiment::{BUILT_IN_PHOTOS, Experiment};
@@ -22,71 +26,110 @@ use crate::task::{PhotosLook, Purpose, Remark, WindowPlan, enlarged_by};
 /// Difference between the planes of a picture, of white, above which it is in colour.
 const COLOUR: f32 = 0.01;
 
+/// Most pictures of a set that is read later which are looked at for colour, evenly spread.
+const MOST_SEEN_FOR_COLOUR: usize = 64;
+
+/// Most names of a list that a remark shows, and how many of a longer one.
+const NAMED: usize = 200;
+const NAMED_OF_MORE: usize = 20;
+
 /// Photographs, and how windows of them are cut.
 pub struct Photographs {
-    /// Training and held-out photographs, and those of validations where there are any.
-    pub set: PhotoSet,
+    /// Training and held-out photographs, and those of validations where there are any, with the cut of training windows.
+    pub source: Arc<TrainingPhotos>,
     /// Pictures of the folder that cannot be used, each with the reason.
     pub skipped: Vec<(String, DatasetError)>,
     /// What picture files say that was not obeyed, such as a colour profile, each with the name of the picture.
     pub notes: Vec<(String, String)>,
-    /// How training windows are cut.
-    pub training_crops: CropPlan,
     /// How held-out windows are cut.
     pub scoring_crops: CropPlan,
+    /// Training windows of the next steps.
+    pub(super) ahead: PhotosAhead,
+    /// Held-out pictures that `scoring.pictures` leaves out.
+    not_scored: usize,
 }
 
 impl Photographs {
-    /// Reads the photographs of an experiment. Where they are for scores alone, all those of its folder are held out.
+    /// Lists the photographs of an experiment, and reads those of a small set ([`find_photos`]). Where they are for scores alone, all those of its
+    /// folder are held out.
     pub fn load(plan: &WindowPlan) -> Result<Self, DesignError> {
         let WindowPlan { experiment, assets, training_crops, scoring_crops, purpose, .. } = *plan;
+        let memory = experiment.reading.bytes();
+        // Windows of the next steps take a part of the memory, and what is being decoded.
+        let search = |window: usize| PhotoSearch {
+            window,
+            most_bytes: memory / 4 * 3,
+            read_at_once: READ_AT_ONCE,
+            cancel: assets.cancel(),
+        };
         let Read { set, skipped, notes } = match purpose {
             Purpose::Training => {
-                let window = training_crops.window().max(scoring_crops.window());
-                let read = load_photos(experiment, assets, window)?;
+                let search = search(training_crops.window().max(scoring_crops.window()));
+                let read = load_photos(experiment, assets, &search)?;
                 let validated = experiment.validation.is_used();
                 let set = if validated { read.set.with_validation(VALIDATION_EVERY)? } else { read.set };
                 training_crops.check(set.training())?;
                 Read { set, ..read }
             }
-            Purpose::Scores => {
-                all_held_out(Path::new(&experiment.photos), scoring_crops.window(), assets.cancel())?
-            }
+            Purpose::Scores => all_held_out(Path::new(&experiment.photos), &search(scoring_crops.window()))?,
         };
+        let all = set.held_out().len();
+        let set = set.with_held_out(experiment.scoring.pictures);
         scoring_crops.check(set.held_out())?;
-        Ok(Self { set, skipped, notes, training_crops, scoring_crops })
+        let not_scored = all - set.held_out().len();
+        let source = Arc::new(TrainingPhotos { set, crops: training_crops });
+        let ahead = PhotosAhead::new(&source, experiment.training.batch, memory / 8);
+        Ok(Self { source, skipped, notes, scoring_crops, ahead, not_scored })
     }
 
-    /// Adds every photograph by list, name and light to a hash.
-    pub(super) fn add_to(&self, hash: &mut Sha256) {
+    /// The photographs.
+    pub fn set(&self) -> &PhotoSet {
+        &self.source.set
+    }
+
+    /// Whether they are read when they are needed, and not at the start.
+    pub(super) fn are_read_later(&self) -> bool {
+        self.set().first_reads().is_some()
+    }
+
+    /// Adds every photograph by list, name and light to a hash. Reads them all.
+    pub(super) fn add_to(&self, hash: &mut Sha256) -> Result<(), DesignError> {
         for (list, photos) in self.lists() {
             let list = in_words(list).replace('-', " ");
             for photo in photos {
-                hash.update(format!("{list}: {} {}x{}", photo.name, photo.image.height, photo.image.width));
-                for value in &photo.image.data {
+                let light = self.set().light(photo)?;
+                hash.update(format!("{list}: {} {}x{}", photo.name, light.height, light.width));
+                for value in &light.data {
                     hash.update(value.to_le_bytes());
                 }
             }
         }
+        Ok(())
     }
 
-    /// The files of photographs of a folder.
-    pub(super) fn files(&self, folder: &str) -> Result<Pictures, DesignError> {
-        let place = std::fs::canonicalize(folder).map_err(DesignError::io(Path::new(folder)))?;
-        let all: Vec<(List, &NamedPhoto)> = (self.lists().into_iter())
+    /// The files of photographs of a folder, a list or shards, with the digest of each if they `are_read`.
+    pub(super) fn files(&self, place: &str, are_read: bool) -> Result<Pictures, DesignError> {
+        let place = std::fs::canonicalize(place).map_err(DesignError::io(Path::new(place)))?;
+        let all: Vec<(List, &Photo)> = (self.lists().into_iter())
             .flat_map(|(list, photos)| photos.iter().map(move |photo| (list, photo)))
             .collect();
-        let file = |(list, photo): &(List, &NamedPhoto)| {
-            Ok(PictureFile::read(&place.join(&photo.name), &photo.name, *list)?)
+        let file = |(list, photo): &(List, &Photo)| {
+            let stored = photo.file().map(|file| PictureFile::stored(file, *list, are_read));
+            Ok(stored.transpose()?)
         };
-        let files = all.par_iter().map(file).collect::<Result<_, DesignError>>()?;
-        Ok(Pictures { place, labels: None, files })
+        let files = all.par_iter().map(file).collect::<Result<Vec<_>, DesignError>>()?;
+        Ok(Pictures { place, labels: None, files: files.into_iter().flatten().collect() })
     }
 
     /// Lists the training, validation, held-out and skipped pictures, and what their files say that is not obeyed.
     pub(super) fn as_remarks(&self) -> Vec<Remark> {
         let listed = |what: &str, names: &[&str]| {
-            Remark::Note(format!("{what} pictures ({}): {}", names.len(), names.join(", ")))
+            let shown = if names.len() > NAMED { NAMED_OF_MORE } else { names.len() };
+            let more = match names.len() - shown {
+                0 => String::new(),
+                more => format!(" and {more} more"),
+            };
+            Remark::Note(format!("{what} pictures ({}): {}{more}", names.len(), names[..shown].join(", ")))
         };
         let mut all = Vec::new();
         for (list, photos) in self.lists() {
@@ -98,11 +141,20 @@ impl Photographs {
         if let Some((_, reason)) = self.skipped.first() {
             let names: Vec<&str> = self.skipped.iter().map(|(name, _)| name.as_str()).collect();
             let skipped = names.len();
-            let of = self.set.training().len() + self.set.held_out().len() + skipped;
+            let of = self.set().training().len() + self.set().held_out().len() + skipped;
             let first = if skipped > 1 { "the first: " } else { "" };
             let warning =
                 format!("{skipped} of {of} pictures cannot be used and are skipped; {first}{reason}");
             all.extend([Remark::Warning(warning), listed("skipped", &names)]);
+        }
+        if self.are_read_later() {
+            let text = "pictures are read when they are needed; a damaged one stops the run then, and `petzval data check` finds it before";
+            all.push(Remark::Note(text.to_owned()));
+        }
+        if self.not_scored > 0 {
+            let text =
+                format!("{} further held-out pictures are not used: `scoring.pictures`", self.not_scored);
+            all.push(Remark::Note(text));
         }
         // One line for each note, with the first picture.
         let mut noted: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
@@ -120,21 +172,27 @@ impl Photographs {
         all
     }
 
-    /// Refuses a sensor without colour filters for photographs in colour, which it cannot show.
+    /// Refuses a sensor without colour filters for photographs in colour, which it cannot show. Of a set that is read later some are looked at.
     pub(super) fn check_colours(
         &self,
         experiment: &Experiment,
         sensor: &SensorModel,
     ) -> Result<(), DesignError> {
-        let photos = || self.set.training().iter().chain(self.set.held_out());
-        let coloured = photos().filter(|p| is_coloured(p)).count();
-        if coloured == 0 || sensor.cfa.colours() != [Colour::Clear] {
+        if sensor.cfa.colours() != [Colour::Clear] {
+            return Ok(());
+        }
+        let photos: Vec<&Photo> = self.set().training().iter().chain(self.set().held_out()).collect();
+        let seen = if self.are_read_later() { photos.len().min(MOST_SEEN_FOR_COLOUR) } else { photos.len() };
+        let is_coloured = |i: usize| Ok(is_coloured(&*self.set().light(photos[i * photos.len() / seen])?));
+        let coloured =
+            (0..seen).into_par_iter().map(is_coloured).collect::<Result<Vec<bool>, DesignError>>()?;
+        let coloured = coloured.into_iter().filter(|is_coloured| *is_coloured).count();
+        if coloured == 0 {
             return Ok(());
         }
         let message = format!(
-            "`{}` is monochrome, and {coloured} of {} photographs are in colour: this camera cannot see what its pictures are compared with",
-            sensor.name,
-            photos().count()
+            "`{}` is monochrome, and {coloured} of {seen} photographs are in colour: this camera cannot see what its pictures are compared with",
+            sensor.name
         );
         let hint = "name a sensor with colour filters, or give gray photographs";
         Err(DesignError::misfit(Path::new(&experiment.sensor), &message, hint))
@@ -142,25 +200,25 @@ impl Photographs {
 
     /// The photographs against a sensor.
     pub(super) fn against(&self, sensor: &SensorModel) -> PhotosLook {
-        let enlarged = |photo: &NamedPhoto| enlarged_by(sensor, (photo.image.height, photo.image.width));
+        let enlarged = |photo: &Photo| enlarged_by(sensor, (photo.height, photo.width));
         let all = self.lists().into_iter().flat_map(|(_, photos)| photos);
         let enlarged: Vec<f64> = all.map(enlarged).filter(|by| *by > 1.0).collect();
         PhotosLook {
-            training: self.set.training().len(),
-            held_out: self.set.held_out().len(),
+            training: self.set().training().len(),
+            held_out: self.set().held_out().len(),
             skipped: self.skipped.len(),
-            window: self.training_crops.window().max(self.scoring_crops.window()),
+            window: self.source.crops.window().max(self.scoring_crops.window()),
             enlarged: enlarged.len(),
             most_enlarged: enlarged.into_iter().fold(1.0, f64::max),
         }
     }
 
     /// The lists, in a fixed order.
-    fn lists(&self) -> [(List, &[NamedPhoto]); 3] {
+    fn lists(&self) -> [(List, &[Photo]); 3] {
         [
-            (List::Training, self.set.training()),
-            (List::Validation, self.set.validation()),
-            (List::HeldOut, self.set.held_out()),
+            (List::Training, self.set().training()),
+            (List::Validation, self.set().validation()),
+            (List::HeldOut, self.set().held_out()),
         ]
     }
 }
@@ -174,21 +232,20 @@ fn in_words(list: List) -> &'static str {
     }
 }
 
-fn is_coloured(photo: &NamedPhoto) -> bool {
-    let image = &photo.image;
+fn is_coloured(image: &LinearImage) -> bool {
     let (red, rest) = image.data.split_at(image.height * image.width);
     let (green, blue) = rest.split_at(image.height * image.width);
     let differs = |a: &[f32], b: &[f32]| a.iter().zip(b).any(|(a, b)| (a - b).abs() > COLOUR);
     differs(red, green) || differs(green, blue)
 }
 
-/// The pictures of a folder, all for scores.
-fn all_held_out(folder: &Path, window: usize, cancel: &Cancel) -> Result<Read, DesignError> {
-    let Folder { photos, skipped, notes } = usable_photos(folder, window, cancel)?;
+/// The pictures of a place, all for scores.
+fn all_held_out(place: &Path, search: &PhotoSearch) -> Result<Read, DesignError> {
+    let FoundPhotos { photos, skipped, notes, readers } = find_photos(place, search)?;
     if photos.is_empty() {
-        return Err(too_few_photos(folder, &photos, &skipped, "at least one is needed"));
+        return Err(too_few_photos(place, photos.len(), &skipped, "at least one is needed"));
     }
-    Ok(Read { set: PhotoSet::for_scores(photos)?, skipped, notes })
+    Ok(Read { set: PhotoSet::for_scores(photos, readers)?, skipped, notes })
 }
 
 /// The list of built-in photographs, `photos/photos.toml`; provenance is for readers.
@@ -203,7 +260,7 @@ struct PhotoEntry {
     file: String,
 }
 
-/// Photographs in their lists, files that cannot be used, and what is ignored of the others; see [`Folder`].
+/// Photographs in their lists, files that cannot be used, and what is ignored of the others; see [`FoundPhotos`].
 struct Read {
     set: PhotoSet,
     skipped: Vec<(String, DatasetError)>,
@@ -217,9 +274,9 @@ const VALIDATION_EVERY: usize = 4;
 const HELD_OUT_EVERY: usize = 4;
 
 /// The built-in photographs, or a folder's: every fourth of those, by name, is held out.
-fn load_photos(experiment: &Experiment, assets: &Assets, window: usize) -> Result<Read, DesignError> {
+fn load_photos(experiment: &Experiment, assets: &Assets, search: &PhotoSearch) -> Result<Read, DesignError> {
     if experiment.photos != BUILT_IN_PHOTOS {
-        return folder_photos(Path::new(&experiment.photos), window, assets.cancel());
+        return own_photos(Path::new(&experiment.photos), search);
     }
     let list = assets.text("photograph list", "photos", "photos")?;
     let list: PhotoList = toml::from_str(&list.text)
@@ -234,54 +291,34 @@ fn load_photos(experiment: &Experiment, assets: &Assets, window: usize) -> Resul
         .map(|name| {
             let picture = load_image_bytes(assets.bytes(&format!("photos/{name}"))?, name)?;
             notes.extend(picture.notes.into_iter().map(|note| (name.clone(), note)));
-            Ok(NamedPhoto { name: name.clone(), image: picture.light })
+            Ok(Photo::here(name.clone(), picture.light))
         })
         .collect::<Result<_, DesignError>>()?;
     Ok(Read { set: PhotoSet::new(photos, &split)?, skipped: Vec::new(), notes })
 }
 
-/// The pictures of a folder that hold a window, each once.
-fn usable_photos(folder: &Path, window: usize, cancel: &Cancel) -> Result<Folder, DesignError> {
-    let mut found = load_folder(folder, cancel)?;
-    for photo in &mut found.photos {
-        // A camera's own picture is softer than its pixels: halve it where enough is left.
-        if photo.image.height.min(photo.image.width) >= 2 * window {
-            photo.image = photo.image.box_half();
-        }
-    }
-    found.skip(|photo| photo.check_holds(window));
-    found.skip_copies();
-    found.notes.retain(|(name, _)| found.photos.iter().any(|photo| photo.name == *name));
-    Ok(found)
-}
-
-fn too_few_photos(
-    folder: &Path,
-    photos: &[NamedPhoto],
-    skipped: &[(String, DatasetError)],
-    hint: &str,
-) -> DesignError {
-    let count = if photos.is_empty() { "no picture" } else { "only one picture" };
+fn too_few_photos(place: &Path, found: usize, skipped: &[(String, DatasetError)], hint: &str) -> DesignError {
+    let count = if found == 0 { "no picture" } else { "only one picture" };
     let reasons: Vec<String> = skipped.iter().take(3).map(|(_, reason)| reason.to_string()).collect();
     let message = match &reasons[..] {
         [] => count.to_owned(),
         _ => format!("{count} can be used, {} skipped: {}", skipped.len(), reasons.join("; ")),
     };
-    DesignError::misfit(folder, &message, hint)
+    DesignError::misfit(place, &message, hint)
 }
 
-fn folder_photos(folder: &Path, window: usize, cancel: &Cancel) -> Result<Read, DesignError> {
-    let Folder { photos, skipped, notes } = usable_photos(folder, window, cancel)?;
-    if photos.len() < 2 {
+fn own_photos(place: &Path, search: &PhotoSearch) -> Result<Read, DesignError> {
+    let FoundPhotos { photos, skipped, notes, readers } = find_photos(place, search)?;
+    let count = photos.len();
+    if count < 2 {
         let hint = "at least two are needed: every fourth, or the last, is held out for scoring";
-        return Err(too_few_photos(folder, &photos, &skipped, hint));
+        return Err(too_few_photos(place, count, &skipped, hint));
     }
-    let mut split = PhotoSplit::default();
-    for (i, photo) in photos.iter().enumerate() {
-        let held_out =
-            i % HELD_OUT_EVERY == HELD_OUT_EVERY - 1 || i + 1 == photos.len() && split.held_out.is_empty();
-        let list = if held_out { &mut split.held_out } else { &mut split.training };
-        list.push(photo.name.clone());
+    let (mut training, mut held_out) = (Vec::new(), Vec::new());
+    for (i, photo) in photos.into_iter().enumerate() {
+        let is_held_out = i % HELD_OUT_EVERY == HELD_OUT_EVERY - 1 || i + 1 == count && held_out.is_empty();
+        let list = if is_held_out { &mut held_out } else { &mut training };
+        list.push(photo);
     }
-    Ok(Read { set: PhotoSet::new(photos, &split)?, skipped, notes })
+    Ok(Read { set: PhotoSet::of_lists(training, held_out, readers)?, skipped, notes })
 }

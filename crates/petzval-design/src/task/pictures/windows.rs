@@ -4,20 +4,19 @@ use std::collections::BTreeMap;
 
 use petzval_camera::render::Placement;
 use petzval_camera::sensor::SensorModel;
-use petzval_learn::dataset::{
-    NamedPhoto, dead_leaves, held_out_placements, light_factors, relight, training_crop,
-};
+use petzval_learn::dataset::{FirstReads, List, dead_leaves, held_out_placements, light_factors, relight};
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
 use super::Photographs;
+use super::ahead::Item;
 use crate::camera::{Camera, Labels, Shot, crop_window};
 use crate::cameras::Cameras;
 use crate::error::DesignError;
 use crate::experiment::{BUILT_IN_PHOTOS, Experiment};
 use crate::run::hex;
 use crate::run::input_list::BUILT_IN;
-use crate::task::{HeldOut, PhotosLook, Remark, WindowInputs, Windows, in_batches, relative_field};
+use crate::task::{Content, HeldOut, PhotosLook, Remark, WindowInputs, Windows, in_batches, relative_field};
 
 /// The number of the first validation window: beyond those of all steps, and of all that blocks learn besides.
 const FIRST_VALIDATION: u64 = 1 << 42;
@@ -25,19 +24,26 @@ const FIRST_VALIDATION: u64 = 1 << 42;
 impl Windows for Photographs {
     fn training(&self, cameras: &Cameras, _: &Camera, step: u64) -> Result<Vec<Shot>, DesignError> {
         let (training, seed) = (&cameras.experiment.training, cameras.experiment.seed);
+        let item = |item: u32| Item { seed, step, item, batch: training.batch };
+        let is_generated = |item: &Item| is_generated(item.frame(), training.dead_leaves);
+        let items: Vec<Item> = (0..training.batch as u32).map(item).collect();
+        // Windows in work are waited for here, and not by the threads below.
+        let ready: Vec<Option<Shot>> = items.iter().map(|item| self.ahead.take(item)).collect();
         // A window depends on its numbers alone, and a generated one takes milliseconds: they are made side by side.
-        (0..training.batch as u32)
-            .into_par_iter()
-            .map(|item| {
-                let mut shot = self.shot(&cameras.experiment, self.set.training(), step, item)?;
-                if is_generated(shot.frame, training.dead_leaves) {
-                    shot.scene = dead_leaves(self.training_crops.window(), seed, step, item)
-                } else {
-                    relight(&mut shot.scene, light_factors(training.relight_ev, seed, step, item));
-                }
-                Ok(shot)
-            })
-            .collect()
+        let shots = ready.into_par_iter().zip(&items).map(|(ready, item)| {
+            if is_generated(item) {
+                let scene = dead_leaves(self.source.crops.window(), seed, step, item.item);
+                return self.source.shot_of(item, List::Training, |_| Ok(scene));
+            }
+            let mut shot = ready.map_or_else(|| self.source.shot(item, List::Training), Ok)?;
+            relight(&mut shot.scene, light_factors(training.relight_ev, seed, step, item.item));
+            Ok(shot)
+        });
+        let shots = shots.collect::<Result<Vec<_>, DesignError>>();
+        let next = (step + 1..).take(self.ahead.steps());
+        let next = next.flat_map(|step| items.iter().map(move |item| Item { step, ..*item }));
+        self.ahead.want(next.filter(|item| !is_generated(item)));
+        shots
     }
 
     /// Photographs alone, as in scores.
@@ -46,7 +52,7 @@ impl Windows for Photographs {
         let batch = experiment.training.batch;
         let shot = |i: usize| {
             let (step, item) = (FIRST_VALIDATION + (i / batch) as u64, (i % batch) as u32);
-            self.shot(experiment, self.set.validation(), step, item)
+            self.source.shot(&Item { seed: experiment.seed, step, item, batch }, List::Validation)
         };
         in_batches(experiment, experiment.validation.windows, shot)
     }
@@ -60,30 +66,30 @@ impl Windows for Photographs {
     ) -> Result<Vec<HeldOut>, DesignError> {
         let crops = &self.scoring_crops;
         let places = held_out_placements(crops, cameras.experiment.scoring.places_per_side)?;
-        let mut windows = Vec::new();
-        let pictures =
-            self.set.held_out().iter().flat_map(|photo| places.iter().map(move |place| (photo, place)));
-        for (number, (photo, place)) in pictures.enumerate().filter(|(number, _)| is_chosen(*number)) {
+        let photos = self.set().held_out();
+        let window_of = |number: usize| {
+            let (photo, place) = (&photos[number / places.len()], &places[number % places.len()]);
+            let light = self.set().light(photo)?;
             // The middle of the photograph, wherever it lands on the sensor: places differ by the lens alone.
             let (row, col) = crops.exposed_at(place.sensor_row, place.sensor_column);
             let (placement, window) = (Placement { row, col }, crops.window());
             let start = |whole: usize, inset: usize| {
                 ((whole - crops.crop) / 2).saturating_sub(crops.margin + inset).min(whole - window)
             };
-            let from_row = start(photo.image.height, place.sensor_row - row);
-            let from_column = start(photo.image.width, place.sensor_column - col);
-            let scene = photo.image.crop(from_row, from_column, window, window)?;
+            let from_row = start(light.height, place.sensor_row - row);
+            let from_column = start(light.width, place.sensor_column - col);
+            let scene = light.crop(from_row, from_column, window, window)?;
             let kept = Some(crop_window(crops, place.sensor_row, place.sensor_column));
             let labels = Labels::default();
             let shot = Shot { scene, placement, kept, frame: number as u64, labels, follows_light: true };
             let relative_field = relative_field(cameras, camera, &shot);
-            windows.push(HeldOut { name: photo.name.clone(), sequence: None, relative_field, shot });
-        }
-        Ok(windows)
+            Ok(HeldOut { name: photo.name.clone(), sequence: None, relative_field, shot })
+        };
+        (0..photos.len() * places.len()).filter(|number| is_chosen(*number)).map(window_of).collect()
     }
 
     fn held_out_pictures(&self, experiment: &Experiment) -> [usize; 2] {
-        [self.set.held_out().len(), experiment.scoring.places_per_side.pow(2)]
+        [self.set().held_out().len(), experiment.scoring.places_per_side.pow(2)]
     }
 
     fn check_sensor(&self, experiment: &Experiment, sensor: &SensorModel) -> Result<(), DesignError> {
@@ -94,16 +100,31 @@ impl Windows for Photographs {
         Some(self.against(&cameras.body.sensor))
     }
 
-    fn inputs(&self, experiment: &Experiment, hash: &mut Sha256) -> Result<WindowInputs, DesignError> {
-        self.add_to(hash);
+    fn inputs(
+        &self,
+        experiment: &Experiment,
+        content: Content,
+        hash: &mut Sha256,
+    ) -> Result<WindowInputs, DesignError> {
         if experiment.photos != BUILT_IN_PHOTOS {
-            let pictures = Some(self.files(&experiment.photos)?);
-            return Ok(WindowInputs { pictures, ..WindowInputs::default() });
+            let are_read = content == Content::All || !self.are_read_later();
+            let pictures = self.files(&experiment.photos, are_read)?;
+            if are_read {
+                self.add_to(hash)?;
+            } else {
+                pictures.add_names_to(hash);
+            }
+            return Ok(WindowInputs { pictures: Some(pictures), ..WindowInputs::default() });
         }
+        self.add_to(hash)?;
         let mut own = Sha256::new();
-        self.add_to(&mut own);
+        self.add_to(&mut own)?;
         let parts = BTreeMap::from([(BUILT_IN.to_owned(), hex(own))]);
         Ok(WindowInputs { parts, pictures: None })
+    }
+
+    fn first_reads(&self) -> Option<&FirstReads> {
+        self.set().first_reads()
     }
 
     fn remarks(&self) -> Vec<Remark> {
@@ -111,43 +132,10 @@ impl Windows for Photographs {
     }
 }
 
-impl Photographs {
-    /// Item `item` of step `step`: a random window of a photograph at a random place of the sensor.
-    fn shot(
-        &self,
-        experiment: &Experiment,
-        photos: &[NamedPhoto],
-        step: u64,
-        item: u32,
-    ) -> Result<Shot, DesignError> {
-        let crops = &self.training_crops;
-        let c = training_crop(crops, photos, experiment.seed, step, item)?;
-        let window = crops.window();
-        let (row, col) = crops.exposed_at(c.sensor_row, c.sensor_column);
-        let mut scene = photos[c.photo].image.crop(c.row, c.column, window, window)?;
-        if c.flip {
-            mirror(&mut scene.data, window);
-        }
-        Ok(Shot {
-            scene,
-            placement: Placement { row, col },
-            kept: Some(crop_window(crops, c.sensor_row, c.sensor_column)),
-            frame: step * experiment.training.batch as u64 + u64::from(item),
-            labels: Labels::default(),
-            follows_light: true,
-        })
-    }
-}
-
 /// Whether a window of a run is a generated picture: evenly spread over the windows, so that their share is met at any time.
 fn is_generated(window: u64, share: f64) -> bool {
     let before = |window: u64| (window as f64 * share).floor();
     before(window + 1) > before(window)
-}
-
-/// Mirrors every row of `width` values.
-fn mirror(data: &mut [f32], width: usize) {
-    data.chunks_exact_mut(width).for_each(<[f32]>::reverse);
 }
 
 #[cfg(test)]

@@ -17,10 +17,15 @@ use crate::cli::terminal::{Terminal, print_json};
 /// JSON file is read; several files are parts of one data set. Pictures are beside the annotations or in images/. The annotations are checked, and
 /// every picture is decoded.
 ///
+/// Photographs without annotations are checked, too: a folder of pictures, a list (.txt) with one path a line, a tar shard, or a folder of shards.
+///
+/// Pictures that were decoded without an error are remembered in the cache folder of the user, with the SHA-256 of each: as long as size and time
+/// of a file stay, a later check does not decode it again.
+///
 /// Exit code 2 if something cannot be used; notes alone give 0.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Folder of the data set, or its file of annotations
+    /// Folder of the data set, or its file of annotations; or a folder, list or tar file of photographs
     #[arg(value_name = "DATA")]
     data: PathBuf,
     /// Folder for data.html, a page with sample pictures and their boxes, and data.json
@@ -32,6 +37,9 @@ pub struct Args {
     /// Show which categories the classes of this experiment take, by built-in name or path
     #[arg(long, value_name = "EXPERIMENT")]
     classes_of: Option<String>,
+    /// Decode every picture, whatever earlier checks have found
+    #[arg(long)]
+    no_cache: bool,
     /// Print figures and defects as JSON
     #[arg(long)]
     json: bool,
@@ -44,6 +52,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
         out: args.out,
         samples: args.samples,
         classes_of: args.classes_of.map(Into::into),
+        no_cache: args.no_cache,
     };
     let response = check::run(&request, &terminal.context())?;
     if args.json {

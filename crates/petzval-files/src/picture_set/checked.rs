@@ -1,0 +1,262 @@
+//! Pictures that were decoded as a whole: their digests, remembered from one check to the next.
+
+use std::collections::{BTreeMap, HashMap};
+use std::io;
+use std::ops::Range;
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use petzval_base::{Cancelled, write_whole};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::StoredPicture;
+use crate::picture_file::{MOST_PICTURE_BYTES, PictureHead};
+
+/// Files that changed so recently may change again without another time: they are checked again.
+const RECENT: Duration = Duration::from_secs(3);
+
+/// Pictures that were decoded from end to end without an error, each with its digest. A picture is known as long as its path, size and time stay.
+#[derive(Debug, Default)]
+pub struct CheckedPictures {
+    known: HashMap<String, Checked>,
+    fresh: Mutex<BTreeMap<String, Checked>>,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Checked {
+    /// Bytes of the picture.
+    bytes: u64,
+    /// Time of the last change of its file, nanoseconds since 1970.
+    modified_ns: u64,
+    /// SHA-256 of the picture, hexadecimal.
+    sha256: String,
+}
+
+/// The file in which they are kept.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Memory {
+    /// Version of the form of this file, and of what a check is.
+    version: u32,
+    pictures: BTreeMap<String, Checked>,
+}
+
+/// Version of [`Memory`].
+const VERSION: u32 = 1;
+
+impl CheckedPictures {
+    /// Those that a file remembers: none if there is no such file, or one that cannot be read.
+    pub fn read(file: &Path) -> Self {
+        let memory = petzval_base::read_whole(file).ok();
+        let memory = memory.and_then(|bytes| serde_json::from_slice::<Memory>(&bytes).ok());
+        let known = memory
+            .filter(|memory| memory.version == VERSION)
+            .map_or_else(HashMap::new, |memory| memory.pictures.into_iter().collect());
+        Self { known, fresh: Mutex::default() }
+    }
+
+    /// Whether anything is to be remembered that was not.
+    pub fn has_fresh(&self) -> bool {
+        !self.fresh.lock().unwrap_or_else(PoisonError::into_inner).is_empty()
+    }
+
+    /// Keeps them in a file, whose folder is made.
+    pub fn write(&self, file: &Path) -> io::Result<()> {
+        if let Some(folder) = file.parent() {
+            std::fs::create_dir_all(folder)?;
+        }
+        let fresh = self.fresh.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let known = self.known.iter().map(|(name, checked)| (name.clone(), checked.clone()));
+        let pictures = known.chain(fresh).collect();
+        write_whole(file, &serde_json::to_vec(&Memory { version: VERSION, pictures })?)
+    }
+
+    /// SHA-256 of a picture that is known and has not changed.
+    pub fn digest(&self, picture: &StoredPicture) -> Option<String> {
+        let (name, bytes, modified_ns) = identity(picture)?;
+        let is_same = |checked: &&Checked| checked.bytes == bytes && checked.modified_ns == modified_ns;
+        let fresh = self.fresh.lock().unwrap_or_else(PoisonError::into_inner);
+        let found = fresh.get(&name).or_else(|| self.known.get(&name)).filter(is_same);
+        found.map(|checked| checked.sha256.clone())
+    }
+
+    /// Remembers a picture whose identity before it was read is `before`.
+    fn note(&self, picture: &StoredPicture, before: Option<(String, u64, u64)>, sha256: String) {
+        let Some((name, bytes, modified_ns)) =
+            before.filter(|before| identity(picture).as_ref() == Some(before))
+        else {
+            return;
+        };
+        let changed = UNIX_EPOCH + Duration::from_nanos(modified_ns);
+        if SystemTime::now().duration_since(changed).is_ok_and(|age| age > RECENT) {
+            let checked = Checked { bytes, modified_ns, sha256 };
+            self.fresh.lock().unwrap_or_else(PoisonError::into_inner).insert(name, checked);
+        }
+    }
+}
+
+/// Absolute path, with the name of a member, size, and time of the last change, nanoseconds. None where the system does not know them.
+fn identity(picture: &StoredPicture) -> Option<(String, u64, u64)> {
+    let path = std::path::absolute(picture.path()).ok()?;
+    let modified = path.metadata().ok()?.modified().ok()?.duration_since(UNIX_EPOCH).ok()?;
+    let path = path.to_str()?;
+    let name = picture.member_name().map_or_else(|| path.to_owned(), |member| format!("{path}\n{member}"));
+    Some((name, picture.stamp().ok()?.bytes, u64::try_from(modified.as_nanos()).ok()?))
+}
+
+/// The head of a picture, or why it cannot be read; `None` where there is none.
+pub(crate) type Head = Option<Result<PictureHead, String>>;
+
+/// The head of each picture, and whether files were decoded as a whole, as they are unless their light takes more than `most_light_bytes`. Those that
+/// are known are not decoded again. All threads together take at most 2 GB for files and decoded pictures. `watch` is called with how many
+/// are done; its error ends the check.
+pub(crate) fn checked_heads(
+    pictures: &[Option<StoredPicture>],
+    most_light_bytes: u64,
+    remembered: &CheckedPictures,
+    watch: &(dyn Fn(usize) -> Result<(), Cancelled> + Sync),
+) -> Result<(Vec<Head>, bool), Cancelled> {
+    // Some decoders read the whole file for its head.
+    let length = |picture: &Option<StoredPicture>| {
+        picture.as_ref().and_then(|picture| picture.stamp().ok()).map_or(0, |stamp| stamp.bytes)
+    };
+    let lengths: Vec<u64> = pictures.par_iter().map(length).collect();
+    let heads = in_batches(pictures, &lengths, |picture| {
+        Ok(picture.as_ref().map(|picture| picture.head().map_err(|error| error.to_string())))
+    })?;
+    let light = heads.iter().flatten().flatten().map(PictureHead::light_bytes);
+    if light.fold(0, u64::saturating_add) > most_light_bytes {
+        return Ok((heads, false));
+    }
+    let bytes = |head: &Head| match head {
+        Some(Ok(head)) => head.reading_bytes(),
+        _ => 0,
+    };
+    let bytes: Vec<u64> = heads.iter().map(bytes).collect();
+    let done = AtomicUsize::new(0);
+    let pairs: Vec<_> = pictures.iter().zip(heads).collect();
+    let heads = in_batches(&pairs, &bytes, |(picture, head)| {
+        let head = match (picture, head) {
+            (Some(picture), Some(Ok(head))) if remembered.digest(picture).is_some() => Some(Ok(*head)),
+            (Some(picture), Some(Ok(_))) => {
+                let before = identity(picture);
+                Some(picture.decoded().map_err(|error| error.to_string()).map(|(head, digest)| {
+                    remembered.note(picture, before, digest);
+                    head
+                }))
+            }
+            (_, head) => head.clone(),
+        };
+        watch(done.fetch_add(1, Ordering::Relaxed) + 1)?;
+        Ok(head)
+    })?;
+    Ok((heads, true))
+}
+
+/// Decodes pictures from end to end: the columns and rows of each, the right way up, or why it cannot be read. See [`CheckedPictures`] and, for
+/// memory and `watch`, [`check_pictures`](crate::coco::check_pictures).
+pub fn check_stored(
+    pictures: &[StoredPicture],
+    remembered: &CheckedPictures,
+    watch: &(dyn Fn(usize) -> Result<(), Cancelled> + Sync),
+) -> Result<Vec<Result<(u32, u32), String>>, Cancelled> {
+    let pictures: Vec<Option<StoredPicture>> = pictures.iter().cloned().map(Some).collect();
+    let (heads, _) = checked_heads(&pictures, u64::MAX, remembered, watch)?;
+    Ok(heads.into_iter().flatten().map(|head| head.map(|head| head.upright())).collect())
+}
+
+/// What a function makes of each value, on all threads; of so many at a time that they take at most [`MOST_PICTURE_BYTES`] together. Ends soon
+/// after its first error.
+fn in_batches<T: Sync, U: Send>(
+    values: &[T],
+    bytes: &[u64],
+    make: impl Fn(&T) -> Result<U, Cancelled> + Sync,
+) -> Result<Vec<U>, Cancelled> {
+    let mut made = Vec::with_capacity(values.len());
+    for batch in batches(bytes, MOST_PICTURE_BYTES) {
+        made.extend(values[batch].par_iter().map(&make).collect::<Result<Vec<U>, Cancelled>>()?);
+    }
+    Ok(made)
+}
+
+/// Consecutive ranges of values whose sums are at most `most`; a larger value is a range of its own.
+fn batches(values: &[u64], most: u64) -> Vec<Range<usize>> {
+    let (mut ranges, mut first, mut sum) = (Vec::new(), 0, 0u64);
+    for (i, value) in values.iter().enumerate() {
+        if i > first && sum.saturating_add(*value) > most {
+            ranges.push(first..i);
+            (first, sum) = (i, 0);
+        }
+        sum = sum.saturating_add(*value);
+    }
+    ranges.push(first..values.len());
+    ranges
+}
+
+#[cfg(test)]
+mod tests {
+    use petzval_camera::image::LinearImage;
+
+    use super::*;
+    use crate::png_bytes;
+
+    #[test]
+    fn batches_keep_the_order_and_their_sums_below_the_limit() {
+        let values = [5, 3, 2, 1, 12, 9, 1, 0, 0, 7];
+        let ranges = batches(&values, 10);
+        assert_eq!(ranges, [0..3, 3..4, 4..5, 5..9, 9..10]);
+        assert_eq!(batches(&[], 10).iter().map(Range::len).collect::<Vec<_>>(), [0]);
+    }
+
+    #[test]
+    fn a_checked_picture_is_known_until_it_changes() {
+        let root = tempfile::TempDir::new().unwrap();
+        let file = |name: &str, gray: f32| {
+            let path = root.path().join(name);
+            std::fs::write(&path, png_bytes(&LinearImage::filled(3, 4, 6, gray)).unwrap()).unwrap();
+            let old = SystemTime::now() - Duration::from_secs(60);
+            std::fs::File::options().write(true).open(&path).unwrap().set_modified(old).unwrap();
+            StoredPicture::file(path)
+        };
+        let pictures = [file("a.png", 0.1), file("b.png", 0.2)];
+        let damaged = StoredPicture::file(root.path().join("c.png"));
+        std::fs::write(damaged.path(), &pictures[0].bytes().unwrap()[..50]).unwrap();
+        let all = [pictures[0].clone(), damaged.clone(), pictures[1].clone()];
+        let memory = root.path().join("cache/memory.json");
+        let first = CheckedPictures::read(&memory);
+        let sizes = check_stored(&all, &first, &|_| Ok(())).unwrap();
+        assert!(
+            sizes[0] == Ok((6, 4))
+                && sizes[2] == Ok((6, 4))
+                && sizes[1].as_ref().is_err_and(|e| e.contains("c.png"))
+        );
+        assert!(first.has_fresh());
+        first.write(&memory).unwrap();
+        // What is known is not decoded again: its content may be damaged as long as size and time say that nothing changed.
+        let bytes = pictures[1].bytes().unwrap();
+        let mut broken = bytes.clone();
+        let last = broken.len() - 20;
+        broken[last] ^= 255;
+        let time = pictures[1].path().metadata().unwrap().modified().unwrap();
+        std::fs::write(pictures[1].path(), &broken).unwrap();
+        let set_time = |time| {
+            std::fs::File::options().write(true).open(pictures[1].path()).unwrap().set_modified(time).unwrap()
+        };
+        set_time(time);
+        let second = CheckedPictures::read(&memory);
+        assert_eq!(second.digest(&pictures[1]), Some(crate::hex_digest(&bytes)));
+        assert_eq!(check_stored(&all, &second, &|_| Ok(())).unwrap()[2], Ok((6, 4)));
+        assert!(!second.has_fresh());
+        // Another time: it is decoded, and the damage found.
+        set_time(time + Duration::from_secs(1));
+        assert_eq!(second.digest(&pictures[1]), None);
+        assert!(check_stored(&all, &second, &|_| Ok(())).unwrap()[2].is_err());
+        // A file that is no memory is none.
+        std::fs::write(&memory, "{").unwrap();
+        assert!(CheckedPictures::read(&memory).digest(&pictures[0]).is_none());
+    }
+}

@@ -1,0 +1,85 @@
+//! `data check` of photographs without annotations: a folder, a list, or tar shards.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use petzval_design::error::DesignError;
+use petzval_files::coco::{DataSet, DefectKind, Defects, Image, Loaded, has_annotations};
+use petzval_files::{
+    CheckedPictures, StoredPicture, check_stored, digests_of_alike, in_hex, stored_pictures,
+};
+use petzval_learn::dataset::DatasetError;
+
+use crate::context::Context;
+use crate::error::JobError;
+
+/// The photographs of a place: none where it has annotations, or no pictures either.
+pub(super) fn photographs_of(place: &Path) -> Result<Option<Vec<StoredPicture>>, JobError> {
+    let is_list = place.extension().is_some_and(|ending| {
+        ["txt", "lst", "list", "tar"].iter().any(|known| ending.eq_ignore_ascii_case(known))
+    });
+    if has_annotations(place) || place.is_file() && !is_list || !place.exists() {
+        return Ok(None);
+    }
+    match stored_pictures(place) {
+        Ok(pictures) => Ok(Some(pictures)),
+        // The message on annotations says what is missing in a folder without pictures.
+        Err(_) if place.is_dir() => Ok(None),
+        Err(error) => Err(DesignError::from(DatasetError::from(error)).into()),
+    }
+}
+
+/// Decodes all photographs, and notes those that cannot be decoded, and files of one content.
+pub(super) fn checked(
+    place: &Path,
+    pictures: &[StoredPicture],
+    remembered: &CheckedPictures,
+    context: &Context,
+) -> Result<Loaded, JobError> {
+    let count = pictures.len() as u64;
+    let watch = |done: usize| {
+        context.progress(done as u64, count, "pictures are decoded");
+        context.cancel().check()
+    };
+    let sizes = check_stored(pictures, remembered, &watch)?;
+    let digests = digests(pictures, remembered, context)?;
+    let (mut data, mut defects) = (DataSet::default(), Defects::default());
+    let mut first: HashMap<String, &str> = HashMap::new();
+    for (((id, picture), size), digest) in (0..).zip(pictures).zip(sizes).zip(digests) {
+        let (width, height) = match size {
+            Ok(size) => size,
+            Err(error) => {
+                defects.add(DefectKind::UnreadablePicture, || error);
+                continue;
+            }
+        };
+        if let Some(digest) = digest {
+            match first.get(&digest) {
+                Some(original) => {
+                    defects.add(DefectKind::SamePicture, || format!("{original} and {}", picture.name))
+                }
+                None => drop(first.insert(digest, &picture.name)),
+            }
+        }
+        data.images.push(Image { id, file_name: picture.name.clone(), width, height, ..Image::default() });
+    }
+    let folder = if place.is_dir() { place } else { place.parent().unwrap_or(Path::new("")) };
+    Ok(Loaded { data, defects, file: place.to_owned(), folders: vec![folder.to_owned()] })
+}
+
+/// The digest of each picture that another one may equal.
+fn digests(
+    pictures: &[StoredPicture],
+    remembered: &CheckedPictures,
+    context: &Context,
+) -> Result<Vec<Option<String>>, JobError> {
+    let known: Vec<Option<String>> = pictures.iter().map(|picture| remembered.digest(picture)).collect();
+    if known.iter().all(Option::is_some) {
+        return Ok(known);
+    }
+    let pictures: Vec<Option<&StoredPicture>> = pictures.iter().map(Some).collect();
+    Ok(digests_of_alike(&pictures, context.cancel())?
+        .iter()
+        .map(|digest| digest.as_ref().map(in_hex))
+        .collect())
+}
