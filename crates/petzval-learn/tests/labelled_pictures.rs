@@ -266,7 +266,7 @@ fn the_fingerprint_is_that_of_the_files_content() {
     folder(path.path(), 15, "person");
     let print = || {
         let pictures = load(path.path(), CROP).unwrap().0;
-        pictures.files(&Cancel::default()).map(|files| pictures.fingerprint(&files))
+        pictures.files(true, &Cancel::default()).map(|files| pictures.fingerprint(&files))
     };
     let before = print().unwrap();
     assert_eq!(before, print().unwrap());
@@ -276,7 +276,7 @@ fn the_fingerprint_is_that_of_the_files_content() {
     bytes[60] ^= 1;
     let loaded = load(path.path(), CROP).unwrap().0;
     std::fs::write(&picture, &bytes).unwrap();
-    assert_ne!(loaded.fingerprint(&loaded.files(&Cancel::default()).unwrap()), before);
+    assert_ne!(loaded.fingerprint(&loaded.files(true, &Cancel::default()).unwrap()), before);
     std::fs::remove_file(&picture).unwrap();
-    assert!(loaded.files(&Cancel::default()).unwrap_err().to_string().contains("03.png"));
+    assert!(loaded.files(true, &Cancel::default()).unwrap_err().to_string().contains("03.png"));
 }
