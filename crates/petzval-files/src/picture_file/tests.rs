@@ -17,6 +17,7 @@ use tiff::encoder::{TiffEncoder, colortype};
 use tiff::tags::Tag;
 
 use super::*;
+use crate::picture_set::StoredPicture;
 use crate::save_exr;
 use crate::spectral_file::is_spectral;
 
@@ -403,7 +404,7 @@ fn pictures_that_take_too_much_memory_are_refused_by_their_heads() {
     let large = write("large.png", 22_000, 22_000);
     let errors = [
         picture_size(&large).unwrap_err(),
-        decoded_head(&large).unwrap_err(),
+        StoredPicture::file(large.clone()).decoded().unwrap_err(),
         load_image(&large).unwrap_err(),
     ];
     for error in errors {
@@ -434,7 +435,9 @@ fn heads_of_all_formats_are_those_of_the_pictures() {
     RgbImage::new(6, 4).save(&tiff).unwrap();
     for path in [exr, hdr, tiff] {
         assert_eq!(picture_size(&path).unwrap(), (6, 4), "{}", path.display());
-        assert_eq!(decoded_head(&path).unwrap().sample_bytes % 24, 0);
+        let (head, digest) = StoredPicture::file(path.clone()).decoded().unwrap();
+        assert_eq!(head.sample_bytes % 24, 0);
+        assert_eq!(digest, crate::hex_digest(&std::fs::read(&path).unwrap()));
     }
     std::fs::write(folder.path().join("b.png"), b"no picture").unwrap();
     let error = picture_size(&folder.path().join("b.png")).unwrap_err().to_string();

@@ -205,13 +205,18 @@ impl Rig {
 
     /// A picture of [`Rig::frame`], of one sample a pixel, as a shot of the window.
     pub fn shot(&self, picture: &LinearImage, frame: u64) -> Result<Shot, DesignError> {
+        self.shot_of(picture, &self.window, frame)
+    }
+
+    /// The same of another window of the sensor.
+    pub fn shot_of(&self, picture: &LinearImage, window: &Window, frame: u64) -> Result<Shot, DesignError> {
         let scene = match &self.distortion {
-            Some(distortion) => distortion.project(&self.geometry, picture, &self.window, self.border)?,
-            None => self.window.scene(picture, self.border),
+            Some(distortion) => distortion.project(&self.geometry, picture, window, self.border)?,
+            None => window.scene(picture, self.border),
         };
         Ok(Shot {
             scene,
-            placement: self.window.placement,
+            placement: window.placement,
             kept: None,
             frame,
             labels: Labels::default(),

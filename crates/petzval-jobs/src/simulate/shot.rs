@@ -1,15 +1,19 @@
 //! One shot: the frame that the camera takes, and what is developed from it.
 
-use petzval_camera::image::LinearImage;
+use petzval_camera::image::{CHANNELS, LinearImage};
+use petzval_camera::render::{Placement, Window};
 use petzval_camera::sensor::{Capture, Noise, NoiseMode, Raw};
 use petzval_camera::tape::Frames;
-use petzval_design::camera::{Camera, host_image, to_host};
+use petzval_design::camera::{Camera, Shot, host_image, to_host};
 use petzval_design::error::DesignError;
 
 use super::output::Facts;
 use super::request::Request;
 use super::rig::Rig;
 use crate::error::JobError;
+
+/// Rows above and below a strip that are exposed and developed with it. No demosaicing reads as far; it is a multiple of every filter array.
+const SURROUND_ROWS: usize = 32;
 
 /// The noise of a request.
 pub fn noise(request: &Request) -> Noise {
@@ -53,6 +57,46 @@ impl Taken {
         let irradiance = host_image(frames.irradiance.clone())?;
         let illumination = host_image(frames.illumination.clone())?;
         Ok(Self { irradiance, raw, developed, unrestored, illumination })
+    }
+
+    /// The frame of a picture of the rig, taken in strips of so many rows, an even number. It has the same values as in one piece, but for the
+    /// rounding of the transforms that spread the light, and needs a quarter of the memory. Nothing of it may be restored.
+    pub fn in_strips(
+        request: &Request,
+        rig: &Rig,
+        camera: &Camera,
+        picture: &LinearImage,
+        frame: u64,
+        rows: usize,
+    ) -> Result<Self, DesignError> {
+        let Window { placement, height, width } = rig.window;
+        let capture = Capture { exposure: camera.body().exposure, placement, frame };
+        let planes = || LinearImage::zeros(CHANNELS, height, width);
+        let raw = Raw { height, width, dn: vec![0.0; height * width], capture };
+        let mut whole =
+            Self { irradiance: planes(), raw, developed: planes(), unrestored: None, illumination: planes() };
+        for first in (0..height).step_by(rows) {
+            // Development reads pixels around the strip.
+            let end = (first + rows).min(height);
+            let (from, to) = (first.saturating_sub(SURROUND_ROWS), (end + SURROUND_ROWS).min(height));
+            let at = |row: usize| Placement { row: placement.row + row, ..placement };
+            let exposed = Window { placement: at(from), height: to - from, width };
+            let kept = Window { placement: at(first), height: end - first, width };
+            let shot = Shot { kept: Some(kept), ..rig.shot_of(picture, &exposed, frame)? };
+            let taken = Self::new(&camera.take(&[shot], &noise(request))?, capture)?;
+            let strip = first * width..end * width;
+            whole.raw.dn[strip.clone()].copy_from_slice(&taken.raw.dn);
+            for (all, part) in [
+                (&mut whole.irradiance, &taken.irradiance),
+                (&mut whole.developed, &taken.developed),
+                (&mut whole.illumination, &taken.illumination),
+            ] {
+                for c in 0..CHANNELS {
+                    all.plane_mut(c)[strip.clone()].copy_from_slice(part.plane(c));
+                }
+            }
+        }
+        Ok(whole)
     }
 
     /// The raw frame, and the relative illumination of its pixels.
