@@ -97,6 +97,7 @@ fn parts(root: &Path) -> Result<Vec<Part>, String> {
             false,
         ),
         Part { name: "the Python package, with PyTorch".to_owned(), work: Work::Python },
+        part("the studio, in a browser".to_owned(), &["xtask", "studio"], false),
     ];
     for experiment in experiments(root)? {
         let check = ["run", "--release", "--quiet", "--", "design", "--check", &experiment];

@@ -11,7 +11,7 @@ use super::circles;
 use super::files::rust_files;
 
 /// Crates in the order in which light meets them. A crate may use those of the groups before its own.
-const ORDER: [&[&str]; 10] = [
+const ORDER: [&[&str]; 11] = [
     &["petzval-base"],
     &["petzval-optics", "petzval-camera", "petzval-street"],
     &["petzval-files"],
@@ -20,6 +20,7 @@ const ORDER: [&[&str]; 10] = [
     &["petzval-design"],
     &["petzval-jobs"],
     &["petzval-units"],
+    &["petzval-studio"],
     &["petzval"],
     &["petzval-python"],
 ];
@@ -31,7 +32,7 @@ const RESERVED: [(&str, &[&str], &str); 8] = [
     ("clap", &["petzval"], "only the command has a command line"),
     ("miette", &["petzval"], "libraries return typed errors"),
     ("indicatif", &["petzval"], "libraries do not draw"),
-    ("include_dir", &["petzval-jobs"], "data travels with the binary"),
+    ("include_dir", &["petzval-jobs", "petzval-studio"], "data and the page travel with the binary"),
     ("pyo3", &["petzval-python"], "one crate talks to Python"),
     ("signal-hook", &["petzval"], "only the command owns the process"),
 ];

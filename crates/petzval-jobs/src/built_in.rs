@@ -22,3 +22,14 @@ pub fn built_in_assets() -> Library {
     files.sort();
     Assets::new(files).into()
 }
+
+/// Names of the built-in photographs, in the order of the alphabet.
+pub(crate) fn photographs() -> Vec<String> {
+    let Some(folder) = DATA.get_dir("photos") else { return Vec::new() };
+    let pictures =
+        folder.files().filter(|file| file.path().extension().is_some_and(|ending| ending == "png"));
+    let mut names: Vec<String> =
+        pictures.filter_map(|file| Some(file.path().file_stem()?.to_string_lossy().into_owned())).collect();
+    names.sort();
+    names
+}

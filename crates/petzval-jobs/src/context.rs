@@ -15,6 +15,7 @@ use crate::device;
 use crate::error::{JobError, Stopped};
 use crate::event::{Event, WarningKind, Watcher};
 use crate::guest::{Host, Workers};
+use crate::kept::Kept;
 use crate::keys::InKeys;
 use crate::named_isp::external_isp;
 
@@ -56,6 +57,8 @@ pub struct Context {
     written: Arc<Mutex<BTreeSet<PathBuf>>>,
     command: String,
     overwrites: bool,
+    /// What its jobs keep from call to call.
+    kept: Kept,
 }
 
 impl Context {
@@ -67,7 +70,9 @@ impl Context {
             sink.event(&Event::Warning { kind: WarningKind::LensFile, text: text.to_owned() });
         }));
         let (cancel, written, command) = (Cancel::default(), Arc::default(), String::new());
-        let context = Self { assets, watcher, cancel: cancel.clone(), written, command, overwrites: false };
+        let kept = Kept::default();
+        let context =
+            Self { assets, watcher, cancel: cancel.clone(), written, command, overwrites: false, kept };
         context.with_cancellation(cancel)
     }
 
@@ -117,6 +122,17 @@ impl Context {
     /// Whether jobs may overwrite results that are there.
     pub fn overwrites(&self) -> bool {
         self.overwrites
+    }
+
+    /// The same context with another watcher of events.
+    pub fn watched_by(&self, watcher: Arc<dyn Watcher>) -> Self {
+        let again = Self::new(self.assets.clone(), watcher);
+        Self { command: self.command.clone(), overwrites: self.overwrites, kept: self.kept.clone(), ..again }
+    }
+
+    /// What its jobs keep from call to call.
+    pub(crate) fn kept(&self) -> &Kept {
+        &self.kept
     }
 
     /// The same context, whose reports nobody sees.

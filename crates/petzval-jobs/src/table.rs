@@ -64,6 +64,12 @@ jobs! {
     LensShow "lens-show" ["lens"]
         "Gives the prescription of a lens and its first-order data."
         crate::lens::show::Request => crate::lens::show::Response, crate::lens::show::run;
+    LensView "lens-view" ["lens"]
+        "Looks at a lens and at changes of it: prescription, layout, spots, fans, modulation."
+        crate::lens::view::Request => crate::lens::view::Response, crate::lens::view::run;
+    LensEdit "lens-edit" ["lens"]
+        "Changes a lens, and gives its text in any format."
+        crate::lens::edit::Request => crate::lens::edit::Response, crate::lens::edit::run;
     LensTrace "lens-trace" ["lens", "field", "wavelength", "pupil"]
         "Traces one ray through a lens."
         crate::lens::trace::Request => crate::lens::trace::Response, crate::lens::trace::run;
@@ -118,6 +124,12 @@ jobs! {
     Simulate "simulate" ["images"]
         "Takes photographs through a lens: photograph, raw frame, developed picture."
         crate::simulate::Request => crate::simulate::Response, crate::simulate::run, crate::simulate::UNIT;
+    CameraView "camera-view" ["lens"]
+        "Develops a window of the frame of a camera, quickly or exactly, as values."
+        crate::simulate::view::Request => crate::simulate::view::Response, crate::simulate::view::run;
+    PhotoList "photo-list" []
+        "Lists the built-in photographs and scenes."
+        crate::photos::Request => crate::photos::Response, crate::photos::run;
     RawShow "raw-show" ["file"]
         "Gives what raw frames say of themselves."
         crate::raw::show::Request => crate::raw::show::Response, crate::raw::show::run;

@@ -16,5 +16,6 @@ pub use petzval_learn as learn;
 pub use petzval_optics as optics;
 pub use petzval_report as report;
 pub use petzval_units as units;
+pub use petzval_studio as studio;
 
 pub use petzval_jobs::built_in_assets;

@@ -3,11 +3,13 @@
 mod analysis_csv;
 pub mod analyze;
 pub mod convert;
+pub mod edit;
 pub mod focus;
 pub mod list;
 pub mod optimize;
 pub mod show;
 pub mod tolerance;
 pub mod trace;
+pub mod view;
 
 pub use focus::FocusAt;

@@ -10,6 +10,7 @@ mod request;
 mod rig;
 mod shot;
 pub(crate) mod spectral;
+pub mod view;
 
 pub use petzval_camera::develop::{Demosaic, Domain, Interpolation};
 use schemars::JsonSchema;

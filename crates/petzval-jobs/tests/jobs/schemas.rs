@@ -11,11 +11,13 @@ use crate::schema_check::check;
 const CALLS: &str = include_str!("../calls.json");
 
 /// Jobs whose stored calls take a moment.
-const QUICK: [&str; 19] = [
+const QUICK: [&str; 23] = [
     "experiment-list",
     "experiment-show",
     "schema",
     "lens-show",
+    "lens-view",
+    "lens-edit",
     "lens-trace",
     "lens-analyze",
     "lens-convert",
@@ -28,6 +30,8 @@ const QUICK: [&str; 19] = [
     "sensor-list",
     "sensor-show",
     "sensor-capture",
+    "camera-view",
+    "photo-list",
     "isp-show",
     "isp-chart",
     "doctor",

@@ -42,6 +42,7 @@ mod served_page;
 mod signals;
 mod simulate;
 mod sweep;
+mod studio;
 mod terminal;
 mod text_table;
 mod train;
@@ -116,6 +117,8 @@ enum Verb {
     /// Show sensors, measure one from captures, or simulate such captures
     #[command(subcommand)]
     Sensor(sensor::SensorVerb),
+    #[command(about = "Show a lens and the photographs through it in the browser, and change it there")]
+    Studio(studio::Args),
     #[command(about = "Take photographs through a lens: photograph, raw frame, developed picture")]
     Simulate(simulate::Args),
     /// Show raw frames, or write them in another format
@@ -201,6 +204,7 @@ fn run(cli: Cli, words: Vec<OsString>) -> Result<Code, Failure> {
         Verb::PsfCalibrate(args) => psf_calibrate::run(args, &terminal),
         Verb::PsfCapture(args) => psf_capture::run(args, &terminal),
         Verb::Sensor(verb) => sensor::run(verb, &terminal),
+        Verb::Studio(args) => studio::run(args, &terminal),
         Verb::Simulate(args) => simulate::run(args, &terminal),
         Verb::Raw(verb) => raw::run(verb, &terminal),
         Verb::Isp(verb) => isp::run(verb, &terminal),

@@ -234,7 +234,7 @@ impl Goal {
         Ok(choices)
     }
 
-    fn limits(&self) -> Result<Limits, JobError> {
+    pub(in crate::lens) fn limits(&self) -> Result<Limits, JobError> {
         let back_focal_mm = match self.bfl[..] {
             [] => None,
             [min, max] if min <= max => Some([min, max]),

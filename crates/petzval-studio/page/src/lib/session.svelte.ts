@@ -1,0 +1,270 @@
+// The lens that is worked on: its states as texts, what is seen of it, and how it changes.
+//
+// A state is the text of a lens file, which holds the lens to the last bit: undo puts back the very text.
+
+import { CallError, Live, server } from "./server.svelte";
+import type { Edit, Loss, Opened, State, View } from "./types";
+
+/** A state of the lens, and what led to it. */
+interface Step {
+  toml: string;
+  what: string;
+}
+
+/** Limits of the lens, by the keys of an optimisation's goal. */
+export interface Limits {
+  edge?: number;
+  centre?: number;
+  air?: number;
+  track?: number;
+  clear_diameter?: number;
+  distortion?: number;
+}
+
+export interface Notice {
+  kind: "error" | "warning" | "info";
+  text: string;
+  details?: string[];
+}
+
+/** Most states that are kept. */
+const MOST_STEPS = 500;
+
+/** Where the states are kept when the page is loaded again. */
+const STORE = "petzval-studio";
+
+/** Milliseconds of rest after which the exact view follows the quick one. */
+const REST_MS = 120;
+
+class Session {
+  /** What the server says of itself. */
+  about = $state.raw<State | undefined>();
+  steps = $state.raw<Step[]>([]);
+  at = $state(0);
+  view = $state.raw<View | undefined>();
+  /** Edits that are being dragged, on top of the present state. */
+  dragged = $state.raw<Edit[]>([]);
+  notice = $state.raw<Notice | undefined>();
+  limits = $state<Limits>({ edge: 0.1, air: 0.05 });
+  /** The state that pictures and figures are compared with. */
+  before = $state.raw("");
+  /** The file of the last saving, and its text. */
+  savedAs = $state("");
+  saved = $state.raw("");
+  selected = $state(0);
+  /** Highest frequency of the MTF, cycles/mm; held while a lens is worked on. */
+  maxFrequency = $state<number | undefined>();
+  /** What the room shows of the lens; everything if empty. */
+  parts = $state.raw<string[]>([]);
+
+  readonly live = new Live(server, "lens");
+  /** Exact views take longer: a drag does not wait for them. */
+  readonly #exact = new Live(server);
+  #rest: ReturnType<typeof setTimeout> | undefined;
+  #commits: Promise<boolean> = Promise.resolve(true);
+
+  get toml(): string {
+    return this.steps[this.at]?.toml ?? "";
+  }
+
+  get canUndo(): boolean {
+    return this.at > 0;
+  }
+
+  get canRedo(): boolean {
+    return this.at + 1 < this.steps.length;
+  }
+
+  /** Reads what the studio was started with, and what this tab held before it was loaded again. */
+  async start(): Promise<void> {
+    this.about = (await (await fetch("state")).json()) as State;
+    server.connect();
+    const kept = this.#kept();
+    if (kept) {
+      this.steps = kept.steps;
+      this.at = kept.at;
+      this.before = kept.before;
+      this.saved = kept.saved;
+      this.savedAs = kept.savedAs;
+      this.refresh();
+      return;
+    }
+    const first = this.about.opened[0];
+    if (first) this.open(first);
+  }
+
+  /** Opens a lens: a new history begins. */
+  open({ name, toml, losses }: Opened): void {
+    this.steps = [{ toml, what: `open ${name}` }];
+    this.at = 0;
+    this.before = toml;
+    this.saved = toml;
+    this.savedAs = "";
+    this.dragged = [];
+    this.maxFrequency = undefined;
+    this.notice = lossNotice(`${name}: what the lens does not represent of its file`, losses);
+    this.#keep();
+    this.refresh();
+  }
+
+  /** Reads a lens by name or text, and opens it. */
+  async load(name: string, lens: unknown): Promise<void> {
+    try {
+      const read = await server.call<{ text: string; losses_of_reading: Loss[] }>("lens-edit", { lens });
+      this.open({ name, toml: read.text, losses: read.losses_of_reading });
+    } catch (error) {
+      this.#say(error);
+    }
+  }
+
+  /** Shows edits that are being dragged; the state stays. */
+  drag(edits: Edit[]): void {
+    this.dragged = edits;
+    this.#look(edits, true);
+  }
+
+  /** Ends a drag without a change. */
+  release(): void {
+    this.dragged = [];
+    this.refresh();
+  }
+
+  /** Applies edits as one step that can be undone; false if the lens refuses them. Edits wait for those before them. */
+  commit(edits: Edit[], what: string): Promise<boolean> {
+    this.live.drop();
+    this.#commits = this.#commits.then(() => this.#apply(edits, what));
+    return this.#commits;
+  }
+
+  async #apply(edits: Edit[], what: string): Promise<boolean> {
+    try {
+      // A channel of its own: a drag that goes on must not take the place of the step.
+      const request = this.#request(edits, true);
+      const view = await server.call<View>("lens-view", request, { live: "commit" });
+      this.dragged = [];
+      this.notice = undefined;
+      if (view.toml !== this.toml) this.push(view.toml, what);
+      this.view = view;
+      this.#exactLater();
+      return true;
+    } catch (error) {
+      this.dragged = [];
+      this.#say(error);
+      this.refresh();
+      return false;
+    }
+  }
+
+  /** Adds a state. What was undone before is forgotten. */
+  push(toml: string, what: string): void {
+    this.steps = [...this.steps.slice(0, this.at + 1), { toml, what }].slice(-MOST_STEPS);
+    this.at = this.steps.length - 1;
+    this.#keep();
+  }
+
+  undo(): void {
+    this.#go(this.at - 1);
+  }
+
+  redo(): void {
+    this.#go(this.at + 1);
+  }
+
+  #go(to: number): void {
+    if (to < 0 || to >= this.steps.length) return;
+    this.at = to;
+    this.dragged = [];
+    this.notice = undefined;
+    this.#keep();
+    this.refresh();
+  }
+
+  /** Looks at no more than a room shows; everything if no parts are named. */
+  show(parts: string[]): void {
+    this.parts = parts;
+    if (this.toml) this.refresh();
+  }
+
+  /** Looks at the present state: quickly at once, exactly after a rest. */
+  refresh(): void {
+    this.#look([], true);
+  }
+
+  #look(edits: Edit[], quick: boolean): void {
+    clearTimeout(this.#rest);
+    this.#exact.drop();
+    const toml = this.toml;
+    const channel = quick ? this.live : this.#exact;
+    channel.send<View>({
+      job: "lens-view",
+      request: this.#request(edits, quick),
+      done: (view) => {
+        // The lens may have moved on meanwhile.
+        if (toml !== this.toml || (edits.length > 0) !== (this.dragged.length > 0)) return;
+        this.view = view;
+        this.maxFrequency ??= view.mtf[0]?.frequency_per_mm.at(-1);
+        if (quick && edits.length === 0) this.#exactLater();
+      },
+      failed: (error) => this.#say(error),
+    });
+  }
+
+  #exactLater(): void {
+    clearTimeout(this.#rest);
+    this.#rest = setTimeout(() => {
+      if (this.dragged.length === 0) this.#look([], false);
+    }, REST_MS);
+  }
+
+  #request(edits: Edit[], quick: boolean): object {
+    const limits = Object.fromEntries(Object.entries(this.limits).filter(([, value]) => Number.isFinite(value)));
+    return { lens: { toml: this.toml }, edits, quick, parts: this.parts, goal: limits, max_frequency: this.maxFrequency };
+  }
+
+  #say(error: unknown): void {
+    if (error instanceof CallError) this.notice = { kind: "error", text: error.text };
+    else throw error;
+  }
+
+  /** Keeps the states for this tab; a browser that is out of room keeps the last ones. */
+  #keep(): void {
+    const { before, saved, savedAs } = this;
+    for (const count of [MOST_STEPS, 50, 5]) {
+      const from = Math.max(0, this.steps.length - count);
+      const kept = { steps: this.steps.slice(from), at: this.at - from, before, saved, savedAs };
+      if (kept.at < 0) continue;
+      try {
+        sessionStorage.setItem(STORE, JSON.stringify(kept));
+        return;
+      } catch {
+        // The next try keeps fewer.
+      }
+    }
+  }
+
+  #kept(): { steps: Step[]; at: number; before: string; saved: string; savedAs: string } | undefined {
+    try {
+      const kept = JSON.parse(sessionStorage.getItem(STORE) ?? "null");
+      return kept?.steps?.[kept.at]?.toml ? kept : undefined;
+    } catch {
+      return undefined;
+    }
+  }
+
+  /** Notes that the present state stands in a file. */
+  markSaved(path: string): void {
+    this.saved = this.toml;
+    this.savedAs = path;
+    this.#keep();
+  }
+}
+
+/** What is to be said of losses; nothing if there are none. */
+export function lossNotice(text: string, losses: Loss[]): Notice | undefined {
+  if (losses.length === 0) return undefined;
+  const line = ({ line, record, message, more }: Loss) =>
+    `${line === null ? "" : `line ${line}: `}${record}: ${message}${more > 0 ? ` (and ${more} more)` : ""}`;
+  return { kind: "info", text, details: losses.map(line) };
+}
+
+export const session = new Session();

@@ -1,0 +1,210 @@
+// The parts of requests and responses of jobs that the page uses; `petzval schema job NAME` prints them whole.
+
+export type Point = [number, number];
+
+export type Edit =
+  | { edit: "radius"; surface: number; radius_mm: number | null }
+  | { edit: "curvature"; surface: number; curvature_per_mm: number }
+  | { edit: "sag"; surface: number; height_mm: number; sag_mm: number }
+  | { edit: "bend"; surface: number; by_per_mm: number }
+  | { edit: "conic"; surface: number; conic: number }
+  | { edit: "asphere"; surface: number; power: number; value: number }
+  | { edit: "thickness"; surface: number; thickness_mm: number }
+  | { edit: "semi-diameter"; surface: number; semi_diameter_mm: number }
+  | { edit: "glass"; surface: number; glass: string }
+  | { edit: "label"; surface: number; label: string }
+  | { edit: "stop"; surface: number }
+  | { edit: "insert"; before: number }
+  | { edit: "delete"; surface: number }
+  | { edit: "aperture"; entrance_pupil_mm: number }
+  | { edit: "fields"; fields_deg: number[] }
+  | { edit: "wavelengths"; wavelengths_um: number[]; reference_um: number }
+  | { edit: "object"; distance_mm: number | null }
+  | { edit: "name"; name: string }
+  | { edit: "focus"; at: "paraxial" | "best" }
+  | { edit: "scale-to"; efl_mm: number }
+  | { edit: "vary"; surface: number; parameter: string; min?: number; max?: number }
+  | { edit: "hold"; surface: number; parameter: string }
+  | { edit: "solve-efl"; surface: number | null; efl_mm?: number };
+
+export interface Row {
+  surface: number;
+  label: string;
+  action: "refract" | "reflect" | "thin-lens";
+  radius_mm: number | null;
+  curvature_per_mm: number;
+  conic: number;
+  asphere: number[];
+  thickness_mm: number;
+  glass: string;
+  nd: number | null;
+  vd: number | null;
+  semi_diameter_mm: number;
+  is_stop: boolean;
+  vertex: Point | null;
+  edge_sag_mm: number | null;
+  special: string[];
+  varies: { parameter: string; min: number; max: number }[];
+  settled: string[];
+}
+
+export interface FirstOrder {
+  efl_mm: number | null;
+  bfl_mm: number | null;
+  f_number: number | null;
+  working_f_number: number | null;
+  image_na: number;
+  image_mm: number;
+  defocus_mm: number | null;
+  total_track_mm: number | null;
+  entrance_pupil_mm: number;
+  exit_pupil_mm: number | null;
+  stop_radius_mm: number;
+  full_field_deg: number;
+  image_height_mm: number | null;
+  petzval_radius_mm: number | null;
+  airy_radius_um: number | null;
+  cutoff_per_mm: number;
+  magnification: number | null;
+}
+
+export interface Layout {
+  elements: { glass: string; nd: number; vd: number; outline: Point[] }[];
+  lines: { kind: string; points: Point[] }[];
+  rays: { points: Point[]; is_lost: boolean }[][];
+  axis: Point[];
+  stop: [[Point, Point], [Point, Point]];
+  image: [Point, Point];
+}
+
+export interface Spot {
+  field_deg: number;
+  points_um: Point[][];
+  centroid_um: Point;
+  rms_um: number;
+  geometric_radius_um: number;
+  airy_radius_um: number;
+}
+
+type Curve = (number | null)[];
+
+export interface Fan {
+  field_deg: number;
+  pupil: number[];
+  tangential_um: Curve[];
+  sagittal_um: Curve[];
+}
+
+export interface MtfCurve {
+  sagittal: number[];
+  tangential: number[];
+}
+
+export interface Mtf {
+  field_deg: number;
+  frequency_per_mm: number[];
+  geometric: MtfCurve;
+  diffraction: MtfCurve | null;
+  limit: MtfCurve | null;
+}
+
+export interface FieldCurves {
+  field_deg: number[];
+  tangential_focus_mm: number[][];
+  sagittal_focus_mm: number[][];
+  distortion_percent: number[][];
+  lateral_colour_um: number[][];
+  relative_illumination: number[][];
+}
+
+export interface Violation {
+  surface: number | null;
+  what: string;
+  excess_mm: number | null;
+}
+
+export interface Loss {
+  line: number | null;
+  record: string;
+  effect: string;
+  message: string;
+  more: number;
+}
+
+export interface View {
+  toml: string;
+  name: string;
+  source: string;
+  surfaces: Row[];
+  entrance_pupil_mm: number;
+  object_distance_mm: number | null;
+  wavelengths_um: number[];
+  reference_um: number;
+  fields_deg: number[];
+  solved_efl_mm: number | null;
+  first_order: FirstOrder;
+  is_quick: boolean;
+  layout: Layout | null;
+  spots: Spot[];
+  fans: Fan[];
+  mtf: Mtf[];
+  field_curves: FieldCurves | null;
+  violations: Violation[];
+  problems: string[];
+  losses_of_reading: Loss[];
+}
+
+export interface CameraView {
+  height: number;
+  width: number;
+  rgb: string;
+  raw: string | null;
+  placement: Point;
+  array: Point;
+  is_own_array: boolean;
+  pixel_um: number;
+  image_radius_mm: number;
+  relative_radius: number;
+  white_e: number;
+  saturated_share: number;
+  is_quick: boolean;
+  psf_fields: number;
+  pupil_cells: number;
+  patches: Point;
+  enlarged: number;
+}
+
+export interface ErrorReport {
+  kind: string;
+  message: string;
+  hint?: string;
+  place?: { path?: string; line?: number; key?: string };
+  stopped?: { response?: unknown; kept?: string[] };
+}
+
+export type JobEvent =
+  | { event: "warning"; text: string }
+  | { event: "note"; text: string }
+  | { event: "progress"; done: number; total: number; text: string }
+  | { event: "file"; path: string; what: string };
+
+export interface Opened {
+  name: string;
+  toml: string;
+  losses: Loss[];
+}
+
+export interface State {
+  version: string;
+  folder: string;
+  files: string[];
+  opened: Opened[];
+}
+
+export interface Glass {
+  name: string;
+  maker: string;
+  status: string | null;
+  nd: number | null;
+  vd: number | null;
+}

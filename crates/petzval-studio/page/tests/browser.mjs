@@ -1,0 +1,53 @@
+// A studio and a browser for scripts: Debian's chromium by playwright-core, and the command that was built.
+
+import { spawn } from "node:child_process";
+import { mkdtempSync, rmSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { join, resolve } from "node:path";
+import { chromium } from "playwright-core";
+
+const ROOT = resolve(import.meta.dirname, "../../../..");
+const PETZVAL = process.env.PETZVAL ?? join(ROOT, "target/release/petzval");
+const CHROMIUM = process.env.CHROMIUM ?? "/usr/bin/chromium";
+
+/** What Debian's chromium needs where it has no display, no user of its own and no network. */
+const FLAGS = [
+  "--no-sandbox",
+  "--disable-gpu",
+  "--disable-quic",
+  "--no-first-run",
+  "--disable-background-networking",
+  "--disable-component-update",
+  "--disable-sync",
+];
+
+/** Starts a studio; its address is `url`. */
+export async function startStudio(words = [], folder = mkdtempSync(join(tmpdir(), "petzval-studio-test-"))) {
+  const child = spawn(PETZVAL, ["studio", "--no-open", "--folder", folder, ...words], { stdio: ["ignore", "pipe", "inherit"] });
+  const url = await new Promise((found, failed) => {
+    let text = "";
+    child.stdout.on("data", (data) => {
+      text += data;
+      const address = text.match(/http:\S+token=\S+/);
+      if (address) found(address[0]);
+    });
+    child.on("exit", (code) => failed(new Error(`the studio ended with ${code}: ${text}`)));
+    child.on("error", failed);
+  });
+  const ended = new Promise((done) => child.on("exit", done));
+  const stop = async (signal = "SIGTERM") => {
+    child.kill(signal);
+    await ended;
+  };
+  return { url, folder, stop, port: new URL(url).port };
+}
+
+/** Starts a browser. */
+export function startBrowser() {
+  return chromium.launch({ executablePath: CHROMIUM, args: FLAGS });
+}
+
+/** Deletes the folder of a studio. */
+export function forget(folder) {
+  rmSync(folder, { recursive: true, force: true });
+}

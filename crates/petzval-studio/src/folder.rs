@@ -1,0 +1,120 @@
+//! The folder of a studio: nothing that a request names lies outside of it.
+
+use std::path::{Component, Path, PathBuf};
+
+use serde_json::Value;
+
+/// Longest path that a system takes: no longer text is one.
+const LONGEST_PATH: usize = 4096;
+
+/// Keys of requests that hold the text of a file.
+const TEXTS: [&str; 2] = ["toml", "text"];
+
+/// Endings of lens files.
+const LENSES: [&str; 4] = ["toml", "zmx", "seq", "json"];
+
+/// Most files that are listed.
+const MOST_LISTED: usize = 500;
+
+/// A folder by its real path.
+#[derive(Clone, Debug)]
+pub struct Folder {
+    path: PathBuf,
+}
+
+impl Folder {
+    /// The folder, which must exist.
+    pub fn new(path: &Path) -> std::io::Result<Self> {
+        let path = path.canonicalize()?;
+        if path.is_dir() { Ok(Self { path }) } else { Err(std::io::ErrorKind::NotADirectory.into()) }
+    }
+
+    /// Its real path.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The first text of a request that is a path out of the folder. Any text counts as a path, whatever its key, except those of files.
+    pub fn way_out<'a>(&self, request: &'a Value) -> Option<&'a str> {
+        match request {
+            Value::String(text) => (!self.holds(text)).then_some(text),
+            Value::Array(values) => values.iter().find_map(|value| self.way_out(value)),
+            Value::Object(keys) => keys
+                .iter()
+                .filter(|(key, _)| !TEXTS.contains(&key.as_str()))
+                .find_map(|(_, v)| self.way_out(v)),
+            Value::Null | Value::Bool(_) | Value::Number(_) => None,
+        }
+    }
+
+    /// Whether a text leads to a place in the folder when it is taken for a path, through whatever links.
+    fn holds(&self, text: &str) -> bool {
+        if text.len() > LONGEST_PATH {
+            return true;
+        }
+        let joined = self.path.join(text);
+        let mut lexical = PathBuf::new();
+        for part in joined.components() {
+            match part {
+                Component::ParentDir => {
+                    lexical.pop();
+                }
+                Component::CurDir => {}
+                part => lexical.push(part),
+            }
+        }
+        // What is there is looked at as the system would find it; of what is to be made, the folder that is there.
+        let real = joined.ancestors().find_map(|there| there.canonicalize().ok());
+        lexical.starts_with(&self.path) && real.is_some_and(|real| real.starts_with(&self.path))
+    }
+
+    /// Names of the lens files directly in the folder, in the order of the alphabet.
+    pub fn lens_files(&self) -> Vec<String> {
+        let entries = std::fs::read_dir(&self.path).into_iter().flatten().flatten();
+        let files = entries.filter(|entry| entry.path().is_file());
+        let mut names: Vec<String> = files
+            .filter_map(|entry| entry.file_name().into_string().ok())
+            .filter(|name| {
+                let ending =
+                    Path::new(name).extension().map(|ending| ending.to_string_lossy().to_lowercase());
+                ending.is_some_and(|ending| LENSES.contains(&ending.as_str()))
+            })
+            .collect();
+        names.sort();
+        names.truncate(MOST_LISTED);
+        names
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn paths_stay_in_the_folder_through_whatever_links() {
+        let (outside, inside) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+        let folder = Folder::new(inside.path()).unwrap();
+        std::fs::create_dir(inside.path().join("a")).unwrap();
+        std::fs::write(outside.path().join("secret"), "x").unwrap();
+        #[cfg(unix)]
+        std::os::unix::fs::symlink(outside.path(), inside.path().join("link")).unwrap();
+        let own = inside.path().canonicalize().unwrap().join("a/new.toml").display().to_string();
+        for fine in ["N-BK7", "a/new.toml", "a/../b.toml", "scene:flat", "SCHOTT:N-BK7", "", &own] {
+            assert_eq!(folder.way_out(&json!({"lens": fine})), None, "{fine}");
+        }
+        let foreign = outside.path().join("secret").display().to_string();
+        for wrong in
+            ["/etc/passwd", "..", "a/../../x", "../x", "link/secret", "link/new", "a/../link/x", &foreign]
+        {
+            if cfg!(unix) || !wrong.contains("link") {
+                let request = json!({"start": {"new": {"out": [wrong]}}});
+                assert_eq!(folder.way_out(&request), Some(wrong));
+            }
+        }
+        // The text of a file is no path.
+        assert_eq!(folder.way_out(&json!({"lens": {"text": "/etc/passwd", "format": "zmx"}})), None);
+        assert_eq!(folder.way_out(&json!({"lens": {"toml": "../x"}})), None);
+    }
+}

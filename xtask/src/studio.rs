@@ -1,0 +1,89 @@
+//! `cargo xtask studio`: the page of the studio as its sources make it. It is built anew and compared with the files that are committed, so that no
+//! user of cargo needs node; then the studio is tested in a browser. With `--page`, the page alone.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// Most bytes of the page after gzip.
+const MOST_BYTES: u64 = 500_000;
+
+/// Checks the page, and tests it. Without node or a browser nothing is tested, and the report says so.
+pub fn check(page_alone: bool) -> Result<String, Vec<String>> {
+    if !answers("npm") {
+        return Ok("NOT TESTED: the page of the studio, as there is no npm here".to_owned());
+    }
+    run(page_alone).map_err(|problem| vec![problem])
+}
+
+fn run(page_alone: bool) -> Result<String, String> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let page = root.join("crates/petzval-studio/page");
+    let npm = |words: &[&str]| succeeds(Command::new("npm").args(words).current_dir(&page));
+    npm(&["ci", "--no-audit", "--no-fund"])?;
+    npm(&["run", "--silent", "check"])?;
+    let out = target(&root).join("studio-page");
+    npm(&["run", "--silent", "build", "--", "--emptyOutDir", "--outDir", &out.display().to_string()])?;
+    let (made, kept) = (files(&out)?, files(&page.join("dist"))?);
+    if made != kept {
+        let names = |files: &BTreeMap<PathBuf, Vec<u8>>| format!("{:?}", files.keys().collect::<Vec<_>>());
+        return Err(format!(
+            "page/dist is not what its sources make: {} are committed, and {} are made; run `npm run build` in crates/petzval-studio/page",
+            names(&kept),
+            names(&made)
+        ));
+    }
+    let bytes: u64 = kept.values().map(|bytes| bytes.len() as u64).sum();
+    if bytes > MOST_BYTES {
+        return Err(format!("the page has {bytes} bytes, more than {MOST_BYTES}"));
+    }
+    if page_alone {
+        return Ok(format!("the page of the studio is what its sources make: {bytes} bytes"));
+    }
+    if !answers("chromium") {
+        return Ok("NOT TESTED: the studio in a browser, as there is no chromium here".to_owned());
+    }
+    let build = ["build", "--release", "--package", "petzval"];
+    succeeds(Command::new(env!("CARGO")).args(build).current_dir(&root))?;
+    let mut test = Command::new("npm");
+    test.args(["run", "--silent", "test"])
+        .current_dir(&page)
+        .env("PETZVAL", target(&root).join("release/petzval"));
+    succeeds(&mut test)?;
+    Ok(format!(
+        "the page of the studio ({bytes} bytes) is what its sources make, and passes its tests in a browser"
+    ))
+}
+
+/// Where cargo puts what it builds.
+fn target(root: &Path) -> PathBuf {
+    std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root.join("target"), PathBuf::from)
+}
+
+/// Whether a program can be run.
+fn answers(program: &str) -> bool {
+    Command::new(program).arg("--version").output().is_ok_and(|output| output.status.success())
+}
+
+fn succeeds(command: &mut Command) -> Result<(), String> {
+    let status = command.status().map_err(|e| format!("{command:?}: {e}"))?;
+    if status.success() { Ok(()) } else { Err(format!("{command:?}: {status}")) }
+}
+
+/// Every file below a folder, by its path in it.
+fn files(folder: &Path) -> Result<BTreeMap<PathBuf, Vec<u8>>, String> {
+    let (mut found, mut open) = (BTreeMap::new(), vec![folder.to_path_buf()]);
+    while let Some(next) = open.pop() {
+        let entries = std::fs::read_dir(&next).map_err(|e| format!("{}: {e}", next.display()))?;
+        for entry in entries {
+            let path = entry.map_err(|e| e.to_string())?.path();
+            if path.is_dir() {
+                open.push(path);
+            } else if let Ok(below) = path.strip_prefix(folder) {
+                let bytes = std::fs::read(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+                found.insert(below.to_path_buf(), bytes);
+            }
+        }
+    }
+    Ok(found)
+}
