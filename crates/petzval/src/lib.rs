@@ -15,7 +15,7 @@ pub use petzval_lab as lab;
 pub use petzval_learn as learn;
 pub use petzval_optics as optics;
 pub use petzval_report as report;
-pub use petzval_units as units;
 pub use petzval_studio as studio;
+pub use petzval_units as units;
 
 pub use petzval_jobs::built_in_assets;

@@ -157,13 +157,16 @@ pub(crate) fn checked_heads(
     Ok((heads, true))
 }
 
+/// Columns and rows of a picture, the right way up, or why it cannot be read.
+pub type CheckedSize = Result<(u32, u32), String>;
+
 /// Decodes pictures from end to end: the columns and rows of each, the right way up, or why it cannot be read. See [`CheckedPictures`] and, for
 /// memory and `watch`, [`check_pictures`](crate::coco::check_pictures).
 pub fn check_stored(
     pictures: &[StoredPicture],
     remembered: &CheckedPictures,
     watch: &(dyn Fn(usize) -> Result<(), Cancelled> + Sync),
-) -> Result<Vec<Result<(u32, u32), String>>, Cancelled> {
+) -> Result<Vec<CheckedSize>, Cancelled> {
     let pictures: Vec<Option<StoredPicture>> = pictures.iter().cloned().map(Some).collect();
     let (heads, _) = checked_heads(&pictures, u64::MAX, remembered, watch)?;
     Ok(heads.into_iter().flatten().map(|head| head.map(|head| head.upright())).collect())

@@ -12,9 +12,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::check_pictures_in;
-use crate::as_unit::AsUnit;
 use super::memory::{remember, remembered};
 use super::photographs::{checked, photographs_of};
+use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::{JobError, make_folder};
 use crate::event::WarningKind;
