@@ -12,7 +12,7 @@ use petzval_camera::develop::{LinearIsp, saturated_share};
 use petzval_camera::image::{CHANNELS, LinearImage};
 use petzval_camera::render::{Placement, RenderGeometry, Window, kernel_radius, with_patches_for};
 use petzval_camera::sensor::{Exposure, SensorModel};
-use petzval_camera::spectral::{Illuminant, SceneKind, apply, d65_white, srgb_from_xyz, xyz_of_reflectance};
+use petzval_camera::spectral::{Illuminant, SceneKind, apply, d65_white, xyz_of_reflectance};
 use petzval_design::camera::{Body, Camera, Labels, PsfSource, Shot};
 use petzval_design::error::DesignError;
 use petzval_design::experiment::PsfConfig;
@@ -375,7 +375,7 @@ fn drawn(name: &str, height: usize, width: usize) -> Result<LinearImage, JobErro
     })?;
     let scene = kind.draw(height, width);
     let daylight = Illuminant::named("D65").map_err(|e| JobError::failed(e.to_string()))?.irradiance(1.0);
-    let to_srgb = srgb_from_xyz(d65_white());
+    let (_, _, to_srgb) = d65_white();
     let colour = |reflectance| apply(&to_srgb, xyz_of_reflectance(reflectance, &daylight));
     let colours: Vec<[f64; 3]> = scene.materials.iter().map(colour).collect();
     let mut light = LinearImage::zeros(CHANNELS, height, width);
