@@ -14,6 +14,7 @@ if not Path(CAPTURES).is_dir():
 sheet = pz.characterize(CAPTURES)
 gain = sheet["K"]
 print(f"{gain.meaning}: {gain.value:.4f} +- {gain.standard_error:.4f} {gain.unit}")
+sheet  # a notebook shows the sheet
 
 # %% All figures of the green pixels.
 table = sheet.to_frame()

@@ -9,7 +9,7 @@ LENS = "cooke-triplet-nominal"  # or the path of your own: .zmx, .seq, .json, .t
 
 lens = pz.Lens.load(LENS)
 lens.layout_svg("layout.svg")
-print(lens)
+lens  # a notebook shows the layout
 
 # %% Spots and MTF by exact tracing.
 print("RMS spot radius, um, by field:", lens.spots().rms_um.round(2))
@@ -21,3 +21,4 @@ camera = pz.Camera(lens, "imx249-fitted", exposure_e=16_000, size=(240, 320), pl
 frames = camera.take(scene, seed=1)
 print("raw:", frames.raw.shape, frames.raw.dtype, "developed:", frames.developed.shape, frames.developed.dtype)
 frames.save("shot", overwrite=True)
+frames  # a notebook shows the picture

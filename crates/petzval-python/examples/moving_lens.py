@@ -9,7 +9,6 @@ import petzval.torch as pt
 
 torch.manual_seed(0)
 torch.set_num_threads(1)
-sensor = pz.Sensor.load("imx249-fitted")
 start = pz.Lens.load("cooke-triplet-nominal")
 glass = pt.Lens(start, start.variables())
 network = torch.nn.Sequential(torch.nn.Conv2d(3, 16, 5, padding=2), torch.nn.ReLU(), torch.nn.Conv2d(16, 3, 5, padding=2))

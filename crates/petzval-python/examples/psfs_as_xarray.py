@@ -7,7 +7,7 @@ import petzval as pz
 
 lens = pz.Lens.load("cooke-triplet-nominal")
 bank = pz.psf(lens, fields_deg=np.linspace(0, 15, 13), wavelengths_um=[0.62, 0.55, 0.486], grid=128, pitch_um=1.0)
-print(bank)
+bank  # a notebook shows the PSFs
 
 # %% By name instead of by index.
 labelled = bank.to_xarray()

@@ -19,9 +19,6 @@ scores = pd.DataFrame(run.rows).set_index("camera")
 print(scores[["one_minus_lpips", "psnr_db", "rms_spot_um"]].round(3).to_string())
 
 # %% Losses over the steps.
-import matplotlib
-
-matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
 steps = pd.DataFrame([{"camera": e["camera"], "block": e["block"], "step": e["step"], **e["losses"]} for e in run.events() if e.get("losses")])

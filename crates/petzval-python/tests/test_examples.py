@@ -1,3 +1,5 @@
+import json
+import runpy
 import shutil
 import subprocess
 import sys
@@ -45,3 +47,16 @@ def test_figures_of_a_run_are_shown(tmp_path: Path, run_folder: Path) -> None:
     shutil.copytree(run_folder, tmp_path / "run")
     assert "end-to-end" in run_example("run_metrics.py", tmp_path)
     assert (tmp_path / "losses.png").is_file()
+
+
+def test_a_notebook_has_the_cells_of_its_script_and_their_output() -> None:
+    # Make them again by `python examples/write_notebooks.py` where this fails.
+    maker = runpy.run_path(str(EXAMPLES / "write_notebooks.py"))
+    names = maker["names"]()
+    assert names == sorted(path.stem for path in EXAMPLES.glob("*.ipynb"))
+    for name in names:
+        notebook = json.loads((EXAMPLES / f"{name}.ipynb").read_text(encoding="utf-8"))
+        kept = [(cell["cell_type"], "".join(cell["source"])) for cell in notebook["cells"]]
+        assert kept == maker["cells"]((EXAMPLES / f"{name}.py").read_text(encoding="utf-8")), name
+        outputs = [output for cell in notebook["cells"] for output in cell.get("outputs", [])]
+        assert outputs and all(output["output_type"] != "error" for output in outputs), name

@@ -58,6 +58,16 @@ def test_analyses_are_arrays_by_field(triplet: pz.Lens) -> None:
     assert waves.rms_waves[0, 0] > 0
 
 
+def test_a_lens_is_focused(triplet: pz.Lens) -> None:
+    blurred = triplet.with_(6, thickness_mm=triplet.surfaces[6].thickness_mm + 0.3)
+    focused = blurred.focused()
+    assert (focused.spots().rms_um**2).mean() < 0.5 * (blurred.spots().rms_um**2).mean()
+    assert focused.surfaces[:6] == triplet.surfaces[:6]
+    assert blurred.focused("paraxial").surfaces[6].thickness_mm == pytest.approx(triplet.bfl_mm)
+    with pytest.raises(pz.InputError, match="`focus`"):
+        triplet.focused("nearest")
+
+
 def test_the_layout_is_a_picture(triplet: pz.Lens, tmp_path) -> None:
     svg = triplet.layout_svg(tmp_path / "layout.svg")
     assert svg.startswith("<svg") and (tmp_path / "layout.svg").read_text() == svg
@@ -74,6 +84,14 @@ def test_a_design_space_moves_the_lens(triplet: pz.Lens) -> None:
     np.testing.assert_allclose(space.coordinates_of(moved), x + 0.05, atol=1e-6)
     value, gradient = triplet.variables(track_mm=10.0).penalty(x)
     assert value > 0 and gradient.shape == x.shape and np.any(gradient != 0)
+
+
+def test_a_lens_far_from_its_paraxial_focus_moves_about_its_own(triplet: pz.Lens) -> None:
+    far = triplet.with_(6, thickness_mm=triplet.bfl_mm + 0.9)
+    space = far.variables()
+    assert space.coordinates[-1] == pz.lens.Coordinate("defocus_mm", pytest.approx(-1.8), pytest.approx(1.8))
+    assert space.lens_at(space.start).surfaces[6].thickness_mm == pytest.approx(far.surfaces[6].thickness_mm)
+    assert triplet.variables().coordinates[-1].max == 0.5
 
 
 def test_a_design_space_is_pickled(triplet: pz.Lens) -> None:

@@ -217,3 +217,38 @@ def test_a_network_runs_on_arrays() -> None:
     for inputs, message in wrong:
         with pytest.raises(pz.InputError, match=message):
             restoration.run(**inputs)
+
+
+def test_a_checkpoint_of_a_run_names_the_file_to_load(run_folder: Path) -> None:
+    camera = pz.Run(run_folder).cameras[0]
+    network = run_folder / "cameras" / camera / "blocks" / "network"
+    for path in (network, network / "weights.bin"):
+        with pytest.raises(pz.InputError, match=r"petzval.Weights.load\(RUN, camera=NAME\)"):
+            pz.Weights.load(path)
+    assert pz.Weights.load(run_folder, camera=camera).kind == "restoration-naf"
+    assert pz.Run(run_folder).weights[camera] == run_folder / "cameras" / camera / "network.safetensors"
+
+
+def test_the_description_of_a_proxy_takes_weights_from_python(tmp_path: Path, triplet: pz.Lens) -> None:
+    camera = pz.Camera(triplet, "imx249-fitted", size=(32, 32), place="centre")
+    raw = camera.take(np.full((32, 32, 3), 0.4), seed=1).save(tmp_path / "shot")["raw"]
+    values = [f'"{name}" = {parameter.value!r}' for name, parameter in pz.Isp.load("quality").parameters.items()]
+    about = ['about = "drawn"', 'proxy_of = "quality"', 'weights = "weights.safetensors"', "base_channels = 8", "levels = 1"]
+    file = tmp_path / "proxy.toml"
+    file.write_text("\n".join([*about, 'varied = ["tone_map.dark"]', "[values]", *values]), encoding="utf-8")
+    # One number for the parameter, and two for the noise of the frame. Drawn weights leave out the last layer.
+    drawn = pz.Weights.drawn("isp-proxy", parameters=3, base_channels=8, levels=1)
+    pictures = []
+    for bias in (0.0, 0.1):
+        drawn.with_({"last_bias": np.full_like(drawn.tensors["last_bias"], bias)}).save(tmp_path / "weights.safetensors")
+        done = pz.jobs.run("isp-develop", {"raws": [raw], "isp": file, "out": tmp_path / f"{bias}"})
+        pictures.append(pz.read_picture(done["pictures"][0]["picture"]))
+    assert pictures[0].shape == (32, 32, 3) and not np.array_equal(*pictures)
+    assert pz.Weights.load(tmp_path).kind == "isp-proxy"
+
+    # It has no floating-point form of the automotive ISP, and its weights belong to its sizes.
+    with pytest.raises(pz.InputError, match="isp-develop"):
+        pz.Isp.load(file)
+    pz.Weights.drawn("isp-proxy", parameters=3, base_channels=16, levels=1).save(tmp_path / "weights.safetensors")
+    with pytest.raises(pz.InputError, match="belong together"):
+        pz.jobs.run("isp-develop", {"raws": [raw], "isp": file, "out": tmp_path / "none"})

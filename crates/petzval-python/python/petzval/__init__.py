@@ -5,8 +5,9 @@ Arrays are NumPy's, pictures are ``[y, x]`` or ``[y, x, channel]``, names carry 
 
 from . import data, jobs
 from ._errors import InputError, PetzvalError, PetzvalWarning, Place, Stopped
-from ._petzval import Cancel, set_threads, threads
+from ._petzval import Cancel
 from ._pictures import read_picture
+from ._threads import set_threads, threads
 from .built_in import list_lenses, list_sensors
 from .cameras import Camera, Frames
 from .detectors import Detections, Detector

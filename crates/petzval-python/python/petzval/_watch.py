@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 import logging
+import sys
 import warnings
 from collections.abc import Callable
 from typing import Any
 
-from ._errors import PetzvalWarning
+from ._errors import PetzvalWarning, setting
 from ._petzval import Cancel
 
 _LOG = logging.getLogger("petzval")
@@ -67,6 +68,10 @@ class watch:
     """
 
     def __init__(self, progress: Progress = False, cancel: Cancel | None = None) -> None:
+        if not (isinstance(progress, bool) or callable(progress)):
+            raise setting("progress", repr(progress), "shows nothing", "True, False or a function that takes an event")
+        if not (cancel is None or isinstance(cancel, Cancel)):
+            raise setting("cancel", repr(cancel), "is no flag", "make one by petzval.Cancel()")
         self._bar = _Bar() if progress is True else None
         self._listener = progress if callable(progress) else self._bar
         self._cancel = cancel
@@ -82,8 +87,16 @@ class watch:
         event: Event = json.loads(text)
         match event["event"]:
             case "warning":
-                warnings.warn(event["text"], PetzvalWarning, stacklevel=4)
+                warnings.warn(event["text"], PetzvalWarning, stacklevel=_level_of_caller())
             case "note":
                 _LOG.info("%s", event["text"])
         if self._listener is not None:
             self._listener(event)
+
+
+def _level_of_caller() -> int:
+    """The level, as `warnings.warn` counts it, of the first frame outside of the package: a warning shows the line of the user."""
+    frame, level = sys._getframe(1), 1
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] == __package__:
+        frame, level = frame.f_back, level + 1
+    return level

@@ -7,27 +7,22 @@ import os
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, Protocol, runtime_checkable
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import _petzval, jobs
+from ._arguments import path_of, real
 from ._errors import setting
 from ._petzval import Cancel
 from ._pictures import Given, Picture, given
 from ._watch import Progress, watch
 from .lens import Lens
+from .psfs import PsfBank
+from .sensors import SensorLike, sensor_input
 
-__all__ = ["Camera", "Frames", "HasToml"]
-
-
-@runtime_checkable
-class HasToml(Protocol):
-    """What gives itself as the text of a file of Petzval, such as a sensor."""
-
-    def to_toml(self) -> str:
-        """The text."""
+__all__ = ["Camera", "Frames"]
 
 
 class Frames:
@@ -112,7 +107,7 @@ class Frames:
         """
         formats = _known(images=[], raw_format=raw_format, picture_format=picture_format)
         with watch() as watching:
-            facts = json.loads(self._core.save(os.fspath(folder), json.dumps(formats), overwrite, watching))
+            facts = json.loads(self._core.save(path_of("folder", folder), json.dumps(formats), overwrite, watching))
         return {key: Path(facts[key]) for key in ("raw", "sidecar", "calibration", "developed", "isp") if key in facts}
 
     def __repr__(self) -> str:
@@ -139,14 +134,14 @@ class Camera:
         size: Rows and columns in the middle of the sensor that are read; all of them if left out.
         samples: Samples of the scene along a side of a pixel, 1 to 8.
         noise: Whether the sensor has noise.
-        psfs: Measured PSFs in place of those of the lens, by path.
+        psfs: PSFs in place of those of the lens: the folder that `PsfBank.save` or ``petzval psf`` wrote.
         **request: Further keys of `petzval.requests.Simulate`, such as ``spectral={"illuminant": "A"}``.
     """
 
     def __init__(
         self,
         lens: Lens | str | os.PathLike[str] | None = None,
-        sensor: HasToml | str | os.PathLike[str] | None = None,
+        sensor: SensorLike | None = None,
         *,
         exposure_e: float | None = None,
         time_s: float | None = None,
@@ -165,10 +160,12 @@ class Camera:
             if key in request:
                 hint = "`take` has the picture and the seed, `Frames.save` the folder"
                 raise setting(key, str(request[key]), "is no property of a camera", hint)
+        if isinstance(psfs, PsfBank):
+            raise setting("psfs", repr(psfs), "is in memory", "write it by its `save`, and give the folder")
         self._glasses = lens._core.glasses() if isinstance(lens, Lens) else []
         self._request = request | _known(
             lens={"toml": lens.to_toml()} if isinstance(lens, Lens) else lens,
-            sensor={"toml": sensor.to_toml()} if isinstance(sensor, HasToml) else sensor,
+            sensor=None if sensor is None else sensor_input(sensor),
             white_e=exposure_e,
             time_s=time_s,
             gain=gain,
@@ -261,7 +258,7 @@ class Camera:
 def _restore(restore: bool | float) -> dict[str, float] | None:
     if isinstance(restore, bool):
         return {} if restore else None
-    return {"noise": float(restore)}
+    return {"noise": real("restore", restore, "True, False or the power of noise over that of the picture")}
 
 
 def _known(**keys: Any) -> dict[str, Any]:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _petzval, jobs
+from ._arguments import made_by
 from ._pictures import Picture, given
 from ._watch import Progress, watch
 from .cameras import _known
@@ -56,7 +57,7 @@ class Detector:
     """A detector with its weights. Make it with `load` or `from_weights`."""
 
     def __init__(self, core: _petzval.Detector) -> None:
-        self._core = core
+        self._core = made_by(core, _petzval.Detector, "petzval.Detector.load(RUN) or petzval.Detector.from_weights(FILE)")
 
     @classmethod
     def load(
@@ -75,7 +76,7 @@ class Detector:
             camera: Name of the camera; the last finished one if left out.
             device: Where tensors live; that of the command if left out.
             accept_changed: Files or folders of the run, by their path below it, that may differ from their digests.
-            progress: A function that takes every event.
+            progress: ``True`` for a bar, or a function that takes every event.
 
         Raises:
             InputError: It is no run, its cameras have no detector, or there is no such camera.
@@ -105,7 +106,7 @@ class Detector:
             shorter_side: Pixels to which the shorter side of a picture is scaled.
             longer_side: Most pixels that the longer side may have after that.
             device: Where tensors live.
-            progress: A function that takes every event.
+            progress: ``True`` for a bar, or a function that takes every event.
 
         Raises:
             InputError: The file does not hold such weights.
@@ -133,7 +134,7 @@ class Detector:
         Args:
             picture: A path, or an array ``[y, x, 3]``: ``uint8`` is sRGB-encoded, floats are linear light where 1 is white.
             least_score: Least score of an object, 0 to 1.
-            progress: A function that takes every event.
+            progress: ``True`` for a bar, or a function that takes every event.
 
         Raises:
             InputError: The picture or the score is wrong.

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _petzval, jobs
+from ._arguments import paths_of, reals
 from ._watch import watch
 from .cameras import _known
 
@@ -34,7 +35,7 @@ class Glass:
 
     def __init__(self, name: str, *, glasses: Paths = ()) -> None:
         self._name = name
-        self._glasses = [os.fspath(path) for path in glasses]
+        self._glasses = paths_of("glasses", glasses)
         with watch() as watching:
             self._core = _petzval.Glass(name, self._glasses, watching)
 
@@ -121,7 +122,7 @@ class Glass:
         Raises:
             InputError: The formula does not hold at a wavelength.
         """
-        um = np.asarray(wavelengths_um)
+        um = reals("wavelengths_um", wavelengths_um)
         return self._core.index(um.reshape(-1)).reshape(um.shape)
 
     def transmission(self, wavelengths_um: ArrayLike, *, path_mm: float) -> Array:
@@ -134,7 +135,7 @@ class Glass:
         Raises:
             InputError: The formula does not hold at a wavelength, or the path is negative.
         """
-        um = np.asarray(wavelengths_um)
+        um = reals("wavelengths_um", wavelengths_um)
         return self._core.transmission(um.reshape(-1), path_mm).reshape(um.shape)
 
     def __repr__(self) -> str:

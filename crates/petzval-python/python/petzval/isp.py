@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _petzval
+from ._arguments import made_by, path_of
 from ._errors import InputError, Place
 from ._watch import watch
 from .raw_frame import FrameInfo, RawFrame
@@ -61,7 +62,7 @@ class Isp:
     """
 
     def __init__(self, core: _petzval.Isp) -> None:
-        self._core = core
+        self._core = made_by(core, _petzval.Isp, "petzval.Isp.load(PRESET) or petzval.Isp.parse(TEXT)")
 
     @classmethod
     def load(cls, preset: str | os.PathLike[str] | None = None) -> Isp:
@@ -75,7 +76,7 @@ class Isp:
             InputError: There is no such preset, its file is wrong, or it stands for another ISP.
         """
         with watch() as watching:
-            return cls(_petzval.Isp.load(None if preset is None else os.fspath(preset), watching))
+            return cls(_petzval.Isp.load(None if preset is None else path_of("preset", preset), watching))
 
     @classmethod
     def parse(cls, text: str) -> Isp:
@@ -148,7 +149,7 @@ class Isp:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes a preset, which `load` and every job read. The file is whole or not there."""
         with watch() as watching:
-            self._core.save(os.fspath(path), watching)
+            self._core.save(path_of("path", path), watching)
 
     def develop(self, raw: RawLike, info: FrameInfo | None = None, *, bits: int | None = None) -> Picture:
         """Develops a raw frame in whole numbers, as the job ``isp-develop`` does.

@@ -14,6 +14,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from . import _petzval
+from ._arguments import count, paths_of
+from ._errors import setting
 from ._petzval import Cancel
 from ._watch import Event, Progress, watch
 
@@ -67,13 +69,15 @@ def run(
         Stopped: The flag was set.
         PetzvalError: The job failed.
     """
+    if not (request is None or isinstance(request, Mapping)):
+        raise setting("request", repr(request), f"is of the type {type(request).__name__}", 'keys and values, such as {"lens": "my.zmx"}')
     call = {
         "format": 1,
         "job": name,
         "request": dict(request or {}),
-        "glasses": [os.fspath(path) for path in glasses],
+        "glasses": paths_of("glasses", glasses),
         "overwrite": overwrite,
-        "threads": threads,
+        "threads": count("threads", threads),
     }
     with watch(progress, cancel) as watching:
         response: dict[str, Any] = json.loads(_petzval.call(_json(call), watching))
@@ -81,7 +85,10 @@ def run(
 
 
 def _json(value: Any) -> str:
-    return json.dumps(value, default=_plain, allow_nan=False)
+    try:
+        return json.dumps(value, default=_plain, allow_nan=False)
+    except (TypeError, ValueError) as error:
+        raise setting("request", "", str(error), "finite numbers, texts, lists, mappings, paths and arrays") from error
 
 
 def _plain(value: Any) -> Any:

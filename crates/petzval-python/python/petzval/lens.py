@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _petzval, jobs
+from ._arguments import count, made_by, path_of, paths_of, real, reals
 from ._errors import InputError, Place, setting
 from ._petzval import Cancel
 from ._watch import Progress, watch
@@ -78,8 +79,17 @@ class Spots:
 class Mtf:
     """Modulation by field and frequency.
 
-    `sagittal` and `tangential` are by waves where waves can be had, and NaN elsewhere; `geometric_sagittal` and
-    `geometric_tangential` are by rays. All are ``[field, frequency]``, 0 to 1.
+    Modulations are ``[field, frequency]``, 0 to 1, of all wavelengths together.
+
+    Attributes:
+        fields_deg: Fields, degrees, ``[field]``.
+        per_mm: Frequencies, cycles/mm, ``[frequency]``.
+        sagittal: Modulation by waves of patterns that vary across the plane of the field; NaN where there are no waves.
+        tangential: The same of patterns that vary along it.
+        geometric_sagittal: Modulation by rays.
+        geometric_tangential: The same along the plane of the field.
+        limit_sagittal: What a lens without aberrations has by diffraction.
+        limit_tangential: The same along the plane of the field.
     """
 
     fields_deg: Array
@@ -139,7 +149,7 @@ class Lens:
     """
 
     def __init__(self, core: _petzval.Lens) -> None:
-        self._core = core
+        self._core = made_by(core, _petzval.Lens, "petzval.Lens.load(PATH) or petzval.Lens.parse(TEXT)")
 
     @classmethod
     def load(cls, name: str | os.PathLike[str], *, glasses: Sequence[str | os.PathLike[str]] = ()) -> Lens:
@@ -155,7 +165,7 @@ class Lens:
             InputError: The file is wrong; its place is in the error.
         """
         with watch() as watching:
-            return cls(_petzval.Lens.load(os.fspath(name), list(glasses), watching))
+            return cls(_petzval.Lens.load(path_of("name", name), paths_of("glasses", glasses), watching))
 
     @classmethod
     def parse(
@@ -166,8 +176,11 @@ class Lens:
         glasses: Sequence[str | os.PathLike[str]] = (),
     ) -> Lens:
         """Reads the text of a lens file, as `load` reads the file."""
+        for key, value in (("text", text), ("format", format)):
+            if not isinstance(value, str):
+                raise setting(key, repr(value), f"is of the type {type(value).__name__}", "the text of a lens file, and its format")
         with watch() as watching:
-            return cls(_petzval.Lens.parse(text, format, list(glasses), watching))
+            return cls(_petzval.Lens.parse(text, format, paths_of("glasses", glasses), watching))
 
     @cached_property
     def _facts(self) -> dict[str, Any]:
@@ -251,7 +264,7 @@ class Lens:
 
         What the format cannot hold is a `PetzvalWarning` each. The file is whole or not there.
         """
-        path = Path(path)
+        path = Path(path_of("path", path))
         with tempfile.TemporaryDirectory() as folder:
             own = Path(folder) / "lens.toml"
             own.write_text(self.to_toml(), encoding="utf-8")
@@ -278,18 +291,41 @@ class Lens:
             InputError: There is no such surface or number, or the lens could not be built.
         """
         if numbers and surface is None:
-            raise InputError("surface: which surface has the numbers?", place=Place(key="surface"))
-        changes = [(_index(surface), name, float(value)) for name, value in numbers.items()]
+            raise InputError("surface: which surface has the numbers?", place=Place(key="surface"), hint="its number, from 0")
+        index = 0 if surface is None else count("surface", surface, "surfaces are counted from 0")
+        changes = [(index, name, _number_of_surface(name, value)) for name, value in numbers.items()]
         with watch() as watching:
-            core = self._core.changed(changes, _floats(wavelengths_um), _floats(fields_deg), watching)
+            core = self._core.changed(
+                changes, _floats("wavelengths_um", wavelengths_um), _floats("fields_deg", fields_deg), watching
+            )
         return Lens(core)
+
+    def focused(self, at: Literal["best", "paraxial"] = "best") -> Lens:
+        """The lens with its image plane elsewhere, by the job ``lens-focus``.
+
+        Args:
+            at: ``"best"``: where the mean squared spot over the fields is least; ``"paraxial"``: at the paraxial image of the reference wavelength.
+
+        Raises:
+            InputError: `at` is none of these, or the lens has no focus there.
+        """
+        with tempfile.TemporaryDirectory() as folder:
+            to = Path(folder) / "focused.toml"
+            self._run("lens-focus", {"focus": at, "to": to})
+            return Lens.load(to, glasses=self._core.glasses())
 
     def layout_svg(self, path: str | os.PathLike[str] | None = None, *, px_per_mm: float | None = None) -> str:
         """The cross-section with rays, as text of an SVG picture; also written to `path` if one is given."""
+        if px_per_mm is not None and not 0.0 < real("px_per_mm", px_per_mm) < 1e4:
+            raise setting("px_per_mm", str(px_per_mm), "is out of range", "above 0, such as 10")
         with watch() as watching:
             svg = self._core.layout_svg(px_per_mm, watching)
         if path is not None:
-            Path(path).write_text(svg, encoding="utf-8")
+            file = Path(path_of("path", path))
+            try:
+                file.write_text(svg, encoding="utf-8")
+            except OSError as error:
+                raise InputError(f"{file}: {error.strerror}", place=Place(path=file, key="path"), hint="name a file that can be written") from error
         return svg
 
     def spots(self, fields_deg: ArrayLike | None = None) -> Spots:
@@ -319,7 +355,7 @@ class Lens:
             fields_deg: Fields, degrees; those of the lens if left out.
         """
         fields = self._fields(fields_deg)
-        frequencies = np.atleast_1d(np.asarray(per_mm, dtype=np.float64))
+        frequencies = reals("per_mm", per_mm, "frequency")
         with watch() as watching:
             found = json.loads(self._core.mtf(fields, frequencies, watching))
 
@@ -365,7 +401,7 @@ class Lens:
         *,
         efl: Literal["held", "free"] | int = "held",
         focus: Literal["paraxial", "free", "fixed"] = "paraxial",
-        defocus_mm: float = 0.5,
+        defocus_mm: float | None = None,
         element_edge_mm: float | None = 0.8,
         element_centre_mm: float | None = None,
         air_gap_mm: float | None = 0.05,
@@ -383,7 +419,7 @@ class Lens:
                 ``"free"``: none does.
             focus: ``"paraxial"``: the image plane stands at the paraxial image, and a defocus is a coordinate; ``"free"``: its distance is one;
                 ``"fixed"``: it stays at its distance from the last vertex.
-            defocus_mm: Greatest defocus to both sides, mm.
+            defocus_mm: Greatest defocus to both sides, mm. Left out, it is 0.5, or twice that of the lens where this is above 0.4.
             element_edge_mm: Least edge thickness of elements, mm; ``None`` for no limit, as in all limits.
             element_centre_mm: Least thickness of elements on the axis, mm.
             air_gap_mm: Least air between surfaces, mm.
@@ -393,12 +429,14 @@ class Lens:
             held_field_deg: A field whose image height stays as it is, degrees: it holds the field of view.
             held_share: By how much of itself that height may change.
         """
+        if isinstance(efl, bool) or not (isinstance(efl, int) or efl in ("held", "free")):
+            raise setting("efl", repr(efl), "holds no focal length", '"held", "free" or the number of a surface')
         plan: dict[str, Any] = {
-            "variables": None if variables is None else [vars(v) for v in variables],
+            "variables": None if variables is None else [_variable(place, v) for place, v in enumerate(variables)],
             "efl_surface": efl if isinstance(efl, int) else None,
             "is_efl_free": efl == "free",
             "focus": focus,
-            "defocus_mm": defocus_mm,
+            "defocus_mm": self._usual_defocus_mm() if defocus_mm is None else real("defocus_mm", defocus_mm, "a length in mm"),
             "element_edge_mm": element_edge_mm,
             "element_centre_mm": element_centre_mm,
             "air_gap_mm": air_gap_mm,
@@ -434,6 +472,8 @@ class Lens:
         """
         with tempfile.TemporaryDirectory() as folder:
             kept = Path(folder) / "optimised" if out is None else Path(out)
+            if not (goal is None or isinstance(goal, Mapping)):
+                raise setting("goal", repr(goal), f"is of the type {type(goal).__name__}", 'such as {"edge": 0.8, "track": 60.0}')
             new: dict[str, Any] = {"lens": {"toml": self.to_toml()}, "out": kept, "goal": dict(goal or {}), "global": search}
             if seed is not None:
                 new["seed"] = seed
@@ -457,12 +497,16 @@ class Lens:
         response = self._run("lens-tolerance", whole, progress=progress, cancel=cancel)
         return Tolerance(response, {**whole, "lens": {"toml": self.to_toml()}}, self._core.glasses())
 
+    def _usual_defocus_mm(self) -> float:
+        own = abs(self.surfaces[-1].thickness_mm - self.bfl_mm)
+        return 2.0 * own if math.isfinite(own) and own > 0.4 else 0.5
+
     def _run(self, job: str, request: Mapping[str, Any], **how: Any) -> dict[str, Any]:
         asked = {**request, "lens": {"toml": self.to_toml()}}
         return jobs.run(job, asked, glasses=self._core.glasses(), **how)
 
     def _fields(self, fields_deg: ArrayLike | None) -> Array:
-        return self.fields_deg if fields_deg is None else np.atleast_1d(np.asarray(fields_deg, dtype=np.float64))
+        return self.fields_deg if fields_deg is None else reals("fields_deg", fields_deg, "field")
 
     def __repr__(self) -> str:
         return f"<Lens {self.name!r}: {len(self.surfaces)} surfaces, {self.efl_mm:.4g} mm, f/{self.f_number:.3g}>"
@@ -596,6 +640,18 @@ class Tolerance:
             return Lens(_petzval.lens_of_trial(jobs._json(self._request), trial, self._glasses, watching))
 
 
+def _variable(place: int, variable: Any) -> dict[str, Any]:
+    """A variable as the binary part takes it."""
+    name = f"variables[{place}]"
+    if not isinstance(variable, Variable):
+        hint = 'such as petzval.Variable(0, "radius_mm", 10.0, 14.0)'
+        raise setting(name, repr(variable), f"is of the type {type(variable).__name__}", hint)
+    least, most = real(f"{name}.min", variable.min), real(f"{name}.max", variable.max)
+    if not least < most:
+        raise setting(name, f"from {least:g} to {most:g}", "has no room to move", "min is below max")
+    return {"surface": count(f"{name}.surface", variable.surface), "number": variable.number, "min": least, "max": most}
+
+
 def _with_unit(quantity: dict[str, Any]) -> str:
     return f"{quantity['name']} ({quantity['unit']})" if quantity["unit"] else str(quantity["name"])
 
@@ -604,14 +660,14 @@ def _or(value: float | None, other: float) -> float:
     return other if value is None else float(value)
 
 
-def _index(surface: int | None) -> int:
-    if surface is None or surface < 0:
-        raise InputError(f"surface {surface}: surfaces are counted from 0", place=Place(key="surface", value=str(surface)))
-    return surface
+def _number_of_surface(name: str, value: Any) -> float:
+    if name == "glass":
+        raise setting("glass", repr(value), "is no number", "change the glass in the text: Lens.parse(lens.to_toml().replace(..))")
+    return real(name, value)
 
 
-def _floats(values: ArrayLike | None) -> list[float] | None:
-    return None if values is None else [float(v) for v in np.atleast_1d(np.asarray(values, dtype=np.float64))]
+def _floats(name: str, values: ArrayLike | None) -> list[float] | None:
+    return None if values is None else reals(name, values, name.partition("_")[0][:-1]).tolist()
 
 
 def _array(rows: list[dict[str, Any]], key: str) -> Array:

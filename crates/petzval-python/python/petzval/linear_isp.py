@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _petzval
+from ._arguments import finite, shaped
 from ._errors import InputError, Place
 from ._watch import watch
-from .raw_frame import SensorLike, _number, _numbers, sensor_input
+from .sensors import SensorLike, sensor_input
 
 __all__ = ["LinearIsp"]
 
@@ -62,15 +63,15 @@ class LinearIsp:
         self._plan = json.dumps(
             {
                 "sensor": sensor_input(sensor),
-                "white_e": _number("white_e", white_e),
-                "exposure_s": _number("exposure_s", exposure_s),
-                "linear_gain": _number("linear_gain", linear_gain),
+                "white_e": finite("white_e", white_e),
+                "exposure_s": finite("exposure_s", exposure_s),
+                "linear_gain": finite("linear_gain", linear_gain),
                 "row": row,
                 "col": col,
                 "demosaic": demosaic,
                 "domain": domain,
-                "shading_floor": _number("shading_floor", shading_floor),
-                "colour_matrix": _numbers("colour_matrix", colour_matrix, (3, 3)),
+                "shading_floor": finite("shading_floor", shading_floor),
+                "colour_matrix": shaped("colour_matrix", colour_matrix, (3, 3)),
             }
         )
         with watch() as watching:

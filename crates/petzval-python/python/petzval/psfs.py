@@ -9,12 +9,13 @@ import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from . import _petzval
+from ._arguments import count, path_of, real, reals
 from ._errors import InputError, Place, setting
 from ._petzval import Cancel
 from ._watch import Progress, watch
@@ -29,19 +30,6 @@ Array = NDArray[np.float64]
 Kind = Literal["geometric", "diffraction", "measured", "other"]
 Traced = Literal["geometric", "diffraction"]
 Channel = Literal["red", "green", "blue"]
-
-
-def _array(name: str, value: ArrayLike, axes: tuple[str, ...]) -> Array:
-    """An argument as an array of these axes."""
-    hint = f"give numbers, [{', '.join(axes)}]"
-    try:
-        array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{name}: {error}", place=Place(key=name), hint=hint) from error
-    if array.ndim != len(axes):
-        place = Place(key=name, value=f"of shape {array.shape}")
-        raise InputError(f"{name}: shape {array.shape}", place=place, hint=hint)
-    return array
 
 
 def _json(axes: dict[str, Any]) -> str:
@@ -162,8 +150,11 @@ class PsfBank:
         Raises:
             InputError: Shapes disagree, a number is out of its range, or a PSF has no light.
         """
-        psfs = _array("values", values, ("field", "wavelength", "y", "x"))
-        radius = _array("field_radius_mm", field_radius_mm, ("field",))
+        psfs = reals("values", values, "field", "wavelength", "y", "x")
+        radius = reals("field_radius_mm", field_radius_mm, "field")
+        for number, channel in enumerate(channels or ()):
+            if channel not in get_args(Channel):
+                raise setting(f"channels[{number}]", repr(channel), "is no colour of a camera", ", ".join(get_args(Channel)))
         if (radius < 0.0).any():
             place = Place(key="field_radius_mm", value=str(radius.min()))
             raise InputError(f"field_radius_mm {radius.min()}: no distance", place=place, hint="in mm, 0 on the axis")
@@ -173,11 +164,11 @@ class PsfBank:
             values=psfs,
             illumination=np.ones((fields, colours))
             if illumination is None
-            else _array("illumination", illumination, ("field", "wavelength")),
-            fields_deg=unknown[0] if fields_deg is None else _array("fields_deg", fields_deg, ("field",)),
+            else reals("illumination", illumination, "field", "wavelength"),
+            fields_deg=unknown[0] if fields_deg is None else reals("fields_deg", fields_deg, "field"),
             chief_mm=np.stack([np.zeros_like(radius), radius], axis=-1),
-            wavelengths_um=unknown[1] if wavelengths_um is None else _array("wavelengths_um", wavelengths_um, ("wavelength",)),
-            pitch_um=pitch_um,
+            wavelengths_um=unknown[1] if wavelengths_um is None else reals("wavelengths_um", wavelengths_um, "wavelength"),
+            pitch_um=real("pitch_um", pitch_um, "a length in um"),
             captured=np.full((fields, colours), np.nan),
             kind=kind,
             pupil_cells=0,
@@ -209,7 +200,7 @@ class PsfBank:
             place = Place(key="dtype", value=str(dtype))
             raise InputError(f"dtype {dtype!r}: {error}", place=place, hint="numpy.float16, float32 or float64") from error
         with watch() as watching:
-            _petzval.psfs_save(os.fspath(folder), self._axes(), self.values, self.illumination, precision, watching)
+            _petzval.psfs_save(path_of("folder", folder), self._axes(), self.values, self.illumination, precision, watching)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> PsfBank:
@@ -221,7 +212,7 @@ class PsfBank:
             InputError: A file has a defect, which is named with file, key and value.
         """
         with watch() as watching:
-            text, (values, illumination) = _petzval.psfs_load(os.fspath(path), watching)
+            text, (values, illumination) = _petzval.psfs_load(path_of("path", path), watching)
         axes = json.loads(text)
         fields, colours = values.shape[:2]
         radius = np.array(axes["field_radius_mm"], dtype=np.float64)
@@ -288,7 +279,7 @@ class PsfBank:
             cells: Most cells a side, around the chief ray.
         """
         for name, value in (("fields", fields), ("cells", cells)):
-            if value < 1:
+            if count(name, value) < 1:
                 raise setting(name, str(value), "nothing would be shown", "1 or more")
         every, colours, side, _ = self.values.shape
         shown = np.unique(np.linspace(0, every - 1, min(fields, every)).round().astype(int))
@@ -331,22 +322,29 @@ def psf(
         lens: The lens.
         fields_deg: Field angles, degrees; those of the lens if left out.
         wavelengths_um: Wavelengths, um, 0.2 to 20; those of the lens if left out.
-        grid: Cells a side.
-        pitch_um: Size of a cell, um.
+        grid: Cells a side, 16 to 1024.
+        pitch_um: Size of a cell, um, 1e-6 to 1000. Rays share their light among the cells around them, which widens a PSF by half a cell RMS: give
+            cells that are small against the spot.
         kind: Rays (``"geometric"``), right where spots are many times the Airy disk; or waves (``"diffraction"``), right everywhere.
-        pupil_cells: Cells a side of the pupil to begin with. Waves choose their own.
+        pupil_cells: Cells a side of the pupil to begin with, 12 to 4096 and even. Waves choose their own.
         pupil_error: Error above which the pupil cells are doubled.
-        progress: A function that takes every event.
+        progress: ``True`` for a bar, or a function that takes every event.
         cancel: A flag that another thread may set.
 
     Raises:
         InputError: An argument is out of its range, or no light of a field arrives.
     """
-    fields = lens.fields_deg if fields_deg is None else np.atleast_1d(np.asarray(fields_deg, dtype=np.float64))
-    colours = lens.wavelengths_um if wavelengths_um is None else np.atleast_1d(np.asarray(wavelengths_um, dtype=np.float64))
-    plan = _petzval.PsfPlan(fields, colours, grid, pitch_um, kind, pupil_cells)
+    if not isinstance(lens, Lens):
+        raise setting("lens", repr(lens), f"is of the type {type(lens).__name__}", "petzval.Lens.load(PATH) gives one")
+    fields = lens.fields_deg if fields_deg is None else reals("fields_deg", fields_deg, "field")
+    colours = lens.wavelengths_um if wavelengths_um is None else reals("wavelengths_um", wavelengths_um, "wavelength")
+    if not isinstance(kind, str):
+        raise setting("kind", repr(kind), "no such kind", '"geometric" or "diffraction"')
+    cells = count("grid", grid), count("pupil_cells", pupil_cells)
+    plan = _petzval.PsfPlan(fields, colours, cells[0], real("pitch_um", pitch_um, "a length in um"), kind, cells[1])
+    pupil_error = real("pupil_error", pupil_error)
     with watch(progress, cancel) as watching:
-        values, illumination, chief_mm, captured, cells, error = plan.of_lens(lens._core, pupil_error, watching)
+        values, illumination, chief_mm, captured, pupil_cells, error = plan.of_lens(lens._core, pupil_error, watching)
     scale_mm = _petzval.image_scale_mm(lens._core)
     return PsfBank(
         values,
@@ -357,7 +355,7 @@ def psf(
         pitch_um,
         captured,
         kind,
-        cells,
+        pupil_cells,
         error,
         lens.name,
         rotationally_symmetric=_petzval.is_rotationally_symmetric(lens._core),

@@ -13,15 +13,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _petzval
+from ._arguments import finite, path_of, shaped
 from ._errors import InputError, Place
 from ._watch import watch
-from .cameras import HasToml
+from .sensors import SensorLike, sensor_input
 
 __all__ = ["FrameInfo", "RawFrame"]
-
-
-SensorLike = str | os.PathLike[str] | HasToml
-"""A built-in name, the path of a sensor file, or something that has its text."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -76,27 +73,27 @@ class FrameInfo:
 
     def _json(self) -> str:
         """What the binary part reads of it."""
-        noise = _numbers("noise", self.noise, (2,))
+        noise = shaped("noise", self.noise, (2,))
         companding = self.companding
         about = {
             "info": {
                 "bits": self.bits,
                 "cfa": self.cfa,
-                "black_level_dn": _number("black_level_dn", self.black_level_dn),
-                "white_level_dn": _number("white_level_dn", self.white_level_dn),
-                "exposure_s": _number("exposure_s", self.exposure_s),
-                "linear_gain": _number("linear_gain", self.linear_gain),
+                "black_level_dn": finite("black_level_dn", self.black_level_dn),
+                "white_level_dn": finite("white_level_dn", self.white_level_dn),
+                "exposure_s": finite("exposure_s", self.exposure_s),
+                "linear_gain": finite("linear_gain", self.linear_gain),
                 "companding": None
                 if companding is None
                 else {"companded_dn": [int(v) for v in companding[0]], "linear_dn": [int(v) for v in companding[1]]},
             },
             "calibration": {
-                "black_dn": _number("black_dn", self.black_dn),
-                "white_dn": _number("white_dn", self.white_dn),
-                "response": _numbers("response", self.response, (3,)),
-                "saturation": _number("saturation", self.saturation),
-                "gain_ev": _number("gain_ev", self.gain_ev),
-                "colour_matrix": _numbers("colour_matrix", self.colour_matrix, (3, 3)),
+                "black_dn": finite("black_dn", self.black_dn),
+                "white_dn": finite("white_dn", self.white_dn),
+                "response": shaped("response", self.response, (3,)),
+                "saturation": finite("saturation", self.saturation),
+                "gain_ev": finite("gain_ev", self.gain_ev),
+                "colour_matrix": shaped("colour_matrix", self.colour_matrix, (3, 3)),
                 "noise": None if noise is None else {"shot": noise[0], "read": noise[1]},
                 "shading": _mesh("shading", self.shading, 3),
                 "warp": _mesh("warp", self.warp, 2),
@@ -106,7 +103,7 @@ class FrameInfo:
                 "auto_balance": self.auto_balance,
                 "auto_exposure": self.auto_exposure,
             },
-            "white_e": _number("white_e", self.white_e),
+            "white_e": finite("white_e", self.white_e),
         }
         return json.dumps(about, allow_nan=False)
 
@@ -151,12 +148,12 @@ class RawFrame:
         """
         options = {
             "sensor": None if sensor is None else sensor_input(sensor),
-            "white_dn": _number("white_dn", white_dn),
+            "white_dn": finite("white_dn", white_dn),
             "auto_balance": auto_balance,
             "auto_exposure": auto_exposure,
         }
         with watch() as watching:
-            return cls._of(_petzval.RawFrame.load(os.fspath(path), json.dumps(options), watching))
+            return cls._of(_petzval.RawFrame.load(path_of("path", path), json.dumps(options), watching))
 
     @classmethod
     def like(cls, info: FrameInfo) -> RawFrame:
@@ -239,35 +236,6 @@ class RawFrame:
         return f"<RawFrame {size}: {self.bits} bits, {self.cfa}, black {self.black_dn:.6g} DN, white {self.white_dn:.6g} DN>"
 
 
-def sensor_input(sensor: SensorLike) -> str | dict[str, str]:
-    """A sensor as requests of jobs have it."""
-    if isinstance(sensor, (str, os.PathLike)):
-        return os.fspath(sensor)
-    return {"toml": sensor.to_toml()}
-
-
-def _number(key: str, value: float | None) -> float | None:
-    if value is None:
-        return None
-    number = float(value)
-    if not np.isfinite(number):
-        raise InputError(f"{key}: {value} is not finite", place=Place(key=key, value=str(value)), hint="give a finite number")
-    return number
-
-
-def _numbers(key: str, values: ArrayLike | None, shape: tuple[int, ...]) -> Any:
-    """Finite numbers of a known shape as lists."""
-    if values is None:
-        return None
-    array = np.asarray(values, dtype=np.float64)
-    if array.shape != shape:
-        place = Place(key=key, value=str(array.shape))
-        raise InputError(f"{key}: has the shape {array.shape}", place=place, hint=f"give {shape}")
-    if not np.isfinite(array).all():
-        raise InputError(f"{key}: {array} is not finite", place=Place(key=key, value=str(array)), hint="give finite numbers")
-    return array.tolist()
-
-
 def _mesh(key: str, values: ArrayLike | None, planes: int) -> dict[str, Any] | None:
     """Planes of nodes as a calibration has them."""
     if values is None:
@@ -277,5 +245,5 @@ def _mesh(key: str, values: ArrayLike | None, planes: int) -> dict[str, Any] | N
         place = Place(key=key, value=str(array.shape))
         raise InputError(f"{key}: has the shape {array.shape}", place=place, hint=f"give [{planes}, rows, cols]")
     rows, cols = array.shape[1:]
-    nodes = _numbers(key, array, (planes, rows, cols))
+    nodes = shaped(key, array, (planes, rows, cols))
     return {"rows": rows, "cols": cols, "planes": [[v for row in plane for v in row] for plane in nodes]}

@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _petzval
-from ._errors import InputError, Place
+from ._arguments import count, real, reals
+from ._errors import InputError, Place, setting
 from ._petzval import Cancel
 from ._watch import watch
 from .lens import Lens
-from .sensors import Sensor, _count
+from .sensors import Sensor
 
 __all__ = ["Distortion", "FieldPsfs", "HasPsfs", "Wiener", "blend_error", "patches_for", "render", "restore"]
 
@@ -105,11 +106,11 @@ class Distortion:
 
     def to_ideal_mm(self, image_mm: ArrayLike) -> NDArray[np.float64]:
         """The ideal radius of each image radius, mm, ``[radius]``."""
-        return self._core.ideal_mm(np.atleast_1d(np.asarray(image_mm, dtype=np.float64)))
+        return self._core.ideal_mm(reals("image_mm", image_mm, "radius"))
 
     def to_image_mm(self, ideal_mm: ArrayLike) -> NDArray[np.float64]:
         """The image radius of each ideal radius, mm, ``[radius]``: where a label of the scene lands."""
-        return self._core.image_mm(np.atleast_1d(np.asarray(ideal_mm, dtype=np.float64)))
+        return self._core.image_mm(reals("ideal_mm", ideal_mm, "radius"))
 
     def frame(self, shape: tuple[int, int], pixel_um: float) -> tuple[int, int]:
         """Rows and columns of a rectilinear picture that covers everything a sensor sees, in pixels of the sensor.
@@ -193,7 +194,7 @@ def render(
         InputError: An argument is out of its range, or shapes do not fit.
     """
     light, is_plane = _picture("picture", picture)
-    samples = _count("samples", samples)
+    samples = count("samples", samples)
     if shape is None:
         if distortion is not None:
             hint = "name the rows and columns of the sensor"
@@ -204,7 +205,7 @@ def render(
         value = f"of {light.shape[0]} x {light.shape[1]} samples"
         hint = f"the sensor has {height} x {width} pixels of {samples} x {samples} samples"
         raise InputError(f"picture {value}: does not cover the sensor", place=Place(key="picture", value=value), hint=hint)
-    first = _count("row", row), _count("column", column)
+    first = count("row", row), count("column", column)
     last = _pair("size", size) if size is not None else (height - first[0], width - first[1])
     window = first + (max(last[0], 0), max(last[1], 0))
     with watch(cancel=cancel) as watching:
@@ -247,7 +248,7 @@ def restore(
     blurred, is_plane = _picture("picture", picture)
     wiener = Wiener() if wiener is None else wiener
     curves = np.zeros((blurred.shape[2], 6)) if wiener.curves is None else wiener.curves
-    place = _count("row", row), _count("column", column)
+    place = count("row", row), count("column", column)
     with watch(cancel=cancel) as watching:
         renderer = _renderer(psfs, blurred.shape[:2] if shape is None else shape, pixel_um, patches, None, watching)
         found = renderer.restore(blurred, (wiener.noise, wiener.power, curves), *place, watching)
@@ -288,6 +289,9 @@ def _renderer(
     largest_error: float | None,
     watching: Any,
 ) -> _petzval.Renderer:
+    if not all(hasattr(psfs, of) for of in ("values", "illumination", "field_radius_mm", "pitch_um")):
+        raise setting("psfs", type(psfs).__name__, "holds no PSFs", "a petzval.PsfBank, such as petzval.psf(lens), or petzval.FieldPsfs")
+    pixel_um = real("pixel_um", pixel_um, "the pixel pitch in um")
     height, width = _pair("shape", shape)
     number = None if patches is None else _pair("patches", patches)
     return _petzval.Renderer(
@@ -298,13 +302,16 @@ def _renderer(
 def _pair(name: str, value: tuple[int, ...]) -> tuple[int, int]:
     """Rows and columns."""
     if isinstance(value, (tuple, list)) and len(value) == 2:
-        return _count(name, value[0]), _count(name, value[1])
+        return count(name, value[0]), count(name, value[1])
     raise InputError(f"{name} {value!r}: not two whole numbers", place=Place(key=name, value=repr(value)), hint="rows and columns")
 
 
 def _picture(name: str, picture: ArrayLike) -> tuple[Picture, bool]:
     """A picture ``[y, x, colour]``, and whether it was given without colours."""
-    pixels: Picture = np.asarray(picture, dtype=np.float32)
+    try:
+        pixels: Picture = np.asarray(picture, dtype=np.float32)
+    except (TypeError, ValueError) as error:
+        raise setting(name, type(picture).__name__, "is no picture", "an array [y, x] or [y, x, colour] of light; petzval.read_picture reads files") from error
     if pixels.ndim not in (2, 3):
         place = Place(key=name, value=f"of shape {pixels.shape}")
         raise InputError(f"{name} of shape {pixels.shape}: has the wrong shape", place=place, hint="give [y, x] or [y, x, colour]")

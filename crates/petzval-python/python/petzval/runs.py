@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _petzval, jobs
+from ._arguments import path_of
 from ._errors import InputError, setting
 from ._petzval import Cancel
 from ._pictures import Picture, given, read_picture
@@ -25,7 +26,7 @@ from .lens import Lens
 __all__ = ["Finished", "Run", "RunCamera", "RunPicture"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Finished:
     """A finished picture.
 
@@ -38,6 +39,10 @@ class Finished:
     picture: NDArray[np.float32]
     shown: NDArray[np.float32]
     read: dict[str, bytes]
+
+    def __repr__(self) -> str:
+        height, width, _ = self.picture.shape
+        return f"<Finished: {height} x {width} pixels{'; ' if self.read else ''}{', '.join(self.read)}>"
 
 
 @dataclass(frozen=True)
@@ -95,7 +100,7 @@ class RunCamera:
             seed: Seed of the noise; that of the command if left out.
             frame: Number of the frame: other numbers have other noise.
             place: Whether the picture covers the sensor (``"fill"``, the default of the command), or one pixel lands on one (``"centre"``).
-            progress: A function that takes every event.
+            progress: ``True`` for a bar, or a function that takes every event.
 
         Raises:
             InputError: The picture is wrong.
@@ -108,7 +113,7 @@ class RunCamera:
 
         Args:
             raw: The path of a DNG file or of a raw frame with its sidecar; a frame of `petzval.Camera`; or digital numbers ``[y, x]``, ``uint16``.
-            progress: A function that takes every event.
+            progress: ``True`` for a bar, or a function that takes every event.
 
         Raises:
             InputError: The sensor cannot have taken the frame.
@@ -134,8 +139,8 @@ class Run:
     """
 
     def __init__(self, folder: str | os.PathLike[str]) -> None:
-        self.path = Path(folder)
-        self._core = _petzval.Run(os.fspath(folder))
+        self.path = Path(path_of("folder", folder))
+        self._core = _petzval.Run(str(self.path))
 
     @cached_property
     def facts(self) -> dict[str, Any]:
@@ -215,7 +220,7 @@ class Run:
             name: Its name.
             device: Where tensors live; that of the command if left out.
             accept_changed: Files or folders of the run, by their path below it, that may differ from their digests.
-            progress: A function that takes every event.
+            progress: ``True`` for a bar, or a function that takes every event.
 
         Raises:
             InputError: There is no finished camera of this name, or a file of it was changed.

@@ -8,12 +8,13 @@ import os
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal, Protocol, get_args, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _petzval
+from ._arguments import count, made_by, path_of, real, reals
 from ._errors import InputError, Place
 from ._watch import watch
 
@@ -28,6 +29,29 @@ NoiseMode = Literal["exact", "dequantised", "half_step", "straight_through", "ga
 them, with a derivative that is unbiased for functions of the result. ``half_step``: counts and a half, derivative 1. ``straight_through``:
 counts, derivative 1, biased. ``gaussian``: normal with the mean and variance of counts. ``off``: the mean, without noise and rounding.
 """
+
+
+@runtime_checkable
+class HasToml(Protocol):
+    """What gives itself as the text of a file of Petzval, such as a sensor."""
+
+    def to_toml(self) -> str:
+        """The text."""
+
+
+SensorLike = str | os.PathLike[str] | HasToml
+"""A built-in name, the path of a sensor file, or something that has its text."""
+
+
+def sensor_input(sensor: SensorLike) -> str | dict[str, str]:
+    """A sensor as requests of jobs have it.
+
+    Raises:
+        InputError: It is no sensor.
+    """
+    if isinstance(sensor, HasToml):
+        return {"toml": sensor.to_toml()}
+    return path_of("sensor", sensor)
 
 
 @dataclass(frozen=True, repr=False)
@@ -60,7 +84,7 @@ class Sensor:
     """
 
     def __init__(self, core: _petzval.Sensor) -> None:
-        self._core = core
+        self._core = made_by(core, _petzval.Sensor, "petzval.Sensor.load(NAME) or petzval.Sensor.parse(TEXT)")
 
     @classmethod
     def load(cls, name: str | os.PathLike[str]) -> Sensor:
@@ -70,7 +94,7 @@ class Sensor:
             InputError: There is no such sensor, or the file is wrong; its place is in the error.
         """
         with watch() as watching:
-            return cls(_petzval.Sensor.load(os.fspath(name), watching))
+            return cls(_petzval.Sensor.load(path_of("name", name), watching))
 
     @classmethod
     def parse(cls, text: str) -> Sensor:
@@ -258,7 +282,7 @@ class Sensor:
         """
         settings = _settings(seed, frame, time_s, linear_gain, row, column)
         with watch() as watching:
-            return self._core.expose(electrons, settings, watching)
+            return self._core.expose(reals("electrons", electrons), settings, watching)
 
     def mean_dn(
         self,
@@ -275,7 +299,7 @@ class Sensor:
         """
         settings = _settings(0, 0, time_s, linear_gain, row, column)
         with watch() as watching:
-            return self._core.expose_with_tape(electrons, "off", settings, watching)[0]
+            return self._core.expose_with_tape(reals("electrons", electrons), "off", settings, watching)[0]
 
     def expose_with_derivative(
         self,
@@ -301,7 +325,7 @@ class Sensor:
             raise InputError(f"mode {mode!r}: there is no such mode of noise", place=place, hint=", ".join(get_args(NoiseMode)))
         settings = _settings(seed, frame, time_s, linear_gain, row, column)
         with watch() as watching:
-            return self._core.expose_with_tape(electrons, mode, settings, watching)
+            return self._core.expose_with_tape(reals("electrons", electrons), mode, settings, watching)
 
     def dark(
         self,
@@ -313,7 +337,7 @@ class Sensor:
         size: tuple[int, int] | None = None,
     ) -> NDArray[np.uint16]:
         """A dark frame ``[y, x]``: what `expose` gives without light, of the whole sensor or its first ``size`` rows and columns."""
-        height, width = self.shape if size is None else (_count("size", size[0]), _count("size", size[1]))
+        height, width = self.shape if size is None else (count("size", size[0]), count("size", size[1]))
         if not (1 <= height <= self.shape[0] and 1 <= width <= self.shape[1]):
             place = Place(key="size", value=str(size))
             raise InputError(f"size {size}: no size of a frame", place=place, hint=f"rows and columns, up to {self.shape}")
@@ -330,7 +354,7 @@ class Sensor:
             column: Sensor column of the first pixel.
         """
         height, width = self.shape if size is None else size
-        window = [_count(name, value) for name, value in (("row", row), ("column", column), ("size", height), ("size", width))]
+        window = [count(name, value) for name, value in (("row", row), ("column", column), ("size", height), ("size", width))]
         with watch() as watching:
             return FixedPattern(*self._core.fixed_pattern(window[0], window[1], window[2], window[3], watching))
 
@@ -367,21 +391,12 @@ def _settings(
     seed: int, frame: int, time_s: float, linear_gain: float, row: int, column: int
 ) -> tuple[int, int, float, float, int, int]:
     return (
-        _count("seed", seed),
-        _count("frame", frame),
-        time_s,
-        linear_gain,
-        _count("row", row),
-        _count("column", column),
-    )
-
-
-def _count(name: str, value: int) -> int:
-    """A whole number from 0 to 2^63 - 1."""
-    if isinstance(value, (int, np.integer)) and 0 <= value < 2**63:
-        return int(value)
-    raise InputError(
-        f"{name} {value!r}: no whole number from 0", place=Place(key=name, value=repr(value)), hint="0, 1, 2 and so on"
+        count("seed", seed),
+        count("frame", frame),
+        real("time_s", time_s),
+        real("linear_gain", linear_gain),
+        count("row", row),
+        count("column", column),
     )
 
 

@@ -177,7 +177,8 @@ class Sheet:
 
     def __repr__(self) -> str:
         sensor = self.characterization["sensor"]["name"]
-        return f"<Sheet of {sensor!r}: {len(self.characterization['gains'])} gains, {len(self.figures)} figures>"
+        gains = len(self.characterization["gains"])
+        return f"<Sheet of {sensor!r}: {gains} gain{'' if gains == 1 else 's'}, {len(self.figures)} figures>"
 
     def _repr_html_(self) -> str:
         title = f"<p>{html.escape(repr(self))}</p>"

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _petzval
-from ._errors import InputError, Place
+from ._errors import InputError, Place, setting
 from ._watch import watch
 
 __all__ = ["Kind", "Weights"]
@@ -27,6 +27,9 @@ Kind = Literal["u-net", "restoration", "restoration-naf", "segmenter", "isp-prox
 
 # Files of weights in the folder of a camera, and in that of a proxy.
 _FILES = ("network.safetensors", "weights.safetensors")
+
+# What a run goes on with, in the folder of the block of its network.
+_CHECKPOINT = "weights.bin"
 
 
 class Weights:
@@ -38,7 +41,7 @@ class Weights:
     Args:
         tensors: All weights by name; float32, float16 or float64, which is rounded to float32.
         kind: What the network is, where its weights do not say so: a U-Net that finishes pictures and a segmenter of three classes have weights
-            of the same names and shapes, which are taken for ``"u-net"``.
+            of the same names and shapes, which are taken for ``"u-net"``. Files of `save` and of runs say it.
 
     Raises:
         InputError: A weight is missing, too many, of another shape or not finite; the message names it.
@@ -93,7 +96,11 @@ class Weights:
         if not isinstance(name, str):
             raise InputError(f"name is {name!r}; give the name of built-in weights", place=Place(key="name", value=repr(name)))
         with watch() as watching:
-            return cls._of(_petzval.Network.built_in(name, watching))
+            try:
+                return cls._of(_petzval.Network.built_in(name, watching))
+            except InputError as error:
+                hint = '"restoration_naf" or "restoration_naf_waves"; Weights.load reads files'
+                raise setting("name", repr(name), "there are no built-in weights of this name", hint) from error
 
     @classmethod
     def drawn(cls, kind: Kind, *, seed: int = 0, **settings: int | str) -> Weights:
@@ -272,4 +279,9 @@ def _file(path: Path, camera: str | None) -> Path:
             hint = f"cameras with a network are: {found}"
             raise InputError(f"{path}: camera is {camera!r}", place=Place(path=path, key="camera", value=repr(camera)), hint=hint)
         return cameras / camera / _FILES[0]
-    return next((path / name for name in _FILES if (path / name).is_file()), path)
+    file: Path = next((path / name for name in _FILES if (path / name).is_file()), path)
+    checkpoint = file / _CHECKPOINT if file.is_dir() else file
+    if checkpoint.name == _CHECKPOINT and checkpoint.is_file():
+        hint = f"the same weights are in {_FILES[0]} in the folder of the camera: petzval.Weights.load(RUN, camera=NAME)"
+        raise InputError(f"{checkpoint}: is what a run goes on with", place=Place(path=checkpoint, key="path"), hint=hint)
+    return file

@@ -276,9 +276,14 @@ def wrong(name: str, value: object, message: str, hint: str) -> InputError:
 
 
 def _radius_mm(psfs: Any) -> Tensor:
-    """Image radii, by their own name or as distances of chief rays; on the axis their derivative is 0."""
-    if hasattr(psfs, "field_radius_mm"):
-        return torch.as_tensor(psfs.field_radius_mm)
-    square = torch.as_tensor(psfs.chief_mm).square().sum(-1)
+    """Image radii, by their own name or as distances of chief rays."""
+    # PSFs of a lens that moves are a named tuple, whose properties ``torch.compile`` does not follow.
+    is_by_chief = isinstance(psfs, tuple) or not hasattr(psfs, "field_radius_mm")
+    return radii(torch.as_tensor(psfs.chief_mm)) if is_by_chief else torch.as_tensor(psfs.field_radius_mm)
+
+
+def radii(points_mm: Tensor) -> Tensor:
+    """Distances of points ``[point, 2]`` from the axis; on the axis their derivative is 0."""
+    square = points_mm.square().sum(-1)
     is_axis = square == 0.0
     return torch.where(is_axis, torch.zeros_like(square), torch.where(is_axis, torch.ones_like(square), square).sqrt())

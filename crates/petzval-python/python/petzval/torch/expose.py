@@ -7,7 +7,8 @@ from typing import get_args
 import torch
 from torch import Tensor
 
-from ..sensors import NoiseMode, Sensor, _count
+from .._arguments import count
+from ..sensors import NoiseMode, Sensor
 from ._patches import checked, wrong
 
 __all__ = ["expose"]
@@ -60,7 +61,9 @@ def expose(
         InputError: An argument is out of its range, or the frame leaves the sensor.
     """
     electrons = checked("electrons", electrons)
-    row, column = _count("row", row), _count("column", column)
+    if not isinstance(sensor, Sensor):
+        raise wrong("sensor", repr(sensor), f"is of the type {type(sensor).__name__}", "petzval.Sensor.load(NAME) gives one")
+    row, column = count("row", row), count("column", column)
     if electrons.shape[1] not in (1, 3):
         raise wrong("electrons", f"of shape {tuple(electrons.shape)}", "has the wrong shape", "give [batch, 1 or 3, y, x]")
     if mode not in get_args(NoiseMode):
@@ -111,7 +114,7 @@ class _Draw:
 
     def __init__(self, seed: int | torch.Generator, like: Tensor) -> None:
         if not isinstance(seed, torch.Generator):
-            seed = torch.Generator(like.device).manual_seed(_count("seed", seed))
+            seed = torch.Generator(like.device).manual_seed(count("seed", seed))
         elif seed.device.type != like.device.type:
             raise wrong("seed", f"a generator of {seed.device}", "is on another device", f"make it with torch.Generator({str(like.device)!r})")
         self._generator, self._like = seed, like

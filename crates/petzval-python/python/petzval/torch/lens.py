@@ -15,6 +15,7 @@ from ..lens import DesignSpace
 from ..lens import Lens as PlainLens
 from ..psfs import Kind
 from . import _ops
+from ._patches import radii
 
 __all__ = ["Lens", "Psfs"]
 
@@ -42,6 +43,11 @@ class Psfs(NamedTuple):
     wavelengths_um: tuple[float, ...]
     pitch_um: float
     kind: Kind
+
+    @property
+    def field_radius_mm(self) -> Tensor:
+        """Image radius of each field, mm, ``[field]``."""
+        return radii(self.chief_mm)
 
     def to(self, *args: Any, **options: Any) -> Psfs:
         """The same with every tensor as ``Tensor.to`` makes it, such as ``psfs.to("cuda", torch.float32)``. Gradients pass."""
@@ -110,8 +116,9 @@ class Lens(nn.Module):
         Args:
             fields_deg: Field angles, degrees; those of the lens if left out.
             wavelengths_um: Wavelengths, um, 0.2 to 20; those of the lens if left out.
-            grid: Cells a side, 4 to 4096.
-            pitch_um: Size of a cell, um.
+            grid: Cells a side, 16 to 1024.
+            pitch_um: Size of a cell, um, 1e-6 to 1000. A ray shares its light among 3 x 3 cells (quadratic B-spline), so that its position has a
+                derivative; by this a PSF is half a cell RMS wider.
             kind: Rays (``"geometric"``) or waves (``"diffraction"``).
             pupil_cells: Cells a side of the pupil. They are not refined, so that the PSFs are a smooth function; 64 is quick, 256 accurate.
 

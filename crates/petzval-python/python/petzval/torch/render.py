@@ -9,8 +9,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from .._arguments import count
 from ..rendering import Distortion, HasPsfs, _pair
-from ..sensors import _count
 from ._patches import FieldTensors, Grid, blend, checked, grid_of, replicated, wide, wrong
 
 __all__ = ["illumination_map", "project", "render"]
@@ -54,7 +54,7 @@ def render(
         InputError: An argument is out of its range, or shapes do not fit.
     """
     picture = checked("picture", picture)
-    row, column = _count("row", row), _count("column", column)
+    row, column = count("row", row), count("column", column)
     whole = (int(picture.shape[-2]), int(picture.shape[-1]))
     if shape is None:
         if distortion is not None or border is not None:
@@ -62,7 +62,7 @@ def render(
         shape = whole
     grid = grid_of(shape, pixel_um, patches)
     if border is not None:
-        border = _count("border", border)
+        border = count("border", border)
         if distortion is not None:
             raise wrong("border", border, "does not go with a distortion", "project the picture first, then render it with a border")
         found = whole[0] - 2 * border, whole[1] - 2 * border
@@ -113,7 +113,7 @@ def illumination_map(
         like: A tensor of the device and type of the result; those of the illumination if left out.
     """
     height, width = _pair("size", size)
-    row, column = _count("row", row), _count("column", column)
+    row, column = count("row", row), count("column", column)
     grid = grid_of((height, width) if shape is None else shape, pixel_um, (1, 1))
     grid.check_window(row, column, height, width)
     table = torch.as_tensor(psfs.illumination)
@@ -150,7 +150,7 @@ def project(
     """
     picture = checked("picture", picture)
     height, width = _pair("size", size)
-    row, column, border = _count("row", row), _count("column", column), _count("border", border)
+    row, column, border = count("row", row), count("column", column), count("border", border)
     grid = grid_of((height, width) if shape is None else shape, pixel_um, (1, 1))
     grid.check_window(row, column, height, width)
     return _projected(picture, distortion, grid, (row - border, column - border), (height + 2 * border, width + 2 * border))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from .._arguments import count
 from ..rendering import HasPsfs, Wiener
-from ..sensors import _count
 from ._patches import FieldTensors, blend, checked, fast_size, grid_of, replicated, wide, wrong
 
 __all__ = ["restore"]
@@ -47,7 +47,7 @@ def restore(
         InputError: An argument is out of its range, or shapes do not fit.
     """
     picture = checked("picture", picture)
-    row, column = _count("row", row), _count("column", column)
+    row, column = count("row", row), count("column", column)
     height, width = int(picture.shape[-2]), int(picture.shape[-1])
     grid = grid_of((height, width) if shape is None else shape, pixel_um, patches)
     grid.check_window(row, column, height, width)
