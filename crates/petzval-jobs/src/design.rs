@@ -181,7 +181,7 @@ pub(crate) const UNIT: AsUnit<Request> = AsUnit {
         let is_begun = RunFolder::open(folder).is_ok_and(|run| run.record().is_file());
         is_begun.then(|| Request {
             run: Run::Resume(Resume { run: folder.to_owned(), ..Resume::default() }),
-            device: request.device.clone(),
+            ..request.clone()
         })
     }),
     behind: Some(|request, context| match &request.run {

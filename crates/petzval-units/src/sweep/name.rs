@@ -19,7 +19,7 @@ const ONLY: &str = "only";
 
 /// A name for each combination, all different, of letters that folders and shells take as they are.
 ///
-/// A key is called by its last words, as many as tell it from the others. A number is written as it is. Of a text its last part is taken, of a list
+/// A key is called by its last words, as many as distinguish it from the others. A number is written as it is. Of a text its last part is taken, of a list
 /// or a table its place among the values; values that would read the same have their place added.
 pub fn names(expansion: &Expansion) -> Vec<String> {
     let keys: Vec<String> = expansion.keys.iter().map(|key| key.key.clone()).collect();
@@ -56,7 +56,7 @@ pub fn names(expansion: &Expansion) -> Vec<String> {
     (0..expansion.combinations.len()).map(own).collect()
 }
 
-/// The last words of each key path, as few as tell it from the others.
+/// The last words of each key path, as few as distinguish it from the others.
 pub fn short_keys(keys: &[String]) -> Vec<String> {
     let last = |key: &str, words: usize| {
         let parts: Vec<&str> = key.split('.').collect();

@@ -30,11 +30,11 @@ use super::terminal::Terminal;
 /// Every unit is checked before the first one runs. Units and results are kept in a store: units that are finished are passed over, those that
 /// were stopped go on, so the same command can be given again at any time, on one machine or on many.
 ///
-///   petzval sweep night-sweep.toml --dry-run          what it will cost
-///   petzval sweep night-sweep.toml --submit here      run it on this machine
-///   petzval sweep night-sweep.toml --submit slurm     run it on a cluster
-///   petzval sweep status sweeps/night-sweep           how its units stand
-///   petzval sweep gather sweeps/night-sweep           tables and page
+///   petzval sweep night-sweep.toml --dry-run          what it will cost.
+///   petzval sweep night-sweep.toml --submit here      run it on this machine.
+///   petzval sweep night-sweep.toml --submit slurm     run it on a cluster.
+///   petzval sweep status sweeps/night-sweep           how its units stand.
+///   petzval sweep gather sweeps/night-sweep           tables and page.
 ///
 /// Exit codes: 0 all units have a result or were handed over, 1 some have failed, 2 the file is wrong, 75 stopped by a signal: the same command
 /// goes on.

@@ -1,5 +1,7 @@
 //! Curves of a run for other programs, and the list of runs.
 
+#![cfg(unix)]
+
 use std::collections::BTreeSet;
 use std::path::Path;
 
@@ -28,7 +30,6 @@ fn records(path: &Path) -> usize {
     count
 }
 
-#[cfg(unix)]
 #[test]
 fn curves_go_on_after_a_kill_without_a_step_twice_and_runs_are_listed() {
     let folder = tempfile::tempdir().unwrap();
