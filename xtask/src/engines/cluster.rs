@@ -25,7 +25,7 @@ pub struct Cluster {
 
 /// The programs that are missing here.
 pub fn missing() -> Vec<&'static str> {
-    let all = DAEMONS.into_iter().chain(["sbatch", "scontrol", "squeue"]);
+    let all = DAEMONS.into_iter().chain(["sbatch", "scontrol", "squeue", "scancel", "sinfo"]);
     all.filter(|name| program(name).is_none()).collect()
 }
 

@@ -1,5 +1,5 @@
 //! Slurm: an array of units is preempted by a job of another partition, put back into the queue, and finishes. Both ways in which Slurm announces a
-//! preemption are tried.
+//! preemption are tried. A cancelled array stays out of the queue.
 
 use std::fs;
 use std::path::Path;
@@ -61,5 +61,23 @@ fn preempted(tools: &Tools, units: &Units, folder: &Path, warned: bool) -> Resul
         }
     }
     units.compare(&store)?;
+    cancelled(tools, units, &cluster, folder)?;
     Ok(began.elapsed().as_secs_f64())
+}
+
+/// Cancels an array whose tasks run: it leaves checkpoints, and does not come back into the queue.
+fn cancelled(tools: &Tools, units: &Units, cluster: &Cluster, folder: &Path) -> Result<(), String> {
+    let store = folder.join("cancelled");
+    let tasks = TASKS.to_string();
+    let script = units.script(&tools.petzval, "slurm.sh", &store, &["--tasks", &tasks])?;
+    let array = cluster.submit(&[&script.display().to_string()])?;
+    until("checkpoints of both tasks", Duration::from_secs(120), || Ok(checkpoints(&store).len() == TASKS))?;
+    cluster.says("scancel", &[&array])?;
+    cluster.wait_for_all(Duration::from_secs(120))?;
+    let shown = cluster.says("scontrol", &["show", "job", &array])?;
+    let ended = shown.matches("JobState=CANCELLED").count();
+    if ended != TASKS || shown.matches("Restarts=0").count() != TASKS || checkpoints(&store).len() != TASKS {
+        return Err(format!("{ended} of {TASKS} tasks are cancelled for good, with a checkpoint:\n{shown}"));
+    }
+    Ok(())
 }

@@ -118,8 +118,9 @@ p=$!
 trap 'kill -TERM $p 2>/dev/null' USR1 USR2 TERM
 while kill -0 $p 2>/dev/null; do wait $p; done
 wait $p; rc=$?
-# 75: stopped after a checkpoint. Back into the queue, where Slurm puts only what it has ended itself.
-if [ $rc = 75 ]; then trap - TERM; scontrol requeue "${{SLURM_ARRAY_JOB_ID}}_$SLURM_ARRAY_TASK_ID"; sleep 60; fi
+# 75: stopped after a checkpoint. Back into the queue, unless Slurm is ending the task itself: it was cancelled, or Slurm requeues it.
+me="${{SLURM_ARRAY_JOB_ID}}_$SLURM_ARRAY_TASK_ID"
+if [ $rc = 75 ] && [ "$(squeue -h -j $me -o %T)" != COMPLETING ]; then trap - TERM; scontrol requeue $me; sleep 60; fi
 exit $rc
 "#,
         simd = simd.variable()
