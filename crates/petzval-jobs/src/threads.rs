@@ -66,8 +66,11 @@ fn chosen(given: usize, value: impl Fn(&str) -> Option<String>) -> Result<Thread
 
 const RAYON: &str = "RAYON_NUM_THREADS";
 
+/// Reads a number of threads.
+type Reads = fn(&str) -> Option<usize>;
+
 /// The variables, each with how it says a number.
-const VARIABLES: [(&str, fn(&str) -> Option<usize>); 3] =
+const VARIABLES: [(&str, Reads); 3] =
     [(RAYON, number), ("SLURM_CPUS_PER_TASK", number), ("HQ_CPUS", cores_in_list)];
 
 fn number(text: &str) -> Option<usize> {
