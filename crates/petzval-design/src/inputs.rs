@@ -192,13 +192,15 @@ pub fn check_inputs(setup: &Setup, run: &RunFolder) -> Result<Inputs, DesignErro
     let are_read_later = pictures.is_some_and(|pictures| !pictures.are_read());
     let content = if are_read_later { Content::AtStart } else { Content::All };
     let now = Inputs::with(setup, content)?;
+    let read = first_reads::read(run)?;
+    let then = then.map(|then| then.with_unread(&now.list, |name| read.contains_key(name)));
+    let changed = then.map_or_else(Vec::new, |then| then.differences(&now.list));
     if let Some(reads) = setup.windows()?.first_reads() {
-        reads.expect(first_reads::read(run)?);
+        reads.expect(read);
     }
-    if noted.trim() == now.fingerprint {
+    if noted.trim() == now.fingerprint || are_read_later && changed.is_empty() {
         return Ok(now);
     }
-    let changed = then.map_or_else(Vec::new, |then| then.differences(&now.list));
     let what = match &changed[..] {
         [] => "lens, glasses, sensor, ISP, networks in place of tracing, PSFs, given weights, photographs or labelled pictures are not those that \
                this run began with, or an earlier version began it"

@@ -55,6 +55,19 @@ impl InputList {
         write_file(&run.input_list(), DesignError::json("the inputs of the run", self)?.as_bytes())
     }
 
+    /// The same with the sizes and times that pictures have `now`, but for those that were read: a picture may be repaired before its first read.
+    pub fn with_unread(mut self, now: &Self, is_read: impl Fn(&str) -> bool) -> Self {
+        let found: BTreeMap<&str, &PictureFile> =
+            now.pictures.iter().flat_map(|now| &now.files).map(|file| (file.name.as_str(), file)).collect();
+        for file in self.pictures.iter_mut().flat_map(|pictures| &mut pictures.files) {
+            let unread = found.get(file.name.as_str()).filter(|_| file.sha256.is_none() && !is_read(&file.name));
+            if let Some(now) = unread {
+                (file.bytes, file.modified_s) = (now.bytes, now.modified_s);
+            }
+        }
+        self
+    }
+
     /// The inputs that are others `now`, in words: at most three, and how many more there are.
     pub fn differences(&self, now: &Self) -> Vec<String> {
         let parts = self.parts.iter().filter(|(name, sha256)| now.parts.get(*name) != Some(sha256));
@@ -224,6 +237,20 @@ mod tests {
         );
         changed.pictures.as_mut().unwrap().labels = None;
         assert_eq!(then.differences(&changed)[3], "2 more");
+        // In a large set a picture may change until it is read.
+        let unread = |bytes: u64| {
+            let mut list = then.clone();
+            for file in &mut list.pictures.as_mut().unwrap().files {
+                (file.sha256, file.bytes) = (None, bytes);
+            }
+            list
+        };
+        let (large, now) = (unread(10), unread(20));
+        assert_eq!(large.differences(&now).len(), 2);
+        assert!(large.clone().with_unread(&now, |_| false).differences(&now).is_empty());
+        let all = large.with_unread(&now, |name| name == "two.png").differences(&now);
+        assert!(all.len() == 1 && all[0].starts_with("the picture two.png"), "{all:?}");
+        assert_eq!(then.clone().with_unread(&changed, |_| false), then, "of those whose content is known none may");
         let mut listed = then.clone();
         listed.pictures.as_mut().unwrap().files[1].list = List::Training;
         assert_eq!(
