@@ -22,13 +22,13 @@ use crate::error::DesignError;
 /// Files built into the program, by their path below `data/`.
 #[derive(Clone, Default)]
 pub struct Assets {
-    files: Arc<Vec<(String, Cow<'static, [u8]>)>>,
+    files: Vec<(String, Cow<'static, [u8]>)>,
     /// Texts that are in no file, by the name under which they are looked for.
     texts: Vec<(String, String)>,
     /// Glasses that win over the built-in ones.
     chosen: Catalog,
     /// All glasses, once they have been read.
-    catalog: Arc<OnceLock<Catalog>>,
+    catalog: OnceLock<Catalog>,
     warnings: Option<WarningSink>,
     external_isps: Option<ExternalIsps>,
     guests: Option<Guests>,
@@ -70,15 +70,12 @@ pub struct Text {
 impl Assets {
     /// A library of these files.
     pub fn new(files: Vec<(String, Cow<'static, [u8]>)>) -> Self {
-        Self { files: Arc::new(files), ..Self::default() }
+        Self { files, ..Self::default() }
     }
 
     /// The library with further files, by their path below `data/`.
     pub fn with_files(mut self, more: impl IntoIterator<Item = (String, String)>) -> Self {
-        Arc::make_mut(&mut self.files)
-            .extend(more.into_iter().map(|(path, text)| (path, Cow::Owned(text.into_bytes()))));
-        // A catalogue that is read from then on may hold more than that of other clones.
-        self.catalog = Arc::new(OnceLock::clone(&self.catalog));
+        self.files.extend(more.into_iter().map(|(path, text)| (path, Cow::Owned(text.into_bytes()))));
         self
     }
 
@@ -97,7 +94,7 @@ impl Assets {
 
     /// The library with these glasses, which win over the built-in ones.
     pub fn with_glasses(self, chosen: Catalog) -> Self {
-        Self { chosen, catalog: Arc::default(), ..self }
+        Self { chosen, catalog: OnceLock::new(), ..self }
     }
 
     /// The same library, which from now on reports what a lens file of another program loses when it is read, and what is

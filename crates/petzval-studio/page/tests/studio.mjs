@@ -45,7 +45,7 @@ test("a lens is shown at once, with spots, MTF and layout", async (studio) => {
   const { page, errors } = await open(studio);
   assert.ok(!page.url().includes("token"), "the token does not stay in the address");
   await exact(page);
-  assert.equal(await page.getByTestId("rms").count(), 3);
+  assert.equal(await page.getByTestId("rms").count(), 4);
   assert.match(await page.getByTestId("rms").first().innerText(), /^[\d.]+ µm$/);
   assert.ok((await page.locator("svg .glass").count()) >= 3);
   assert.ok((await page.locator(".uplot canvas").count()) >= 4);
