@@ -668,6 +668,9 @@ class LensTolerance(TypedDict, total=False):
     """What a lens is judged by, over its fields (on both sides of the axis) and wavelengths."""
     out: str | None
     """Folder for the results; nothing is written without one."""
+    part: "LensTolerancePart1Part" | None
+    """Only random lenses of these numbers, as a part of `trials` that is joined with others later; sensitivities are
+    then left to the joining."""
     seed: int
     """Seed of the random lenses."""
     tolerances: str | None
@@ -694,6 +697,9 @@ class LensToleranceLensInput2LensText2(TypedDict, total=False):
     """Its format."""
     text: str
     """The text."""
+
+
+LensTolerancePart1Part = TypedDict('LensTolerancePart1Part', {'from': Any, 'to': Any}, total=False)
 
 
 class GlassFind(TypedDict, total=False):

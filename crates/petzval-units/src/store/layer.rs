@@ -122,7 +122,7 @@ fn create(path: &Path, bytes: &[u8], is_synced: bool) -> io::Result<bool> {
     let _stays = fs::remove_file(&part);
     if let (true, Ok(true), Some(folder)) = (is_synced, &made, path.parent()) {
         // Not every system opens folders.
-        let _unsynced = File::open(folder).and_then(|folder| folder.sync_all());
+        let _unsynced = OpenOptions::new().read(true).open(folder).and_then(|folder| folder.sync_all());
     }
     made
 }

@@ -93,6 +93,11 @@ impl UnitFile {
     }
 }
 
+/// As [`UnitFile::read`].
+pub fn read_units(path: &Path) -> Result<UnitFile, JobError> {
+    UnitFile::read(path)
+}
+
 /// Most bytes of a name.
 const LONGEST: usize = 200;
 

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 pub use digest::{Digests, InputDigest};
-pub use file::{UnitFile, UnitFileError};
+pub use file::{UnitFile, UnitFileError, read_units};
 pub use key::{Key, Prepared};
 pub use shard::{Shard, ShardSource, shard_of_environment};
 

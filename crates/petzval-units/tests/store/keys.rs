@@ -158,14 +158,14 @@ fn a_file_of_units_names_the_line_and_the_key_that_is_wrong() {
     assert_eq!(UnitFile::parse(&file.text().unwrap()).unwrap(), file);
     for (second, says) in [
         (line.to_owned(), "\"a\" is the name of the unit in line 1 as well"),
-        (line.replace("\"job\"", "\"jobs\""), "unknown field `jobs`"),
+        (line.replace("\"job\"", "\"jobs\""), "`call.jobs`: no such key here"),
         (line.replace("\"a\"", "\"\""), "a name has 1 to"),
         (line.replace("}}", "}"), "EOF"),
         (format!("{line} {line}"), "trailing"),
     ] {
         let error = UnitFile::parse(&format!("{line}\n{second}\n")).unwrap_err();
         assert_eq!(error.line, Some(2));
-        assert!(error.message.contains(says), "{error:?}");
+        assert!(error.to_string().contains(says), "{error}");
     }
     assert!(UnitFile::parse("\n").is_err());
     let missing = file.named(Path::new("units.jsonl"), &["aa".to_owned()]).unwrap_err();

@@ -16,7 +16,8 @@ use petzval_optics::analysis::first_order_table;
 use petzval_optics::lens::Lens;
 use petzval_optics::merit::{self, Mtf, RmsSpot};
 use petzval_optics::tolerance::{
-    self, MonteCarlo, Sensitivities, Study, ToleranceError, Tolerances, inverse, sensitivities,
+    self, MonteCarlo, Sensitivities, Study, ToleranceError, Tolerances, Trial as MadeLens, inverse,
+    sensitivities,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -30,7 +31,7 @@ use crate::input::LensInput;
 use crate::range::check_ranges;
 use crate::results::check_folder;
 
-pub use part::{MadeLenses, Part, join};
+pub use part::{MadeLenses, Part};
 pub use report::{
     Better, Compensator, Estimate, Percentile, Quantity, RandomLenses, Report, Sensitivity, Travel, Worst,
 };
@@ -152,6 +153,24 @@ impl Request {
             (Some(limit), _) => Err(JobError::setting("limit", limit, "no MTF is above 1", hint)),
             (None, Some(loss)) => Err(JobError::setting("inverse", loss, "no MTF loses so much", hint)),
             (None, None) => Ok(()),
+        }
+    }
+
+    /// Fails if the part is none of the lenses, or if the request wants what a part does not have.
+    fn check_part(&self) -> Result<(), JobError> {
+        let Some(Part { from, to }) = self.part else { return Ok(()) };
+        if from >= to || to > self.trials {
+            let message = format!("must hold lenses between 0 and {}, the trials", self.trials);
+            let hint = "0..500 are the first five hundred";
+            return Err(JobError::setting("part", format!("{from}..{to}"), message, hint));
+        }
+        let whole = [("inverse", self.inverse.is_some()), ("out", self.out.is_some())];
+        match whole.into_iter().find(|(_, is_given)| *is_given) {
+            None => Ok(()),
+            Some((flag, _)) => Err(JobError::input(
+                format!("lenses {from}..{to} alone have no --{flag}"),
+                "it belongs to the whole analysis: `petzval unit gather` joins parts of it",
+            )),
         }
     }
 
@@ -337,6 +356,63 @@ fn analysed(
     let listed = findings.random.as_ref().filter(|_| request.list_trials);
     let trials = listed.map(|random| trials::trials(&findings, random));
     Ok(Response { report, compensators: findings.compensators(), trials, made: None, files })
+}
+
+/// Joins parts of the lenses to the analysis that `request`, which has no part, gives in one run: the same to the bit. Sensitivities are computed
+/// here, once, and files are written if the request has a folder.
+///
+/// Fails if the parts are of another lens, seed or merit, if a lens is missing, or if one is in two parts that differ.
+pub fn join(request: &Request, parts: &[Response], context: &Context) -> Result<Response, JobError> {
+    let request = Request { part: None, ..request.clone() };
+    let subject = Subject::of(&request, context)?;
+    let study = subject.study()?;
+    let mut trials: Vec<Option<MadeLens>> = vec![None; request.trials];
+    for response in parts {
+        let made = response.made.as_ref().ok_or_else(|| {
+            JobError::input(
+                "a response holds no part of the lenses",
+                "give responses of requests with `part`",
+            )
+        })?;
+        let Part { from, to } = made.part;
+        let wrong = |message: &str, hint: &str| {
+            JobError::input(format!("lenses {from} to {}: {message}", to.saturating_sub(1)), hint)
+        };
+        let report = &response.report;
+        let seed = report.monte_carlo.as_ref().map(|random| random.seed);
+        let is_same = report.lens == subject.lens.name
+            && report.merit == study.merit().name()
+            && report.nominal.to_bits() == study.nominal().value.to_bits()
+            && seed == Some(request.seed);
+        if !is_same {
+            return Err(wrong(
+                "they are of another lens, merit, seed or instruction set",
+                "join parts of one request, on a machine that computes as theirs did",
+            ));
+        }
+        let count = to.saturating_sub(from);
+        if to > trials.len() || made.merits.len() != count || made.compensators.len() != count {
+            return Err(wrong("there are no such lenses", "`trials` is the number of all of them"));
+        }
+        let lenses = made.merits.iter().zip(&made.compensators);
+        for (place, (value, compensators)) in trials[from..to].iter_mut().zip(lenses) {
+            let trial = MadeLens { value: *value, compensators: compensators.clone() };
+            if place.as_ref().is_some_and(|there| *there != trial) {
+                return Err(wrong("another part has them as well, and differs", "make the parts again"));
+            }
+            *place = Some(trial);
+        }
+    }
+    if let Some(missing) = trials.iter().position(Option::is_none) {
+        let message = format!("lens {missing} of {} is in no part", trials.len());
+        return Err(JobError::input(message, "make the parts that are missing"));
+    }
+    let random = MonteCarlo {
+        seed: request.seed,
+        trials: trials.into_iter().flatten().collect(),
+        better: study.better(),
+    };
+    analysed(&request, &subject, &study, Some(random).filter(|random| !random.trials.is_empty()), context)
 }
 
 /// Does a part of the job that calls `tick` after each unit of its work, until the job is cancelled.

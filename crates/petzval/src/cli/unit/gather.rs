@@ -6,7 +6,7 @@ use crate::base::counted;
 use crate::cli::code::Code;
 use crate::jobs::JobError;
 use crate::units::store::{Joined, Store, gather_tolerances};
-use crate::units::unit::UnitFile;
+use crate::units::unit::read_units;
 use serde::Serialize;
 
 use super::super::failure::Failure;
@@ -41,7 +41,7 @@ struct Row<'j> {
 
 /// Runs the verb.
 pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
-    let file = UnitFile::read(&args.file)?;
+    let file = read_units(&args.file)?;
     let store = Store::open(&args.store).map_err(JobError::from)?;
     let absolute = |path: &Path| {
         std::path::absolute(path).map_err(|e| Failure::input(format!("{}: {e}", shown(path)), ""))

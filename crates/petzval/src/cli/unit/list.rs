@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use crate::cli::code::Code;
-use crate::units::unit::{Digests, Prepared, UnitFile};
+use crate::units::unit::{Digests, Prepared, read_units};
 use serde::Serialize;
 
 use super::super::failure::Failure;
@@ -34,7 +34,7 @@ struct Listed<'p> {
 
 /// Runs the verb.
 pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
-    let file = UnitFile::read(&args.file)?;
+    let file = read_units(&args.file)?;
     let context = context(&args.file, terminal)?;
     let digests = Digests::default();
     let prepared = |unit| Prepared::new(unit, &context, &digests);

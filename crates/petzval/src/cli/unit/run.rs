@@ -6,7 +6,7 @@ use crate::base::counted;
 use crate::cli::code::Code;
 use crate::jobs::{Context, JobError};
 use crate::units::store::{Failure as FailedUnit, RunOptions, Store, Summary, run_all};
-use crate::units::unit::{Shard, Unit, UnitFile, shard_of_environment};
+use crate::units::unit::{Shard, Unit, UnitFile, read_units, shard_of_environment};
 
 use super::super::failure::Failure;
 use super::super::plain;
@@ -54,7 +54,7 @@ pub struct Args {
 
 /// Runs the verb.
 pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
-    let file = UnitFile::read(&args.file)?;
+    let file = read_units(&args.file)?;
     let units = chosen(&file, &args)?;
     let Some(first) = units.first() else {
         noteln!("this shard holds no unit");
