@@ -139,8 +139,10 @@ fn beside_windows<R>(setup: &Setup, camera: &Camera, batch: Option<u64>, work: i
         return work();
     }
     let (view, experiment) = (SceneView::of(camera), &setup.experiment);
-    std::thread::scope(|scope| {
-        scope.spawn(move || windows.make_ahead(experiment, view, batch));
+    // On the threads of the caller's pool: a process that was forked has none of those of the global pool. Work itself stays on this thread, as it
+    // may wait for windows that another one makes.
+    rayon::in_place_scope(|scope| {
+        scope.spawn(move |_| windows.make_ahead(experiment, view, batch));
         work()
     })
 }

@@ -219,7 +219,7 @@ impl PyIsp {
     /// The built-in ISP behind a name. Others have no floating-point form, and no file of their own to save.
     fn of(named: &NamedIsp, name: &str) -> Result<Self, JobError> {
         let preset = named.preset().cloned().ok_or_else(|| {
-            let hint = "give a preset of the built-in ISP; the job isp-develop develops with others";
+            let hint = "give a preset; petzval.jobs.run(\"isp-develop\", {\"isp\": PATH, ..}) develops with other ISPs";
             JobError::setting("preset", name, "stands for an external ISP or a proxy", hint)
         })?;
         Ok(Self { preset })

@@ -55,6 +55,14 @@ fn command(py: Python<'_>, words: Vec<OsString>) -> u8 {
 /// The module.
 #[pymodule(gil_used = false)]
 mod _petzval {
+    use pyo3::prelude::*;
+
+    /// Adds the version of the package.
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("__version__", env!("CARGO_PKG_VERSION"))
+    }
+
     #[pymodule_export]
     use super::camera::{PyCamera, PyFrame};
     #[pymodule_export]
@@ -72,7 +80,7 @@ mod _petzval {
     #[pymodule_export]
     use super::linear_isp::PyLinearIsp;
     #[pymodule_export]
-    use super::pictures::read_picture;
+    use super::pictures::{picture_png, read_picture};
     #[pymodule_export]
     use super::psf::PyPsfPlan;
     #[pymodule_export]

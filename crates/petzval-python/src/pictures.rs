@@ -6,7 +6,7 @@ use numpy::ndarray::{Array3, ArrayView3};
 use numpy::{AllowTypeChange, Element, IntoPyArray, PyArray3, PyArrayLike3, PyReadonlyArray3};
 use petzval_camera::image::{CHANNELS, LinearImage, srgb_decode};
 use petzval_design::error::DesignError;
-use petzval_files::load_image;
+use petzval_files::{encoded_png_bytes, load_image};
 use petzval_jobs::{Context, JobError, WarningKind};
 use pyo3::prelude::*;
 
@@ -102,4 +102,12 @@ pub fn read_picture<'py>(
 ) -> PyResult<Bound<'py, PyArray3<f32>>> {
     let light = watched(py, &watch, |context| Given::Path(path).light(context))?;
     picture_array(py, light)
+}
+
+/// The PNG of a picture `[y, x, 3]` of sRGB-encoded bytes.
+#[pyfunction]
+pub fn picture_png(py: Python<'_>, picture: PyReadonlyArray3<'_, u8>) -> PyResult<Vec<u8>> {
+    let encoded = planes(py, picture.as_array(), |v| f32::from(v) / 255.0)?;
+    let png = py.detach(|| encoded_png_bytes(&encoded));
+    png.map_err(|e| exception(py, &JobError::failed(e.to_string())))
 }

@@ -13,7 +13,7 @@ use burn::prelude::*;
 
 use crate::detection::{AnyDetector, BackboneKind};
 use crate::network::{IspProxy, Network, NetworkError, NetworkKind, OpticsProxy, Segmenter};
-use crate::weight_file::{NamedArray, Weight, Weights, read_arrays, weights_of, write_arrays};
+use crate::weight_file::{NamedArray, Weight, Weights, kind_in, read_arrays, weights_of, write_arrays};
 
 pub use spec::{DetectorSpec, NetworkSpec, RestorationSpec, SegmenterSpec};
 
@@ -73,9 +73,11 @@ impl NamedNetwork {
     }
 
     /// The network of a safetensors file, under the paths of this program or under the names of [`tensors`](Self::tensors). `kind` says what it
-    /// is where its weights do not. Fails on a weight that is missing, too many, of another shape or not finite, and names it.
+    /// is where neither its weights nor the metadata of the file do. Fails on a weight that is missing, too many, of another shape or not
+    /// finite, and names it.
     pub fn read(file: &[u8], kind: Option<&str>) -> Result<Self, NetworkError> {
-        Self::of(read_arrays(file)?, kind)
+        let said = kind_in(file);
+        Self::of(read_arrays(file)?, kind.or(said.as_deref()))
     }
 
     /// The network of weights, as [`read`](Self::read) has them from a file.
@@ -106,7 +108,7 @@ impl NamedNetwork {
         if let Some(name) = given.into_keys().next() {
             return Err(bad(format!("{name} is no weight of a network of the kind {}", spec.kind())));
         }
-        let network = blank.network.with_weights(&write_arrays(&by_path)?)?;
+        let network = blank.network.with_weights(&write_arrays(&by_path, None)?)?;
         Ok(Self { network, ..blank })
     }
 
@@ -161,7 +163,7 @@ impl NamedNetwork {
         match (names, self.spec) {
             (FileNames::Petzval, _) => self.network.to_safetensors(),
             (FileNames::Torchvision, NetworkSpec::FasterRcnn(of)) if of.backbone != BackboneKind::Small => {
-                write_arrays(&self.tensors()?)
+                write_arrays(&self.tensors()?, None)
             }
             (FileNames::Torchvision, _) => Err(NetworkError::NotStored(
                 "torchvision has no such network; it has faster-rcnn on resnet18, resnet50 and mobilenet-v2"
@@ -228,6 +230,24 @@ mod tests {
                 Err(_) => assert!(!has_names_of_torchvision),
             }
         }
+    }
+
+    #[test]
+    fn a_file_says_what_its_weights_do_not() {
+        let spec = NetworkSpec::Segmenter(SegmenterSpec { classes: 3, base_channels: 8, levels: 1 });
+        let segmenter = NamedNetwork::drawn(spec, 3).unwrap();
+        let file = segmenter.to_file(FileNames::Petzval).unwrap();
+        let read = NamedNetwork::read(&file, None).unwrap();
+        assert_eq!((read.spec(), read.to_file(FileNames::Petzval).unwrap()), (spec, file.clone()));
+
+        // The same weights without it are those of a U-Net, unless it is said.
+        let bare = write_arrays(&segmenter.tensors().unwrap(), None).unwrap();
+        assert_eq!(NamedNetwork::read(&bare, Some("segmenter")).unwrap().spec(), spec);
+        let u_net = NamedNetwork::read(&bare, None).unwrap();
+        assert_eq!(u_net.spec().kind(), "u-net");
+        assert!(kind_in(&u_net.to_file(FileNames::Petzval).unwrap()).is_none());
+        let refused = u_net.network.with_weights(&file).unwrap_err().to_string();
+        assert!(refused.contains("of the kind `segmenter`"), "{refused}");
     }
 
     #[test]

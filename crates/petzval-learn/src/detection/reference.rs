@@ -274,7 +274,7 @@ fn proposals_from_features_to_boxes() {
             (name.clone(), shape(value), bytes)
         })
         .collect();
-    let bytes = safetensors_of(&weights).unwrap();
+    let bytes = safetensors_of(&weights, None).unwrap();
     let file = SafeTensors::deserialize(&bytes).unwrap();
     let anchors = &reference["anchors"];
     let count = |key: &str| case[key].as_u64().unwrap() as usize;

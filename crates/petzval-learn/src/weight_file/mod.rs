@@ -2,6 +2,8 @@
 
 mod error;
 
+use std::collections::HashMap;
+
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param, ParamId};
 use burn::prelude::*;
 use burn::store::{ModuleRecord, RecordError};
@@ -41,13 +43,15 @@ pub trait Weights: Module {
     }
 
     /// All weights as a safetensors file, for other programs: 32-bit floats, row-major, under the path of fields and of places in lists, as
-    /// `encoder.0.weight`. The values are those of the network to the bit.
+    /// `encoder.0.weight`. The values are those of the network to the bit. Where names and shapes fit two kinds of networks, the metadata say
+    /// under `petzval_kind` which it is.
     fn to_safetensors(&self) -> Result<Vec<u8>, NetworkError> {
         weights_file(self)
     }
 
     /// The network with the weights of a file that [`to_safetensors`](Self::to_safetensors) wrote, or of one with the same names in half
-    /// precision. Fails if a weight is missing or has another shape, and if the file has weights that the network does not have.
+    /// precision. Fails if a weight is missing or has another shape, if the file has weights that the network does not have, and if its metadata
+    /// say that it is of another kind.
     fn with_weights(self, file: &[u8]) -> Result<Self, NetworkError> {
         with_weights_of(self, file)
     }
@@ -75,6 +79,18 @@ impl NamedArray {
 /// How many batches a normalisation of torchvision has seen: a whole number beside its weights, which nothing here needs.
 const BATCHES_SEEN: &str = "num_batches_tracked";
 
+/// Under which key the metadata of a file say the kind of its network.
+const KIND: &str = "petzval_kind";
+
+/// Networks whose weights have the names and shapes of those of another kind, by the type that the framework gives to their fields.
+const NAMED_KINDS: [(&str, &str); 1] = [("Struct:Segmenter", "segmenter")];
+
+/// The kind of network that the metadata of a safetensors file name; none in files of other programs.
+pub(crate) fn kind_in(file: &[u8]) -> Option<String> {
+    let (_, header) = SafeTensors::read_metadata(file).ok()?;
+    header.metadata().as_ref()?.get(KIND).cloned()
+}
+
 /// All weights of a safetensors file, of f16 or f32. Fails on one of another type and on one that is not finite, and names it.
 pub(crate) fn read_arrays(file: &[u8]) -> Result<Vec<NamedArray>, NetworkError> {
     let bad = NetworkError::BadWeights;
@@ -88,12 +104,12 @@ pub(crate) fn read_arrays(file: &[u8]) -> Result<Vec<NamedArray>, NetworkError> 
     weights.map(array).collect()
 }
 
-/// Arrays as a safetensors file.
-pub(crate) fn write_arrays(arrays: &[NamedArray]) -> Result<Vec<u8>, NetworkError> {
+/// Arrays as a safetensors file, whose metadata may name the kind of network.
+pub(crate) fn write_arrays(arrays: &[NamedArray], kind: Option<&str>) -> Result<Vec<u8>, NetworkError> {
     let bytes = |values: &[f32]| values.iter().flat_map(|v| v.to_le_bytes()).collect();
     let tensors: Vec<NamedTensor> =
         arrays.iter().map(|a| (a.name.clone(), a.shape.clone(), bytes(&a.values))).collect();
-    safetensors_of(&tensors).map_err(|error| NetworkError::NotStored(error.to_string()))
+    safetensors_of(&tensors, kind).map_err(|error| NetworkError::NotStored(error.to_string()))
 }
 
 /// A weight of a network.
@@ -106,14 +122,22 @@ pub(crate) struct Weight {
 
 /// All weights of a network in its own order.
 pub(crate) fn weights_of<M: Module>(network: &M) -> Result<Vec<Weight>, NetworkError> {
+    Ok(weights_and_kind(network)?.0)
+}
+
+/// All weights of a network in its own order, and its kind where they do not say it.
+fn weights_and_kind<M: Module>(network: &M) -> Result<(Vec<Weight>, Option<&'static str>), NetworkError> {
     let mut found = NamedWeights::default();
     network.visit(&mut found);
+    let kind = found.kind;
     let weight = |((name, shape, data), id): ((String, Vec<usize>, TensorData), ParamId)| {
         let values =
             data.try_to_vec::<f32>().map_err(|e| NetworkError::NotStored(format!("{name}: {e:?}")))?;
         Ok(Weight { id, array: NamedArray { name, shape, values } })
     };
-    found.tensors.into_iter().zip(found.ids).map(weight).collect()
+    let weights: Result<Vec<Weight>, NetworkError> =
+        found.tensors.into_iter().zip(found.ids).map(weight).collect();
+    Ok((weights?, kind))
 }
 
 /// Values of a tensor of f16 or f32, all finite. The error says what is there in place of a tensor of this shape.
@@ -135,24 +159,38 @@ pub(crate) fn read_weights(file: &SafeTensors, name: &str, shape: &[usize]) -> R
 }
 
 fn weights_file<M: Module>(network: &M) -> Result<Vec<u8>, NetworkError> {
-    let arrays: Vec<NamedArray> = weights_of(network)?.into_iter().map(|weight| weight.array).collect();
-    write_arrays(&arrays)
+    let (weights, kind) = weights_and_kind(network)?;
+    let arrays: Vec<NamedArray> = weights.into_iter().map(|weight| weight.array).collect();
+    write_arrays(&arrays, kind)
 }
 
 /// Name, shape and values of a tensor: 32-bit floats, row-major, the least significant byte first.
 pub(crate) type NamedTensor = (String, Vec<usize>, Vec<u8>);
 
-/// Tensors as a safetensors file.
-pub(crate) fn safetensors_of(tensors: &[NamedTensor]) -> Result<Vec<u8>, SafeTensorError> {
+/// The kind of a network that its weights do not say.
+fn named_kind<M: Module>(network: &M) -> Option<&'static str> {
+    let mut found = NamedWeights::default();
+    network.visit(&mut found);
+    found.kind
+}
+
+/// Tensors as a safetensors file, whose metadata may name the kind of network.
+pub(crate) fn safetensors_of(
+    tensors: &[NamedTensor],
+    kind: Option<&str>,
+) -> Result<Vec<u8>, SafeTensorError> {
     let views: Vec<(&str, TensorView)> = tensors
         .iter()
         .map(|(name, shape, bytes)| Ok((name.as_str(), TensorView::new(Dtype::F32, shape.clone(), bytes)?)))
         .collect::<Result<_, SafeTensorError>>()?;
-    safetensors::serialize(views, None)
+    safetensors::serialize(views, kind.map(|kind| HashMap::from([(KIND.to_owned(), kind.to_owned())])))
 }
 
 fn with_weights_of<M: Module>(network: M, file: &[u8]) -> Result<M, NetworkError> {
     let bad = |problem: String| NetworkError::BadWeights(problem);
+    if let Some(kind) = kind_in(file).filter(|kind| named_kind(&network) != Some(kind.as_str())) {
+        return Err(bad(format!("weights of a network of the kind `{kind}`")));
+    }
     let file = SafeTensors::deserialize(file).map_err(|e| bad(format!("not a safetensors file: {e}")))?;
     let mut reader = WeightReader { file: &file, path: Path::default(), read: 0, problem: None };
     let network = network.map(&mut reader);
@@ -240,6 +278,8 @@ pub(crate) fn not_finite<M: Module>(network: &M) -> Option<String> {
 /// Collects the weights of a network with their paths.
 #[derive(Default)]
 struct NamedWeights {
+    /// What the network is, where its weights do not say so.
+    kind: Option<&'static str>,
     path: Path,
     tensors: Vec<(String, Vec<usize>, TensorData)>,
     ids: Vec<ParamId>,
@@ -253,6 +293,8 @@ impl ModuleVisitor for NamedWeights {
     }
 
     fn enter_module(&mut self, name: &str, container: &str) {
+        let named = NAMED_KINDS.iter().find(|(of, _)| *of == container);
+        self.kind = self.kind.or(named.map(|(_, kind)| *kind));
         self.path.enter(name, container);
     }
 

@@ -5,7 +5,7 @@ Arrays are NumPy's, pictures are ``[y, x]`` or ``[y, x, channel]``, names carry 
 
 from . import data, jobs
 from ._errors import InputError, PetzvalError, PetzvalWarning, Place, Stopped
-from ._petzval import Cancel
+from ._petzval import Cancel, __version__
 from ._pictures import read_picture
 from ._threads import set_threads, threads
 from .built_in import list_lenses, list_sensors
@@ -57,6 +57,7 @@ __all__ = [
     "Variable",
     "Weights",
     "Wiener",
+    "__version__",
     "blend_error",
     "characterize",
     "data",

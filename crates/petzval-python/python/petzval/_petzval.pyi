@@ -7,6 +7,8 @@ from pathlib import Path
 from numpy import float32, float64, uint16, uint8
 from numpy.typing import ArrayLike, NDArray
 
+__version__: str
+
 _Watch = tuple[Callable[[str], None] | None, Cancel | None]
 _Settings = tuple[int, int, float, float, int, int]
 _Picture = NDArray[float32]
@@ -255,6 +257,7 @@ class Glass:
 
 def read_picture(path: str, watch: _Watch) -> NDArray[float32]: ...
 def lens_of_trial(request_of: str, trial: int, glasses: Sequence[str | PathLike[str]], watch: _Watch) -> Lens: ...
+def picture_png(picture: NDArray[uint8]) -> bytes: ...
 def psf_picture(
     values: ArrayLike,
     fields_deg: ArrayLike,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import html
 import os
 
 import numpy as np
@@ -62,6 +64,15 @@ def read_picture(path: str | os.PathLike[str]) -> NDArray[np.float32]:
     """
     with watch() as watching:
         return _petzval.read_picture(os.fspath(path), watching)
+
+
+def figure(picture: NDArray[np.uint8], caption: str) -> str:
+    """A picture ``[y, x, 3]``, sRGB-encoded, as HTML: at most 800 pixels a side, by leaving some out."""
+    step = -(-max(picture.shape[:2]) // 800)
+    png = bytes(_petzval.picture_png(np.ascontiguousarray(picture[::step, ::step])))
+    data = base64.b64encode(png).decode("ascii")
+    text = html.escape(caption)
+    return f'<figure><img alt="{text}" src="data:image/png;base64,{data}"><figcaption>{text}</figcaption></figure>'
 
 
 def _wrong(key: str, value: str, message: str) -> InputError:

@@ -16,7 +16,7 @@ from . import _petzval, jobs
 from ._arguments import path_of, real
 from ._errors import setting
 from ._petzval import Cancel
-from ._pictures import Given, Picture, given
+from ._pictures import Given, Picture, figure, given
 from ._watch import Progress, watch
 from .lens import Lens
 from .psfs import PsfBank
@@ -113,6 +113,9 @@ class Frames:
     def __repr__(self) -> str:
         height, width = self.raw.shape
         return f"<Frames of {self.name!r}: {height} x {width} pixels, {self.facts['bits']} bits, {self.facts['sensor']}>"
+
+    def _repr_html_(self) -> str:
+        return figure(self.picture if self.finished is None else self.finished, repr(self))
 
 
 class Camera:

@@ -18,7 +18,7 @@ from . import _petzval, jobs
 from ._arguments import path_of
 from ._errors import InputError, setting
 from ._petzval import Cancel
-from ._pictures import Picture, given, read_picture
+from ._pictures import Picture, figure, given, read_picture
 from ._watch import Progress, watch
 from .cameras import Frames
 from .lens import Lens
@@ -43,6 +43,10 @@ class Finished:
     def __repr__(self) -> str:
         height, width, _ = self.picture.shape
         return f"<Finished: {height} x {width} pixels{'; ' if self.read else ''}{', '.join(self.read)}>"
+
+    def _repr_html_(self) -> str:
+        shown = np.round(self.shown.clip(0, 1) * 255).astype(np.uint8)
+        return figure(shown, repr(self))
 
 
 @dataclass(frozen=True)

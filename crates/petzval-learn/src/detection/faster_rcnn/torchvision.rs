@@ -87,7 +87,7 @@ fn as_classifier(kind: BackboneKind, weights: &[NamedTensor]) -> Vec<u8> {
         let name = name.strip_prefix("backbone.body.")?;
         Some((format!("{prefix}{name}"), shape.clone(), bytes.clone()))
     });
-    safetensors_of(&of_backbone.collect::<Vec<_>>()).unwrap()
+    safetensors_of(&of_backbone.collect::<Vec<_>>(), None).unwrap()
 }
 
 fn assert_maps(ours: &[Tensor<4>], theirs: &[Map], what: &str) {
@@ -117,7 +117,7 @@ fn whole_detectors_see_and_find_what_those_of_torchvision_do() {
         let expected = detectors.remove(&name).unwrap();
         let weights = expected.state.iter().map(|(n, shape)| (n.clone(), shape.clone(), weight(n, shape)));
         let weights: Vec<NamedTensor> = weights.collect();
-        let bytes = safetensors_of(&weights).unwrap();
+        let bytes = safetensors_of(&weights, None).unwrap();
         let file = SafeTensors::deserialize(&bytes).unwrap();
         let config = FasterRcnnConfig::torchvision(kind, of_classes);
         let detector = FasterRcnn::with(config, &Parameters::read(&file, 1, &device)).unwrap();
@@ -147,7 +147,8 @@ fn whole_detectors_see_and_find_what_those_of_torchvision_do() {
             let coco: Vec<NamedTensor> =
                 weights.into_iter().map(|weight| among_coco(weight, [0, 1, 3, 10])).collect();
             let detector =
-                AnyDetector::from_coco(kind, &[1, 3, 10], &safetensors_of(&coco).unwrap(), &device).unwrap();
+                AnyDetector::from_coco(kind, &[1, 3, 10], &safetensors_of(&coco, None).unwrap(), &device)
+                    .unwrap();
             let same = detector.detect(picture.clone()).unwrap().remove(0);
             assert_eq!(found, same);
         }
