@@ -117,7 +117,7 @@ fn outcomes(store: &Path) -> Result<BTreeMap<String, Outcome>, String> {
         let result: Value = serde_json::from_str(&text).map_err(|e| format!("{}: {e}", folder.display()))?;
         let name = result["unit"]["name"].as_str().unwrap_or_default().to_owned();
         let response = result["response"].clone();
-        let lens = response["lens"].as_str().unwrap_or_default();
+        let lens = response["found"]["lens"].as_str().unwrap_or_default();
         let lens = fs::read(folder.join(lens)).map_err(|e| format!("{name}: {lens}: {e}"))?;
         if found.insert(name.clone(), Outcome { response, lens }).is_some() {
             return Err(format!("{}: two results of {name}", store.display()));
