@@ -42,6 +42,9 @@ use uploads::Uploads;
 /// The port that is taken unless another one is named; if it is not free, any that is.
 pub const PORT: u16 = 8710;
 
+/// The folder unless another one is named: the current one.
+pub const FOLDER: &str = ".";
+
 /// What a studio serves.
 pub struct Settings {
     /// Port; 0 takes any that is free. `None` takes [`PORT`] if it is free.

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use crate::cli::code::Code;
-use crate::studio::{PORT, Settings, Studio, StudioError};
+use crate::studio::{FOLDER, Settings, Studio, StudioError};
 
 use super::failure::Failure;
 use super::terminal::Terminal;
@@ -29,7 +29,7 @@ pub struct Args {
     #[arg(long, value_name = "PORT")]
     port: Option<u16>,
     /// Folder in which the studio reads and writes
-    #[arg(long, value_name = "FOLDER", default_value = ".")]
+    #[arg(long, value_name = "FOLDER", default_value = FOLDER)]
     folder: PathBuf,
     /// Print the address, and do not open it in a browser
     #[arg(long)]
