@@ -177,7 +177,7 @@ mod tests {
         for step in 0..100_u64 {
             ahead.want((step..step + 10).filter(|key| *key < 100));
             ahead.want(step..step + 1);
-            // None where it is not begun yet, or not to be made: whoever needs it makes it.
+            // What is not begun yet, or cannot be made, is made by whoever needs it.
             if let Some(value) = ahead.take(&step) {
                 assert!(value == step * step && !step.is_multiple_of(7));
             }

@@ -58,8 +58,8 @@ pub use picture_file::{
     save_png16,
 };
 pub use picture_set::{
-    CheckedPictures, PictureSetError, Stamp, StoredPicture, check_stored, digests_of_alike, hex_digest,
-    in_hex, stored_pictures,
+    CheckedPictures, CheckedSize, PictureSetError, Stamp, StoredPicture, check_stored, digests_of_alike,
+    hex_digest, in_hex, stored_pictures,
 };
 pub use quantum_efficiency::{parse_quantum_efficiency, parse_quantum_efficiency_toml};
 pub use rii::parse_rii;

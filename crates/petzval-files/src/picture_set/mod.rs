@@ -12,13 +12,11 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 pub(crate) use checked::checked_heads;
-pub use checked::{CheckedPictures, check_stored};
+pub use checked::{CheckedPictures, CheckedSize, check_stored};
 pub use copies::digests_of_alike;
 pub use error::PictureSetError;
+use stored::ENDINGS;
 pub use stored::{Stamp, StoredPicture, hex_digest, in_hex};
-
-/// Endings of pictures that a folder or a shard is searched for.
-const ENDINGS: [&str; 5] = ["png", "jpg", "jpeg", "tif", "tiff"];
 
 /// Ending of a shard.
 const SHARD: &str = "tar";

@@ -7,7 +7,8 @@ use std::sync::Arc;
 
 use tar::{Archive, EntryType};
 
-use super::{ENDINGS, PictureSetError, StoredPicture};
+use super::stored::ENDINGS;
+use super::{PictureSetError, StoredPicture};
 
 /// The pictures of a shard in their order. The stem of a file is its path up to the first dot of its name. `0001.jpg` is a picture; `0001.json` and
 /// `0001.seg.png` belong to it and are none.

@@ -377,10 +377,10 @@ impl LabelledPictures {
     fn light(&self, picture: &LabelledPicture) -> Result<LinearImage, DatasetError> {
         let (path, stored) = (&picture.path, StoredPicture::file(picture.path.clone()));
         let bytes = stored.bytes()?;
+        let light = load_image_bytes(&bytes, &stored.display())?.light;
         if let Some(reads) = &self.reads {
             reads.note(&picture.name, || path.clone(), &bytes)?;
         }
-        let light = load_image_bytes(&bytes, &stored.display())?.light;
         if [light.height, light.width] != picture.size {
             return Err(DatasetError::Changed { path: path.clone(), name: picture.name.clone() });
         }

@@ -102,10 +102,11 @@ impl Photo {
         };
         readers.shelf.get(&self.name, || {
             let bytes = picture.bytes()?;
+            let image = load_image_bytes(&bytes, &picture.display())?.light;
+            // A damaged picture is not noted: it may be repaired.
             if let Some(reads) = &readers.reads {
                 reads.note(&self.name, || picture.path().to_owned(), &bytes)?;
             }
-            let image = load_image_bytes(&bytes, &picture.display())?.light;
             drop(bytes);
             let image = if halved { image.box_half() } else { image };
             if (image.height, image.width) != (self.height, self.width) {

@@ -183,7 +183,10 @@ impl Photographs {
         }
         let photos: Vec<&Photo> = self.set().training().iter().chain(self.set().held_out()).collect();
         let seen = if self.are_read_later() { photos.len().min(MOST_SEEN_FOR_COLOUR) } else { photos.len() };
-        let is_coloured = |i: usize| Ok(is_coloured(&*self.set().light(photos[i * photos.len() / seen])?));
+        let is_coloured = |i: usize| {
+            let light = self.set().light(photos[i * photos.len() / seen])?;
+            Ok(is_coloured(&light))
+        };
         let coloured =
             (0..seen).into_par_iter().map(is_coloured).collect::<Result<Vec<bool>, DesignError>>()?;
         let coloured = coloured.into_iter().filter(|is_coloured| *is_coloured).count();
