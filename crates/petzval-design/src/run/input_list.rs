@@ -60,7 +60,8 @@ impl InputList {
         let found: BTreeMap<&str, &PictureFile> =
             now.pictures.iter().flat_map(|now| &now.files).map(|file| (file.name.as_str(), file)).collect();
         for file in self.pictures.iter_mut().flat_map(|pictures| &mut pictures.files) {
-            let unread = found.get(file.name.as_str()).filter(|_| file.sha256.is_none() && !is_read(&file.name));
+            let unread =
+                found.get(file.name.as_str()).filter(|_| file.sha256.is_none() && !is_read(&file.name));
             if let Some(now) = unread {
                 (file.bytes, file.modified_s) = (now.bytes, now.modified_s);
             }
@@ -250,7 +251,11 @@ mod tests {
         assert!(large.clone().with_unread(&now, |_| false).differences(&now).is_empty());
         let all = large.with_unread(&now, |name| name == "two.png").differences(&now);
         assert!(all.len() == 1 && all[0].starts_with("the picture two.png"), "{all:?}");
-        assert_eq!(then.clone().with_unread(&changed, |_| false), then, "of those whose content is known none may");
+        assert_eq!(
+            then.clone().with_unread(&changed, |_| false),
+            then,
+            "of those whose content is known none may"
+        );
         let mut listed = then.clone();
         listed.pictures.as_mut().unwrap().files[1].list = List::Training;
         assert_eq!(
