@@ -204,7 +204,7 @@ impl Attempt {
     pub fn finish(mut self, response: Value) -> Result<StoredResult, StoreError> {
         let (store, key) = (self.store.clone(), self.key().clone());
         let own = self.folder();
-        let has_files = store.layer.is_folder(&own);
+        let has_files = store.layer.list(&own).is_ok_and(|names| !names.is_empty());
         let result = StoredResult {
             format: STORE_FORMAT,
             unit: self.prepared.unit.clone(),
@@ -232,7 +232,8 @@ impl Attempt {
         }
         // The result counts from here on: what fails now is untidy, and nothing else.
         let files = store.folder(&key).join("files");
-        let _named = has_files.then(|| store.layer.rename_folder(&own, &files));
+        let _tidied =
+            if has_files { store.layer.rename_folder(&own, &files) } else { store.layer.remove_folder(&own) };
         for number in (1..=self.number).filter(|number| *number != self.number) {
             let _stays = store.layer.remove_folder(&store.work_folder(&key, number));
         }

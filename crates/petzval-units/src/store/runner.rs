@@ -260,6 +260,8 @@ fn work(
     let folder = place.folder.as_path();
     let fresh = || row.kept_in(prepared.request.clone(), folder);
     let run = |request: Value| {
+        // A job that writes a single file does not make its folder.
+        store.layer.make_folder(folder).map_err(StoreError::io(folder))?;
         let call = Call { request, ..prepared.unit.call.clone() };
         call.run(context).map(|response| relative(response, folder))
     };

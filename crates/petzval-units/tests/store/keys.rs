@@ -19,8 +19,11 @@ fn stored() -> Vec<Unit> {
             Call::new("lens-tolerance", json!({"lens": "cooke-triplet-nominal", "trials": 10})),
         ),
         Unit::new(
-            "design",
-            Call::new("design", json!({"run": {"new": {"experiment": "cooke-triplet-image-quality"}}})),
+            "search",
+            Call::new(
+                "lens-optimize",
+                json!({"start": {"new": {"lens": "cooke-triplet-spot", "out": "x", "global": true}}}),
+            ),
         ),
     ];
     units[2].seed = Some(5);
