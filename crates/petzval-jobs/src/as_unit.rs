@@ -16,8 +16,11 @@ pub struct AsUnit<R> {
     /// The request that goes on from what such a folder holds; none if nothing in it can be continued.
     pub(crate) going_on: Option<fn(&R, &Path) -> Option<R>>,
     /// Files and folders on which the result depends, but which another file names: those of an experiment.
-    pub(crate) behind: Option<fn(&R, &Context) -> Result<Vec<PathBuf>, JobError>>,
+    pub(crate) behind: Option<Behind<R>>,
 }
+
+/// Finds files behind those that a request names.
+pub(crate) type Behind<R> = fn(&R, &Context) -> Result<Vec<PathBuf>, JobError>;
 
 impl<R> AsUnit<R> {
     /// A job without a seed that writes nothing.
