@@ -19,7 +19,7 @@ pub struct AsUnit<R> {
     pub(crate) behind: Option<Behind<R>>,
 }
 
-/// Lists the files and folders behind a request.
+/// Finds files behind those that a request names.
 pub(crate) type Behind<R> = fn(&R, &Context) -> Result<Vec<PathBuf>, JobError>;
 
 impl<R> AsUnit<R> {
