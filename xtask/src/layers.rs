@@ -50,7 +50,7 @@ const FORBIDDEN_WORDS: [(&str, &[&str], &str); 2] = [
 /// The command parses arguments, calls a job and prints its response: the libraries behind the jobs, files and threads are not
 /// its business.
 const BEHIND_THE_JOBS: [&str; 7] = ["optics", "camera", "lab", "learn", "report", "files", "design"];
-const NO_JOB_LOGIC: [&str; 6] = ["petzval_", "crate::{", "std::fs", "File::", "par_iter", "write_whole"];
+const NO_JOB_LOGIC: [&str; 6] = ["petzval_", "crate::{", "std::fs", "::File::", "par_iter", "write_whole"];
 
 /// Checks everything; the report on success, all problems otherwise.
 pub fn check() -> Result<String, Vec<String>> {

@@ -10,7 +10,17 @@ use petzval_files::psf_file::PsfFileError;
 use petzval_learn::dataset::DatasetError;
 use petzval_learn::guest::GuestError;
 
-use crate::experiment::WrongSetting;
+/// A setting that cannot be used.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{setting}: {message}{}", if hint.is_empty() { String::new() } else { format!("; hint: {hint}") })]
+pub struct WrongSetting {
+    /// The setting as `key=value`, or several of them with commas between.
+    pub setting: String,
+    /// What is wrong.
+    pub message: String,
+    /// What to write instead; may be empty.
+    pub hint: String,
+}
 
 /// Why a design, a score or a report could not be made.
 #[derive(Debug, thiserror::Error)]

@@ -145,7 +145,7 @@ fn finished_cameras(run: &RunFolder, experiment: &Experiment) -> Result<Vec<Came
 
 /// Whether a process holds the lock of a run.
 fn is_at_work(folder: &Path) -> bool {
-    let lock = fs::File::open(folder.join("run.lock"));
+    let lock = petzval_base::open_file(folder.join("run.lock"));
     lock.is_ok_and(|file| matches!(file.try_lock_shared(), Err(fs::TryLockError::WouldBlock)))
 }
 

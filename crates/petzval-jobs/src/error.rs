@@ -4,8 +4,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use petzval_base::{Cancelled, FileError, LONGEST_NAME, write_whole};
-use petzval_design::error::DesignError;
-use petzval_design::experiment::WrongSetting;
+use petzval_design::error::{DesignError, WrongSetting};
 use petzval_files::raw_file::RawFileError;
 use petzval_files::{ImageError, decode};
 use schemars::JsonSchema;

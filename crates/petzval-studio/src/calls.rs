@@ -135,6 +135,8 @@ impl Drop for AtWork {
     /// Calls end with their page.
     fn drop(&mut self) {
         let calls = self.calls.lock().unwrap_or_else(PoisonError::into_inner);
-        calls.values().for_each(|call| call.cancel.set());
+        for call in calls.values() {
+            call.cancel.set();
+        }
     }
 }

@@ -3,7 +3,8 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use petzval_design::run_row::{RunRow, is_run, note_differences, run_row};
+pub use petzval_design::run_row::{RunRow, RunState};
+use petzval_design::run_row::{is_run, note_differences, run_row};
 use petzval_jobs::{Context, JobError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -23,8 +23,8 @@ pub use names::{
 pub use plan::{LensSearch, Schedule, Stage, StepRule, Variant, cosine_rate, turn_of};
 pub(crate) use python::PYTHON;
 pub use python::PythonConfig;
+pub use settings::Settings;
 pub(crate) use settings::WithSettings;
-pub use settings::{Settings, WrongSetting};
 pub use size::{FULL_BATCH, FULL_STEPS};
 pub use tables::{
     CheckpointConfig, ConstraintConfig, DetectorConfig, DevelopmentConfig, ExposureConfig, ExposureSetting,

@@ -7,24 +7,13 @@ use serde_json::Value as Json;
 use toml::Value;
 
 use super::Experiment;
+use crate::error::WrongSetting;
 
 /// Values of an experiment by key path: `training.steps`, `psf.kind`, `variant.end-to-end.stage.2.schedule.optics.learning_rate`.
 ///
 /// An element of a list of tables is named by its `name`, or by its place from 0. A table as value sets each of its keys; a key path that is
 /// set twice is refused. Null is no value.
 pub type Settings = BTreeMap<String, Json>;
-
-/// A setting that cannot be used.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{setting}: {message}{}", if hint.is_empty() { String::new() } else { format!("; hint: {hint}") })]
-pub struct WrongSetting {
-    /// The setting as `key=value`, or several of them with commas between.
-    pub setting: String,
-    /// What is wrong.
-    pub message: String,
-    /// What to write instead; may be empty.
-    pub hint: String,
-}
 
 /// A single value at a path of keys.
 struct Leaf {

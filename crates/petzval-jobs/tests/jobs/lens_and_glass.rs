@@ -91,6 +91,7 @@ fn tolerance_request(folder: &std::path::Path) -> tolerance::Request {
         frequency: 40.0,
         kind: PsfKind::Geometric,
         trials: 5,
+        part: None,
         compensate: tolerance::Compensate::Focus,
         limit: Some(14.0),
         inverse: None,

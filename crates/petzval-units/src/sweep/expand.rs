@@ -9,6 +9,7 @@ use serde_json::Value;
 use sha2::{Digest, Sha256};
 
 use super::file::SweepFile;
+use super::place::at_place;
 
 /// Most units of a sweep.
 pub const MOST_UNITS: usize = 100_000;
@@ -113,13 +114,6 @@ pub fn expand(file: &SweepFile, text: &str) -> Result<Expansion, FileError> {
     Ok(Expansion { keys, combinations, merged })
 }
 
-/// An error about the value at a path of keys. An element of a list is called by the key of the list.
-pub(super) fn at_place(text: &str, place: &[&str], message: impl Into<String>) -> FileError {
-    let error = FileError::at_key(text, place, message);
-    let key = place.iter().rfind(|part| part.parse::<usize>().is_err());
-    FileError { key: key.map_or_else(String::new, |key| (*key).to_owned()), ..error }
-}
-
 /// How an error at a place of the file is made.
 type Wrong<'a> = dyn Fn(&[String], String, &str) -> FileError + 'a;
 
@@ -192,7 +186,7 @@ fn leaves<'t>(
     found: &mut Vec<(Vec<String>, &'t toml::Value)>,
 ) {
     for (key, value) in table {
-        let below = [place, &[key.clone()]].concat();
+        let below = [place, std::slice::from_ref(key)].concat();
         match value {
             toml::Value::Table(inner) if !ends(inner) => leaves(inner, &below, ends, found),
             value => found.push((below, value)),

@@ -7,7 +7,7 @@ use petzval_jobs::JobError;
 use schemars::{JsonSchema, schema_for};
 use serde::{Deserialize, Serialize};
 
-use super::expand::at_place;
+use super::place::at_place;
 
 /// What a sweep runs, and what varies from unit to unit.
 ///

@@ -171,6 +171,12 @@ impl KeptSweep {
     }
 }
 
+/// The store of a sweep that names none.
+pub fn usual_store(file: &Path) -> PathBuf {
+    let stem = file.file_stem().map_or_else(|| "sweep".into(), |stem| stem.to_os_string());
+    Path::new("sweeps").join(stem)
+}
+
 /// The file of the units of a sweep in its store.
 pub fn units_file(root: &Path) -> PathBuf {
     root.join(UNITS)

@@ -4,8 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use crate::cli::code::Code;
-use crate::design::run_row::{RunRow, RunState};
-use crate::units::runs::{Runs, USUAL_FOLDER, runs_in};
+use crate::units::runs::{RunRow, RunState, Runs, USUAL_FOLDER, runs_in};
 
 use super::failure::Failure;
 use super::plain::{self, shown};

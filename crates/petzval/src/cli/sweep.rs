@@ -5,8 +5,6 @@ mod here;
 mod start;
 mod status;
 
-use std::path::{Path, PathBuf};
-
 use clap::Subcommand;
 
 use super::code::Code;
@@ -63,10 +61,4 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
         Some(SweepVerb::Gather(args)) => gather::run(&args, terminal),
         None => start::run(&args.start, terminal),
     }
-}
-
-/// The store of a sweep that names none.
-fn usual_store(file: &Path) -> PathBuf {
-    let stem = file.file_stem().map_or_else(|| "sweep".into(), |stem| stem.to_os_string());
-    Path::new("sweeps").join(stem)
 }

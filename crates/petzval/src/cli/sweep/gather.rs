@@ -1,11 +1,9 @@
 //! `petzval sweep gather`.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use crate::base::write_whole;
-use crate::report::sweep_page;
 use crate::units::store::Seen;
-use crate::units::sweep::{Choice, Gathered, KeptSweep, gather, status, units_file, view};
+use crate::units::sweep::{Choice, Gathered, KeptSweep, gather, keep_results, status, units_file, view};
 
 use super::super::code::Code;
 use super::super::failure::Failure;
@@ -41,22 +39,16 @@ pub struct Args {
 const TOLERANCES: &str = "lens-tolerance";
 const PART: &str = "part";
 
-/// Files of the results.
-const FILES: [&str; 3] = ["table.csv", "units.csv", "sweep.html"];
-
 /// Runs the verb.
 pub fn run(args: &Args, terminal: &Terminal) -> Result<Code, Failure> {
     let kept = KeptSweep::read(&args.dir)?;
     let gathered = gather(&kept, &args.dir, status(&kept, &args.dir, &mut Seen::default())?)?;
     let choice = Choice { x: args.x.clone(), y: args.y.clone(), figures: args.figure.clone() };
     let again = format!("petzval sweep {} --store {} --retry", pasted(&kept.file), pasted(&args.dir));
-    let page = sweep_page::page(&view(&gathered, &choice, &again)?);
     let folder = args.out.as_ref().unwrap_or(&args.dir);
-    check_room(folder, args.out.is_some() && !terminal.overwrites)?;
-    for (name, text) in FILES.iter().zip([gathered.csv(), gathered.units_csv(), page]) {
-        let path = folder.join(name);
-        write_whole(&path, text.as_bytes()).map_err(|e| Failure::job(format!("{}: {e}", shown(&path))))?;
-    }
+    // A folder of one's own must not hold any yet.
+    let keeps = args.out.is_some() && !terminal.overwrites;
+    let files = keep_results(&gathered, &view(&gathered, &choice, &again)?, folder, keeps)?;
     if args.json {
         return print_json(&gathered);
     }
@@ -66,17 +58,8 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<Code, Failure> {
         let units = pasted(&units_file(&args.dir));
         outln!("join the parts: petzval unit gather {units} --store {}", pasted(&args.dir));
     }
-    FILES.iter().for_each(|name| outln!("{}", shown(folder.join(name))));
+    files.iter().for_each(|path| outln!("{}", shown(path)));
     Ok(Code::SUCCESS)
-}
-
-/// Makes the folder of the results. A folder of one's own must not hold any yet.
-fn check_room(folder: &Path, is_own: bool) -> Result<(), Failure> {
-    if let Some(there) = FILES.iter().map(|name| folder.join(name)).find(|path| is_own && path.exists()) {
-        return Err(Failure::input(format!("{}: is there already", shown(&there)), "--force overwrites it"));
-    }
-    std::fs::create_dir_all(folder)
-        .map_err(|e| Failure::input(format!("{}: {e}", shown(folder)), "give a folder that can be made"))
 }
 
 /// Figures of the table on the terminal.

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use crate::base::Cancel;
 use crate::units::store::Seen;
-use crate::units::sweep::{KeptSweep, State, logs_folder, status, units_file};
+use crate::units::sweep::{KeptSweep, State, log_of, status, units_file};
 
 use super::super::code::Code;
 use super::super::failure::Failure;
@@ -111,9 +111,7 @@ fn start(kept: &KeptSweep, root: &Path, options: &Options, place: usize) -> Resu
         command.env_remove(variable);
     }
     if options.jobs > 1 {
-        let log = logs_folder(&root).join(format!("here-{place}.log"));
-        let file = std::fs::File::create(&log).map_err(|e| Failure::job(format!("{}: {e}", shown(&log))))?;
-        command.stderr(file);
+        command.stderr(log_of(&root, place)?);
     }
     in_a_group_of_its_own(&mut command);
     command.spawn().map_err(|e| Failure::job(format!("a process of the sweep: {e}")))

@@ -4,10 +4,11 @@ use std::num::NonZero;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use crate::base::{counted, write_whole};
+use crate::base::counted;
 use crate::jobs::{Context, JobError};
 use crate::units::sweep::{
-    Engine, KeptSweep, Plan, Source, Submission, USUAL_JOBS, USUAL_TIME, estimate, keyed, plan, units_file,
+    Engine, KeptSweep, Plan, Source, Submission, USUAL_JOBS, USUAL_TIME, estimate, keep_scripts, keyed, plan,
+    units_file, usual_store,
 };
 
 use super::super::code::Code;
@@ -15,7 +16,7 @@ use super::super::failure::Failure;
 use super::super::plain::shown;
 use super::super::signals;
 use super::super::terminal::{Terminal, pasted};
-use super::{here, usual_store};
+use super::here;
 
 /// Tasks of an array of Slurm where none are named: its usual limit is 1001.
 const MOST_TASKS: usize = 1000;
@@ -92,11 +93,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<Code, Failure> {
     }
     let store = kept.keep(&units, &source, &root)?;
     let submission = submission(args, &kept, store.root())?;
-    for engine in [Engine::Slurm, Engine::Hq, Engine::Ray] {
-        let path = store.root().join(engine.file());
-        write_whole(&path, engine.script(&submission).as_bytes())
-            .map_err(|e| Failure::job(format!("{}: {e}", path.display())))?;
-    }
+    keep_scripts(&submission, store.root())?;
     drop(context);
     noteln!("{} in {}{}", counted(plan.units.len(), "unit"), shown(&root), merged(&plan));
     if !args.retry.is_empty() {
