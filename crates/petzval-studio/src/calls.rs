@@ -61,7 +61,7 @@ impl Calls {
         at_work: &AtWork,
         uploads: &Uploads,
         page: &Outbox,
-    ) -> Result<(), ErrorReport> {
+    ) -> Result<(), Box<ErrorReport>> {
         let MakeCall { id, job, mut request, live, overwrite } = call;
         if let Some(path) = self.folder.way_out(&request) {
             let hint = format!("name files in {}, by their paths in it", self.folder.path().display());
@@ -102,7 +102,7 @@ fn answer(id: u64, made: Result<&Value, &JobError>) -> String {
 }
 
 impl AtWork {
-    fn add(&self, id: u64, call: Running) -> Result<(), ErrorReport> {
+    fn add(&self, id: u64, call: Running) -> Result<(), Box<ErrorReport>> {
         let mut calls = self.calls.lock().unwrap_or_else(PoisonError::into_inner);
         if calls.contains_key(&id) {
             return Err(refusal(

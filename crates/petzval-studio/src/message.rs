@@ -84,14 +84,14 @@ impl Outgoing<'_> {
 }
 
 /// The report of a call that was not made.
-pub fn refusal(message: impl Into<String>, hint: &str) -> ErrorReport {
-    ErrorReport {
+pub fn refusal(message: impl Into<String>, hint: &str) -> Box<ErrorReport> {
+    Box::new(ErrorReport {
         kind: "input".to_owned(),
         message: message.into(),
         place: None,
         hint: hint.to_owned(),
         stopped: None,
-    }
+    })
 }
 
 #[cfg(test)]
