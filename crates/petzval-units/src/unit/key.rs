@@ -56,7 +56,7 @@ pub struct Prepared {
     pub unit: Unit,
     /// Its key.
     pub key: Key,
-    /// Its request with every default and the seed of the unit. Results go to [`NOWHERE`] if the job writes some.
+    /// Its request with every default and the seed of the unit. Results go to a folder that stands for any if the job writes some.
     pub request: Value,
     /// Files and folders that the request names, and those that a named experiment names.
     pub inputs: Vec<InputDigest>,
