@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any, Literal, TypedDict
 
-JobName = Literal['design', 'design-check', 'init', 'experiment-list', 'experiment-show', 'experiment-run-all', 'schema', 'report', 'compare', 'evaluate', 'lens-show', 'lens-trace', 'lens-analyze', 'lens-convert', 'lens-focus', 'lens-list', 'lens-optimize', 'lens-tolerance', 'glass-find', 'glass-list', 'glass-show', 'psf', 'psf-calibrate', 'psf-capture', 'sensor-list', 'sensor-show', 'sensor-capture', 'sensor-characterize', 'simulate', 'raw-show', 'raw-convert', 'raw-mtf', 'isp-show', 'isp-develop', 'isp-tune', 'isp-chart', 'apply', 'detect', 'data-convert', 'data-check', 'train-isp-proxy', 'train-optics-proxy', 'bench', 'doctor']
+JobName = Literal['design', 'design-check', 'init', 'experiment-list', 'experiment-show', 'experiment-run-all', 'schema', 'report', 'compare', 'evaluate', 'lens-show', 'lens-view', 'lens-edit', 'lens-trace', 'lens-analyze', 'lens-convert', 'lens-focus', 'lens-list', 'lens-optimize', 'lens-tolerance', 'glass-find', 'glass-list', 'glass-show', 'psf', 'psf-calibrate', 'psf-capture', 'sensor-list', 'sensor-show', 'sensor-capture', 'sensor-characterize', 'simulate', 'camera-view', 'photo-list', 'raw-show', 'raw-convert', 'raw-mtf', 'isp-show', 'isp-develop', 'isp-tune', 'isp-chart', 'apply', 'detect', 'data-convert', 'data-check', 'train-isp-proxy', 'train-optics-proxy', 'bench', 'doctor']
 """Every job."""
 
 
@@ -343,6 +343,648 @@ class LensShowLensInput2LensText1(TypedDict, total=False):
 
 
 class LensShowLensInput2LensText2(TypedDict, total=False):
+    """Any format that is read.
+
+    Needs `text`, `format`."""
+    format: Literal['toml'] | Literal['zmx'] | Literal['seq'] | Literal['json']
+    """Its format."""
+    text: str
+    """The text."""
+
+
+class LensView(TypedDict, total=False):
+    """A lens, how it changes, and what to look at.
+
+    Needs `lens`."""
+    edits: list["LensViewEditsItemEdit1" | "LensViewEditsItemEdit2" | "LensViewEditsItemEdit3" | "LensViewEditsItemEdit4" | "LensViewEditsItemEdit5" | "LensViewEditsItemEdit6" | "LensViewEditsItemEdit7" | "LensViewEditsItemEdit8" | "LensViewEditsItemEdit9" | "LensViewEditsItemEdit10" | "LensViewEditsItemEdit11" | "LensViewEditsItemEdit12" | "LensViewEditsItemEdit13" | "LensViewEditsItemEdit14" | "LensViewEditsItemEdit15" | "LensViewEditsItemEdit16" | "LensViewEditsItemEdit17" | "LensViewEditsItemEdit18" | "LensViewEditsItemEdit19" | "LensViewEditsItemEdit20" | "LensViewEditsItemEdit21" | "LensViewEditsItemEdit22" | "LensViewEditsItemEdit23"]
+    """Changes that come first, in this order."""
+    goal: "LensViewGoalGoal"
+    """Limits of the lens, as an optimisation has them. Its other keys do not matter."""
+    lens: str | "LensViewLensInput2LensText1" | "LensViewLensInput2LensText2"
+    """Lens: a built-in name, the path of a file, or the lens itself. It may be one that cannot be built."""
+    max_frequency: float | None
+    """Highest frequency of MTF curves, cycles/mm; if left out, 100, or about half of the cutoff if that is less.
+    Unit: cycles/mm."""
+    parts: list[Literal['layout'] | Literal['spots'] | Literal['fans'] | Literal['mtf'] | Literal['field-curves']]
+    """What to look at, beside the prescription and the first-order data; everything if empty."""
+    quick: bool
+    """Few rays and few points, for a lens that is being dragged."""
+
+
+class LensViewEditsItemEdit1(TypedDict, total=False):
+    """Sets a radius of curvature.
+
+    Needs `edit`, `surface`."""
+    edit: Literal['radius']
+    radius_mm: float | None
+    """Radius, mm; null for a plane."""
+    surface: int
+    """Surface."""
+
+
+class LensViewEditsItemEdit2(TypedDict, total=False):
+    """Sets a vertex curvature.
+
+    Needs `edit`, `surface`, `curvature_per_mm`."""
+    curvature_per_mm: float
+    """Curvature, 1/mm."""
+    edit: Literal['curvature']
+    surface: int
+    """Surface."""
+
+
+class LensViewEditsItemEdit3(TypedDict, total=False):
+    """Bends an element: the same change of both curvatures, so that its power as a thin lens stays.
+
+    Needs `edit`, `surface`, `by_per_mm`."""
+    by_per_mm: float
+    """What is added to both curvatures, 1/mm."""
+    edit: Literal['bend']
+    surface: int
+    """Surface in front of the glass."""
+
+
+class LensViewEditsItemEdit4(TypedDict, total=False):
+    """Sets the curvature with which the conic has a given sag at a given height; the even polynomial and what else
+    departs from it stay.
+
+    Needs `edit`, `surface`, `height_mm`, `sag_mm`."""
+    edit: Literal['sag']
+    height_mm: float
+    """Height above the axis, mm."""
+    sag_mm: float
+    """Sag of the whole surface there, mm."""
+    surface: int
+    """Surface."""
+
+
+class LensViewEditsItemEdit5(TypedDict, total=False):
+    """Sets a conic constant.
+
+    Needs `edit`, `surface`, `conic`."""
+    conic: float
+    """Conic constant."""
+    edit: Literal['conic']
+    surface: int
+    """Surface."""
+
+
+class LensViewEditsItemEdit6(TypedDict, total=False):
+    """Sets a coefficient of the even polynomial.
+
+    Needs `edit`, `surface`, `power`, `value`."""
+    edit: Literal['asphere']
+    power: int
+    """Power of r: 2, 4, ..., 16."""
+    surface: int
+    """Surface."""
+    value: float
+    """Coefficient, mm^(1 - power)."""
+
+
+class LensViewEditsItemEdit7(TypedDict, total=False):
+    """Sets the distance to the next surface; of the last one, to the image plane.
+
+    Needs `edit`, `surface`, `thickness_mm`."""
+    edit: Literal['thickness']
+    surface: int
+    """Surface."""
+    thickness_mm: float
+    """Distance, mm."""
+
+
+class LensViewEditsItemEdit8(TypedDict, total=False):
+    """Sets the clear semi-diameter.
+
+    Needs `edit`, `surface`, `semi_diameter_mm`."""
+    edit: Literal['semi-diameter']
+    semi_diameter_mm: float
+    """Clear semi-diameter, mm."""
+    surface: int
+    """Surface."""
+
+
+class LensViewEditsItemEdit9(TypedDict, total=False):
+    """Sets the medium behind a surface.
+
+    Needs `edit`, `surface`, `glass`."""
+    edit: Literal['glass']
+    glass: str
+    """Name of a glass, or `MAKER:NAME`; `AIR` or nothing for air."""
+    surface: int
+    """Surface."""
+
+
+class LensViewEditsItemEdit10(TypedDict, total=False):
+    """Names a surface.
+
+    Needs `edit`, `surface`, `label`."""
+    edit: Literal['label']
+    label: str
+    """What it is called."""
+    surface: int
+    """Surface."""
+
+
+class LensViewEditsItemEdit11(TypedDict, total=False):
+    """Makes a surface the aperture stop.
+
+    Needs `edit`, `surface`."""
+    edit: Literal['stop']
+    surface: int
+    """Surface."""
+
+
+class LensViewEditsItemEdit12(TypedDict, total=False):
+    """Inserts a plane without effect in front of a surface, in the middle of the gap; the other surfaces stay in
+    place.
+
+    Needs `edit`, `before`."""
+    before: int
+    """The surface that comes behind it; one more than the last surface inserts behind all."""
+    edit: Literal['insert']
+
+
+class LensViewEditsItemEdit13(TypedDict, total=False):
+    """Deletes a surface; the others stay in place.
+
+    Needs `edit`, `surface`."""
+    edit: Literal['delete']
+    surface: int
+    """Surface."""
+
+
+class LensViewEditsItemEdit14(TypedDict, total=False):
+    """Sets the diameter of the entrance pupil.
+
+    Needs `edit`, `entrance_pupil_mm`."""
+    edit: Literal['aperture']
+    entrance_pupil_mm: float
+    """Diameter, mm."""
+
+
+class LensViewEditsItemEdit15(TypedDict, total=False):
+    """Sets the fields.
+
+    Needs `edit`, `fields_deg`."""
+    edit: Literal['fields']
+    fields_deg: list[float]
+    """Fields, degrees, in any order."""
+
+
+class LensViewEditsItemEdit16(TypedDict, total=False):
+    """Sets the wavelengths.
+
+    Needs `edit`, `wavelengths_um`, `reference_um`."""
+    edit: Literal['wavelengths']
+    reference_um: float
+    """The reference wavelength, um."""
+    wavelengths_um: list[float]
+    """Wavelengths, um, in any order."""
+
+
+class LensViewEditsItemEdit17(TypedDict, total=False):
+    """Moves the object plane.
+
+    Needs `edit`."""
+    distance_mm: float | None
+    """Distance from the object to the first vertex, mm; null for infinity."""
+    edit: Literal['object']
+
+
+class LensViewEditsItemEdit18(TypedDict, total=False):
+    """Names the lens.
+
+    Needs `edit`, `name`."""
+    edit: Literal['name']
+    name: str
+    """What it is called."""
+
+
+class LensViewEditsItemEdit19(TypedDict, total=False):
+    """Moves the image plane to a focus, once.
+
+    Needs `edit`, `at`."""
+    at: Literal['file'] | Literal['paraxial'] | Literal['best']
+    """To which."""
+    edit: Literal['focus']
+
+
+class LensViewEditsItemEdit20(TypedDict, total=False):
+    """Scales every length of the lens, so that its focal length becomes a given one.
+
+    Needs `edit`, `efl_mm`."""
+    edit: Literal['scale-to']
+    efl_mm: float
+    """Focal length, mm."""
+
+
+class LensViewEditsItemEdit21(TypedDict, total=False):
+    """Lets a number vary in optimisations.
+
+    Needs `edit`, `surface`, `parameter`."""
+    edit: Literal['vary']
+    max: float | None
+    """Upper bound."""
+    min: float | None
+    """Lower bound; about the own value if both are left out."""
+    parameter: str
+    """The number as lens files name it: `radius_mm`, `thickness_mm`, `conic`, `a4`, ..."""
+    surface: int
+    """Surface."""
+
+
+class LensViewEditsItemEdit22(TypedDict, total=False):
+    """Holds a number in optimisations.
+
+    Needs `edit`, `surface`, `parameter`."""
+    edit: Literal['hold']
+    parameter: str
+    """The number as lens files name it."""
+    surface: int
+    """Surface."""
+
+
+class LensViewEditsItemEdit23(TypedDict, total=False):
+    """Lets a radius hold the focal length, now and after each further edit.
+
+    Needs `edit`."""
+    edit: Literal['solve-efl']
+    efl_mm: float | None
+    """Focal length, mm; the own one if left out."""
+    surface: int | None
+    """Surface; null ends the solve."""
+
+
+class LensViewGoalGoal(TypedDict, total=False):
+    """What an optimised lens has to be."""
+    air: float | None
+    """Least air between elements, on the axis and at the edge, mm, 0.01 at least. Unit: mm."""
+    bfl: list[float]
+    """Least and greatest back focal length, mm; empty for none. Unit: mm."""
+    centre: float | None
+    """Least centre thickness of every element, mm. Unit: mm."""
+    chief_ray_angle: float | None
+    """Greatest angle of the outermost chief ray to the axis at the image, degrees. Unit: degrees."""
+    clear_diameter: float | None
+    """Greatest clear diameter of any surface, mm. Unit: mm."""
+    distortion: float | None
+    """Greatest distortion at the outermost field, percent. Unit: %."""
+    edge: float | None
+    """Least edge thickness of every element, mm, 0.01 at least. Unit: mm."""
+    efl: str | None
+    """Focal length to hold, mm, or `free`; if left out what the lens file solves for, else that of the lens at the
+    start, or the magnification of a near object."""
+    f_number: float | None
+    """F-number: sets the entrance pupil by the focal length that is held, or that of the start."""
+    fields: list[float]
+    """Field angles, degrees; those of the lens if empty. Unit: degrees."""
+    glass: list[str]
+    """Glasses that a search may exchange, each as `SURFACE` or `SURFACE=NAME,...`: the surface in front of the
+    glass, and the names that it may get, the whole catalogue if none. The glass that it has always takes part."""
+    operands: "LensViewGoalGoalOperands1OperandFile" | None
+    """Further figures, each with a bound and a weight, and the weight of the spots beside them."""
+    power: float
+    """The mean over the fields of `RMS^power` is minimised: 1 the mean spot, 2 the mean square, 8 nearly the worst;
+    0.5 to 64."""
+    restored: "LensViewGoalGoalRestored1Restored" | None
+    """The error of the best linear restoration of the frames of a camera is minimised in place of the spots."""
+    slope: float | None
+    """Steepest surface within its clear aperture, degrees. Unit: degrees."""
+    track: float | None
+    """Greatest track, mm: between any two of the vertices and the image plane. Unit: mm."""
+    vary: list[Literal['curvature'] | Literal['thickness'] | Literal['air'] | Literal['conic'] | Literal['asphere']]
+    """Kinds of numbers that vary beside the variables of the lens file; a lens whose file names none varies these
+    alone."""
+    wavelengths: list[float]
+    """Wavelengths, um, all of the same weight; those of the lens if empty. Unit: um."""
+
+
+class LensViewGoalGoalOperands1OperandFile(TypedDict, total=False):
+    """Figures that a lens should reach.
+
+    Needs `operand`."""
+    operand: list["LensViewGoalGoalOperands1OperandFileOperandItemOperand"]
+    """The figures."""
+    spot_weight: float
+    """How much the RMS spots count beside them, from 0."""
+
+
+class LensViewGoalGoalOperands1OperandFileOperandItemOperand(TypedDict, total=False):
+    """A figure with its bounds.
+
+    Needs `of`."""
+    at_least: float | None
+    """Least value."""
+    at_most: float | None
+    """Greatest value."""
+    field_deg: float | None
+    """Field angle, degrees; where it is left out, all fields of the lens for contrast, spots and wavefronts, and the
+    outermost for the others."""
+    frequency_per_mm: float | None
+    """Spatial frequency of contrast, cycles per mm."""
+    of: Literal['mtf'] | Literal['spot'] | Literal['wavefront'] | Literal['focal-length'] | Literal['back-focal-length'] | Literal['track'] | Literal['distortion'] | Literal['chief-ray-angle'] | Literal['image-height']
+    """The figure."""
+    waves: bool
+    """Whether contrast includes diffraction."""
+    weight_um: float
+    """Micrometres of spot that one unit beyond a bound counts as much as: for contrast 1, for a wavefront 1 wave,
+    for a spot 1 um. Bounds of the other figures bind: a millimetre beyond counts at least 10 000 um, as for a
+    limit."""
+
+
+class LensViewGoalGoalRestored1Restored(TypedDict, total=False):
+    """The camera whose raw frames should be restored as well as possible."""
+    sensor: str
+    """Sensor, by file or built-in name."""
+    white_e: float
+    """Photoelectrons that white gives in a green pixel on the axis. Unit: e-."""
+
+
+class LensViewLensInput2LensText1(TypedDict, total=False):
+    """Petzval's own format.
+
+    Needs `toml`."""
+    toml: str
+    """The text."""
+
+
+class LensViewLensInput2LensText2(TypedDict, total=False):
+    """Any format that is read.
+
+    Needs `text`, `format`."""
+    format: Literal['toml'] | Literal['zmx'] | Literal['seq'] | Literal['json']
+    """Its format."""
+    text: str
+    """The text."""
+
+
+class LensEdit(TypedDict, total=False):
+    """A lens, and how it changes. Nothing is written into a file.
+
+    Needs `lens`."""
+    edits: list["LensEditEditsItemEdit1" | "LensEditEditsItemEdit2" | "LensEditEditsItemEdit3" | "LensEditEditsItemEdit4" | "LensEditEditsItemEdit5" | "LensEditEditsItemEdit6" | "LensEditEditsItemEdit7" | "LensEditEditsItemEdit8" | "LensEditEditsItemEdit9" | "LensEditEditsItemEdit10" | "LensEditEditsItemEdit11" | "LensEditEditsItemEdit12" | "LensEditEditsItemEdit13" | "LensEditEditsItemEdit14" | "LensEditEditsItemEdit15" | "LensEditEditsItemEdit16" | "LensEditEditsItemEdit17" | "LensEditEditsItemEdit18" | "LensEditEditsItemEdit19" | "LensEditEditsItemEdit20" | "LensEditEditsItemEdit21" | "LensEditEditsItemEdit22" | "LensEditEditsItemEdit23"]
+    """The changes, in this order."""
+    format: Literal['toml'] | Literal['zmx'] | Literal['seq']
+    """The format of the text."""
+    lens: str | "LensEditLensInput2LensText1" | "LensEditLensInput2LensText2"
+    """Lens: a built-in name, the path of a file, or the lens itself. It may be one that cannot be built."""
+
+
+class LensEditEditsItemEdit1(TypedDict, total=False):
+    """Sets a radius of curvature.
+
+    Needs `edit`, `surface`."""
+    edit: Literal['radius']
+    radius_mm: float | None
+    """Radius, mm; null for a plane."""
+    surface: int
+    """Surface."""
+
+
+class LensEditEditsItemEdit2(TypedDict, total=False):
+    """Sets a vertex curvature.
+
+    Needs `edit`, `surface`, `curvature_per_mm`."""
+    curvature_per_mm: float
+    """Curvature, 1/mm."""
+    edit: Literal['curvature']
+    surface: int
+    """Surface."""
+
+
+class LensEditEditsItemEdit3(TypedDict, total=False):
+    """Bends an element: the same change of both curvatures, so that its power as a thin lens stays.
+
+    Needs `edit`, `surface`, `by_per_mm`."""
+    by_per_mm: float
+    """What is added to both curvatures, 1/mm."""
+    edit: Literal['bend']
+    surface: int
+    """Surface in front of the glass."""
+
+
+class LensEditEditsItemEdit4(TypedDict, total=False):
+    """Sets the curvature with which the conic has a given sag at a given height; the even polynomial and what else
+    departs from it stay.
+
+    Needs `edit`, `surface`, `height_mm`, `sag_mm`."""
+    edit: Literal['sag']
+    height_mm: float
+    """Height above the axis, mm."""
+    sag_mm: float
+    """Sag of the whole surface there, mm."""
+    surface: int
+    """Surface."""
+
+
+class LensEditEditsItemEdit5(TypedDict, total=False):
+    """Sets a conic constant.
+
+    Needs `edit`, `surface`, `conic`."""
+    conic: float
+    """Conic constant."""
+    edit: Literal['conic']
+    surface: int
+    """Surface."""
+
+
+class LensEditEditsItemEdit6(TypedDict, total=False):
+    """Sets a coefficient of the even polynomial.
+
+    Needs `edit`, `surface`, `power`, `value`."""
+    edit: Literal['asphere']
+    power: int
+    """Power of r: 2, 4, ..., 16."""
+    surface: int
+    """Surface."""
+    value: float
+    """Coefficient, mm^(1 - power)."""
+
+
+class LensEditEditsItemEdit7(TypedDict, total=False):
+    """Sets the distance to the next surface; of the last one, to the image plane.
+
+    Needs `edit`, `surface`, `thickness_mm`."""
+    edit: Literal['thickness']
+    surface: int
+    """Surface."""
+    thickness_mm: float
+    """Distance, mm."""
+
+
+class LensEditEditsItemEdit8(TypedDict, total=False):
+    """Sets the clear semi-diameter.
+
+    Needs `edit`, `surface`, `semi_diameter_mm`."""
+    edit: Literal['semi-diameter']
+    semi_diameter_mm: float
+    """Clear semi-diameter, mm."""
+    surface: int
+    """Surface."""
+
+
+class LensEditEditsItemEdit9(TypedDict, total=False):
+    """Sets the medium behind a surface.
+
+    Needs `edit`, `surface`, `glass`."""
+    edit: Literal['glass']
+    glass: str
+    """Name of a glass, or `MAKER:NAME`; `AIR` or nothing for air."""
+    surface: int
+    """Surface."""
+
+
+class LensEditEditsItemEdit10(TypedDict, total=False):
+    """Names a surface.
+
+    Needs `edit`, `surface`, `label`."""
+    edit: Literal['label']
+    label: str
+    """What it is called."""
+    surface: int
+    """Surface."""
+
+
+class LensEditEditsItemEdit11(TypedDict, total=False):
+    """Makes a surface the aperture stop.
+
+    Needs `edit`, `surface`."""
+    edit: Literal['stop']
+    surface: int
+    """Surface."""
+
+
+class LensEditEditsItemEdit12(TypedDict, total=False):
+    """Inserts a plane without effect in front of a surface, in the middle of the gap; the other surfaces stay in
+    place.
+
+    Needs `edit`, `before`."""
+    before: int
+    """The surface that comes behind it; one more than the last surface inserts behind all."""
+    edit: Literal['insert']
+
+
+class LensEditEditsItemEdit13(TypedDict, total=False):
+    """Deletes a surface; the others stay in place.
+
+    Needs `edit`, `surface`."""
+    edit: Literal['delete']
+    surface: int
+    """Surface."""
+
+
+class LensEditEditsItemEdit14(TypedDict, total=False):
+    """Sets the diameter of the entrance pupil.
+
+    Needs `edit`, `entrance_pupil_mm`."""
+    edit: Literal['aperture']
+    entrance_pupil_mm: float
+    """Diameter, mm."""
+
+
+class LensEditEditsItemEdit15(TypedDict, total=False):
+    """Sets the fields.
+
+    Needs `edit`, `fields_deg`."""
+    edit: Literal['fields']
+    fields_deg: list[float]
+    """Fields, degrees, in any order."""
+
+
+class LensEditEditsItemEdit16(TypedDict, total=False):
+    """Sets the wavelengths.
+
+    Needs `edit`, `wavelengths_um`, `reference_um`."""
+    edit: Literal['wavelengths']
+    reference_um: float
+    """The reference wavelength, um."""
+    wavelengths_um: list[float]
+    """Wavelengths, um, in any order."""
+
+
+class LensEditEditsItemEdit17(TypedDict, total=False):
+    """Moves the object plane.
+
+    Needs `edit`."""
+    distance_mm: float | None
+    """Distance from the object to the first vertex, mm; null for infinity."""
+    edit: Literal['object']
+
+
+class LensEditEditsItemEdit18(TypedDict, total=False):
+    """Names the lens.
+
+    Needs `edit`, `name`."""
+    edit: Literal['name']
+    name: str
+    """What it is called."""
+
+
+class LensEditEditsItemEdit19(TypedDict, total=False):
+    """Moves the image plane to a focus, once.
+
+    Needs `edit`, `at`."""
+    at: Literal['file'] | Literal['paraxial'] | Literal['best']
+    """To which."""
+    edit: Literal['focus']
+
+
+class LensEditEditsItemEdit20(TypedDict, total=False):
+    """Scales every length of the lens, so that its focal length becomes a given one.
+
+    Needs `edit`, `efl_mm`."""
+    edit: Literal['scale-to']
+    efl_mm: float
+    """Focal length, mm."""
+
+
+class LensEditEditsItemEdit21(TypedDict, total=False):
+    """Lets a number vary in optimisations.
+
+    Needs `edit`, `surface`, `parameter`."""
+    edit: Literal['vary']
+    max: float | None
+    """Upper bound."""
+    min: float | None
+    """Lower bound; about the own value if both are left out."""
+    parameter: str
+    """The number as lens files name it: `radius_mm`, `thickness_mm`, `conic`, `a4`, ..."""
+    surface: int
+    """Surface."""
+
+
+class LensEditEditsItemEdit22(TypedDict, total=False):
+    """Holds a number in optimisations.
+
+    Needs `edit`, `surface`, `parameter`."""
+    edit: Literal['hold']
+    parameter: str
+    """The number as lens files name it."""
+    surface: int
+    """Surface."""
+
+
+class LensEditEditsItemEdit23(TypedDict, total=False):
+    """Lets a radius hold the focal length, now and after each further edit.
+
+    Needs `edit`."""
+    edit: Literal['solve-efl']
+    efl_mm: float | None
+    """Focal length, mm; the own one if left out."""
+    surface: int | None
+    """Surface; null ends the solve."""
+
+
+class LensEditLensInput2LensText1(TypedDict, total=False):
+    """Petzval's own format.
+
+    Needs `toml`."""
+    toml: str
+    """The text."""
+
+
+class LensEditLensInput2LensText2(TypedDict, total=False):
     """Any format that is read.
 
     Needs `text`, `format`."""
@@ -1090,6 +1732,320 @@ class SimulateSpectralSpectral(TypedDict, total=False):
     """Transmission of the lens: a number in 0..1, or a CSV file of wavelengths in nm and transmission."""
 
 
+class CameraView(TypedDict, total=False):
+    """A camera, and the place of its image that is looked at.
+
+    Needs `lens`."""
+    array: list[int]
+    """Rows and columns of the array; those of the sensor's pixels that fill the image circle if left empty. Unit:
+    pixels."""
+    at: list[float]
+    """Where: x and y from the upper left corner of the array, as shares of its width and height."""
+    edits: list["CameraViewEditsItemEdit1" | "CameraViewEditsItemEdit2" | "CameraViewEditsItemEdit3" | "CameraViewEditsItemEdit4" | "CameraViewEditsItemEdit5" | "CameraViewEditsItemEdit6" | "CameraViewEditsItemEdit7" | "CameraViewEditsItemEdit8" | "CameraViewEditsItemEdit9" | "CameraViewEditsItemEdit10" | "CameraViewEditsItemEdit11" | "CameraViewEditsItemEdit12" | "CameraViewEditsItemEdit13" | "CameraViewEditsItemEdit14" | "CameraViewEditsItemEdit15" | "CameraViewEditsItemEdit16" | "CameraViewEditsItemEdit17" | "CameraViewEditsItemEdit18" | "CameraViewEditsItemEdit19" | "CameraViewEditsItemEdit20" | "CameraViewEditsItemEdit21" | "CameraViewEditsItemEdit22" | "CameraViewEditsItemEdit23"]
+    """Changes of the lens that come first, in this order."""
+    exposure_ev: float
+    """Stops by which the picture is exposed more than `white_e` says. Unit: stops."""
+    gain: float
+    """Linear analogue gain."""
+    lens: str | "CameraViewLensInput2LensText1" | "CameraViewLensInput2LensText2"
+    """Lens: a built-in name, the path of a file, or the lens itself."""
+    no_noise: bool
+    """Leave out all noise."""
+    photo: str
+    """The scene: a built-in photograph, the path of a picture, or `scene:NAME`. One that is smaller than the array,
+    and every built-in scene, lies at the place that is looked at; a larger one covers the array."""
+    quick: bool
+    """Few fields, few rays, few patches, for a lens that is being dragged."""
+    raw: bool
+    """Whether the raw frame is given as well."""
+    seed: int
+    """Seed of the noise."""
+    sensor: str | "CameraViewSensorInput22TomlText"
+    """Sensor: a built-in name, the path of a file, or the sensor itself."""
+    size: list[int]
+    """Rows and columns that are developed; fewer where the array has no more. Unit: pixels."""
+    time_s: float
+    """Exposure time, s. Unit: s."""
+    white_e: float | None
+    """Photoelectrons that white gives in a green pixel on the axis; 70 % of what saturates the first colour if left
+    out. Unit: e-."""
+
+
+class CameraViewEditsItemEdit1(TypedDict, total=False):
+    """Sets a radius of curvature.
+
+    Needs `edit`, `surface`."""
+    edit: Literal['radius']
+    radius_mm: float | None
+    """Radius, mm; null for a plane."""
+    surface: int
+    """Surface."""
+
+
+class CameraViewEditsItemEdit2(TypedDict, total=False):
+    """Sets a vertex curvature.
+
+    Needs `edit`, `surface`, `curvature_per_mm`."""
+    curvature_per_mm: float
+    """Curvature, 1/mm."""
+    edit: Literal['curvature']
+    surface: int
+    """Surface."""
+
+
+class CameraViewEditsItemEdit3(TypedDict, total=False):
+    """Bends an element: the same change of both curvatures, so that its power as a thin lens stays.
+
+    Needs `edit`, `surface`, `by_per_mm`."""
+    by_per_mm: float
+    """What is added to both curvatures, 1/mm."""
+    edit: Literal['bend']
+    surface: int
+    """Surface in front of the glass."""
+
+
+class CameraViewEditsItemEdit4(TypedDict, total=False):
+    """Sets the curvature with which the conic has a given sag at a given height; the even polynomial and what else
+    departs from it stay.
+
+    Needs `edit`, `surface`, `height_mm`, `sag_mm`."""
+    edit: Literal['sag']
+    height_mm: float
+    """Height above the axis, mm."""
+    sag_mm: float
+    """Sag of the whole surface there, mm."""
+    surface: int
+    """Surface."""
+
+
+class CameraViewEditsItemEdit5(TypedDict, total=False):
+    """Sets a conic constant.
+
+    Needs `edit`, `surface`, `conic`."""
+    conic: float
+    """Conic constant."""
+    edit: Literal['conic']
+    surface: int
+    """Surface."""
+
+
+class CameraViewEditsItemEdit6(TypedDict, total=False):
+    """Sets a coefficient of the even polynomial.
+
+    Needs `edit`, `surface`, `power`, `value`."""
+    edit: Literal['asphere']
+    power: int
+    """Power of r: 2, 4, ..., 16."""
+    surface: int
+    """Surface."""
+    value: float
+    """Coefficient, mm^(1 - power)."""
+
+
+class CameraViewEditsItemEdit7(TypedDict, total=False):
+    """Sets the distance to the next surface; of the last one, to the image plane.
+
+    Needs `edit`, `surface`, `thickness_mm`."""
+    edit: Literal['thickness']
+    surface: int
+    """Surface."""
+    thickness_mm: float
+    """Distance, mm."""
+
+
+class CameraViewEditsItemEdit8(TypedDict, total=False):
+    """Sets the clear semi-diameter.
+
+    Needs `edit`, `surface`, `semi_diameter_mm`."""
+    edit: Literal['semi-diameter']
+    semi_diameter_mm: float
+    """Clear semi-diameter, mm."""
+    surface: int
+    """Surface."""
+
+
+class CameraViewEditsItemEdit9(TypedDict, total=False):
+    """Sets the medium behind a surface.
+
+    Needs `edit`, `surface`, `glass`."""
+    edit: Literal['glass']
+    glass: str
+    """Name of a glass, or `MAKER:NAME`; `AIR` or nothing for air."""
+    surface: int
+    """Surface."""
+
+
+class CameraViewEditsItemEdit10(TypedDict, total=False):
+    """Names a surface.
+
+    Needs `edit`, `surface`, `label`."""
+    edit: Literal['label']
+    label: str
+    """What it is called."""
+    surface: int
+    """Surface."""
+
+
+class CameraViewEditsItemEdit11(TypedDict, total=False):
+    """Makes a surface the aperture stop.
+
+    Needs `edit`, `surface`."""
+    edit: Literal['stop']
+    surface: int
+    """Surface."""
+
+
+class CameraViewEditsItemEdit12(TypedDict, total=False):
+    """Inserts a plane without effect in front of a surface, in the middle of the gap; the other surfaces stay in
+    place.
+
+    Needs `edit`, `before`."""
+    before: int
+    """The surface that comes behind it; one more than the last surface inserts behind all."""
+    edit: Literal['insert']
+
+
+class CameraViewEditsItemEdit13(TypedDict, total=False):
+    """Deletes a surface; the others stay in place.
+
+    Needs `edit`, `surface`."""
+    edit: Literal['delete']
+    surface: int
+    """Surface."""
+
+
+class CameraViewEditsItemEdit14(TypedDict, total=False):
+    """Sets the diameter of the entrance pupil.
+
+    Needs `edit`, `entrance_pupil_mm`."""
+    edit: Literal['aperture']
+    entrance_pupil_mm: float
+    """Diameter, mm."""
+
+
+class CameraViewEditsItemEdit15(TypedDict, total=False):
+    """Sets the fields.
+
+    Needs `edit`, `fields_deg`."""
+    edit: Literal['fields']
+    fields_deg: list[float]
+    """Fields, degrees, in any order."""
+
+
+class CameraViewEditsItemEdit16(TypedDict, total=False):
+    """Sets the wavelengths.
+
+    Needs `edit`, `wavelengths_um`, `reference_um`."""
+    edit: Literal['wavelengths']
+    reference_um: float
+    """The reference wavelength, um."""
+    wavelengths_um: list[float]
+    """Wavelengths, um, in any order."""
+
+
+class CameraViewEditsItemEdit17(TypedDict, total=False):
+    """Moves the object plane.
+
+    Needs `edit`."""
+    distance_mm: float | None
+    """Distance from the object to the first vertex, mm; null for infinity."""
+    edit: Literal['object']
+
+
+class CameraViewEditsItemEdit18(TypedDict, total=False):
+    """Names the lens.
+
+    Needs `edit`, `name`."""
+    edit: Literal['name']
+    name: str
+    """What it is called."""
+
+
+class CameraViewEditsItemEdit19(TypedDict, total=False):
+    """Moves the image plane to a focus, once.
+
+    Needs `edit`, `at`."""
+    at: Literal['file'] | Literal['paraxial'] | Literal['best']
+    """To which."""
+    edit: Literal['focus']
+
+
+class CameraViewEditsItemEdit20(TypedDict, total=False):
+    """Scales every length of the lens, so that its focal length becomes a given one.
+
+    Needs `edit`, `efl_mm`."""
+    edit: Literal['scale-to']
+    efl_mm: float
+    """Focal length, mm."""
+
+
+class CameraViewEditsItemEdit21(TypedDict, total=False):
+    """Lets a number vary in optimisations.
+
+    Needs `edit`, `surface`, `parameter`."""
+    edit: Literal['vary']
+    max: float | None
+    """Upper bound."""
+    min: float | None
+    """Lower bound; about the own value if both are left out."""
+    parameter: str
+    """The number as lens files name it: `radius_mm`, `thickness_mm`, `conic`, `a4`, ..."""
+    surface: int
+    """Surface."""
+
+
+class CameraViewEditsItemEdit22(TypedDict, total=False):
+    """Holds a number in optimisations.
+
+    Needs `edit`, `surface`, `parameter`."""
+    edit: Literal['hold']
+    parameter: str
+    """The number as lens files name it."""
+    surface: int
+    """Surface."""
+
+
+class CameraViewEditsItemEdit23(TypedDict, total=False):
+    """Lets a radius hold the focal length, now and after each further edit.
+
+    Needs `edit`."""
+    edit: Literal['solve-efl']
+    efl_mm: float | None
+    """Focal length, mm; the own one if left out."""
+    surface: int | None
+    """Surface; null ends the solve."""
+
+
+class CameraViewLensInput2LensText1(TypedDict, total=False):
+    """Petzval's own format.
+
+    Needs `toml`."""
+    toml: str
+    """The text."""
+
+
+class CameraViewLensInput2LensText2(TypedDict, total=False):
+    """Any format that is read.
+
+    Needs `text`, `format`."""
+    format: Literal['toml'] | Literal['zmx'] | Literal['seq'] | Literal['json']
+    """Its format."""
+    text: str
+    """The text."""
+
+
+class CameraViewSensorInput22TomlText(TypedDict, total=False):
+    """The text of a file in TOML.
+
+    Needs `toml`."""
+    toml: str
+    """The text."""
+
+
+class PhotoList(TypedDict, total=False):
+    """Nothing to choose."""
+
+
 class RawShow(TypedDict, total=False):
     """A raw frame to summarise: gray TIFF or PNG of 8 or 16 bits, a NumPy array, a packed `.raw` with its sidecar,
     or DNG with the cargo feature `dng`.
@@ -1554,7 +2510,11 @@ class DataCheck(TypedDict, total=False):
     classes_of: str | "DataCheckClassesOf1Input2ExperimentText1TomlText" | dict[str, Any] | None
     """An experiment, by built-in name, by path, or itself, whose classes are looked for in the data set."""
     data: str
-    """Its folder, or its file of annotations."""
+    """Its folder, or its file of annotations; or photographs: a folder, a list with one path a line, a tar shard or
+    a folder of shards."""
+    no_cache: bool
+    """Decodes every picture, also those that an earlier check has decoded and that have not changed since by size
+    and time."""
     out: str | None
     """Folder for a page with samples; none is written without."""
     samples: int
