@@ -161,7 +161,8 @@ fn a_view_of_an_edit_is_the_view_of_the_edited_lens() {
     assert_eq!(at_once, later);
     let surfaces = at_once["surfaces"].as_array().unwrap();
     assert_eq!(surfaces[0]["radius_mm"], 24.0);
-    assert_eq!(surfaces[0]["varies"][0]["parameter"], "radius_mm");
+    let varies = surfaces[0]["varies"].as_array().unwrap();
+    assert!(varies.iter().any(|one| one["parameter"] == "radius_mm"), "{varies:?}");
     // The inserted plane halves the gap, and the other surfaces stay in place.
     assert_eq!(surfaces[1]["thickness_mm"], surfaces[2]["thickness_mm"]);
     assert!(surfaces[2]["radius_mm"].is_null());
