@@ -15,7 +15,7 @@ from pathlib import Path
 HERE = Path(__file__).parent
 
 # They measure processes of their own, and are scripts alone.
-SCRIPTS_ALONE = ("deeplens_loop", "deeplens_side_by_side", "write_notebooks")
+SCRIPTS_ALONE = ("deeplens_loop", "deeplens_side_by_side", "units_with_submitit", "write_notebooks")
 
 
 def names() -> list[str]:
