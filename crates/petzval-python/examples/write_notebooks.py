@@ -14,7 +14,7 @@ from pathlib import Path
 
 HERE = Path(__file__).parent
 
-# They measure processes of their own, and are scripts alone.
+# They measure processes of their own or hand work to others, and are scripts alone.
 SCRIPTS_ALONE = ("deeplens_loop", "deeplens_side_by_side", "units_with_submitit", "write_notebooks")
 
 
