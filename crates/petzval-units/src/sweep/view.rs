@@ -84,11 +84,20 @@ fn shown_figures(gathered: &Gathered, named: &[String]) -> Result<Vec<usize>, Jo
     named.iter().map(|name| figure(gathered, name, "figure")).collect()
 }
 
-/// The place of a figure. The error names those that there are.
+/// The place of a figure by its name, or by the last part of its name where that is of one figure alone. The error names those that there are.
 fn figure(gathered: &Gathered, name: &str, setting: &'static str) -> Result<usize, JobError> {
     let names: Vec<&str> = gathered.figures.iter().map(|figure| figure.name.as_str()).collect();
-    names.iter().position(|known| *known == name).ok_or_else(|| {
-        let all: Vec<&str> = names.iter().copied().chain(gathered.keys.iter().map(String::as_str)).collect();
+    let last = |known: &&'_ str| known.rsplit('.').next().unwrap_or_default().to_owned();
+    let by_last: Vec<usize> = (0..names.len()).filter(|k| last(&names[*k]) == name).collect();
+    let only = if let [one] = by_last[..] { Some(one) } else { None };
+    names.iter().position(|known| *known == name).or(only).ok_or_else(|| {
+        let short: Vec<String> = names.iter().map(last).collect();
+        let all: Vec<&str> = names
+            .iter()
+            .copied()
+            .chain(gathered.keys.iter().map(String::as_str))
+            .chain(short.iter().map(String::as_str))
+            .collect();
         let near = nearest(name, &all).map(|near| format!("did you mean `{near}`? ")).unwrap_or_default();
         JobError::setting(
             setting,

@@ -125,7 +125,10 @@ fn a_sweep_of_a_job_is_run_here_gathered_and_a_failed_unit_run_again() {
     assert!(gathered.stdout.contains("sweep.html"), "{}", gathered.stdout);
     let table = read(&folder.path().join("sweeps/s/table.csv"));
     let lines: Vec<&str> = table.lines().collect();
-    assert!(lines[0].starts_with("lens,camera,units,") && lines[0].contains("efl_mm_mean"), "{table}");
+    assert!(
+        lines[0].starts_with("lens,camera,units,") && lines[0].contains("figures.efl_mm_mean"),
+        "{table}"
+    );
     assert_eq!(lines.len(), 3);
     assert!(read(&folder.path().join("sweeps/s/sweep.html")).contains("class=\"points\""));
     run_fails(
