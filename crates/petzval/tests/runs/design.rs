@@ -75,7 +75,7 @@ fn a_run_writes_all_its_files() {
     assert_eq!(config["training"]["steps"], given["training"]["steps"]);
     // What only tasks with objects need stands in no file of an experiment with pictures.
     let further: Vec<&String> = config.keys().filter(|key| !given.contains_key(*key)).collect();
-    assert_eq!(further, ["data", "detector", "street"]);
+    assert_eq!(further, ["data", "detector", "reading", "street"]);
     assert!(given.keys().all(|key| config.contains_key(key)));
 
     let environment = read_json(&run.join("environment.json"));
