@@ -163,10 +163,25 @@ fn request<J: Job>(request: Value) -> Result<J::Request, JobError> {
         return Err(refused(FileError::of_value(".", "expected an object")));
     }
     if let Some(missing) = J::NEEDS.iter().find(|key| request.get(key).is_none()) {
-        return Err(refused(FileError::of_value(missing, "the key is missing")));
+        let error = FileError::of_value(missing, "the key is missing");
+        return Err(refused(match misspelt::<J>(&request, missing) {
+            Some(key) => error.hint(format!("`{key}` is no key here; did you mean `{missing}`?")),
+            None => error,
+        }));
     }
     serde_path_to_error::deserialize(request)
         .map_err(|error| refused(FileError::of_value(&error.path().to_string(), &error.inner().to_string())))
+}
+
+/// The key of a request that the job does not know, and that comes near a missing one.
+fn misspelt<J: Job>(request: &Value, missing: &str) -> Option<String> {
+    let schema = schema::<J>();
+    let known = schema.get("properties").and_then(Value::as_object);
+    let unknown: Vec<&str> = (request.as_object()?.keys())
+        .map(String::as_str)
+        .filter(|key| known.is_none_or(|known| !known.contains_key(*key)))
+        .collect();
+    petzval_base::nearest(missing, &unknown).map(str::to_owned)
 }
 
 /// A request as the job reads it, with every default filled in.

@@ -70,7 +70,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     if args.json {
         print_json(&summary)?;
     } else {
-        outln!("{}", plain::message(&in_words(units.len(), &summary)));
+        in_words(units.len(), &summary).lines().for_each(|text| outln!("{}", plain::message(text)));
     }
     Ok(ending(&summary))
 }
