@@ -46,7 +46,7 @@ pub use gather::{Joined, gather_tolerances, parts_of};
 pub use holder::Holder;
 pub use layer::{Disk, FileLayer};
 pub use record::{Claim, Cost, Failure, STORE_FORMAT, StoredResult};
-pub use runner::{Outcome, RunOptions, Summary, run_all, run_unit};
+pub use runner::{Outcome, RunOptions, Summary, check_units, run_all, run_unit};
 pub use state::{Seen, UnitState};
 
 /// How often a claim is renewed.

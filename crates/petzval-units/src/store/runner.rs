@@ -83,6 +83,16 @@ pub fn run_unit(
     run_prepared(&prepared, store, context, options, &mut Seen::default())
 }
 
+/// Checks units without a store: their requests, versions and instruction sets.
+pub fn check_units(units: &[&Unit], context: &Context) -> Result<(), JobError> {
+    let digests = Digests::default();
+    for unit in units {
+        check(unit)?;
+        Prepared::new(unit, context, &digests)?;
+    }
+    Ok(())
+}
+
 /// Runs units one after another, each as [`run_unit`] does, until all have ended. Every unit is checked before the first is run.
 ///
 /// Units of other processes are left until nothing else remains, then waited for, so that those of a killed process are done as well. A unit that

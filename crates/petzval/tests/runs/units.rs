@@ -270,7 +270,7 @@ fn parts_of_a_tolerance_analysis_become_the_analysis_of_one_run() {
     let alone = alone.json();
     assert_eq!(alone["made"]["part"], json!({"from": 25, "to": 40}));
     assert_eq!(alone["report"]["sensitivities"], json!([]));
-    for (trials, needle) in [("5..5", "--part 5..5: must hold lenses"), ("a..5", "give N or A..B")] {
+    for (trials, needle) in [("5..5", "`5..5` holds no lens"), ("a..5", "give N or A..B")] {
         run_fails(
             folder.path(),
             &["lens", "tolerance", "cooke-triplet-nominal", "--trials", trials],

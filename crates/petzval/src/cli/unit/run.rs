@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::base::counted;
 use crate::cli::code::Code;
 use crate::jobs::{Context, JobError};
-use crate::units::store::{Failure as FailedUnit, RunOptions, Store, Summary, run_all};
+use crate::units::store::{Failure as FailedUnit, RunOptions, Store, Summary, check_units, run_all};
 use crate::units::unit::{Shard, Unit, UnitFile, read_units, shard_of_environment};
 
 use super::super::failure::Failure;
@@ -61,8 +61,12 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
         return Ok(Code::SUCCESS);
     };
     with_level(first, terminal)?;
-    let store = Store::open_or_new(&args.store).map_err(JobError::from)?;
     let context = context(&args.file, terminal)?.with_cancellation(stop_on_signal()?);
+    // A new store is made only for units that can be run.
+    if !args.store.exists() {
+        check_units(&units, &context)?;
+    }
+    let store = Store::open_or_new(&args.store).map_err(JobError::from)?;
     let options = RunOptions { retries: args.retry, leaves_others: args.no_wait };
     let summary = run_all(&units, &store, &context, options);
     drop(context);
