@@ -218,7 +218,7 @@ fn damaged_psfs_are_refused() {
         (
             "\"field_radius_mm\": [\n    0.0",
             "\"field_radius_mm\": [\n    0.5",
-            &["`field_radius_mm = 0.5`", "no field lies on the axis"],
+            &["psf.json", "field 0 of the PSF bank has radius 0.5 mm", "radii start at 0 and ascend"],
         ),
         ("\"version\": 1", "\"version\": 9", &["`version`", "younger"]),
         ("\"psf.npy\"", "\"none.npy\"", &["none.npy"]),
