@@ -61,12 +61,15 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
         return Ok(Code::SUCCESS);
     };
     with_level(first, terminal)?;
+    // Before the folder of the file becomes that of the process.
+    let root = std::path::absolute(&args.store)
+        .map_err(|e| Failure::job(format!("{}: {e}", plain::shown(&args.store))))?;
     let context = context(&args.file, terminal)?.with_cancellation(stop_on_signal()?);
     // A new store is made only for units that can be run.
-    if !args.store.exists() {
+    if !root.exists() {
         check_units(&units, &context)?;
     }
-    let store = Store::open_or_new(&args.store).map_err(JobError::from)?;
+    let store = Store::open_or_new(&root).map_err(JobError::from)?;
     let options = RunOptions { retries: args.retry, leaves_others: args.no_wait };
     let summary = run_all(&units, &store, &context, options);
     drop(context);
