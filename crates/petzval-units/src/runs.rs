@@ -9,16 +9,13 @@ use petzval_jobs::{Context, JobError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::store::{Seen, Store, UnitState};
+use crate::store::{STORE, Seen, Store, UnitState};
 
 /// The folder in which runs are looked for where none is named.
 pub const USUAL_FOLDER: &str = "runs";
 
 /// How deep folders are looked into.
 const DEEPEST: usize = 12;
-
-/// The file that makes a folder a store.
-const STORE: &str = "store.json";
 
 /// All runs and units below a folder.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -142,23 +139,24 @@ fn units_of(root: &Path, context: &Context) -> Result<Vec<UnitRow>, JobError> {
                 continue;
             }
         };
-        let in_state = |state: &str| UnitRow { state: state.to_owned(), ..bare.clone() };
         let mut files = None;
         let row = match store.state(&key, &mut seen) {
-            Ok(UnitState::Waiting) => in_state("waiting"),
-            Ok(UnitState::Running { .. }) => in_state("running"),
-            Ok(UnitState::Stale { .. }) => in_state("stale"),
-            Ok(UnitState::Stopped { .. }) => in_state("stopped"),
-            Ok(UnitState::Failed(failure)) => UnitRow {
-                reason: Some(failure.error.message.clone()),
-                seconds: Some(failure.cost.seconds),
-                ..in_state("failed")
-            },
-            Ok(UnitState::Done(result)) => {
-                files = store.files(&result);
-                UnitRow { seconds: Some(result.cost.seconds), ..in_state("done") }
+            Ok(state) => {
+                let row = UnitRow { state: state.state().word().to_owned(), ..bare };
+                match state {
+                    UnitState::Failed(failure) => UnitRow {
+                        reason: Some(failure.error.message),
+                        seconds: Some(failure.cost.seconds),
+                        ..row
+                    },
+                    UnitState::Done(result) => {
+                        files = store.files(&result);
+                        UnitRow { seconds: Some(result.cost.seconds), ..row }
+                    }
+                    _ => row,
+                }
             }
-            Err(error) => UnitRow { reason: Some(error.to_string()), ..in_state("damaged") },
+            Err(error) => UnitRow { state: "damaged".to_owned(), reason: Some(error.to_string()), ..bare },
         };
         let folder = files.or_else(|| newest_work(&store.folder(&key)));
         let run = folder.filter(|folder| is_run(folder)).map(|folder| run_row(&folder, &context.assets));

@@ -46,8 +46,8 @@ pub use gather::{Joined, gather_tolerances, parts_of};
 pub use holder::Holder;
 pub use layer::{Disk, FileLayer};
 pub use record::{Claim, Cost, Failure, STORE_FORMAT, StoredResult};
-pub use runner::{Outcome, RunOptions, Summary, check_units, run_all, run_unit};
-pub use state::{Seen, UnitState};
+pub use runner::{Outcome, RunOptions, Summary, run_all, run_unit};
+pub use state::{Seen, State, UnitState};
 
 /// How often a claim is renewed.
 pub const RENEWED_EVERY: Duration = Duration::from_secs(10);
@@ -59,7 +59,7 @@ pub const STALE_AFTER: Duration = Duration::from_secs(300);
 const VISIBLE_WITHIN: Duration = Duration::from_secs(90);
 
 /// The file that makes a folder a store.
-const STORE: &str = "store.json";
+pub(crate) const STORE: &str = "store.json";
 
 /// A store of results.
 #[derive(Clone)]

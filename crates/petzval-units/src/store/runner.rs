@@ -83,23 +83,14 @@ pub fn run_unit(
     run_prepared(&prepared, store, context, options, &mut Seen::default())
 }
 
-/// Checks units without a store: their requests, versions and instruction sets.
-pub fn check_units(units: &[&Unit], context: &Context) -> Result<(), JobError> {
-    let digests = Digests::default();
-    for unit in units {
-        check(unit)?;
-        Prepared::new(unit, context, &digests)?;
-    }
-    Ok(())
-}
-
 /// Runs units one after another, each as [`run_unit`] does, until all have ended. Every unit is checked before the first is run.
 ///
 /// Units of other processes are left until nothing else remains, then waited for, so that those of a killed process are done as well. A unit that
-/// fails does not end the others. Once the context is cancelled, the running unit keeps its checkpoint and no other is begun.
+/// fails does not end the others. Once the context is cancelled, the running unit keeps its checkpoint and no other is begun. The store is opened
+/// once all units are checked, so that none is made for units that cannot be run.
 pub fn run_all(
     units: &[&Unit],
-    store: &Store,
+    open: impl FnOnce() -> Result<Store, StoreError>,
     context: &Context,
     options: RunOptions,
 ) -> Result<Summary, JobError> {
@@ -113,6 +104,7 @@ pub fn run_all(
         check(unit)?;
         prepared.push(Prepared::new(unit, context, &digests)?);
     }
+    let store = open()?;
     // Read once: the library of each unit is a copy of this one, with the glasses that are read by then.
     context.assets.catalog()?;
     let mut left: Vec<&Prepared> = prepared.iter().collect();
@@ -125,7 +117,7 @@ pub fn run_all(
             if summary.stopped.is_some() {
                 return Ok(summary);
             }
-            match run_prepared(unit, store, context, options, &mut seen)? {
+            match run_prepared(unit, &store, context, options, &mut seen)? {
                 Outcome::There(_) => summary.there += 1,
                 Outcome::Done(_) => summary.done += 1,
                 Outcome::Failed(failure) => summary.failed.push(*failure),

@@ -3,6 +3,9 @@
 use std::collections::HashMap;
 use std::time::Duration;
 
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
 use super::error::StoreError;
 use super::record::{AttemptRecord, Claim, Ended, Failure, StoredResult};
 use super::{STALE_AFTER, Store};
@@ -36,6 +39,56 @@ pub enum UnitState {
     Failed(Box<Failure>),
     /// It has a result.
     Done(Box<StoredResult>),
+}
+
+/// How a unit stands, in one word.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum State {
+    /// It has a result.
+    Done,
+    /// A process works on it.
+    Running,
+    /// The process that worked on it is gone; the next one goes on.
+    Stale,
+    /// It was stopped; the next process goes on.
+    Stopped,
+    /// It has failed.
+    Failed,
+    /// Nobody has begun it.
+    Waiting,
+}
+
+impl State {
+    /// All, in the order in which they are counted.
+    pub const ALL: [Self; 6] =
+        [Self::Done, Self::Running, Self::Stale, Self::Stopped, Self::Failed, Self::Waiting];
+
+    /// In one word.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Done => "done",
+            Self::Running => "running",
+            Self::Stale => "stale",
+            Self::Stopped => "stopped",
+            Self::Failed => "failed",
+            Self::Waiting => "waiting",
+        }
+    }
+}
+
+impl UnitState {
+    /// Without what is known beside it.
+    pub fn state(&self) -> State {
+        match self {
+            Self::Waiting => State::Waiting,
+            Self::Running { .. } => State::Running,
+            Self::Stale { .. } => State::Stale,
+            Self::Stopped { .. } => State::Stopped,
+            Self::Failed(_) => State::Failed,
+            Self::Done(_) => State::Done,
+        }
+    }
 }
 
 /// Since when claims are unchanged, as one process has seen them by its own clock.

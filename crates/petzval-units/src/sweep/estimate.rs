@@ -13,7 +13,7 @@ use serde_json::Value;
 
 use super::kept::KeptSweep;
 use super::plan::{DESIGN, Plan};
-use super::status::State;
+use crate::store::State;
 use crate::store::{Seen, Store};
 
 /// Network steps of the unit that is timed.

@@ -12,7 +12,8 @@ use serde_json::Value;
 
 use super::kept::KeptSweep;
 use super::plan::DESIGN;
-use super::status::{State, SweepStatus};
+use super::status::SweepStatus;
+use crate::store::State;
 use crate::store::Store;
 
 /// Most figures of a response that become columns, for jobs without scores.

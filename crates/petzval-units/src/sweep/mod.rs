@@ -17,6 +17,7 @@ mod script;
 mod status;
 mod view;
 
+pub use crate::store::State;
 pub use estimate::{Estimate, estimate};
 pub use expand::{Combination, Expansion, MOST_UNITS, SweptKey, expand};
 pub use file::{Level, Source, SweepFile, parse};
@@ -26,5 +27,5 @@ pub use kept::{KeptSweep, KeptUnit, keyed, logs_folder, units_file, usual_store}
 pub use name::{names, short_keys};
 pub use plan::{DESIGN, Plan, PlannedUnit, plan};
 pub use script::{Engine, Submission, USUAL_JOBS, USUAL_TIME};
-pub use status::{State, SweepStatus, UnitStatus, status};
+pub use status::{SweepStatus, UnitStatus, status};
 pub use view::{Choice, view};

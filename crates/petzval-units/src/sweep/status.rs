@@ -7,43 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::kept::KeptSweep;
-use crate::store::{Seen, Store, UnitState};
-
-/// How a unit stands, in one word.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum State {
-    /// It has a result.
-    Done,
-    /// A process works on it.
-    Running,
-    /// The process that worked on it is gone; the next one goes on.
-    Stale,
-    /// It was stopped; the next process goes on.
-    Stopped,
-    /// It has failed.
-    Failed,
-    /// Nobody has begun it.
-    Waiting,
-}
-
-impl State {
-    /// All, in the order in which they are counted.
-    pub const ALL: [Self; 6] =
-        [Self::Done, Self::Running, Self::Stale, Self::Stopped, Self::Failed, Self::Waiting];
-
-    /// In one word.
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Done => "done",
-            Self::Running => "running",
-            Self::Stale => "stale",
-            Self::Stopped => "stopped",
-            Self::Failed => "failed",
-            Self::Waiting => "waiting",
-        }
-    }
-}
+use crate::store::{Seen, State, Store, UnitState};
 
 /// A unit and how it stands.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -2,11 +2,13 @@
 
 use std::collections::HashMap;
 use std::fs::Metadata;
-use std::io::{self, Read};
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::SystemTime;
 
+use petzval_design::run::hex;
+use petzval_files::coco::content_digest;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -43,8 +45,7 @@ impl Digests {
     }
 
     fn file(&self, path: &Path) -> io::Result<String> {
-        let mut file = petzval_base::open_file(path)?;
-        let now = stamp(&file.metadata()?);
+        let now = stamp(&std::fs::metadata(path)?);
         let known = |files: &HashMap<_, (Stamp, String)>| {
             files.get(path).filter(|(then, _)| *then == now).map(|(_, digest)| digest.clone())
         };
@@ -52,14 +53,7 @@ impl Digests {
         if let Some(digest) = known(&self.files.lock().unwrap_or_else(PoisonError::into_inner)) {
             return Ok(digest);
         }
-        let (mut hash, mut buffer) = (Sha256::new(), vec![0; 1 << 16]);
-        loop {
-            match file.read(&mut buffer)? {
-                0 => break,
-                read => hash.update(&buffer[..read]),
-            }
-        }
-        let digest = hex(hash);
+        let digest = content_digest(path)?;
         let mut files = self.files.lock().unwrap_or_else(PoisonError::into_inner);
         files.insert(path.to_owned(), (now, digest.clone()));
         Ok(digest)
@@ -97,11 +91,6 @@ fn collect(folder: &Path, depth: usize, found: &mut Vec<PathBuf>) -> io::Result<
         }
     }
     Ok(())
-}
-
-/// A digest in hexadecimal digits.
-pub(super) fn hex(hash: Sha256) -> String {
-    hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 #[cfg(test)]

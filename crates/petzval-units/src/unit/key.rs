@@ -4,13 +4,14 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
+use petzval_design::run::hex;
 use petzval_jobs::{Context, JobError, Row, row};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
-use super::digest::{Digests, InputDigest, hex};
+use super::digest::{Digests, InputDigest};
 use super::{UNIT_FORMAT, Unit};
 
 /// The key of a unit: 64 hexadecimal digits, the name of its folder in a store.

@@ -58,7 +58,7 @@ fn a_unit_that_fails_keeps_its_error_and_is_run_again_only_on_request() {
     std::fs::write(&lens, "name = \"x\"\n").unwrap();
     let broken = unit("broken", "lens-show", json!({"lens": lens.to_str().unwrap()}));
     let (good, key) = (trivial("good", 1.0), prepared(&broken).key);
-    let run = |options| run_all(&[&broken, &good], &store, &context(), options).unwrap();
+    let run = |options| run_all(&[&broken, &good], || Ok(store.clone()), &context(), options).unwrap();
     let summary = run(USUAL);
     assert_eq!((summary.done, summary.failed.len(), summary.stopped.is_none()), (1, 1, true));
     let failure = &summary.failed[0];
@@ -91,7 +91,7 @@ fn many_workers_on_one_store_do_each_unit_once() {
     let units: Vec<Unit> = (0..24).map(|i| trivial(&format!("ray {i}"), f64::from(i) * 0.5)).collect();
     let all: Vec<&Unit> = units.iter().collect();
     let done: usize = std::thread::scope(|scope| {
-        let work = || run_all(&all, &store, &context(), USUAL).unwrap();
+        let work = || run_all(&all, || Ok(store.clone()), &context(), USUAL).unwrap();
         let workers: Vec<_> = (0..8).map(|_| scope.spawn(work)).collect();
         workers
             .into_iter()

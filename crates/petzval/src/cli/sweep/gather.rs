@@ -9,6 +9,7 @@ use super::super::code::Code;
 use super::super::failure::Failure;
 use super::super::plain::{self, shown};
 use super::super::terminal::{Terminal, pasted, print_json};
+use super::super::text_table::TextTable;
 
 /// Gather the results of a sweep: a table in which the keys that vary are columns, with mean, standard deviation over the seeds, and range.
 ///
@@ -69,9 +70,10 @@ const SHOWN: usize = 4;
 fn in_words(gathered: &Gathered) -> String {
     let figures = gathered.figures.len().min(SHOWN);
     let text = |value: &serde_json::Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
-    let mut rows: Vec<Vec<String>> = Vec::new();
-    let heads = gathered.keys.iter().cloned().chain(["camera", "units"].map(str::to_owned));
-    rows.push(heads.chain(gathered.figures.iter().take(figures).map(|figure| figure.name.clone())).collect());
+    let heads = gathered.keys.iter().map(String::as_str).chain(["camera", "units"]);
+    let named = gathered.figures.iter().take(figures).map(|figure| figure.name.as_str());
+    let heads: Vec<String> = heads.chain(named).map(|head| plain::line(head).into_owned()).collect();
+    let mut table = TextTable::new(heads.iter().map(String::as_str));
     for row in &gathered.rows {
         let cells = row.figures.iter().take(figures).zip(&gathered.figures).map(|(spread, figure)| {
             let Some(spread) = spread else { return "-".to_owned() };
@@ -81,17 +83,8 @@ fn in_words(gathered: &Gathered) -> String {
             format!("{:.decimals$}{deviation}", spread.mean)
         });
         let camera = if row.camera.is_empty() { "-".to_owned() } else { row.camera.clone() };
-        rows.push(
-            row.values.iter().map(text).chain([camera, row.units.len().to_string()]).chain(cells).collect(),
-        );
+        let cells = row.values.iter().map(text).chain([camera, row.units.len().to_string()]).chain(cells);
+        table.row(cells.map(|cell| plain::line(&cell).into_owned()));
     }
-    let columns = rows[0].len();
-    let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
-    let widths: Vec<usize> = (0..columns).map(width).collect();
-    let line = |row: &Vec<String>| {
-        let cells: Vec<String> =
-            row.iter().zip(&widths).map(|(cell, width)| format!("{cell:<width$}")).collect();
-        plain::line(cells.join("  ").trim_end()).into_owned() + "\n"
-    };
-    rows.iter().map(line).collect()
+    table.text()
 }

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use crate::base::counted;
 use crate::cli::code::Code;
-use crate::jobs::{Context, JobError};
-use crate::units::store::{Failure as FailedUnit, RunOptions, Store, Summary, check_units, run_all};
+use crate::jobs::Context;
+use crate::units::store::{Failure as FailedUnit, RunOptions, Store, Summary, run_all};
 use crate::units::unit::{Shard, Unit, UnitFile, read_units, shard_of_environment};
 
 use super::super::failure::Failure;
@@ -65,13 +65,8 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let root = std::path::absolute(&args.store)
         .map_err(|e| Failure::job(format!("{}: {e}", plain::shown(&args.store))))?;
     let context = context(&args.file, terminal)?.with_cancellation(stop_on_signal()?);
-    // A new store is made only for units that can be run.
-    if !root.exists() {
-        check_units(&units, &context)?;
-    }
-    let store = Store::open_or_new(&root).map_err(JobError::from)?;
     let options = RunOptions { retries: args.retry, leaves_others: args.no_wait };
-    let summary = run_all(&units, &store, &context, options);
+    let summary = run_all(&units, || Store::open_or_new(&root), &context, options);
     drop(context);
     let summary = summary?;
     if args.json {

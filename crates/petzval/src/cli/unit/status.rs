@@ -71,32 +71,28 @@ fn rows(args: &Args) -> Result<Vec<Row>, JobError> {
     for key in store.keys()? {
         let unit = store.unit(&key)?;
         let (name, job) = unit.map_or_else(Default::default, |unit| (unit.name, unit.call.job));
+        let state = store.state(&key, &mut seen)?;
         let bare = Row {
             key: key.to_string(),
             name,
             job,
-            state: "waiting",
+            state: state.state().word(),
             attempt: None,
             claim: None,
             failure: None,
             cost: None,
         };
-        rows.push(match store.state(&key, &mut seen)? {
+        rows.push(match state {
             UnitState::Waiting => bare,
-            UnitState::Running { attempt, claim } => {
-                Row { state: "running", attempt: Some(attempt), claim, ..bare }
+            UnitState::Running { attempt, claim } | UnitState::Stale { attempt, claim } => {
+                Row { attempt: Some(attempt), claim, ..bare }
             }
-            UnitState::Stale { attempt, claim } => {
-                Row { state: "stale", attempt: Some(attempt), claim, ..bare }
-            }
-            UnitState::Stopped { attempt } => Row { state: "stopped", attempt: Some(attempt), ..bare },
+            UnitState::Stopped { attempt } => Row { attempt: Some(attempt), ..bare },
             UnitState::Failed(failure) => {
                 let (attempt, cost) = (Some(failure.attempt), Some(failure.cost.clone()));
-                Row { state: "failed", attempt, cost, failure: Some(failure), ..bare }
+                Row { attempt, cost, failure: Some(failure), ..bare }
             }
-            UnitState::Done(result) => {
-                Row { state: "done", attempt: Some(result.attempt), cost: Some(result.cost), ..bare }
-            }
+            UnitState::Done(result) => Row { attempt: Some(result.attempt), cost: Some(result.cost), ..bare },
         });
     }
     rows.sort_by(|a, b| a.name.cmp(&b.name));
