@@ -103,8 +103,6 @@ impl Studio {
         };
         let folder = Folder::new(&settings.folder).map_err(wrong(&settings.folder))?;
         std::env::set_current_dir(folder.path()).map_err(wrong(&settings.folder))?;
-        // Clones of the library have the catalogue from then on.
-        settings.context.assets.catalog().map_err(JobError::from)?;
         let listener = listen(settings.port)?;
         let address = listener.local_addr()?;
         let gate = Gate::new(address);

@@ -27,8 +27,8 @@ pub struct Assets {
     texts: Vec<(String, String)>,
     /// Glasses that win over the built-in ones.
     chosen: Catalog,
-    /// All glasses, once they have been read.
-    catalog: OnceLock<Catalog>,
+    /// All glasses, once they have been read, by this library or a copy of it.
+    catalog: Arc<OnceLock<Catalog>>,
     warnings: Option<WarningSink>,
     external_isps: Option<ExternalIsps>,
     guests: Option<Guests>,
@@ -76,6 +76,7 @@ impl Assets {
     /// The library with further files, by their path below `data/`.
     pub fn with_files(mut self, more: impl IntoIterator<Item = (String, String)>) -> Self {
         self.files.extend(more.into_iter().map(|(path, text)| (path, Cow::Owned(text.into_bytes()))));
+        self.catalog = Arc::default();
         self
     }
 
@@ -94,7 +95,7 @@ impl Assets {
 
     /// The library with these glasses, which win over the built-in ones.
     pub fn with_glasses(self, chosen: Catalog) -> Self {
-        Self { chosen, catalog: OnceLock::new(), ..self }
+        Self { chosen, catalog: Arc::default(), ..self }
     }
 
     /// The same library, which from now on reports what a lens file of another program loses when it is read, and what is

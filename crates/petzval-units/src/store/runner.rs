@@ -105,8 +105,6 @@ pub fn run_all(
         prepared.push(Prepared::new(unit, context, &digests)?);
     }
     let store = open()?;
-    // Read once: the library of each unit is a copy of this one, with the glasses that are read by then.
-    context.assets.catalog()?;
     let mut left: Vec<&Prepared> = prepared.iter().collect();
     loop {
         let mut others = Vec::new();
