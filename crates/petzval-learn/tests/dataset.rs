@@ -114,7 +114,7 @@ fn a_folder_is_listed_in_order_and_a_damaged_file_is_named() {
     }
 }
 
-/// A large set differs from a small one in when its pictures are read, and in nothing else.
+/// A large set differs from a small one only in when its pictures are read.
 #[test]
 fn pictures_that_are_read_later_are_those_that_are_read_at_once() {
     let folder = tempfile::tempdir().unwrap();

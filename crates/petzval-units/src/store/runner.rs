@@ -85,8 +85,8 @@ pub fn run_unit(
 
 /// Runs units one after another, each as [`run_unit`] does, until all have ended. Every unit is checked before the first is run.
 ///
-/// Units of other processes are left until nothing else remains, then waited for, so that those of a killed process are done as well. A unit that
-/// fails does not end the others. Once the context is cancelled, the running unit keeps its checkpoint and no other is begun. The store is opened
+/// Units on which other processes work come last: they are waited for, and taken over if their process is gone. A unit that fails does not end the
+/// others. Once the context is cancelled, the running unit keeps its checkpoint and no other is begun. The store is opened
 /// once all units are checked, so that none is made for units that cannot be run.
 pub fn run_all(
     units: &[&Unit],
