@@ -62,9 +62,9 @@ pub use failure::Failure;
 #[derive(Debug, Parser)]
 #[command(name = "petzval", version, propagate_version = true)]
 pub struct Cli {
-    /// Threads to use; 0 means one per core. Results do not depend on it.
-    #[arg(long, global = true, default_value_t = usual::threads(), value_name = "N")]
-    threads: usize,
+    /// Threads to use; 0 means one per core. Results do not depend on it. `bench` compares several: 1,2,4
+    #[arg(long, global = true, default_values_t = [usual::threads()], value_delimiter = ',', num_args = 1, value_name = "N")]
+    threads: Vec<usize>,
     /// Glass catalogue whose glasses take precedence over the built-in ones: .agf, .toml, a page of
     /// refractiveindex.info (.yml), or a folder of them. May be repeated; later ones take precedence. PETZVAL_GLASSES
     /// lists further ones, which are read first
@@ -158,17 +158,26 @@ fn run(cli: Cli, words: Vec<OsString>) -> Result<Code, Failure> {
             "write avx2 or scalar, or unset the variable: the widest of the machine is used then",
         ));
     }
-    if cli.threads > MOST_THREADS {
+    if let Some(many) = cli.threads.iter().find(|threads| **threads > MOST_THREADS) {
         return Err(Failure::input(
-            format!("--threads {}: more than {MOST_THREADS}", cli.threads),
+            format!("--threads {many}: more than {MOST_THREADS}"),
             "0 means one per core",
         ));
     }
-    if cli.threads > 0 {
-        rayon::ThreadPoolBuilder::new()
-            .num_threads(cli.threads)
+    match cli.threads[..] {
+        [0] => {}
+        [threads] => rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
             .build_global()
-            .map_err(|e| Failure::job(format!("{} threads: {e}", cli.threads)))?;
+            .map_err(|e| Failure::job(format!("{threads} threads: {e}")))?,
+        _ if matches!(cli.verb, Verb::Bench(_)) => {}
+        _ => {
+            let given: Vec<String> = cli.threads.iter().map(usize::to_string).collect();
+            return Err(Failure::input(
+                format!("--threads {}: one number", given.join(",")),
+                "`petzval bench` alone compares several numbers of threads",
+            ));
+        }
     }
     let assets = glass::chosen(&cli.glasses, matches!(cli.verb, Verb::Glass(_)))?;
     let terminal = Terminal { assets, overwrites: cli.force, words };
@@ -195,7 +204,7 @@ fn run(cli: Cli, words: Vec<OsString>) -> Result<Code, Failure> {
         Verb::Train(verb) => train::run(verb, &terminal),
         Verb::Call(args) => call::run(args, &terminal),
         Verb::Jobs(args) => call::list(args),
-        Verb::Bench(args) => bench::run(args, &terminal),
+        Verb::Bench(args) => bench::run(args, &cli.threads, &terminal),
         Verb::Doctor(args) => doctor::run(args, &terminal),
     }
 }
