@@ -12,7 +12,6 @@ use std::time::{Duration, Instant};
 
 use petzval_base::Cancel;
 use petzval_camera::isp::IspError;
-use petzval_camera::tape::Frames;
 use petzval_files::{LensFile, write_lens};
 use petzval_learn::guest::GuestError;
 use petzval_optics::design_space::EflSolve;
@@ -190,7 +189,6 @@ fn step_on(
     let exact = (needs_none && camera.body().chip.is_some())
         .then(|| camera.with_chip(ChipValues::Exact(blocks.isp.values())));
     let camera = exact.as_ref().unwrap_or(camera);
-    let loss = |camera: &Camera, frames: &Frames, shots: &[Shot]| objective.loss(camera, frames, shots);
     let magnified = |by: f64| setup.magnified_shots(camera, number, by);
     let is_magnified = block == BlockName::Optics
         && variant.field == FieldOfView::Free
@@ -199,7 +197,7 @@ fn step_on(
         camera,
         shots,
         noise: setup.noise(variant),
-        loss: &loss,
+        loss: objective,
         further: &|number| setup.training_shots(camera, number),
         magnified: is_magnified.then_some(&magnified),
     };
@@ -480,10 +478,8 @@ impl DesignLoop {
         let Blocks { exposure, isp, network, .. } = &self.blocks;
         let camera = finished(&at_rest, exposure, isp, network);
         let noise = self.setup.noise(variant);
-        let objective = &self.objective;
-        let loss = |camera: &Camera, frames: &Frames, shots: &[Shot]| objective.loss(camera, frames, shots);
         let shots = self.setup.validation_shots(&camera)?;
-        let loss = validation_loss(&camera, &shots, &noise, &loss)?;
+        let loss = validation_loss(&camera, &shots, &noise, self.objective.as_ref())?;
         if !loss.is_finite() {
             let (camera, step) = (variant.name.clone(), self.position.step + 1);
             return Err(DesignError::Diverged {

@@ -6,14 +6,18 @@ use std::path::Path;
 use petzval_camera::sensor::Noise;
 use serde::{Deserialize, Serialize};
 
-use crate::block::{Block, BlockState, Blocks, LossOf};
-use crate::camera::{Camera, Shot, to_host};
+use crate::block::{Batch, Block, BlockState, Blocks, losses_of};
+use crate::camera::{Camera, Shot};
 use crate::error::DesignError;
 use crate::experiment::{BlockName, Keep};
+use crate::objective::Objective;
 use crate::run::{load_state, save_state};
 
 /// Name of the figure among the losses of a step.
 pub const VALIDATION: &str = "validation";
+
+/// Name of the loss itself among its parts.
+const TOTAL: &str = "total";
 
 /// Where a checkpoint keeps the best numbers.
 const BEST: &str = "best";
@@ -23,13 +27,12 @@ pub fn validation_loss(
     camera: &Camera,
     batches: &[Vec<Shot>],
     noise: &Noise,
-    loss: &LossOf,
+    loss: &dyn Objective,
 ) -> Result<f64, DesignError> {
     let (mut sum, mut windows) = (0.0, 0);
     for shots in batches {
-        let frames = camera.take(shots, noise)?;
-        let total = to_host(loss(camera, &frames, shots)?.total)?;
-        sum += f64::from(total[0]) * shots.len() as f64;
+        let total = losses_of(&Batch::new(camera, shots, *noise, loss), camera, shots)?[TOTAL];
+        sum += total * shots.len() as f64;
         windows += shots.len();
     }
     Ok(sum / windows as f64)

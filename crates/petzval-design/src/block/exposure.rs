@@ -11,7 +11,7 @@ use petzval_base::random::{Stage, Stream};
 use petzval_camera::sensor::Exposure;
 use serde::{Deserialize, Serialize};
 
-use super::{Batch, Block, BlockState, Descent, as_json, named, parsed, read_places};
+use super::{Batch, Block, BlockState, Descent, as_json, losses_of, parsed, read_places};
 use crate::error::DesignError;
 use crate::experiment::{BlockName, ExposureSetting, StepMethod, StepRule};
 
@@ -124,8 +124,7 @@ impl ExposureBlock {
     fn gradient(&self, batch: &Batch) -> Result<(BTreeMap<String, f64>, Vec<f64>), DesignError> {
         let losses = |places: &[f64]| {
             let camera = batch.camera.exposed_as(&self.at(places));
-            let frames = camera.take(batch.shots, &batch.noise)?;
-            Ok::<_, DesignError>(named(&(batch.loss)(&camera, &frames, batch.shots)?))
+            losses_of(batch, &camera, batch.shots)
         };
         let slope = |k: usize| {
             let [low, high] = [-HALF_STEP, HALF_STEP].map(|off| (self.places[k] + off).clamp(0.0, 1.0));

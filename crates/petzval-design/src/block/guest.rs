@@ -4,11 +4,10 @@ use std::any::Any;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use burn::tensor::Gradients;
 use petzval_learn::network::GuestNetwork;
 
 use super::learner::{Learner, Sight, WEIGHTS};
-use super::{BlockState, part};
+use super::{Batch, BlockState, backward, named, part};
 use crate::camera::Camera;
 use crate::error::DesignError;
 use crate::experiment::StepRule;
@@ -36,10 +35,23 @@ impl Learner for GuestInTraining {
         camera.with_network(self.0.attached(is_held, &camera.body().device))
     }
 
-    /// The network has taken up its gradients on the tape.
-    fn descend(&mut self, _: Gradients, rule: StepRule) -> Result<(), DesignError> {
-        self.0.check()?;
-        Ok(self.0.step(rule.rate)?)
+    /// The network sees the whole batch in one call, and takes up its gradients on the tape.
+    fn step(
+        &mut self,
+        batch: &Batch,
+        sight: Sight,
+        rule: StepRule,
+    ) -> Result<BTreeMap<String, f64>, DesignError> {
+        let camera = self.attached(batch.camera, sight, false);
+        let frames = camera.take(batch.shots, &batch.noise)?;
+        let loss = batch.loss.loss(&camera, &frames, batch.shots)?;
+        let losses = named(&loss);
+        if losses.values().all(|v| v.is_finite()) {
+            backward(loss);
+            self.0.check()?;
+            self.0.step(rule.rate)?;
+        }
+        Ok(losses)
     }
 
     fn to_safetensors(&self) -> Result<Option<Vec<u8>>, DesignError> {

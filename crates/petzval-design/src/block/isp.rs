@@ -94,7 +94,7 @@ impl IspBlock {
         let (places, losses) = search.step(first, |point| {
             let camera = batch.camera.with_chip(ChipValues::Exact(self.values_at(point)));
             let frames = camera.take(batch.shots, &batch.noise)?;
-            let losses = named(&(batch.loss)(&camera, &frames, batch.shots)?);
+            let losses = named(&batch.loss.loss(&camera, &frames, batch.shots)?);
             let value = losses["total"] + self.progress.way.proximal_term(point, rule);
             Ok(Some(PointScore { value, losses }))
         })?;
@@ -173,7 +173,7 @@ impl IspBlock {
         let values = self.tensor(&batch.camera.body().device).require_grad();
         let camera = batch.camera.with_chip(self.on_tape(values.clone()));
         let frames = camera.take(batch.shots, &batch.noise)?;
-        let loss = (batch.loss)(&camera, &frames, batch.shots)?;
+        let loss = batch.loss.loss(&camera, &frames, batch.shots)?;
         let losses = named(&loss);
         let gradients = backward(loss);
         let by =

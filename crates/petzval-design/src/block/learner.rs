@@ -1,10 +1,9 @@
 //! What every network in training can do.
 
 use std::any::Any;
+use std::collections::BTreeMap;
 
-use burn::tensor::Gradients;
-
-use super::BlockState;
+use super::{Batch, BlockState};
 use crate::camera::Camera;
 use crate::error::DesignError;
 use crate::experiment::{DetectorInput, StepRule};
@@ -29,7 +28,7 @@ impl Default for Sight {
 }
 
 /// A network in training, whatever its type.
-pub(super) trait Learner {
+pub(super) trait Learner: Send {
     fn as_any(&self) -> &dyn Any;
     /// Number of its weights; 1 where only the network itself knows.
     fn weights(&self) -> usize;
@@ -39,8 +38,14 @@ pub(super) trait Learner {
     }
     fn begin_stage(&mut self);
     fn attached(&self, camera: &Camera, sight: Sight, is_held: bool) -> Camera;
-    /// Takes a step down the gradients of a loss, and towards the weights at the start of the stage.
-    fn descend(&mut self, gradients: Gradients, rule: StepRule) -> Result<(), DesignError>;
+    /// Takes a step down the gradient of the batch's loss, and towards the weights at the start of the stage. Returns the losses before the
+    /// step. Where one of them is no number, the weights stay.
+    fn step(
+        &mut self,
+        batch: &Batch,
+        sight: Sight,
+        rule: StepRule,
+    ) -> Result<BTreeMap<String, f64>, DesignError>;
     fn to_safetensors(&self) -> Result<Option<Vec<u8>>, DesignError>;
     fn save_numbers(&self) -> Result<BlockState, DesignError>;
     fn load_numbers(&mut self, state: &BlockState) -> Result<(), String>;

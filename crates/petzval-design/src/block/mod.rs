@@ -7,6 +7,8 @@
 pub mod adam;
 mod average;
 mod blocks;
+mod by_optics;
+mod by_window;
 mod exposure;
 mod generations;
 mod guest;
@@ -29,8 +31,10 @@ use crate::block::adam::Adam;
 use crate::camera::{Camera, Shot};
 use crate::error::DesignError;
 use crate::experiment::{BlockName, StepRule};
+use crate::objective::Objective;
 
 pub use blocks::Blocks;
+pub use by_window::losses_of;
 pub use exposure::ExposureBlock;
 pub use imitation::ImitationPlan;
 pub use isp::IspBlock;
@@ -41,10 +45,6 @@ pub use optics::OpticsBlock;
 
 /// What a checkpoint keeps of a block: bytes by the name of their part.
 pub type BlockState = BTreeMap<String, Vec<u8>>;
-
-/// The loss of what a camera took, as the objective of the stage defines it.
-pub type LossOf<'a> =
-    dyn Fn(&Camera, &petzval_camera::tape::Frames, &[Shot]) -> Result<NamedLoss, DesignError> + 'a;
 
 /// Training windows by number.
 pub type Further<'a> = dyn Fn(u64) -> Result<Vec<Shot>, DesignError> + 'a;
@@ -61,7 +61,7 @@ pub struct Batch<'a> {
     /// How noise is drawn.
     pub noise: Noise,
     /// The loss of the frames.
-    pub loss: &'a LossOf<'a>,
+    pub loss: &'a dyn Objective,
     /// Further training windows by number, for what a block learns besides.
     pub further: &'a Further<'a>,
     /// The same windows magnified, if the lens may change how large it images them.
@@ -70,7 +70,7 @@ pub struct Batch<'a> {
 
 impl<'a> Batch<'a> {
     /// A batch without further windows, behind a lens that keeps its magnification.
-    pub fn new(camera: &'a Camera, shots: &'a [Shot], noise: Noise, loss: &'a LossOf<'a>) -> Self {
+    pub fn new(camera: &'a Camera, shots: &'a [Shot], noise: Noise, loss: &'a dyn Objective) -> Self {
         Self { camera, shots, noise, loss, further: &|_| Ok(Vec::new()), magnified: None }
     }
 
@@ -206,3 +206,6 @@ fn parsed<T: DeserializeOwned>(state: &BlockState, name: &str) -> Result<T, Stri
 fn backward(loss: NamedLoss) -> Gradients {
     loss.total.backward()
 }
+
+#[cfg(test)]
+mod by_window_tests;

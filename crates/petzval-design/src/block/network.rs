@@ -6,26 +6,33 @@ use std::path::Path;
 use std::sync::Arc;
 
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
-use burn::optim::{GradientsParams, ModuleOptimizer};
+use burn::optim::{GradientsAccumulator, GradientsParams, ModuleOptimizer};
 use burn::prelude::*;
 use burn::tensor::{Bytes, Gradients};
+use petzval_camera::sensor::Noise;
+use petzval_camera::tape::Frames;
 use petzval_learn::network::GuestNetwork;
 use petzval_learn::weight_file::Weights;
 
+use super::by_window::{By, derivatives};
 use super::guest::GuestInTraining;
 use super::learner::{Learner, Sight, WEIGHTS};
-use super::{Batch, Block, BlockState, backward, named, part};
-use crate::camera::Camera;
+use super::{Batch, Block, BlockState, part};
+use crate::camera::{Camera, Shot};
 use crate::error::DesignError;
 use crate::experiment::{BlockName, StepRule};
 
 const OPTIMIZER: &str = "optimizer.bin";
 const ANCHOR: &str = "anchor.bin";
 
+/// Weights of a network for each pixel of windows that are taken together, about: with more, what a layer does once for all of its pixels takes
+/// as long as the pixels do. A ResNet-50 sees ten windows of 100 x 100 pixels at once, or one of 320 x 320; the networks of 16 channels see one.
+const WEIGHTS_PER_PIXEL: usize = 400;
+
 /// How networks of a type work and learn in a camera.
-pub trait CameraNetwork: 'static {
+pub trait CameraNetwork: Send + Sync + 'static {
     /// The network.
-    type Module: Module + 'static;
+    type Module: Module + Sync + 'static;
 
     /// The camera with a network: behind its development, or looking at its pictures.
     fn attached(&self, network: Self::Module, camera: &Camera, sight: Sight) -> Camera;
@@ -107,15 +114,7 @@ impl Block for NetworkBlock {
     }
 
     fn step(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>, DesignError> {
-        let camera = self.learner.attached(batch.camera, self.sight, false);
-        let frames = camera.take(batch.shots, &batch.noise)?;
-        let loss = (batch.loss)(&camera, &frames, batch.shots)?;
-        let losses = named(&loss);
-        // A loss that is no number must not reach the weights; the caller ends the run.
-        if losses.values().all(|v| v.is_finite()) {
-            self.learner.descend(backward(loss), rule)?;
-        }
-        Ok(losses)
+        self.learner.step(batch, self.sight, rule)
     }
 
     fn save_numbers(&self) -> Result<BlockState, DesignError> {
@@ -150,6 +149,72 @@ impl<C: CameraNetwork> InTraining<C> {
     }
 }
 
+/// Makes every weight a leaf of its own, with the same values in the same memory. A fork of the module would lead through the tape of the weights.
+struct NewLeaves;
+
+impl ModuleMapper for NewLeaves {
+    fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {
+        param.map(Tensor::detach)
+    }
+}
+
+/// The weights of a network, which a camera has in front of or behind its pictures.
+pub(super) struct ByWeights<'a, C: CameraNetwork> {
+    pub network: &'a C::Module,
+    pub how: &'a C,
+    pub camera: &'a Camera,
+    pub sight: Sight,
+}
+
+impl<C: CameraNetwork> By for ByWeights<'_, C> {
+    type Leaves = C::Module;
+    type Derivatives = GradientsParams;
+
+    fn leaves(&self) -> C::Module {
+        self.network.clone().map(&mut NewLeaves)
+    }
+
+    fn camera(&self, network: &C::Module) -> Camera {
+        self.how.attached(network.clone(), self.camera, self.sight)
+    }
+
+    fn take(
+        &self,
+        camera: &Camera,
+        _: &C::Module,
+        shots: &[Shot],
+        noise: &Noise,
+    ) -> Result<Frames, DesignError> {
+        camera.take(shots, noise)
+    }
+
+    fn read(&self, network: &C::Module, gradients: Gradients) -> Result<GradientsParams, DesignError> {
+        Ok(GradientsParams::from_grads(gradients, network))
+    }
+
+    fn plus(&self, sum: GradientsParams, own: GradientsParams) -> GradientsParams {
+        let mut accumulator = GradientsAccumulator::<C::Module>::new();
+        for gradients in [sum, own] {
+            accumulator.accumulate(self.network, gradients);
+        }
+        accumulator.grads()
+    }
+
+    /// Layers pack their weights and write a gradient once for all windows.
+    fn windows_together(&self, pixels: usize) -> usize {
+        self.network.num_params().div_ceil(WEIGHTS_PER_PIXEL * pixels)
+    }
+}
+
+impl<C: CameraNetwork> InTraining<C> {
+    fn descend(&mut self, gradients: GradientsParams, rule: StepRule) {
+        self.network = self.optimizer.step(rule.rate, self.network.clone(), gradients);
+        if rule.proximal > 0.0 {
+            self.network = pulled_towards(self.network.clone(), &self.anchor, rule.rate * rule.proximal);
+        }
+    }
+}
+
 impl<C: CameraNetwork> Learner for InTraining<C> {
     fn as_any(&self) -> &dyn Any {
         self
@@ -169,13 +234,20 @@ impl<C: CameraNetwork> Learner for InTraining<C> {
         self.how.attached(if is_held { network.no_grad() } else { network }, camera, sight)
     }
 
-    fn descend(&mut self, gradients: Gradients, rule: StepRule) -> Result<(), DesignError> {
-        let gradients = GradientsParams::from_grads(gradients, &self.network);
-        self.network = self.optimizer.step(rule.rate, self.network.clone(), gradients);
-        if rule.proximal > 0.0 {
-            self.network = pulled_towards(self.network.clone(), &self.anchor, rule.rate * rule.proximal);
+    fn step(
+        &mut self,
+        batch: &Batch,
+        sight: Sight,
+        rule: StepRule,
+    ) -> Result<BTreeMap<String, f64>, DesignError> {
+        let Self { network, how, .. } = self;
+        let by = ByWeights { network, how, camera: batch.camera, sight };
+        let (losses, gradients) = derivatives(batch, &by)?;
+        // A loss that is no number must not reach the weights; the caller ends the run.
+        if let Some(gradients) = gradients {
+            self.descend(gradients, rule);
         }
-        Ok(())
+        Ok(losses)
     }
 
     fn to_safetensors(&self) -> Result<Option<Vec<u8>>, DesignError> {

@@ -7,7 +7,6 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use burn::tensor::Gradients;
 use petzval_base::random::{Stage, Stream};
 use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::Lens;
@@ -16,10 +15,12 @@ use petzval_optics::paraxial::{image_height_per_tangent, pull_back_image_height,
 use serde::{Deserialize, Serialize};
 
 use super::average::Average;
+use super::by_optics::{ByOptics, TheOptics};
+use super::by_window::derivatives;
 use super::generations::{FirstGeneration, Generations, PointScore};
 use super::lifted::{Lift, Lifted};
-use super::{Batch, Block, BlockState, Descent, Magnified, as_json, backward, named, parsed};
-use crate::camera::{ByLens, Camera, PsfLeaves, Psfs, Shot, to_host};
+use super::{Batch, Block, BlockState, Descent, Magnified, as_json, losses_of, parsed};
+use crate::camera::{ByLens, Camera, Shot};
 use crate::error::DesignError;
 use crate::experiment::{BlockName, FieldOfView, StepMethod, StepRule};
 use crate::lens::restored::with_brightness;
@@ -215,24 +216,22 @@ impl OpticsBlock {
         if !batch.camera.has_gradient() {
             return Err(DesignError::NoGradient("an ISP that nothing imitates yet"));
         }
-        let (frames, leaves) = batch.camera.take_tracking_psfs(batch.shots, &batch.noise)?;
-        let loss = (batch.loss)(batch.camera, &frames, batch.shots)?;
-        let mut losses = named(&loss);
-
         // The tape ends at the PSFs, and what forms them takes over from them to the lens.
-        let gradients = backward(loss);
-        if leaves.own.values.grad(&gradients).is_none() {
+        let (mut losses, by) = derivatives(batch, &TheOptics(batch.camera))?;
+        // A loss that is no number makes the coordinates so; the caller ends the run.
+        let ByOptics { own, taken_for } = by.unwrap_or_else(|| ByOptics::not_a_number(batch.camera));
+        if own.values.is_none() {
             return Err(DesignError::NoGradient("the PSFs"));
         }
-        let by_psfs = pulled_back(batch.camera.psfs(), &leaves.own, &gradients)?;
-        let drawn = batch.camera.psfs_taken_for().zip(leaves.taken_for.as_ref());
-        let by_drawn = drawn.map(|(psfs, leaves)| pulled_back(psfs, leaves, &gradients)).transpose()?;
+        let by_psfs = own.pulled_back(batch.camera.psfs())?;
+        let drawn = batch.camera.psfs_taken_for().zip(taken_for);
+        let by_drawn = drawn.map(|(psfs, by)| by.pulled_back(psfs)).transpose()?;
 
         // What depends on the lens by another way than its PSFs: the light that it gathers, and the requirements.
         let lens = self.lens_in_step()?;
         let mut by_light = LensGradient::zero(lens.surfaces.len());
-        if let Some(by) = leaves.own.light.grad(&gradients) {
-            let by = f64::from(to_host(by)?[0]);
+        if let Some(by) = own.light {
+            let by = f64::from(by[0]);
             pull_back_log_brightness(&lens.at_wavelength(lens.reference_um), by, &mut by_light);
         }
         let by_log_magnification =
@@ -338,8 +337,7 @@ impl OpticsBlock {
                 return Ok(None);
             };
             let shots = seen_by(&camera, batch)?;
-            let frames = camera.take(&shots, &batch.noise)?;
-            let mut losses = named(&(batch.loss)(&camera, &frames, &shots)?);
+            let mut losses = losses_of(batch, &camera, &shots)?;
             let penalty_mm2: f64 = violations.iter().map(|(square, _)| square).sum();
             let proximal = self.progress.way.proximal_term(&x, rule);
             let value = losses[TOTAL] + self.constraint_weight * penalty_mm2 + proximal;
@@ -362,22 +360,6 @@ impl OpticsBlock {
         self.progress.drawn = Some(sampler.about(centre, reach).coordinates(number)?);
         Ok(())
     }
-}
-
-/// The derivatives of a loss by the lens that forms PSFs, from those by the PSFs. Where the lens is taken for another, development that does
-/// not restore takes nothing but the illumination from the other's: what is not on the tape counts as 0.
-fn pulled_back(psfs: &Psfs, leaves: &PsfLeaves, gradients: &Gradients) -> Result<ByLens, DesignError> {
-    let by_illumination =
-        leaves.illumination.grad(gradients).ok_or(DesignError::NoGradient("the illumination"))?;
-    let by_values = match leaves.values.grad(gradients) {
-        Some(by) => to_host(by)?,
-        None => vec![0.0; psfs.bank().values.len()],
-    };
-    let by_radius = match leaves.radius_mm.grad(gradients) {
-        Some(by) => to_host(by)?,
-        None => vec![0.0; psfs.bank().field_radius_mm.len()],
-    };
-    psfs.pull_back(&by_values, &to_host(by_illumination)?, &by_radius)
 }
 
 /// Where a free coordinate lies between the bounds of its number, 0..1.
@@ -425,8 +407,7 @@ fn seen_by<'s>(camera: &Camera, batch: &Batch<'s>) -> Result<Cow<'s, [Shot]>, De
 fn slope_by_log_magnification(batch: &Batch, magnified: &Magnified) -> Result<f64, DesignError> {
     let loss_at = |by: f64| -> Result<f64, DesignError> {
         let shots = magnified(by)?;
-        let frames = batch.camera.take(&shots, &batch.noise)?;
-        Ok(named(&(batch.loss)(batch.camera, &frames, &shots)?)[TOTAL])
+        Ok(losses_of(batch, batch.camera, &shots)?[TOTAL])
     };
     let [larger, smaller] = [1.0 + MAGNIFICATION_STEP, 1.0 - MAGNIFICATION_STEP];
     Ok((loss_at(larger)? - loss_at(smaller)?) / (larger / smaller).ln())

@@ -346,6 +346,26 @@ impl Camera {
         Self { optics: anew(&self.optics), taken_for: self.taken_for.as_ref().map(anew), ..self.clone() }
     }
 
+    /// Whether windows may be taken one by one from several threads, and are as they would be in a batch: on the CPU, behind no network of a
+    /// user, which sees a batch in one call, and with no values of a hardware ISP that a tape leads to.
+    pub(crate) fn takes_windows_alone(&self) -> bool {
+        let is_ours = self.network.as_ref().is_none_or(|network| !network.takes_whole_batches());
+        let is_held = match &self.chip {
+            None | Some(ChipValues::Exact(_)) => true,
+            Some(ChipValues::OnTape(values)) => !values.is_tracked(),
+            Some(ChipValues::Imitated { .. }) => false,
+        };
+        is_ours && is_held && self.body.device.clone().without_autodiff() == Device::flex()
+    }
+
+    /// Makes the kernels of all patches, as far as they are kept, so that threads which take its pictures find them.
+    pub(crate) fn make_kernels(&self) -> Result<(), DesignError> {
+        for optics in [&self.optics, self.known()] {
+            optics.kernels(&self.body.geometry, self.border)?;
+        }
+        Ok(())
+    }
+
     /// Takes a batch of shots of one size: light, raw frames, developed, restored and finished pictures.
     ///
     /// The graph of the frames leads to the weights of a network that is tracked, and no further.
@@ -359,8 +379,13 @@ impl Camera {
         shots: &[Shot],
         noise: &Noise,
     ) -> Result<(Frames, OpticsLeaves), DesignError> {
-        let leaves = self.leaves(PsfLeaves::tracked);
+        let leaves = self.tracked_leaves();
         Ok((self.take_through(&leaves, shots, noise)?, leaves))
+    }
+
+    /// The PSFs as leaf tensors of a new tape.
+    pub(crate) fn tracked_leaves(&self) -> OpticsLeaves {
+        self.leaves(PsfLeaves::tracked)
     }
 
     /// The PSFs as tensors, as `made` makes them of those that are not tracked.
@@ -374,7 +399,8 @@ impl Camera {
         self.taken_for.as_ref().map(|optics| &*optics.psfs)
     }
 
-    fn take_through(
+    /// [`Camera::take`] with a graph that leads to these leaves.
+    pub(crate) fn take_through(
         &self,
         leaves: &OpticsLeaves,
         shots: &[Shot],

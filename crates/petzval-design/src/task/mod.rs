@@ -25,18 +25,17 @@ mod windows;
 use burn::prelude::Device;
 use petzval_base::FileError;
 use petzval_camera::image::LinearImage;
-use petzval_camera::tape::Frames;
-use petzval_learn::loss::NamedLoss;
 use petzval_report::design_report::{DetectionView, TaskSection};
 
 use crate::assets::Assets;
 use crate::block::NetworkBlock;
-use crate::camera::{Camera, Shot};
+use crate::camera::Camera;
 use crate::cameras::Cameras;
 use crate::error::DesignError;
 use crate::experiment::{Experiment, TaskFacts};
 use crate::run::{Metrics, RunFolder};
 
+pub use crate::objective::{Objective, WindowsOf};
 pub use judge::{Depth, Findings, Judge, ScoredPicture, Taken, named_scores};
 pub use registry::Tasks;
 pub use scenes::{PicturePlan, ReadPictures, SceneLabels, Scenes};
@@ -126,12 +125,6 @@ impl Drawn {
     pub fn alone(shown: LinearImage) -> Self {
         Self { shown, files: Vec::new() }
     }
-}
-
-/// The loss of what a camera took.
-pub trait Objective {
-    /// The mean over the pictures of a batch. Its graph leads to whatever the graphs of the frames and of the camera's network lead to.
-    fn loss(&self, camera: &Camera, frames: &Frames, shots: &[Shot]) -> Result<NamedLoss, DesignError>;
 }
 
 /// What the report of a run shows of a task.

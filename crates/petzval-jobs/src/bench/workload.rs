@@ -18,12 +18,12 @@ pub struct Prepared {
     pub units: Option<(f64, &'static str)>,
     /// Whether it always runs on one thread.
     pub single_thread: bool,
-    pub run: Box<dyn FnMut() -> Result<(), JobError>>,
+    pub run: Box<dyn FnMut() -> Result<(), JobError> + Send>,
 }
 
 impl Prepared {
     /// A workload for all threads.
-    pub fn new(work: impl Into<String>, run: impl FnMut() -> Result<(), JobError> + 'static) -> Self {
+    pub fn new(work: impl Into<String>, run: impl FnMut() -> Result<(), JobError> + Send + 'static) -> Self {
         Self { work: work.into(), units: None, single_thread: false, run: Box::new(run) }
     }
 

@@ -208,8 +208,18 @@ impl AnyDetector {
 }
 
 impl Detector for AnyDetector {
-    fn loss(&self, pictures: Tensor<4>, truths: &[Truth], seed: u64) -> Result<NamedLoss, LossError> {
-        self.of_kind().loss(pictures, truths, seed)
+    fn look(&self, pictures: Tensor<4>) -> Vec<Tensor<4>> {
+        self.of_kind().look(pictures)
+    }
+
+    fn loss_of_look(
+        &self,
+        look: Vec<Tensor<4>>,
+        picture: [usize; 2],
+        truths: &[Truth],
+        seed: u64,
+    ) -> Result<NamedLoss, LossError> {
+        self.of_kind().loss_of_look(look, picture, truths, seed)
     }
 
     fn detect(&self, pictures: Tensor<4>) -> Result<Vec<Vec<Detection>>, LossError> {

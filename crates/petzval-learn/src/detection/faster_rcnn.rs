@@ -181,12 +181,25 @@ fn for_boxes(maps: &[Tensor<4>]) -> &[Tensor<4>] {
 }
 
 impl Detector for FasterRcnn {
-    fn loss(&self, pictures: Tensor<4>, truths: &[Truth], seed: u64) -> Result<NamedLoss, LossError> {
-        let [_, _, height, width] = pictures.dims();
-        let maps = self.maps(pictures);
-        let seen = self.proposals.look(&maps, seen_sides([height, width]));
-        let proposals = self.proposals.proposals(&seen, [height, width], true)?;
-        self.loss_on(&proposals, &maps, &seen, truths, [height, width], seed)
+    /// The maps of the pyramid, then logits and offsets of each.
+    fn look(&self, pictures: Tensor<4>) -> Vec<Tensor<4>> {
+        let mut look = self.maps(pictures);
+        let outputs: Vec<_> = look.iter().flat_map(|map| self.proposals.outputs(map)).collect();
+        look.extend(outputs);
+        look
+    }
+
+    fn loss_of_look(
+        &self,
+        look: Vec<Tensor<4>>,
+        picture: [usize; 2],
+        truths: &[Truth],
+        seed: u64,
+    ) -> Result<NamedLoss, LossError> {
+        let (maps, outputs) = look.split_at(look.len() / 3);
+        let seen = self.proposals.proposed(outputs, seen_sides(picture));
+        let proposals = self.proposals.proposals(&seen, picture, true)?;
+        self.loss_on(&proposals, maps, &seen, truths, picture, seed)
     }
 
     fn detect(&self, pictures: Tensor<4>) -> Result<Vec<Vec<Detection>>, LossError> {

@@ -141,39 +141,29 @@ impl Fcos {
         })
     }
 
-    fn look(&self, pictures: Tensor<4>) -> Seen {
-        let [batch, _, height, width] = pictures.dims();
-        let [height, width] = seen_sides([height, width]);
+    /// Logits, distances and centredness of each level, as planes.
+    fn outputs(&self, pictures: Tensor<4>) -> Vec<Tensor<4>> {
         let maps = self.pyramid.forward(self.body.features(normalized(pictures)));
-        let by_place = |x: Tensor<4>| {
-            let [_, values, rows, columns] = x.dims();
-            x.permute([0, 2, 3, 1]).reshape([batch, rows * columns, values])
-        };
-        let (mut logits, mut distances, mut centredness) = (Vec::new(), Vec::new(), Vec::new());
-        let mut places = Vec::new();
-        for (level, map) in maps.into_iter().enumerate() {
-            let [_, _, rows, columns] = map.dims();
+        let of_level = |map: Tensor<4>| {
             let through = |tower: &[Conv]| tower.iter().fold(map.clone(), |x, conv| conv.leaky(x, SLOPE));
             let (classes, boxes) = (through(&self.class_tower), through(&self.box_tower));
-            logits.push(by_place(self.logits.forward(classes)));
-            distances.push(by_place(self.distances.forward(boxes.clone())));
-            centredness.push(by_place(self.centredness.forward(boxes)));
-            let stride =
-                (height as f32 / rows as f32).max(width as f32 / columns as f32).log2().round().exp2();
-            let centre = |i: usize| (i as f32 + 0.5) * stride;
-            let of_row = |row: usize| {
-                (0..columns).map(move |column| Place { at: [centre(column), centre(row)], stride, level })
-            };
-            places.extend((0..rows).flat_map(of_row));
-        }
-        let [logits, distances, centredness] =
-            [logits, distances, centredness].map(|levels| Tensor::cat(levels, 1));
-        Seen { logits, distances: distances.clamp_max(LARGEST_LOG), centredness, places }
+            [
+                self.logits.forward(classes),
+                self.distances.forward(boxes.clone()),
+                self.centredness.forward(boxes),
+            ]
+        };
+        maps.into_iter().flat_map(of_level).collect()
+    }
+
+    fn seen(&self, pictures: Tensor<4>) -> Seen {
+        let [_, _, height, width] = pictures.dims();
+        by_place(&self.outputs(pictures), [height, width])
     }
 
     /// See [`AnyDetector::heads`](super::AnyDetector::heads).
     pub(super) fn heads(&self, pictures: Tensor<4>) -> Result<Vec<NamedArray>, LossError> {
-        let seen = self.look(pictures);
+        let seen = self.seen(pictures);
         let [batch, places, classes] = seen.logits.dims();
         let sides = seen.distances.dims()[2];
         Ok(vec![
@@ -225,6 +215,32 @@ impl Fcos {
     }
 }
 
+/// Logits, distances and centredness of all levels, three planes after three, by place. The pictures have this height and width.
+fn by_place(outputs: &[Tensor<4>], picture: [usize; 2]) -> Seen {
+    let [height, width] = seen_sides(picture);
+    let by_place = |x: &Tensor<4>| {
+        let [batch, values, rows, columns] = x.dims();
+        x.clone().permute([0, 2, 3, 1]).reshape([batch, rows * columns, values])
+    };
+    let (mut logits, mut distances, mut centredness) = (Vec::new(), Vec::new(), Vec::new());
+    let mut places = Vec::new();
+    for (level, outputs) in outputs.chunks_exact(3).enumerate() {
+        let [_, _, rows, columns] = outputs[0].dims();
+        logits.push(by_place(&outputs[0]));
+        distances.push(by_place(&outputs[1]));
+        centredness.push(by_place(&outputs[2]));
+        let stride = (height as f32 / rows as f32).max(width as f32 / columns as f32).log2().round().exp2();
+        let centre = |i: usize| (i as f32 + 0.5) * stride;
+        let of_row = |row: usize| {
+            (0..columns).map(move |column| Place { at: [centre(column), centre(row)], stride, level })
+        };
+        places.extend((0..rows).flat_map(of_row));
+    }
+    let [logits, distances, centredness] =
+        [logits, distances, centredness].map(|levels| Tensor::cat(levels, 1));
+    Seen { logits, distances: distances.clamp_max(LARGEST_LOG), centredness, places }
+}
+
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Assigned {
     Object(usize),
@@ -244,8 +260,18 @@ fn centredness([left, upper, right, lower]: [f32; 4]) -> f32 {
 }
 
 impl Detector for Fcos {
-    fn loss(&self, pictures: Tensor<4>, truths: &[Truth], _seed: u64) -> Result<NamedLoss, LossError> {
-        let seen = self.look(pictures);
+    fn look(&self, pictures: Tensor<4>) -> Vec<Tensor<4>> {
+        self.outputs(pictures)
+    }
+
+    fn loss_of_look(
+        &self,
+        look: Vec<Tensor<4>>,
+        picture: [usize; 2],
+        truths: &[Truth],
+        _seed: u64,
+    ) -> Result<NamedLoss, LossError> {
+        let seen = by_place(&look, picture);
         let ([batch, count, classes], device) = (seen.logits.dims(), seen.logits.device());
         let mut targets = vec![0.0; batch * count * classes];
         let mut weights = vec![1.0; batch * count];
@@ -293,7 +319,7 @@ impl Detector for Fcos {
 
     fn detect(&self, pictures: Tensor<4>) -> Result<Vec<Vec<Detection>>, LossError> {
         let [batch, _, height, width] = pictures.dims();
-        let seen = self.look(pictures);
+        let seen = self.seen(pictures);
         let [_, count, classes] = seen.logits.dims();
         let scores = (sigmoid(seen.logits) * sigmoid(seen.centredness)).sqrt();
         let scores = read_numbers(scores, "scores of objects")?;

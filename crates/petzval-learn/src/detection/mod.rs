@@ -89,7 +89,22 @@ pub struct Detection {
 pub trait Detector: Send + Sync {
     /// The loss of pictures `[batch, 3, height, width]`, sRGB-encoded, 0..1, one truth each. Its graph leads to the weights and to the
     /// pictures. `seed` decides of which boxes it is computed.
-    fn loss(&self, pictures: Tensor<4>, truths: &[Truth], seed: u64) -> Result<NamedLoss, LossError>;
+    fn loss(&self, pictures: Tensor<4>, truths: &[Truth], seed: u64) -> Result<NamedLoss, LossError> {
+        let [_, _, height, width] = pictures.dims();
+        self.loss_of_look(self.look(pictures), [height, width], truths, seed)
+    }
+
+    /// The layers that see each picture alone, nearly all of the work: tensors of which each has the pictures along its first dimension.
+    fn look(&self, pictures: Tensor<4>) -> Vec<Tensor<4>>;
+
+    /// [`loss`](Self::loss) of pictures with this height and width, from what [`look`](Self::look) gives of all of them.
+    fn loss_of_look(
+        &self,
+        look: Vec<Tensor<4>>,
+        picture: [usize; 2],
+        truths: &[Truth],
+        seed: u64,
+    ) -> Result<NamedLoss, LossError>;
 
     /// What is found in each picture, best first.
     fn detect(&self, pictures: Tensor<4>) -> Result<Vec<Vec<Detection>>, LossError>;

@@ -5,6 +5,7 @@ use burn::prelude::*;
 use burn::tensor::activation::{relu, sigmoid};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
 use serde::Serialize;
 
 use super::anchors::Anchors;
@@ -92,11 +93,21 @@ impl ProposalNetwork {
 
     /// Looks at the maps of the pyramid of pictures that have this height and width where the backbone sees them.
     pub fn look(&self, maps: &[Tensor<4>], picture: [usize; 2]) -> Proposed {
+        self.proposed(&maps.iter().flat_map(|map| self.outputs(map)).collect::<Vec<_>>(), picture)
+    }
+
+    /// Logits and offsets at the places of a map of the pyramid, as planes.
+    pub fn outputs(&self, map: &Tensor<4>) -> [Tensor<4>; 2] {
+        let seen = relu(self.shared.forward(map.clone()));
+        [self.logits.forward(seen.clone()), self.offsets.forward(seen)]
+    }
+
+    /// The logits and offsets of all levels, one [pair](Self::outputs) after the other, by anchor.
+    pub fn proposed(&self, outputs: &[Tensor<4>], picture: [usize; 2]) -> Proposed {
         let (mut logits, mut offsets) = (Vec::new(), Vec::new());
         let (mut anchors, mut per_level) = (Vec::new(), Vec::new());
-        for (level, map) in maps.iter().enumerate() {
-            let [batch, _, height, width] = map.dims();
-            let seen = relu(self.shared.forward(map.clone()));
+        for (level, outputs) in outputs.chunks_exact(2).enumerate() {
+            let [batch, _, height, width] = outputs[0].dims();
             let per_place = self.config.anchors.per_place(level);
             let by_place = |x: Tensor<4>, values: usize| {
                 x.reshape([batch, per_place, values, height, width]).permute([0, 3, 4, 1, 2]).reshape([
@@ -105,8 +116,8 @@ impl ProposalNetwork {
                     values,
                 ])
             };
-            logits.push(by_place(self.logits.forward(seen.clone()), 1));
-            offsets.push(by_place(self.offsets.forward(seen), 4));
+            logits.push(by_place(outputs[0].clone(), 1));
+            offsets.push(by_place(outputs[1].clone(), 4));
             anchors.extend(self.config.anchors.of_level(level, [height, width], picture));
             per_level.push(height * width * per_place);
         }
@@ -155,7 +166,7 @@ impl ProposalNetwork {
             let kept = suppress(&boxes, &kept_scores, &levels, most_overlap, count);
             kept.into_iter().map(|i| boxes[i]).collect()
         };
-        Ok((0..batch).map(of_picture).collect())
+        Ok((0..batch).into_par_iter().map(of_picture).collect())
     }
 
     /// The losses of logits and of offsets, over sampled anchors of all pictures.
@@ -163,9 +174,14 @@ impl ProposalNetwork {
         let (device, all) = (seen.logits.device(), seen.anchors.len());
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let (mut with, mut without, mut targets) = (Vec::new(), Vec::new(), Vec::new());
-        for (item, truth) in truths.iter().enumerate() {
+        let matched = |truth: &Truth| {
             let boxes: Vec<BBox> = truth.objects.iter().map(|o| o.bbox).collect();
             let matches = self.config.matcher.matches(&boxes, &truth.ignored, &seen.anchors);
+            (boxes, matches)
+        };
+        let matched: Vec<_> = truths.par_iter().map(matched).collect();
+        // The anchors are drawn picture by picture.
+        for (item, (boxes, matches)) in matched.into_iter().enumerate() {
             let drawn = sample(&matches, self.config.sampled, POSITIVE_ANCHORS, &mut random);
             for (anchor, object) in drawn.positive {
                 with.push((item * all + anchor) as i64);

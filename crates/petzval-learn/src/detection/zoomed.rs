@@ -53,20 +53,40 @@ impl<D: Detector> Zoomed<D> {
     fn enlarged(&self, pictures: Tensor<4>) -> (Tensor<4>, [f32; 2]) {
         let [_, _, height, width] = pictures.dims();
         let to = self.zoom.of([height, width]);
-        (resized(pictures, to), [to[1] as f32 / width as f32, to[0] as f32 / height as f32])
+        (resized(pictures, to), enlargement([height, width], to))
     }
 }
 
+/// By how much pictures of this height and width are enlarged along x and y to get those sides.
+fn enlargement([height, width]: [usize; 2], to: [usize; 2]) -> [f32; 2] {
+    [to[1] as f32 / width as f32, to[0] as f32 / height as f32]
+}
+
+/// The truths of enlarged pictures.
+fn scaled(truths: &[Truth], by: [f32; 2]) -> Vec<Truth> {
+    let object = |o: &Object| Object { bbox: o.bbox.scaled(by), ..*o };
+    let truth = |t: &Truth| Truth {
+        objects: t.objects.iter().map(object).collect(),
+        ignored: t.ignored.iter().map(|b| b.scaled(by)).collect(),
+        beside: t.beside.iter().map(object).collect(),
+    };
+    truths.iter().map(truth).collect()
+}
+
 impl<D: Detector> Detector for Zoomed<D> {
-    fn loss(&self, pictures: Tensor<4>, truths: &[Truth], seed: u64) -> Result<NamedLoss, LossError> {
-        let (enlarged, by) = self.enlarged(pictures);
-        let object = |o: &Object| Object { bbox: o.bbox.scaled(by), ..*o };
-        let truth = |t: &Truth| Truth {
-            objects: t.objects.iter().map(object).collect(),
-            ignored: t.ignored.iter().map(|b| b.scaled(by)).collect(),
-            beside: t.beside.iter().map(object).collect(),
-        };
-        self.detector.loss(enlarged, &truths.iter().map(truth).collect::<Vec<_>>(), seed)
+    fn look(&self, pictures: Tensor<4>) -> Vec<Tensor<4>> {
+        self.detector.look(self.enlarged(pictures).0)
+    }
+
+    fn loss_of_look(
+        &self,
+        look: Vec<Tensor<4>>,
+        picture: [usize; 2],
+        truths: &[Truth],
+        seed: u64,
+    ) -> Result<NamedLoss, LossError> {
+        let to = self.zoom.of(picture);
+        self.detector.loss_of_look(look, to, &scaled(truths, enlargement(picture, to)), seed)
     }
 
     fn detect(&self, pictures: Tensor<4>) -> Result<Vec<Vec<Detection>>, LossError> {
@@ -88,9 +108,19 @@ mod tests {
     struct Bright;
 
     impl Detector for Bright {
-        fn loss(&self, pictures: Tensor<4>, truths: &[Truth], _: u64) -> Result<NamedLoss, LossError> {
+        fn look(&self, pictures: Tensor<4>) -> Vec<Tensor<4>> {
+            vec![pictures]
+        }
+
+        fn loss_of_look(
+            &self,
+            look: Vec<Tensor<4>>,
+            _: [usize; 2],
+            truths: &[Truth],
+            _: u64,
+        ) -> Result<NamedLoss, LossError> {
             let sum = truths.iter().flat_map(|t| &t.objects).map(|o| f64::from(o.bbox.area())).sum();
-            Ok(NamedLoss { total: pictures.mean(), parts: vec![("total", sum)] })
+            Ok(NamedLoss { total: look[0].clone().mean(), parts: vec![("total", sum)] })
         }
 
         fn detect(&self, pictures: Tensor<4>) -> Result<Vec<Vec<Detection>>, LossError> {

@@ -130,6 +130,10 @@ impl PictureNetwork for Attached {
         apply(Arc::new(pass), [planes, self.weights.clone().into_dispatch()])
     }
 
+    fn takes_whole_batches(&self) -> bool {
+        true
+    }
+
     fn check(&self) -> Result<(), GuestError> {
         self.network.check()
     }

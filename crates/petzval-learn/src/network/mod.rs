@@ -74,6 +74,11 @@ pub trait PictureNetwork: Send + Sync {
         }
     }
 
+    /// Whether it sees all pictures of a batch in one call, as a network of a user does: it is never called from several threads at once.
+    fn takes_whole_batches(&self) -> bool {
+        false
+    }
+
     /// Fails if a network of a user could not do its work since it was made: what it gave then was no result.
     fn check(&self) -> Result<(), GuestError> {
         Ok(())

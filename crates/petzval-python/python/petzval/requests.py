@@ -2541,6 +2541,8 @@ class Bench(TypedDict, total=False):
     """A workload to measure."""
     seconds: float
     """Seconds to spend on it; it runs at least three times. Unit: s."""
+    threads: list[int]
+    """Numbers of threads to compare, which take turns in one process; none for those of the process."""
     workload: str
     """Its name, one of `names`."""
 

@@ -6,7 +6,7 @@ use crate::jobs::bench;
 use super::failure::Failure;
 use super::terminal::{Terminal, print_json};
 
-/// Measure standard workloads; times are medians.
+/// Measure standard workloads; times are medians. `--threads 1,2,4` prints how they scale: pools of as many threads take turns in one process
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Machine-readable output
@@ -24,7 +24,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
+pub fn run(args: Args, threads: &[usize], terminal: &Terminal) -> Result<Code, Failure> {
     let all = bench::names();
     if args.list {
         all.iter().for_each(|name| outln!("{name}"));
@@ -33,15 +33,22 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     if let Some(unknown) = args.only.iter().find(|name| !all.contains(&name.as_str())) {
         return Err(Failure::input(format!("--only {unknown}: no such workload"), all.join(", ")));
     }
+    // A single number is that of the process.
+    let threads = if threads.len() > 1 { threads.to_vec() } else { Vec::new() };
     let mut found = Vec::new();
     for name in all.into_iter().filter(|name| args.only.is_empty() || args.only.iter().any(|n| n == name)) {
         let one = bench::run(
-            &bench::Request { workload: name.to_owned(), seconds: args.seconds },
+            &bench::Request { workload: name.to_owned(), seconds: args.seconds, threads: threads.clone() },
             &terminal.context(),
         )?;
         if !args.json {
             let (cpu_ms, wall_ms) = (1e3 * one.cpu_s, 1e3 * one.wall_s);
             outln!("{name:<26} {cpu_ms:>10.4} ms CPU {wall_ms:>10.4} ms wall   {}", one.work);
+            for at in &one.curve {
+                let (cpu_ms, wall_ms, count) = (1e3 * at.cpu_s, 1e3 * at.wall_s, at.threads);
+                let speedup = at.speedup;
+                outln!("{count:>18} threads {cpu_ms:>10.4} ms CPU {wall_ms:>10.4} ms wall {speedup:>8.2} x");
+            }
         }
         found.push(one);
     }

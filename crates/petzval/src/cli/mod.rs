@@ -69,9 +69,9 @@ pub use failure::Failure;
 #[command(name = "petzval", version, propagate_version = true)]
 pub struct Cli {
     /// Threads to use; 0 means RAYON_NUM_THREADS, SLURM_CPUS_PER_TASK or HQ_CPUS, the first of them that is set, else one per core. Results do not
-    /// depend on it.
-    #[arg(long, global = true, default_value_t = usual::threads(), value_name = "N")]
-    threads: usize,
+    /// depend on it. `bench` compares several: 1,2,4
+    #[arg(long, global = true, default_values_t = [usual::threads()], value_delimiter = ',', num_args = 1, value_name = "N")]
+    threads: Vec<usize>,
     /// Glass catalogue whose glasses take precedence over the built-in ones: .agf, .toml, a page of
     /// refractiveindex.info (.yml), or a folder of them. May be repeated; later ones take precedence. PETZVAL_GLASSES
     /// lists further ones, which are read first
@@ -174,13 +174,25 @@ fn run(cli: Cli, words: Vec<OsString>) -> Result<Code, Failure> {
             "write avx2 or scalar, or unset the variable: the widest of the machine is used then",
         ));
     }
-    if cli.threads > MOST_THREADS {
+    if let Some(many) = cli.threads.iter().find(|threads| **threads > MOST_THREADS) {
         return Err(Failure::input(
-            format!("--threads {}: more than {MOST_THREADS}", cli.threads),
+            format!("--threads {many}: more than {MOST_THREADS}"),
             "0 means one per core",
         ));
     }
-    let threads = threads(cli.threads)?;
+    // `bench` with several numbers makes a pool for each.
+    let one = match cli.threads[..] {
+        [one] => one,
+        _ if matches!(cli.verb, Verb::Bench(_)) => 0,
+        _ => {
+            let given: Vec<String> = cli.threads.iter().map(usize::to_string).collect();
+            return Err(Failure::input(
+                format!("--threads {}: one number", given.join(",")),
+                "`petzval bench` alone compares several numbers of threads",
+            ));
+        }
+    };
+    let threads = threads(one)?;
     if threads.source != Source::Cores {
         rayon::ThreadPoolBuilder::new()
             .num_threads(threads.number)
@@ -217,7 +229,7 @@ fn run(cli: Cli, words: Vec<OsString>) -> Result<Code, Failure> {
         Verb::Jobs(args) => call::list(args),
         Verb::Sweep(args) => sweep::run(args, &terminal),
         Verb::Runs(args) => runs::run(args, &terminal),
-        Verb::Bench(args) => bench::run(args, &terminal),
+        Verb::Bench(args) => bench::run(args, &cli.threads, &terminal),
         Verb::Doctor(args) => doctor::run(args, threads.source, &terminal),
     }
 }

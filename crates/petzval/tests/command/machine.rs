@@ -115,6 +115,23 @@ fn bench_lists_its_workloads_and_measures_one() {
 }
 
 #[test]
+fn bench_compares_numbers_of_threads() {
+    let folder = tempfile::tempdir().unwrap();
+    let args = ["bench", "--only", "spot_gradient", "--seconds", "0.01", "--threads", "2,1,3", "--json"];
+    let result = run_ok(folder.path(), &args).json()[0].clone();
+    let curve = result["curve"].as_array().unwrap();
+    assert_eq!(curve.iter().map(|at| at["threads"].as_u64().unwrap()).collect::<Vec<_>>(), [2, 1, 3]);
+    assert_eq!((&result["threads"], &curve[0]["speedup"]), (&2.into(), &1.0.into()));
+    for at in curve {
+        let [wall, speedup] = ["wall_s", "speedup"].map(|key| at[key].as_f64().unwrap());
+        assert!((wall * speedup / result["wall_s"].as_f64().unwrap() - 1.0).abs() < 1e-9, "{result}");
+        assert!(at["cpu_s"].as_f64().unwrap() > 0.0);
+    }
+    let printed = run_ok(folder.path(), &args[..7]).stdout;
+    assert_eq!(printed.lines().filter(|line| line.contains(" threads ")).count(), 3, "{printed}");
+}
+
+#[test]
 fn usage_errors_exit_with_2() {
     let folder = tempfile::tempdir().unwrap();
     for (args, needles) in [
@@ -122,6 +139,8 @@ fn usage_errors_exit_with_2() {
         (&["bench", "--seconds", "0"], ["--seconds", "0"]),
         (&["design", "--device", "abacus"], ["--device abacus: not in this build", "this build has cpu"]),
         (&["doctor", "--threads", "100000"], ["--threads 100000", "0 means one per core"]),
+        (&["lens", "list", "--threads", "1,2"], ["--threads 1,2: one number", "petzval bench"]),
+        (&["bench", "--only", "trace", "--threads", "1,0"], ["--threads 0: out of range", "1 to 1024"]),
         (&["polish"], ["unrecognized subcommand", "polish"]),
         (&["lens", "show"], ["LENS", "Usage"]),
         (&[], ["Usage", "design"]),

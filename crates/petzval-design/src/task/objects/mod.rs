@@ -6,7 +6,7 @@ mod network;
 pub mod seen_windows;
 mod view;
 
-use burn::prelude::Device;
+use burn::prelude::*;
 use petzval_base::FileError;
 use petzval_camera::image::LinearImage;
 use petzval_camera::tape::Frames;
@@ -17,7 +17,7 @@ use petzval_learn::score::object_scores;
 
 use super::{
     Drawn, Judge, Objective, PicturePlan, PreparedTask, SceneLabels, Scenes, Task, TaskReport, WindowPlan,
-    Windows,
+    Windows, WindowsOf,
 };
 use crate::assets::Assets;
 use crate::block::NetworkBlock;
@@ -147,16 +147,44 @@ impl PreparedTask for PreparedObjects {
     }
 }
 
+/// What is known of windows.
+fn truths(shots: &[Shot]) -> Result<Vec<Truth>, DesignError> {
+    let truth = |shot: &Shot| shot.labels.of::<Truth>().cloned().ok_or(DesignError::OtherTask);
+    shots.iter().map(truth).collect()
+}
+
+/// The same batch draws the same boxes, whichever block moves.
+fn seed(shots: &[Shot]) -> u64 {
+    shots.first().map_or(0, |shot| shot.frame)
+}
+
 /// The loss of the camera's own detector. Whatever moves, the lens, the ISP or the detector, moves so that the detector finds more.
 struct FindObjects;
 
 impl Objective for FindObjects {
     fn loss(&self, camera: &Camera, frames: &Frames, shots: &[Shot]) -> Result<NamedLoss, DesignError> {
         let finder = camera.reader::<Finder>().ok_or(DesignError::OtherTask)?;
-        let truth = |shot: &Shot| shot.labels.of::<Truth>().cloned().ok_or(DesignError::OtherTask);
-        let truths = shots.iter().map(truth).collect::<Result<Vec<_>, _>>()?;
-        // The same batch draws the same, whichever block moves.
-        let seed = shots.first().map_or(0, |shot| shot.frame);
-        Ok(finder.detector.loss(frames.finished.clone(), &truths, seed)?)
+        Ok(finder.detector.loss(frames.finished.clone(), &truths(shots)?, seed(shots))?)
+    }
+
+    /// The boxes of which the loss is computed are drawn from those of all windows.
+    fn windows(&self) -> WindowsOf {
+        WindowsOf::Looks
+    }
+
+    fn look(&self, camera: &Camera, frames: &Frames) -> Result<Vec<Tensor<4>>, DesignError> {
+        let finder = camera.reader::<Finder>().ok_or(DesignError::OtherTask)?;
+        Ok(finder.detector.look(frames.finished.clone()))
+    }
+
+    fn loss_of_look(
+        &self,
+        camera: &Camera,
+        look: Vec<Tensor<4>>,
+        picture: [usize; 2],
+        shots: &[Shot],
+    ) -> Result<NamedLoss, DesignError> {
+        let finder = camera.reader::<Finder>().ok_or(DesignError::OtherTask)?;
+        Ok(finder.detector.loss_of_look(look, picture, &truths(shots)?, seed(shots))?)
     }
 }

@@ -14,7 +14,7 @@ use petzval_learn::guest::Host;
 use petzval_learn::loss::{ImageLoss, Lpips, NamedLoss};
 use petzval_learn::score::{STANDARD_SCORES, standard_scores};
 
-use super::{Judge, Objective, PreparedTask, Task, WindowPlan, Windows};
+use super::{Judge, Objective, PreparedTask, Task, WindowPlan, Windows, WindowsOf};
 use crate::assets::Assets;
 use crate::block::NetworkBlock;
 use crate::camera::{Camera, Shot};
@@ -132,5 +132,10 @@ impl Objective for ImageQuality {
             parts.parts.iter().map(|part| (part.name, f64::from(part.value))).collect();
         named.push(("total", total));
         Ok(NamedLoss { total: parts.total, parts: named })
+    }
+
+    /// All parts are means over pictures of one size.
+    fn windows(&self) -> WindowsOf {
+        WindowsOf::Apart
     }
 }

@@ -13,13 +13,13 @@ use petzval_camera::image::LinearImage;
 use petzval_camera::tape::{Frames, on_device};
 use petzval_files::index_png_bytes;
 use petzval_learn::dataset::{ClassMap, IGNORED_VALUES, LabelledPictures, ObjectClass, StreetThing};
-use petzval_learn::loss::{NamedLoss, cross_entropy};
+use petzval_learn::loss::{IGNORED, NamedLoss, cross_entropy};
 use petzval_learn::network::Segmenter;
 use petzval_learn::score::segmentation::segment_scores;
 
 use super::{
     Drawn, Judge, Objective, PicturePlan, PreparedTask, SceneLabels, Scenes, Task, TaskReport, WindowPlan,
-    Windows,
+    Windows, WindowsOf,
 };
 use crate::assets::Assets;
 use crate::block::NetworkBlock;
@@ -187,6 +187,21 @@ impl Objective for NameClasses {
         }
         let logits = reader.logits(frames.finished.clone());
         Ok(NamedLoss::sum(vec![("cross_entropy", cross_entropy(logits, &labels)?)])?)
+    }
+
+    /// The loss is a mean over labelled pixels.
+    fn windows(&self) -> WindowsOf {
+        WindowsOf::Apart
+    }
+
+    fn shares(&self, shots: &[Shot]) -> Result<Vec<f64>, DesignError> {
+        let labelled = |shot: &Shot| {
+            let map = shot.labels.of::<ClassMap>().ok_or(DesignError::OtherTask)?;
+            Ok::<usize, DesignError>(map.classes.iter().filter(|class| **class != IGNORED).count())
+        };
+        let labelled = shots.iter().map(labelled).collect::<Result<Vec<usize>, DesignError>>()?;
+        let all = labelled.iter().sum::<usize>().max(1) as f64;
+        Ok(labelled.into_iter().map(|count| count as f64 / all).collect())
     }
 }
 
