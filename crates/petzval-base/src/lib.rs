@@ -12,6 +12,7 @@
 //! | [`simd`] | chooses the instruction set of the vector kernels |
 //! | [`random`] | random numbers as a function of seed, frame, stage and place |
 //! | [`counted`] | a number with its noun |
+//! | [`hex`] | bytes in hexadecimal digits |
 //! | [`csv_text`] | a table as comma-separated values |
 //! | [`table`] | the interval of an ascending table around a value, and what lies between its entries |
 //! | [`statistics`] | the median; minimum and maximum that pass on what is no number |
@@ -20,6 +21,7 @@ mod cancel;
 mod counted;
 mod csv_text;
 mod file_error;
+mod hex;
 pub mod lossy_path;
 pub mod parameter;
 mod part;
@@ -33,5 +35,6 @@ pub use cancel::{Cancel, Cancelled};
 pub use counted::counted;
 pub use csv_text::{csv_number, csv_text};
 pub use file_error::{FileError, nearest, quote};
+pub use hex::hex;
 pub use part::{LONGEST_NAME, PartFolder, sweep_parts, sweep_parts_in};
 pub use whole_file::{open_file, read_at_most, read_text, read_whole, write_whole};

@@ -102,15 +102,16 @@ fn masked(sum: u32) -> u32 {
 
 #[cfg(test)]
 mod tests {
+    use petzval_base::hex;
+
     use super::*;
 
     /// Written by the `RecordWriter` and the messages of the package tensorboard 2.21.0.
     #[test]
     fn records_are_those_of_tensorboard() {
-        let hex = |bytes: Vec<u8>| bytes.iter().map(|byte| format!("{byte:02x}")).collect::<String>();
-        assert_eq!(hex(version_record(1.5)), VERSION);
+        assert_eq!(hex(&version_record(1.5)), VERSION);
         assert_eq!(
-            hex(scalar_record(1.5, 300, &[("a/b".to_owned(), 0.25), ("c".to_owned(), -2.0)])),
+            hex(&scalar_record(1.5, 300, &[("a/b".to_owned(), 0.25), ("c".to_owned(), -2.0)])),
             SCALARS
         );
     }

@@ -59,7 +59,7 @@ pub use picture_file::{
 };
 pub use picture_set::{
     CheckedPictures, CheckedSize, PictureSetError, Stamp, StoredPicture, check_stored, digests_of_alike,
-    hex_digest, in_hex, stored_pictures,
+    hex_digest, stored_pictures,
 };
 pub use quantum_efficiency::{parse_quantum_efficiency, parse_quantum_efficiency_toml};
 pub use rii::parse_rii;

@@ -46,7 +46,7 @@ impl Gate {
         let bytes: [u8; TOKEN_BYTES] = rand::rng().random();
         let port = address.port();
         Self {
-            token: bytes.iter().map(|byte| format!("{byte:02x}")).collect(),
+            token: petzval_base::hex(&bytes),
             // Cookies are shared between the ports of a host.
             cookie: format!("petzval_studio_{port}"),
             hosts: [format!("127.0.0.1:{port}"), format!("localhost:{port}"), format!("[::1]:{port}")].into(),

@@ -28,7 +28,7 @@ pub struct Assets {
     /// Glasses that win over the built-in ones.
     chosen: Catalog,
     /// All glasses, once they have been read, by this library or a copy of it.
-    catalog: Arc<OnceLock<Catalog>>,
+    catalog: Arc<OnceLock<Arc<Catalog>>>,
     warnings: Option<WarningSink>,
     external_isps: Option<ExternalIsps>,
     guests: Option<Guests>,
@@ -210,9 +210,9 @@ impl Assets {
     }
 
     /// The glass catalogue: every built-in file of `glasses/`, then the glasses that were chosen.
-    pub fn catalog(&self) -> Result<Catalog, DesignError> {
+    pub fn catalog(&self) -> Result<Arc<Catalog>, DesignError> {
         if let Some(catalog) = self.catalog.get() {
-            return Ok(catalog.clone());
+            return Ok(Arc::clone(catalog));
         }
         let mut names = self.names("glasses");
         names.sort_by_key(|name| {
@@ -227,7 +227,7 @@ impl Assets {
             catalog.merge(part);
         }
         catalog.merge(self.chosen.clone());
-        Ok(self.catalog.get_or_init(|| catalog).clone())
+        Ok(Arc::clone(self.catalog.get_or_init(|| Arc::new(catalog))))
     }
 
     /// A lens by path or built-in name, checked to be possible; the path of a file of Zemax (`.zmx`), CODE V
@@ -257,7 +257,7 @@ impl Assets {
     fn warn_of(&self, name: &str, Import { file, losses, .. }: &Import) -> Result<(), DesignError> {
         if let Some(warn) = &self.warnings {
             losses.iter().for_each(|loss| warn(&loss.in_file(Path::new(name))));
-            for warning in glass_warnings(&file.lens, &self.catalog()?) {
+            for warning in glass_warnings(&file.lens, self.catalog()?.as_ref()) {
                 warn(&format!("{name}: {warning}"));
             }
         }

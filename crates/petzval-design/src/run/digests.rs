@@ -226,7 +226,7 @@ pub fn sha256_of_file(path: &Path) -> Result<String, DesignError> {
 
 /// A digest in hexadecimal.
 pub fn hex(hash: Sha256) -> String {
-    hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+    petzval_base::hex(&hash.finalize())
 }
 
 #[cfg(test)]

@@ -13,7 +13,7 @@ use super::data_set::Image;
 use super::defect::{DefectKind, Defects};
 use super::folder::Loaded;
 use super::turned::{BoxesOf, boxes_of, turned};
-use crate::picture_set::{CheckedPictures, StoredPicture, checked_heads, digests_of_alike, in_hex};
+use crate::picture_set::{CheckedPictures, StoredPicture, checked_heads, digests_of_alike};
 
 /// What a second check of the values finds once sizes are known.
 const NOTED_AGAIN: [DefectKind; 3] =
@@ -148,7 +148,7 @@ fn note_copies(loaded: &mut Loaded, remembered: &CheckedPictures) {
             stored.iter().map(|(_, picture, _)| Some(picture)).collect();
         // It takes seconds, and is not stopped.
         let Ok(digests) = digests_of_alike(&pictures, &Cancel::default()) else { return };
-        digests.iter().map(|digest| digest.as_ref().map(in_hex)).collect()
+        digests.iter().map(|digest| digest.as_ref().map(|digest| petzval_base::hex(digest))).collect()
     };
     let mut first: HashMap<String, &str> = HashMap::new();
     let mut copies = Vec::new();
@@ -168,5 +168,5 @@ fn note_copies(loaded: &mut Loaded, remembered: &CheckedPictures) {
 pub fn content_digest(path: &Path) -> io::Result<String> {
     let mut hash = Sha256::new();
     io::copy(&mut petzval_base::open_file(path)?, &mut hash)?;
-    Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
+    Ok(petzval_base::hex(&hash.finalize()))
 }

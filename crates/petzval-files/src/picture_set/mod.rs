@@ -16,7 +16,7 @@ pub use checked::{CheckedPictures, CheckedSize, check_stored};
 pub use copies::digests_of_alike;
 pub use error::PictureSetError;
 use stored::ENDINGS;
-pub use stored::{Stamp, StoredPicture, hex_digest, in_hex};
+pub use stored::{Stamp, StoredPicture, hex_digest};
 
 /// Ending of a shard.
 const SHARD: &str = "tar";

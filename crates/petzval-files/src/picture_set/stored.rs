@@ -190,10 +190,5 @@ impl StoredPicture {
 
 /// The SHA-256 of bytes, hexadecimal.
 pub fn hex_digest(bytes: &[u8]) -> String {
-    in_hex(&Sha256::digest(bytes).into())
-}
-
-/// A digest in hexadecimal digits.
-pub fn in_hex(digest: &[u8; 32]) -> String {
-    digest.iter().map(|byte| format!("{byte:02x}")).collect()
+    petzval_base::hex(&Sha256::digest(bytes))
 }

@@ -5,9 +5,7 @@ use std::path::Path;
 
 use petzval_design::error::DesignError;
 use petzval_files::coco::{DataSet, DefectKind, Defects, Image, Loaded, has_annotations};
-use petzval_files::{
-    CheckedPictures, StoredPicture, check_stored, digests_of_alike, in_hex, stored_pictures,
-};
+use petzval_files::{CheckedPictures, StoredPicture, check_stored, digests_of_alike, stored_pictures};
 use petzval_learn::dataset::DatasetError;
 
 use crate::context::Context;
@@ -80,6 +78,6 @@ fn digests(
     let pictures: Vec<Option<&StoredPicture>> = pictures.iter().map(Some).collect();
     Ok(digests_of_alike(&pictures, context.cancel())?
         .iter()
-        .map(|digest| digest.as_ref().map(in_hex))
+        .map(|digest| digest.as_ref().map(|digest| petzval_base::hex(digest)))
         .collect())
 }

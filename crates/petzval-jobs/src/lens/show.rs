@@ -191,7 +191,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let seidel = seidel_total(&reference, full_field)
         .map(|total| total.s)
         .map(|[s1, s2, s3, s4, s5]| Seidel { s1, s2, s3, s4, s5 });
-    let reported_warnings = glass_warnings(&lens, &context.assets.catalog()?);
+    let reported_warnings = glass_warnings(&lens, context.assets.catalog()?.as_ref());
     let mut warnings = warnings(&lens, &order, &spots);
     if request.focus == FocusAt::File {
         warnings.extend(out_of_focus(name, &lens));

@@ -4,7 +4,7 @@ use std::io;
 use std::path::Path;
 
 use petzval_files::coco::content_digest;
-use petzval_files::{Stamp, StoredPicture, in_hex};
+use petzval_files::{Stamp, StoredPicture};
 use serde::{Deserialize, Serialize};
 
 use super::{DatasetError, List};
@@ -35,7 +35,7 @@ impl PictureFile {
 
     /// The same of a picture of a set.
     pub fn stored(picture: &StoredPicture, list: List, is_read: bool) -> Result<Self, DatasetError> {
-        let digest = || picture.digest().map(|digest| in_hex(&digest));
+        let digest = || picture.digest().map(|digest| petzval_base::hex(&digest));
         Self::with(picture.stamp(), &picture.name, list, is_read.then_some(&digest), picture.path())
     }
 

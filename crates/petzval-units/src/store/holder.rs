@@ -36,7 +36,7 @@ impl Holder {
     pub fn mark(&self) -> String {
         use sha2::{Digest, Sha256};
         let hash = Sha256::new_with_prefix(format!("{} {}", self.host, self.system)).finalize();
-        hash[..4].iter().map(|byte| format!("{byte:02x}")).collect()
+        petzval_base::hex(&hash[..4])
     }
 
     /// Whether the process is known to be gone. Only a process of this machine can be looked up.

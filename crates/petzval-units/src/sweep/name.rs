@@ -40,8 +40,7 @@ pub fn names(expansion: &Expansion) -> Vec<String> {
             0 => ONLY.to_owned(),
             length if length <= LONGEST => name,
             _ => {
-                let digest: String =
-                    Sha256::digest(&name).iter().take(4).map(|byte| format!("{byte:02x}")).collect();
+                let digest = petzval_base::hex(&Sha256::digest(&name)[..4]);
                 let end = (0..=LONGEST - 9).rev().find(|end| name.is_char_boundary(*end)).unwrap_or(0);
                 format!("{}-{digest}", &name[..end])
             }

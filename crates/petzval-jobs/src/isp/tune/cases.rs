@@ -137,5 +137,5 @@ pub(super) fn fingerprint(named: &NamedIsp, base: &[f64], cases: &[Case]) -> Res
             add(&petzval_base::read_whole(path).unwrap_or_default());
         }
     }
-    Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
+    Ok(petzval_base::hex(&hash.finalize()))
 }

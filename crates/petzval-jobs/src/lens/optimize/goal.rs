@@ -154,7 +154,7 @@ impl Goal {
                 "leave it out",
             ));
         }
-        problem.glasses = self.glass_choices(&file.lens, &assets.catalog()?)?;
+        problem.glasses = self.glass_choices(&file.lens, assets.catalog()?.as_ref())?;
         if let Some(restored) = &self.restored {
             let merit = Arc::new(restored.merit(&problem.merit, assets)?);
             // A lens that does not fill the sensor is refused by its own reason.

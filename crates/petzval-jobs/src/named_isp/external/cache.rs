@@ -32,7 +32,7 @@ impl Cache {
         about.command.iter().for_each(|part| add(part.as_bytes()));
         add(text.as_bytes());
         add(raw);
-        hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+        petzval_base::hex(&hash.finalize())
     }
 
     /// A picture that was kept. A file that does not hold one counts as none.
