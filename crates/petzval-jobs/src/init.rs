@@ -91,7 +91,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         None => as_it_is(experiment, sensor.as_deref(), context)?,
     };
     let OwnLens { mut experiment, lens_text, sensor_text, sensor_name, gave_variables } = made;
-    parse_lens(&lens_text, context.assets.catalog()?.as_ref()).map_err(DesignError::input(&out.join(LENS)))?;
+    parse_lens(&lens_text, context.assets.catalog()?.as_ref())
+        .map_err(DesignError::input(&out.join(LENS)))?;
     // Checked as a run would, and written as it stands.
     let model = parse_sensor(&sensor_text).map_err(DesignError::input(&out.join(SENSOR)))?;
     let array = model.cfa;

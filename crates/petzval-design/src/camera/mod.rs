@@ -346,8 +346,8 @@ impl Camera {
         Self { optics: anew(&self.optics), taken_for: self.taken_for.as_ref().map(anew), ..self.clone() }
     }
 
-    /// Whether windows may be taken one by one from several threads, and are as they would be in a batch: on the CPU, behind no network of a
-    /// user, which sees a batch in one call, and with no values of a hardware ISP that a tape leads to.
+    /// Whether windows may be taken one by one from several threads, and are as they would be in a batch. That holds on the CPU alone. A network of a
+    /// user sees a batch in one call, and the values of a hardware ISP can have a tape: with these the windows are taken together.
     pub(crate) fn takes_windows_alone(&self) -> bool {
         let is_ours = self.network.as_ref().is_none_or(|network| !network.takes_whole_batches());
         let is_held = match &self.chip {

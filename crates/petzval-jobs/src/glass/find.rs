@@ -76,10 +76,11 @@ impl From<&Near> for Found {
 /// Finds the glasses.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     check_ranges(request)?;
-    let found = nearest(context.assets.catalog()?.as_ref(), [request.nd, request.vd], request.count, |glass| {
-        is_made_by(glass, request.maker.as_deref())
-            && (request.obsolete || glass.status != Some(Status::Obsolete))
-    });
+    let found =
+        nearest(context.assets.catalog()?.as_ref(), [request.nd, request.vd], request.count, |glass| {
+            is_made_by(glass, request.maker.as_deref())
+                && (request.obsolete || glass.status != Some(Status::Obsolete))
+        });
     if found.is_empty() && request.count > 0 {
         return Err(JobError::input(
             "there is no such glass",
