@@ -71,7 +71,7 @@ fn message(result: Result<RgbPicture, IspError>) -> String {
 
 #[test]
 fn the_script_of_the_manual_develops_a_frame() {
-    let page = include_str!("../../../../../book/src/isp.md");
+    let page = include_str!("../../../../../book/src/light-path/isp.md");
     assert!(page.contains(SCRIPT) && page.contains(DESCRIPTION));
     let folder = tempfile::tempdir().unwrap();
     let isp = isp(folder.path(), SCRIPT, "");
