@@ -42,10 +42,11 @@ impl Figure {
         self.parts(column).concat()
     }
 
-    /// The ways to write the figure in a sentence, the longest first: with and without its error, its sign and its unit.
+    /// The ways to write the figure in a sentence, the longest first: with and without its error, its sign and its unit. A sentence may say
+    /// the sign in words.
     pub(super) fn forms(&self, column: &Column) -> Vec<String> {
         let [value, error] = self.parts(column);
-        let bare = value.strip_prefix('+').unwrap_or(&value);
+        let bare = value.trim_start_matches(['+', '-']);
         let mut forms = Vec::new();
         for unit in [format!(" {}", column.unit), String::new()] {
             for error in [&error, ""] {
@@ -183,5 +184,7 @@ mod tests {
             assert!(forms.iter().any(|known| known == form), "{form}: {forms:?}");
         }
         assert_eq!(forms[0], "+0.86 +- 0.06 dB");
+        let forms = Figure::Number(-1.8).forms(&column(1, "dB", true));
+        assert_eq!(forms[..2], ["-1.8 dB", "1.8 dB"]);
     }
 }
