@@ -151,6 +151,11 @@ fn check_figures(line: &str, place: &str, data: &Data, claims: &Claims, filled: 
             continue;
         };
         filled.figures += 1;
+        if mark.contains("--") {
+            filled.problems.push(format!(
+                "{place}: {mark}: a comment of Markdown holds no \"--\"; name the row without it"
+            ));
+        }
         match forms {
             Err(problem) => filled.problems.push(format!("{place}: {problem}")),
             Ok(forms) if forms.iter().any(|form| ends_with(&before, form)) => {}
@@ -236,6 +241,7 @@ mod tests {
         assert!(problem("\n<!-- table quality/main -->\n<!-- end -->").starts_with("page.md:2: table"));
         assert!(problem("<!-- table quality/gain -->\n").contains("the table has no end"));
         assert!(problem("1<!-- claim other -->").contains("page.md:1: claim \"other\""));
+        assert!(problem("1<!-- claim --other -->").contains("a comment of Markdown holds no"));
         // A sample of code shows marks, and has none.
         assert_eq!(problem("```text\n<!-- table quality/main -->\n1<!-- claim other -->\n```\n"), "");
     }
