@@ -141,22 +141,4 @@ mod tests {
         assert!(!is_quoted(&|e| e.photos = "mine".to_owned()));
         assert!(!is_quoted(&|e| _ = e.variant.pop()));
     }
-
-    /// The figures that runs quote are those of the manual.
-    #[test]
-    fn the_study_is_that_of_the_book() {
-        let study: Study =
-            toml::from_str(include_str!("../../../data/studies/cooke-triplet-image-quality.toml")).unwrap();
-        let book = include_str!("../../../book/src/experiments.md");
-        assert_eq!(study.seeds, [1, 2, 3]);
-        for difference in &study.difference {
-            let cell = |score: &str, decimals: usize| {
-                let MeanAndDeviation { mean, deviation } = difference.score[score];
-                format!("{mean:+.decimals$} +- {deviation:.decimals$}")
-            };
-            let cells = [cell("one_minus_lpips", 4), cell("psnr_db", 2), cell("ssim", 4)];
-            let row = format!("| {} | {} |", difference.against, cells.join(" | "));
-            assert!(book.contains(&row), "the book has no row {row}");
-        }
-    }
 }

@@ -1,6 +1,7 @@
-//! Prints the page of the manual that compares Petzval with Optiland and ray-optics.
+//! Prints the pages of the manual that compare Petzval with Optiland and ray-optics: the comparison, or with the word `lenses` its values, lens
+//! by lens.
 //!
-//! `cargo run --release -p petzval-files --example program_comparison > book/src/comparison.md`
+//! `cargo run --release -p petzval-files --example program_comparison > book/src/results/comparison.md`
 
 mod checks;
 mod listed;
@@ -15,15 +16,21 @@ use rows::{Compared, Pair, Row};
 /// The page with placeholders for its tables.
 const PAGE: &str = include_str!("page.md");
 
+/// The page of all values.
+const PAGE_OF_LENSES: &str = include_str!("lenses.md");
+
 fn main() {
     let listed = listed::listed();
     let lenses = rows::compare(&listed);
-    let tables: String = lenses.iter().map(lens_text).collect();
+    if std::env::args().nth(1).is_some_and(|word| word == "lenses") {
+        let tables: String = lenses.iter().map(lens_text).collect();
+        print!("{}", PAGE_OF_LENSES.replace("{lenses}\n", &tables));
+        return;
+    }
     let of_note = |note: &str, checks: &[Check]| checks_text(checks.iter().filter(|c| c.note == note));
     let checks = checks::checks(&listed);
     let mut page = PAGE
         .replace("{summary}\n", &summary_text(&lenses))
-        .replace("{lenses}\n", &tables)
         .replace("{settling}\n", &settling_text(&checks::settling(&listed)))
         .replace("{tolerance}\n", &tolerance_text(&listed))
         .replace("{coddington}\n", &coddington_text(&listed));

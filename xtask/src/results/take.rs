@@ -1,0 +1,238 @@
+//! Fills tables from finished runs: one value a seed of every camera, the differences between cameras, and scores by place of the field.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+use serde::Deserialize;
+
+use super::data::{Column, Data, FOLDER, FromRuns, Table, name_of};
+use super::figure::Figure;
+
+/// What is taken of the `metrics.json` of a run.
+#[derive(Deserialize)]
+struct Metrics {
+    rows: Vec<Camera>,
+    seeds: Vec<u64>,
+    version: String,
+}
+
+/// The figures of a camera, by name.
+#[derive(Deserialize)]
+struct Camera {
+    camera: String,
+    #[serde(default)]
+    pictures: Vec<BTreeMap<String, serde_json::Value>>,
+    #[serde(flatten)]
+    figures: BTreeMap<String, serde_json::Value>,
+}
+
+/// What is taken of `run.json`.
+#[derive(Deserialize)]
+struct Record {
+    begun: String,
+}
+
+/// A finished run.
+struct Run {
+    metrics: Metrics,
+    seed: u64,
+    /// The day on which it began.
+    date: String,
+}
+
+/// Digits of a value that are kept behind those of its column.
+const SPARE_DECIMALS: usize = 2;
+
+/// Fills a table `file/table` from runs of several seeds, and with it all tables of that file that follow from the same runs.
+pub(super) fn take(root: &Path, key: &str, folders: &[&Path]) -> Result<(), String> {
+    let mut data = Data::read(root)?;
+    let table = data.table(key)?;
+    if table.from_runs != Some(FromRuns::Cameras) {
+        return Err(format!(
+            "table {key:?} is no table of cameras: give it \"from_runs\": {{\"kind\": \"cameras\"}}"
+        ));
+    }
+    let name = table.key.clone();
+    let mut runs = folders.iter().map(|folder| read(folder)).collect::<Result<Vec<_>, _>>()?;
+    runs.sort_by_key(|run| run.seed);
+    if let Some(pair) = runs.windows(2).find(|pair| pair[0].seed == pair[1].seed) {
+        return Err(format!(
+            "two runs have seed {}: one sample would count twice; name one of them",
+            pair[0].seed
+        ));
+    }
+    let (file, _) = key.split_once('/').unwrap_or((key, ""));
+    let Some(found) = data.files.get_mut(file) else { return Ok(()) };
+    for table in &mut found.tables {
+        fill(table, &name, &runs)?;
+    }
+    let text = found.text().map_err(|e| e.to_string())?;
+    fs::write(root.join(FOLDER).join(format!("{file}.json")), text).map_err(|e| format!("{file}.json: {e}"))
+}
+
+/// Reads a run.
+fn read(folder: &Path) -> Result<Run, String> {
+    let text = |name: &str| {
+        let path = folder.join(name);
+        fs::read_to_string(&path)
+            .map_err(|e| format!("{}: {e}; name the folder of a finished run", path.display()))
+    };
+    let place = |name: &str, e: serde_json::Error| format!("{}: {e}", folder.join(name).display());
+    let metrics: Metrics =
+        serde_json::from_str(&text("metrics.json")?).map_err(|e| place("metrics.json", e))?;
+    let record: Record = serde_json::from_str(&text("run.json")?).map_err(|e| place("run.json", e))?;
+    let &[seed] = metrics.seeds.as_slice() else {
+        return Err(format!("{}: seeds = {:?}: one run has one seed", folder.display(), metrics.seeds));
+    };
+    Ok(Run { seed, date: record.begun.chars().take(10).collect(), metrics })
+}
+
+/// Fills a table if it follows from the runs of table `of`.
+fn fill(table: &mut Table, of: &str, runs: &[Run]) -> Result<(), String> {
+    let columns = &table.columns;
+    let rows = match &table.from_runs {
+        Some(FromRuns::Cameras) if table.key == of => {
+            let cameras = runs[0].metrics.rows.iter().map(|row| row.camera.as_str());
+            let row = |camera: &str| filled_row(camera, columns, |column| scores(runs, camera, column));
+            cameras.map(row).collect::<Result<Vec<_>, _>>()?
+        }
+        Some(FromRuns::Differences { of: other, camera }) if other == of => {
+            let against = table.rows.iter().filter_map(|row| name_of(row));
+            let difference = |other: &str, column: &Column| {
+                let (one, other) = (scores(runs, camera, column)?, scores(runs, other, column)?);
+                Ok(one.iter().zip(other).map(|(one, other)| one - other).collect())
+            };
+            let row = |name: &str| filled_row(name, columns, |column| difference(name, column));
+            against.map(row).collect::<Result<Vec<_>, _>>()?
+        }
+        Some(FromRuns::Places { of: other }) if other == of => places(columns, runs)?,
+        _ => return Ok(()),
+    };
+    table.rows = rows;
+    table.seeds = runs.iter().map(|run| run.seed).collect();
+    table.version = runs[0].metrics.version.clone();
+    table.date = runs.iter().map(|run| run.date.clone()).max().unwrap_or_default();
+    table.origin = "metrics.json of the runs".to_owned();
+    Ok(())
+}
+
+/// A row with one value a seed in every column that has a metric.
+fn filled_row(
+    name: &str,
+    columns: &[Column],
+    values: impl Fn(&Column) -> Result<Vec<f64>, String>,
+) -> Result<Vec<Option<Figure>>, String> {
+    let mut row = vec![Some(Figure::Text(name.to_owned()))];
+    for column in &columns[1..] {
+        let seeds = match &column.metric {
+            Some(_) => Some(values(column)?.iter().map(|value| kept(*value, column)).collect()),
+            None => None,
+        };
+        row.push(seeds.map(|seeds| Figure::Seeds { seeds }));
+    }
+    Ok(row)
+}
+
+/// A value with the digits that are kept of it.
+fn kept(value: f64, column: &Column) -> f64 {
+    let unit = 10_f64.powi((column.decimals + SPARE_DECIMALS) as i32);
+    (value * unit).round() / unit
+}
+
+/// The values of a camera in a column, one a seed.
+fn scores(runs: &[Run], camera: &str, column: &Column) -> Result<Vec<f64>, String> {
+    let metric = column.metric.as_deref().unwrap_or_default();
+    let score = |run: &Run| {
+        let row = run.metrics.rows.iter().find(|row| row.camera == camera);
+        let row = row.ok_or_else(|| format!("the run of seed {} has no camera {camera:?}", run.seed))?;
+        let value = row.figures.get(metric).and_then(serde_json::Value::as_f64);
+        value.ok_or_else(|| format!("camera {camera:?} of seed {} has no number {metric:?}", run.seed))
+    };
+    runs.iter().map(score).collect()
+}
+
+/// A row a place of the field: means over photographs and seeds.
+fn places(columns: &[Column], runs: &[Run]) -> Result<Vec<Vec<Option<Figure>>>, String> {
+    let mut sums: BTreeMap<String, Vec<(f64, usize)>> = BTreeMap::new();
+    for (number, column) in columns.iter().enumerate().skip(1) {
+        let (Some(metric), Some(camera)) = (&column.metric, &column.camera) else {
+            return Err(format!("column {:?} of a table by place needs a metric and a camera", column.name));
+        };
+        let cameras = runs.iter().flat_map(|run| &run.metrics.rows).filter(|row| row.camera == *camera);
+        for picture in cameras.flat_map(|row| &row.pictures) {
+            let number_of = |name: &str| picture.get(name).and_then(serde_json::Value::as_f64);
+            let (Some(place), Some(value)) = (number_of("relative_field"), number_of(metric)) else {
+                return Err(format!("a picture of {camera:?} has no place or no {metric:?}"));
+            };
+            let row = sums.entry(format!("{place:.2}")).or_insert_with(|| vec![(0.0, 0); columns.len()]);
+            row[number].0 += value;
+            row[number].1 += 1;
+        }
+    }
+    let row = |(place, sums): (String, Vec<(f64, usize)>)| {
+        let means = sums.iter().zip(columns).skip(1);
+        let means = means.map(|((sum, count), column)| {
+            (*count > 0).then(|| Figure::Number(kept(sum / *count as f64, column)))
+        });
+        [Some(Figure::Text(place))].into_iter().chain(means).collect()
+    };
+    Ok(sums.into_iter().map(row).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::results::data::DataFile;
+
+    fn run(seed: u64, nominal: f64, designed: f64) -> Run {
+        let text = format!(
+            r#"{{"seeds": [{seed}], "version": "0.2.0", "rows": [
+            {{"camera": "nominal", "psnr_db": {nominal}, "pictures": [
+                {{"photo": "a", "relative_field": 0.001, "psnr_db": 20}},
+                {{"photo": "b", "relative_field": 0.002, "psnr_db": 22}}, {{"photo": "a", "relative_field": 0.5, "psnr_db": 30}}]}},
+            {{"camera": "end-to-end", "psnr_db": {designed}, "efl_mm": null}}]}}"#
+        );
+        Run { metrics: serde_json::from_str(&text).unwrap(), seed, date: format!("2026-11-0{seed}") }
+    }
+
+    const TABLES: &str = r#"{"tables": [
+        {"key": "main", "title": "t", "command": "c", "version": "0.1.0", "date": "2026-01-01", "origin": "o", "from_runs": {"kind": "cameras"},
+         "columns": [{"name": "camera"}, {"name": "PSNR", "decimals": 1, "metric": "psnr_db"}], "rows": []},
+        {"key": "gain", "title": "t", "command": "c", "version": "0.1.0", "date": "2026-01-01", "origin": "o",
+         "from_runs": {"kind": "differences", "of": "main", "camera": "end-to-end"},
+         "columns": [{"name": "against"}, {"name": "PSNR", "decimals": 1, "metric": "psnr_db"}], "rows": [["nominal", 0]]},
+        {"key": "field", "title": "t", "command": "c", "version": "0.1.0", "date": "2026-01-01", "origin": "o",
+         "from_runs": {"kind": "places", "of": "main"},
+         "columns": [{"name": "place"}, {"name": "PSNR", "decimals": 1, "metric": "psnr_db", "camera": "nominal"}], "rows": []},
+        {"key": "other", "title": "t", "command": "c", "version": "0.1.0", "date": "2026-01-01", "origin": "o",
+         "columns": [{"name": "camera"}], "rows": [["nominal"]]}]}"#;
+
+    #[test]
+    fn runs_fill_cameras_differences_and_places() {
+        let mut file = DataFile::parse(TABLES).unwrap();
+        let runs = [run(1, 20.1234567, 21.0), run(2, 20.5, 21.9)];
+        for table in &mut file.tables {
+            fill(table, "main", &runs).unwrap();
+        }
+        let rows = |i: usize| serde_json::to_string(&file.tables[i].rows).unwrap();
+        assert_eq!(rows(0), r#"[["nominal",{"seeds":[20.123,20.5]}],["end-to-end",{"seeds":[21.0,21.9]}]]"#);
+        assert_eq!(rows(1), r#"[["nominal",{"seeds":[0.877,1.4]}]]"#);
+        assert_eq!(rows(2), r#"[["0.00",21.0],["0.50",30.0]]"#);
+        assert_eq!(rows(3), r#"[["nominal"]]"#);
+        let table = &file.tables[1];
+        assert_eq!((table.seeds.as_slice(), table.date.as_str()), ([1, 2].as_slice(), "2026-11-02"));
+        assert_eq!((table.version.as_str(), table.origin.as_str()), ("0.2.0", "metrics.json of the runs"));
+        assert_eq!(file.tables[3].version, "0.1.0");
+    }
+
+    #[test]
+    fn what_runs_lack_is_named() {
+        let mut file = DataFile::parse(&TABLES.replace("\"psnr_db\"", "\"efl_mm\"")).unwrap();
+        let problem = fill(&mut file.tables[0], "main", &[run(1, 20.0, 21.0)]).unwrap_err();
+        assert_eq!(problem, "camera \"nominal\" of seed 1 has no number \"efl_mm\"");
+        let mut file = DataFile::parse(&TABLES.replace("[\"nominal\", 0]", "[\"made\", 0]")).unwrap();
+        let problem = fill(&mut file.tables[1], "main", &[run(1, 20.0, 21.0)]).unwrap_err();
+        assert_eq!(problem, "the run of seed 1 has no camera \"made\"");
+    }
+}
