@@ -13,13 +13,13 @@ pytestmark = pytest.mark.skipif(not BOOK.is_dir(), reason="only beside the sourc
 
 
 def test_every_page_with_python_is_run_somewhere() -> None:
-    # That of isp.md is the program of an external ISP, which Petzval starts; that of cluster.md needs Ray and Snakemake.
-    elsewhere = {"book/src/isp.md", "book/src/cluster.md"}
-    assert set(pages()) == elsewhere | {"book/src/psf.md", "book/src/python.md", "crates/petzval-python/README.md"}
+    # That of light-path/isp.md is the program of an external ISP, which Petzval starts; that of how-to/cluster.md needs Ray and Snakemake.
+    elsewhere = {"book/src/light-path/isp.md", "book/src/how-to/cluster.md"}
+    assert set(pages()) == elsewhere | {"book/src/light-path/psf.md", "book/src/how-to/python.md", "crates/petzval-python/README.md"}
 
 
 def test_the_page_of_the_package(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    blocks = [block for block in pages()["book/src/python.md"] if "torch" not in block]
+    blocks = [block for block in pages()["book/src/how-to/python.md"] if "torch" not in block]
     assert blocks
     run(blocks, tmp_path)
     assert "(4, 3, 64, 64) uint16 (120, 160, 3)" in capsys.readouterr().out
@@ -27,7 +27,7 @@ def test_the_page_of_the_package(tmp_path: Path, capsys: pytest.CaptureFixture[s
 
 def test_the_page_of_psfs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pz.jobs.run("psf", {"lens": "cooke-triplet-nominal", "out": tmp_path / "psf-nominal"})
-    names = run(pages()["book/src/psf.md"], tmp_path, psfs=np.ones((3, 3, 32, 32)))
+    names = run(pages()["book/src/light-path/psf.md"], tmp_path, psfs=np.ones((3, 3, 32, 32)))
     assert names["psf"].shape == (13, 3, 128, 128)
     # Printed on the page, which was written on another machine.
     printed = [float(word) for word in capsys.readouterr().out.split()]

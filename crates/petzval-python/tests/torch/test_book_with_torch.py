@@ -10,7 +10,7 @@ pytest.importorskip("torch")
 
 
 def test_the_page_of_the_package_with_torch(tmp_path: Path) -> None:
-    blocks = [block for block in pages()["book/src/python.md"] if "torch" in block]
+    blocks = [block for block in pages()["book/src/how-to/python.md"] if "torch" in block]
     assert len(blocks) >= 2
     names = run(blocks, tmp_path)
     assert names["psfs"].values.shape == (3, 3, 32, 32) and float(names["loss"].detach()) > 0
