@@ -533,7 +533,7 @@ fn changed(mut experiment: Experiment, changes: &Changes, context: &Context) -> 
     }
     if let Some(photos) = &changes.photos {
         if facts.pictures == PicturesKey::Data {
-            let hint = "pictures with labels are `data`";
+            let hint = "name the pictures with their labels: --data, or `data` of a call";
             let message = "the experiment needs labels, and photographs have none";
             return Err(JobError::setting("photos", photos.display(), message, hint));
         }
@@ -541,7 +541,7 @@ fn changed(mut experiment: Experiment, changes: &Changes, context: &Context) -> 
     }
     if let Some(data) = &changes.data {
         if facts.pictures == PicturesKey::Photos {
-            let hint = "it is for experiments on labelled scenes, such as pedestrian-vehicle; pictures without labels are `photos`";
+            let hint = "it is for experiments on labelled scenes, such as pedestrian-vehicle; name pictures without labels by --photos, or `photos` of a call";
             return Err(JobError::setting("data", data.display(), "the experiment makes pictures", hint));
         }
         experiment.data = absolute(data)?;

@@ -112,7 +112,12 @@ pub fn fit(of: FitOf, assets: &Assets) -> Result<Fitted, DesignError> {
             "the lens has no light {corner_mm:.2} mm from the axis, where the corner of `{}` lies; its image ends at {:.2} mm",
             picked.name, reach.circle_mm
         );
-        DesignError::misfit(Path::new(lens_name), &message, "name a smaller sensor, or none: its array then fits the lens")
+        let hint = match (reach.circle_mm > 0.01 * corner_mm, sensor.is_some()) {
+            (false, _) => "no light of a field off the axis reaches its image: give the file a field that does",
+            (true, true) => "name a smaller sensor, or none: its array then fits the lens",
+            (true, false) => "name a smaller sensor",
+        };
+        DesignError::misfit(Path::new(lens_name), &message, hint)
     })?;
     own.lens = corner.lens;
     warnings.extend(corner.warnings);
@@ -146,8 +151,10 @@ pub fn fit(of: FitOf, assets: &Assets) -> Result<Fitted, DesignError> {
     }
     let moves = experiment.variants().iter().any(|variant| variant.steps_of(BlockName::Optics) > 0);
     if moves && own.variables.is_empty() {
-        let hint = "give its file [[variable]] entries with bounds";
-        return Err(refuse("the lens has no curved surface between two media that could be varied", hint));
+        let is_toml = Path::new(lens_name).extension().is_none_or(|ending| ending == "toml");
+        let first = if is_toml { "" } else { "`petzval lens convert` writes it as .toml: then " };
+        let hint = format!("{first}give its file [[variable]] entries with bounds");
+        return Err(refuse("the lens has no curved surface between two media that could be varied", &hint));
     }
     Ok(Fitted {
         changes_lens: own != given,

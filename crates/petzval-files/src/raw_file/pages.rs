@@ -89,20 +89,24 @@ pub(super) fn decode_page(file: impl Read + Seek, place: usize) -> Result<AnyFra
         check_count(dn.len())?;
         Ok(AnyFrame::Narrow(RawFrame { height, width, dn, info: RawInfo { bits, ..RawInfo::default() } }))
     };
+    let wide = |dn: Vec<u32>| {
+        check_count(dn.len())?;
+        let frame = RawFrame { height, width, dn, info: RawInfo::default() };
+        match frame.beyond(MOST_BITS) {
+            None => Ok(AnyFrame::of(frame)),
+            Some((row, col, dn)) => Err(refused(format!(
+                "the value {dn} at row {row}, column {col} is above {}",
+                largest_dn(MOST_BITS)
+            ))),
+        }
+    };
     match tiff.decoder.read_image() {
         Ok(DecodingResult::U16(dn)) => narrow(dn, None),
         Ok(DecodingResult::U8(dn)) => narrow(dn.into_iter().map(u16::from).collect(), Some(8)),
-        Ok(DecodingResult::U32(dn)) => {
-            check_count(dn.len())?;
-            let frame = RawFrame { height, width, dn, info: RawInfo::default() };
-            match frame.beyond(MOST_BITS) {
-                None => Ok(AnyFrame::of(frame)),
-                Some((row, col, dn)) => Err(refused(format!(
-                    "the value {dn} at row {row}, column {col} is above {}",
-                    largest_dn(MOST_BITS)
-                ))),
-            }
-        }
+        Ok(DecodingResult::U32(dn)) => wide(dn),
+        Ok(DecodingResult::I8(dn)) => wide(not_negative(&dn, width)?),
+        Ok(DecodingResult::I16(dn)) => wide(not_negative(&dn, width)?),
+        Ok(DecodingResult::I32(dn)) => wide(not_negative(&dn, width)?),
         Ok(_) => Err(refused("samples that are not whole numbers of 8, 16 or 32 bits".to_owned())),
         Err(error) => Err(tiff.unreadable(error)),
     }
@@ -140,7 +144,6 @@ impl<R: Read + Seek> Tiff<R> {
             return Err(refused(format!("a picture of {colour:?}, not of digital numbers")));
         };
         match (format, bits) {
-            (Some(2), _) => Err(refused(format!("signed samples of {bits} bits (SampleFormat 2)"))),
             (Some(3), _) => Err(refused(format!("floating-point samples of {bits} bits (SampleFormat 3)"))),
             (_, 8 | 16 | 32) => Ok(bits),
             _ => Err(refused(format!("samples of {bits} bits"))),
@@ -162,6 +165,20 @@ impl<R: Read + Seek> Tiff<R> {
         }
         Ok(())
     }
+}
+
+/// Signed samples, none of which may be negative: software writes digital numbers so, too.
+fn not_negative<T: Copy + Into<i64>>(samples: &[T], width: usize) -> Result<Vec<u32>, Unreadable> {
+    let number = |(at, sample): (usize, &T)| {
+        let value: i64 = (*sample).into();
+        u32::try_from(value).map_err(|_| {
+            let (row, col) = (at / width.max(1), at % width.max(1));
+            refused(format!(
+                "the value {value} at row {row}, column {col} is no digital number: it is below 0"
+            ))
+        })
+    };
+    samples.iter().enumerate().map(number).collect()
 }
 
 fn reason_of(error: TiffError, bytes: u64) -> Unreadable {

@@ -403,8 +403,17 @@ fn errors_say_why_a_tiff_file_is_not_a_frame() {
         "{}",
         says()
     );
-    write(&|tiff| tiff.write_image::<colortype::GrayI16>(2, 1, &[-1, 1]).unwrap());
-    assert!(says().contains("signed samples of 16 bits"), "{}", says());
+    write(&|tiff| tiff.write_image::<colortype::GrayI16>(2, 2, &[1, 1, 5, -1]).unwrap());
+    assert!(
+        says().contains("the value -1 at row 1, column 1 is no digital number: it is below 0"),
+        "{}",
+        says()
+    );
+    // Software writes digital numbers as signed ones, too.
+    write(&|tiff| tiff.write_image::<colortype::GrayI32>(2, 1, &[0, 3000]).unwrap());
+    assert_eq!(load_raw(&path).unwrap().dn, [0, 3000]);
+    write(&|tiff| tiff.write_image::<colortype::GrayI16>(2, 1, &[7, i16::MAX]).unwrap());
+    assert_eq!(load_raw(&path).unwrap().dn, [7, 32_767]);
     write(&|tiff| tiff.write_image::<colortype::RGB8>(1, 1, &[1, 2, 3]).unwrap());
     assert!(says().contains("RGB(8), not of digital numbers"), "{}", says());
 

@@ -124,7 +124,13 @@ pub fn keep(
     // Without K there is no sensor file. One of an earlier run must not pass for that of this run.
     let sensor = out.join("sensor.toml");
     match sensor_toml(found) {
-        Ok(text) => write("sensor.toml", &text)?,
+        Ok(text) => {
+            if found.sensor.pixel_um.is_none() {
+                let warning = "the captures do not state the pixel pitch, and sensor.toml has 1 um in its place; give --pixel-um, or edit the file";
+                context.warning(WarningKind::Measurement, warning.to_owned());
+            }
+            write("sensor.toml", &text)?
+        }
         Err(_) if sensor.is_file() => std::fs::remove_file(&sensor).map_err(DesignError::io(&sensor))?,
         Err(_) => {}
     }

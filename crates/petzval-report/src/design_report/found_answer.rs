@@ -58,8 +58,9 @@ pub(super) fn answer(report: &Report, view: &DetectionView) -> Option<Answer> {
     ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
     let (best, value) = *ranked.first()?;
     let found = Found::figure(value, ap50(best)?.1);
-    let mut sentence =
-        format!("{} finds most: AP50 {}{}", capitalised(&best.camera), found.value, found.range());
+    // One camera alone is compared with nothing.
+    let finds = if ranked.len() > 1 { " finds most" } else { "" };
+    let mut sentence = format!("{}{finds}: AP50 {}{}", capitalised(&best.camera), found.value, found.range());
     let label = format!("AP50 of {}{}", best.camera, found.range());
     let mut numbers = vec![Tile { value: found.value, label, is_gain: None }];
     // The differences that are known: of each camera to the baseline, and of the design to each camera.
@@ -130,5 +131,13 @@ mod tests {
         let report = report([0.81, 0.7236, 0.7519]);
         let answer = answer(&report, report.detection.as_ref().unwrap()).unwrap();
         assert_eq!(answer.sentence, "Nominal finds most: AP50 0.81 (95 % range 0.75 to 0.87).");
+    }
+
+    #[test]
+    fn a_single_camera_finds_no_more_than_another() {
+        let mut report = report([0.81, 0.7236, 0.7519]);
+        report.detection.as_mut().unwrap().cameras.truncate(1);
+        let answer = answer(&report, report.detection.as_ref().unwrap()).unwrap();
+        assert_eq!(answer.sentence, "Nominal: AP50 0.81 (95 % range 0.75 to 0.87).");
     }
 }

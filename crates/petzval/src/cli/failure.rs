@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use clap::CommandFactory;
+
 use crate::base::FileError;
 use crate::cli::code::Code;
 use crate::jobs::{Fault, JobError, Stopped, text_of_file};
@@ -121,13 +123,13 @@ fn excerpt(text: &str, line: u32, column: Option<u32>) -> String {
 }
 
 impl From<JobError> for Failure {
-    /// Names a setting of the request as its flag: `corner_mm` as `--corner-mm`.
+    /// Names a setting of the request as its argument: `corner_mm` as `--corner-mm`.
     fn from(error: JobError) -> Self {
         let code = code_of(&error);
         let (message, hint) = match error {
             JobError::File { path, error } => return Self::in_file(&path, &error),
             JobError::Setting { key, value, message, hint } => {
-                let flag = format!("--{}", key.replace('_', "-"));
+                let flag = argument(key);
                 let named = if value.is_empty() { flag } else { format!("{flag} {value}") };
                 (format!("{named}: {message}"), hint)
             }
@@ -140,6 +142,16 @@ impl From<JobError> for Failure {
         };
         Self { report: Report::new(diagnostic(&message, &hint)), code }
     }
+}
+
+/// A setting of a request as users write it: as a flag, or as the place of an argument that has none.
+fn argument(key: &str) -> String {
+    fn is_flag(command: &clap::Command, name: &str) -> bool {
+        command.get_arguments().any(|argument| argument.get_long() == Some(name))
+            || command.get_subcommands().any(|verb| is_flag(verb, name))
+    }
+    let name = key.replace('_', "-");
+    if is_flag(&super::Cli::command(), &name) { format!("--{name}") } else { name.to_uppercase() }
 }
 
 /// The exit code of an error. What goes on from a checkpoint is only interrupted.
@@ -167,6 +179,13 @@ fn kept_in_words(stopped: &Stopped) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn settings_are_named_as_users_write_them() {
+        for (key, named) in [("corner_mm", "--corner-mm"), ("threads", "--threads"), ("raws", "RAWS")] {
+            assert_eq!(argument(key), named);
+        }
+    }
 
     #[test]
     fn a_hint_at_the_end_of_a_message_is_one() {

@@ -43,7 +43,7 @@ pub(super) fn trades(
     };
     type Requirement<'a> = (&'static str, &'a dyn Fn(&mut Goal));
     let requirements: [Requirement; 6] = [
-        ("as asked", &|_| {}),
+        ("no further one", &|_| {}),
         ("polychromatic spots", &colours),
         ("edges of 1 mm", &edges),
         ("clear diameters of 12.7 mm", &diameters),

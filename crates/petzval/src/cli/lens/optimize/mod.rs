@@ -175,8 +175,8 @@ fn print(response: &Response) {
         outln!("{name:<26} {start:>12} {:>12} {unit}", figure(best));
     }
     outln!(
-        "RMS spots: all wavelengths together, through the real stop, on the image plane where they are least; the mean is that of \
-         the fields"
+        "RMS spots: all wavelengths together, through the real stop, on the image plane where they and the limits are best met; the \
+         mean is that of the fields; distortion is against the focal length times the tangent of the field"
     );
     for missed in found.start.iter().flat_map(Figures::missed) {
         outln!("not met at the start: {missed}");
