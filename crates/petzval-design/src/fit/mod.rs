@@ -130,11 +130,10 @@ pub fn fit(of: FitOf, assets: &Assets) -> Result<Fitted, DesignError> {
     // A lens that moves keeps what it has: requirements beyond it would be violated from the start.
     notes.extend(limits::fit(&mut experiment.constraints, &own.lens));
 
-    let found = grid::fit(&mut experiment.psf, &picked.model, &in_colours(&own.lens))?;
-    notes.extend(found.note);
-    warnings.extend(found.warning);
+    notes.extend(grid::fit(&mut experiment.psf, &picked.model, &in_colours(&own.lens))?);
     notes.extend(grid::rays_or_waves(&mut experiment.psf, &picked.model, &in_colours(&own.lens))?);
     notes.extend(windows::fit(&mut experiment, pictures, &picked.model)?);
+    warnings.extend(grid::lost_light(&experiment.psf, &picked.model, &in_colours(&own.lens))?);
     notes.extend(sensor::fit_exposure(&mut experiment.exposure, &picked));
 
     let solves = Solves { efl: own.efl_solve, length: own.length_solve, ..Solves::default() };
