@@ -127,5 +127,5 @@ pub(super) fn within_stop(lens: &Lens, stop: &Drafted, losses: &mut Losses) -> f
 
 /// A length in a message, to a tenth of a micrometre.
 fn rounded(mm: f64) -> String {
-    shown((mm * 1e4).round() * 1e-4)
+    shown((mm * 1e4).round() / 1e4)
 }
