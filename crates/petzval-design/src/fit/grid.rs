@@ -112,8 +112,8 @@ fn rounded(um: f64) -> f64 {
     without_noise((um / unit).round() * unit)
 }
 
-/// A pitch without the digits that rounding leaves behind: 0.6 for 0.6000000000000001.
-fn without_noise(um: f64) -> f64 {
+/// A length, um, without the digits that rounding leaves behind: 0.6 for 0.6000000000000001.
+pub(super) fn without_noise(um: f64) -> f64 {
     format!("{um:.6}").parse().unwrap_or(um)
 }
 

@@ -201,10 +201,11 @@ fn colours(lens: &Lens, wavelengths_um: &mut [f64; 3]) -> Option<String> {
     }
     let middle = 0.5 * (first + last);
     let half = (0.5 * (last - first)).max(APART * middle);
-    *wavelengths_um = [middle + half, middle, middle - half];
+    *wavelengths_um = [middle + half, middle, middle - half].map(grid::without_noise);
     let [red, green, blue] = *wavelengths_um;
+    let range = if first < last { format!("{first} to {last}") } else { first.to_string() };
     Some(format!(
-        "the lens is made for {first} to {last} um: psf.wavelengths_um = [{red}, {green}, {blue}] stand for red, green and blue, and the sensor is \
+        "the lens is made for {range} um: psf.wavelengths_um = [{red}, {green}, {blue}] stand for red, green and blue, and the sensor is \
          one for visible light"
     ))
 }

@@ -762,6 +762,26 @@ fn light_that_the_grid_cuts_off_is_said_before_the_first_step() {
     assert!(look.problems.is_empty() && says_so(&look), "{:?} {:?}", look.problems, look.warnings);
 }
 
+/// The colours of a lens for other light are its ends and their middle, without the digits of rounding: half of 0.8 + 0.9 is 0.8500000000000001.
+#[test]
+fn colours_of_a_lens_for_the_near_infrared_are_round() {
+    let library = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let fitted_in = |um: &[f64]| {
+        let mut experiment = library.experiment("cooke-triplet-image-quality").unwrap();
+        experiment.psf.kind = PsfsBy::Geometric;
+        let pictures = library.facts_of(&experiment).unwrap().pictures;
+        let mut lens = library.reported("cooke-triplet-nominal").unwrap();
+        (lens.file.lens.wavelengths_um, lens.file.lens.reference_um) = (um.to_vec(), um[0]);
+        let of = FitOf { experiment, lens, lens_name: "nir", sensor: None, pictures };
+        let fitted = fit(of, &library).unwrap();
+        (fitted.experiment.psf.wavelengths_um, fitted.warnings.join("; "))
+    };
+    let (colours_um, said) = fitted_in(&[0.8, 0.9]);
+    assert_eq!(colours_um, [0.9, 0.85, 0.8]);
+    assert!(said.contains("made for 0.8 to 0.9 um: psf.wavelengths_um = [0.9, 0.85, 0.8]"), "{said}");
+    assert!(fitted_in(&[0.85]).1.contains("made for 0.85 um:"));
+}
+
 /// The built-in photographs hold no blur of 1 mm: the grid that is written is narrower than the one that was found, and what is said of its light
 /// is measured on it.
 #[test]
