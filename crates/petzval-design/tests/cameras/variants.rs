@@ -747,6 +747,25 @@ fn a_lens_that_the_experiment_derives_may_be_out_of_focus() {
     assert!(first_look(&setup).unwrap_err().is_stopped());
 }
 
+/// Little area of a sensor lies beyond the outermost field of the spot goal: a corner that loses is said.
+#[test]
+fn a_corner_that_a_lens_for_least_spots_gives_up_is_said() {
+    let library = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let experiment = library.experiment("cooke-triplet-image-quality").unwrap();
+    let setup = Setup::new(experiment, &library, Device::flex()).unwrap();
+    let start = setup.start(&setup.variants[0]);
+    let sharp = &start.lens_file.lens;
+    // Half a millimetre at f/4.4 adds some 40 um to the 20 um of the corner.
+    let blurred = sharp.with_image_distance(sharp.image_distance_mm() + 0.5);
+    let said = start.worse_corner(sharp, &blurred).unwrap();
+    assert!(
+        said.starts_with("in the corner of the sensor the RMS spot is ") && said.contains("and was 20."),
+        "{said}"
+    );
+    assert_eq!(start.worse_corner(&blurred, sharp), None);
+    assert_eq!(start.worse_corner(sharp, sharp), None);
+}
+
 /// A grid of 48 um holds 97 % of the triplet's light on the axis, and a quarter of it in the corner of the sensor.
 #[test]
 fn light_that_the_grid_cuts_off_is_said_before_the_first_step() {
