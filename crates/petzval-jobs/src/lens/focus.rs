@@ -144,6 +144,11 @@ pub(super) fn focused(lens: Lens, focus: FocusAt) -> Result<Lens, JobError> {
 /// What to say of a lens whose image plane is so far from its best focus that spots and modulation show little else; `None` if it is in focus, has no
 /// focus, or blurs by diffraction more than by defocus. `name`: how the user calls the lens.
 pub(super) fn out_of_focus(name: &str, lens: &Lens) -> Option<String> {
+    Some(format!("{}, `--focus best` shows it so", focus_elsewhere(name, lens)?))
+}
+
+/// [`out_of_focus`] for verbs that have no choice of the focus.
+pub(crate) fn focus_elsewhere(name: &str, lens: &Lens) -> Option<String> {
     if no_image(lens).is_some() {
         return None;
     }
@@ -162,7 +167,7 @@ pub(super) fn out_of_focus(name: &str, lens: &Lens) -> Option<String> {
     (there < OUT_OF_FOCUS * here && here > airy_um).then(|| {
         format!(
             "out of focus: the RMS spot over the fields is {here:.1} um, and {there:.1} um where the image plane lies {moved_mm:+.4} mm further; \
-             `petzval lens focus {} OUT.toml` writes the lens with its image plane there, `--focus best` shows it so",
+             `petzval lens focus {} OUT.toml` writes the lens with its image plane there",
             pasted(Path::new(name))
         )
     })
