@@ -102,6 +102,6 @@ fn rays_do_not_turn_back_to_a_plane_that_does_nothing() {
     for ray in &rays {
         assert!(ray.points.windows(2).all(|pair| pair[1][0] >= pair[0][0]), "{:?}", ray.points);
     }
-    // On the axis a ray meets both at one point.
-    assert!(rays.iter().any(|ray| ray.points.len() == 9) && rays.iter().any(|ray| ray.points.len() == 8));
+    // One corner before the lens, six on its surfaces with glass, one on the image.
+    assert!(rays.iter().any(|ray| ray.points.len() == 8));
 }
