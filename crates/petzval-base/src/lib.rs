@@ -12,6 +12,7 @@
 //! | [`simd`] | chooses the instruction set of the vector kernels |
 //! | [`random`] | random numbers as a function of seed, frame, stage and place |
 //! | [`counted`] | a number with its noun |
+//! | [`pasted`] | a path as a word of a shell |
 //! | [`hex`] | bytes in hexadecimal digits |
 //! | [`csv_text`] | a table as comma-separated values |
 //! | [`table`] | the interval of an ascending table around a value, and what lies between its entries |
@@ -25,6 +26,7 @@ mod hex;
 pub mod lossy_path;
 pub mod parameter;
 mod part;
+mod pasted;
 pub mod random;
 pub mod simd;
 pub mod statistics;
@@ -37,4 +39,5 @@ pub use csv_text::{csv_number, csv_text};
 pub use file_error::{FileError, nearest, quote};
 pub use hex::hex;
 pub use part::{LONGEST_NAME, PartFolder, sweep_parts, sweep_parts_in};
+pub use pasted::{is_obeyed, pasted};
 pub use whole_file::{open_file, read_at_most, read_text, read_whole, write_whole};

@@ -72,7 +72,7 @@ pub enum DesignError {
     },
     /// A place of the sensor on which no chief ray lands.
     #[error(
-        "no chief ray lands {radius_mm:.3} mm from the axis: the image of this lens ends before, or the lens is out of focus; hint: \
+        "no chief ray lands {radius_mm:.3} mm from the axis: the image of this lens ends before, the lens is out of focus, or it is afocal; hint: \
          take a smaller sensor or another lens"
     )]
     OutsideTheImage {

@@ -169,10 +169,14 @@ pub fn first_look(setup: &Setup) -> Result<FirstLook, DesignError> {
     let is_traced = setup.given_psfs().is_none();
     let off_the_grid = |lens: &LensLook| off_the_grid(setup, lens).filter(|_| is_traced);
     let (derived, own): (Vec<&LensLook>, Vec<&LensLook>) = look.lenses.iter().partition(is_derived);
-    let problems = own.into_iter().filter_map(off_the_grid).collect();
+    let problems = own.iter().copied().filter_map(off_the_grid).collect();
     let controls: Vec<String> = derived.into_iter().filter_map(off_the_grid).collect();
+    let cut_off = |lens: &LensLook| {
+        if is_traced && off_the_grid(lens).is_none() { cut_light(setup, lens) } else { None }
+    };
+    let cut: Vec<String> = own.into_iter().filter_map(cut_off).collect();
     let doubts = look.lenses.iter().flat_map(|lens| doubts(&look, lens));
-    let warnings = controls.into_iter().chain(doubts).collect();
+    let warnings = controls.into_iter().chain(cut).chain(doubts).collect();
     (look.problems, look.warnings) = (problems, warnings);
     Ok(look)
 }
@@ -246,6 +250,12 @@ fn off_the_grid(setup: &Setup, lens: &LensLook) -> Option<String> {
             100.0 * median
         )
     })
+}
+
+/// What to say of a lens of which the grid cuts off light at some field.
+fn cut_light(setup: &Setup, lens: &LensLook) -> Option<String> {
+    let least = lens.fields.iter().map(|field| field.light_on_grid).fold(1.0, f64::min);
+    setup.experiment.psf.lost_light(least).map(|lost| format!("{}: {lost}", lens.lens))
 }
 
 /// What to know of a lens before believing a result.

@@ -1,7 +1,9 @@
 //! What is checked of a new run before its first step: a camera that can give no meaningful result is refused, and a comparison that
 //! is not like for like is warned of.
 
-use petzval_base::FileError;
+use std::path::Path;
+
+use petzval_base::{FileError, pasted};
 use petzval_camera::sensor::Colour;
 use petzval_optics::number::Number;
 use petzval_optics::paraxial::{first_order, image_brightness};
@@ -115,7 +117,8 @@ fn usual_variables(setup: &Setup) -> Vec<String> {
     let warning = |name: &String| {
         format!(
             "{name}: the file names no variables: curvatures move within a fifth, gaps of air by a quarter, coefficients by a half, and the last radius \
-             holds the focal length (hint: `petzval init --lens {name}` writes them into a file to edit)"
+             holds the focal length (hint: `petzval init --lens {}` writes them into a file to edit)",
+            pasted(Path::new(name))
         )
     };
     names.into_iter().map(warning).collect()

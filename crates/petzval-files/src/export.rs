@@ -1,11 +1,15 @@
 //! Shared functions of the writers of other programs' formats.
 
+use std::borrow::Cow;
+
+use super::draft::{AS_WIDE, rounded};
 use super::loss::{Effect, Loss, Losses};
 use super::toml_number::exact_degrees;
 use petzval_base::FileError;
 
 use super::LensFile;
 use petzval_optics::lens::Lens;
+use petzval_optics::paraxial::first_order;
 
 /// A lens in another program's format, and the losses of the conversion.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,6 +35,27 @@ pub(super) fn lose_the_rest(file: &LensFile, losses: &mut Losses) {
     if file.expect.is_some() {
         lose("[expect]");
     }
+}
+
+/// The lens with a clear aperture of its stop that lets the beam through.
+///
+/// Here the entrance pupil counts where the aperture of the stop is narrower; other programs clip there.
+pub(super) fn with_open_stop<'a>(lens: &'a Lens, losses: &mut Losses) -> Cow<'a, Lens> {
+    let beam_mm = first_order(&lens.at_wavelength(lens.reference_um)).stop_radius_mm.abs();
+    let semi_mm = lens.surfaces[lens.stop].semi_diameter_mm;
+    if beam_mm <= semi_mm * AS_WIDE || !beam_mm.is_finite() {
+        return Cow::Borrowed(lens);
+    }
+    let message = format!(
+        "the beam of the entrance pupil, {} mm from the axis, is wider than the stop's clear semi-diameter of {} mm, where the program would clip \
+         it: the stop is written as wide as the beam",
+        rounded(beam_mm),
+        rounded(semi_mm)
+    );
+    losses.add(0, &format!("surface {}", lens.stop + 1), Effect::NoRay, message);
+    let mut lens = lens.clone();
+    lens.surfaces[lens.stop].semi_diameter_mm = beam_mm;
+    Cow::Owned(lens)
 }
 
 /// An error about a surface, counted from 1.

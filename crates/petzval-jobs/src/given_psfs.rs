@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use petzval_base::pasted;
 use petzval_camera::psf::PsfBank;
 use petzval_files::psf_file::{PsfFault, PsfFile, PsfFileError, axes_file, read_psfs};
 use petzval_lab::psf_calibration::manifest::MANIFEST_FILE;
@@ -16,7 +17,7 @@ pub(crate) fn bank_of(path: &Path) -> Result<PsfFile, JobError> {
         let hint = if axes_file(&results).is_file() {
             format!("the PSFs that were measured from them are in {}", results.display())
         } else {
-            format!("run `petzval psf-calibrate {}` first, then give {}", path.display(), results.display())
+            format!("run `petzval psf-calibrate {}` first, then give {}", pasted(path), results.display())
         };
         return Err(JobError::input(
             format!("--psfs {}: these are captures, not PSFs", path.display()),

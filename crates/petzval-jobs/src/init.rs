@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use petzval_base::write_whole;
+use petzval_base::{pasted, write_whole};
 use petzval_camera::develop::Demosaic;
 use petzval_camera::sensor::Colour;
 use petzval_design::error::DesignError;
@@ -132,7 +132,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     }
     let text = format!(
         "# From the experiment `{from}`, with every key, its unit and its range. `petzval design {}` runs it.\n\n{}",
-        out.join(EXPERIMENT).display(),
+        pasted(&out.join(EXPERIMENT)),
         commented_toml(&experiment)?
     );
     std::fs::create_dir_all(out).map_err(DesignError::io(out))?;

@@ -20,6 +20,7 @@ use crate::context::Context;
 use crate::error::{JobError, make_folder, write_file};
 use crate::event::WarningKind;
 use crate::input::LensInput;
+use crate::lens::focus::focus_elsewhere;
 use crate::range::check_ranges;
 use crate::results::{check_folder, what_is};
 
@@ -209,7 +210,7 @@ fn computed(request: &Request, lens: &Lens, plan: &PsfPlan, context: &Context) -
         ));
     }
     let psfs = plan.psfs(lens).map_err(no_light)?;
-    warn_of_lost_light(request, &psfs, context);
+    warn_of_lost_light(request, lens, &psfs, context);
     let axes = Axes {
         lens: lens.name.clone(),
         kind: Some(request.kind.into()),
@@ -239,7 +240,7 @@ pub fn keep(bank: &Bank, folder: &Path) -> Result<Vec<PathBuf>, JobError> {
 }
 
 /// Each PSF has unit sum, however much of its light the grid holds: warns where the grid does not hold nearly all.
-fn warn_of_lost_light(request: &Request, psfs: &[FieldPsf], context: &Context) {
+fn warn_of_lost_light(request: &Request, lens: &Lens, psfs: &[FieldPsf], context: &Context) {
     const LOST: f64 = 0.01;
     let captured = |p: &FieldPsf| p.captured.iter().copied().fold(f64::INFINITY, f64::min);
     if let Some(worst) = psfs.iter().min_by(|a, b| captured(a).total_cmp(&captured(b)))
@@ -254,5 +255,9 @@ fn warn_of_lost_light(request: &Request, psfs: &[FieldPsf], context: &Context) {
                 100.0 * captured(worst)
             ),
         );
+        let name = request.lens.to_string();
+        if let Some(elsewhere) = focus_elsewhere(&name, lens) {
+            context.warning(WarningKind::OutOfFocus, format!("{name}: {elsewhere}"));
+        }
     }
 }

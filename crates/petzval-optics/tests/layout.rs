@@ -88,3 +88,20 @@ fn thin_lenses_are_distinguished_by_their_power() {
     let kinds: Vec<LineKind> = layout(&lens, &with_rays(3)).lines.iter().map(|l| l.kind).collect();
     assert_eq!(kinds, [LineKind::ConvergingLens, LineKind::DivergingLens]);
 }
+
+/// The stop at the vertex of a concave surface lies in front of its rim. Rays go on from the rim: they are drawn neither back to the stop nor across
+/// the glass.
+#[test]
+fn rays_do_not_turn_back_to_a_plane_that_does_nothing() {
+    let mut lens = nominal_triplet();
+    let gap_mm = std::mem::replace(&mut lens.surfaces[3].thickness_mm, 0.0);
+    lens.surfaces[4].thickness_mm += gap_mm;
+    let found = layout(&lens, &with_rays(5));
+    let rays: Vec<_> = found.rays.iter().flatten().collect();
+    assert!(rays.len() > 5);
+    for ray in &rays {
+        assert!(ray.points.windows(2).all(|pair| pair[1][0] >= pair[0][0]), "{:?}", ray.points);
+    }
+    // One corner before the lens, six on its surfaces with glass, one on the image.
+    assert!(rays.iter().any(|ray| ray.points.len() == 8));
+}

@@ -28,14 +28,12 @@ const TRIED: [(usize, f64); 7] = [(1, 1.0), (1, 1.5), (1, 2.0), (2, 1.5), (2, 2.
 const PITCH_UM: [f64; 2] = [0.05, 50.0];
 const MOST_CELLS: usize = 1024;
 
-/// What is to be said of a grid.
-pub(super) struct Found {
-    pub note: Option<String>,
-    pub warning: Option<String>,
-}
-
-/// Sets grid and pitch to the smallest that hold the light of a lens on a sensor.
-pub(super) fn fit(psf: &mut PsfConfig, sensor: &SensorModel, lens: &Lens) -> Result<Found, DesignError> {
+/// Sets grid and pitch to the smallest that hold the light of a lens on a sensor; returns what to say of another grid.
+pub(super) fn fit(
+    psf: &mut PsfConfig,
+    sensor: &SensorModel,
+    lens: &Lens,
+) -> Result<Option<String>, DesignError> {
     let before = (psf.grid, psf.pitch_um);
     let of_pixel = sensor.pixel_um / CELLS_A_PIXEL;
     // The pitch of the experiment does for pixels like those of the built-in ones.
@@ -45,10 +43,10 @@ pub(super) fn fit(psf: &mut PsfConfig, sensor: &SensorModel, lens: &Lens) -> Res
     let mut error = None;
     for (cells, size) in TRIED {
         let pitch_um = (finest_um * size).min(COARSEST * sensor.pixel_um).clamp(PITCH_UM[0], PITCH_UM[1]);
+        let pitch_um = without_noise(pitch_um);
         let grid = (before.0 * cells).min(MOST_CELLS);
-        let tried = PsfConfig { grid, pitch_um, fields: FIELDS, ..psf.clone() };
-        let held = match tried.plan(sensor, CELLS)?.trace(lens) {
-            Ok(bank) => bank.captured(),
+        let held = match share_held(&PsfConfig { grid, pitch_um, ..psf.clone() }, sensor, lens) {
+            Ok(held) => held,
             // No light of some field lies on this grid.
             Err(problem) => {
                 error = Some(problem);
@@ -70,14 +68,28 @@ pub(super) fn fit(psf: &mut PsfConfig, sensor: &SensorModel, lens: &Lens) -> Res
     }
     (psf.grid, psf.pitch_um) = (grid, pitch_um);
     let size_um = grid as f64 * pitch_um;
-    let note = ((grid, pitch_um) != before).then(|| {
+    Ok(((grid, pitch_um) != before).then(|| {
         format!(
             "psf: a grid of {grid} x {grid} cells of {pitch_um} um, {size_um:.0} um wide, holds {:.1} % of the light at the worst place",
             100.0 * held
         )
-    });
-    let warning = psf.lost_light(held).map(|lost| format!("{lost}; the lens is far from an image there"));
-    Ok(Found { note, warning })
+    }))
+}
+
+/// Least share of the light of a lens, over fields and colours, that a grid holds.
+fn share_held(psf: &PsfConfig, sensor: &SensorModel, lens: &Lens) -> Result<f64, DesignError> {
+    let tried = PsfConfig { fields: FIELDS, ..psf.clone() };
+    Ok(tried.plan(sensor, CELLS)?.trace(lens)?.captured())
+}
+
+/// What to say of a grid, once nothing changes it any more, that holds too little of the light of a lens.
+pub(super) fn lost_light(
+    psf: &PsfConfig,
+    sensor: &SensorModel,
+    lens: &Lens,
+) -> Result<Option<String>, DesignError> {
+    let lost = psf.lost_light(share_held(psf, sensor, lens)?);
+    Ok(lost.map(|lost| format!("{lost}; the lens is far from an image there")))
 }
 
 /// Takes rays for a lens of which no wave can be computed at some field.
@@ -97,6 +109,22 @@ pub(super) fn rays_or_waves(
 /// A pitch to two significant digits.
 fn rounded(um: f64) -> f64 {
     let unit = 10.0_f64.powf(um.log10().floor() - 1.0);
-    let nearest = (um / unit).round() * unit;
-    format!("{nearest:.6}").parse().unwrap_or(nearest)
+    without_noise((um / unit).round() * unit)
+}
+
+/// A length, um, without the digits that rounding leaves behind: 0.6 for 0.6000000000000001.
+pub(super) fn without_noise(um: f64) -> f64 {
+    format!("{um:.6}").parse().unwrap_or(um)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pitch_has_no_digits_of_rounding() {
+        assert_eq!(without_noise(0.4 * 1.5), 0.6);
+        assert_eq!(without_noise(0.45 * 5.86), 2.637);
+        assert_eq!(rounded(5.86 / CELLS_A_PIXEL), 0.98);
+    }
 }

@@ -135,11 +135,10 @@ pub fn fit(of: FitOf, assets: &Assets) -> Result<Fitted, DesignError> {
     // A lens that moves keeps what it has: requirements beyond it would be violated from the start.
     notes.extend(limits::fit(&mut experiment.constraints, &own.lens));
 
-    let found = grid::fit(&mut experiment.psf, &picked.model, &in_colours(&own.lens))?;
-    notes.extend(found.note);
-    warnings.extend(found.warning);
+    notes.extend(grid::fit(&mut experiment.psf, &picked.model, &in_colours(&own.lens))?);
     notes.extend(grid::rays_or_waves(&mut experiment.psf, &picked.model, &in_colours(&own.lens))?);
     notes.extend(windows::fit(&mut experiment, pictures, &picked.model)?);
+    warnings.extend(grid::lost_light(&experiment.psf, &picked.model, &in_colours(&own.lens))?);
     notes.extend(sensor::fit_exposure(&mut experiment.exposure, &picked));
 
     let solves = Solves { efl: own.efl_solve, length: own.length_solve, ..Solves::default() };
@@ -209,10 +208,11 @@ fn colours(lens: &Lens, wavelengths_um: &mut [f64; 3]) -> Option<String> {
     }
     let middle = 0.5 * (first + last);
     let half = (0.5 * (last - first)).max(APART * middle);
-    *wavelengths_um = [middle + half, middle, middle - half];
+    *wavelengths_um = [middle + half, middle, middle - half].map(grid::without_noise);
     let [red, green, blue] = *wavelengths_um;
+    let range = if first < last { format!("{first} to {last}") } else { first.to_string() };
     Some(format!(
-        "the lens is made for {first} to {last} um: psf.wavelengths_um = [{red}, {green}, {blue}] stand for red, green and blue, and the sensor is \
+        "the lens is made for {range} um: psf.wavelengths_um = [{red}, {green}, {blue}] stand for red, green and blue, and the sensor is \
          one for visible light"
     ))
 }

@@ -15,6 +15,7 @@ use petzval_optics::number::Number;
 use petzval_optics::optimize::{Apertures, Goal, Problem};
 use petzval_optics::pupil::{PupilSampling, Quadrature};
 use petzval_optics::solve::{thin_equivalent, with_best_focus};
+use petzval_optics::spot::spot;
 
 use crate::assets::Assets;
 use crate::error::DesignError;
@@ -22,6 +23,12 @@ use crate::experiment::{BOX_CENTRE_LENS, Experiment, FieldOfView, LensGoal, PERF
 use crate::lens::psf_plan::PsfPlan;
 use crate::lens::requirements::Requirements;
 use crate::lens::restored::RestoredError;
+
+/// Pupil cells a side of the spot in the corner of the sensor.
+const CORNER_CELLS: usize = 48;
+
+/// Growth of the spot in the corner of the sensor from which on a word is said.
+const WORSE: f64 = 1.5;
 
 /// A lens from which variants start.
 pub struct Start {
@@ -159,6 +166,24 @@ impl Start {
             power: 2.0,
             ..SpotResiduals::new(lens)
         }
+    }
+
+    /// What to say of a lens whose spot in the corner of the sensor grew while those of the goal shrank: few pixels lie beyond the outermost field
+    /// of equal area, and a table of fields from the axis to the corner shows them.
+    pub fn worse_corner(&self, before: &Lens, after: &Lens) -> Option<String> {
+        let corner_mm = *self.plan.field_radius_mm.last()?;
+        let quadrature = Quadrature::grid(CORNER_CELLS).ok()?;
+        let rms_um = |lens: &Lens| {
+            let field_rad = self.plan.field_angle(lens, corner_mm).ok()?;
+            Some(spot(lens, field_rad, &quadrature)?.rms_poly_um)
+        };
+        let (was_um, is_um) = (rms_um(before)?, rms_um(after)?);
+        (is_um > WORSE * was_um).then(|| {
+            format!(
+                "in the corner of the sensor the RMS spot is {is_um:.1} um, and was {was_um:.1} um: the goal counts fields by their area, and little \
+                 area lies there"
+            )
+        })
     }
 
     /// The error of the best linear restoration, from PSFs by a plan.

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use petzval_base::counted;
 use petzval_base::parameter::Parameter;
+use petzval_base::{counted, pasted};
 use petzval_camera::psf::PsfBank;
 use petzval_files::{LensFile, parse_lens};
 use petzval_optics::analysis::first_order_table;
@@ -56,7 +56,7 @@ pub fn read_metrics(run: &RunFolder) -> Result<Metrics, DesignError> {
     let path = run.metrics();
     if !path.is_file() {
         let problem =
-            format!("the run is not finished; go on with `petzval design --resume {}`", run.root().display());
+            format!("the run is not finished; go on with `petzval design --resume {}`", pasted(run.root()));
         return Err(DesignError::Run { path, problem });
     }
     read_json(&path)

@@ -101,7 +101,7 @@ pub(super) fn entrance_pupil_mm(
 }
 
 /// Share by which the beam may be wider than the edge of the stop: edges are printed with few digits.
-const AS_WIDE: f64 = 1.0 + 1e-4;
+pub(crate) const AS_WIDE: f64 = 1.0 + 1e-4;
 
 /// The diameter of the entrance pupil, mm, within the clear aperture of the stop.
 ///
@@ -126,6 +126,6 @@ pub(super) fn within_stop(lens: &Lens, stop: &Drafted, losses: &mut Losses) -> f
 }
 
 /// A length in a message, to a tenth of a micrometre.
-fn rounded(mm: f64) -> String {
-    shown((mm * 1e4).round() * 1e-4)
+pub(crate) fn rounded(mm: f64) -> String {
+    shown((mm * 1e4).round() / 1e4)
 }

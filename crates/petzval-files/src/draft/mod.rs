@@ -13,7 +13,7 @@ mod place;
 mod power;
 mod record;
 
-pub(super) use aperture::Aperture;
+pub(super) use aperture::{AS_WIDE, Aperture, rounded};
 pub use clear::with_open_surfaces;
 use clear::with_semi_diameters;
 pub(super) use field::{FieldKind, Fields};

@@ -21,6 +21,17 @@ use petzval_optics::solve::with_length;
 /// Default reference wavelength, the helium d line, um.
 const DEFAULT_REFERENCE_UM: f64 = 0.5876;
 
+/// Adds what to write to an error of which the reader of TOML knows only that a key is missing, or its value of another type.
+fn with_hint(error: FileError) -> FileError {
+    match error.key.as_str() {
+        "units" if error.message.ends_with("is missing") => error.hint("add a line `units = \"mm\"`"),
+        "glass" if error.message.starts_with("expected text in quotes") => error.hint(
+            "name a glass of a catalogue, as `glass = \"N-BK7\"`; one of your own stands in a table [glass.NAME] with nd and vd",
+        ),
+        _ => error,
+    }
+}
+
 /// Reads a lens file. Glasses are looked up first in the file's own tables, then in `catalog`.
 pub fn parse_lens(text: &str, catalog: &Catalog) -> Result<LensFile, FileError> {
     Ok(parse_lens_start(text, catalog)?.buildable()?.file)
@@ -29,7 +40,7 @@ pub fn parse_lens(text: &str, catalog: &Catalog) -> Result<LensFile, FileError> 
 /// Reads a lens file to start an optimisation from. The error beside the lens says why it cannot be built: its glass is thinner than nothing, or its
 /// surfaces cross. Clear semi-diameters that the file leaves out follow from the beams of its fields.
 pub fn parse_lens_start(text: &str, catalog: &Catalog) -> Result<Import, FileError> {
-    let file: LensText = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
+    let file: LensText = toml::from_str(text).map_err(|e| with_hint(FileError::from_toml(text, &e)))?;
     let reader = Reader { text };
 
     if file.units.get_ref() != "mm" {

@@ -115,7 +115,7 @@ impl PrivateGlasses {
 
 /// Index and Abbe number of a fictitious glass: `1.5168:64.17`; the code `517642`, which means 1.517 and 64.2; or
 /// `516800.6417`, which means 1.5168 and 64.17.
-fn fictitious(text: &str) -> Option<(f64, f64)> {
+pub(super) fn fictitious(text: &str) -> Option<(f64, f64)> {
     if let Some((nd, vd)) = text.split_once(':') {
         return Some((nd.parse().ok()?, vd.parse().ok()?));
     }

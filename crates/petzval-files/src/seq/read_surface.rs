@@ -4,13 +4,17 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::command::{Command, Word};
-use super::glass::PrivateGlasses;
+use super::glass::{PrivateGlasses, fictitious};
 use crate::draft::{Break, Clear, Drafted, Offset, Record, check_angles, in_mm, is_bend, set_powers};
 use crate::loss::{Effect, Losses};
 use crate::old_glass::substitute;
 use petzval_base::FileError;
-use petzval_optics::glass::{Catalog, Glass};
+use petzval_optics::glass::{Catalog, Dispersion, Glass};
 use petzval_optics::lens::{Action, Axis, Departure, Placement, Surface, SurfaceShape, XY_TERMS};
+
+/// Remark on a glass of which the file gives index and Abbe number alone.
+const BY_CAUCHY: &str =
+    "the fictitious glass has the dispersion of its Abbe number by Cauchy's formula, not by the program's";
 
 /// Coefficients of r^4, r^6, ..., r^20.
 const LETTERS: [&str; 9] = ["A", "B", "C", "D", "E", "F", "G", "H", "J"];
@@ -385,7 +389,13 @@ impl RawSurface {
             _ if self.mirror => front.clone(),
             None => Glass::air(),
             Some((word, record)) => match private.medium(word, catalog, record) {
-                Ok(glass) => glass,
+                Ok(glass) => {
+                    let has_abbe_number = matches!(glass.dispersion, Dispersion::NdVd { .. });
+                    if has_abbe_number && fictitious(&word.text).is_some() {
+                        substituted = Some(BY_CAUCHY.to_owned());
+                    }
+                    glass
+                }
                 Err(error) => {
                     let (upper, of_maker) = (word.text.to_uppercase(), "_SCHOTT");
                     let name = upper.strip_suffix(of_maker).unwrap_or(&upper);

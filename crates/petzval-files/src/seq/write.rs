@@ -3,7 +3,7 @@
 use super::out::Out;
 use super::write_surface::write_surface;
 use crate::decimal::shifted_text;
-use crate::export::{lose_the_rest, object_heights, weighted_wavelengths};
+use crate::export::{lose_the_rest, object_heights, weighted_wavelengths, with_open_stop};
 use crate::loss::{Effect, Losses};
 use crate::toml_number::{exact_reciprocal, number};
 use crate::{Export, LensFile};
@@ -21,10 +21,11 @@ const INFINITY: &str = "0.1e14";
 ///
 /// Fails if the format cannot represent a part of the lens that affects rays. The message names the surface.
 pub fn write_seq(file: &LensFile, catalog: &Catalog) -> Result<Export, FileError> {
-    let lens = &file.lens;
+    let mut losses = Losses::default();
+    let lens: &Lens = &with_open_stop(&file.lens, &mut losses);
     let mut out = Out {
         text: String::new(),
-        losses: Losses::default(),
+        losses,
         catalog,
         radii: lens.surfaces.iter().all(|s| has_radii(&s.shape.departure, s.shape.curvature)),
         private: Vec::new(),

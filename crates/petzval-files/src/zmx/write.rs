@@ -5,6 +5,7 @@ use super::write_shape::write_shape;
 use crate::draft::undone;
 use crate::export::{
     degrees, lose_the_rest, object_heights, one_line, one_word, surface_error, weighted_wavelengths,
+    with_open_stop,
 };
 use crate::loss::{Effect, Losses};
 use crate::toml_number::number;
@@ -23,8 +24,10 @@ const TAKEN: &[&str] = &["MIRROR", "AIR", "___BLANK"];
 ///
 /// Fails if the format cannot represent a part of the lens that affects rays. The message names the surface.
 pub fn write_zmx(file: &LensFile, catalog: &Catalog) -> Result<Export, FileError> {
-    let mut out = Out { text: String::new(), losses: Losses::default(), catalog };
-    out.lens(&file.lens)?;
+    let mut losses = Losses::default();
+    let lens = with_open_stop(&file.lens, &mut losses);
+    let mut out = Out { text: String::new(), losses, catalog };
+    out.lens(&lens)?;
     lose_the_rest(file, &mut out.losses);
     Ok(Export { text: out.text, losses: out.losses.into_list() })
 }

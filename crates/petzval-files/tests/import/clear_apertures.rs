@@ -44,6 +44,9 @@ fn a_clear_aperture_of_the_stop_that_cuts_the_beam_narrows_the_entrance_pupil() 
     }
     let (found, said) = pupil(&seq(&changed(SEQ, "  CIR 6", "  CIR 3")));
     assert!((found - 6.0).abs() < 1e-12 && said.contains("narrowed from 10 to 6 mm"), "{found} {said}");
+    // Lengths are rounded, and have no digits of the rounding: 50020 times 1e-4 is 5.002000000000001.
+    let (_, said) = pupil(&seq(&changed(SEQ, "  CIR 6", "  CIR 2.501")));
+    assert!(said.contains("narrowed from 10 to 5.002 mm"), "{said}");
     // A wider one does not, nor one that was printed with few digits, nor one that the program fits to its rays.
     for record in ["  CLAP 0 6 0", "  CLAP 0 5 0", "  CLAP 0 4.9998 0", "  FLAP 0 6 0"] {
         assert_eq!(pupil(&zmx(&changed(ZMX, "  CLAP 0 6 0", record))), (10.0, String::new()), "{record}");

@@ -6,6 +6,7 @@ use petzval_base::FileError;
 use petzval_files::{Import, LensFile, parse_seq, parse_zmx, write_seq, write_zmx};
 use petzval_optics::glass::{Catalog, Dispersion, Glass};
 use petzval_optics::lens::{Lens, ObjectDistance, Surface};
+use petzval_optics::paraxial::first_order;
 use petzval_optics::trace::{launch, trace_ray};
 
 use crate::built_in::all_lenses;
@@ -43,6 +44,25 @@ fn writing_and_reading_every_built_in_lens_keeps_its_bits() {
         same_numbers(&file.lens, &zmx.file.lens);
         let seq = parse_seq(&write_seq(&file, &catalog).unwrap().text, &catalog).unwrap();
         same_numbers(&file.lens, &seq.file.lens);
+    }
+}
+
+/// Here the entrance pupil counts where the clear aperture of the stop is narrower, and other programs clip at it.
+#[test]
+fn a_stop_narrower_than_its_beam_is_written_as_wide_as_the_beam() {
+    let catalog = catalog();
+    let mut lens = nominal_triplet();
+    let beam_mm = first_order(&lens.at_wavelength(lens.reference_um)).stop_radius_mm.abs();
+    lens.surfaces[lens.stop].semi_diameter_mm = 0.8 * beam_mm;
+    let file = file(lens);
+    let readers: [fn(&str, &Catalog) -> Result<Import, FileError>; 2] = [parse_zmx, parse_seq];
+    for (export, read) in [write_zmx(&file, &catalog), write_seq(&file, &catalog)].into_iter().zip(readers) {
+        let export = export.unwrap();
+        let said: Vec<&str> = export.losses.iter().map(|loss| loss.message.as_str()).collect();
+        assert!(said.iter().any(|said| said.contains("written as wide as the beam")), "{said:?}");
+        let again = read(&export.text, &catalog).unwrap().file.lens;
+        assert_eq!(again.entrance_pupil_mm, file.lens.entrance_pupil_mm, "{}", export.text);
+        assert_eq!(again.surfaces[again.stop].semi_diameter_mm, beam_mm, "{}", export.text);
     }
 }
 

@@ -79,6 +79,9 @@ fn glasses_by_name_code_formula_and_table() {
     assert_eq!(glass("1.5168:64.17").dispersion, Dispersion::NdVd { nd: 1.5168, vd: 64.17 });
     assert_eq!(glass("517642").dispersion, Dispersion::NdVd { nd: 1.517, vd: 64.2 });
     assert_eq!(glass("516800.6417").dispersion, Dispersion::NdVd { nd: 1.5168, vd: 64.17 });
+    // Index and Abbe number alone leave the dispersion open, which is said.
+    let said = |name: &str| losses(&seq(&changed(SEQ, "NBK7_SCHOTT", name))).join("; ");
+    assert!(said("517642").contains("by Cauchy's formula") && said("nbk7").is_empty(), "{}", said("517642"));
     let private = "PRV\n PWL 656.3 486.1\n 'GLUE' LAU 2.36390625 0.0 0.025493134 -0.000580235 -0.349933e-5 0.445404e-7\n \
                    'TAB' 1.5 1.51\n 'FLAT' 1.5 1.5\n 'ODD' HAR 1 2 3\nEND\nSO";
     let glass = |name: &str| {

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use petzval_base::pasted;
 use petzval_design::lens::view::surfaces;
 use petzval_optics::analysis::{AnalysisError, AnalysisOptions, analyze};
 use petzval_optics::lens::Lens;
@@ -219,7 +220,10 @@ impl Prepared {
             AnalysisError::Stopped(cancelled) => cancelled.into(),
             error => JobError::input(
                 format!("{name}: {error}"),
-                format!("`petzval lens show {name}` says where light is lost; or leave that field out"),
+                format!(
+                    "`petzval lens show {}` says where light is lost; or leave that field out",
+                    pasted(Path::new(name))
+                ),
             ),
         })
     }

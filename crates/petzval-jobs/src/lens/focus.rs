@@ -1,7 +1,8 @@
 //! `lens focus`: moves the image plane of a lens, before the lens is looked at or in a file of its own.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use petzval_base::pasted;
 use petzval_files::{LensFile, Loss};
 use petzval_optics::analysis::Cone;
 use petzval_optics::lens::{Lens, ObjectDistance};
@@ -105,6 +106,13 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         losses_of_writing: Vec::new(),
     };
     if let Some(to) = &request.to {
+        if is_virtual(&lens) {
+            let message = format!(
+                "{name}: the image is virtual: the plane of focus lies {:.4} mm in front of the last surface, where a file of a lens has no image plane",
+                lens.image_distance_mm().abs()
+            );
+            return Err(JobError::input(message, "without a file to write, the figures are printed"));
+        }
         // What a source publishes holds for its own image plane.
         let file = LensFile { lens, expect: None, ..file };
         response.losses_of_writing = write_as_named(&file, to, context)?.losses;
@@ -136,6 +144,11 @@ pub(super) fn focused(lens: Lens, focus: FocusAt) -> Result<Lens, JobError> {
 /// What to say of a lens whose image plane is so far from its best focus that spots and modulation show little else; `None` if it is in focus, has no
 /// focus, or blurs by diffraction more than by defocus. `name`: how the user calls the lens.
 pub(super) fn out_of_focus(name: &str, lens: &Lens) -> Option<String> {
+    Some(format!("{}, `--focus best` shows it so", focus_elsewhere(name, lens)?))
+}
+
+/// [`out_of_focus`] for verbs that have no choice of the focus.
+pub(crate) fn focus_elsewhere(name: &str, lens: &Lens) -> Option<String> {
     if no_image(lens).is_some() {
         return None;
     }
@@ -146,13 +159,23 @@ pub(super) fn out_of_focus(name: &str, lens: &Lens) -> Option<String> {
     let rms_um = |lens: &Lens| Some(mean_square_spot_traced(lens, &fields, &quadrature)?.0.max(0.0).sqrt());
     let (here, there) = (rms_um(lens)?, rms_um(&best)?);
     let airy_um = Cone::of(lens).airy_radius_um(lens.reference_um);
+    // A plane in front of the last surface can hold no sensor.
+    if is_virtual(&best) {
+        return None;
+    }
     let moved_mm = best.image_distance_mm() - lens.image_distance_mm();
     (there < OUT_OF_FOCUS * here && here > airy_um).then(|| {
         format!(
             "out of focus: the RMS spot over the fields is {here:.1} um, and {there:.1} um where the image plane lies {moved_mm:+.4} mm further; \
-             `petzval lens focus {name}` moves it there, `--focus best` shows the lens there"
+             `petzval lens focus {} OUT.toml` writes the lens with its image plane there",
+            pasted(Path::new(name))
         )
     })
+}
+
+/// Whether light has to go back to reach the image plane.
+fn is_virtual(lens: &Lens) -> bool {
+    lens.goes_against_the_light(lens.surfaces.len() - 1)
 }
 
 /// Why a lens has no entrance pupil or no image at a finite distance, from which analyses and tolerances start.

@@ -1,7 +1,8 @@
 //! `petzval design`: the main job.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use crate::base::pasted;
 use crate::cli::code::Code;
 use crate::jobs::design::{self, FITTED};
 use crate::jobs::{JobError, experiment, settings_of};
@@ -12,7 +13,7 @@ use super::first_look;
 use super::plain::shown;
 use super::score_table;
 use super::signals;
-use super::terminal::{Terminal, ending, pasted};
+use super::terminal::{Terminal, ending};
 
 /// Design lens and network together, and compare with controls.
 ///
@@ -127,7 +128,8 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     if let (true, design::Run::New(new)) = (args.print_config, &run) {
         let resolved = design::resolved(new, &context)?;
         if resolved.lens.ends_with(FITTED) {
-            outln!("# Lens and sensor are those that `petzval init --lens {}` writes.", new.experiment);
+            let lens = pasted(Path::new(&new.experiment.to_string()));
+            outln!("# Lens and sensor are those that `petzval init --lens {lens}` writes.");
         }
         out!("{}", experiment::with_every_key(&resolved)?);
         return Ok(Code::SUCCESS);

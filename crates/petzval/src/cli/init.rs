@@ -2,13 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::base::pasted;
 use crate::cli::code::Code;
 use crate::jobs::init::{self, Request};
 
 use super::defaults::word;
 use super::failure::Failure;
 use super::plain::shown;
-use super::terminal::{Terminal, pasted, print_json};
+use super::terminal::{Terminal, print_json};
 
 /// Write an experiment with its lens and its sensor as files of your own, to edit and run.
 ///

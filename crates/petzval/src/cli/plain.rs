@@ -3,6 +3,8 @@
 use std::borrow::Cow;
 use std::path::Path;
 
+use crate::base::is_obeyed;
+
 /// Characters of the longest line of a message. Paths are shorter on nearly every system.
 const LONGEST_LINE: usize = 1000;
 
@@ -55,9 +57,7 @@ pub fn json(text: &str) -> Cow<'_, str> {
 }
 
 fn is_control(c: char) -> bool {
-    let turns_direction =
-        matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
-    (c.is_control() && c != '\n' && c != '\t') || turns_direction
+    is_obeyed(c) && c != '\n' && c != '\t'
 }
 
 /// [`line`] of a message, which says one thing: not longer than needed. A break in it is that of a name or a value.

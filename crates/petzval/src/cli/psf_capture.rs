@@ -1,7 +1,8 @@
 //! `petzval psf-capture`: simulates captures of a pinhole in a laboratory.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use crate::base::pasted;
 use crate::cli::code::Code;
 use crate::jobs::psf_capture;
 use clap::ValueEnum;
@@ -119,12 +120,13 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
         seed: args.seed,
     };
     let response = psf_capture::run(&request, &terminal.context())?;
-    let out = shown(&request.out);
     noteln!(
-        "{} positions, {} frames in {out}; measure them with `petzval psf-calibrate {out} --lens {}`",
+        "{} positions, {} frames in {}; measure them with `petzval psf-calibrate {} --lens {}`",
         response.captures.positions.len(),
         response.frames,
-        request.lens
+        shown(&request.out),
+        pasted(&request.out),
+        pasted(Path::new(&request.lens.to_string()))
     );
     if args.json { print_json(&response.captures) } else { Ok(Code::SUCCESS) }
 }

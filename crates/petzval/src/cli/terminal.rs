@@ -1,7 +1,6 @@
 //! Common parts of all verbs: the built-in library with the user's glasses, reports of jobs on stderr, and JSON on stdout.
 
 use std::ffi::OsString;
-use std::path::Path;
 use std::sync::Arc;
 
 use crate::cli::code::Code;
@@ -53,24 +52,6 @@ pub fn print_json(value: &impl Serialize) -> Result<Code, Failure> {
     Ok(Code::SUCCESS)
 }
 
-/// A path as it can be pasted into a shell: one with spaces is quoted, bytes that a terminal would obey or not show are written by their numbers.
-pub fn pasted(path: &Path) -> String {
-    let is_plain = |c: char| c.is_alphanumeric() || "/._-+,:@%\\".contains(c);
-    match path.to_str() {
-        Some(text) if text.chars().all(is_plain) => text.to_owned(),
-        Some(text) if plain::line(text) == text => format!("'{}'", text.replace('\'', "'\\''")),
-        _ => {
-            let byte = |byte: &u8| match byte {
-                b'\'' | b'\\' => format!("\\{}", char::from(*byte)),
-                b' '..=b'~' => char::from(*byte).to_string(),
-                other => format!("\\x{other:02x}"),
-            };
-            let text: String = path.as_os_str().as_encoded_bytes().iter().map(byte).collect();
-            format!("$'{text}'")
-        }
-    }
-}
-
 /// The response of a job that has ended, or that was cancelled and holds what it has found until then. Then it is interrupted: the second value
 /// says where it stopped.
 pub fn found<R: DeserializeOwned>(ended: Result<R, JobError>) -> Result<(R, Option<Stopped>), Failure> {
@@ -111,33 +92,4 @@ pub fn print_found<R: Serialize + DeserializeOwned>(
         out!("{}", summary(&response));
     }
     Ok(ending(stopped.as_ref(), RESUME))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// A shell reads what is pasted as the path itself.
-    #[cfg(unix)]
-    #[test]
-    fn pasted_paths_are_those_of_the_shell() {
-        use std::ffi::OsStr;
-        use std::os::unix::ffi::OsStrExt;
-
-        for name in
-            [&b"a/b.toml"[..], b"it's mine", b"a\nb\x1b[31m", b"\xff'\\ \xc3\xbc", "gr\u{202e}ün".as_bytes()]
-        {
-            let path = Path::new(OsStr::from_bytes(name));
-            let pasted = pasted(path);
-            assert!(
-                !plain::shown(path).contains(char::is_control) && !pasted.contains(char::is_control),
-                "{pasted}"
-            );
-            let shell =
-                std::process::Command::new("bash").args(["-c", &format!("printf %s {pasted}")]).output();
-            if let Ok(shell) = shell {
-                assert_eq!(shell.stdout, name, "{pasted}");
-            }
-        }
-    }
 }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::common::{read_json, run, run_fails, run_ok};
+use crate::common::{data, read, read_json, run, run_fails, run_ok};
 
 const LENS: &str = "cooke-triplet-nominal";
 const QUICK: [&str; 6] = ["--fields", "3", "--grid", "32", "--pupil-cells", "32"];
@@ -97,6 +97,23 @@ fn wrong_requests_for_psfs_are_refused_and_nothing_is_written() {
         let value = format!("{option}={value}");
         run_fails(folder.path(), &["psf", LENS, "--out", "psf", &value], 2, &needles);
     }
+}
+
+/// A larger grid is no remedy for a lens 1 mm out of focus.
+#[test]
+fn light_beyond_the_grid_of_a_lens_out_of_focus_has_its_reason() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = read(&data("lenses/cooke-triplet-nominal.toml")).replacen("24.525171", "25.525171", 1);
+    std::fs::write(folder.path().join("moved.toml"), text).unwrap();
+    let shown = run_ok(folder.path(), &[&["psf", "moved.toml", "--out", "psf"], &QUICK[..]].concat());
+    assert!(shown.says("of the light") && shown.says("moved.toml: out of focus"), "{}", shown.stderr);
+    assert!(
+        shown.says("`petzval lens focus moved.toml OUT.toml`") && !shown.says("--focus best"),
+        "{}",
+        shown.stderr
+    );
+    let sharp = run_ok(folder.path(), &[&["psf", LENS, "--out", "sharp"], &QUICK[..]].concat());
+    assert!(!sharp.says("out of focus"), "{}", sharp.stderr);
 }
 
 #[test]

@@ -113,7 +113,7 @@ fn a_lens_out_of_focus_gets_the_hint_to_focus_it() {
     let moved = text.replacen("24.525171", "29.525171", 1);
     assert_ne!(moved, text);
     std::fs::write(folder.path().join("moved.toml"), moved).unwrap();
-    let hint = "`petzval lens focus moved.toml`";
+    let hint = "`petzval lens focus moved.toml OUT.toml`";
     let shown = run_ok(folder.path(), &["lens", "show", "moved.toml", "--json"]).json();
     let warnings = shown["warnings"].as_array().unwrap();
     assert!(warnings.iter().any(|warning| warning.as_str().unwrap().contains(hint)), "{warnings:?}");
@@ -122,6 +122,38 @@ fn a_lens_out_of_focus_gets_the_hint_to_focus_it() {
     assert!(analysed.says("out of focus") && analysed.says(hint), "{}", analysed.stderr);
     let focused = run_ok(folder.path(), &[&args[..], &["focused", "--focus", "best"]].concat());
     assert!(!focused.says("out of focus"), "{}", focused.stderr);
+
+    // The hint is a command that can be pasted, and writes a lens that needs it no more.
+    std::fs::rename(folder.path().join("moved.toml"), folder.path().join("it's moved.toml")).unwrap();
+    let shown = run_ok(folder.path(), &["lens", "show", "it's moved.toml"]);
+    assert!(shown.stdout.contains(r"`petzval lens focus 'it'\''s moved.toml' OUT.toml`"), "{}", shown.stdout);
+    run_ok(folder.path(), &["lens", "focus", "it's moved.toml", "OUT.toml"]);
+    assert!(!run_ok(folder.path(), &["lens", "show", "OUT.toml"]).stdout.contains("out of focus"));
+}
+
+#[test]
+fn a_virtual_focus_is_shown_and_no_file_has_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "name = \"diverging lens\"\nunits = \"mm\"\n[aperture]\nentrance_pupil_diameter_mm = 4.0\n[object]\ndistance_mm = inf\n\
+                [wavelengths]\num = [0.5876]\nreference_um = 0.5876\n[fields]\nangle_deg = [0.0]\n\
+                [[surface]]\nstop = true\nradius_mm = -50.0\nthickness_mm = 2.0\nglass = \"N-BK7\"\nsemi_diameter_mm = 3.0\n\
+                [[surface]]\nradius_mm = 50.0\nthickness_mm = 30.0\nsemi_diameter_mm = 3.0\n";
+    std::fs::write(folder.path().join("diverging.toml"), text).unwrap();
+    let shown = run_ok(folder.path(), &["lens", "show", "diverging.toml"]);
+    assert!(
+        shown.stdout.contains("image is virtual") && !shown.stdout.contains("petzval lens focus"),
+        "{}",
+        shown.stdout
+    );
+    let focused = run_ok(folder.path(), &["lens", "focus", "diverging.toml", "--json"]).json();
+    assert!(focused["image_distance_mm"].as_f64().unwrap() < -40.0, "{focused}");
+    run_fails(
+        folder.path(),
+        &["lens", "focus", "diverging.toml", "out.toml"],
+        2,
+        &["the image is virtual", "mm in front"],
+    );
+    assert!(!folder.path().join("out.toml").exists());
 }
 
 #[test]

@@ -81,12 +81,14 @@ impl OpticsBlock {
         let as_it_is = LevenbergOptions { iterations: 0, ..options };
         let begun = descend(&problem(start), &as_it_is, &mut |_, _, _| true)?;
         let gain = 1.0 - (best.best.merit / begun.best.merit).sqrt();
+        let corner = self.start.worse_corner(&begun.best.lens, &best.best.lens);
         if gain <= 0.0 {
             best = begun;
         } else {
             self.x = self.start.space.free(&best.at);
         }
         self.remarks = self.remarks_on(&best, gain);
+        self.remarks.extend(corner.filter(|_| goal == LensGoal::Spot && gain > 0.0));
         Ok(lens_losses(&best.best))
     }
 

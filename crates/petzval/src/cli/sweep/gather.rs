@@ -2,13 +2,14 @@
 
 use std::path::PathBuf;
 
+use crate::base::pasted;
 use crate::units::store::Seen;
 use crate::units::sweep::{Choice, Gathered, KeptSweep, gather, keep_results, status, units_file, view};
 
 use super::super::code::Code;
 use super::super::failure::Failure;
 use super::super::plain::{self, shown};
-use super::super::terminal::{Terminal, pasted, print_json};
+use super::super::terminal::{Terminal, print_json};
 use super::super::text_table::TextTable;
 
 /// Gather the results of a sweep: a table in which the keys that vary are columns, with mean, standard deviation over the seeds, and range.

@@ -4,14 +4,13 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-use crate::base::Cancel;
+use crate::base::{Cancel, pasted};
 use crate::units::store::Seen;
 use crate::units::sweep::{KeptSweep, State, log_of, status, units_file};
 
 use super::super::code::Code;
 use super::super::failure::Failure;
 use super::super::plain::{self, shown};
-use super::super::terminal::pasted;
 
 /// How the units run.
 pub struct Options {

@@ -4,7 +4,7 @@ use std::num::NonZero;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use crate::base::counted;
+use crate::base::{counted, pasted};
 use crate::jobs::{Context, JobError};
 use crate::units::sweep::{
     Engine, KeptSweep, Plan, Source, Submission, USUAL_JOBS, USUAL_TIME, estimate, keep_scripts, keyed, plan,
@@ -15,7 +15,7 @@ use super::super::code::Code;
 use super::super::failure::Failure;
 use super::super::plain::shown;
 use super::super::signals;
-use super::super::terminal::{Terminal, pasted};
+use super::super::terminal::Terminal;
 use super::here;
 
 /// Tasks of an array of Slurm where none are named: its usual limit is 1001.
