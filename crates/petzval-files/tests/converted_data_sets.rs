@@ -310,6 +310,74 @@ fn voc_boxes_count_from_one_and_difficult_objects_are_ignored() {
     assert!(convert(SourceFormat::Voc, root, &Cancel::default()).is_err());
 }
 
+/// Writes a picture of one colour, 100 x 40 px.
+fn write_grey(root: &Path, name: &str, grey: u8) {
+    let path = root.join(name);
+    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+    image::GrayImage::from_pixel(100, 40, image::Luma([grey])).save(path).unwrap();
+}
+
+#[test]
+fn parts_that_repeat_the_names_of_pictures_keep_their_own_labels() {
+    // The class of each part is the name of the part.
+    let layouts = [
+        ("Annotations/PART/a.xml", "JPEGImages/PART/a.png"),
+        ("PART/Annotations/a.xml", "PART/JPEGImages/a.png"),
+        ("PART/a.xml", "PART/a.PNG"),
+    ];
+    for (labels, picture) in layouts {
+        let folder = tempfile::tempdir().unwrap();
+        let root = folder.path();
+        for (part, grey) in [("train", 40), ("val", 200)] {
+            write(root, &labels.replace("PART", part), &VOC.replace("person", part));
+            let picture = picture.replace("PART", part);
+            write_grey(root, &picture.replace(".PNG", ".png"), grey);
+            if picture.ends_with(".PNG") {
+                std::fs::rename(root.join(picture.replace(".PNG", ".png")), root.join(&picture)).unwrap();
+            }
+        }
+        let converted = convert(SourceFormat::Voc, root, &Cancel::default()).unwrap();
+        let found = objects(&converted);
+        assert_eq!(found.len(), 4, "{labels}");
+        assert!(found.iter().all(|(file, class, _)| *class == "car" || file.contains(class)), "{found:?}");
+        assert_eq!(converted.defects.errors(), 0);
+    }
+
+    // A file whose own picture is gone takes that of another part, which is counted.
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    write(root, "train/Annotations/a.xml", VOC);
+    write(root, "val/Annotations/a.xml", VOC);
+    write_grey(root, "val/JPEGImages/a.png", 90);
+    let converted = convert(SourceFormat::Voc, root, &Cancel::default()).unwrap();
+    assert_eq!(converted.defects.count(DefectKind::RepeatedFile), 1);
+
+    // A list of BDD100K that states folders means them.
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    let entry = |name: &str, class: &str| {
+        format!(
+            r#"{{"name": "{name}", "labels": [{{"category": "{class}", "box2d": {{"x1": 1, "y1": 2, "x2": 9, "y2": 8}}}}]}}"#
+        )
+    };
+    write_grey(root, "images/one/a.png", 40);
+    write_grey(root, "images/two/a.png", 200);
+    write(root, "labels/l.json", &format!("[{}, {}]", entry("one/a.png", "one"), entry("two/a.png", "two")));
+    let converted = convert(SourceFormat::Bdd100k, root, &Cancel::default()).unwrap();
+    let found = objects(&converted);
+    assert!(found.len() == 2 && found.iter().all(|(file, class, _)| file.contains(class)), "{found:?}");
+    // A bare name may be either, unless both are one picture.
+    write_grey(root, "images/one/b.png", 90);
+    write(root, "labels/l.json", &format!("[{}, {}]", entry("a.png", "car"), entry("b.png", "car")));
+    let converted = convert(SourceFormat::Bdd100k, root, &Cancel::default()).unwrap();
+    assert_eq!(objects(&converted).len(), 1);
+    let several = converted.defects.iter().find(|d| d.kind == DefectKind::SeveralPictures).unwrap();
+    assert!(several.count == 1 && several.first[0].contains("one/a.png or "), "{several:?}");
+    write_grey(root, "images/two/a.png", 40);
+    let converted = convert(SourceFormat::Bdd100k, root, &Cancel::default()).unwrap();
+    assert_eq!((objects(&converted).len(), converted.defects.errors()), (2, 0));
+}
+
 /// A picture whose EXIF says that it is to be turned, 100 x 40 stored pixels.
 fn write_turned_png(root: &Path, name: &str, exif: u8) {
     use image::ImageEncoder;

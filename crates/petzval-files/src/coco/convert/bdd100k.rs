@@ -13,7 +13,7 @@ use petzval_base::{Cancel, FileError};
 use serde::Deserialize;
 
 use super::builder::{Builder, Converted, Label};
-use super::tree::{ends_with, files_below, pictures_among, pictures_by, split_of};
+use super::tree::{Pictures, ends_with, files_below, pictures_among, split_of};
 use crate::coco::bounded::read_bounded;
 use crate::coco::bounds::Bounds;
 use crate::coco::data_set::Attribute;
@@ -99,8 +99,7 @@ pub(super) fn convert_bdd100k(root: &Path, cancel: &Cancel) -> Result<Converted,
         ));
     }
     let files = files_below(&base, cancel)?;
-    let by_name = pictures_by(&files, Path::file_name);
-    let by_stem = pictures_by(&files, Path::file_stem);
+    let by_names = Pictures::among(&base, &files);
     let mut builder = Builder::default();
     for path in &labels {
         cancel.check()?;
@@ -127,10 +126,9 @@ pub(super) fn convert_bdd100k(root: &Path, cancel: &Cancel) -> Result<Converted,
             };
             // Older files leave the ending out.
             let short = Path::new(&name).file_name().unwrap_or(OsStr::new(""));
-            let Some(file) = by_name.get(short).or_else(|| by_stem.get(short)) else {
-                builder.defects.add(DefectKind::MissingPicture, || name.clone());
-                continue;
-            };
+            let stated = Path::new(&name);
+            let found = by_names.by_name(path, stated).or(|| by_names.by_stem(short, path, stated));
+            let Some(file) = found.noted(&|| name.clone(), &mut builder.defects) else { continue };
             let split = split_of(file.strip_prefix(&base).unwrap_or(file));
             let Some(image) = builder.picture(&base, file, split) else { continue };
             if let Some(video) = picture.video.name().unwrap_or(None) {
