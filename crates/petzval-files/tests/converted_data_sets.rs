@@ -465,6 +465,35 @@ fn labels_of_turned_pictures_are_turned_as_their_format_says() {
 }
 
 #[test]
+fn bdd100k_sizes_are_those_of_the_pictures_and_colours_that_are_no_text_are_counted() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    write_png(root, "a.png", 100, 40);
+    let entry = |size: &str, colour: &str| {
+        format!(
+            r#"[{{"name": "a.png", "size": {size}, "labels": [{{"category": "traffic light",
+                "attributes": {{"trafficLightColor": {colour}}}, "box2d": {{"x1": 1, "y1": 5, "x2": 9, "y2": 15}}}}]}}]"#
+        )
+    };
+    let read = |text: &str| {
+        write(root, "labels.json", text);
+        convert(SourceFormat::Bdd100k, root, &Cancel::default()).unwrap()
+    };
+    let of = |found: &Converted, kind| (found.data.images.len(), found.defects.count(kind));
+    for size in [r#"{"width": 100, "height": 40}"#, "null"] {
+        assert_eq!(of(&read(&entry(size, "\"R\"")), DefectKind::UnknownState), (1, 0));
+    }
+    for colour in ["1", "true", "[\"R\"]"] {
+        assert_eq!(of(&read(&entry("null", colour)), DefectKind::UnknownState), (1, 1), "{colour}");
+    }
+    // Boxes of 1280 x 720 px are of other pixels.
+    let other = read(&entry(r#"{"width": 1280, "height": 720}"#, "\"R\""));
+    assert_eq!(of(&other, DefectKind::OtherPictureSize), (0, 1));
+    write(root, "labels.json", &entry(r#"{"width": 100}"#, "\"R\""));
+    fails(SourceFormat::Bdd100k, root, &["labels.json", "a.png: size.height", "missing"]);
+}
+
+#[test]
 fn states_of_every_version_of_bdd100k_are_read_and_labels_without_boxes_are_counted() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path();

@@ -2,7 +2,7 @@
 //!
 //! <https://doc.bdd100k.com/format.html>. Lanes and drivable areas without `box2d` are left out and counted, and so are lists that have no
 //! other labels: their pictures are no background. Another label without a box is an error of its own. A file of one picture has all labels
-//! of it. The colour of a traffic light becomes the attribute `state`: `red`, `yellow` and `green`, or `R`, `Y` and `G`. Labels of whole
+//! of it. The colour of a traffic light becomes the attribute `state`: `red`, `yellow` and `green`, or `R`, `Y` and `G`. A stated `size` is that of the picture. Labels of whole
 //! pictures, such as the weather, are not read.
 
 use std::collections::BTreeMap;
@@ -45,6 +45,8 @@ struct Picture {
     video: Loose,
     #[serde(default)]
     attributes: Loose,
+    /// Scalabel states the size of the picture here.
+    size: Option<Record<Size>>,
     /// `objects` in older files.
     #[serde(default, alias = "objects")]
     labels: Option<Vec<Record<Object>>>,
@@ -79,7 +81,16 @@ struct Corners {
     y2: Loose,
 }
 
+#[derive(Deserialize)]
+struct Size {
+    #[serde(default)]
+    width: Loose,
+    #[serde(default)]
+    height: Loose,
+}
+
 impl Fields for Picture {}
+impl Fields for Size {}
 impl Fields for Object {}
 impl Fields for Corners {}
 
@@ -135,6 +146,13 @@ pub(super) fn convert_bdd100k(root: &Path, cancel: &Cancel) -> Result<Converted,
                 image.sequence = Some(video);
             }
             let id = image.id;
+            match picture.size.as_ref().map(pixels).transpose() {
+                Ok(size) => size.into_iter().for_each(|size| builder.stated(id, size)),
+                Err(mut error) => {
+                    error.key = format!("{name}: {}", error.key);
+                    builder.wrong(path, error);
+                }
+            }
             if picture.attributes != Loose::Absent {
                 builder.unread("attributes of a picture");
             }
@@ -215,6 +233,19 @@ fn is_of_lanes(pictures: &[Record<Picture>]) -> bool {
         && labels.all(|label| matches!(label, Record::Table(object) if object.is_lane_or_area()))
 }
 
+/// The stated size of a picture, columns and rows, px.
+fn pixels(size: &Record<Size>) -> Result<(u32, u32), FileError> {
+    let size = match size {
+        Record::Table(size) => size,
+        Record::Other(other) => return Err(no_table("size", other)),
+    };
+    let side = |value: &Loose, name: &str| {
+        let whole = value.whole().and_then(|n| u32::try_from(n).map_err(|_| Wrong::Type(n.to_string())));
+        whole.map_err(|wrong| wrong_value(&format!("size.{name}"), &wrong, "a whole number of pixels"))
+    };
+    Ok((side(&size.width, "width")?, side(&size.height, "height")?))
+}
+
 /// The label of an object; `None`, which is noted, if it has no box.
 fn label<'a>(
     object: &'a Record<Object>,
@@ -250,6 +281,11 @@ fn label<'a>(
                 if let Some(state) = state(colour) {
                     label.attributes.insert("state".to_owned(), Attribute::Text(state));
                 }
+                continue;
+            }
+            // No text is no state; the check of values counts it.
+            value if name == "trafficLightColor" => {
+                label.attributes.insert("state".to_owned(), Attribute::Text(value.to_string()));
                 continue;
             }
             Loose::Flag(flag) => Attribute::Flag(*flag),
