@@ -465,6 +465,20 @@ fn labels_of_turned_pictures_are_turned_as_their_format_says() {
 }
 
 #[test]
+fn yolo_pictures_that_cannot_be_decoded_have_labels_and_classes_of_one_name_are_counted() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    write(root, "images/a.bmp", "BM: no picture that is read");
+    write(root, "labels/a.txt", "1 0.5 0.5 0.2 0.1\n");
+    write(root, "data.yaml", "names: [light, car, light]\n");
+    let converted = convert(SourceFormat::Yolo, root, &Cancel::default()).unwrap();
+    let count = |kind| converted.defects.count(kind);
+    assert_eq!((count(DefectKind::UnreadablePicture), count(DefectKind::MissingPicture)), (1, 0));
+    let repeated = converted.defects.iter().find(|d| d.kind == DefectKind::RepeatedClassName).unwrap();
+    assert_eq!((repeated.count, repeated.first[0].as_str()), (1, "class 2: \"light\""));
+}
+
+#[test]
 fn bdd100k_sizes_are_those_of_the_pictures_and_colours_that_are_no_text_are_counted() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path();

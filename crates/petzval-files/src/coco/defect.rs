@@ -108,7 +108,7 @@ kinds! {
     ZeroId Warning "An annotation or a class has the id 0, which is an id like others here."
         "count ids from 1 if other programs use this data set: pycocotools takes annotation 0 for `not detected`, torchvision class 0 for background";
     ThinBox Warning "A box is narrower or lower than a pixel; whether it is detected does not count."
-        "look at it in the picture, and take it out of the file";
+        "look at it in the picture, and take it out of the file; if all boxes are thin, they are shares of the picture, and COCO has pixels";
     UnknownState Warning "A `state` is none of red, yellow, green and off; a traffic light whose class does not name one is not judged."
         "write one of the four as a text; fine for objects that are no traffic lights";
     SizeNotStated Warning "A picture has no stated size; that of its file is taken."

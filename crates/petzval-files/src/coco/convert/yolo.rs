@@ -38,18 +38,22 @@ pub(super) fn convert_yolo(root: &Path, cancel: &Cancel) -> Result<Converted, Co
     let Names { classes: names, keypoints } = names_of(root, &files)?;
     let labels: HashSet<&Path> = files.iter().filter(|p| ends_with(p, "txt")).map(PathBuf::as_path).collect();
     let mut builder = Builder::of_turned_pictures();
-    for name in &names {
+    for (number, name) in names.iter().enumerate() {
+        if names[..number].contains(name) {
+            builder.defects.add(DefectKind::RepeatedClassName, || format!("class {number}: {name:?}"));
+        }
         builder.category(name);
     }
     let mut used = HashSet::new();
     for picture in files.iter().filter(|path| is_picture(path)) {
         cancel.check()?;
         let split = split_of(picture.strip_prefix(root).unwrap_or(picture));
+        let path = label_files(picture).into_iter().find(|path| labels.contains(path.as_path()));
+        // A picture that cannot be decoded has its labels, too.
+        used.extend(path.clone());
         let Some(image) = builder.picture(root, picture, split) else { continue };
         let (id, size) = (image.id, [f64::from(image.width), f64::from(image.height)]);
-        let Some(path) = label_files(picture).into_iter().find(|path| labels.contains(path.as_path())) else {
-            continue;
-        };
+        let Some(path) = path else { continue };
         let text = labels_text(&path)?;
         for (number, line) in (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty()) {
             let (class, shape) = match parse_line(number, line, names.len(), keypoints) {
@@ -81,7 +85,6 @@ pub(super) fn convert_yolo(root: &Path, cancel: &Cancel) -> Result<Converted, Co
                 None => builder.lose_label(id),
             }
         }
-        used.insert(path);
     }
     if used.is_empty() {
         let hint = "name the folder that holds `images` and `labels`, or `train/images` and `train/labels`; for a file in COCO format \
