@@ -52,20 +52,28 @@ fn experiments() {
             &["`scene` is no name for a camera", "give it another name"],
         ),
         case("name = \"spot-optimised\"", "name = \"Nominal\"", &["`Nominal` and `nominal` are one folder"]),
-        case("batch = 1", "batch = -1", &["`batch = -1`: expected a number from 0"]),
+        case(
+            "batch = 1",
+            "batch = -1",
+            &["`batch = -1`: expected a number from 0", "help: write a whole number"],
+        ),
         case(
             "batch = 1",
             "batch = \"one\"",
-            &["`batch = \"one\"`: expected a number from 0", "found a text"],
+            &["`batch = \"one\"`: expected a number from 0", "found a text", "help: write a whole number"],
         ),
         case("batch = 1", "batch = 1.5", &["`batch = 1.5`", "without a decimal point, found a number with"]),
         case(
             "time_s = 0.005",
             "time_s = \"5 ms\"",
-            &["`time_s = \"5 ms\"`: expected a number, found a text"],
+            &["`time_s = \"5 ms\"`: expected a number, found a text", "help: write a number without quotes"],
         ),
         case("\"built-in\"", "[\"a\"]", &["`photos = [\"a\"]`: expected text in quotes, found a list"]),
-        case("patches = [2, 2]", "patches = [2]", &["expected a list of 2 values, found 1"]),
+        case(
+            "patches = [2, 2]",
+            "patches = [2]",
+            &["expected a list of 2 values, found 1", "help: write as many values"],
+        ),
         case(
             "pupil_cells = 16",
             "pupil_cells = 17",
@@ -84,7 +92,11 @@ fn experiments() {
             "noise = \"pink\"",
             &["`noise = \"pink\"`: no such value", "\"dequantised\""],
         ),
-        case("task = \"image-quality\"", "task = 3", &["`task = 3`: expected text in quotes"]),
+        case(
+            "task = \"image-quality\"",
+            "task = 3",
+            &["`task = 3`: expected text in quotes", "help: put the value in quotes"],
+        ),
         case("seed = 1", "seed = = 1", &["seed"]),
     ] {
         let folder = tempfile::tempdir().unwrap();
