@@ -97,6 +97,11 @@ fn experiments() {
             "task = 3",
             &["`task = 3`: expected text in quotes", "help: put the value in quotes"],
         ),
+        case(
+            "seed = 1\n",
+            "seed = 1\nreading.memory_mb = 0\n",
+            &["`memory_mb = 0`", "must lie between 64", "help: 1024 MB"],
+        ),
         case("seed = 1", "seed = = 1", &["seed"]),
     ] {
         let folder = tempfile::tempdir().unwrap();
