@@ -164,12 +164,26 @@ impl FileError {
             }
             _ if message.starts_with("invalid") => {
                 let (message, hint) = of_type(&message);
+                if let Some(path) = header_to(text, &span).filter(|_| message.ends_with("found a table")) {
+                    let name = path.rsplit('.').next().unwrap_or(path);
+                    let error = Self::at(text, span.clone(), name, message).without_value();
+                    return error.hint(format!("a header `[[{path}]]` is missing above, or misspelled"));
+                }
                 let hint = hint.map(str::to_owned);
                 Self { hint, ..Self::at(text, span.clone(), key(span.start), message) }
             }
+            _ if message == "duplicate key" => Self::at(text, span, "", message)
+                .hint("it stands above already; take one out, or correct a header above that is misspelled"),
             _ => Self::at(text, span, "", message),
         }
     }
+}
+
+/// The path of keys that a header such as `[variant.stage]` names up to the end of `span`; `None` outside of headers.
+fn header_to<'t>(text: &'t str, span: &Range<usize>) -> Option<&'t str> {
+    let line_start = text.get(..span.start)?.rfind('\n').map_or(0, |i| i + 1);
+    let path = text.get(line_start..span.end)?.trim_start().strip_prefix('[')?.trim_start_matches('[').trim();
+    path.starts_with(|c: char| c.is_ascii_alphabetic()).then_some(path)
 }
 
 /// A message of the TOML reader about the type of a value, in the words of a file: numbers, texts, lists and tables in place of

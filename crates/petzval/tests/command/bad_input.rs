@@ -111,6 +111,32 @@ fn experiments() {
     }
 }
 
+#[test]
+fn a_misspelled_header_is_suspected_where_the_reader_stumbles() {
+    let text = tiny_experiment();
+    let before = text.split("[[variant]]").next().unwrap();
+    let staged = format!(
+        "{before}[[variant]]\nname = \"a\"\n[[variant.stge]]\nmoves = [\"network\"]\n[variant.stage.schedule.network]\nsteps = 3\n"
+    );
+    for (text, needles) in [
+        (
+            text.replacen("[[variant]]", "[[varant]]", 1),
+            ["`variant`: duplicate key", "help: it stands above already"],
+        ),
+        (
+            staged,
+            [
+                "`stage`: expected a list in square brackets, found a table",
+                "help: a header `[[variant.stage]]`",
+            ],
+        ),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("bad.toml"), text).unwrap();
+        run_fails(folder.path(), &["design", "bad.toml", "--out", "run"], 2, &needles);
+    }
+}
+
 /// A loss without weight has no gradient, and a negative one the wrong one.
 #[test]
 fn losses() {
