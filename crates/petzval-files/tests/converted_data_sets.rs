@@ -479,6 +479,32 @@ fn yolo_pictures_that_cannot_be_decoded_have_labels_and_classes_of_one_name_are_
 }
 
 #[test]
+fn parts_of_yolo_are_those_that_its_file_names() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    for name in ["one", "two", "train"] {
+        write_png(root, &format!("images/{name}/a.png"), 100, 40);
+        write(root, &format!("labels/{name}/a.txt"), "0 0.5 0.5 0.2 0.1\n");
+    }
+    let parts = |yaml: &str| {
+        write(root, "data.yaml", &format!("names: [car]\n{yaml}"));
+        let converted = convert(SourceFormat::Yolo, root, &Cancel::default()).unwrap();
+        let split = |of: &str| {
+            let image = converted.data.images.iter().find(|image| image.file_name.contains(of)).unwrap();
+            image.split.clone()
+        };
+        let unread = converted.defects.count(DefectKind::UnreadField);
+        (["one", "two", "images/train"].map(split), unread)
+    };
+    let named = |names: [&str; 3]| names.map(|name| Some(name.to_owned()).filter(|name| !name.is_empty()));
+    assert_eq!(parts(""), (named(["", "", "train"]), 0));
+    let yaml = "path: ../elsewhere\ntrain: [images/one, ./images/train]\nval: ../images/two\ntest:\n";
+    assert_eq!(parts(yaml), (named(["train", "valid", "train"]), 0));
+    // A folder that is called otherwise, and a list, which is counted.
+    assert_eq!(parts("val: images/train\ntest: lists/test.txt\n"), (named(["", "", "valid"]), 1));
+}
+
+#[test]
 fn bdd100k_sizes_are_those_of_the_pictures_and_colours_that_are_no_text_are_counted() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path();
