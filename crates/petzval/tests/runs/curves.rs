@@ -77,7 +77,7 @@ fn curves_go_on_after_a_kill_without_a_step_twice_and_runs_are_listed() {
     let edited = folder.path().join("runs/edited");
     copy_folder(&run, &edited);
     let mut metrics = read_json(&edited.join("metrics.json"));
-    metrics["rows"][0]["efl_mm"] = 99.0.into();
+    metrics["rows"][0]["efl_mm"] = serde_json::json!(99.0);
     std::fs::write(edited.join("metrics.json"), metrics.to_string()).unwrap();
     let listed = run_ok(folder.path(), &["runs", "--json"]).json();
     let states: Vec<&str> =
