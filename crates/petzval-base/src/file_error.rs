@@ -121,7 +121,9 @@ impl FileError {
                 (path.to_owned(), format!("\"{unknown}\": this key takes {}", takes.join(" or ")), hint)
             }
             _ if message.starts_with("invalid type") => {
-                (path.to_owned(), of_type(message).replace("a table", "an object"), None)
+                let (message, hint) = of_type(message);
+                let hint = hint.filter(|_| !message.contains("a table"));
+                (path.to_owned(), message.replace("a table", "an object"), hint.map(str::to_owned))
             }
             _ => (path.to_owned(), message.to_owned(), None),
         };
@@ -158,21 +160,56 @@ impl FileError {
             }
             _ if message == "wanted string or table" => {
                 Self::at(text, span.clone(), key(span.start), "expected text in quotes")
+                    .hint("put the value in quotes")
             }
             _ if message.starts_with("invalid") => {
-                Self::at(text, span.clone(), key(span.start), of_type(&message))
+                let (message, hint) = of_type(&message);
+                if let Some(path) = header_to(text, &span).filter(|_| message.ends_with("found a table")) {
+                    let name = path.rsplit('.').next().unwrap_or(path);
+                    let error = Self::at(text, span.clone(), name, message).without_value();
+                    return error.hint(format!("a header `[[{path}]]` is missing above, or misspelled"));
+                }
+                let hint = hint.map(str::to_owned);
+                Self { hint, ..Self::at(text, span.clone(), key(span.start), message) }
             }
+            _ if message == "duplicate key" => Self::at(text, span, "", message)
+                .hint("it stands above already; take one out, or correct a header above that is misspelled"),
             _ => Self::at(text, span, "", message),
         }
     }
 }
 
+/// The path of keys that a header such as `[variant.stage]` names up to the end of `span`; `None` outside of headers.
+fn header_to<'t>(text: &'t str, span: &Range<usize>) -> Option<&'t str> {
+    let line_start = text.get(..span.start)?.rfind('\n').map_or(0, |i| i + 1);
+    let path = text.get(line_start..span.end)?.trim_start().strip_prefix('[')?.trim_start_matches('[').trim();
+    path.starts_with(|c: char| c.is_ascii_alphabetic()).then_some(path)
+}
+
 /// A message of the TOML reader about the type of a value, in the words of a file: numbers, texts, lists and tables in place of
-/// `usize`, `string`, `sequence` and `map`.
-fn of_type(message: &str) -> String {
+/// `usize`, `string`, `sequence` and `map`; and what to write instead, where the type alone says it.
+fn of_type(message: &str) -> (String, Option<&'static str>) {
     let parts = message.split_once(": ").or(message.split_once("length "));
     let Some((found, wanted)) = parts.and_then(|(_, rest)| rest.rsplit_once(", expected ")) else {
-        return message.to_owned();
+        return (message.to_owned(), None);
+    };
+    let hint = match wanted {
+        "usize" | "u64" | "u32" | "u16" | "u8" => Some("write a whole number without quotes, 0 or more"),
+        "isize" | "i64" | "i32" | "i16" | "i8" => Some("write a whole number without quotes"),
+        "f64" | "f32" | "a number" => {
+            Some("write a number without quotes and without a unit; the unit is in the name of the key")
+        }
+        "a string" => Some("put the value in quotes"),
+        "a boolean" => Some("write true or false, without quotes"),
+        "a sequence" => Some("write the values in square brackets, with commas between them"),
+        "a map" => Some("write `[key]` and the keys of the table in lines below, or `key = { ... }`"),
+        other if other.starts_with("an array of length ") => {
+            Some("write as many values in square brackets, with commas between them")
+        }
+        other if other.starts_with("struct ") => {
+            Some("write `[key]` and the keys of the table in lines below, or `key = { ... }`")
+        }
+        _ => None,
     };
     let wanted = match wanted {
         "usize" | "u64" | "u32" | "u16" | "u8" => "a number from 0 without a decimal point".to_owned(),
@@ -190,7 +227,7 @@ fn of_type(message: &str) -> String {
     };
     let found = match found.split([' ', '(']).next() {
         // The value itself is quoted before the message.
-        _ if message.starts_with("invalid value") => return format!("expected {wanted}"),
+        _ if message.starts_with("invalid value") => return (format!("expected {wanted}"), hint),
         Some("string") => "a text",
         Some("integer") => "a number",
         Some("floating") => "a number with a decimal point",
@@ -199,7 +236,7 @@ fn of_type(message: &str) -> String {
         Some("map") => "a table",
         _ => found,
     };
-    format!("expected {wanted}, found {found}")
+    (format!("expected {wanted}, found {found}"), hint)
 }
 
 /// The bytes that the value at a path of keys occupies.
@@ -321,7 +358,7 @@ mod tests {
                 "psf.grid",
                 "invalid type: string \"x\", expected usize",
                 "`psf.grid`: expected a number from 0 without a decimal point, found a text",
-                None,
+                Some("write a whole number without quotes, 0 or more"),
             ),
             (
                 "run",

@@ -11,7 +11,7 @@ use crate::error::DesignError;
 use crate::experiment::Experiment;
 use crate::library::Library;
 use crate::report::run_report::read_metrics;
-use crate::run::{CameraMetrics, RunFolder, RunRecord, read_events, read_json};
+use crate::run::{CameraMetrics, DigestCheck, RunFolder, RunRecord, read_events, read_json};
 
 /// How a run stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
@@ -122,6 +122,10 @@ fn fill(row: &mut RunRow, folder: &Path, library: &Library) -> Result<(), Design
     }
     let finish = record.as_ref().and_then(|record| record.finished.as_ref());
     if run.metrics().exists() {
+        // Runs of earlier versions have no digests, and a table says so of none of its rows.
+        if let Some(change) = DigestCheck::new(&run, &[], &|_| {}).changes("")?.first() {
+            return Err(DesignError::Run { path: run.root().to_path_buf(), problem: change.to_string() });
+        }
         let metrics = read_metrics(&run)?;
         row.take(&metrics.rows, &metrics.scores.iter().map(|score| score.name.clone()).collect::<Vec<_>>());
         row.state = RunState::Finished;

@@ -310,6 +310,74 @@ fn voc_boxes_count_from_one_and_difficult_objects_are_ignored() {
     assert!(convert(SourceFormat::Voc, root, &Cancel::default()).is_err());
 }
 
+/// Writes a picture of one colour, 100 x 40 px.
+fn write_grey(root: &Path, name: &str, grey: u8) {
+    let path = root.join(name);
+    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+    image::GrayImage::from_pixel(100, 40, image::Luma([grey])).save(path).unwrap();
+}
+
+#[test]
+fn parts_that_repeat_the_names_of_pictures_keep_their_own_labels() {
+    // The class of each part is the name of the part.
+    let layouts = [
+        ("Annotations/PART/a.xml", "JPEGImages/PART/a.png"),
+        ("PART/Annotations/a.xml", "PART/JPEGImages/a.png"),
+        ("PART/a.xml", "PART/a.PNG"),
+    ];
+    for (labels, picture) in layouts {
+        let folder = tempfile::tempdir().unwrap();
+        let root = folder.path();
+        for (part, grey) in [("train", 40), ("val", 200)] {
+            write(root, &labels.replace("PART", part), &VOC.replace("person", part));
+            let picture = picture.replace("PART", part);
+            write_grey(root, &picture.replace(".PNG", ".png"), grey);
+            if picture.ends_with(".PNG") {
+                std::fs::rename(root.join(picture.replace(".PNG", ".png")), root.join(&picture)).unwrap();
+            }
+        }
+        let converted = convert(SourceFormat::Voc, root, &Cancel::default()).unwrap();
+        let found = objects(&converted);
+        assert_eq!(found.len(), 4, "{labels}");
+        assert!(found.iter().all(|(file, class, _)| *class == "car" || file.contains(class)), "{found:?}");
+        assert_eq!(converted.defects.errors(), 0);
+    }
+
+    // A file whose own picture is gone takes that of another part, which is counted.
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    write(root, "train/Annotations/a.xml", VOC);
+    write(root, "val/Annotations/a.xml", VOC);
+    write_grey(root, "val/JPEGImages/a.png", 90);
+    let converted = convert(SourceFormat::Voc, root, &Cancel::default()).unwrap();
+    assert_eq!(converted.defects.count(DefectKind::RepeatedFile), 1);
+
+    // A list of BDD100K that states folders means them.
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    let entry = |name: &str, class: &str| {
+        format!(
+            r#"{{"name": "{name}", "labels": [{{"category": "{class}", "box2d": {{"x1": 1, "y1": 2, "x2": 9, "y2": 8}}}}]}}"#
+        )
+    };
+    write_grey(root, "images/one/a.png", 40);
+    write_grey(root, "images/two/a.png", 200);
+    write(root, "labels/l.json", &format!("[{}, {}]", entry("one/a.png", "one"), entry("two/a.png", "two")));
+    let converted = convert(SourceFormat::Bdd100k, root, &Cancel::default()).unwrap();
+    let found = objects(&converted);
+    assert!(found.len() == 2 && found.iter().all(|(file, class, _)| file.contains(class)), "{found:?}");
+    // A bare name may be either, unless both are one picture.
+    write_grey(root, "images/one/b.png", 90);
+    write(root, "labels/l.json", &format!("[{}, {}]", entry("a.png", "car"), entry("b.png", "car")));
+    let converted = convert(SourceFormat::Bdd100k, root, &Cancel::default()).unwrap();
+    assert_eq!(objects(&converted).len(), 1);
+    let several = converted.defects.iter().find(|d| d.kind == DefectKind::SeveralPictures).unwrap();
+    assert!(several.count == 1 && several.first[0].contains("one/a.png or "), "{several:?}");
+    write_grey(root, "images/two/a.png", 40);
+    let converted = convert(SourceFormat::Bdd100k, root, &Cancel::default()).unwrap();
+    assert_eq!((objects(&converted).len(), converted.defects.errors()), (2, 0));
+}
+
 /// A picture whose EXIF says that it is to be turned, 100 x 40 stored pixels.
 fn write_turned_png(root: &Path, name: &str, exif: u8) {
     use image::ImageEncoder;
@@ -394,6 +462,75 @@ fn labels_of_turned_pictures_are_turned_as_their_format_says() {
     let converted = convert(SourceFormat::Kitti, &root.join("kitti"), &Cancel::default()).unwrap();
     assert_eq!((converted.data.images.len(), converted.data.annotations.len()), (0, 0));
     assert_eq!((converted.defects.count(DefectKind::UnknownTurn), converted.defects.errors()), (1, 1));
+}
+
+#[test]
+fn yolo_pictures_that_cannot_be_decoded_have_labels_and_classes_of_one_name_are_counted() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    write(root, "images/a.bmp", "BM: no picture that is read");
+    write(root, "labels/a.txt", "1 0.5 0.5 0.2 0.1\n");
+    write(root, "data.yaml", "names: [light, car, light]\n");
+    let converted = convert(SourceFormat::Yolo, root, &Cancel::default()).unwrap();
+    let count = |kind| converted.defects.count(kind);
+    assert_eq!((count(DefectKind::UnreadablePicture), count(DefectKind::MissingPicture)), (1, 0));
+    let repeated = converted.defects.iter().find(|d| d.kind == DefectKind::RepeatedClassName).unwrap();
+    assert_eq!((repeated.count, repeated.first[0].as_str()), (1, "class 2: \"light\""));
+}
+
+#[test]
+fn parts_of_yolo_are_those_that_its_file_names() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    for name in ["one", "two", "train"] {
+        write_png(root, &format!("images/{name}/a.png"), 100, 40);
+        write(root, &format!("labels/{name}/a.txt"), "0 0.5 0.5 0.2 0.1\n");
+    }
+    let parts = |yaml: &str| {
+        write(root, "data.yaml", &format!("names: [car]\n{yaml}"));
+        let converted = convert(SourceFormat::Yolo, root, &Cancel::default()).unwrap();
+        let split = |of: &str| {
+            let image = converted.data.images.iter().find(|image| image.file_name.contains(of)).unwrap();
+            image.split.clone()
+        };
+        let unread = converted.defects.count(DefectKind::UnreadField);
+        (["one", "two", "images/train"].map(split), unread)
+    };
+    let named = |names: [&str; 3]| names.map(|name| Some(name.to_owned()).filter(|name| !name.is_empty()));
+    assert_eq!(parts(""), (named(["", "", "train"]), 0));
+    let yaml = "path: ../elsewhere\ntrain: [images/one, ./images/train]\nval: ../images/two\ntest:\n";
+    assert_eq!(parts(yaml), (named(["train", "valid", "train"]), 0));
+    // A folder that is called otherwise, and a list, which is counted.
+    assert_eq!(parts("val: images/train\ntest: lists/test.txt\n"), (named(["", "", "valid"]), 1));
+}
+
+#[test]
+fn bdd100k_sizes_are_those_of_the_pictures_and_colours_that_are_no_text_are_counted() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    write_png(root, "a.png", 100, 40);
+    let entry = |size: &str, colour: &str| {
+        format!(
+            r#"[{{"name": "a.png", "size": {size}, "labels": [{{"category": "traffic light",
+                "attributes": {{"trafficLightColor": {colour}}}, "box2d": {{"x1": 1, "y1": 5, "x2": 9, "y2": 15}}}}]}}]"#
+        )
+    };
+    let read = |text: &str| {
+        write(root, "labels.json", text);
+        convert(SourceFormat::Bdd100k, root, &Cancel::default()).unwrap()
+    };
+    let of = |found: &Converted, kind| (found.data.images.len(), found.defects.count(kind));
+    for size in [r#"{"width": 100, "height": 40}"#, "null"] {
+        assert_eq!(of(&read(&entry(size, "\"R\"")), DefectKind::UnknownState), (1, 0));
+    }
+    for colour in ["1", "true", "[\"R\"]"] {
+        assert_eq!(of(&read(&entry("null", colour)), DefectKind::UnknownState), (1, 1), "{colour}");
+    }
+    // Boxes of 1280 x 720 px are of other pixels.
+    let other = read(&entry(r#"{"width": 1280, "height": 720}"#, "\"R\""));
+    assert_eq!(of(&other, DefectKind::OtherPictureSize), (0, 1));
+    write(root, "labels.json", &entry(r#"{"width": 100}"#, "\"R\""));
+    fails(SourceFormat::Bdd100k, root, &["labels.json", "a.png: size.height", "missing"]);
 }
 
 #[test]

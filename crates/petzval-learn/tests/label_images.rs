@@ -175,6 +175,25 @@ fn four_pictures_are_enough_and_what_is_odd_is_said() {
 }
 
 #[test]
+fn labels_of_a_picture_that_exif_turns_are_said_to_be_those_of_the_turned_one() {
+    use image::ImageEncoder;
+    let folder = folder(5);
+    // Upside down: labels of the stored pixels would have the same size.
+    let upside_down = 3_u8;
+    let mut bytes = Vec::new();
+    let mut encoder = image::codecs::png::PngEncoder::new(&mut bytes);
+    let about =
+        [b"MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0", &[upside_down][..], b"\0\0\0\0\0\0"].concat();
+    encoder.set_exif_metadata(about).unwrap();
+    let (pixels, width, height) = (vec![90; 3 * HEIGHT * WIDTH], WIDTH as u32, HEIGHT as u32);
+    encoder.write_image(&pixels, width, height, image::ExtendedColorType::Rgb8).unwrap();
+    std::fs::write(folder.path().join("pictures/2.png"), bytes).unwrap();
+    let (_, notes) = load(folder.path(), Purpose::Training).unwrap();
+    let [note] = &notes[..] else { panic!("{notes:?}") };
+    assert!(note.contains("EXIF turns pictures/2.png; labels are taken as those of the turned"), "{note}");
+}
+
+#[test]
 fn windows_of_streets_have_the_classes_of_their_surfaces() {
     let classes = Classes::parse(
         "[[class]]\nname = \"ground\"\nstreet = [\"road\", \"pavement\"]\n[[class]]\nname = \"sky\"\nstreet = [\"sky\"]\n\

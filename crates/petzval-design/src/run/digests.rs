@@ -171,12 +171,16 @@ impl<'a> DigestCheck<'a> {
         self.refuse(self.changes(part)?)
     }
 
-    /// Checks the finished cameras among those of these names.
+    /// Checks the finished cameras among those of these names. Where the run is finished, all of them are.
     pub fn check_cameras<'n>(&self, names: impl IntoIterator<Item = &'n str>) -> Result<(), DesignError> {
-        let finished = names.into_iter().filter(|name| self.run.camera_metrics(name).is_file());
         let mut changes = Vec::new();
-        for name in finished {
-            changes.extend(self.changes(&format!("cameras/{name}"))?);
+        for name in names {
+            let part = format!("cameras/{name}");
+            if self.run.camera_metrics(name).is_file() {
+                changes.extend(self.changes(&part)?);
+            } else if self.run.metrics().is_file() {
+                changes.push(ChangedFile { name: format!("{part}/metrics.json"), is_missing: true });
+            }
         }
         self.refuse(changes)
     }
@@ -185,11 +189,17 @@ impl<'a> DigestCheck<'a> {
     pub fn refuse(&self, changes: Vec<ChangedFile>) -> Result<(), DesignError> {
         let Some(first) = changes.first() else { return Ok(()) };
         let all: Vec<String> = changes.iter().map(ToString::to_string).collect();
-        let problem = format!(
-            "{}; hint: put it back from a copy, or add `--accept-changed {}` if you mean the change",
-            all.join(", "),
-            first.name
-        );
+        // Of a file that is not there nothing can be accepted.
+        let hint = match changes.iter().find(|change| !change.is_missing) {
+            Some(there) => {
+                format!(
+                    "put it back from a copy, or add `--accept-changed {}` if you mean the change",
+                    there.name
+                )
+            }
+            None => format!("put it back from a copy of the run: {} cannot be made again alone", first.name),
+        };
+        let problem = format!("{}; hint: {hint}", all.join(", "));
         Err(DesignError::Run { path: self.run.root().to_path_buf(), problem })
     }
 
@@ -269,5 +279,15 @@ mod tests {
         let check = DigestCheck::new(&run, &[], &warn);
         assert!(check.changes("").unwrap().is_empty() && check.changes("inputs").unwrap().is_empty());
         assert_eq!(said.borrow().len(), 1, "one warning for all that has no digests");
+
+        // What is missing cannot be accepted, and no hint says so.
+        fs::write(camera.join("blocks/network/weights.bin"), [1, 2, 3]).unwrap();
+        fs::write(camera.join("metrics.json"), "{}").unwrap();
+        fs::write(run.metrics(), "{}").unwrap();
+        for _ in 0..2 {
+            let error = check.check_cameras(["wide"]).unwrap_err().to_string();
+            assert!(error.contains("is missing; hint: put it back") && !error.contains("accept"), "{error}");
+            fs::remove_dir_all(run.camera("wide")).unwrap_or_default();
+        }
     }
 }

@@ -225,9 +225,10 @@ impl RunFolder {
 /// Reads a JSON file of a run.
 pub(crate) fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, DesignError> {
     let text = petzval_base::read_text(path).map_err(DesignError::io(path))?;
-    let damaged =
-        |e: serde_json::Error| DesignError::Run { path: path.to_path_buf(), problem: e.to_string() };
-    serde_json::from_str(&text).map_err(damaged)
+    serde_json::from_str(&text).map_err(|error| {
+        let problem = format!("the file is damaged, {error}; hint: put it back from a copy of the run");
+        DesignError::Run { path: path.to_path_buf(), problem }
+    })
 }
 
 /// Reads a JSON file of a run; none if there is no such file, as in a folder of an earlier version.

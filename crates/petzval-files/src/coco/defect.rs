@@ -73,6 +73,8 @@ kinds! {
         "give every class its own id";
     MissingPicture Error "The file of a picture does not exist; picture and boxes are left out."
         "put the pictures where the format has them: for COCO beside the annotations or into `images` there, for KITTI into `image_2`, for Pascal VOC into `JPEGImages`";
+    SeveralPictures Error "Labels name a picture of which there are several in other folders, and nothing says which is meant; they are left out."
+        "lay labels and pictures of each part into folders of one name, such as `train`; or give every picture its own name";
     UnreadablePicture Error "The file of a picture cannot be decoded; picture and boxes are left out."
         "replace it by an undamaged PNG, JPEG, TIFF or OpenEXR file";
     OtherPictureSize Error "A picture has another size than stated, so that its boxes are of other pixels; both are left out."
@@ -106,7 +108,7 @@ kinds! {
     ZeroId Warning "An annotation or a class has the id 0, which is an id like others here."
         "count ids from 1 if other programs use this data set: pycocotools takes annotation 0 for `not detected`, torchvision class 0 for background";
     ThinBox Warning "A box is narrower or lower than a pixel; whether it is detected does not count."
-        "look at it in the picture, and take it out of the file";
+        "look at it in the picture, and take it out of the file; if all boxes are thin, they are shares of the picture, and COCO has pixels";
     UnknownState Warning "A `state` is none of red, yellow, green and off; a traffic light whose class does not name one is not judged."
         "write one of the four as a text; fine for objects that are no traffic lights";
     SizeNotStated Warning "A picture has no stated size; that of its file is taken."

@@ -368,13 +368,16 @@ fn annotation(
         attributes.insert(name, value);
     }
     // CVAT writes the box before it is rotated about its middle.
-    if let Some(Attribute::Number(degrees)) = attributes.get("rotation")
-        && degrees % 360.0 != 0.0
-    {
-        let around = bounds.around_rotated(degrees.to_radians());
-        warn(DefectKind::RotatedBox, format!("{bounds} by {degrees} degrees becomes {around}"));
-        bounds = around;
-        attributes.remove("rotation");
+    match attributes.get("rotation") {
+        Some(Attribute::Number(degrees)) if degrees % 360.0 != 0.0 => {
+            let around = bounds.around_rotated(degrees.to_radians());
+            warn(DefectKind::RotatedBox, format!("{bounds} by {degrees} degrees becomes {around}"));
+            bounds = around;
+            attributes.remove("rotation");
+        }
+        None | Some(Attribute::Number(_)) => {}
+        // A box by an angle that is not read would be the wrong box.
+        Some(other) => return Err(("attributes.rotation", Wrong::Type(other.to_string()))),
     }
     Ok(Annotation {
         id,

@@ -22,8 +22,8 @@ pub(crate) use self::error::{MOST_PICTURE_BYTES, undecoded};
 pub(crate) use self::head::PictureHead;
 use self::head::{OLD_HDR, decoder_limits};
 use self::ignored::{hdr_notes, png_notes, profile_note, tiff_notes};
-pub use self::size::picture_size;
 pub(crate) use self::size::{check_decodes, head_of, picture_head};
+pub use self::size::{is_picture_turned, picture_size};
 
 /// Rows that are turned into light at a time.
 const STRIP_ROWS: u32 = 64;

@@ -16,6 +16,11 @@ pub fn picture_size(path: &Path) -> Result<(u32, u32), ImageError> {
     Ok(picture_head(path)?.upright())
 }
 
+/// Whether EXIF turns or mirrors a picture: [`load_image`](super::load_image) gives its pixels in another order than the file has them.
+pub fn is_picture_turned(path: &Path) -> Result<bool, ImageError> {
+    Ok(picture_head(path)?.is_turned())
+}
+
 /// The head of a picture file. Fails where the picture is empty or too large to be read.
 pub(crate) fn picture_head(path: &Path) -> Result<PictureHead, ImageError> {
     let io = |source| ImageError::Io { path: path.to_owned(), source };

@@ -83,6 +83,38 @@ impl RawInfo {
         Ok(())
     }
 
+    /// Checks the levels against each other and against the bits of the numbers: black lies below saturation, and a number that is not companded
+    /// is at most 2^bits - 1.
+    pub fn validate_levels(&self) -> Result<(), OutOfRange> {
+        let bits = self.bits.filter(|_| self.companding.is_none()).unwrap_or(MOST_BITS);
+        let most_dn = f64::from(largest_dn(bits));
+        let levels = self.black_tile_dn.iter().flatten().copied().chain(self.black_level_dn);
+        let black_dn = levels.reduce(f64::max);
+        let least_white_dn = black_dn.unwrap_or(0.0) + 1.0;
+        let checks = [
+            (
+                "black_level_dn",
+                black_dn,
+                0.0,
+                most_dn - 1.0,
+                "a black level below the largest number of the bits",
+            ),
+            (
+                "white_level_dn",
+                self.white_level_dn,
+                least_white_dn,
+                most_dn,
+                "the digital number of saturation: above the black level, and at most 2^bits - 1",
+            ),
+        ];
+        for (key, value, low, high, meaning) in checks {
+            if let Some(value) = value.filter(|v| !(low..=high).contains(v)) {
+                return Err(OutOfRange { key, value, low, high, meaning });
+            }
+        }
+        Ok(())
+    }
+
     /// This metadata, with missing values taken from `other`.
     pub fn or(self, other: Self) -> Self {
         Self {

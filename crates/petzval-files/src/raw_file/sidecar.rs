@@ -106,7 +106,7 @@ impl Sidecar {
             check_black(text, levels, &info)?;
         }
         check_companding(text, &info)?;
-        info.validate().map_err(|wrong| {
+        info.validate().and_then(|()| info.validate_levels()).map_err(|wrong| {
             FileError::at_key(text, &[wrong.key], wrong.to_string()).hint(format!("give {}", wrong.meaning))
         })?;
         let missing = |key: &str| {

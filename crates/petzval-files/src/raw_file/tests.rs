@@ -297,6 +297,21 @@ fn sidecars_that_do_not_fit_are_refused() {
     assert_eq!(says(&[0; 12], layout).unwrap().dn, [0; 8]);
     for (bytes, sidecar, needles) in [
         (12, layout.replace("bits = 12\n", ""), ["frame.raw.toml", "needs the key `bits`"]),
+        (
+            12,
+            format!("{layout}black_level_dn = 100.0\nwhite_level_dn = 90.0\n"),
+            ["line 6", "white_level_dn is 90, outside 101..4095"],
+        ),
+        (
+            12,
+            format!("{layout}white_level_dn = 9000.0\n"),
+            ["line 5", "white_level_dn is 9000, outside 1..4095"],
+        ),
+        (
+            12,
+            format!("{layout}black_level_dn = 4095.0\n"),
+            ["line 5", "black_level_dn is 4095, outside 0..4094"],
+        ),
         (12, layout.replace("12", "16"), ["line 3", "only 8, 10, 12 and 14"]),
         (12, layout.replace("12", "40"), ["line 3", "bits is 40"]),
         (12, layout.replace("mipi", "mippi"), ["line 4", "did you mean \"mipi\"?"]),

@@ -35,6 +35,11 @@ fn outlines_and_rotated_boxes_become_the_boxes_around_them() {
     assert!(!data.annotations[0].attributes.contains_key("rotation"));
     let (data, defects) = with(r#""distance_m": 31.5"#, r#""rotation": 0.0"#);
     assert_eq!((data.annotations.len(), defects.count(DefectKind::RotatedBox)), (2, 0));
+    // An angle that is no number gives no box.
+    for angle in ["\"90\"", "true"] {
+        let (data, defects) = with(r#""distance_m": 31.5"#, &format!(r#""rotation": {angle}"#));
+        assert_eq!((data.annotations.len(), defects.count(DefectKind::WrongType)), (1, 1), "{angle}");
+    }
     // Detectron2's number for two corners is no box of COCO.
     let (_, defects) = with(r#""area": 200"#, r#""area": 200, "bbox_mode": 0"#);
     assert_eq!(defects.count(DefectKind::WrongType), 1);

@@ -43,6 +43,13 @@ const UNKNOWN_NOISE: NoiseProfile = NoiseProfile { shot: 1e-4, read: 1.6e-7 };
 /// Exposure time of a frame that states none, s.
 const USUAL_TIME_S: f64 = 0.005;
 
+/// How far below the black level a pixel is no noise: standard deviations in the dark, and at least this share of the range to white.
+const BLACK_SIGMAS: f64 = 6.0;
+const BLACK_MARGIN: f64 = 0.01;
+
+/// Share of such pixels, beyond which they are no defects.
+const BLACK_SHARE: f64 = 0.01;
+
 /// Nodes along a side from which a mesh of shading is fine enough for straight lines between them.
 const FINE_NODES: usize = 33;
 
@@ -295,9 +302,13 @@ fn read_exposure(
     }
     let exposure = info.exposure_s.map(|time_s| time_s * info.linear_gain.unwrap_or(1.0));
     smooth_shading(&mut about, path, context);
+    let is_linear = info.companding.is_none();
     let mut dn = raw.dn;
     if let Some(tile) = black_tile {
         level_black(&mut dn, raw.width, cfa, &tile, black_dn, full_dn);
+    }
+    if is_linear {
+        warn_of_black(&dn, &about, path, context);
     }
     let frame = RawInput { height: raw.height, width: raw.width, dn, bits: bits.max(8), cfa, about };
     Ok((frame, exposure))
@@ -334,6 +345,21 @@ fn level_black(dn: &mut [u32], width: usize, cfa: CfaPattern, tile: &[f64], blac
                 *dn = (i64::from(*dn) + by).clamp(0, full_dn as i64) as u32;
             }
         }
+    }
+}
+
+/// Warns of a black level above the light of many pixels: they would become black, and the shadows coloured.
+fn warn_of_black(dn: &[u32], about: &FrameData, path: &Path, context: &Context) {
+    let range_dn = about.white_dn - about.black_dn;
+    let margin_dn = range_dn * (BLACK_SIGMAS * about.noise.read.max(0.0).sqrt()).max(BLACK_MARGIN);
+    let below = dn.iter().filter(|dn| f64::from(**dn) < about.black_dn - margin_dn).count();
+    if below as f64 > BLACK_SHARE * dn.len() as f64 {
+        context.warning(WarningKind::RawFrame, format!(
+            "{}: {below} of {} pixels lie more than {margin_dn:.0} DN below the black level of {} DN: it is too high, and they become black; correct `black_level_dn`",
+            path.display(),
+            dn.len(),
+            about.black_dn
+        ));
     }
 }
 

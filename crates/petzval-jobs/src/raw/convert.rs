@@ -75,6 +75,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         )
     })?;
     frame.info = request.info()?.or(frame.info);
+    frame.info.validate_levels().map_err(refused)?;
     if let Some(file) = &mut frame.info.calibration {
         // The file stays where it is.
         let (from, to) = (request.input.parent(), request.output.parent());
@@ -92,6 +93,12 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     Ok(Response { frame: FrameSummary::new(&request.output, &frame), sidecar: sidecar_path(&request.output) })
 }
 
+/// A number of the frame that lies outside its range.
+fn refused(wrong: OutOfRange) -> JobError {
+    let OutOfRange { key, value, low, high, meaning } = wrong;
+    JobError::setting(key, value, format!("outside {low}..{high}"), format!("give {meaning}"))
+}
+
 impl Request {
     /// Camera and exposure as the request gives them. Levels are those of 16 bits unless the request states more.
     fn info(&self) -> Result<RawInfo, JobError> {
@@ -105,10 +112,7 @@ impl Request {
             pixel_um: self.pixel_um,
             ..RawInfo::default()
         };
-        info.validate().map_err(|wrong| {
-            let OutOfRange { key, value, low, high, meaning } = wrong;
-            JobError::setting(key, value, format!("outside {low}..{high}"), format!("give {meaning}"))
-        })?;
+        info.validate().map_err(refused)?;
         Ok(info)
     }
 

@@ -17,6 +17,8 @@ const INSIDE_PX: f64 = 0.3;
 const LEAST_LACK: f64 = 0.01;
 /// Least gap to the level there, in steps of the values.
 const LACK_STEPS: f64 = 8.0;
+/// Values so near to the extreme one show their steps, of the step of the edge.
+const NEAR: f64 = 0.1;
 /// Least gap of the other side at the same distance from the edge, as a share of the step.
 const OTHER_LACK: f64 = 0.02;
 
@@ -26,6 +28,8 @@ struct End {
     share: f64,
     /// Difference to the next value, of the step.
     gap: f64,
+    /// Least difference between values near the extreme one, of the step: where the light is cut off, the next value may be far from it.
+    least_gap: f64,
     /// Distance from the edge of the last pixel of another value.
     last_px: f64,
 }
@@ -39,7 +43,7 @@ pub fn check(profile: &Profile) -> Result<(), SfrError> {
         }
         let noise = profile.noise_of_blur(sign);
         let is_noisy = noise > LEAST_NOISE && noise > NOISE_STEPS * end.gap;
-        let least = LEAST_LACK.max(LACK_STEPS * end.gap);
+        let least = LEAST_LACK.max(LACK_STEPS * end.least_gap);
         let is_abrupt = lack(profile, sign, end.last_px - INSIDE_PX) > least
             && lack(profile, -sign, end.last_px) > OTHER_LACK.max(least);
         if is_noisy || is_abrupt {
@@ -62,7 +66,16 @@ impl End {
                 last_px = last_px.max(sign * distance);
             }
         }
-        Self { share, gap: (extreme - next) / profile.step(), last_px }
+        let near = extreme - NEAR * profile.step();
+        let mut close: Vec<f64> = profile
+            .values()
+            .map(|(_, value)| sign * value)
+            .filter(|v| (near..=extreme).contains(v))
+            .collect();
+        close.sort_by(f64::total_cmp);
+        let differences = close.windows(2).map(|pair| pair[1] - pair[0]).filter(|d| *d > 0.0);
+        let least_gap = differences.fold(extreme - next, f64::min) / profile.step();
+        Self { share, gap: (extreme - next) / profile.step(), least_gap, last_px }
     }
 }
 

@@ -282,6 +282,29 @@ fn light_cut_off_at_either_end_is_refused() {
     edge.assert_mtf50(&cut, 0.02);
 }
 
+/// The less of the step is left, the farther apart are the last values before the end.
+#[test]
+fn light_of_which_little_is_left_is_refused_as_cut_off() {
+    let edge = Edge { levels: [0.1, 0.8], ..Edge::at(6.0, 0.55) };
+    for noise in [0.0, 0.0007] {
+        for (side, low, high) in [
+            (Side::Bright, 0.0, 0.6),
+            (Side::Bright, 0.0, 0.45),
+            (Side::Bright, 0.0, 0.35),
+            (Side::Dark, 0.3, 1.0),
+            (Side::Dark, 0.45, 1.0),
+        ] {
+            let number = |v: &f32| (v.clamp(low, high) * 4095.0).round() / 4095.0;
+            let cut: Vec<f32> = with_noise(&edge.light(), noise, 3).iter().map(number).collect();
+            let error = edge.measured(&cut).map(|found| found.sfr.mtf50()).unwrap_err();
+            assert!(
+                matches!(error, SfrError::Clipped { side: of, .. } if of == side),
+                "{noise} {high}: {error}"
+            );
+        }
+    }
+}
+
 /// A dark side of few steps of the values ends sharply without being cut off.
 #[test]
 fn a_dark_side_without_noise_is_not_taken_for_a_clipped_one() {

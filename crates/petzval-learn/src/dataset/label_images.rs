@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use petzval_base::Cancel;
 use petzval_files::coco::content_digest;
-use petzval_files::picture_size;
+use petzval_files::{is_picture_turned, picture_size};
 use rayon::prelude::*;
 
 use super::label_file::{LabelFile, pixels_of_classes};
@@ -24,6 +24,8 @@ const FOLDERS: [&str; 2] = ["pictures", "labels"];
 /// A picture with the pixels of each of its classes.
 struct Checked {
     picture: LabelledPicture,
+    /// Whether EXIF turns the picture.
+    is_turned: bool,
     pixels: [usize; IGNORED as usize],
 }
 
@@ -65,9 +67,13 @@ impl LabelledPictures {
         }
         let mut found = Self::default();
         let (mut small, mut pixels) = (0, [[0; IGNORED as usize]; 2]);
+        let mut turned: Vec<String> = Vec::new();
         let count = checked.len();
         for (number, checked) in checked.into_iter().enumerate() {
-            let Checked { picture, pixels: own } = checked?;
+            let Checked { picture, is_turned, pixels: own } = checked?;
+            if is_turned {
+                turned.push(picture.name.clone());
+            }
             if picture.size[0].min(picture.size[1]) < crop {
                 small += 1;
                 continue;
@@ -80,6 +86,15 @@ impl LabelledPictures {
             let of_list = &mut pixels[usize::from(list == List::HeldOut)];
             of_list.iter_mut().zip(own).for_each(|(all, own)| *all += own);
             found.list_mut(list).push(picture);
+        }
+        // Labels of the stored pixels often have the same size.
+        if let Some(first) = turned.first() {
+            let others =
+                if turned.len() > 1 { format!(" and {} others", turned.len() - 1) } else { String::new() };
+            notes.push(format!(
+                "{}: EXIF turns {first}{others}; labels are taken as those of the turned picture, which the report shows",
+                folder.display()
+            ));
         }
         if small > 0 {
             notes.push(format!("{}: {}", folder.display(), too_small(small, crop)));
@@ -142,6 +157,7 @@ fn checked(
         return Err(DatasetError::LabelImage { path: picture.to_owned(), problem, hint });
     };
     let (width, height) = picture_size(picture)?;
+    let is_turned = is_picture_turned(picture)?;
     let digest = content_digest(&path).map_err(|source| DatasetError::Io { path: path.clone(), source })?;
     let labels = LabelFile { path, of_values: of_values.clone(), digest };
     let classes = labels.read()?;
@@ -162,7 +178,7 @@ fn checked(
         truth: Truth::default(),
         labels: Some(labels),
     };
-    Ok(Checked { picture, pixels: pixels_of_classes(&classes) })
+    Ok(Checked { picture, is_turned, pixels: pixels_of_classes(&classes) })
 }
 
 /// The pictures of a folder by their name without its ending. Fails where two have the same.

@@ -52,20 +52,28 @@ fn experiments() {
             &["`scene` is no name for a camera", "give it another name"],
         ),
         case("name = \"spot-optimised\"", "name = \"Nominal\"", &["`Nominal` and `nominal` are one folder"]),
-        case("batch = 1", "batch = -1", &["`batch = -1`: expected a number from 0"]),
+        case(
+            "batch = 1",
+            "batch = -1",
+            &["`batch = -1`: expected a number from 0", "help: write a whole number"],
+        ),
         case(
             "batch = 1",
             "batch = \"one\"",
-            &["`batch = \"one\"`: expected a number from 0", "found a text"],
+            &["`batch = \"one\"`: expected a number from 0", "found a text", "help: write a whole number"],
         ),
         case("batch = 1", "batch = 1.5", &["`batch = 1.5`", "without a decimal point, found a number with"]),
         case(
             "time_s = 0.005",
             "time_s = \"5 ms\"",
-            &["`time_s = \"5 ms\"`: expected a number, found a text"],
+            &["`time_s = \"5 ms\"`: expected a number, found a text", "help: write a number without quotes"],
         ),
         case("\"built-in\"", "[\"a\"]", &["`photos = [\"a\"]`: expected text in quotes, found a list"]),
-        case("patches = [2, 2]", "patches = [2]", &["expected a list of 2 values, found 1"]),
+        case(
+            "patches = [2, 2]",
+            "patches = [2]",
+            &["expected a list of 2 values, found 1", "help: write as many values"],
+        ),
         case(
             "pupil_cells = 16",
             "pupil_cells = 17",
@@ -84,13 +92,48 @@ fn experiments() {
             "noise = \"pink\"",
             &["`noise = \"pink\"`: no such value", "\"dequantised\""],
         ),
-        case("task = \"image-quality\"", "task = 3", &["`task = 3`: expected text in quotes"]),
+        case(
+            "task = \"image-quality\"",
+            "task = 3",
+            &["`task = 3`: expected text in quotes", "help: put the value in quotes"],
+        ),
+        case(
+            "seed = 1\n",
+            "seed = 1\nreading.memory_mb = 0\n",
+            &["`memory_mb = 0`", "must lie between 64", "help: 1024 MB"],
+        ),
         case("seed = 1", "seed = = 1", &["seed"]),
     ] {
         let folder = tempfile::tempdir().unwrap();
         let place = write_changed(folder.path(), "bad.toml", &text, &case);
         let args = ["design", "bad.toml", "--out", "run"];
         run_fails(folder.path(), &args, 2, &[&[place.as_str()], case.needles].concat());
+    }
+}
+
+#[test]
+fn a_misspelled_header_is_suspected_where_the_reader_stumbles() {
+    let text = tiny_experiment();
+    let before = text.split("[[variant]]").next().unwrap();
+    let staged = format!(
+        "{before}[[variant]]\nname = \"a\"\n[[variant.stge]]\nmoves = [\"network\"]\n[variant.stage.schedule.network]\nsteps = 3\n"
+    );
+    for (text, needles) in [
+        (
+            text.replacen("[[variant]]", "[[varant]]", 1),
+            ["`variant`: duplicate key", "help: it stands above already"],
+        ),
+        (
+            staged,
+            [
+                "`stage`: expected a list in square brackets, found a table",
+                "help: a header `[[variant.stage]]`",
+            ],
+        ),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("bad.toml"), text).unwrap();
+        run_fails(folder.path(), &["design", "bad.toml", "--out", "run"], 2, &needles);
     }
 }
 

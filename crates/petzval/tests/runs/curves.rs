@@ -73,6 +73,12 @@ fn curves_go_on_after_a_kill_without_a_step_twice_and_runs_are_listed() {
     }
     child.kill().unwrap();
     child.wait().unwrap();
+    // One whose figures were edited is damaged, too.
+    let edited = folder.path().join("runs/edited");
+    copy_folder(&run, &edited);
+    let mut metrics = read_json(&edited.join("metrics.json"));
+    metrics["rows"][0]["efl_mm"] = serde_json::json!(99.0);
+    std::fs::write(edited.join("metrics.json"), metrics.to_string()).unwrap();
     let listed = run_ok(folder.path(), &["runs", "--json"]).json();
     let states: Vec<&str> =
         listed["runs"].as_array().unwrap().iter().map(|row| row["state"].as_str().unwrap()).collect();
@@ -110,6 +116,10 @@ fn curves_go_on_after_a_kill_without_a_step_twice_and_runs_are_listed() {
     assert_eq!(row("whole")["camera"], "end-to-end");
     assert_eq!(row("damaged")["state"], "damaged");
     assert!(row("damaged")["reason"].as_str().unwrap().contains("metrics.json"), "{}", row("damaged"));
+    assert_eq!(row("edited")["state"], "damaged");
+    assert!(row("edited")["scores"].as_array().unwrap().is_empty());
+    let reason = row("edited")["reason"].as_str().unwrap();
+    assert!(reason.ends_with("metrics.json is not as the run wrote it"), "{reason}");
     let text = run_ok(folder.path(), &["runs"]).stdout;
     assert!(text.contains("damaged") && text.contains("training.batch=2"), "{text}");
     run_fails(folder.path(), &["runs", "none"], 2, &["none: there is no such folder"]);

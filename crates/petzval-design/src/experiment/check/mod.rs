@@ -62,6 +62,7 @@ fn values_lie_in_their_ranges(c: &Checked) -> Result<(), FileError> {
         ("scoring", e.scoring.out_of_range()),
         ("validation", e.validation.out_of_range()),
         ("checkpoint", e.checkpoint.out_of_range()),
+        ("reading", e.reading.out_of_range()),
     ];
     match tables.into_iter().find_map(|(table, wrong)| Some((table, wrong?))) {
         Some((table, wrong)) => {

@@ -2,7 +2,7 @@
 //!
 //! <https://doc.bdd100k.com/format.html>. Lanes and drivable areas without `box2d` are left out and counted, and so are lists that have no
 //! other labels: their pictures are no background. Another label without a box is an error of its own. A file of one picture has all labels
-//! of it. The colour of a traffic light becomes the attribute `state`: `red`, `yellow` and `green`, or `R`, `Y` and `G`. Labels of whole
+//! of it. The colour of a traffic light becomes the attribute `state`: `red`, `yellow` and `green`, or `R`, `Y` and `G`. A stated `size` is that of the picture. Labels of whole
 //! pictures, such as the weather, are not read.
 
 use std::collections::BTreeMap;
@@ -13,7 +13,7 @@ use petzval_base::{Cancel, FileError};
 use serde::Deserialize;
 
 use super::builder::{Builder, Converted, Label};
-use super::tree::{ends_with, files_below, pictures_among, pictures_by, split_of};
+use super::tree::{Pictures, ends_with, files_below, pictures_among, split_of};
 use crate::coco::bounded::read_bounded;
 use crate::coco::bounds::Bounds;
 use crate::coco::data_set::Attribute;
@@ -45,6 +45,8 @@ struct Picture {
     video: Loose,
     #[serde(default)]
     attributes: Loose,
+    /// Scalabel states the size of the picture here.
+    size: Option<Record<Size>>,
     /// `objects` in older files.
     #[serde(default, alias = "objects")]
     labels: Option<Vec<Record<Object>>>,
@@ -79,7 +81,16 @@ struct Corners {
     y2: Loose,
 }
 
+#[derive(Deserialize)]
+struct Size {
+    #[serde(default)]
+    width: Loose,
+    #[serde(default)]
+    height: Loose,
+}
+
 impl Fields for Picture {}
+impl Fields for Size {}
 impl Fields for Object {}
 impl Fields for Corners {}
 
@@ -99,8 +110,7 @@ pub(super) fn convert_bdd100k(root: &Path, cancel: &Cancel) -> Result<Converted,
         ));
     }
     let files = files_below(&base, cancel)?;
-    let by_name = pictures_by(&files, Path::file_name);
-    let by_stem = pictures_by(&files, Path::file_stem);
+    let by_names = Pictures::among(&base, &files);
     let mut builder = Builder::default();
     for path in &labels {
         cancel.check()?;
@@ -127,16 +137,22 @@ pub(super) fn convert_bdd100k(root: &Path, cancel: &Cancel) -> Result<Converted,
             };
             // Older files leave the ending out.
             let short = Path::new(&name).file_name().unwrap_or(OsStr::new(""));
-            let Some(file) = by_name.get(short).or_else(|| by_stem.get(short)) else {
-                builder.defects.add(DefectKind::MissingPicture, || name.clone());
-                continue;
-            };
+            let stated = Path::new(&name);
+            let found = by_names.by_name(path, stated).or(|| by_names.by_stem(short, path, stated));
+            let Some(file) = found.noted(&|| name.clone(), &mut builder.defects) else { continue };
             let split = split_of(file.strip_prefix(&base).unwrap_or(file));
             let Some(image) = builder.picture(&base, file, split) else { continue };
             if let Some(video) = picture.video.name().unwrap_or(None) {
                 image.sequence = Some(video);
             }
             let id = image.id;
+            match picture.size.as_ref().map(pixels).transpose() {
+                Ok(size) => size.into_iter().for_each(|size| builder.stated(id, size)),
+                Err(mut error) => {
+                    error.key = format!("{name}: {}", error.key);
+                    builder.wrong(path, error);
+                }
+            }
             if picture.attributes != Loose::Absent {
                 builder.unread("attributes of a picture");
             }
@@ -217,6 +233,19 @@ fn is_of_lanes(pictures: &[Record<Picture>]) -> bool {
         && labels.all(|label| matches!(label, Record::Table(object) if object.is_lane_or_area()))
 }
 
+/// The stated size of a picture, columns and rows, px.
+fn pixels(size: &Record<Size>) -> Result<(u32, u32), FileError> {
+    let size = match size {
+        Record::Table(size) => size,
+        Record::Other(other) => return Err(no_table("size", other)),
+    };
+    let side = |value: &Loose, name: &str| {
+        let whole = value.whole().and_then(|n| u32::try_from(n).map_err(|_| Wrong::Type(n.to_string())));
+        whole.map_err(|wrong| wrong_value(&format!("size.{name}"), &wrong, "a whole number of pixels"))
+    };
+    Ok((side(&size.width, "width")?, side(&size.height, "height")?))
+}
+
 /// The label of an object; `None`, which is noted, if it has no box.
 fn label<'a>(
     object: &'a Record<Object>,
@@ -252,6 +281,11 @@ fn label<'a>(
                 if let Some(state) = state(colour) {
                     label.attributes.insert("state".to_owned(), Attribute::Text(state));
                 }
+                continue;
+            }
+            // No text is no state; the check of values counts it.
+            value if name == "trafficLightColor" => {
+                label.attributes.insert("state".to_owned(), Attribute::Text(value.to_string()));
                 continue;
             }
             Loose::Flag(flag) => Attribute::Flag(*flag),

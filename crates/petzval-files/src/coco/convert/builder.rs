@@ -15,7 +15,7 @@ use crate::coco::turned::{BoxesOf, boxes_of, turned};
 use crate::picture_file::{PictureHead, picture_head};
 
 /// Folders that say nothing about a picture but that it is one.
-const PLAIN_FOLDERS: [&str; 5] = ["images", "JPEGImages", "image_2", "data", "."];
+pub(super) const PLAIN_FOLDERS: [&str; 5] = ["images", "JPEGImages", "image_2", "data", "."];
 
 /// A converted data set.
 #[derive(Clone, Debug, PartialEq)]

@@ -10,12 +10,13 @@
 //! `DontCare` is a region whose objects have no labels. COCO knows such regions class by class: it becomes a crowd of every class.
 
 use std::collections::BTreeMap;
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use petzval_base::{Cancel, FileError};
 
 use super::builder::{Builder, Converted, Label};
-use super::tree::{ends_with, files_below, labels_text, pictures_among, pictures_by, split_of};
+use super::tree::{Pictures, ends_with, files_below, labels_text, pictures_among, split_of};
 use crate::coco::bounds::Bounds;
 use crate::coco::data_set::Attribute;
 use crate::coco::defect::DefectKind;
@@ -76,7 +77,7 @@ pub(super) fn convert_kitti(root: &Path, cancel: &Cancel) -> Result<Converted, C
             return Err(CocoError::content(&folder, "there is no such folder", "put the pictures there"));
         }
     };
-    let pictures = pictures_by(&files, |path| path.file_stem());
+    let pictures = Pictures::among(&base, &files);
 
     let split = base.file_name().and_then(|name| split_of(Path::new(name)));
     let drives = drives(&base)?;
@@ -85,10 +86,10 @@ pub(super) fn convert_kitti(root: &Path, cancel: &Cancel) -> Result<Converted, C
     for path in &labels {
         cancel.check()?;
         let text = labels_text(path)?;
-        let Some(picture) = path.file_stem().and_then(|stem| pictures.get(stem)) else {
-            builder.defects.add(DefectKind::MissingPicture, || format!("no picture for {}", path.display()));
-            continue;
-        };
+        let stem = path.file_stem().unwrap_or(OsStr::new(""));
+        let found = pictures.by_stem(stem, path, Path::new(""));
+        let place = || format!("no picture for {}", path.display());
+        let Some(picture) = found.noted(&place, &mut builder.defects) else { continue };
         let Some(image) = builder.picture(&base, picture, split.clone()) else { continue };
         let id = image.id;
         let number = path.file_stem().and_then(|stem| stem.to_str()?.parse::<usize>().ok());

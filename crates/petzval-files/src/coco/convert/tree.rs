@@ -1,12 +1,14 @@
 //! The files below a folder.
 
 use std::collections::HashMap;
-use std::ffi::OsStr;
+use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 
 use petzval_base::{Cancel, FileError};
 
+use super::builder::PLAIN_FOLDERS;
 use crate::coco::bounded::read_bounded;
+use crate::coco::defect::{DefectKind, Defects};
 use crate::coco::error::CocoError;
 use crate::encoding::{decode_strictly, decode_xml};
 
@@ -69,13 +71,106 @@ pub(super) fn pictures_among(files: &[PathBuf]) -> impl DoubleEndedIterator<Item
     files.iter().map(PathBuf::as_path).filter(|path| is_picture(path))
 }
 
-/// The picture files among some, by a name.
-pub(super) fn pictures_by(
-    files: &[PathBuf],
-    name: impl Fn(&Path) -> Option<&OsStr>,
-) -> HashMap<&OsStr, &Path> {
-    // The first of several files with one name is taken.
-    pictures_among(files).rev().filter_map(|path| Some((name(path)?, path))).collect()
+/// The picture files of a data set, by their names and by their names without ending. Parts of a data set often repeat them.
+pub(super) struct Pictures<'f> {
+    root: &'f Path,
+    by_name: HashMap<&'f OsStr, Vec<&'f Path>>,
+    by_stem: HashMap<&'f OsStr, Vec<&'f Path>>,
+}
+
+impl<'f> Pictures<'f> {
+    /// The pictures among the files below `root`.
+    pub fn among(root: &'f Path, files: &'f [PathBuf]) -> Self {
+        let (mut by_name, mut by_stem) = (HashMap::<_, Vec<_>>::new(), HashMap::<_, Vec<_>>::new());
+        for path in pictures_among(files) {
+            for (name, paths) in [(path.file_name(), &mut by_name), (path.file_stem(), &mut by_stem)] {
+                name.into_iter().for_each(|name| paths.entry(name).or_default().push(path));
+            }
+        }
+        Self { root, by_name, by_stem }
+    }
+
+    /// The picture of this name, without its ending, to which a file of labels belongs; `stated` is the name in that file.
+    pub fn by_stem(&self, stem: &OsStr, labels: &Path, stated: &Path) -> Chosen<'f> {
+        self.choose(self.by_stem.get(stem), labels, stated)
+    }
+
+    /// The picture to which a file of labels belongs, by the name that the file states.
+    pub fn by_name(&self, labels: &Path, stated: &Path) -> Chosen<'f> {
+        self.choose(stated.file_name().and_then(|name| self.by_name.get(name)), labels, stated)
+    }
+
+    /// Chooses among pictures of one name. In this order count: the folder of the labels, the stated path, a folder that is usual for pictures,
+    /// the folders that picture and labels share, such as `train`, and those with which both paths begin.
+    fn choose(&self, named: Option<&Vec<&'f Path>>, labels: &Path, stated: &Path) -> Chosen<'f> {
+        let named = match named.map(Vec::as_slice).unwrap_or_default() {
+            &[] => return Chosen::None,
+            &[one] => return Chosen::One(one),
+            named => named,
+        };
+        let folders = |path: &Path| -> Vec<OsString> {
+            let folder = path.strip_prefix(self.root).unwrap_or(path).parent().unwrap_or(Path::new(""));
+            folder.iter().map(OsStr::to_owned).collect()
+        };
+        let of_labels = folders(labels);
+        let nearness = |path: &Path| {
+            let own = folders(path);
+            let is_usual = own.iter().any(|folder| PLAIN_FOLDERS.iter().any(|plain| folder == plain));
+            let shared = own.iter().filter(|folder| of_labels.contains(folder)).count();
+            let first = own.iter().zip(&of_labels).take_while(|(own, other)| own == other).count();
+            (own == of_labels, path.ends_with(stated), is_usual, shared, first)
+        };
+        let nearest = named.iter().map(|path| nearness(path)).max();
+        let nearest: Vec<&'f Path> =
+            named.iter().copied().filter(|path| Some(nearness(path)) == nearest).collect();
+        // Copies of one picture are that picture.
+        match nearest[..] {
+            [] => Chosen::None,
+            [first, ref others @ ..] => match others.iter().find(|other| !have_same_bytes(first, other)) {
+                None => Chosen::One(first),
+                Some(&other) => Chosen::Several(first, other),
+            },
+        }
+    }
+}
+
+/// Whether two files can be read and hold the same.
+fn have_same_bytes(one: &Path, other: &Path) -> bool {
+    let length = |path: &Path| std::fs::metadata(path).map(|about| about.len()).ok();
+    let bytes = |path: &Path| std::fs::read(path).ok();
+    length(one).is_some() && length(one) == length(other) && bytes(one) == bytes(other)
+}
+
+/// Which picture a file of labels has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Chosen<'f> {
+    None,
+    One(&'f Path),
+    /// Nothing says which of several it is; the first two.
+    Several(&'f Path, &'f Path),
+}
+
+impl<'f> Chosen<'f> {
+    /// This choice, or another where there is none.
+    pub fn or(self, other: impl FnOnce() -> Self) -> Self {
+        if self == Self::None { other() } else { self }
+    }
+
+    /// The picture; `None`, which is noted for the labels of `place`, where there is none or more than one.
+    pub fn noted(self, place: &dyn Fn() -> String, defects: &mut Defects) -> Option<&'f Path> {
+        match self {
+            Self::One(path) => Some(path),
+            Self::None => {
+                defects.add(DefectKind::MissingPicture, place);
+                None
+            }
+            Self::Several(first, second) => {
+                let said = || format!("{}: {} or {}", place(), first.display(), second.display());
+                defects.add(DefectKind::SeveralPictures, said);
+                None
+            }
+        }
+    }
 }
 
 /// The part of a data set that a path names, such as `train`.

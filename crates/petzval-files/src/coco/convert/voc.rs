@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 use petzval_base::Cancel;
 
 use super::builder::{Builder, Converted, Label};
-use super::tree::{ends_with, files_below, labels_text, pictures_among, pictures_by, split_of, xml_text};
+use super::tree::{Pictures, ends_with, files_below, labels_text, pictures_among, split_of, xml_text};
 use super::voc_file::{Labels, Object, parse};
 use crate::coco::defect::DefectKind;
 use crate::coco::error::CocoError;
@@ -28,10 +28,10 @@ pub(super) fn convert_voc(root: &Path, cancel: &Cancel) -> Result<Converted, Coc
         let hint = "name the folder that holds `Annotations` and `JPEGImages`";
         return Err(CocoError::content(root, "there is no XML file", hint));
     }
-    let by_name = pictures_by(&files, Path::file_name);
-    let by_stem = pictures_by(&files, Path::file_stem);
+    let pictures = Pictures::among(root, &files);
     let splits = splits(&files)?;
     let mut builder = Builder::default();
+    let mut labels_of: HashMap<&Path, &Path> = HashMap::new();
     for path in labels {
         cancel.check()?;
         let read = match xml_text(path)?.and_then(|text| parse(&text)) {
@@ -43,20 +43,18 @@ pub(super) fn convert_voc(root: &Path, cancel: &Cancel) -> Result<Converted, Coc
         };
         // Names of pictures are not always kept up to date; the name of the labels is.
         let stem = path.file_stem().unwrap_or(OsStr::new(""));
-        let beside = ["jpg", "jpeg", "png"]
-            .map(|ending| path.with_extension(ending))
-            .into_iter()
-            .find(|p| p.is_file());
-        let named = read.file_name.as_deref().and_then(|name| Path::new(name).file_name());
-        let found = by_stem.get(stem).or_else(|| by_name.get(named?)).map(|path| path.to_path_buf());
-        let Some(picture) = beside.or(found) else {
-            builder.defects.add(DefectKind::MissingPicture, || format!("no picture for {}", path.display()));
-            continue;
-        };
+        let stated = Path::new(read.file_name.as_deref().unwrap_or(""));
+        let found = pictures.by_stem(stem, path, stated).or(|| pictures.by_name(path, stated));
+        let place = || format!("no picture for {}", path.display());
+        let Some(picture) = found.noted(&place, &mut builder.defects) else { continue };
         let listed = splits.get(stem).cloned();
-        let split = listed.or_else(|| split_of(picture.strip_prefix(root).unwrap_or(&picture)));
-        let Some(image) = builder.picture(root, &picture, split) else { continue };
+        let split = listed.or_else(|| split_of(picture.strip_prefix(root).unwrap_or(picture)));
+        let Some(image) = builder.picture(root, picture, split) else { continue };
         let id = image.id;
+        if let Some(first) = labels_of.insert(picture, path) {
+            let said = || format!("{} and {}: {}", first.display(), path.display(), picture.display());
+            builder.defects.add(DefectKind::RepeatedFile, said);
+        }
         let Labels { size, objects, unread, .. } = read;
         if let Some(size) = size {
             builder.stated(id, size);

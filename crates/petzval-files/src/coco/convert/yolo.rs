@@ -5,6 +5,8 @@
 //! becomes `labels`, and the ending `.txt`; else beside the picture. That covers `images/train/` with `labels/train/`, the exports of Roboflow
 //! (`train/images/` with `train/labels/`) and Darknet (labels beside pictures). As there, labels are of the picture that EXIF has turned.
 //!
+//! The part of a picture is that whose folder `data.yaml` names, else the one that its own folders are called by.
+//!
 //! A line has one of these forms:
 //!
 //! | form | values after the class |
@@ -24,7 +26,7 @@ use petzval_base::{Cancel, FileError};
 
 use super::builder::{Builder, Converted, Label};
 use super::tree::{ends_with, files_below, is_picture, labels_text, split_of};
-use super::yolo_names::{Names, names_of};
+use super::yolo_names::names_of;
 use crate::coco::bounds::Bounds;
 use crate::coco::defect::DefectKind;
 use crate::coco::error::CocoError;
@@ -35,21 +37,28 @@ const ROUNDING: f64 = 0.01;
 /// Reads a folder.
 pub(super) fn convert_yolo(root: &Path, cancel: &Cancel) -> Result<Converted, CocoError> {
     let files = files_below(root, cancel)?;
-    let Names { classes: names, keypoints } = names_of(root, &files)?;
+    let page = names_of(root, &files)?;
+    let (names, keypoints) = (&page.classes, page.keypoints);
     let labels: HashSet<&Path> = files.iter().filter(|p| ends_with(p, "txt")).map(PathBuf::as_path).collect();
     let mut builder = Builder::of_turned_pictures();
-    for name in &names {
+    page.unread_parts.iter().for_each(|key| builder.unread(key));
+    for (number, name) in names.iter().enumerate() {
+        if names[..number].contains(name) {
+            builder.defects.add(DefectKind::RepeatedClassName, || format!("class {number}: {name:?}"));
+        }
         builder.category(name);
     }
     let mut used = HashSet::new();
     for picture in files.iter().filter(|path| is_picture(path)) {
         cancel.check()?;
-        let split = split_of(picture.strip_prefix(root).unwrap_or(picture));
+        let below = picture.strip_prefix(root).unwrap_or(picture);
+        let split = page.part_of(below).or_else(|| split_of(below));
+        let path = label_files(picture).into_iter().find(|path| labels.contains(path.as_path()));
+        // A picture that cannot be decoded has its labels, too.
+        used.extend(path.clone());
         let Some(image) = builder.picture(root, picture, split) else { continue };
         let (id, size) = (image.id, [f64::from(image.width), f64::from(image.height)]);
-        let Some(path) = label_files(picture).into_iter().find(|path| labels.contains(path.as_path())) else {
-            continue;
-        };
+        let Some(path) = path else { continue };
         let text = labels_text(&path)?;
         for (number, line) in (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty()) {
             let (class, shape) = match parse_line(number, line, names.len(), keypoints) {
@@ -81,7 +90,6 @@ pub(super) fn convert_yolo(root: &Path, cancel: &Cancel) -> Result<Converted, Co
                 None => builder.lose_label(id),
             }
         }
-        used.insert(path);
     }
     if used.is_empty() {
         let hint = "name the folder that holds `images` and `labels`, or `train/images` and `train/labels`; for a file in COCO format \

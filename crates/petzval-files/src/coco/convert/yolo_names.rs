@@ -1,7 +1,7 @@
 //! The file of class names of a YOLO data set: `data.yaml`, `classes.txt` or a file `.names`.
 
 use std::ffi::OsStr;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use petzval_base::FileError;
 
@@ -16,6 +16,42 @@ pub(super) struct Names {
     pub classes: Vec<String>,
     /// Keypoints of each object and the values of each, 2 or 3; `None` where labels are no poses.
     pub keypoints: Option<[usize; 2]>,
+    /// Folders of the parts, below that of the data set, each with its part.
+    parts: Vec<(PathBuf, &'static str)>,
+    /// Parts that are no folders, such as lists of pictures.
+    pub unread_parts: Vec<String>,
+}
+
+/// Keys of the file and the parts that they name. Of one folder with two parts the last one counts.
+const PARTS: [(&str, &str); 3] = [("test", "test"), ("val", "valid"), ("train", "train")];
+
+impl Names {
+    fn of_classes(classes: Vec<String>) -> Self {
+        Self { classes, keypoints: None, parts: Vec::new(), unread_parts: Vec::new() }
+    }
+
+    /// The part of a picture, by its path below the folder of the data set, where the file names it.
+    pub fn part_of(&self, below: &Path) -> Option<String> {
+        let named = self.parts.iter().filter(|(folder, _)| below.starts_with(folder));
+        named.max_by_key(|(folder, _)| folder.components().count()).map(|(_, part)| (*part).to_owned())
+    }
+
+    /// Takes the folders of `train`, `val` and `test`. They are below `path`, which is often that of another machine: only the names count.
+    fn take_parts(&mut self, page: &Node) {
+        for (key, part) in PARTS {
+            for text in page.get(key).into_iter().flat_map(Node::list).filter_map(Node::text) {
+                let path = Path::new(text);
+                let folder: PathBuf =
+                    path.components().filter(|part| matches!(part, Component::Normal(_))).collect();
+                let is_list = ends_with(path, "txt");
+                if !is_list && path.is_relative() && folder.iter().next().is_some() {
+                    self.parts.push((folder, part));
+                } else if !matches!(text, "" | "~" | "null") {
+                    self.unread_parts.push(key.to_owned());
+                }
+            }
+        }
+    }
 }
 
 /// The names of the classes, from `data.yaml`, `classes.txt` or a file `.names`.
@@ -28,8 +64,13 @@ pub(super) fn names_of(root: &Path, files: &[PathBuf]) -> Result<Names, CocoErro
         let text = labels_text(path)?;
         let page = yaml::parse(&text).map_err(|error| CocoError::file(path, with_hint(error)))?;
         if let Some(names) = page.get("names") {
-            let read = || Ok(Names { classes: yaml_names(&page, names)?, keypoints: keypoints(&page)? });
-            return read().map_err(|error| CocoError::file(path, error));
+            let read = || {
+                let keypoints = keypoints(&page)?;
+                Ok(Names { keypoints, ..Names::of_classes(yaml_names(&page, names)?) })
+            };
+            let mut read = read().map_err(|error| CocoError::file(path, error))?;
+            read.take_parts(&page);
+            return Ok(read);
         }
     }
     let is_list =
@@ -41,7 +82,7 @@ pub(super) fn names_of(root: &Path, files: &[PathBuf]) -> Result<Names, CocoErro
         return if names.is_empty() {
             Err(CocoError::content(path, "the file names no class", "write one name in a line"))
         } else {
-            Ok(Names { classes: names, keypoints: None })
+            Ok(Names::of_classes(names))
         };
     }
     let reason = match candidates.first() {

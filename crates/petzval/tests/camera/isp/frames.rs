@@ -245,6 +245,17 @@ fn a_white_level_above_saturation_is_named_and_highlights_stay_neutral() {
 }
 
 #[test]
+fn a_black_level_above_the_light_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let raw = folder.path().join("ramp.tiff");
+    for (black, is_named) in [(900, true), (64, false)] {
+        write_ramp(&raw, 4095, [64; 4], &format!("black_level_dn = {black}\nwhite_level_dn = 4095\n"));
+        let run = run_ok(folder.path(), &["isp", "develop", "ramp.tiff", "--out", "out", "--force"]);
+        assert_eq!(run.stderr.contains("below the black level of 900 DN"), is_named, "{}", run.stderr);
+    }
+}
+
+#[test]
 fn black_levels_of_the_tile_and_the_gain_are_subtracted() {
     let folder = tempfile::tempdir().unwrap();
     let raw = folder.path().join("ramp.tiff");
