@@ -3,15 +3,15 @@
 from pathlib import Path
 
 import pytest
-from book import BOOK, pages, run
+from book import BOOK, names, run
 
 pytestmark = pytest.mark.skipif(not BOOK.is_dir(), reason="only beside the sources")
 pytest.importorskip("torch")
 
 
-def test_the_page_of_the_package_with_torch(tmp_path: Path) -> None:
-    blocks = [block for block in pages()["book/src/python.md"] if "torch" in block]
-    assert len(blocks) >= 2
-    names = run(blocks, tmp_path)
-    assert names["psfs"].values.shape == (3, 3, 32, 32) and float(names["loss"].detach()) > 0
-    assert names["module"].kind == names["weights"].kind
+@pytest.mark.parametrize("page", names(with_torch=True))
+def test_the_python_of_a_page_runs_with_torch(page: str, tmp_path: Path) -> None:
+    found = run(page, tmp_path, with_torch=True)
+    if page.endswith("/python.md"):
+        assert found["psfs"].values.shape == (3, 3, 32, 32) and float(found["loss"].detach()) > 0
+        assert found["module"].kind == found["weights"].kind

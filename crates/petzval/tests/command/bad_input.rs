@@ -339,7 +339,10 @@ fn photographs() {
         ("broken", &["broken/b.png: cannot decode", "use an undamaged PNG"]),
         ("small", &["a.png: 50 x 40 pixels cannot hold a window", "use larger pictures or a smaller crop"]),
         ("same", &["b.png", "a.png", "same picture"]),
-        ("tiny.toml", &["tiny.toml line 1: ", "is no file that can be read", "help: one path of a picture a line"]),
+        (
+            "tiny.toml",
+            &["tiny.toml line 1: ", "is no file that can be read", "help: one path of a picture a line"],
+        ),
     ] {
         run_fails(here, &["design", "tiny.toml", "--photos", photos, "--out", "run"], 2, needles);
     }
