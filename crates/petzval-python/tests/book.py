@@ -21,6 +21,7 @@ import petzval as pz
 
 ROOT = Path(__file__).parents[3]
 BOOK = ROOT / "book" / "src"
+DATA = ROOT / "data"
 SHIM = ROOT / "crates/petzval/tests/book/blocks/petzval.sh"
 
 
@@ -76,7 +77,19 @@ def _nominal(folder: Path) -> None:
 
 
 def _lens(name: str) -> Callable[[Path], None]:
-    return lambda folder: shutil.copy(ROOT / "crates/petzval/tests/lenses/double-gauss.zmx", folder / name) and None
+    def make(folder: Path) -> None:
+        shutil.copy(ROOT / "crates/petzval/tests/lenses/double-gauss.zmx", folder / name)
+
+    return make
+
+
+def _pictures(name: str) -> Callable[[Path], None]:
+    def make(folder: Path) -> None:
+        (folder / name).mkdir()
+        for picture in ("astronaut", "chelsea", "china", "coffee"):
+            shutil.copy(DATA / "photos" / f"{picture}.png", folder / name)
+
+    return make
 
 
 # What a page may name as its reader's own, or as what a text before the block shows, and how it comes to be here.
@@ -84,6 +97,7 @@ READY: dict[str, Callable[[Path], None]] = {
     "psf-nominal": _nominal,
     "double-gauss.zmx": _lens("double-gauss.zmx"),
     "my-lens.zmx": _lens("my-lens.zmx"),
+    **{name: _pictures(name) for name in ("my-pictures", "my-photos", "photos")},
 }
 
 
@@ -92,7 +106,7 @@ def run(name: str, folder: Path, *, with_torch: bool) -> dict[str, Any]:
     of_page = pages()[name]
     text = "".join(block.text for block in of_page)
     for file, make in READY.items():
-        if file in text:
+        if re.search(rf"[\"' ]{re.escape(file)}\b", text):
             make(folder)
     known: dict[str, Any] = {"psfs": np.ones((3, 3, 32, 32)), "__name__": "__page__"}
     before = Path.cwd()
