@@ -19,8 +19,8 @@ struct Part {
 
 /// What a part does.
 enum Work {
-    /// A command of cargo, by its words; with so many damaged files, if at all.
-    Cargo { words: Vec<String>, mutations: bool },
+    /// A command of cargo, by its words, with a variable of the environment, if any.
+    Cargo { words: Vec<String>, variable: Option<(&'static str, &'static str)> },
     /// The Python package, with PyTorch.
     Python,
     /// Units of work under a program of others.
@@ -60,12 +60,10 @@ pub fn check() -> Result<String, Vec<String>> {
 impl Work {
     fn run(&self, root: &Path) -> Result<Ended, String> {
         match self {
-            Self::Cargo { words, mutations } => {
+            Self::Cargo { words, variable } => {
                 let mut command = Command::new(env!("CARGO"));
                 command.args(words).current_dir(root);
-                if *mutations {
-                    command.env("PETZVAL_MUTATIONS", MUTATIONS);
-                }
+                command.envs(*variable);
                 match command.status() {
                     Ok(status) if status.success() => Ok(Ended::Passed("ok".to_owned())),
                     Ok(status) => Err(format!("{status}")),
@@ -79,29 +77,34 @@ impl Work {
 }
 
 fn parts(root: &Path) -> Result<Vec<Part>, String> {
-    let part = |name: String, words: &[&str], mutations| {
+    let part = |name: String, words: &[&str], variable| {
         let words = words.iter().map(|word| (*word).to_owned()).collect();
-        Part { name, work: Work::Cargo { words, mutations } }
+        Part { name, work: Work::Cargo { words, variable } }
     };
     let test = ["test", "--release", "--workspace", "--no-fail-fast", "--"];
     let mut all = vec![
-        part("widths of the fixed-point ISP, with overflow checks".to_owned(), &["widths"], false),
+        part("widths of the fixed-point ISP, with overflow checks".to_owned(), &["widths"], None),
         part(
             format!("readers of files, {MUTATIONS} damaged files of each kind"),
             &[&test[..], &["damaged", "mutat"]].concat(),
-            true,
+            Some(("PETZVAL_MUTATIONS", MUTATIONS)),
         ),
         part(
             "tests that continuous integration leaves out".to_owned(),
             &[&test[..], &["--ignored"]].concat(),
-            false,
+            None,
+        ),
+        part(
+            "the blocks of README and book, none of them shortened".to_owned(),
+            &["test", "--release", "-p", "petzval", "--test", "book", "--", "run", "--nocapture"],
+            Some(("PETZVAL_WHOLE_BOOK", "1")),
         ),
         Part { name: "the Python package, with PyTorch".to_owned(), work: Work::Python },
-        part("the studio, in a browser".to_owned(), &["xtask", "studio"], false),
+        part("the studio, in a browser".to_owned(), &["xtask", "studio"], None),
     ];
     for experiment in experiments(root)? {
         let check = ["run", "--release", "--quiet", "--", "design", "--check", &experiment];
-        all.push(part(format!("the built-in experiment {experiment} can begin"), &check, false));
+        all.push(part(format!("the built-in experiment {experiment} can begin"), &check, None));
     }
     let engine = |part: &'static engines::Part| Part {
         name: format!("units of work: {}", part.0),
@@ -137,13 +140,15 @@ mod tests {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
         let parts = parts(&root).unwrap();
         let cargo = parts.iter().filter_map(|part| match &part.work {
-            Work::Cargo { words, mutations } => Some((words.join(" "), *mutations)),
+            Work::Cargo { words, variable } => Some((words.join(" "), *variable)),
             _ => None,
         });
-        let cargo: Vec<(String, bool)> = cargo.collect();
+        let cargo: Vec<_> = cargo.collect();
         let has = |words: &str| cargo.iter().any(|(line, _)| line.contains(words));
         assert!(has("design --check cooke-triplet-image-quality") && has("widths"));
-        assert!(parts.len() > 20 && cargo.iter().any(|(_, mutations)| *mutations));
+        let sets =
+            |name: &str| cargo.iter().any(|(_, variable)| variable.is_some_and(|(set, _)| set == name));
+        assert!(parts.len() > 20 && sets("PETZVAL_MUTATIONS") && sets("PETZVAL_WHOLE_BOOK"));
         assert!(parts.iter().any(|part| part.name.ends_with("slurm")));
     }
 }

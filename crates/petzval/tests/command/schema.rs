@@ -1,10 +1,8 @@
-//! Schema, reader, defaults and book agree about the files that a user writes.
-
-use std::path::Path;
+//! Schema, reader and defaults agree about the files that a user writes.
 
 use crate::common::*;
 use petzval::base::parameter::Parameters;
-use petzval::design::experiment::{Experiment, OpticsConfig, PsfsBy, reference_markdown};
+use petzval::design::experiment::{Experiment, OpticsConfig, PsfsBy};
 use petzval::design::task::Tasks;
 use serde_json::Value;
 
@@ -128,18 +126,6 @@ fn the_printed_configuration_is_complete_and_reads_back_to_the_same_experiment()
     built_in.name = "Camera design".to_owned();
     assert_eq!(std::mem::replace(&mut built_in.psf.kind, PsfsBy::Geometric), PsfsBy::Diffraction);
     assert_eq!(Experiment::parse("").unwrap(), built_in);
-}
-
-#[test]
-fn the_book_lists_every_number_of_an_experiment() {
-    let book = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../book/src/experiment-file.md");
-    let page = read(&book);
-    let expected = reference_markdown();
-    assert!(
-        page.contains(&expected),
-        "{} is not what the program says; its table must be\n\n{expected}",
-        book.display()
-    );
 }
 
 #[test]

@@ -131,33 +131,45 @@ pub const LENS_STAGES: usize = 3;
 /// All steps of the tiny experiment: scoring a camera is one.
 pub const ALL_STEPS: usize = 3 * (NETWORK_STEPS + 1) + LENS_STAGES + LENS_STEPS;
 
+/// The numbers of the tiny experiment, by key path, as TOML.
+pub fn tiny_settings() -> Vec<(&'static str, String)> {
+    let settings = [
+        ("psf.fields", "3"),
+        ("psf.grid", "64"),
+        ("psf.kind", "\"geometric\""),
+        ("psf.scoring_pupil_error", "2.0"),
+        ("psf.patches", "[2,2]"),
+        ("psf.pupil_cells", "16"),
+        ("psf.scoring_pupil_cells", "16"),
+        ("network.base_channels", "4"),
+        ("network.levels", "1"),
+        ("training.steps", ""),
+        ("training.batch", "1"),
+        ("training.crop", "64"),
+        ("optics.steps", ""),
+        ("spot.iterations", "8"),
+        ("scoring.places_per_side", "1"),
+        ("scoring.crop", "64"),
+        ("checkpoint.every", "3"),
+        ("checkpoint.keep", "2"),
+    ];
+    let value = |key, value: &str| match key {
+        "training.steps" => NETWORK_STEPS.to_string(),
+        "optics.steps" => LENS_STEPS.to_string(),
+        _ => value.to_owned(),
+    };
+    settings.into_iter().map(|(key, of)| (key, value(key, of))).collect()
+}
+
 /// The built-in experiment, made so small that it runs in about a second.
 pub fn tiny_experiment() -> String {
     let text = read(&data("experiments/cooke-triplet-image-quality.toml"));
     let mut table: toml::Table = text.parse().expect("the built-in experiment");
-    let steps = NETWORK_STEPS as i64;
-    for (section, key, value) in [
-        ("psf", "fields", toml::Value::Integer(3)),
-        ("psf", "grid", toml::Value::Integer(64)),
-        ("psf", "kind", toml::Value::String("geometric".to_owned())),
-        ("psf", "scoring_pupil_error", toml::Value::Float(2.0)),
-        ("psf", "patches", toml::Value::Array(vec![toml::Value::Integer(2); 2])),
-        ("psf", "pupil_cells", toml::Value::Integer(16)),
-        ("psf", "scoring_pupil_cells", toml::Value::Integer(16)),
-        ("network", "base_channels", toml::Value::Integer(4)),
-        ("network", "levels", toml::Value::Integer(1)),
-        ("training", "steps", toml::Value::Integer(steps)),
-        ("training", "batch", toml::Value::Integer(1)),
-        ("training", "crop", toml::Value::Integer(64)),
-        ("optics", "steps", toml::Value::Integer(LENS_STEPS as i64)),
-        ("spot", "iterations", toml::Value::Integer(8)),
-        ("scoring", "places_per_side", toml::Value::Integer(1)),
-        ("scoring", "crop", toml::Value::Integer(64)),
-        ("checkpoint", "every", toml::Value::Integer(3)),
-        ("checkpoint", "keep", toml::Value::Integer(2)),
-    ] {
+    for (key, value) in tiny_settings() {
+        let (section, key) = key.split_once('.').expect("a key of a table");
+        let value: toml::Table = format!("{key} = {value}").parse().expect("TOML");
         let section = table[section].as_table_mut().expect("a table");
-        let old = section.insert(key.to_owned(), value);
+        let old = section.insert(key.to_owned(), value[key].clone());
         assert!(old.is_some(), "the experiment has no key `{key}` any more");
     }
     toml::to_string(&table).expect("a table is TOML")
