@@ -108,7 +108,7 @@ pub struct SurfaceSlopes {
 /// The slope of the loss by a number.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Slope {
-    /// The number, as lens files name it.
+    /// The number: `curvature_per_mm`, or as lens files name it.
     pub number: String,
     /// Derivative of the loss by the number, which is a curvature (1/mm), a conic constant, a thickness (mm) or a coefficient of the asphere.
     pub slope: f64,
@@ -332,7 +332,11 @@ fn surfaces(lens: &Lens, by: &LensGradient) -> Vec<SurfaceSlopes> {
             let Some((step, of)) = step_of(surface, number) else { continue };
             let slope = slopes[number.slot()];
             if slope.is_finite() {
-                let name = parameter_name(surface, number);
+                let name = match number {
+                    // Lens files state a radius, by which the slope would be another.
+                    Number::Curvature => "curvature_per_mm".to_owned(),
+                    other => parameter_name(surface, other),
+                };
                 numbers.push(Slope { number: name, slope, step, change: slope * step, of: of.to_owned() });
             }
         }

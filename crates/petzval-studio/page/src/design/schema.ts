@@ -81,3 +81,12 @@ export function unit(about: string): string {
 export function isSame(a: unknown, b: unknown): boolean {
   return JSON.stringify(a) === JSON.stringify(b);
 }
+
+/** Whether a key, or one below it, has the words in its path or in its sentence. */
+export function matches(path: string, schema: Schema, root: Schema, words: string): boolean {
+  if (!words) return true;
+  const key = keyOf(schema, root);
+  const parts = key.kind === "table" ? key.schema.properties : key.kind === "tables" && key.schema.items ? resolved(key.schema.items, root).properties : undefined;
+  if (!parts) return `${path} ${key.about}`.toLowerCase().includes(words);
+  return Object.entries(parts).some(([name, part]) => matches(`${path}.${name}`, part, root, words));
+}
