@@ -21,9 +21,6 @@ pub(crate) const TOTAL: &str = "total";
 /// Steps of a block whose mean duration is its pace.
 const PACE_STEPS: usize = 20;
 
-/// Seconds after which a browser reloads the page.
-const AGAIN_S: u32 = 20;
-
 /// The camera at work: that of the last event, unless this was its score.
 pub(crate) fn at_work<'s>(setup: &'s Setup, events: &[Event]) -> Option<&'s Variant> {
     let last = events.last().filter(|event| event.block != SCORE)?;
@@ -74,7 +71,6 @@ pub(crate) fn progress(setup: &Setup, metrics: &Metrics, events: &[Event]) -> Pr
     Progress {
         cameras: setup.variants.iter().map(camera).collect(),
         time_left: time_left(setup, metrics, events),
-        again_s: AGAIN_S,
     }
 }
 

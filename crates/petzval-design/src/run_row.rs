@@ -1,7 +1,6 @@
 //! A run folder in one row of a table: what it is, how far it has come, and what came out. Nothing in the folder is changed.
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use schemars::JsonSchema;
@@ -136,21 +135,15 @@ fn fill(row: &mut RunRow, folder: &Path, library: &Library) -> Result<(), Design
         let problem = format!("metrics.json is missing, and the run was finished on {}", finish.date);
         return Err(DesignError::Run { path: run.root().to_path_buf(), problem });
     }
-    row.state = if is_at_work(folder) { RunState::Running } else { RunState::Stopped };
+    row.state = if run.is_at_work() { RunState::Running } else { RunState::Stopped };
     row.take(&finished_cameras(&run, &experiment)?, &experiment.scoring.scores);
     Ok(())
 }
 
 /// The figures of the cameras that are finished, in the order of the experiment.
-fn finished_cameras(run: &RunFolder, experiment: &Experiment) -> Result<Vec<CameraMetrics>, DesignError> {
+pub fn finished_cameras(run: &RunFolder, experiment: &Experiment) -> Result<Vec<CameraMetrics>, DesignError> {
     let names = experiment.variant.iter().map(|variant| variant.name.as_str());
     run.finished(names).into_iter().map(|name| read_json(&run.camera_metrics(name))).collect()
-}
-
-/// Whether a process holds the lock of a run.
-fn is_at_work(folder: &Path) -> bool {
-    let lock = petzval_base::open_file(folder.join("run.lock"));
-    lock.is_ok_and(|file| matches!(file.try_lock_shared(), Err(fs::TryLockError::WouldBlock)))
 }
 
 impl RunRow {

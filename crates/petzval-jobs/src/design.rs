@@ -479,9 +479,16 @@ pub fn resolved(new: &NewRun, context: &Context) -> Result<Experiment, JobError>
     Ok(prepared(new, context)?.0)
 }
 
+/// The experiment of a new run, see [`resolved`], and the folder that the run would have.
+pub(crate) fn config_of(new: &NewRun, context: &Context) -> Result<(Experiment, PathBuf), JobError> {
+    let experiment = resolved(new, context)?;
+    let folder = root_of(new, &experiment);
+    Ok((experiment, folder))
+}
+
 /// The experiment of a new run, and the context in which its lens and sensor are found. If the request names a lens in place of an
 /// experiment, lens and experiment are fitted to each other as by `init`; they are then in no file.
-fn prepared(new: &NewRun, context: &Context) -> Result<(Experiment, Context), JobError> {
+pub(crate) fn prepared(new: &NewRun, context: &Context) -> Result<(Experiment, Context), JobError> {
     let (name, context) = &new.experiment.placed(context)?;
     let is_built_in =
         ["experiments", "lenses"].iter().any(|folder| context.assets.names(folder).contains(&name.as_str()));

@@ -4,23 +4,20 @@ use std::path::{Path, PathBuf};
 
 use petzval_camera::image::LinearImage;
 use petzval_design::error::DesignError;
-use petzval_design::report::run_report::{read_metrics, report_so_far};
+use petzval_design::report::run_report::read_metrics;
 use petzval_design::run::picture_names::whole_name;
 use petzval_design::run::{DigestCheck, RunFolder, write_file};
-use petzval_design::scoring::{Scorer, collect_so_far};
 use petzval_design::setup::Setup;
 use petzval_files::{encoded_png_bytes, load_image};
-use petzval_report::design_report::html;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::apply::taken;
 use crate::context::Context;
-use crate::design::scorer;
 use crate::error::JobError;
 use crate::evaluate::camera_of;
 use crate::event::WarningKind;
-use crate::run_page::{page, warn_of_changed_config, write};
+use crate::run_page::{warn_of_changed_config, write};
 use crate::simulate::Place;
 
 /// Seed of the noise of whole frames.
@@ -61,32 +58,6 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         take_whole_frames(&setup, &folder, photo, context)?;
     }
     Ok(Response { report: write(&setup, &folder, context)?.0 })
-}
-
-/// The page of a run as it grows, for a reader who looks at it while the run is at work.
-pub struct Watched {
-    folder: RunFolder,
-    scorer: Scorer,
-}
-
-impl Watched {
-    /// A run, at work or finished.
-    pub fn open(run: &Path, context: &Context) -> Result<Self, JobError> {
-        let folder = RunFolder::open(run)?;
-        let experiment = context.assets.experiment_of_run(&folder)?;
-        let setup = Setup::without_windows(experiment, &context.assets, context.device("cpu")?)?;
-        Ok(Self { folder, scorer: scorer(setup)? })
-    }
-
-    /// The page as the run stands. The page of a run at work is reloaded by the browser.
-    pub fn page(&self) -> Result<String, JobError> {
-        let setup = self.scorer.setup();
-        if self.folder.metrics().is_file() {
-            return page(setup, &self.folder);
-        }
-        let metrics = collect_so_far(setup, &self.folder, self.scorer.scores())?;
-        Ok(html(&report_so_far(setup, &self.folder, metrics)?))
-    }
 }
 
 /// Takes a photograph over the whole sensor by every camera, and keeps the scene and the frames in the run folder.

@@ -37,6 +37,18 @@ jobs! {
     DesignCheck "design-check" ["run"]
         "Looks at an experiment as before its first step; writes nothing."
         crate::design::LookRequest => petzval_design::first_look::FirstLook, crate::design::look_at;
+    DesignConfig "design-config" ["run"]
+        "Gives the experiment of a run to begin, with every key; writes nothing."
+        crate::design_config::Request => crate::design_config::Response, crate::design_config::run;
+    DesignStop "design-stop" ["run"]
+        "Ends the process that designs a run, with a checkpoint."
+        crate::design_stop::Request => crate::design_stop::Response, crate::design_stop::run;
+    RunView "run-view" ["run"]
+        "Looks at a run at work, stopped or finished: steps, losses, lenses, cameras."
+        crate::run_view::Request => crate::run_view::Response, crate::run_view::run;
+    TaskView "task-view" ["lens"]
+        "Looks at a lens by the task of an experiment: loss, slopes by surface, pictures."
+        crate::task_view::Request => crate::task_view::Response, crate::task_view::run;
     Init "init" ["out"]
         "Writes an experiment with its lens and sensor as files to edit."
         crate::init::Request => crate::init::Response, crate::init::run, crate::init::UNIT;
@@ -55,6 +67,9 @@ jobs! {
     Report "report" ["run"]
         "Writes the report of a run again."
         crate::report::Request => crate::report::Response, crate::report::run;
+    ReportSoFar "report-so-far" ["run"]
+        "Gives the report of a run as it stands; writes nothing."
+        crate::report_so_far::Request => crate::report_so_far::Response, crate::report_so_far::run;
     Compare "compare" ["runs"]
         "Puts several runs on one page."
         crate::compare::Request => crate::compare::Response, crate::compare::run, crate::compare::UNIT;

@@ -27,8 +27,6 @@ pub(crate) struct Page<'a> {
     pub main: Markup,
     /// A script with its elements; empty if there is none.
     pub script: Option<(Markup, &'a str)>,
-    /// Seconds after which a browser reloads the page, if it shows something that grows.
-    pub again_s: Option<u32>,
 }
 
 impl Page<'_> {
@@ -41,7 +39,6 @@ impl Page<'_> {
                     meta charset="utf-8";
                     meta name="viewport" content="width=device-width, initial-scale=1";
                     meta name="color-scheme" content="light dark";
-                    @if let Some(seconds) = self.again_s { meta http-equiv="refresh" content=(seconds); }
                     title { (plain(&self.title)) }
                     style { (PreEscaped(palette::page_colours())) (PreEscaped(STYLE)) (PreEscaped(self.style)) }
                 }

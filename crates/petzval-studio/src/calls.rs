@@ -10,7 +10,9 @@ use serde_json::Value;
 use crate::folder::Folder;
 use crate::frames;
 use crate::message::{MakeCall, Outgoing, refusal};
+use crate::more_jobs::made;
 use crate::outbox::Outbox;
+use crate::processes::Processes;
 use crate::uploads::Uploads;
 
 /// Most calls of one page that are at work at a time.
@@ -22,6 +24,7 @@ pub struct Calls {
     folder: Folder,
     /// Live calls have a pool of their own, so that a long job beside them does not delay them.
     live: Arc<rayon::ThreadPool>,
+    processes: Processes,
 }
 
 /// The calls of one page that are at work.
@@ -49,9 +52,9 @@ impl Watcher for ToPage {
 
 impl Calls {
     /// The jobs of a library.
-    pub fn new(context: Context, folder: Folder) -> std::io::Result<Self> {
+    pub fn new(context: Context, folder: Folder, processes: Processes) -> std::io::Result<Self> {
         let pool = rayon::ThreadPoolBuilder::new().thread_name(|i| format!("studio live {i}")).build();
-        Ok(Self { context, folder, live: Arc::new(pool.map_err(std::io::Error::other)?) })
+        Ok(Self { context, folder, live: Arc::new(pool.map_err(std::io::Error::other)?), processes })
     }
 
     /// Begins a call; its answers go to `page`. The error says why it is not made.
@@ -62,12 +65,17 @@ impl Calls {
         uploads: &Uploads,
         page: &Outbox,
     ) -> Result<(), Box<ErrorReport>> {
-        let MakeCall { id, job, mut request, live, overwrite } = call;
+        let MakeCall { id, job, mut request, live, overwrite, process } = call;
         if let Some(path) = self.folder.way_out(&request) {
             let hint = format!("name files in {}, by their paths in it", self.folder.path().display());
             return Err(refusal(format!("{path}: this path leads out of the folder of the studio"), &hint));
         }
         uploads.put_in(&mut request);
+        if process {
+            let begun = self.processes.begin(&Call { overwrite, ..Call::new(&job, request) })?;
+            page.send(&Outgoing::Response { id, response: &begun }.text());
+            return Ok(());
+        }
         let context = self.context.watched_by(Arc::new(ToPage { id, page: page.clone() }));
         let cancel = Cancel::default();
         let context = context.with_cancellation(cancel.clone());
@@ -76,11 +84,11 @@ impl Calls {
         let pool = live.map(|_| self.live.clone());
         let work = move || {
             let call = Call { overwrite, ..Call::new(&job, request) };
-            let made = match pool {
-                Some(pool) => pool.install(|| call.run(&context)),
-                None => call.run(&context),
+            let ended = match pool {
+                Some(pool) => pool.install(|| made(call, &context)),
+                None => made(call, &context),
             };
-            let text = answer(id, made.as_ref());
+            let text = answer(id, ended.as_ref());
             // The channel is free before its page knows: it may send the next call at once.
             calls.lock().unwrap_or_else(PoisonError::into_inner).remove(&id);
             page.send(&text);
@@ -94,8 +102,8 @@ impl Calls {
 }
 
 /// The last message of a call.
-fn answer(id: u64, made: Result<&Value, &JobError>) -> String {
-    match made {
+fn answer(id: u64, ended: Result<&Value, &JobError>) -> String {
+    match ended {
         Ok(response) => Outgoing::Response { id, response }.text(),
         Err(error) => Outgoing::Error { id: Some(id), error: &error.report() }.text(),
     }

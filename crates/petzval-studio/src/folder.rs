@@ -48,7 +48,7 @@ impl Folder {
     }
 
     /// Whether a text leads to a place in the folder when it is taken for a path, through whatever links.
-    fn holds(&self, text: &str) -> bool {
+    pub fn holds(&self, text: &str) -> bool {
         if text.len() > LONGEST_PATH {
             return true;
         }

@@ -10,14 +10,17 @@
 mod accept;
 mod calls;
 mod connections;
+mod files;
 mod folder;
 mod frames;
 mod gate;
 mod http;
 mod message;
+mod more_jobs;
 mod opened;
 mod outbox;
 mod page;
+mod processes;
 mod routes;
 mod shared;
 mod socket;
@@ -36,23 +39,27 @@ use calls::Calls;
 use connections::Connections;
 use folder::Folder;
 use gate::Gate;
+use processes::Processes;
 use shared::Shared;
 use uploads::Uploads;
 
 /// The port that is taken unless another one is named; if it is not free, any that is.
 pub const PORT: u16 = 8710;
 
-/// The folder unless another one is named: the current one.
-pub const FOLDER: &str = ".";
+/// The folder unless another one is named: the current one. A run or an experiment outside of it brings its own.
+const FOLDER: &str = ".";
 
 /// What a studio serves.
 pub struct Settings {
     /// Port; 0 takes any that is free. `None` takes [`PORT`] if it is free.
     pub port: Option<u16>,
-    /// The folder in which the studio reads and writes. It becomes the current folder of the process.
-    pub folder: PathBuf,
-    /// Lenses to open, by built-in name or path, and folders of runs.
+    /// The folder in which the studio reads and writes; the current one if none is named, or that of the run that is opened. It becomes the
+    /// current folder of the process.
+    pub folder: Option<PathBuf>,
+    /// What to open: lenses and experiments, by built-in name or path, and folders of runs and sweeps.
     pub open: Vec<String>,
+    /// The program that makes calls in processes of their own by the verb `call`; without one the studio begins no processes.
+    pub program: Option<PathBuf>,
     /// The library of the jobs. Its watcher gets the warnings of the lenses that are opened.
     pub context: Context,
 }
@@ -96,20 +103,33 @@ impl Studio {
     /// Opens what is to be opened, and begins to serve it on a thread of its own.
     pub fn start(settings: Settings) -> Result<Self, StudioError> {
         // Names are relative to the folder in which the command was called.
-        let opened = opened::open(&settings.open, &settings.context)?;
+        let opening = opened::open(&settings.open, &settings.context)?;
         let wrong = |folder: &Path| {
             let folder = folder.to_path_buf();
             move |source| StudioError::Folder { folder, source }
         };
-        let folder = Folder::new(&settings.folder).map_err(wrong(&settings.folder))?;
-        std::env::set_current_dir(folder.path()).map_err(wrong(&settings.folder))?;
+        let named = settings.folder.as_deref();
+        let current = Folder::new(named.unwrap_or(Path::new(FOLDER)));
+        let mut folder = current.map_err(wrong(named.unwrap_or(Path::new(FOLDER))))?;
+        if let Some(outside) = opening.place.as_deref().filter(|place| !place.starts_with(folder.path())) {
+            if named.is_some() {
+                let message =
+                    format!("{}: this lies outside of {}", outside.display(), folder.path().display());
+                return Err(JobError::input(message, "name a folder with --folder that holds it").into());
+            }
+            let around = outside.parent().unwrap_or(outside);
+            folder = Folder::new(around).map_err(wrong(around))?;
+        }
+        let (opened, first) = opening.seen_from(folder.path());
+        std::env::set_current_dir(folder.path()).map_err(wrong(folder.path()))?;
         let listener = listen(settings.port)?;
         let address = listener.local_addr()?;
         let gate = Gate::new(address);
         let token = gate.token().to_owned();
-        let calls = Calls::new(settings.context, folder.clone())?;
+        let processes = Processes::new(settings.program, folder.clone());
+        let calls = Calls::new(settings.context, folder.clone(), processes)?;
         let (uploads, connections) = (Uploads::new()?, Connections::default());
-        let shared = Arc::new(Shared { gate, calls, folder, opened, uploads, connections });
+        let shared = Arc::new(Shared { gate, calls, folder, opened, first, uploads, connections });
         let served = shared.clone();
         let serve = move || accept::serve(&listener, &served);
         let server = std::thread::Builder::new().name("studio".to_owned()).spawn(serve)?;

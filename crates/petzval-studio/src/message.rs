@@ -39,6 +39,9 @@ pub struct MakeCall {
     /// Overwrite results that are there already.
     #[serde(default)]
     pub overwrite: bool,
+    /// Make it in a process of its own, which goes on when the page or the studio ends. The answer names its log.
+    #[serde(default)]
+    pub process: bool,
 }
 
 fn nothing() -> Value {

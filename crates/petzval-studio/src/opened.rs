@@ -1,6 +1,6 @@
-//! What the studio is started with: lenses, and the lenses of runs.
+//! What the studio is started with: lenses, experiments, runs, and folders of them.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use petzval_jobs::{Call, Context, JobError};
 use serde::Serialize;
@@ -17,6 +17,40 @@ pub struct Opened {
     pub losses: Value,
 }
 
+/// The room that the page shows first, and what in it. Paths are those in the folder of the studio.
+#[derive(Debug, Default, PartialEq, Serialize)]
+pub struct First {
+    /// `lens`, `design` or `runs`.
+    pub room: &'static str,
+    /// The run that is shown.
+    pub run: Option<String>,
+    /// The experiment that is shown.
+    pub experiment: Option<String>,
+    /// The store of a sweep that is shown.
+    pub sweep: Option<String>,
+    /// The folder whose runs are listed.
+    pub runs: Option<String>,
+}
+
+/// What was named, before the folder of the studio is known.
+pub struct Opening {
+    lenses: Vec<Opened>,
+    room: &'static str,
+    kind: Kind,
+    /// The real path of a run, an experiment or a folder of them.
+    pub place: Option<PathBuf>,
+    built_in: Option<String>,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Lens,
+    Run,
+    Experiment,
+    Sweep,
+    Runs,
+}
+
 /// The lens of the studio that is started without one.
 const FIRST: &str = "cooke-triplet-nominal";
 
@@ -24,35 +58,90 @@ const FIRST: &str = "cooke-triplet-nominal";
 const CAMERAS: &str = "cameras";
 const LENS: &str = "lens.toml";
 
-/// Reads the lenses of names, paths and folders of runs.
-pub fn open(names: &[String], context: &Context) -> Result<Vec<Opened>, JobError> {
-    let mut found = Vec::new();
+/// The lens of a run at work without finished cameras.
+const RUN_LENS: &str = "inputs/lens.toml";
+
+/// What makes a folder a run, and one a sweep.
+const CONFIG: &str = "config.toml";
+const SWEEP: &str = "sweep.json";
+
+/// Reads the lenses of names, paths and folders of runs. The first run, experiment or folder among them decides what the page shows first.
+pub fn open(names: &[String], context: &Context) -> Result<Opening, JobError> {
+    let mut opening =
+        Opening { lenses: Vec::new(), room: "lens", kind: Kind::Lens, place: None, built_in: None };
     for name in names {
-        let folder = Path::new(name);
-        if !folder.is_dir() {
-            found.push(lens(name, name, context)?);
-            continue;
+        let path = Path::new(name);
+        let (kind, room) = match () {
+            () if path.join(CONFIG).is_file() => (Kind::Run, "runs"),
+            () if path.join(SWEEP).is_file() => (Kind::Sweep, "design"),
+            () if path.is_dir() => (Kind::Runs, "runs"),
+            () if is_experiment(name, context) => (Kind::Experiment, "design"),
+            () => (Kind::Lens, "lens"),
+        };
+        match kind {
+            Kind::Run => opening.lenses.extend(lenses_of_run(path, context)?),
+            Kind::Lens => opening.lenses.push(lens(name, name, context)?),
+            Kind::Sweep | Kind::Runs | Kind::Experiment => {}
         }
-        let entries = std::fs::read_dir(folder.join(CAMERAS)).into_iter().flatten().flatten();
-        let mut lenses: Vec<_> =
-            entries.map(|entry| entry.path().join(LENS)).filter(|path| path.is_file()).collect();
-        lenses.sort();
-        if lenses.is_empty() {
-            let message = format!("{name}: this folder has no {CAMERAS}/NAME/{LENS}");
-            return Err(JobError::input(
-                message,
-                "name a lens file, or the folder of a run with finished cameras",
-            ));
-        }
-        for path in lenses {
-            let path = path.display().to_string();
-            found.push(lens(&path, &path, context)?);
+        if kind != Kind::Lens && opening.kind == Kind::Lens {
+            (opening.kind, opening.room) = (kind, room);
+            opening.place = std::fs::canonicalize(path).ok();
+            opening.built_in = opening.place.is_none().then(|| name.clone());
         }
     }
-    if found.is_empty() {
-        found.push(lens(FIRST, FIRST, context)?);
+    if opening.lenses.is_empty() {
+        opening.lenses.push(lens(FIRST, FIRST, context)?);
     }
-    Ok(found)
+    Ok(opening)
+}
+
+impl Opening {
+    /// The lenses, and what is shown first, by its path in a folder.
+    pub fn seen_from(self, folder: &Path) -> (Vec<Opened>, First) {
+        let Self { lenses, room, kind, place, built_in } = self;
+        let inside = place.map(|place| {
+            let below = place.strip_prefix(folder).unwrap_or(&place);
+            let below = if below.as_os_str().is_empty() { Path::new(".") } else { below };
+            below.to_string_lossy().into_owned()
+        });
+        let name = inside.or(built_in);
+        let of = |wanted: Kind| name.clone().filter(|_| kind == wanted);
+        let first = First {
+            room,
+            run: of(Kind::Run),
+            experiment: of(Kind::Experiment),
+            sweep: of(Kind::Sweep),
+            runs: of(Kind::Runs),
+        };
+        (lenses, first)
+    }
+}
+
+/// Whether a name stands for an experiment: a file that names variants, or a built-in one.
+fn is_experiment(name: &str, context: &Context) -> bool {
+    let path = Path::new(name);
+    if path.is_file() {
+        let is_toml = path.extension().is_some_and(|ending| ending == "toml");
+        return is_toml && petzval_base::read_text(path).is_ok_and(|text| text.contains("[[variant]]"));
+    }
+    let is_known = |folder: &str| context.assets.names(folder).contains(&name);
+    is_known("experiments") && !is_known("lenses")
+}
+
+/// The lenses of the finished cameras of a run; the one that it starts from if none is finished.
+fn lenses_of_run(run: &Path, context: &Context) -> Result<Vec<Opened>, JobError> {
+    let entries = std::fs::read_dir(run.join(CAMERAS)).into_iter().flatten().flatten();
+    let mut paths: Vec<PathBuf> =
+        entries.map(|entry| entry.path().join(LENS)).filter(|path| path.is_file()).collect();
+    paths.sort();
+    if paths.is_empty() {
+        paths.extend(Some(run.join(RUN_LENS)).filter(|path| path.is_file()));
+    }
+    let read = |path: &PathBuf| {
+        let path = path.display().to_string();
+        lens(&path, &path, context)
+    };
+    paths.iter().map(read).collect()
 }
 
 /// A lens in Petzval's format.

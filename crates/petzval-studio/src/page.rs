@@ -8,7 +8,7 @@ static PAGE: Dir<'static> = include_dir!("$CARGO_MANIFEST_DIR/page/dist");
 
 /// What the page may load and do: its own files, and pictures that it draws itself. No other page may hold it in a frame.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; \
-                      connect-src 'self'; font-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+                      connect-src 'self'; font-src 'self'; base-uri 'none'; form-action 'none'; frame-src 'self'; frame-ancestors 'none'";
 
 /// Headers of every answer.
 pub fn headers() -> Vec<(&'static str, String)> {

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use serde_json::json;
 
+use crate::files;
 use crate::gate::Refusal;
 use crate::http::{Answer, Head, read_body, read_head};
 use crate::page;
@@ -32,6 +33,12 @@ pub fn answer(stream: &TcpStream, number: u64, shared: &Shared) -> io::Result<()
         }
         (Ok(()), "POST", "/upload") => upload(stream, &head, rest, shared)?,
         (Ok(()), "GET" | "HEAD", "/state") => state(shared),
+        (Ok(()), "GET" | "HEAD", "/sheets") => files::sheets(&shared.folder),
+        (Ok(()), "GET" | "HEAD", path) if path.starts_with(files::PREFIX) => {
+            // Its headers are its own: a page of the folder is no page of the studio.
+            let answer = files::file(&shared.folder, &path[files::PREFIX.len()..], &head.query);
+            return answer.send(stream, head.method != "HEAD");
+        }
         (Ok(()), "GET" | "HEAD", path) => page::file(path.trim_start_matches('/')),
         (Ok(()), ..) => Answer::plain("405 Method Not Allowed", "the page can only be read"),
     };
@@ -48,12 +55,13 @@ fn refused(refusal: Refusal) -> Answer {
 
 /// What the page needs before its first call.
 fn state(shared: &Shared) -> Answer {
-    let Shared { folder, opened, .. } = shared;
+    let Shared { folder, opened, first, .. } = shared;
     Answer::json(&json!({
         "version": env!("CARGO_PKG_VERSION"),
         "folder": folder.path().display().to_string(),
         "files": folder.lens_files(),
         "opened": opened,
+        "first": first,
     }))
 }
 

@@ -4,7 +4,7 @@ use crate::calls::Calls;
 use crate::connections::Connections;
 use crate::folder::Folder;
 use crate::gate::Gate;
-use crate::opened::Opened;
+use crate::opened::{First, Opened};
 use crate::uploads::Uploads;
 
 /// What all connections share.
@@ -17,6 +17,8 @@ pub struct Shared {
     pub folder: Folder,
     /// What the studio was started with.
     pub opened: Vec<Opened>,
+    /// What the page shows first.
+    pub first: First,
     /// Pictures that pages have sent.
     pub uploads: Uploads,
     /// The connections that are open.

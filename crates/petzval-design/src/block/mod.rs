@@ -41,7 +41,7 @@ pub use isp::IspBlock;
 pub use learner::Sight;
 pub use lifted::{Lift, Lifted, free_slopes};
 pub use network::{CameraNetwork, NetworkBlock};
-pub use optics::OpticsBlock;
+pub use optics::{OpticsBlock, loss_by_numbers};
 
 /// What a checkpoint keeps of a block: bytes by the name of their part.
 pub type BlockState = BTreeMap<String, Vec<u8>>;

@@ -84,6 +84,14 @@ struct Slopes {
     violations: Vec<(f64, LensGradient)>,
 }
 
+/// The losses of a batch, and the derivatives of its loss by the lens, without requirements and magnification.
+struct LossSlopes {
+    losses: BTreeMap<String, f64>,
+    by_psfs: ByLens,
+    by_drawn: Option<ByLens>,
+    by_light: LensGradient,
+}
+
 /// How far a stage has come, beside the coordinates.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Progress {
@@ -213,27 +221,8 @@ impl OpticsBlock {
 
     /// Takes the batch, and pulls the derivatives of its loss back to the lens.
     fn slopes(&self, batch: &Batch) -> Result<Slopes, DesignError> {
-        if !batch.camera.has_gradient() {
-            return Err(DesignError::NoGradient("an ISP that nothing imitates yet"));
-        }
-        // The tape ends at the PSFs, and what forms them takes over from them to the lens.
-        let (mut losses, by) = derivatives(batch, &TheOptics(batch.camera))?;
-        // A loss that is no number makes the coordinates so; the caller ends the run.
-        let ByOptics { own, taken_for } = by.unwrap_or_else(|| ByOptics::not_a_number(batch.camera));
-        if own.values.is_none() {
-            return Err(DesignError::NoGradient("the PSFs"));
-        }
-        let by_psfs = own.pulled_back(batch.camera.psfs())?;
-        let drawn = batch.camera.psfs_taken_for().zip(taken_for);
-        let by_drawn = drawn.map(|(psfs, by)| by.pulled_back(psfs)).transpose()?;
-
-        // What depends on the lens by another way than its PSFs: the light that it gathers, and the requirements.
         let lens = self.lens_in_step()?;
-        let mut by_light = LensGradient::zero(lens.surfaces.len());
-        if let Some(by) = own.light {
-            let by = f64::from(by[0]);
-            pull_back_log_brightness(&lens.at_wavelength(lens.reference_um), by, &mut by_light);
-        }
+        let LossSlopes { mut losses, by_psfs, by_drawn, by_light } = loss_slopes(batch, &lens)?;
         let by_log_magnification =
             batch.magnified.map(|magnified| slope_by_log_magnification(batch, magnified)).transpose()?;
         let violations = self.start.requirements.violations(&lens, self.field)?;
@@ -360,6 +349,45 @@ impl OpticsBlock {
         self.progress.drawn = Some(sampler.about(centre, reach).coordinates(number)?);
         Ok(())
     }
+}
+
+/// Losses of a batch, and the derivatives of its loss by every number of the lens of its camera: by way of the PSFs and of the light that the lens
+/// gathers. Requirements and the magnification of scenes are left out. Fails for a camera whose PSFs come from a network in place of tracing.
+pub fn loss_by_numbers(batch: &Batch) -> Result<(BTreeMap<String, f64>, LensGradient), DesignError> {
+    let lens = batch.camera.psfs().lens().ok_or(DesignError::NoLens)?;
+    let LossSlopes { losses, by_psfs, by_light, .. } = loss_slopes(batch, lens)?;
+    let ByLens::Numbers(mut by) = by_psfs else {
+        return Err(DesignError::NoGradient(
+            "numbers of a lens, which a network in place of tracing does not give",
+        ));
+    };
+    by += &by_light;
+    Ok((losses, by))
+}
+
+/// Takes the batch with a camera of this lens, and pulls the derivatives of its loss back to the lens.
+fn loss_slopes(batch: &Batch, lens: &Lens) -> Result<LossSlopes, DesignError> {
+    if !batch.camera.has_gradient() {
+        return Err(DesignError::NoGradient("an ISP that nothing imitates yet"));
+    }
+    // The tape ends at the PSFs, and what forms them takes over from them to the lens.
+    let (losses, by) = derivatives(batch, &TheOptics(batch.camera))?;
+    // A loss that is no number makes the coordinates so; the caller ends the run.
+    let ByOptics { own, taken_for } = by.unwrap_or_else(|| ByOptics::not_a_number(batch.camera));
+    if own.values.is_none() {
+        return Err(DesignError::NoGradient("the PSFs"));
+    }
+    let by_psfs = own.pulled_back(batch.camera.psfs())?;
+    let drawn = batch.camera.psfs_taken_for().zip(taken_for);
+    let by_drawn = drawn.map(|(psfs, by)| by.pulled_back(psfs)).transpose()?;
+
+    // What depends on the lens by another way than its PSFs: the light that it gathers.
+    let mut by_light = LensGradient::zero(lens.surfaces.len());
+    if let Some(by) = own.light {
+        let by = f64::from(by[0]);
+        pull_back_log_brightness(&lens.at_wavelength(lens.reference_um), by, &mut by_light);
+    }
+    Ok(LossSlopes { losses, by_psfs, by_drawn, by_light })
 }
 
 /// Where a free coordinate lies between the bounds of its number, 0..1.

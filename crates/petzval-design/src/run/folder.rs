@@ -1,15 +1,25 @@
 //! Paths of a run folder, and writing that is never seen half done.
 
 use std::fs;
+use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use petzval_base::{sweep_parts, write_whole};
 use serde::de::DeserializeOwned;
 
+use super::holder::Holder;
 use crate::error::DesignError;
 
 /// Begins the name of a checkpoint that is not whole yet.
 pub(super) const PARTIAL: &str = ".partial-";
+
+/// The file that the process at work holds locked.
+const LOCK: &str = "run.lock";
+
+/// Further tries to lock a run, and the time between them.
+const TRIES: usize = 5;
+const BETWEEN_TRIES: Duration = Duration::from_millis(20);
 
 /// A run folder on disk.
 #[derive(Clone, Debug)]
@@ -65,10 +75,25 @@ impl RunFolder {
 
     /// Keeps other processes from working in this folder until the returned file is dropped.
     pub fn lock(&self) -> Result<fs::File, DesignError> {
-        let path = self.root.join("run.lock");
-        let file = fs::File::create(&path).map_err(DesignError::io(&path))?;
-        match file.try_lock() {
+        let path = self.root.join(LOCK);
+        // The process that holds the lock has written its name into the file: it is not truncated before the lock is held.
+        let mut options = fs::OpenOptions::new();
+        let file = options.write(true).create(true).truncate(false).open(&path);
+        let mut file = file.map_err(DesignError::io(&path))?;
+        // Whoever looks whether a process is at work holds a shared lock for a moment.
+        let mut locked = file.try_lock();
+        for _ in 0..TRIES {
+            if !matches!(locked, Err(fs::TryLockError::WouldBlock)) {
+                break;
+            }
+            std::thread::sleep(BETWEEN_TRIES);
+            locked = file.try_lock();
+        }
+        match locked {
             Ok(()) => {
+                let holder = DesignError::json("the process at work", Holder::own())?;
+                let named = file.set_len(0).and_then(|()| file.write_all(holder.as_bytes()));
+                named.map_err(DesignError::io(&path))?;
                 self.sweep();
                 Ok(file)
             }
@@ -78,6 +103,18 @@ impl RunFolder {
             }
             Err(fs::TryLockError::Error(error)) => Err(DesignError::Io { path, error }),
         }
+    }
+
+    /// Whether a process holds the lock.
+    pub fn is_at_work(&self) -> bool {
+        let file = petzval_base::open_file(self.root.join(LOCK));
+        file.is_ok_and(|file| matches!(file.try_lock_shared(), Err(fs::TryLockError::WouldBlock)))
+    }
+
+    /// The process that holds the lock, if there is one and it has written its name.
+    pub fn holder(&self) -> Option<Holder> {
+        let text = petzval_base::read_text(&self.root.join(LOCK)).ok().filter(|_| self.is_at_work())?;
+        serde_json::from_str(&text).ok()
     }
 
     /// Removes what processes that were killed have left unfinished. Nobody else works on the run while it is locked.

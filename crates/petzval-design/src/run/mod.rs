@@ -11,6 +11,7 @@ mod digests;
 mod events;
 pub(crate) mod first_reads;
 mod folder;
+mod holder;
 pub mod input_list;
 mod made;
 mod metrics;
@@ -27,6 +28,7 @@ pub use digests::{
 pub use events::{Event, EventLog, read_events};
 pub use folder::{RunFolder, write_file};
 pub(crate) use folder::{read_json, read_json_if_there};
+pub use holder::Holder;
 pub use made::{MadeFigures, MadeMetrics, MadeRow};
 pub use metrics::{CameraMetrics, Metrics, PictureScore};
 pub use record::{Finish, RunRecord, VERSION, extend_run, forget_most_memory};

@@ -13,7 +13,7 @@ use crate::error::JobError;
 use crate::named_isp::NamedIsp;
 
 /// Nodes along a side of the calibrated meshes.
-const MESH: usize = 33;
+pub const MESH: usize = 33;
 
 /// The picture.
 pub fn picture(isp: &NamedIsp, frame: &RawInput) -> Result<RgbPicture, JobError> {

@@ -10,8 +10,9 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use petzval_camera::develop::{LinearIsp, saturated_share};
 use petzval_camera::image::{CHANNELS, LinearImage};
+use petzval_camera::isp::{Mesh, RawInput};
 use petzval_camera::render::{Placement, RenderGeometry, Window, kernel_radius, with_patches_for};
-use petzval_camera::sensor::{Exposure, SensorModel};
+use petzval_camera::sensor::{Colour, Exposure, SensorModel};
 use petzval_camera::spectral::{Illuminant, SceneKind, apply, d65_white, xyz_of_reflectance};
 use petzval_design::camera::{Body, Camera, Labels, PsfSource, Shot};
 use petzval_design::error::DesignError;
@@ -25,6 +26,7 @@ use petzval_optics::pupil::chief_ray;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::chip::{MESH, picture};
 use super::highlights::{Saturation, default_white_e};
 use super::request::scene_name;
 use super::shot::{Taken, noise};
@@ -33,6 +35,7 @@ use crate::error::JobError;
 use crate::event::WarningKind;
 use crate::input::{LensInput, SensorInput};
 use crate::lens::edit::{Edit, edited};
+use crate::named_isp::isp_by_name;
 use crate::range::check_ranges;
 
 /// Fields and pupil cells a side of quick PSFs.
@@ -83,6 +86,10 @@ petzval_base::parameters! {
         quick: bool = false;
         /// Whether the raw frame is given as well.
         raw: bool = false;
+        /// An ISP in place of linear development: the name of a preset, `neutral`, or a file of settings or of the description of an external ISP.
+        isp: Option<String> = None;
+        /// Further values of its parameters, each `stage.key=value`.
+        set: Vec<String> = Vec::new();
         /// Leave out all noise.
         no_noise: bool = false;
         /// Seed of the noise.
@@ -117,6 +124,10 @@ pub struct Response {
     pub white_e: f32,
     /// Share of the window's pixels that are saturated.
     pub saturated_share: f64,
+    /// Signal to noise of a pixel of the raw frame at 18 % of white on the axis, dB; mean over the colours. Photons, dark current and reading count.
+    pub gray_snr_db: f64,
+    /// How the values of the window are spread.
+    pub histogram: Histogram,
     /// Whether this is the quick picture.
     pub is_quick: bool,
     /// Fields at which PSFs were traced.
@@ -128,6 +139,21 @@ pub struct Response {
     /// How many times the scene was enlarged; 1 if each of its pixels is one of the sensor.
     pub enlarged: f64,
 }
+
+/// How the values of a window are spread, in [`BINS`] bins of equal width each.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct Histogram {
+    /// Pixels of the raw frame, from the black level to the largest number.
+    pub raw: Vec<u32>,
+    /// Pixels of the developed picture by colour, from black to white as they are encoded: red, green, blue.
+    pub developed: Vec<Vec<u32>>,
+}
+
+/// Light of middle gray, of white.
+const GRAY: f64 = 0.18;
+
+/// Bins of a histogram.
+pub const BINS: usize = 64;
 
 /// A camera that is kept for further windows, with what the response says of its PSFs.
 struct Kept {
@@ -184,13 +210,24 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let taken = Taken::new(&frames, kept.camera.capture(&shot))?;
     let share = saturated_share(&taken.raw, &sensor);
     let display_white = Saturation::of(&simulated, &sensor, white_e, share)?.display_white();
+    let rgb = match &request.isp {
+        Some(name) => by_isp(name, &request.set, &taken, &sensor, context)?,
+        None => interleaved(&taken.developed, display_white),
+    };
+    let raw = raw_bytes(&taken, &sensor);
     let middle = [window.placement.row + window.height / 2, window.placement.col + window.width / 2];
     let image_radius_mm = body.geometry.radius_mm(middle[0], middle[1]);
     Ok(Response {
         height: window.height,
         width: window.width,
-        rgb: STANDARD.encode(interleaved(&taken.developed, display_white)),
-        raw: request.raw.then(|| STANDARD.encode(raw_bytes(&taken, &sensor))),
+        histogram: Histogram {
+            raw: counted(raw.iter().copied()),
+            developed: (0..CHANNELS)
+                .map(|c| counted(rgb.iter().skip(c).step_by(CHANNELS).copied()))
+                .collect(),
+        },
+        rgb: STANDARD.encode(rgb),
+        raw: request.raw.then(|| STANDARD.encode(raw)),
         placement: [window.placement.row, window.placement.col],
         array: [sensor.height, sensor.width],
         is_own_array: [sensor.height, sensor.width] == [own.height, own.width],
@@ -199,6 +236,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         relative_radius: image_radius_mm / corner_mm(&sensor),
         white_e,
         saturated_share: share,
+        gray_snr_db: 20.0 * signal_to_noise(&sensor, &exposure, GRAY).log10(),
         is_quick: request.quick,
         psf_fields: kept.fields,
         pupil_cells: kept.cells,
@@ -387,6 +425,52 @@ fn drawn(name: &str, height: usize, width: usize) -> Result<LinearImage, JobErro
         }
     }
     Ok(light)
+}
+
+/// Signal to noise of a pixel of light `x` (1 is white), the mean over the colours of the array: `n x / sqrt(n x + d + s^2)` with `n` electrons of
+/// white, `d` of dark current, and the noise `s` of the readout in electrons.
+fn signal_to_noise(sensor: &SensorModel, exposure: &Exposure, light: f64) -> f64 {
+    let electronics_e =
+        sensor.electronics_noise_dn / (sensor.gain_dn_per_e * f64::from(exposure.linear_gain));
+    let dark = sensor.dark_current_e_per_s * f64::from(exposure.time_s)
+        + sensor.read_noise_e.powi(2)
+        + electronics_e.powi(2);
+    let colours = sensor.cfa.colours();
+    let of_colour = |colour: &Colour| {
+        let electrons = light * f64::from(exposure.white_e) * sensor.response(*colour).iter().sum::<f64>();
+        electrons / (electrons + dark).sqrt()
+    };
+    colours.iter().map(of_colour).sum::<f64>() / colours.len().max(1) as f64
+}
+
+/// How many values of 8 bits lie in each bin.
+fn counted(values: impl Iterator<Item = u8>) -> Vec<u32> {
+    let mut bins = vec![0; BINS];
+    values.for_each(|value| bins[usize::from(value) * BINS / 256] += 1);
+    bins
+}
+
+/// What an ISP makes of the raw frame, 8 bits a colour, pixel by pixel. It is calibrated by the illumination of the lens; distortion stays.
+fn by_isp(
+    name: &str,
+    set: &[String],
+    taken: &Taken,
+    sensor: &SensorModel,
+    context: &Context,
+) -> Result<Vec<u8>, JobError> {
+    if !sensor.cfa.is_bayer() {
+        let message = format!("the ISP needs a Bayer array, not {}", sensor.cfa);
+        return Err(JobError::setting("isp", name, message, "name another sensor, or leave the ISP out"));
+    }
+    let mut isp = isp_by_name(name, &context.assets, context.cancel())?;
+    isp.set(set)?;
+    let (raw, illumination) = taken.for_chip();
+    let mut frame = RawInput::from_raw(raw, sensor).map_err(DesignError::from)?;
+    frame.about.shading = Some(Mesh::of_picture(illumination, MESH, MESH));
+    let encoded = picture(&isp, &frame)?.encoded();
+    let pixels = encoded.len() / CHANNELS;
+    let byte = |i: usize| (255.0 * encoded[i]).round() as u8;
+    Ok((0..pixels).flat_map(|i| [byte(i), byte(pixels + i), byte(2 * pixels + i)]).collect())
 }
 
 /// A picture as a display shows it, 8 bits a colour, pixel by pixel.

@@ -11,7 +11,8 @@ use crate::schema_check::check;
 const CALLS: &str = include_str!("../calls.json");
 
 /// Jobs whose stored calls take a moment.
-const QUICK: [&str; 23] = [
+const QUICK: [&str; 24] = [
+    "design-config",
     "experiment-list",
     "experiment-show",
     "schema",

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any, Literal, TypedDict
 
-JobName = Literal['design', 'design-check', 'init', 'experiment-list', 'experiment-show', 'experiment-run-all', 'schema', 'report', 'compare', 'evaluate', 'lens-show', 'lens-view', 'lens-edit', 'lens-trace', 'lens-analyze', 'lens-convert', 'lens-focus', 'lens-list', 'lens-optimize', 'lens-tolerance', 'glass-find', 'glass-list', 'glass-show', 'psf', 'psf-calibrate', 'psf-capture', 'sensor-list', 'sensor-show', 'sensor-capture', 'sensor-characterize', 'simulate', 'camera-view', 'photo-list', 'raw-show', 'raw-convert', 'raw-mtf', 'isp-show', 'isp-develop', 'isp-tune', 'isp-chart', 'apply', 'detect', 'data-convert', 'data-check', 'train-isp-proxy', 'train-optics-proxy', 'bench', 'doctor']
+JobName = Literal['design', 'design-check', 'design-config', 'design-stop', 'run-view', 'task-view', 'init', 'experiment-list', 'experiment-show', 'experiment-run-all', 'schema', 'report', 'report-so-far', 'compare', 'evaluate', 'lens-show', 'lens-view', 'lens-edit', 'lens-trace', 'lens-analyze', 'lens-convert', 'lens-focus', 'lens-list', 'lens-optimize', 'lens-tolerance', 'glass-find', 'glass-list', 'glass-show', 'psf', 'psf-calibrate', 'psf-capture', 'sensor-list', 'sensor-show', 'sensor-capture', 'sensor-characterize', 'simulate', 'camera-view', 'photo-list', 'raw-show', 'raw-convert', 'raw-mtf', 'isp-show', 'isp-develop', 'isp-tune', 'isp-chart', 'apply', 'detect', 'data-convert', 'data-check', 'train-isp-proxy', 'train-optics-proxy', 'bench', 'doctor']
 """Every job."""
 
 
@@ -146,6 +146,394 @@ class DesignCheckRunNewRunExperimentInput2ExperimentText1TomlText(TypedDict, tot
     """The text."""
 
 
+class DesignConfig(TypedDict, total=False):
+    """A run to begin.
+
+    Needs `run`."""
+    run: "DesignConfigRunNewRun"
+    """The run."""
+
+
+class DesignConfigRunNewRun(TypedDict, total=False):
+    """A run to begin."""
+    changes: "DesignConfigRunNewRunChangesChanges"
+    """What differs from the experiment's file."""
+    experiment: str | "DesignConfigRunNewRunExperimentInput2ExperimentText1TomlText" | dict[str, Any]
+    """Experiment: a built-in name, the path of a file, or the experiment itself; or the name or path of a lens, for
+    which one is made as `init` does."""
+    out: str | None
+    """Folder of the run; `runs/EXPERIMENT-seed-SEED` if none is given, where a file `experiment.toml` is called by
+    its folder, and the name of a variant that is made alone stands before the seed."""
+
+
+class DesignConfigRunNewRunChangesChanges(TypedDict, total=False):
+    """What differs from the file of an experiment."""
+    data: str | None
+    """Folder of pictures with boxes in COCO format, in which objects are to be found, in place of the experiment's
+    scenes."""
+    is_full: bool
+    """Take the budget of a night on a GPU, see `Experiment::to_full_size`; then `steps` must be none."""
+    photos: str | None
+    """Folder of pictures in place of the experiment's."""
+    seed: int | None
+    """Seed of everything random."""
+    set: dict[str, Any]
+    """Values in place of those of the file, by key path: `{"training.steps": 400, "psf.kind": "diffraction"}`. An
+    element of a list of tables is named by its `name` or its place from 0, as in `variant.end-to-
+    end.stage.2.schedule.optics.learning_rate`."""
+    steps: int | None
+    """Network steps of each variant in place of `training.steps`, or of `isp.steps` where a hardware ISP stands;
+    lens steps in proportion. At least 1."""
+    variant: str | None
+    """Make this variant alone, and those from which it starts."""
+
+
+class DesignConfigRunNewRunExperimentInput2ExperimentText1TomlText(TypedDict, total=False):
+    """The text of a file in TOML.
+
+    Needs `toml`."""
+    toml: str
+    """The text."""
+
+
+class DesignStop(TypedDict, total=False):
+    """A run at work.
+
+    Needs `run`."""
+    run: str
+    """Its folder."""
+
+
+class RunView(TypedDict, total=False):
+    """A run, and which of its steps are given.
+
+    Needs `run`."""
+    after: int
+    """Steps are given that come after this one."""
+    most: int
+    """Most steps that are given; of more, every second, third, and so on of each camera's block. Unit: steps."""
+    run: str
+    """Folder of the run."""
+
+
+class TaskView(TypedDict, total=False):
+    """A lens, and what it is looked at for.
+
+    Needs `lens`."""
+    batch: int
+    """Number of the batch."""
+    camera: str | None
+    """The camera of that run, whose network, ISP and exposure are taken; the last one that is finished if none is
+    named."""
+    edits: list["TaskViewEditsItemEdit1" | "TaskViewEditsItemEdit2" | "TaskViewEditsItemEdit3" | "TaskViewEditsItemEdit4" | "TaskViewEditsItemEdit5" | "TaskViewEditsItemEdit6" | "TaskViewEditsItemEdit7" | "TaskViewEditsItemEdit8" | "TaskViewEditsItemEdit9" | "TaskViewEditsItemEdit10" | "TaskViewEditsItemEdit11" | "TaskViewEditsItemEdit12" | "TaskViewEditsItemEdit13" | "TaskViewEditsItemEdit14" | "TaskViewEditsItemEdit15" | "TaskViewEditsItemEdit16" | "TaskViewEditsItemEdit17" | "TaskViewEditsItemEdit18" | "TaskViewEditsItemEdit19" | "TaskViewEditsItemEdit20" | "TaskViewEditsItemEdit21" | "TaskViewEditsItemEdit22" | "TaskViewEditsItemEdit23"]
+    """Changes of the lens that come first, in this order."""
+    experiment: str | "TaskViewExperimentInput22ExperimentText1TomlText" | dict[str, Any]
+    """Experiment whose task, sensor and network are taken: a built-in name, the path of a file, or the experiment
+    itself. An empty name fits the default one to `start`, as `init` does."""
+    lens: str | "TaskViewLensInput2LensText1" | "TaskViewLensInput2LensText2"
+    """Lens: a built-in name, the path of a file, or the lens itself."""
+    pictures: bool
+    """Whether the pictures are given."""
+    run: str | None
+    """A run whose experiment and finished camera are taken in place of `experiment`."""
+    slopes: bool
+    """Whether the slopes are computed."""
+    start: str | "TaskViewStart1Input2LensText1" | "TaskViewStart1Input2LensText2" | None
+    """The lens at which the gap begins; the experiment's own if none is named. An empty experiment is fitted to it."""
+    windows: int
+    """Windows of the batch that are taken; fewer are quicker, and more are nearer to what a step of a design sees.
+    Unit: windows."""
+
+
+class TaskViewEditsItemEdit1(TypedDict, total=False):
+    """Sets a radius of curvature.
+
+    Needs `edit`, `surface`."""
+    edit: Literal['radius']
+    radius_mm: float | None
+    """Radius, mm; null for a plane."""
+    surface: int
+    """Surface."""
+
+
+class TaskViewEditsItemEdit2(TypedDict, total=False):
+    """Sets a vertex curvature.
+
+    Needs `edit`, `surface`, `curvature_per_mm`."""
+    curvature_per_mm: float
+    """Curvature, 1/mm."""
+    edit: Literal['curvature']
+    surface: int
+    """Surface."""
+
+
+class TaskViewEditsItemEdit3(TypedDict, total=False):
+    """Bends an element: the same change of both curvatures, so that its power as a thin lens stays.
+
+    Needs `edit`, `surface`, `by_per_mm`."""
+    by_per_mm: float
+    """What is added to both curvatures, 1/mm."""
+    edit: Literal['bend']
+    surface: int
+    """Surface in front of the glass."""
+
+
+class TaskViewEditsItemEdit4(TypedDict, total=False):
+    """Sets the curvature with which the conic has a given sag at a given height; the even polynomial and what else
+    departs from it stay.
+
+    Needs `edit`, `surface`, `height_mm`, `sag_mm`."""
+    edit: Literal['sag']
+    height_mm: float
+    """Height above the axis, mm."""
+    sag_mm: float
+    """Sag of the whole surface there, mm."""
+    surface: int
+    """Surface."""
+
+
+class TaskViewEditsItemEdit5(TypedDict, total=False):
+    """Sets a conic constant.
+
+    Needs `edit`, `surface`, `conic`."""
+    conic: float
+    """Conic constant."""
+    edit: Literal['conic']
+    surface: int
+    """Surface."""
+
+
+class TaskViewEditsItemEdit6(TypedDict, total=False):
+    """Sets a coefficient of the even polynomial.
+
+    Needs `edit`, `surface`, `power`, `value`."""
+    edit: Literal['asphere']
+    power: int
+    """Power of r: 2, 4, ..., 16."""
+    surface: int
+    """Surface."""
+    value: float
+    """Coefficient, mm^(1 - power)."""
+
+
+class TaskViewEditsItemEdit7(TypedDict, total=False):
+    """Sets the distance to the next surface; of the last one, to the image plane.
+
+    Needs `edit`, `surface`, `thickness_mm`."""
+    edit: Literal['thickness']
+    surface: int
+    """Surface."""
+    thickness_mm: float
+    """Distance, mm."""
+
+
+class TaskViewEditsItemEdit8(TypedDict, total=False):
+    """Sets the clear semi-diameter.
+
+    Needs `edit`, `surface`, `semi_diameter_mm`."""
+    edit: Literal['semi-diameter']
+    semi_diameter_mm: float
+    """Clear semi-diameter, mm."""
+    surface: int
+    """Surface."""
+
+
+class TaskViewEditsItemEdit9(TypedDict, total=False):
+    """Sets the medium behind a surface.
+
+    Needs `edit`, `surface`, `glass`."""
+    edit: Literal['glass']
+    glass: str
+    """Name of a glass, or `MAKER:NAME`; `AIR` or nothing for air."""
+    surface: int
+    """Surface."""
+
+
+class TaskViewEditsItemEdit10(TypedDict, total=False):
+    """Names a surface.
+
+    Needs `edit`, `surface`, `label`."""
+    edit: Literal['label']
+    label: str
+    """What it is called."""
+    surface: int
+    """Surface."""
+
+
+class TaskViewEditsItemEdit11(TypedDict, total=False):
+    """Makes a surface the aperture stop.
+
+    Needs `edit`, `surface`."""
+    edit: Literal['stop']
+    surface: int
+    """Surface."""
+
+
+class TaskViewEditsItemEdit12(TypedDict, total=False):
+    """Inserts a plane without effect in front of a surface, in the middle of the gap; the other surfaces stay in
+    place.
+
+    Needs `edit`, `before`."""
+    before: int
+    """The surface that comes behind it; one more than the last surface inserts behind all."""
+    edit: Literal['insert']
+
+
+class TaskViewEditsItemEdit13(TypedDict, total=False):
+    """Deletes a surface; the others stay in place.
+
+    Needs `edit`, `surface`."""
+    edit: Literal['delete']
+    surface: int
+    """Surface."""
+
+
+class TaskViewEditsItemEdit14(TypedDict, total=False):
+    """Sets the diameter of the entrance pupil.
+
+    Needs `edit`, `entrance_pupil_mm`."""
+    edit: Literal['aperture']
+    entrance_pupil_mm: float
+    """Diameter, mm."""
+
+
+class TaskViewEditsItemEdit15(TypedDict, total=False):
+    """Sets the fields.
+
+    Needs `edit`, `fields_deg`."""
+    edit: Literal['fields']
+    fields_deg: list[float]
+    """Fields, degrees, in any order."""
+
+
+class TaskViewEditsItemEdit16(TypedDict, total=False):
+    """Sets the wavelengths.
+
+    Needs `edit`, `wavelengths_um`, `reference_um`."""
+    edit: Literal['wavelengths']
+    reference_um: float
+    """The reference wavelength, um."""
+    wavelengths_um: list[float]
+    """Wavelengths, um, in any order."""
+
+
+class TaskViewEditsItemEdit17(TypedDict, total=False):
+    """Moves the object plane.
+
+    Needs `edit`."""
+    distance_mm: float | None
+    """Distance from the object to the first vertex, mm; null for infinity."""
+    edit: Literal['object']
+
+
+class TaskViewEditsItemEdit18(TypedDict, total=False):
+    """Names the lens.
+
+    Needs `edit`, `name`."""
+    edit: Literal['name']
+    name: str
+    """What it is called."""
+
+
+class TaskViewEditsItemEdit19(TypedDict, total=False):
+    """Moves the image plane to a focus, once.
+
+    Needs `edit`, `at`."""
+    at: Literal['file'] | Literal['paraxial'] | Literal['best']
+    """To which."""
+    edit: Literal['focus']
+
+
+class TaskViewEditsItemEdit20(TypedDict, total=False):
+    """Scales every length of the lens, so that its focal length becomes a given one.
+
+    Needs `edit`, `efl_mm`."""
+    edit: Literal['scale-to']
+    efl_mm: float
+    """Focal length, mm."""
+
+
+class TaskViewEditsItemEdit21(TypedDict, total=False):
+    """Lets a number vary in optimisations.
+
+    Needs `edit`, `surface`, `parameter`."""
+    edit: Literal['vary']
+    max: float | None
+    """Upper bound."""
+    min: float | None
+    """Lower bound; about the own value if both are left out."""
+    parameter: str
+    """The number as lens files name it: `radius_mm`, `thickness_mm`, `conic`, `a4`, ..."""
+    surface: int
+    """Surface."""
+
+
+class TaskViewEditsItemEdit22(TypedDict, total=False):
+    """Holds a number in optimisations.
+
+    Needs `edit`, `surface`, `parameter`."""
+    edit: Literal['hold']
+    parameter: str
+    """The number as lens files name it."""
+    surface: int
+    """Surface."""
+
+
+class TaskViewEditsItemEdit23(TypedDict, total=False):
+    """Lets a radius hold the focal length, now and after each further edit.
+
+    Needs `edit`."""
+    edit: Literal['solve-efl']
+    efl_mm: float | None
+    """Focal length, mm; the own one if left out."""
+    surface: int | None
+    """Surface; null ends the solve."""
+
+
+class TaskViewExperimentInput22ExperimentText1TomlText(TypedDict, total=False):
+    """The text of a file in TOML.
+
+    Needs `toml`."""
+    toml: str
+    """The text."""
+
+
+class TaskViewLensInput2LensText1(TypedDict, total=False):
+    """Petzval's own format.
+
+    Needs `toml`."""
+    toml: str
+    """The text."""
+
+
+class TaskViewLensInput2LensText2(TypedDict, total=False):
+    """Any format that is read.
+
+    Needs `text`, `format`."""
+    format: Literal['toml'] | Literal['zmx'] | Literal['seq'] | Literal['json']
+    """Its format."""
+    text: str
+    """The text."""
+
+
+class TaskViewStart1Input2LensText1(TypedDict, total=False):
+    """Petzval's own format.
+
+    Needs `toml`."""
+    toml: str
+    """The text."""
+
+
+class TaskViewStart1Input2LensText2(TypedDict, total=False):
+    """Any format that is read.
+
+    Needs `text`, `format`."""
+    format: Literal['toml'] | Literal['zmx'] | Literal['seq'] | Literal['json']
+    """Its format."""
+    text: str
+    """The text."""
+
+
 Init = TypedDict('Init', {'from': Any, 'lens': Any, 'out': Any, 'sensor': Any}, total=False)
 
 
@@ -248,6 +636,14 @@ class Report(TypedDict, total=False):
     """Files or folders of the run, by their path below it, that may differ from their digests."""
     photo: str | None
     """A photograph that every camera takes over its whole sensor. The frames stay in the folder, for later reports."""
+    run: str
+    """Its folder."""
+
+
+class ReportSoFar(TypedDict, total=False):
+    """A run.
+
+    Needs `run`."""
     run: str
     """Its folder."""
 
@@ -1747,6 +2143,9 @@ class CameraView(TypedDict, total=False):
     """Stops by which the picture is exposed more than `white_e` says. Unit: stops."""
     gain: float
     """Linear analogue gain."""
+    isp: str | None
+    """An ISP in place of linear development: the name of a preset, `neutral`, or a file of settings or of the
+    description of an external ISP."""
     lens: str | "CameraViewLensInput2LensText1" | "CameraViewLensInput2LensText2"
     """Lens: a built-in name, the path of a file, or the lens itself."""
     no_noise: bool
@@ -1762,6 +2161,8 @@ class CameraView(TypedDict, total=False):
     """Seed of the noise."""
     sensor: str | "CameraViewSensorInput22TomlText"
     """Sensor: a built-in name, the path of a file, or the sensor itself."""
+    set: list[str]
+    """Further values of its parameters, each `stage.key=value`."""
     size: list[int]
     """Rows and columns that are developed; fewer where the array has no more. Unit: pixels."""
     time_s: float

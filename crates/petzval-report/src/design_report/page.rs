@@ -73,7 +73,6 @@ pub(super) fn page(report: &Report) -> String {
         },
         main,
         script: Some((viewer(), include_str!("page.js"))),
-        again_s: report.progress.as_ref().map(|progress| progress.again_s),
     }
     .html()
 }

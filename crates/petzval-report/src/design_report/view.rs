@@ -77,8 +77,6 @@ pub struct Progress {
     pub cameras: Vec<CameraProgress>,
     /// Time that the steps that are left will take at the pace of the latest ones, in words; none before the first step.
     pub time_left: Option<String>,
-    /// Seconds after which a browser reloads the page.
-    pub again_s: u32,
 }
 
 /// How far a camera has come.

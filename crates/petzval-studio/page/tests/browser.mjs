@@ -7,7 +7,7 @@ import { join, resolve } from "node:path";
 import { chromium } from "playwright-core";
 
 const ROOT = resolve(import.meta.dirname, "../../../..");
-const PETZVAL = process.env.PETZVAL ?? join(ROOT, "target/release/petzval");
+export const PETZVAL = process.env.PETZVAL ?? join(ROOT, "target/release/petzval");
 const CHROMIUM = process.env.CHROMIUM ?? "/usr/bin/chromium";
 
 /** What Debian's chromium needs where it has no display, no user of its own and no network. */

@@ -41,7 +41,7 @@ function report(room, { seconds, measured }) {
 
 await page.getByTestId("accuracy").filter({ hasText: "exact" }).first().waitFor();
 report("lens room", await drag());
-await page.getByRole("button", { name: "Camera", exact: true }).click();
+await page.getByRole("navigation", { name: "Rooms" }).getByRole("button", { name: "Camera", exact: true }).click();
 await page.getByTestId("chain").filter({ hasText: "exact:" }).waitFor({ timeout: 120_000 });
 report("camera room", await drag());
 await browser.close();

@@ -3,10 +3,11 @@
 // Each step waits for what the page shows, never for a time.
 
 import assert from "node:assert/strict";
-import { mkdirSync, mkdtempSync, readFileSync } from "node:fs";
+import { execFileSync } from "node:child_process";
+import { existsSync, mkdirSync, mkdtempSync, readFileSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
-import { forget, startBrowser, startStudio } from "./browser.mjs";
+import { PETZVAL, forget, startBrowser, startStudio } from "./browser.mjs";
 
 const pictures = process.argv[2] ?? mkdtempSync(join(tmpdir(), "petzval-studio-pictures-"));
 mkdirSync(pictures, { recursive: true });
@@ -211,7 +212,7 @@ test("a dropped lens of another program is opened with what it loses, saved, and
 
 test("the photograph follows: quick, then exact, with the difference, before and after, and raw", async (studio) => {
   const { page, errors } = await open(studio);
-  await page.getByRole("button", { name: "Camera", exact: true }).click();
+  await tab(page, "Camera").click();
   const chain = page.getByTestId("chain");
   await chain.filter({ hasText: "exact:" }).waitFor({ timeout: 120_000 });
   await chain.filter({ hasText: "the quick picture differed by" }).waitFor();
@@ -292,24 +293,183 @@ test("dark, and as wide as a phone", async (studio) => {
   const wider = () => phone.page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
   assert.ok((await wider()) <= 0, "the lens room is wider than the phone");
   await picture(phone.page, "phone-lens");
-  await phone.page.getByRole("button", { name: "Camera", exact: true }).click();
+  await tab(phone.page, "Camera").click();
   await phone.page.getByTestId("chain").filter({ hasText: "quick:" }).or(phone.page.getByTestId("chain").filter({ hasText: "exact:" })).waitFor();
   assert.ok((await wider()) <= 0, "the camera room is wider than the phone");
   await picture(phone.page, "phone-camera");
   assert.deepEqual([...dark.errors, ...phone.errors], []);
 });
 
+/** An experiment that runs in seconds, with steps in proportion to `steps`. */
+function tiny(folder, steps) {
+  const set = {
+    "psf.fields": 3, "psf.grid": 64, "psf.scoring_pupil_error": 2, "psf.patches": "[2, 2]", "psf.pupil_cells": 16, "psf.scoring_pupil_cells": 16,
+    "network.base_channels": 4, "network.levels": 1, "training.steps": steps, "training.batch": 1, "training.crop": 64, "optics.steps": 3,
+    "spot.iterations": 8, "scoring.places_per_side": 1, "scoring.crop": 64, "checkpoint.every": 3,
+  };
+  const words = Object.entries(set).flatMap(([key, value]) => ["--set", `${key}=${value}`]);
+  const text = execFileSync(PETZVAL, ["design", "cooke-triplet-image-quality", "--print-config", ...words], { cwd: folder });
+  writeFileSync(join(folder, "tiny.toml"), text);
+}
+
+const tab = (page, name) => page.getByRole("navigation", { name: "Rooms" }).getByRole("button", { name, exact: true });
+
+test("an experiment as a form, started, watched, stopped, and found again by the next studio", async (studio) => {
+  tiny(studio.folder, 4000);
+  const { page, errors } = await open(studio);
+  await page.goto(`${new URL(studio.url).origin}/#design?experiment=tiny.toml`);
+  await page.reload();
+  const form = page.getByRole("region", { name: "Experiment", exact: true });
+  await form.getByText("as in its file").waitFor();
+  // A key that is refused says so beside it, and one that is taken is marked.
+  await form.getByLabel("keys with the words").fill("training.batch");
+  const batch = form.locator("[data-key='training.batch'] input");
+  await batch.fill("0");
+  await batch.press("Tab");
+  await form.locator("[data-key='training.batch']").getByRole("alert").waitFor();
+  await batch.fill("2");
+  await batch.press("Tab");
+  await form.getByText("1 changed").waitFor();
+  assert.equal(await form.locator("[data-key='training.batch'].set").count(), 1);
+  await form.getByRole("button", { name: "Check" }).click();
+  await form.getByTestId("look").getByText("Nothing speaks against a run.").waitFor();
+  await picture(page, "design-form", false);
+  await form.getByLabel("keys with the words").fill("");
+  await form.getByLabel("folder of the run").fill("runs/watched");
+  await form.getByRole("button", { name: "Start" }).click();
+  const state = page.getByTestId("run-state");
+  await state.filter({ hasText: "running" }).waitFor({ timeout: 120_000 });
+  await page.getByRole("region", { name: "Losses" }).locator(".uplot canvas").waitFor();
+  await page.waitForFunction(() => Number(document.querySelector("[data-testid=run-steps]")?.textContent.match(/step (\d+)/)?.[1]) > 5);
+  await picture(page, "design-running");
+  // The studio ends; the design does not.
+  await studio.stop("SIGKILL");
+  await page.getByRole("alert").getByText("The studio is not reached").waitFor();
+  const again = await startStudio(["--port", studio.port], studio.folder);
+  try {
+    await page.goto(again.url);
+    await page.goto(`${new URL(again.url).origin}/#design?run=${encodeURIComponent("runs/watched")}`);
+    await page.reload();
+    await state.filter({ hasText: "running" }).waitFor();
+    await page.getByRole("button", { name: "Stop", exact: true }).click();
+    await state.filter({ hasText: "stopped" }).waitFor({ timeout: 60_000 });
+    await page.getByRole("button", { name: "Resume" }).click();
+    await state.filter({ hasText: "running" }).waitFor({ timeout: 60_000 });
+    await page.getByRole("button", { name: "Stop", exact: true }).click();
+    await state.filter({ hasText: "stopped" }).waitFor({ timeout: 60_000 });
+    await page.getByRole("button", { name: "Report so far" }).click();
+    await page.frameLocator("iframe").getByText("At work").first().waitFor();
+    assert.ok(!existsSync(join(studio.folder, "runs/watched/report.html")), "nothing is written for it");
+  } finally {
+    await again.stop();
+  }
+});
+
+test("finished runs: table, report, film, crops, comparison, sheets, on a phone and in the dark", async (studio) => {
+  tiny(studio.folder, 4);
+  for (const seed of [1, 2]) {
+    execFileSync(PETZVAL, ["design", "tiny.toml", "--seed", String(seed), "--out", `runs/seed-${seed}`], { cwd: studio.folder, stdio: "ignore" });
+  }
+  const { page, errors } = await open(studio);
+  await tab(page, "Runs").click();
+  const table = page.getByRole("region", { name: "Runs", exact: true });
+  await table.getByRole("button", { name: "seed-1", exact: true }).waitFor();
+  await table.getByText("seed = 2").waitFor();
+  await table.getByRole("button", { name: "seed-1", exact: true }).click();
+  await page.getByTestId("run-state").filter({ hasText: "finished" }).waitFor();
+  await page.getByTestId("film").waitFor();
+  await page.getByRole("slider", { name: "Step of the film" }).fill("0");
+  const crops = page.getByRole("region", { name: "Pictures of the cameras" });
+  await crops.locator("img").nth(3).waitFor();
+  assert.ok(await crops.locator("img").first().evaluate((img) => img.decode().then(() => img.naturalWidth > 0)));
+  await page.getByRole("button", { name: "Report", exact: true }).click();
+  await page.frameLocator("iframe[title='Report of runs/seed-1']").getByRole("heading").first().waitFor();
+  await picture(page, "run-light");
+  await page.getByRole("button", { name: "Report", exact: true }).click();
+  for (const seed of [1, 2]) await table.getByRole("checkbox", { name: `mark seed-${seed}` }).check();
+  await table.getByRole("button", { name: "Compare the marked runs" }).click();
+  await page.frameLocator("iframe[title='Comparison of the marked runs']").getByText("seeds").first().waitFor({ timeout: 60_000 });
+  await page.getByRole("region", { name: "Sheets" }).getByRole("link", { name: "runs/seed-1/report.html" }).waitFor();
+  // A lens of the run goes into the lens room.
+  // By the keyboard: a click right after the page scrolls can land in the frame that was there before.
+  await page.getByTitle("Open the lens of nominal").press("Enter");
+  await page.getByLabel("radius of surface 1", { exact: true }).waitFor();
+  assert.deepEqual(errors, []);
+  const phone = await open(studio, { viewport: PHONE, colorScheme: "dark" });
+  await tab(phone.page, "Runs").click();
+  await phone.page.getByRole("button", { name: "seed-1", exact: true }).click();
+  await phone.page.getByTestId("film").waitFor();
+  const wider = await phone.page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
+  assert.ok(wider <= 0, `the runs room is ${wider} px wider than the phone`);
+  await picture(phone.page, "phone-runs-dark");
+  assert.deepEqual(phone.errors, []);
+});
+
+test("the task: loss, gap, slopes by surface, pictures, and the loss of a drag", async (studio) => {
+  const { page, errors } = await open(studio);
+  await tab(page, "Task").click();
+  await page.getByTestId("closed").waitFor({ timeout: 180_000 });
+  await page.getByTestId("slopes").filter({ hasText: "of 2 windows" }).waitFor({ timeout: 120_000 });
+  const slopes = page.getByRole("region", { name: "Slopes of the loss" });
+  assert.ok((await slopes.locator(".bar").count()) >= 10);
+  assert.equal(await page.getByRole("img", { name: /^Window \d of the batch$/ }).count(), 2);
+  const before = await page.getByTestId("loss").innerText();
+  await picture(page, "task-light");
+  const handle = page.getByRole("slider", { name: "thickness in front of surface 2", exact: true });
+  const box = await handle.boundingBox();
+  await page.mouse.move(box.x + box.width / 2, box.y + box.height / 2);
+  await page.mouse.down();
+  for (let i = 1; i <= 8; i++) await page.mouse.move(box.x + box.width / 2 + i, box.y + box.height / 2);
+  await page.getByText("Quick: the loss of one window.").waitFor({ timeout: 60_000 });
+  await page.mouse.up();
+  await page.getByTestId("slopes").filter({ hasText: "of 2 windows" }).waitFor({ timeout: 120_000 });
+  assert.notEqual(await page.getByTestId("loss").innerText(), before);
+  await page.getByText("that of one differed by").waitFor();
+  assert.deepEqual(errors, []);
+});
+
+test("an ISP with its sliders, the histogram, and the measured chart", async (studio) => {
+  const { page, errors } = await open(studio);
+  await tab(page, "Camera").click();
+  const chain = page.getByTestId("chain");
+  await chain.filter({ hasText: "exact:" }).waitFor({ timeout: 120_000 });
+  const pixels = () => page.locator(".canvas canvas").evaluate((c) => c.toDataURL());
+  const linear = await pixels();
+  await page.getByLabel("Image signal processor").selectOption("neutral");
+  await page.waitForFunction((before) => document.querySelector(".canvas canvas").toDataURL() !== before, linear, { timeout: 60_000 });
+  await chain.filter({ hasText: "exact:" }).waitFor({ timeout: 120_000 });
+  const neutral = await pixels();
+  await page.getByRole("region", { name: "ISP" }).getByRole("searchbox").fill("gain.stops");
+  await page.getByRole("slider", { name: "gain.stops" }).fill("0.02");
+  await page.waitForFunction((before) => document.querySelector(".canvas canvas").toDataURL() !== before, neutral, { timeout: 60_000 });
+  assert.match(await page.getByTestId("snr").innerText(), /middle gray: \d+\.\d dB/);
+  await page.getByRole("region", { name: "Test chart" }).getByRole("button", { name: "Measure" }).click();
+  await page.getByTestId("chart").waitFor({ timeout: 180_000 });
+  assert.match(await page.getByTestId("chart").innerText(), /ΔE2000 mean \d/);
+  await picture(page, "camera-isp");
+  assert.deepEqual(errors, []);
+});
+
 test("everything that can be used has a name", async (studio) => {
   const { page } = await open(studio);
   await exact(page);
-  const nameless = await page.evaluate(() => {
+  const nameless = [];
+  for (const room of ["Lens", "Camera", "Task", "Design", "Runs"]) {
+    await tab(page, room).click();
+    await page.locator("main .panel").first().waitFor();
+    nameless.push(...(await unnamed(page)));
+  }
+  assert.deepEqual(nameless, []);
+});
+
+/** Controls without a name. */
+const unnamed = (page) =>
+  page.evaluate(() => {
     const name = (e) =>
       e.getAttribute("aria-label") || e.getAttribute("title") || e.closest("label")?.textContent.trim() || e.textContent.trim();
     const all = document.querySelectorAll("button, input, select, [role=slider], [role=img]");
     return [...all].filter((e) => !name(e)).map((e) => e.outerHTML.slice(0, 120));
   });
-  assert.deepEqual(nameless, []);
-});
 
 const only = process.env.ONLY;
 let failed = 0;

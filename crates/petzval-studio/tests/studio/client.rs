@@ -30,7 +30,9 @@ impl Server {
     pub fn start() -> Self {
         let context = Context::new(built_in_assets(), Arc::new(Silent));
         let folder = folder();
-        let settings = Settings { port: Some(0), folder: folder.to_path_buf(), open: Vec::new(), context };
+        let folder_of = Some(folder.to_path_buf());
+        let settings =
+            Settings { port: Some(0), folder: folder_of, open: Vec::new(), program: None, context };
         Self { studio: Studio::start(settings).unwrap(), folder }
     }
 

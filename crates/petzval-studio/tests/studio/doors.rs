@@ -95,6 +95,36 @@ fn paths_out_of_the_folder_are_refused_whatever_the_job() {
 }
 
 #[test]
+fn files_of_the_folder_are_shown_without_an_origin_and_no_other_is() {
+    let server = Server::start();
+    std::fs::create_dir_all(server.folder.join("some runs")).unwrap();
+    std::fs::write(server.folder.join("some runs/sheet.html"), "<p>a sheet").unwrap();
+    let known = server.cookie();
+    let get = |path: &str| server.answer_to(&format!("GET {path}"), &[("Cookie", &known)], &[]);
+    let sheet = get("/files/some%20runs/sheet.html");
+    assert!(status(&sheet) == "200" && sheet.ends_with("<p>a sheet"), "{sheet}");
+    assert!(sheet.contains("sandbox allow-scripts") && sheet.contains("frame-ancestors 'self'"), "{sheet}");
+    assert_eq!(status(&server.answer_to("GET /files/some%20runs/sheet.html", &[], &[])), "403");
+    for outside in
+        ["/files/../x.html", "/files/%2e%2e/x.html", "/files//etc/passwd.txt", "/files/a/../../x.html"]
+    {
+        assert_eq!(status(&get(outside)), "403", "{outside}");
+    }
+    assert!(get("/sheets").contains("some runs/sheet.html"));
+    let mut page = server.page();
+    let runs = page.call("runs", json!({"folder": "some runs"}));
+    assert_eq!(runs, json!({"runs": [], "units": []}));
+    let id = page.send("runs", json!({"folder": "../.."}), None);
+    assert!(page.end_of(id)["error"]["message"].as_str().unwrap().contains("out of the folder"));
+    let id = page.send("runs", json!({"fold": 1}), None);
+    assert!(page.end_of(id)["error"]["message"].as_str().unwrap().contains("unknown field"));
+    // A studio without a program begins no process, and says so.
+    page.say(&json!({"id": 99, "job": "design", "process": true}).to_string()).unwrap();
+    let refused = page.end_of(99);
+    assert!(refused["error"]["message"].as_str().unwrap().contains("begins no processes"), "{refused}");
+}
+
+#[test]
 fn a_picture_of_100_mb_is_refused_and_a_small_one_is_taken() {
     let server = Server::start();
     let (known, own) = (server.cookie(), format!("http://{}", server.host()));

@@ -9,11 +9,11 @@ use petzval_jobs::ErrorReport;
 use serde_json::Value;
 
 use super::error::StoreError;
-use super::holder::Holder;
 use super::record::{AttemptRecord, Claim, Cost, Ended, Failure, STORE_FORMAT, StoredResult};
 use super::state::{Seen, UnitState};
 use super::{Store, to_json};
 use crate::unit::{Key, Prepared};
+use petzval_design::run::Holder;
 
 /// What became of the beginning of a unit.
 pub enum Begun {

@@ -110,7 +110,7 @@ fn part_of(path: &Path) -> std::path::PathBuf {
     static PARTS: AtomicU64 = AtomicU64::new(0);
     let number = PARTS.fetch_add(1, Ordering::Relaxed);
     let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let machine = super::holder::Holder::own();
+    let machine = petzval_design::run::Holder::own();
     path.with_file_name(format!(".{name}.{}-{}-{number}.new", machine.mark(), machine.pid))
 }
 

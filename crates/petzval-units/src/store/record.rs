@@ -7,8 +7,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::holder::Holder;
 use crate::unit::{InputDigest, Key, Unit};
+use petzval_design::run::Holder;
 
 /// The version of a store that this program writes and reads.
 pub const STORE_FORMAT: u32 = 1;

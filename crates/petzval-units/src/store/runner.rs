@@ -13,12 +13,12 @@ use serde_json::Value;
 
 use super::attempt::{Attempt, Begun, forget_peak};
 use super::error::is_of_the_disk;
-use super::holder::Holder;
 use super::log::Log;
 use super::record::{Failure, StoredResult};
 use super::state::Seen;
 use super::{RENEWED_EVERY, Store, StoreError};
 use crate::unit::{Digests, Prepared, Unit};
+use petzval_design::run::Holder;
 
 /// How units are run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -38,7 +38,6 @@ mod report;
 mod runs;
 mod score_table;
 mod sensor;
-mod served_page;
 mod signals;
 mod simulate;
 mod studio;

@@ -1,4 +1,4 @@
-//! `petzval report`: write the report of a run again, or show it while the run is at work.
+//! `petzval report`: write the report of a run again, or watch the run in the studio.
 
 use std::path::PathBuf;
 
@@ -7,7 +7,7 @@ use crate::jobs::report;
 
 use super::failure::Failure;
 use super::plain::shown;
-use super::served_page::{self, PORT};
+use super::studio::{self, Serve};
 use super::terminal::Terminal;
 
 /// Write report.html of a finished run again, from the contents of its folder.
@@ -15,8 +15,8 @@ use super::terminal::Terminal;
 /// With --photo the report also shows a photograph over the whole sensor, as every camera takes it; the frames stay in the folder
 /// pictures of the run, and later reports show them too.
 ///
-/// With --watch nothing is written: a browser on this machine shows the run while it is at work. The page has the finished cameras, the
-/// lens of the camera at work, and the losses so far. The page renews itself.
+/// With --watch nothing is written: the studio opens on the run (see `petzval studio`) and shows losses, lenses and finished cameras while it is at
+/// work.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Run folder
@@ -27,20 +27,30 @@ pub struct Args {
     /// Believe this file or folder of the run though it does not agree with its digest; may be repeated
     #[arg(long, value_name = "NAME", conflicts_with = "watch")]
     accept_changed: Vec<String>,
-    /// Show the page of a run at work at an address of this machine, until Ctrl-C; the run itself goes on
+    /// Open the studio on the run, until Ctrl-C; the run itself goes on
     #[arg(long, conflicts_with = "photo")]
     watch: bool,
-    /// Port of that address; 0 takes any that is free
-    #[arg(long, value_name = "PORT", requires = "watch", default_value_t = PORT)]
-    port: u16,
+    /// Port of its address; 0 takes any that is free [default: 8710, or any that is free]
+    #[arg(long, value_name = "PORT", requires = "watch")]
+    port: Option<u16>,
+    /// Print the address, and do not open it in a browser
+    #[arg(long, requires = "watch")]
+    no_open: bool,
 }
+
+/// What every run has.
+const CONFIG: &str = "config.toml";
 
 /// Runs the verb.
 pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let context = terminal.context();
     if args.watch {
-        let watched = report::Watched::open(&args.run, &context)?;
-        return served_page::serve(args.port, || watched.page());
+        if !args.run.join(CONFIG).is_file() {
+            let message = format!("{}: this is not the folder of a run", shown(&args.run));
+            return Err(Failure::input(message, "`petzval runs` lists the runs in a folder"));
+        }
+        let (open, folder) = (vec![args.run.display().to_string()], None);
+        return studio::serve(Serve { open, folder, port: args.port, no_open: args.no_open }, context);
     }
     let request = report::Request { run: args.run, photo: args.photo, accept_changed: args.accept_changed };
     let response = report::run(&request, &context)?;

@@ -13,4 +13,5 @@ mod moved;
 mod output;
 mod resume;
 mod segments;
+mod studio;
 mod units;

@@ -2,8 +2,6 @@
 
 #![cfg(unix)]
 
-use std::io::{BufRead, BufReader, Read, Write};
-use std::net::TcpStream;
 use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -67,7 +65,7 @@ pub(crate) fn started_from(folder: &Path, steps: usize) -> (Child, PathBuf) {
 }
 
 /// Starts the tiny experiment and kills it, as a power cut would, after `steps` steps.
-fn killed(folder: &Path, steps: usize) -> PathBuf {
+pub(crate) fn killed(folder: &Path, steps: usize) -> PathBuf {
     let (mut child, run) = started(folder, steps);
     child.kill().unwrap();
     let status = child.wait().unwrap();
@@ -417,104 +415,4 @@ fn a_killed_run_with_validations_resumes_to_the_same_files() {
         assert_eq!(read(&run.join("metrics.json")), metrics, "killed after {steps} steps");
         assert_eq!(timeless_events(&run), whole, "killed after {steps} steps");
     }
-}
-
-/// The answer of a server on this machine to a request for a path: its first line, and everything behind the headers.
-fn answer_of(address: &str, path: &str) -> (String, String) {
-    let mut stream = TcpStream::connect(address).unwrap();
-    write!(stream, "GET {path} HTTP/1.0\r\nHost: {address}\r\n\r\n").unwrap();
-    let mut answer = String::new();
-    stream.read_to_string(&mut answer).unwrap();
-    let (head, body) = answer.split_once("\r\n\r\n").unwrap();
-    (head.lines().next().unwrap().to_owned(), body.to_owned())
-}
-
-/// Shows the run in the folder `run` to browsers: the process, and its address.
-fn watched(folder: &Path) -> (Child, String) {
-    let mut command = petzval(folder);
-    command.args(["report", "run", "--watch", "--port", "0"]).stdout(Stdio::piped());
-    let mut server = command.spawn().unwrap();
-    let mut line = String::new();
-    BufReader::new(server.stdout.take().unwrap()).read_line(&mut line).unwrap();
-    let address = line.split(['/', ' ']).find(|part| part.starts_with("127.0.0.1:")).unwrap().to_owned();
-    (server, address)
-}
-
-/// The first line of the answer to a request of these bytes.
-fn status_of(address: &str, request: &[u8]) -> String {
-    let mut stream = TcpStream::connect(address).unwrap();
-    // The server may end the connection before it has read everything.
-    let _cut = stream.write_all(request);
-    let mut answer = Vec::new();
-    let _cut = stream.read_to_end(&mut answer);
-    String::from_utf8_lossy(&answer).lines().next().unwrap_or_default().to_owned()
-}
-
-#[test]
-fn slow_readers_hold_up_no_other_and_only_this_machine_is_answered() {
-    let folder = tempfile::tempdir().unwrap();
-    killed(folder.path(), 7);
-    let (mut server, address) = watched(folder.path());
-    // Three slow readers: one sends nothing, one never ends its request, one never reads the answer.
-    let mut slow: Vec<TcpStream> = (0..3).map(|_| TcpStream::connect(&address).unwrap()).collect();
-    write!(slow[1], "GET / HTTP/1.1\r\nHost: localhost\r\n").unwrap();
-    write!(slow[2], "GET / HTTP/1.1\r\nHost: localhost\r\n\r\n").unwrap();
-    let began = Instant::now();
-    assert!(answer_of(&address, "/").0.ends_with("200 OK"));
-    // A page takes a second or two to make, and longer on a busy machine; a reader may take a minute.
-    assert!(began.elapsed() < Duration::from_secs(30), "{:?}", began.elapsed());
-
-    for (request, status) in [
-        ("GET / HTTP/1.1\r\nHost: localhost:1234\r\n\r\n", "200"),
-        ("HEAD / HTTP/1.1\r\nHost: [::1]\r\n\r\n", "200"),
-        ("GET / HTTP/1.1\r\nHost: example.org\r\n\r\n", "403"),
-        ("GET / HTTP/1.1\r\nHost: 127.0.0.1.example.org\r\n\r\n", "403"),
-        ("GET / HTTP/1.1\r\n\r\n", "403"),
-        ("GET / HTTP/1.1\r\nHost: localhost\r\nHost: example.org\r\n\r\n", "403"),
-        ("POST / HTTP/1.1\r\nHost: localhost\r\n\r\n", "405"),
-        ("GET /events.jsonl HTTP/1.1\r\nHost: localhost\r\n\r\n", "404"),
-        ("\u{1}\u{2}\r\n\r\n", "400"),
-    ] {
-        let found = status_of(&address, request.as_bytes());
-        assert!(found.starts_with(&format!("HTTP/1.1 {status}")), "{request:?}: {found}");
-    }
-    // Headers have an end: in their length and in their number.
-    let long = format!("GET / HTTP/1.1\r\nHost: localhost\r\nX: {}\r\n\r\n", "x".repeat(1 << 20));
-    assert!(status_of(&address, long.as_bytes()).starts_with("HTTP/1.1 431"));
-    let many = format!("GET / HTTP/1.1\r\nHost: localhost\r\n{}\r\n", "X: y\r\n".repeat(1000));
-    assert!(status_of(&address, many.as_bytes()).starts_with("HTTP/1.1 400"));
-    // A reader that sends no request in time is dropped.
-    slow[0].set_read_timeout(Some(Duration::from_secs(20))).unwrap();
-    assert_eq!(slow[0].read(&mut [0; 16]).unwrap(), 0);
-    server.kill().unwrap();
-    server.wait().unwrap();
-}
-
-#[test]
-fn a_run_at_work_is_shown_as_it_grows() {
-    let folder = tempfile::tempdir().unwrap();
-    let run = killed(folder.path(), 7);
-    let (mut server, address) = watched(folder.path());
-
-    let (status, page) = answer_of(&address, "/");
-    assert!(status.ends_with("200 OK"), "{status}");
-    for text in
-        ["http-equiv=\"refresh\"", "<h2>At work</h2>", "scored", "at work", "not begun", "Over the run"]
-    {
-        assert!(page.contains(text), "{text}");
-    }
-    assert!(!page.contains("end-to-end against") && !page.contains("End-to-end against"));
-    assert!(answer_of(&address, "/elsewhere").0.contains("404"));
-    // Nothing is written for it.
-    assert!(!run.join("report.html").exists());
-
-    let port = address.rsplit_once(':').unwrap().1;
-    run_fails(folder.path(), &["report", "run", "--watch", "--port", port], 2, &[port, "--port"]);
-
-    run_ok(folder.path(), &["design", "--resume", "run"]);
-    let (_, page) = answer_of(&address, "/");
-    assert!(!page.contains("http-equiv=\"refresh\"") && page.contains("End-to-end against"));
-    assert!(page == read(&run.join("report.html")), "another page than the report");
-    server.kill().unwrap();
-    server.wait().unwrap();
 }

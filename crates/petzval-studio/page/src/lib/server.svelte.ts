@@ -30,6 +30,8 @@ export interface Running<T> {
 interface Options {
   live?: string;
   overwrite?: boolean;
+  /** In a process of its own, which goes on without this page. */
+  process?: boolean;
   onEvent?: (event: JobEvent) => void;
 }
 
@@ -71,12 +73,12 @@ export class Server {
   }
 
   /** Makes a call. */
-  run<T>(job: string, request: object, { live, overwrite, onEvent }: Options = {}): Running<T> {
+  run<T>(job: string, request: object, { live, overwrite, process, onEvent }: Options = {}): Running<T> {
     const id = this.#next++;
     const response = new Promise<T>((resolve, reject) => {
       this.#waiting.set(id, { resolve: resolve as (response: unknown) => void, reject, onEvent });
     });
-    this.#send(JSON.stringify({ id, job, request, live, overwrite }));
+    this.#send(JSON.stringify({ id, job, request, live, overwrite, process }));
     return { response, cancel: () => this.#send(JSON.stringify({ cancel: id })) };
   }
 

@@ -3,7 +3,7 @@
 // A state is the text of a lens file, which holds the lens to the last bit: undo puts back the very text.
 
 import { CallError, Live, server } from "./server.svelte";
-import type { Edit, Loss, Opened, State, View } from "./types";
+import type { Edit, First, Loss, Opened, State, View } from "./types";
 
 /** A state of the lens, and what led to it. */
 interface Step {
@@ -42,6 +42,8 @@ class Session {
   steps = $state.raw<Step[]>([]);
   at = $state(0);
   view = $state.raw<View | undefined>();
+  /** By how much the quick view of the same lens differed from the exact one: of the largest RMS spot. */
+  difference = $state<number | undefined>();
   /** Edits that are being dragged, on top of the present state. */
   dragged = $state.raw<Edit[]>([]);
   notice = $state.raw<Notice | undefined>();
@@ -58,6 +60,8 @@ class Session {
   parts = $state.raw<string[]>([]);
 
   readonly live = new Live(server, "lens");
+  /** Modulation and field curves of a drag take several times as long as rays: they follow on a channel of their own. */
+  readonly #slow = new Live(server, "lens-slow");
   /** Exact views take longer: a drag does not wait for them. */
   readonly #exact = new Live(server);
   #rest: ReturnType<typeof setTimeout> | undefined;
@@ -76,7 +80,7 @@ class Session {
   }
 
   /** Reads what the studio was started with, and what this tab held before it was loaded again. */
-  async start(): Promise<void> {
+  async start(): Promise<First> {
     this.about = (await (await fetch("state")).json()) as State;
     server.connect();
     const kept = this.#kept();
@@ -87,10 +91,11 @@ class Session {
       this.saved = kept.saved;
       this.savedAs = kept.savedAs;
       this.refresh();
-      return;
+      return this.about.first;
     }
     const first = this.about.opened[0];
     if (first) this.open(first);
+    return this.about.first;
   }
 
   /** Opens a lens: a new history begins. */
@@ -117,10 +122,30 @@ class Session {
     }
   }
 
-  /** Shows edits that are being dragged; the state stays. */
+  /** Shows edits that are being dragged; the state stays. Rays come first; a room that shows everything gets the rest when it is there. */
   drag(edits: Edit[]): void {
     this.dragged = edits;
-    this.#look(edits, true);
+    if (this.parts.length > 0) {
+      this.#look(edits, true);
+      return;
+    }
+    this.#follow(this.live, edits, ["layout", "spots", "fans"], (view, before) => ({ ...view, mtf: before.mtf, field_curves: before.field_curves }));
+    this.#follow(this.#slow, edits, ["mtf", "field-curves"], ({ mtf, field_curves }, before) => ({ ...before, mtf, field_curves }));
+  }
+
+  /** Looks quickly at parts of the lens, and puts them into what is seen while the drag goes on. */
+  #follow(channel: Live, edits: Edit[], parts: string[], joined: (view: View, before: View) => View): void {
+    clearTimeout(this.#rest);
+    this.#exact.drop();
+    const toml = this.toml;
+    channel.send<View>({
+      job: "lens-view",
+      request: { ...this.#request(edits, true), parts },
+      done: (view) => {
+        if (toml === this.toml && this.dragged.length > 0 && this.view) this.view = joined(view, this.view);
+      },
+      failed: (error) => this.#say(error),
+    });
   }
 
   /** Ends a drag without a change. */
@@ -181,6 +206,7 @@ class Session {
 
   /** Looks at no more than a room shows; everything if no parts are named. */
   show(parts: string[]): void {
+    if (JSON.stringify(parts) === JSON.stringify(this.parts)) return;
     this.parts = parts;
     if (this.toml) this.refresh();
   }
@@ -201,6 +227,7 @@ class Session {
       done: (view) => {
         // The lens may have moved on meanwhile.
         if (toml !== this.toml || (edits.length > 0) !== (this.dragged.length > 0)) return;
+        if (!view.is_quick) this.difference = differenceOf(this.view, view);
         this.view = view;
         this.maxFrequency ??= view.mtf[0]?.frequency_per_mm.at(-1);
         if (quick && edits.length === 0) this.#exactLater();
@@ -257,6 +284,14 @@ class Session {
     this.savedAs = path;
     this.#keep();
   }
+}
+
+/** The largest difference of the RMS spots of a quick and an exact view of one lens, of the largest spot. */
+function differenceOf(quick: View | undefined, exact: View): number | undefined {
+  if (!quick?.is_quick || quick.toml !== exact.toml || quick.spots.length !== exact.spots.length) return undefined;
+  const largest = Math.max(...exact.spots.map((spot) => spot.rms_um));
+  const apart = Math.max(...exact.spots.map((spot, i) => Math.abs(spot.rms_um - quick.spots[i]!.rms_um)));
+  return largest > 0 ? apart / largest : undefined;
 }
 
 /** What is to be said of losses; nothing if there are none. */

@@ -167,6 +167,8 @@ export interface CameraView {
   relative_radius: number;
   white_e: number;
   saturated_share: number;
+  gray_snr_db: number;
+  histogram: { raw: number[]; developed: number[][] };
   is_quick: boolean;
   psf_fields: number;
   pupil_cells: number;
@@ -178,11 +180,22 @@ export interface ErrorReport {
   kind: string;
   message: string;
   hint?: string;
-  place?: { path?: string; line?: number; key?: string };
+  place?: Place;
   stopped?: { response?: unknown; kept?: string[] };
 }
 
+/** A file, request key or place that an error names. */
+export interface Place {
+  path?: string;
+  line?: number;
+  key?: string;
+  value?: string;
+}
+
 export type JobEvent =
+  | { event: "step"; camera: string; block: string; step: number; total: number; losses: Record<string, number | null> }
+  | { event: "camera"; camera: string }
+  | { event: "error"; message: string; hint?: string }
   | { event: "warning"; text: string }
   | { event: "note"; text: string }
   | { event: "progress"; done: number; total: number; text: string }
@@ -194,11 +207,110 @@ export interface Opened {
   losses: Loss[];
 }
 
+export type Room = "lens" | "camera" | "task" | "design" | "runs";
+
+/** What the studio was started with. */
+export interface First {
+  room: Room;
+  run: string | null;
+  experiment: string | null;
+  sweep: string | null;
+  runs: string | null;
+}
+
 export interface State {
   version: string;
   folder: string;
   files: string[];
   opened: Opened[];
+  first: First;
+}
+
+export type RunState = "finished" | "running" | "stopped" | "damaged";
+
+export interface RunRow {
+  run: string;
+  experiment: string;
+  state: RunState;
+  reason?: string;
+  step: number;
+  total: number;
+  camera?: string;
+  scores: { name: string; value: number }[];
+  seconds: number;
+  begun: string;
+  differs: Record<string, string>;
+}
+
+export interface UnitRow {
+  store: string;
+  name: string;
+  job: string;
+  state: string;
+  reason?: string;
+  seconds?: number;
+  run?: RunRow;
+}
+
+export interface Runs {
+  runs: RunRow[];
+  units: UnitRow[];
+}
+
+export interface RunStep {
+  step: number;
+  camera: string;
+  block: string;
+  losses: Record<string, number | null>;
+  seconds: number;
+}
+
+export interface ScoreDescription {
+  name: string;
+  title: string;
+  unit: string;
+  decimals: number;
+  higher_is_better: boolean;
+}
+
+export interface CameraMetrics {
+  camera: string;
+  is_ceiling?: boolean;
+  rms_spot_um: number;
+  efl_mm: number;
+  f_number: number;
+  fov_deg: number;
+  [score: string]: unknown;
+}
+
+export interface RunView {
+  row: RunRow;
+  holder: { host: string; pid: number } | null;
+  variants: { name: string; first_step: number; stages: { goal: string; steps: Record<string, number> }[]; is_finished: boolean }[];
+  steps: RunStep[];
+  every: number;
+  lenses: { step: number; camera: string; lens: string }[];
+  cameras: CameraMetrics[];
+  scores: ScoreDescription[];
+  pictures: string[];
+  report: string | null;
+  config: string;
+}
+
+export interface Spread {
+  count: number;
+  mean: number;
+  deviation: number | null;
+  low: number;
+  high: number;
+}
+
+export interface Gathered {
+  title: string;
+  keys: string[];
+  figures: { name: string; title: string; unit: string; decimals: number | null; higher_is_better: boolean | null }[];
+  rows: { camera: string; is_ceiling: boolean; values: unknown[]; units: string[]; figures: (Spread | null)[] }[];
+  units: { unit: string; camera: string; is_ceiling: boolean; values: unknown[]; seed: number | null; figures: (number | null)[]; files: string | null }[];
 }
 
 export interface Glass {

@@ -1,4 +1,4 @@
-//! Who works on a unit: a process of a machine.
+//! Who works on a run or on a unit of a sweep: a process of a machine.
 
 use std::fs;
 use std::sync::OnceLock;
@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A process that works on a unit.
+/// A process that works on a run, or on a unit of a sweep.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Holder {
@@ -39,11 +39,15 @@ impl Holder {
         petzval_base::hex(&hash[..4])
     }
 
+    /// Whether the process belongs to this machine, whose system knows its number.
+    pub fn is_here(&self) -> bool {
+        let own = Self::own();
+        self.host == own.host && self.system == own.system && !self.system.is_empty()
+    }
+
     /// Whether the process is known to be gone. Only a process of this machine can be looked up.
     pub fn is_gone(&self) -> bool {
-        let own = Self::own();
-        let is_here = self.host == own.host && self.system == own.system && !self.system.is_empty();
-        is_here && self.process_start != 0 && start_of(self.pid) != Some(self.process_start)
+        self.is_here() && self.process_start != 0 && start_of(self.pid) != Some(self.process_start)
     }
 }
 

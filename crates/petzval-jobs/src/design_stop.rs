@@ -1,0 +1,61 @@
+//! `design-stop`: ends the process that designs a run, after its running step and with a checkpoint.
+
+use std::path::PathBuf;
+
+use petzval_design::run::{Holder, RunFolder};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::context::Context;
+use crate::error::JobError;
+
+/// A run at work.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Request {
+    /// Its folder.
+    pub run: PathBuf,
+}
+
+/// Which process is to end.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct Response {
+    /// The process. It ends by itself when its step is done: `run-view` says when it has. None if no process works on the run.
+    pub holder: Option<Holder>,
+}
+
+/// Sends the process the signal that ends a design with a checkpoint.
+pub fn run(request: &Request, _: &Context) -> Result<Response, JobError> {
+    let folder = RunFolder::open(&request.run)?;
+    let run = request.run.display();
+    if !folder.is_at_work() {
+        return Ok(Response { holder: None });
+    }
+    let Some(holder) = folder.holder() else {
+        let message = format!("{run}: the process that works on this run has not written its name");
+        return Err(JobError::input(message, "end it where it was started, by Ctrl-C or SIGTERM"));
+    };
+    if holder.pid == Holder::own().pid && holder.is_here() {
+        let message = format!("{run}: this process itself works on the run");
+        return Err(JobError::input(message, "cancel the call of the job `design`"));
+    }
+    if !holder.is_here() || holder.is_gone() {
+        let message = format!("{run}: {holder} works on this run, and can only be ended there");
+        return Err(JobError::input(message, "end it there, by Ctrl-C or SIGTERM"));
+    }
+    end(&holder)?;
+    Ok(Response { holder: Some(holder) })
+}
+
+#[cfg(unix)]
+fn end(holder: &Holder) -> Result<(), JobError> {
+    let pid = i32::try_from(holder.pid).ok().and_then(rustix::process::Pid::from_raw);
+    let pid = pid.ok_or_else(|| JobError::failed(format!("{holder}: this is no number of a process")))?;
+    rustix::process::kill_process(pid, rustix::process::Signal::TERM)
+        .map_err(|error| JobError::failed(format!("{holder}: {error}")))
+}
+
+#[cfg(not(unix))]
+fn end(holder: &Holder) -> Result<(), JobError> {
+    Err(JobError::input(format!("{holder}: this system has no signals"), "end it by Ctrl-C in its window"))
+}

@@ -1,0 +1,47 @@
+//! `report-so-far`: the page of a run as it stands, also while it is at work.
+
+use std::path::PathBuf;
+
+use petzval_design::report::run_report::report_so_far;
+use petzval_design::run::RunFolder;
+use petzval_design::scoring::collect_so_far;
+use petzval_design::setup::Setup;
+use petzval_report::design_report::html;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::context::Context;
+use crate::design::scorer;
+use crate::error::JobError;
+use crate::run_page::page;
+
+/// A run.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Request {
+    /// Its folder.
+    pub run: PathBuf,
+}
+
+/// Its page.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct Response {
+    /// The page, as HTML that needs no other file.
+    pub html: String,
+    /// Whether the run is finished: then this is its report.
+    pub is_finished: bool,
+}
+
+/// Makes the page: of a finished run its report, else the finished cameras, the lens of the camera at work and the losses so far.
+pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+    let folder = RunFolder::open(&request.run)?;
+    let experiment = context.assets.experiment_of_run(&folder)?;
+    let setup = Setup::without_windows(experiment, &context.assets, context.device("cpu")?)?;
+    if folder.metrics().is_file() {
+        return Ok(Response { html: page(&setup, &folder)?, is_finished: true });
+    }
+    let scorer = scorer(setup)?;
+    let setup = scorer.setup();
+    let metrics = collect_so_far(setup, &folder, scorer.scores())?;
+    Ok(Response { html: html(&report_so_far(setup, &folder, metrics)?), is_finished: false })
+}

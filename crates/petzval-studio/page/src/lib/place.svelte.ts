@@ -1,0 +1,58 @@
+// Where one is on the page: the room, and what is shown in it. It stands in the address behind #, so that a tab that is loaded again, also after a
+// restart of the studio, is where it was.
+
+import type { First, Room } from "./types";
+
+const ROOMS: Room[] = ["lens", "camera", "task", "design", "runs"];
+
+class Place {
+  room = $state<Room>("lens");
+  /** The run that is shown. */
+  run = $state<string | undefined>();
+  experiment = $state<string | undefined>();
+  sweep = $state<string | undefined>();
+  /** The folder whose runs are listed. */
+  runs = $state("runs");
+
+  /** Takes the place from the address; false if it holds none. */
+  read(): boolean {
+    const [room, query] = location.hash.slice(1).split("?");
+    if (!ROOMS.includes(room as Room)) return false;
+    const keys = new URLSearchParams(query);
+    this.room = room as Room;
+    this.run = keys.get("run") ?? undefined;
+    this.experiment = keys.get("experiment") ?? undefined;
+    this.sweep = keys.get("sweep") ?? undefined;
+    this.runs = keys.get("runs") ?? this.runs;
+    return true;
+  }
+
+  /** Takes what the studio was started with. */
+  take(first: First): void {
+    this.room = first.room;
+    this.run = first.run ?? undefined;
+    this.experiment = first.experiment ?? undefined;
+    this.sweep = first.sweep ?? undefined;
+    if (first.runs) this.runs = first.runs;
+    else if (first.run) this.runs = first.run.includes("/") ? first.run.slice(0, first.run.lastIndexOf("/")) : ".";
+    this.keep();
+  }
+
+  keep(): void {
+    const keys = new URLSearchParams();
+    if (this.run) keys.set("run", this.run);
+    if (this.experiment) keys.set("experiment", this.experiment);
+    if (this.sweep) keys.set("sweep", this.sweep);
+    if (this.runs !== "runs") keys.set("runs", this.runs);
+    const query = keys.toString();
+    history.replaceState(null, "", `#${this.room}${query ? `?${query}` : ""}`);
+  }
+
+  go(room: Room, what: Partial<Pick<Place, "run" | "experiment" | "sweep">> = {}): void {
+    this.room = room;
+    Object.assign(this, what);
+    this.keep();
+  }
+}
+
+export const place = new Place();

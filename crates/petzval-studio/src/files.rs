@@ -1,0 +1,179 @@
+//! Files of the studio's folder, for the page to show: reports, pictures, logs.
+
+use std::io::{Read, Seek, SeekFrom};
+use std::path::{Component, Path, PathBuf};
+
+use serde_json::json;
+
+use crate::folder::Folder;
+use crate::http::Answer;
+
+/// Where the files are.
+pub const PREFIX: &str = "/files/";
+
+/// Most bytes of a file that is sent at once.
+const MOST: u64 = 64 << 20;
+
+/// What a page of the folder may do: show itself with the pictures in it, and run its own script, without an origin, and so without the cookie of the
+/// studio. Only the page of the studio may hold it in a frame.
+const POLICY: &str = "sandbox allow-scripts allow-popups; default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; \
+                      img-src data: blob:; font-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'self'";
+
+/// Endings of the files that are sent, and their kinds.
+const KINDS: [(&str, &str); 10] = [
+    ("html", "text/html; charset=utf-8"),
+    ("png", "image/png"),
+    ("jpg", "image/jpeg"),
+    ("svg", "image/svg+xml"),
+    ("json", "application/json"),
+    ("jsonl", "text/plain; charset=utf-8"),
+    ("csv", "text/plain; charset=utf-8"),
+    ("toml", "text/plain; charset=utf-8"),
+    ("txt", "text/plain; charset=utf-8"),
+    ("md", "text/plain; charset=utf-8"),
+];
+
+/// A file by its path in the address, from a byte on: `?from=BYTE`.
+pub fn file(folder: &Folder, path: &str, query: &str) -> Answer {
+    let Some(path) = place(folder, path) else {
+        return Answer::plain("403 Forbidden", "this path leads out of the folder of the studio");
+    };
+    let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default();
+    let Some((_, kind)) = KINDS.iter().find(|(known, _)| *known == ending) else {
+        return Answer::plain("415 Unsupported Media Type", "files of this ending are not shown");
+    };
+    let from = query.split('&').find_map(|part| part.strip_prefix("from=")?.parse::<u64>().ok()).unwrap_or(0);
+    match read(&path, from) {
+        Ok(body) => {
+            let headers = [
+                ("Content-Type", (*kind).to_owned()),
+                ("Content-Security-Policy", POLICY.to_owned()),
+                ("X-Content-Type-Options", "nosniff".to_owned()),
+                ("Referrer-Policy", "no-referrer".to_owned()),
+                ("Cache-Control", "no-store".to_owned()),
+            ];
+            Answer { status: "200 OK", headers: headers.to_vec(), body }
+        }
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+            Answer::plain("404 Not Found", "there is no such file")
+        }
+        Err(error) => Answer::plain("500 Internal Server Error", error.to_string()),
+    }
+}
+
+/// The sheets in the folder: pages that jobs wrote, by their paths, the newest first.
+pub fn sheets(folder: &Folder) -> Answer {
+    let mut found = Vec::new();
+    collect(folder.path(), 0, &mut found);
+    found.sort_by(|a: &Sheet, b| b.changed.cmp(&a.changed).then_with(|| a.path.cmp(&b.path)));
+    found.truncate(MOST_SHEETS);
+    let sheet = |sheet: &Sheet| {
+        let path = sheet.path.strip_prefix(folder.path()).unwrap_or(&sheet.path);
+        json!({"path": path.to_string_lossy(), "changed_s": sheet.changed, "bytes": sheet.bytes})
+    };
+    Answer::json(&json!(found.iter().map(sheet).collect::<Vec<_>>()))
+}
+
+/// Most pages that are listed, and how deep they are looked for.
+const MOST_SHEETS: usize = 500;
+const DEEPEST: usize = 4;
+
+/// Most entries that are looked at: a folder may hold a data set.
+const MOST_ENTRIES: usize = 20_000;
+
+struct Sheet {
+    path: PathBuf,
+    /// Seconds since 1970.
+    changed: u64,
+    bytes: u64,
+}
+
+fn collect(folder: &Path, depth: usize, found: &mut Vec<Sheet>) {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    for entry in entries.take(MOST_ENTRIES) {
+        let (path, Ok(kind)) = (entry.path(), entry.file_type()) else { continue };
+        let is_hidden = entry.file_name().to_string_lossy().starts_with('.');
+        if kind.is_dir() && depth < DEEPEST && !is_hidden {
+            collect(&path, depth + 1, found);
+        } else if kind.is_file()
+            && path.extension().is_some_and(|ending| ending == "html")
+            && let Ok(data) = entry.metadata()
+        {
+            let changed = data.modified().ok().and_then(|at| at.duration_since(std::time::UNIX_EPOCH).ok());
+            found.push(Sheet { path, changed: changed.map_or(0, |at| at.as_secs()), bytes: data.len() });
+        }
+    }
+}
+
+/// The file of a path; none if it leads out of the folder.
+fn place(folder: &Folder, path: &str) -> Option<PathBuf> {
+    let path = decoded(path)?;
+    let plain = Path::new(&path).components().all(|part| matches!(part, Component::Normal(_)));
+    (plain && folder.holds(&path)).then(|| folder.path().join(path))
+}
+
+/// Text whose bytes are written as `%41`; none for what is no UTF-8.
+fn decoded(text: &str) -> Option<String> {
+    let (mut bytes, mut rest) = (Vec::with_capacity(text.len()), text.as_bytes());
+    while let Some((first, after)) = rest.split_first() {
+        if *first == b'%' {
+            let digits = std::str::from_utf8(after.get(..2)?).ok()?;
+            bytes.push(u8::from_str_radix(digits, 16).ok()?);
+            rest = &after[2..];
+        } else {
+            bytes.push(*first);
+            rest = after;
+        }
+    }
+    String::from_utf8(bytes).ok()
+}
+
+fn read(path: &Path, from: u64) -> std::io::Result<Vec<u8>> {
+    let mut file = petzval_base::open_file(path)?;
+    if !file.metadata()?.is_file() {
+        return Err(std::io::ErrorKind::NotFound.into());
+    }
+    file.seek(SeekFrom::Start(from))?;
+    let mut bytes = Vec::new();
+    file.take(MOST).read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_of_the_folder_are_sent_and_no_other() {
+        let (outside, inside) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+        let folder = Folder::new(inside.path()).unwrap();
+        std::fs::write(outside.path().join("secret.txt"), "x").unwrap();
+        std::fs::create_dir(inside.path().join("a b")).unwrap();
+        std::fs::write(inside.path().join("a b/page.html"), "<p>whole").unwrap();
+        std::fs::write(inside.path().join("key.pem"), "x").unwrap();
+        #[cfg(unix)]
+        std::os::unix::fs::symlink(outside.path(), inside.path().join("link")).unwrap();
+        let status = |path: &str| file(&folder, path, "").status;
+        let page = file(&folder, "a%20b/page.html", "");
+        assert_eq!((page.status, page.body.as_slice()), ("200 OK", &b"<p>whole"[..]));
+        assert!(
+            page.headers
+                .iter()
+                .any(|(name, value)| *name == "Content-Security-Policy" && value.contains("sandbox"))
+        );
+        assert_eq!(file(&folder, "a%20b/page.html", "from=3").body, b"whole");
+        assert_eq!(status("a%20b/none.html"), "404 Not Found");
+        assert!(status("key.pem").starts_with("415"));
+        let absolute = format!("/{}", outside.path().join("secret.txt").display());
+        for wrong in
+            ["../secret.txt", "%2e%2e/secret.txt", "a%20b/../../x.txt", "%zz.txt", "%ff.txt", "%2", &absolute]
+        {
+            assert!(status(wrong).starts_with("403"), "{wrong}");
+        }
+        if cfg!(unix) {
+            assert!(status("link/secret.txt").starts_with("403"));
+        }
+        let listed = String::from_utf8(sheets(&folder).body).unwrap();
+        assert!(listed.contains("a b/page.html") && !listed.contains("secret"), "{listed}");
+    }
+}
