@@ -65,7 +65,7 @@ pub use as_unit::AsUnit;
 pub use built_in::built_in_assets;
 pub use call::{CALL_FORMAT, Call, MOST_THREADS, row};
 pub use context::{Context, Silent};
-pub use device::compiled_in_devices;
+pub use device::{DeviceReport, Verdict, compiled_in_devices};
 pub use error::{ErrorReport, Fault, JobError, Place, Stopped, json, text_of_file};
 pub use event::{CameraScore, Event, WarningKind, Watcher};
 pub use input::{ExperimentInput, LensInput, SensorInput};
