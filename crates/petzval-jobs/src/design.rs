@@ -28,7 +28,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::as_unit::AsUnit;
 use crate::context::Context;
-use crate::device::Gate;
+use crate::device_check::Gate;
 use crate::error::{JobError, Stopped, json, make_folder};
 use crate::event::{CameraScore, Event, WarningKind};
 pub use crate::experiment::DEFAULT_EXPERIMENT;

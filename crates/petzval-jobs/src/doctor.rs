@@ -4,7 +4,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
-use crate::device::{DeviceReport, check_device, compiled_in_devices};
+use crate::device::compiled_in_devices;
+use crate::device_check::{DeviceReport, check_device};
 use crate::error::JobError;
 use crate::machine::{Environment, environment};
 use crate::range::check_ranges;

@@ -11,6 +11,7 @@ use petzval_learn::convolution::Convolution;
 use petzval_learn::device_check::{DETECTORS, of_detector, of_proxies};
 
 use crate::context::Context;
+use crate::device::device;
 use crate::error::JobError;
 
 /// Windows of streets that are made for a step: the convolutions do not depend on them.
@@ -54,7 +55,7 @@ pub(super) fn all_convolutions(deadline: Instant, context: &Context) -> Result<C
     };
     for (name, experiment) in &experiments {
         next(name.clone(), &|| {
-            let setup = Setup::new(experiment.clone(), &context.assets, super::device("cpu")?)?;
+            let setup = Setup::new(experiment.clone(), &context.assets, device("cpu")?)?;
             Ok(convolutions_of(&setup)?)
         })?;
     }

@@ -1,17 +1,11 @@
 //! Where tensors live.
 
-mod check;
-mod networks;
-
 #[cfg(any(feature = "wgpu", feature = "cuda"))]
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use petzval_learn::Device;
 
 use crate::error::JobError;
-
-pub use check::{DeviceReport, Verdict};
-pub(crate) use check::{Gate, check_device};
 
 /// Devices that this build can use: name and description.
 pub fn compiled_in_devices() -> Vec<(&'static str, &'static str)> {

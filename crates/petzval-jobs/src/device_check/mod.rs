@@ -1,5 +1,7 @@
 //! The check of a device before a training: its convolutions beside the CPU's, its memory over many steps.
 
+mod networks;
+
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -14,9 +16,11 @@ use petzval_learn::device_check::{ConvolutionCheck, MemoryCheck, check_convoluti
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::networks::all_convolutions;
 use crate::context::Context;
+use crate::device::device;
 use crate::error::{JobError, json};
+
+use networks::all_convolutions;
 
 /// Largest difference by the largest value of a pass where all numbers have 24 bits.
 const TOLERANCE: f64 = 1e-5;
@@ -174,8 +178,8 @@ impl Subject {
 /// Checks a device with the convolutions of every network of Petzval, for about so many seconds.
 pub(crate) fn check_device(name: &str, seconds: usize, context: &Context) -> Result<DeviceReport, JobError> {
     let started = Instant::now();
-    let device = super::device(name)?;
-    let subject = Subject::new(name, &device);
+    let tensors = device(name)?;
+    let subject = Subject::new(name, &tensors);
     context.note(format!("checking {} against the CPU, for {seconds} s at most", subject.in_words()));
     // A third of the time at most goes to the CPU, which says what there is to try.
     let limit = Duration::from_secs(seconds as u64);
@@ -272,7 +276,7 @@ mod tests {
     }
 
     fn subject() -> Subject {
-        Subject::new("cpu", &super::super::device("cpu").unwrap())
+        Subject::new("cpu", &device("cpu").unwrap())
     }
 
     #[test]
@@ -305,7 +309,7 @@ mod tests {
         let context = context();
         let mut experiment = context.assets.experiment(crate::experiment::DEFAULT_EXPERIMENT).unwrap();
         (experiment.training.batch, experiment.training.crop) = (1, 32);
-        let setup = Setup::new(experiment, &context.assets, super::super::device("cpu").unwrap()).unwrap();
+        let setup = Setup::new(experiment, &context.assets, device("cpu").unwrap()).unwrap();
         let root = tempfile::tempdir().unwrap();
         let folder = RunFolder::create(&root.path().join("run")).unwrap();
 
