@@ -6,7 +6,7 @@ use std::process::Command;
 use std::time::Instant;
 
 use crate::ended::Ended;
-use crate::{engines, python};
+use crate::{devices, engines, python};
 
 /// Damaged files of each kind that readers are fed.
 const MUTATIONS: &str = "200000";
@@ -23,6 +23,8 @@ enum Work {
     Cargo { words: Vec<String>, variable: Option<(&'static str, &'static str)> },
     /// The Python package, with PyTorch.
     Python,
+    /// Tensors on a GPU.
+    Devices,
     /// Units of work under a program of others.
     Engine(&'static engines::Part),
 }
@@ -71,6 +73,7 @@ impl Work {
                 }
             }
             Self::Python => python::check(true).map_err(|problems| problems.join("\n")),
+            Self::Devices => devices::run(root, None),
             Self::Engine(part) => engines::run(part),
         }
     }
@@ -100,6 +103,7 @@ fn parts(root: &Path) -> Result<Vec<Part>, String> {
             Some(("PETZVAL_WHOLE_BOOK", "1")),
         ),
         Part { name: "the Python package, with PyTorch".to_owned(), work: Work::Python },
+        Part { name: "tensors on a GPU, by software Vulkan".to_owned(), work: Work::Devices },
         part("the studio, in a browser".to_owned(), &["xtask", "studio"], None),
     ];
     for experiment in experiments(root)? {

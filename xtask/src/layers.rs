@@ -26,8 +26,9 @@ const ORDER: [&[&str]; 11] = [
 ];
 
 /// Outside crates that only some of ours may use directly, with the reason.
-const RESERVED: [(&str, &[&str], &str); 8] = [
+const RESERVED: [(&str, &[&str], &str); 9] = [
     ("burn", &["petzval-camera", "petzval-learn", "petzval-design"], "the tape is cut at the PSF"),
+    ("burn-cubecl", &["petzval-camera"], "one crate reaches below the framework's tensors"),
     ("maud", &["petzval-report"], "reports are made in one place"),
     ("clap", &["petzval"], "only the command has a command line"),
     ("miette", &["petzval"], "libraries return typed errors"),

@@ -3,10 +3,12 @@
 //! `cargo xtask layers` checks that the crates keep the order of the light path, and that no modules and no folders inside a crate use
 //! each other in a circle. `cargo xtask words` checks the comments: short sentences, no house words. `cargo xtask python` installs the Python
 //! package and tests it. `cargo xtask studio` builds the page of the studio anew, compares it, and tests it in a browser. `cargo xtask engines` runs
-//! units of work under Slurm, HyperQueue, Ray and submitit. `cargo xtask results` writes the tables of the book's results from their data.
-//! `cargo xtask full` runs what continuous integration has no time for.
+//! units of work under Slurm, HyperQueue, Ray and submitit. `cargo xtask devices` proves the build for GPUs on a Vulkan device that is a program
+//! on the CPU. `cargo xtask results` writes the tables of the book's results from their data. `cargo xtask full` runs what continuous integration
+//! has no time for.
 
 mod circles;
+mod devices;
 mod ended;
 mod engines;
 mod files;
@@ -31,11 +33,12 @@ fn main() -> ExitCode {
         }
         "studio" => studio::check(std::env::args().any(|word| word == "--page")),
         "engines" => engines::check(&std::env::args().skip(2).collect::<Vec<_>>()),
+        "devices" => devices::check(&std::env::args().skip(2).collect::<Vec<_>>()),
         "results" => results::run(&std::env::args().skip(2).collect::<Vec<_>>()),
         "full" => full::check(),
         _ => {
             eprintln!(
-                "usage: cargo xtask layers|words|python [--torch]|studio [--page]|engines|results [--check]|full"
+                "usage: cargo xtask layers|words|python [--torch]|studio [--page]|engines|devices|results [--check]|full"
             );
             return ExitCode::from(2);
         }

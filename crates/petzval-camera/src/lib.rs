@@ -11,6 +11,7 @@
 //! | how good it is | [`quality`] | numbers |
 //! | how good it could be | [`linear_limit`] | the expected squared error |
 //! | all of it on the tape | [`tape`] | tensors |
+//! | where its tensors are | [`device`] | what a GPU says of itself |
 //!
 //! Conventions: pictures are channel-major (red, green, blue), linear light, 1.0 = white. Sensor pixel `(r, c)` has its
 //! centre at `x = (c - (W-1)/2) pixel_um`, `y = (r - (H-1)/2) pixel_um`. A [`Placement`] is the sensor position of a
@@ -57,6 +58,7 @@
 //! not know how a PSF was made. Derivatives are hand-written adjoints; only [`tape`] uses the tensor framework.
 
 pub mod develop;
+pub mod device;
 pub mod image;
 pub mod isp;
 pub mod linear_limit;

@@ -14,6 +14,7 @@ pub mod assets;
 pub mod block;
 pub mod camera;
 pub mod cameras;
+pub mod convolutions;
 pub mod design_loop;
 pub mod error;
 pub mod evolution;

@@ -28,6 +28,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::as_unit::AsUnit;
 use crate::context::Context;
+use crate::device_check::Gate;
 use crate::error::{JobError, Stopped, json, make_folder};
 use crate::event::{CameraScore, Event, WarningKind};
 pub use crate::experiment::DEFAULT_EXPERIMENT;
@@ -239,6 +240,7 @@ fn run_from(request: &Request, context: &Context) -> Result<Response, JobError> 
             check_pictures_are_there(&folder, &experiment, key)?;
             let setup = set_up(experiment, device, context)?;
             remember_pictures(check_inputs(&setup, &folder)?, &folder)?;
+            Gate { device: &request.device, setup: &setup, folder: &folder }.pass(context)?;
             extension = (config != record.config).then_some((record, config));
             (scorer(setup)?, folder, lock)
         }
@@ -253,10 +255,16 @@ fn run_from(request: &Request, context: &Context) -> Result<Response, JobError> 
             let scorer = scorer(setup)?;
             let setup = scorer.setup();
             let root = root_of(new, &setup.experiment);
-            if !root.exists() {
+            let was_there = root.exists();
+            if !was_there {
                 make_folder(&root)?;
             }
             let folder = RunFolder::create(&root)?;
+            let gate = Gate { device: &request.device, setup, folder: &folder };
+            if let Err(refused) = gate.pass(context) {
+                folder.take_back(was_there)?;
+                return Err(refused);
+            }
             write_file(&folder.environment(), json(&environment(context))?.as_bytes())?;
             let lock = folder.lock()?;
             keep_inputs(setup, &own.assets, &folder)?;

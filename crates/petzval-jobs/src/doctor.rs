@@ -5,8 +5,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
 use crate::device::compiled_in_devices;
+use crate::device_check::{DeviceReport, check_device};
 use crate::error::JobError;
 use crate::machine::{Environment, environment};
+use crate::range::check_ranges;
 
 /// What the machine and the build offer.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -22,15 +24,25 @@ pub struct Response {
     pub sensors: Vec<String>,
     /// Built-in experiments.
     pub experiments: Vec<String>,
+    /// What the check of a device found, if one is named.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub check: Option<DeviceReport>,
 }
 
-/// An empty request.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Request {}
+petzval_base::parameters! {
+    /// What is looked at beside machine, build and built-in files.
+    pub struct Request {
+        /// Time for the check of a device; what it leaves out is listed.
+        seconds: usize = 120, "s", 1..86_400, Log, "120 s; more on a device that is slow";
+    }
+    also {
+        /// Device to check: its convolutions at the sizes of our networks, forward and back, against the CPU, and its memory over 300 steps.
+        device: Option<String> = None;
+    }
+}
 
 /// Looks at the machine, and reads every built-in file; one that cannot be read is an error.
-pub fn run(_: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let assets = &context.assets;
     let names = |folder| assets.names(folder).into_iter().map(str::to_owned).collect::<Vec<_>>();
     let (lenses, sensors, experiments) = (names("lenses"), names("sensors"), names("experiments"));
@@ -43,6 +55,9 @@ pub fn run(_: &Request, context: &Context) -> Result<Response, JobError> {
     for experiment in &experiments {
         assets.experiment(experiment)?;
     }
+    check_ranges(request)?;
+    let check = request.device.as_ref();
+    let check = check.map(|device| check_device(device, request.seconds, context)).transpose()?;
     let devices = compiled_in_devices().into_iter().map(|(name, _)| name.to_owned());
     Ok(Response {
         environment: environment(context),
@@ -50,5 +65,6 @@ pub fn run(_: &Request, context: &Context) -> Result<Response, JobError> {
         lenses,
         sensors,
         experiments,
+        check,
     })
 }

@@ -13,14 +13,18 @@
 //! | [`score`] | how good a picture is, and how well objects are detected in it, in the numbers of the literature |
 //! | [`weight_file`] | weights of any network as bytes |
 //! | [`any_network`] | a network of any kind from its weights alone, with a name for each of them |
+//! | [`convolution`] | convolutions as values: which kind, of which shape |
+//! | [`device_check`] | whether a device computes them as the CPU does |
 //! | [`dataset`] | photographs, split into training and held-out pictures |
 //!
 //! Pictures are tensors of shape `[batch, channel, row, column]`, sRGB-encoded, about 0..1. Networks and losses take and
 //! return tensors on the device on which they were made. Files are read only by [`dataset`].
 
 pub mod any_network;
+pub mod convolution;
 pub mod dataset;
 pub mod detection;
+pub mod device_check;
 pub mod guest;
 pub mod guest_task;
 pub mod loss;

@@ -38,6 +38,18 @@ impl RunFolder {
         Ok(Self { root: root.to_path_buf() })
     }
 
+    /// Removes what [`create`](Self::create) made, for a run that does not begin; also the folder itself, unless it was there before.
+    pub fn take_back(self, was_there: bool) -> Result<(), DesignError> {
+        let made = ["checkpoints", "lens", "cameras", "pictures", "inputs"].map(|part| self.root.join(part));
+        for path in made.into_iter().chain([self.tuning()]).filter(|path| path.is_dir()) {
+            fs::remove_dir_all(&path).map_err(DesignError::io(&path))?;
+        }
+        if !was_there {
+            fs::remove_dir(&self.root).map_err(DesignError::io(&self.root))?;
+        }
+        Ok(())
+    }
+
     /// Sees that a new run can begin in this folder, which need not exist. Fails if it is a file, or holds a run or a part of one.
     pub fn check_new(root: &Path) -> Result<(), DesignError> {
         let folder = Self { root: root.to_path_buf() };
@@ -146,6 +158,16 @@ impl RunFolder {
     /// Machine, version, command.
     pub fn environment(&self) -> PathBuf {
         self.root.join("environment.json")
+    }
+
+    /// What the check of the device found on which the run trains, if that is not the CPU.
+    pub fn device(&self) -> PathBuf {
+        self.root.join("device.json")
+    }
+
+    /// Which kernels were found the fastest on that device: with them a run goes on as it began.
+    pub fn tuning(&self) -> PathBuf {
+        self.root.join("tuning")
     }
 
     /// Fingerprint of lens, sensor and photographs.

@@ -2,15 +2,12 @@
 
 use burn::{
     prelude::*,
-    tensor::{
-        activation::relu,
-        module::{conv2d, max_pool2d},
-        ops::{ConvOptions, MaxPoolOptions},
-    },
+    tensor::{activation::relu, module::max_pool2d, ops::MaxPoolOptions},
 };
 use safetensors::SafeTensors;
 
 use super::{LossError, same_shape};
+use crate::convolution;
 use crate::weight_file::read_weights;
 
 /// Least side of a picture, pixels: the last pooling needs one whole window.
@@ -144,8 +141,8 @@ impl Lpips {
             if stage.pooled {
                 x = max_pool2d(x, MaxPoolOptions::new([3, 3]).with_stride([2, 2]));
             }
-            let options = ConvOptions::new([stage.stride; 2], [stage.padding; 2], [1, 1], 1);
-            x = relu(conv2d(x, stage.weight.clone(), Some(stage.bias.clone()), options));
+            let (weight, bias) = (stage.weight.clone(), Some(stage.bias.clone()));
+            x = relu(convolution::of_loss(x, weight, bias, stage.stride, stage.padding));
 
             // The square of epsilon under the root keeps the gradient finite where all channels are 0.
             let length = (x.clone().square().sum_dim(1) + EPSILON * EPSILON).sqrt();

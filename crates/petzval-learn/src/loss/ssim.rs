@@ -1,11 +1,10 @@
 //! Structural similarity on the tape.
 
 use burn::prelude::*;
-use burn::tensor::module::conv2d;
-use burn::tensor::ops::ConvOptions;
 use petzval_camera::quality::{SSIM_C1, SSIM_C2, SSIM_WINDOW, ssim_window};
 
 use super::{LossError, same_shape};
+use crate::convolution;
 
 /// The mean structural similarity of two pictures `[batch, 3, height, width]` of values 0..1, with a gradient to both; 1 for equal
 /// pictures. Returns one value. Sides below 11 pixels are refused.
@@ -51,9 +50,8 @@ fn blurred(x: Tensor<4>) -> Tensor<4> {
     let device = x.device();
     let weights: Vec<f32> = ssim_window().iter().map(|w| *w as f32).collect();
     let along = |shape: [usize; 4]| Tensor::from_data(TensorData::new(weights.clone(), shape), &device);
-    let inside = || ConvOptions::new([1, 1], [0, 0], [1, 1], 1);
-    let down = conv2d(x, along([1, 1, SSIM_WINDOW, 1]), None, inside());
-    conv2d(down, along([1, 1, 1, SSIM_WINDOW]), None, inside())
+    let down = convolution::of_loss(x, along([1, 1, SSIM_WINDOW, 1]), None, 1, 0);
+    convolution::of_loss(down, along([1, 1, 1, SSIM_WINDOW]), None, 1, 0)
 }
 
 #[cfg(test)]

@@ -14,6 +14,8 @@ use burn::{
 
 use petzval_camera::tape::{Kernel, View, apply, is_on_host};
 
+use crate::convolution::{self, Convolution, ConvolutionKind};
+
 use super::conv_kernel::{self, ConvShape};
 
 /// `leaky(conv(x, weight) + bias)` with a 3x3 kernel, stride 1 and a border of zeros: [`conv_leaky`] with a step of 1.
@@ -42,12 +44,25 @@ pub fn conv_leaky(x: Tensor<4>, weight: Tensor<4>, bias: Tensor<1>, step: usize,
     assert!(rows % 2 == 1 && rows <= 15, "conv_leaky: kernel {rows} is not odd or above 15");
     assert!(step == 1 || step == 2, "conv_leaky: step {step} is not 1 or 2");
     assert!(slope > 0.0 && slope <= 1.0, "conv_leaky: slope {slope} is outside 0..1");
+    convolution::note(Convolution {
+        kind: ConvolutionKind::Full,
+        input: x.dims(),
+        outputs,
+        kernel: [rows, columns],
+        step,
+        border: rows / 2,
+    });
     if is_on_host(&x) {
         let inputs = [x.into_dispatch(), weight.into_dispatch(), bias.into_dispatch()];
         return apply(Arc::new(ConvLeaky { step, slope }), inputs);
     }
-    let options = ConvOptions::new([step; 2], [rows / 2; 2], [1; 2], 1);
-    leaky_relu(conv2d(x, weight, Some(bias), options), f64::from(slope))
+    leaky_relu(conv_by_framework(x, weight, bias, step), f64::from(slope))
+}
+
+/// [`conv_leaky`] without its rectifier, by the framework on any device.
+pub(crate) fn conv_by_framework(x: Tensor<4>, weight: Tensor<4>, bias: Tensor<1>, step: usize) -> Tensor<4> {
+    let [_, _, rows, _] = weight.dims();
+    conv2d(x, weight, Some(bias), ConvOptions::new([step; 2], [rows / 2; 2], [1; 2], 1))
 }
 
 #[derive(Debug)]

@@ -14,6 +14,8 @@ use petzval_camera::tape::{Kernel, View, apply, is_on_host};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
+use crate::convolution::{self, Convolution, ConvolutionKind};
+
 use super::planes::PlaneShape;
 
 /// `y[c, r, s] = bias[c] + sum over i, j of weight[c, i, j] x[c, r + i - k, s + j - k]`, zeros outside, `k = kernel / 2`.
@@ -28,9 +30,23 @@ pub fn depthwise(x: Tensor<4>, weight: Tensor<3>, bias: Tensor<1>) -> Tensor<4> 
     assert_eq!([channels, rows], [kernels, columns], "depthwise: kernel does not fit the input");
     assert_eq!([channels], bias.dims(), "depthwise: one bias per channel");
     assert!(rows % 2 == 1 && rows <= 15, "depthwise: kernel {rows} is not odd or above 15");
+    convolution::note(Convolution {
+        kind: ConvolutionKind::Depthwise,
+        input: x.dims(),
+        outputs: channels,
+        kernel: [rows, columns],
+        step: 1,
+        border: rows / 2,
+    });
     if is_on_host(&x) {
         return apply(Arc::new(Depthwise), [x.into_dispatch(), weight.into_dispatch(), bias.into_dispatch()]);
     }
+    depthwise_by_framework(x, weight, bias)
+}
+
+/// [`depthwise`] by the framework on any device.
+pub(crate) fn depthwise_by_framework(x: Tensor<4>, weight: Tensor<3>, bias: Tensor<1>) -> Tensor<4> {
+    let [channels, rows, _] = weight.dims();
     let options = ConvOptions::new([1; 2], [rows / 2; 2], [1; 2], channels);
     conv2d(x, weight.unsqueeze_dim::<4>(1), Some(bias), options)
 }

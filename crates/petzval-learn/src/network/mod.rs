@@ -34,14 +34,18 @@ mod weights;
 
 pub use crate::weight_file::NetworkError;
 pub use any::{Network, NetworkKind};
+pub(crate) use conv::conv_by_framework;
 pub use conv::{conv_leaky, conv3x3_leaky};
 pub use depthwise::depthwise;
+pub(crate) use depthwise::depthwise_by_framework;
 pub use guest_network::GuestNetwork;
 pub use input::NetworkInput;
 pub use isp_proxy::{IspProxy, IspProxyConfig};
 pub use naf::{Naf, NafConfig};
 pub use optics_proxy::{OpticsProxy, OpticsProxyConfig, PROXY_GRID, PredictedPsfs};
+pub(crate) use pointwise::mix_by_framework;
 pub use pointwise::{gated_pointwise, normalized_pointwise, pointwise};
+pub(crate) use pointwise_kernel::Prologue;
 pub use resize::resized;
 pub use restoration::{Correction, RestorationNetwork};
 pub use segmenter::Segmenter;

@@ -9,6 +9,8 @@ use std::sync::Arc;
 use burn::prelude::*;
 use petzval_camera::tape::{Kernel, View, apply, is_on_host};
 
+use crate::convolution::{self, Convolution, ConvolutionKind};
+
 use super::pointwise_kernel::{self, PointwiseShape, Prologue, VARIANCE_FLOOR};
 
 /// `weight x + bias` at every pixel: a 1x1 convolution.
@@ -42,14 +44,37 @@ pub fn gated_pointwise(x: Tensor<4>, weight: Tensor<2>, bias: Tensor<1>) -> Tens
 }
 
 fn mix(prologue: Prologue, x: Tensor<4>, weight: Tensor<2>, bias: Tensor<1>) -> Tensor<4> {
-    let ([batch, channels, height, width], [outputs, inputs]) = (x.dims(), weight.dims());
+    let ([_, channels, ..], [outputs, inputs]) = (x.dims(), weight.dims());
     let expected = if prologue == Prologue::Gate { 2 * inputs } else { inputs };
     assert_eq!(channels, expected, "pointwise: weight does not fit the input");
     assert_eq!([outputs], bias.dims(), "pointwise: one bias per output channel");
+    convolution::note(Convolution {
+        kind: match prologue {
+            Prologue::Plain => ConvolutionKind::Pointwise,
+            Prologue::Normalize => ConvolutionKind::Normalized,
+            Prologue::Gate => ConvolutionKind::Gated,
+        },
+        input: x.dims(),
+        outputs,
+        kernel: [1; 2],
+        step: 1,
+        border: 0,
+    });
     if is_on_host(&x) {
         let inputs = [x.into_dispatch(), weight.into_dispatch(), bias.into_dispatch()];
         return apply(Arc::new(Pointwise(prologue)), inputs);
     }
+    mix_by_framework(prologue, x, weight, bias)
+}
+
+/// A 1x1 convolution behind its prologue, by the framework on any device.
+pub(crate) fn mix_by_framework(
+    prologue: Prologue,
+    x: Tensor<4>,
+    weight: Tensor<2>,
+    bias: Tensor<1>,
+) -> Tensor<4> {
+    let ([batch, _, height, width], [outputs, inputs]) = (x.dims(), weight.dims());
     let n = match prologue {
         Prologue::Plain => x,
         Prologue::Normalize => {

@@ -2949,4 +2949,9 @@ class Bench(TypedDict, total=False):
 
 
 class Doctor(TypedDict, total=False):
-    """An empty request."""
+    """What is looked at beside machine, build and built-in files."""
+    device: str | None
+    """Device to check: its convolutions at the sizes of our networks, forward and back, against the CPU, and its
+    memory over 300 steps."""
+    seconds: int
+    """Time for the check of a device; what it leaves out is listed. Unit: s."""

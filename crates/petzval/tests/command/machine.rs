@@ -31,6 +31,28 @@ fn doctor_describes_the_machine() {
 }
 
 #[test]
+fn doctor_checks_a_device_for_as_long_as_it_may() {
+    let folder = tempfile::tempdir().unwrap();
+    let found = run_ok(folder.path(), &["doctor", "--device", "cpu", "--seconds", "1", "--json"]).json();
+    let check = &found["check"];
+    assert_eq!([&check["device"], &check["verdict"]], ["cpu", "unfinished"]);
+    let tried = check["convolutions"].as_array().unwrap();
+    assert!(!tried.is_empty() && tried.iter().all(|one| one["problem"].is_null()), "{tried:?}");
+    let largest = |one: &Value| one["errors"]["by_weights"].as_f64().unwrap();
+    assert!(tried.iter().all(|one| largest(one) < 1e-5) && tried.iter().any(|one| largest(one) > 0.0));
+    assert!(!check["networks_left_out"].as_array().unwrap().is_empty());
+    // Without a device nothing is checked.
+    assert!(run_ok(folder.path(), &["doctor", "--json"]).json().get("check").is_none());
+    #[cfg(not(feature = "wgpu"))]
+    run_fails(
+        folder.path(),
+        &["doctor", "--device", "wgpu"],
+        2,
+        &["not in this build", "cargo install --locked --path crates/petzval --features wgpu"],
+    );
+}
+
+#[test]
 fn a_batch_system_says_how_many_threads_there_are() {
     let folder = tempfile::tempdir().unwrap();
     let doctor = |words: &[&str], name, value: &str| {

@@ -14,4 +14,5 @@ mod trainer;
 
 pub use frame::{Frame, take};
 pub use gap::{Gap, Judge, ParameterSlope, ScoreGap};
+pub(crate) use trainer::PAIRS;
 pub use trainer::{ProxyTrainer, ProxyTraining, StepLosses};

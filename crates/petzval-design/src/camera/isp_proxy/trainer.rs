@@ -24,7 +24,7 @@ const FINAL_LEARNING_RATE: f64 = 0.02;
 const DIFFERENCE_WEIGHT: f64 = 1.0;
 
 /// Pairs of lists of parameters with which a frame is developed in a step: a near and a far one.
-const PAIRS: usize = 2;
+pub(crate) const PAIRS: usize = 2;
 
 petzval_base::parameters! {
     /// How a proxy is trained.
