@@ -74,12 +74,12 @@ fn built(root: &Path) -> Result<PathBuf, String> {
         return Err(format!("the build with `wgpu` failed: {}", String::from_utf8_lossy(&output.stderr)));
     }
     let lines = String::from_utf8_lossy(&output.stdout).into_owned();
-    let program = lines.lines().filter_map(|line| {
+    let mut program = lines.lines().filter_map(|line| {
         let message: Value = serde_json::from_str(line).ok()?;
         let is_ours = message["target"]["name"] == "petzval";
         message["executable"].as_str().filter(|_| is_ours).map(PathBuf::from)
     });
-    program.last().ok_or_else(|| "cargo names no program `petzval`".to_owned())
+    program.next_back().ok_or_else(|| "cargo names no program `petzval`".to_owned())
 }
 
 fn on_software(petzval: &Path, driver: &Path, folder: &Path) -> Result<Ended, String> {

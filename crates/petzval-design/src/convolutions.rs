@@ -37,7 +37,7 @@ pub fn convolutions_of(setup: &Setup) -> Result<BTreeSet<Convolution>, DesignErr
         let config = IspProxyConfig::default();
         let (device, training) = (&setup.body.device, &setup.experiment.training);
         let proxy = config.init(1, device)?;
-        let side = training.crop.next_multiple_of(2) / 2;
+        let side = training.crop.div_ceil(2);
         // It leads a step on the batch itself, and learns on two points of several pairs for each frame.
         for batch in [training.batch, 2 * PAIRS * training.batch] {
             let raw = Tensor::zeros([batch, 4, side, side], device);

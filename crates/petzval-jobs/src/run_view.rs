@@ -170,7 +170,7 @@ fn thinned(events: &[Event], request: &Request) -> (Vec<Step>, usize) {
     let mut steps = Vec::new();
     for event in events {
         let count = seen.entry((&event.camera, &event.block)).or_default();
-        let is_one_of_them = *count % every == 0;
+        let is_one_of_them = count.is_multiple_of(every);
         *count += 1;
         let is_rare = event.block == SCORE || !event.losses.contains_key("total");
         if event.step > request.after && (is_one_of_them || is_rare) {

@@ -405,7 +405,8 @@ mod tests {
             surface.shape.asphere[1] = 1e-6;
             let edge = |surface: &Surface| surface.shape.sag_at_mm([0.0, surface.semi_diameter_mm]);
             let before = edge(&surface).unwrap();
-            let moved: [(Number, fn(&mut Surface, f64)); 3] = [
+            type Move = fn(&mut Surface, f64);
+            let moved: [(Number, Move); 3] = [
                 (Number::Curvature, |surface, by| surface.shape.curvature += by),
                 (Number::Conic, |surface, by| surface.shape.conic += by),
                 (Number::Asphere(1), |surface, by| surface.shape.asphere[1] += by),

@@ -125,7 +125,7 @@ impl RunFolder {
 
     /// The process that holds the lock, if there is one and it has written its name.
     pub fn holder(&self) -> Option<Holder> {
-        let text = petzval_base::read_text(&self.root.join(LOCK)).ok().filter(|_| self.is_at_work())?;
+        let text = petzval_base::read_text(self.root.join(LOCK)).ok().filter(|_| self.is_at_work())?;
         serde_json::from_str(&text).ok()
     }
 

@@ -55,7 +55,8 @@ fn a_stop_narrower_than_its_beam_is_written_as_wide_as_the_beam() {
     let beam_mm = first_order(&lens.at_wavelength(lens.reference_um)).stop_radius_mm.abs();
     lens.surfaces[lens.stop].semi_diameter_mm = 0.8 * beam_mm;
     let file = file(lens);
-    let readers: [fn(&str, &Catalog) -> Result<Import, FileError>; 2] = [parse_zmx, parse_seq];
+    type Read = fn(&str, &Catalog) -> Result<Import, FileError>;
+    let readers: [Read; 2] = [parse_zmx, parse_seq];
     for (export, read) in [write_zmx(&file, &catalog), write_seq(&file, &catalog)].into_iter().zip(readers) {
         let export = export.unwrap();
         let said: Vec<&str> = export.losses.iter().map(|loss| loss.message.as_str()).collect();
