@@ -12,12 +12,10 @@ use crate::glass::context_with;
 use crate::job::Row;
 use crate::keys::error_in_keys;
 use crate::table::jobs;
+use crate::threads::MOST_THREADS;
 
 /// The version of [`Call`] that this program writes and reads.
 pub const CALL_FORMAT: u32 = 1;
-
-/// Most threads of a call or of the command; far more would hang the machine.
-pub const MOST_THREADS: usize = 1024;
 
 /// A job with its request and its surroundings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -69,7 +69,7 @@ pub mod usual;
 
 pub use as_unit::AsUnit;
 pub use built_in::built_in_assets;
-pub use call::{CALL_FORMAT, Call, MOST_THREADS, row};
+pub use call::{CALL_FORMAT, Call, row};
 pub use context::{Context, Silent};
 pub use device::compiled_in_devices;
 pub use device_check::{DeviceReport, Verdict};
@@ -81,6 +81,7 @@ pub use keys::error_in_keys;
 pub use petzval_design::library::Library;
 pub use settings::settings_of;
 pub use table::jobs;
+pub use threads::MOST_THREADS;
 
 /// What outlives a call may go from thread to thread: a server keeps it.
 const _: () = {

@@ -1,5 +1,5 @@
-//! `task-view`: a lens by the task of an experiment: the loss of a fixed batch, its slopes by every number of the lens, the share of the gap to a
-//! lens without aberrations, and the pictures with what the network reads in them. For a lens that is being dragged.
+//! `task-view`: a lens by the task of an experiment, while it is being dragged. It gives the loss of a fixed batch, its slopes by every number of
+//! the lens, and the share of the gap to a lens without aberrations. Pictures show what the network reads in them.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;

@@ -2,8 +2,10 @@
 
 use std::fmt;
 
-use crate::call::MOST_THREADS;
 use crate::error::JobError;
+
+/// Most threads of a call or of the command; far more would hang the machine.
+pub const MOST_THREADS: usize = 1024;
 
 /// A number of threads, and what it comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

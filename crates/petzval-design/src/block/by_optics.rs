@@ -42,9 +42,9 @@ impl ByOptics {
         Self { own: of(camera.psfs()), taken_for: camera.psfs_taken_for().map(of) }
     }
 
-    fn read(leaves: &OpticsLeaves, gradients: &Gradients) -> Result<Self, DesignError> {
-        let taken_for = leaves.taken_for.as_ref().map(|leaves| ByPsfs::read(leaves, gradients));
-        Ok(Self { own: ByPsfs::read(&leaves.own, gradients)?, taken_for: taken_for.transpose()? })
+    fn of(leaves: &OpticsLeaves, gradients: &Gradients) -> Result<Self, DesignError> {
+        let taken_for = leaves.taken_for.as_ref().map(|leaves| ByPsfs::of(leaves, gradients));
+        Ok(Self { own: ByPsfs::of(&leaves.own, gradients)?, taken_for: taken_for.transpose()? })
     }
 
     fn plus(self, other: Self) -> Self {
@@ -57,15 +57,15 @@ impl ByOptics {
 }
 
 impl ByPsfs {
-    fn read(leaves: &PsfLeaves, gradients: &Gradients) -> Result<Self, DesignError> {
-        fn of<const D: usize>(leaf: &Tensor<D>, all: &Gradients) -> Result<Option<Vec<f32>>, DesignError> {
+    fn of(leaves: &PsfLeaves, gradients: &Gradients) -> Result<Self, DesignError> {
+        fn by<const D: usize>(leaf: &Tensor<D>, all: &Gradients) -> Result<Option<Vec<f32>>, DesignError> {
             leaf.grad(all).map(to_host).transpose()
         }
         Ok(Self {
-            values: of(&leaves.values, gradients)?,
-            illumination: of(&leaves.illumination, gradients)?,
-            radius_mm: of(&leaves.radius_mm, gradients)?,
-            light: of(&leaves.light, gradients)?,
+            values: by(&leaves.values, gradients)?,
+            illumination: by(&leaves.illumination, gradients)?,
+            radius_mm: by(&leaves.radius_mm, gradients)?,
+            light: by(&leaves.light, gradients)?,
         })
     }
 
@@ -123,7 +123,7 @@ impl By for TheOptics<'_> {
     }
 
     fn read(&self, leaves: &OpticsLeaves, gradients: Gradients) -> Result<ByOptics, DesignError> {
-        ByOptics::read(leaves, &gradients)
+        ByOptics::of(leaves, &gradients)
     }
 
     fn plus(&self, sum: ByOptics, own: ByOptics) -> ByOptics {

@@ -168,8 +168,8 @@ impl Start {
         }
     }
 
-    /// What to say of a lens whose spot in the corner of the sensor grew while those of the goal shrank: few pixels lie beyond the outermost field
-    /// of equal area, and a table of fields from the axis to the corner shows them.
+    /// What to say of a lens whose spot in the corner of the sensor grew while those of the goal shrank. Few pixels lie beyond the outermost field
+    /// of equal area; a table of fields from the axis to the corner shows them.
     pub fn worse_corner(&self, before: &Lens, after: &Lens) -> Option<String> {
         let corner_mm = *self.plan.field_radius_mm.last()?;
         let quadrature = Quadrature::grid(CORNER_CELLS).ok()?;

@@ -15,10 +15,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use self::workload::{Prepared, Workload};
-use crate::call::MOST_THREADS;
 use crate::context::Context;
 use crate::error::JobError;
 use crate::range::check_ranges;
+use crate::threads::MOST_THREADS;
 
 petzval_base::parameters! {
     /// A workload to measure.

@@ -181,7 +181,7 @@ pub(crate) fn check_device(name: &str, seconds: usize, context: &Context) -> Res
     let tensors = device(name)?;
     let subject = Subject::new(name, &tensors);
     context.note(format!("checking {} against the CPU, for {seconds} s at most", subject.in_words()));
-    // A third of the time at most goes to the CPU, which says what there is to try.
+    // A third of the time at most goes to the CPU, which names the convolutions to try.
     let limit = Duration::from_secs(seconds as u64);
     let found = all_convolutions(started + limit / 3, context)?;
     let limit = limit.saturating_sub(started.elapsed());

@@ -23,7 +23,7 @@ pub struct Args {
     /// Check a device: cpu, wgpu or cuda
     #[arg(long, value_name = "DEVICE")]
     device: Option<String>,
-    /// Seconds for the check; what there is no time for is listed
+    /// Seconds for the check; convolutions for which they do not suffice are listed
     #[arg(long, default_value_t = doctor::Request::default().seconds, value_name = "S", requires = "device")]
     seconds: usize,
     /// Machine-readable output

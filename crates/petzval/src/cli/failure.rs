@@ -1,8 +1,8 @@
 //! Failures: message, place in the file and hint for the user, and the exit code.
 
+use std::collections::BTreeSet;
 use std::path::Path;
-
-use clap::CommandFactory;
+use std::sync::OnceLock;
 
 use crate::base::FileError;
 use crate::cli::code::Code;
@@ -144,14 +144,27 @@ impl From<JobError> for Failure {
     }
 }
 
+/// The flags of all verbs, without their dashes.
+static FLAGS: OnceLock<BTreeSet<String>> = OnceLock::new();
+
+/// Notes the flags of all verbs of a command. Without them, every setting counts as a flag.
+pub fn know_flags(command: &clap::Command) {
+    fn add(command: &clap::Command, flags: &mut BTreeSet<String>) {
+        flags.extend(command.get_arguments().filter_map(|argument| argument.get_long().map(str::to_owned)));
+        command.get_subcommands().for_each(|verb| add(verb, flags));
+    }
+    FLAGS.get_or_init(|| {
+        let mut flags = BTreeSet::new();
+        add(command, &mut flags);
+        flags
+    });
+}
+
 /// A setting of a request as users write it: as a flag, or as the place of an argument that has none.
 fn argument(key: &str) -> String {
-    fn is_flag(command: &clap::Command, name: &str) -> bool {
-        command.get_arguments().any(|argument| argument.get_long() == Some(name))
-            || command.get_subcommands().any(|verb| is_flag(verb, name))
-    }
     let name = key.replace('_', "-");
-    if is_flag(&super::Cli::command(), &name) { format!("--{name}") } else { name.to_uppercase() }
+    let is_flag = FLAGS.get().is_none_or(|flags| flags.contains(&name));
+    if is_flag { format!("--{name}") } else { name.to_uppercase() }
 }
 
 /// The exit code of an error. What goes on from a checkpoint is only interrupted.
@@ -182,6 +195,7 @@ mod tests {
 
     #[test]
     fn settings_are_named_as_users_write_them() {
+        know_flags(&<crate::cli::Cli as clap::CommandFactory>::command());
         for (key, named) in [("corner_mm", "--corner-mm"), ("threads", "--threads"), ("raws", "RAWS")] {
             assert_eq!(argument(key), named);
         }

@@ -17,9 +17,9 @@ use super::{output, signals};
 /// it into the folder. Designs are processes of their own: they go on when the studio ends, and are found again.
 ///
 /// Examples:
-///   petzval studio design.zmx          the lens of a file
-///   petzval studio runs/triplet        a run, at work or finished, with its lenses
-///   petzval studio experiment.toml     an experiment as a form, with start and stop
+///   petzval studio design.zmx          a lens file
+///   petzval studio runs/triplet        a run
+///   petzval studio experiment.toml     an experiment
 ///   petzval studio runs                all runs of a folder
 ///   petzval studio                     a built-in triplet
 #[derive(Debug, clap::Args)]

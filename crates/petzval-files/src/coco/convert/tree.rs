@@ -137,7 +137,7 @@ impl<'f> Pictures<'f> {
 /// Whether two files can be read and hold the same.
 fn have_same_bytes(one: &Path, other: &Path) -> bool {
     let length = |path: &Path| std::fs::metadata(path).map(|about| about.len()).ok();
-    let bytes = |path: &Path| std::fs::read(path).ok();
+    let bytes = |path: &Path| petzval_base::read_whole(path).ok();
     length(one).is_some() && length(one) == length(other) && bytes(one) == bytes(other)
 }
 
