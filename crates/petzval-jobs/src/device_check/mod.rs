@@ -145,7 +145,8 @@ impl Subject {
         };
         let mut checks = Vec::with_capacity(left_out.len());
         let mut waiting = left_out.into_iter();
-        while !is_over() {
+        // The first one is tried in any case.
+        while checks.is_empty() || !is_over() {
             let Some(convolution) = waiting.next() else { break };
             context.check(|| "stopped while the device was checked")?;
             context.progress((steps + checks.len()) as u64, total, convolution.to_string());
