@@ -140,8 +140,8 @@ impl<'a> Schema<'a> {
             key: key.to_owned(),
             kind: self.kind_of(property),
             default: match default {
-                _ if is_needed => MUST.to_owned(),
                 Some(default) => shown(default),
+                None if is_needed => MUST.to_owned(),
                 None => String::new(),
             },
             range: range(numbers),
