@@ -40,9 +40,10 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
+use schemars::JsonSchema;
 use serde::Deserialize;
-use toml::Spanned;
 
+use super::spanned::Spanned;
 use super::toml_number::Number;
 use petzval_base::FileError;
 use petzval_optics::lens::Lens;
@@ -91,49 +92,77 @@ fn is_same(a: &Freedom, b: &Freedom) -> bool {
     (kind(a.quantity), a.first, a.last) == (kind(b.quantity), b.first, b.last)
 }
 
-#[derive(Deserialize)]
+/// Tolerances of the numbers of a lens, and its compensators.
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "a table")]
-struct FileText {
+pub(crate) struct FileText {
+    /// Tolerances of every number without one of its own: "commercial", "precision" or "high". Without a grade these numbers are exact.
     grade: Option<Spanned<String>>,
+    /// How errors are distributed between their limits: "normal" (cut at two sigma), "uniform" or "parabolic".
     distribution: Option<Spanned<String>>,
+    /// Tolerances of a surface or of an element.
     #[serde(default)]
     tolerance: Vec<Spanned<ToleranceText>>,
+    /// What is adjusted on every lens that is made.
     #[serde(default)]
     compensator: Vec<Spanned<CompensatorText>>,
 }
 
 type Placed = Spanned<Number>;
 
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "a table")]
 struct ToleranceText {
+    /// The surface, counted from 1.
     surface: Option<Spanned<usize>>,
+    /// First and last surface of an element, which moves as one body.
     element: Option<Spanned<Vec<usize>>>,
+    /// Distribution of these errors, in place of that of the file.
     distribution: Option<Spanned<String>>,
+    /// Radius of curvature, either way. Unit: mm.
     radius_mm: Option<Placed>,
+    /// Radius of curvature, either way. Unit: %.
     radius_percent: Option<Placed>,
+    /// Power against a test plate. Unit: fringes.
     power_fringes: Option<Placed>,
+    /// Conic constant, either way.
     conic: Option<Placed>,
+    /// Irregularity that is alike all round, peak to valley. Unit: fringes.
     irregularity_fringes: Option<Placed>,
+    /// Errors of form at the edge of the clear aperture, by even orders from 2 to 16: `{ r4 = 0.1 }`. Unit: um.
     form_um: Option<Spanned<BTreeMap<Spanned<String>, Placed>>>,
+    /// Distance to the next vertex, either way; all that follows moves along. Unit: mm.
     thickness_mm: Option<Placed>,
+    /// Refractive index behind the surface, either way.
     index: Option<Placed>,
+    /// Abbe number behind the surface, at a fixed index of the d line, either way. Unit: %.
     abbe_percent: Option<Placed>,
+    /// Decentre along x and along y. Unit: mm.
     decenter_mm: Option<Placed>,
+    /// Decentre along x. Unit: mm.
     decenter_x_mm: Option<Placed>,
+    /// Decentre along y. Unit: mm.
     decenter_y_mm: Option<Placed>,
+    /// Tilt about x and about y. Unit: arcmin.
     tilt_arcmin: Option<Placed>,
+    /// Tilt about x. Unit: arcmin.
     tilt_x_arcmin: Option<Placed>,
+    /// Tilt about y. Unit: arcmin.
     tilt_y_arcmin: Option<Placed>,
+    /// Shift of an element along the axis, between neighbours that stay. Unit: mm.
     shift_mm: Option<Placed>,
 }
 
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "a table")]
 struct CompensatorText {
+    /// The surface, counted from 1.
     surface: Option<Spanned<usize>>,
+    /// First and last surface of an element, which moves as one body.
     element: Option<Spanned<Vec<usize>>>,
+    /// What is adjusted: "thickness_mm", "decenter_x_mm", "decenter_y_mm", "tilt_x_arcmin", "tilt_y_arcmin" or "shift_mm".
     parameter: Spanned<String>,
+    /// How far it can be adjusted to either side, in the unit of the parameter; without a limit if it is left out.
     travel: Option<Placed>,
 }
 

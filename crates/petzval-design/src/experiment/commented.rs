@@ -74,20 +74,3 @@ fn choices<'a>(schema: &'a Value, table: &str, key: &str) -> Option<String> {
     let sentence = property["description"].as_str()?.replace('\n', " ");
     (!words.is_empty()).then(|| format!("{}: {sentence}", words.join(", ")))
 }
-
-/// The numbers of an experiment as a Markdown table: key, default, range, unit, sentence.
-pub fn reference_markdown() -> String {
-    let mut out = "| key | default | range | unit | meaning |\n|---|---|---|---|---|\n".to_owned();
-    for (table, numbers) in tables() {
-        for p in numbers.parameters {
-            let default = match &p.default[..] {
-                [one] => one.to_string(),
-                several => format!("[{}]", several.iter().map(f64::to_string).collect::<Vec<_>>().join(", ")),
-            };
-            let (name, unit, sentence) = (p.name, p.unit, p.sentence);
-            out +=
-                &format!("| `{table}.{name}` | {default} | {} to {} | {unit} | {sentence} |\n", p.min, p.max);
-        }
-    }
-    out
-}

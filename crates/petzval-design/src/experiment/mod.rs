@@ -15,7 +15,7 @@ mod tables;
 mod task_facts;
 mod variants;
 
-pub use commented::{commented_toml, reference_markdown};
+pub use commented::commented_toml;
 pub use derived_lens::{BOX_CENTRE_LENS, PERFECT_LENS, is_derived_lens};
 pub use names::{
     BUILT_IN_PHOTOS, BlockName, DetectorInput, FieldOfView, LensGoal, NetworkKind, PsfsBy, STREET, StepMethod,

@@ -28,6 +28,6 @@ mod write;
 
 pub(super) use read::read_glasses;
 pub use read::{is_meant_as_catalog, parse_catalog};
-pub(super) use text::GlassTables;
+pub(super) use text::{GlassTables, GlassText};
 pub use write::write_catalog;
 pub(super) use write::write_glass;

@@ -6,7 +6,8 @@ use std::sync::{Mutex, PoisonError};
 use petzval_base::FileError;
 use petzval_base::parameter::{Parameter, Scale};
 use petzval_camera::isp::IspParameter;
-use serde::Deserialize;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 /// An external ISP: a command that develops a frame, and its parameters.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,43 +30,64 @@ pub struct ExternalIspFile {
     pub parameters: Vec<IspParameter>,
 }
 
-#[derive(Deserialize)]
+/// The description of an external ISP: its command, and the parameters that it takes.
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-struct Keys {
+pub(crate) struct Keys {
+    /// Name, for messages and reports.
     name: String,
+    /// Version of program and hardware; pictures of another version are not taken from the cache.
     #[serde(default)]
     version: String,
+    /// Program and arguments: `["program", "argument"]`.
     command: Vec<String>,
+    /// Longest time for one frame. Unit: s.
     #[serde(default = "minute")]
+    #[schemars(range(min = 0.01, max = 86400.0))]
     timeout_s: f64,
+    /// How many times a frame is tried again after a failure.
     #[serde(default)]
+    #[schemars(range(max = 100))]
     retries: u32,
+    /// Frames that may be developed at the same time.
     #[serde(default = "one")]
+    #[schemars(range(min = 1, max = 1024))]
     parallel: usize,
+    /// Folder of developed pictures, beside the description; nothing is kept if it is left out.
     cache: Option<String>,
+    /// Its parameters, at least one.
     #[serde(default)]
     parameter: Vec<ParameterKeys>,
 }
 
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct ParameterKeys {
+    /// Name as `stage.key`, such as `tone.gamma`.
     name: String,
+    /// Unit, for tables.
     #[serde(default)]
     unit: String,
+    /// Least value.
     min: f64,
+    /// Greatest value.
     max: f64,
+    /// How it is best varied.
     #[serde(default)]
     scale: ScaleKey,
+    /// Value unless it is set.
     default: f64,
+    /// What it does, in one sentence.
     sentence: String,
 }
 
-#[derive(Clone, Copy, Default, Deserialize)]
+#[derive(Clone, Copy, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 enum ScaleKey {
+    /// By equal differences.
     #[default]
     Linear,
+    /// By equal ratios.
     Log,
 }
 

@@ -11,12 +11,14 @@ use petzval_base::FileError;
 use petzval_camera::isp::IspPreset;
 use toml::Table;
 
+pub(crate) use description::Keys as DescriptionKeys;
 pub use description::{ExternalIspFile, parse_external_isp};
 pub use exchange::{
     FRAME_FILE, PICTURE_FILES, RAW_FILE, decode_picture, frame_toml, picture_png_bytes, raw_bytes,
 };
 pub use preset::{parse_isp_preset, preset_toml};
 pub use proxy::IspProxyFile;
+pub(crate) use settings::Keys as SettingsKeys;
 pub use settings::{IspSettingsFile, settings_toml};
 
 /// A file that names an ISP and its settings.

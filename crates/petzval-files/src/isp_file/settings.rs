@@ -2,6 +2,7 @@
 
 use petzval_base::FileError;
 use petzval_camera::isp::IspParameter;
+use schemars::JsonSchema;
 use serde::Deserialize;
 use toml::{Table, Value};
 
@@ -15,13 +16,18 @@ pub struct IspSettingsFile {
     text: String,
 }
 
-#[derive(Deserialize)]
+/// Settings of an external ISP.
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-struct Keys {
+pub(crate) struct Keys {
+    /// The description of the ISP, relative to this file.
     isp: String,
+    /// What the settings are for, in words; not read.
     #[serde(default, rename = "about")]
     _about: String,
+    /// Values by stage and key: `[settings.tone]`, below it `gamma = 2.2`.
     #[serde(default)]
+    #[schemars(with = "std::collections::BTreeMap<String, serde_json::Value>")]
     settings: Table,
 }
 

@@ -7,6 +7,7 @@ use std::path::Path;
 use petzval_base::FileError;
 use petzval_camera::isp::{FrameData, Mesh, NoiseProfile};
 use petzval_camera::spectral::Matrix3;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::RawFileError;
@@ -16,7 +17,7 @@ use super::info::BlackLevels;
 const MOST_BYTES: u64 = 64 << 20;
 
 /// The black level at a gain.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BlackAtGain {
     /// Linear gain, 1 = the sensor's system gain.
@@ -26,7 +27,7 @@ pub struct BlackAtGain {
 }
 
 /// What is known of a frame; the rest is none, which TOML leaves out.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FrameCalibration {
     /// Digital number of the dark, after expansion if the frame is companded.
@@ -43,12 +44,16 @@ pub struct FrameCalibration {
     /// Analog gain of the sensor, stops above its lowest.
     pub gain_ev: Option<f64>,
     /// Linear sRGB from white-balanced colours of the camera.
+    #[schemars(with = "Option<[[f64; 3]; 3]>")]
     pub colour_matrix: Option<Matrix3>,
-    /// Noise of a green pixel.
+    /// Noise of a green pixel, as variances of light: `shot` for each unit of light, `read` in the dark.
+    #[schemars(with = "Option<std::collections::BTreeMap<String, f64>>")]
     pub noise: Option<NoiseProfile>,
-    /// How much light the lens takes away at each place.
+    /// How much light the lens takes away at each place: `rows` and `cols` of nodes, and `planes` with relative illuminations of red, green and blue.
+    #[schemars(with = "Option<std::collections::BTreeMap<String, serde_json::Value>>")]
     pub shading: Option<Mesh>,
-    /// Where to fetch each pixel of a picture without distortion.
+    /// Where to fetch each pixel of a picture without distortion: `rows` and `cols` of nodes, and `planes` with displacements of rows and columns in pixels.
+    #[schemars(with = "Option<std::collections::BTreeMap<String, serde_json::Value>>")]
     pub warp: Option<Mesh>,
 }
 

@@ -150,7 +150,7 @@ impl RawInfo {
 }
 
 /// Black levels as a file states them: one, or one for each pixel of the tile of the mosaic, row by row.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub enum BlackLevels {
     /// One level of all pixels, DN.

@@ -41,6 +41,7 @@ use frame::{AnyFrame, Unreadable};
 pub use frame::{RawFrame, shortest};
 pub use info::{BlackLevels, MOST_BITS, RawInfo};
 pub use packing::{PackedLayout, Packing, PackingError};
+pub(crate) use sidecar::Keys as SidecarKeys;
 pub use sidecar::{Sidecar, sidecar_path};
 pub use statistics::{ColourStatistics, colour_statistics};
 

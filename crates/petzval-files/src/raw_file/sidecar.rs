@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use petzval_base::FileError;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::info::{BlackLevels, MOST_BITS, largest_dn};
@@ -40,25 +41,42 @@ pub struct Sidecar {
 }
 
 /// The keys of the file, in the order in which they are written; TOML leaves out what is none.
-#[derive(Default, Serialize, Deserialize)]
+#[derive(Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-struct Keys {
+pub(crate) struct Keys {
+    /// Built-in name or file of the sensor.
     sensor: Option<String>,
+    /// Rows of a packed file.
     height: Option<usize>,
+    /// Columns of a packed file.
     width: Option<usize>,
+    /// Bits of a pixel.
     bits: Option<u32>,
+    /// How the pixels of a packed file are laid out.
     packing: Option<Packing>,
+    /// Bytes from one row to the next. Unit: bytes.
     row_stride_bytes: Option<usize>,
+    /// Bytes in front of the pixels. Unit: bytes.
     header_bytes: Option<usize>,
+    /// Bytes behind the pixels. Unit: bytes.
     footer_bytes: Option<usize>,
+    /// Colours of the mosaic.
     cfa: Option<CfaPattern>,
+    /// Black level: one, or one for each pixel of the tile of the mosaic, row by row. Unit: DN.
     black_level_dn: Option<BlackLevels>,
+    /// Digital number at which pixels are saturated. Unit: DN.
     white_level_dn: Option<f64>,
+    /// Exposure time. Unit: s.
     exposure_s: Option<f64>,
+    /// Linear gain, 1 for the sensor's system gain.
     linear_gain: Option<f64>,
+    /// Distance of pixels. Unit: um.
     pixel_um: Option<f64>,
+    /// Temperature of the sensor. Unit: degrees Celsius.
     temperature_c: Option<f64>,
+    /// File of what an ISP may know of the frame, beside this one.
     calibration: Option<String>,
+    /// Curve by which the camera compressed its digital numbers.
     companding: Option<Companding>,
 }
 

@@ -42,5 +42,5 @@ mod system;
 mod write;
 mod write_surface;
 
-pub use read::{parse_seq, parse_seq_start};
+pub use read::{parse_seq, parse_seq_start, records};
 pub use write::write_seq;

@@ -4,6 +4,7 @@ use super::command::{Command, Commands, Word};
 use super::glass::PrivateGlasses;
 use super::read_surface::{RawSurface, is_surface_command};
 use super::system::System;
+use crate::ForeignRecords;
 use crate::draft::{Aperture, Break, Draft, Import, Item, MOST_BYTES, MOST_SURFACES, Record};
 use crate::loss::{Effect, Losses};
 use petzval_base::FileError;
@@ -62,6 +63,16 @@ const REFUSED: &[(&str, &str)] = &[
 const HOLOGRAM: &str = "holograms are not traced";
 
 const EDIT: &str = "commands that change the lens afterwards are not read; write the resulting lens";
+
+/// The commands that are not read into the lens.
+pub fn records() -> ForeignRecords {
+    ForeignRecords {
+        ignored: BOOKKEEPING.to_vec(),
+        lost: Vec::new(),
+        solves: Vec::new(),
+        refused: REFUSED.to_vec(),
+    }
+}
 
 /// Reads a lens file. Glasses are looked up in the file's private catalogue, then in `catalog`, by their exact name or by
 /// the program's spelling, such as `NBK7_SCHOTT`.

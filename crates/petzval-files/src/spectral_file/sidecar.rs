@@ -3,13 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use petzval_base::FileError;
-use serde::Deserialize;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 /// The unit of all spectral images.
 pub const UNIT: &str = "W m-2 sr-1 nm-1";
 
 /// Order of the axes of an array.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Axes {
     /// `[bands, rows, columns]`.
@@ -20,7 +21,7 @@ pub enum Axes {
 }
 
 /// The file `NAME.toml` beside `NAME.npy` or `NAME.tif`.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Sidecar {
     /// Wavelength of each band, um, ascending.

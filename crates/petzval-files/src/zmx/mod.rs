@@ -54,4 +54,5 @@ mod write;
 mod write_shape;
 
 pub use read::{parse_zmx, parse_zmx_start};
+pub use record::records;
 pub use write::write_zmx;

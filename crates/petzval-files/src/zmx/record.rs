@@ -1,5 +1,6 @@
 //! Lines of a file, and the records that do not affect rays.
 
+use crate::ForeignRecords;
 use crate::draft::{Record, line_end};
 use petzval_base::FileError;
 
@@ -111,3 +112,13 @@ pub(super) const SOLVES: &[&str] = &[
     "MAZH", "CHZH", "PZUP", "EDGE", "OPDZ", "POSZ", "COMP", "CCUR", "CNUP", "PICK", "COPK", "TOLE", "GPIK",
     "PPUP", "PRPK", "XPUP", "MAZA",
 ];
+
+/// The records that are not read into the lens.
+pub fn records() -> ForeignRecords {
+    ForeignRecords {
+        ignored: [HEADER_BOOKKEEPING, SURFACE_BOOKKEEPING].concat(),
+        lost: SURFACE_LOST.to_vec(),
+        solves: SOLVES.to_vec(),
+        refused: Vec::new(),
+    }
+}

@@ -1,14 +1,13 @@
 //! The pages of files: what may stand in each kind, by its schema, and what becomes of records of other programs.
 
-use petzval::camera::isp::IspPreset;
 use petzval::design::experiment::Experiment;
-use petzval::files::{OperandFile, lens_schema, psf_file::PsfAxes};
+use petzval::files::{ForeignRecords, file_schemas, lens_schema, seq, zmx};
 use petzval::units::Unit;
 use petzval::units::sweep::SweepFile;
 use serde_json::Value;
 
 use super::Page;
-use super::markdown::{sentence, table};
+use super::markdown::{code, prose, sentence, table};
 use super::schema_rows::{Schema, as_table};
 use crate::common::run_ok;
 
@@ -20,21 +19,9 @@ pub fn pages() -> Vec<Page> {
     let mut class = experiment["$defs"]["ObjectClass"].clone();
     class["$defs"] = experiment["$defs"].clone();
     let own = |title: &str, text: &str, schema: Value| (title.to_owned(), text.to_owned(), schema);
-    let operands = own(
-        "Operands",
-        "A TOML file of figures that a lens should reach: `petzval lens optimize --operands FILE`.",
-        schemars::schema_for!(OperandFile).to_value(),
-    );
-    let psfs = own(
-        "Bank of PSFs",
-        "`psf.json` in a folder that `petzval psf` or `petzval psf-calibrate` wrote, beside its arrays.",
-        schemars::schema_for!(PsfAxes).to_value(),
-    );
-    let isp = own(
-        "Preset of the built-in ISP",
-        "A TOML file: `--isp FILE` of `petzval isp`, `isp.preset` of an experiment.",
-        schemars::schema_for!(IspPreset).to_value(),
-    );
+    let more = file_schemas().into_iter().map(|file| own(file.title, file.read_by, file.schema.to_value()));
+    let (of_lens, of_camera): (Vec<_>, Vec<_>) =
+        more.partition(|(title, ..)| ["Glass catalogue", "Operands", "Tolerances"].contains(&title.as_str()));
     let lens = own("Lens", "A TOML file, wherever a command takes a lens.", lens_schema().to_value());
     let sensor = own("Sensor", "A TOML file, wherever a command takes a sensor.", of_command("sensor"));
     let preset = own(
@@ -47,8 +34,8 @@ pub fn pages() -> Vec<Page> {
     let unit = own("Unit", "A JSON file: `petzval unit run FILE`.", Unit::schema());
     let call = own("Call", "A JSON file: `petzval call FILE`.", of_command("call"));
     let parts = [
-        ("lens", "Files of lenses", vec![lens, operands]),
-        ("camera", "Files of sensors, PSFs and ISPs", vec![sensor, psfs, isp]),
+        ("lens", "Files of lenses", [vec![lens], of_lens].concat()),
+        ("camera", "Files of sensors, PSFs, frames and ISPs", [vec![sensor], of_camera].concat()),
         ("work", "Files of tasks, sweeps and units", vec![preset, sweep, unit, call]),
     ];
     let mut rows = Vec::new();
@@ -64,7 +51,8 @@ pub fn pages() -> Vec<Page> {
             generated: files.iter().map(section).collect(),
         });
     }
-    let index = format!("## Files with keys\n\n{}", table(&["what", "where it is read"], &rows));
+    let index =
+        format!("## Files with keys\n\n{}\n{}", table(&["what", "where it is read"], &rows), foreign());
     pages.insert(0, Page { path: "files.md".to_owned(), frame: String::new(), generated: index });
     pages
 }
@@ -73,4 +61,41 @@ fn section((title, text, schema): &(String, String, Value)) -> String {
     let about =
         schema["description"].as_str().map(|about| format!("{}\n\n", sentence(about))).unwrap_or_default();
     format!("## {title}\n\n{text}\n\n{about}{}\n", as_table(&Schema(schema).rows(usize::MAX)))
+}
+
+/// Records of other programs that are not read into the lens.
+fn foreign() -> String {
+    let all = [("Zemax", "record", zmx::records()), ("CODE V", "command", seq::records())];
+    all.into_iter().map(|(program, what, records)| records_of(program, what, &records)).collect()
+}
+
+fn records_of(program: &str, what: &str, records: &ForeignRecords) -> String {
+    let list = |names: &[&str]| names.iter().map(|name| code(name)).collect::<Vec<_>>().join(" ");
+    let mut out = format!("## {program}: what does not become a part of the lens\n\n");
+    out += &format!("Ignored, because it does not describe the lens: {}.\n\n", list(&records.ignored));
+    if !records.solves.is_empty() {
+        out += &format!(
+            "Solves, of which the value is kept and the solve reported: {}.\n\n",
+            list(&records.solves)
+        );
+    }
+    for (title, rows) in [
+        ("Reported, because it changes no ray", &records.lost),
+        ("Refused, because rays would take another path", &records.refused),
+    ] {
+        // Names with one reason stand in one row.
+        let mut reasons: Vec<(&str, Vec<&str>)> = Vec::new();
+        for (name, reason) in rows {
+            match reasons.iter_mut().find(|(other, _)| other == reason) {
+                Some((_, names)) => names.push(name),
+                None => reasons.push((reason, vec![name])),
+            }
+        }
+        if !reasons.is_empty() {
+            let rows: Vec<_> =
+                reasons.iter().map(|(reason, names)| vec![list(names), prose(reason)]).collect();
+            out += &format!("{title}:\n\n{}\n", table(&[what, "why"], &rows));
+        }
+    }
+    out
 }
