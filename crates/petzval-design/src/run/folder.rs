@@ -21,6 +21,17 @@ const LOCK: &str = "run.lock";
 const TRIES: usize = 5;
 const BETWEEN_TRIES: Duration = Duration::from_millis(20);
 
+/// A lock on a run folder. Dropped, it leaves no name of the process behind: a run that is refused stays as it is.
+#[derive(Debug)]
+pub struct RunLock(fs::File);
+
+impl Drop for RunLock {
+    fn drop(&mut self) {
+        // A name that stays does no harm: only a lock that is held counts.
+        let _stays = self.0.set_len(0);
+    }
+}
+
 /// A run folder on disk.
 #[derive(Clone, Debug)]
 pub struct RunFolder {
@@ -85,8 +96,8 @@ impl RunFolder {
         Ok(folder)
     }
 
-    /// Keeps other processes from working in this folder until the returned file is dropped.
-    pub fn lock(&self) -> Result<fs::File, DesignError> {
+    /// Keeps other processes from working in this folder until the returned lock is dropped.
+    pub fn lock(&self) -> Result<RunLock, DesignError> {
         let path = self.root.join(LOCK);
         // The process that holds the lock has written its name into the file: it is not truncated before the lock is held.
         let mut options = fs::OpenOptions::new();
@@ -107,7 +118,7 @@ impl RunFolder {
                 let named = file.set_len(0).and_then(|()| file.write_all(holder.as_bytes()));
                 named.map_err(DesignError::io(&path))?;
                 self.sweep();
-                Ok(file)
+                Ok(RunLock(file))
             }
             Err(fs::TryLockError::WouldBlock) => {
                 let problem = "another process is working on this run; wait for it to end".to_owned();

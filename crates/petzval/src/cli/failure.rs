@@ -1,6 +1,6 @@
 //! Failures: message, place in the file and hint for the user, and the exit code.
 
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::OnceLock;
 
@@ -144,27 +144,36 @@ impl From<JobError> for Failure {
     }
 }
 
-/// The flags of all verbs, without their dashes.
-static FLAGS: OnceLock<BTreeSet<String>> = OnceLock::new();
+/// The arguments of all verbs by their keys, as users write them: flags, and the places of those without a flag. A key with both is a flag.
+static ARGUMENTS: OnceLock<BTreeMap<String, String>> = OnceLock::new();
 
-/// Notes the flags of all verbs of a command. Without them, every setting counts as a flag.
-pub fn know_flags(command: &clap::Command) {
-    fn add(command: &clap::Command, flags: &mut BTreeSet<String>) {
-        flags.extend(command.get_arguments().filter_map(|argument| argument.get_long().map(str::to_owned)));
-        command.get_subcommands().for_each(|verb| add(verb, flags));
+/// Notes the arguments of all verbs of a command. Until then, every setting counts as a flag.
+pub fn know_arguments(command: &clap::Command) {
+    fn add(command: &clap::Command, known: &mut BTreeMap<String, String>) {
+        for argument in command.get_arguments() {
+            let place =
+                || argument.get_value_names().and_then(|names| names.first()).map(ToString::to_string);
+            match argument.get_long() {
+                Some(flag) => drop(known.insert(flag.replace('-', "_"), format!("--{flag}"))),
+                None => {
+                    let key = argument.get_id().to_string();
+                    place().into_iter().for_each(|place| drop(known.entry(key.clone()).or_insert(place)));
+                }
+            }
+        }
+        command.get_subcommands().for_each(|verb| add(verb, known));
     }
-    FLAGS.get_or_init(|| {
-        let mut flags = BTreeSet::new();
-        add(command, &mut flags);
-        flags
+    ARGUMENTS.get_or_init(|| {
+        let mut known = BTreeMap::new();
+        add(command, &mut known);
+        known
     });
 }
 
-/// A setting of a request as users write it: as a flag, or as the place of an argument that has none.
+/// A setting of a request as users write it.
 fn argument(key: &str) -> String {
-    let name = key.replace('_', "-");
-    let is_flag = FLAGS.get().is_none_or(|flags| flags.contains(&name));
-    if is_flag { format!("--{name}") } else { name.to_uppercase() }
+    let known = ARGUMENTS.get().and_then(|known| known.get(key).cloned());
+    known.unwrap_or_else(|| format!("--{}", key.replace('_', "-")))
 }
 
 /// The exit code of an error. What goes on from a checkpoint is only interrupted.
@@ -195,8 +204,8 @@ mod tests {
 
     #[test]
     fn settings_are_named_as_users_write_them() {
-        know_flags(&<crate::cli::Cli as clap::CommandFactory>::command());
-        for (key, named) in [("corner_mm", "--corner-mm"), ("threads", "--threads"), ("raws", "RAWS")] {
+        know_arguments(&<crate::cli::Cli as clap::CommandFactory>::command());
+        for (key, named) in [("corner_mm", "--corner-mm"), ("threads", "--threads"), ("raws", "RAWDIR")] {
             assert_eq!(argument(key), named);
         }
     }

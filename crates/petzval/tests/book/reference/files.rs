@@ -11,7 +11,7 @@ use super::markdown::{code, prose, sentence, table};
 use super::schema_rows::{Schema, as_table};
 use crate::common::run_ok;
 
-/// The page of all files, and one each for lenses, for other parts of a camera, and for work.
+/// The page of all files, and one each for lenses, for sensors and frames, for ISPs, and for work.
 pub fn pages() -> Vec<Page> {
     let folder = std::env::temp_dir();
     let of_command = |kind: &str| run_ok(&folder, &["schema", kind]).json();
@@ -22,6 +22,8 @@ pub fn pages() -> Vec<Page> {
     let more = file_schemas().into_iter().map(|file| own(file.title, file.read_by, file.schema.to_value()));
     let (of_lens, of_camera): (Vec<_>, Vec<_>) =
         more.partition(|(title, ..)| ["Glass catalogue", "Operands", "Tolerances"].contains(&title.as_str()));
+    let (of_isp, of_camera): (Vec<_>, Vec<_>) =
+        of_camera.into_iter().partition(|(title, ..)| title.contains("ISP"));
     let lens = own("Lens", "A TOML file, wherever a command takes a lens.", lens_schema().to_value());
     let sensor = own("Sensor", "A TOML file, wherever a command takes a sensor.", of_command("sensor"));
     let preset = own(
@@ -35,7 +37,8 @@ pub fn pages() -> Vec<Page> {
     let call = own("Call", "A JSON file: `petzval call FILE`.", of_command("call"));
     let parts = [
         ("lens", "Files of lenses", [vec![lens], of_lens].concat()),
-        ("camera", "Files of sensors, PSFs, frames and ISPs", [vec![sensor], of_camera].concat()),
+        ("camera", "Files of sensors, PSFs and frames", [vec![sensor], of_camera].concat()),
+        ("isp", "Files of ISPs", of_isp),
         ("work", "Files of tasks, sweeps and units", vec![preset, sweep, unit, call]),
     ];
     let mut rows = Vec::new();

@@ -31,7 +31,7 @@ pub static GROUPS: &[Group] = &[
         page: "sensor",
         title: "Sensors, frames and pictures",
         verbs: &["sensor", "simulate", "raw"],
-        more_jobs: &["camera-view", "photo-list"],
+        more_jobs: &[],
     },
     Group {
         page: "isp",
@@ -50,7 +50,8 @@ pub static GROUPS: &[Group] = &[
         page: "machine",
         title: "Studio and machine",
         verbs: &["studio", "bench", "doctor"],
-        more_jobs: &[],
+        // What the studio looks at.
+        more_jobs: &["camera-view", "photo-list", "run-view", "task-view"],
     },
 ];
 
