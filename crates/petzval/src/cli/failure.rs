@@ -151,14 +151,10 @@ static ARGUMENTS: OnceLock<BTreeMap<String, String>> = OnceLock::new();
 pub fn know_arguments(command: &clap::Command) {
     fn add(command: &clap::Command, known: &mut BTreeMap<String, String>) {
         for argument in command.get_arguments() {
-            let place =
-                || argument.get_value_names().and_then(|names| names.first()).map(ToString::to_string);
-            match argument.get_long() {
-                Some(flag) => drop(known.insert(flag.replace('-', "_"), format!("--{flag}"))),
-                None => {
-                    let key = argument.get_id().to_string();
-                    place().into_iter().for_each(|place| drop(known.entry(key.clone()).or_insert(place)));
-                }
+            if let Some(flag) = argument.get_long() {
+                known.insert(flag.replace('-', "_"), format!("--{flag}"));
+            } else if let Some(place) = argument.get_value_names().and_then(|names| names.first()) {
+                known.entry(argument.get_id().to_string()).or_insert_with(|| place.to_string());
             }
         }
         command.get_subcommands().for_each(|verb| add(verb, known));
