@@ -73,12 +73,6 @@ fn curves_go_on_after_a_kill_without_a_step_twice_and_runs_are_listed() {
     }
     child.kill().unwrap();
     child.wait().unwrap();
-    // One whose figures were edited is damaged, too.
-    let edited = folder.path().join("runs/edited");
-    copy_folder(&run, &edited);
-    let mut metrics = read_json(&edited.join("metrics.json"));
-    metrics["rows"][0]["efl_mm"] = serde_json::json!(99.0);
-    std::fs::write(edited.join("metrics.json"), metrics.to_string()).unwrap();
     let listed = run_ok(folder.path(), &["runs", "--json"]).json();
     let states: Vec<&str> =
         listed["runs"].as_array().unwrap().iter().map(|row| row["state"].as_str().unwrap()).collect();
@@ -106,6 +100,12 @@ fn curves_go_on_after_a_kill_without_a_step_twice_and_runs_are_listed() {
     );
     copy_folder(&run, &folder.path().join("runs/damaged"));
     std::fs::write(folder.path().join("runs/damaged/metrics.json"), "{").unwrap();
+    // One whose figures were edited is damaged, too.
+    let edited = folder.path().join("runs/edited");
+    copy_folder(&run, &edited);
+    let mut metrics = read_json(&edited.join("metrics.json"));
+    metrics["rows"][0]["efl_mm"] = serde_json::json!(99.0);
+    std::fs::write(edited.join("metrics.json"), metrics.to_string()).unwrap();
     let listed = run_ok(folder.path(), &["runs", "--json"]).json();
     let row = |name: &str| {
         let rows = listed["runs"].as_array().unwrap();

@@ -156,8 +156,9 @@ fn the_experiment_fits_a_lens_of_ones_own() {
     assert_eq!(alone, look);
     let config = run_ok(folder.path(), &["design", "my lenses/double-gauss.zmx", "--print-config"]).stdout;
     assert!(
-        config
-            .starts_with("# Lens and sensor are those that `petzval init --lens my lenses/double-gauss.zmx`")
+        config.starts_with(
+            "# Lens and sensor are those that `petzval init --lens 'my lenses/double-gauss.zmx'`"
+        )
     );
 
     // A sensor that is named is taken as it is, and said to be small.
