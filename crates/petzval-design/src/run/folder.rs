@@ -1,7 +1,7 @@
 //! Paths of a run folder, and writing that is never seen half done.
 
 use std::fs;
-use std::io::Write;
+use std::io::{self, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -21,14 +21,35 @@ const LOCK: &str = "run.lock";
 const TRIES: usize = 5;
 const BETWEEN_TRIES: Duration = Duration::from_millis(20);
 
-/// A lock on a run folder. Dropped, it leaves no name of the process behind: a run that is refused stays as it is.
+/// A lock on a run folder, in whose file the process at work has its name. Dropped, the file is what it was before: a run that is refused stays
+/// as it is.
 #[derive(Debug)]
-pub struct RunLock(fs::File);
+pub struct RunLock {
+    file: fs::File,
+    before: Vec<u8>,
+}
+
+impl RunLock {
+    /// Of a file that is locked. No more is read than it holds now.
+    fn of(mut file: fs::File) -> io::Result<Self> {
+        let mut before = Vec::new();
+        let length = file.metadata()?.len();
+        (&mut file).take(length).read_to_end(&mut before)?;
+        Ok(Self { file, before })
+    }
+
+    fn write(&mut self, contents: &[u8]) -> io::Result<()> {
+        self.file.rewind()?;
+        self.file.set_len(0)?;
+        self.file.write_all(contents)
+    }
+}
 
 impl Drop for RunLock {
     fn drop(&mut self) {
         // A name that stays does no harm: only a lock that is held counts.
-        let _stays = self.0.set_len(0);
+        let before = std::mem::take(&mut self.before);
+        let _stays = self.write(&before);
     }
 }
 
@@ -101,8 +122,8 @@ impl RunFolder {
         let path = self.root.join(LOCK);
         // The process that holds the lock has written its name into the file: it is not truncated before the lock is held.
         let mut options = fs::OpenOptions::new();
-        let file = options.write(true).create(true).truncate(false).open(&path);
-        let mut file = file.map_err(DesignError::io(&path))?;
+        let file = options.read(true).write(true).create(true).truncate(false).open(&path);
+        let file = file.map_err(DesignError::io(&path))?;
         // Whoever looks whether a process is at work holds a shared lock for a moment.
         let mut locked = file.try_lock();
         for _ in 0..TRIES {
@@ -115,10 +136,10 @@ impl RunFolder {
         match locked {
             Ok(()) => {
                 let holder = DesignError::json("the process at work", Holder::own())?;
-                let named = file.set_len(0).and_then(|()| file.write_all(holder.as_bytes()));
-                named.map_err(DesignError::io(&path))?;
+                let mut lock = RunLock::of(file).map_err(DesignError::io(&path))?;
+                lock.write(holder.as_bytes()).map_err(DesignError::io(&path))?;
                 self.sweep();
-                Ok(RunLock(file))
+                Ok(lock)
             }
             Err(fs::TryLockError::WouldBlock) => {
                 let problem = "another process is working on this run; wait for it to end".to_owned();

@@ -1,6 +1,5 @@
 //! Failures: message, place in the file and hint for the user, and the exit code.
 
-use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::OnceLock;
 
@@ -144,32 +143,23 @@ impl From<JobError> for Failure {
     }
 }
 
-/// The arguments of all verbs by their keys, as users write them: flags, and the places of those without a flag. A key with both is a flag.
-static ARGUMENTS: OnceLock<BTreeMap<String, String>> = OnceLock::new();
+/// Makes the description of the command, whose arguments are looked up only where one is named.
+static COMMAND: OnceLock<fn() -> clap::Command> = OnceLock::new();
 
-/// Notes the arguments of all verbs of a command. Until then, every setting counts as a flag.
-pub fn know_arguments(command: &clap::Command) {
-    fn add(command: &clap::Command, known: &mut BTreeMap<String, String>) {
-        for argument in command.get_arguments() {
-            if let Some(flag) = argument.get_long() {
-                known.insert(flag.replace('-', "_"), format!("--{flag}"));
-            } else if let Some(place) = argument.get_value_names().and_then(|names| names.first()) {
-                known.entry(argument.get_id().to_string()).or_insert_with(|| place.to_string());
-            }
-        }
-        command.get_subcommands().for_each(|verb| add(verb, known));
-    }
-    ARGUMENTS.get_or_init(|| {
-        let mut known = BTreeMap::new();
-        add(command, &mut known);
-        known
-    });
+/// Notes how the description of the command is made. Until then, every setting counts as a flag.
+pub fn know_command(command: fn() -> clap::Command) {
+    COMMAND.get_or_init(|| command);
 }
 
-/// A setting of a request as users write it.
+/// A setting of a request as users write it: as a flag of some verb, or in capitals where it has none. Places of arguments are written so.
 fn argument(key: &str) -> String {
-    let known = ARGUMENTS.get().and_then(|known| known.get(key).cloned());
-    known.unwrap_or_else(|| format!("--{}", key.replace('_', "-")))
+    fn has_flag(command: &clap::Command, name: &str) -> bool {
+        command.get_arguments().any(|argument| argument.get_long() == Some(name))
+            || command.get_subcommands().any(|verb| has_flag(verb, name))
+    }
+    let name = key.replace('_', "-");
+    let is_flag = COMMAND.get().is_none_or(|command| has_flag(&command(), &name));
+    if is_flag { format!("--{name}") } else { name.to_uppercase() }
 }
 
 /// The exit code of an error. What goes on from a checkpoint is only interrupted.
@@ -200,8 +190,8 @@ mod tests {
 
     #[test]
     fn settings_are_named_as_users_write_them() {
-        know_arguments(&<crate::cli::Cli as clap::CommandFactory>::command());
-        for (key, named) in [("corner_mm", "--corner-mm"), ("threads", "--threads"), ("raws", "RAWDIR")] {
+        know_command(<crate::cli::Cli as clap::CommandFactory>::command);
+        for (key, named) in [("corner_mm", "--corner-mm"), ("threads", "--threads"), ("raws", "RAWS")] {
             assert_eq!(argument(key), named);
         }
     }

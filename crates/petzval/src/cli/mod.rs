@@ -167,7 +167,7 @@ fn run(cli: Cli, words: Vec<OsString>) -> Result<Code, Failure> {
     #[cfg(feature = "dng")]
     leave_panics_of_the_dng_reader_to_its_caller();
     failure::keep_lines_whole();
-    failure::know_arguments(&Cli::command());
+    failure::know_command(Cli::command);
     if let Err(value) = crate::base::simd::check_variable() {
         return Err(Failure::input(
             format!("PETZVAL_SIMD={}: there is no instruction set of this name", value.display()),
