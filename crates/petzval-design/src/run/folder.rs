@@ -50,6 +50,8 @@ impl Drop for RunLock {
         // A name that stays does no harm: only a lock that is held counts.
         let before = std::mem::take(&mut self.before);
         let _stays = self.write(&before);
+        // Closing would not do: a program that is just being started holds a copy of the open file.
+        let _ends_with_the_process = self.file.unlock();
     }
 }
 
