@@ -4,7 +4,7 @@ use std::path::Path;
 
 /// A path as it can be pasted into a shell: one with spaces is quoted, bytes that a terminal would obey or not show are written by their numbers.
 pub fn pasted(path: &Path) -> String {
-    let is_plain = |c: char| c.is_alphanumeric() || "/._-+,:@%\\".contains(c);
+    let is_plain = |c: char| c.is_alphanumeric() || "/._-+,:@%".contains(c) || (cfg!(windows) && c == '\\');
     match path.to_str() {
         Some(text) if text.chars().all(is_plain) => text.to_owned(),
         Some(text) if !text.chars().any(is_obeyed) => format!("'{}'", text.replace('\'', "'\\''")),
@@ -38,9 +38,14 @@ mod tests {
         use std::ffi::OsStr;
         use std::os::unix::ffi::OsStrExt;
 
-        for name in
-            [&b"a/b.toml"[..], b"it's mine", b"a\nb\x1b[31m", b"\xff'\\ \xc3\xbc", "gr\u{202e}ün".as_bytes()]
-        {
+        for name in [
+            &b"a/b.toml"[..],
+            b"a\\b.toml",
+            b"it's mine",
+            b"a\nb\x1b[31m",
+            b"\xff'\\ \xc3\xbc",
+            "gr\u{202e}ün".as_bytes(),
+        ] {
             let pasted = pasted(Path::new(OsStr::from_bytes(name)));
             assert!(!pasted.contains(is_obeyed), "{pasted}");
             let shell =

@@ -30,10 +30,10 @@ use crate::position::{Done, POSITION_FILE, Position, Restored, last_variant};
 use crate::report::run_report::camera_lens;
 use crate::run::{
     CameraMetrics, ChangedFile, DigestCheck, Digests, Event, EventLog, Kept, Metrics, RunFolder, RunRecord,
-    all_checkpoints, first_reads, forget_most_memory, latest_checkpoint, load_blocks, note_digests,
+    SCORE, all_checkpoints, first_reads, forget_most_memory, latest_checkpoint, load_blocks, note_digests,
     save_blocks, save_checkpoint, set_aside, write_file,
 };
-use crate::run_progress::{SCORE, TOTAL};
+use crate::run_progress::TOTAL;
 use crate::scoring::{Scored, Scorer, collect_metrics};
 use crate::setup::Setup;
 use crate::task::{Objective, SceneView};

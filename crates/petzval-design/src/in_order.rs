@@ -19,6 +19,8 @@ struct Folded<T, A, E> {
 /// A thread makes one item after the other, and never begins a second one while the first waits for another thread: at most as many items
 /// are in work as there are threads. Parallel loops inside `make` run on threads that have no item of their own. Fails with the error of
 /// the first item that fails, by its number; later items that are not begun by then are not made.
+///
+/// It returns when every thread of the pool has come by: other work that blocks a thread of the same pool delays it.
 pub fn in_order<T: Send, A: Send, E: Send>(
     count: usize,
     start: A,

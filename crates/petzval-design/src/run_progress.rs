@@ -9,11 +9,8 @@ use petzval_report::design_report::{CameraProgress, CameraState, Progress};
 
 use crate::error::DesignError;
 use crate::experiment::{BlockName, Stage, Variant};
-use crate::run::{Event, Metrics, RunFolder};
+use crate::run::{Event, Metrics, RunFolder, SCORE};
 use crate::setup::Setup;
-
-/// The block of the event of a camera that was scored.
-pub(crate) const SCORE: &str = "score";
 
 /// The loss of a step, the sum of all its terms.
 pub(crate) const TOTAL: &str = "total";

@@ -145,7 +145,7 @@ impl Counted {
             *count
         };
         let (of_all, of_block) = (count(&mut self.steps, ""), count(&mut self.steps, &event.block));
-        let is_score = event.block == crate::run_progress::SCORE;
+        let is_score = event.block == crate::run::SCORE;
         let losses = event.losses.iter().filter(|(_, value)| value.is_finite());
         let mut scalars: Vec<(String, f64)> =
             losses.map(|(name, value)| (format!("{}/{name}", event.block), *value)).collect();

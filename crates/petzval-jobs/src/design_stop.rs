@@ -39,7 +39,12 @@ pub fn run(request: &Request, _: &Context) -> Result<Response, JobError> {
         let message = format!("{run}: this process itself works on the run");
         return Err(JobError::input(message, "cancel the call of the job `design`"));
     }
-    if !holder.is_here() || holder.is_gone() {
+    // Whoever has locked the run writes its name next; until then the file holds that of a process which was killed.
+    if holder.is_gone() {
+        let message = format!("{run}: the process that works on this run has not written its name yet");
+        return Err(JobError::input(message, "try again in a second"));
+    }
+    if !holder.is_here() {
         let message = format!("{run}: {holder} works on this run, and can only be ended there");
         return Err(JobError::input(message, "end it there, by Ctrl-C or SIGTERM"));
     }

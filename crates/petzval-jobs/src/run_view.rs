@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use petzval_design::experiment::{BlockName, Stage, Variant};
 use petzval_design::report::run_report::read_metrics;
-use petzval_design::run::{CameraMetrics, Event, Holder, RunFolder, read_events};
+use petzval_design::run::{CameraMetrics, Event, Holder, RunFolder, SCORE, read_events};
 use petzval_design::run_row::{RunRow, finished_cameras, run_row};
 use petzval_learn::score::ScoreDescription;
 use schemars::JsonSchema;
@@ -14,9 +14,6 @@ use serde::{Deserialize, Serialize};
 use crate::context::Context;
 use crate::error::JobError;
 use crate::range::check_ranges;
-
-/// The block name of events that score a camera.
-const SCORE: &str = "score";
 
 petzval_base::parameters! {
     /// A run, and which of its steps are given.

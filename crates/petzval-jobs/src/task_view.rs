@@ -8,11 +8,12 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use petzval_camera::image::LinearImage;
 use petzval_camera::sensor::Noise;
-use petzval_camera::tape::Frames;
-use petzval_design::block::{Batch, Block, Blocks, Sight, loss_by_numbers};
+use petzval_design::block::{Batch, Block, Blocks, Sight, loss_by_numbers, losses_of};
 use petzval_design::camera::{Camera, Shot};
+use petzval_design::design_loop::set_sight;
 use petzval_design::experiment::Variant;
-use petzval_design::run::{Kept, RunFolder, load_blocks};
+use petzval_design::report::run_report::camera_lens;
+use petzval_design::run::{DigestCheck, Kept, RunFolder, load_blocks};
 use petzval_design::setup::Setup;
 use petzval_files::lens_toml::parameter_name;
 use petzval_optics::gradient::LensGradient;
@@ -23,11 +24,13 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
-use crate::design::{NewRun, prepared};
+use crate::design::{NewRun, inputs_of, prepared, resolved};
 use crate::error::JobError;
+use crate::event::WarningKind;
 use crate::experiment::DEFAULT_EXPERIMENT;
 use crate::input::{ExperimentInput, LensInput};
 use crate::lens::edit::{Edit, edited};
+use crate::own_lens::is_lens;
 use crate::range::check_ranges;
 
 /// The loss itself among its parts.
@@ -155,10 +158,11 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let start_toml = start.as_ref().map_or_else(String::new, |start| start.toml.clone());
     let own = start.map_or_else(|| setup.start(variant).lens_file.lens.clone(), |start| start.file.lens);
     let noise = setup.noise(variant);
+    let objective = setup.objective()?;
     let loss_of = |lens: Lens| -> Result<f64, JobError> {
         let camera = held.with_lens(lens)?;
         let shots = shots(setup, &camera, request)?;
-        Ok(losses(setup, &camera, &shots, noise)?[TOTAL])
+        Ok(losses_of(&Batch::new(&camera, &shots, noise, &*objective), &camera, &shots)?[TOTAL])
     };
     let bounds = format!("{key} {} {}", request.batch, request.windows);
     let gap = context.kept().get_or(&format!("gap {bounds} {start_toml}"), || {
@@ -172,13 +176,12 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     context.check(|| "stopped before the slopes were computed")?;
     let camera = held.with_lens(lens.clone())?;
     let shots = shots(setup, &camera, request)?;
+    let batch = Batch::new(&camera, &shots, noise, &*objective);
     let (parts, slopes) = if request.slopes {
-        let objective = setup.objective()?;
-        let loss = |camera: &Camera, frames: &Frames, shots: &[Shot]| objective.loss(camera, frames, shots);
-        let (parts, by) = loss_by_numbers(&Batch::new(&camera, &shots, noise, &loss))?;
+        let (parts, by) = loss_by_numbers(&batch)?;
         (parts, Some(by))
     } else {
-        (losses(setup, &camera, &shots, noise)?, None)
+        (losses_of(&batch, &camera, &shots)?, None)
     };
     let loss = parts[TOTAL];
     if !loss.is_finite() {
@@ -207,7 +210,10 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 fn key_of(request: &Request, start: &str, context: &Context) -> Result<String, JobError> {
     if let Some(run) = &request.run {
         let path = std::fs::canonicalize(run).unwrap_or_else(|_| run.clone());
-        return Ok(format!("task of {} {:?}", path.display(), request.camera));
+        // A run in work finishes further cameras while the page is open.
+        let cameras = std::fs::read_dir(path.join("cameras")).into_iter().flatten().flatten();
+        let finished = cameras.filter(|camera| camera.path().join("metrics.json").is_file()).count();
+        return Ok(format!("task of {} {:?} {finished}", path.display(), request.camera));
     }
     let text = serde_json::to_string(&request.experiment).map_err(|e| JobError::failed(e.to_string()))?;
     let name = request.experiment.name();
@@ -219,7 +225,13 @@ fn key_of(request: &Request, start: &str, context: &Context) -> Result<String, J
         .assets
         .text("experiment", "experiments", &name)
         .map_or_else(|_| String::new(), |text| text.text);
-    Ok(format!("task {text} {content}"))
+    if is_lens(&name, context) {
+        return Ok(format!("task {text} {content}"));
+    }
+    let new = NewRun { experiment: request.experiment.clone(), ..NewRun::default() };
+    let changed = |path: &PathBuf| std::fs::metadata(path).and_then(|about| about.modified()).ok();
+    let inputs: Vec<_> = inputs_of(&resolved(&new, context)?).iter().map(changed).collect();
+    Ok(format!("task {text} {content} {inputs:?}"))
 }
 
 /// Makes the experiment ready: its task with windows, and the blocks of a camera.
@@ -248,8 +260,10 @@ fn ready(request: &Request, start: Option<&str>, context: &Context) -> Result<Re
         let variant = variant_named(&setup, &name)?;
         let mut blocks = setup.blocks(&variant)?;
         let parts: [&mut dyn Block; 3] = [&mut blocks.exposure, &mut blocks.isp, &mut blocks.network];
+        let warn = |text: &str| context.warning(WarningKind::ChangedFile, text);
+        DigestCheck::new(&folder, &[], &warn).check_cameras([name.as_str()])?;
         load_blocks(&folder.camera(&name), parts, Kept::Numbers)?;
-        blocks.network.set_sight(Sight { sees: variant.sees, zoom: 1.0 });
+        set_sight(&mut blocks.network, &folder, &variant, &camera_lens(&folder, &name)?.lens)?;
         let network = format!("of the finished camera {name}");
         return with_camera(setup, variant, &blocks, network);
     }
@@ -279,7 +293,9 @@ fn ready(request: &Request, start: Option<&str>, context: &Context) -> Result<Re
         Some(_) => "with the weights that the experiment names",
         None => "untrained, drawn from the seed: losses and slopes say little yet",
     };
-    with_camera(setup, variant, &blocks, network.to_owned())
+    // The zoom follows from the lens of a finished camera.
+    let zoom = if variant.zoomed_like.is_some() { "; without the digital zoom of this camera" } else { "" };
+    with_camera(setup, variant, &blocks, format!("{network}{zoom}"))
 }
 
 /// Holds the blocks of a variant in a camera. Its PSFs are traced, also where a network takes their place while a lens moves.
@@ -306,18 +322,6 @@ fn shots(setup: &Setup, camera: &Camera, request: &Request) -> Result<Vec<Shot>,
     let mut shots = setup.training_shots(camera, request.batch)?;
     shots.truncate(request.windows);
     Ok(shots)
-}
-
-/// The losses of a batch, without slopes.
-fn losses(
-    setup: &Setup,
-    camera: &Camera,
-    shots: &[Shot],
-    noise: Noise,
-) -> Result<BTreeMap<String, f64>, JobError> {
-    let frames = camera.take(shots, &noise)?;
-    let loss = setup.objective()?.loss(camera, &frames, shots)?;
-    Ok(loss.parts.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect())
 }
 
 /// The slopes by the numbers of every surface that are stated in its file: curvature, conic constant, asphere, and the distance to the next surface.

@@ -177,7 +177,13 @@ impl Start {
             let field_rad = self.plan.field_angle(lens, corner_mm).ok()?;
             Some(spot(lens, field_rad, &quadrature)?.rms_poly_um)
         };
-        let (was_um, is_um) = (rms_um(before)?, rms_um(after)?);
+        let was_um = rms_um(before)?;
+        let Some(is_um) = rms_um(after) else {
+            return Some(format!(
+                "no light lands in the corner of the sensor any more, where the RMS spot was {was_um:.1} um: the goal counts fields by their area, \
+                 and little area lies there"
+            ));
+        };
         (is_um > WORSE * was_um).then(|| {
             format!(
                 "in the corner of the sensor the RMS spot is {is_um:.1} um, and was {was_um:.1} um: the goal counts fields by their area, and little \

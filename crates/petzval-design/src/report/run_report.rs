@@ -22,7 +22,7 @@ use crate::lens::view;
 use crate::report::attribution::attribution;
 use crate::report::pictures::{frames, held_out, in_order, pictures};
 use crate::run::{
-    CameraMetrics, Event, Kept, MadeFigures, MadeMetrics, Metrics, RunFolder, RunRecord, load_blocks,
+    CameraMetrics, Event, Kept, MadeFigures, MadeMetrics, Metrics, RunFolder, RunRecord, SCORE, load_blocks,
     read_events, read_json,
 };
 use crate::run_progress::{self, is_scored, moved_part};
@@ -441,7 +441,7 @@ fn loss_curves(events: Vec<Event>) -> Vec<LossCurve> {
     let mut curves: BTreeMap<Key, Vec<(u64, f64)>> = BTreeMap::new();
     let mut counts: BTreeMap<(String, String), u64> = BTreeMap::new();
     for event in events {
-        if event.block == run_progress::SCORE {
+        if event.block == SCORE {
             continue;
         }
         // Each block counts its own steps, so that cameras can be laid over each other.

@@ -11,6 +11,9 @@ use sha2::{Digest, Sha256};
 use super::{EventsDigest, hex};
 use crate::error::DesignError;
 
+/// The block of the event of a camera that was scored.
+pub const SCORE: &str = "score";
+
 /// One step of one block.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Event {

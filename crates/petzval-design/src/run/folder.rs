@@ -154,7 +154,11 @@ impl RunFolder {
     /// Whether a process holds the lock.
     pub fn is_at_work(&self) -> bool {
         let file = petzval_base::open_file(self.root.join(LOCK));
-        file.is_ok_and(|file| matches!(file.try_lock_shared(), Err(fs::TryLockError::WouldBlock)))
+        file.is_ok_and(|file| {
+            let is_held = matches!(file.try_lock_shared(), Err(fs::TryLockError::WouldBlock));
+            let _ends_with_the_file = file.unlock();
+            is_held
+        })
     }
 
     /// The process that holds the lock, if there is one and it has written its name.

@@ -165,6 +165,10 @@ struct Kept {
 /// Takes and develops the window.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     check_ranges(request)?;
+    if let (None, Some(set)) = (&request.isp, request.set.first()) {
+        let message = "there is no ISP whose parameter it could be";
+        return Err(JobError::setting("set", set, message, "name one as `isp`"));
+    }
     let ([x, y], [rows, columns]) = (pair("at", &request.at)?, pair("size", &request.size)?);
     let lens = edited(&request.lens, &request.edits, context)?;
     let own = request.sensor.read(&context.assets)?;
