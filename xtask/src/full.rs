@@ -120,7 +120,7 @@ fn parts(root: &Path) -> Result<Vec<Part>, String> {
 
 /// The names of the built-in experiments.
 fn experiments(root: &Path) -> Result<Vec<String>, String> {
-    let folder = root.join("data/experiments");
+    let folder = root.join("crates/petzval-data/data/experiments");
     let entries = std::fs::read_dir(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
     let mut names = Vec::new();
     for entry in entries {

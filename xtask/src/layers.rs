@@ -12,7 +12,7 @@ use super::files::rust_files;
 
 /// Crates in the order in which light meets them. A crate may use those of the groups before its own.
 const ORDER: [&[&str]; 11] = [
-    &["petzval-base"],
+    &["petzval-base", "petzval-data"],
     &["petzval-optics", "petzval-camera", "petzval-street"],
     &["petzval-files"],
     &["petzval-lab", "petzval-learn"],
@@ -33,7 +33,7 @@ const RESERVED: [(&str, &[&str], &str); 9] = [
     ("clap", &["petzval"], "only the command has a command line"),
     ("miette", &["petzval"], "libraries return typed errors"),
     ("indicatif", &["petzval"], "libraries do not draw"),
-    ("include_dir", &["petzval-jobs", "petzval-studio"], "data and the page travel with the binary"),
+    ("include_dir", &["petzval-data", "petzval-studio"], "data and the page travel with the binary"),
     ("pyo3", &["petzval-python"], "one crate talks to Python"),
     ("signal-hook", &["petzval"], "only the command owns the process"),
 ];

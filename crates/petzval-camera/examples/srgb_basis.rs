@@ -1,6 +1,6 @@
-//! Computes `data/spectra/srgb-basis.csv`: the three smoothest reflectances whose mixtures give linear sRGB.
+//! Computes `crates/petzval-data/data/spectra/srgb-basis.csv`: the three smoothest reflectances whose mixtures give linear sRGB.
 //!
-//! `cargo run --release -p petzval-camera --example srgb_basis > data/spectra/srgb-basis.csv`
+//! `cargo run --release -p petzval-camera --example srgb_basis > crates/petzval-data/data/spectra/srgb-basis.csv`
 //!
 //! Minimise `sum_k |D rho_k|^2` (D: second differences over 380..780 nm every 5 nm) subject to
 //!

@@ -44,7 +44,7 @@
 //! light.data.iter_mut().zip(&dimming.data).for_each(|(l, d)| *l *= d);
 //!
 //! // Expose, develop, undo the dimming.
-//! let sensor = petzval_files::parse_sensor(include_str!("../../../data/sensors/imx249-fitted.toml"))?;
+//! let sensor = petzval_files::parse_sensor(include_str!("../../petzval-data/data/sensors/imx249-fitted.toml"))?;
 //! let exposure = Exposure { white_e: 20_000.0, time_s: 0.01, linear_gain: 1.0 };
 //! let capture = Capture { exposure, placement, frame: 0 };
 //! let raw = expose(&light, &sensor, &capture, &Noise { mode: NoiseMode::Exact, seed: 1 })?;

@@ -139,7 +139,9 @@ mod tests {
 
     #[test]
     fn a_camera_that_was_not_calibrated_develops_the_light_of_its_lens_by_that_of_the_design() {
-        let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+        let assets =
+            Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data"))
+                .unwrap();
         let text = "[psf]\nfields = 3\ngrid = 64\npatches = [2, 2]\npupil_cells = 16\nscoring_pupil_cells = 16\n\
                     scoring_pupil_error = 2.0\n[network]\nbase_channels = 4\nlevels = 1\nweights = \"none\"\n\
                     [training]\nsteps = 1\nbatch = 1\ncrop = 64\n[scoring]\nplaces_per_side = 1\ncrop = 64\n";

@@ -15,7 +15,7 @@ use crate::error::DesignError;
 use crate::experiment::Experiment;
 use crate::library::Library;
 
-/// The built-in study, a file of `data/studies/`.
+/// The built-in study, a file of `crates/petzval-data/data/studies/`.
 const STUDY: &str = "cooke-triplet-image-quality";
 
 /// The file of a study.
@@ -122,7 +122,7 @@ mod tests {
     /// Its figures belong to its own experiment alone, by whatever name its files are called.
     #[test]
     fn the_study_is_quoted_for_its_own_experiment_alone() {
-        let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data");
+        let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data");
         let assets = Library::from_folder(&data).unwrap();
         let own = assets.experiment(STUDY).unwrap();
         let is_quoted = |change: &dyn Fn(&mut Experiment)| {

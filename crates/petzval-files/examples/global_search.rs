@@ -1,6 +1,6 @@
 //! Global search: starts from random lenses inside the bounds of a lens file, for two seconds per seed.
 //!
-//! `cargo run --release -p petzval-files --example global_search -- data/lenses/cooke-triplet-nominal.toml [bfl-held|efl-free]`
+//! `cargo run --release -p petzval-files --example global_search -- crates/petzval-data/data/lenses/cooke-triplet-nominal.toml [bfl-held|efl-free]`
 
 mod common;
 

@@ -1,6 +1,6 @@
 //! Error of a PSF from pupil polynomials against one of ten million traced rays, for several pupil densities.
 //!
-//! `cargo run --release -p petzval-files --example psf_accuracy -- data/lenses/cooke-triplet-nominal.toml 15`
+//! `cargo run --release -p petzval-files --example psf_accuracy -- crates/petzval-data/data/lenses/cooke-triplet-nominal.toml 15`
 
 mod common;
 

@@ -10,7 +10,7 @@ use petzval_optics::glass::{Glass, Status};
 
 /// A maker whose glasses are built in.
 struct Maker {
-    /// File below `data/glasses`, without `.toml`.
+    /// File below `crates/petzval-data/data/glasses`, without `.toml`.
     file: &'static str,
     /// Folder below `specs`.
     folder: &'static str,
@@ -87,9 +87,9 @@ const MAKERS: [Maker; 6] = [
     },
 ];
 
-/// Writes `data/glasses/*.toml` from the database in a folder (the one that holds `specs`); returns a report.
+/// Writes `crates/petzval-data/data/glasses/*.toml` from the database in a folder (the one that holds `specs`); returns a report.
 fn refresh(database: &Path) -> Result<String, String> {
-    let out = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/glasses");
+    let out = Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data/glasses");
     let mut report = Vec::new();
     for maker in &MAKERS {
         let glasses = read(maker, &database.join("specs").join(maker.folder))?;

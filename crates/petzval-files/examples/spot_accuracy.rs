@@ -1,6 +1,6 @@
 //! Error of an RMS spot by quadrature against a fine grid of traced rays, and its cost, by degree.
 //!
-//! `cargo run --release -p petzval-files --example spot_accuracy -- data/lenses/cooke-triplet-nominal.toml`
+//! `cargo run --release -p petzval-files --example spot_accuracy -- crates/petzval-data/data/lenses/cooke-triplet-nominal.toml`
 
 mod common;
 

@@ -1,6 +1,6 @@
 //! Error of the RMS spots of randomly perturbed lenses against many more rays, and their cost, by degree.
 //!
-//! `cargo run --release -p petzval-files --example tolerance_accuracy -- data/lenses/cooke-triplet-nominal.toml [TRIALS]`
+//! `cargo run --release -p petzval-files --example tolerance_accuracy -- crates/petzval-data/data/lenses/cooke-triplet-nominal.toml [TRIALS]`
 
 mod common;
 

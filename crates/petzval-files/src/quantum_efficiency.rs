@@ -81,8 +81,8 @@ mod tests {
     use super::*;
     use crate::parse_sensor;
 
-    const SENSOR: &str = include_str!("../../../data/sensors/imx249-fitted.toml");
-    const CURVES: &str = include_str!("../../../data/quantum-efficiency/imx219.toml");
+    const SENSOR: &str = include_str!("../../petzval-data/data/sensors/imx249-fitted.toml");
+    const CURVES: &str = include_str!("../../petzval-data/data/quantum-efficiency/imx219.toml");
 
     #[test]
     fn a_table_and_a_toml_file_of_the_same_curves_are_equal() {
@@ -162,7 +162,7 @@ mod tests {
 
     #[test]
     fn the_shipped_curves_read() {
-        for text in [CURVES, include_str!("../../../data/quantum-efficiency/ov5647.toml")] {
+        for text in [CURVES, include_str!("../../petzval-data/data/quantum-efficiency/ov5647.toml")] {
             let curves = parse_quantum_efficiency_toml(text).unwrap();
             assert!(curves.curve(Colour::Clear).is_none() && curves.peak(Colour::Clear).is_none());
             let (um, efficiency) = curves.peak(Colour::Green).unwrap();
@@ -181,10 +181,10 @@ mod tests {
     #[test]
     fn the_shipped_monochrome_sensors_have_the_snr_and_range_of_their_source() {
         for (text, snr_db, range_db) in [
-            (include_str!("../../../data/sensors/imx250-mono.toml"), 40.3, 71.2),
-            (include_str!("../../../data/sensors/imx273-mono.toml"), 40.2, 71.4),
-            (include_str!("../../../data/sensors/imx535-mono.toml"), 39.7, 69.8),
-            (include_str!("../../../data/sensors/mt9m034-mono.toml"), 37.7, 63.4),
+            (include_str!("../../petzval-data/data/sensors/imx250-mono.toml"), 40.3, 71.2),
+            (include_str!("../../petzval-data/data/sensors/imx273-mono.toml"), 40.2, 71.4),
+            (include_str!("../../petzval-data/data/sensors/imx535-mono.toml"), 39.7, 69.8),
+            (include_str!("../../petzval-data/data/sensors/mt9m034-mono.toml"), 37.7, 63.4),
         ] {
             let sensor = parse_sensor(text).unwrap();
             assert!(sensor.quantum_efficiency.is_none() && sensor.source.starts_with("https://"));
@@ -203,8 +203,14 @@ mod tests {
     #[test]
     fn the_imx900_has_the_efficiency_snr_range_and_threshold_of_its_source() {
         for (text, qe, snr_db, range_db, least_e) in [
-            (include_str!("../../../data/sensors/imx900-mono.toml"), 0.9125, 39.76, 63.8, 6.106),
-            (include_str!("../../../data/sensors/imx900-mono-high-gain.toml"), 0.8847, 33.39, 59.0, 2.461),
+            (include_str!("../../petzval-data/data/sensors/imx900-mono.toml"), 0.9125, 39.76, 63.8, 6.106),
+            (
+                include_str!("../../petzval-data/data/sensors/imx900-mono-high-gain.toml"),
+                0.8847,
+                33.39,
+                59.0,
+                2.461,
+            ),
         ] {
             let sensor = parse_sensor(text).unwrap();
             let curve = sensor.quantum_efficiency.as_ref().unwrap().curve(Colour::Clear).unwrap();

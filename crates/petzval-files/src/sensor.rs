@@ -29,8 +29,8 @@ fn in_its_table(error: FileError) -> FileError {
 mod tests {
     use super::*;
 
-    const FITTED: &str = include_str!("../../../data/sensors/imx249-fitted.toml");
-    const CALIBRATED: &str = include_str!("../../../data/sensors/imx249-calibrated.toml");
+    const FITTED: &str = include_str!("../../petzval-data/data/sensors/imx249-fitted.toml");
+    const CALIBRATED: &str = include_str!("../../petzval-data/data/sensors/imx249-calibrated.toml");
 
     #[test]
     fn the_shipped_sensors_read() {

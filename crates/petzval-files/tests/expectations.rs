@@ -12,7 +12,7 @@ use petzval_optics::solve::{with_best_focus, with_efl, with_paraxial_focus};
 use petzval_optics::spot::{mean_square_spot_traced, spot, spot_paraxial_pupil};
 
 fn files(folder: &str) -> Vec<PathBuf> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data").join(folder);
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data").join(folder);
     let mut files: Vec<PathBuf> = fs::read_dir(root)
         .unwrap()
         .map(|entry| entry.unwrap().path())

@@ -12,7 +12,7 @@ use petzval_optics::trace::launch;
 
 fn catalog() -> Catalog {
     let mut catalog = Catalog::default();
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/glasses");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data/glasses");
     for entry in std::fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
         if path.extension().is_some_and(|e| e == "toml") {

@@ -8,7 +8,7 @@ use petzval_optics::glass::{Catalog, Glass, LINE_C_UM, LINE_D_UM, LINE_F_UM};
 
 /// The catalogue files with their names, sorted by name.
 fn files() -> Vec<(String, Catalog)> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/glasses");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data/glasses");
     let mut files: Vec<(String, Catalog)> = fs::read_dir(folder)
         .unwrap()
         .map(|entry| {

@@ -16,7 +16,7 @@ use petzval_optics::lens::{LensDefect, ObjectDistance, Surface, SurfaceShape, va
 use petzval_optics::number::Number;
 
 fn data(folder: &str) -> Vec<PathBuf> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data").join(folder);
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data").join(folder);
     let files = fs::read_dir(root).unwrap().map(|entry| entry.unwrap().path());
     let mut files: Vec<PathBuf> =
         files.filter(|path| path.extension().is_some_and(|e| e == "toml")).collect();
@@ -39,7 +39,9 @@ fn catalog() -> Catalog {
 }
 
 fn nominal() -> String {
-    read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/lenses/cooke-triplet-nominal.toml"))
+    read(
+        &Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data/lenses/cooke-triplet-nominal.toml"),
+    )
 }
 
 #[test]

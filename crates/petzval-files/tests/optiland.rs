@@ -8,7 +8,7 @@ use petzval_optics::paraxial::{first_order, paraxial_ray};
 fn catalog() -> Catalog {
     let mut catalog = Catalog::default();
     for file in ["schott", "hikari"] {
-        let path = format!("{}/../../data/glasses/{file}.toml", env!("CARGO_MANIFEST_DIR"));
+        let path = format!("{}/../petzval-data/data/glasses/{file}.toml", env!("CARGO_MANIFEST_DIR"));
         catalog.merge(petzval_files::parse_catalog(&std::fs::read_to_string(path).unwrap()).unwrap());
     }
     catalog

@@ -88,7 +88,7 @@ fn optilands_diffraction_mtf_converges_to_ours_with_a_finer_grid() {
 
 #[test]
 fn listed_lenses_equal_the_built_in_ones() {
-    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data");
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data");
     let mut catalog = Catalog::default();
     for entry in std::fs::read_dir(folder.join("glasses")).unwrap() {
         catalog.merge(

@@ -1,16 +1,14 @@
-//! The `data/` folder, built into the program: an installed `petzval` works from any folder.
+//! The files that Petzval carries, as a library.
 
 use std::borrow::Cow;
 
-use include_dir::{Dir, include_dir};
+use petzval_data::ALL;
 use petzval_design::assets::Assets;
 use petzval_design::library::Library;
 
-static DATA: Dir<'static> = include_dir!("$CARGO_MANIFEST_DIR/../../data");
-
 /// The built-in library of lenses, glasses, sensors, experiments, photographs and weights.
 pub fn built_in_assets() -> Library {
-    let (mut files, mut open) = (Vec::new(), vec![&DATA]);
+    let (mut files, mut open) = (Vec::new(), vec![&ALL]);
     while let Some(folder) = open.pop() {
         open.extend(folder.dirs());
         files.extend(
@@ -25,7 +23,7 @@ pub fn built_in_assets() -> Library {
 
 /// Names of the built-in photographs, in the order of the alphabet.
 pub(crate) fn photographs() -> Vec<String> {
-    let Some(folder) = DATA.get_dir("photos") else { return Vec::new() };
+    let Some(folder) = ALL.get_dir("photos") else { return Vec::new() };
     let pictures =
         folder.files().filter(|file| file.path().extension().is_some_and(|ending| ending == "png"));
     let mut names: Vec<String> =

@@ -199,7 +199,7 @@ mod tests {
     }
 
     fn view_of(distance_mm: f64, pinhole_um: f64, refocus: Refocus) -> Result<PinholeView, PinholeError> {
-        let data = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data");
+        let data = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data");
         let assets = Assets::from_folder(&data).unwrap();
         let lens = assets.lens("cooke-triplet-nominal").unwrap().lens;
         let sensor = assets.sensor("imx249-calibrated").unwrap();

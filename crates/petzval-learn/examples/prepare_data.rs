@@ -5,7 +5,7 @@
 //! prepare_data weights IN OUT          round every tensor of a safetensors file to f16
 //! ```
 //!
-//! This program wrote the files under `data/photos` and `data/weights`; their READMEs name the originals.
+//! This program wrote the files under `crates/petzval-data/data/photos` and `crates/petzval-data/data/weights`; their READMEs name the originals.
 
 use std::{collections::HashMap, error::Error, fs, process::ExitCode};
 

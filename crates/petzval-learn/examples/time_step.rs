@@ -48,7 +48,8 @@ fn time(name: &str, mut run: impl FnMut()) {
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let device = Device::flex().autodiff();
-    let weights = concat!(env!("CARGO_MANIFEST_DIR"), "/../../data/weights/lpips_alex_f16.safetensors");
+    let weights =
+        concat!(env!("CARGO_MANIFEST_DIR"), "/../petzval-data/data/weights/lpips_alex_f16.safetensors");
     let lpips = Lpips::from_safetensors(&fs::read(weights)?, &device)?;
     let loss = ImageLoss::default();
     for batch in [4, 2] {

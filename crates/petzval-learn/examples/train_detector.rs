@@ -60,9 +60,9 @@ fn main() {
     let args = Args::parse();
     let kind = if args.one_stage { DetectorKind::Fcos } else { DetectorKind::FasterRcnn };
     let of = if args.traffic_lights {
-        include_str!("../../../data/tasks/traffic-light.toml")
+        include_str!("../../petzval-data/data/tasks/traffic-light.toml")
     } else {
-        include_str!("../../../data/tasks/pedestrian-vehicle.toml")
+        include_str!("../../petzval-data/data/tasks/pedestrian-vehicle.toml")
     };
     let of = Classes::parse(of).unwrap();
     let classes = &of.names()[..];

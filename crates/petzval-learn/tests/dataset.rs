@@ -275,7 +275,7 @@ fn the_embedded_photographs_match_their_list() {
         training: Vec<Entry>,
         held_out: Vec<Entry>,
     }
-    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../data/photos");
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../petzval-data/data/photos");
     let list: List = toml::from_str(&fs::read_to_string(format!("{folder}/photos.toml")).unwrap()).unwrap();
     for entry in list.training.iter().chain(&list.held_out) {
         assert!(![&entry.title, &entry.author, &entry.licence, &entry.source].iter().any(|s| s.is_empty()));

@@ -45,7 +45,7 @@ fn folder(path: &Path, count: usize, category: &str) {
 }
 
 fn people_and_vehicles() -> Classes {
-    Classes::parse(include_str!("../../../data/tasks/pedestrian-vehicle.toml")).unwrap()
+    Classes::parse(include_str!("../../petzval-data/data/tasks/pedestrian-vehicle.toml")).unwrap()
 }
 
 fn load(path: &Path, crop: usize) -> Result<(LabelledPictures, Vec<String>), String> {

@@ -3,7 +3,7 @@
 use burn::prelude::*;
 use petzval_learn::loss::{ImageLoss, LEAST_SIDE, LossError, Lpips, l1, l2, ssim};
 
-const WEIGHTS: &[u8] = include_bytes!("../../../data/weights/lpips_alex_f16.safetensors");
+const WEIGHTS: &[u8] = include_bytes!("../../petzval-data/data/weights/lpips_alex_f16.safetensors");
 
 fn lpips(device: &Device) -> Lpips {
     Lpips::from_safetensors(WEIGHTS, device).unwrap()

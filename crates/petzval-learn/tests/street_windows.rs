@@ -27,7 +27,8 @@ fn plan() -> StreetPlan {
         seed: 1,
         light: Light::Day,
         busy: 0.4,
-        classes: Classes::parse(include_str!("../../../data/tasks/pedestrian-vehicle.toml")).unwrap(),
+        classes: Classes::parse(include_str!("../../petzval-data/data/tasks/pedestrian-vehicle.toml"))
+            .unwrap(),
         surfaces: None,
         white_cd_m2: 3.0,
         samples: 1,

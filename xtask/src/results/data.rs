@@ -40,7 +40,7 @@ pub(super) struct Table {
     /// How the table follows from the files `metrics.json` of its runs.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub from_runs: Option<FromRuns>,
-    /// The file of `data/studies` that quotes the differences of this table.
+    /// The file of `crates/petzval-data/data/studies` that quotes the differences of this table.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub study: Option<String>,
     pub columns: Vec<Column>,

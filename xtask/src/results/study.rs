@@ -1,4 +1,4 @@
-//! The figures of several seeds that runs quote (`data/studies`): they are those of a table.
+//! The figures of several seeds that runs quote (`crates/petzval-data/data/studies`): they are those of a table.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -84,7 +84,7 @@ mod tests {
     #[test]
     fn a_study_that_is_not_its_table_is_named() {
         let table = r#"{"tables": [{"key": "gain", "title": "Gain", "command": "petzval", "seeds": [1, 2], "version": "0.1.0",
-            "date": "2026-11-27", "origin": "runs", "study": "data/studies/gain.toml",
+            "date": "2026-11-27", "origin": "runs", "study": "crates/petzval-data/data/studies/gain.toml",
             "columns": [{"name": "against"}, {"name": "PSNR", "decimals": 2, "metric": "psnr_db"}],
             "rows": [["nominal", {"seeds": [0.8, 0.9]}]]}]}"#;
         let table = &DataFile::parse(table).unwrap().tables[0];

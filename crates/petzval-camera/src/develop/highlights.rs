@@ -86,7 +86,7 @@ mod tests {
     const TILES: [&str; 4] = ["RGGB", "RRGG/RRGG/GGBB/GGBB", "WR/GB", "mono"];
 
     fn sensor(tile: &str, full_well_e: f64) -> SensorModel {
-        let text = include_str!("../../../../data/sensors/imx249-fitted.toml");
+        let text = include_str!("../../../petzval-data/data/sensors/imx249-fitted.toml");
         let clear_response = [0.6, 0.9, 0.7];
         SensorModel {
             cfa: tile.parse().unwrap(),

@@ -61,7 +61,7 @@ mod tests {
     use super::*;
 
     fn at(white_e: f32, time_s: f32) -> (SensorModel, Exposure) {
-        let text = include_str!("../../../../data/sensors/imx249-fitted.toml");
+        let text = include_str!("../../../petzval-data/data/sensors/imx249-fitted.toml");
         (toml::from_str(text).unwrap(), Exposure { white_e, time_s, linear_gain: 1.0 })
     }
 

@@ -68,7 +68,7 @@ mod tests {
 
     fn sensor() -> SensorModel {
         let sensor: SensorModel =
-            toml::from_str(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap();
+            toml::from_str(include_str!("../../../petzval-data/data/sensors/imx249-fitted.toml")).unwrap();
         SensorModel { cfa: CfaPattern::RGGB, ..sensor }
     }
 

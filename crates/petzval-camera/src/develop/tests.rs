@@ -2,7 +2,8 @@ use super::*;
 use crate::sensor::{CfaPattern, Noise, NoiseMode, expose};
 
 fn sensor() -> SensorModel {
-    toml::from_str::<SensorModel>(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap()
+    toml::from_str::<SensorModel>(include_str!("../../../petzval-data/data/sensors/imx249-fitted.toml"))
+        .unwrap()
 }
 
 fn capture(row: usize, col: usize) -> Capture {

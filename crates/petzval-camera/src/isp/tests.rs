@@ -12,7 +12,7 @@ use crate::sensor::{Capture, CfaPattern, Exposure, Noise, NoiseMode, Raw, Sensor
 
 fn sensor() -> SensorModel {
     let sensor: SensorModel =
-        toml::from_str(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap();
+        toml::from_str(include_str!("../../../petzval-data/data/sensors/imx249-fitted.toml")).unwrap();
     SensorModel { cfa: CfaPattern::GRBG, ..sensor }
 }
 

@@ -145,7 +145,8 @@ fn bank(sigma_um: f64) -> PsfBank {
 }
 
 fn limit(white_e: f32) -> LinearLimit {
-    let sensor = toml::from_str(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap();
+    let sensor =
+        toml::from_str(include_str!("../../../petzval-data/data/sensors/imx249-fitted.toml")).unwrap();
     let exposure = Exposure { white_e, time_s: 0.005, linear_gain: 1.0 };
     LinearLimit::new(&sensor, &exposure, NaturalScenes::default())
 }

@@ -198,7 +198,7 @@ mod tests {
 
     use crate::spectral::Illuminant;
 
-    const CURVES: &str = include_str!("../../../../data/quantum-efficiency/imx219.toml");
+    const CURVES: &str = include_str!("../../../petzval-data/data/quantum-efficiency/imx219.toml");
 
     #[test]
     fn matched_factors_give_the_measured_ratios() {

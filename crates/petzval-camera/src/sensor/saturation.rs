@@ -49,7 +49,7 @@ mod tests {
     use crate::sensor::{Capture, Exposure, Noise, NoiseMode, expose};
 
     fn sensor(full_well_e: f64) -> SensorModel {
-        let text = include_str!("../../../../data/sensors/imx249-fitted.toml");
+        let text = include_str!("../../../petzval-data/data/sensors/imx249-fitted.toml");
         SensorModel { full_well_e, ..toml::from_str::<SensorModel>(text).unwrap() }
     }
 

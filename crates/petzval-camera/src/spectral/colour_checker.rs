@@ -24,12 +24,12 @@ pub fn colour_checker(data: ChartData) -> &'static [(String, Spectrum)] {
     static OHTA: OnceLock<SpectrumTable> = OnceLock::new();
     static BABEL: OnceLock<SpectrumTable> = OnceLock::new();
     let table = match data {
-        ChartData::Ohta => OHTA.get_or_init(|| {
-            SpectrumTable::built_in(include_str!("../../../../data/spectra/colorchecker-ohta.csv"))
-        }),
-        ChartData::BabelColor => BABEL.get_or_init(|| {
-            SpectrumTable::built_in(include_str!("../../../../data/spectra/colorchecker-babelcolor.csv"))
-        }),
+        ChartData::Ohta => {
+            OHTA.get_or_init(|| SpectrumTable::built_in(petzval_data::spectra::COLORCHECKER_OHTA))
+        }
+        ChartData::BabelColor => {
+            BABEL.get_or_init(|| SpectrumTable::built_in(petzval_data::spectra::COLORCHECKER_BABELCOLOR))
+        }
     };
     &table.curves
 }

@@ -125,7 +125,7 @@ mod tests {
     use crate::spectrum::bands::even_bands;
 
     fn sensor(curves: QuantumEfficiency) -> SensorModel {
-        let text = include_str!("../../../../data/sensors/imx249-fitted.toml");
+        let text = include_str!("../../../petzval-data/data/sensors/imx249-fitted.toml");
         SensorModel { quantum_efficiency: Some(curves), ..toml::from_str::<SensorModel>(text).unwrap() }
     }
 
@@ -135,7 +135,7 @@ mod tests {
     }
 
     fn imx219() -> SensorModel {
-        let curves = include_str!("../../../../data/quantum-efficiency/imx219.toml");
+        let curves = include_str!("../../../petzval-data/data/quantum-efficiency/imx219.toml");
         sensor(toml::from_str::<QuantumEfficiency>(curves).unwrap())
     }
 

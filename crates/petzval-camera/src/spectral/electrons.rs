@@ -188,7 +188,7 @@ mod tests {
 
     /// A monochrome sensor with a quantum efficiency of 0.6 from 0.3 to 1.1 um.
     fn mono() -> SensorModel {
-        let text = include_str!("../../../../data/sensors/imx249-fitted.toml");
+        let text = include_str!("../../../petzval-data/data/sensors/imx249-fitted.toml");
         let curves =
             QuantumEfficiency { wavelength_um: vec![0.3, 1.1], clear: vec![0.6, 0.6], ..Default::default() };
         SensorModel {

@@ -48,7 +48,7 @@ pub enum IlluminantError {
 
 fn tabulated() -> &'static SpectrumTable {
     static TABLE: OnceLock<SpectrumTable> = OnceLock::new();
-    TABLE.get_or_init(|| SpectrumTable::built_in(include_str!("../../../../data/spectra/illuminants.csv")))
+    TABLE.get_or_init(|| SpectrumTable::built_in(petzval_data::spectra::ILLUMINANTS))
 }
 
 /// Names of the tabulated illuminants.

@@ -13,7 +13,7 @@ pub const LUMENS_PER_WATT: f64 = 683.0;
 pub fn cie1931() -> &'static [Spectrum; 3] {
     static OBSERVER: OnceLock<[Spectrum; 3]> = OnceLock::new();
     OBSERVER.get_or_init(|| {
-        let table = SpectrumTable::built_in(include_str!("../../../../data/spectra/cie1931.csv"));
+        let table = SpectrumTable::built_in(petzval_data::spectra::CIE_1931);
         match table.into_curves() {
             Some(curves) => curves,
             None => unreachable!("the observer has three functions"),

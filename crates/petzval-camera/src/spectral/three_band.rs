@@ -103,8 +103,8 @@ mod tests {
     use rand::{RngExt, SeedableRng};
 
     fn sensor() -> SensorModel {
-        let text = include_str!("../../../../data/sensors/imx249-fitted.toml");
-        let curves = include_str!("../../../../data/quantum-efficiency/imx219.toml");
+        let text = include_str!("../../../petzval-data/data/sensors/imx249-fitted.toml");
+        let curves = include_str!("../../../petzval-data/data/quantum-efficiency/imx219.toml");
         let mut sensor = toml::from_str::<SensorModel>(text).unwrap();
         sensor.quantum_efficiency = Some(toml::from_str::<QuantumEfficiency>(curves).unwrap());
         sensor

@@ -21,7 +21,7 @@ use crate::spectrum::bands::{band_mean, ends};
 pub fn srgb_basis() -> &'static [Spectrum; 3] {
     static BASIS: OnceLock<[Spectrum; 3]> = OnceLock::new();
     BASIS.get_or_init(|| {
-        let table = SpectrumTable::built_in(include_str!("../../../../data/spectra/srgb-basis.csv"));
+        let table = SpectrumTable::built_in(petzval_data::spectra::SRGB_BASIS);
         match table.into_curves() {
             Some(curves) => curves,
             None => unreachable!("the basis has three curves"),

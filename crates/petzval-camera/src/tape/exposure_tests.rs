@@ -20,7 +20,7 @@ fn sensor() -> SensorModel {
         hot_pixel_e_per_s: 200.0,
         ..Default::default()
     };
-    let text = include_str!("../../../../data/sensors/imx249-fitted.toml");
+    let text = include_str!("../../../petzval-data/data/sensors/imx249-fitted.toml");
     SensorModel { nonuniformity, dark_current_e_per_s: 400.0, ..toml::from_str::<SensorModel>(text).unwrap() }
 }
 

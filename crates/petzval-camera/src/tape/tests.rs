@@ -85,7 +85,8 @@ fn render_op_has_the_gradient_of_render_adjoint() {
 fn camera_loss(psf: Tensor<4>, illumination: Tensor<2>, noise: &Noise) -> Tensor<1> {
     let (layout, geometry) = (bank().layout(), geometry());
     let sensor: SensorModel =
-        toml::from_str::<SensorModel>(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap();
+        toml::from_str::<SensorModel>(include_str!("../../../petzval-data/data/sensors/imx249-fitted.toml"))
+            .unwrap();
     let scenes = scenes(&layout, 15, 20);
     let placements: Vec<Placement> = scenes.iter().map(|s| s.placement).collect();
     let captures: Vec<Capture> = placements
@@ -189,7 +190,7 @@ fn overexposed(sensor: &SensorModel) -> (Vec<f32>, Vec<Capture>, Vec<f32>) {
 fn the_linear_isp_on_the_tape_is_its_reference_to_the_bit() {
     use crate::develop::{Demosaic, Domain, Interpolation, LinearIsp};
     use crate::sensor::Raw;
-    let text = include_str!("../../../../data/sensors/imx249-fitted.toml");
+    let text = include_str!("../../../petzval-data/data/sensors/imx249-fitted.toml");
     let sensor: SensorModel = toml::from_str(text).unwrap();
     let (dn, captures, light) = overexposed(&sensor);
     let matrix = [[1.6, -0.5, -0.1], [-0.2, 1.4, -0.2], [0.0, -0.6, 1.6]];
@@ -220,7 +221,7 @@ fn the_linear_isp_on_the_tape_is_its_reference_to_the_bit() {
 fn clipped_highlights_have_no_gradient() {
     use crate::develop::{Demosaic, Interpolation, LinearIsp, clip_levels_dn, develop_adjoint};
     use crate::sensor::Raw;
-    let text = include_str!("../../../../data/sensors/imx249-fitted.toml");
+    let text = include_str!("../../../petzval-data/data/sensors/imx249-fitted.toml");
     let sensor: SensorModel = toml::from_str(text).unwrap();
     let (dn, captures, _) = overexposed(&sensor);
     let raw = Raw { height: 12, width: 14, dn: dn[..168].to_vec(), capture: captures[0] };

@@ -48,7 +48,8 @@ const NOISE: Noise = Noise { mode: NoiseMode::Exact, seed: 4 };
 
 /// An experiment of a task on small cameras.
 fn setup(task: &str, more: &str, change: impl Fn(&mut Experiment)) -> Setup {
-    let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let assets =
+        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
     let text = format!("name = \"small\"\ntask = \"{task}\"{SMALL}{more}{VARIANT}");
     let mut experiment = Experiment::parse(&text).unwrap();
     change(&mut experiment);

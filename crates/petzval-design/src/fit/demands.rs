@@ -91,7 +91,7 @@ mod tests {
 
     #[test]
     fn memory_and_windows_follow_from_the_sensor_and_the_experiment() {
-        let text = include_str!("../../../../data/sensors/imx249-fitted.toml");
+        let text = include_str!("../../../petzval-data/data/sensors/imx249-fitted.toml");
         let sensor = petzval_files::parse_sensor(text).unwrap();
         // 2.304 million pixels of 150 bytes.
         assert!(whole_frame(&sensor).contains("0.3 GB") && whole_frame(&sensor).contains("2.3 megapixels"));

@@ -175,7 +175,8 @@ mod tests {
     use super::*;
 
     fn imx249() -> SensorModel {
-        petzval_files::parse_sensor(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap()
+        petzval_files::parse_sensor(include_str!("../../../petzval-data/data/sensors/imx249-fitted.toml"))
+            .unwrap()
     }
 
     #[test]

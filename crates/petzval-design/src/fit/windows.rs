@@ -73,7 +73,7 @@ mod tests {
 
     #[test]
     fn the_built_in_photographs_are_no_smaller() {
-        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/photos");
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data/photos");
         let pictures = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
         let pictures = pictures.filter(|path| path.extension().is_some_and(|ending| ending == "png"));
         let sides = pictures.map(|path| {
@@ -85,7 +85,7 @@ mod tests {
 
     #[test]
     fn windows_shrink_before_the_grid_does() {
-        let text = include_str!("../../../../data/sensors/imx249-fitted.toml");
+        let text = include_str!("../../../petzval-data/data/sensors/imx249-fitted.toml");
         let sensor = petzval_files::parse_sensor(text).unwrap();
         let mut usual = Experiment::default();
         assert!(fit(&mut usual, PicturesKey::Photos, &sensor).unwrap().is_empty());

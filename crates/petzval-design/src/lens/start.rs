@@ -276,7 +276,7 @@ mod tests {
     use super::*;
 
     fn sensor(height: usize, width: usize, pixel_um: f64) -> SensorModel {
-        let text = include_str!("../../../../data/sensors/imx249-fitted.toml");
+        let text = include_str!("../../../petzval-data/data/sensors/imx249-fitted.toml");
         SensorModel { height, width, pixel_um, ..petzval_files::parse_sensor(text).unwrap() }
     }
 

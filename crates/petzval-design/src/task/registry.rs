@@ -1,4 +1,4 @@
-//! All tasks, by name. A preset is a task with classes under a name of its own, from `data/tasks/`.
+//! All tasks, by name. A preset is a task with classes under a name of its own, from the crate `petzval-data`.
 
 use std::sync::Arc;
 
@@ -13,13 +13,6 @@ use super::python::PythonTask;
 use super::segments::Segments;
 use crate::error::DesignError;
 use crate::experiment::Experiment;
-
-/// The files of the presets by their names.
-const PRESETS: [(&str, &str); 3] = [
-    ("pedestrian-vehicle", include_str!("../../../../data/tasks/pedestrian-vehicle.toml")),
-    ("traffic-light", include_str!("../../../../data/tasks/traffic-light.toml")),
-    ("street-segmentation", include_str!("../../../../data/tasks/street-segmentation.toml")),
-];
 
 /// The tasks that experiments may name. Cheap to clone.
 #[derive(Clone)]
@@ -53,7 +46,7 @@ impl Tasks {
     pub fn built_in() -> Self {
         let none = Self { rows: Vec::new(), presets: Vec::new() };
         let rows = none.with(Pictures).with(Objects).with(Segments).with(PythonTask);
-        PRESETS.into_iter().fold(rows, |tasks, (name, text)| {
+        petzval_data::tasks::PRESETS.into_iter().fold(rows, |tasks, (name, text)| {
             tasks.with_preset(name, text).expect("the presets of this program are read by its tests")
         })
     }

@@ -56,7 +56,7 @@ fn difference(
 
 #[test]
 fn the_chosen_patches_blend_to_the_stated_error() {
-    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data");
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data");
     let lens = Assets::from_folder(&data).unwrap().lens("cooke-triplet-nominal").unwrap().lens;
     let options = PsfOptions::default();
     let plan = PsfPlan::new(31, 6.634, [0.62, 0.55, 0.486], options, Quadrature::grid(96).unwrap());

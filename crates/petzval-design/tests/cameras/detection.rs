@@ -66,7 +66,7 @@ fn setup(more: &str) -> Setup {
 }
 
 fn assets() -> Library {
-    Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap()
+    Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap()
 }
 
 /// The run of an experiment, from its start to its scores.

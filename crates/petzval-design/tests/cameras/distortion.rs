@@ -22,7 +22,7 @@ const PLACES: (usize, usize) = (240, 240);
 const SOURCE_PX: f64 = 1.2;
 
 fn nominal() -> Lens {
-    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data");
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data");
     Assets::from_folder(&data).unwrap().lens("cooke-triplet-nominal").unwrap().lens
 }
 

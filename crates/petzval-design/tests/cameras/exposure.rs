@@ -46,7 +46,8 @@ crop = 64
 const MOVES: &str = "[[variant]]\nname = \"a\"\n[[variant.stage]]\nmoves = [\"exposure\", \"network\"]\n";
 
 fn setup(more: &str) -> Setup {
-    let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let assets =
+        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
     let experiment = Experiment::parse(&format!("{TINY}{more}")).unwrap();
     Setup::new(experiment, &assets, Device::flex().autodiff()).unwrap()
 }
@@ -172,7 +173,8 @@ fn a_lens_that_gathers_more_light_keeps_its_lead_at_another_time_and_the_truth_s
 fn a_run_keeps_the_exposure_of_its_cameras_and_reports_it() {
     let text = "[exposure]\nwhite_e = 100.0\nlinear_gain = 20.0\nvary = [\"time\"]\nsteps = 8\nlearning_rate = 0.1\n";
     let setup = Arc::new(setup(&format!("{text}{MOVES}")));
-    let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let assets =
+        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let run = RunFolder::create(&folder.path().join("run")).unwrap();
     keep_inputs(&setup, &assets, &run).unwrap();
@@ -209,7 +211,8 @@ fn a_network_that_learnt_behind_many_lenses_is_the_start_of_another_run() {
         schedule.exposure = { method = \"random\", steps = 2, learning_rate = 1.0 }\n\
         schedule.network = { steps = 2 }\n";
     let learnt = Arc::new(setup(text));
-    let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let assets =
+        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let run = RunFolder::create(&folder.path().join("run")).unwrap();
     keep_inputs(&learnt, &assets, &run).unwrap();

@@ -159,7 +159,7 @@ impl Guest for Inside {
 }
 
 fn library(passes: usize) -> Library {
-    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data");
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data");
     let host = Home { passes };
     Library::from_folder(&data)
         .unwrap()
@@ -275,7 +275,7 @@ fn what_cannot_be_made_or_scored_is_refused_before_a_run() {
     );
     assert!(pulled.contains("no proximal term"), "{pulled}");
     // Without a host nothing can be called.
-    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data");
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data");
     let without = Setup::new(
         Experiment::parse(EXPERIMENT).unwrap(),
         &Library::from_folder(&data).unwrap(),

@@ -28,7 +28,8 @@ fn setup(more: &str) -> Result<Setup, DesignError> {
 }
 
 fn setup_of(preset: &str, more: &str) -> Result<Setup, DesignError> {
-    let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let assets =
+        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
     let text = format!(
         "[psf]\nfields = 5\npupil_cells = 32\nscoring_pupil_cells = 32\nscoring_pupil_error = 2.0\n\
          [training]\ncrop = 64\nbatch = 3\nrelight_ev = 0.0\n[isp]\npreset = \"{preset}\"\n{more}\
@@ -299,7 +300,8 @@ fn parameters_that_do_not_exist_and_blocks_that_are_not_there_are_refused() {
 
 /// What is said of an experiment that cannot be made ready.
 fn not_ready(isp: &str) -> String {
-    let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let assets =
+        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
     let text = format!("{isp}[[variant]]\nname = \"a\"\n[[variant.stage]]\nmoves = [\"isp\"]\n");
     let setup = Setup::new(Experiment::parse(&text).unwrap(), &assets, Device::flex().autodiff());
     setup.err().unwrap().to_string()
@@ -342,7 +344,7 @@ fn foreign_setup(folder: &Path, isp: &str, variant: &str) -> Result<Setup, Desig
     let description = folder.join("lab.toml");
     let text = "name = \"a\"\ncommand = [\"true\"]\n[[parameter]]\nname = \"tone.gain\"\nmin = 0\nmax = 1\ndefault = 1\nsentence = \"\"\n";
     std::fs::write(&description, text).unwrap();
-    let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data"))
+    let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data"))
         .unwrap()
         .with_external_isps(Arc::new(|_| {
             let defaults = Foreign.defaults();

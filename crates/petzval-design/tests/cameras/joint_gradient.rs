@@ -32,7 +32,8 @@ fn setup() -> Setup {
 }
 
 fn setup_with(restore: bool) -> Setup {
-    let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let assets =
+        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
     let mut experiment = assets.experiment("cooke-triplet-image-quality").unwrap();
     // Without directions that are chosen pixel by pixel, which differences would step across.
     experiment.development =

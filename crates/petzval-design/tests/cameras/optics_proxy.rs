@@ -13,7 +13,8 @@ const STEPS: usize = 60;
 const LEARNT_BY_HEART: usize = 400;
 
 fn setup() -> Setup {
-    let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let assets =
+        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
     let text = "[psf]\nfields = 3\npupil_cells = 24\nscoring_pupil_cells = 24\nscoring_pupil_error = 2.0\n";
     Setup::without_windows(Experiment::parse(text).unwrap(), &assets, Device::flex().autodiff()).unwrap()
 }

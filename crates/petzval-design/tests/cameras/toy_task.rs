@@ -239,7 +239,7 @@ impl Findings for Found {
 
 #[test]
 fn a_task_from_outside_is_designed_for_scored_reported_and_read_again() {
-    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data");
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data");
     let tasks = Tasks::built_in().with(Brightness);
     let library = Library::from_folder(&data).unwrap().with_tasks(tasks.clone());
     let folder = tempfile::tempdir().unwrap();

@@ -102,7 +102,8 @@ fn variant(name: &str, more: &str) -> String {
 
 /// Runs an experiment to its end with the further score.
 fn run(experiment: Experiment, folder: &Path) -> Metrics {
-    let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let assets =
+        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
     let setup = Setup::new(experiment, &assets, Device::flex().autodiff()).unwrap();
     let folder = RunFolder::create(folder).unwrap();
     keep_inputs(&setup, &assets, &folder).unwrap();
@@ -182,7 +183,8 @@ fn variants_that_cannot_be_made_are_refused_with_a_hint() {
 
 #[test]
 fn an_unknown_score_is_refused_with_the_known_ones() {
-    let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let assets =
+        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
     let experiment = Experiment::parse(&format!("{TINY}scores = [\"beauty\"]\n")).unwrap();
     let setup = Setup::new(experiment, &assets, Device::flex().autodiff()).unwrap();
     let scores = standard_scores(&setup.lpips().unwrap());
@@ -194,7 +196,8 @@ fn an_unknown_score_is_refused_with_the_known_ones() {
 /// images in the corner of the sensor; to 14.8 degrees the spots would be 6.84 um.
 #[test]
 fn spots_are_minimised_to_convergence_under_the_requirements() {
-    let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let assets =
+        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
     let setup = Setup::new(Experiment::parse("").unwrap(), &assets, Device::flex().autodiff()).unwrap();
     let minimised = || {
         let mut block = OpticsBlock::new(setup.start(&setup.variants[0]).clone(), 1.0);
@@ -228,7 +231,8 @@ fn spots_are_minimised_to_convergence_under_the_requirements() {
 /// The error after restoration: its gradient, and what a descent from the spot-optimised lens gains.
 #[test]
 fn a_lens_is_improved_for_the_restoration_of_its_frames() {
-    let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let assets =
+        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
     let text = "[psf]\nfields = 7\ngrid = 96\npupil_cells = 48\n";
     let setup = Setup::new(Experiment::parse(text).unwrap(), &assets, Device::flex().autodiff()).unwrap();
     let start = setup.start(&setup.variants[0]);
@@ -340,7 +344,8 @@ fn check_gradient(merit: &RestoredError, space: &SmoothSpace, x: &[f64]) {
 /// table of scores.
 #[test]
 fn the_error_after_restoration_follows_the_light_of_the_lens() {
-    let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let assets =
+        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
     let setup = |white_e: f64, same: &str| {
         let free = format!("field = \"free\"\n{JOINT}");
         let exposure = format!("[exposure]\nwhite_e = {white_e}\nsame = \"{same}\"\n");
@@ -394,7 +399,8 @@ fn a_variant_that_starts_from_another_has_its_lens_and_counts_its_steps() {
 
 #[test]
 fn a_lens_without_variables_stays_in_a_control_and_moves_near_its_own_numbers() {
-    let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let assets =
+        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
     let setup = |lens: &str, stage: &str| {
         let text = format!("{TINY}{}", variant("a", &format!("lens = \"{lens}\"\n{stage}")));
         Setup::new(Experiment::parse(&text).unwrap(), &assets, Device::flex().autodiff())
@@ -434,7 +440,9 @@ fn a_perfect_lens_is_a_point_or_an_airy_disk() {
     assert_eq!(by_waves[0].perfect_image, PerfectImage::AiryDisk);
 
     let setup = |text: &str| {
-        let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+        let assets =
+            Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data"))
+                .unwrap();
         Setup::new(Experiment::parse(&format!("{TINY}{text}")).unwrap(), &assets, Device::flex().autodiff())
             .unwrap()
     };
@@ -455,7 +463,7 @@ fn a_perfect_lens_is_a_point_or_an_airy_disk() {
 
 #[test]
 fn every_built_in_experiment_says_whether_its_psfs_are_by_rays_or_by_waves() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/experiments");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data/experiments");
     for entry in std::fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
         let text = std::fs::read_to_string(&path).unwrap();
@@ -476,7 +484,7 @@ fn every_built_in_experiment_says_whether_its_psfs_are_by_rays_or_by_waves() {
 /// Networks start from weights that learnt behind PSFs of the experiment's kind, or of the kind that it names.
 #[test]
 fn built_in_weights_are_those_for_the_psfs_of_the_experiment() {
-    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data");
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data");
     let assets = Library::from_folder(&data).unwrap();
     let [rays, waves] = ["restoration_naf", "restoration_naf_waves"]
         .map(|name| std::fs::read(data.join(format!("weights/{name}.safetensors"))).unwrap());
@@ -561,7 +569,8 @@ fn a_camera_made_without_noise_is_scored_with_it() {
 
 #[test]
 fn the_lens_in_the_middle_of_its_bounds_keeps_the_focal_length() {
-    let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let assets =
+        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
     let text = format!("{TINY}{}", variant("a", &format!("lens = \"box-centre\"\n{NETWORK}")));
     let setup = Setup::new(Experiment::parse(&text).unwrap(), &assets, Device::flex().autodiff()).unwrap();
     let (start, nominal) = (setup.start(&setup.variants[0]), setup.nominal());
@@ -581,7 +590,8 @@ fn the_lens_in_the_middle_of_its_bounds_keeps_the_focal_length() {
 /// `sequential` moves each block as often as the joint design, from a lens that was improved as often; `noise-off` alone is made without noise.
 #[test]
 fn built_in_controls_take_the_steps_of_the_joint_design() {
-    let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let assets =
+        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
     for (name, last) in [
         ("cooke-triplet-image-quality-controls", vec![BlockName::Network]),
         ("cooke-triplet-image-quality-hardware-isp", vec![BlockName::Isp]),
@@ -665,7 +675,8 @@ fn a_stage_ends_with_the_numbers_of_its_best_validation() {
 
 #[test]
 fn validation_pictures_are_neither_trained_nor_scored_on_and_moving_lenses_are_validated_at_rest() {
-    let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let assets =
+        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
     let setup = |text: &str| Setup::new(Experiment::parse(text).unwrap(), &assets, Device::flex().autodiff());
     let text = format!("{TINY}{VALIDATION}{}", variant("a", JOINT));
     let (with, without) = (setup(&text).unwrap(), setup(TINY).unwrap());
@@ -736,7 +747,8 @@ fn every_lens_step_says_what_each_coordinate_did_to_the_loss() {
 /// The middle of the bounds of a lens images nothing sharply, and stands in an experiment to show that.
 #[test]
 fn a_lens_that_the_experiment_derives_may_be_out_of_focus() {
-    let library = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let library =
+        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
     let experiment = library.experiment("cooke-triplet-image-quality-controls").unwrap();
     let setup = Setup::new(experiment, &library, Device::flex()).unwrap();
     let look = first_look(&setup).unwrap();
@@ -750,7 +762,8 @@ fn a_lens_that_the_experiment_derives_may_be_out_of_focus() {
 /// Little area of a sensor lies beyond the outermost field of the spot goal: a corner that loses is said.
 #[test]
 fn a_corner_that_a_lens_for_least_spots_gives_up_is_said() {
-    let library = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let library =
+        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
     let experiment = library.experiment("cooke-triplet-image-quality").unwrap();
     let setup = Setup::new(experiment, &library, Device::flex()).unwrap();
     let start = setup.start(&setup.variants[0]);
@@ -769,7 +782,8 @@ fn a_corner_that_a_lens_for_least_spots_gives_up_is_said() {
 /// A grid of 48 um holds 97 % of the triplet's light on the axis, and a quarter of it in the corner of the sensor.
 #[test]
 fn light_that_the_grid_cuts_off_is_said_before_the_first_step() {
-    let library = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let library =
+        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
     let looked_at = |grid: usize| {
         let mut experiment = library.experiment("cooke-triplet-image-quality").unwrap();
         (experiment.psf.grid, experiment.psf.kind) = (grid, PsfsBy::Geometric);
@@ -784,7 +798,8 @@ fn light_that_the_grid_cuts_off_is_said_before_the_first_step() {
 /// The colours of a lens for other light are its ends and their middle, without the digits of rounding: half of 0.8 + 0.9 is 0.8500000000000001.
 #[test]
 fn colours_of_a_lens_for_the_near_infrared_are_round() {
-    let library = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let library =
+        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
     let fitted_in = |um: &[f64]| {
         let mut experiment = library.experiment("cooke-triplet-image-quality").unwrap();
         experiment.psf.kind = PsfsBy::Geometric;
@@ -809,7 +824,8 @@ fn lost_light_is_that_of_the_grid_that_is_written() {
                    [wavelengths]\num = [0.486, 0.5876, 0.656]\nreference_um = 0.5876\n[fields]\nangle_deg = [0.0, 10.0]\n\
                    [[surface]]\nstop = true\nradius_mm = 25.0\nthickness_mm = 5.0\nglass = \"N-BK7\"\nsemi_diameter_mm = 6.5\n\
                    [[surface]]\nradius_mm = -25.0\nthickness_mm = 23.0\nsemi_diameter_mm = 7.0\n";
-    let library = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let library =
+        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
     let library = library.with_text("singlet.toml".to_owned(), singlet.to_owned());
     let mut experiment = library.experiment("cooke-triplet-image-quality").unwrap();
     experiment.psf.kind = PsfsBy::Geometric;

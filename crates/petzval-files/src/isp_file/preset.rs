@@ -66,7 +66,7 @@ mod tests {
 
     #[test]
     fn the_built_in_presets_read() {
-        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/isp");
+        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data/isp");
         for name in ["real-time", "quality", "automotive", "low-light"] {
             let text = std::fs::read_to_string(folder.join(format!("{name}.toml"))).unwrap();
             let preset = parse_isp_preset(&text).unwrap_or_else(|e| panic!("{name}: {e}"));

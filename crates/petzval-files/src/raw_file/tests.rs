@@ -88,7 +88,8 @@ proptest! {
 
 #[test]
 fn a_simulated_frame_has_the_metadata_of_its_camera() {
-    let sensor = crate::parse_sensor(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap();
+    let sensor =
+        crate::parse_sensor(include_str!("../../../petzval-data/data/sensors/imx249-fitted.toml")).unwrap();
     let exposure = Exposure { white_e: 1e4, time_s: 0.005, linear_gain: 2.0 };
     let capture = Capture { exposure, placement: Placement { row: 0, col: 0 }, frame: 0 };
     let raw = Raw { height: 1, width: 3, dn: vec![-4.0, 119.5, 70000.0], capture };

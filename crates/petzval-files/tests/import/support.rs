@@ -7,7 +7,7 @@ use petzval_optics::paraxial::first_order;
 
 pub fn catalog() -> Catalog {
     let mut catalog = Catalog::default();
-    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/glasses");
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data/glasses");
     for entry in std::fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
         if path.extension().is_some_and(|e| e == "toml") {

@@ -8,7 +8,13 @@ use petzval_learn::guest::{Answer, Array, Call, GuestError};
 use serde_json::{Value, json};
 
 use super::message;
-use super::worker::Worker;
+use super::worker::{SOURCE, Worker};
+
+#[test]
+fn the_python_package_runs_the_same_file() {
+    let package = concat!(env!("CARGO_MANIFEST_DIR"), "/../petzval-python/python/petzval/_worker.py");
+    assert_eq!(petzval_base::read_text(package.as_ref()).unwrap(), SOURCE, "copy one over the other");
+}
 
 /// An answer as a worker writes it.
 fn framed(header: &Value, body: &[u8]) -> Vec<u8> {

@@ -48,7 +48,7 @@ enum Kind {
     Proxy { isp: Box<ProxyIsp>, values: Vec<f64>, of: Box<NamedIsp> },
 }
 
-/// The ISP of a name: [`NEUTRAL`], a preset of `data/isp/`, or the path of a preset, of settings, or of the description of an external
+/// The ISP of a name: [`NEUTRAL`], a preset of `crates/petzval-data/data/isp/`, or the path of a preset, of settings, or of the description of an external
 /// ISP or of a proxy. The flag stops the calls of an external ISP.
 pub fn isp_by_name(name: &str, assets: &Assets, cancel: &Cancel) -> Result<NamedIsp, JobError> {
     if name == NEUTRAL && !Path::new(name).is_file() {

@@ -257,8 +257,10 @@ mod tests {
 
     #[test]
     fn small_frames_of_edges_are_drawn_finely_and_large_ones_warn() {
-        let whole =
-            petzval_files::parse_sensor(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap();
+        let whole = petzval_files::parse_sensor(include_str!(
+            "../../../petzval-data/data/sensors/imx249-fitted.toml"
+        ))
+        .unwrap();
         let small = SensorModel { width: 240, ..whole.clone() };
         let samples =
             |images: &[&str], sensor: &SensorModel, size: Option<(usize, usize)>, samples: Option<usize>| {

@@ -28,7 +28,8 @@ const FLANK_MM: f64 = 6.06;
 
 /// The nominal triplet focused on a pinhole at 1.5 m, and the sensor behind it.
 fn bench() -> (PinholeView, SensorModel) {
-    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let assets =
+        Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
     let lens = assets.lens("cooke-triplet-nominal").unwrap().lens;
     let sensor = assets.sensor("imx249-calibrated").unwrap();
     (PinholeView::new(&lens, &sensor, Some(1500.0), 75.0, true, Refocus::OnSource).unwrap(), sensor)

@@ -20,7 +20,7 @@ fn context() -> Context {
 
 /// A sensor of few large pixels, 4.5 mm from its centre to its corner.
 fn sensor(folder: &Path) -> PathBuf {
-    let text = include_str!("../../../../data/sensors/imx249-fitted.toml");
+    let text = include_str!("../../../petzval-data/data/sensors/imx249-fitted.toml");
     let small = [
         ("height = 1200", "height = 240"),
         ("width = 1920", "width = 384"),

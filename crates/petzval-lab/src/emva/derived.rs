@@ -74,8 +74,10 @@ mod tests {
 
     #[test]
     fn the_converter_limits_the_papers_sensor() {
-        let sensor =
-            petzval_files::parse_sensor(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap();
+        let sensor = petzval_files::parse_sensor(include_str!(
+            "../../../petzval-data/data/sensors/imx249-fitted.toml"
+        ))
+        .unwrap();
         let found = derived(&sensor, 1.0);
         // sqrt(16 + (0.92^2 + 1/12) / 0.14^2) = 7.9646 e-; (4095 - 120.605) / 0.14 = 28388.5 e- < 33723 e-.
         assert!((found.dark_noise_e - 7.9646).abs() < 1e-4, "{found:?}");

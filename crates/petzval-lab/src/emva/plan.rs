@@ -303,11 +303,13 @@ mod tests {
     use petzval_camera::sensor::QuantumEfficiency;
 
     fn imx249() -> SensorModel {
-        petzval_files::parse_sensor(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap()
+        petzval_files::parse_sensor(include_str!("../../../petzval-data/data/sensors/imx249-fitted.toml"))
+            .unwrap()
     }
 
     fn mono() -> SensorModel {
-        petzval_files::parse_sensor(include_str!("../../../../data/sensors/imx273-mono.toml")).unwrap()
+        petzval_files::parse_sensor(include_str!("../../../petzval-data/data/sensors/imx273-mono.toml"))
+            .unwrap()
     }
 
     /// Signal of the points of a kind and number of frames as shares of the range, for the weakest and the brightest colour.
@@ -369,7 +371,7 @@ mod tests {
 
     #[test]
     fn the_response_to_a_wavelength_follows_the_curves() {
-        let text = include_str!("../../../../data/quantum-efficiency/imx219.toml");
+        let text = include_str!("../../../petzval-data/data/quantum-efficiency/imx219.toml");
         let curves =
             QuantumEfficiency { scale: 0.5, ..petzval_files::parse_quantum_efficiency_toml(text).unwrap() };
         let sensor = SensorModel { quantum_efficiency: Some(curves.clone()), ..imx249() };

@@ -162,7 +162,8 @@ mod tests {
     use petzval_camera::sensor::{Capture, Electronics, Exposure, Noise, NoiseMode, SensorModel, expose};
 
     fn imx249() -> SensorModel {
-        petzval_files::parse_sensor(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap()
+        petzval_files::parse_sensor(include_str!("../../../petzval-data/data/sensors/imx249-fitted.toml"))
+            .unwrap()
     }
 
     /// Probabilities of the digital numbers of a sensor at a linear gain for electrons of mean `rate_e`, with its electronics

@@ -240,8 +240,10 @@ mod tests {
     use super::*;
 
     fn sensor_and_plan() -> (SensorModel, Plan) {
-        let sensor =
-            petzval_files::parse_sensor(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap();
+        let sensor = petzval_files::parse_sensor(include_str!(
+            "../../../petzval-data/data/sensors/imx249-fitted.toml"
+        ))
+        .unwrap();
         let (gains, flat_ms, dark_ms) = (vec![1.0], vec![5.0], Vec::new());
         (sensor, Plan { height: 4, width: 4, gains, flat_ms, dark_ms, ..Plan::default() })
     }

@@ -60,12 +60,13 @@ mod tests {
     use super::*;
 
     fn sensor() -> SensorModel {
-        petzval_files::parse_sensor(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap()
+        petzval_files::parse_sensor(include_str!("../../../petzval-data/data/sensors/imx249-fitted.toml"))
+            .unwrap()
     }
 
     #[test]
     fn channel_weights_follow_curves_and_factors() {
-        let text = include_str!("../../../../data/quantum-efficiency/imx219.toml");
+        let text = include_str!("../../../petzval-data/data/quantum-efficiency/imx219.toml");
         let plain = petzval_files::parse_quantum_efficiency_toml(text).unwrap();
         let um = led_wavelengths_um();
         let light = |scale: f64, alpha: f64, beta: f64| {

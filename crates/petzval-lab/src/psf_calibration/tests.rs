@@ -24,7 +24,8 @@ const SIDE: usize = 64;
 const TIMES_S: [f64; 3] = [0.001, 0.004, 0.016];
 
 fn sensor() -> SensorModel {
-    petzval_files::parse_sensor(include_str!("../../../../data/sensors/imx249-calibrated.toml")).unwrap()
+    petzval_files::parse_sensor(include_str!("../../../petzval-data/data/sensors/imx249-calibrated.toml"))
+        .unwrap()
 }
 
 /// A spot with a core, a comatic tail away from the axis, and lateral colour, on 1 um cells.

@@ -19,7 +19,7 @@ const SPOT: Spot = Spot { row: 31.3, col: 32.4, azimuth_rad: 0.6 };
 
 /// The calibrated sensor, with more lines.
 fn sensor(more: &str) -> SensorModel {
-    let text = include_str!("../../../../data/sensors/imx249-calibrated.toml");
+    let text = include_str!("../../../petzval-data/data/sensors/imx249-calibrated.toml");
     petzval_files::parse_sensor(&format!("{text}\n{more}")).unwrap()
 }
 

@@ -9,7 +9,8 @@ use petzval_lab::emva::Measured;
 
 #[allow(dead_code, reason = "each test file takes what it needs of this one")]
 pub fn imx249() -> SensorModel {
-    petzval_files::parse_sensor(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap()
+    petzval_files::parse_sensor(include_str!("../../../petzval-data/data/sensors/imx249-fitted.toml"))
+        .unwrap()
 }
 
 /// A made-up monochrome sensor whose converter ends at (4095 - 64) / 0.38 = 10,608 electrons.

@@ -334,11 +334,11 @@ mod tests {
     use super::*;
 
     fn people_and_vehicles() -> Classes {
-        Classes::parse(include_str!("../../../../data/tasks/pedestrian-vehicle.toml")).unwrap()
+        Classes::parse(include_str!("../../../petzval-data/data/tasks/pedestrian-vehicle.toml")).unwrap()
     }
 
     fn traffic_lights() -> Classes {
-        Classes::parse(include_str!("../../../../data/tasks/traffic-light.toml")).unwrap()
+        Classes::parse(include_str!("../../../petzval-data/data/tasks/traffic-light.toml")).unwrap()
     }
 
     fn annotation() -> Annotation {

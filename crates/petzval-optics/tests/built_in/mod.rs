@@ -1,8 +1,8 @@
 //! Every lens that is built in, read from its file.
 
-/// Every lens of `data/lenses`.
+/// Every lens of `crates/petzval-data/data/lenses`.
 pub fn all_lenses() -> Vec<petzval_files::LensFile> {
-    let data = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data");
+    let data = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data");
     let toml_files = |folder: &str| -> Vec<String> {
         let mut paths: Vec<_> =
             std::fs::read_dir(data.join(folder)).unwrap().map(|e| e.unwrap().path()).collect();

@@ -8,7 +8,7 @@ use petzval_optics::lens::{
     Surface, SurfaceShape, XY_TERMS, xy_index,
 };
 
-/// The triplet of `data/lenses/cooke-triplet-nominal.toml`.
+/// The triplet of `crates/petzval-data/data/lenses/cooke-triplet-nominal.toml`.
 #[allow(dead_code, reason = "each test file takes what it needs of this one")]
 pub fn nominal_triplet() -> Lens {
     let glass = |name: &str, dispersion| Arc::new(Glass::new(name, dispersion));

@@ -10,8 +10,10 @@ use super::*;
 
 /// A blurred point on one position, captured twice and measured.
 fn calibration() -> Calibration {
-    let sensor =
-        petzval_files::parse_sensor(include_str!("../../../../data/sensors/imx249-calibrated.toml")).unwrap();
+    let sensor = petzval_files::parse_sensor(include_str!(
+        "../../../petzval-data/data/sensors/imx249-calibrated.toml"
+    ))
+    .unwrap();
     let grid = 64;
     let spot = |i: usize| {
         let (y, x) = ((i / grid) as f64 - 31.5, (i % grid) as f64 - 31.5);

@@ -13,7 +13,8 @@ use super::*;
 /// Flat and dark pairs at two gains and three exposures, dark pairs at two more, and stacks, of a sensor of 48 x 64 pixels.
 fn series(folder: &Path, fit_histograms: bool) -> Characterization {
     let mut sensor =
-        petzval_files::parse_sensor(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap();
+        petzval_files::parse_sensor(include_str!("../../../petzval-data/data/sensors/imx249-fitted.toml"))
+            .unwrap();
     (sensor.height, sensor.width) = (48, 64);
     let mut list = "[sensor]\nname = \"Sony IMX249 <simulated> & \\\"small\\\"\"\nbits = 12\npixel_um = 5.86\ncfa = \"RGGB\"\n\
                     black_level_dn = 119.0\nfull_well_e = 33723.0\n"

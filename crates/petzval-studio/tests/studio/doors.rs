@@ -131,7 +131,7 @@ fn a_picture_of_100_mb_is_refused_and_a_small_one_is_taken() {
     let headers = [("Cookie", known.as_str()), ("Origin", own.as_str())];
     let huge = server.answer_to("POST /upload", &headers, &vec![0; 100 << 20]);
     assert!(huge.is_empty() || status(&huge) == "413", "{huge}");
-    let photo = include_bytes!("../../../../data/photos/astronaut.png");
+    let photo = include_bytes!("../../../petzval-data/data/photos/astronaut.png");
     let taken = server.answer_to("POST /upload", &headers, photo);
     let name: serde_json::Value = serde_json::from_str(taken.split("\r\n\r\n").nth(1).unwrap()).unwrap();
     let mut page = server.page();

@@ -98,7 +98,7 @@ fn inputs_count_by_content() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let lens = std::fs::read(
-        Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/lenses/cooke-triplet-nominal.toml"),
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data/lenses/cooke-triplet-nominal.toml"),
     );
     let lens = lens.unwrap();
     std::fs::write(at("a.toml"), &lens).unwrap();

@@ -110,7 +110,7 @@ pub fn copy_folder(from: &Path, to: &Path) {
 
 /// A file of the library.
 pub fn data(path: &str) -> PathBuf {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data");
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data");
     root.canonicalize().expect("the library").join(path)
 }
 

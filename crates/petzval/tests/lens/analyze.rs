@@ -267,7 +267,8 @@ fn the_tables_hold_the_numbers_of_the_data() {
 #[test]
 fn of_a_thousand_wavelengths_31_are_analysed() {
     let folder = tempfile::tempdir().unwrap();
-    let lens = read(&Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../../data/lenses/{LENS}.toml")));
+    let lens =
+        read(&Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../petzval-data/data/lenses/{LENS}.toml")));
     let line = lens.lines().find(|line| line.starts_with("um = ")).unwrap().to_owned();
     let many: Vec<String> = (0..1000).map(|i| format!("{}", 0.45 + 2e-4 * f64::from(i))).collect();
     std::fs::write(

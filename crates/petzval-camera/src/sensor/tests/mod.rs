@@ -8,7 +8,8 @@ use crate::image::{CHANNELS, LinearImage};
 use crate::render::Placement;
 
 fn imx249() -> SensorModel {
-    toml::from_str::<SensorModel>(include_str!("../../../../../data/sensors/imx249-fitted.toml")).unwrap()
+    toml::from_str::<SensorModel>(include_str!("../../../../petzval-data/data/sensors/imx249-fitted.toml"))
+        .unwrap()
 }
 
 /// Every kind of non-uniformity at once.

@@ -33,7 +33,8 @@ fn fields_are_those_which_the_lens_images_at_the_radii_from_any_distance() {
 }
 
 fn assets() -> Assets {
-    Assets::from_folder(&std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap()
+    Assets::from_folder(&std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data"))
+        .unwrap()
 }
 
 /// Waves on few cells.

@@ -11,7 +11,7 @@ use petzval_camera::render::Placement;
 use petzval_camera::sensor::{Capture, Colour, Exposure, Noise, NoiseMode, SensorModel, expose};
 
 fn mono() -> SensorModel {
-    let sensor = include_str!("../../../../../data/sensors/imx249-fitted.toml");
+    let sensor = include_str!("../../../../petzval-data/data/sensors/imx249-fitted.toml");
     SensorModel {
         cfa: "mono".parse().unwrap(),
         clear_response: [1.0 / 3.0; 3],
@@ -258,7 +258,7 @@ fn a_model_that_misses_every_sample_is_a_bad_fit() {
 /// A colour sensor, three gains, one exposure time of the flat frames, light that no list states.
 fn unstated_light_changes() -> Characterization {
     let folder = tempfile::tempdir().unwrap();
-    let sensor = include_str!("../../../../../data/sensors/imx249-fitted.toml");
+    let sensor = include_str!("../../../../petzval-data/data/sensors/imx249-fitted.toml");
     let sensor = petzval_files::parse_sensor(sensor).unwrap();
     let plan = Plan { height: 120, width: 160, gains: vec![1.0, 4.0, 16.0], seed: 3, ..Plan::default() };
     write_series(&sensor, &plan, folder.path(), &|| Ok(())).unwrap();

@@ -29,7 +29,7 @@ const LONGEST: Duration = Duration::from_secs(if cfg!(debug_assertions) { 1800 }
 const STAND_INS: &[(&str, &str)] = &[
     ("my-lens.zmx", "crates/petzval/tests/lenses/double-gauss.zmx"),
     ("double-gauss.zmx", "crates/petzval/tests/lenses/double-gauss.zmx"),
-    ("photo.png", "data/photos/astronaut.png"),
+    ("photo.png", "crates/petzval-data/data/photos/astronaut.png"),
 ];
 
 /// Folders of pictures that a page may name as its reader's own.
