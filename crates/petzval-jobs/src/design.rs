@@ -383,7 +383,12 @@ pub fn look_at(request: &LookRequest, context: &Context) -> Result<FirstLook, Jo
 /// Looks at the experiment of a new run, as before its first step: what its lenses show on its sensor, what they violate, how its photographs fit, and
 /// how many steps it takes. Nothing is written.
 pub fn look(new: &NewRun, device: &str, context: &Context) -> Result<FirstLook, JobError> {
-    let (_, look, _) = looked_at(new, context.device(device)?, context)?;
+    let (setup, mut look, _) = looked_at(new, context.device(device)?, context)?;
+    report_pictures(&setup, context);
+    look.warnings.extend(remarks(&setup).into_iter().filter_map(|remark| match remark {
+        Remark::Warning(text) => Some(text),
+        Remark::Note(_) => None,
+    }));
     Ok(look)
 }
 
@@ -419,9 +424,14 @@ fn set_up(experiment: Experiment, device: Device, context: &Context) -> Result<S
     Ok(Setup::new(experiment, &context.assets, device)?)
 }
 
+/// What is to be said of the pictures of an experiment.
+fn remarks(setup: &Setup) -> Vec<Remark> {
+    setup.windows().map(|windows| windows.remarks()).unwrap_or_default()
+}
+
 /// Lists the training, held-out and skipped pictures, and what their files say that is not obeyed.
 pub(crate) fn report_pictures(setup: &Setup, context: &Context) {
-    for remark in setup.windows().iter().flat_map(|windows| windows.remarks()) {
+    for remark in remarks(setup) {
         match remark {
             Remark::Note(text) => context.note(text),
             Remark::Warning(text) => context.warning(WarningKind::DataSet, text),

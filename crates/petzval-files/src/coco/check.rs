@@ -10,6 +10,12 @@ use super::light_state::light_state;
 /// More boxes than this in one picture are noted.
 pub const MANY_BOXES: usize = 1000;
 
+/// Fewer boxes than this do not show in which form they are.
+const LEAST_BOXES: usize = 3;
+
+/// Overhangs of so many pixels are rounding.
+const ROUNDING_PX: f64 = 2.0;
+
 /// Areas may exceed their box by this share, which is rounding.
 const AREA_SLACK: f64 = 1.01;
 
@@ -26,6 +32,7 @@ pub fn check_values(data: &mut DataSet, defects: &mut Defects) {
 pub(super) fn check_entries(data: &mut DataSet, defects: &mut Defects) {
     check_images(data, defects);
     check_categories(data, defects);
+    check_form(data, defects);
     check_annotations(data, defects);
     leave_out_pictures_of_lost_labels(data, defects);
 }
@@ -87,6 +94,44 @@ fn check_categories(data: &mut DataSet, defects: &mut Defects) {
         if name.is_empty() || !names.insert(name) {
             defects.add(DefectKind::RepeatedClassName, || format!("category {}: {name:?}", category.id));
         }
+    }
+}
+
+/// Boxes of another form than COCO's show it all together: one alone may be small, or at the edge.
+fn check_form(data: &DataSet, defects: &mut Defects) {
+    let images: HashMap<u64, &Image> = data.images.iter().map(|image| (image.id, image)).collect();
+    let image_of = |annotation: &Annotation| images.get(&annotation.image_id).copied();
+    let placed: Vec<(&Annotation, &Image)> = data
+        .annotations
+        .iter()
+        .filter_map(|annotation| Some((annotation, image_of(annotation)?)))
+        .filter(|(_, image)| image.width > 1 && image.height > 1)
+        .collect();
+    if placed.len() < LEAST_BOXES {
+        return;
+    }
+    let said = |(a, image): (&Annotation, &Image)| {
+        format!("annotation {} of {}: {}", a.id, image.file_name, a.bounds)
+    };
+    let is_share = |(annotation, _): &(&Annotation, &Image)| {
+        let b = &annotation.bounds;
+        [b.x, b.y, b.width, b.height].iter().all(|number| *number <= 1.0)
+    };
+    if placed.iter().all(is_share) {
+        placed.iter().for_each(|place| defects.add(DefectKind::ShareBoxes, || said(*place)));
+        return;
+    }
+    let could_be_corners = |(annotation, image): &(&Annotation, &Image)| {
+        let b = &annotation.bounds;
+        let ends = [f64::from(image.width) + 1.0, f64::from(image.height) + 1.0];
+        b.x < b.width && b.y < b.height && b.width <= ends[0] && b.height <= ends[1]
+    };
+    let reaches_out = |(annotation, image): &&(&Annotation, &Image)| {
+        annotation.bounds.overhang(f64::from(image.width), f64::from(image.height)) > ROUNDING_PX
+    };
+    let out: Vec<_> = placed.iter().filter(reaches_out).collect();
+    if 2 * out.len() > placed.len() && placed.iter().all(could_be_corners) {
+        out.into_iter().for_each(|place| defects.add(DefectKind::CornerBoxes, || said(*place)));
     }
 }
 

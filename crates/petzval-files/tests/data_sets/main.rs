@@ -43,6 +43,36 @@ fn write_png(path: &Path, width: u32, height: u32) {
     image::RgbImage::from_pixel(width, height, image::Rgb([90, 120, 60])).save(path).unwrap();
 }
 
+/// A file with these boxes in one picture of 40 x 30 pixels.
+fn with_boxes(boxes: &[[f64; 4]]) -> Defects {
+    let annotation = |(i, b): (usize, &[f64; 4])| {
+        format!(r#"{{"id": {}, "image_id": 1, "category_id": 1, "bbox": {b:?}, "area": 1}}"#, i + 1)
+    };
+    let all: Vec<String> = boxes.iter().enumerate().map(annotation).collect();
+    let head = r#"{"images": [{"id": 1, "file_name": "a.png", "width": 40, "height": 30}], "categories": [{"id": 1, "name": "light"}],"#;
+    read(&format!("{head} \"annotations\": [{}]}}", all.join(", "))).1
+}
+
+#[test]
+fn boxes_in_another_form_are_told_by_all_of_them() {
+    let corners = [
+        [20.0, 12.0, 38.0, 28.0],
+        [4.0, 3.0, 12.0, 14.0],
+        [22.0, 16.0, 40.0, 30.0],
+        [18.0, 20.0, 30.0, 29.0],
+    ];
+    let found = with_boxes(&corners);
+    assert_eq!((found.count(DefectKind::CornerBoxes), found.errors()), (3, 3));
+    let shares = with_boxes(&[[0.5, 0.5, 0.2, 0.1], [0.1, 0.2, 0.3, 1.0], [0.0, 0.1, 0.4, 0.2]]);
+    assert_eq!(shares.count(DefectKind::ShareBoxes), 3);
+    // The same boxes as they should be; and objects at the edge, of which most reach out.
+    let right = with_boxes(&corners.map(|[x1, y1, x2, y2]| [x1, y1, x2 - x1, y2 - y1]));
+    let at_edge = with_boxes(&[[30.0, 20.0, 15.0, 15.0], [28.0, 4.0, 20.0, 9.0], [-5.0, 2.0, 12.0, 9.0]]);
+    for defects in [right, at_edge] {
+        assert_eq!([DefectKind::CornerBoxes, DefectKind::ShareBoxes].map(|kind| defects.count(kind)), [0, 0]);
+    }
+}
+
 #[test]
 fn everything_that_is_read_is_written_again() {
     let (data, defects) = read(GOOD);

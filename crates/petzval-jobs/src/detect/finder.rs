@@ -6,6 +6,7 @@ use petzval_camera::image::LinearImage;
 use petzval_design::camera::Camera;
 use petzval_design::design_loop::set_sight;
 use petzval_design::error::DesignError;
+use petzval_design::experiment::STREET;
 use petzval_design::report::run_report::camera_lens;
 use petzval_design::run::{DigestCheck, Kept, RunFolder, load_blocks};
 use petzval_design::setup::Setup;
@@ -85,6 +86,8 @@ pub struct Finder {
     pub camera: Option<Camera>,
     /// What of a data set its classes take; none of weights of torchvision, whose classes have the numbers of COCO.
     pub taken: Option<Classes>,
+    /// The data set that its run has been trained on, if it is one of pictures.
+    pub trained_on: Option<PathBuf>,
 }
 
 impl Finder {
@@ -173,6 +176,7 @@ pub fn finder(
             let warn = |text: &str| context.warning(WarningKind::ChangedFile, text);
             DigestCheck::new(&folder, accepted, &warn).check_cameras([name])?;
             let taken = experiment.classes();
+            let trained_on = Some(&experiment.data).filter(|data| *data != STREET).map(PathBuf::from);
             let mut block = untrained(&experiment, device)?;
             load_blocks(&folder.camera(name), [&mut block as _], Kept::Numbers)?;
             if let Some(variant) = experiment.variants().iter().find(|variant| variant.name == name) {
@@ -191,7 +195,7 @@ pub fn finder(
                 }
                 None => None,
             };
-            Ok(Finder { detector, classes, camera, taken: Some(taken) })
+            Ok(Finder { detector, classes, camera, taken: Some(taken), trained_on })
         }
         Source::Weights(weights) => {
             check_ranges(weights)?;
@@ -213,7 +217,7 @@ pub fn finder(
             let zoom = Zoom::ToSides { shorter: *shorter_side, longer: *longer_side };
             let detector = Box::new(Zoomed::new(detector.held(), zoom));
             let classes = (1..=*classes).map(|class| class.to_string()).collect();
-            Ok(Finder { detector, classes, camera: None, taken: None })
+            Ok(Finder { detector, classes, camera: None, taken: None, trained_on: None })
         }
     }
 }

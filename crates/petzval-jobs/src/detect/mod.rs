@@ -15,7 +15,7 @@ use petzval_files::coco::{
     self, ANNOTATIONS, Bounds, Category, DataSet, Image, load_coco, save_coco, save_results,
 };
 use petzval_files::{CheckedPictures, encoded_png_bytes, load_image};
-use petzval_learn::dataset::{in_classes, taken_as};
+use petzval_learn::dataset::{count_trained_on, in_classes, taken_as};
 use petzval_learn::detection::{Detection, detect_in};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -47,6 +47,8 @@ petzval_base::parameters! {
         images: Vec<PathBuf> = Vec::new();
         /// In place of `images`: a data set in COCO format, in all of whose pictures is looked, and with whose objects is compared.
         data: Option<PathBuf> = None;
+        /// The part of the data set that is looked at, such as `valid`; all of it if none is named.
+        part: Option<String> = None;
         /// Where the detector comes from.
         detector: Source = Source::default();
         /// Folder for results and drawn pictures.
@@ -111,7 +113,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let (looked, labelled) = match &request.data {
         Some(place) => {
             let (looked, data) = labelled(place, request.out.as_deref(), context)?;
-            (looked, Some(data))
+            (of_part(looked, request.part.as_deref(), place)?, Some(data))
         }
         None => (unlabelled(files(&request.images, &request.detector)?)?, None),
     };
@@ -121,6 +123,10 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let raw = looked.iter().map(|l| &l.file).find(|file| is_raw(file));
     let finder = finder(&request.detector, raw, &device, &request.accept_changed, context)?;
     let detector = finder.detector.as_ref();
+    if let (Some(place), Some(data)) = (&request.data, &labelled) {
+        warn_of_training_pictures(&finder, place, data, &looked, context);
+    }
+    let labelled = labelled.map(|data| only(data, &looked));
     let whole = labelled.as_ref().and_then(DataSet::unclipped);
     let labelled = labelled.map(|data| in_classes_of(&finder, data, context)).transpose()?;
     // What is wrong with the classes was said of the boxes inside.
@@ -284,6 +290,57 @@ fn labelled(place: &Path, out: Option<&Path>, context: &Context) -> Result<(Vec<
         return Err(JobError::input(message, "`data check` says what is wrong with it"));
     }
     Ok((looked, loaded.data))
+}
+
+/// The pictures of a part of the data set.
+fn of_part(looked: Vec<Looked>, part: Option<&str>, place: &Path) -> Result<Vec<Looked>, JobError> {
+    let Some(part) = part else { return Ok(looked) };
+    let known: BTreeSet<String> = looked.iter().filter_map(|l| l.image.split.clone()).collect();
+    let mut looked = looked;
+    looked.retain(|l| l.image.split.as_deref() == Some(part));
+    if looked.is_empty() {
+        let known: Vec<String> = known.into_iter().collect();
+        let hint = if known.is_empty() {
+            format!("the pictures of {} name no part; leave it out", place.display())
+        } else {
+            format!("its parts are {}", listed(&known))
+        };
+        return Err(JobError::setting("part", part, "no picture of the data set is in this part", hint));
+    }
+    Ok(looked)
+}
+
+/// Says how many of the pictures are those that the network has been trained on: scores on them say little about others.
+fn warn_of_training_pictures(
+    finder: &Finder,
+    place: &Path,
+    data: &DataSet,
+    looked: &[Looked],
+    context: &Context,
+) {
+    // A data set is named by its folder or by its file of annotations.
+    let folder = |path: &Path| {
+        let path = path.canonicalize().ok()?;
+        if path.is_dir() { Some(path) } else { Some(path.parent()?.to_owned()) }
+    };
+    let is_same = finder.trained_on.as_deref().and_then(folder).is_some_and(|own| Some(own) == folder(place));
+    let trained = count_trained_on(&data.images, looked.iter().map(|l| &l.image));
+    if is_same && trained > 0 {
+        let message = format!(
+            "the network of this run has been trained on {trained} of these {} pictures: scores on them say little about others; `part` takes one \
+             part of a data set, and `evaluate` scores the cameras of the run on what it held out",
+            looked.len()
+        );
+        context.warning(WarningKind::DataSet, message);
+    }
+}
+
+/// The data set with these pictures alone.
+fn only(mut data: DataSet, looked: &[Looked]) -> DataSet {
+    let ids: HashSet<u64> = looked.iter().map(|l| l.image.id).collect();
+    data.images.retain(|image| ids.contains(&image.id));
+    data.annotations.retain(|object| ids.contains(&object.image_id));
+    data
 }
 
 /// The data set with the classes of a detector for categories: for a run by the words of their names, for weights of torchvision by their

@@ -5,7 +5,7 @@ use std::ops::Deref;
 use std::sync::Arc;
 
 use petzval_base::FileError;
-use petzval_files::coco::{Annotation, Attribute, Bounds, Category, DataSet, LIGHT_STATES, light_state};
+use petzval_files::coco::{Annotation, Attribute, Category, DataSet, LIGHT_STATES, light_state};
 use petzval_street::{LampState, ObjectKind, SurfaceClass};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -288,32 +288,28 @@ pub(super) fn truth(data: &DataSet, objects: &[usize], classes: &Classes) -> Tru
     truth
 }
 
-/// The data set with the classes of a detector for categories: class `c` has the number `c + 1`. A region that is not judged is a crowd of
-/// every class, and everything that is not looked for is left out.
+/// The data set with the classes of a detector for categories: class `c` has the number `c + 1`. Boxes and areas stay. A crowd, an object to be
+/// ignored and a box thinner than a pixel are crowds of their class, as pycocotools has them class by class; a traffic light of unknown state is
+/// one of every class. Everything that is not looked for is left out.
 pub fn in_classes(data: &DataSet, classes: &Classes) -> DataSet {
     let mut annotations: Vec<Annotation> = Vec::new();
-    let mut add = |image_id: u64, bbox: &BBox, class: usize, crowd: bool| {
-        let [x1, y1, x2, y2] = [bbox.x1, bbox.y1, bbox.x2, bbox.y2].map(f64::from);
-        let bounds = Bounds::between(x1, y1, x2, y2);
-        annotations.push(Annotation {
-            id: annotations.len() as u64 + 1,
-            image_id,
+    for annotation in data.objects_of_images().iter().flatten().map(|k| &data.annotations[*k]) {
+        let Some(category) = data.category(annotation.category_id) else { continue };
+        let (taken, is_unknown) = match classes.of_annotation(category, annotation) {
+            Named::Class(class) => (class..class + 1, false),
+            Named::Unknown => (0..classes.len(), true),
+            Named::Other => continue,
+        };
+        annotations.extend(taken.map(|class| Annotation {
             category_id: class as u64 + 1,
-            bounds,
-            area: bounds.area(),
-            crowd,
+            crowd: is_unknown || annotation.crowd || annotation.ignore || annotation.bounds.is_thin(),
             ignore: false,
             attributes: BTreeMap::new(),
             unclipped: None,
-        });
-    };
-    for (image, objects) in data.images.iter().zip(data.objects_of_images()) {
-        let truth = truth(data, &objects, classes);
-        truth.objects.iter().for_each(|object| add(image.id, &object.bbox, object.class, false));
-        for region in &truth.ignored {
-            (0..classes.len()).for_each(|class| add(image.id, region, class, true));
-        }
+            ..annotation.clone()
+        }));
     }
+    annotations.iter_mut().zip(1..).for_each(|(annotation, id)| annotation.id = id);
     let category = |(i, class): (usize, &ObjectClass)| Category {
         id: i as u64 + 1,
         name: class.name.clone(),
@@ -471,7 +467,7 @@ mod tests {
     }
 
     #[test]
-    fn objects_get_the_classes_of_a_detector_and_crowds_are_of_all_of_them() {
+    fn objects_get_the_classes_of_a_detector_and_keep_their_areas_and_crowds() {
         let names = ["Pedestrians", "tree", "car", "traffic light"];
         let category = |(i, name): (usize, &&str)| Category {
             id: 10 * i as u64 + 7,
@@ -506,16 +502,10 @@ mod tests {
         let ours = in_classes(&data, &people_and_vehicles());
         let seen: Vec<_> =
             ours.annotations.iter().map(|a| (a.id, a.image_id, a.category_id, a.bounds.x, a.crowd)).collect();
-        let expected = [
-            (1, 5, 1, 1.0, false),
-            (2, 5, 2, 3.0, false),
-            (3, 5, 1, 4.0, true),
-            (4, 5, 2, 4.0, true),
-            (5, 5, 1, 6.0, true),
-            (6, 5, 2, 6.0, true),
-        ];
+        let expected =
+            [(1, 5, 1, 1.0, false), (2, 5, 2, 3.0, false), (3, 5, 2, 4.0, true), (4, 5, 1, 6.0, true)];
         assert_eq!(seen, expected);
-        assert!(ours.annotations.iter().all(|a| a.area == 32.0 && !a.ignore));
+        assert!(ours.annotations.iter().all(|a| a.area == 20.0 && !a.ignore));
         assert_eq!(
             ours.categories.iter().map(|c| c.name.as_str()).collect::<Vec<_>>(),
             ["pedestrian", "vehicle"]

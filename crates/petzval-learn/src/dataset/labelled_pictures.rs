@@ -104,10 +104,7 @@ impl LabelledPictures {
         let mut notes: Vec<String> = loaded.defects.lines(folder).collect();
         let data = &loaded.data;
         let objects = data.objects_of_images();
-        let sequences: Vec<&str> = {
-            let all: BTreeSet<&str> = data.images.iter().map(sequence).collect();
-            all.into_iter().collect()
-        };
+        let sequences = sequences(&data.images);
         let training_part = training_part(&data.images);
         if trains && data.images.iter().all(|image| image.sequence.is_none()) {
             notes.push(format!(
@@ -420,6 +417,19 @@ fn longer_side(bbox: &BBox) -> f64 {
 }
 
 /// What groups a picture with others of the same film.
+/// How many of these pictures a run takes for training and validation that has their whole data set `all`, in the lists of
+/// [`LabelledPictures`].
+pub fn count_trained_on<'a>(all: &[Image], looked: impl Iterator<Item = &'a Image>) -> usize {
+    let (sequences, training_part) = (sequences(all), training_part(all));
+    looked.filter(|image| list_of(image, training_part, &sequences) != List::HeldOut).count()
+}
+
+/// The sequences of pictures, sorted.
+fn sequences(images: &[Image]) -> Vec<&str> {
+    let all: BTreeSet<&str> = images.iter().map(sequence).collect();
+    all.into_iter().collect()
+}
+
 fn sequence(image: &Image) -> &str {
     image.sequence.as_deref().unwrap_or(&image.file_name)
 }

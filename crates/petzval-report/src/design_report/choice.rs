@@ -14,14 +14,14 @@ const AROUND_MEDIAN: f64 = 0.2;
 /// Pictures of a report by their roles, as places in [`Report::held_out`], each once.
 ///
 /// Gains are those of the camera that scores highest over the baseline. Those of most and of least gain are exact; the others are of
-/// photographs that are shown least so far, and of these the one with the most `detail`. Without a comparison there are no gains.
+/// photographs that are shown least so far, and of these the one with the most `detail`. Without a comparison there are no gains, and where nothing differs none is shown.
 pub fn choice(report: &Report, detail: &dyn Fn(usize) -> f64) -> Vec<(usize, Role)> {
     let mut chosen: Vec<(usize, Role)> = Vec::new();
     let places = places(&report.held_out);
     let gains = Standing::of(report).map(|standing| {
         report.held_out.iter().map(|picture| standing.gain_in(picture)).collect::<Vec<f64>>()
     });
-    if let Some(gains) = gains.filter(|gains| gains.iter().any(|gain| gain.is_finite())) {
+    if let Some(gains) = gains.filter(|gains| gains.iter().any(|gain| gain.is_finite() && *gain != 0.0)) {
         let by_gain = in_order(&gains);
         let most = most_gain(&places, &gains);
         chosen.extend(most.map(|i| (i, Role::MostGain)));

@@ -17,9 +17,9 @@ const FIELD_PX: f64 = 260.0;
 /// Width of the lines, px.
 const LINE_PX: f64 = 2.0;
 
-/// Whether there are places to draw.
+/// Whether there are places to draw. Scores over all pictures at once, such as average precision, have none.
 pub(super) fn has_places(report: &Report) -> bool {
-    Standing::of(report).is_some_and(|standing| standing.places.len() > 1)
+    Standing::of(report).is_some_and(|standing| differences(&standing).len() > 1)
 }
 
 /// The sentence, the chart, and what it shows.
@@ -43,11 +43,16 @@ pub(super) fn place_chart(report: &Report) -> Markup {
     }
 }
 
+/// The subject less the baseline at each place where both have a score.
+fn differences(standing: &Standing) -> Vec<Difference> {
+    let at = |place: usize| standing.at(place, standing.subject, standing.baseline);
+    (0..standing.places.len()).map(at).filter(|difference| difference.value.is_finite()).collect()
+}
+
 /// At how many distances from the axis the subject is ahead and behind. Places of one distance are one.
 fn sentence(standing: &Standing) -> String {
     let (subject, baseline) = (standing.subject, standing.baseline);
-    let all: Vec<Difference> =
-        (0..standing.places.len()).map(|place| standing.at(place, subject, baseline)).collect();
+    let all = differences(standing);
     let resolved = |d: &&Difference| d.is_resolved(standing.about().decimals);
     let ahead = all.iter().filter(resolved).filter(|d| standing.gain(**d) > 0.0).count();
     let behind = all.iter().filter(resolved).count() - ahead;
@@ -151,6 +156,15 @@ mod tests {
         }
         let page = place_chart(&report).into_string();
         assert!(page.contains("3 held-out photographs") && page.contains("standard error over photographs"));
+    }
+
+    #[test]
+    fn scores_over_all_pictures_at_once_have_no_places() {
+        let mut report = Report { held_out: sample::held_out(), ..sample::report() };
+        for picture in &mut report.held_out {
+            picture.scores.iter_mut().for_each(|scores| scores[1] = f64::NAN);
+        }
+        assert!(!has_places(&report));
     }
 
     #[test]

@@ -16,9 +16,10 @@ pub(super) struct Difference {
 }
 
 impl Difference {
-    /// Whether it is larger than its error, and does not round to nothing.
+    /// Whether it is a number, is larger than its error, and does not round to nothing.
     pub fn is_resolved(self, decimals: usize) -> bool {
-        !(number::is_nothing(self.value, decimals) || self.value.abs() <= self.error)
+        self.value.is_finite()
+            && !(number::is_nothing(self.value, decimals) || self.value.abs() <= self.error)
     }
 
     /// The mean of differences, each of a photograph. The error is that of the mean over clusters:
@@ -235,7 +236,7 @@ mod tests {
     fn a_difference_within_its_error_is_none() {
         let resolved = |value, error| Difference { value, error }.is_resolved(2);
         assert!(resolved(0.3, 0.2) && resolved(-0.3, 0.2) && resolved(0.3, f64::NAN));
-        assert!(!resolved(0.1, 0.2) && !resolved(0.001, f64::NAN));
+        assert!(!resolved(0.1, 0.2) && !resolved(0.001, f64::NAN) && !resolved(f64::NAN, f64::NAN));
     }
 
     #[test]

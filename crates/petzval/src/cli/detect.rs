@@ -33,6 +33,9 @@ pub struct Args {
     /// Data set in COCO format whose pictures are looked at: its folder, or its file of annotations
     #[arg(long, value_name = "DATA")]
     data: Option<PathBuf>,
+    /// Look at this part of the data set alone, such as `valid`
+    #[arg(long, value_name = "NAME", requires = "data")]
+    part: Option<String>,
     /// Run whose detector looks; see --camera
     #[arg(long, value_name = "RUN")]
     run: Option<PathBuf>,
@@ -107,6 +110,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let request = Request {
         images: args.images,
         data: args.data,
+        part: args.part,
         detector,
         least_score: args.least_score,
         out: args.out,
