@@ -22,6 +22,12 @@ pub enum PictureSetError {
         /// The place.
         path: PathBuf,
     },
+    /// The place is a picture itself.
+    #[error("{}: this is one picture; name its folder, a .tar shard of pictures, or a list with one path a line", path.display())]
+    Picture {
+        /// The picture.
+        path: PathBuf,
+    },
     /// Two pictures have one name.
     #[error("{}: {name:?} is there twice; every picture needs its own name", path.display())]
     Twice {

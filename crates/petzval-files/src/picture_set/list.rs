@@ -13,6 +13,9 @@ const LARGEST: u64 = 1 << 30;
 pub(super) fn pictures_of(list: &Path) -> Result<Vec<StoredPicture>, PictureSetError> {
     let bytes = petzval_base::read_at_most(list, LARGEST).map_err(PictureSetError::io(list))?;
     let text = String::from_utf8(bytes).map_err(|error| {
+        if ::image::guess_format(error.as_bytes()).is_ok() {
+            return PictureSetError::Picture { path: list.to_owned() };
+        }
         let read = &error.as_bytes()[..error.utf8_error().valid_up_to()];
         let line = 1 + read.iter().filter(|byte| **byte == b'\n').count();
         let bytes = error.as_bytes().split(|byte| *byte == b'\n').nth(line - 1).unwrap_or_default();

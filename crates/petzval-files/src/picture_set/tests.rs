@@ -106,6 +106,7 @@ fn what_is_no_set_of_pictures_is_refused_with_its_place() {
     assert!(missing.contains("line 3") && missing.contains("none.png"), "{missing}");
     assert!(refused("twice.txt", b"a.png\na.png\n").contains("there twice"));
     assert!(refused("bytes.txt", b"a.png\n\xff\xfe\n").contains("line 2"));
+    assert!(refused("one.png", &png(2, 2, 0.5)).contains("this is one picture; name its folder"));
     assert!(refused("empty.txt", b"# nothing\n").contains("a list with one path a line"));
     assert!(refused("no.tar", &[1; 2000]).contains("cannot be read as a tar file"));
     let shard = root.path().join("two.tar");

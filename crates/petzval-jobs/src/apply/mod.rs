@@ -133,7 +133,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let subjects = request
         .images
         .iter()
-        .map(|path| subject(path, request.place, &cameras))
+        .map(|path| subject(path, request.place, &cameras, context))
         .collect::<Result<Vec<_>, _>>()?;
 
     make_folder(&request.out)?;
@@ -223,13 +223,16 @@ fn stems(images: &[PathBuf]) -> Result<Vec<String>, JobError> {
 }
 
 /// Reads a photograph, laid on the sensor, or a raw frame that fits the sensor.
-fn subject(path: &Path, place: Place, cameras: &Cameras) -> Result<Subject, JobError> {
+fn subject(path: &Path, place: Place, cameras: &Cameras, context: &Context) -> Result<Subject, JobError> {
     if is_raw(path) {
         return Ok(Subject::Raw(Box::new(raw_frame(path, cameras.sensor())?)));
     }
     let light = load_image(path).map_err(DesignError::from)?.light;
-    let sensor = cameras.sensor();
-    Ok(Subject::Photo(place.lay(&light, (sensor.height, sensor.width))))
+    let frame = (cameras.sensor().height, cameras.sensor().width);
+    if let Some(note) = place.note(&light, frame) {
+        context.note(format!("{}: {note}", path.display()));
+    }
+    Ok(Subject::Photo(place.lay(&light, frame)))
 }
 
 fn write_png(path: &Path, encoded: &LinearImage) -> Result<(), JobError> {

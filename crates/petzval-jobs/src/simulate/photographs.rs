@@ -87,6 +87,9 @@ impl Photographer {
         for (frame, (name, photo)) in photos.iter().enumerate() {
             check_not_stopped(frame, request, context)?;
             context.progress(frame as u64, photos.len() as u64, name);
+            if let Some(note) = request.place.note(photo, rig.frame) {
+                context.note(format!("{name}: {note}"));
+            }
             let (picture, frame) = (placed(request, photo, rig.frame), frame as u64);
             let taken = match rig.samples {
                 1 if is_taken_in_strips(request, rig) => {

@@ -36,7 +36,25 @@ impl Place {
             Self::Centre => picture.centred(height, width),
         }
     }
+
+    /// What this does to a picture on a frame of so many rows and columns that a person would not see at once.
+    pub fn note(self, picture: &LinearImage, (height, width): (usize, usize)) -> Option<String> {
+        let by = (height as f64 / picture.height as f64).max(width as f64 / picture.width as f64);
+        let sizes = format!("{}x{} pixels on a frame of {height}x{width}", picture.height, picture.width);
+        match self {
+            Self::Fill if by > ENLARGED => Some(format!(
+                "{sizes}: the picture is enlarged {by:.1} times, and its own blur with it; `place` centre takes its pixels as they are"
+            )),
+            Self::Centre if by > ENLARGED => Some(format!(
+                "{sizes}: the picture's edge is continued to the border of the frame; `place` fill enlarges it {by:.1} times"
+            )),
+            _ => None,
+        }
+    }
 }
+
+/// Pictures that are enlarged by more than this are told: up to the surround that a lens with distortion sees, they fill the frame as they are.
+const ENLARGED: f64 = 1.25;
 
 petzval_base::parameters! {
     /// Photographs and scenes to take. What is left out has the default of the command.
@@ -254,6 +272,21 @@ pub fn result_name(path: &Path) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn pictures_that_are_much_smaller_than_the_frame_are_told() {
+        let note =
+            |place: Place, height, width| place.note(&LinearImage::zeros(3, height, width), (1200, 1920));
+        assert!(note(Place::Fill, 400, 600).unwrap().contains("enlarged 3.2 times"));
+        assert!(note(Place::Centre, 400, 600).unwrap().contains("edge is continued"));
+        // As large as the frame, nearly so, and larger.
+        for place in [Place::Fill, Place::Centre] {
+            assert_eq!(
+                [(1200, 1920), (1100, 1700), (3000, 4000)].map(|(h, w)| note(place, h, w)),
+                [None, None, None]
+            );
+        }
+    }
 
     #[test]
     fn small_frames_of_edges_are_drawn_finely_and_large_ones_warn() {
