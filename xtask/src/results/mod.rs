@@ -34,19 +34,18 @@ pub fn run(words: &[String]) -> Result<String, Vec<String>> {
     }
 }
 
-/// Writes the tables of all pages anew. Sentences stay as they are: their figures are checked.
+/// Writes the tables of all pages anew, unless there is a problem. Sentences stay as they are: their figures are checked.
 fn write(root: &Path) -> Result<String, Vec<String>> {
     let made = make(root)?;
+    if !made.problems.is_empty() {
+        return Err(made.problems);
+    }
     let mut changed = 0;
     for (page, filled) in made.pages.iter().filter(|(page, filled)| page.text != filled.text) {
         fs::write(root.join(&page.path), &filled.text).map_err(|e| vec![format!("{}: {e}", page.path)])?;
         changed += 1;
     }
-    if made.problems.is_empty() {
-        Ok(format!("{}; {changed} pages written", made.report))
-    } else {
-        Err(made.problems)
-    }
+    Ok(format!("{}; {changed} pages written", made.report))
 }
 
 /// Compares all pages with their data.
@@ -140,6 +139,30 @@ mod tests {
         if let Err(problems) = check(&root) {
             panic!("{}", problems.join("\n"));
         }
+    }
+
+    #[test]
+    fn nothing_is_written_while_a_page_has_a_problem() {
+        let root = std::env::temp_dir().join(format!("petzval-results-{}", std::process::id()));
+        let table = r#"{"tables": [{"key": "cost", "title": "The cost", "command": "petzval bench", "version": "0.1.0",
+            "date": "2026-11-27", "origin": "runs", "columns": [{"name": "part"}, {"name": "time"}], "rows": [["all", 17]]}]}"#;
+        let page =
+            "18<!-- figure speed/cost: all, time -->\n\n<!-- table speed/cost -->\n| old |\n<!-- end -->\n";
+        let put = |path: &str, text: &str| {
+            let path = root.join(path);
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            fs::write(path, text).unwrap();
+        };
+        put("book/results/claims.toml", "");
+        put("book/results/speed.json", table);
+        put("book/src/speed.md", page);
+        let text = || fs::read_to_string(root.join("book/src/speed.md")).unwrap();
+        assert!(write(&root).unwrap_err()[0].contains("the data say \"17\""));
+        assert_eq!(text(), page);
+        put("book/src/speed.md", &page.replace("18", "17"));
+        assert!(write(&root).unwrap().ends_with("1 pages written"));
+        assert!(text().contains("| all | 17 |"));
+        fs::remove_dir_all(&root).unwrap();
     }
 
     #[test]

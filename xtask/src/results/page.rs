@@ -17,6 +17,9 @@ use super::figure::Figure;
 /// The end of a table of a page.
 const END: &str = "<!-- end -->";
 
+/// How comments begin that are no marks.
+const OTHER_COMMENTS: [&str; 1] = ["From here on this page is made from the program"];
+
 /// A page with its tables anew.
 #[derive(Debug, Default)]
 pub(super) struct Filled {
@@ -47,14 +50,33 @@ pub(super) fn fill(path: &str, text: &str, data: &Data, claims: &Claims, others:
             Some(Err(problem)) => filled.problems.push(format!("{place}: {problem}")),
             Some(Ok((block, shown))) => {
                 filled.shown.extend(shown);
-                filled.text += &format!("\n{block}\n{END}\n");
-                if !lines.any(|(_, line)| line.trim() == END) {
+                // Drop the old table only if its end is known: without it the lines behind are text.
+                if has_end(lines.clone().map(|(_, line)| line)) {
+                    lines.any(|(_, line)| line.trim() == END);
+                    filled.text += &format!("\n{block}\n{END}\n");
+                } else {
                     filled.problems.push(format!("{place}: the table has no end; write {END} behind it"));
                 }
             }
         }
     }
     filled
+}
+
+/// Whether the end of a block stands in the lines behind its first, before another block begins.
+fn has_end<'a>(mut lines: impl Iterator<Item = &'a str>) -> bool {
+    let next = lines.find(|line| line.trim() == END || is_block(line));
+    next.is_some_and(|line| line.trim() == END)
+}
+
+/// The words of a line that is a mark and nothing else.
+fn mark(line: &str) -> Option<&str> {
+    line.trim().strip_prefix("<!-- ")?.strip_suffix(" -->")
+}
+
+/// Whether a line begins a block.
+fn is_block(line: &str) -> bool {
+    mark(line).is_some_and(|mark| mark.starts_with("table ") || matches!(mark, "claims" | "other tables"))
 }
 
 /// The text of a block and the tables that it shows, if a line begins one.
@@ -64,7 +86,7 @@ fn block(
     claims: &Claims,
     others: &[String],
 ) -> Option<Result<(String, Vec<String>), String>> {
-    let name = line.trim().strip_prefix("<!-- ")?.strip_suffix(" -->")?;
+    let name = mark(line)?;
     if let Some(key) = name.strip_prefix("table ") {
         return Some(data.table(key).map(|table| (table_text(table), vec![key.to_owned()])));
     }
@@ -135,19 +157,37 @@ impl Table {
     }
 }
 
-/// Checks every mark of a line against the text before it.
+/// Checks every mark of a line against the text before it, and that every other comment is known.
 fn check_figures(line: &str, place: &str, data: &Data, claims: &Claims, filled: &mut Filled) {
     let mut rest = line;
     let mut before = String::new();
-    while let Some((text, behind)) = rest.split_once("<!-- ") {
+    while let Some((text, behind)) = rest.split_once("<!--") {
         before += text;
-        let Some((mark, behind)) = behind.split_once(" -->") else { break };
+        // A sample of a mark in a sentence.
+        if before.matches('`').count() % 2 == 1 {
+            before += "<!--";
+            rest = behind;
+            continue;
+        }
+        let Some((comment, behind)) = behind.split_once("-->") else {
+            filled
+                .problems
+                .push(format!("{place}: a comment that its line does not end; write --> behind it"));
+            break;
+        };
         rest = behind;
+        let mark =
+            comment.strip_prefix(' ').and_then(|comment| comment.strip_suffix(' ')).unwrap_or_default();
         let forms = if let Some(address) = mark.strip_prefix("figure ") {
             data.figure(address).map(|(figure, column): (&Figure, _)| figure.forms(column))
         } else if let Some(key) = mark.strip_prefix("claim ") {
             claims.forms(key, data)
         } else {
+            if !OTHER_COMMENTS.iter().any(|known| mark.starts_with(known)) {
+                filled.problems.push(format!(
+                    "{place}: <!--{comment}--> is no mark here: the file of the check, xtask/src/results/page.rs, shows how each is written"
+                ));
+            }
             continue;
         };
         filled.figures += 1;
@@ -212,6 +252,22 @@ mod tests {
     }
 
     #[test]
+    fn a_table_without_its_end_keeps_the_text_behind_it() {
+        let page = "<!-- table quality/gain -->\n| old |\n\nProse between.\n\n<!-- table quality/cost -->\n| old |\n<!-- end -->\n\nProse behind.\n";
+        let page = filled(page);
+        assert_eq!(page.problems.len(), 1, "{:?}", page.problems);
+        assert!(page.problems[0].starts_with("page.md:1: the table has no end"), "{:?}", page.problems);
+        assert!(
+            page.text.contains("| old |\n\nProse between.\n\n<!-- table quality/cost -->\n\n*The cost*"),
+            "{}",
+            page.text
+        );
+        assert!(page.text.ends_with("<!-- end -->\n\nProse behind.\n"));
+        let last = filled("<!-- table quality/gain -->\n| old |\n\nProse behind.\n");
+        assert!(last.text.ends_with("| old |\n\nProse behind.\n"), "{}", last.text);
+    }
+
+    #[test]
     fn tables_that_no_page_shows_have_one_of_their_own() {
         let page = filled("<!-- other tables -->\n<!-- end -->\n");
         assert!(page.text.contains("## quality\n\n### quality/cost\n\n*The cost*"), "{}", page.text);
@@ -242,6 +298,22 @@ mod tests {
         assert!(problem("<!-- table quality/gain -->\n").contains("the table has no end"));
         assert!(problem("1<!-- claim other -->").contains("page.md:1: claim \"other\""));
         assert!(problem("1<!-- claim --other -->").contains("a comment of Markdown holds no"));
+        // A mark that is misspelt, or stands where it means nothing.
+        for unknown in [
+            "<!-- tabel quality/gain -->",
+            "1<!--claim rays-->",
+            "1<!-- claims rays -->",
+            "1<!-- figures quality/gain: nominal, PSNR -->",
+            "See <!-- table quality/gain -->",
+            "<!-- end -->",
+            "<!-- to do -->",
+        ] {
+            assert!(problem(unknown).contains("is no mark here"), "{unknown}: {:?}", problem(unknown));
+        }
+        assert!(problem("1e-9 mm<!-- claim rays").contains("does not end"));
+        let other = "<!-- From here on this page is made from the program; a test compares both. -->";
+        assert_eq!(problem(other), "");
+        assert_eq!(problem("Write `<!-- claim KEY -->` behind it, and `<!-- table X -->`."), "");
         // A sample of code shows marks, and has none.
         assert_eq!(problem("```text\n<!-- table quality/main -->\n1<!-- claim other -->\n```\n"), "");
     }
