@@ -86,7 +86,7 @@ fn make(root: &Path) -> Result<Made, Vec<String>> {
     let filled = |others: &[String]| -> Vec<Filled> {
         pages.iter().map(|page| page::fill(&page.path, &page.text, &data, &claims, others)).collect()
     };
-    // First which tables the pages show, then the page of all others.
+    // First which tables the pages show by themselves, then the pages of the others.
     let shown: BTreeSet<String> = filled(&[]).into_iter().flat_map(|page| page.shown).collect();
     let all = data
         .files
@@ -95,12 +95,17 @@ fn make(root: &Path) -> Result<Made, Vec<String>> {
     let others: Vec<String> = all.filter(|key| !shown.contains(key)).collect();
     let filled = filled(&others);
     let mut problems: Vec<String> = filled.iter().flat_map(|page| page.problems.clone()).collect();
+    let on_a_page: BTreeSet<&String> = filled.iter().flat_map(|page| &page.shown).collect();
+    problems.extend(others.iter().filter(|key| !on_a_page.contains(key)).map(|key| {
+        let (file, _) = key.split_once('/').unwrap_or((key, ""));
+        format!("table {key:?} stands on no page; write <!-- other tables {file} --> on one")
+    }));
     problems.extend(claims.problems(root, &data));
     problems.extend(study::problems(root, &data));
     let figures: usize = filled.iter().map(|page| page.figures).sum();
     let report = format!(
         "results: {} tables, {figures} figures in sentences and {} claims agree with their data",
-        shown.len() + others.len(),
+        on_a_page.len(),
         claims.claim.len()
     );
     Ok(Made { pages: pages.into_iter().zip(filled).collect(), problems, report })
@@ -162,6 +167,8 @@ mod tests {
         put("book/src/speed.md", &page.replace("18", "17"));
         assert!(write(&root).unwrap().ends_with("1 pages written"));
         assert!(text().contains("| all | 17 |"));
+        put("book/src/speed.md", "No table.\n");
+        assert!(write(&root).unwrap_err()[0].contains("\"speed/cost\" stands on no page"));
         fs::remove_dir_all(&root).unwrap();
     }
 

@@ -3,7 +3,7 @@
 //! ```text
 //! <!-- table image-quality/main -->        the table of the data, up to <!-- end -->
 //! <!-- claims -->                          the table of all claims, up to <!-- end -->
-//! <!-- other tables -->                    every table that no page shows, up to <!-- end -->
+//! <!-- other tables speed -->              every table of speed.json that no page shows by itself, up to <!-- end -->
 //! 0.86 dB<!-- figure image-quality/main-gain: nominal, PSNR -->
 //! 1e-9 mm<!-- claim optiland-rays -->
 //! ```
@@ -11,7 +11,7 @@
 use std::collections::BTreeSet;
 
 use super::claims::Claims;
-use super::data::{Column, Data, Table};
+use super::data::{Column, Data, FOLDER, Table};
 use super::figure::Figure;
 
 /// The end of a table of a page.
@@ -76,7 +76,9 @@ fn mark(line: &str) -> Option<&str> {
 
 /// Whether a line begins a block.
 fn is_block(line: &str) -> bool {
-    mark(line).is_some_and(|mark| mark.starts_with("table ") || matches!(mark, "claims" | "other tables"))
+    mark(line).is_some_and(|mark| {
+        mark.starts_with("table ") || mark.starts_with("other tables ") || mark == "claims"
+    })
 }
 
 /// The text of a block and the tables that it shows, if a line begins one.
@@ -90,27 +92,27 @@ fn block(
     if let Some(key) = name.strip_prefix("table ") {
         return Some(data.table(key).map(|table| (table_text(table), vec![key.to_owned()])));
     }
-    match name {
-        "claims" => Some(claims.text(data).map(|text| (text, Vec::new()))),
-        "other tables" => Some(others_text(data, others).map(|text| (text, Vec::new()))),
-        _ => None,
+    if let Some(file) = name.strip_prefix("other tables ") {
+        return Some(others_of(file, data, others));
     }
+    (name == "claims").then(|| claims.text(data).map(|text| (text, Vec::new())))
 }
 
-/// Every table that no page shows, by file.
-fn others_text(data: &Data, others: &[String]) -> Result<String, String> {
-    let mut text = String::new();
-    let mut before = "";
-    for key in others {
-        let (file, _) = key.split_once('/').unwrap_or((key, ""));
-        if file != before {
-            text += &format!("## {file}\n\n");
-            before = file;
+/// Every table of a file that no page shows by itself, with their keys.
+fn others_of(file: &str, data: &Data, others: &[String]) -> Result<(String, Vec<String>), String> {
+    let Some(known) = data.files.get(file) else {
+        let files: Vec<&str> = data.files.keys().map(String::as_str).collect();
+        return Err(format!("other tables: {FOLDER} has no {file}.json; it has {}", files.join(", ")));
+    };
+    let (mut text, mut shown) = (Vec::new(), Vec::new());
+    for table in &known.tables {
+        let key = format!("{file}/{}", table.key);
+        if others.contains(&key) {
+            text.push(format!("## {}\n\n{}", table.key, table_text(table)));
+            shown.push(key);
         }
-        let table = data.table(key)?;
-        text += &format!("### {}\n\n{}\n", key, table_text(table));
     }
-    Ok(text.trim_end().to_owned() + "\n")
+    Ok((text.join("\n"), shown))
 }
 
 /// A table in Markdown, with its title before it and its origin behind it.
@@ -269,9 +271,12 @@ mod tests {
 
     #[test]
     fn tables_that_no_page_shows_have_one_of_their_own() {
-        let page = filled("<!-- other tables -->\n<!-- end -->\n");
-        assert!(page.text.contains("## quality\n\n### quality/cost\n\n*The cost*"), "{}", page.text);
+        let page = filled("<!-- other tables quality -->\n<!-- end -->\n");
+        assert!(page.text.contains("-->\n\n## cost\n\n*The cost*"), "{}", page.text);
         assert!(page.text.contains("| all | 17 |\n\n<small>Made by `petzval bench`"), "{}", page.text);
+        assert_eq!(page.shown, ["quality/cost".to_owned()].into());
+        let problems = filled("<!-- other tables detection -->\n<!-- end -->\n").problems;
+        assert!(problems[0].contains("no detection.json; it has quality"), "{problems:?}");
     }
 
     #[test]
