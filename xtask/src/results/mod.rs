@@ -7,6 +7,7 @@ mod claims;
 mod data;
 mod figure;
 mod page;
+mod rendered;
 mod study;
 mod take;
 
@@ -48,7 +49,7 @@ fn write(root: &Path) -> Result<String, Vec<String>> {
     Ok(format!("{}; {changed} pages written", made.report))
 }
 
-/// Compares all pages with their data.
+/// Compares all pages with their data, and looks at what the rendered book would lack.
 fn check(root: &Path) -> Result<String, Vec<String>> {
     let mut made = make(root)?;
     for (page, filled) in made.pages.iter().filter(|(page, filled)| page.text != filled.text) {
@@ -59,6 +60,8 @@ fn check(root: &Path) -> Result<String, Vec<String>> {
             page.path
         ));
     }
+    let pages: Vec<Page> = made.pages.into_iter().map(|(page, _)| page).collect();
+    made.problems.extend(rendered::problems(&pages));
     if made.problems.is_empty() { Ok(made.report) } else { Err(made.problems) }
 }
 
