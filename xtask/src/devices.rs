@@ -13,8 +13,7 @@ use crate::ended::Ended;
 const DRIVERS: [&str; 3] = ["/usr/share/vulkan/icd.d", "/usr/local/share/vulkan/icd.d", "/etc/vulkan/icd.d"];
 
 /// How to get it.
-const NOT_TESTED: &str =
-    "NOT TESTED: no Vulkan device on the CPU; Debian and Ubuntu: apt install mesa-vulkan-drivers";
+const NOT_TESTED: &str = "no Vulkan device on the CPU; Debian and Ubuntu: apt install mesa-vulkan-drivers";
 
 /// Seconds for the check of the device.
 const SECONDS: &str = "900";

@@ -31,7 +31,9 @@ fn main() -> ExitCode {
         "python" => {
             python::check(std::env::args().any(|word| word == "--torch")).map(|ended| ended.to_string())
         }
-        "studio" => studio::check(std::env::args().any(|word| word == "--page")),
+        "studio" => {
+            studio::check(std::env::args().any(|word| word == "--page")).map(|ended| ended.to_string())
+        }
         "engines" => engines::check(&std::env::args().skip(2).collect::<Vec<_>>()),
         "devices" => devices::check(&std::env::args().skip(2).collect::<Vec<_>>()),
         "results" => results::run(&std::env::args().skip(2).collect::<Vec<_>>()),

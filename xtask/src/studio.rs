@@ -5,28 +5,33 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Most bytes of the page after gzip.
+use crate::ended::Ended;
+
+/// Most bytes of the page, as its files stand.
 const MOST_BYTES: u64 = 500_000;
 
-/// Checks the page, and tests it. Without node or a browser nothing is tested, and the report says so.
-pub fn check(page_alone: bool) -> Result<String, Vec<String>> {
-    if !answers("npm") || !node_is_new() {
-        return Ok(format!(
-            "NOT TESTED: the page of the studio, as there is no npm here with node {OLDEST_NODE} or newer"
-        ));
-    }
-    run(page_alone).map_err(|problem| vec![problem])
+/// Checks the page, and tests it. Without node or a browser it is not run, and the report says so.
+pub fn check(page_alone: bool) -> Result<Ended, Vec<String>> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    run(&root, page_alone, &answers).map_err(|problem| vec![problem])
 }
 
-fn run(page_alone: bool) -> Result<String, String> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+/// Runs it as a part of `cargo xtask full`. `answers` says whether a program can be run.
+pub fn run(root: &Path, page_alone: bool, answers: &dyn Fn(&str) -> bool) -> Result<Ended, String> {
+    if !answers("npm") || !node_is_new() {
+        return Ok(Ended::NotRun(format!("there is no npm here with node {OLDEST_NODE} or newer")));
+    }
+    if !page_alone && !answers("chromium") {
+        let page = run(root, true, answers)?;
+        return Ok(Ended::NotRun(format!("there is no chromium here for the studio in a browser; {page}")));
+    }
     let page = root.join("crates/petzval-studio/page");
     let npm = |words: &[&str]| succeeds(Command::new("npm").args(words).current_dir(&page));
     if let Err(problem) = npm(&["install", "--no-audit", "--no-fund"]) {
-        return Ok(format!("NOT TESTED: the page of the studio, as npm installs nothing here: {problem}"));
+        return Ok(Ended::NotRun(format!("npm installs nothing here: {problem}")));
     }
     npm(&["run", "--silent", "check"])?;
-    let out = target(&root).join("studio-page");
+    let out = target(root).join("studio-page");
     npm(&["run", "--silent", "build", "--", "--emptyOutDir", "--outDir", &out.display().to_string()])?;
     let (made, kept) = (files(&out)?, files(&page.join("dist"))?);
     if made != kept {
@@ -42,21 +47,18 @@ fn run(page_alone: bool) -> Result<String, String> {
         return Err(format!("the page has {bytes} bytes, more than {MOST_BYTES}"));
     }
     if page_alone {
-        return Ok(format!("the page of the studio is what its sources make: {bytes} bytes"));
-    }
-    if !answers("chromium") {
-        return Ok("NOT TESTED: the studio in a browser, as there is no chromium here".to_owned());
+        return Ok(Ended::Passed(format!("the page of the studio is what its sources make: {bytes} bytes")));
     }
     let build = ["build", "--release", "--package", "petzval"];
-    succeeds(Command::new(env!("CARGO")).args(build).current_dir(&root))?;
+    succeeds(Command::new(env!("CARGO")).args(build).current_dir(root))?;
     let mut test = Command::new("npm");
     test.args(["run", "--silent", "test"])
         .current_dir(&page)
-        .env("PETZVAL", target(&root).join("release/petzval"));
+        .env("PETZVAL", target(root).join("release/petzval"));
     succeeds(&mut test)?;
-    Ok(format!(
+    Ok(Ended::Passed(format!(
         "the page of the studio ({bytes} bytes) is what its sources make, and passes its tests in a browser"
-    ))
+    )))
 }
 
 /// The oldest node that the tools of the page take.
@@ -76,7 +78,7 @@ fn target(root: &Path) -> PathBuf {
 }
 
 /// Whether a program can be run.
-fn answers(program: &str) -> bool {
+pub fn answers(program: &str) -> bool {
     Command::new(program).arg("--version").output().is_ok_and(|output| output.status.success())
 }
 
@@ -101,4 +103,15 @@ fn files(folder: &Path) -> Result<BTreeMap<PathBuf, Vec<u8>>, String> {
         }
     }
     Ok(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn without_its_programs_the_studio_has_not_passed() {
+        let ended = run(Path::new("/nowhere"), false, &|_| false).unwrap();
+        assert!(matches!(&ended, Ended::NotRun(why) if why.contains("npm")), "{ended}");
+    }
 }

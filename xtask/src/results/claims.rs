@@ -28,9 +28,11 @@ pub(super) struct Claim {
     pub of: Option<String>,
     /// The figure, where no table has it.
     pub figure: Option<String>,
-    /// Other ways to write it.
+    /// Other ways to write it: its number with fewer digits, or its unit in words.
     #[serde(default)]
     pub also: Vec<String>,
+    /// The figure as a share of another, in words.
+    pub share: Option<Share>,
     /// The command that makes it.
     pub made_by: Option<String>,
     pub date: Option<String>,
@@ -39,6 +41,31 @@ pub(super) struct Claim {
     /// Text of that file without which the claim would not hold.
     pub holds: Option<String>,
 }
+
+/// A share of a figure of a table, in words.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Share {
+    /// One of [`SHARES`], in any case.
+    pub says: String,
+    /// The address of the whole.
+    pub of: String,
+    /// Whether the share is what the figure lacks of the whole.
+    #[serde(default)]
+    pub is_lost: bool,
+}
+
+/// Shares in words, with their values.
+const SHARES: [(&str, f64); 5] = [
+    ("a quarter", 0.25),
+    ("a third", 1.0 / 3.0),
+    ("half", 0.5),
+    ("two thirds", 2.0 / 3.0),
+    ("three quarters", 0.75),
+];
+
+/// Units in words.
+const UNITS: [(&str, &str); 1] = [("min", "CPU minutes")];
 
 /// A claim with what its row shows.
 struct Row<'a> {
@@ -80,6 +107,7 @@ impl Claims {
             None => claim.figure.iter().cloned().collect(),
         };
         forms.extend(claim.also.iter().cloned());
+        forms.extend(claim.share.iter().map(|share| share.says.clone()));
         Ok(forms)
     }
 
@@ -96,8 +124,8 @@ impl Claims {
     /// What does not hold: a file that is missing, or does not hold what a claim rests on.
     pub(super) fn problems(&self, root: &Path, data: &Data) -> Vec<String> {
         let problem = |claim: &Claim| {
-            if let Some(address) = &claim.of {
-                return data.figure(address).err();
+            if let Some(problem) = claim.figure_problem(data) {
+                return Some(problem);
             }
             let (path, holds) = (claim.data.as_deref()?, claim.holds.as_deref()?);
             let Some(file) = below(root, path) else {
@@ -122,6 +150,28 @@ impl Claims {
 }
 
 impl Claim {
+    /// What is wrong with the figure of a claim, or with another way to write it.
+    fn figure_problem(&self, data: &Data) -> Option<String> {
+        let (value, unit) = match (&self.of, &self.figure) {
+            (Some(address), _) => match data.figure(address) {
+                Err(problem) => return Some(problem),
+                Ok((figure, column)) => (figure.value(), column.unit.as_str()),
+            },
+            (None, figure) => {
+                let (number, unit) = figure.as_deref()?.split_once(' ').unwrap_or((figure.as_deref()?, ""));
+                (number.parse().ok(), unit)
+            }
+        };
+        let wrong = self.also.iter().find(|way| !is_way_to_write(way, value, unit));
+        if let Some(way) = wrong {
+            return Some(format!(
+                "also = {way:?} is not the figure{} rounded to its decimals, with its unit; write it so, or as a `share`",
+                value.map_or_else(String::new, |value| format!(" {value} {unit}"))
+            ));
+        }
+        self.share.as_ref().and_then(|share| share.problem(value, data))
+    }
+
     fn row<'a>(&'a self, data: &'a Data) -> Result<Row<'a>, String> {
         if let Some(address) = &self.of {
             let (figure, column) = data.figure(address)?;
@@ -140,6 +190,41 @@ impl Claim {
             made_by: self.made_by.as_deref().unwrap_or_default(),
             date: self.date.as_deref().unwrap_or_default(),
             data: self.data.clone().unwrap_or_default(),
+        })
+    }
+}
+
+/// Whether a text is a number with its unit, and the number is a value rounded to the decimals written. The sign may be said in words.
+fn is_way_to_write(text: &str, value: Option<f64>, unit: &str) -> bool {
+    let (number, behind) = text.split_once(' ').unwrap_or((text, ""));
+    let decimals = number.split_once('.').map_or(0, |(_, digits)| digits.len());
+    let is_value = value.is_some_and(|value| {
+        let rounded = [value, value.abs()].map(|value| format!("{value:.decimals$}"));
+        rounded.iter().any(|rounded| rounded == number.trim_start_matches('+'))
+    });
+    let is_unit = behind.is_empty() || behind == unit || UNITS.contains(&(unit, behind));
+    is_value && is_unit
+}
+
+impl Share {
+    /// What is wrong: the words are not those of the share in [`SHARES`] that is nearest to the one of the data.
+    fn problem(&self, value: Option<f64>, data: &Data) -> Option<String> {
+        let whole = match data.figure(&self.of) {
+            Err(problem) => return Some(problem),
+            Ok((figure, _)) => figure.value(),
+        };
+        let (Some(value), Some(whole)) = (value, whole.filter(|whole| *whole != 0.0)) else {
+            return Some(format!("share: {:?} and the figure are no numbers, so none is a share", self.of));
+        };
+        let share = if self.is_lost { 1.0 - value / whole } else { value / whole };
+        let far = |(_, known): &(&str, f64)| (known - share).abs();
+        let nearest = SHARES.iter().min_by(|a, b| far(a).total_cmp(&far(b)))?.0;
+        let is_nearest = self.says.to_lowercase() == nearest;
+        (!is_nearest).then(|| {
+            format!(
+                "share.says = {:?}, but the share is {share:.2}: write {nearest:?}, or a figure",
+                self.says
+            )
         })
     }
 }
@@ -174,6 +259,51 @@ mod tests {
         };
         assert!(broken("\"xtask\"", "\"other\"").contains("does not hold"));
         assert!(broken("Cargo.toml", "Cargo.json").contains("there is no such file"));
+    }
+
+    const TABLE: &str = r#"{"tables": [{"key": "made", "title": "Made", "command": "petzval", "version": "0.1.0",
+        "date": "2026-11-27", "origin": "runs",
+        "columns": [{"name": "grade"}, {"name": "PSNR", "unit": "dB", "decimals": 2}, {"name": "time", "unit": "min"}],
+        "rows": [["drawn", 0.96, 10.3], ["commercial", {"mean": 0.29, "deviation": 0.02}, null]]}]}"#;
+
+    /// The problems of a claim of a cell, with further keys.
+    fn of_cell(cell: &str, more: &str) -> String {
+        let file = crate::results::data::DataFile::parse(TABLE).unwrap();
+        let data = Data { files: [("lenses".to_owned(), file)].into() };
+        let text = format!("[[claim]]\nkey = 'k'\nsays = 's'\nof = 'lenses/made: {cell}'\n{more}\n");
+        Claims::parse(&text).unwrap().problems(Path::new("."), &data).concat()
+    }
+
+    #[test]
+    fn another_way_to_write_a_figure_has_its_number_and_its_unit() {
+        for right in ["0.3 dB", "0.29", "+0.29 dB"] {
+            assert_eq!(of_cell("commercial, PSNR", &format!("also = ['{right}']")), "", "{right}");
+        }
+        for wrong in ["0.4 dB", "0.30 dB", "0.3 um", "-0.29 dB", "Two thirds", "about 0.3 dB", ""] {
+            let problem = of_cell("commercial, PSNR", &format!("also = ['{wrong}']"));
+            assert!(problem.contains("is not the figure 0.29 dB rounded"), "{wrong}: {problem}");
+        }
+        assert_eq!(of_cell("drawn, time", "also = ['10 CPU minutes']"), "");
+        assert!(of_cell("drawn, time", "also = ['11 CPU minutes']").contains("is not the figure 10.3 min"));
+        let stated = |way: &str| {
+            let text = format!("{CLAIM}also = ['{way}']\n");
+            let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+            Claims::parse(&text).unwrap().problems(&root, &Data::default()).concat()
+        };
+        assert_eq!(stated("0.000000001 mm"), "");
+        assert!(stated("1e-8 mm").contains("is not the figure"));
+    }
+
+    #[test]
+    fn a_share_in_words_is_the_one_of_the_data() {
+        let share = |says: &str, more: &str| {
+            of_cell("commercial, PSNR", &format!("share = {{ says = '{says}', of = 'lenses/made: {more} }}"))
+        };
+        assert_eq!(share("Two thirds", "drawn, PSNR', is_lost = true"), "");
+        assert_eq!(share("A third", "drawn, PSNR'"), "");
+        assert!(share("Two thirds", "drawn, PSNR'").contains("the share is 0.30: write \"a third\""));
+        assert!(share("Most", "drawn, PSNR', is_lost = true").contains("the share is 0.70"));
+        assert!(share("Half", "commercial, time'").contains("the cell is empty"));
     }
 
     #[test]

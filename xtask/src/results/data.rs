@@ -196,6 +196,13 @@ impl Table {
             let key = &self.key;
             return Some(format!("table {key:?}: row {row}: it needs a name and {width} cells in all"));
         }
+        let lengths = self.rows.iter().flatten().flatten().filter_map(Figure::seeds);
+        if let Some(length) = lengths.map(<[f64]>::len).find(|length| *length != self.seeds.len()) {
+            let (key, seeds) = (&self.key, self.seeds.len());
+            return Some(format!(
+                "table {key:?}: a figure has {length} values, and `seeds` has {seeds}; write one value a seed"
+            ));
+        }
         let names: Vec<_> = self.rows.iter().filter_map(|row| name_of(row)).collect();
         let twin = names.iter().enumerate().find(|(i, name)| names[..*i].contains(name));
         twin.map(|(_, name)| format!("table {:?}: two rows are named {name:?}", self.key))
@@ -210,7 +217,11 @@ impl DataFile {
             let what = text.split(" at line ").next().unwrap_or_default().to_owned();
             format!(":{}:{}: {what}", e.line(), e.column())
         })?;
-        match file.tables.iter().find_map(Table::problem) {
+        let keys: Vec<&str> = file.tables.iter().map(|table| table.key.as_str()).collect();
+        let twin = keys.iter().enumerate().find(|(i, key)| keys[..*i].contains(key));
+        let twin =
+            twin.map(|(_, key)| format!("two tables have the key {key:?}; a mark finds the first alone"));
+        match file.tables.iter().find_map(Table::problem).or(twin) {
             Some(problem) => Err(format!(": {problem}")),
             None => Ok(file),
         }
@@ -278,5 +289,11 @@ mod tests {
         assert!(problem(&TABLE.replace(", null]", "]")).contains("row 2: it needs a name and 2 cells"));
         assert!(problem(&TABLE.replace("\"perfect\"", "\"nominal\"")).contains("two rows are named"));
         assert!(problem(&TABLE.replace("\"runs\"", "\" \"")).contains("origin is empty"));
+        let seeds = TABLE.replace(r#"{"mean": 28.35, "deviation": 0.04}"#, r#"{"seeds": [28.3, 28.4]}"#);
+        assert!(problem(&seeds).contains("a figure has 2 values, and `seeds` has 1"));
+        assert!(DataFile::parse(&seeds.replace("[1]", "[1, 2]")).is_ok());
+        let mut twice: serde_json::Value = serde_json::from_str(TABLE).unwrap();
+        twice["tables"] = [&twice["tables"][0]; 2].into_iter().cloned().collect();
+        assert!(problem(&twice.to_string()).contains("two tables have the key \"main\""));
     }
 }

@@ -48,7 +48,8 @@ impl Figure {
         let [value, error] = self.parts(column);
         let bare = value.trim_start_matches(['+', '-']);
         let mut forms = Vec::new();
-        for unit in [format!(" {}", column.unit), String::new()] {
+        let with_unit = (!column.unit.is_empty()).then(|| format!(" {}", column.unit));
+        for unit in with_unit.into_iter().chain([String::new()]) {
             for error in [&error, ""] {
                 forms.extend([value.as_str(), bare].map(|value| format!("{value}{error}{unit}")));
             }
@@ -80,6 +81,26 @@ impl Figure {
                 let end = |value: &f64| self::fixed(*value, column.decimals, false);
                 [format!("{} to {}", end(low), end(high)), String::new()]
             }
+        }
+    }
+
+    /// The values of a figure that has one a seed.
+    pub(super) fn seeds(&self) -> Option<&[f64]> {
+        match self {
+            Self::Seeds { seeds } => Some(seeds),
+            _ => None,
+        }
+    }
+
+    /// The value that a sentence rounds: a number, a mean, or the number with which a text begins. `None` of a range.
+    pub(super) fn value(&self) -> Option<f64> {
+        match self {
+            Self::Text(text) => text.split_whitespace().next()?.parse().ok(),
+            Self::Number(value) | Self::Interval { value, .. } | Self::Spread { mean: value, .. } => {
+                Some(*value)
+            }
+            Self::Seeds { seeds } => Some(mean_and_deviation(seeds).0),
+            Self::Range { .. } => None,
         }
     }
 
@@ -186,5 +207,6 @@ mod tests {
         assert_eq!(forms[0], "+0.86 +- 0.06 dB");
         let forms = Figure::Number(-1.8).forms(&column(1, "dB", true));
         assert_eq!(forms[..2], ["-1.8 dB", "1.8 dB"]);
+        assert_eq!(Figure::Number(17.0).forms(&column(0, "", false))[0], "17");
     }
 }

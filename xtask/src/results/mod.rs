@@ -7,6 +7,7 @@ mod claims;
 mod data;
 mod figure;
 mod page;
+mod rendered;
 mod study;
 mod take;
 
@@ -34,22 +35,21 @@ pub fn run(words: &[String]) -> Result<String, Vec<String>> {
     }
 }
 
-/// Writes the tables of all pages anew. Sentences stay as they are: their figures are checked.
+/// Writes the tables of all pages anew, unless there is a problem. Sentences stay as they are: their figures are checked.
 fn write(root: &Path) -> Result<String, Vec<String>> {
     let made = make(root)?;
+    if !made.problems.is_empty() {
+        return Err(made.problems);
+    }
     let mut changed = 0;
     for (page, filled) in made.pages.iter().filter(|(page, filled)| page.text != filled.text) {
         fs::write(root.join(&page.path), &filled.text).map_err(|e| vec![format!("{}: {e}", page.path)])?;
         changed += 1;
     }
-    if made.problems.is_empty() {
-        Ok(format!("{}; {changed} pages written", made.report))
-    } else {
-        Err(made.problems)
-    }
+    Ok(format!("{}; {changed} pages written", made.report))
 }
 
-/// Compares all pages with their data.
+/// Compares all pages with their data, and looks at what the rendered book would lack.
 fn check(root: &Path) -> Result<String, Vec<String>> {
     let mut made = make(root)?;
     for (page, filled) in made.pages.iter().filter(|(page, filled)| page.text != filled.text) {
@@ -60,6 +60,8 @@ fn check(root: &Path) -> Result<String, Vec<String>> {
             page.path
         ));
     }
+    let pages: Vec<Page> = made.pages.into_iter().map(|(page, _)| page).collect();
+    made.problems.extend(rendered::problems(&pages));
     if made.problems.is_empty() { Ok(made.report) } else { Err(made.problems) }
 }
 
@@ -87,7 +89,7 @@ fn make(root: &Path) -> Result<Made, Vec<String>> {
     let filled = |others: &[String]| -> Vec<Filled> {
         pages.iter().map(|page| page::fill(&page.path, &page.text, &data, &claims, others)).collect()
     };
-    // First which tables the pages show, then the page of all others.
+    // First which tables the pages show by themselves, then the pages of the others.
     let shown: BTreeSet<String> = filled(&[]).into_iter().flat_map(|page| page.shown).collect();
     let all = data
         .files
@@ -96,12 +98,17 @@ fn make(root: &Path) -> Result<Made, Vec<String>> {
     let others: Vec<String> = all.filter(|key| !shown.contains(key)).collect();
     let filled = filled(&others);
     let mut problems: Vec<String> = filled.iter().flat_map(|page| page.problems.clone()).collect();
+    let on_a_page: BTreeSet<&String> = filled.iter().flat_map(|page| &page.shown).collect();
+    problems.extend(others.iter().filter(|key| !on_a_page.contains(key)).map(|key| {
+        let (file, _) = key.split_once('/').unwrap_or((key, ""));
+        format!("table {key:?} stands on no page; write <!-- other tables {file} --> on one")
+    }));
     problems.extend(claims.problems(root, &data));
     problems.extend(study::problems(root, &data));
     let figures: usize = filled.iter().map(|page| page.figures).sum();
     let report = format!(
         "results: {} tables, {figures} figures in sentences and {} claims agree with their data",
-        shown.len() + others.len(),
+        on_a_page.len(),
         claims.claim.len()
     );
     Ok(Made { pages: pages.into_iter().zip(filled).collect(), problems, report })
@@ -140,6 +147,32 @@ mod tests {
         if let Err(problems) = check(&root) {
             panic!("{}", problems.join("\n"));
         }
+    }
+
+    #[test]
+    fn nothing_is_written_while_a_page_has_a_problem() {
+        let root = std::env::temp_dir().join(format!("petzval-results-{}", std::process::id()));
+        let table = r#"{"tables": [{"key": "cost", "title": "The cost", "command": "petzval bench", "version": "0.1.0",
+            "date": "2026-11-27", "origin": "runs", "columns": [{"name": "part"}, {"name": "time"}], "rows": [["all", 17]]}]}"#;
+        let page =
+            "18<!-- figure speed/cost: all, time -->\n\n<!-- table speed/cost -->\n| old |\n<!-- end -->\n";
+        let put = |path: &str, text: &str| {
+            let path = root.join(path);
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            fs::write(path, text).unwrap();
+        };
+        put("book/results/claims.toml", "");
+        put("book/results/speed.json", table);
+        put("book/src/speed.md", page);
+        let text = || fs::read_to_string(root.join("book/src/speed.md")).unwrap();
+        assert!(write(&root).unwrap_err()[0].contains("the data say \"17\""));
+        assert_eq!(text(), page);
+        put("book/src/speed.md", &page.replace("18", "17"));
+        assert!(write(&root).unwrap().ends_with("1 pages written"));
+        assert!(text().contains("| all | 17 |"));
+        put("book/src/speed.md", "No table.\n");
+        assert!(write(&root).unwrap_err()[0].contains("\"speed/cost\" stands on no page"));
+        fs::remove_dir_all(&root).unwrap();
     }
 
     #[test]

@@ -3,7 +3,7 @@
 //! ```text
 //! <!-- table image-quality/main -->        the table of the data, up to <!-- end -->
 //! <!-- claims -->                          the table of all claims, up to <!-- end -->
-//! <!-- other tables -->                    every table that no page shows, up to <!-- end -->
+//! <!-- other tables speed -->              every table of speed.json that no page shows by itself, up to <!-- end -->
 //! 0.86 dB<!-- figure image-quality/main-gain: nominal, PSNR -->
 //! 1e-9 mm<!-- claim optiland-rays -->
 //! ```
@@ -11,11 +11,14 @@
 use std::collections::BTreeSet;
 
 use super::claims::Claims;
-use super::data::{Column, Data, Table};
+use super::data::{Column, Data, FOLDER, Table};
 use super::figure::Figure;
 
 /// The end of a table of a page.
 const END: &str = "<!-- end -->";
+
+/// How comments begin that are no marks.
+const OTHER_COMMENTS: [&str; 1] = ["From here on this page is made from the program"];
 
 /// A page with its tables anew.
 #[derive(Debug, Default)]
@@ -47,14 +50,35 @@ pub(super) fn fill(path: &str, text: &str, data: &Data, claims: &Claims, others:
             Some(Err(problem)) => filled.problems.push(format!("{place}: {problem}")),
             Some(Ok((block, shown))) => {
                 filled.shown.extend(shown);
-                filled.text += &format!("\n{block}\n{END}\n");
-                if !lines.any(|(_, line)| line.trim() == END) {
+                // Drop the old table only if its end is known: without it the lines behind are text.
+                if has_end(lines.clone().map(|(_, line)| line)) {
+                    lines.any(|(_, line)| line.trim() == END);
+                    filled.text += &format!("\n{block}\n{END}\n");
+                } else {
                     filled.problems.push(format!("{place}: the table has no end; write {END} behind it"));
                 }
             }
         }
     }
     filled
+}
+
+/// Whether the end of a block stands in the lines behind its first, before another block begins.
+fn has_end<'a>(mut lines: impl Iterator<Item = &'a str>) -> bool {
+    let next = lines.find(|line| line.trim() == END || is_block(line));
+    next.is_some_and(|line| line.trim() == END)
+}
+
+/// The words of a line that is a mark and nothing else.
+fn mark(line: &str) -> Option<&str> {
+    line.trim().strip_prefix("<!-- ")?.strip_suffix(" -->")
+}
+
+/// Whether a line begins a block.
+fn is_block(line: &str) -> bool {
+    mark(line).is_some_and(|mark| {
+        mark.starts_with("table ") || mark.starts_with("other tables ") || mark == "claims"
+    })
 }
 
 /// The text of a block and the tables that it shows, if a line begins one.
@@ -64,31 +88,31 @@ fn block(
     claims: &Claims,
     others: &[String],
 ) -> Option<Result<(String, Vec<String>), String>> {
-    let name = line.trim().strip_prefix("<!-- ")?.strip_suffix(" -->")?;
+    let name = mark(line)?;
     if let Some(key) = name.strip_prefix("table ") {
         return Some(data.table(key).map(|table| (table_text(table), vec![key.to_owned()])));
     }
-    match name {
-        "claims" => Some(claims.text(data).map(|text| (text, Vec::new()))),
-        "other tables" => Some(others_text(data, others).map(|text| (text, Vec::new()))),
-        _ => None,
+    if let Some(file) = name.strip_prefix("other tables ") {
+        return Some(others_of(file, data, others));
     }
+    (name == "claims").then(|| claims.text(data).map(|text| (text, Vec::new())))
 }
 
-/// Every table that no page shows, by file.
-fn others_text(data: &Data, others: &[String]) -> Result<String, String> {
-    let mut text = String::new();
-    let mut before = "";
-    for key in others {
-        let (file, _) = key.split_once('/').unwrap_or((key, ""));
-        if file != before {
-            text += &format!("## {file}\n\n");
-            before = file;
+/// Every table of a file that no page shows by itself, with their keys.
+fn others_of(file: &str, data: &Data, others: &[String]) -> Result<(String, Vec<String>), String> {
+    let Some(known) = data.files.get(file) else {
+        let files: Vec<&str> = data.files.keys().map(String::as_str).collect();
+        return Err(format!("other tables: {FOLDER} has no {file}.json; it has {}", files.join(", ")));
+    };
+    let (mut text, mut shown) = (Vec::new(), Vec::new());
+    for table in &known.tables {
+        let key = format!("{file}/{}", table.key);
+        if others.contains(&key) {
+            text.push(format!("## {}\n\n{}", table.key, table_text(table)));
+            shown.push(key);
         }
-        let table = data.table(key)?;
-        text += &format!("### {}\n\n{}\n", key, table_text(table));
     }
-    Ok(text.trim_end().to_owned() + "\n")
+    Ok((text.join("\n"), shown))
 }
 
 /// A table in Markdown, with its title before it and its origin behind it.
@@ -135,19 +159,37 @@ impl Table {
     }
 }
 
-/// Checks every mark of a line against the text before it.
+/// Checks every mark of a line against the text before it, and that every other comment is known.
 fn check_figures(line: &str, place: &str, data: &Data, claims: &Claims, filled: &mut Filled) {
     let mut rest = line;
     let mut before = String::new();
-    while let Some((text, behind)) = rest.split_once("<!-- ") {
+    while let Some((text, behind)) = rest.split_once("<!--") {
         before += text;
-        let Some((mark, behind)) = behind.split_once(" -->") else { break };
+        // A sample of a mark in a sentence.
+        if before.matches('`').count() % 2 == 1 {
+            before += "<!--";
+            rest = behind;
+            continue;
+        }
+        let Some((comment, behind)) = behind.split_once("-->") else {
+            filled
+                .problems
+                .push(format!("{place}: a comment that its line does not end; write --> behind it"));
+            break;
+        };
         rest = behind;
+        let mark =
+            comment.strip_prefix(' ').and_then(|comment| comment.strip_suffix(' ')).unwrap_or_default();
         let forms = if let Some(address) = mark.strip_prefix("figure ") {
             data.figure(address).map(|(figure, column): (&Figure, _)| figure.forms(column))
         } else if let Some(key) = mark.strip_prefix("claim ") {
             claims.forms(key, data)
         } else {
+            if !OTHER_COMMENTS.iter().any(|known| mark.starts_with(known)) {
+                filled.problems.push(format!(
+                    "{place}: <!--{comment}--> is no mark here: the file of the check, xtask/src/results/page.rs, shows how each is written"
+                ));
+            }
             continue;
         };
         filled.figures += 1;
@@ -212,10 +254,29 @@ mod tests {
     }
 
     #[test]
+    fn a_table_without_its_end_keeps_the_text_behind_it() {
+        let page = "<!-- table quality/gain -->\n| old |\n\nProse between.\n\n<!-- table quality/cost -->\n| old |\n<!-- end -->\n\nProse behind.\n";
+        let page = filled(page);
+        assert_eq!(page.problems.len(), 1, "{:?}", page.problems);
+        assert!(page.problems[0].starts_with("page.md:1: the table has no end"), "{:?}", page.problems);
+        assert!(
+            page.text.contains("| old |\n\nProse between.\n\n<!-- table quality/cost -->\n\n*The cost*"),
+            "{}",
+            page.text
+        );
+        assert!(page.text.ends_with("<!-- end -->\n\nProse behind.\n"));
+        let last = filled("<!-- table quality/gain -->\n| old |\n\nProse behind.\n");
+        assert!(last.text.ends_with("| old |\n\nProse behind.\n"), "{}", last.text);
+    }
+
+    #[test]
     fn tables_that_no_page_shows_have_one_of_their_own() {
-        let page = filled("<!-- other tables -->\n<!-- end -->\n");
-        assert!(page.text.contains("## quality\n\n### quality/cost\n\n*The cost*"), "{}", page.text);
+        let page = filled("<!-- other tables quality -->\n<!-- end -->\n");
+        assert!(page.text.contains("-->\n\n## cost\n\n*The cost*"), "{}", page.text);
         assert!(page.text.contains("| all | 17 |\n\n<small>Made by `petzval bench`"), "{}", page.text);
+        assert_eq!(page.shown, ["quality/cost".to_owned()].into());
+        let problems = filled("<!-- other tables detection -->\n<!-- end -->\n").problems;
+        assert!(problems[0].contains("no detection.json; it has quality"), "{problems:?}");
     }
 
     #[test]
@@ -242,6 +303,22 @@ mod tests {
         assert!(problem("<!-- table quality/gain -->\n").contains("the table has no end"));
         assert!(problem("1<!-- claim other -->").contains("page.md:1: claim \"other\""));
         assert!(problem("1<!-- claim --other -->").contains("a comment of Markdown holds no"));
+        // A mark that is misspelt, or stands where it means nothing.
+        for unknown in [
+            "<!-- tabel quality/gain -->",
+            "1<!--claim rays-->",
+            "1<!-- claims rays -->",
+            "1<!-- figures quality/gain: nominal, PSNR -->",
+            "See <!-- table quality/gain -->",
+            "<!-- end -->",
+            "<!-- to do -->",
+        ] {
+            assert!(problem(unknown).contains("is no mark here"), "{unknown}: {:?}", problem(unknown));
+        }
+        assert!(problem("1e-9 mm<!-- claim rays").contains("does not end"));
+        let other = "<!-- From here on this page is made from the program; a test compares both. -->";
+        assert_eq!(problem(other), "");
+        assert_eq!(problem("Write `<!-- claim KEY -->` behind it, and `<!-- table X -->`."), "");
         // A sample of code shows marks, and has none.
         assert_eq!(problem("```text\n<!-- table quality/main -->\n1<!-- claim other -->\n```\n"), "");
     }

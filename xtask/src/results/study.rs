@@ -13,12 +13,14 @@ use super::data::{Data, Table};
 #[derive(Deserialize)]
 struct Study {
     seeds: Vec<u64>,
+    #[serde(default)]
     difference: Vec<Difference>,
 }
 
 #[derive(Deserialize)]
 struct Difference {
     against: String,
+    #[serde(default)]
     score: BTreeMap<String, Spread>,
 }
 
@@ -52,7 +54,21 @@ fn compared(table: &Table, text: &str) -> Vec<String> {
     if study.seeds != table.seeds {
         problems.push(format!("seeds = {:?}, in table {:?} {:?}", study.seeds, table.key, table.seeds));
     }
+    if study.difference.is_empty() {
+        problems.push(format!("no [[difference]]: table {:?} is compared with nothing", table.key));
+    }
     for difference in &study.difference {
+        let has_column =
+            |metric: &str| table.columns.iter().any(|column| column.metric.as_deref() == Some(metric));
+        for metric in difference.score.keys().filter(|metric| !has_column(metric)) {
+            problems.push(format!(
+                "score.{metric} against {}: table {:?} has no column of this metric, so nothing holds the figure",
+                difference.against, table.key
+            ));
+        }
+        if difference.score.is_empty() {
+            problems.push(format!("against {}: no score is stated", difference.against));
+        }
         for (place, column) in table.columns.iter().enumerate() {
             let Some(score) = column.metric.as_ref().and_then(|metric| difference.score.get(metric)) else {
                 continue;
@@ -94,5 +110,11 @@ mod tests {
         assert!(problem("0.85", "0.86").starts_with("PSNR against nominal: 0.86 +- 0.07"));
         assert!(problem("nominal", "other").contains("has nothing"));
         assert!(problem("[1, 2]", "[1]").starts_with("seeds = [1]"));
+        assert!(
+            problem("score.psnr_db", "score.psnr")
+                .contains("score.psnr against nominal: table \"gain\" has no")
+        );
+        assert!(problem("score.psnr_db", "#").contains("against nominal: no score is stated"));
+        assert!(compared(table, "seeds = [1, 2]").concat().starts_with("no [[difference]]"));
     }
 }

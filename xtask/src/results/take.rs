@@ -54,14 +54,8 @@ pub(super) fn take(root: &Path, key: &str, folders: &[&Path]) -> Result<(), Stri
         ));
     }
     let name = table.key.clone();
-    let mut runs = folders.iter().map(|folder| read(folder)).collect::<Result<Vec<_>, _>>()?;
-    runs.sort_by_key(|run| run.seed);
-    if let Some(pair) = runs.windows(2).find(|pair| pair[0].seed == pair[1].seed) {
-        return Err(format!(
-            "two runs have seed {}: one sample would count twice; name one of them",
-            pair[0].seed
-        ));
-    }
+    let runs = folders.iter().map(|folder| read(folder)).collect::<Result<Vec<_>, _>>()?;
+    let runs = samples(runs)?;
     let (file, _) = key.split_once('/').unwrap_or((key, ""));
     let Some(found) = data.files.get_mut(file) else { return Ok(()) };
     for table in &mut found.tables {
@@ -69,6 +63,26 @@ pub(super) fn take(root: &Path, key: &str, folders: &[&Path]) -> Result<(), Stri
     }
     let text = found.text().map_err(|e| e.to_string())?;
     fs::write(root.join(FOLDER).join(format!("{file}.json")), text).map_err(|e| format!("{file}.json: {e}"))
+}
+
+/// Runs in the order of their seeds, if they are samples of one thing: each of another seed, and all made by the version that the table states.
+fn samples(mut runs: Vec<Run>) -> Result<Vec<Run>, String> {
+    runs.sort_by_key(|run| run.seed);
+    for pair in runs.windows(2) {
+        let [one, other] = pair else { continue };
+        if one.seed == other.seed {
+            let seed = one.seed;
+            return Err(format!("two runs have seed {seed}: one sample would count twice; name one of them"));
+        }
+        let versions = [&one.metrics.version, &other.metrics.version];
+        if versions[0] != versions[1] {
+            return Err(format!(
+                "the run of seed {} was made by Petzval {}, that of seed {} by {}; make them by one version",
+                one.seed, versions[0], other.seed, versions[1]
+            ));
+        }
+    }
+    Ok(runs)
 }
 
 /// Reads a run.
@@ -224,6 +238,21 @@ mod tests {
         assert_eq!((table.seeds.as_slice(), table.date.as_str()), ([1, 2].as_slice(), "2026-11-02"));
         assert_eq!((table.version.as_str(), table.origin.as_str()), ("0.2.0", "metrics.json of the runs"));
         assert_eq!(file.tables[3].version, "0.1.0");
+    }
+
+    #[test]
+    fn runs_of_one_seed_or_of_two_versions_are_no_samples() {
+        let runs = || vec![run(2, 20.5, 21.9), run(1, 20.0, 21.0)];
+        let seeds: Vec<u64> = samples(runs()).unwrap().iter().map(|run| run.seed).collect();
+        assert_eq!(seeds, [1, 2]);
+        let problem = |change: fn(&mut Run)| {
+            let mut runs = runs();
+            change(&mut runs[0]);
+            samples(runs).err().unwrap_or_default()
+        };
+        let newer = problem(|run| run.metrics.version = "0.3.0".to_owned());
+        assert!(newer.contains("seed 1 was made by Petzval 0.2.0, that of seed 2 by 0.3.0"), "{newer}");
+        assert!(problem(|run| run.seed = 1).contains("two runs have seed 1"));
     }
 
     #[test]

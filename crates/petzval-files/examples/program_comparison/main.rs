@@ -1,5 +1,5 @@
-//! Prints the pages of the manual that compare Petzval with Optiland and ray-optics: the comparison, or with the word `lenses` its values, lens
-//! by lens.
+//! Prints the pages of the manual that compare Petzval with Optiland and ray-optics: the comparison, or its values lens by lens, with the word
+//! `samples` for Optiland's samples and with `built-in` for the built-in lenses.
 //!
 //! `cargo run --release -p petzval-files --example program_comparison > book/src/results/comparison.md`
 
@@ -16,15 +16,24 @@ use rows::{Compared, Pair, Row};
 /// The page with placeholders for its tables.
 const PAGE: &str = include_str!("page.md");
 
-/// The page of all values.
-const PAGE_OF_LENSES: &str = include_str!("lenses.md");
+/// The page of all values for Optiland's samples.
+const PAGE_OF_SAMPLES: &str = include_str!("lenses.md");
+
+/// The page of all values for built-in lenses.
+const PAGE_OF_BUILT_IN: &str = include_str!("built_in.md");
 
 fn main() {
     let listed = listed::listed();
     let lenses = rows::compare(&listed);
-    if std::env::args().nth(1).is_some_and(|word| word == "lenses") {
-        let tables: String = lenses.iter().map(lens_text).collect();
-        print!("{}", PAGE_OF_LENSES.replace("{lenses}\n", &tables));
+    let page_of_values = match std::env::args().nth(1).as_deref() {
+        Some("samples") => Some((PAGE_OF_SAMPLES, false)),
+        Some("built-in") => Some((PAGE_OF_BUILT_IN, true)),
+        _ => None,
+    };
+    if let Some((page, is_built_in)) = page_of_values {
+        let shown = lenses.iter().filter(|lens| lens.file.is_some() == is_built_in);
+        let tables: String = shown.map(lens_text).collect();
+        print!("{}", page.replace("{lenses}\n", &tables));
         return;
     }
     let of_note = |note: &str, checks: &[Check]| checks_text(checks.iter().filter(|c| c.note == note));

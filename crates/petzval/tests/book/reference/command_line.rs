@@ -21,7 +21,7 @@ pub fn pages() -> Vec<Page> {
     }
     let mut all = "## The verbs\n\n".to_owned();
     let mut pages = Vec::new();
-    for group in GROUPS {
+    for group in GROUPS.iter().filter(|group| !group.verbs.is_empty()) {
         let mut verbs = Vec::new();
         for word in group.verbs {
             let command = tree.find_subcommand(word).unwrap_or_else(|| panic!("there is no verb {word}"));

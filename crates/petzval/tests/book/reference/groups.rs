@@ -6,7 +6,7 @@ pub struct Group {
     pub page: &'static str,
     /// Title of its pages.
     pub title: &'static str,
-    /// First words of its verbs, in the order of the page.
+    /// First words of its verbs, in the order of the page; a group of jobs alone has none.
     pub verbs: &'static [&'static str],
     /// Jobs that no verb has the name of.
     pub more_jobs: &'static [&'static str],
@@ -21,6 +21,12 @@ pub static GROUPS: &[Group] = &[
         more_jobs: &[],
     },
     Group { page: "lens", title: "Lenses", verbs: &["lens"], more_jobs: &[] },
+    Group {
+        page: "lens-edit",
+        title: "Lenses while they are edited",
+        verbs: &[],
+        more_jobs: &["lens-view", "lens-edit"],
+    },
     Group {
         page: "psf",
         title: "Glasses and point-spread functions",

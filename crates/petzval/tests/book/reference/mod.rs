@@ -32,9 +32,6 @@ pub struct Page {
 /// Words on a page that is to be read, not only searched.
 const MOST_WORDS: usize = 2500;
 
-/// Pages that may be longer: tables of one group of jobs, which are searched and not read through.
-const LONG: &[&str] = &["jobs/lens.md", "jobs/sensor.md"];
-
 /// Words that are written by hand, on all pages together.
 const MOST_WORDS_BY_HAND: usize = 2000;
 
@@ -65,7 +62,7 @@ fn the_reference_is_what_the_program_says() {
             wrong.push(path.clone());
         }
         let words = page.split_whitespace().filter(|word| word.chars().any(char::is_alphanumeric)).count();
-        if words > MOST_WORDS && !LONG.contains(&path.as_str()) {
+        if words > MOST_WORDS {
             long.push(format!("{path}: {words}"));
         }
         by_hand += own.split_whitespace().count() * usize::from(frame.is_empty());
