@@ -17,8 +17,7 @@ pub mod spectra {
     pub const COLORCHECKER_OHTA: &str = include_str!("../data/spectra/colorchecker-ohta.csv");
 
     /// Reflectances of the ColorChecker's fields by BabelColor.
-    pub const COLORCHECKER_BABELCOLOR: &str =
-        include_str!("../data/spectra/colorchecker-babelcolor.csv");
+    pub const COLORCHECKER_BABELCOLOR: &str = include_str!("../data/spectra/colorchecker-babelcolor.csv");
 
     /// Illuminants.
     pub const ILLUMINANTS: &str = include_str!("../data/spectra/illuminants.csv");
