@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::common::{data, run_fails, run_ok};
+use crate::common::{data, read, run_fails, run_ok};
 
 fn raw(path: &Path) -> Vec<u16> {
     let picture = image::open(path).unwrap();
