@@ -6,12 +6,58 @@ use petzval_camera::sensor::{NonUniformity, SensorModel};
 /// Reads a sensor file and checks that every number is in its physical range.
 pub fn parse_sensor(text: &str) -> Result<SensorModel, FileError> {
     let sensor: SensorModel =
-        toml::from_str(text).map_err(|e| in_its_table(FileError::from_toml(text, &e)))?;
+        toml::from_str(text).map_err(|e| all_missing(text, in_its_table(FileError::from_toml(text, &e))))?;
     sensor.validate().map_err(|wrong| {
         let path: Vec<&str> = wrong.key.split('.').collect();
         FileError::at_key(text, &path, wrong.to_string()).hint(format!("give {}", wrong.meaning))
     })?;
     Ok(sensor)
+}
+
+/// The keys that a sensor file must have, with an example and what it is.
+const NEEDED: [(&str, &str, &str); 15] = [
+    ("name", "\"my sensor\"", "any text"),
+    ("height", "1200", "rows"),
+    ("width", "1920", "columns"),
+    ("pixel_um", "5.86", "pixel pitch, um"),
+    ("bits", "12", "of the converter, 1 to 16"),
+    ("black_level_dn", "64.0", "DN without light, read noise and electronics"),
+    ("gain_dn_per_e", "0.25", "system gain K, DN per electron"),
+    ("full_well_e", "10000.0", "full well capacity, electrons"),
+    ("dark_current_e_per_s", "5.0", "electrons per second; 0 for none"),
+    ("read_noise_mean_e", "0.0", "electrons; usually 0"),
+    ("read_noise_e", "2.5", "standard deviation, electrons"),
+    ("electronics_mean_dn", "0.0", "DN; usually 0"),
+    (
+        "electronics_noise_dn",
+        "0.0",
+        "standard deviation behind the gain, DN; 0 if it is a part of the read noise",
+    ),
+    (
+        "relative_qe",
+        "[0.8, 1.0, 0.9]",
+        "red, green and blue relative to green; [1.0, 1.0, 1.0] without filters",
+    ),
+    ("cfa", "\"RGGB\"", "\"RGGB\", \"GRBG\", \"GBRG\", \"BGGR\", \"mono\", or rows such as \"RG/GB\""),
+];
+
+/// An error about a missing key names all that are missing, with what each may be.
+fn all_missing(text: &str, error: FileError) -> FileError {
+    let Ok(table) = toml::from_str::<toml::Table>(text) else { return error };
+    let missing: Vec<&(&str, &str, &str)> =
+        NEEDED.iter().filter(|(key, ..)| !table.contains_key(*key)).collect();
+    if !error.message.ends_with("is missing") || !missing.iter().any(|(key, ..)| *key == error.key) {
+        return error;
+    }
+    let keys: Vec<String> = missing.iter().map(|(key, ..)| format!("`{key}`")).collect();
+    let message = match &keys[..] {
+        [one] => format!("the key {one} is missing"),
+        several => format!("{} keys are missing: {}", several.len(), several.join(", ")),
+    };
+    let lines: Vec<String> =
+        missing.iter().map(|(key, example, is)| format!("{key} = {example}   # {is}")).collect();
+    let hint = format!("add, for example:\n{}", lines.join("\n"));
+    FileError { message, ..error }.hint(hint)
 }
 
 /// Adds a hint to the error of a misplaced key that belongs to `[nonuniformity]`.
@@ -27,6 +73,8 @@ fn in_its_table(error: FileError) -> FileError {
 
 #[cfg(test)]
 mod tests {
+    use petzval_camera::sensor::Electronics;
+
     use super::*;
 
     const FITTED: &str = include_str!("../../petzval-data/data/sensors/imx249-fitted.toml");
@@ -69,7 +117,19 @@ mod tests {
         assert!(unknown.to_string().contains("`bits`"), "{unknown}");
 
         let missing = error("bits = 12", "");
-        assert_eq!(missing.key, "bits");
+        assert_eq!((missing.key.as_str(), missing.message.as_str()), ("bits", "the key `bits` is missing"));
+        let hint = missing.hint.unwrap();
+        assert_eq!(hint.lines().nth(1), Some("bits = 12   # of the converter, 1 to 16"), "{hint}");
+        // All missing keys are named at once, and the examples of the hint make a sensor.
+        let bare = parse_sensor("height = 100\n").unwrap_err();
+        assert!(bare.message.starts_with("14 keys are missing: `name`, `width`, "), "{bare}");
+        let hint = bare.hint.unwrap();
+        let lines: Vec<&str> = hint.lines().skip(1).collect();
+        let sensor = parse_sensor(&format!("height = 100\n{}\n", lines.join("\n"))).unwrap();
+        assert_eq!((sensor.source.as_str(), sensor.electronics), ("", Electronics::BeforeAdc));
+        // A key that is missing elsewhere is no key of the sensor.
+        let curve = parse_sensor(&format!("{FITTED}[quantum_efficiency]\n")).unwrap_err();
+        assert!(!curve.message.contains("keys are missing"), "{curve}");
 
         let kind = error("bits = 12", "bits = \"twelve\"");
         assert_eq!((kind.line, kind.key.as_str()), (line("bits"), "bits"));

@@ -30,7 +30,7 @@ fn objects(converted: &Converted) -> Vec<(&str, &str, [f64; 4])> {
 
 /// The error of a folder that cannot be read: its message.
 fn fails(format: SourceFormat, root: &Path, needles: &[&str]) {
-    let error = convert(format, root, &Cancel::default()).unwrap_err();
+    let error = convert(format, root, None, &Cancel::default()).unwrap_err();
     let text = error.to_string();
     assert!(
         needles.iter().all(|needle| text.contains(needle)) && text.contains("hint"),
@@ -54,12 +54,15 @@ fn kitti_regions_are_crowds_of_every_class() {
     write(root, "training/label_2/000003.txt", KITTI);
     write_png(root, "training/image_2/000001.png", 100, 40);
     write_png(root, "training/image_2/000002.png", 100, 40);
-    let converted = convert(SourceFormat::Kitti, root, &Cancel::default()).unwrap();
-    assert_eq!(converted, convert(SourceFormat::Kitti, &root.join("training"), &Cancel::default()).unwrap());
+    let converted = convert(SourceFormat::Kitti, root, None, &Cancel::default()).unwrap();
+    assert_eq!(
+        converted,
+        convert(SourceFormat::Kitti, &root.join("training"), None, &Cancel::default()).unwrap()
+    );
     let cancelled = Cancel::default();
     cancelled.set();
     for format in [SourceFormat::Kitti, SourceFormat::Bdd100k, SourceFormat::Yolo, SourceFormat::Voc] {
-        assert!(matches!(convert(format, root, &cancelled), Err(CocoError::Stopped(_))), "{format:?}");
+        assert!(matches!(convert(format, root, None, &cancelled), Err(CocoError::Stopped(_))), "{format:?}");
     }
     let (car, pedestrian) = ([10.5, 20.0, 30.0, 12.0], [50.0, 5.0, 10.0, 30.0]);
     let name = "images/000001.png";
@@ -76,7 +79,7 @@ fn kitti_regions_are_crowds_of_every_class() {
 
     // A picture without labels is left out with a note.
     write_png(root, "training/image_2/000009.png", 100, 40);
-    let more = convert(SourceFormat::Kitti, root, &Cancel::default()).unwrap();
+    let more = convert(SourceFormat::Kitti, root, None, &Cancel::default()).unwrap();
     let found = more.defects.iter().find(|d| d.kind == DefectKind::PictureWithoutLabels).unwrap();
     assert!(found.count == 1 && found.first[0].ends_with("000009.png"), "{found:?}");
     assert_eq!(more.data, converted.data);
@@ -89,7 +92,7 @@ fn kitti_regions_are_crowds_of_every_class() {
     write(root, "devkit_object/mapping/train_mapping.txt", lines);
     write(root, "devkit_object/mapping/train_rand.txt", "3,1,\n2");
     for from in [root.to_owned(), root.join("training")] {
-        let images = convert(SourceFormat::Kitti, &from, &Cancel::default()).unwrap().data.images;
+        let images = convert(SourceFormat::Kitti, &from, None, &Cancel::default()).unwrap().data.images;
         let drives: Vec<_> = images.iter().map(|image| image.sequence.as_deref()).collect();
         assert_eq!(drives, [Some("drive_a"), Some("drive_b")]);
     }
@@ -101,7 +104,7 @@ fn kitti_regions_are_crowds_of_every_class() {
     let needles = ["000002.txt: line 4: `Car 0.25 one -1.57`", "has 4 values", "1 more places are wrong"];
     fails(SourceFormat::Kitti, root, &needles);
     fails(SourceFormat::Kitti, &root.join("training/label_2"), &["no folder `label_2`"]);
-    assert!(convert(SourceFormat::Kitti, &root.join("nowhere"), &Cancel::default()).is_err());
+    assert!(convert(SourceFormat::Kitti, &root.join("nowhere"), None, &Cancel::default()).is_err());
 }
 
 const BDD: &str = r#"[
@@ -123,7 +126,7 @@ fn bdd100k_colours_become_states() {
     std::fs::rename(root.join("images/100k/val/a.png"), root.join("images/100k/val/a.jpg")).unwrap();
     write_png(root, "images/100k/val/b.png", 100, 40);
     for place in [root.to_owned(), root.join("labels/det_val.json")] {
-        let converted = convert(SourceFormat::Bdd100k, &place, &Cancel::default()).unwrap();
+        let converted = convert(SourceFormat::Bdd100k, &place, None, &Cancel::default()).unwrap();
         let name = "images/100k/val/a.jpg";
         assert_eq!(
             objects(&converted),
@@ -145,7 +148,7 @@ fn bdd100k_colours_become_states() {
     // A second file about the same pictures adds its boxes to them.
     let more = r#"[{"name": "a.jpg", "labels": [{"category": "bus", "box2d": {"x1": 1, "y1": 2, "x2": 9, "y2": 8}}, {"category": "lane"}]}]"#;
     write(root, "labels/lane_val.json", more);
-    let both = convert(SourceFormat::Bdd100k, root, &Cancel::default()).unwrap();
+    let both = convert(SourceFormat::Bdd100k, root, None, &Cancel::default()).unwrap();
     assert_eq!((both.data.images.len(), both.data.annotations.len()), (1, 4));
     assert_eq!(both.data.images[0].sequence.as_deref(), Some("v1"));
     // A file of lanes alone makes no background of a picture.
@@ -155,27 +158,27 @@ fn bdd100k_colours_become_states() {
         "labels/lane_val.json",
         r#"[{"name": "c.png", "labels": [{"category": "lane/curb", "poly2d": []}]}]"#,
     );
-    let lanes = convert(SourceFormat::Bdd100k, root, &Cancel::default()).unwrap();
+    let lanes = convert(SourceFormat::Bdd100k, root, None, &Cancel::default()).unwrap();
     assert_eq!((lanes.data.images.len(), lanes.defects.count(DefectKind::FileWithoutBoxes)), (1, 1));
     // Neither it nor `b.png` has labels.
     assert_eq!(lanes.defects.count(DefectKind::PictureWithoutLabels), 2);
     // A picture of which a file says that it has no labels is background.
     write(root, "labels/lane_val.json", r#"[{"name": "c.png", "labels": []}]"#);
-    assert_eq!(convert(SourceFormat::Bdd100k, root, &Cancel::default()).unwrap().data.images.len(), 2);
+    assert_eq!(convert(SourceFormat::Bdd100k, root, None, &Cancel::default()).unwrap().data.images.len(), 2);
     // So is that of a file of its own, which has all labels of it.
     write(
         root,
         "labels/lane_val.json",
         r#"{"name": "c", "frames": [{"objects": [{"category": "lane/curb", "poly2d": []}]}]}"#,
     );
-    assert_eq!(convert(SourceFormat::Bdd100k, root, &Cancel::default()).unwrap().data.images.len(), 2);
+    assert_eq!(convert(SourceFormat::Bdd100k, root, None, &Cancel::default()).unwrap().data.images.len(), 2);
     std::fs::remove_file(root.join("labels/lane_val.json")).unwrap();
 
     // Files of one picture each, with its name outside and without ending.
     let old = r#"{"name": "b", "frames": [{"timestamp": 1, "objects": [{"category": "car", "id": 3, "attributes": {},
                  "box2d": {"x1": 1, "y1": 2, "x2": 3, "y2": 5}}]}]}"#;
     write(root, "labels/det_val.json", old);
-    let converted = convert(SourceFormat::Bdd100k, root, &Cancel::default()).unwrap();
+    let converted = convert(SourceFormat::Bdd100k, root, None, &Cancel::default()).unwrap();
     assert_eq!(objects(&converted), [("images/100k/val/b.png", "car", [1.0, 2.0, 2.0, 3.0])]);
 
     for (from, to, needles) in [
@@ -211,7 +214,7 @@ fn yolo_is_read_in_every_layout() {
             "data.yaml",
             "train: ../train/images\nval: ../valid/images\nnc: 2\nnames: ['green', 'red']\n",
         );
-        let converted = convert(SourceFormat::Yolo, root, &Cancel::default()).unwrap();
+        let converted = convert(SourceFormat::Yolo, root, None, &Cancel::default()).unwrap();
         assert_eq!(
             objects(&converted),
             [(name, "red", [40.0, 8.0, 20.0, 4.0]), (name, "green", [0.0, 0.0, 100.0, 40.0])]
@@ -231,7 +234,7 @@ fn yolo_is_read_in_every_layout() {
     fails(SourceFormat::Yolo, root, &["no file names the classes"]);
     write(root, "classes.txt", "green\nred\n");
     write(root, "README.txt", "a text that is no label");
-    let converted = convert(SourceFormat::Yolo, root, &Cancel::default()).unwrap();
+    let converted = convert(SourceFormat::Yolo, root, None, &Cancel::default()).unwrap();
     let names: Vec<&str> = converted.data.images.iter().map(|image| image.file_name.as_str()).collect();
     assert_eq!(names, ["images/test/a.png", "images/train/a.png", "images/valid/a.png"]);
     assert_eq!(converted.defects.count(DefectKind::MissingPicture), 1);
@@ -268,7 +271,7 @@ fn voc_boxes_count_from_one_and_difficult_objects_are_ignored() {
         let root = folder.path();
         write(root, labels, VOC);
         write_png(root, picture, 100, 40);
-        let converted = convert(SourceFormat::Voc, root, &Cancel::default()).unwrap();
+        let converted = convert(SourceFormat::Voc, root, None, &Cancel::default()).unwrap();
         let name = if labels.starts_with("train") { "images/train/a.png" } else { "images/a.png" };
         let (person, car) = ([10.0, 5.0, 20.0, 35.0], [0.0, 0.0, 100.0, 40.0]);
         assert_eq!(objects(&converted), [(name, "person", person), (name, "car", car)]);
@@ -285,7 +288,7 @@ fn voc_boxes_count_from_one_and_difficult_objects_are_ignored() {
     write(root, "Annotations/a.xml", VOC);
     write_png(root, "JPEGImages/b.png", 100, 40);
     write_png(root, "SegmentationClass/a.png", 100, 40);
-    let converted = convert(SourceFormat::Voc, root, &Cancel::default()).unwrap();
+    let converted = convert(SourceFormat::Voc, root, None, &Cancel::default()).unwrap();
     assert_eq!(converted.data.images[0].split.as_deref(), Some("valid"));
     // A mask has the name of its picture.
     let unlabelled = converted.defects.iter().find(|d| d.kind == DefectKind::PictureWithoutLabels).unwrap();
@@ -303,11 +306,11 @@ fn voc_boxes_count_from_one_and_difficult_objects_are_ignored() {
     write(root, "Annotations/a.xml", "<svg/>");
     fails(SourceFormat::Voc, root, &["line 1", "not `annotation`"]);
     write(root, "Annotations/a.xml", &VOC.replacen("<width>100<", "<width>99<", 1));
-    let converted = convert(SourceFormat::Voc, root, &Cancel::default()).unwrap();
+    let converted = convert(SourceFormat::Voc, root, None, &Cancel::default()).unwrap();
     assert_eq!((converted.data.images.len(), converted.defects.count(DefectKind::OtherPictureSize)), (0, 1));
     // Deep nesting ends in an error, not in an overflow of the stack.
     write(root, "Annotations/a.xml", &"<annotation>".repeat(200_000));
-    assert!(convert(SourceFormat::Voc, root, &Cancel::default()).is_err());
+    assert!(convert(SourceFormat::Voc, root, None, &Cancel::default()).is_err());
 }
 
 /// Writes a picture of one colour, 100 x 40 px.
@@ -336,7 +339,7 @@ fn parts_that_repeat_the_names_of_pictures_keep_their_own_labels() {
                 std::fs::rename(root.join(picture.replace(".PNG", ".png")), root.join(&picture)).unwrap();
             }
         }
-        let converted = convert(SourceFormat::Voc, root, &Cancel::default()).unwrap();
+        let converted = convert(SourceFormat::Voc, root, None, &Cancel::default()).unwrap();
         let found = objects(&converted);
         assert_eq!(found.len(), 4, "{labels}");
         assert!(found.iter().all(|(file, class, _)| *class == "car" || file.contains(class)), "{found:?}");
@@ -349,7 +352,7 @@ fn parts_that_repeat_the_names_of_pictures_keep_their_own_labels() {
     write(root, "train/Annotations/a.xml", VOC);
     write(root, "val/Annotations/a.xml", VOC);
     write_grey(root, "val/JPEGImages/a.png", 90);
-    let converted = convert(SourceFormat::Voc, root, &Cancel::default()).unwrap();
+    let converted = convert(SourceFormat::Voc, root, None, &Cancel::default()).unwrap();
     assert_eq!(converted.defects.count(DefectKind::RepeatedFile), 1);
 
     // A list of BDD100K that states folders means them.
@@ -363,18 +366,18 @@ fn parts_that_repeat_the_names_of_pictures_keep_their_own_labels() {
     write_grey(root, "images/one/a.png", 40);
     write_grey(root, "images/two/a.png", 200);
     write(root, "labels/l.json", &format!("[{}, {}]", entry("one/a.png", "one"), entry("two/a.png", "two")));
-    let converted = convert(SourceFormat::Bdd100k, root, &Cancel::default()).unwrap();
+    let converted = convert(SourceFormat::Bdd100k, root, None, &Cancel::default()).unwrap();
     let found = objects(&converted);
     assert!(found.len() == 2 && found.iter().all(|(file, class, _)| file.contains(class)), "{found:?}");
     // A bare name may be either, unless both are one picture.
     write_grey(root, "images/one/b.png", 90);
     write(root, "labels/l.json", &format!("[{}, {}]", entry("a.png", "car"), entry("b.png", "car")));
-    let converted = convert(SourceFormat::Bdd100k, root, &Cancel::default()).unwrap();
+    let converted = convert(SourceFormat::Bdd100k, root, None, &Cancel::default()).unwrap();
     assert_eq!(objects(&converted).len(), 1);
     let several = converted.defects.iter().find(|d| d.kind == DefectKind::SeveralPictures).unwrap();
     assert!(several.count == 1 && several.first[0].contains("one/a.png or "), "{several:?}");
     write_grey(root, "images/two/a.png", 40);
-    let converted = convert(SourceFormat::Bdd100k, root, &Cancel::default()).unwrap();
+    let converted = convert(SourceFormat::Bdd100k, root, None, &Cancel::default()).unwrap();
     assert_eq!((objects(&converted).len(), converted.defects.errors()), (2, 0));
 }
 
@@ -401,7 +404,7 @@ fn yolo_poses_are_boxes_and_outlines_and_rotated_boxes_are_counted() {
     let pose = "0 0.5 0.5 0.2 0.4 0.45 0.35 0.55 0.35 0.45 0.65 0.55 0.65\n";
     write(root, "labels/a.txt", pose);
     write(root, "data.yaml", "kpt_shape: [4, 2]\nnames:\n  0: car\n");
-    let read = || convert(SourceFormat::Yolo, root, &Cancel::default()).unwrap();
+    let read = || convert(SourceFormat::Yolo, root, None, &Cancel::default()).unwrap();
     let near = |found: &Converted, wanted: [f64; 4]| {
         let bounds = <[f64; 4]>::from(found.data.annotations[0].bounds);
         let is_near = bounds.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-9);
@@ -438,7 +441,7 @@ fn labels_of_turned_pictures_are_turned_as_their_format_says() {
         write(root, &format!("yolo/labels/{name}.txt"), "0 0.5 0.5 0.5 0.1\n");
     }
     write(root, "yolo/data.yaml", "names: [car]\n");
-    let converted = convert(SourceFormat::Yolo, &root.join("yolo"), &Cancel::default()).unwrap();
+    let converted = convert(SourceFormat::Yolo, &root.join("yolo"), None, &Cancel::default()).unwrap();
     let bounds: Vec<[f64; 4]> = objects(&converted).into_iter().map(|(_, _, bounds)| bounds).collect();
     assert_eq!(bounds, [[10.0, 45.0, 20.0, 10.0], [25.0, 18.0, 50.0, 4.0]]);
     assert_eq!(converted.defects.count(DefectKind::TurnedPicture), 2);
@@ -448,7 +451,7 @@ fn labels_of_turned_pictures_are_turned_as_their_format_says() {
     // VOC states the size: here that of the stored pixels.
     write_turned_png(root, "voc/a.png", 6);
     write(root, "voc/a.xml", VOC);
-    let converted = convert(SourceFormat::Voc, &root.join("voc"), &Cancel::default()).unwrap();
+    let converted = convert(SourceFormat::Voc, &root.join("voc"), None, &Cancel::default()).unwrap();
     let (person, car) = ([0.0, 10.0, 35.0, 20.0], [0.0, 0.0, 40.0, 100.0]);
     let name = "images/a.png";
     assert_eq!(objects(&converted), [(name, "person", person), (name, "car", car)]);
@@ -459,9 +462,43 @@ fn labels_of_turned_pictures_are_turned_as_their_format_says() {
     // KITTI states none.
     write_turned_png(root, "kitti/image_2/000001.png", 6);
     write(root, "kitti/label_2/000001.txt", KITTI);
-    let converted = convert(SourceFormat::Kitti, &root.join("kitti"), &Cancel::default()).unwrap();
+    let converted = convert(SourceFormat::Kitti, &root.join("kitti"), None, &Cancel::default()).unwrap();
     assert_eq!((converted.data.images.len(), converted.data.annotations.len()), (0, 0));
     assert_eq!((converted.defects.count(DefectKind::UnknownTurn), converted.defects.errors()), (1, 1));
+}
+
+#[test]
+fn the_caller_says_what_boxes_of_turned_pictures_are_of() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    let read = |format, name: &str, turned| {
+        let converted = convert(format, &root.join(name), turned, &Cancel::default()).unwrap();
+        let bounds: Vec<[f64; 4]> = objects(&converted).into_iter().map(|(_, _, bounds)| bounds).collect();
+        (bounds, converted.defects.errors(), converted.defects.count(DefectKind::UnknownTurn))
+    };
+    // Half a turn leaves the size that VOC states; a quarter turn does not, and the size decides.
+    write_turned_png(root, "voc/a.png", 3);
+    write(root, "voc/a.xml", VOC);
+    let (person, car) = ([10.0, 5.0, 20.0, 35.0], [0.0, 0.0, 100.0, 40.0]);
+    assert_eq!(read(SourceFormat::Voc, "voc", None), (vec![], 1, 1));
+    assert_eq!(read(SourceFormat::Voc, "voc", Some(true)), (vec![person, car], 0, 0));
+    let other_way_up = [70.0, 0.0, 20.0, 35.0];
+    assert_eq!(read(SourceFormat::Voc, "voc", Some(false)), (vec![other_way_up, car], 0, 0));
+    write_turned_png(root, "voc/a.png", 6);
+    let by_size = read(SourceFormat::Voc, "voc", None);
+    assert_eq!(by_size.0, [[0.0, 10.0, 35.0, 20.0], [0.0, 0.0, 40.0, 100.0]]);
+    assert_eq!(read(SourceFormat::Voc, "voc", Some(true)), by_size);
+
+    // Shares are of the stored pixels then: 100 x 40 px, of which a quarter turn makes 40 x 100.
+    write_turned_png(root, "yolo/images/a.png", 6);
+    write(root, "yolo/labels/a.txt", "0 0.3 0.5 0.2 0.5\n");
+    write(root, "yolo/data.yaml", "names: [car]\n");
+    // Of the stored pixels the box has columns 20 to 40 and rows 10 to 30.
+    for (turned, wanted) in [(true, [8.0, 25.0, 8.0, 50.0]), (false, [10.0, 20.0, 20.0, 20.0])] {
+        let found = read(SourceFormat::Yolo, "yolo", Some(turned)).0;
+        let near = found[0].iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-9);
+        assert!(found.len() == 1 && near, "{turned}: {found:?}");
+    }
 }
 
 #[test]
@@ -471,7 +508,7 @@ fn yolo_pictures_that_cannot_be_decoded_have_labels_and_classes_of_one_name_are_
     write(root, "images/a.bmp", "BM: no picture that is read");
     write(root, "labels/a.txt", "1 0.5 0.5 0.2 0.1\n");
     write(root, "data.yaml", "names: [light, car, light]\n");
-    let converted = convert(SourceFormat::Yolo, root, &Cancel::default()).unwrap();
+    let converted = convert(SourceFormat::Yolo, root, None, &Cancel::default()).unwrap();
     let count = |kind| converted.defects.count(kind);
     assert_eq!((count(DefectKind::UnreadablePicture), count(DefectKind::MissingPicture)), (1, 0));
     let repeated = converted.defects.iter().find(|d| d.kind == DefectKind::RepeatedClassName).unwrap();
@@ -488,7 +525,7 @@ fn parts_of_yolo_are_those_that_its_file_names() {
     }
     let parts = |yaml: &str| {
         write(root, "data.yaml", &format!("names: [car]\n{yaml}"));
-        let converted = convert(SourceFormat::Yolo, root, &Cancel::default()).unwrap();
+        let converted = convert(SourceFormat::Yolo, root, None, &Cancel::default()).unwrap();
         let split = |of: &str| {
             let image = converted.data.images.iter().find(|image| image.file_name.contains(of)).unwrap();
             image.split.clone()
@@ -517,7 +554,7 @@ fn bdd100k_sizes_are_those_of_the_pictures_and_colours_that_are_no_text_are_coun
     };
     let read = |text: &str| {
         write(root, "labels.json", text);
-        convert(SourceFormat::Bdd100k, root, &Cancel::default()).unwrap()
+        convert(SourceFormat::Bdd100k, root, None, &Cancel::default()).unwrap()
     };
     let of = |found: &Converted, kind| (found.data.images.len(), found.defects.count(kind));
     for size in [r#"{"width": 100, "height": 40}"#, "null"] {
@@ -557,7 +594,7 @@ fn states_of_every_version_of_bdd100k_are_read_and_labels_without_boxes_are_coun
         labels.join(", ")
     );
     write(root, "labels.json", &text);
-    let converted = convert(SourceFormat::Bdd100k, root, &Cancel::default()).unwrap();
+    let converted = convert(SourceFormat::Bdd100k, root, None, &Cancel::default()).unwrap();
     let states =
         converted.data.annotations.iter().map(|a| a.attributes.get("state").and_then(|state| state.text()));
     let wanted = [
@@ -584,7 +621,7 @@ fn states_of_every_version_of_bdd100k_are_read_and_labels_without_boxes_are_coun
     }
     // A file of outlines of objects is no file of lanes.
     write(root, "labels.json", r#"[{"name": "a.png", "labels": [{"category": "person", "poly2d": []}]}]"#);
-    let outlines = convert(SourceFormat::Bdd100k, root, &Cancel::default()).unwrap();
+    let outlines = convert(SourceFormat::Bdd100k, root, None, &Cancel::default()).unwrap();
     assert_eq!(outlines.defects.count(DefectKind::FileWithoutBoxes), 0);
     assert_eq!(outlines.defects.count(DefectKind::LabelWithoutBox), 1);
 }
@@ -606,7 +643,7 @@ fn letters_of_labels_are_never_guessed() {
         [head.as_bytes(), before.as_bytes(), b"\xd0\xd0\xc8\xcb", after.as_bytes()].concat()
     };
     std::fs::write(root.join("voc/a.xml"), file("<?xml version=\"1.0\" encoding=\"GBK\"?>")).unwrap();
-    let converted = convert(SourceFormat::Voc, &root.join("voc"), &Cancel::default()).unwrap();
+    let converted = convert(SourceFormat::Voc, &root.join("voc"), None, &Cancel::default()).unwrap();
     assert_eq!(converted.data.categories[0].name, "\u{884c}\u{4eba}");
     for (head, needle) in
         [("", "not text in UTF-8"), ("<?xml version='1.0' encoding='x-none'?>", "not known")]
@@ -654,7 +691,7 @@ fn pictures_of_lost_labels_are_not_converted() {
         (SourceFormat::Kitti, "k", &["images/b.png"]),
         (SourceFormat::Voc, "v", &["images/b.png"]),
     ] {
-        let converted = convert(format, &root.join(name), &Cancel::default()).unwrap();
+        let converted = convert(format, &root.join(name), None, &Cancel::default()).unwrap();
         let names: Vec<&str> = converted.data.images.iter().map(|image| image.file_name.as_str()).collect();
         assert_eq!(names, left, "{:?}", converted.defects);
         assert_eq!(converted.sources.len(), left.len());

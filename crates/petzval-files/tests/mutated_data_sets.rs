@@ -152,7 +152,7 @@ fn mutated_labels_are_read_or_refused() {
         }
         read_mutations(name, text, (mutations() / 5).min(50_000), |bytes| {
             write(labels, bytes);
-            convert(format, root, &Cancel::default()).is_ok()
+            convert(format, root, None, &Cancel::default()).is_ok()
         });
     }
 }

@@ -5,7 +5,10 @@ use std::f64::consts::PI;
 use petzval_camera::image::LinearImage;
 use petzval_camera::sensor::CfaPattern;
 
-use petzval_lab::edge_mtf::{Region, edge_mtf, find_edges, picture_channels, raw_channels};
+use petzval_lab::edge_mtf::{
+    Channel, Missed, Region, edge_mtf, find_edges, missed_edge, picture_channels, raw_channels,
+};
+use petzval_lab::sfr::{SfrError, Side};
 
 /// Inclination of the edges, degrees.
 const ANGLE_DEG: f64 = 5.0;
@@ -88,13 +91,66 @@ fn edges_are_found_where_they_are() {
     }
 }
 
+/// Side of the frames of one edge.
+const ALONE: usize = 120;
+
+/// A frame of one edge through its middle, so many degrees off the columns; light above `most` is cut off.
+fn alone(deg: f64, most: f32) -> Channel {
+    let (sin, cos) = deg.to_radians().sin_cos();
+    let middle = 0.5 * ALONE as f64;
+    let value = |i: usize| {
+        let (x, y) = ((i % ALONE) as f64 + 0.5 - middle - 0.3, (i / ALONE) as f64 + 0.5 - middle);
+        let share = 0.5 * libm::erfc(-(x * cos - y * sin) / (SIGMA * 2f64.sqrt()));
+        ((0.2 + 0.6 * share) as f32).min(most)
+    };
+    let values: Vec<f32> = (0..ALONE * ALONE).map(value).collect();
+    raw_channels(&values, ALONE, CfaPattern::MONO).unwrap().remove(0)
+}
+
+#[test]
+fn an_edge_that_is_not_found_has_its_reason() {
+    for deg in [1.0, 2.0, 30.0, 45.0] {
+        let channel = alone(deg, 1.0);
+        assert_eq!(find_edges(&channel), [], "{deg}");
+        let Some(Missed::Angle { region, deg: found }) = missed_edge(&channel) else {
+            panic!("{deg}: {:?}", missed_edge(&channel))
+        };
+        assert!((found - deg).abs() < 0.1, "{deg}: {found}");
+        // The region that is named can be measured.
+        let mtf = edge_mtf(&channel, &region).unwrap();
+        assert!((mtf.mtf_at_half_nyquist - gaussian(0.25)).abs() < 0.02, "{deg}: {region}");
+    }
+    let clipped = alone(5.0, 0.67);
+    assert_eq!(find_edges(&clipped), []);
+    let missed = missed_edge(&clipped);
+    let is_bright = |error: &SfrError| matches!(error, SfrError::Clipped { side: Side::Bright, .. });
+    assert!(matches!(&missed, Some(Missed::NoResponse { error, .. }) if is_bright(error)), "{missed:?}");
+    // An edge along the columns is sampled once a pixel.
+    let upright = missed_edge(&alone(0.0, 1.0));
+    let is_coarse = |error: &SfrError| matches!(error, SfrError::Angle { .. });
+    assert!(matches!(&upright, Some(Missed::NoResponse { error, .. }) if is_coarse(error)), "{upright:?}");
+}
+
+#[test]
+fn an_edge_at_45_degrees_determines_no_response_above_0_71_cycles_per_pixel() {
+    let region = Region { row: 10, col: 10, height: 100, width: 100 };
+    let limit = |deg: f64| edge_mtf(&alone(deg, 1.0), &region).unwrap().undetermined_above_per_px();
+    let at_45 = limit(45.0).unwrap();
+    assert!((at_45 - 0.5f64.sqrt()).abs() < 1e-3, "{at_45}");
+    // The other rational slopes sample every half pixel or finer: 1/2, 1/3, 2/3, 3/4.
+    for deg in [5.0, 26.565_051, 18.434_949, 33.690_068, 36.869_898, 44.0] {
+        assert_eq!(limit(deg), None, "{deg}");
+    }
+}
+
 #[test]
 fn a_picture_without_an_edge_has_no_region() {
     let texture: Vec<f32> = (0..120 * 120).map(|i| ((i * 7919) % 101) as f32).collect();
     let channels = raw_channels(&texture, 120, CfaPattern::MONO).unwrap();
     assert_eq!(find_edges(&channels[0]), []);
+    assert_eq!(missed_edge(&channels[0]), None);
     let tiny = raw_channels(&texture[..9], 3, CfaPattern::MONO).unwrap();
-    assert_eq!(find_edges(&tiny[0]), []);
+    assert_eq!((find_edges(&tiny[0]), missed_edge(&tiny[0])), (vec![], None));
 }
 
 #[test]

@@ -5,7 +5,9 @@ mod common;
 use common::bench::Bench;
 use common::within;
 use petzval_lab::emva::goodness::ALPHA;
-use petzval_lab::emva::{Characterization, Measured, Verdict, fits};
+use petzval_lab::emva::{
+    Characterization, Limit, Measured, Options, Values, Verdict, fits, result_xml, sensor_toml,
+};
 
 fn warned(found: &Characterization, fit: &str) -> Vec<String> {
     let all = found.warnings.iter().filter(|w| w.name() == "fit-departs").map(ToString::to_string);
@@ -93,16 +95,54 @@ fn black_levels_that_differ_by_gain_are_no_mean_of_the_read_noise() {
         assert!(why.contains("reduced chi^2"), "{black_dn:?}: {why}");
         assert!(found.joint.dark_offset_dn.reason().is_some(), "{black_dn:?}");
         assert_eq!(found.joint.tests.mean_line.verdict, Verdict::Withdrawn, "{black_dn:?}");
-        assert_eq!(warned(&found, "dark mean over K").len(), 1, "{black_dn:?}: {:?}", found.warnings);
+        let said = warned(&found, "dark mean over K");
+        assert!(
+            said.len() == 1 && said[0].contains("state black_level_dn in each [[point]]"),
+            "{black_dn:?}: {said:?}"
+        );
         // What the black level does not touch stays.
         within(&format!("{black_dn:?}: sigma_r^2"), found.joint.read_variance_e2, 9.0, 3.5);
         within(&format!("{black_dn:?}: K"), found.joint.gain_dn_per_e, 0.38, 3.5);
     }
+    // Stated gain by gain they leave the mean of the read noise and the offset of the electronics.
+    let black_dn = vec![64.0, 70.0, 64.5, 72.0];
+    let bench = Bench {
+        linear_gains: linear_gains.clone(),
+        black_dn,
+        states_black: true,
+        electronics_noise_dn: 0.5,
+        ..Bench::default()
+    };
+    let found = bench.measured_with(&Options { fit_histograms: true, ..Options::default() });
+    assert_eq!(found.joint.tests.mean_line.verdict, Verdict::Holds);
+    assert!(warned(&found, "dark mean over K").is_empty(), "{:?}", found.warnings);
+    within("mu_r, black levels stated", found.joint.read_noise_mean_e, 0.0, 3.5);
+    within("mu_el, black levels stated", found.joint.electronics_mean_dn, 0.0, 3.5);
+    assert_eq!(found.joint.black_level_dn, Some(64.0));
+    // The histograms of all gains have one model.
+    let fitted = found.histogram_fit.as_ref().unwrap();
+    within("BL + mu_el by the histograms", fitted.dark_offset_dn, 64.0, 3.5);
+    let text = sensor_toml(&found).unwrap();
+    assert!(text.contains("# Black levels of the gains, as stated: 64.0, 70.0, 64.5, 72.0 DN"), "{text}");
     // A drift by less than a quarter of a digital number widens the error.
     let bench = Bench { linear_gains, black_dn: vec![64.0, 64.06, 63.97, 64.05], ..Bench::default() };
     let found = bench.measured();
     within("mu_r", found.joint.read_noise_mean_e, 0.0, 3.5);
     assert_eq!(found.joint.tests.mean_line.verdict, Verdict::Widened);
+}
+
+#[test]
+fn dark_noise_below_the_converter_makes_limits_of_what_contains_it() {
+    let limits = |gain_dn_per_e: f64| {
+        let found = Bench { gain_dn_per_e, full_well_e: 4000.0, ..Bench::default() }.measured();
+        let channel = &found.gains[0].channels[0];
+        let limit = |name: &str| channel.figure(name).unwrap().limit;
+        let xml = result_xml(channel, Values::Corrected).unwrap();
+        (["sigma_d", "u_e_min", "DR_dB", "K"].map(limit), xml.matches("<limit>").count())
+    };
+    // 3 e- are 0.15 DN, and the converter resolves 0.49 DN. The pixel pitch is not known: nothing is per area.
+    assert_eq!(limits(0.05), ([Some(Limit::Upper), Some(Limit::Upper), Some(Limit::Lower), None], 6));
+    assert_eq!(limits(0.38), ([None; 4], 0));
 }
 
 #[test]

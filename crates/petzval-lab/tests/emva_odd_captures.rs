@@ -275,6 +275,7 @@ fn exposure_times_are_printed_as_they_were_written() {
         linear_gain: 1.0,
         exposure_s: 1e-3 * 9.0,
         photons: None,
+        black_level_dn: None,
         frames: Vec::new(),
         line: 1,
     };
@@ -412,7 +413,7 @@ fn wildcards_name_all_frames_that_match() {
     for (pattern, says) in [
         ("gain-1/flut-*.png", "`gain-1/flut-*.png` matches no file"),
         ("gain-1/[", "`gain-1/[`"),
-        ("gain-1/flat-2.5ms-0.*", "has one frame where two are needed"),
+        ("gain-1/flat-2.5ms-0.*", "2.5 ms, 1 frame: two are needed"),
         ("gain-1/flat-*.png", "is listed twice, first in line"),
     ] {
         set_list(folder.path(), &whole.replace("gain-*/flat-2.5ms-*", pattern));

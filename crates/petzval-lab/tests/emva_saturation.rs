@@ -2,11 +2,13 @@
 
 mod common;
 
-use common::{small_mono, within};
+use common::{imx249, small_mono, within};
 use petzval_camera::SensorModel;
 use petzval_camera::render::Placement;
 use petzval_camera::sensor::{Colour, NonUniformity};
-use petzval_lab::emva::{Captures, Characterization, Plan, Unresolved, characterize, write_series};
+use petzval_lab::emva::{
+    Captures, Characterization, Plan, Unresolved, characterize, sensor_toml, write_series,
+};
 
 fn sensor(full_well_e: f64, prnu_pixel_percent: f64) -> SensorModel {
     let nonuniformity =
@@ -58,6 +60,42 @@ fn the_saturation_is_that_of_the_pixel_or_the_converter_at_any_sampling() {
             }
         }
     }
+}
+
+#[test]
+fn the_full_well_is_that_of_the_colour_that_reaches_it() {
+    // Red and blue get half of the light of green, which alone is full.
+    let sensor = SensorModel { full_well_e: 8000.0, relative_qe: [0.5, 1.0, 0.5], ..imx249() };
+    let plan = Plan {
+        height: 90,
+        width: 120,
+        gains: vec![1.0],
+        flat_ms: (1..=16).map(f64::from).collect(),
+        dark_ms: vec![1.0, 8.0, 16.0],
+        level: 1.2,
+        seed: 5,
+        ..Plan::default()
+    };
+    let folder = tempfile::tempdir().unwrap();
+    write_series(&sensor, &plan, folder.path(), &|| Ok(())).unwrap();
+    // The list does not state the full well.
+    let list = folder.path().join("captures.toml");
+    let text = std::fs::read_to_string(&list).unwrap();
+    let kept: Vec<&str> = text.lines().filter(|line| !line.starts_with("full_well_e")).collect();
+    std::fs::write(&list, kept.join("\n")).unwrap();
+    let found =
+        characterize(&Captures::open(folder.path()).unwrap(), &Default::default(), &|_| Ok(())).unwrap();
+    let capacity = |colour: Colour| {
+        let channel = found.gains[0].channels.iter().find(|c| c.colour == colour).unwrap();
+        channel.figure("u_e_sat").unwrap().best()
+    };
+    assert_eq!(capacity(Colour::Red).reason(), Some(Unresolved::NotSaturated));
+    within("u_e_sat of green", capacity(Colour::Green), 8000.0, 4.0);
+    assert_eq!(found.gains[0].saturated_channel().unwrap().colour, Colour::Green);
+    let text = sensor_toml(&found).unwrap();
+    let full_well_e = petzval_files::parse_sensor(&text).unwrap().full_well_e;
+    assert_eq!(Some(full_well_e), capacity(Colour::Green).value(), "{text}");
+    assert!(text.contains("e-, of the green pixels"), "{text}");
 }
 
 #[test]

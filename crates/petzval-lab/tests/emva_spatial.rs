@@ -230,6 +230,15 @@ fn pixels_that_do_not_answer_light_are_listed_and_left_out() {
             assert!(warnings(&found, warning).is_empty(), "{name}: {:?}", found.warnings);
         }
         within(&format!("{name}: DSNU"), figure(&found, "DSNU1288_pixel"), 1.5, 3.5);
+        // The means of the standard are over all pixels; those without the defects are known as well.
+        for channel in &found.gains[0].channels {
+            let spatial = channel.spatial.as_ref().unwrap();
+            let pixels = 160.0 * 240.0 / if name == "mono" { 1.0 } else { 4.0 };
+            let pixels = if channel.colour.name() == "green" { 2.0 * pixels } else { pixels };
+            let lost = spatial.defects.len() as f64 / pixels;
+            let bias = spatial.signal_bias.unwrap_or(0.0);
+            assert!((bias + lost).abs() < 0.03 * lost + 1e-12, "{name}: {bias} for {lost}");
+        }
         within(&format!("{name}: PRNU"), figure(&found, "PRNU1288_pixel"), 0.8, 3.5);
         let spatial = found.gains[0].channels[0].spatial.as_ref().unwrap();
         let [_, dark] = spatial.components_with_defects.as_ref().unwrap();
@@ -239,6 +248,62 @@ fn pixels_that_do_not_answer_light_are_listed_and_left_out() {
         let back = petzval_files::parse_sensor(&text).unwrap();
         assert!((back.nonuniformity.dsnu_pixel_e - 1.5).abs() < 0.2 && text.contains("# 8 pixels"), "{text}");
     }
+}
+
+#[test]
+fn dead_columns_bias_the_means_of_the_standard_by_their_share() {
+    let uneven = NonUniformity { dsnu_pixel_e: 1.5, prnu_pixel_percent: 0.8, ..NonUniformity::default() };
+    let sensor = small_mono(10_500.0, uneven);
+    let plan =
+        Plan { quantum_efficiency: Some(0.6), flat_ms: vec![2.0, 4.0, 6.0, 8.0, 10.0], stack: 12, ..plan() };
+    let folder = series(&sensor, &plan);
+    let before = measured(folder.path());
+    // Two of 240 columns are dead.
+    let broken = |_, x, _, dn| if x == 50 || x == 171 { 0 } else { dn };
+    edit(folder.path(), ["flat", ""], &broken);
+    edit(folder.path(), ["dark", ""], &broken);
+    let found = measured(folder.path());
+    let channel = &found.gains[0].channels[0];
+    assert_eq!(channel.spatial.as_ref().unwrap().defects.len(), 2 * 160);
+    for name in ["R", "QE"] {
+        let [whole, of_all] = [&before, &found].map(|f| figure(f, name).value().unwrap());
+        let of_others = channel.without_defects(name).unwrap().value().unwrap();
+        assert!((of_all / whole - (1.0 - 2.0 / 240.0)).abs() < 0.003, "{name}: {of_all} of {whole}");
+        assert!((of_others / whole - 1.0).abs() < 0.003, "{name}: {of_others} of {whole}");
+    }
+    assert!(before.gains[0].channels[0].without_defects("R").is_none());
+    let warning = warnings(&found, "defect-pixels");
+    assert!(
+        warning[0].contains("R, QE and u_e_sat are 0.83 % too low by them; without them R 0."),
+        "{warning:?}"
+    );
+}
+
+#[test]
+fn an_offset_of_some_pixels_is_no_dark_current() {
+    let uneven = NonUniformity { dsnu_pixel_e: 1.5, prnu_pixel_percent: 0.8, ..NonUniformity::default() };
+    let sensor = small_mono(10_500.0, uneven);
+    let folder = series(&sensor, &Plan { dark_ms: vec![20.0, 100.0], stack: 12, ..plan() });
+    let before = measured(folder.path());
+    assert!(warnings(&before, "bright-pixels").is_empty(), "{:?}", before.warnings);
+    // Thirty pixels lie 75 DN above the others, in every frame.
+    let raised = |_, x: u32, y: u32, dn: u16| if x == 40 + y && y < 30 { dn + 75 } else { dn };
+    edit(folder.path(), ["flat", ""], &raised);
+    edit(folder.path(), ["dark", ""], &raised);
+    let found = measured(folder.path());
+    let spatial = found.gains[0].channels[0].spatial.as_ref().unwrap();
+    assert_eq!((spatial.bright, spatial.defects.len()), (30, 0));
+    let without = spatial.dark_components_without_bright.unwrap().pixel.root();
+    let k = found.gains[0].channels[0].transfer.gain_dn_per_e;
+    within("DSNU without the bright pixels", without.over(k), 1.5, 3.5);
+    assert!(figure(&found, "DSNU1288_pixel").value().unwrap() > 3.0);
+    let warning = warnings(&found, "bright-pixels");
+    assert!(warning.len() == 1 && warning[0].contains("30 pixels are brighter"), "{warning:?}");
+    // What is not resolved is a dark current.
+    let reason = found.joint.hot_pixel_share.reason().unwrap().to_string();
+    assert!(reason.starts_with("0 pixels have a dark current above the noise"), "{reason}");
+    let text = sensor_toml(&found).unwrap();
+    assert!(text.contains("# pixels that are bright in the dark at every exposure time: 30"), "{text}");
 }
 
 #[test]

@@ -28,6 +28,8 @@ fn examples() -> Vec<Warning> {
             first: [3, 4],
             dark_dn: [Measured::none(Unresolved::NoStack), known(7.0)],
             flat_dn: spreads,
+            bias_percent: Some(-0.416_789),
+            of_others: vec![("R", 0.150_000_4, "DN/p"), ("QE", 59.996, "%"), ("u_e_sat", 16_123.4, "e-")],
         },
         Warning::DefectPixels {
             linear_gain,
@@ -36,7 +38,11 @@ fn examples() -> Vec<Warning> {
             first: [3, 4],
             dark_dn: spreads,
             flat_dn: spreads,
+            bias_percent: Some(-0.001),
+            of_others: Vec::new(),
         },
+        Warning::BrightPixels { linear_gain, pixels: 30, offset_dn: 75.0456, dark_dn: Some(spreads) },
+        Warning::BrightPixels { linear_gain, pixels: 1, offset_dn: 75.0456, dark_dn: None },
         Warning::LightLeak { point: point(), difference_dn: 1.23456 },
         Warning::DarkNotLinear { linear_gain, exposure_ms: 1.5, off_dn: -1.23456, reduced_chi2: 3.456 },
         Warning::DarkCurrentDisagrees {
@@ -112,6 +118,7 @@ fn points_and_severities_stay_as_stored() {
             ("clipped-at-zero", 0.01234),
             ("flicker", 1.23456),
             ("moved", 1.23456),
+            ("bright-pixels", 30.0),
             ("light-leak", 1.23456),
             ("dark-not-linear", 1.23456),
             ("not-uniform", 6.78),

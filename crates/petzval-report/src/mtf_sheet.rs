@@ -226,6 +226,7 @@ mod tests {
     #[test]
     fn every_edge_has_a_panel_and_every_channel_a_curve() {
         let channel = |name: &str| EdgeMtf {
+            gap_px: 0.1,
             channel: name.into(),
             is_upright: true,
             angle_deg: 5.0,

@@ -79,11 +79,23 @@ pub struct CfaPattern {
 
 /// A text that does not describe a colour filter array.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "`{0}` is not a colour filter array; give its rows from the top, as RGGB, GRBG, RG/GB, RRGG/RRGG/GGBB/GGBB, or mono \
-     (letters R, G, B, W for clear; up to 8x8)"
-)]
-pub struct UnknownPattern(String);
+pub enum UnknownPattern {
+    /// No rows of colours.
+    #[error(
+        "`{0}` is not a colour filter array; give its rows from the top, as RGGB, GRBG, RG/GB, RRGG/RRGG/GGBB/GGBB, or mono \
+         (letters R, G, B, W for clear; up to 8x8)"
+    )]
+    NoRows(String),
+    /// The colours of a Bayer array in an order that is no Bayer array.
+    #[error(
+        "`{name}` is no Bayer array: its greens would share a column. LibRaw lists colours as RGBG (cdesc), and its raw_pattern says \
+         where they are: give RGGB, GRBG, GBRG or BGGR, from the first pixel; rows with / between them, as RG/BG, are taken as they are"
+    )]
+    NoBayer {
+        /// The letters.
+        name: String,
+    },
+}
 
 impl CfaPattern {
     /// Red, green / green, blue.
@@ -154,13 +166,17 @@ impl FromStr for CfaPattern {
     type Err = UnknownPattern;
 
     fn from_str(text: &str) -> Result<Self, UnknownPattern> {
-        let unknown = || UnknownPattern(text.chars().take(80).collect());
+        let unknown = || UnknownPattern::NoRows(text.chars().take(80).collect());
         let name = text.trim();
         if name.eq_ignore_ascii_case("mono") {
             return Ok(Self::MONO);
         }
         let rows: Vec<String> = match name.contains('/') {
             true => name.split('/').map(str::to_owned).collect(),
+            // Of four letters without rows, RGBG is how LibRaw lists the colours of any Bayer array.
+            false if is_list_of_colours(name) => {
+                return Err(UnknownPattern::NoBayer { name: name.to_owned() });
+            }
             false if name.chars().count() == 4 => {
                 let letters: Vec<char> = name.chars().collect();
                 letters.chunks(2).map(|row| row.iter().collect()).collect()
@@ -182,6 +198,11 @@ impl FromStr for CfaPattern {
         }
         Ok(Self { rows: rows.len(), cols, tile })
     }
+}
+
+/// Whether four letters are those of a Bayer array with the greens in one column: as a list of colours, not of places.
+fn is_list_of_colours(name: &str) -> bool {
+    matches!(name.to_ascii_uppercase().as_str(), "RGBG" | "BGRG" | "GRGB" | "GBGR")
 }
 
 impl TryFrom<String> for CfaPattern {
@@ -239,6 +260,12 @@ mod tests {
             assert_eq!((name.parse(), pattern.to_string()), (Ok(pattern), name.to_owned()));
         }
         assert_eq!("RG/GB".parse(), Ok(CfaPattern::RGGB));
+        // LibRaw's list of colours is no arrangement; rows are taken as they are.
+        for list in ["RGBG", "gbgr", " GRGB "] {
+            let error = list.parse::<CfaPattern>().unwrap_err().to_string();
+            assert!(error.contains("no Bayer array") && error.contains("raw_pattern"), "{error}");
+        }
+        assert!(!"RG/BG".parse::<CfaPattern>().unwrap().is_bayer());
         assert_eq!("w".parse(), Ok(CfaPattern::MONO));
     }
 

@@ -10,10 +10,11 @@ use super::quantum_efficiency::QuantumEfficiency;
 use crate::image::CHANNELS;
 
 /// The place in the signal chain where the electronics noise enters.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Electronics {
     /// Before the converter, as in a sensor with column converters.
+    #[default]
     BeforeAdc,
     /// After the converter, followed by a second rounding to whole digital numbers: adds another 1/12 DN^2.
     AfterAdc,
@@ -25,7 +26,8 @@ pub enum Electronics {
 pub struct SensorModel {
     /// Name of the sensor.
     pub name: String,
-    /// Source of the numbers.
+    /// Source of the numbers; empty if it is not stated.
+    #[serde(default)]
     pub source: String,
     /// Rows.
     pub height: usize,
@@ -55,7 +57,8 @@ pub struct SensorModel {
     pub relative_qe: [f64; CHANNELS],
     /// Colour filter array.
     pub cfa: CfaPattern,
-    /// Where the electronics noise enters.
+    /// Where the electronics noise enters; before the converter if it is left out. After it, a second rounding adds 1/12 DN^2.
+    #[serde(default)]
     pub electronics: Electronics,
     /// Electrons of a clear (unfiltered) pixel per unit of red, green and blue light, where a green pixel has 1 for white.
     #[serde(default = "even_response")]

@@ -84,7 +84,7 @@ kinds! {
     OtherPictureSize Error "A picture has another size than stated, so that its boxes are of other pixels; both are left out."
         "restore the picture to which the boxes belong, or scale the boxes with it; another size alone does not move them";
     UnknownTurn Error "EXIF turns a picture, and nothing says whether its boxes are of the turned one; both are left out."
-        "look at a picture with its boxes: for boxes of the turned picture write `turned: true` into its entry in `images`, for boxes of the stored pixels `turned: false`; in other formats set the orientation of the file to 1 for these (`exiftool -n -Orientation=1 FILE`)";
+        "look at a picture with its boxes. Converting another format, say it for all: `--turned true` if boxes are of the pictures as they are shown, `--turned false` if of the stored pixels. In COCO format write `turned: true` or `turned: false` into the entry in `images`";
     LabelWithoutBox Error "A label of an object has no box that is read; it is left out."
         "write a box for it, or take it out if it is no object";
     PictureOfLostLabels Error "No label of a picture can be used; the picture is left out, because it is no background."

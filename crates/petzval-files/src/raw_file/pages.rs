@@ -141,7 +141,15 @@ impl<R: Read + Seek> Tiff<R> {
         }
         let colour = self.decoder.colortype().map_err(|error| self.unreadable(error))?;
         let ColorType::Gray(bits) = colour else {
-            return Err(refused(format!("a picture of {colour:?}, not of digital numbers")));
+            let kind = match colour {
+                ColorType::GrayA(bits) => format!("a gray picture with transparency of {bits} bits a sample"),
+                ColorType::RGB(bits) | ColorType::RGBA(bits) => {
+                    format!("a colour picture of {bits} bits a sample")
+                }
+                ColorType::Palette(_) => "a picture with a palette".to_owned(),
+                _ => "a picture of several samples a pixel".to_owned(),
+            };
+            return Err(refused(format!("{kind}, not digital numbers")));
         };
         match (format, bits) {
             (Some(3), _) => Err(refused(format!("floating-point samples of {bits} bits (SampleFormat 3)"))),

@@ -8,6 +8,10 @@ use super::pages::{decode_page, is_tiff, pages};
 use crate::undecoded;
 use ::image::{ColorType, DynamicImage, ImageBuffer, ImageDecoder, ImageFormat, ImageReader, Limits, Luma};
 
+/// What a raw frame may be.
+const HINT: &str = "a raw frame is a gray TIFF or PNG of 8 or 16 bits, a NumPy array of whole numbers (.npy), packed numbers with a \
+                    sidecar (.raw), or a DNG";
+
 /// Reads the only picture of a file, gray with 8 or 16 bits, or a TIFF with 32.
 pub(super) fn decode(bytes: &[u8]) -> Result<AnyFrame, Unreadable> {
     if is_tiff(bytes) {
@@ -19,8 +23,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<AnyFrame, Unreadable> {
             }),
         };
     }
-    let unreadable =
-        |reason: String| Unreadable { reason, hint: "a raw frame is a gray TIFF or PNG of 8 or 16 bits" };
+    let unreadable = |reason: String| Unreadable { reason, hint: HINT };
     let mut reader =
         ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| unreadable(e.to_string()))?;
     check_kept(bytes, reader.format()).map_err(unreadable)?;
@@ -35,7 +38,11 @@ pub(super) fn decode(bytes: &[u8]) -> Result<AnyFrame, Unreadable> {
         DynamicImage::ImageLuma16(gray) => (gray.into_raw(), None),
         DynamicImage::ImageLuma8(gray) => (gray.into_raw().into_iter().map(u16::from).collect(), Some(8)),
         other => {
-            return Err(unreadable(format!("a picture of {:?}, not of digital numbers", other.color())));
+            let colour = other.color();
+            let kind =
+                if colour.has_color() { "a colour picture" } else { "a gray picture with transparency" };
+            let bits = 8 * u32::from(colour.bytes_per_pixel()) / u32::from(colour.channel_count().max(1));
+            return Err(unreadable(format!("{kind} of {bits} bits a sample, not digital numbers")));
         }
     };
     if dn.is_empty() {

@@ -111,7 +111,7 @@ fn boxes_lie_on_their_objects_for_every_orientation() {
         write(root, "classes.txt", "car\n");
         write(root, "a.txt", &format!("0 {} {} {} {}\n", shares[0], shares[1], shares[2], shares[3]));
         let found = |format| {
-            let converted = convert(format, root, &Cancel::default()).unwrap();
+            let converted = convert(format, root, None, &Cancel::default()).unwrap();
             let bounds = converted.data.annotations.first().map(|a| <[f64; 4]>::from(a.bounds));
             (bounds, converted.data.images.len(), converted.defects)
         };

@@ -24,6 +24,10 @@ pub struct Request {
     /// Copy pictures. Otherwise they are hard links to the given files, which take no space, where the file system allows.
     #[serde(default)]
     pub copy: bool,
+    /// Whether the boxes of pictures that EXIF turns are of the pictures as they are shown (`true`), or of the stored pixels (`false`), where neither the
+    /// format nor a stated size says so. Without it such pictures are left out.
+    #[serde(default)]
+    pub turned: Option<bool>,
 }
 
 /// The converted data set.
@@ -56,7 +60,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         let hint = "give a new folder, or empty this one";
         return Err(JobError::input(format!("{}: the folder is not empty", out.display()), hint));
     }
-    let converted = convert(request.format, &request.input, context.cancel())?;
+    let converted = convert(request.format, &request.input, request.turned, context.cancel())?;
     if converted.data.images.is_empty() {
         let worst = converted.defects.iter().next();
         let because =

@@ -112,17 +112,35 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// The error where neither the frame nor its sidecar states something.
-    fn missing(&self, key: &str) -> JobError {
+    /// The error where neither the frame nor its sidecar states these keys.
+    fn missing(&self, keys: &[&str]) -> JobError {
         let path = self.path().display();
+        let named: Vec<String> = keys.iter().map(|key| format!("`{key}`")).collect();
+        let named = named.join(", ");
+        let example = |key: &&str| match *key {
+            "bits" => "bits = 12",
+            "cfa" => "cfa = \"RGGB\"",
+            _ => "black_level_dn = 64",
+        };
         match self {
             Self::File(_) => JobError::input(
-                format!("{path}: neither the file nor its sidecar gives `{key}`"),
-                format!("add a line `{key} = ...` to {path}.toml"),
+                format!("{path}: neither the file nor its sidecar gives {named}"),
+                format!(
+                    "add lines such as these to {path}.toml: {}",
+                    keys.iter().map(example).collect::<Vec<_>>().join(", ")
+                ),
             ),
             Self::Memory(_) => {
-                JobError::input(format!("{path}: its `info` does not give `{key}`"), format!("give `{key}`"))
+                JobError::input(format!("{path}: its `info` does not give {named}"), format!("give {named}"))
             }
+        }
+    }
+
+    /// Whether it has a calibration, in memory or by name.
+    fn has_calibration(&self, info: &RawInfo) -> bool {
+        match self {
+            Self::File(_) => info.calibration.is_some(),
+            Self::Memory(raw) => raw.calibration.is_some(),
         }
     }
 }
@@ -202,9 +220,15 @@ fn read_exposure(
 ) -> Result<(RawInput, Option<f64>), JobError> {
     let (path, raw) = (source.path(), source.frame()?);
     let info = &raw.info;
-    let missing = |key: &str| source.missing(key);
-    let bits = info.bits.ok_or_else(|| missing("bits"))?;
-    let cfa = info.cfa.ok_or_else(|| missing("cfa"))?;
+    // Name all missing keys at once. A sensor or a calibration may give the black level.
+    let has_sensor = info.sensor.is_some() || options.sensor.is_some();
+    let is_black_known = info.black_level_dn.is_some() || has_sensor || source.has_calibration(info);
+    let missing = || {
+        let keys =
+            [("bits", info.bits.is_none()), ("cfa", info.cfa.is_none()), ("black_level_dn", !is_black_known)];
+        source.missing(&keys.iter().filter(|(_, is)| *is).map(|(key, _)| *key).collect::<Vec<_>>())
+    };
+    let (Some(bits), Some(cfa), true) = (info.bits, info.cfa, is_black_known) else { return Err(missing()) };
     let calibration = source.calibration(info)?;
     // A sensor that is named is the one that counts.
     let calibration = match &options.sensor {
@@ -232,7 +256,8 @@ fn read_exposure(
         let time_s = info.exposure_s.unwrap_or(USUAL_TIME_S) as f32;
         dark_mean_dn(sensor, &Exposure { white_e: 1.0, time_s, linear_gain: gain as f32 })
     };
-    let black_dn = black_dn.or(sensor.as_ref().map(of_sensor)).ok_or_else(|| missing("black_level_dn"))?;
+    let black_dn =
+        black_dn.or(sensor.as_ref().map(of_sensor)).ok_or_else(|| source.missing(&["black_level_dn"]))?;
     let full_dn = info.white_level_dn.unwrap_or(highest);
     // A calibration that says where the frame saturates counts.
     let full_dn = match calibration.saturation {

@@ -54,7 +54,7 @@ pub fn isp_by_name(name: &str, assets: &Assets, cancel: &Cancel) -> Result<Named
     if name == NEUTRAL && !Path::new(name).is_file() {
         return Ok(NamedIsp::of_preset(IspPreset::default()));
     }
-    let source = assets.text("ISP", "isp", name)?;
+    let source = assets.text("ISP", "isp", name).map_err(with_neutral)?;
     let settings = match parse_isp_file(&source.text).map_err(DesignError::input(&source.path))? {
         IspFile::Preset(preset) => return Ok(NamedIsp::of_preset(*preset)),
         IspFile::External(about) => return NamedIsp::external(about, &source.path, cancel),
@@ -80,6 +80,17 @@ pub fn isp_by_name(name: &str, assets: &Assets, cancel: &Cancel) -> Result<Named
         *values = settings.values(&named.parameters).map_err(DesignError::input(&source.path))?;
     }
     Ok(named)
+}
+
+/// An error about an unknown name that lists [`NEUTRAL`] among the known ones.
+fn with_neutral(error: DesignError) -> DesignError {
+    match error {
+        DesignError::Unknown { kind, name, near, known } => {
+            let near = near.or(petzval_base::nearest(&name, &[NEUTRAL]).map(str::to_owned));
+            DesignError::Unknown { kind, name, near, known: format!("{NEUTRAL}, {known}") }
+        }
+        other => other,
+    }
 }
 
 /// The external ISP of a description, or of settings for one, in a camera that is designed. The flag stops its calls.
@@ -278,7 +289,20 @@ impl NamedIsp {
         };
         let places: Vec<usize> =
             (0..self.parameters.len()).filter(|i| belongs(&self.parameters[*i])).collect();
-        if places.is_empty() { self.place(name).map(|i| vec![i]) } else { Ok(places) }
+        if !places.is_empty() {
+            return Ok(places);
+        }
+        self.place(name).map(|i| vec![i]).map_err(|hint| self.nearer_stage(name).unwrap_or(hint))
+    }
+
+    /// A hint with the stage whose name is at least as near to a name as those of all parameters.
+    fn nearer_stage(&self, name: &str) -> Option<String> {
+        let distance = |known: &str| strsim::damerau_levenshtein(known, name);
+        let stages = self.parameters.iter().filter_map(|p| p.name.split(['.', '[']).next());
+        let stage = stages.min_by_key(|stage| distance(stage))?;
+        let of_parameters = self.parameters.iter().map(|p| distance(&p.name)).min()?;
+        (distance(stage) <= of_parameters)
+            .then(|| format!("did you mean {stage}? `petzval isp show` prints all"))
     }
 
     /// Places of the parameters that several names stand for, each once, in the order of the ISP.

@@ -90,7 +90,27 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     check_file(&request.output, context)?;
     save_raw(&frame, &request.output, request.format(bits)?)?;
     context.wrote(&request.output, "raw frame");
+    if let Some(said) = what_is_unknown(&frame.info) {
+        context.note(format!("{} {said}", sidecar_path(&request.output).display()));
+    }
     Ok(Response { frame: FrameSummary::new(&request.output, &frame), sidecar: sidecar_path(&request.output) })
+}
+
+/// What developing a frame needs and its sidecar does not state, with the options that state it; `None` if nothing is missing.
+fn what_is_unknown(info: &RawInfo) -> Option<String> {
+    let has_black = info.black_level_dn.is_some() || info.sensor.is_some() || info.calibration.is_some();
+    let needed = [
+        (info.bits.is_some(), "bits", "--bits 12"),
+        (info.cfa.is_some(), "cfa", "--cfa RGGB"),
+        (has_black, "black_level_dn", "--black-level-dn 64"),
+    ];
+    let missing: Vec<_> = needed.into_iter().filter(|(is_stated, ..)| !is_stated).collect();
+    let [keys, options] = [
+        missing.iter().map(|(_, key, _)| *key).collect::<Vec<_>>().join(", "),
+        missing.iter().map(|(.., option)| *option).collect::<Vec<_>>().join(" "),
+    ];
+    (!missing.is_empty())
+        .then(|| format!("does not state {keys}, which `petzval isp develop` needs; {options} would"))
 }
 
 /// A number of the frame that lies outside its range.

@@ -8,8 +8,10 @@ use petzval_camera::sensor::CfaPattern;
 use petzval_files::load_image;
 use petzval_files::raw_file::{RawFrame, holds_digital_numbers, load_raw};
 use petzval_lab::edge_mtf::{
-    Channel, EdgeMtf, RegionPicture, edge_mtf, find_edges, picture_channels, raw_channels,
+    Channel, EdgeMtf, Missed, RegionPicture, SEARCHED_DEG, SIDE, edge_mtf, find_edges, missed_edge,
+    picture_channels, raw_channels,
 };
+use petzval_lab::sfr::SfrError;
 use petzval_report::mtf_sheet::{EdgePanel, mtf_svg};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -309,7 +311,8 @@ fn measured(region: &Region, frame: &Frame, context: &Context) -> Result<Edge, J
 /// The edges that are found in the channel with the most light: green, or the first. A channel in which one of them has no response is left out there.
 fn found(name: &str, frame: &Frame) -> Result<Vec<Edge>, JobError> {
     let green = frame.channels.iter().find(|channel| channel.pitch > 1 && channel.name == "green");
-    let searched = green.or(frame.channels.first()).map(find_edges).unwrap_or_default();
+    let channel = green.or(frame.channels.first());
+    let searched = channel.map(find_edges).unwrap_or_default();
     let edges: Vec<Edge> = searched
         .into_iter()
         .map(|region| Edge {
@@ -318,13 +321,45 @@ fn found(name: &str, frame: &Frame) -> Result<Vec<Edge>, JobError> {
         })
         .filter(|edge| !edge.channels.is_empty())
         .collect();
-    if edges.is_empty() {
-        Err(JobError::input(
-            format!("{name}: no slanted edge was found"),
-            "name one with --region ROW,COL,HEIGHT,WIDTH: a straight edge, about 5 degrees off the rows or columns, that crosses the region",
-        ))
-    } else {
-        Ok(edges)
+    if edges.is_empty() { Err(none_found(name, channel)) } else { Ok(edges) }
+}
+
+/// Why no edge was found in a channel.
+fn none_found(name: &str, channel: Option<&Channel>) -> JobError {
+    let (least, largest) = SEARCHED_DEG.into_inner();
+    match channel.and_then(missed_edge) {
+        Some(Missed::Angle { region, deg }) => JobError::input(
+            format!(
+                "{name}: no slanted edge was found: they are searched from {least:.0} to {largest:.0} degrees off the rows or columns, and the \
+                 one in region {region} is at {deg:.1} degrees"
+            ),
+            format!("measure it with --region {region}, or with a larger region about it"),
+        ),
+        Some(Missed::NoResponse { region, error }) => {
+            let hint = match error {
+                SfrError::Clipped { .. } => {
+                    "expose so that neither side of the edge reaches an end of the range; --region ROW,COL,HEIGHT,WIDTH names another edge"
+                }
+                _ => {
+                    "name another edge with --region ROW,COL,HEIGHT,WIDTH, about 5 degrees off the rows or columns"
+                }
+            };
+            JobError::input(
+                format!("{name}: no slanted edge was found that can be measured; region {region}: {error}"),
+                hint,
+            )
+        }
+        None => {
+            let pitch = channel.map_or(1, |channel| channel.pitch);
+            let side = pitch * SIDE;
+            JobError::input(
+                format!(
+                    "{name}: no slanted edge was found in windows of {side}x{side} pixels, from {least:.0} to {largest:.0} degrees off the rows \
+                     or columns"
+                ),
+                "name one with --region ROW,COL,HEIGHT,WIDTH: a straight edge, about 5 degrees off the rows or columns, that crosses the region",
+            )
+        }
     }
 }
 
@@ -342,6 +377,13 @@ fn warn(edges: &[Edge], frame: &Frame, context: &Context) {
                         ));
                     }
                 }
+            }
+            if let Some(limit) = mtf.undetermined_above_per_px() {
+                context.warning(WarningKind::Edge, format!(
+                    "{of}: at {:.1} degrees the pixels sample the edge only every {:.2} pixels, so the response above {limit:.2} cycles per pixel is \
+                     not determined; incline the edge by about 5 degrees",
+                    mtf.angle_deg, mtf.gap_px
+                ));
             }
             if let Some(fall) = mtf.light_fall.filter(|fall| *fall > SAID_FALL) {
                 context.note(format!(

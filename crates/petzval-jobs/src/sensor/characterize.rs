@@ -21,8 +21,8 @@ use crate::results::{check_folder, what_is};
 pub use petzval_camera::sensor::Colour;
 pub use petzval_lab::emva::joint::GAINS;
 pub use petzval_lab::emva::{
-    Characterization, HighPass, HistogramComparison, Measured, NamedFit, Unresolved, Values, Verdict,
-    colour_name, fits, sensor_toml,
+    Characterization, Figure, HighPass, HistogramComparison, Limit, Measured, NamedFit, Unresolved, Values,
+    Verdict, colour_name, fits, sensor_toml,
 };
 
 petzval_base::parameters! {

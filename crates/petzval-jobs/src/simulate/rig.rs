@@ -25,6 +25,7 @@ use crate::context::Context;
 use crate::error::JobError;
 use crate::event::WarningKind;
 use crate::given_psfs;
+use crate::lens::focus::focus_elsewhere;
 use crate::named_isp::{NamedIsp, isp_by_name};
 use crate::range::check_ranges;
 
@@ -139,6 +140,12 @@ impl Rig {
         let psfs = Arc::new(source.psfs()?);
         if let Some(lost) = psfs.captured().and_then(|captured| psf.lost_light(captured)) {
             context.warning(WarningKind::LostLight, lost);
+            // A defocus is the usual cause, and no larger grid mends it.
+            let name = request.lens.to_string();
+            let elsewhere = traced.as_ref().and_then(|(lens, _)| focus_elsewhere(&name, lens));
+            if let Some(elsewhere) = elsewhere {
+                context.warning(WarningKind::OutOfFocus, format!("{name}: {elsewhere}"));
+            }
         }
         let (geometry, blend) =
             with_patches_for(&coarse, psfs.bank(), psf.scoring_blend_error).map_err(DesignError::from)?;

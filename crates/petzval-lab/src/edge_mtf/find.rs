@@ -5,10 +5,10 @@ use rayon::prelude::*;
 
 use super::channel::Channel;
 use super::region::Region;
-use crate::sfr::{EdgeResponse, may_be_edge, slanted_edge};
+use crate::sfr::{EdgeResponse, SfrError, may_be_edge, slanted_edge};
 
 /// Side of a window, and the step from one window to the next, in values of the plane.
-const SIDE: usize = 48;
+pub const SIDE: usize = 48;
 const STEP: usize = 8;
 
 /// Most regions that are returned.
@@ -22,7 +22,7 @@ const LARGEST_ROUGHNESS_PX: f64 = 0.25;
 const LARGEST_SAGITTA_PX: f64 = 1.0;
 
 /// Inclinations to the nearer axis, degrees: nearly along it an edge meets few fractions of a pixel, and borders of a picture's objects often lie so.
-const ANGLES_DEG: std::ops::RangeInclusive<f64> = 3.0..=20.0;
+pub const SEARCHED_DEG: std::ops::RangeInclusive<f64> = 3.0..=20.0;
 
 /// How far the outer fifths of the profile may be from their means, of the step: a ramp or a second edge goes further.
 const LEVEL_BAND: f64 = 0.1;
@@ -48,7 +48,7 @@ pub fn find_edges(channel: &Channel) -> Vec<Region> {
         .into_par_iter()
         .filter_map(|window| {
             let values = plane.as_plane();
-            let nearest = may_be_edge(&values, &window, &ANGLES_DEG, LEAST_HALF, LARGEST_ROUGHNESS_PX)?;
+            let nearest = may_be_edge(&values, &window, &SEARCHED_DEG, LEAST_HALF, LARGEST_ROUGHNESS_PX)?;
             Some((nearest, window))
         })
         .collect();
@@ -74,6 +74,64 @@ pub fn find_edges(channel: &Channel) -> Vec<Region> {
     kept
 }
 
+/// Step of the windows in which a missed edge is looked for, and how many of them are measured.
+const MISSED_STEP: usize = 16;
+const MISSED: usize = 16;
+
+/// An edge that [`find_edges`] does not return.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Missed {
+    /// Its inclination is not among those that are searched; its region can be measured.
+    Angle {
+        /// Where it is.
+        region: Region,
+        /// Inclination to the nearer axis of the pixels, degrees.
+        deg: f64,
+    },
+    /// One side is clipped, or the pixels sample it too coarsely.
+    NoResponse {
+        /// Where it is.
+        region: Region,
+        /// Why.
+        error: SfrError,
+    },
+}
+
+/// Why an edge is missed, of the windows with the most contrast in the first plane of a channel; `None` if none of them holds an edge.
+pub fn missed_edge(channel: &Channel) -> Option<Missed> {
+    let plane = channel.planes.first()?;
+    let values = plane.as_plane();
+    let [height, width] = plane.size();
+    let steps = |whole: usize| (0..(whole + 1).saturating_sub(SIDE)).step_by(MISSED_STEP);
+    let variance = |row: usize, col: usize| {
+        let of = |k: i32| {
+            let rows = (row..row + SIDE).map(|r| &values.values[r * values.width + col..][..SIDE]);
+            rows.flatten().map(|v| f64::from(*v).powi(k)).sum::<f64>() / (SIDE * SIDE) as f64
+        };
+        of(2) - of(1).powi(2)
+    };
+    let mut windows: Vec<(f64, Placement)> = steps(height)
+        .flat_map(|row| steps(width).map(move |col| (row, col)))
+        .map(|(row, col)| (variance(row, col), Placement { row, col }))
+        .collect();
+    windows.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let reason = |(_, placement): &(f64, Placement)| {
+        let window = Window { placement: *placement, height: SIDE, width: SIDE };
+        let region = plane.region(&window, channel.pitch);
+        match slanted_edge(&values, &window) {
+            Ok(edge) => {
+                let deg = edge.angle_deg.value.abs();
+                (!SEARCHED_DEG.contains(&deg)).then_some(Missed::Angle { region, deg })
+            }
+            Err(error @ (SfrError::Clipped { .. } | SfrError::Angle { .. })) => {
+                Some(Missed::NoResponse { region, error })
+            }
+            Err(_) => None,
+        }
+    };
+    windows.iter().take(MISSED).find_map(reason)
+}
+
 /// Whether a window holds one straight edge between two even sides.
 fn is_clean(edge: &EdgeResponse) -> bool {
     let half = edge.profile.last().map_or(0.0, |(distance, _)| *distance);
@@ -84,7 +142,7 @@ fn is_clean(edge: &EdgeResponse) -> bool {
     });
     half > LEAST_HALF
         && is_even
-        && ANGLES_DEG.contains(&edge.angle_deg.value.abs())
+        && SEARCHED_DEG.contains(&edge.angle_deg.value.abs())
         && edge.scatter < LARGEST_SCATTER
         && edge.roughness_px < LARGEST_ROUGHNESS_PX
         && edge.sagitta_px < LARGEST_SAGITTA_PX

@@ -11,7 +11,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use channel::{Channel, picture_channels, raw_channels};
-pub use find::find_edges;
+pub use find::{Missed, SEARCHED_DEG, SIDE, find_edges, missed_edge};
 pub use region::Region;
 
 use crate::sfr::{EdgeResponse, Estimate, FREQUENCY_STEP, Sfr, SfrError, slanted_edge};
@@ -47,6 +47,8 @@ pub struct EdgeMtf {
     pub is_upright: bool,
     /// Inclination of the edge to the nearer axis of the pixels, degrees, at least 0.
     pub angle_deg: f64,
+    /// Largest gap between the distances at which pixels sample the edge, pixels of the frame: 0.71 at 45 degrees.
+    pub gap_px: f64,
     /// The frequency at which half of the modulation is left, cycles per pixel; none if more is left at the highest frequency.
     pub mtf50_per_px: Option<f64>,
     /// Modulation at half of Nyquist's frequency, 1/4 cycle per pixel.
@@ -88,6 +90,14 @@ pub struct RegionPicture {
     pub values: Vec<f32>,
     /// Upper left and lower right corner: row and column of the frame.
     pub corners: [[f64; 2]; 2],
+}
+
+impl EdgeMtf {
+    /// The frequency above which the pixels do not determine the response, cycles per pixel, where that is below the highest one.
+    pub fn undetermined_above_per_px(&self) -> Option<f64> {
+        let highest = self.frequency_per_px.last()?;
+        Some(0.5 / self.gap_px).filter(|limit| limit < highest)
+    }
 }
 
 impl RegionPicture {
@@ -138,6 +148,7 @@ pub fn edge_mtf(channel: &Channel, region: &Region) -> Result<EdgeMtf, SfrError>
         channel: channel.name.clone(),
         is_upright: first.is_upright,
         angle_deg: mean(&|r| r.angle_deg.value.abs()),
+        gap_px: pitch * responses.iter().map(|r| r.gap_px).fold(0.0, f64::max),
         mtf50_per_px: mtf50.map(|at| at.frequency / pitch),
         mtf_at_half_nyquist: sfr.at(half_nyquist),
         levels: [0, 1].map(|side| mean(&|r| r.levels[side].value)),

@@ -97,6 +97,8 @@ pub struct Point {
     pub exposure_s: f64,
     /// Mean number of photons per pixel; `None` if it was not measured, 0 for dark points.
     pub photons: Option<f64>,
+    /// Black level BL of this gain as the camera is set, DN, if it differs from that of the sensor.
+    pub black_level_dn: Option<f64>,
     /// The frames.
     pub frames: Vec<FrameFile>,
     /// Line of the list where the point begins.
@@ -119,9 +121,12 @@ impl Point {
             (Kind::Flat, Some(p)) => format!(", {p} photons"),
             _ => String::new(),
         };
-        let frames = self.frames.len();
+        let frames = match self.frames.len() {
+            1 => "1 frame".to_owned(),
+            count => format!("{count} frames"),
+        };
         let ms = milliseconds(self.exposure_s);
-        format!("{kind}, gain {}, {ms} ms{photons}, {frames} frames", self.linear_gain)
+        format!("{kind}, gain {}, {ms} ms{photons}, {frames}", self.linear_gain)
     }
 }
 
@@ -280,6 +285,18 @@ impl Captures {
         gains.sort_by(f64::total_cmp);
         gains.dedup();
         gains
+    }
+
+    /// Black level of a linear gain, DN: that of its points, or that of the sensor.
+    pub fn black_level_dn(&self, linear_gain: f64) -> Option<f64> {
+        let of_gain = self.points.iter().filter(|p| p.linear_gain == linear_gain);
+        of_gain.filter_map(|p| p.black_level_dn).next().or(self.sensor.black_level_dn)
+    }
+
+    /// Black level of a linear gain above that of the lowest gain, DN; 0 where they are not stated.
+    pub fn black_shift_dn(&self, linear_gain: f64) -> f64 {
+        let lowest = self.gains().first().and_then(|gain| self.black_level_dn(*gain));
+        self.black_level_dn(linear_gain).zip(lowest).map_or(0.0, |(own, lowest)| own - lowest)
     }
 
     /// Frames in all.

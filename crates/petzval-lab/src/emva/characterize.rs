@@ -70,7 +70,7 @@ pub fn characterize(
         let (gain, gain_flags) = evaluate_gain(captures, options, linear_gain, &reduced, ends, clip_dn);
         for p in reduced.iter().filter(|p| !p.point.is_stack()) {
             let number = histograms.last().map_or(0, |h: &PointHistogram| h.point + 1);
-            histograms.extend(captured(number, p.point, &p.found, &gain));
+            histograms.extend(captured(captures, number, p.point, &p.found, &gain));
         }
         gains.push(gain);
         flags.push(gain_flags);
@@ -78,8 +78,9 @@ pub fn characterize(
     check_usable(captures, &gains, &flags)?;
 
     // Fit all gains together, then the histograms.
-    let inputs: Vec<GainInput<'_>> = gains.iter().map(input).collect();
-    let joint = joint_fit(&inputs, captures.sensor.black_level_dn);
+    let inputs: Vec<GainInput<'_>> = gains.iter().map(|gain| input(captures, gain)).collect();
+    let lowest = captures.gains().first().and_then(|gain| captures.black_level_dn(*gain));
+    let joint = joint_fit(&inputs, lowest);
     let compared = &|| done(Done::Histogram);
     let fitted =
         options.fit_histograms.then(|| fit_histograms(&captures.sensor, &joint, &histograms, compared));
@@ -169,7 +170,13 @@ fn frame_size(captures: &Captures) -> Result<(usize, usize), CaptureError> {
 }
 
 /// The histograms of a point: one of all pixels for dark frames, one of each colour for flat frames.
-fn captured(number: usize, point: &Point, found: &PointStatistics, gain: &GainResult) -> Vec<PointHistogram> {
+fn captured(
+    captures: &Captures,
+    number: usize,
+    point: &Point,
+    found: &PointStatistics,
+    gain: &GainResult,
+) -> Vec<PointHistogram> {
     // Beyond the last point of the transfer range the sensor saturates.
     let in_range = |colour: Option<Colour>, mean_dn: f64| {
         let channel = gain.channels.iter().find(|c| Some(c.colour) == colour);
@@ -182,6 +189,7 @@ fn captured(number: usize, point: &Point, found: &PointStatistics, gain: &GainRe
         linear_gain: point.linear_gain,
         exposure_s: point.exposure_s,
         photons: point.photons,
+        black_shift_dn: captures.black_shift_dn(point.linear_gain),
         colour,
         pixels: moments.pixels,
         in_range: in_range(colour, moments.mean_dn),
@@ -194,9 +202,10 @@ fn captured(number: usize, point: &Point, found: &PointStatistics, gain: &GainRe
 }
 
 /// The input of one gain to the joint fit.
-fn input(gain: &GainResult) -> GainInput<'_> {
+fn input<'a>(captures: &Captures, gain: &'a GainResult) -> GainInput<'a> {
     GainInput {
         linear_gain: gain.linear_gain,
+        black_shift_dn: captures.black_shift_dn(gain.linear_gain),
         gains: gain
             .channels
             .iter()

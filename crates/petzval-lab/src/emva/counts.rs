@@ -78,6 +78,8 @@ pub struct PointHistogram {
     pub exposure_s: f64,
     /// Photons per pixel, if they are known.
     pub photons: Option<f64>,
+    /// Black level of this gain above that of the lowest gain, DN, as stated.
+    pub black_shift_dn: f64,
     /// Colour; `None` for dark frames, where all pixels are alike.
     pub colour: Option<Colour>,
     /// Pixels; each contributes one sample per frame.

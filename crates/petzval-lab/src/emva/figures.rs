@@ -12,6 +12,31 @@ use super::spatial::{Components, Spatial, StackVariances, Variances};
 use super::transfer::PhotonTransfer;
 use super::transfer_point::{Rules, TransferPoint};
 
+/// The side of a limit on which the true value lies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Limit {
+    /// The value is an upper limit.
+    Upper,
+    /// The value is a lower limit.
+    Lower,
+}
+
+impl Limit {
+    /// The sign in front of the value.
+    pub fn sign(self) -> &'static str {
+        match self {
+            Self::Upper => "<",
+            Self::Lower => ">",
+        }
+    }
+}
+
+/// Figures that are limits where the dark noise is below what the converter resolves.
+const UPPER_LIMITS: [&str; 6] =
+    ["sigma_d", "sigma_y_dark", "u_e_min", "u_e_min_area", "u_p_min", "u_p_min_area"];
+const LOWER_LIMITS: [&str; 2] = ["DR", "DR_dB"];
+
 /// One figure.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Figure {
@@ -28,6 +53,9 @@ pub struct Figure {
     /// Our value, where it differs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub corrected: Option<Measured>,
+    /// Whether our value is no measurement but a limit.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub limit: Option<Limit>,
 }
 
 impl Figure {
@@ -58,6 +86,17 @@ pub struct Basis<'a> {
 pub fn figures(basis: &Basis<'_>) -> Vec<Figure> {
     let library = values(basis, Rules::Library);
     let ours = values(basis, Rules::Ours);
+    // The dark noise at the limit makes limits of all figures that contain it.
+    let least_dn = LEAST_DARK_VARIANCE_DN2.sqrt() * (1.0 + 1e-12);
+    let is_limit = |(name, .., m): &Value| {
+        *name == "sigma_y_dark" && m.standard_error().is_none() && m.value().is_some_and(|v| v <= least_dn)
+    };
+    let has_limits = ours.iter().any(is_limit);
+    let limit = |name: &str, best: Measured| match best.value() {
+        Some(_) if has_limits && UPPER_LIMITS.contains(&name) => Some(Limit::Upper),
+        Some(_) if has_limits && LOWER_LIMITS.contains(&name) => Some(Limit::Lower),
+        _ => None,
+    };
     let same = |a: &Measured, b: &Measured| match (a.value(), b.value()) {
         (Some(x), Some(y)) => (x - y).abs() <= 1e-12 * x.abs(),
         (None, None) => a.reason() == b.reason(),
@@ -69,7 +108,8 @@ pub fn figures(basis: &Basis<'_>) -> Vec<Figure> {
         .map(|((name, section, unit, meaning, library), (.., ours))| {
             // Where both agree, keep our number, because it has a standard error.
             let (value, corrected) = if same(&library, &ours) { (ours, None) } else { (library, Some(ours)) };
-            Figure { name, section, meaning, unit, value, corrected }
+            let limit = limit(name, corrected.unwrap_or(value));
+            Figure { name, section, meaning, unit, value, corrected, limit }
         })
         .collect()
 }

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::colour_name::colour_name;
-use super::goodness::FitTest;
+use super::goodness::{FitTest, Verdict};
 use super::result::Characterization;
 use petzval_camera::sensor::Colour;
 
@@ -55,6 +55,14 @@ pub fn fits(found: &Characterization) -> Vec<NamedFit> {
         of_all("dark variance over K^2", joint.tests.variance_line, joint.read_variance_e2.value()),
         of_all("dark mean over K", joint.tests.mean_line, joint.read_noise_mean_e.value()),
     ];
+    // The usual cause of dark means far off their line.
+    if joint.tests.mean_line.verdict == Verdict::Withdrawn
+        && joint.rows.iter().all(|r| r.black_shift_dn == 0.0)
+    {
+        all[3].cause = Some(
+            "as if each gain has a black level of its own; if so, state black_level_dn in each [[point]]",
+        );
+    }
     if let Some(fit) = &found.histogram_fit {
         all.push(of_all("histograms", fit.test, fit.gain_dn_per_e.value()));
     }

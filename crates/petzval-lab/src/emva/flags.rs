@@ -135,7 +135,7 @@ impl FrameFlags {
         found: &PointStatistics,
         block_lines_dn2: [f64; 2],
     ) -> Self {
-        let black_dn = captures.sensor.black_level_dn.unwrap_or(0.0);
+        let black_dn = captures.black_level_dn(point.linear_gain).unwrap_or(0.0);
         // A drift of light and offset by a thousandth of the signal is harmless.
         let drift_dn = match point.kind {
             Kind::Flat => 1e-3 * (found.all.mean_dn - black_dn).abs(),

@@ -59,8 +59,10 @@ pub fn evaluate_gain(
     // Find the hot pixels. Evaluate each colour: photon transfer, non-uniformity, figures.
     let max_dn = f64::from((1u32 << captures.sensor.bits) - 1);
     let pixel_dark_currents = of_dark_ends(dark_ends, max_dn);
-    let hot = pixel_dark_currents.as_ref().map_or(&[][..], |of| &of.outlier_pixels);
-    let (stacks, stack_flags) = stacks(points, hot);
+    let of_pixels = pixel_dark_currents.as_ref();
+    let hot = of_pixels.map_or(&[][..], |of| &of.outlier_pixels);
+    let bright = of_pixels.map_or(&[][..], |of| &of.bright_pixels);
+    let (stacks, stack_flags) = stacks(points, hot, bright);
     let channels: Vec<ChannelResult> = captures
         .sensor
         .cfa
@@ -153,6 +155,7 @@ struct Pair<'a> {
 fn stacks<'p>(
     points: &'p [FlaggedPoint<'_>],
     hot_pixels: &'p [usize],
+    bright_pixels: &'p [usize],
 ) -> (Option<Stacks<'p>>, Vec<StackFlags>) {
     let (mut chosen, mut flags) = (None, Vec::new());
     let of_kind = |kind| points.iter().filter(move |p| p.point.kind == kind && p.point.is_stack());
@@ -164,7 +167,7 @@ fn stacks<'p>(
             (None, _) => StackUse::NoDarkStack,
             (Some(_), Some(_)) => StackUse::Surplus,
             (Some(dark), None) => {
-                chosen = Some(Stacks { flat, dark, exposure_s, hot_pixels });
+                chosen = Some(Stacks { flat, dark, exposure_s, hot_pixels, bright_pixels });
                 StackUse::Evaluated
             }
         };

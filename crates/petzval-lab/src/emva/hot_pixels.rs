@@ -20,6 +20,9 @@
 //! with the relative standard errors `1/sqrt(m)` and `hypot(1/sqrt(n), (T/theta - s^2/theta^2)/sqrt(m))`: the specimen
 //! is one draw of its kind. The dark current of the ordinary pixels is the mean of those within `T`, minus the
 //! contribution of hot pixels below `T`.
+//!
+//! A pixel may also be brighter than the others in dark frames of any exposure time. Such a bright pixel has no excess
+//! dark current but an excess offset, its mean at no exposure time, `mean_p(t_short) - x_p t_short`.
 
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -30,6 +33,7 @@ use super::goodness::{ALPHA, FitTest, Verdict, chi2_beyond};
 use super::measured::{Measured, RESOLVED_SIGMAS, Unresolved};
 use super::point::Stack;
 use super::samples::greatest_common_divisor;
+use petzval_base::statistics::{SIGMA_OVER_MEDIAN, median};
 
 /// Standard deviations from the median beyond which a dark current is not noise: 2e-9 of normally distributed ones
 /// exceed it.
@@ -75,6 +79,14 @@ pub struct PixelDarkCurrents {
     pub outlier_pixels: Vec<usize>,
     /// Outliers that are full at the longer exposure: only a lower bound of their dark current is known.
     pub full: usize,
+    /// Number of bright pixels: ordinary dark current, but an offset above those of the others.
+    pub bright: usize,
+    /// Median of their offsets above the median of all, DN.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bright_offset_dn: Option<f64>,
+    /// Their places in the frame, row by row, ascending.
+    #[serde(skip)]
+    pub bright_pixels: Vec<usize>,
     /// Share of the pixels that are hot, h.
     pub hot_share: Measured,
     /// Mean dark current of hot pixels above that of the ordinary ones, theta, DN/s.
@@ -169,6 +181,7 @@ fn pixel_dark_currents(short: &DarkEnd<'_>, long: &DarkEnd<'_>, max_dn: f64) -> 
     let end_dn = full_from(&outliers, frame_noise_dn, mean_excess_dn).min(max_dn);
     let full = outliers.iter().filter(|(_, dn)| *dn >= end_dn).count();
     let known = (outliers.len() - full) as f64;
+    let (bright_pixels, bright_offset_dn) = bright_pixels([short, long], &outlier_pixels, end_dn);
 
     // Estimate the mean excess of the hot pixels by maximum likelihood.
     let above = threshold - core_mean;
@@ -187,6 +200,9 @@ fn pixel_dark_currents(short: &DarkEnd<'_>, long: &DarkEnd<'_>, max_dn: f64) -> 
         outliers: outliers.len(),
         outlier_pixels,
         full,
+        bright: bright_pixels.len(),
+        bright_offset_dn,
+        bright_pixels,
         hot_share: Measured::none(Unresolved::NoHotPixels { outliers: outliers.len() }),
         hot_excess_dn_per_s: Measured::none(Unresolved::NoHotPixels { outliers: outliers.len() }),
         hot_test: None,
@@ -225,6 +241,32 @@ fn pixel_dark_currents(short: &DarkEnd<'_>, long: &DarkEnd<'_>, max_dn: f64) -> 
         hot_test,
         ..found
     }
+}
+
+/// Bright pixels, and the median of their offsets above the median of all pixels, DN. The offset of a pixel is its mean at no exposure time, from
+/// the two ends of the dark series; bright is what lies more than six standard deviations above the median. Hot pixels and those
+/// that reach `end_dn` are none of them.
+fn bright_pixels(
+    [short, long]: [&DarkEnd<'_>; 2],
+    hot_pixels: &[usize],
+    end_dn: f64,
+) -> (Vec<usize>, Option<f64>) {
+    // Extrapolate each pixel to no exposure time.
+    let mean = |end: &DarkEnd<'_>, i: usize| f64::from(end.stack.sum_dn[i]) / end.stack.frames as f64;
+    let share = short.exposure_s / (long.exposure_s - short.exposure_s);
+    let offsets: Vec<f64> = (0..short.stack.sum_dn.len())
+        .map(|i| mean(short, i) + share * (mean(short, i) - mean(long, i)))
+        .collect();
+    // Rounding leaves at least its own variance in each of the two means.
+    let middle = median(offsets.iter().copied());
+    let scatter = SIGMA_OVER_MEDIAN * median(offsets.iter().map(|o| (o - middle).abs()));
+    let rounding = (0.5 * ROUNDING_DN2).sqrt() * (1.0 + share).hypot(share);
+    let limit = middle + THRESHOLD_SIGMAS * scatter.max(rounding);
+    let is_bright =
+        |i: &usize| offsets[*i] > limit && mean(long, *i) < end_dn && hot_pixels.binary_search(i).is_err();
+    let found: Vec<usize> = (0..offsets.len()).filter(is_bright).collect();
+    let offset = (!found.is_empty()).then(|| median(found.iter().map(|i| offsets[*i] - middle)));
+    (found, offset)
 }
 
 /// Test of exponential distribution (Moran 1951). The statistic is `2 n (ln(mean) - mean(ln))` over `1 + (n + 1)/(6 n)` for n values; it is
@@ -346,9 +388,32 @@ mod tests {
     }
 
     #[test]
+    fn an_offset_of_any_exposure_time_is_bright_and_not_hot() {
+        // Thirty pixels 200 DN above the others at both times, beside 1 % of hot pixels.
+        let mut stacks = ends(2, 50_000, 3, 0.01, 300.0, 1e6);
+        let before = found(&stacks);
+        assert_eq!((before.bright, before.bright_offset_dn), (0, None));
+        let ordinary = (0..50_000).filter(|i| before.outlier_pixels.binary_search(i).is_err());
+        let places: Vec<usize> = ordinary.step_by(1000).take(30).collect();
+        for stack in &mut stacks {
+            places.iter().for_each(|i| stack.sum_dn[*i] += 3 * 200);
+        }
+        let after = found(&stacks);
+        assert_eq!((after.bright, &after.bright_pixels), (30, &places));
+        // The median of thirty offsets that scatter by ten is known to two.
+        let offset = after.bright_offset_dn.unwrap();
+        assert!((offset - 200.0).abs() < 8.0, "{offset}");
+        assert_eq!(after.outlier_pixels, before.outlier_pixels);
+        // A pixel that is full whatever the time is no offset of the others' kind.
+        places.iter().for_each(|i| stacks[1].sum_dn[*i] = 3 * 4095);
+        places.iter().for_each(|i| stacks[0].sum_dn[*i] = 3 * 4095);
+        assert_eq!(found(&stacks).bright, 0);
+    }
+
+    #[test]
     fn noise_alone_has_no_hot_pixels() {
         let f = found(&ends(1, 200_000, 3, 0.0, 1.0, 1e6));
-        assert_eq!((f.outliers, f.full, f.outlier_pixels.len()), (0, 0, 0));
+        assert_eq!((f.outliers, f.full, f.outlier_pixels.len(), f.bright), (0, 0, 0, 0));
         assert!(f.hot_share.reason().is_some() && f.hot_excess_dn_per_s.reason().is_some());
         let (value, se) =
             (f.ordinary_dn_per_s.value().unwrap(), f.ordinary_dn_per_s.standard_error().unwrap());

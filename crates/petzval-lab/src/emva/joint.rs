@@ -5,16 +5,16 @@
 //!
 //! ```text
 //! I_g = sigma_r^2 K_g^2 + (sigma_el^2 + 1/12)        intercept of the dark variance [DN^2]
-//! M_g = mu_r K_g + (BL + mu_el)                      intercept of the dark mean     [DN]
+//! M_g = mu_r K_g + (BL_g + mu_el)                    intercept of the dark mean     [DN]
 //! ```
 //!
 //! The temporal noise of rows and columns is a part of the read noise and grows with the gain as it does: its variance over `K_g^2` is
 //! averaged over the gains. Each of the two is a line with weights `1/s^2`, where `s` includes the errors of the intercept, of `K_g` and of
 //! rounding. (Rounding adds 1/12 only to noise that spreads over several digital numbers, see [`super::rounding`].) Averages over single
 //! gains (Tseng et al. 2021, supplement 2.3.2) cannot separate them. Captures show only the sum of BL and mu_el: BL is taken from the
-//! setting of the camera.
+//! setting of the camera. Where black levels are stated gain by gain, their differences to that of the lowest gain are subtracted first.
 //!
-//! Some gains follow another model: their black levels differ, or they have a second conversion gain. Their points do not lie on these
+//! Some gains follow another model: their black levels differ and are not stated, or they have a second conversion gain. Their points do not lie on these
 //! lines. The errors contain this scatter; if the points are far off, the figures of the line are withdrawn. An error that all gains share,
 //! as that of K by a response that bends, does not become smaller with their number.
 
@@ -50,6 +50,8 @@ pub struct GainRow {
     pub dark_variance_dn2: Measured,
     /// Intercept of the dark mean, DN; its error includes rounding.
     pub dark_mean_dn: Measured,
+    /// Black level of this gain above that of the lowest gain, DN, as stated; 0 where it is not.
+    pub black_shift_dn: f64,
     /// Error of the dark variance by rounding alone, DN^2.
     pub rounding_error_dn2: f64,
     /// `(I_g - 1/12) / K_g^2`, e-^2: read noise if there were no electronics noise.
@@ -119,9 +121,9 @@ pub struct JointFit {
     pub read_noise_mean_e: Measured,
     /// sigma_el, DN.
     pub electronics_noise_dn: Measured,
-    /// BL + mu_el, DN.
+    /// BL + mu_el, DN; of the lowest gain, where the gains have different BL.
     pub dark_offset_dn: Measured,
-    /// BL as the camera is set, DN.
+    /// BL as the camera is set, DN; of the lowest gain.
     pub black_level_dn: Option<f64>,
     /// mu_el, DN, if BL is known.
     pub electronics_mean_dn: Measured,
@@ -135,6 +137,8 @@ pub struct JointFit {
 pub struct GainInput<'a> {
     /// Linear gain.
     pub linear_gain: f64,
+    /// Black level of this gain above that of the lowest gain, DN, as stated; 0 where it is not.
+    pub black_shift_dn: f64,
     /// K_g of each colour, and the part of its error that is no noise, DN/e-.
     pub gains: Vec<(Measured, f64)>,
     /// Dark series over all pixels.
@@ -169,7 +173,8 @@ pub fn joint_fit(inputs: &[GainInput<'_>], black_level_dn: Option<f64>) -> Joint
 
     let variance =
         line_over_gains(&rows, 2, |r| r.dark_variance_dn2, &|off, y| off > FAR_OFF_SHARE * y.abs());
-    let mean = line_over_gains(&rows, 1, |r| r.dark_mean_dn, &|off, _| off > FAR_OFF_DN);
+    let over_black = |r: &GainRow| r.dark_mean_dn.minus(Measured::exact(r.black_shift_dn));
+    let mean = line_over_gains(&rows, 1, over_black, &|off, _| off > FAR_OFF_DN);
     let with_common = |fitted: TestedLine, power: f64| Line {
         slope: with_share(fitted.line.slope, power * common),
         ..fitted.line
@@ -314,6 +319,7 @@ fn row(input: &GainInput<'_>) -> GainRow {
         dark_current_difference_e_per_s: dark_current_difference(input.dark, k_by_noise),
         dark_variance_dn2: variance.intercept,
         dark_mean_dn: mean.intercept,
+        black_shift_dn: input.black_shift_dn,
         rounding_error_dn2: rounding.variance_dn2,
         naive_read_variance_e2: variance.intercept.map(|v| v - QUANTISATION_DN2, |_| 1.0).over(k_squared),
     }

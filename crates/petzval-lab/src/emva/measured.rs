@@ -120,7 +120,9 @@ pub enum Unresolved {
     #[error("the series does not reach saturation")]
     NotSaturated,
     /// Too few pixels have a dark current above the noise, or it is too little above.
-    #[error("{outliers} pixels stand out of the noise of the dark series: too few, or by too little")]
+    #[error(
+        "{outliers} pixels have a dark current above the noise of the dark series: too few, or by too little"
+    )]
     NoHotPixels {
         /// Number of such pixels.
         outliers: usize,

@@ -82,7 +82,7 @@ pub use colour_name::colour_name;
 pub use compat::result_xml::{Values, result_xml};
 pub use counts::PointHistogram;
 pub use derived::{Derived, derived};
-pub use figures::Figure;
+pub use figures::{Figure, Limit};
 pub use fits::{NamedFit, fits};
 pub use goodness::{FitTest, Verdict};
 pub use high_pass::HighPass;

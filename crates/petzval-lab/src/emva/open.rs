@@ -76,11 +76,7 @@ impl Captures {
         for (i, point) in self.points.iter().enumerate() {
             let at = |message: String| FileError::at_line(point.line, "", message);
             if point.frames.len() < 2 {
-                let frames = match point.frames.len() {
-                    0 => "no frame",
-                    _ => "one frame",
-                };
-                return Err(at(format!("{} has {frames} where two are needed", point.label()))
+                return Err(at(format!("{}: two are needed", point.label()))
                     .hint("noise is measured from the difference of two frames of one setting"));
             }
             if point.frames.len() > MAX_FRAMES {

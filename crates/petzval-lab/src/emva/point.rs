@@ -433,10 +433,14 @@ fn no_contradiction(
             let cfa = info.cfa.filter(|cfa| *cfa != sensor.cfa)?;
             Some(("cfa", cfa.to_string(), sensor.cfa.to_string()))
         })
-        .or_else(|| numbers("black_level_dn", info.black_level_dn, sensor.black_level_dn, &black))
+        .or_else(|| {
+            let listed = sensor.black_level_dn.filter(|_| point.black_level_dn.is_none());
+            numbers("black_level_dn", info.black_level_dn, listed, &black)
+        })
         .or_else(|| numbers("pixel_um", info.pixel_um, sensor.pixel_um, &near));
     let of_point = numbers("linear_gain", info.linear_gain, Some(point.linear_gain), &near)
-        .or_else(|| numbers("exposure_s", info.exposure_s, Some(point.exposure_s), &near));
+        .or_else(|| numbers("exposure_s", info.exposure_s, Some(point.exposure_s), &near))
+        .or_else(|| numbers("black_level_dn", info.black_level_dn, point.black_level_dn, &black));
     let (found, place) = match (of_sensor, of_point) {
         (Some(found), _) => (found, format!("{list}, [sensor],")),
         (None, Some(found)) => (found, format!("{list}, line {},", point.line)),

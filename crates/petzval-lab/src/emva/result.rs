@@ -94,10 +94,30 @@ pub struct ChannelResult {
     pub figures: Vec<Figure>,
 }
 
+impl GainResult {
+    /// The colour that saturates, of several the one whose saturation capacity has the least error: pixels of all colours are full at the same charge, and
+    /// the most sensitive ones reach it first.
+    pub fn saturated_channel(&self) -> Option<&ChannelResult> {
+        let error = |c: &&ChannelResult| {
+            let capacity = c.figure("u_e_sat")?.best();
+            capacity.value().map(|_| capacity.standard_error().unwrap_or(f64::INFINITY))
+        };
+        let known = self.channels.iter().filter(|c| error(c).is_some());
+        known.min_by(|a, b| error(a).unwrap_or(f64::INFINITY).total_cmp(&error(b).unwrap_or(f64::INFINITY)))
+    }
+}
+
 impl ChannelResult {
     /// A figure by its name.
     pub fn figure(&self, name: &str) -> Option<&Figure> {
         self.figures.iter().find(|f| f.name == name)
+    }
+
+    /// A figure that is proportional to the mean signal of all pixels (R, QE, u_e_sat), for the pixels that answer light; `None` if all do.
+    /// K, a ratio of the variance and the mean of all pixels, is not off by pixels without either.
+    pub fn without_defects(&self, name: &str) -> Option<Measured> {
+        let bias = self.spatial.as_ref()?.signal_bias.filter(|bias| bias.is_finite() && *bias > -1.0)?;
+        Some(self.figure(name)?.best().scale(1.0 / (1.0 + bias)))
     }
 
     /// DSNU, e-, and PRNU, %, with the pixels that do not answer light, which the figures leave out; `None` if there are none.

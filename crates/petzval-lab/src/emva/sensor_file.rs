@@ -3,9 +3,10 @@
 use std::fmt::Write;
 
 use super::histogram_fit::HistogramFit;
-use super::joint::JointFit;
+use super::joint::{GainRow, JointFit};
 use super::measured::{Measured, Unresolved};
 use super::result::{ChannelResult, Characterization, GainResult};
+use petzval_camera::sensor::Colour;
 
 /// One line of the file.
 struct Entry {
@@ -104,9 +105,20 @@ pub fn sensor_toml(found: &Characterization) -> Result<String, Unresolved> {
         joint.black_level_dn.map_or(Measured::none(Unresolved::NotStated("black_level_dn")), Measured::exact);
     let black_value = black.value().or(offset).unwrap_or(black_stand_in);
     let converter_e = (max_dn - black_value) / k;
+    // Take the full well from the colour that reaches it, without pixels that do not answer light.
+    let saturated = lowest.and_then(|g| g.saturated_channel());
+    let capacity = saturated.and_then(|c| {
+        c.without_defects("u_e_sat").or_else(|| c.figure("u_e_sat").map(|figure| figure.best()))
+    });
     let full_well = match found.sensor.full_well_e {
         Some(stated) => Measured::exact(stated),
-        None => figure("u_e_sat").unwrap_or(Measured::none(Unresolved::NotSaturated)),
+        None => capacity.or(figure("u_e_sat")).unwrap_or(Measured::none(Unresolved::NotSaturated)),
+    };
+    let full_well_unit = match saturated.map(|c| c.colour) {
+        Some(Colour::Red) => "e-, of the red pixels",
+        Some(Colour::Green) => "e-, of the green pixels",
+        Some(Colour::Blue) => "e-, of the blue pixels",
+        _ => "e-",
     };
     // List the numbers of the model with their stand-ins.
     let entry = |key, unit, value, stand_in, stand_in_is| Entry { key, unit, value, stand_in, stand_in_is };
@@ -128,7 +140,7 @@ pub fn sensor_toml(found: &Characterization) -> Result<String, Unresolved> {
     let entries = [
         entry("black_level_dn", "DN", black, black_value, dark_is),
         entry("gain_dn_per_e", "DN/e-", gain, k, "none"),
-        entry("full_well_e", "e-", full_well, converter_e, "the range of the converter"),
+        entry("full_well_e", full_well_unit, full_well, converter_e, "the range of the converter"),
         entry("dark_current_e_per_s", "e-/s", model.dark_current(), 0.0, "none"),
         entry("read_noise_mean_e", "e-", read_noise_mean, 0.0, counted),
         entry("read_noise_e", "e-", model.read_noise(), dark_noise, read_noise_stand_in),
@@ -158,6 +170,17 @@ pub fn sensor_toml(found: &Characterization) -> Result<String, Unresolved> {
         }
     }
     let _ = writeln!(text, "bits = {}\n", found.sensor.bits);
+    if joint.rows.iter().any(|row| row.black_shift_dn != 0.0) {
+        let of_row = |row: &GainRow| {
+            format!("{:?}", joint.black_level_dn.or(offset).unwrap_or(0.0) + row.black_shift_dn)
+        };
+        let levels: Vec<String> = joint.rows.iter().map(of_row).collect();
+        let _ = writeln!(
+            text,
+            "# Black levels of the gains, as stated: {} DN; that of the lowest:",
+            levels.join(", ")
+        );
+    }
     for e in &entries {
         match (e.value.value(), e.value.standard_error(), e.value.reason()) {
             (Some(v), Some(se), _) => {
@@ -264,6 +287,24 @@ fn stack_non_uniformity(has_hot: bool, gain: &GainResult, text: &mut String) {
             Measured::new(known.iter().sum::<f64>() / count, se / count)
         };
         line(text, key, measured, unit);
+    }
+    let bright: usize = gain.channels.iter().filter_map(|c| c.spatial.as_ref()).map(|s| s.bright).sum();
+    if bright > 0 {
+        let without = |c: &ChannelResult| {
+            let parts = c.spatial.as_ref()?.dark_components_without_bright?;
+            parts.pixel.if_above_noise().root().over(c.transfer.gain_dn_per_e).value()
+        };
+        let known: Vec<f64> = gain.channels.iter().filter_map(without).collect();
+        let dsnu_e = known.iter().sum::<f64>() / known.len() as f64;
+        let of_others = if known.is_empty() {
+            String::new()
+        } else {
+            format!("; without them dsnu_pixel_e = {dsnu_e:.4}")
+        };
+        let _ = writeln!(
+            text,
+            "# pixels that are bright in the dark at every exposure time: {bright}{of_others}"
+        );
     }
     let defects: usize =
         gain.channels.iter().filter_map(|c| c.spatial.as_ref()).map(|s| s.defects.len()).sum();

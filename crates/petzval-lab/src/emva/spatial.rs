@@ -157,6 +157,15 @@ pub struct Spatial {
     /// Components of the dark stack without the hot pixels either, if there are any.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub dark_components_without_hot: Option<Components>,
+    /// Number of pixels that are bright in the dark at every exposure time and answer light.
+    pub bright: usize,
+    /// Components of the dark stack without the bright pixels, if there are any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub dark_components_without_bright: Option<Components>,
+    /// Mean signal of all pixels over that of those that answer light, minus one, if some do not. R, QE and the saturation capacity, means over all
+    /// pixels, are off by it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub signal_bias: Option<f64>,
     /// Plots of the flat stack minus the dark one (PRNU).
     pub prnu: StackPlots,
     /// Plots of the dark stack (DSNU).
@@ -173,12 +182,14 @@ pub struct Stacks<'a> {
     pub exposure_s: f64,
     /// Places of the hot pixels in the frame, row by row, ascending.
     pub hot_pixels: &'a [usize],
+    /// Places of the pixels that are bright in the dark at every exposure time, likewise.
+    pub bright_pixels: &'a [usize],
 }
 
 /// Evaluates two stacks of the same size for the pixels of one colour. Each place of the colour in the mosaic tile is evaluated as a
 /// picture of its own, and the variances are averaged over the places. `None` if a point is not a stack, or is too small.
 pub fn spatial(
-    &Stacks { flat, dark, exposure_s, hot_pixels }: &Stacks<'_>,
+    &Stacks { flat, dark, exposure_s, hot_pixels, bright_pixels }: &Stacks<'_>,
     cfa: &CfaPattern,
     colour: Colour,
     high_pass: HighPass,
@@ -199,20 +210,36 @@ pub fn spatial(
     }
 
     // Find the defect pixels of each place, and name them by their row and column of the frame.
-    let (mut found, mut clean, mut not_hot) = (Vec::new(), [flat.clone(), dark.clone()], dark.clone());
+    let (mut found, mut clean) = (Vec::new(), [flat.clone(), dark.clone()]);
+    let (mut not_hot, mut not_bright, mut bright) = (dark.clone(), dark.clone(), 0);
+    let (mut of_all, mut of_others) = (Mean::default(), Mean::default());
     for (i, (row, col)) in places.iter().enumerate() {
         let (light, dark) = (flat[i].mean(), dark[i].mean());
         let of_place = defects(&light, &dark);
         for stack in &mut clean {
             stack[i] = stack[i].without(&of_place);
         }
-        let hot = hot_pixels.iter().map(|at| (at / frame_width, at % frame_width));
-        let of_hot = hot
-            .filter(|(r, c)| (r % cfa.rows(), c % cfa.cols()) == (*row, *col))
-            .map(|(r, c)| r / cfa.rows() * light.width + c / cfa.cols());
-        let left_out: BTreeSet<usize> = of_place.iter().copied().chain(of_hot).collect();
-        let left_out: Vec<usize> = left_out.into_iter().collect();
-        not_hot[i] = not_hot[i].without(&left_out);
+        // Leave the hot pixels of the place out of one copy of the dark stack, the bright ones out of another.
+        let with_defects = |pixels: &[usize]| -> Vec<usize> {
+            let places = pixels.iter().map(|at| (at / frame_width, at % frame_width));
+            let of_others = places
+                .filter(|(r, c)| (r % cfa.rows(), c % cfa.cols()) == (*row, *col))
+                .map(|(r, c)| r / cfa.rows() * light.width + c / cfa.cols());
+            let all: BTreeSet<usize> = of_place.iter().copied().chain(of_others).collect();
+            all.into_iter().collect()
+        };
+        not_hot[i] = not_hot[i].without(&with_defects(hot_pixels));
+        let left_out = with_defects(bright_pixels);
+        bright += left_out.len() - of_place.len();
+        not_bright[i] = not_bright[i].without(&left_out);
+        // Average the signal over all pixels, and over those that answer light.
+        for (at, signal) in light.values.iter().zip(&dark.values).map(|(lit, unlit)| lit - unlit).enumerate()
+        {
+            of_all.add(signal);
+            if of_place.binary_search(&at).is_err() {
+                of_others.add(signal);
+            }
+        }
         found.extend(of_place.iter().map(|at| Defect {
             row: row + at / light.width * cfa.rows(),
             column: col + at % light.width * cfa.cols(),
@@ -231,12 +258,33 @@ pub fn spatial(
         flat_components: components(&clean_flat, high_pass),
         dark_components: components(&clean_dark, high_pass),
         dark_components_without_hot: (!hot_pixels.is_empty()).then(|| components(&not_hot, high_pass)),
+        bright,
+        dark_components_without_bright: (bright > 0).then(|| components(&not_bright, high_pass)),
+        signal_bias: (!found.is_empty()).then(|| of_all.mean() / of_others.mean() - 1.0),
         components_with_defects: (!found.is_empty())
             .then(|| [components(&flat, high_pass), components(&dark, high_pass)]),
         defects: found,
         prnu: prnu_plots(&flat, &dark),
         dsnu: dsnu_plots(&dark),
     })
+}
+
+/// A running mean.
+#[derive(Default)]
+struct Mean {
+    sum: f64,
+    count: usize,
+}
+
+impl Mean {
+    fn add(&mut self, value: f64) {
+        self.sum += value;
+        self.count += 1;
+    }
+
+    fn mean(&self) -> f64 {
+        self.sum / self.count as f64
+    }
 }
 
 /// One place of the tile over the whole stack.

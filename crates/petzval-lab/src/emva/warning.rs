@@ -116,7 +116,23 @@ warnings! {
         dark_dn: [Measured; 2],
         /// By how much pixels differ in the flat stack, without and with them, DN.
         flat_dn: [Measured; 2],
-    } => "{}", defect_pixels(linear_gain, *colour, *pixels, first, [dark_dn, flat_dn]);
+        /// Error that they add to the mean signal of all pixels, percent.
+        bias_percent: Option<f64>,
+        /// Figures of the others that are means over all pixels in the standard: name, value, unit.
+        of_others: Vec<(&'static str, f64, &'static str)>,
+    } => "{}{}", defect_pixels(linear_gain, *colour, *pixels, first, [dark_dn, flat_dn]), signal_bias(*bias_percent, of_others);
+
+    /// Pixels are bright in dark frames of every exposure time.
+    BrightPixels("bright-pixels", severity *pixels as f64) {
+        /// Linear gain.
+        linear_gain: f64,
+        /// How many.
+        pixels: usize,
+        /// Their median offset above the other pixels, DN.
+        offset_dn: f64,
+        /// By how much pixels differ in the dark stack, with and without them, DN; `None` without stacks.
+        dark_dn: Option<[Measured; 2]>,
+    } => "{}", bright_pixels(linear_gain, *pixels, *offset_dn, dark_dn.as_ref());
 
     /// Dark frames are brighter in places: light leaks in, or the sensor glows.
     LightLeak at point ("light-leak", severity difference_dn.abs()) {
@@ -353,6 +369,58 @@ impl Serialize for Warning {
     }
 }
 
+/// A spread in words.
+fn by(spread: &Measured) -> String {
+    match spread.value() {
+        Some(dn) => format!("by {dn:.3} DN"),
+        None => "by less than is resolved".to_owned(),
+    }
+}
+
+fn bright_pixels(
+    linear_gain: &f64,
+    pixels: usize,
+    offset_dn: f64,
+    dark_dn: Option<&[Measured; 2]>,
+) -> String {
+    let (noun, verb, pronoun) = if pixels == 1 { ("pixel", "is", "it") } else { ("pixels", "are", "them") };
+    let dsnu = dark_dn.map_or(String::new(), |[with, without]| {
+        format!(
+            ". DSNU contains {pronoun}: pixels differ in the dark {} with {pronoun} and {} without {pronoun}",
+            by(with),
+            by(without)
+        )
+    });
+    format!(
+        "at gain {linear_gain}, {pixels} {noun} {verb} brighter than the others in dark frames of every exposure time, by {offset_dn:.1} DN \
+         (median): an offset, not dark current, so not hot{dsnu}"
+    )
+}
+
+fn signal_bias(percent: Option<f64>, of_others: &[(&str, f64, &str)]) -> String {
+    let Some(percent) = percent.filter(|p| p.abs() >= LEAST_BIAS_PERCENT) else { return String::new() };
+    let figures: Vec<String> = of_others
+        .iter()
+        .map(|(name, value, unit)| format!("{name} {} {unit}", significant(*value)))
+        .collect();
+    let of_others =
+        if figures.is_empty() { String::new() } else { format!("; without them {}", figures.join(", ")) };
+    let direction = if percent < 0.0 { "low" } else { "high" };
+    format!(
+        ". EMVA 1288 averages signals over all pixels: R, QE and u_e_sat are {:.2} % too {direction} by them{of_others}",
+        percent.abs()
+    )
+}
+
+/// Bias of a mean signal below which the warning leaves it out, percent.
+const LEAST_BIAS_PERCENT: f64 = 0.005;
+
+/// A number with five significant digits.
+fn significant(value: f64) -> String {
+    let digits = if value == 0.0 { 0 } else { 4 - value.abs().log10().floor() as i32 };
+    format!("{value:.*}", digits.max(0) as usize)
+}
+
 fn defect_pixels(
     linear_gain: &f64,
     colour: Colour,
@@ -360,10 +428,6 @@ fn defect_pixels(
     [row, column]: &[usize; 2],
     [dark_dn, flat_dn]: [&[Measured; 2]; 2],
 ) -> String {
-    let by = |spread: &Measured| match spread.value() {
-        Some(dn) => format!("by {dn:.3} DN"),
-        None => "by less than is resolved".to_owned(),
-    };
     let spread =
         |[without, with]: &[Measured; 2]| format!("{} without them and {} with them", by(without), by(with));
     let of_colour = match colour {

@@ -62,6 +62,9 @@ pub struct EdgeResponse {
     pub is_upright: bool,
     /// Inclination of the edge to the nearer axis of the pixels in the middle of the window, degrees.
     pub angle_deg: Estimate,
+    /// Largest gap between the distances at which pixels sample the edge, pixels: 0.71 at 45 degrees. The response is determined up to half of its
+    /// inverse.
+    pub gap_px: f64,
     /// Root mean square distance of the edge from its path, row by row, pixels.
     pub roughness_px: f64,
     /// Largest distance of the path from a straight line between its ends, pixels.
@@ -110,6 +113,7 @@ pub fn slanted_edge(plane: &Plane, window: &Window) -> Result<EdgeResponse, SfrE
         sfr,
         is_upright: is_upright != is_steep,
         angle_deg,
+        gap_px: profile.gap_px(),
         roughness_px: profile.roughness_px(),
         sagitta_px: profile.path.sagitta(),
         scatter: profile.scatter,

@@ -419,18 +419,23 @@ impl<'a> Profile<'a> {
         if deviation > LARGEST_DEVIATION { Err(SfrError::Uneven { deviation }) } else { Ok(()) }
     }
 
-    /// Refuses an edge that the pixels sample too coarsely.
-    pub fn check_sampling(&self, sfr: &Sfr) -> Result<(), SfrError> {
+    /// Largest gap between the distances at which pixels sample the blur, pixels. Frequencies to half of its inverse are sampled without ambiguity.
+    pub fn gap_px(&self) -> f64 {
         let near = 2.0 * self.blur_px + 1.0;
         let mut distances: Vec<f64> =
             self.points.iter().map(|p| p.distance).filter(|d| d.abs() < near).collect();
         distances.sort_unstable_by(f64::total_cmp);
-        let gap_px = distances.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max);
+        distances.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max)
+    }
+
+    /// Refuses an edge that the pixels sample too coarsely.
+    pub fn check_sampling(&self, sfr: &Sfr) -> Result<(), SfrError> {
+        let gap_px = self.gap_px();
         let highest = 0.5 / gap_px.max(0.5);
         let alias = sfr.at(highest) - 3.0 * sfr.error_at(highest);
         let is_coarse = gap_px > LARGEST_GAP_PX || (gap_px > FINE_GAP_PX && alias > LARGEST_ALIAS);
         if is_coarse {
-            return Err(SfrError::Angle { deg: self.angle_deg().0.value, gap_px });
+            return Err(SfrError::Angle { deg: self.angle_deg().0.value.abs(), gap_px });
         }
         Ok(())
     }

@@ -75,6 +75,8 @@ pub struct Bench {
     pub dark_current_e_per_s: f64,
     /// Black level at each gain, DN.
     pub black_dn: Vec<f64>,
+    /// Whether each point states the black level of its gain; otherwise the sensor states that of the first.
+    pub states_black: bool,
     /// Electrons of the flat points, at exposure times in proportion.
     pub flat_e: Vec<f64>,
     /// Whether the list states the photons: two an electron.
@@ -119,6 +121,7 @@ impl Default for Bench {
             prnu: 0.0,
             dark_current_e_per_s: 5.0,
             black_dn: vec![64.0],
+            states_black: false,
             flat_e: [0.1, 0.2, 0.3, 0.4, 0.5, 0.6].map(|share| share * FULL_E).to_vec(),
             has_photons: true,
             frames: 2,
@@ -171,6 +174,8 @@ impl Bench {
         );
         for (i, gain) in self.linear_gains.iter().enumerate() {
             let black_dn = self.black_dn[i % self.black_dn.len()];
+            let black =
+                if self.states_black { format!("black_level_dn = {black_dn:?}\n") } else { String::new() };
             let mut take = |kind: &str, electrons: f64, exposure_s: f64, frames: usize| {
                 let names: Vec<String> =
                     (0..frames).map(|k| format!("{kind}-{i}-{exposure_s}-{frames}-{k}.tiff")).collect();
@@ -185,7 +190,7 @@ impl Bench {
                     _ => String::new(),
                 };
                 list += &format!(
-                    "[[point]]\nkind = \"{kind}\"\nlinear_gain = {gain:?}\nexposure_ms = {:?}\n{photons}frames = {names:?}\n",
+                    "[[point]]\nkind = \"{kind}\"\nlinear_gain = {gain:?}\nexposure_ms = {:?}\n{photons}{black}frames = {names:?}\n",
                     1e3 * exposure_s
                 );
             };

@@ -100,6 +100,7 @@ def convert(
     out: str | os.PathLike[str],
     *,
     copy: bool | None = None,
+    turned: bool | None = None,
     progress: Progress = False,
     cancel: Cancel | None = None,
 ) -> Converted:
@@ -110,13 +111,15 @@ def convert(
         input: Its folder; of BDD100K also a file.
         out: Folder for the data set; it must be new or empty.
         copy: Whether pictures are copied. Otherwise they are hard links where the file system allows.
+        turned: Whether the boxes of pictures that EXIF turns are of the pictures as they are shown, or of the stored pixels, where neither
+            the format nor a stated size says so. Without it such pictures are left out.
         progress: ``True`` for a bar, or a function that takes every event.
         cancel: A flag that another thread may set.
 
     Raises:
         InputError: The folder `out` is not empty, or no picture can be used.
     """
-    request = _known(format=format, input=input, out=out, copy=copy)
+    request = _known(format=format, input=input, out=out, copy=copy, turned=turned)
     found = jobs.run("data-convert", request, progress=progress, cancel=cancel)
     return Converted(
         annotations=Path(found["annotations"]),

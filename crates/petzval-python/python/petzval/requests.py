@@ -2902,6 +2902,9 @@ class DataConvert(TypedDict, total=False):
     """Its folder; of BDD100K also a file."""
     out: str
     """Folder for the data set; it must be new or empty."""
+    turned: bool | None
+    """Whether the boxes of pictures that EXIF turns are of the pictures as they are shown (`true`), or of the stored
+    pixels (`false`), where neither the format nor a stated size says so. Without it such pictures are left out."""
 
 
 class DataCheck(TypedDict, total=False):

@@ -119,7 +119,9 @@ pub(super) fn operating_point(shown: &Shown<'_>) -> Markup {
 fn row(head: Markup, name: &str, channels: &[ChannelResult], reasons: &mut Reasons) -> Option<Row> {
     let first = channels.first().and_then(|c| c.figure(name))?;
     let value = |channel: &ChannelResult| {
-        channel.figure(name).map_or(html! { "–" }, |figure| reasons.cell(&figure.best()))
+        let Some(figure) = channel.figure(name) else { return html! { "–" } };
+        let cell = reasons.cell(&figure.best());
+        html! { @if let Some(limit) = figure.limit { (limit.sign()) " " } (cell) }
     };
     let mut cells: Vec<Markup> = channels.iter().map(value).collect();
     cells.push(html! { (first.meaning) });
@@ -136,8 +138,7 @@ fn figure_table(head: &str, channels: &[ChannelResult], rows: impl IntoIterator<
 /// Most defect pixels whose places the page lists.
 const MOST_LISTED: usize = 50;
 
-/// The pixels that do not answer light at the shown gain, with their places, and the figures of non-uniformity with and without them; nothing where
-/// there are none.
+/// The pixels that do not answer light at the shown gain, with their places, and the figures with and without them; nothing where there are none.
 pub(super) fn defect_pixels(shown: &Shown<'_>) -> Option<Markup> {
     let mut reasons = Reasons::default();
     let mut figures = Vec::new();
@@ -150,6 +151,13 @@ pub(super) fn defect_pixels(shown: &Shown<'_>) -> Option<Markup> {
             let Some(figure) = channel.figure(name) else { continue };
             let without = reasons.cell(&figure.best());
             let cells = [without, reasons.cell(&with), html! { (unit(figure.unit)) }];
+            figures.push(Row::new(html! { (symbol(text)) " " (colour_name(channel.colour)) }, cells));
+        }
+        for (name, text) in [("R", "R"), ("QE", "η"), ("u_e_sat", "μ_e.sat")] {
+            let (Some(figure), Some(without)) = (channel.figure(name), channel.without_defects(name)) else {
+                continue;
+            };
+            let cells = [reasons.cell(&without), reasons.cell(&figure.best()), html! { (unit(figure.unit)) }];
             figures.push(Row::new(html! { (symbol(text)) " " (colour_name(channel.colour)) }, cells));
         }
         places.extend(spatial.defects.iter().map(|defect| (channel.colour, defect)));
@@ -169,7 +177,7 @@ pub(super) fn defect_pixels(shown: &Shown<'_>) -> Option<Markup> {
     ];
     let compared = ["figure", "without them", "with them"].map(Column::new);
     (!places.is_empty()).then(|| html! {
-        p { "Pixels that do not answer light as their neighbours do: " (places.len()) ". The figures of EMVA 1288 above leave them out." }
+        p { "Pixels that do not answer light as their neighbours do: " (places.len()) ". DSNU and PRNU above leave them out. Signals are means over all pixels in EMVA 1288, and so are R, η and μ_e.sat above." }
         (Table::new(compared.into_iter().chain([Column::new("unit").units()])).class("narrow").rows(figures).html())
         (reasons.list())
         (Table::new(listed).class("narrow").rows(places.iter().take(MOST_LISTED).map(row)).html())

@@ -182,6 +182,7 @@ fn defect_pixels_are_listed_with_what_they_do_to_the_figures() {
         let mut dark = spatial.dark_components;
         dark.total = Measured::new(2500.0, 1.0);
         spatial.components_with_defects = Some([dark, dark]);
+        spatial.signal_bias = Some(-0.2);
     }
     let shown = shown::Shown::choose(&found).unwrap();
     let channel = &shown.channels()[0];
@@ -193,6 +194,11 @@ fn defect_pixels_are_listed_with_what_they_do_to_the_figures() {
     assert!(page.contains("do: 60.") && page.contains("The first 50; results.json lists all."));
     assert_eq!(page.matches("4094.5").count(), 50);
     assert!(page.contains(&style::with_error(&dsnu).unwrap()), "{dsnu:?}");
+    // A fifth of the signal is missing from the means over all pixels.
+    let of_all = channel.figure("R").unwrap().best().value().unwrap();
+    let of_others = channel.without_defects("R").unwrap();
+    assert!((of_others.value().unwrap() - 1.25 * of_all).abs() < 1e-12, "{of_others:?} of {of_all}");
+    assert!(page.contains(&style::with_error(&of_others).unwrap()), "{of_others:?}");
 }
 
 #[test]

@@ -293,7 +293,7 @@ fn corrupt_and_incomplete_captures_are_named() {
     case(
         "single",
         &edit("\"gain-1/flat-2.5ms-0.png\", ", ""),
-        &["captures.toml:", "one frame where two are needed", "difference of two frames"],
+        &["captures.toml:", "1 frame: two are needed", "difference of two frames"],
     );
     case(
         "twice",

@@ -84,7 +84,7 @@ fn what_cannot_be_read_or_written_is_named_and_nothing_is_written() {
         (&["show", "notes.tiff"][..], ["notes.tiff: ", "gray TIFF or PNG"]),
         (&["show", "nowhere.tiff"], ["nowhere.tiff", "No such file"]),
         (&["show", "."], [".: ", "this is a folder"]),
-        (&["show", &colour], ["coffee.png: a picture of Rgb8", "gray TIFF or PNG"]),
+        (&["show", &colour], ["coffee.png: a colour picture of 8 bits a sample", "a NumPy array"]),
         (&["show", "lonely.raw"], ["no sidecar lonely.raw.toml", "packing = \"mipi\""]),
         (&["show", "short.raw"], ["short.raw: the file has 35 bytes", "take 36"]),
         (&["show", "odd.raw"], ["odd.raw.toml:3:8: `bits = 13`", "8, 10, 12 and 14"]),
@@ -108,6 +108,10 @@ fn what_cannot_be_read_or_written_is_named_and_nothing_is_written() {
             ["--packing mipi: only .raw files are packed", "leave"],
         ),
         (&["convert", "frame.tiff", "a.png", "--cfa", "RGX"], ["RGX", "RGGB"]),
+        (
+            &["convert", "frame.tiff", "a.png", "--cfa", "RGBG"],
+            ["no Bayer array", "LibRaw lists colours as RGBG"],
+        ),
         (
             &["convert", "frame.tiff", "none/a.png"],
             ["none/a.png: nothing can be written there: none is no folder", "make the folder"],
@@ -218,8 +222,15 @@ fn an_mtf_that_cannot_be_measured_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     write_edge(&folder.path().join("edge.png"), |d| (1000.0 + 20_000.0 * rise(d)).round() as u16);
     write_edge(&folder.path().join("flat.png"), |_| 1000);
+    write_edge(&folder.path().join("clip.png"), |d| {
+        (1000.0 + 40_000.0 * rise(d)).min(32_000.0).round() as u16
+    });
     for (args, needles) in [
         (&["flat.png"][..], ["flat.png: no slanted edge was found", "--region ROW,COL,HEIGHT,WIDTH"]),
+        (
+            &["clip.png"],
+            ["clip.png: no slanted edge was found that can be measured", "the bright side is clipped"],
+        ),
         (&["flat.png", "--region", "0,0,60,60"], ["--region 0,0,60,60: clear: no edge", "5 degrees"]),
         (
             &["edge.png", "--region", "100,0,60,60"],

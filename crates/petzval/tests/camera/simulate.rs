@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::common::{data, run_fails, run_ok};
+use crate::common::{data, read, run_fails, run_ok};
 
 fn raw(path: &Path) -> Vec<u16> {
     let picture = image::open(path).unwrap();
@@ -99,6 +99,22 @@ fn what_cannot_be_read_is_named_and_nothing_is_written() {
     ] {
         run_fails(folder.path(), &[&["simulate", "--force", "--out", "out"], args].concat(), 2, &needles);
     }
+}
+
+#[test]
+fn light_beyond_the_psf_grid_of_a_lens_out_of_focus_has_its_reason() {
+    let folder = tempfile::tempdir().unwrap();
+    let small = read(&data("sensors/imx249-fitted.toml"))
+        .replace("width = 1920", "width = 160")
+        .replace("height = 1200", "height = 120");
+    std::fs::write(folder.path().join("small.toml"), small).unwrap();
+    let lens = read(&data("lenses/cooke-triplet-nominal.toml")).replacen("24.525171", "25.525171", 1);
+    std::fs::write(folder.path().join("moved.toml"), lens).unwrap();
+    let photo = data("photos/coffee.png").display().to_string();
+    let args = ["simulate", photo.as_str(), "--lens", "moved.toml", "--sensor", "small.toml", "--out", "out"];
+    let taken = run_ok(folder.path(), &args);
+    assert!(taken.says("cuts off") && taken.says("moved.toml: out of focus"), "{}", taken.stderr);
+    assert!(taken.says("`petzval lens focus moved.toml OUT.toml`"), "{}", taken.stderr);
 }
 
 #[test]

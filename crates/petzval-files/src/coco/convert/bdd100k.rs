@@ -95,7 +95,11 @@ impl Fields for Object {}
 impl Fields for Corners {}
 
 /// Reads a JSON file, or all of those below a folder. Pictures are looked for by name below the folder.
-pub(super) fn convert_bdd100k(root: &Path, cancel: &Cancel) -> Result<Converted, CocoError> {
+pub(super) fn convert_bdd100k(
+    root: &Path,
+    turned: Option<bool>,
+    cancel: &Cancel,
+) -> Result<Converted, CocoError> {
     // A single file has its pictures beside it or in the folders around.
     let (labels, base) = if root.is_dir() {
         (files_below(root, cancel)?.into_iter().filter(|p| ends_with(p, "json")).collect(), root.to_owned())
@@ -111,7 +115,7 @@ pub(super) fn convert_bdd100k(root: &Path, cancel: &Cancel) -> Result<Converted,
     }
     let files = files_below(&base, cancel)?;
     let by_names = Pictures::among(&base, &files);
-    let mut builder = Builder::default();
+    let mut builder = Builder::new(turned);
     for path in &labels {
         cancel.check()?;
         let (pictures, is_list) = pictures_of(path)?;

@@ -58,6 +58,8 @@ pub(super) struct Builder {
     sources: HashMap<u64, Source>,
     /// Whether the format itself says that boxes are of the picture the right way up.
     means_upright: bool,
+    /// Whether boxes are of the pictures the right way up, as the caller says; it counts where the stated sizes leave that open.
+    turned: Option<bool>,
     unread: BTreeMap<String, usize>,
     /// The number of the picture in each file that was looked up; none if the file cannot be decoded.
     taken: HashMap<PathBuf, Option<u64>>,
@@ -69,9 +71,23 @@ pub(super) struct Builder {
 }
 
 impl Builder {
-    /// One for a format that says that boxes are of the picture as EXIF turns it.
-    pub fn of_turned_pictures() -> Self {
-        Self { means_upright: true, ..Self::default() }
+    /// One for a format that does not say whether boxes are of the picture as EXIF turns it; `turned` is what the caller says.
+    pub fn new(turned: Option<bool>) -> Self {
+        Self { turned, ..Self::default() }
+    }
+
+    /// One for a format that says that boxes are of the picture as EXIF turns it, unless the caller says otherwise.
+    pub fn of_turned_pictures(turned: Option<bool>) -> Self {
+        Self { means_upright: true, turned, ..Self::default() }
+    }
+
+    /// Size of a picture of which labels give shares, px: of the stored pixels, if the caller says that boxes are of these.
+    pub fn labelled_size(&self, id: u64) -> (u32, u32) {
+        let size = |source: &Source| match self.turned {
+            Some(false) => source.head.stored,
+            _ => source.head.upright(),
+        };
+        self.sources.get(&id).map_or((0, 0), size)
     }
 
     /// Notes a place that cannot be understood.
@@ -215,6 +231,11 @@ impl Builder {
             let turn = format!("{path}: orientation {}", head.orientation.to_exif());
             match boxes_of(head, None, *stated) {
                 BoxesOf::Upright => {}
+                // What the caller says decides where the stated size does not.
+                BoxesOf::Unknown if self.turned == Some(true) => {}
+                BoxesOf::Unknown if self.turned == Some(false) => {
+                    turning.insert(image.id, *head);
+                }
                 BoxesOf::Unknown if !with_boxes.contains(&image.id) => {}
                 BoxesOf::Unknown if self.means_upright => {
                     self.defects.add(DefectKind::TurnedPicture, || turn);

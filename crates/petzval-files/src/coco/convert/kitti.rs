@@ -62,7 +62,11 @@ struct Line {
 }
 
 /// Reads a folder with `label_2/*.txt` and `image_2/`, or the folder `training` around it.
-pub(super) fn convert_kitti(root: &Path, cancel: &Cancel) -> Result<Converted, CocoError> {
+pub(super) fn convert_kitti(
+    root: &Path,
+    turned: Option<bool>,
+    cancel: &Cancel,
+) -> Result<Converted, CocoError> {
     let base =
         [root.to_owned(), root.join("training")].into_iter().find(|base| base.join("label_2").is_dir());
     let Some(base) = base else {
@@ -81,7 +85,7 @@ pub(super) fn convert_kitti(root: &Path, cancel: &Cancel) -> Result<Converted, C
 
     let split = base.file_name().and_then(|name| split_of(Path::new(name)));
     let drives = drives(&base)?;
-    let mut builder = Builder::default();
+    let mut builder = Builder::new(turned);
     let mut regions: Vec<(u64, Bounds)> = Vec::new();
     for path in &labels {
         cancel.check()?;

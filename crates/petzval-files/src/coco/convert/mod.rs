@@ -36,12 +36,18 @@ pub enum SourceFormat {
     Voc,
 }
 
-/// Reads a folder in another format. Fails with [`CocoError::Stopped`] before the next picture or file of labels once `cancel` is set.
-pub fn convert(format: SourceFormat, root: &Path, cancel: &Cancel) -> Result<Converted, CocoError> {
+/// Reads a folder in another format. `turned` says whether the boxes of pictures that EXIF turns are of the pictures as they are shown (`true`), or of
+/// the stored pixels (`false`), where the stated sizes do not. Fails with [`CocoError::Stopped`] before the next picture or file of labels once `cancel` is set.
+pub fn convert(
+    format: SourceFormat,
+    root: &Path,
+    turned: Option<bool>,
+    cancel: &Cancel,
+) -> Result<Converted, CocoError> {
     match format {
-        SourceFormat::Kitti => kitti::convert_kitti(root, cancel),
-        SourceFormat::Bdd100k => bdd100k::convert_bdd100k(root, cancel),
-        SourceFormat::Yolo => yolo::convert_yolo(root, cancel),
-        SourceFormat::Voc => voc::convert_voc(root, cancel),
+        SourceFormat::Kitti => kitti::convert_kitti(root, turned, cancel),
+        SourceFormat::Bdd100k => bdd100k::convert_bdd100k(root, turned, cancel),
+        SourceFormat::Yolo => yolo::convert_yolo(root, turned, cancel),
+        SourceFormat::Voc => voc::convert_voc(root, turned, cancel),
     }
 }

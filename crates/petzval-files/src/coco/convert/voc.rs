@@ -21,7 +21,11 @@ use crate::coco::defect::DefectKind;
 use crate::coco::error::CocoError;
 
 /// Reads a folder with `Annotations/*.xml` and `JPEGImages/`, or with XML files beside the pictures.
-pub(super) fn convert_voc(root: &Path, cancel: &Cancel) -> Result<Converted, CocoError> {
+pub(super) fn convert_voc(
+    root: &Path,
+    turned: Option<bool>,
+    cancel: &Cancel,
+) -> Result<Converted, CocoError> {
     let files = files_below(root, cancel)?;
     let labels: Vec<&PathBuf> = files.iter().filter(|path| ends_with(path, "xml")).collect();
     if labels.is_empty() {
@@ -30,7 +34,7 @@ pub(super) fn convert_voc(root: &Path, cancel: &Cancel) -> Result<Converted, Coc
     }
     let pictures = Pictures::among(root, &files);
     let splits = splits(&files)?;
-    let mut builder = Builder::default();
+    let mut builder = Builder::new(turned);
     let mut labels_of: HashMap<&Path, &Path> = HashMap::new();
     for path in labels {
         cancel.check()?;

@@ -35,12 +35,16 @@ use crate::coco::error::CocoError;
 const ROUNDING: f64 = 0.01;
 
 /// Reads a folder.
-pub(super) fn convert_yolo(root: &Path, cancel: &Cancel) -> Result<Converted, CocoError> {
+pub(super) fn convert_yolo(
+    root: &Path,
+    turned: Option<bool>,
+    cancel: &Cancel,
+) -> Result<Converted, CocoError> {
     let files = files_below(root, cancel)?;
     let page = names_of(root, &files)?;
     let (names, keypoints) = (&page.classes, page.keypoints);
     let labels: HashSet<&Path> = files.iter().filter(|p| ends_with(p, "txt")).map(PathBuf::as_path).collect();
-    let mut builder = Builder::of_turned_pictures();
+    let mut builder = Builder::of_turned_pictures(turned);
     page.unread_parts.iter().for_each(|key| builder.unread(key));
     for (number, name) in names.iter().enumerate() {
         if names[..number].contains(name) {
@@ -57,7 +61,9 @@ pub(super) fn convert_yolo(root: &Path, cancel: &Cancel) -> Result<Converted, Co
         // A picture that cannot be decoded has its labels, too.
         used.extend(path.clone());
         let Some(image) = builder.picture(root, picture, split) else { continue };
-        let (id, size) = (image.id, [f64::from(image.width), f64::from(image.height)]);
+        let id = image.id;
+        let (width, height) = builder.labelled_size(id);
+        let size = [f64::from(width), f64::from(height)];
         let Some(path) = path else { continue };
         let text = labels_text(&path)?;
         for (number, line) in (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty()) {

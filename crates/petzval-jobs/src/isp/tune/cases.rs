@@ -99,8 +99,11 @@ fn is_mosaic(path: &Path) -> Result<bool, JobError> {
 
 /// Files of a folder with one of these endings, by name.
 fn files(folder: &Path, key: &'static str, endings: &[&str]) -> Result<Vec<PathBuf>, JobError> {
-    let wrong =
-        |message: String| JobError::setting(key, folder.display(), message, "give a folder of frames");
+    let hint = match key {
+        "reference" => "give the folder of the pictures that the frames should become",
+        _ => "give a folder of raw frames",
+    };
+    let wrong = |message: String| JobError::setting(key, folder.display(), message, hint);
     let mut found = Vec::new();
     for entry in fs::read_dir(folder).map_err(|e| wrong(e.to_string()))? {
         let path = entry.map_err(|e| wrong(e.to_string()))?.path();

@@ -250,21 +250,26 @@ fn base_values(
 
 /// The score of a name.
 fn score_of(name: &str, context: &Context) -> Result<Box<dyn Score>, JobError> {
-    let wanted = match name {
-        "psnr" => "psnr_db",
-        "lpips" => "one_minus_lpips",
-        same => same,
-    };
     let mut all = context.scores()?;
     let known: Vec<&str> = all.iter().map(|score| score.name()).collect();
-    match known.iter().position(|known| *known == wanted) {
+    let is_named = |known: &&str| *known == name || name.eq_ignore_ascii_case(short_name(known));
+    match known.iter().position(is_named) {
         Some(i) => Ok(all.swap_remove(i)),
         None => {
-            let hint = format!("give one of {}", known.join(", "));
+            let short: Vec<&str> = known.iter().map(|known| short_name(known)).collect();
+            let hint = format!("give one of {}", short.join(", "));
             Err(JobError::setting("objective", name, "no such score", hint))
         }
     }
 }
+
+/// The name of a score as the command takes it, in any case of its letters.
+fn short_name(full: &str) -> &str {
+    SHORT.iter().find(|(_, known)| *known == full).map_or(full, |(short, _)| *short)
+}
+
+/// Short names of scores.
+const SHORT: [(&str, &str); 2] = [("psnr", "psnr_db"), ("lpips", "one_minus_lpips")];
 
 /// Everything that a search needs and does not change.
 struct Tuner<'a> {

@@ -14,6 +14,7 @@
 //! linear_gain = 1.0          # 1 if it is left out
 //! exposure_ms = 2.5
 //! photons = 4062.4           # mean per pixel; without it there is no quantum efficiency
+//! black_level_dn = 119.0     # of this gain, where the gains have different ones
 //! frames = ["flat-2.5ms-a.tiff", "flat-2.5ms-b.tiff"]
 //! ```
 //!
@@ -71,6 +72,7 @@ struct Entry {
     linear_gain: Option<Spanned<f64>>,
     exposure_ms: Spanned<f64>,
     photons: Option<Spanned<f64>>,
+    black_level_dn: Option<Spanned<f64>>,
     frames: Vec<String>,
 }
 
@@ -137,11 +139,47 @@ pub fn parse(text: &str, folder: &Path) -> Result<Captures, FileError> {
                 "the exposure time in milliseconds",
             )? / 1e3,
             photons: if kind == Kind::Dark { Some(0.0) } else { photons },
+            black_level_dn: maybe(
+                "black_level_dn",
+                &entry.black_level_dn,
+                0.0,
+                max_dn,
+                "the black level of this gain in DN",
+            )?,
             frames: entry.frames.iter().map(|name| folder.join(name.replace('\\', "/")).into()).collect(),
             line,
         });
     }
-    Ok(Captures { folder: folder.to_owned(), list: folder.join(MANIFEST), sensor, size: None, points })
+    let found =
+        Captures { folder: folder.to_owned(), list: folder.join(MANIFEST), sensor, size: None, points };
+    check_black_levels(text, &file.point, &found)?;
+    Ok(found)
+}
+
+/// Refuses two black levels of one gain, and gains without one beside others that have one.
+fn check_black_levels(text: &str, entries: &[Spanned<Entry>], found: &Captures) -> Result<(), FileError> {
+    let key = "black_level_dn";
+    let is_stated = found.points.iter().any(|point| point.black_level_dn.is_some());
+    for (entry, point) in entries.iter().zip(&found.points).filter(|_| is_stated) {
+        let gain = point.linear_gain;
+        let own = entry.get_ref().black_level_dn.as_ref();
+        match (own, point.black_level_dn, found.black_level_dn(gain)) {
+            (Some(value), Some(own), Some(first)) if own != first => {
+                let message = format!("{own} at gain {gain}, where a point above states {first}");
+                let error = FileError::at(text, value.span(), key, message);
+                return Err(error.hint("give all points of a gain the same black level"));
+            }
+            (.., None) => {
+                let message = format!("gain {gain} states none, and other gains do");
+                let error = FileError::at(text, entry.span(), key, message);
+                return Err(
+                    error.hint("state it in a [[point]] of every gain, or in [sensor] for the others")
+                );
+            }
+            _ => {}
+        }
+    }
+    Ok(())
 }
 
 /// Line from 1, and its first byte.
@@ -221,6 +259,27 @@ frames = ["c.png", "d.png"]
             ("linear_gain = 2.0", "linear_gain = nan", 12, "linear_gain", "outside"),
             ("linear_gain = 2.0", "photons = 3.0", 12, "photons", "dark point"),
             ("kind = \"dark\"", "kind = \"drak\"", 11, "kind", "dark"),
+            (
+                "linear_gain = 2.0",
+                "linear_gain = 2.0\nblack_level_dn = 5000.0",
+                13,
+                "black_level_dn",
+                "outside",
+            ),
+            (
+                "exposure_ms = 2.5",
+                "exposure_ms = 2.5\nblack_level_dn = 64.0",
+                10,
+                "black_level_dn",
+                "gain 2 states",
+            ),
+            (
+                "linear_gain = 2.0",
+                "linear_gain = 1.0\nblack_level_dn = 64.0\nexposure_ms = 1.0\nframes = []\n[[point]]\nkind = \"dark\"\nblack_level_dn = 70.0",
+                18,
+                "black_level_dn",
+                "64",
+            ),
         ] {
             let error = parse(&TEXT.replace(from, to), Path::new("")).unwrap_err();
             assert_eq!((error.line, error.key.as_str()), (Some(line), key), "{error}");

@@ -5,6 +5,7 @@ use quick_xml::events::{BytesDecl, BytesEnd, BytesStart, BytesText, Event};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::emva::figures::Limit;
 use crate::emva::high_pass::HighPass;
 use crate::emva::histogram::Histogram;
 use crate::emva::measured::Measured;
@@ -42,6 +43,9 @@ pub fn result_xml(channel: &ChannelResult, values: Values) -> Result<String, std
             text(&mut out, "value", &number(value))?;
             if let Some(se) = value.standard_error() {
                 text(&mut out, "standard_error", &format!("{se:?}"))?;
+            }
+            if let Some(limit) = figure.limit {
+                text(&mut out, "limit", if limit == Limit::Upper { "upper" } else { "lower" })?;
             }
             if let Some(why) = value.reason() {
                 text(&mut out, "not_resolved", &why.to_string())?;

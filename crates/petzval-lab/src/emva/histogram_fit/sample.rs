@@ -47,7 +47,7 @@ impl Sample<'_> {
             gain_dn_per_e: numbers[Parameter::Gain] * self.histogram.linear_gain,
             read_noise_mean_e: numbers[Parameter::ReadNoiseMean],
             read_noise_e: numbers[Parameter::DarkNoise],
-            offset_dn: numbers[Parameter::DarkOffset],
+            offset_dn: numbers[Parameter::DarkOffset] + self.histogram.black_shift_dn,
             electronics_noise_dn: numbers[Parameter::ElectronicsNoise],
             pattern_variance_e2: numbers[Parameter::PrnuSquared] * light_e * light_e,
             full_well_e,
@@ -62,8 +62,9 @@ impl Sample<'_> {
 /// converter nor by the full well. Only the core counts, because the extremes are random.
 pub fn is_usable(h: &PointHistogram, start: &ModelParameters, max_dn: u32) -> bool {
     let (low, high) = core(&h.counts);
-    let electrons = (f64::from(high) - start.dark_offset_dn) / (start.gain_dn_per_e * h.linear_gain)
-        - start.read_noise_mean_e;
+    let offset_dn = start.dark_offset_dn + h.black_shift_dn;
+    let electrons =
+        (f64::from(high) - offset_dn) / (start.gain_dn_per_e * h.linear_gain) - start.read_noise_mean_e;
     let is_clipped_at_zero = low == 0;
     let is_clipped_at_max = high >= max_dn;
     let is_below_full = h.kind == Kind::Dark || electrons < start.full_well_e;
@@ -100,7 +101,8 @@ pub fn arrange<'a>(
             let known = levels.iter().find(|(k, _)| *k == key).map(|(_, level)| *level);
             let level = known.unwrap_or_else(|| {
                 let mean = mean_dn(&histogram.counts);
-                let e = (mean - start.dark_offset_dn) / (start.gain_dn_per_e * histogram.linear_gain)
+                let offset_dn = start.dark_offset_dn + histogram.black_shift_dn;
+                let e = (mean - offset_dn) / (start.gain_dn_per_e * histogram.linear_gain)
                     - start.read_noise_mean_e
                     - start.dark_current_e_per_s * histogram.exposure_s;
                 let ratio = ratio(&numbers, histogram.colour);

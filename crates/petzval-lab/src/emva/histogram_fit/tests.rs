@@ -71,6 +71,7 @@ fn captured(
                 linear_gain: gain,
                 exposure_s: time_s,
                 photons: (kind == Kind::Flat).then_some(2.0 * electrons),
+                black_shift_dn: 0.0,
                 colour: (kind == Kind::Flat).then_some(Colour::Clear),
                 pixels: height * width,
                 in_range: true,

@@ -70,6 +70,8 @@ mod tests {
             first: [3, 4],
             dark_dn,
             flat_dn: [known(0.5), known(7.0)],
+            bias_percent: None,
+            of_others: Vec::new(),
         };
         let one = defects(Colour::Clear, 1, [none, known(45.0)]).to_string();
         assert_eq!(
@@ -80,5 +82,28 @@ mod tests {
         );
         let green = defects(Colour::Green, 2, [known(0.1), known(0.2)]).to_string();
         assert!(green.contains("gain 1, 2 green pixels do not"), "{green}");
+    }
+
+    #[test]
+    fn defects_say_by_how_much_means_over_all_pixels_are_off() {
+        let known = |dn| Measured::new(dn, 0.01);
+        let defects = |bias_percent| {
+            let warning = Warning::DefectPixels {
+                linear_gain: 1.0,
+                colour: Colour::Clear,
+                pixels: 600,
+                first: [0, 100],
+                dark_dn: [known(1.2), known(4.4)],
+                flat_dn: [known(20.0), known(138.0)],
+                bias_percent,
+                of_others: vec![("R", 0.150_001, "DN/p"), ("QE", 59.996, "%"), ("u_e_sat", 16_123.4, "e-")],
+            };
+            warning.to_string()
+        };
+        let end = ". EMVA 1288 averages signals over all pixels: R, QE and u_e_sat are 0.42 % too low by them; without them R 0.15000 DN/p, \
+                   QE 59.996 %, u_e_sat 16123 e-";
+        assert!(defects(Some(-0.4167)).ends_with(end), "{}", defects(Some(-0.4167)));
+        // A bias far below any error of these figures is not worth a sentence.
+        assert!(defects(Some(-0.001)).ends_with("138.000 DN with them"), "{}", defects(Some(-0.001)));
     }
 }

@@ -2,10 +2,11 @@
 
 use crate::emva::captures::SensorFacts;
 use crate::emva::joint::{GainRow, JointFit};
+use crate::emva::measured::Measured;
 use crate::emva::result::{ChannelResult, GainResult};
 use crate::emva::rounding::LEAST_DARK_VARIANCE_DN2;
 use crate::emva::samples::ConverterFlags;
-use crate::emva::spatial::Components;
+use crate::emva::spatial::{Components, Spatial};
 use crate::emva::transfer_point::TransferPoint;
 use crate::emva::warning::Warning;
 use petzval_base::statistics::median;
@@ -27,6 +28,7 @@ pub fn series_warnings(
     warnings.extend(gains.iter().flat_map(not_linear));
     warnings.extend(full_well_differs(sensor, gains));
     warnings.extend(hot_pixels(joint));
+    warnings.extend(gains.iter().filter_map(bright_pixels));
     warnings.extend(gains.iter().flat_map(defect_pixels));
     warnings
 }
@@ -115,7 +117,7 @@ fn not_linear(gain: &GainResult) -> Vec<Warning> {
 /// clips first, the well may be larger than measured.
 fn full_well_differs(sensor: &SensorFacts, gains: &[GainResult]) -> Option<Warning> {
     let stated_e = sensor.full_well_e?;
-    let channel = gains.first()?.channels.first()?;
+    let channel = gains.first()?.saturated_channel()?;
     let measured = channel.figure("u_e_sat")?.best();
     let (measured_e, standard_error_e) = (measured.value()?, measured.standard_error()?);
     let is_clipped = channel.points.last().is_some_and(TransferPoint::is_full);
@@ -169,6 +171,25 @@ fn hot_pixels(joint: &JointFit) -> Option<Warning> {
     })
 }
 
+/// Pixels that are bright in the dark at every exposure time, and the DSNU of the colour where they add most to it.
+fn bright_pixels(gain: &GainResult) -> Option<Warning> {
+    let currents = gain.pixel_dark_currents.as_ref()?;
+    let stacks: Vec<&Spatial> = gain.channels.iter().filter_map(|c| c.spatial.as_ref()).collect();
+    let pixels = if stacks.is_empty() { currents.bright } else { stacks.iter().map(|s| s.bright).sum() };
+    let spread = |of: &Components| of.total.if_above_noise().root();
+    let pair = |s: &&Spatial| {
+        s.dark_components_without_bright.map(|without| [spread(&s.dark_components), spread(&without)])
+    };
+    let added =
+        |[with, without]: &[Measured; 2]| with.value().unwrap_or(0.0) - without.value().unwrap_or(0.0);
+    (pixels > 0).then_some(Warning::BrightPixels {
+        linear_gain: gain.linear_gain,
+        pixels,
+        offset_dn: currents.bright_offset_dn?,
+        dark_dn: stacks.iter().filter_map(pair).max_by(|a, b| added(a).total_cmp(&added(b))),
+    })
+}
+
 /// Pixels of each colour that do not answer light.
 fn defect_pixels(gain: &GainResult) -> Vec<Warning> {
     let of = |c: &ChannelResult| {
@@ -184,6 +205,14 @@ fn defect_pixels(gain: &GainResult) -> Vec<Warning> {
             first: [first.row, first.column],
             dark_dn: pair(&spatial.dark_components, dark),
             flat_dn: pair(&spatial.flat_components, flat),
+            bias_percent: spatial.signal_bias.map(|bias| 100.0 * bias),
+            of_others: ["R", "QE", "u_e_sat"]
+                .iter()
+                .filter_map(|name| {
+                    let (figure, others) = (c.figure(name)?, c.without_defects(name)?);
+                    Some((figure.name, others.value()?, figure.unit))
+                })
+                .collect(),
         })
     };
     gain.channels.iter().filter_map(of).collect()

@@ -46,6 +46,10 @@ pub struct Args {
     /// Copy pictures in place of links, so that changes of the ones do not reach the others
     #[arg(long)]
     copy: bool,
+    /// Whether boxes of pictures that EXIF turns are of the pictures as shown (true) or of the stored pixels (false). It counts where neither the format
+    /// nor a stated size says so; without it such pictures are left out
+    #[arg(long, value_name = "true|false")]
+    turned: Option<bool>,
     /// Print what was written as JSON
     #[arg(long)]
     json: bool,
@@ -59,7 +63,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
         Format::Yolo => SourceFormat::Yolo,
         Format::Voc => SourceFormat::Voc,
     };
-    let request = Request { format, input: args.input, out: args.out, copy: args.copy };
+    let request = Request { format, input: args.input, out: args.out, copy: args.copy, turned: args.turned };
     let response = convert::run(&request, &terminal.context())?;
     if args.json {
         print_json(&response)?;

@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::path::PathBuf;
 
 use crate::jobs::sensor::characterize::{
-    self, Characterization, Colour, GAINS, HighPass, HistogramComparison, Measured, NamedFit, Values,
+    self, Characterization, Colour, Figure, GAINS, HighPass, HistogramComparison, Measured, NamedFit, Values,
     Verdict, colour_name, fits,
 };
 use clap::ValueEnum;
@@ -113,6 +113,19 @@ impl Lines {
         };
     }
 
+    /// Adds a figure. A limit is printed as one: it has no error, and is no measurement.
+    fn add_figure(&mut self, figure: &Figure, measured: Measured) {
+        let name = format!("  {}", figure.name);
+        match (figure.limit, measured.value()) {
+            (Some(limit), Some(value)) => {
+                let digits = (3.0 - value.abs().max(1e-6).log10().floor()).clamp(0.0, 9.0) as usize;
+                let text = format!("{} {value:.digits$}", limit.sign());
+                let _ = writeln!(self.text, "{name:<30}{text:>14}    {:<12} {}", "", figure.unit);
+            }
+            _ => self.add(&name, measured, figure.unit),
+        }
+    }
+
     /// Writes one line for each reason, with the numbers that it leaves unresolved.
     fn reasons(&mut self, indent: &str) {
         for (why, names) in std::mem::take(&mut self.unresolved) {
@@ -195,7 +208,7 @@ fn table(found: &Characterization, values: Values) -> String {
             let _ = writeln!(lines.text, "\ngain {}, {}", gain.linear_gain, colour_name(channel.colour));
             for figure in SHOWN.iter().filter_map(|name| channel.figure(name)) {
                 let measured = if values == Values::Library { figure.value } else { figure.best() };
-                lines.add(&format!("  {}", figure.name), measured, figure.unit);
+                lines.add_figure(figure, measured);
             }
             lines.reasons("  ");
         }
@@ -268,7 +281,7 @@ const SHOWN: [&str; 21] = [
 
 #[cfg(test)]
 mod tests {
-    use crate::jobs::sensor::characterize::Unresolved;
+    use crate::jobs::sensor::characterize::{Limit, Unresolved};
 
     use super::*;
 
@@ -286,5 +299,31 @@ mod tests {
         assert!(text[0].contains("0.1400 +- 0.0010"), "{}", text[0]);
         assert_eq!(text[1], "  not resolved: the series does not reach saturation: u_e_sat, DR_dB");
         assert_eq!(text[2], "  not resolved: no point states its photons per pixel: QE");
+    }
+
+    #[test]
+    fn limits_have_a_sign_in_place_of_an_error() {
+        let figure = |name, value, limit| Figure {
+            name,
+            section: "sensitivity",
+            meaning: "",
+            unit: "e-",
+            value: Measured::exact(value),
+            corrected: None,
+            limit,
+        };
+        let mut lines = Lines::default();
+        for (name, value, limit) in [
+            ("sigma_d", 7.949_587, Some(Limit::Upper)),
+            ("DR_dB", 77.875_598, Some(Limit::Lower)),
+            ("index_start", 3.0, None),
+        ] {
+            lines.add_figure(&figure(name, value, limit), Measured::exact(value));
+        }
+        let words: Vec<Vec<&str>> =
+            lines.text.lines().map(|line| line.split_whitespace().collect()).collect();
+        assert_eq!(words[0], ["sigma_d", "<", "7.950", "e-"]);
+        assert_eq!(words[1], ["DR_dB", ">", "77.88", "e-"]);
+        assert_eq!(words[2], ["index_start", "3.000000", "e-"]);
     }
 }
