@@ -22,8 +22,14 @@ pub struct DeviceFacts {
 #[cfg(any(feature = "wgpu", feature = "cuda"))]
 pub fn facts(device: &Device) -> Option<DeviceFacts> {
     let identity = device.identity()?;
+    #[cfg(feature = "wgpu")]
+    let adapter = driver_of_adapter(&identity.name);
+    #[cfg(not(feature = "wgpu"))]
+    let adapter: Option<String> = None;
+    // CUDA names its kernels by the card's generation.
+    let module = || identity.fingerprint.starts_with("ptx").then(driver_of_module).flatten();
     Some(DeviceFacts {
-        driver: driver(&identity.name).unwrap_or_default(),
+        driver: adapter.or_else(module).unwrap_or_default(),
         is_software: identity.physical.is_none(),
         name: identity.name,
     })
@@ -37,7 +43,7 @@ pub fn facts(_: &Device) -> Option<DeviceFacts> {
 
 /// The driver of the adapter with this name.
 #[cfg(feature = "wgpu")]
-fn driver(name: &str) -> Option<String> {
+fn driver_of_adapter(name: &str) -> Option<String> {
     use burn_cubecl::cubecl::future::block_on;
     use burn_cubecl::cubecl::wgpu::wgpu;
 
@@ -49,9 +55,17 @@ fn driver(name: &str) -> Option<String> {
     Some(format!("{} {}", found.driver, found.driver_info).trim().to_owned())
 }
 
-#[cfg(all(feature = "cuda", not(feature = "wgpu")))]
-fn driver(_: &str) -> Option<String> {
-    None
+/// What NVIDIA's module of the Linux kernel says of its version; none on other systems.
+#[cfg(any(feature = "wgpu", feature = "cuda"))]
+fn driver_of_module() -> Option<String> {
+    version_of_module(&petzval_base::read_text("/proc/driver/nvidia/version").ok()?)
+}
+
+/// The first line of the module's description: `NVRM version: NVIDIA UNIX x86_64 Kernel Module  550.54.15  Tue Mar  5`.
+#[cfg(any(test, feature = "wgpu", feature = "cuda"))]
+fn version_of_module(text: &str) -> Option<String> {
+    let line = text.lines().next()?.strip_prefix("NVRM version:")?;
+    Some(line.split_whitespace().collect::<Vec<_>>().join(" ")).filter(|version| !version.is_empty())
 }
 
 /// Keeps in a folder which kernels were found the fastest on the GPU, and takes those that are kept there already. Holds for the process until
@@ -68,3 +82,18 @@ pub fn keep_tuning_in(folder: &Path) {
 /// Does nothing: this build has no GPU back end.
 #[cfg(not(any(feature = "wgpu", feature = "cuda")))]
 pub fn keep_tuning_in(_: &Path) {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_version_of_the_module_is_that_of_its_first_line() {
+        let text = "NVRM version: NVIDIA UNIX x86_64 Kernel Module  550.54.15  Tue Mar  5 22:23:56 UTC 2024\nGCC version: 12\n";
+        let version = version_of_module(text).unwrap();
+        assert_eq!(version, "NVIDIA UNIX x86_64 Kernel Module 550.54.15 Tue Mar 5 22:23:56 UTC 2024");
+        for other in ["", "NVRM version:\n", "GCC version: 12"] {
+            assert_eq!(version_of_module(other), None, "{other}");
+        }
+    }
+}

@@ -14,7 +14,8 @@ use crate::experiment::{BlockName, Schedule, Stage, StepMethod, Variant};
 use crate::setup::Setup;
 
 /// The convolutions of a training step of the experiment, collected from the step itself: one step of the network, or of the first block with a
-/// gradient where no network moves. It is taken on the device of the setup and changes nothing.
+/// gradient where no network moves. It is taken on the device of the setup and changes nothing. All windows of the batch are taken together, also
+/// on the CPU, so that the shapes are those of a GPU.
 ///
 /// None if no block moves by a gradient.
 pub fn convolutions_of(setup: &Setup) -> Result<BTreeSet<Convolution>, DesignError> {
@@ -67,6 +68,43 @@ fn one_step(
     blocks.network.set_sight(Sight { sees: variant.sees, zoom: 1.0 });
     let camera = blocks.held(&setup.moving_camera(variant, blocks.optics.lens()?)?);
     let rule = schedule.rule(0);
-    let step = StepOf { setup, variant, objective: &*objective, block, rule, number: 0, next: None };
+    let objective = &*objective;
+    let step = StepOf { setup, variant, objective, block, rule, number: 0, next: None, is_whole: true };
     step_of(&step, &camera, &mut blocks).map(drop)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::experiment::Experiment;
+    use crate::library::Library;
+
+    /// The convolutions of a step on three small windows.
+    fn of_task(task: &str, more: &str) -> BTreeSet<Convolution> {
+        let text = format!(
+            "name = \"small\"\ntask = \"{task}\"\n[psf]\nfields = 3\ngrid = 64\npatches = [2, 2]\npupil_cells = 16\n\
+             [network]\nbase_channels = 8\nlevels = 2\nweights = \"none\"\n[training]\nsteps = 4\nbatch = 3\n{more}\
+             [[variant]]\nname = \"end-to-end\"\n[[variant.stage]]\nmoves = [\"optics\", \"network\"]\n"
+        );
+        let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+        let experiment = Experiment::parse(&text).unwrap();
+        let setup = Setup::new(experiment, &assets, Device::flex().autodiff()).unwrap();
+        convolutions_of(&setup).unwrap()
+    }
+
+    #[test]
+    fn a_step_has_the_shapes_of_its_whole_batch() {
+        // No other test of this program has windows of these sides, so that none adds to their convolutions.
+        let streets = "crop = 104\n[street]\nwindows = 3\nheld_out = 1\nsamples = 1\n";
+        for (task, more, side) in [("image-quality", "crop = 72\n", 72), ("pedestrian-vehicle", streets, 104)]
+        {
+            let all = of_task(task, more);
+            let batches: BTreeSet<usize> =
+                all.iter().filter(|c| c.input[2..] == [side, side]).map(|c| c.input[0]).collect();
+            // Losses on pairs of pictures have a multiple of the batch.
+            assert!(batches.contains(&3) && batches.iter().all(|batch| batch % 3 == 0), "{task}: {all:?}");
+        }
+    }
 }

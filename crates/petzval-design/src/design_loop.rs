@@ -162,6 +162,8 @@ pub struct StepOf<'a> {
     pub number: u64,
     /// Number of the batch that the same camera will take next; its windows are made meanwhile.
     pub next: Option<u64>,
+    /// Whether all windows are taken together, as a GPU does, also on the CPU.
+    pub is_whole: bool,
 }
 
 /// Takes the step of a block with a camera whose blocks are held. Returns the losses before the step.
@@ -181,7 +183,7 @@ fn step_on(
     blocks: &mut Blocks,
     shots: &[Shot],
 ) -> Result<BTreeMap<String, f64>, DesignError> {
-    let StepOf { setup, variant, objective, block, rule, number, next } = *step;
+    let StepOf { setup, variant, objective, block, rule, number, next, is_whole } = *step;
     // A network behind the ISP needs no gradient by it, nor do a search and the differences of an exposure: they see the pictures that will be
     // scored.
     let needs_none =
@@ -200,6 +202,7 @@ fn step_on(
         loss: objective,
         further: &|number| setup.training_shots(camera, number),
         magnified: is_magnified.then_some(&magnified),
+        is_whole,
     };
     let stepped = beside_windows(setup, camera, next, || blocks.get_mut(block).step(&batch, rule));
     // A network of a user that failed on the tape has given no gradient, whatever block moves.
@@ -426,6 +429,7 @@ impl DesignLoop {
             rule,
             number: self.batch_number(moves, block, taken),
             next: self.next_batch(moves, block),
+            is_whole: false,
         };
         self.waits_for_windows = true;
         let shots = self.setup.training_shots(&camera, at.number)?;

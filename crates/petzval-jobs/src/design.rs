@@ -15,7 +15,8 @@ use petzval_design::path_text::path_text;
 use petzval_design::plausible::check;
 use petzval_design::run::input_list::{InputList, check_pictures_are_there};
 use petzval_design::run::{
-    CameraMetrics, DigestCheck, Event as StepEvent, RunFolder, RunRecord, VERSION, extend_run, write_file,
+    BegunRun, CameraMetrics, DigestCheck, Event as StepEvent, RunFolder, RunRecord, VERSION, extend_run,
+    write_file,
 };
 use petzval_design::scalar_log::ScalarLog;
 use petzval_design::scoring::Scorer;
@@ -29,7 +30,7 @@ use serde::{Deserialize, Serialize};
 use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::device_check::Gate;
-use crate::error::{JobError, Stopped, json, make_folder};
+use crate::error::{JobError, Stopped, json};
 use crate::event::{CameraScore, Event, WarningKind};
 pub use crate::experiment::DEFAULT_EXPERIMENT;
 use crate::init;
@@ -255,18 +256,16 @@ fn run_from(request: &Request, context: &Context) -> Result<Response, JobError> 
             let scorer = scorer(setup)?;
             let setup = scorer.setup();
             let root = root_of(new, &setup.experiment);
-            let was_there = root.exists();
-            if !was_there {
-                make_folder(&root)?;
-            }
-            let folder = RunFolder::create(&root)?;
-            let gate = Gate { device: &request.device, setup, folder: &folder };
+            let begun = BegunRun::new(&root)?;
+            let gate = Gate { device: &request.device, setup, folder: begun.folder() };
             if let Err(refused) = gate.pass(context) {
-                folder.take_back(was_there)?;
+                if let Err(stays) = begun.take_back() {
+                    context.note(format!("{stays}; what was made for the run stays in {}", root.display()));
+                }
                 return Err(refused);
             }
+            let (folder, lock) = begun.keep();
             write_file(&folder.environment(), json(&environment(context))?.as_bytes())?;
-            let lock = folder.lock()?;
             keep_inputs(setup, &own.assets, &folder)?;
             (scorer, folder, lock)
         }

@@ -30,20 +30,30 @@ pub(crate) fn device(name: &str) -> Result<Device, JobError> {
     }
 }
 
-/// Opens a GPU. Until a run has a folder, which kernels are the fastest is kept in one for all such calls on this machine.
+/// Keeps in the cache folder of the user, to which nobody else writes, which kernels are the fastest: for all work until a run with a folder of
+/// its own begins. Without such a folder the framework chooses the place.
+#[cfg(any(feature = "wgpu", feature = "cuda"))]
+pub(crate) fn keep_tuning_for_the_user() {
+    if let Some(cache) = dirs::cache_dir() {
+        let folder = cache.join("petzval").join("tuning").join(env!("CARGO_PKG_VERSION"));
+        petzval_camera::device::keep_tuning_in(&folder);
+    }
+}
+
+/// Does nothing: this build has no GPU back end.
+#[cfg(not(any(feature = "wgpu", feature = "cuda")))]
+pub(crate) fn keep_tuning_for_the_user() {}
+
+/// Opens a GPU.
 #[cfg(any(feature = "wgpu", feature = "cuda"))]
 fn opened(name: &str, device: impl FnOnce() -> Device) -> Result<Device, JobError> {
     use std::sync::Once;
 
-    use petzval_camera::device::{facts, keep_tuning_in};
-
     static TUNING: Once = Once::new();
-    TUNING.call_once(|| {
-        keep_tuning_in(&std::env::temp_dir().join(format!("petzval-tuning-{}", env!("CARGO_PKG_VERSION"))));
-    });
+    TUNING.call_once(keep_tuning_for_the_user);
     let tried = catch_unwind(AssertUnwindSafe(|| {
         let device = device();
-        facts(&device);
+        petzval_camera::device::facts(&device);
         device
     }));
     let device = tried.map_err(|panic| {

@@ -32,7 +32,7 @@ pub struct Response {
 petzval_base::parameters! {
     /// What is looked at beside machine, build and built-in files.
     pub struct Request {
-        /// Time for the check of a device; what it leaves out is listed.
+        /// Time after which the check of a device begins nothing new; what it leaves out is listed.
         seconds: usize = 120, "s", 1..86_400, Log, "120 s; more on a device that is slow";
     }
     also {

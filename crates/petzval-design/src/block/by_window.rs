@@ -55,10 +55,10 @@ pub(super) trait By: Sync {
 }
 
 /// How a camera takes the windows of a batch; whole where they are taken together: a single one, a loss that looks at all of them, a network
-/// of a user, or another device than the CPU.
+/// of a user, another device than the CPU, or a batch that says so.
 fn way(batch: &Batch, camera: &Camera, shots: &[Shot]) -> Result<WindowsOf, DesignError> {
     let way = batch.loss.windows();
-    if shots.len() < 2 || way == WindowsOf::Whole || !camera.takes_windows_alone() {
+    if batch.is_whole || shots.len() < 2 || way == WindowsOf::Whole || !camera.takes_windows_alone() {
         return Ok(WindowsOf::Whole);
     }
     // Otherwise each window would make all of them.

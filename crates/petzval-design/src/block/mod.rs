@@ -66,12 +66,14 @@ pub struct Batch<'a> {
     pub further: &'a Further<'a>,
     /// The same windows magnified, if the lens may change how large it images them.
     pub magnified: Option<&'a Magnified<'a>>,
+    /// Whether all windows are taken together, also where the CPU would take them one by one.
+    pub is_whole: bool,
 }
 
 impl<'a> Batch<'a> {
     /// A batch without further windows, behind a lens that keeps its magnification.
     pub fn new(camera: &'a Camera, shots: &'a [Shot], noise: Noise, loss: &'a dyn Objective) -> Self {
-        Self { camera, shots, noise, loss, further: &|_| Ok(Vec::new()), magnified: None }
+        Self { camera, shots, noise, loss, further: &|_| Ok(Vec::new()), magnified: None, is_whole: false }
     }
 
     /// The number of the batch, which no other has: that of its first frame.

@@ -15,7 +15,10 @@ use crate::error::DesignError;
 pub(super) const PARTIAL: &str = ".partial-";
 
 /// The file that the process at work holds locked.
-const LOCK: &str = "run.lock";
+pub(super) const LOCK: &str = "run.lock";
+
+/// The folders that every run has.
+pub(super) const PARTS: [&str; 5] = ["checkpoints", "lens", "cameras", "pictures", "inputs"];
 
 /// Further tries to lock a run, and the time between them.
 const TRIES: usize = 5;
@@ -55,6 +58,21 @@ impl Drop for RunLock {
     }
 }
 
+/// Whether an open file is still the one of this path.
+#[cfg(unix)]
+fn is_at(file: &fs::File, path: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt;
+
+    let place = |found: io::Result<fs::Metadata>| found.ok().map(|found| (found.dev(), found.ino()));
+    place(file.metadata()).is_some_and(|own| place(fs::metadata(path)) == Some(own))
+}
+
+/// Whether a file of this path is there: others that are open under the same name cannot be told apart here.
+#[cfg(not(unix))]
+fn is_at(_: &fs::File, path: &Path) -> bool {
+    path.exists()
+}
+
 /// A run folder on disk.
 #[derive(Clone, Debug)]
 pub struct RunFolder {
@@ -65,28 +83,21 @@ impl RunFolder {
     /// Makes a new, empty run folder. Fails as [`check_new`](Self::check_new) does, and with the system's errors.
     pub fn create(root: &Path) -> Result<Self, DesignError> {
         Self::check_new(root)?;
-        for part in ["checkpoints", "lens", "cameras", "pictures", "inputs"] {
+        for part in PARTS {
             let path = root.join(part);
             fs::create_dir_all(&path).map_err(DesignError::io(&path))?;
         }
-        Ok(Self { root: root.to_path_buf() })
+        Ok(Self::at(root))
     }
 
-    /// Removes what [`create`](Self::create) made, for a run that does not begin; also the folder itself, unless it was there before.
-    pub fn take_back(self, was_there: bool) -> Result<(), DesignError> {
-        let made = ["checkpoints", "lens", "cameras", "pictures", "inputs"].map(|part| self.root.join(part));
-        for path in made.into_iter().chain([self.tuning()]).filter(|path| path.is_dir()) {
-            fs::remove_dir_all(&path).map_err(DesignError::io(&path))?;
-        }
-        if !was_there {
-            fs::remove_dir(&self.root).map_err(DesignError::io(&self.root))?;
-        }
-        Ok(())
+    /// The folder of this path, whatever is there.
+    pub(super) fn at(root: &Path) -> Self {
+        Self { root: root.to_path_buf() }
     }
 
     /// Sees that a new run can begin in this folder, which need not exist. Fails if it is a file, or holds a run or a part of one.
     pub fn check_new(root: &Path) -> Result<(), DesignError> {
-        let folder = Self { root: root.to_path_buf() };
+        let folder = Self::at(root);
         if root.exists() && !root.is_dir() {
             let problem = "this is a file; --out takes a folder, which is made if need be".to_owned();
             return Err(DesignError::Run { path: root.to_path_buf(), problem });
@@ -110,7 +121,7 @@ impl RunFolder {
 
     /// Opens a run folder that exists.
     pub fn open(root: &Path) -> Result<Self, DesignError> {
-        let folder = Self { root: root.to_path_buf() };
+        let folder = Self::at(root);
         if !folder.config().is_file() {
             let why = if root.is_dir() { "it has no config.toml" } else { "there is no such folder" };
             let problem = format!("not a run folder: {why}");
@@ -124,16 +135,24 @@ impl RunFolder {
         let path = self.root.join(LOCK);
         // The process that holds the lock has written its name into the file: it is not truncated before the lock is held.
         let mut options = fs::OpenOptions::new();
-        let file = options.read(true).write(true).create(true).truncate(false).open(&path);
-        let file = file.map_err(DesignError::io(&path))?;
+        options.read(true).write(true).create(true).truncate(false);
+        let tried = || -> Result<(fs::File, Result<(), fs::TryLockError>), DesignError> {
+            let file = options.open(&path).map_err(DesignError::io(&path))?;
+            let locked = match file.try_lock() {
+                // A run that was refused has taken the file away: its lock keeps nobody out.
+                Ok(()) if !is_at(&file, &path) => Err(fs::TryLockError::WouldBlock),
+                locked => locked,
+            };
+            Ok((file, locked))
+        };
         // Whoever looks whether a process is at work holds a shared lock for a moment.
-        let mut locked = file.try_lock();
+        let (mut file, mut locked) = tried()?;
         for _ in 0..TRIES {
             if !matches!(locked, Err(fs::TryLockError::WouldBlock)) {
                 break;
             }
             std::thread::sleep(BETWEEN_TRIES);
-            locked = file.try_lock();
+            (file, locked) = tried()?;
         }
         match locked {
             Ok(()) => {
@@ -336,4 +355,21 @@ pub(crate) fn read_json_if_there<T: DeserializeOwned>(path: &Path) -> Result<Opt
 /// Writes a file of a run whole or not at all.
 pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), DesignError> {
     write_whole(path, bytes).map_err(DesignError::io(path))
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_that_was_taken_away_and_made_anew_is_another() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(LOCK);
+        let file = fs::File::create(&path).unwrap();
+        assert!(is_at(&file, &path));
+        fs::remove_file(&path).unwrap();
+        assert!(!is_at(&file, &path));
+        let other = fs::File::create(&path).unwrap();
+        assert!(!is_at(&file, &path) && is_at(&other, &path));
+    }
 }

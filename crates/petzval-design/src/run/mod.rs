@@ -6,6 +6,7 @@
 //! made, if the run was evaluated with tolerances), `report.html`. `digests.json` in a checkpoint, in a camera and in the run folder
 //! itself has the SHA-256 of the files there.
 
+mod beginning;
 mod checkpoint;
 mod digests;
 mod events;
@@ -18,6 +19,7 @@ mod metrics;
 pub mod picture_names;
 mod record;
 
+pub use beginning::BegunRun;
 pub use checkpoint::{
     Kept, all_checkpoints, latest_checkpoint, load_blocks, load_state, save_blocks, save_checkpoint,
     save_state, set_aside,

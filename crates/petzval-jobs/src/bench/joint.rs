@@ -150,6 +150,7 @@ impl Steps {
             rule: self.schedule.rule(self.taken),
             number: self.taken as u64,
             next,
+            is_whole: false,
         };
         step_of(&at, &camera, &mut self.blocks)?;
         self.taken += 1;

@@ -3,6 +3,7 @@
 mod networks;
 
 use std::collections::BTreeSet;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -17,7 +18,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
-use crate::device::device;
+use crate::device::{device, keep_tuning_for_the_user};
 use crate::error::{JobError, json};
 
 use networks::all_convolutions;
@@ -85,8 +86,11 @@ impl DeviceReport {
         self.convolutions.iter().filter_map(of).chain(memory).collect()
     }
 
-    /// Whether it was made for the same device, driver and version.
+    /// Whether it was made for the same device, driver and version. A driver that a card does not name may be another one every time.
     fn is_of(&self, other: &Subject) -> bool {
+        if !self.name.is_empty() && self.driver.is_empty() {
+            return false;
+        }
         let theirs = (&*other.device, &*other.facts.name, &*other.facts.driver, VERSION);
         (&*self.device, &*self.name, &*self.driver, &*self.version) == theirs
     }
@@ -114,7 +118,8 @@ impl Subject {
         [&*self.device, &*self.facts.name].join(" ").trim().to_owned()
     }
 
-    /// Checks convolutions, from little work to much, until the time is over; then `steps` steps of memory, of which a tenth of the time is kept.
+    /// Takes `steps` steps of memory; then checks convolutions, from little work to much, and begins none once the time is over. All steps
+    /// and one convolution are taken however short the time.
     fn check(
         &self,
         convolutions: BTreeSet<Convolution>,
@@ -176,13 +181,13 @@ impl Subject {
     }
 }
 
-/// Checks a device with the convolutions of every network of Petzval, for about so many seconds.
+/// Checks a device with the convolutions of every network of Petzval. A third of the seconds at most goes to the CPU, which names the
+/// convolutions; what has begun ends later.
 pub(crate) fn check_device(name: &str, seconds: usize, context: &Context) -> Result<DeviceReport, JobError> {
     let started = Instant::now();
     let tensors = device(name)?;
     let subject = Subject::new(name, &tensors);
-    context.note(format!("checking {} against the CPU, for {seconds} s at most", subject.in_words()));
-    // A third of the time at most goes to the CPU, which names the convolutions to try.
+    context.note(format!("checking {} against the CPU, for about {seconds} s", subject.in_words()));
     let limit = Duration::from_secs(seconds as u64);
     let found = all_convolutions(started + limit / 3, context)?;
     let limit = limit.saturating_sub(started.elapsed());
@@ -195,7 +200,11 @@ pub(crate) fn check_device(name: &str, seconds: usize, context: &Context) -> Res
     Ok(report)
 }
 
-/// The check that a training needs before its first step on a device other than the CPU: exactly the convolutions of its own steps, all of them.
+/// The check that a training needs before its first step on a device other than the CPU: all convolutions of a step of its network, or of its
+/// first block with a gradient.
+///
+/// It does not try the other sizes that a run meets: the windows of validations, held-out pictures and their scores, and windows that are
+/// enlarged for a detector behind another lens. `petzval doctor` checks memory.
 pub(crate) struct Gate<'a> {
     /// Name of the device in requests.
     pub(crate) device: &'a str,
@@ -211,17 +220,29 @@ impl Gate<'_> {
         if self.device == "cpu" {
             return Ok(());
         }
+        let tuning = self.folder.tuning();
+        let had_tuning = tuning.exists();
+        crate::error::make_folder(&tuning)?;
+        keep_tuning_in(&tuning);
+        self.check(context).inspect_err(|_| {
+            // A run that is refused stays as it was, and no later work may look for its tuning there.
+            keep_tuning_for_the_user();
+            if !had_tuning && let Err(error) = std::fs::remove_dir_all(&tuning) {
+                context.note(format!("{}: {error}; the tuning of a refused run stays", tuning.display()));
+            }
+        })
+    }
+
+    fn check(&self, context: &Context) -> Result<(), JobError> {
         let subject = Subject::new(self.device, &self.setup.body.device);
         let kept = self.folder.device();
-        crate::error::make_folder(&self.folder.tuning())?;
-        keep_tuning_in(&self.folder.tuning());
         if kept_verdict(&kept)
             .is_some_and(|report| report.verdict == Verdict::Passed && report.is_of(&subject))
         {
             return Ok(());
         }
         context.note(format!("checking {} with the convolutions of this run", subject.in_words()));
-        let convolutions = convolutions_of(self.setup)?;
+        let convolutions = guarded(&subject, || Ok(convolutions_of(self.setup)?))?;
         // Memory is looked at by `doctor`: its steps take longer than those of a short run.
         let report = subject.check(convolutions, 0, None, context)?;
         if let Some(refused) = refused(&report, &subject.in_words()) {
@@ -239,6 +260,23 @@ impl Gate<'_> {
     }
 }
 
+/// Does some work on a device that is not checked yet: a panic is one of the device.
+fn guarded<R>(subject: &Subject, work: impl FnOnce() -> Result<R, JobError>) -> Result<R, JobError> {
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| {
+        let (text, _) = crate::panic_place::of(&*panic);
+        let text = text.lines().map(str::trim).collect::<Vec<_>>().join(" ");
+        let message = format!("{} fails in a step, and nothing is trained on it: {text}", subject.in_words());
+        Err(JobError::setting("device", &subject.device, message, what_helps(&subject.device)))
+    })
+}
+
+/// What a user can do about a device that may not train.
+fn what_helps(device: &str) -> String {
+    format!(
+        "`petzval doctor --device {device}` shows everything; a newer driver may help; --device cpu is always right"
+    )
+}
+
 /// Why nothing may be trained on a device; none if it passed.
 fn refused(report: &DeviceReport, device: &str) -> Option<JobError> {
     let problems = report.problems();
@@ -248,11 +286,7 @@ fn refused(report: &DeviceReport, device: &str) -> Option<JobError> {
         count => format!(", and {} more", count - 1),
     };
     let message = format!("{device} computes wrongly, and nothing is trained on it: {first}{others}");
-    let hint = format!(
-        "`petzval doctor --device {}` shows everything; a newer driver may help; --device cpu is always right",
-        report.device
-    );
-    Some(JobError::setting("device", &report.device, message, hint))
+    Some(JobError::setting("device", &report.device, message, what_helps(&report.device)))
 }
 
 /// The verdict of an earlier start of the run; none if there is none that can be read: then the device is checked again.
@@ -303,6 +337,12 @@ mod tests {
         assert!(failed.is_of(&subject()));
         failed.driver = "another".to_owned();
         assert!(!failed.is_of(&subject()));
+        // A card whose driver nobody knows is checked every time.
+        let mut card = subject();
+        (card.facts.name, failed.name, failed.driver) = ("card".into(), "card".into(), String::new());
+        assert!(!failed.is_of(&card));
+        (card.facts.driver, failed.driver) = ("7".into(), "7".into());
+        assert!(failed.is_of(&card));
     }
 
     #[test]
@@ -314,8 +354,12 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         let folder = RunFolder::create(&root.path().join("run")).unwrap();
 
-        // The CPU under another name stands for a card.
+        // The CPU under another name stands for a card. A check that is cancelled leaves the folder as it was.
         let gate = Gate { device: "card", setup: &setup, folder: &folder };
+        let cancelled = self::context();
+        cancelled.cancel().set();
+        assert!(matches!(gate.pass(&cancelled), Err(JobError::Stopped(_))));
+        assert!(!folder.tuning().exists() && !folder.device().exists());
         gate.pass(&context).unwrap();
         let report = kept_verdict(&folder.device()).unwrap();
         assert_eq!((report.verdict, &*report.device), (Verdict::Passed, "card"));
@@ -340,12 +384,16 @@ mod tests {
         };
         assert!(message.starts_with("card 7 computes wrongly, and nothing is trained on it: "), "{message}");
         assert!(message.ends_with(": differs, and 1 more") && hint.contains("petzval doctor --device card"));
+    }
 
-        // What was made for the run goes with it.
-        let place = folder.root().to_path_buf();
-        std::fs::remove_file(folder.device()).unwrap();
-        folder.take_back(false).unwrap();
-        assert!(!place.exists());
+    #[test]
+    fn a_device_that_panics_is_refused() {
+        let refused = guarded(&subject(), || -> Result<(), JobError> { panic!("lost\n  for ever") });
+        let Err(JobError::Setting { key: "device", value, message, hint }) = refused else { panic!() };
+        assert_eq!(value, "cpu");
+        assert_eq!(message, "cpu fails in a step, and nothing is trained on it: lost for ever");
+        assert!(hint.contains("petzval doctor --device cpu"), "{hint}");
+        assert_eq!(guarded(&subject(), || Ok(7)).unwrap(), 7);
     }
 
     #[test]

@@ -87,20 +87,45 @@ pub fn check_memory(
     let mut late = times.split_off(times.len() / 2);
     late.sort_by(f64::total_cmp);
     check.step_ms = late.get(late.len() / 2).copied().unwrap_or(0.0);
-    let allowed = check.bytes_at_a_third as f64 * (1.0 + GROWTH);
-    if check.problem.is_none() && check.most_bytes as f64 > allowed {
-        let [before, after] = [check.bytes_at_a_third, check.most_bytes].map(|bytes| bytes as f64 / 1e6);
-        check.problem = Some(format!(
-            "memory grew from {before:.1} to {after:.1} MB over the last two thirds of {steps} steps; {} % is allowed",
-            100.0 * GROWTH
-        ));
+    if check.problem.is_none() {
+        check.problem = grew(check.bytes_at_a_third, check.most_bytes, steps);
     }
     Ok(Some(check))
+}
+
+/// What is wrong with memory of `before` bytes after a third of the steps and of `most` bytes at most since; none if it stays.
+fn grew(before: u64, most: u64, steps: usize) -> Option<String> {
+    // A device that reserves nothing is not measured.
+    if before == 0 {
+        return Some("the device says that it reserves no memory, so that growth cannot be seen".to_owned());
+    }
+    let is_flat = most as f64 <= before as f64 * (1.0 + GROWTH);
+    let [before, most] = [before, most].map(|bytes| bytes as f64 / 1e6);
+    (!is_flat).then(|| {
+        format!(
+            "memory grew from {before:.1} to {most:.1} MB over the last two thirds of {steps} steps; {} % is allowed",
+            100.0 * GROWTH
+        )
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn memory_may_grow_by_two_percent_and_no_more() {
+        for most in [0, 900_000_000, 1_000_000_000, 1_020_000_000] {
+            assert_eq!(grew(1_000_000_000, most, 300), None, "{most}");
+        }
+        assert_eq!(
+            grew(1_000_000_000, 1_020_000_001, 300).unwrap(),
+            "memory grew from 1000.0 to 1020.0 MB over the last two thirds of 300 steps; 2 % is allowed"
+        );
+        assert!(grew(10_000_000, 300_000_000, 300).unwrap().contains("from 10.0 to 300.0 MB"));
+        // What is not measured does not pass.
+        assert!(grew(0, 0, 300).is_some() && grew(0, 7, 300).is_some());
+    }
 
     #[test]
     fn the_cpu_says_nothing_of_its_memory() {

@@ -2957,4 +2957,4 @@ class Doctor(TypedDict, total=False):
     """Device to check: its convolutions at the sizes of our networks, forward and back, against the CPU, and its
     memory over 300 steps."""
     seconds: int
-    """Time for the check of a device; what it leaves out is listed. Unit: s."""
+    """Time after which the check of a device begins nothing new; what it leaves out is listed. Unit: s."""

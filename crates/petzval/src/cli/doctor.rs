@@ -13,8 +13,8 @@ use super::terminal::{Terminal, print_json};
 /// Show what this machine and this build offer, and read every built-in file.
 ///
 /// With --device it also checks a device: every convolution of the networks, detectors and losses at its real size, forward and back, against the
-/// CPU; and the memory of the device over 300 steps of a training. The exit code is 1 if the device fails. A training checks its own
-/// convolutions before its first step, and is refused on a device that fails.
+/// CPU; and the memory of the device over 300 steps of a training. However few the seconds, these steps and one convolution are taken. The exit code is 1
+/// if the device fails. A training checks its own convolutions before its first step, and is refused on a device that fails.
 ///
 /// `cpu` compares our kernels with those of the tensor framework. `wgpu` and `cuda` are features of the build:
 /// `cargo install --locked --path crates/petzval --features wgpu`. The build of `cuda` downloads a compiler.
@@ -23,7 +23,7 @@ pub struct Args {
     /// Check a device: cpu, wgpu or cuda
     #[arg(long, value_name = "DEVICE")]
     device: Option<String>,
-    /// Seconds for the check; convolutions for which they do not suffice are listed
+    /// Seconds after which the check begins nothing new; what it leaves out is listed
     #[arg(long, default_value_t = doctor::Request::default().seconds, value_name = "S", requires = "device")]
     seconds: usize,
     /// Machine-readable output
