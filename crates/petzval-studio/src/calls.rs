@@ -7,7 +7,7 @@ use petzval_base::Cancel;
 use petzval_jobs::{Call, Context, ErrorReport, Event, JobError, Watcher};
 use serde_json::Value;
 
-use crate::folder::Folder;
+use crate::folder::{Folder, inline_experiment};
 use crate::frames;
 use crate::message::{MakeCall, Outgoing, refusal};
 use crate::more_jobs::made;
@@ -69,6 +69,10 @@ impl Calls {
         if let Some(path) = self.folder.way_out(&request) {
             let hint = format!("name files in {}, by their paths in it", self.folder.path().display());
             return Err(refusal(format!("{path}: this path leads out of the folder of the studio"), &hint));
+        }
+        if let Some(key) = inline_experiment(&job, &request) {
+            let hint = format!("write it into a file in {}, and name that", self.folder.path().display());
+            return Err(refusal(format!("{key}: the studio takes an experiment by its name alone"), &hint));
         }
         uploads.put_in(&mut request);
         if process {

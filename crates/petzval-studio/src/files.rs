@@ -33,7 +33,7 @@ const KINDS: [(&str, &str); 10] = [
     ("md", "text/plain; charset=utf-8"),
 ];
 
-/// A file by its path in the address, from a byte on: `?from=BYTE`.
+/// A file by its path in the address. With `?from=BYTE`, at most [`MOST`] bytes from there on; without, the whole file, or a refusal.
 pub fn file(folder: &Folder, path: &str, query: &str) -> Answer {
     let Some(path) = place(folder, path) else {
         return Answer::plain("403 Forbidden", "this path leads out of the folder of the studio");
@@ -42,9 +42,17 @@ pub fn file(folder: &Folder, path: &str, query: &str) -> Answer {
     let Some((_, kind)) = KINDS.iter().find(|(known, _)| *known == ending) else {
         return Answer::plain("415 Unsupported Media Type", "files of this ending are not shown");
     };
-    let from = query.split('&').find_map(|part| part.strip_prefix("from=")?.parse::<u64>().ok()).unwrap_or(0);
+    let from = query.split('&').find_map(|part| part.strip_prefix("from=")?.parse::<u64>().ok());
     match read(&path, from) {
-        Ok(body) => {
+        Ok(Part::TooLarge(bytes)) => {
+            let message = format!(
+                "this file has {} MB, and at most {} MB of it are sent at once: name the first byte, as in ?from=0",
+                bytes >> 20,
+                MOST >> 20
+            );
+            Answer::plain("413 Content Too Large", message)
+        }
+        Ok(Part::Bytes(body)) => {
             let headers = [
                 ("Content-Type", (*kind).to_owned()),
                 ("Content-Security-Policy", POLICY.to_owned()),
@@ -63,8 +71,8 @@ pub fn file(folder: &Folder, path: &str, query: &str) -> Answer {
 
 /// The sheets in the folder: pages that jobs wrote, by their paths, the newest first.
 pub fn sheets(folder: &Folder) -> Answer {
-    let mut found = Vec::new();
-    collect(folder.path(), 0, &mut found);
+    let (mut found, mut left) = (Vec::new(), MOST_ENTRIES);
+    collect(folder.path(), 0, &mut left, &mut found);
     found.sort_by(|a: &Sheet, b| b.changed.cmp(&a.changed).then_with(|| a.path.cmp(&b.path)));
     found.truncate(MOST_SHEETS);
     let sheet = |sheet: &Sheet| {
@@ -78,7 +86,7 @@ pub fn sheets(folder: &Folder) -> Answer {
 const MOST_SHEETS: usize = 500;
 const DEEPEST: usize = 4;
 
-/// Most entries that are looked at: a folder may hold a data set.
+/// Most entries that are looked at in all folders together: one may hold a data set.
 const MOST_ENTRIES: usize = 20_000;
 
 struct Sheet {
@@ -88,13 +96,19 @@ struct Sheet {
     bytes: u64,
 }
 
-fn collect(folder: &Path, depth: usize, found: &mut Vec<Sheet>) {
-    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-    for entry in entries.take(MOST_ENTRIES) {
+/// Adds the sheets in a folder and below it. Files come before folders, so that a data set beside a sheet does not hide it. `left` entries may
+/// still be looked at.
+fn collect(folder: &Path, depth: usize, left: &mut usize, found: &mut Vec<Sheet>) {
+    let mut folders = Vec::new();
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        if *left == 0 {
+            return;
+        }
+        *left -= 1;
         let (path, Ok(kind)) = (entry.path(), entry.file_type()) else { continue };
         let is_hidden = entry.file_name().to_string_lossy().starts_with('.');
         if kind.is_dir() && depth < DEEPEST && !is_hidden {
-            collect(&path, depth + 1, found);
+            folders.push(path);
         } else if kind.is_file()
             && path.extension().is_some_and(|ending| ending == "html")
             && let Ok(data) = entry.metadata()
@@ -102,6 +116,9 @@ fn collect(folder: &Path, depth: usize, found: &mut Vec<Sheet>) {
             let changed = data.modified().ok().and_then(|at| at.duration_since(std::time::UNIX_EPOCH).ok());
             found.push(Sheet { path, changed: changed.map_or(0, |at| at.as_secs()), bytes: data.len() });
         }
+    }
+    for below in folders {
+        collect(&below, depth + 1, left, found);
     }
 }
 
@@ -128,15 +145,26 @@ fn decoded(text: &str) -> Option<String> {
     String::from_utf8(bytes).ok()
 }
 
-fn read(path: &Path, from: u64) -> std::io::Result<Vec<u8>> {
+/// What is read of a file.
+enum Part {
+    Bytes(Vec<u8>),
+    /// The file has so many bytes, and no place in it was named.
+    TooLarge(u64),
+}
+
+fn read(path: &Path, from: Option<u64>) -> std::io::Result<Part> {
     let mut file = petzval_base::open_file(path)?;
-    if !file.metadata()?.is_file() {
+    let data = file.metadata()?;
+    if !data.is_file() {
         return Err(std::io::ErrorKind::NotFound.into());
     }
-    file.seek(SeekFrom::Start(from))?;
+    if from.is_none() && data.len() > MOST {
+        return Ok(Part::TooLarge(data.len()));
+    }
+    file.seek(SeekFrom::Start(from.unwrap_or(0)))?;
     let mut bytes = Vec::new();
     file.take(MOST).read_to_end(&mut bytes)?;
-    Ok(bytes)
+    Ok(Part::Bytes(bytes))
 }
 
 #[cfg(test)]
@@ -175,5 +203,44 @@ mod tests {
         }
         let listed = String::from_utf8(sheets(&folder).body).unwrap();
         assert!(listed.contains("a b/page.html") && !listed.contains("secret"), "{listed}");
+    }
+
+    #[test]
+    fn a_file_that_is_too_large_is_refused_whole_and_sent_in_parts() {
+        let inside = tempfile::tempdir().unwrap();
+        let folder = Folder::new(inside.path()).unwrap();
+        let large = std::fs::File::create(inside.path().join("log.jsonl")).unwrap();
+        large.set_len(MOST + 5).unwrap();
+        let whole = file(&folder, "log.jsonl", "");
+        assert!(whole.status.starts_with("413"), "{}", whole.status);
+        assert!(String::from_utf8(whole.body).unwrap().contains("64 MB"));
+        let from = |byte: u64| file(&folder, "log.jsonl", &format!("from={byte}"));
+        assert_eq!((from(0).status, from(0).body.len() as u64), ("200 OK", MOST));
+        assert_eq!(from(MOST).body, [0; 5]);
+        // One that has just the size is sent whole.
+        large.set_len(MOST).unwrap();
+        assert_eq!(file(&folder, "log.jsonl", "").body.len() as u64, MOST);
+    }
+
+    #[test]
+    fn the_limit_of_entries_holds_for_all_folders_together() {
+        let inside = tempfile::tempdir().unwrap();
+        for folder in 0..5 {
+            let path = inside.path().join(folder.to_string());
+            std::fs::create_dir(&path).unwrap();
+            for sheet in 0..10 {
+                std::fs::write(path.join(format!("{sheet}.html")), "x").unwrap();
+            }
+        }
+        std::fs::write(inside.path().join("own.html"), "x").unwrap();
+        let found = |entries: usize| {
+            let (mut found, mut left) = (Vec::new(), entries);
+            collect(inside.path(), 0, &mut left, &mut found);
+            (found.len(), left)
+        };
+        // Six entries of the folder itself, then those below.
+        assert_eq!(found(1000), (51, 1000 - 56));
+        assert_eq!(found(6), (1, 0));
+        assert_eq!(found(20), (15, 0));
     }
 }

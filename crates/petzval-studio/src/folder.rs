@@ -10,6 +10,10 @@ const LONGEST_PATH: usize = 4096;
 /// Keys of requests that hold the text of a file.
 const TEXTS: [&str; 2] = ["toml", "text"];
 
+/// Keys of requests under which an experiment stands, and the job in which `from` is one as well.
+const EXPERIMENTS: [&str; 2] = ["experiment", "classes_of"];
+const FROM: (&str, &str) = ("init", "from");
+
 /// Endings of lens files.
 const LENSES: [&str; 4] = ["toml", "zmx", "seq", "json"];
 
@@ -86,6 +90,23 @@ impl Folder {
     }
 }
 
+/// The key under which the request of a job holds an experiment itself, in place of its name. An experiment names folders of pictures, weights and
+/// programs, which may lie anywhere: a page names one, and its user decides what stands in the folder.
+pub fn inline_experiment(job: &str, request: &Value) -> Option<&'static str> {
+    let (init, from) = FROM;
+    if job == init && request.get(from).is_some_and(Value::is_object) {
+        return Some(from);
+    }
+    match request {
+        Value::Array(values) => values.iter().find_map(|value| inline_experiment(job, value)),
+        Value::Object(keys) => {
+            let own = EXPERIMENTS.into_iter().find(|key| keys.get(*key).is_some_and(Value::is_object));
+            own.or_else(|| keys.values().find_map(|value| inline_experiment(job, value)))
+        }
+        Value::Null | Value::Bool(_) | Value::Number(_) | Value::String(_) => None,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use serde_json::json;
@@ -116,5 +137,27 @@ mod tests {
         // The text of a file is no path.
         assert_eq!(folder.way_out(&json!({"lens": {"text": "/etc/passwd", "format": "zmx"}})), None);
         assert_eq!(folder.way_out(&json!({"lens": {"toml": "../x"}})), None);
+    }
+
+    #[test]
+    fn experiments_are_named_and_not_sent() {
+        let toml = json!({"toml": "photos = \"/etc\""});
+        for (job, request, key) in [
+            ("design", json!({"run": {"new": {"experiment": toml}}}), "experiment"),
+            ("design", json!({"run": {"new": {"experiment": {"photos": "/etc"}}}}), "experiment"),
+            ("task-view", json!({"experiment": {}, "lens": {"toml": "x"}}), "experiment"),
+            ("data-check", json!({"folder": "x", "classes_of": toml}), "classes_of"),
+            ("init", json!({"from": toml}), "from"),
+        ] {
+            assert_eq!(inline_experiment(job, &request), Some(key), "{request}");
+        }
+        for (job, request) in [
+            ("design", json!({"run": {"new": {"experiment": "own.toml", "changes": {"set": {}}}}})),
+            ("task-view", json!({"experiment": "", "start": toml})),
+            ("lens-convert", json!({"from": toml, "to": "x.toml"})),
+            ("init", json!({"from": "own.toml"})),
+        ] {
+            assert_eq!(inline_experiment(job, &request), None, "{request}");
+        }
     }
 }

@@ -111,13 +111,13 @@ impl Studio {
         let named = settings.folder.as_deref();
         let current = Folder::new(named.unwrap_or(Path::new(FOLDER)));
         let mut folder = current.map_err(wrong(named.unwrap_or(Path::new(FOLDER))))?;
-        if let Some(outside) = opening.place.as_deref().filter(|place| !place.starts_with(folder.path())) {
+        if let Some(outside) = opening.outside(folder.path()) {
             if named.is_some() {
                 let message =
                     format!("{}: this lies outside of {}", outside.display(), folder.path().display());
                 return Err(JobError::input(message, "name a folder with --folder that holds it").into());
             }
-            let around = outside.parent().unwrap_or(outside);
+            let around = opening.folder().unwrap_or(outside);
             folder = Folder::new(around).map_err(wrong(around))?;
         }
         let (opened, first) = opening.seen_from(folder.path());

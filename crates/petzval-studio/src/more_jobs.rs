@@ -47,8 +47,8 @@ pub fn made(call: Call, context: &Context) -> Result<Value, JobError> {
             let SweepRequest { store } = read(&call)?;
             petzval_jobs::guarded(SWEEP_GATHER, || {
                 let kept = KeptSweep::read(&store)?;
-                let status = status(&kept, &store, &mut Seen::default())?;
-                as_json(&gather(&kept, &store, status)?)
+                let status = status(&kept, &store, &mut Seen::default(), context.cancel())?;
+                as_json(&gather(&kept, &store, status, context.cancel())?)
             })
         }
         _ => call.run(context),

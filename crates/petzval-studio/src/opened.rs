@@ -3,6 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use petzval_jobs::{Call, Context, JobError};
+use petzval_units::runs::is_run;
+use petzval_units::sweep::KeptSweep;
 use serde::Serialize;
 use serde_json::{Value, json};
 
@@ -38,7 +40,7 @@ pub struct Opening {
     room: &'static str,
     kind: Kind,
     /// The real path of a run, an experiment or a folder of them.
-    pub place: Option<PathBuf>,
+    place: Option<PathBuf>,
     built_in: Option<String>,
 }
 
@@ -61,10 +63,6 @@ const LENS: &str = "lens.toml";
 /// The lens of a run at work without finished cameras.
 const RUN_LENS: &str = "inputs/lens.toml";
 
-/// What makes a folder a run, and one a sweep.
-const CONFIG: &str = "config.toml";
-const SWEEP: &str = "sweep.json";
-
 /// Reads the lenses of names, paths and folders of runs. The first run, experiment or folder among them decides what the page shows first.
 pub fn open(names: &[String], context: &Context) -> Result<Opening, JobError> {
     let mut opening =
@@ -72,8 +70,8 @@ pub fn open(names: &[String], context: &Context) -> Result<Opening, JobError> {
     for name in names {
         let path = Path::new(name);
         let (kind, room) = match () {
-            () if path.join(CONFIG).is_file() => (Kind::Run, "runs"),
-            () if path.join(SWEEP).is_file() => (Kind::Sweep, "design"),
+            () if is_run(path) => (Kind::Run, "runs"),
+            () if KeptSweep::is_in(path) => (Kind::Sweep, "design"),
             () if path.is_dir() => (Kind::Runs, "runs"),
             () if is_experiment(name, context) => (Kind::Experiment, "design"),
             () => (Kind::Lens, "lens"),
@@ -96,6 +94,17 @@ pub fn open(names: &[String], context: &Context) -> Result<Opening, JobError> {
 }
 
 impl Opening {
+    /// What was named, if it lies outside of a folder.
+    pub fn outside(&self, folder: &Path) -> Option<&Path> {
+        self.place.as_deref().filter(|place| !place.starts_with(folder))
+    }
+
+    /// The folder that a studio serves to show what was named: a folder of runs itself, and of anything else the folder in which it lies.
+    pub fn folder(&self) -> Option<&Path> {
+        let place = self.place.as_deref()?;
+        if self.kind == Kind::Runs { Some(place) } else { place.parent().or(Some(place)) }
+    }
+
     /// The lenses, and what is shown first, by its path in a folder.
     pub fn seen_from(self, folder: &Path) -> (Vec<Opened>, First) {
         let Self { lenses, room, kind, place, built_in } = self;
@@ -152,4 +161,41 @@ fn lens(name: &str, called: &str, context: &Context) -> Result<Opened, JobError>
         toml: response["text"].as_str().unwrap_or_default().to_owned(),
         losses: response["losses_of_reading"].clone(),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use petzval_jobs::{Silent, built_in_assets};
+
+    use super::*;
+
+    #[test]
+    fn of_what_is_named_elsewhere_the_folder_that_is_served_is_no_wider_than_needed() {
+        let context = Context::new(built_in_assets(), Arc::new(Silent));
+        let (elsewhere, own) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+        let around = elsewhere.path().canonicalize().unwrap();
+        let (runs, sweep) = (around.join("runs"), around.join("sweep"));
+        for folder in [&runs, &sweep] {
+            std::fs::create_dir(folder).unwrap();
+        }
+        std::fs::write(sweep.join("sweep.json"), "{}").unwrap();
+        let opened = |path: &Path| open(&[path.display().to_string()], &context).unwrap();
+        // The folder of runs itself, and nothing beside it.
+        let opening = opened(&runs);
+        assert_eq!(opening.outside(own.path()), Some(runs.as_path()));
+        assert_eq!(opening.outside(&around), None);
+        assert_eq!(opening.folder(), Some(runs.as_path()));
+        let (_, first) = opening.seen_from(&runs);
+        assert_eq!((first.room, first.runs.as_deref()), ("runs", Some(".")));
+        // A sweep is named in the folder around it.
+        let opening = opened(&sweep);
+        assert_eq!(opening.folder(), Some(around.as_path()));
+        let (_, first) = opening.seen_from(&around);
+        assert_eq!((first.room, first.sweep.as_deref()), ("design", Some("sweep")));
+        // A folder that has only a file of that name is no run.
+        std::fs::write(runs.join("config.toml"), "").unwrap();
+        assert_eq!(opened(&runs).seen_from(&around).1.runs.as_deref(), Some("runs"));
+    }
 }

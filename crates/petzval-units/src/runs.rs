@@ -3,8 +3,8 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-pub use petzval_design::run_row::{RunRow, RunState};
-use petzval_design::run_row::{is_run, note_differences, run_row};
+pub use petzval_design::run_row::{RunRow, RunState, is_run};
+use petzval_design::run_row::{note_differences, run_row};
 use petzval_jobs::{Context, JobError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -1,6 +1,7 @@
 //! `simulate`: photographs and scenes through a lens onto a sensor.
 
 mod chip;
+mod display;
 mod frame;
 mod highlights;
 mod memory;

@@ -27,6 +27,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::chip::{MESH, picture};
+use super::display::display_bytes;
 use super::highlights::{Saturation, default_white_e};
 use super::request::scene_name;
 use super::shot::{Taken, noise};
@@ -216,7 +217,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let display_white = Saturation::of(&simulated, &sensor, white_e, share)?.display_white();
     let rgb = match &request.isp {
         Some(name) => by_isp(name, &request.set, &taken, &sensor, context)?,
-        None => interleaved(&taken.developed, display_white),
+        None => display_bytes(&taken.developed, display_white),
     };
     let raw = raw_bytes(&taken, &sensor);
     let middle = [window.placement.row + window.height / 2, window.placement.col + window.width / 2];
@@ -224,12 +225,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     Ok(Response {
         height: window.height,
         width: window.width,
-        histogram: Histogram {
-            raw: counted(raw.iter().copied()),
-            developed: (0..CHANNELS)
-                .map(|c| counted(rgb.iter().skip(c).step_by(CHANNELS).copied()))
-                .collect(),
-        },
+        histogram: Histogram { raw: counted(raw.iter().copied()), developed: counted_by_colour(&rgb) },
         rgb: STANDARD.encode(rgb),
         raw: request.raw.then(|| STANDARD.encode(raw)),
         placement: [window.placement.row, window.placement.col],
@@ -454,6 +450,17 @@ fn counted(values: impl Iterator<Item = u8>) -> Vec<u32> {
     bins
 }
 
+/// The same by colour, of pixels of three values.
+fn counted_by_colour(rgb: &[u8]) -> Vec<Vec<u32>> {
+    let mut bins = vec![vec![0; BINS]; CHANNELS];
+    for pixel in rgb.chunks_exact(CHANNELS) {
+        for (bins, value) in bins.iter_mut().zip(pixel) {
+            bins[usize::from(*value) * BINS / 256] += 1;
+        }
+    }
+    bins
+}
+
 /// What an ISP makes of the raw frame, 8 bits a colour, pixel by pixel. It is calibrated by the illumination of the lens; distortion stays.
 fn by_isp(
     name: &str,
@@ -475,18 +482,6 @@ fn by_isp(
     let pixels = encoded.len() / CHANNELS;
     let byte = |i: usize| (255.0 * encoded[i]).round() as u8;
     Ok((0..pixels).flat_map(|i| [byte(i), byte(pixels + i), byte(2 * pixels + i)]).collect())
-}
-
-/// A picture as a display shows it, 8 bits a colour, pixel by pixel.
-fn interleaved(picture: &LinearImage, display_white: f32) -> Vec<u8> {
-    let pixels = picture.height * picture.width;
-    let shown = LinearImage {
-        data: picture.data.iter().map(|light| light / display_white).collect(),
-        ..LinearImage::zeros(picture.channels, picture.height, picture.width)
-    };
-    let encoded = shown.to_srgb();
-    let byte = |i: usize| (255.0 * encoded[i]).round() as u8;
-    (0..pixels).flat_map(|i| [byte(i), byte(pixels + i), byte(2 * pixels + i)]).collect()
 }
 
 /// A raw frame between its black level and saturation, 8 bits a pixel.

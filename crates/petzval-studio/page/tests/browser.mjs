@@ -1,9 +1,9 @@
 // A studio and a browser for scripts: Debian's chromium by playwright-core, and the command that was built.
 
 import { spawn } from "node:child_process";
-import { mkdtempSync, rmSync } from "node:fs";
-import { tmpdir } from "node:os";
-import { join, resolve } from "node:path";
+import { mkdtempSync, readdirSync, rmSync } from "node:fs";
+import { availableParallelism, loadavg, tmpdir } from "node:os";
+import { extname, join, resolve } from "node:path";
 import { chromium } from "playwright-core";
 
 const ROOT = resolve(import.meta.dirname, "../../../..");
@@ -40,6 +40,24 @@ export async function startStudio(words = [], folder = mkdtempSync(join(tmpdir()
     await ended;
   };
   return { url, folder, stop, port: new URL(url).port };
+}
+
+/** A folder with the page as `npm run build` made it, in place of the one in the command: the page is tried without building the command anew. */
+const PAGE = process.env.PAGE;
+
+/** Lets the pages of a context load their script and their styles from that folder, if one is named. */
+export async function servePage(context) {
+  if (!PAGE) return;
+  const assets = readdirSync(join(PAGE, "assets"));
+  await context.route("**/assets/*", (route) => {
+    const ending = extname(new URL(route.request().url()).pathname);
+    return route.fulfill({ path: join(PAGE, "assets", assets.find((name) => name.endsWith(ending))) });
+  });
+}
+
+/** How many times as long as on a quiet machine something may take now: others may have the cores. */
+export function slowness() {
+  return Math.max(1, loadavg()[0] / availableParallelism());
 }
 
 /** Starts a browser. */

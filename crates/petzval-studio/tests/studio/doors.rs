@@ -95,6 +95,24 @@ fn paths_out_of_the_folder_are_refused_whatever_the_job() {
 }
 
 #[test]
+fn an_experiment_is_named_and_its_text_is_refused() {
+    let server = Server::start();
+    let mut page = server.page();
+    let text = json!({"toml": "photos = \"/etc\"\n"});
+    for (job, request) in [
+        ("design-config", json!({"run": {"experiment": text}})),
+        ("design-check", json!({"run": {"experiment": {"photos": "pictures"}}})),
+        ("task-view", json!({"lens": "cooke-triplet-nominal", "experiment": text})),
+        ("init", json!({"folder": "own", "from": text})),
+    ] {
+        let id = page.send(job, request, None);
+        let end = page.end_of(id);
+        assert!(end["error"]["message"].as_str().unwrap().contains("by its name alone"), "{job}: {end}");
+    }
+    page.call("design-config", json!({"run": {"experiment": "cooke-triplet-image-quality"}}));
+}
+
+#[test]
 fn files_of_the_folder_are_shown_without_an_origin_and_no_other_is() {
     let server = Server::start();
     std::fs::create_dir_all(server.folder.join("some runs")).unwrap();
@@ -122,6 +140,10 @@ fn files_of_the_folder_are_shown_without_an_origin_and_no_other_is() {
     page.say(&json!({"id": 99, "job": "design", "process": true}).to_string()).unwrap();
     let refused = page.end_of(99);
     assert!(refused["error"]["message"].as_str().unwrap().contains("begins no processes"), "{refused}");
+    // The name of a job becomes part of a path: one that is none is refused before that.
+    page.say(&json!({"id": 100, "job": "../../x", "process": true}).to_string()).unwrap();
+    let refused = page.end_of(100);
+    assert!(refused["error"]["message"].as_str().unwrap().contains("there is no job `../../x`"), "{refused}");
 }
 
 #[test]

@@ -48,7 +48,7 @@ pub fn estimate(
     let mut costs = Vec::new();
     if store.join(STORE).is_file() {
         let store_there = Store::open(store)?;
-        let status = super::status::status(kept, store, &mut Seen::default())?;
+        let status = super::status::status(kept, store, &mut Seen::default(), context.cancel())?;
         for unit in status.units.iter().filter(|unit| unit.state == State::Done) {
             let folder = store_there.root().join(&unit.key);
             costs.push((unit.cpu_seconds.unwrap_or(0.0), bytes_of(&folder)));

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use petzval_base::{csv_number, csv_text};
+use petzval_base::{Cancel, csv_number, csv_text};
 use petzval_design::run::Metrics;
 use petzval_jobs::JobError;
 use schemars::JsonSchema;
@@ -103,12 +103,18 @@ pub struct Gathered {
     pub status: SweepStatus,
 }
 
-/// Gathers the results of the units that are finished.
-pub fn gather(sweep: &KeptSweep, root: &Path, status: SweepStatus) -> Result<Gathered, JobError> {
+/// Gathers the results of the units that are finished. `cancel` ends it between two of them.
+pub fn gather(
+    sweep: &KeptSweep,
+    root: &Path,
+    status: SweepStatus,
+    cancel: &Cancel,
+) -> Result<Gathered, JobError> {
     let store = Store::open(root)?;
     let mut figures: Vec<FigureColumn> = Vec::new();
     let mut found: Vec<(UnitResult, BTreeMap<String, f64>)> = Vec::new();
     for (unit, _) in sweep.units.iter().zip(&status.units).filter(|(_, status)| status.state == State::Done) {
+        cancel.check()?;
         // What was done a moment ago may not be visible any more on a network file system.
         let Some(result) = store.result(&unit.key)? else { continue };
         let bare = |camera: &str, is_ceiling| UnitResult {

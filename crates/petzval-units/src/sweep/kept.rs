@@ -132,10 +132,15 @@ impl KeptSweep {
         Ok(store)
     }
 
+    /// Whether a folder is the store of a sweep.
+    pub fn is_in(root: &Path) -> bool {
+        root.join(SWEEP).is_file()
+    }
+
     /// Reads the sweep of a store.
     pub fn read(root: &Path) -> Result<Self, JobError> {
         let path = root.join(SWEEP);
-        if !path.is_file() {
+        if !Self::is_in(root) {
             let message = format!("{}: no sweep is kept here: there is no {SWEEP}", root.display());
             return Err(JobError::input(message, "give the folder that `petzval sweep` had as --store"));
         }

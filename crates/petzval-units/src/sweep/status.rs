@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use petzval_base::Cancel;
 use petzval_jobs::JobError;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -58,10 +59,18 @@ impl SweepStatus {
 }
 
 /// How the units of a sweep stand, as this process sees it. `seen` holds what earlier looks have seen: without it no claim of another machine is stale.
-pub fn status(sweep: &KeptSweep, root: &Path, seen: &mut Seen) -> Result<SweepStatus, JobError> {
+///
+/// Each unit costs reads of a file system that may be slow: `cancel` ends the look between two of them.
+pub fn status(
+    sweep: &KeptSweep,
+    root: &Path,
+    seen: &mut Seen,
+    cancel: &Cancel,
+) -> Result<SweepStatus, JobError> {
     let store = Store::open(root)?;
     let mut units = Vec::with_capacity(sweep.units.len());
     for unit in &sweep.units {
+        cancel.check()?;
         let bare = UnitStatus {
             name: unit.name.clone(),
             key: unit.key.to_string(),

@@ -7,15 +7,28 @@ export interface Pixels {
   rgba: Uint8ClampedArray<ArrayBuffer>;
 }
 
+/** A browser that decodes base64 itself does it several times as fast. */
+interface Decoder {
+  fromBase64?: (text: string) => Uint8Array;
+}
+
+function bytesOf(base64: string): Uint8Array {
+  const own = (Uint8Array as unknown as Decoder).fromBase64;
+  if (own) return own.call(Uint8Array, base64);
+  const text = atob(base64);
+  return Uint8Array.from({ length: text.length }, (_, i) => text.charCodeAt(i));
+}
+
 /** Decodes pixels of 8 bits, one (gray) or three (RGB) values each. */
 export function pixelsOf(base64: string, width: number, height: number, values: 1 | 3): Pixels {
-  const bytes = atob(base64);
+  const bytes = bytesOf(base64);
   const rgba = new Uint8ClampedArray(4 * width * height);
-  for (let i = 0, from = 0; i < width * height; i++, from += values) {
-    rgba[4 * i] = bytes.charCodeAt(from);
-    rgba[4 * i + 1] = bytes.charCodeAt(values === 3 ? from + 1 : from);
-    rgba[4 * i + 2] = bytes.charCodeAt(values === 3 ? from + 2 : from);
-    rgba[4 * i + 3] = 255;
+  const [green, blue] = values === 3 ? [1, 2] : [0, 0];
+  for (let to = 0, from = 0; to < rgba.length; to += 4, from += values) {
+    rgba[to] = bytes[from]!;
+    rgba[to + 1] = bytes[from + green]!;
+    rgba[to + 2] = bytes[from + blue]!;
+    rgba[to + 3] = 255;
   }
   return { width, height, rgba };
 }

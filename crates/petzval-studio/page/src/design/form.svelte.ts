@@ -25,17 +25,27 @@ export class Form {
   config = $state.raw<Config | undefined>();
   /** What differs from the file, by key. */
   set = $state.raw<Record<string, unknown>>({});
-  /** What is wrong, by key; under the empty key what belongs to none. */
-  wrong = $state.raw<Record<string, string>>({});
+  /** What was refused, by the key that was changed; under the empty key what belongs to none. */
+  #refused = $state.raw<Record<string, { at: string; text: string }>>({});
   look = $state.raw<Look | undefined>();
   isLooking = $state(false);
   out = $state("");
 
-  #number = 0;
+  #changes: Promise<void>;
 
   constructor(readonly experiment: string) {
     void server.call<Schema>("schema", { kind: "experiment" }).then((schema) => (this.schema = schema));
-    void this.#read({});
+    this.#changes = this.#read({});
+  }
+
+  /** What is wrong, by the key beside which it is said. */
+  get wrong(): Record<string, string> {
+    return Object.fromEntries(Object.values(this.#refused).map(({ at, text }) => [at, text]));
+  }
+
+  /** Whether a value stands on the screen that the experiment does not have. */
+  get isRefused(): boolean {
+    return Object.keys(this.#refused).some((key) => key !== "");
   }
 
   /** The run as a request names it. */
@@ -43,10 +53,17 @@ export class Form {
     return { experiment: this.experiment, ...(this.out ? { out: this.out } : {}), changes: { set: this.set } };
   }
 
-  /** Sets a key. A value that is refused is shown with the reason, and the experiment stays as it was. */
-  async change(key: string, value: unknown): Promise<void> {
-    const { [key]: _before, ...rest } = this.set;
-    await this.#read(value === undefined ? rest : { ...rest, [key]: value }, key);
+  /**
+   * Sets a key. A value that is refused is shown with the reason, and the experiment stays as it was. Changes wait for those before them: each
+   * builds on what they left.
+   */
+  change(key: string, value: unknown): Promise<void> {
+    const changed = this.#changes.then(() => {
+      const { [key]: _before, ...rest } = this.set;
+      return this.#read(value === undefined ? rest : { ...rest, [key]: value }, key);
+    });
+    this.#changes = changed.catch(() => {});
+    return changed;
   }
 
   /** Takes a change back. */
@@ -54,20 +71,29 @@ export class Form {
     return this.change(key, undefined);
   }
 
+  /** Notes why the value of a key is not taken. */
+  refuse(key: string, text: string, at = key): void {
+    this.#refused = { ...this.#refused, [key]: { at, text } };
+  }
+
+  /** Forgets why the values of keys were not taken. */
+  #accept(...keys: string[]): void {
+    this.#refused = Object.fromEntries(Object.entries(this.#refused).filter(([key]) => !keys.includes(key)));
+  }
+
   async #read(set: Record<string, unknown>, key = ""): Promise<void> {
-    const number = ++this.#number;
     try {
       const run = { experiment: this.experiment, changes: { set } };
       const config = await server.call<Config>("design-config", { run });
-      if (number !== this.#number) return;
       this.config = config;
       this.set = set;
-      this.wrong = {};
+      // Other values that were refused stand on the screen still, and so do their reasons.
+      this.#accept(key, "");
       this.look = undefined;
       if (!this.out) this.out = free(config);
     } catch (error) {
       if (!(error instanceof CallError)) throw error;
-      if (number === this.#number) this.wrong = { ...this.wrong, [this.#keyOf(error, key)]: error.text };
+      this.refuse(key, error.text, this.#keyOf(error, key));
     }
   }
 
@@ -78,17 +104,27 @@ export class Form {
     return [named, place].find((name) => name.includes(".")) ?? key;
   }
 
+  /** The folder of the run: the one that is named, or that of the experiment. */
+  get folder(): string {
+    return this.out || this.config?.folder || "";
+  }
+
+  /** Whether the folder of the run holds one already. */
+  async isTaken(): Promise<boolean> {
+    return (await server.call<Config>("design-config", { run: this.run })).is_taken;
+  }
+
   /** Looks at the experiment as before its first step. */
   async check(): Promise<boolean> {
     this.isLooking = true;
     let isFine = false;
     try {
       this.look = await server.call<Look>("design-check", { run: this.run });
-      this.wrong = {};
+      this.#accept("");
       isFine = this.look.problems.length === 0;
     } catch (error) {
       if (!(error instanceof CallError)) throw error;
-      this.wrong = { ...this.wrong, [this.#keyOf(error, "")]: error.text };
+      this.refuse("", error.text, this.#keyOf(error, ""));
     }
     this.isLooking = false;
     return isFine;

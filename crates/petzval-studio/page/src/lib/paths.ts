@@ -11,6 +11,11 @@ export function below(path: string, folder: string): string {
   return path.startsWith(prefix) ? path.slice(prefix.length) : path;
 }
 
+/** A path for a reader: digests in it, by which stores name units, are cut. */
+export function brief(path: string): string {
+  return path.replace(/[0-9a-f]{64}/g, (digest) => `${digest.slice(0, 8)}…`);
+}
+
 /** Seconds in words. */
 export function time(seconds: number): string {
   const whole = Math.max(0, Math.round(seconds));

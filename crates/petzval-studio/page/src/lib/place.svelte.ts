@@ -9,6 +9,8 @@ class Place {
   room = $state<Room>("lens");
   /** The run that is shown. */
   run = $state<string | undefined>();
+  /** The camera of that run, whose task is shown; none for the last one whose lens moves. */
+  camera = $state<string | undefined>();
   experiment = $state<string | undefined>();
   sweep = $state<string | undefined>();
   /** The folder whose runs are listed. */
@@ -21,6 +23,7 @@ class Place {
     const keys = new URLSearchParams(query);
     this.room = room as Room;
     this.run = keys.get("run") ?? undefined;
+    this.camera = keys.get("camera") ?? undefined;
     this.experiment = keys.get("experiment") ?? undefined;
     this.sweep = keys.get("sweep") ?? undefined;
     this.runs = keys.get("runs") ?? this.runs;
@@ -31,6 +34,7 @@ class Place {
   take(first: First): void {
     this.room = first.room;
     this.run = first.run ?? undefined;
+    this.camera = undefined;
     this.experiment = first.experiment ?? undefined;
     this.sweep = first.sweep ?? undefined;
     if (first.runs) this.runs = first.runs;
@@ -41,6 +45,7 @@ class Place {
   keep(): void {
     const keys = new URLSearchParams();
     if (this.run) keys.set("run", this.run);
+    if (this.run && this.camera) keys.set("camera", this.camera);
     if (this.experiment) keys.set("experiment", this.experiment);
     if (this.sweep) keys.set("sweep", this.sweep);
     if (this.runs !== "runs") keys.set("runs", this.runs);
@@ -48,8 +53,10 @@ class Place {
     history.replaceState(null, "", `#${this.room}${query ? `?${query}` : ""}`);
   }
 
-  go(room: Room, what: Partial<Pick<Place, "run" | "experiment" | "sweep">> = {}): void {
+  go(room: Room, what: Partial<Pick<Place, "run" | "camera" | "experiment" | "sweep">> = {}): void {
     this.room = room;
+    // A camera belongs to its run.
+    if ("run" in what) this.camera = undefined;
     Object.assign(this, what);
     this.keep();
   }

@@ -2,6 +2,7 @@
 //
 // A state is the text of a lens file, which holds the lens to the last bit: undo puts back the very text.
 
+import { below } from "./paths";
 import { CallError, Live, server } from "./server.svelte";
 import type { Edit, First, Loss, Opened, State, View } from "./types";
 
@@ -66,6 +67,8 @@ class Session {
   readonly #exact = new Live(server);
   #rest: ReturnType<typeof setTimeout> | undefined;
   #commits: Promise<boolean> = Promise.resolve(true);
+  /** Number of the history: each lens that is opened begins one. */
+  #history = 0;
 
   get toml(): string {
     return this.steps[this.at]?.toml ?? "";
@@ -100,6 +103,7 @@ class Session {
 
   /** Opens a lens: a new history begins. */
   open({ name, toml, losses }: Opened): void {
+    this.#history += 1;
     this.steps = [{ toml, what: `open ${name}` }];
     this.at = 0;
     this.before = toml;
@@ -157,22 +161,37 @@ class Session {
   /** Applies edits as one step that can be undone; false if the lens refuses them. Edits wait for those before them. */
   commit(edits: Edit[], what: string): Promise<boolean> {
     this.live.drop();
-    this.#commits = this.#commits.then(() => this.#apply(edits, what));
-    return this.#commits;
+    return this.#inTurn(() => this.#apply(edits, what));
+  }
+
+  /** Does something after the edits that are on their way. */
+  #inTurn(what: () => boolean | Promise<boolean>): Promise<boolean> {
+    const done = this.#commits.then(what);
+    // What fails unexpectedly fails alone.
+    this.#commits = done.catch(() => false);
+    return done;
   }
 
   async #apply(edits: Edit[], what: string): Promise<boolean> {
+    const history = this.#history;
     try {
-      // A channel of its own: a drag that goes on must not take the place of the step.
-      const request = this.#request(edits, true);
-      const view = await server.call<View>("lens-view", request, { live: "commit" });
-      this.dragged = [];
-      this.notice = undefined;
-      if (view.toml !== this.toml) this.push(view.toml, what);
-      this.view = view;
-      this.#exactLater();
-      return true;
+      for (;;) {
+        // A channel of its own: a drag that goes on must not take the place of the step.
+        const toml = this.toml;
+        const view = await server.call<View>("lens-view", this.#request(edits, true), { live: "commit" });
+        // Another lens was opened: the edits were none of it.
+        if (history !== this.#history) return false;
+        // An optimisation came back meanwhile: the edits go on top of it.
+        if (toml !== this.toml) continue;
+        this.dragged = [];
+        this.notice = undefined;
+        if (view.toml !== this.toml) this.push(view.toml, what);
+        this.view = view;
+        this.#exactLater();
+        return true;
+      }
     } catch (error) {
+      if (history !== this.#history) return false;
       this.dragged = [];
       this.#say(error);
       this.refresh();
@@ -187,21 +206,23 @@ class Session {
     this.#keep();
   }
 
+  /** Takes the last step back. Edits that are on their way come first: what was done last is undone first. */
   undo(): void {
-    this.#go(this.at - 1);
+    void this.#inTurn(() => this.#go(this.at - 1));
   }
 
   redo(): void {
-    this.#go(this.at + 1);
+    void this.#inTurn(() => this.#go(this.at + 1));
   }
 
-  #go(to: number): void {
-    if (to < 0 || to >= this.steps.length) return;
+  #go(to: number): boolean {
+    if (to < 0 || to >= this.steps.length) return false;
     this.at = to;
     this.dragged = [];
     this.notice = undefined;
     this.#keep();
     this.refresh();
+    return true;
   }
 
   /** Looks at no more than a room shows; everything if no parts are named. */
@@ -303,3 +324,8 @@ export function lossNotice(text: string, losses: Loss[]): Notice | undefined {
 }
 
 export const session = new Session();
+
+/** A path as the studio's folder names it: stores give theirs from the root of the file system on. */
+export function inFolder(path: string): string {
+  return below(path, session.about?.folder ?? "");
+}

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::base::pasted;
+use crate::base::{Cancel, pasted};
 use crate::units::store::Seen;
 use crate::units::sweep::{Choice, Gathered, KeptSweep, gather, keep_results, status, units_file, view};
 
@@ -44,7 +44,12 @@ const PART: &str = "part";
 /// Runs the verb.
 pub fn run(args: &Args, terminal: &Terminal) -> Result<Code, Failure> {
     let kept = KeptSweep::read(&args.dir)?;
-    let gathered = gather(&kept, &args.dir, status(&kept, &args.dir, &mut Seen::default())?)?;
+    let gathered = gather(
+        &kept,
+        &args.dir,
+        status(&kept, &args.dir, &mut Seen::default(), &Cancel::default())?,
+        &Cancel::default(),
+    )?;
     let choice = Choice { x: args.x.clone(), y: args.y.clone(), figures: args.figure.clone() };
     let again = format!("petzval sweep {} --store {} --retry", pasted(&kept.file), pasted(&args.dir));
     let folder = args.out.as_ref().unwrap_or(&args.dir);

@@ -51,7 +51,7 @@ pub fn run(kept: &KeptSweep, root: &Path, options: &Options, stop: &Cancel) -> R
         running = left;
         looks += 1;
         if options.jobs > 1 && looks % LOOKS == 0 {
-            let words = status(kept, root, &mut seen)?.in_words();
+            let words = status(kept, root, &mut seen, &Cancel::default())?.in_words();
             if words != last {
                 noteln!("{words}");
                 last = words;
@@ -59,7 +59,7 @@ pub fn run(kept: &KeptSweep, root: &Path, options: &Options, stop: &Cancel) -> R
         }
         std::thread::sleep(LOOK);
     }
-    let status = status(kept, root, &mut seen)?;
+    let status = status(kept, root, &mut seen, &Cancel::default())?;
     outln!("{}", status.in_words());
     for unit in status.units.iter().filter(|unit| unit.state == State::Failed) {
         outln!("  {}", plain::message(&format!("{}: {}", unit.name, unit.error.clone().unwrap_or_default())));

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
+use crate::base::Cancel;
 use crate::units::store::Seen;
 use crate::units::sweep::{KeptSweep, State, SweepStatus, UnitStatus, status};
 
@@ -38,7 +39,7 @@ pub fn run(args: &Args) -> Result<Code, Failure> {
     let kept = KeptSweep::read(&args.dir)?;
     let mut seen = Seen::default();
     if !args.watch {
-        let now = status(&kept, &args.dir, &mut seen)?;
+        let now = status(&kept, &args.dir, &mut seen, &Cancel::default())?;
         if args.json {
             return print_json(&now);
         }
@@ -48,7 +49,7 @@ pub fn run(args: &Args) -> Result<Code, Failure> {
     let _stop = signals::end_on_signal()?;
     let mut last = String::new();
     loop {
-        let now = status(&kept, &args.dir, &mut seen)?;
+        let now = status(&kept, &args.dir, &mut seen, &Cancel::default())?;
         let text = in_words(&now, args.all);
         if text != last {
             outln!("{text}");
