@@ -519,9 +519,12 @@ pub(crate) fn prepared(new: &NewRun, context: &Context) -> Result<(Experiment, C
     }
     let usual = context.assets.experiment(DEFAULT_EXPERIMENT)?;
     // Settings are those of the fitted experiment; whether their keys are known does not depend on the lens.
-    context.assets.experiment_with(DEFAULT_EXPERIMENT, &new.changes.set)?;
+    let with_settings = context.assets.experiment_with(DEFAULT_EXPERIMENT, &new.changes.set)?;
     // What is refused for every lens is refused before this one is fitted, which takes seconds and many notes.
-    check_root(new, &changed(usual.clone(), &new.changes, context)?, context)?;
+    let as_requested = changed(with_settings, &new.changes, context)?;
+    check_root(new, &as_requested, context)?;
+    // Windows and the grid of the PSFs are fitted to the photographs of the run.
+    let usual = Experiment { photos: as_requested.photos, ..usual };
     let made = own_lens(usual, name, None, context)?;
     let stem = Path::new(name).file_stem().unwrap_or_default().to_string_lossy();
     let fitted = format!("{stem}{FITTED}");
