@@ -728,7 +728,7 @@ impl Observer for Watch<'_> {
             scores: self.scores.iter().filter_map(value).collect(),
             rms_spot_um: m.rms_spot_um,
         });
-        if let Some(lost) = self.psf.lost_light(m.psf_captured) {
+        if let Some(lost) = self.psf.lost_light(m.psf_captured, None) {
             self.context.warning(
                 WarningKind::LostLight,
                 format!("{}: {lost}; a larger psf.pitch_um holds more", m.camera),

@@ -793,6 +793,15 @@ fn light_that_the_grid_cuts_off_is_said_before_the_first_step() {
     assert!(!says_so(&looked_at(128)));
     let look = looked_at(32);
     assert!(look.problems.is_empty() && says_so(&look), "{:?} {:?}", look.problems, look.warnings);
+    // The warning is that of the worst row of the table.
+    let fields = &look.lenses[0].fields;
+    let worst = fields.iter().min_by(|a, b| a.light_on_grid.total_cmp(&b.light_on_grid)).unwrap();
+    let place = format!(
+        "cuts off {:.0} % of the light at {:.1} degrees",
+        100.0 * (1.0 - worst.light_on_grid),
+        worst.field_deg
+    );
+    assert!(look.warnings.iter().any(|warning| warning.contains(&place)), "{place} {:?}", look.warnings);
 }
 
 /// The colours of a lens for other light are its ends and their middle, without the digits of rounding: half of 0.8 + 0.9 is 0.8500000000000001.

@@ -137,7 +137,7 @@ impl Rig {
             }
         };
         let psfs = Arc::new(source.psfs()?);
-        if let Some(lost) = psfs.captured().and_then(|captured| psf.lost_light(captured)) {
+        if let Some(lost) = psfs.captured().and_then(|captured| psf.lost_light(captured, None)) {
             context.warning(WarningKind::LostLight, lost);
         }
         let (geometry, blend) =
