@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::Instant;
 
 use petzval_base::simd::level;
 use petzval_design::assets::Text;
@@ -11,11 +12,12 @@ pub use petzval_design::experiment::Settings;
 use petzval_design::experiment::{BUILT_IN_PHOTOS, Experiment, PicturesKey, PsfConfig, STREET};
 use petzval_design::first_look::first_look;
 use petzval_design::inputs::{Inputs, check_inputs, keep_inputs};
+use petzval_design::pace::{Pace, UnitsLeft};
 use petzval_design::path_text::path_text;
 use petzval_design::plausible::check;
 use petzval_design::run::input_list::{InputList, check_pictures_are_there};
 use petzval_design::run::{
-    CameraMetrics, DigestCheck, Event as StepEvent, RunFolder, RunRecord, VERSION, extend_run, write_file,
+    CameraMetrics, DigestCheck, Event as StepEvent, RunFolder, RunRecord, VERSION, extend_run, read_events, write_file,
 };
 use petzval_design::scalar_log::ScalarLog;
 use petzval_design::scoring::Scorer;
@@ -287,7 +289,18 @@ fn run_from(request: &Request, context: &Context) -> Result<Response, JobError> 
     let psf = setup.experiment.psf.clone();
     let is_logged = !request.log.is_empty() || ScalarLog::is_there(&folder);
     let curves = is_logged.then(|| ScalarLog::open(setup.clone(), &folder)).transpose()?;
-    let mut watch = Watch { context, scores, psf, total: 0, curves };
+    let log = folder.events();
+    let events = if log.is_file() { read_events(&log)? } else { Vec::new() };
+    let mut watch = Watch {
+        context,
+        scores,
+        psf,
+        total: 0,
+        events,
+        pace: Pace::default(),
+        latest: Instant::now(),
+        curves,
+    };
     match design.run(&mut watch)? {
         Ending::Stopped(step) => Err(stopped(format!("stopped at step {step}"), folder.root(), request)),
         Ending::Finished(metrics) => {
@@ -673,6 +686,12 @@ struct Watch<'a> {
     /// The errors that PSFs may have.
     psf: PsfConfig,
     total: u64,
+    /// The steps that were taken before.
+    events: Vec<StepEvent>,
+    /// What is left, and how long it takes.
+    pace: Pace,
+    /// When the latest step ended.
+    latest: Instant,
     /// Curves for other programs, as long as they can be written.
     curves: Option<ScalarLog>,
 }
@@ -699,13 +718,23 @@ impl Observer for Watch<'_> {
         }
     }
 
+    fn plan(&mut self, left: Vec<UnitsLeft>) {
+        self.pace = Pace::new(left, &std::mem::take(&mut self.events));
+        self.latest = Instant::now();
+    }
+
     fn step(&mut self, event: &StepEvent) {
+        // With what the loop does between two steps.
+        let seconds = self.latest.elapsed().as_secs_f64();
+        self.latest = Instant::now();
+        self.pace.note(event, seconds);
         self.context.event(&Event::Step {
             camera: event.camera.clone(),
             block: event.block.clone(),
             step: event.step,
             total: self.total,
             losses: event.losses.clone(),
+            time_left: self.pace.time_left(),
         });
         self.add(|curves| curves.event(event));
     }
