@@ -210,8 +210,7 @@ fn lens_look(setup: &Setup, variant: &Variant, start: &Start) -> Result<LensLook
     let quadrature = Quadrature::grid(CELLS)?;
     let in_colours = Lens { wavelengths_um: plan.wavelengths_um.to_vec(), ..lens.clone() };
     let axis = spot(&in_colours, 0.0, &quadrature);
-    let on_grid: Vec<f64> =
-        psfs.iter().map(|psf| psf.captured.iter().copied().fold(1.0, f64::min)).collect();
+    let on_grid: Vec<f64> = psfs.iter().map(|psf| psf.captured.iter().copied().fold(1.0, f64::min)).collect();
     let fields = shown(&on_grid).into_iter().map(|i| {
         let psf = &psfs[i];
         let spot = spot(&in_colours, psf.field_rad, &quadrature);

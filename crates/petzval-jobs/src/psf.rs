@@ -234,19 +234,19 @@ fn computed(request: &Request, lens: &Lens, plan: &PsfPlan, context: &Context) -
             stated.field_deg, stated.image_mm
         ))
     };
-    let no_light = |error: DesignError| match error {
-        DesignError::NoLight { field_deg } => JobError::input(
-            error.to_string(),
-            beyond(field_deg).unwrap_or_else(|| match request.kind {
-                PsfKind::Geometric => {
-                    format!("rays may land outside the grid of {} um: try a larger --grid", request.side_um())
-                }
-                PsfKind::Diffraction => format!(
-                    "waves may need a smaller grid than {} um (--grid, --pitch-um); rays do not: --kind geometric",
-                    request.side_um()
-                ),
-            }),
+    let of_grid = match request.kind {
+        PsfKind::Geometric => {
+            format!("rays may land outside the grid of {} um: try a larger --grid", request.side_um())
+        }
+        PsfKind::Diffraction => format!(
+            "waves may need a smaller grid than {} um (--grid, --pitch-um); rays do not: --kind geometric",
+            request.side_um()
         ),
+    };
+    let no_light = |error: DesignError| match error {
+        DesignError::NoLight { field_deg } => {
+            JobError::input(error.to_string(), beyond(field_deg).unwrap_or_else(|| of_grid.clone()))
+        }
         other => other.into(),
     };
     let (plan, error) = plan.converged(lens, request.pupil_error).map_err(no_light)?;

@@ -180,8 +180,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 fn sees_what_the_file_states(goal: &Goal, problem: &Problem, file: &LensFile) -> bool {
     // A thousandth beyond the outermost field is the same field.
     let stated_deg = file.lens.fields_deg.iter().fold(0.0_f64, |most, field| most.max(field.abs()));
-    goal.f_number.is_none()
-        && problem.merit.outermost_field_rad().abs().to_degrees() <= 1.001 * stated_deg
+    goal.f_number.is_none() && problem.merit.outermost_field_rad().abs().to_degrees() <= 1.001 * stated_deg
 }
 
 /// What to say of clear apertures that cut the beams of the lens at the start.
@@ -191,11 +190,13 @@ fn cut_in_words(cutting: &[Option<f64>], is_search: bool) -> String {
     let (s, numbers) = (if numbers.len() > 1 { "s" } else { "" }, numbers.join(", "));
     if is_search {
         return format!(
-            "the clear apertures of surface{s} {numbers} cut the beams of the lens at the start; a search makes apertures anew for the whole beams, and              compares lenses by all rays of the stop"
+            "the clear apertures of surface{s} {numbers} cut the beams of the lens at the start; a search makes apertures anew for the whole beams, and \
+             compares lenses by all rays of the stop"
         );
     }
     format!(
-        "the clear apertures of surface{s} {numbers} cut the beams and are kept; the descent follows all rays of the stop, start and best are measured by the          light that passes"
+        "the clear apertures of surface{s} {numbers} cut the beams and are kept; the descent follows all rays of the stop, start and best are measured by the \
+         light that passes"
     )
 }
 
