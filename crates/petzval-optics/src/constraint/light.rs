@@ -38,9 +38,8 @@ impl Light {
     }
 }
 
-/// The share of a field's light that the clear apertures let through: its illumination over that of the same lens with wide apertures, so that the
-/// fourth power of the cosine, distortion and aberrations of the pupil do not count. Exactly 1 where no aperture cuts the beam. `None` if the field
-/// has no light.
+/// The share of a field's light that the clear apertures let through: its illumination over that of the same lens with wide apertures. The fourth power
+/// of the cosine, distortion and aberrations of the pupil do not count. Exactly 1 where no aperture cuts the beam; `None` if the field has no light.
 pub fn passing_share(lens: &Lens, field_rad: f64) -> Option<f64> {
     share(lens, field_rad, None)
 }
