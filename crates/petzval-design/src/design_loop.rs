@@ -26,6 +26,7 @@ use crate::experiment::{
     BlockName, FieldOfView, LensGoal, LensSearch, PERFECT_LENS, Schedule, Stage, StepMethod, StepRule,
     Variant, turn_of,
 };
+use crate::pace::UnitsLeft;
 use crate::position::{Done, POSITION_FILE, Position, Restored, last_variant};
 use crate::report::run_report::camera_lens;
 use crate::run::{
@@ -43,6 +44,8 @@ use crate::validation::{VALIDATION, Validations, validation_loss};
 pub trait Observer {
     /// The run starts or continues; `done` of its `total` steps are taken.
     fn start(&mut self, done: u64, total: u64);
+    /// What is left of it by what moves; comes after the start.
+    fn plan(&mut self, _left: Vec<UnitsLeft>) {}
     /// A step was taken.
     fn step(&mut self, event: &Event);
     /// Something that a person should know.
@@ -325,6 +328,7 @@ impl DesignLoop {
             self.checkpoint(observer)?;
         }
         observer.start(self.position.step, self.position.step + self.position.left(&setup) as u64);
+        observer.plan(self.position.units_left(&setup));
         while let Some(variant) = self.position.variant(&setup) {
             if stop.is_set() {
                 self.checkpoint(observer)?;

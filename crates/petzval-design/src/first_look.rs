@@ -21,6 +21,9 @@ use crate::task::PhotosLook;
 /// Fields from the axis to the corner of the sensor.
 const FIELDS: usize = 5;
 
+/// Share of the light that the grid holds less at a field between these, so that it is shown too: a digit of the table.
+const LESS: f64 = 1e-3;
+
 /// Pupil cells a side of the spots.
 const CELLS: usize = 48;
 
@@ -82,7 +85,8 @@ pub struct LensLook {
     pub f_number: f64,
     /// Radius at which the outermost field of its file is imaged, mm; none if that is the axis, or no ray of it arrives.
     pub image_circle_mm: Option<f64>,
-    /// Its image from the axis to the corner of the sensor.
+    /// Its image from the axis to the corner of the sensor at equal distances, and at one place between where the grid of the PSFs holds less of its light
+    /// than at all of those.
     pub fields: Vec<FieldLook>,
     /// Requirements that it violates.
     pub violated: Vec<Violated>,
@@ -199,20 +203,23 @@ pub(crate) fn planned(variant: &Variant) -> Planned {
 
 fn lens_look(setup: &Setup, variant: &Variant, start: &Start) -> Result<LensLook, DesignError> {
     let lens = &start.lens_file.lens;
-    let plan = setup.moving_plan.with_fields(FIELDS);
+    // With one more field between any two of those that are shown.
+    let plan = setup.moving_plan.with_fields(2 * FIELDS - 1);
     let psfs = plan.psfs(lens)?;
     setup.cancel.check()?;
     let quadrature = Quadrature::grid(CELLS)?;
     let in_colours = Lens { wavelengths_um: plan.wavelengths_um.to_vec(), ..lens.clone() };
     let axis = spot(&in_colours, 0.0, &quadrature);
-    let fields = plan.field_radius_mm.iter().zip(&psfs).map(|(image_mm, psf)| {
+    let on_grid: Vec<f64> = psfs.iter().map(|psf| psf.captured.iter().copied().fold(1.0, f64::min)).collect();
+    let fields = shown(&on_grid).into_iter().map(|i| {
+        let psf = &psfs[i];
         let spot = spot(&in_colours, psf.field_rad, &quadrature);
         let mean = |all: &[f64]| all.iter().sum::<f64>() / all.len() as f64;
         FieldLook {
-            image_mm: *image_mm,
+            image_mm: plan.field_radius_mm[i],
             field_deg: psf.field_rad.to_degrees(),
             rms_spot_um: spot.as_ref().map(|spot| spot.rms_poly_um),
-            light_on_grid: psf.captured.iter().copied().fold(1.0, f64::min),
+            light_on_grid: on_grid[i],
             illumination: (spot.as_ref().zip(axis.as_ref()))
                 .map(|(spot, axis)| mean(&spot.relative_illumination(axis))),
         }
@@ -236,6 +243,15 @@ fn lens_look(setup: &Setup, variant: &Variant, start: &Start) -> Result<LensLook
     })
 }
 
+/// Which fields are shown, by the share of the light that the grid holds of each: every second one, and one between where it holds less than at all of
+/// those.
+fn shown(on_grid: &[f64]) -> Vec<usize> {
+    let least = on_grid.iter().step_by(2).copied().fold(1.0, f64::min);
+    let between = (1..on_grid.len()).step_by(2).filter(|i| on_grid[*i] < least - LESS);
+    let darkest = between.min_by(|a, b| on_grid[*a].total_cmp(&on_grid[*b]));
+    (0..on_grid.len()).filter(|i| i.is_multiple_of(2) || Some(*i) == darkest).collect()
+}
+
 /// What to say of a lens whose light lies beyond the grid.
 fn off_the_grid(setup: &Setup, lens: &LensLook) -> Option<String> {
     let mut shares: Vec<f64> = lens.fields.iter().map(|field| field.light_on_grid).collect();
@@ -254,8 +270,9 @@ fn off_the_grid(setup: &Setup, lens: &LensLook) -> Option<String> {
 
 /// What to say of a lens of which the grid cuts off light at some field.
 fn cut_light(setup: &Setup, lens: &LensLook) -> Option<String> {
-    let least = lens.fields.iter().map(|field| field.light_on_grid).fold(1.0, f64::min);
-    setup.experiment.psf.lost_light(least).map(|lost| format!("{}: {lost}", lens.lens))
+    let least = lens.fields.iter().min_by(|a, b| a.light_on_grid.total_cmp(&b.light_on_grid))?;
+    let lost = setup.experiment.psf.lost_light(least.light_on_grid, Some(least.field_deg));
+    lost.map(|lost| format!("{}: {lost}", lens.lens))
 }
 
 /// What to know of a lens before believing a result.
@@ -285,4 +302,22 @@ fn doubts(look: &FirstLook, lens: &LensLook) -> Vec<String> {
         ));
     }
     found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A telephoto of which the grid holds 99.6 % in the rows and 98 % between two of them.
+    #[test]
+    fn the_field_of_which_the_grid_holds_least_is_shown() {
+        let rows = vec![0, 2, 4, 6, 8];
+        assert_eq!(shown(&[0.997; 9]), rows);
+        let mut on_grid = [0.997, 0.996, 0.997, 0.996, 0.996, 0.99, 0.996, 0.9955, 0.996];
+        assert_eq!(shown(&on_grid), [0, 2, 4, 5, 6, 8]);
+        (on_grid[5], on_grid[7]) = (0.9955, 0.98);
+        assert_eq!(shown(&on_grid), [0, 2, 4, 6, 7, 8]);
+        on_grid[8] = 0.5;
+        assert_eq!(shown(&on_grid), rows);
+    }
 }

@@ -28,6 +28,7 @@ pub mod lens;
 pub mod library;
 pub mod made_cameras;
 pub mod objective;
+pub mod pace;
 pub mod parts;
 pub mod path_text;
 pub mod pictures;

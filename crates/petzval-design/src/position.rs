@@ -8,7 +8,8 @@ use serde::{Deserialize, Serialize};
 use crate::block::Blocks;
 use crate::error::DesignError;
 use crate::experiment::{BlockName, Stage, Variant};
-use crate::run::{DigestCheck, Digests, EventsDigest, Kept, RunFolder, load_blocks, read_json};
+use crate::pace::UnitsLeft;
+use crate::run::{DigestCheck, Digests, EventsDigest, Kept, RunFolder, SCORE, load_blocks, read_json};
 use crate::setup::Setup;
 use crate::validation::{Course, Validations};
 
@@ -115,6 +116,45 @@ impl Position {
             v.stages[done..].iter().map(Stage::steps).sum::<usize>() + 1 - taken
         };
         setup.variants.iter().map(of).sum()
+    }
+
+    /// The same by what moves: camera by camera, stage by stage.
+    pub fn units_left(&self, setup: &Setup) -> Vec<UnitsLeft> {
+        let of = |v: &Variant| -> Vec<UnitsLeft> {
+            let is_at_work = self.variant.as_ref() == Some(&v.name);
+            let done = if is_at_work { self.stage } else { self.finished(v) };
+            if !is_at_work && done == v.stages.len() {
+                return Vec::new();
+            }
+            let part = |stage: usize, block: &str, units: usize, is_one_step: bool| UnitsLeft {
+                camera: v.name.clone(),
+                stage,
+                block: block.to_owned(),
+                units,
+                is_one_step,
+            };
+            let taken = |stage: usize, block: BlockName| {
+                if is_at_work && stage == done { self.taken(block) } else { 0 }
+            };
+            let mut parts = Vec::new();
+            for (i, stage) in v.stages.iter().enumerate().skip(done) {
+                match stage {
+                    Stage::Lens { goal, iterations, search } => {
+                        let is_done = taken(i, BlockName::Optics) > 0;
+                        let units = if is_done { 0 } else { iterations + search.rounds };
+                        parts.push(part(i, goal.event(), units, true));
+                    }
+                    Stage::Task(_) => parts.extend(BlockName::ALL.into_iter().map(|block| {
+                        let units = stage.steps_of(block).saturating_sub(taken(i, block));
+                        part(i, block.name(), units, false)
+                    })),
+                }
+            }
+            parts.push(part(v.stages.len(), SCORE, 1, false));
+            parts.retain(|part| part.units > 0);
+            parts
+        };
+        setup.variants.iter().flat_map(of).collect()
     }
 
     /// Refuses a position that the run of this setup cannot have at this step.

@@ -186,14 +186,18 @@ fn camera_metrics(
         Err(DesignError::TooWideForAPicture { .. }) => -1.0,
         Err(other) => return Err(other),
     };
-    let rms_spot_by_field_um: Vec<f64> = angles
+    let spots = angles
         .par_iter()
         .map(|field| {
             spot(lens, *field, &setup.fixed_plan.quadrature)
-                .map(|s| s.rms_poly_um)
                 .ok_or(DesignError::NoLight { field_deg: field.to_degrees() })
         })
-        .collect::<Result<_, _>>()?;
+        .collect::<Result<Vec<_>, _>>()?;
+    let rms_spot_by_field_um: Vec<f64> = spots.iter().map(|spot| spot.rms_poly_um).collect();
+    let corner_light = spots.first().zip(spots.last()).map(|(axis, corner)| {
+        let light = corner.relative_illumination(axis);
+        light.iter().sum::<f64>() / light.len() as f64
+    });
     Ok(CameraMetrics {
         camera: name.to_owned(),
         is_ceiling: false,
@@ -205,6 +209,7 @@ fn camera_metrics(
         f_number: order.f_number,
         fov_deg: 2.0 * corner_field.to_degrees(),
         corner_distortion_percent: 100.0 * corner_distortion,
+        corner_light_percent: corner_light.map(|share| 100.0 * share),
         psf_captured,
         psf_by_rays: 0.0,
         psf_errors: None,

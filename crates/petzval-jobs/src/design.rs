@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::Instant;
 
 use petzval_base::simd::level;
 use petzval_design::assets::Text;
@@ -11,12 +12,13 @@ pub use petzval_design::experiment::Settings;
 use petzval_design::experiment::{BUILT_IN_PHOTOS, Experiment, PicturesKey, PsfConfig, STREET};
 use petzval_design::first_look::first_look;
 use petzval_design::inputs::{Inputs, check_inputs, keep_inputs};
+use petzval_design::pace::{Pace, UnitsLeft};
 use petzval_design::path_text::path_text;
 use petzval_design::plausible::check;
 use petzval_design::run::input_list::{InputList, check_pictures_are_there};
 use petzval_design::run::{
     BegunRun, CameraMetrics, DigestCheck, Event as StepEvent, RunFolder, RunRecord, VERSION, extend_run,
-    write_file,
+    read_events, write_file,
 };
 use petzval_design::scalar_log::ScalarLog;
 use petzval_design::scoring::Scorer;
@@ -286,7 +288,19 @@ fn run_from(request: &Request, context: &Context) -> Result<Response, JobError> 
     let psf = setup.experiment.psf.clone();
     let is_logged = !request.log.is_empty() || ScalarLog::is_there(&folder);
     let curves = is_logged.then(|| ScalarLog::open(setup.clone(), &folder)).transpose()?;
-    let mut watch = Watch { context, scores, psf, total: 0, curves };
+    let log = folder.events();
+    let events = if log.is_file() { read_events(&log)? } else { Vec::new() };
+    let mut watch = Watch {
+        context,
+        scores,
+        psf,
+        total: 0,
+        first: None,
+        events,
+        pace: Pace::default(),
+        latest: Instant::now(),
+        curves,
+    };
     match design.run(&mut watch)? {
         Ending::Stopped(step) => Err(stopped(format!("stopped at step {step}"), folder.root(), request)),
         Ending::Finished(metrics) => {
@@ -518,9 +532,12 @@ pub(crate) fn prepared(new: &NewRun, context: &Context) -> Result<(Experiment, C
     }
     let usual = context.assets.experiment(DEFAULT_EXPERIMENT)?;
     // Settings are those of the fitted experiment; whether their keys are known does not depend on the lens.
-    context.assets.experiment_with(DEFAULT_EXPERIMENT, &new.changes.set)?;
+    let with_settings = context.assets.experiment_with(DEFAULT_EXPERIMENT, &new.changes.set)?;
     // What is refused for every lens is refused before this one is fitted, which takes seconds and many notes.
-    check_root(new, &changed(usual.clone(), &new.changes, context)?, context)?;
+    let as_requested = changed(with_settings, &new.changes, context)?;
+    check_root(new, &as_requested, context)?;
+    // Windows and the grid of the PSFs are fitted to the photographs of the run.
+    let usual = Experiment { photos: as_requested.photos, ..usual };
     let made = own_lens(usual, name, None, context)?;
     let stem = Path::new(name).file_stem().unwrap_or_default().to_string_lossy();
     let fitted = format!("{stem}{FITTED}");
@@ -669,11 +686,40 @@ struct Watch<'a> {
     /// The errors that PSFs may have.
     psf: PsfConfig,
     total: u64,
+    /// Name, light in the corner and field of view of the first camera that is finished, in % and degrees.
+    first: Option<(String, f64, f64)>,
+    /// The steps that were taken before.
+    events: Vec<StepEvent>,
+    /// What is left, and how long it takes.
+    pace: Pace,
+    /// When the latest step ended.
+    latest: Instant,
     /// Curves for other programs, as long as they can be written.
     curves: Option<ScalarLog>,
 }
 
+/// Light in the corner, % of that on the axis, that a camera may lose against the first one before a word is said. The fourth power of the cosine and the
+/// aberrations of the pupil change it by less.
+const DARKER_PERCENT: f64 = 5.0;
+
+/// Fields of view that differ by less, as a share, are the same.
+const SAME_FIELD: f64 = 0.02;
+
 impl Watch<'_> {
+    /// What to say of a camera with less light in its corner than the first one, of the same field of view.
+    fn darker(&mut self, m: &CameraMetrics) -> Option<String> {
+        let percent = m.corner_light_percent.filter(|_| !m.is_ceiling)?;
+        let (first, was, fov_deg) = self.first.get_or_insert((m.camera.clone(), percent, m.fov_deg));
+        let sees_the_same = (m.fov_deg / *fov_deg - 1.0).abs() < SAME_FIELD;
+        (sees_the_same && percent < *was - DARKER_PERCENT).then(|| {
+            format!(
+                "{}: the corner of the sensor has {percent:.0} % of the light on the axis, and {was:.0} % behind {first}: part of a smaller spot may be less \
+                 light",
+                m.camera
+            )
+        })
+    }
+
     /// Adds to the curves. What cannot be written ends them, and not the run.
     fn add(&mut self, to: impl FnOnce(&mut ScalarLog) -> Result<(), DesignError>) {
         if let Some(Err(error)) = self.curves.as_mut().map(to) {
@@ -695,13 +741,23 @@ impl Observer for Watch<'_> {
         }
     }
 
+    fn plan(&mut self, left: Vec<UnitsLeft>) {
+        self.pace = Pace::new(left, &std::mem::take(&mut self.events));
+        self.latest = Instant::now();
+    }
+
     fn step(&mut self, event: &StepEvent) {
+        // With what the loop does between two steps.
+        let seconds = self.latest.elapsed().as_secs_f64();
+        self.latest = Instant::now();
+        self.pace.note(event, seconds);
         self.context.event(&Event::Step {
             camera: event.camera.clone(),
             block: event.block.clone(),
             step: event.step,
             total: self.total,
             losses: event.losses.clone(),
+            time_left: self.pace.time_left(),
         });
         self.add(|curves| curves.event(event));
     }
@@ -724,7 +780,10 @@ impl Observer for Watch<'_> {
             scores: self.scores.iter().filter_map(value).collect(),
             rms_spot_um: m.rms_spot_um,
         });
-        if let Some(lost) = self.psf.lost_light(m.psf_captured) {
+        if let Some(darker) = self.darker(m) {
+            self.context.warning(WarningKind::LostLight, darker);
+        }
+        if let Some(lost) = self.psf.lost_light(m.psf_captured, None) {
             self.context.warning(
                 WarningKind::LostLight,
                 format!("{}: {lost}; a larger psf.pitch_um holds more", m.camera),

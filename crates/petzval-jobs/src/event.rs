@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::path::PathBuf;
 
+pub use petzval_design::pace::TimeLeft;
 use petzval_learn::score::ScoreDescription;
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -49,6 +50,9 @@ pub enum Event {
         #[serde(deserialize_with = "numbers")]
         #[schemars(with = "BTreeMap<String, Option<f64>>")]
         losses: BTreeMap<String, f64>,
+        /// How long the rest of the run will take, if that is known.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        time_left: Option<TimeLeft>,
     },
     /// A camera of a design is finished and scored.
     Camera {
@@ -205,9 +209,28 @@ mod tests {
                 "fields",
             ),
             (
-                Event::Step { camera: "a".to_owned(), block: "optics".to_owned(), step: 3, total: 9, losses },
+                Event::Step {
+                    camera: "a".to_owned(),
+                    block: "optics".to_owned(),
+                    step: 3,
+                    total: 9,
+                    losses,
+                    time_left: None,
+                },
                 r#"{"event":"step","camera":"a","block":"optics","step":3,"total":9,"losses":{"psnr":null,"total":0.25}}"#,
                 "a | optics | psnr inf  total 0.2500",
+            ),
+            (
+                Event::Step {
+                    camera: "a".to_owned(),
+                    block: "spot".to_owned(),
+                    step: 3,
+                    total: 9,
+                    losses: BTreeMap::new(),
+                    time_left: Some(TimeLeft { seconds: 1.5, is_least: true }),
+                },
+                r#"{"event":"step","camera":"a","block":"spot","step":3,"total":9,"losses":{},"time_left":{"seconds":1.5,"is_least":true}}"#,
+                "a | spot | ",
             ),
             (
                 Event::Camera {

@@ -74,7 +74,7 @@ pub use context::{Context, Silent};
 pub use device::compiled_in_devices;
 pub use device_check::{DeviceReport, Verdict};
 pub use error::{ErrorReport, Fault, JobError, Place, Stopped, json, text_of_file};
-pub use event::{CameraScore, Event, WarningKind, Watcher};
+pub use event::{CameraScore, Event, TimeLeft, WarningKind, Watcher};
 pub use input::{ExperimentInput, LensInput, SensorInput};
 pub use job::{Job, Row, guarded};
 pub use keys::error_in_keys;

@@ -10,7 +10,7 @@ use petzval_files::psf_file::{AXES_FILE, ILLUMINATION_FILE, PsfFile, VALUES_FILE
 use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::first_order;
 use petzval_optics::psf::{FieldPsf, PsfOptions};
-use petzval_optics::pupil::Quadrature;
+use petzval_optics::pupil::{Quadrature, chief_ray};
 use petzval_report::psf_sheet::psf_sheet;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -165,6 +165,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let (lens, plan) = prepared(request, context)?;
     check_folder(&request.out, FILES, context)?;
     let bank = computed(request, &lens, &plan, context)?;
+    if let Some(part) = seen_part(&bank, &lens) {
+        context.note(part);
+    }
     let files = keep(&bank, &request.out)?;
     files.iter().for_each(|path| context.wrote(path, what_is(path)));
     Ok(Response { files, axes: bank.axes })
@@ -185,21 +188,65 @@ fn prepared(request: &Request, context: &Context) -> Result<(Lens, PsfPlan), Job
     Ok((lens, request.plan()?))
 }
 
+/// The outermost field that a lens file states.
+struct StatedField {
+    /// Field angle, degrees.
+    field_deg: f64,
+    /// Where its chief ray lands, mm from the axis.
+    image_mm: f64,
+}
+
+impl StatedField {
+    /// `None` if the file states none off the axis, or if no chief ray of it reaches the image.
+    fn of(lens: &Lens) -> Option<Self> {
+        let field_deg = lens.fields_deg.iter().fold(0.0_f64, |most, field| most.max(field.abs()));
+        if field_deg == 0.0 {
+            return None;
+        }
+        let chief = chief_ray(&lens.at_wavelength(lens.reference_um), field_deg.to_radians())?;
+        Some(Self { field_deg, image_mm: chief.y_mm.abs() })
+    }
+}
+
+/// Share of the outermost field of a lens file up to which PSFs cover a part of the lens.
+const PART: f64 = 0.95;
+
+/// What to say of PSFs that end far inside the fields of the lens file.
+fn seen_part(bank: &Bank, lens: &Lens) -> Option<String> {
+    let stated = StatedField::of(lens)?;
+    let last_deg = bank.psfs.last()?.field_rad.to_degrees().abs();
+    let corner_mm = bank.plan.field_radius_mm.last()?;
+    (last_deg < PART * stated.field_deg).then(|| {
+        format!(
+            "the PSFs go to {last_deg:.2} of the {} degrees of the lens file, {corner_mm} mm from the axis; --corner-mm {:.3} takes all of them",
+            stated.field_deg, stated.image_mm
+        )
+    })
+}
+
 /// The PSFs, on as many pupil cells as they need.
 fn computed(request: &Request, lens: &Lens, plan: &PsfPlan, context: &Context) -> Result<Bank, JobError> {
-    let no_light = |error: DesignError| match error {
-        DesignError::NoLight { .. } => JobError::input(
-            error.to_string(),
-            match request.kind {
-                PsfKind::Geometric => {
-                    format!("rays may land outside the grid of {} um: try a larger --grid", request.side_um())
-                }
-                PsfKind::Diffraction => format!(
-                    "waves may need a smaller grid than {} um (--grid, --pitch-um); rays do not: --kind geometric",
-                    request.side_um()
-                ),
-            },
+    let beyond = |field_deg: f64| {
+        // A thousandth beyond the outermost field is the same field.
+        let stated = StatedField::of(lens).filter(|stated| field_deg.abs() > 1.001 * stated.field_deg)?;
+        Some(format!(
+            "the lens file states fields to {} degrees, {:.3} mm from the axis: try a smaller --corner-mm",
+            stated.field_deg, stated.image_mm
+        ))
+    };
+    let of_grid = match request.kind {
+        PsfKind::Geometric => {
+            format!("rays may land outside the grid of {} um: try a larger --grid", request.side_um())
+        }
+        PsfKind::Diffraction => format!(
+            "waves may need a smaller grid than {} um (--grid, --pitch-um); rays do not: --kind geometric",
+            request.side_um()
         ),
+    };
+    let no_light = |error: DesignError| match error {
+        DesignError::NoLight { field_deg } => {
+            JobError::input(error.to_string(), beyond(field_deg).unwrap_or_else(|| of_grid.clone()))
+        }
         other => other.into(),
     };
     let (plan, error) = plan.converged(lens, request.pupil_error).map_err(no_light)?;

@@ -1,12 +1,14 @@
 //! What a manufacturer or a camera needs of a lens: constraints, each with its violation and the gradient of that.
 
 mod clear_radii;
+mod light;
 mod rim;
 
 use std::fmt;
 
 pub(crate) use clear_radii::direction_of_light;
 pub use clear_radii::{ClearRadii, SemiDiameters};
+pub use light::passing_share;
 use rim::{Rim, reach, thinnest};
 
 use crate::gradient::LensGradient;
@@ -117,6 +119,15 @@ pub enum Constraint {
         wanted_mm: f64,
         /// Greatest distance from it, mm.
         tolerance_mm: f64,
+    },
+    /// Least share of a field's light that the clear apertures let through, see [`passing_share`]; violated by a share times a length, mm.
+    Light {
+        /// Field angle, rad.
+        field_rad: f64,
+        /// Least share.
+        least: f64,
+        /// Length that all of the light counts as, mm.
+        scale_mm: f64,
     },
 }
 
@@ -296,6 +307,10 @@ impl Constraint {
                 }
                 Some(miss.abs() - tolerance_mm)
             }
+            Self::Light { field_rad, least, scale_mm } => {
+                let pull = pull.map(|(bar, g)| (-bar * scale_mm, g));
+                Some(scale_mm * (least - light::share(lens, field_rad, pull)?))
+            }
         }
     }
 }
@@ -323,6 +338,10 @@ impl fmt::Display for Constraint {
             }
             Self::ChiefRayAngle { .. } => write!(f, "chief-ray angle, times the back focal length"),
             Self::ChiefHeight { .. } => write!(f, "image height of a chief ray"),
+            Self::Light { field_rad, .. } => {
+                let field_deg = field_rad.to_degrees();
+                write!(f, "light at {field_deg:.1} degrees that apertures let through, times the pupil")
+            }
         }
     }
 }

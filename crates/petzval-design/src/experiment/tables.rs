@@ -398,6 +398,8 @@ parameters! {
         back_focal_mm: f64 = 15.0, "mm", 0..1e3, Linear, "a length in mm";
         /// How far the image of the sensor corner's field may move from where the nominal lens has it, as a share of its height.
         distortion_tolerance: f64 = 0.003, "", 0..1, Log, "0.003 is 0.3 %";
+        /// By how much the share of light that clear apertures let through may fall below that of the nominal lens, at fields where they cut it.
+        light_tolerance: f64 = 0.02, "", 0..1, Log, "0.02 is 2 %; 1 lets a lens lose all light";
     }
 }
 

@@ -46,7 +46,7 @@ pub(super) fn fit(
         let pitch_um = without_noise(pitch_um);
         let grid = (before.0 * cells).min(MOST_CELLS);
         let held = match share_held(&PsfConfig { grid, pitch_um, ..psf.clone() }, sensor, lens) {
-            Ok(held) => held,
+            Ok((held, _)) => held,
             // No light of some field lies on this grid.
             Err(problem) => {
                 error = Some(problem);
@@ -76,11 +76,14 @@ pub(super) fn fit(
     }))
 }
 
-/// Least share of the light of a lens, over fields and colours, that a grid holds.
-fn share_held(psf: &PsfConfig, sensor: &SensorModel, lens: &Lens) -> Result<f64, DesignError> {
+/// Least share of the light of a lens, over fields and colours, that a grid holds, and the field of it, rad.
+fn share_held(psf: &PsfConfig, sensor: &SensorModel, lens: &Lens) -> Result<(f64, f64), DesignError> {
     let tried = PsfConfig { fields: FIELDS, ..psf.clone() };
-    Ok(tried.plan(sensor, CELLS)?.trace(lens)?.captured())
+    Ok(tried.plan(sensor, CELLS)?.trace(lens)?.least_captured())
 }
+
+/// Share of the light that a grid holds, below which there is no image.
+const IMAGE: f64 = 0.5;
 
 /// What to say of a grid, once nothing changes it any more, that holds too little of the light of a lens.
 pub(super) fn lost_light(
@@ -88,8 +91,14 @@ pub(super) fn lost_light(
     sensor: &SensorModel,
     lens: &Lens,
 ) -> Result<Option<String>, DesignError> {
-    let lost = psf.lost_light(share_held(psf, sensor, lens)?);
-    Ok(lost.map(|lost| format!("{lost}; the lens is far from an image there")))
+    let (held, field_rad) = share_held(psf, sensor, lens)?;
+    let lost = psf.lost_light(held, Some(field_rad.to_degrees()));
+    let why = if held < IMAGE {
+        "the lens is far from an image there"
+    } else {
+        "a larger psf.grid or psf.pitch_um holds more"
+    };
+    Ok(lost.map(|lost| format!("{lost}; {why}")))
 }
 
 /// Takes rays for a lens of which no wave can be computed at some field.

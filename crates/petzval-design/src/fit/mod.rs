@@ -103,7 +103,7 @@ pub fn fit(of: FitOf, assets: &Assets) -> Result<Fitted, DesignError> {
     warnings.extend(reach.warning());
     let picked = sensor::choose(&experiment.sensor, sensor, &reach, assets)?;
     notes.push(reach.in_words(&own.lens));
-    notes.push(picked.in_words(&reach));
+    notes.push(picked.in_words(&reach, lens_name));
 
     // Surfaces without an edge of their own let the beams of the sensor's corner through.
     let corner_mm = sensor::corner_mm(&picked.model);
@@ -115,7 +115,7 @@ pub fn fit(of: FitOf, assets: &Assets) -> Result<Fitted, DesignError> {
         let hint = match (reach.circle_mm > 0.01 * corner_mm, sensor.is_some()) {
             (false, _) => "no light of a field off the axis reaches its image: give the file a field that does",
             (true, true) => "name a smaller sensor, or none: its array then fits the lens",
-            (true, false) => "name a smaller sensor",
+            (true, false) => "name a smaller sensor: `petzval init --lens LENS --sensor NAME`",
         };
         DesignError::misfit(Path::new(lens_name), &message, hint)
     })?;

@@ -1,7 +1,9 @@
 //! The sensor that takes the image of a lens: one that fits, or the pixels of one in an array that does.
 
 use std::ops::RangeInclusive;
+use std::path::Path;
 
+use petzval_base::pasted;
 use petzval_camera::sensor::{Colour, SensorModel};
 
 use super::field::Reach;
@@ -111,8 +113,8 @@ fn three_digits(value: f64) -> f64 {
 }
 
 impl Picked {
-    /// The sensor against the image circle.
-    pub fn in_words(&self, reach: &Reach) -> String {
+    /// The sensor against the image circle of a lens, which the user calls by `lens_name`.
+    pub fn in_words(&self, reach: &Reach, lens_name: &str) -> String {
         let (corner, name) = (corner_mm(&self.model), &self.name);
         if reach.circle_mm == 0.0 {
             return format!(
@@ -125,10 +127,11 @@ impl Picked {
         if self.is_fitted {
             return format!(
                 "sensor: the corner of `{name}` lies at {:.0} % of the image circle; its pixels are taken in an array of {width} x {height} pixels of \
-                 {pixel_um} um, {}, whose corner lies at {:.0} % of it (--sensor names another sensor)",
+                 {pixel_um} um, {}, whose corner lies at {:.0} % of it (`petzval init --lens {} --sensor NAME` takes another sensor)",
                 percent(self.before_mm),
                 megapixels(&self.model),
-                percent(corner)
+                percent(corner),
+                pasted(Path::new(lens_name))
             );
         }
         let use_of_it = match percent(corner) {
@@ -172,6 +175,8 @@ pub fn white_that_fits(exposure: &mut ExposureConfig, sensor: &SensorModel) -> O
 
 #[cfg(test)]
 mod tests {
+    use petzval_optics::glass::Catalog;
+
     use super::*;
 
     fn imx249() -> SensorModel {
@@ -192,6 +197,23 @@ mod tests {
             assert!((sensor.gain_dn_per_e * sensor.full_well_e / (0.14 * 33723.0) - 1.0).abs() < 1e-9);
             assert!(petzval_files::parse_sensor(&toml::to_string(&sensor).unwrap()).is_ok());
         }
+    }
+
+    /// `design LENS` has no --sensor: the words name the command that has it.
+    #[test]
+    fn the_words_of_a_fitted_array_name_a_command_that_takes_another_sensor() {
+        let text = "name = \"singlet\"\nunits = \"mm\"\n[aperture]\nentrance_pupil_diameter_mm = 10.0\n[object]\ndistance_mm = inf\n\
+                    [wavelengths]\num = [0.5876]\nreference_um = 0.5876\n[fields]\nangle_deg = [0.0, 14.0]\n\
+                    [glass.crown]\nnd = 1.5\nvd = 60.0\n\
+                    [[surface]]\nstop = true\nradius_mm = 100.0\nthickness_mm = 5.0\nglass = \"crown\"\nsemi_diameter_mm = 6.0\n\
+                    [[surface]]\nradius_mm = -100.0\nthickness_mm = 99.0\nsemi_diameter_mm = 7.0\n";
+        let lens = petzval_files::parse_lens(text, &Catalog::default()).unwrap().lens;
+        let reach = Reach { lens, field_deg: 14.0, stated_deg: 14.0, circle_mm: 24.8 };
+        let (model, pixel_area) = with_corner(&imx249(), reach.circle_mm);
+        let name = "imx249-fitted".to_owned();
+        let picked = Picked { name, model, is_fitted: true, pixel_area, before_mm: corner_mm(&imx249()) };
+        let said = picked.in_words(&reach, "my lenses/tele.seq");
+        assert!(said.contains("(`petzval init --lens 'my lenses/tele.seq' --sensor NAME` takes"), "{said}");
     }
 
     #[test]

@@ -1,10 +1,12 @@
-//! Windows of photographs that the built-in ones can hold: wide PSFs need much of a photograph around each window.
+//! Windows that the photographs of an experiment can hold: wide PSFs need much of a photograph around each window.
 
 use std::path::Path;
 
 use petzval_camera::psf::PsfLayout;
 use petzval_camera::render::kernel_radius;
 use petzval_camera::sensor::SensorModel;
+use petzval_files::stored_pictures;
+use rayon::prelude::*;
 
 use crate::cameras::SURROUND;
 use crate::error::DesignError;
@@ -28,19 +30,51 @@ pub(super) fn border(psf: &PsfConfig, sensor: &SensorModel) -> Result<usize, Des
     Ok(margin + SURROUND)
 }
 
-/// Makes windows smaller, and if that is not enough the grid of the PSFs, so that the built-in photographs hold a window with all that blur brings
-/// into it; returns what to say then.
+/// The photographs that windows are taken of.
+struct Photographs {
+    /// What they are called.
+    named: String,
+    /// Shorter side, pixels, that all of the built-in ones have at least, and half of others.
+    side: usize,
+    /// What allows wider blur.
+    hint: &'static str,
+}
+
+/// The photographs of an experiment; `None` if their sizes cannot be read, which a run refuses by itself. A few small ones are left out by a run, so that
+/// the middle of them counts.
+fn photographs(photos: &str) -> Option<Photographs> {
+    if photos == BUILT_IN_PHOTOS {
+        return Some(Photographs {
+            named: format!("the built-in photographs, of {SHORTEST} pixels at least,"),
+            side: SHORTEST,
+            hint: "with larger photographs of your own, raise it again",
+        });
+    }
+    let stored = stored_pictures(Path::new(photos)).ok()?;
+    let sizes = stored.par_iter().filter_map(|picture| picture.size().ok());
+    let mut sides: Vec<usize> = sizes.map(|[rows, columns]| rows.min(columns)).collect();
+    sides.sort_unstable();
+    let side = *sides.get(sides.len().saturating_sub(1) / 2)?;
+    let named = format!("half of the photographs in {photos}, of {side} pixels at most,");
+    Some(Photographs { named, side, hint: "larger ones hold more" })
+}
+
+/// Makes windows smaller, and if that is not enough the grid of the PSFs, so that the photographs of the experiment hold a window with all that blur
+/// brings into it; returns what to say then.
 pub(super) fn fit(
     experiment: &mut Experiment,
     pictures: PicturesKey,
     sensor: &SensorModel,
 ) -> Result<Vec<String>, DesignError> {
-    if pictures != PicturesKey::Photos || experiment.photos != BUILT_IN_PHOTOS {
+    if pictures != PicturesKey::Photos {
         return Ok(Vec::new());
     }
+    let Some(Photographs { named, side, hint }) = photographs(&experiment.photos) else {
+        return Ok(Vec::new());
+    };
     let room = |psf: &PsfConfig| -> Result<usize, DesignError> {
         // Whole cells of a colour array.
-        Ok(SHORTEST.saturating_sub(2 * border(psf, sensor)?) / 2 * 2)
+        Ok(side.saturating_sub(2 * border(psf, sensor)?) / 2 * 2)
     };
     let mut notes = Vec::new();
     let before = experiment.psf.grid;
@@ -49,8 +83,7 @@ pub(super) fn fit(
     }
     if experiment.psf.grid != before {
         notes.push(format!(
-            "psf.grid = {} in place of {before}: the built-in photographs, of {SHORTEST} pixels at least, hold no wider blur; with larger photographs \
-             of your own, raise it again",
+            "psf.grid = {} in place of {before}: {named} hold no wider blur; {hint}",
             experiment.psf.grid
         ));
     }
@@ -59,8 +92,7 @@ pub(super) fn fit(
         [("training.crop", &mut experiment.training.crop), ("scoring.crop", &mut experiment.scoring.crop)];
     for (key, crop) in crops {
         if *crop > most {
-            notes
-                .push(format!("{key} = {most} in place of {crop}: as much as the built-in photographs hold"));
+            notes.push(format!("{key} = {most} in place of {crop}: {named} hold no larger window"));
             *crop = most;
         }
     }
@@ -69,6 +101,8 @@ pub(super) fn fit(
 
 #[cfg(test)]
 mod tests {
+    use petzval_camera::image::LinearImage;
+
     use super::*;
 
     #[test]
@@ -98,5 +132,44 @@ mod tests {
             assert!(experiment.scoring.crop >= LEAST && experiment.scoring.crop < 120);
             assert!(experiment.psf.grid.is_multiple_of(2));
         }
+    }
+
+    /// A grid that the built-in photographs cannot hold stays with larger photographs of the user's own; the few small ones of a folder do not count.
+    #[test]
+    fn windows_fit_the_photographs_of_the_experiment() {
+        let text = include_str!("../../../petzval-data/data/sensors/imx249-fitted.toml");
+        let sensor = petzval_files::parse_sensor(text).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let write = |name: &str, height: usize, width: usize| {
+            let gray = LinearImage::filled(3, height, width, 0.5);
+            petzval_files::save_png(&gray, &folder.path().join(name)).unwrap();
+        };
+        write("a.png", 768, 900);
+        write("b.png", 900, 768);
+        write("c.png", 64, 64);
+        let own = Experiment {
+            photos: folder.path().to_str().unwrap().to_owned(),
+            psf: PsfConfig { grid: 512, pitch_um: 2.0, ..Experiment::default().psf },
+            ..Experiment::default()
+        };
+        let mut fitted = own.clone();
+        assert_eq!(fit(&mut fitted, PicturesKey::Photos, &sensor).unwrap(), Vec::<String>::new());
+        assert_eq!(fitted, own);
+
+        // As small as the built-in ones: the same grid, with words about the folder.
+        for name in ["a.png", "b.png"] {
+            write(name, SHORTEST, 300);
+        }
+        let notes = fit(&mut fitted, PicturesKey::Photos, &sensor).unwrap().join("; ");
+        let mut built_in = Experiment { photos: BUILT_IN_PHOTOS.to_owned(), ..own.clone() };
+        fit(&mut built_in, PicturesKey::Photos, &sensor).unwrap();
+        assert_eq!(fitted.psf.grid, built_in.psf.grid);
+        assert_eq!(fitted.scoring.crop, built_in.scoring.crop);
+        assert!(notes.contains(&own.photos) && !notes.contains("built-in"), "{notes}");
+
+        // What has no pictures is refused by the run itself.
+        let mut missing = Experiment { photos: "nowhere".to_owned(), ..own.clone() };
+        assert!(fit(&mut missing, PicturesKey::Photos, &sensor).unwrap().is_empty());
+        assert_eq!(missing.psf, own.psf);
     }
 }

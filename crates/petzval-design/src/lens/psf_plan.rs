@@ -76,11 +76,14 @@ impl PsfConfig {
         })
     }
 
-    /// What to say of PSFs whose grid holds no more than a share `captured` of their light at some place; `None` if it holds nearly all.
-    pub fn lost_light(&self, captured: f64) -> Option<String> {
+    /// What to say of PSFs whose grid holds no more than a share `captured` of their light at some place, the field `at_deg` if it is known; `None` if it
+    /// holds nearly all.
+    pub fn lost_light(&self, captured: f64, at_deg: Option<f64>) -> Option<String> {
         (captured < LEAST_CAPTURED).then(|| {
+            let place = at_deg
+                .map_or_else(|| "somewhere in the field".to_owned(), |deg| format!("at {deg:.1} degrees"));
             format!(
-                "the PSF grid of {:.0} um cuts off {:.0} % of the light somewhere in the field, so pictures are too sharp there",
+                "the PSF grid of {:.0} um cuts off {:.0} % of the light {place}, so pictures are too sharp there",
                 self.grid as f64 * self.pitch_um,
                 100.0 * (1.0 - captured)
             )
@@ -116,6 +119,15 @@ impl BankWithTape {
     pub fn captured(&self) -> f64 {
         let all = self.fields.iter().flat_map(|(psf, _)| &psf.captured);
         all.copied().fold(1.0, minimum)
+    }
+
+    /// The same, with the field where it is least, rad.
+    pub fn least_captured(&self) -> (f64, f64) {
+        let of_field = |(psf, _): &(FieldPsf, Option<PsfTape>)| {
+            (psf.captured.iter().copied().fold(1.0, minimum), psf.field_rad)
+        };
+        let least = |a: (f64, f64), b: (f64, f64)| if b.0 < a.0 { b } else { a };
+        self.fields.iter().map(of_field).fold((1.0, 0.0), least)
     }
 
     /// Of each field, whether its PSFs are by rays in whole or in part.

@@ -1,7 +1,7 @@
 //! What every lens of an experiment must keep, beside the bounds of its variables.
 
 use petzval_files::LensFile;
-use petzval_optics::constraint::{Constraint, penalty};
+use petzval_optics::constraint::{Constraint, passing_share, penalty};
 use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::Lens;
 use petzval_optics::pupil::chief_ray;
@@ -13,20 +13,22 @@ use crate::experiment::{ConstraintConfig, FieldOfView};
 #[derive(Clone, Debug)]
 pub struct Requirements {
     /// Clearances, the bounds of a radius that is solved for, and the height at which the nominal lens images the sensor's
-    /// corner: the field of view is held.
+    /// corner: the field of view is held. Where the clear apertures of the nominal lens cut light, they may not cut more.
     constraints: Vec<Constraint>,
     /// The field that the nominal lens images in the sensor's corner, rad.
     corner_field_rad: f64,
 }
 
 impl Requirements {
-    /// Those of a nominal lens: its clearances, its solve's bounds, and its own field of view, which it has `in_focus`.
+    /// Those of a nominal lens: its clearances, its solve's bounds, its own field of view, which it has `in_focus`, and its light at some of the fields
+    /// from the axis to the corner, `fields_rad`.
     pub fn new(
         in_focus: &Lens,
         nominal: &LensFile,
         config: &ConstraintConfig,
-        corner_field_rad: f64,
+        fields_rad: &[f64],
     ) -> Result<Self, DesignError> {
+        let corner_field_rad = fields_rad.last().copied().unwrap_or(0.0);
         let lens = &nominal.lens;
         let chief = chief_ray(&in_focus.at_wavelength(in_focus.reference_um), corner_field_rad)
             .ok_or(DesignError::NoLight { field_deg: corner_field_rad.to_degrees() })?;
@@ -39,6 +41,13 @@ impl Requirements {
             wanted_mm: chief.y_mm,
             tolerance_mm: config.distortion_tolerance * chief.y_mm.abs(),
         });
+        // A lens whose stop alone decides has no such requirement.
+        let of_field = |field_rad: &f64| {
+            let share = passing_share(in_focus, *field_rad).filter(|share| *share < 1.0)?;
+            let least = share - config.light_tolerance;
+            Some(Constraint::Light { field_rad: *field_rad, least, scale_mm: in_focus.entrance_pupil_mm })
+        };
+        constraints.extend(fields_rad.iter().filter_map(of_field));
         Ok(Self { constraints, corner_field_rad })
     }
 
@@ -47,14 +56,15 @@ impl Requirements {
         &self.constraints
     }
 
-    /// The squares of the violations, mm^2, each with its gradient; with a free field of view without that of the corner.
+    /// The squares of the violations, mm^2, each with its gradient; with a free field of view without those of its fields.
     pub fn violations(
         &self,
         lens: &Lens,
         field: FieldOfView,
     ) -> Result<Vec<(f64, LensGradient)>, DesignError> {
-        let counts =
-            |c: &&Constraint| field == FieldOfView::Held || !matches!(c, Constraint::ChiefHeight { .. });
+        let is_of_a_field =
+            |c: &Constraint| matches!(c, Constraint::ChiefHeight { .. } | Constraint::Light { .. });
+        let counts = |c: &&Constraint| field == FieldOfView::Held || !is_of_a_field(c);
         let square = |constraint: &Constraint| {
             penalty(std::slice::from_ref(constraint), lens)
                 .ok_or(DesignError::NoLight { field_deg: self.corner_field_rad.to_degrees() })

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use petzval_camera::linear_limit::LinearLimit;
 use petzval_camera::sensor::SensorModel;
 use petzval_files::LensFile;
+use petzval_optics::constraint::passing_share;
 use petzval_optics::design_space::{
     DesignSpace, DesignSpaceError, EflSolve, Focus, SmoothSpace, Solves, Variable, near_variables,
 };
@@ -26,6 +27,12 @@ use crate::lens::restored::RestoredError;
 
 /// Pupil cells a side of the spot in the corner of the sensor.
 const CORNER_CELLS: usize = 48;
+
+/// Distances from the axis at which the light of a lens is held, as shares of that of the corner.
+const LIT_SHARES: [f64; 4] = [0.5, 0.7, 0.85, 1.0];
+
+/// Light of the corner that a lens may lose to clear apertures, as a share of all, before a word is said: more than what the requirement allows.
+const DARKER: f64 = 0.025;
 
 /// Growth of the spot in the corner of the sensor from which on a word is said.
 const WORSE: f64 = 1.5;
@@ -126,8 +133,11 @@ impl Start {
         let focused = if moves { in_focus(&lens_file.lens, plan) } else { None };
         let lens = focused.as_ref().unwrap_or(&lens_file.lens);
         let corner_mm = plan.field_radius_mm.last().copied().unwrap_or(0.0);
-        let requirements =
-            Requirements::new(lens, &lens_file, &experiment.constraints, plan.field_angle(lens, corner_mm)?)?;
+        let lit_rad = LIT_SHARES
+            .iter()
+            .map(|share| plan.field_angle(lens, share * corner_mm))
+            .collect::<Result<Vec<_>, _>>()?;
+        let requirements = Requirements::new(lens, &lens_file, &experiment.constraints, &lit_rad)?;
         let spot_fields_rad = area_quantile_radii_mm(sensor, experiment.psf.fields)
             .iter()
             .map(|radius| plan.field_angle(lens, *radius))
@@ -188,6 +198,22 @@ impl Start {
             format!(
                 "in the corner of the sensor the RMS spot is {is_um:.1} um, and was {was_um:.1} um: the goal counts fields by their area, and little \
                  area lies there"
+            )
+        })
+    }
+
+    /// What to say of a lens whose clear apertures cut off more of the corner's light than they did: part of a smaller spot is then less light.
+    pub fn darker_corner(&self, before: &Lens, after: &Lens) -> Option<String> {
+        let corner_mm = *self.plan.field_radius_mm.last()?;
+        let percent = |lens: &Lens| {
+            let field_rad = self.plan.field_angle(lens, corner_mm).ok()?;
+            Some(100.0 * passing_share(lens, field_rad)?)
+        };
+        let (was, is) = (percent(before)?, percent(after)?);
+        (is < was - 100.0 * DARKER).then(|| {
+            format!(
+                "in the corner of the sensor {is:.0} % of the light of the stop passes the clear apertures, and {was:.0} % did: part of what the lens gains \
+                 is less light"
             )
         })
     }

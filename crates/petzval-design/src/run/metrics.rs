@@ -140,6 +140,9 @@ pub struct CameraMetrics {
     pub fov_deg: f64,
     /// Image radius of the sensor's corner against that of an image without distortion, %; -100 where no such image reaches the field.
     pub corner_distortion_percent: f64,
+    /// Illumination in the sensor's corner relative to the axis, %; absent in runs of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub corner_light_percent: Option<f64>,
     /// Least share of a PSF's light that its grid holds, over fields and wavelengths.
     pub psf_captured: f64,
     /// Share of the fields whose PSFs are by rays although those of the experiment are by waves.

@@ -27,6 +27,7 @@ use petzval_design::task::Remark;
 use petzval_design::task::pictures::PictureJudge;
 use petzval_learn::Device;
 use petzval_learn::score::{Score, ScoreError, ScoredPair, standard_scores};
+use petzval_optics::constraint::{Constraint, passing_share};
 use petzval_optics::design_space::SmoothSpace;
 use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::Lens;
@@ -226,6 +227,51 @@ fn spots_are_minimised_to_convergence_under_the_requirements() {
     );
     let (square_um2, _) = mean_square_spot(&lens, &setup.nominal().spot_fields_rad).unwrap();
     assert!((square_um2.sqrt() / losses["rms_spot_um"] - 1.0).abs() < 0.02, "{}", square_um2.sqrt());
+}
+
+/// A lens whose first surface cuts the beams of the corner gets no smaller spots by cutting more; one whose stop alone decides has no such requirement.
+#[test]
+fn clear_apertures_that_cut_light_may_not_cut_more_of_it() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data");
+    let library = Library::from_folder(&folder).unwrap();
+    let text = std::fs::read_to_string(folder.join("lenses/cooke-triplet-nominal.toml")).unwrap();
+    let cut = text.replacen("semi_diameter_mm = 7.733", "semi_diameter_mm = 5.0", 1);
+    assert_ne!(cut, text);
+    let library = library.with_text("cut.toml".to_owned(), cut);
+    let setup = |lens: &str| {
+        let mut experiment = Experiment::parse("").unwrap();
+        experiment.lens = lens.to_owned();
+        Setup::new(experiment, &library, Device::flex().autodiff()).unwrap()
+    };
+    let is_light = |c: &Constraint| matches!(c, Constraint::Light { .. });
+    let whole = setup("cooke-triplet-nominal");
+    assert!(!whole.nominal().requirements.constraints().iter().any(is_light));
+
+    let cut = setup("cut.toml");
+    let start = cut.nominal();
+    let held: Vec<Constraint> = start.requirements.constraints().iter().copied().filter(is_light).collect();
+    assert!(!held.is_empty(), "{:?}", start.requirements);
+    let mut block = OpticsBlock::new(start.clone(), 1.0);
+    let spot = |block: &mut OpticsBlock, iterations| {
+        block.improve(LensGoal::Spot, iterations, LensSearch::default(), &mut |_| Ok(()), &Cancel::default())
+    };
+    let losses = spot(&mut block, 8).unwrap();
+    assert!(losses["penalty_mm2"] < 1e-3, "{losses:?}");
+    let lens = block.lens().unwrap();
+    for constraint in &held {
+        let Constraint::Light { field_rad, least, .. } = constraint else { unreachable!() };
+        let share = passing_share(&lens, *field_rad).unwrap();
+        assert!(share > least - 5e-3, "{field_rad}: {share} {least}");
+    }
+    // A lens that lost light all the same gets a remark.
+    let mut narrow = start.lens_file.lens.clone();
+    narrow.surfaces[0].semi_diameter_mm = 4.5;
+    let said = start.darker_corner(&start.lens_file.lens, &narrow).unwrap();
+    assert!(
+        said.starts_with("in the corner of the sensor ") && said.contains("passes the clear apertures"),
+        "{said}"
+    );
+    assert_eq!(start.darker_corner(&narrow, &start.lens_file.lens), None);
 }
 
 /// The error after restoration: its gradient, and what a descent from the spot-optimised lens gains.
@@ -793,6 +839,15 @@ fn light_that_the_grid_cuts_off_is_said_before_the_first_step() {
     assert!(!says_so(&looked_at(128)));
     let look = looked_at(32);
     assert!(look.problems.is_empty() && says_so(&look), "{:?} {:?}", look.problems, look.warnings);
+    // The warning is that of the worst row of the table.
+    let fields = &look.lenses[0].fields;
+    let worst = fields.iter().min_by(|a, b| a.light_on_grid.total_cmp(&b.light_on_grid)).unwrap();
+    let place = format!(
+        "cuts off {:.0} % of the light at {:.1} degrees",
+        100.0 * (1.0 - worst.light_on_grid),
+        worst.field_deg
+    );
+    assert!(look.warnings.iter().any(|warning| warning.contains(&place)), "{place} {:?}", look.warnings);
 }
 
 /// The colours of a lens for other light are its ends and their middle, without the digits of rounding: half of 0.8 + 0.9 is 0.8500000000000001.

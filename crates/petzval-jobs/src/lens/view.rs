@@ -412,6 +412,7 @@ fn surface_of(constraint: &Constraint) -> Option<usize> {
         | Constraint::Track { .. }
         | Constraint::Distortion { .. }
         | Constraint::ChiefRayAngle { .. }
-        | Constraint::ChiefHeight { .. } => None,
+        | Constraint::ChiefHeight { .. }
+        | Constraint::Light { .. } => None,
     }
 }

@@ -138,7 +138,7 @@ impl Rig {
             }
         };
         let psfs = Arc::new(source.psfs()?);
-        if let Some(lost) = psfs.captured().and_then(|captured| psf.lost_light(captured)) {
+        if let Some(lost) = psfs.captured().and_then(|captured| psf.lost_light(captured, None)) {
             context.warning(WarningKind::LostLight, lost);
             // A defocus is the usual cause, and no larger grid mends it.
             let name = request.lens.to_string();

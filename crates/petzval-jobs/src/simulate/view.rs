@@ -320,7 +320,7 @@ fn exact_camera(
     context.check(|| "stopped before the PSFs were traced")?;
     let sizes = (plan.field_radius_mm.len(), plan.quadrature.cells);
     let psfs = PsfSource::Traced { lens: Box::new(lens.clone()), plan }.psfs()?;
-    if let Some(lost) = psfs.captured().and_then(|captured| psf.lost_light(captured)) {
+    if let Some(lost) = psfs.captured().and_then(|captured| psf.lost_light(captured, None)) {
         context.warning(WarningKind::LostLight, lost);
     }
     let (geometry, _) = with_patches_for(&psf.geometry(sensor), psfs.bank(), psf.scoring_blend_error)

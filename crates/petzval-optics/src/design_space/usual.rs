@@ -61,7 +61,7 @@ const COEFFICIENT: f64 = 0.5;
 /// - Curvatures within a fifth of their own value. A plane of an element that is curved elsewhere may bend by a fifth of the strongest curvature of
 ///   the lens; plates stay plates.
 /// - Conic constants of aspheres, by a half, and the coefficients that the lens has, by a half of their value.
-/// - Gaps of air but the last, from three quarters to five quarters of their length.
+/// - Gaps of air but the last, from three quarters of their length to five quarters and 0.1 mm, so that gaps of next to nothing move too.
 /// - A solve by which the last curved surface holds the focal length.
 ///
 /// None if no surface with power is curved, or the lens has no focal length. Numbers that the `solves` of the lens settle already are no variables, and

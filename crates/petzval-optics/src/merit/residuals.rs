@@ -474,11 +474,20 @@ pub(crate) struct Beams<'a> {
     pub merit: &'a SpotResiduals,
     pub lens: &'a Lens,
     pub reach: &'a Reach,
+    /// Clear semi-diameters that surfaces keep although beams need more, mount included, mm.
+    pub kept_mm: &'a [Option<f64>],
+}
+
+impl Beams<'_> {
+    /// The clear radius beyond which a surface does not go, mm.
+    fn most_mm(&self, surface: usize) -> f64 {
+        self.kept_mm.get(surface).copied().flatten().map_or(f64::INFINITY, |kept_mm| kept_mm - MOUNT_MM)
+    }
 }
 
 impl ClearRadii for Beams<'_> {
     fn radius_mm(&self, surface: usize) -> f64 {
-        self.reach.clear_mm[surface]
+        self.reach.clear_mm[surface].min(self.most_mm(surface))
     }
 
     fn mount_mm(&self) -> f64 {
@@ -486,6 +495,9 @@ impl ClearRadii for Beams<'_> {
     }
 
     fn pull_back(&self, surface: usize, bar: f64, gradient: &mut LensGradient) -> Option<()> {
+        if self.most_mm(surface) < self.reach.clear_mm[surface] {
+            return Some(());
+        }
         self.merit.pull_back_reach(self.lens, self.reach, surface, bar, gradient)
     }
 }

@@ -8,6 +8,18 @@ use crate::design_space::{DesignSpace, DesignSpaceError, Mapped};
 use crate::lens::Lens;
 use crate::merit::{Beams, Landings, Lost, MOUNT_MM, Reach};
 use crate::paraxial::first_order;
+use crate::pupil::{PupilRefinement, Quadrature};
+use crate::solve::with_best_focus;
+use crate::spot::spot_converged;
+
+/// A clear aperture cuts a beam that needs more than it by this share.
+const CUTS: f64 = 1e-3;
+
+/// Pupil cells a side at the best focus of cut beams.
+const FOCUS_CELLS: usize = 64;
+
+/// The accuracy of spots through clear apertures.
+const SPOTS: PupilRefinement = PupilRefinement { tolerance: 1e-3, first_cells: 64, most_cells: 1024 };
 
 /// A lens with its figures.
 #[derive(Clone, Debug)]
@@ -37,23 +49,64 @@ impl Analysis {
         self.rms_um.iter().sum::<f64>() / self.rms_um.len() as f64
     }
 
-    /// The lens with clear semi-diameters as its beams need them, and a margin for the mount; the stop has none.
+    /// The lens with clear semi-diameters as its beams need them, and a margin for the mount; the stop has none. Those that the problem keeps do not grow,
+    /// and then the image plane goes where the light that passes them has its least spots.
     pub fn fitted_lens(&self, problem: &Problem) -> Lens {
         let mut lens = self.lens.clone();
+        for (i, needed_mm) in self.needed_mm(problem).into_iter().enumerate() {
+            let kept_mm = problem.kept_aperture_mm(i).filter(|_| i != lens.stop);
+            lens.surfaces[i].semi_diameter_mm = kept_mm.map_or(needed_mm, |own_mm| own_mm.min(needed_mm));
+        }
+        if problem.keeps_apertures() && problem.has_image_plane_for_spots() {
+            let seen = Lens { wavelengths_um: problem.merit.wavelengths_um.clone(), ..lens.clone() };
+            let quadrature = Quadrature::grid(FOCUS_CELLS).ok();
+            let focused = quadrature.and_then(|q| with_best_focus(&seen, &problem.merit.fields_rad, &q));
+            if let Some(focused) = focused {
+                lens = lens.with_image_distance(focused.image_distance_mm());
+            }
+        }
+        lens
+    }
+
+    /// RMS spot of each field of [`Analysis::fitted_lens`] through its clear apertures, um; `None` if the problem keeps none, or if a field has no light.
+    pub fn rms_through_apertures_um(&self, problem: &Problem, fitted: &Lens) -> Option<Vec<f64>> {
+        if !problem.keeps_apertures() {
+            return None;
+        }
+        let seen = Lens { wavelengths_um: problem.merit.wavelengths_um.clone(), ..fitted.clone() };
+        let rms_um = |field: &f64| Some(spot_converged(&seen, *field, &SPOTS)?.value.rms_poly_um);
+        problem.merit.fields_rad.iter().map(rms_um).collect()
+    }
+
+    /// The clear semi-diameters of the lens, mm, of surfaces where they cut beams of the stop; `None` elsewhere.
+    pub fn cutting_apertures_mm(&self, problem: &Problem) -> Vec<Option<f64>> {
+        let cuts = |(i, needed_mm): (usize, f64)| {
+            let own_mm = self.lens.surfaces[i].semi_diameter_mm;
+            (i != self.lens.stop && own_mm < (1.0 - CUTS) * (needed_mm - MOUNT_MM)).then_some(own_mm)
+        };
+        self.needed_mm(problem).into_iter().enumerate().map(cuts).collect()
+    }
+
+    /// The clear semi-diameters that the beams of the stop need, with a margin for the mount, mm; that of the stop has none.
+    fn needed_mm(&self, problem: &Problem) -> Vec<f64> {
+        let lens = &self.lens;
         let stop_radius_mm = first_order(&lens.at_wavelength(lens.reference_um)).stop_radius_mm;
         // For every field and wavelength of the file, not only for those of the problem.
         let mut whole = problem.merit.clone();
         whole.fields_rad.extend(lens.fields_deg.iter().map(|f| f.to_radians()));
         whole.wavelengths_um.extend(&lens.wavelengths_um);
         let sides = problem.sides();
-        let reach = (whole.rim(&lens, sides, stop_radius_mm))
-            .or_else(|| problem.merit.rim(&lens, sides, stop_radius_mm))
-            .unwrap_or_else(|| Reach::none(&lens));
-        for (i, s) in lens.surfaces.iter_mut().enumerate() {
-            let needed = reach.clear_mm[i].max(self.landings.reach.clear_mm[i]) + MOUNT_MM;
-            s.semi_diameter_mm = if i == lens.stop { stop_radius_mm } else { needed };
-        }
-        lens
+        let reach = (whole.rim(lens, sides, stop_radius_mm))
+            .or_else(|| problem.merit.rim(lens, sides, stop_radius_mm))
+            .unwrap_or_else(|| Reach::none(lens));
+        let needed_mm = |i: usize| {
+            if i == lens.stop {
+                stop_radius_mm
+            } else {
+                reach.clear_mm[i].max(self.landings.reach.clear_mm[i]) + MOUNT_MM
+            }
+        };
+        (0..lens.surfaces.len()).map(needed_mm).collect()
     }
 }
 
@@ -130,7 +183,10 @@ pub(super) fn obstacle(problem: &Problem, lens: &Lens) -> DesignSpaceError {
 /// The radii at which the constraints of a problem are measured.
 fn clear_radii<'a>(problem: &'a Problem, lens: &'a Lens, landings: &'a Landings) -> Box<dyn ClearRadii + 'a> {
     match problem.apertures {
-        Apertures::Fitted => Box::new(Beams { merit: &problem.merit, lens, reach: &landings.reach }),
+        Apertures::Fitted => {
+            let kept_mm = &problem.kept_apertures_mm;
+            Box::new(Beams { merit: &problem.merit, lens, reach: &landings.reach, kept_mm })
+        }
         Apertures::Drawn => Box::new(SemiDiameters(lens)),
     }
 }

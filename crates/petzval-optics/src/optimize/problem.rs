@@ -151,6 +151,9 @@ pub struct Problem {
     pub further: Vec<Constraint>,
     /// Where constraints are measured.
     pub apertures: Apertures,
+    /// Clear semi-diameters that surfaces keep although beams of the stop need more, mm, by surface; empty if there are none. Rays of the merit pass them all the
+    /// same: a merit must not improve by losing rays.
+    pub kept_apertures_mm: Vec<Option<f64>>,
     /// Residual of a violation, um per mm.
     pub stiffness_um_per_mm: f64,
 }
@@ -170,6 +173,7 @@ impl Problem {
             limits: Limits::default(),
             further: Vec::new(),
             apertures: Apertures::Fitted,
+            kept_apertures_mm: Vec::new(),
             stiffness_um_per_mm: 1e4,
             base,
         }
@@ -203,6 +207,24 @@ impl Problem {
         let solved = self.solves.curvature().and_then(|(surface, radius_mm)| Some((surface, radius_mm?)));
         all.extend(solved.map(|(surface, radius_mm)| Constraint::SolvedRadius { surface, radius_mm }));
         all
+    }
+
+    /// The clear semi-diameter that a surface keeps, mm.
+    pub(super) fn kept_aperture_mm(&self, surface: usize) -> Option<f64> {
+        self.kept_apertures_mm.get(surface).copied().flatten()
+    }
+
+    /// Whether some surface keeps a clear semi-diameter that cuts beams.
+    pub fn keeps_apertures(&self) -> bool {
+        self.kept_apertures_mm.iter().any(Option::is_some)
+    }
+
+    /// Whether nothing but the spots says where the image plane goes.
+    pub(super) fn has_image_plane_for_spots(&self) -> bool {
+        self.focus == Focus::Free
+            && self.goals.is_empty()
+            && self.further.is_empty()
+            && self.limits.track_mm.is_none()
     }
 
     fn with_least_thickness(&self, mut v: Variable) -> Variable {

@@ -14,7 +14,8 @@ use crate::merit::{Better, Merit, Mtf, Seen, SpotResiduals, lifted_normal_equati
 use crate::number::Number;
 use crate::paraxial::first_order;
 use crate::psf::PsfKind;
-use crate::pupil::PupilSampling;
+use crate::pupil::{PupilSampling, Quadrature};
+use crate::spot::spot;
 
 use crate::common::{mangin, nominal_triplet, special_lenses, telescope};
 
@@ -643,4 +644,48 @@ fn an_interrupted_descent_goes_on_to_the_same_bits() {
     // The state of another problem is refused.
     let other = Problem { variables: Vec::new(), ..problem };
     assert!(descend_on(&other, &options, &whole.state, &mut |_| true).is_err());
+}
+
+/// A first surface that cuts the beams of the corner keeps its clear aperture; spots through it are those of the light that passes. No other number
+/// changes, and a lens that cuts nothing keeps nothing.
+#[test]
+fn a_clear_aperture_that_cuts_beams_is_kept() {
+    let analysed = |problem: &Problem| {
+        let once = LevenbergOptions { iterations: 0, ..LevenbergOptions::default() };
+        descend(problem, &once, &mut |_, _, _| true).unwrap().best
+    };
+    let whole = problem();
+    let none = analysed(&whole).cutting_apertures_mm(&whole);
+    assert!(none.iter().all(Option::is_none), "{none:?}");
+    assert_eq!(analysed(&whole).rms_through_apertures_um(&whole, &whole.base), None);
+
+    let mut cut = problem();
+    cut.base.surfaces[0].semi_diameter_mm = 5.0;
+    let analysis = analysed(&cut);
+    let cutting = analysis.cutting_apertures_mm(&cut);
+    assert_eq!(cutting[0], Some(5.0));
+    assert!(cutting[1..].iter().all(Option::is_none), "{cutting:?}");
+    // The merit follows every ray of the stop.
+    assert_eq!(analysis.rms_um, analysed(&whole).rms_um);
+
+    let kept = Problem { kept_apertures_mm: cutting, ..cut.clone() };
+    let (grown, fitted) = (analysis.fitted_lens(&cut), analysis.fitted_lens(&kept));
+    assert!(grown.surfaces[0].semi_diameter_mm > 7.0);
+    assert_eq!(fitted.surfaces[0].semi_diameter_mm, 5.0);
+    for (a, b) in grown.surfaces.iter().zip(&fitted.surfaces).skip(1) {
+        assert_eq!(a.semi_diameter_mm, b.semi_diameter_mm);
+    }
+    // A spot by cells of the pupil, on the plane where the light that passes is best.
+    let passing_um = analysis.rms_through_apertures_um(&kept, &fitted).unwrap();
+    for (field, rms_um) in kept.merit.fields_rad.iter().zip(&passing_um) {
+        let reference = spot(&fitted, *field, &Quadrature::grid(256).unwrap()).unwrap();
+        assert!((rms_um / reference.rms_poly_um - 1.0).abs() < 3e-3, "{rms_um} {}", reference.rms_poly_um);
+    }
+    // Limits are measured where the surface ends, not where beams would need it to.
+    let limits = Limits { clear_diameter_mm: Some(12.0), ..Limits::default() };
+    let violated = |problem: Problem| {
+        let found = analysed(&Problem { limits, ..problem }).violations;
+        found.into_iter().any(|(what, _)| what == Constraint::ClearDiameter { surface: 0, most_mm: 12.0 })
+    };
+    assert!(violated(cut) && !violated(kept));
 }

@@ -44,7 +44,7 @@ pub struct Args {
     /// Number of fields from the axis to the corner
     #[arg(long, default_value_t = psf::Request::default().fields)]
     fields: usize,
-    /// Image radius of the last field, mm (the corner of a 1920 x 1200 sensor of 5.86 um)
+    /// Image radius of the last field, mm: by default the corner of a 1920 x 1200 sensor of 5.86 um, whatever the fields of the lens
     #[arg(long, default_value_t = psf::Request::default().corner_mm)]
     corner_mm: f64,
     /// Wavelengths of the red, green and blue channel, um

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
-use crate::jobs::{Event, Watcher};
+use crate::jobs::{Event, TimeLeft, Watcher};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::plain;
@@ -69,7 +69,7 @@ impl Phase {
         }
     }
 
-    /// How long the rest will take at the recent speed: `, about 20 s left`; nothing before the first unit is done.
+    /// How long the rest will take at the recent speed, where all units are alike: `, about 20 s left`; nothing before the first unit is done.
     fn left(&self) -> String {
         let (Some((start, before)), Some((now, done))) = (self.points.front(), self.points.back()) else {
             return String::new();
@@ -81,6 +81,12 @@ impl Phase {
         let seconds = now.duration_since(*start).as_secs_f64() * rest / (done - before) as f64;
         format!(", about {seconds:.0} s left")
     }
+}
+
+/// The time that is left of a run: `, about 20 s left`.
+fn left_in_words(left: &TimeLeft) -> String {
+    let how = if left.is_least { "at least" } else { "about" };
+    format!(", {how} {:.0} s left", left.seconds)
 }
 
 impl Stderr {
@@ -100,8 +106,8 @@ impl Stderr {
         if self.is_plain { noteln!("{text}") } else { self.bar.suspend(|| noteln!("{text}")) }
     }
 
-    /// Shows how many units of work are done, and what is done now.
-    fn progress(&self, done: u64, total: u64, text: &str) {
+    /// Shows how many units of work are done, and what is done now. The job may know how long the rest takes: `left` in words.
+    fn progress(&self, done: u64, total: u64, text: &str, left: Option<&str>) {
         let text = plain::message(text);
         // The numbers stay valid if a thread panics while it holds the lock.
         let mut phase = self.phase.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
@@ -124,11 +130,12 @@ impl Stderr {
         if !self.is_plain {
             self.bar.set_message(text.clone());
             self.bar.set_position(done);
-            self.bar.set_prefix(phase.left());
+            self.bar.set_prefix(left.map_or_else(|| phase.left(), str::to_owned));
         } else if done > phase.first
             && (done.is_multiple_of(PLAIN_EVERY) || now.duration_since(phase.last_line) > PLAIN_AFTER)
         {
-            noteln!("{done}/{total}{}: {text}", phase.left());
+            let left = left.map_or_else(|| phase.left(), str::to_owned);
+            noteln!("{done}/{total}{left}: {text}");
             phase.last_line = now;
         }
     }
@@ -140,8 +147,12 @@ impl Watcher for Stderr {
             Event::Warning { .. } | Event::Note { .. } | Event::Camera { .. } => {
                 self.line(&event.to_string())
             }
-            Event::Progress { done, total, text } => self.progress(*done, *total, text),
-            Event::Step { step, total, .. } => self.progress(*step, *total, &event.to_string()),
+            Event::Progress { done, total, text } => self.progress(*done, *total, text, None),
+            // Its steps are of many kinds: their mean says little.
+            Event::Step { step, total, time_left, .. } => {
+                let left = time_left.as_ref().map_or_else(String::new, left_in_words);
+                self.progress(*step, *total, &event.to_string(), Some(&left));
+            }
             // What a verb has written it prints at its end.
             Event::File { .. } => {}
         }
@@ -184,6 +195,12 @@ mod tests {
     fn units_that_a_restored_run_has_done_before_do_not_count() {
         let said = left_after(900, 1000, [2; 10].into_iter());
         assert_eq!(said[10], ", about 180 s left");
+    }
+
+    #[test]
+    fn what_a_run_knows_of_the_time_left_is_said_as_it_is() {
+        let left = |is_least| left_in_words(&TimeLeft { seconds: 71.6, is_least });
+        assert_eq!([left(false), left(true)], [", about 72 s left", ", at least 72 s left"]);
     }
 
     #[test]

@@ -99,6 +99,35 @@ fn wrong_requests_for_psfs_are_refused_and_nothing_is_written() {
     }
 }
 
+/// PSFs of a part of the lens say so, and fields beyond those of the lens file are no fault of the grid.
+#[test]
+fn fields_are_compared_with_those_of_the_lens_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let with_corner = |mm: &'static str, out: &'static str| {
+        run(folder.path(), &[&["psf", LENS, "--corner-mm", mm, "--out", out], &QUICK[..]].concat())
+    };
+    let part = with_corner("2", "part");
+    assert_eq!(part.code, Some(0), "{}", part.stderr);
+    // 25.0 mm of focal length: 2 mm are 4.6 degrees.
+    assert!(
+        part.says("the PSFs go to 4.") && part.says(" of the 15 degrees of the lens file"),
+        "{}",
+        part.stderr
+    );
+    let whole = with_corner("6.634", "whole");
+    assert!(!whole.says("the PSFs go to"), "{}", whole.stderr);
+
+    let beyond = with_corner("10", "beyond");
+    assert_eq!(beyond.code, Some(2), "{}", beyond.stderr);
+    assert!(beyond.says("no light reaches the image at 25.1"), "{}", beyond.stderr);
+    assert!(
+        beyond.says("fields to 15 degrees, 6.") && beyond.says("a smaller --corner-mm"),
+        "{}",
+        beyond.stderr
+    );
+    assert!(!beyond.says("a larger --grid"), "{}", beyond.stderr);
+}
+
 /// A larger grid is no remedy for a lens 1 mm out of focus.
 #[test]
 fn light_beyond_the_grid_of_a_lens_out_of_focus_has_its_reason() {

@@ -311,6 +311,39 @@ fn an_optimisation_starts_from_a_lens_that_cannot_be_built() {
     assert!(!folder.path().join("stiff/best.toml").exists());
 }
 
+/// A first surface that cuts the beams of the corner: `lens show`, the start of an optimisation and its best lens count the light that passes.
+#[test]
+fn clear_apertures_of_the_file_are_those_of_the_start_and_of_the_best_lens() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = read(&data("lenses/cooke-triplet-nominal.toml"));
+    let cut = text.replacen("semi_diameter_mm = 7.733", "semi_diameter_mm = 5.0", 1);
+    assert_ne!(cut, text);
+    std::fs::write(folder.path().join("lens.toml"), cut).unwrap();
+    run_ok(folder.path(), &["lens", "focus", "lens.toml", "cut.toml"]);
+    let args = ["lens", "optimize", "cut.toml", "--iterations", "10", "--out", "run", "--json"];
+    let done = run_ok(folder.path(), &args);
+    assert!(done.says("the clear apertures of surface 1 cut the beams and are kept"), "{}", done.stderr);
+    let found = done.json();
+    for (which, file) in [("start", "cut.toml"), ("best", "run/best.toml")] {
+        let shown = run_ok(folder.path(), &["lens", "show", file, "--json"]).json();
+        assert_eq!(shown["surfaces"][0]["semi_diameter_mm"], 5.0, "{which}");
+        assert!(shown["relative_illumination"][3][1].as_f64().unwrap() < 0.6, "{which}: {shown}");
+        for field in 0..4 {
+            let there = shown["rms_spot_poly_real_stop_um"][field].as_f64().unwrap();
+            let here = found[which]["rms_spot_um"][field].as_f64().unwrap();
+            assert!((here / there - 1.0).abs() < 5e-3, "{which}, field {field}: {here} {there}");
+        }
+    }
+    // A pupil that the file does not state makes its apertures anew, and so does a search.
+    let wide = ["lens", "optimize", "cut.toml", "--iterations", "1", "--f-number", "4", "--out", "wide"];
+    assert!(!run_ok(folder.path(), &wide).says("cut the beams"));
+    let search = ["lens", "optimize", "cut.toml", "--global", "--rounds", "1", "--out", "found"];
+    assert!(run_ok(folder.path(), &search).says("a search makes apertures anew"));
+    // A lens that cuts nothing has nothing to say.
+    let whole = ["lens", "optimize", LENS, "--iterations", "1", "--out", "whole"];
+    assert!(!run_ok(folder.path(), &whole).says("cut the beams"));
+}
+
 /// A lens of the tests of the jobs.
 fn double_gauss() -> String {
     read(Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../petzval-jobs/tests/lenses/double-gauss.toml")))

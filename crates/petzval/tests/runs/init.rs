@@ -96,6 +96,25 @@ fn a_lens_without_variables_gets_the_usual_ones_and_keeps_its_focal_length() {
     }
 }
 
+/// Windows of a lens of one's own fit the photographs that the same command names, by the option or by the key, and not the built-in ones.
+#[test]
+fn windows_fit_the_photographs_that_the_command_names() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir(folder.path().join("small")).unwrap();
+    for name in ["a.png", "b.png", "c.png"] {
+        image::RgbImage::new(160, 130).save(folder.path().join("small").join(name)).unwrap();
+    }
+    let fitted = |named: &[&str]| {
+        run_ok(folder.path(), &[&["design", "cooke-triplet-nominal", "--print-config"], named].concat())
+    };
+    for named in [["--photos", "small"], ["--set", "photos=small"]] {
+        let done = fitted(&named);
+        assert!(done.says("in place of 120: half of the photographs in"), "{named:?}: {}", done.stderr);
+        assert!(done.says("of 130 pixels at most, hold no larger window"), "{named:?}: {}", done.stderr);
+    }
+    assert!(!fitted(&[]).says("in place of 120"));
+}
+
 /// A public lens of another program, in a folder with a space.
 fn with_double_gauss() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();

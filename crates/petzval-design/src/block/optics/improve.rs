@@ -82,6 +82,7 @@ impl OpticsBlock {
         let begun = descend(&problem(start), &as_it_is, &mut |_, _, _| true)?;
         let gain = 1.0 - (best.best.merit / begun.best.merit).sqrt();
         let corner = self.start.worse_corner(&begun.best.lens, &best.best.lens);
+        let darker = self.start.darker_corner(&begun.best.lens, &best.best.lens);
         if gain <= 0.0 {
             best = begun;
         } else {
@@ -89,6 +90,7 @@ impl OpticsBlock {
         }
         self.remarks = self.remarks_on(&best, gain);
         self.remarks.extend(corner.filter(|_| goal == LensGoal::Spot && gain > 0.0));
+        self.remarks.extend(darker.filter(|_| gain > 0.0));
         Ok(lens_losses(&best.best))
     }
 

@@ -5,9 +5,11 @@ use petzval_optics::solve::with_paraxial_focus;
 #[test]
 fn light_beyond_the_grid_is_named() {
     let psf = PsfConfig::default();
-    assert_eq!(psf.lost_light(0.985), None);
-    let said = psf.lost_light(0.5).unwrap();
-    assert!(said.contains("grid of 128 um cuts off 50 % of the light"), "{said}");
+    assert_eq!(psf.lost_light(0.985, None), None);
+    let said = psf.lost_light(0.5, None).unwrap();
+    assert!(said.contains("grid of 128 um cuts off 50 % of the light somewhere"), "{said}");
+    let said = psf.lost_light(0.5, Some(9.04)).unwrap();
+    assert!(said.contains("cuts off 50 % of the light at 9.0 degrees"), "{said}");
 }
 
 #[test]

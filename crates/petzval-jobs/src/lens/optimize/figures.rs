@@ -120,10 +120,13 @@ impl Figures {
 
     /// The figures of a lens under a problem.
     pub(super) fn new(problem: &Problem, analysis: &Analysis) -> Self {
-        let lens = &analysis.lens;
+        let clear = analysis.fitted_lens(problem);
+        // A lens whose clear apertures cut beams is that of its file: by the light that passes, on the image plane where that is best.
+        let passing_um = analysis.rms_through_apertures_um(problem, &clear);
+        let lens = if passing_um.is_some() { &clear } else { &analysis.lens };
+        let rms_um = passing_um.unwrap_or_else(|| analysis.rms_um.clone());
         let sequence = lens.at_wavelength(lens.reference_um);
         let order = first_order(&sequence);
-        let clear = analysis.fitted_lens(problem);
         let widest = clear.surfaces.iter().fold(0.0_f64, |w, s| w.max(2.0 * s.semi_diameter_mm));
         let outermost = problem.merit.outermost_field_rad();
         let chief = (outermost != 0.0 && lens.is_rotationally_symmetric())
@@ -142,8 +145,8 @@ impl Figures {
         Self {
             restored_error_percent: goals().find(|(goal, _)| is_restored(goal)).map(|(_, percent)| percent),
             operands: goals().filter(|(goal, _)| !is_restored(goal)).map(figure).collect(),
-            mean_rms_spot_um: analysis.mean_rms_um(),
-            rms_spot_um: analysis.rms_um.clone(),
+            mean_rms_spot_um: rms_um.iter().sum::<f64>() / rms_um.len() as f64,
+            rms_spot_um: rms_um,
             focal_length_mm: finite(order.efl_mm),
             back_focal_length_mm: finite(order.bfl_mm),
             f_number: finite(order.f_number),

@@ -18,7 +18,7 @@ use petzval_design::assets::Assets;
 use petzval_design::error::DesignError;
 use petzval_files::{LensFile, OperandFile, parse_operands};
 use petzval_optics::design_space::AtBound;
-use petzval_optics::lens::Lens;
+use petzval_optics::lens::{Lens, validate};
 use petzval_optics::optimize::{Analysis, LevenbergOptions, Problem, Search, SearchOptions, descend};
 
 use self::descent::descent;
@@ -75,7 +75,7 @@ pub(crate) const UNIT: AsUnit<Request> = AsUnit {
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     request.check()?;
     let assets = &context.assets;
-    let (mut history, config, problem, upto) = match &request.start {
+    let (mut history, config, mut problem, upto) = match &request.start {
         Start::Resume { folder, rewind } => {
             let (history, config) = History::open(folder, *rewind, context)?;
             let problem = config.goal.problem(history.start(), assets)?;
@@ -107,7 +107,22 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     };
     note_held_radius(&problem, history.start(), &config.goal, context);
 
-    let start = at_the_start(&problem);
+    let mut start = at_the_start(&problem);
+    let sees_the_same = sees_what_the_file_states(&config.goal, &problem, history.start());
+    // A search makes lenses of other shapes, whose apertures are others.
+    let is_as_stated = sees_the_same && !config.global;
+    if let Some(unclipped) = &start
+        && sees_the_same
+    {
+        let cutting = unclipped.cutting_apertures_mm(&problem);
+        if cutting.iter().any(Option::is_some) {
+            context.note(cut_in_words(&cutting, config.global));
+            if is_as_stated {
+                problem.kept_apertures_mm = cutting;
+                start = at_the_start(&problem).or(start);
+            }
+        }
+    }
     if let Some(start) = &start {
         note_violations(start, context);
     }
@@ -137,8 +152,11 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         lens: history.best_lens(),
         page: history.page(),
     };
-    let lenses = start.as_ref().map(|analysis| analysis.fitted_lens(&problem));
-    history.write_page(&page::page(&problem, &found, lenses.as_ref(), &best.fitted_lens(&problem)))?;
+    let before = start.as_ref().map(|analysis| {
+        let fitted = analysis.fitted_lens(&problem);
+        if is_as_stated { with_own_apertures(fitted, history.start()) } else { fitted }
+    });
+    history.write_page(&page::page(&problem, &found, before.as_ref(), &best.fitted_lens(&problem)))?;
     context.wrote(history.best_lens(), "lens");
     context.wrote(history.page(), "page");
     let fields_deg = problem.merit.fields_rad.iter().map(|f| f.to_degrees()).collect();
@@ -156,6 +174,39 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         return Err(stopped.going_on_with(&again).with_response(&response).into());
     }
     Ok(response)
+}
+
+/// Whether an optimisation has the pupil and no wider fields than the lens file, so that the clear apertures of the file hold for it.
+fn sees_what_the_file_states(goal: &Goal, problem: &Problem, file: &LensFile) -> bool {
+    // A thousandth beyond the outermost field is the same field.
+    let stated_deg = file.lens.fields_deg.iter().fold(0.0_f64, |most, field| most.max(field.abs()));
+    goal.f_number.is_none() && problem.merit.outermost_field_rad().abs().to_degrees() <= 1.001 * stated_deg
+}
+
+/// What to say of clear apertures that cut the beams of the lens at the start.
+fn cut_in_words(cutting: &[Option<f64>], is_search: bool) -> String {
+    let surfaces = cutting.iter().enumerate().filter(|(_, own_mm)| own_mm.is_some());
+    let numbers: Vec<String> = surfaces.map(|(i, _)| (i + 1).to_string()).collect();
+    let (s, numbers) = (if numbers.len() > 1 { "s" } else { "" }, numbers.join(", "));
+    if is_search {
+        return format!(
+            "the clear apertures of surface{s} {numbers} cut the beams of the lens at the start; a search makes apertures anew for the whole beams, and \
+             compares lenses by all rays of the stop"
+        );
+    }
+    format!(
+        "the clear apertures of surface{s} {numbers} cut the beams and are kept; the descent follows all rays of the stop, start and best are measured by the \
+         light that passes"
+    )
+}
+
+/// A lens with the clear semi-diameters of a file, if it can be built with them.
+fn with_own_apertures(fitted: Lens, file: &LensFile) -> Lens {
+    let mut own = fitted.clone();
+    for (surface, stated) in own.surfaces.iter_mut().zip(&file.lens.surfaces) {
+        surface.semi_diameter_mm = stated.semi_diameter_mm;
+    }
+    if validate(&own).is_ok() { own } else { fitted }
 }
 
 /// The configuration with which an optimisation continues, and where it ends. It ends where it would have ended at first, or after as many
