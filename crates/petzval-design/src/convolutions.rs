@@ -88,7 +88,9 @@ mod tests {
              [network]\nbase_channels = 8\nlevels = 2\nweights = \"none\"\n[training]\nsteps = 4\nbatch = 3\n{more}\
              [[variant]]\nname = \"end-to-end\"\n[[variant.stage]]\nmoves = [\"optics\", \"network\"]\n"
         );
-        let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+        let assets =
+            Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data"))
+                .unwrap();
         let experiment = Experiment::parse(&text).unwrap();
         let setup = Setup::new(experiment, &assets, Device::flex().autodiff()).unwrap();
         convolutions_of(&setup).unwrap()

@@ -462,6 +462,7 @@ fn a_lens_that_may_magnify_knows_what_that_does_to_the_loss() {
         noise,
         loss: &loss,
         further: &further,
+        is_whole: false,
         magnified,
     };
     let block = OpticsBlock::new(start.clone(), 0.0).with_field(FieldOfView::Free);

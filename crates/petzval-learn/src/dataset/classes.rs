@@ -325,7 +325,7 @@ pub fn in_classes(data: &DataSet, classes: &Classes) -> DataSet {
 
 #[cfg(test)]
 mod tests {
-    use petzval_files::coco::Image;
+    use petzval_files::coco::{Bounds, Image};
 
     use super::*;
 
