@@ -113,6 +113,7 @@ pub(crate) fn rows() -> Vec<TableRow> {
         efl_mm: 23.01,
         f_number: 4.04,
         fov_deg: 30.0,
+        corner_light_percent: 87.0,
         steps: 60,
     };
     vec![

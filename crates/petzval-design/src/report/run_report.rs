@@ -278,7 +278,7 @@ fn notes(setup: &Setup, metrics: &Metrics) -> Vec<String> {
     };
     let definitions: Vec<String> =
         metrics.scores.iter().map(|s| format!("{}, {}", s.title, s.definition)).collect();
-    let mut notes = vec![
+    vec![
         format!("Scores: {}.", definitions.join("; ")),
         "RMS spot: mean over the fields, all wavelengths together about their common centroid, through the real stop, \
          each ray weighed by its light."
@@ -299,25 +299,7 @@ fn notes(setup: &Setup, metrics: &Metrics) -> Vec<String> {
             },
             if setup.experiment.sees_streets(&setup.facts) { "Streets are seen through the chief rays of each lens, distortion included." } else { "Distortion is not rendered: each place gets the PSF of the field whose chief ray lands there." }
         ),
-    ];
-    notes.extend(corner_light(metrics));
-    notes
-}
-
-/// Difference of the light in the corner between lenses, % of the light on the axis, from which on it is shown.
-const LIGHT_PERCENT: f64 = 1.0;
-
-/// The light in the sensor's corner of every camera, where they differ in it.
-fn corner_light(metrics: &Metrics) -> Option<String> {
-    let of = |m: &CameraMetrics| Some((m.camera.clone(), m.corner_light_percent.filter(|_| !m.is_ceiling)?));
-    let light: Vec<(String, f64)> = metrics.rows.iter().filter_map(of).collect();
-    let least = light.iter().map(|(_, percent)| *percent).fold(f64::INFINITY, f64::min);
-    let most = light.iter().map(|(_, percent)| *percent).fold(f64::NEG_INFINITY, f64::max);
-    (most - least > LIGHT_PERCENT).then(|| {
-        let named: Vec<String> =
-            light.iter().map(|(camera, percent)| format!("{camera} {percent:.1} %")).collect();
-        format!("Light in the sensor's corner relative to the axis: {}.", named.join(", "))
-    })
+    ]
 }
 
 /// The table of cameras as they are made.
@@ -369,6 +351,7 @@ fn row(scores: &[ScoreDescription], m: &CameraMetrics) -> TableRow {
         efl_mm: m.efl_mm,
         f_number: m.f_number,
         fov_deg: m.fov_deg,
+        corner_light_percent: m.corner_light_percent.unwrap_or(f64::NAN),
         steps: m.network_steps.max(m.isp_steps),
     }
 }
@@ -518,37 +501,4 @@ fn environment(path: &Path) -> Result<Vec<(String, String)>, DesignError> {
         other => other.to_string(),
     };
     Ok(values.into_iter().map(|(k, v)| (k, plain(v))).collect())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn metrics(cameras: &[(&str, f64, bool)]) -> Metrics {
-        let row = |(camera, percent, is_ceiling): &(&str, f64, bool)| {
-            serde_json::json!({
-                "camera": camera, "is_ceiling": is_ceiling, "psnr_db": 30.5, "rms_spot_um": 7.25, "efl_mm": 25.0, "f_number": 2.8, "fov_deg": 40.0,
-                "corner_distortion_percent": -1.5, "corner_light_percent": percent, "psf_captured": 1.0, "white_e": 16000.0, "network_steps": 3,
-                "rms_spot_by_field_um": [], "pictures": []
-            })
-        };
-        let rows: Vec<serde_json::Value> = cameras.iter().map(row).collect();
-        serde_json::from_value(serde_json::json!({
-            "rows": rows, "seeds": [1], "held_out_images": 1, "held_out_places": 1, "scores": []
-        }))
-        .unwrap()
-    }
-
-    /// A telephoto whose lens for least spots cuts off a third of the corner's light.
-    #[test]
-    fn the_light_of_the_corner_is_shown_where_lenses_differ_in_it() {
-        let unlike = metrics(&[("nominal", 51.0, false), ("spot-optimised", 34.7, false)]);
-        assert_eq!(
-            corner_light(&unlike).unwrap(),
-            "Light in the sensor's corner relative to the axis: nominal 51.0 %, spot-optimised 34.7 %."
-        );
-        let alike =
-            metrics(&[("nominal", 51.0, false), ("end-to-end", 50.4, false), ("perfect", 87.0, true)]);
-        assert_eq!(corner_light(&alike), None);
-    }
 }

@@ -125,6 +125,19 @@ pub(super) fn first_order() -> [Figure; 3] {
     ]
 }
 
+/// Difference of the light in the corner between lenses, % of that on the axis, from which on it has a column.
+const LIGHT_PERCENT: f64 = 1.0;
+
+/// The light in the corner, where lenses with aberrations differ in it: a spot may be smaller because less light passes.
+fn corner_light(rows: &[TableRow]) -> Option<Figure> {
+    let figure = Figure::of_lens("corner light", "%", None, 1, |r| r.corner_light_percent);
+    let light =
+        || rows.iter().filter(|row| !row.is_ceiling).map(|row| figure.of(row)).filter(|v| v.is_finite());
+    let least = light().fold(f64::INFINITY, f64::min);
+    let most = light().fold(f64::NEG_INFINITY, f64::max);
+    (most - least > LIGHT_PERCENT).then_some(figure)
+}
+
 /// The table, in the colours of the cameras.
 pub(super) fn score_table(report: &Report) -> Markup {
     let rows = &report.table;
@@ -134,6 +147,7 @@ pub(super) fn score_table(report: &Report) -> Markup {
     figures.push(restored());
     figures.push(spot());
     figures.extend(first_order());
+    figures.extend(corner_light(rows));
     let columns = [Column::new("camera")].into_iter().chain(figures.iter().map(Figure::column));
     let lines = rows.iter().enumerate().map(|(i, row)| {
         let error = |figure: &Figure| match figure.place {
@@ -228,6 +242,22 @@ mod tests {
         rows.insert(0, TableRow { camera: "trained".into(), is_ceiling: true, ..rows[2].clone() });
         let table = table_of(&rows);
         assert!(table.contains("the difference to nominal") && table.contains("+0.0187"));
+    }
+
+    /// A telephoto whose lens for least spots cuts off a third of the corner's light. A lens without aberrations does not count.
+    #[test]
+    fn the_light_of_the_corner_is_shown_where_lenses_differ_in_it() {
+        let mut rows = sample::rows();
+        rows[0].corner_light_percent = 87.9;
+        rows.push(TableRow { is_ceiling: true, corner_light_percent: 100.0, ..rows[0].clone() });
+        assert!(!table_of(&rows).contains("corner light"));
+        (rows[0].corner_light_percent, rows[1].corner_light_percent) = (51.0, 34.7);
+        let table = table_of(&rows);
+        assert!(table.contains("corner light") && table.contains("34.7"), "{table}");
+        assert!(table.contains("\u{2212}16.3"), "{table}");
+        // Runs of earlier versions have no such figure.
+        rows.iter_mut().for_each(|row| row.corner_light_percent = f64::NAN);
+        assert!(!table_of(&rows).contains("corner light"));
     }
 
     #[test]

@@ -179,6 +179,8 @@ pub struct TableRow {
     pub f_number: f64,
     /// Full diagonal field of view, degrees.
     pub fov_deg: f64,
+    /// Illumination in the sensor's corner relative to the axis, %; NaN if it is not known.
+    pub corner_light_percent: f64,
     /// Steps that its network, or its hardware ISP, got.
     pub steps: usize,
 }
