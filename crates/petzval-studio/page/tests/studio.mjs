@@ -269,6 +269,7 @@ test("a dropped lens of another program is opened with what it loses, saved, and
   await dialog.getByLabel("Name").fill("kept");
   await dialog.getByRole("button", { name: "Write into the folder" }).click();
   await page.getByText("written: kept.toml").waitFor();
+  await dialog.waitFor({ state: "hidden" });
   assert.equal(readFileSync(join(studio.folder, "kept.toml"), "utf8"), await toml(page));
   // A second time the file is there, and is overwritten on demand alone.
   await page.keyboard.press("Control+s");
@@ -276,6 +277,7 @@ test("a dropped lens of another program is opened with what it loses, saved, and
   await dialog.getByRole("alert").waitFor();
   await dialog.getByRole("button", { name: "Overwrite" }).click();
   await page.getByText("written: kept.toml").waitFor();
+  await dialog.waitFor({ state: "hidden" });
   await page.keyboard.press("Control+s");
   await dialog.getByLabel("Format").selectOption("seq");
   const [download] = await Promise.all([page.waitForEvent("download"), dialog.getByRole("button", { name: "Download" }).click()]);
