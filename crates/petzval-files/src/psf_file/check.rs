@@ -199,7 +199,7 @@ impl PsfFile {
                 "the focal length of a far object, in mm",
             ));
         }
-        if let Some(wrong) = axes.wavelengths_um.iter().find(|um| !OPTICAL_UM.contains(um)) {
+        if let Some(wrong) = axes.wavelengths_um.iter().find(|um| !OPTICAL_UM.contains(*um)) {
             return Err(fault("wavelengths_um", wrong, "no wavelength", "in um: 550 nm is 0.55"));
         }
         if let Some(wrong) =
