@@ -54,8 +54,8 @@ pub(super) trait By: Sync {
     }
 }
 
-/// How a camera takes the windows of a batch; whole where they are taken together: a single one, a loss that looks at all of them, a network
-/// of a user, another device than the CPU, or a batch that says so.
+/// How a camera takes the windows of a batch. They are taken together where there is a single one, on another device than the CPU, for a loss
+/// that looks at all of them, for a network of a user, and where the batch says so.
 fn way(batch: &Batch, camera: &Camera, shots: &[Shot]) -> Result<WindowsOf, DesignError> {
     let way = batch.loss.windows();
     if batch.is_whole || shots.len() < 2 || way == WindowsOf::Whole || !camera.takes_windows_alone() {

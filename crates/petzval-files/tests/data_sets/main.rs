@@ -54,7 +54,7 @@ fn with_boxes(boxes: &[[f64; 4]]) -> Defects {
 }
 
 #[test]
-fn boxes_in_another_form_are_told_by_all_of_them() {
+fn boxes_in_another_form_are_known_by_all_of_them() {
     let corners = [
         [20.0, 12.0, 38.0, 28.0],
         [4.0, 3.0, 12.0, 14.0],

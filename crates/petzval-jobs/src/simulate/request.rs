@@ -53,7 +53,7 @@ impl Place {
     }
 }
 
-/// Pictures that are enlarged by more than this are told: up to the surround that a lens with distortion sees, they fill the frame as they are.
+/// Where pictures are enlarged by more than this, a note says so: up to the surround that a lens with distortion sees, they fill the frame as they are.
 const ENLARGED: f64 = 1.25;
 
 petzval_base::parameters! {
@@ -274,7 +274,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pictures_that_are_much_smaller_than_the_frame_are_told() {
+    fn pictures_that_are_much_smaller_than_the_frame_get_a_note() {
         let note =
             |place: Place, height, width| place.note(&LinearImage::zeros(3, height, width), (1200, 1920));
         assert!(note(Place::Fill, 400, 600).unwrap().contains("enlarged 3.2 times"));
