@@ -99,8 +99,8 @@ mod tests {
     #[test]
     fn a_step_has_the_shapes_of_its_whole_batch() {
         // No other test of this program has windows of these sides, so that none adds to their convolutions.
-        let streets = "crop = 104\n[street]\nwindows = 3\nheld_out = 1\nsamples = 1\n";
-        for (task, more, side) in [("image-quality", "crop = 72\n", 72), ("pedestrian-vehicle", streets, 104)]
+        let streets = "crop = 160\n[street]\nwindows = 3\nheld_out = 1\nsamples = 1\n";
+        for (task, more, side) in [("image-quality", "crop = 72\n", 72), ("pedestrian-vehicle", streets, 160)]
         {
             let all = of_task(task, more);
             let batches: BTreeSet<usize> =

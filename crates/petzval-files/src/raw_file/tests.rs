@@ -388,7 +388,12 @@ fn formats_that_are_not_read_are_errors() {
     assert!(matches!(load_raw(Path::new("no/such.raw")), Err(RawFileError::Io { .. })));
     let colour = folder.path().join("colour.png");
     ::image::RgbImage::new(2, 2).save(&colour).unwrap();
-    assert!(load_raw(&colour).unwrap_err().to_string().contains("Rgb8, not of digital numbers"));
+    assert!(
+        load_raw(&colour)
+            .unwrap_err()
+            .to_string()
+            .contains("a colour picture of 8 bits a sample, not digital numbers")
+    );
 }
 
 /// Errors about a TIFF use the terms of the file.
@@ -431,7 +436,7 @@ fn errors_say_why_a_tiff_file_is_not_a_frame() {
     write(&|tiff| tiff.write_image::<colortype::GrayI16>(2, 1, &[7, i16::MAX]).unwrap());
     assert_eq!(load_raw(&path).unwrap().dn, [7, 32_767]);
     write(&|tiff| tiff.write_image::<colortype::RGB8>(1, 1, &[1, 2, 3]).unwrap());
-    assert!(says().contains("RGB(8), not of digital numbers"), "{}", says());
+    assert!(says().contains("a colour picture of 8 bits a sample, not digital numbers"), "{}", says());
 
     // Each page is a frame; a thumbnail is not.
     write(&|tiff| {

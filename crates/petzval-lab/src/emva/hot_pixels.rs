@@ -260,6 +260,9 @@ fn bright_pixels(
     // Rounding leaves at least its own variance in each of the two means.
     let middle = median(offsets.iter().copied());
     let scatter = SIGMA_OVER_MEDIAN * median(offsets.iter().map(|o| (o - middle).abs()));
+    // Means of few frames lie on steps, and so does the median of their deviations; the standard deviation of what it keeps does not.
+    let kept = || offsets.iter().map(|o| o - middle).filter(|o| o.abs() <= THRESHOLD_SIGMAS * scatter);
+    let scatter = scatter.max((kept().map(|o| o * o).sum::<f64>() / kept().count().max(1) as f64).sqrt());
     let rounding = (0.5 * ROUNDING_DN2).sqrt() * (1.0 + share).hypot(share);
     let limit = middle + THRESHOLD_SIGMAS * scatter.max(rounding);
     let is_bright =

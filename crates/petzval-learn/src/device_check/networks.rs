@@ -70,15 +70,16 @@ mod tests {
 
     #[test]
     fn a_detector_has_its_convolutions_at_the_size_of_the_batch() {
+        // Tests beside this one add convolutions of other batches.
         let all = of_detector(DETECTORS[0], 5, 64).unwrap();
-        assert!(all.len() > 5 && all.iter().all(|c| c.input[0] == 5));
+        let all: Vec<_> = all.into_iter().filter(|c| c.input[0] == 5).collect();
+        assert!(all.len() > 5, "{all:?}");
         assert!(all.iter().any(|c| c.input[1..] == [3, 64, 64]), "{all:?}");
     }
 
     #[test]
     fn proxies_have_their_convolutions_at_the_size_of_the_batch() {
-        let all = of_proxies(3).unwrap();
-        assert!(all.iter().all(|c| c.input[0] == 3));
+        let all: Vec<_> = of_proxies(3).unwrap().into_iter().filter(|c| c.input[0] == 3).collect();
         let full = |c: &&Convolution| c.kind == ConvolutionKind::Full;
         // The last layer of the optics network makes 128 x 128 PSFs of three colours.
         assert!(all.iter().filter(full).any(|c| c.input == [3, 64, 128, 128] && c.outputs == 3));

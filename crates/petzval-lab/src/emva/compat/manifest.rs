@@ -269,7 +269,7 @@ frames = ["c.png", "d.png"]
             (
                 "exposure_ms = 2.5",
                 "exposure_ms = 2.5\nblack_level_dn = 64.0",
-                10,
+                11,
                 "black_level_dn",
                 "gain 2 states",
             ),
