@@ -2849,6 +2849,8 @@ class Detect(TypedDict, total=False):
     """Least score of a detection, 0..1."""
     out: str | None
     """Folder for results and drawn pictures."""
+    part: str | None
+    """The part of the data set that is looked at, such as `valid`; all of it if none is named."""
 
 
 class DetectDetectorSource1(TypedDict, total=False):

@@ -46,7 +46,7 @@ fn what_cannot_be_developed_or_tuned_is_named_and_nothing_is_written() {
         (tune("reference", &["--vary", "gain.grün"]), ["--vary gain.grün", "did you mean"]),
         (
             tune("reference", &["--objective", "beauty"]),
-            ["--objective beauty", "give one of psnr, ssim, lpips"],
+            ["--objective beauty", "give one of lpips, psnr, ssim"],
         ),
         (tune("reference", &["--evaluations", "3"]), ["--evaluations 3", "one generation"]),
         (vec!["tune", "--resume", "empty"], ["search.json", "--out folder"]),
