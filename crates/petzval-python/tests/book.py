@@ -21,7 +21,7 @@ import petzval as pz
 
 ROOT = Path(__file__).parents[3]
 BOOK = ROOT / "book" / "src"
-DATA = ROOT / "data"
+DATA = ROOT / "crates" / "petzval-data" / "data"
 SHIM = ROOT / "crates/petzval/tests/book/blocks/petzval.sh"
 
 

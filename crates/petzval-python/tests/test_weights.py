@@ -12,7 +12,7 @@ import pytest
 import petzval as pz
 from petzval.weights import Kind
 
-DATA = Path(__file__).parents[3] / "data" / "weights"
+DATA = Path(__file__).parents[2] / "petzval-data" / "data" / "weights"
 
 SETTINGS: dict[Kind, dict[str, Any]] = {
     "u-net": {"base_channels": 8, "levels": 2, "in_channels": 4, "out_channels": 3},
