@@ -397,11 +397,7 @@ pub fn look_at(request: &LookRequest, context: &Context) -> Result<FirstLook, Jo
 /// how many steps it takes. Nothing is written.
 pub fn look(new: &NewRun, device: &str, context: &Context) -> Result<FirstLook, JobError> {
     let (setup, mut look, _) = looked_at(new, context.device(device)?, context)?;
-    report_pictures(&setup, context);
-    look.warnings.extend(remarks(&setup).into_iter().filter_map(|remark| match remark {
-        Remark::Warning(text) => Some(text),
-        Remark::Note(_) => None,
-    }));
+    look.warnings.extend(report_pictures(&setup, context));
     Ok(look)
 }
 
@@ -437,19 +433,19 @@ fn set_up(experiment: Experiment, device: Device, context: &Context) -> Result<S
     Ok(Setup::new(experiment, &context.assets, device)?)
 }
 
-/// What is to be said of the pictures of an experiment.
-fn remarks(setup: &Setup) -> Vec<Remark> {
-    setup.windows().map(|windows| windows.remarks()).unwrap_or_default()
-}
-
-/// Lists the training, held-out and skipped pictures, and what their files say that is not obeyed.
-pub(crate) fn report_pictures(setup: &Setup, context: &Context) {
-    for remark in remarks(setup) {
+/// Lists the training, held-out and skipped pictures, and what their files say that is not obeyed: this is returned as well.
+pub(crate) fn report_pictures(setup: &Setup, context: &Context) -> Vec<String> {
+    let mut warnings = Vec::new();
+    for remark in setup.windows().iter().flat_map(|windows| windows.remarks()) {
         match remark {
             Remark::Note(text) => context.note(text),
-            Remark::Warning(text) => context.warning(WarningKind::DataSet, text),
+            Remark::Warning(text) => {
+                context.warning(WarningKind::DataSet, &text);
+                warnings.push(text);
+            }
         }
     }
+    warnings
 }
 
 /// Says from which weights the networks for pictures start, if they have any.

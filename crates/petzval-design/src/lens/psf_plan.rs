@@ -117,16 +117,15 @@ impl PsfConfig {
 impl BankWithTape {
     /// Least share of a PSF's light that its grid holds, over fields and colours.
     pub fn captured(&self) -> f64 {
-        let all = self.fields.iter().flat_map(|(psf, _)| &psf.captured);
-        all.copied().fold(1.0, minimum)
+        self.least_captured().0
     }
 
-    /// The same, with the field where it is least, rad.
+    /// The same, with the field where it is least, rad; a share that is no number is the least of all.
     pub fn least_captured(&self) -> (f64, f64) {
         let of_field = |(psf, _): &(FieldPsf, Option<PsfTape>)| {
             (psf.captured.iter().copied().fold(1.0, minimum), psf.field_rad)
         };
-        let least = |a: (f64, f64), b: (f64, f64)| if b.0 < a.0 { b } else { a };
+        let least = |a: (f64, f64), b: (f64, f64)| if b.0.is_nan() || b.0 < a.0 { b } else { a };
         self.fields.iter().map(of_field).fold((1.0, 0.0), least)
     }
 

@@ -324,8 +324,11 @@ fn warn_of_training_pictures(
         if path.is_dir() { Some(path) } else { Some(path.parent()?.to_owned()) }
     };
     let is_same = finder.trained_on.as_deref().and_then(folder).is_some_and(|own| Some(own) == folder(place));
+    if !is_same {
+        return;
+    }
     let trained = count_trained_on(&data.images, looked.iter().map(|l| &l.image));
-    if is_same && trained > 0 {
+    if trained > 0 {
         let message = format!(
             "the network of this run has been trained on {trained} of these {} pictures: scores on them say little about others; `part` takes one \
              part of a data set, and `evaluate` scores the cameras of the run on what it held out",

@@ -13,7 +13,11 @@ use super::worker::{SOURCE, Worker};
 #[test]
 fn the_python_package_runs_the_same_file() {
     let package = concat!(env!("CARGO_MANIFEST_DIR"), "/../petzval-python/python/petzval/_worker.py");
-    assert_eq!(petzval_base::read_text(package).unwrap(), SOURCE, "copy one over the other");
+    assert_eq!(
+        petzval_base::read_text(package).unwrap(),
+        SOURCE,
+        "`worker.py` is a link to it: check it out as one"
+    );
 }
 
 /// An answer as a worker writes it.

@@ -20,7 +20,7 @@ use crate::named_isp::external::workplace::Workplace;
 /// Receives each line that classes print, and the traceback of each exception of theirs.
 pub type Said = Arc<dyn Fn(&str) + Send + Sync>;
 
-/// What the process runs. The Python package has the same file, for classes in a process of its own.
+/// What the process runs: a link to the file of the Python package, which runs it for classes in its own process. A published crate holds the file.
 pub(super) const SOURCE: &str = include_str!("worker.py");
 
 /// Reads as much text from standard input as its argument says, and runs it. The folder of the run is not on its path yet.

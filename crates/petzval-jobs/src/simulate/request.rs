@@ -40,16 +40,18 @@ impl Place {
     /// What this does to a picture on a frame of so many rows and columns that a person would not see at once.
     pub fn note(self, picture: &LinearImage, (height, width): (usize, usize)) -> Option<String> {
         let by = (height as f64 / picture.height as f64).max(width as f64 / picture.width as f64);
-        let sizes = format!("{}x{} pixels on a frame of {height}x{width}", picture.height, picture.width);
-        match self {
-            Self::Fill if by > ENLARGED => Some(format!(
-                "{sizes}: the picture is enlarged {by:.1} times, and its own blur with it; `place` centre takes its pixels as they are"
-            )),
-            Self::Centre if by > ENLARGED => Some(format!(
-                "{sizes}: the picture's edge is continued to the border of the frame; `place` fill enlarges it {by:.1} times"
-            )),
-            _ => None,
+        if by <= ENLARGED {
+            return None;
         }
+        let sizes = format!("{}x{} pixels on a frame of {height}x{width}", picture.height, picture.width);
+        Some(match self {
+            Self::Fill => format!(
+                "{sizes}: the picture is enlarged {by:.1} times, and its own blur with it; `place` centre takes its pixels as they are"
+            ),
+            Self::Centre => format!(
+                "{sizes}: the picture's edge is continued to the border of the frame; `place` fill enlarges it {by:.1} times"
+            ),
+        })
     }
 }
 

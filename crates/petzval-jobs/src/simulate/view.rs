@@ -446,8 +446,13 @@ fn signal_to_noise(sensor: &SensorModel, exposure: &Exposure, light: f64) -> f64
 /// How many values of 8 bits lie in each bin.
 fn counted(values: impl Iterator<Item = u8>) -> Vec<u32> {
     let mut bins = vec![0; BINS];
-    values.for_each(|value| bins[usize::from(value) * BINS / 256] += 1);
+    values.for_each(|value| bins[bin(value)] += 1);
     bins
+}
+
+/// The bin of a value of 8 bits.
+fn bin(value: u8) -> usize {
+    usize::from(value) * BINS / 256
 }
 
 /// The same by colour, of pixels of three values.
@@ -455,7 +460,7 @@ fn counted_by_colour(rgb: &[u8]) -> Vec<Vec<u32>> {
     let mut bins = vec![vec![0; BINS]; CHANNELS];
     for pixel in rgb.chunks_exact(CHANNELS) {
         for (bins, value) in bins.iter_mut().zip(pixel) {
-            bins[usize::from(*value) * BINS / 256] += 1;
+            bins[bin(*value)] += 1;
         }
     }
     bins

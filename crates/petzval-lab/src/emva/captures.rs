@@ -5,7 +5,7 @@
 
 use std::path::{Path, PathBuf};
 
-use petzval_base::{Cancelled, FileError};
+use petzval_base::{Cancelled, FileError, counted};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -121,10 +121,7 @@ impl Point {
             (Kind::Flat, Some(p)) => format!(", {p} photons"),
             _ => String::new(),
         };
-        let frames = match self.frames.len() {
-            1 => "1 frame".to_owned(),
-            count => format!("{count} frames"),
-        };
+        let frames = counted(self.frames.len(), "frame");
         let ms = milliseconds(self.exposure_s);
         format!("{kind}, gain {}, {ms} ms{photons}, {frames}", self.linear_gain)
     }
