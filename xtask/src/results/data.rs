@@ -43,9 +43,23 @@ pub(super) struct Table {
     /// The file of `crates/petzval-data/data/studies` that quotes the differences of this table.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub study: Option<String>,
+    /// Rows that are newer than the table.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub renewed: Vec<Renewed>,
     pub columns: Vec<Column>,
     /// The first cell of a row is its name.
     pub rows: Vec<Vec<Option<Figure>>>,
+}
+
+/// A row that was made again after its table.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Renewed {
+    pub row: String,
+    /// Version of Petzval.
+    pub version: String,
+    /// Day of the figures, as `2026-11-27`.
+    pub date: String,
 }
 
 /// A column of a table.
@@ -65,6 +79,9 @@ pub(super) struct Column {
     /// The name in `metrics.json`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub metric: Option<String>,
+    /// The column of the score whose gap between the first camera and perfect optics each camera closes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gap: Option<String>,
     /// The camera of the column, in tables by place.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub camera: Option<String>,
@@ -83,8 +100,8 @@ pub(super) enum FromRuns {
 }
 
 /// The order of the keys of a table in its file; columns and rows stand behind them.
-const ORDER: [&str; 9] =
-    ["key", "title", "command", "seeds", "version", "date", "origin", "from_runs", "study"];
+const ORDER: [&str; 10] =
+    ["key", "title", "command", "seeds", "version", "date", "origin", "from_runs", "study", "renewed"];
 
 /// An array with a value a line.
 fn line_each<T: Serialize>(values: &[T]) -> Result<String, serde_json::Error> {
@@ -205,7 +222,14 @@ impl Table {
         }
         let names: Vec<_> = self.rows.iter().filter_map(|row| name_of(row)).collect();
         let twin = names.iter().enumerate().find(|(i, name)| names[..*i].contains(name));
-        twin.map(|(_, name)| format!("table {:?}: two rows are named {name:?}", self.key))
+        if let Some((_, name)) = twin {
+            return Some(format!("table {:?}: two rows are named {name:?}", self.key));
+        }
+        let unknown = self.renewed.iter().find(|renewed| !names.contains(&renewed.row.as_str()));
+        if let Some(renewed) = unknown {
+            return Some(format!("table {:?}: no row {:?}, which is called renewed", self.key, renewed.row));
+        }
+        self.gap_problem()
     }
 }
 

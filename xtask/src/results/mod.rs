@@ -1,11 +1,12 @@
 //! `cargo xtask results`: the tables of the book's results from their data, and the figures of its sentences checked against them.
 //!
 //! The data are `book/results/*.json` and `book/results/claims.toml`. `results` writes the tables of the pages, `--check` only compares, and
-//! `--take FILE/TABLE RUN...` fills a table from the files `metrics.json` of finished runs.
+//! `--take FILE/TABLE RUN...` fills a table from the files `metrics.json` of finished runs; `--row ROW=CAMERA` behind the table fills one row.
 
 mod claims;
 mod data;
 mod figure;
+mod gap;
 mod page;
 mod rendered;
 mod study;
@@ -26,12 +27,19 @@ pub fn run(words: &[String]) -> Result<String, Vec<String>> {
     match words.as_slice() {
         [] => write(root),
         ["--check"] => check(root),
+        ["--take", key, "--row", row, runs @ ..] if !runs.is_empty() => {
+            let runs: Vec<&Path> = runs.iter().map(Path::new).collect();
+            take::take_row(root, key, row, &runs).map_err(|problem| vec![problem])?;
+            write(root)
+        }
         ["--take", key, runs @ ..] if !runs.is_empty() => {
             let runs: Vec<&Path> = runs.iter().map(Path::new).collect();
             take::take(root, key, &runs).map_err(|problem| vec![problem])?;
             write(root)
         }
-        _ => Err(vec!["usage: cargo xtask results [--check | --take FILE/TABLE RUN...]".to_owned()]),
+        _ => Err(vec![
+            "usage: cargo xtask results [--check | --take FILE/TABLE [--row ROW=CAMERA] RUN...]".to_owned(),
+        ]),
     }
 }
 

@@ -155,7 +155,14 @@ impl Table {
         } else {
             ""
         };
-        format!("{seeds}{spread}Made by `{}`, Petzval {}, {}.", self.command, self.version, self.date)
+        let renewed = self.renewed.iter().map(|renewed| {
+            format!(" The row *{}* is newer: Petzval {}, {}.", renewed.row, renewed.version, renewed.date)
+        });
+        let renewed: String = renewed.collect();
+        format!(
+            "{seeds}{spread}Made by `{}`, Petzval {}, {}.{renewed}",
+            self.command, self.version, self.date
+        )
     }
 }
 

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use serde::Deserialize;
 
-use super::data::{Column, Data, FOLDER, FromRuns, Table, name_of};
+use super::data::{Column, Data, FOLDER, FromRuns, Renewed, Table, name_of};
 use super::figure::Figure;
 
 /// What is taken of the `metrics.json` of a run.
@@ -63,6 +63,47 @@ pub(super) fn take(root: &Path, key: &str, folders: &[&Path]) -> Result<(), Stri
     }
     let text = found.text().map_err(|e| e.to_string())?;
     fs::write(root.join(FOLDER).join(format!("{file}.json")), text).map_err(|e| format!("{file}.json: {e}"))
+}
+
+/// Fills one row of a table from runs of several seeds, and the gaps that follow from it. The other rows stay.
+pub(super) fn take_row(root: &Path, key: &str, row: &str, folders: &[&Path]) -> Result<(), String> {
+    let mut data = Data::read(root)?;
+    data.table(key)?;
+    let runs = folders.iter().map(|folder| read(folder)).collect::<Result<Vec<_>, _>>()?;
+    let runs = samples(runs)?;
+    let (row, camera) = row.split_once('=').unwrap_or((row, row));
+    let (file, name) = key.split_once('/').unwrap_or((key, ""));
+    let Some(found) = data.files.get_mut(file) else { return Ok(()) };
+    let table = found.tables.iter_mut().find(|table| table.key == name);
+    table.map_or(Ok(()), |table| renew(table, row, camera, &runs))?;
+    let text = found.text().map_err(|e| e.to_string())?;
+    fs::write(root.join(FOLDER).join(format!("{file}.json")), text).map_err(|e| format!("{file}.json: {e}"))
+}
+
+/// Makes a row of a table again from a camera of runs that have the seeds of the table. Columns without a metric keep their cell.
+fn renew(table: &mut Table, row: &str, camera: &str, runs: &[Run]) -> Result<(), String> {
+    let seeds: Vec<u64> = runs.iter().map(|run| run.seed).collect();
+    if seeds != table.seeds {
+        return Err(format!(
+            "the runs have the seeds {seeds:?}, the table {:?}: name one run a seed",
+            table.seeds
+        ));
+    }
+    let filled = filled_row(row, &table.columns, |column| scores(runs, camera, column))?;
+    let Some(old) = table.rows.iter_mut().find(|old| name_of(old) == Some(row)) else {
+        return Err(format!("table {:?} has no row {row:?}; write --row ROW=CAMERA", table.key));
+    };
+    for (old, new) in old.iter_mut().zip(filled) {
+        *old = new.or(old.take());
+    }
+    table.renewed.retain(|renewed| renewed.row != row);
+    table.renewed.push(Renewed {
+        row: row.to_owned(),
+        version: runs[0].metrics.version.clone(),
+        date: runs.iter().map(|run| run.date.clone()).max().unwrap_or_default(),
+    });
+    table.fill_gaps();
+    Ok(())
 }
 
 /// Runs in the order of their seeds, if they are samples of one thing: each of another seed, and all made by the version that the table states.
@@ -124,6 +165,8 @@ fn fill(table: &mut Table, of: &str, runs: &[Run]) -> Result<(), String> {
         _ => return Ok(()),
     };
     table.rows = rows;
+    table.fill_gaps();
+    table.renewed.clear();
     table.seeds = runs.iter().map(|run| run.seed).collect();
     table.version = runs[0].metrics.version.clone();
     table.date = runs.iter().map(|run| run.date.clone()).max().unwrap_or_default();
@@ -238,6 +281,27 @@ mod tests {
         assert_eq!((table.seeds.as_slice(), table.date.as_str()), ([1, 2].as_slice(), "2026-11-02"));
         assert_eq!((table.version.as_str(), table.origin.as_str()), ("0.2.0", "metrics.json of the runs"));
         assert_eq!(file.tables[3].version, "0.1.0");
+    }
+
+    #[test]
+    fn a_renewed_row_leaves_the_others_and_moves_their_gaps() {
+        let text = r#"{"tables": [{"key": "old", "title": "t", "command": "c", "seeds": [1, 2], "version": "0.1.0", "date": "2026-01-01", "origin": "o",
+            "columns": [{"name": "camera"}, {"name": "PSNR", "decimals": 1, "metric": "psnr_db"}, {"name": "note"}, {"name": "gap", "gap": "PSNR"}],
+            "rows": [["nominal", {"mean": 20.0, "deviation": 0.1}, null, null], ["made", 21.0, "kept", 50], ["perfect optics", 22.0, "thin", null]]}]}"#;
+        let mut file = DataFile::parse(text).unwrap();
+        let table = &mut file.tables[0];
+        renew(table, "perfect optics", "end-to-end", &[run(1, 0.0, 24.0), run(2, 0.0, 26.0)]).unwrap();
+        assert_eq!(
+            serde_json::to_string(&table.rows).unwrap(),
+            r#"[["nominal",{"mean":20.0,"deviation":0.1},null,null],["made",21.0,"kept",20.0],["perfect optics",{"seeds":[24.0,26.0]},"thin",null]]"#
+        );
+        assert_eq!((table.version.as_str(), table.renewed[0].version.as_str()), ("0.1.0", "0.2.0"));
+        let problem =
+            |row: &str, runs: &[Run]| renew(&mut file.tables[0].clone(), row, "nominal", runs).unwrap_err();
+        assert!(problem("perfect", &[run(1, 0.0, 0.0), run(2, 0.0, 0.0)]).contains("has no row \"perfect\""));
+        assert!(
+            problem("made", &[run(1, 0.0, 0.0)]).contains("the runs have the seeds [1], the table [1, 2]")
+        );
     }
 
     #[test]
