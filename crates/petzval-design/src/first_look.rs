@@ -226,7 +226,7 @@ fn lens_look(setup: &Setup, variant: &Variant, start: &Start) -> Result<LensLook
     });
     let reference = lens.at_wavelength(lens.reference_um);
     let order = first_order(&reference);
-    let outermost = lens.fields_deg.iter().fold(0.0_f64, |most, field| most.max(field.abs()));
+    let outermost = lens.outermost_field_deg();
     let circle = (outermost > 0.0).then(|| chief_ray(&reference, outermost.to_radians())).flatten();
     let violated = start.requirements.constraints().iter().filter_map(|constraint| {
         let by_mm = constraint.excess_mm(lens, &SemiDiameters(lens))?;

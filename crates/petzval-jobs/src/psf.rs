@@ -199,7 +199,7 @@ struct StatedField {
 impl StatedField {
     /// `None` if the file states none off the axis, or if no chief ray of it reaches the image.
     fn of(lens: &Lens) -> Option<Self> {
-        let field_deg = lens.fields_deg.iter().fold(0.0_f64, |most, field| most.max(field.abs()));
+        let field_deg = lens.outermost_field_deg();
         if field_deg == 0.0 {
             return None;
         }

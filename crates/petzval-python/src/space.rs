@@ -136,7 +136,7 @@ impl Plan {
             distortion: self.distortion,
             ..Limits::default()
         };
-        let outermost = lens.fields_deg.iter().copied().fold(0.0, f64::max).to_radians();
+        let outermost = lens.outermost_field_deg().to_radians();
         let mut all = limits.constraints(lens, outermost);
         let solved = solves.efl.and_then(|solve| Some((solve.surface, solve.radius_mm?)));
         all.extend(solved.map(|(surface, radius_mm)| Constraint::SolvedRadius { surface, radius_mm }));

@@ -38,7 +38,7 @@ pub(super) struct Reach {
 
 /// The image of a lens up to the outermost field of its file; `None` if none has light.
 pub(super) fn reach(lens: &Lens) -> Option<Reach> {
-    let stated_deg = lens.fields_deg.iter().fold(0.0_f64, |most, field| most.max(field.abs()));
+    let stated_deg = lens.outermost_field_deg();
     for k in 0..SHARES {
         let field_deg = stated_deg * (1.0 - k as f64 / SHARES as f64);
         let shares = [0.0, 0.5, 0.7, 0.85, 1.0];

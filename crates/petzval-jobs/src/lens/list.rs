@@ -49,7 +49,7 @@ pub fn run(_: &Request, context: &Context) -> Result<Response, JobError> {
             surfaces: lens.surfaces.len(),
             efl_mm: finite(order.efl_mm),
             f_number: finite(order.f_number),
-            field_deg: lens.fields_deg.iter().fold(0.0, |a, b| b.abs().max(a)),
+            field_deg: lens.outermost_field_deg(),
             source: lens.source,
             lens: lens.name,
         })

@@ -187,7 +187,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let order = first_order(&reference);
     // Light that leaves parallel makes no image, and no spots.
     let spots = if order.image_distance_mm.is_finite() { spots(name, &lens)? } else { Vec::new() };
-    let full_field = lens.fields_deg.iter().fold(0.0_f64, |a, b| a.max(b.abs())).to_radians();
+    let full_field = lens.outermost_field_deg().to_radians();
     let seidel = seidel_total(&reference, full_field)
         .map(|total| total.s)
         .map(|[s1, s2, s3, s4, s5]| Seidel { s1, s2, s3, s4, s5 });

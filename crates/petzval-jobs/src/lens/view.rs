@@ -380,7 +380,7 @@ fn rows(file: &LensFile) -> Vec<Row> {
 fn violations(lens: &Lens, goal: &Goal) -> Result<Vec<Violation>, JobError> {
     let mut found: Vec<Violation> =
         validate(lens).err().map(|defect| of_defect(&defect)).into_iter().collect();
-    let field_rad = lens.fields_deg.iter().fold(0.0_f64, |a, b| a.max(b.abs())).to_radians();
+    let field_rad = lens.outermost_field_deg().to_radians();
     for constraint in goal.limits()?.constraints(lens, field_rad) {
         let excess_mm = constraint.excess_mm(lens, &SemiDiameters(lens));
         if let Some(excess_mm) = excess_mm.filter(|excess| *excess > VIOLATED_MM) {

@@ -263,7 +263,7 @@ fn arrayed(sensor: &SensorModel, lens: &Lens, array: &[usize]) -> Result<SensorM
         let [height, width] = pair("array", array)?;
         return Ok(SensorModel { height, width, ..sensor.clone() });
     }
-    let full_rad = lens.fields_deg.iter().fold(0.0_f64, |a, b| a.max(b.abs())).to_radians();
+    let full_rad = lens.outermost_field_deg().to_radians();
     let circle_mm = chief_ray(&lens.at_wavelength(lens.reference_um), full_rad).map_or(0.0, |c| c.y_mm.abs());
     let share = corner_mm(sensor) / circle_mm;
     if circle_mm == 0.0 || !share.is_finite() || FITS.contains(&share) {

@@ -67,7 +67,7 @@ pub fn first_order_table(lens: &Lens) -> FirstOrderTable {
     let sequence = lens.at_wavelength(lens.reference_um);
     let order = first_order(&sequence);
     let exists = |v: f64| Some(v).filter(|v| v.is_finite());
-    let full_field_deg = lens.fields_deg.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
+    let full_field_deg = lens.outermost_field_deg();
     let full = full_field_deg.to_radians();
     let per_tangent = image_height_per_tangent(&sequence);
     let (object_mm, magnification) = match lens.object {

@@ -32,7 +32,7 @@ pub struct ThirdOrder {
 /// Third-order sums; `None` if third-order theory does not cover a surface (thin lenses, diffractive power) or the outermost field
 /// (90 degrees and more).
 pub fn third_order(lens: &Lens) -> Option<ThirdOrder> {
-    let full = lens.fields_deg.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
+    let full = lens.outermost_field_deg();
     let sequence = lens.at_wavelength(lens.reference_um);
     let field = full.to_radians();
     let (low, high) =

@@ -67,6 +67,11 @@ pub struct Lens {
 }
 
 impl Lens {
+    /// Angle between the axis and the outermost field, on either side of it, degrees; 0 without a field off the axis.
+    pub fn outermost_field_deg(&self) -> f64 {
+        self.fields_deg.iter().fold(0.0, |most, field| field.abs().max(most))
+    }
+
     /// Whether the y-z plane, in which the fields lie, is a plane of symmetry.
     pub fn is_mirror_symmetric(&self) -> bool {
         self.surfaces

@@ -179,7 +179,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 /// Whether an optimisation has the pupil and no wider fields than the lens file, so that the clear apertures of the file hold for it.
 fn sees_what_the_file_states(goal: &Goal, problem: &Problem, file: &LensFile) -> bool {
     // A thousandth beyond the outermost field is the same field.
-    let stated_deg = file.lens.fields_deg.iter().fold(0.0_f64, |most, field| most.max(field.abs()));
+    let stated_deg = file.lens.outermost_field_deg();
     goal.f_number.is_none() && problem.merit.outermost_field_rad().abs().to_degrees() <= 1.001 * stated_deg
 }
 
