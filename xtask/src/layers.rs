@@ -2,7 +2,7 @@
 //! of a crate do not use each other in a circle.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use serde_json::Value;
@@ -104,6 +104,7 @@ pub fn check() -> Result<String, Vec<String>> {
         if name != "petzval-base" {
             problems.extend(own_reads(&sources));
         }
+        problems.extend(carried_from_outside(&sources));
         let circles = circles::find(&sources);
         problems.extend(circles.iter().map(|circle| format!("{name}: {circle}")));
     }
@@ -155,19 +156,74 @@ fn own_prints(sources: &Path) -> Vec<String> {
     found
 }
 
-/// Lines outside of tests that open a file by themselves. The system's own files below /proc have an end.
-fn own_reads(sources: &Path) -> Vec<String> {
+/// Lines outside of tests that carry a file of another crate: a published crate holds its own files alone.
+fn carried_from_outside(sources: &Path) -> Vec<String> {
     let mut found = Vec::new();
-    for path in rust_files(sources).iter().filter(|path| !path.to_string_lossy().contains("tests")) {
-        let text = fs::read_to_string(path).unwrap_or_default();
-        let lines = text.lines().take_while(|line| line.trim() != "#[cfg(test)]").enumerate();
-        for (number, line) in lines.filter(|(_, line)| !line.contains("\"/proc/")) {
-            let code = line.split("//").next().unwrap_or("");
-            if ["fs::read(", "fs::read_to_string(", "File::open("].iter().any(|word| code.contains(word)) {
-                let reason = "petzval_base::read_whole, read_text and open_file refuse what has no end";
-                found.push(format!("{}:{}: {reason}", path.display(), number + 1));
-            }
+    for (path, number, line) in lines_outside_of_tests(sources) {
+        let depth = path.strip_prefix(sources).map_or(0, |inner| inner.components().count());
+        let carries = ["include_str!(\"", "include_bytes!(\""].into_iter().any(|word| {
+            let ups =
+                line.split(word).skip(1).map(|path| path.split('/').take_while(|part| *part == "..").count());
+            ups.max().is_some_and(|ups| ups > depth)
+        });
+        if carries {
+            let reason = "carries a file from outside its crate, which a published crate does not hold";
+            found.push(format!("{}:{number}: {reason}", path.display()));
         }
     }
     found
+}
+
+/// Lines of code, without comments, of the files below a folder that are no tests, each with its file and its number from 1.
+fn lines_outside_of_tests(sources: &Path) -> Vec<(PathBuf, usize, String)> {
+    let mut lines = Vec::new();
+    for path in rust_files(sources).into_iter().filter(|path| !path.to_string_lossy().contains("tests")) {
+        let text = fs::read_to_string(&path).unwrap_or_default();
+        let code = text.lines().take_while(|line| line.trim() != "#[cfg(test)]").enumerate();
+        let code = code.map(|(number, line)| {
+            (path.clone(), number + 1, line.split("//").next().unwrap_or("").to_owned())
+        });
+        lines.extend(code);
+    }
+    lines
+}
+
+/// Lines outside of tests that open a file by themselves. The system's own files below /proc have an end.
+fn own_reads(sources: &Path) -> Vec<String> {
+    let mut found = Vec::new();
+    for (path, number, code) in lines_outside_of_tests(sources) {
+        let opens =
+            ["fs::read(", "fs::read_to_string(", "File::open("].iter().any(|word| code.contains(word));
+        if opens && !code.contains("\"/proc/") {
+            let reason = "petzval_base::read_whole, read_text and open_file refuse what has no end";
+            found.push(format!("{}:{number}: {reason}", path.display()));
+        }
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_from_outside_a_crate_are_found() {
+        let folder = std::env::temp_dir().join(format!("petzval-layers-{}", std::process::id()));
+        fs::create_dir_all(folder.join("src/inner")).unwrap();
+        let write = |name: &str, text: &str| fs::write(folder.join("src").join(name), text).unwrap();
+        write(
+            "lib.rs",
+            "const A: &str = include_str!(\"../data/a\");\nconst B: &str = include_str!(\"../../b\");\n",
+        );
+        write(
+            "inner/mod.rs",
+            "const A: &str = include_str!(\"../../a\");\n#[cfg(test)]\nconst T: &str = include_str!(\"../../../t\");\n",
+        );
+        write("inner/bytes.rs", "const A: &[u8] = include_bytes!(\"../../../a\");\n");
+        let found = carried_from_outside(&folder.join("src"));
+        fs::remove_dir_all(&folder).unwrap();
+        let found: Vec<&str> =
+            found.iter().filter_map(|line| line.split("src/").nth(1)?.split(": ").next()).collect();
+        assert_eq!(found, ["inner/bytes.rs:1", "lib.rs:2"]);
+    }
 }
