@@ -35,9 +35,13 @@ const MOST: usize = 31;
 petzval_base::parameters! {
     /// What to compute of a lens, and what to write.
     ///
-    /// Files: one SVG for every [`Picture`]; `analysis.html`, all of them on one page; `analysis.json`, the data; the curves as CSV. Fields and
-    /// wavelengths are those of the lens file, 31 of each at most; rays are aimed at the real stop.
+    /// Files: one SVG for every [`Picture`]; `analysis.html`, all of them on one page; `analysis.json`, the data; the curves as CSV. Of fields and
+    /// wavelengths 31 each are analysed at most; rays are aimed at the real stop.
     pub struct Request {
+        /// Field angles, degrees; those of the lens if empty.
+        fields: Vec<f64> = Vec::new(), "degrees", -180.0..180.0, Linear, "degrees from the axis";
+        /// Wavelengths, um; those of the lens if empty. First-order properties stay those of the lens's reference wavelength.
+        wavelengths: Vec<f64> = Vec::new(), "um", 0.2..20.0, Log, "um: 550 nm is 0.55";
         /// Pixel pitch, um, 0.1 to 1000, in place of a sensor.
         pixel_um: Option<f64> = None, "um", 0.1..1e3, Log, "in um, 0.1 to 1000; many sensors have pixels of 2 to 6 um";
         /// Highest frequency of MTF curves, cycles/mm; if left out, 100, or about half of the cutoff if that is less, but beyond the Nyquist
@@ -96,6 +100,25 @@ impl Request {
             }
             None => Ok(()),
         }
+    }
+
+    /// A lens at the fields and wavelengths at which it is looked at.
+    fn looked_at(&self, mut lens: Lens) -> Result<Lens, JobError> {
+        let limit_deg = lens.object.field_limit_deg();
+        if let Some(field) = self.fields.iter().find(|field| field.abs() >= limit_deg) {
+            let hint = format!("degrees from the axis, less than {limit_deg}");
+            return Err(JobError::setting("fields", field, "out of range", hint));
+        }
+        for (given, own) in
+            [(&self.fields, &mut lens.fields_deg), (&self.wavelengths, &mut lens.wavelengths_um)]
+        {
+            if !given.is_empty() {
+                own.clone_from(given);
+                own.sort_by(f64::total_cmp);
+                own.dedup();
+            }
+        }
+        Ok(lens)
     }
 
     fn is_wanted(&self, name: &str) -> bool {
@@ -183,7 +206,8 @@ impl Prepared {
     fn new(request: &Request, context: &Context) -> Result<Self, JobError> {
         request.check()?;
         let name = request.lens.name().into_owned();
-        let mut lens = focused(request.lens.read(&context.assets)?.lens, request.focus)?;
+        let lens = request.looked_at(request.lens.read(&context.assets)?.lens)?;
+        let mut lens = focused(lens, request.focus)?;
         for (what, list) in [("fields", &mut lens.fields_deg), ("wavelengths", &mut lens.wavelengths_um)] {
             if list.len() > MOST {
                 context.note(format!("{} of the {} {what} are analysed, evenly chosen", MOST, list.len()));

@@ -285,6 +285,28 @@ fn of_a_thousand_wavelengths_31_are_analysed() {
 }
 
 #[test]
+fn fields_and_wavelengths_may_be_others_than_those_of_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let analyzed = |words: &[&str]| {
+        let own = ["lens", "analyze", LENS, "--only", "json", "--json", "--force"];
+        run_ok(folder.path(), &[&own[..], words].concat()).json()
+    };
+    let data = analyzed(&["--fields", "12,-3.5,0,12", "--wavelengths", "0.55"]);
+    assert_eq!(data["fields_deg"], serde_json::json!([-3.5, 0.0, 12.0]));
+    assert_eq!(data["wavelengths_um"], serde_json::json!([0.55]));
+    // A field that the file states has the same spot.
+    let (whole, one) = (analyzed(&[]), analyzed(&["--fields", "0"]));
+    assert_eq!(whole["fields_deg"][0], 0.0);
+    assert_eq!(whole["spots"][0]["rms_um"], one["spots"][0]["rms_um"]);
+    for (words, hint) in [
+        (["--fields", "90"], "degrees from the axis, less than 90"),
+        (["--wavelengths", "550"], "did you mean 0.55?"),
+    ] {
+        run_fails(folder.path(), &[&["lens", "analyze", LENS][..], &words].concat(), 2, &[hint]);
+    }
+}
+
+#[test]
 fn focus_and_frequencies_follow_the_options() {
     let folder = tempfile::tempdir().unwrap();
     let args = [

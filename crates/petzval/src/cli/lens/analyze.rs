@@ -21,7 +21,7 @@ use crate::cli::terminal::Terminal;
 /// The curves are tables as well: spots.csv, fans.csv, mtf.csv, mtf_by_field.csv, mtf_through_focus.csv, field_curves.csv,
 /// axial_colour.csv, longitudinal_aberration.csv, encircled_energy.csv.
 ///
-/// Fields and wavelengths are those of the lens file, 31 of each at most. Rays are aimed at the real stop.
+/// Fields and wavelengths are those of the lens file unless others are named, 31 of each at most. Rays are aimed at the real stop.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Lens file, or a built-in name such as cooke-triplet-nominal
@@ -32,6 +32,12 @@ pub struct Args {
     /// Write only these: names of pictures, html, json, csv (several with commas)
     #[arg(long, value_name = "KIND", value_delimiter = ',', value_parser = PossibleValuesParser::new(analyze::names()))]
     only: Vec<String>,
+    /// Field angles, degrees [default: those of the lens]
+    #[arg(long, value_delimiter = ',', value_name = "DEG,...", allow_hyphen_values = true)]
+    fields: Vec<f64>,
+    /// Wavelengths, um [default: those of the lens]
+    #[arg(long, value_delimiter = ',', value_name = "UM,...")]
+    wavelengths: Vec<f64>,
     /// Position of the image plane
     #[arg(long, value_enum, default_value = word(analyze::Request::default().focus))]
     focus: FocusAt,
@@ -58,6 +64,8 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
         lens: args.lens.into(),
         out: args.out,
         only: args.only,
+        fields: args.fields,
+        wavelengths: args.wavelengths,
         focus: args.focus.into(),
         sensor: args.sensor.map(Into::into),
         pixel_um: args.pixel_um,
