@@ -16,6 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::as_unit::AsUnit;
 use crate::context::Context;
+use crate::design::with_pictures;
 use crate::error::JobError;
 use crate::event::WarningKind;
 use crate::input::{ExperimentInput, Inline, Input, LensInput, SensorInput};
@@ -41,6 +42,10 @@ pub struct Request {
     /// A sensor in place of the experiment's: a built-in name, the path of a file, or the sensor itself. Without one, a lens of one's own gets the
     /// sensor that fits it.
     pub sensor: Option<SensorInput>,
+    /// Folder of photographs in place of the experiment's.
+    pub photos: Option<PathBuf>,
+    /// Folder or file of pictures with labels in place of the experiment's scenes.
+    pub data: Option<PathBuf>,
 }
 
 impl Default for Request {
@@ -50,6 +55,8 @@ impl Default for Request {
             from: crate::experiment::DEFAULT_EXPERIMENT.into(),
             lens: None,
             sensor: None,
+            photos: None,
+            data: None,
         }
     }
 }
@@ -79,12 +86,14 @@ pub(crate) const UNIT: AsUnit<Request> =
 /// Writes the files. With a lens of one's own the experiment is fitted to it: its title, focus, sensor, fields, PSFs, requirements and, if the file
 /// names none, variables follow from the lens.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
-    let Request { out, from, lens, sensor } = request;
+    let Request { out, from, lens, sensor, photos, data } = request;
     let (from, context) = from.placed(context)?;
     let (lens, context) = placed(lens.as_ref(), context)?;
     let (sensor, context) = &placed(sensor.as_ref(), context)?;
     check_folder(out, [EXPERIMENT, LENS, SENSOR], context)?;
     let experiment = context.assets.experiment(&from)?;
+    let pictures = context.assets.facts_of(&experiment)?.pictures;
+    let experiment = with_pictures(experiment, photos.as_deref(), data.as_deref(), pictures)?;
     let own_lens_name = experiment.lens.clone();
     let made = match &lens {
         Some(lens) => own_lens(experiment, lens, sensor.as_deref(), context)?,
@@ -100,7 +109,6 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         experiment.development.demosaic = Demosaic::Bilinear;
         context.note(format!("development.demosaic is \"bilinear\", as `{sensor_name}` needs it"));
     }
-    let pictures = context.assets.facts_of(&experiment)?.pictures;
     let sees_photos = pictures == PicturesKey::Photos && experiment.photos == BUILT_IN_PHOTOS;
     let needs_gray_photos = array.colours() == [Colour::Clear] && sees_photos;
     if needs_gray_photos {

@@ -557,21 +557,8 @@ fn changed(mut experiment: Experiment, changes: &Changes, context: &Context) -> 
     if let Some(seed) = changes.seed {
         experiment.seed = seed;
     }
-    if let Some(photos) = &changes.photos {
-        if facts.pictures == PicturesKey::Data {
-            let hint = "name the pictures with their labels: --data, or `data` of a call";
-            let message = "the experiment needs labels, and photographs have none";
-            return Err(JobError::setting("photos", photos.display(), message, hint));
-        }
-        experiment.photos = absolute(photos)?;
-    }
-    if let Some(data) = &changes.data {
-        if facts.pictures == PicturesKey::Photos {
-            let hint = "it is for experiments on labelled scenes, such as pedestrian-vehicle; name pictures without labels by --photos, or `photos` of a call";
-            return Err(JobError::setting("data", data.display(), "the experiment makes pictures", hint));
-        }
-        experiment.data = absolute(data)?;
-    }
+    let (photos, data) = (changes.photos.as_deref(), changes.data.as_deref());
+    experiment = with_pictures(experiment, photos, data, facts.pictures)?;
     for (key, name) in experiment.inputs_mut() {
         let is_built_in = [BUILT_IN_PHOTOS, STREET].contains(&name.as_str());
         let may_be_folder = ["photos", "data"].contains(&key[0].as_str());
@@ -596,6 +583,31 @@ fn changed(mut experiment: Experiment, changes: &Changes, context: &Context) -> 
             JobError::setting("variant", name, "no such variant", format!("there are {}", known.join(", ")))
         };
         experiment = experiment.only(name).ok_or_else(unknown)?;
+    }
+    Ok(experiment)
+}
+
+/// An experiment with pictures of the user's own: photographs, or a data set with labels, whichever `key` the experiment reads.
+pub(crate) fn with_pictures(
+    mut experiment: Experiment,
+    photos: Option<&Path>,
+    data: Option<&Path>,
+    key: PicturesKey,
+) -> Result<Experiment, JobError> {
+    if let Some(photos) = photos {
+        if key == PicturesKey::Data {
+            let hint = "name the pictures with their labels: --data, or `data` of a call";
+            let message = "the experiment needs labels, and photographs have none";
+            return Err(JobError::setting("photos", photos.display(), message, hint));
+        }
+        experiment.photos = absolute(photos)?;
+    }
+    if let Some(data) = data {
+        if key == PicturesKey::Photos {
+            let hint = "it is for experiments on labelled scenes, such as pedestrian-vehicle; name pictures without labels by --photos, or `photos` of a call";
+            return Err(JobError::setting("data", data.display(), "the experiment makes pictures", hint));
+        }
+        experiment.data = absolute(data)?;
     }
     Ok(experiment)
 }

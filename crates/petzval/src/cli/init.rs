@@ -30,6 +30,12 @@ pub struct Args {
     /// Sensor in place of the experiment's, by built-in name or file
     #[arg(long, value_name = "SENSOR")]
     sensor: Option<String>,
+    /// Folder of photographs in place of the built-in ones
+    #[arg(long, value_name = "DIR")]
+    photos: Option<PathBuf>,
+    /// Pictures with labels in place of generated streets, for experiments that look for objects or classes of pixels
+    #[arg(long, value_name = "PATH", conflicts_with = "photos")]
+    data: Option<PathBuf>,
     /// Print the paths as JSON
     #[arg(long)]
     json: bool,
@@ -47,6 +53,8 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
         from: args.from.into(),
         lens: args.lens.map(Into::into),
         sensor: args.sensor.map(Into::into),
+        photos: args.photos,
+        data: args.data,
     };
     let response = init::run(&request, &terminal.context())?;
     if args.json {

@@ -113,6 +113,18 @@ fn windows_fit_the_photographs_that_the_command_names() {
         assert!(done.says("of 130 pixels at most, hold no larger window"), "{named:?}: {}", done.stderr);
     }
     assert!(!fitted(&[]).says("in place of 120"));
+
+    // So does an experiment that is written with them: it names their folder from wherever it is run.
+    let lens = ["init", "mine", "--lens", "cooke-triplet-nominal", "--photos", "small"];
+    let written = run_ok(folder.path(), &lens);
+    assert!(written.says("in place of 120: half of the photographs in"), "{}", written.stderr);
+    let text = read(&folder.path().join("mine/experiment.toml"));
+    let small = std::fs::canonicalize(folder.path().join("small")).unwrap();
+    assert!(text.contains(&format!("photos = \"{}\"", small.display())), "{text}");
+    let labels = ["init", "other", "--from", "pedestrian-vehicle", "--photos", "small"];
+    run_fails(folder.path(), &labels, 2, &["--photos", "the experiment needs labels"]);
+    run_fails(folder.path(), &["init", "other", "--photos", "nowhere"], 2, &["nowhere", "give a folder"]);
+    assert!(!folder.path().join("other").exists());
 }
 
 /// A public lens of another program, in a folder with a space.
