@@ -138,6 +138,13 @@ fn a_unit_that_cannot_be_run_is_refused_with_its_name_and_key() {
         ),
         (of("lens-show", json!({"lens": "a", "lenz": 1})), "unit \"u 1\": request of lens-show: `lenz`"),
         (Unit { seed: Some(1), ..of("lens-list", json!({})) }, "draws nothing at random"),
+        (
+            Unit {
+                call: Call { format: 2, ..Call::new("lens-list", json!({})) },
+                ..of("lens-list", json!({}))
+            },
+            "unit \"u 1\": `call.format` is 2, which is not known | this program reads and writes format 1",
+        ),
     ] {
         let text = refused(&unit);
         assert!(text.contains(says), "{text}");
