@@ -60,6 +60,11 @@ fn what_is_wrong_is_refused_with_its_place_and_nothing_is_written() {
             &["s.toml:2:7:", "an experiment is named as well"],
         ),
         ("[grid]\npsf.grid = [64]\n", &["neither an experiment nor a job"]),
+        ("experiment = \"tiny.toml\"\nseeds = []\n", &["s.toml:2:9: `seeds = []`: the list is empty"]),
+        (
+            "experiment = \"tiny.toml\"\ndevice = \"cudaa\"\n",
+            &["s.toml:2:10: `device = \"cudaa\"`: there is no such device", "cpu, wgpu, cuda"],
+        ),
         ("job = \"lens-shw\"\n", &["s.toml:1:7:", "there is no job `lens-shw`", "did you mean `lens-show`?"]),
         (
             "job = \"lens-show\"\n[grid]\nlenz = [\"cooke-triplet-nominal\"]\n[request]\nlens = \"cooke-triplet-nominal\"\n",
