@@ -167,6 +167,19 @@ fn a_sweep_of_a_job_is_run_here_gathered_and_a_failed_unit_run_again() {
             || html.contains("--retry 'field=400.0'"),
         "{html}"
     );
+
+    // Two sweeps in one store: the file of units is that of the last one.
+    for (file, held) in [("t.toml", Some("held the sweep \"s\" with 2 units")), ("t.toml", None)] {
+        let kept = run_ok(folder.path(), &["sweep", file, "--store", "sweeps/s"]);
+        assert_eq!(kept.says("held the sweep"), held.is_some(), "{}", kept.stderr);
+        assert!(
+            held.is_none_or(|held| kept.says(held) && kept.says("run units of \"t\"")),
+            "{}",
+            kept.stderr
+        );
+    }
+    let again = run_ok(folder.path(), &["sweep", "s.toml", "--submit", "here"]);
+    assert!(again.says("held the sweep \"t\"") && again.stdout.starts_with("2 done\n"), "{again:?}");
 }
 
 #[test]
