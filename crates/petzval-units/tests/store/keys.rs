@@ -137,6 +137,10 @@ fn a_unit_that_cannot_be_run_is_refused_with_its_name_and_key() {
             "unit \"u 1\": call: there is no job `lens-shw` | did you mean `lens-show`?",
         ),
         (of("lens-show", json!({"lens": "a", "lenz": 1})), "unit \"u 1\": request of lens-show: `lenz`"),
+        (
+            of("lens-show", json!({"lens": "a", "entirely_other": 1})),
+            "; `petzval schema job lens-show` prints what a request may hold",
+        ),
         (Unit { seed: Some(1), ..of("lens-list", json!({})) }, "draws nothing at random"),
         (
             Unit {

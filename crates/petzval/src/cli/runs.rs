@@ -119,7 +119,9 @@ fn steps(row: &RunRow) -> String {
 
 /// Seconds as hours and minutes.
 pub(super) fn time(seconds: f64) -> String {
-    let whole = seconds.max(0.0).round() as u64;
+    // The sum of no steps is -0.
+    let seconds = if seconds > 0.0 { seconds } else { 0.0 };
+    let whole = seconds.round() as u64;
     let (hours, minutes) = (whole / 3600, whole / 60 % 60);
     if hours > 0 {
         format!("{hours} h {minutes:02} min")
@@ -145,5 +147,19 @@ fn differs(row: &RunRow) -> String {
     match row.differs.len().saturating_sub(NAMED) {
         0 => named.join(" "),
         more => format!("{} and {more} more", named.join(" ")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::time;
+
+    #[test]
+    fn times_are_not_below_zero() {
+        for (seconds, text) in
+            [(-0.0, "0.0 s"), (-3.0, "0.0 s"), (6.14, "6.1 s"), (59.96, "1 min 00 s"), (3725.0, "1 h 02 min")]
+        {
+            assert_eq!(time(seconds), text);
+        }
     }
 }
