@@ -74,7 +74,7 @@ impl Prepared {
     /// files that a named experiment names. Threads and the folder of results do not count.
     ///
     /// Fails if the call is of another form, if the request does not fit its schema, if a seed is given and the job draws nothing at random, or if
-    /// an input cannot be read.
+    /// an input cannot be read; also if the unit has a key and it is another one.
     pub fn new(unit: &Unit, context: &Context, digests: &Digests) -> Result<Self, JobError> {
         let named = |error: JobError| match error {
             JobError::Input { message, hint } => {
@@ -112,6 +112,9 @@ impl Prepared {
             "simd": unit.simd,
         });
         let key = Key(hex(Sha256::new_with_prefix(all.to_string())));
+        if unit.key.as_ref().is_some_and(|then| *then != key) {
+            return Err(changed(&inputs.found));
+        }
         Ok(Self { unit: unit.clone(), key, request, inputs: inputs.found })
     }
 
@@ -119,6 +122,16 @@ impl Prepared {
     pub fn row(&self) -> Result<&'static Row, JobError> {
         row(&self.unit.call.job)
     }
+}
+
+/// The error of a unit that no longer is what it was when its file was made.
+fn changed(inputs: &[InputDigest]) -> JobError {
+    let paths: Vec<String> = inputs.iter().map(|input| input.path.display().to_string()).collect();
+    let of = if paths.is_empty() { String::new() } else { format!(": {}", paths.join(", ")) };
+    JobError::input(
+        format!("its request or its inputs have changed since the file of units was made{of}"),
+        "`petzval sweep FILE --store DIR` makes the units anew, and passes those over that have not changed; or put the inputs back",
+    )
 }
 
 /// The request with every default, the seed of the unit, and nowhere to write to.

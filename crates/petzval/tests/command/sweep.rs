@@ -180,6 +180,14 @@ fn a_sweep_of_a_job_is_run_here_gathered_and_a_failed_unit_run_again() {
     }
     let again = run_ok(folder.path(), &["sweep", "s.toml", "--submit", "here"]);
     assert!(again.says("held the sweep \"t\"") && again.stdout.starts_with("2 done\n"), "{again:?}");
+
+    // A task that begins after a lens was edited would make a result that the sweep does not know.
+    write(folder.path(), "single.toml", &SINGLE.replacen("radius_mm = 50.0", "radius_mm = 51.0", 1));
+    let units = ["unit", "run", "sweeps/s/units.jsonl", "--store", "sweeps/s"];
+    run_fails(folder.path(), &units, 2, &["unit \"lens=single\"", "have changed since", "single.toml"]);
+    let anew = run_ok(folder.path(), &["sweep", "s.toml", "--submit", "here"]);
+    assert!(anew.stdout.contains("2 done\n"), "{anew:?}");
+    assert!(run_ok(folder.path(), &units).stdout.contains("0 done, 2 done before"));
 }
 
 #[test]
