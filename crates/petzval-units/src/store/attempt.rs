@@ -120,6 +120,11 @@ impl Attempt {
         self.number
     }
 
+    /// CPU seconds of earlier attempts.
+    pub fn cpu_seconds_before(&self) -> f64 {
+        self.cpu_before
+    }
+
     /// The folder for its files.
     pub fn folder(&self) -> PathBuf {
         self.store.work_folder(self.key(), self.number)
