@@ -75,7 +75,10 @@ fn in_words(runs: &Runs, args: &Args) -> String {
         table.row([name, state, steps(row), time(row.seconds), scores(row), differs(row)]);
     }
     for unit in &runs.units {
-        let name = format!("{}: {}", name(&unit.store, args), plain::line(&unit.name));
+        // A store that cannot be read has no units.
+        let of_unit =
+            if unit.name.is_empty() { String::new() } else { format!(": {}", plain::line(&unit.name)) };
+        let name = name(&unit.store, args) + &of_unit;
         if let Some(reason) = &unit.reason {
             reasons += &format!("{name}: {}\n", plain::message(reason));
         }

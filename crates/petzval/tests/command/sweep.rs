@@ -99,6 +99,9 @@ fn what_is_wrong_is_refused_with_its_place_and_nothing_is_written() {
     std::fs::create_dir(folder.path().join("other")).unwrap();
     write(folder.path(), "other/store.json", "{\"format\": 1, \"program\": \"0.0.1\"}");
     run_fails(folder.path(), &["sweep", "s.toml", "--store", "other"], 2, &["store is of Petzval 0.0.1"]);
+    let listed = run_ok(folder.path(), &["runs", "other"]).stdout;
+    assert!(listed.contains("damaged") && listed.contains("\nother: "), "{listed}");
+    assert!(listed.contains("store is of Petzval 0.0.1") && !listed.contains(": :"), "{listed}");
 }
 
 #[test]
@@ -188,6 +191,11 @@ fn a_sweep_of_a_job_is_run_here_gathered_and_a_failed_unit_run_again() {
     let anew = run_ok(folder.path(), &["sweep", "s.toml", "--submit", "here"]);
     assert!(anew.stdout.contains("2 done\n"), "{anew:?}");
     assert!(run_ok(folder.path(), &units).stdout.contains("0 done, 2 done before"));
+
+    // Tables that cannot be written there can be written elsewhere.
+    std::fs::remove_file(folder.path().join("sweeps/t/table.csv")).unwrap();
+    std::fs::create_dir(folder.path().join("sweeps/t/table.csv")).unwrap();
+    run_fails(folder.path(), &["sweep", "gather", "sweeps/t"], 2, &["table.csv: ", "with --out"]);
 }
 
 #[test]
