@@ -7,6 +7,9 @@ use petzval_learn::Device;
 
 use crate::error::JobError;
 
+/// Names of all devices, whether this build can use them or another one.
+pub const DEVICES: [&str; 3] = ["cpu", "wgpu", "cuda"];
+
 /// Devices that this build can use: name and description.
 pub fn compiled_in_devices() -> Vec<(&'static str, &'static str)> {
     vec![
@@ -94,6 +97,11 @@ fn not_in_this_build(name: &str) -> JobError {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn devices_of_a_build_are_among_all() {
+        assert!(compiled_in_devices().iter().all(|(name, _)| DEVICES.contains(name)));
+    }
 
     #[test]
     fn a_device_that_is_not_compiled_in_is_refused_with_the_command_that_builds_it() {

@@ -71,7 +71,7 @@ pub use as_unit::AsUnit;
 pub use built_in::built_in_assets;
 pub use call::{CALL_FORMAT, Call, row};
 pub use context::{Context, Silent};
-pub use device::compiled_in_devices;
+pub use device::{DEVICES, compiled_in_devices};
 pub use device_check::{DeviceReport, Verdict};
 pub use error::{ErrorReport, Fault, JobError, Place, Stopped, json, text_of_file};
 pub use event::{CameraScore, Event, TimeLeft, WarningKind, Watcher};

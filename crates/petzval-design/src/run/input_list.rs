@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use petzval_learn::dataset::{List, PictureFile};
 use serde::{Deserialize, Serialize};
@@ -10,6 +11,7 @@ use sha2::{Digest, Sha256};
 use crate::error::DesignError;
 use crate::experiment::{Experiment, PicturesKey};
 use crate::path_text::path_text;
+use crate::run::date::date_since_1970;
 use crate::run::{RunFolder, read_json_if_there, write_file};
 
 /// The name of the built-in photographs among the inputs.
@@ -184,8 +186,9 @@ fn is_same(one: &PictureFile, other: &PictureFile) -> bool {
 
 /// Size and time of a file.
 fn in_words(file: &PictureFile) -> String {
-    let time = file.modified_s.map(|s| std::time::UNIX_EPOCH + std::time::Duration::from_secs(s));
-    let of = time.map_or_else(String::new, |time| format!(" of {}", humantime::format_rfc3339_seconds(time)));
+    let of = file
+        .modified_s
+        .map_or_else(String::new, |s| format!(" of {}", date_since_1970(Duration::from_secs(s))));
     format!("{} bytes{of}", file.bytes)
 }
 

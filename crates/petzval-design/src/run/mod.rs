@@ -8,6 +8,7 @@
 
 mod beginning;
 mod checkpoint;
+mod date;
 mod digests;
 mod events;
 pub(crate) mod first_reads;
@@ -24,6 +25,7 @@ pub use checkpoint::{
     Kept, all_checkpoints, latest_checkpoint, load_blocks, load_state, save_blocks, save_checkpoint,
     save_state, set_aside,
 };
+pub use date::date;
 pub use digests::{
     ChangedFile, DigestCheck, Digests, EventsDigest, forget_digests, hex, note_digests, sha256_of_file,
 };

@@ -5,7 +5,7 @@ use std::time::{Duration, SystemTime};
 
 use serde::{Deserialize, Serialize};
 
-use super::{RunFolder, forget_digests, read_json, write_file};
+use super::{RunFolder, date, forget_digests, read_json, write_file};
 use crate::error::DesignError;
 use crate::experiment::Experiment;
 
@@ -96,7 +96,7 @@ fn most_memory_gb() -> Option<f64> {
 }
 
 fn now() -> String {
-    humantime::format_rfc3339_seconds(SystemTime::now()).to_string()
+    date(SystemTime::now())
 }
 
 /// The record of a run as it is written.

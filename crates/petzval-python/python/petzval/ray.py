@@ -122,22 +122,39 @@ def run_units(
 
 def results(units: str | os.PathLike[str], *, store: str | os.PathLike[str]) -> list[UnitResult]:
     """What became of the units of a file that have ended, in its order."""
-    found = {}
-    for folder in Path(store).iterdir():
+    found = []
+    for name, key in _keys(Path(units).resolve()):
+        folder = Path(store) / key
         result, error = folder / "result.json", folder / "error.json"
         if result.is_file():
             kept = json.loads(result.read_text(encoding="utf-8"))
             files = kept["files"] and folder / ("files" if (folder / "files").is_dir() else kept["files"])
-            found[kept["unit"]["name"]] = UnitResult(kept["unit"]["name"], folder.name, kept["response"], None, files)
+            found.append(UnitResult(name, key, kept["response"], None, files))
         elif error.is_file():
             kept = json.loads(error.read_text(encoding="utf-8"))
-            found[kept["unit"]] = UnitResult(kept["unit"], folder.name, None, kept["error"]["message"], None)
-    return [found[name] for name in _names(Path(units)) if name in found]
+            found.append(UnitResult(name, key, None, kept["error"]["message"], None))
+    return found
+
+
+def _keys(file: Path) -> list[tuple[str, str]]:
+    """The names of the units of a file with their keys, in its order.
+
+    A store also holds units of other files and of earlier requests, which may have the same names.
+    """
+    listed = subprocess.run(
+        [sys.executable, "-m", "petzval", "unit", "list", str(file), "--json"],
+        capture_output=True,
+        encoding="utf-8",
+        check=False,
+    )
+    if listed.returncode != 0:
+        raise RuntimeError(f"petzval unit list {file}: exit code {listed.returncode}: {listed.stderr.strip()}")
+    return [(unit["name"], unit["key"]) for unit in json.loads(listed.stdout)]
 
 
 def _names(file: Path) -> list[str]:
-    """The names of the units of a file, in its order."""
-    lines = file.read_text(encoding="utf-8").splitlines()
+    """The names of the units of a file, in its order. Lines end as the command sees them: other separators may stand in a name."""
+    lines = file.read_text(encoding="utf-8").split("\n")
     return [json.loads(line)["name"] for line in lines if line.strip()]
 
 

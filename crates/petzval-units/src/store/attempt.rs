@@ -13,7 +13,7 @@ use super::record::{AttemptRecord, Claim, Cost, Ended, Failure, STORE_FORMAT, St
 use super::state::{Seen, UnitState};
 use super::{Store, to_json};
 use crate::unit::{Key, Prepared};
-use petzval_design::run::Holder;
+use petzval_design::run::{Holder, date};
 
 /// What became of the beginning of a unit.
 pub enum Begun {
@@ -118,6 +118,11 @@ impl Attempt {
     /// Its number, from 1.
     pub fn number(&self) -> u32 {
         self.number
+    }
+
+    /// CPU seconds of earlier attempts.
+    pub fn cpu_seconds_before(&self) -> f64 {
+        self.cpu_before
     }
 
     /// The folder for its files.
@@ -279,5 +284,5 @@ pub(super) fn forget_peak() {
 
 /// The time of day, as text.
 fn now() -> String {
-    humantime::format_rfc3339_seconds(SystemTime::now()).to_string()
+    date(SystemTime::now())
 }

@@ -144,7 +144,16 @@ impl Store {
 
     /// The result of a unit; none if it has none yet.
     pub fn result(&self, key: &Key) -> Result<Option<StoredResult>, StoreError> {
-        self.read_if_there(&self.result_file(key))
+        let path = self.result_file(key);
+        match self.read_if_there::<StoredResult>(&path)? {
+            // A file that was copied by hand: its figures are those of other values.
+            Some(other) if other.key != *key => {
+                let (name, short) = (&other.unit.name, other.key.short());
+                let message = format!("this is the result of another unit, \"{name}\" with the key {short}");
+                Err(StoreError::wrong(&path, message, "take its folder away, and the unit is run again"))
+            }
+            result => Ok(result),
+        }
     }
 
     /// The folder of the results of a unit; none if its job wrote nothing.
@@ -197,7 +206,14 @@ impl Store {
             Err(error) => return Err(StoreError::io(path)(error)),
         };
         serde_json::from_slice(&bytes).map(Some).map_err(|e| {
-            let hint = "it was changed since it was written, or another version wrote it; take it away, and the unit is run again";
+            let remedy = if path.parent() == Some(self.root.as_path()) {
+                format!(
+                    "write {{\"format\": {STORE_FORMAT}, \"program\": \"{PROGRAM}\"}} there if this version made the results"
+                )
+            } else {
+                "take its folder away, and the unit is run again".to_owned()
+            };
+            let hint = format!("it was changed since it was written, or another version wrote it; {remedy}");
             StoreError::wrong(path, e.to_string(), hint)
         })
     }

@@ -181,6 +181,13 @@ pub(crate) fn run_prepared(
             return Err(error);
         }
     };
+    if place.from == Beginning::Nothing && attempt.number() > 1 && !options.retries {
+        own.note(format!(
+            "no attempt has left a checkpoint: the unit begins again, and {:.0} CPU s are lost; if tasks end before it does, give them more time, \
+             or cut it into parts",
+            attempt.cpu_seconds_before()
+        ));
+    }
     let (attempt, made) = kept_alive(*attempt, context, || work(&place, prepared, store, &own, &log));
     warn_of_a_jump(day, time, &own);
     match made {

@@ -70,6 +70,13 @@ pub fn expand(file: &SweepFile, text: &str) -> Result<Expansion, FileError> {
         let message = format!("has {} values, and `{}` has {}", others.len(), first.key, values.len());
         return Err(wrong(&other.place, message, "a list has one value of every key for each of its rows"));
     }
+    // An empty list runs one unit, as no list does: which of the two is meant, the file has to say.
+    let written: toml::Table = text.parse().unwrap_or_default();
+    for key in ["seeds", "variants"] {
+        if written.get(key).and_then(toml::Value::as_array).is_some_and(Vec::is_empty) {
+            return Err(empty(&[key.to_owned()], &wrong));
+        }
+    }
     for (what, is_twice) in [("seeds", twice(&file.seeds)), ("variants", twice(&file.variants))] {
         if let Some(place) = is_twice {
             return Err(wrong(
@@ -117,6 +124,11 @@ pub fn expand(file: &SweepFile, text: &str) -> Result<Expansion, FileError> {
 /// How an error at a place of the file is made.
 type Wrong<'a> = dyn Fn(&[String], String, &str) -> FileError + 'a;
 
+/// The error of a list without values.
+fn empty(place: &[String], wrong: &Wrong) -> FileError {
+    wrong(place, "the list is empty".to_owned(), "give at least one value, or leave the key out")
+}
+
 fn check_number(units: usize, wrong: &Wrong) -> Result<(), FileError> {
     if units <= MOST_UNITS {
         return Ok(());
@@ -155,11 +167,7 @@ fn lists(table: &toml::Table, name: &str, wrong: &Wrong) -> Result<Vec<(SweptKey
             ));
         };
         if values.is_empty() {
-            return Err(wrong(
-                &key.place,
-                "the list is empty".to_owned(),
-                "give at least one value, or leave the key out",
-            ));
+            return Err(empty(&key.place, wrong));
         }
         let values =
             values.iter().map(|value| json(value, &key.place, wrong)).collect::<Result<Vec<_>, _>>()?;
@@ -502,6 +510,8 @@ mod tests {
             ("[list]\na = [1, 1]\nb = [2, 2]\n", 2, "this row of the list stands twice"),
             ("seeds = [1]\n[grid]\nseed = [2]\n", 3, "`seeds` is given as well"),
             ("seeds = [1, 1]\n", 1, "stands twice"),
+            ("name = \"a\"\nseeds = []\n", 2, "the list is empty"),
+            ("seeds = [1]\nvariants = []\n", 2, "the list is empty"),
             ("[random]\nk = {from = 1, to = 2}\n", 1, "`n` is missing"),
             ("[random]\nn = 3\n", 1, "no key is drawn"),
             ("[random]\nn = 0\nk = {from = 1, to = 2}\n", 2, "a number from 1"),

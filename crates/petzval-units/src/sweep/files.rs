@@ -47,7 +47,10 @@ pub fn keep_results(
         JobError::input(format!("{}: {e}", folder.display()), "give a folder that can be made")
     })?;
     for (path, text) in paths.iter().zip([gathered.csv(), gathered.units_csv(), page(view)]) {
-        write_whole(path, text.as_bytes()).map_err(failed(path))?;
+        write_whole(path, text.as_bytes()).map_err(|e| {
+            let hint = "name a folder that can be written with --out";
+            JobError::system(format!("{}: {e}", path.display()), &e, hint)
+        })?;
     }
     Ok(paths)
 }

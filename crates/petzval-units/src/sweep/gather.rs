@@ -266,14 +266,18 @@ fn spread(values: impl Iterator<Item = f64>) -> Option<Spread> {
     if count == 0 {
         return None;
     }
+    let low = values.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let mean = values.iter().sum::<f64>() / count as f64;
+    // Rounding may leave the range of values that are nearly equal; equal values have no deviation.
+    let mean = if low <= high { mean.clamp(low, high) } else { mean };
     let squares: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
     Some(Spread {
         count,
         mean,
         deviation: (count > 1).then(|| (squares / (count - 1) as f64).sqrt()),
-        low: values.iter().copied().fold(f64::INFINITY, f64::min),
-        high: values.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+        low,
+        high,
     })
 }
 
@@ -397,6 +401,15 @@ mod tests {
         ));
         assert!(lines[3].starts_with("128,\"a, b\",a,2,21.5,,21.5,21.5,1,0,1,1"), "{}", lines[3]);
         assert_eq!(all.units_csv().lines().nth(5).unwrap(), "5,128,\"a, b\",a,1,,1,2.5");
+    }
+
+    #[test]
+    fn equal_values_have_their_own_mean_and_no_deviation() {
+        // Three times this field of view, divided by three, is not itself.
+        let value = 28.005382457702687f64;
+        assert_ne!((value + value + value) / 3.0, value);
+        let wanted = Spread { count: 3, mean: value, deviation: Some(0.0), low: value, high: value };
+        assert_eq!(spread([value; 3].into_iter()), Some(wanted));
     }
 
     #[test]

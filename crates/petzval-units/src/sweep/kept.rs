@@ -90,12 +90,13 @@ pub fn keyed(plan: &Plan, source: &Source, context: &Context) -> Result<(KeptSwe
         }
         kept.push(KeptUnit {
             name: planned.name.clone(),
-            key: prepared.key,
+            key: prepared.key.clone(),
             values: planned.values.clone(),
             variant: planned.variant.clone(),
             seed: planned.seed,
         });
-        units.push(unit);
+        // Inputs may change before a task begins the unit, whose result the sweep would not know.
+        units.push(Unit { key: Some(prepared.key), ..unit });
     }
     let sweep = KeptSweep {
         format: FORMAT,

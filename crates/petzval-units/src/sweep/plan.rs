@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
 use petzval_jobs::design::{Changes, NewRun, Request, Run, Settings};
-use petzval_jobs::{Call, Context, ExperimentInput, JobError, design, row};
+use petzval_jobs::{Call, Context, DEVICES, ExperimentInput, JobError, design, row};
 use serde_json::{Map, Value};
 
 use super::expand::{Expansion, by_key, expand, leaves_of};
@@ -70,6 +70,11 @@ pub fn plan(source: &Source, context: &Context) -> Result<Plan, JobError> {
     } else if !file.request.is_empty() {
         let hint = "what an experiment has for every unit belongs to [set]; a request belongs to a job";
         return Err(source.at(&["request"], "the sweep is over an experiment", hint));
+    }
+    // Whether a device can be used, the machine of the unit says; its name can be checked here.
+    if file.device.as_deref().is_some_and(|device| !DEVICES.contains(&device)) {
+        let hint = format!("the devices are {}", DEVICES.join(", "));
+        return Err(source.at(&["device"], "there is no such device", hint));
     }
     let names = names(&expansion);
     let total = names.len();

@@ -165,7 +165,7 @@ impl Quantity {
 
     fn name(&self, gathered: &Gathered) -> String {
         match self {
-            Self::Key(key) => format!("key {}", gathered.keys[*key].replace('_', " ")),
+            Self::Key(key) => format!("key {}", gathered.keys[*key]),
             Self::Figure(k) => {
                 let FigureColumn { title, unit, .. } = &gathered.figures[*k];
                 let unit = unit.replace("um", "µm");
@@ -261,5 +261,18 @@ mod tests {
         ] {
             assert_eq!(significant(value), text);
         }
+    }
+
+    #[test]
+    fn a_key_keeps_its_name_on_an_axis() {
+        let gathered = Gathered {
+            title: String::new(),
+            keys: vec!["training.learning_rate".to_owned()],
+            figures: Vec::new(),
+            rows: Vec::new(),
+            units: Vec::new(),
+            status: crate::sweep::SweepStatus { title: String::new(), units: Vec::new() },
+        };
+        assert_eq!(Quantity::Key(0).name(&gathered), "key training.learning_rate");
     }
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use petzval_design::run::hex;
-use petzval_jobs::{Context, JobError, Row, row};
+use petzval_jobs::{CALL_FORMAT, Context, JobError, Row, row};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -73,7 +73,8 @@ impl Prepared {
     /// instruction set. A text of the request that is the path of a file or a folder counts by its content: `sha256:` and the digest. So do
     /// files that a named experiment names. Threads and the folder of results do not count.
     ///
-    /// Fails if the request does not fit its schema, if a seed is given and the job draws nothing at random, or if an input cannot be read.
+    /// Fails if the call is of another form, if the request does not fit its schema, if a seed is given and the job draws nothing at random, or if
+    /// an input cannot be read; also if the unit has a key and it is another one.
     pub fn new(unit: &Unit, context: &Context, digests: &Digests) -> Result<Self, JobError> {
         let named = |error: JobError| match error {
             JobError::Input { message, hint } => {
@@ -85,6 +86,14 @@ impl Prepared {
     }
 
     fn of(unit: &Unit, context: &Context, digests: &Digests) -> Result<Self, JobError> {
+        // The key has no place for it: a later form would be taken for this one.
+        if unit.call.format != CALL_FORMAT {
+            let message = format!("`call.format` is {}, which is not known", unit.call.format);
+            return Err(JobError::input(
+                message,
+                format!("this program reads and writes format {CALL_FORMAT}"),
+            ));
+        }
         let row = row(&unit.call.job)?;
         let request = complete(unit, row)?;
         let mut inputs = Inputs { digests, found: Vec::new() };
@@ -103,6 +112,9 @@ impl Prepared {
             "simd": unit.simd,
         });
         let key = Key(hex(Sha256::new_with_prefix(all.to_string())));
+        if unit.key.as_ref().is_some_and(|then| *then != key) {
+            return Err(changed(&inputs.found));
+        }
         Ok(Self { unit: unit.clone(), key, request, inputs: inputs.found })
     }
 
@@ -110,6 +122,16 @@ impl Prepared {
     pub fn row(&self) -> Result<&'static Row, JobError> {
         row(&self.unit.call.job)
     }
+}
+
+/// The error of a unit that no longer is what it was when its file was made.
+fn changed(inputs: &[InputDigest]) -> JobError {
+    let paths: Vec<String> = inputs.iter().map(|input| input.path.display().to_string()).collect();
+    let of = if paths.is_empty() { String::new() } else { format!(": {}", paths.join(", ")) };
+    JobError::input(
+        format!("its request or its inputs have changed since the file of units was made{of}"),
+        "`petzval sweep FILE --store DIR` makes the units anew, and passes those over that have not changed; or put the inputs back",
+    )
 }
 
 /// The request with every default, the seed of the unit, and nowhere to write to.

@@ -44,6 +44,9 @@ pub struct Unit {
     /// Version of the program; another one refuses the unit.
     #[serde(default = "program")]
     pub version: String,
+    /// Its key when the file was made, as a sweep writes it. A unit whose inputs have changed since is refused.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub key: Option<Key>,
 }
 
 fn usual_simd() -> String {
@@ -57,7 +60,7 @@ fn program() -> String {
 impl Unit {
     /// A unit of this program with the usual instruction set, whose seed is that of the request.
     pub fn new(name: impl Into<String>, call: Call) -> Self {
-        Self { name: name.into(), call, seed: None, simd: usual_simd(), version: program() }
+        Self { name: name.into(), call, seed: None, simd: usual_simd(), version: program(), key: None }
     }
 
     /// The JSON Schema of a unit.

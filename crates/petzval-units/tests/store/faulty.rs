@@ -5,12 +5,14 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use petzval_jobs::JobError;
-use petzval_units::store::{Attempt, Begun, Clock, Disk, Holder, STALE_AFTER, Seen, Store, StoreError};
-use petzval_units::unit::Prepared;
+use petzval_units::store::{
+    Attempt, Begun, Clock, Disk, Holder, Outcome, RunOptions, STALE_AFTER, Seen, Store, StoreError, run_unit,
+};
+use petzval_units::unit::{Prepared, Unit};
 use serde_json::json;
 
 use crate::layers::{Fault, Faulty, Simulated};
-use crate::{prepared, trivial};
+use crate::{context, prepared, trivial};
 
 /// Another process each time, of whose end nobody knows.
 fn holder(pid: u32) -> Holder {
@@ -122,4 +124,34 @@ fn a_folder_that_is_no_store_and_a_store_of_another_version_are_refused() {
     std::fs::write(here("store/store.json"), "{").unwrap();
     let text = refused(&here("store"));
     assert!(text.contains("store.json") && text.contains("changed since it was written"), "{text}");
+    // The hint says what to write: without the file, the folder would not be taken for a store.
+    let (_, rest) = text.split_once("write {").unwrap();
+    let (record, _) = rest.split_once('}').unwrap();
+    std::fs::write(here("store/store.json"), format!("{{{record}}}")).unwrap();
+    Store::open(&here("store")).unwrap();
+}
+
+#[test]
+fn a_damaged_result_and_that_of_another_unit_are_refused_until_the_folder_is_taken_away() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = Store::open_or_new(&folder.path().join("store")).unwrap();
+    let options = RunOptions { retries: false, leaves_others: false };
+    let run = |unit: &Unit| run_unit(unit, &store, &context(), options);
+    let (one, other) = (trivial("one", 1.0), trivial("other", 2.0));
+    let Outcome::Done(first) = run(&one).unwrap() else { panic!() };
+    let Outcome::Done(second) = run(&other).unwrap() else { panic!() };
+    let place = store.folder(&first.key).join("result.json");
+    let of_other = std::fs::read_to_string(store.folder(&second.key).join("result.json")).unwrap();
+    for (text, says) in [(of_other.as_str(), "the result of another unit, \"other\""), ("{", "EOF")] {
+        std::fs::write(&place, text).unwrap();
+        let error = run(&one).err().unwrap().report();
+        assert!(error.message.contains(says), "{error:?}");
+        assert!(
+            error.message.contains("result.json") && error.hint.contains("take its folder away"),
+            "{error:?}"
+        );
+    }
+    std::fs::remove_dir_all(store.folder(&first.key)).unwrap();
+    let Outcome::Done(again) = run(&one).unwrap() else { panic!() };
+    assert_eq!((again.key, again.response), (first.key, first.response));
 }

@@ -125,6 +125,25 @@ fn inputs_count_by_content() {
 }
 
 #[test]
+fn a_unit_whose_inputs_have_changed_since_its_file_was_made_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let lens = folder.path().join("lens.toml");
+    std::fs::write(&lens, "name = \"a\"\n").unwrap();
+    let bare = Unit::new("u 1", Call::new("lens-show", json!({"lens": lens.to_str().unwrap()})));
+    let before = prepared(&bare).key;
+    let kept = Unit { key: Some(before.clone()), ..bare.clone() };
+    // The key is no part of itself, and comes back from a file.
+    assert_eq!(prepared(&kept).key, before);
+    let file = UnitFile { units: vec![kept.clone()] };
+    assert_eq!(UnitFile::parse(&file.text().unwrap()).unwrap(), file);
+    std::fs::write(&lens, "name = \"b\"\n").unwrap();
+    assert_ne!(prepared(&bare).key, before);
+    let report = Prepared::new(&kept, &context(), &Digests::default()).unwrap_err().report();
+    assert!(report.message.starts_with("unit \"u 1\": its request or its inputs have changed"), "{report:?}");
+    assert!(report.message.contains("lens.toml") && report.hint.contains("petzval sweep FILE"), "{report:?}");
+}
+
+#[test]
 fn a_unit_that_cannot_be_run_is_refused_with_its_name_and_key() {
     let refused = |unit: &Unit| {
         let error = Prepared::new(unit, &context(), &Digests::default()).unwrap_err().report();
@@ -137,7 +156,18 @@ fn a_unit_that_cannot_be_run_is_refused_with_its_name_and_key() {
             "unit \"u 1\": call: there is no job `lens-shw` | did you mean `lens-show`?",
         ),
         (of("lens-show", json!({"lens": "a", "lenz": 1})), "unit \"u 1\": request of lens-show: `lenz`"),
+        (
+            of("lens-show", json!({"lens": "a", "entirely_other": 1})),
+            "; `petzval schema job lens-show` prints what a request may hold",
+        ),
         (Unit { seed: Some(1), ..of("lens-list", json!({})) }, "draws nothing at random"),
+        (
+            Unit {
+                call: Call { format: 2, ..Call::new("lens-list", json!({})) },
+                ..of("lens-list", json!({}))
+            },
+            "unit \"u 1\": `call.format` is 2, which is not known | this program reads and writes format 1",
+        ),
     ] {
         let text = refused(&unit);
         assert!(text.contains(says), "{text}");

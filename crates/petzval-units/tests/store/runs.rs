@@ -149,6 +149,28 @@ fn a_stopped_optimisation_goes_on_to_the_same_bits() {
     assert_eq!(best, std::fs::read(other).unwrap());
 }
 
+#[test]
+fn a_job_without_checkpoints_that_was_stopped_says_that_it_begins_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = store(folder.path());
+    let lenses = unit("lenses", "lens-tolerance", json!({"lens": "cooke-triplet-nominal", "trials": 20}));
+    for stops in [true, false] {
+        let notes = Arc::new(Notes::default());
+        let watched = Context::new(built_in_assets(), notes.clone());
+        let context = if stops { stopping() } else { watched };
+        let outcome = run_unit(&lenses, &store, &context, USUAL).unwrap();
+        assert_eq!(matches!(outcome, Outcome::Stopped(_)), stops, "{outcome:?}");
+        let begins_again = notes.0.lock().unwrap().iter().any(|note| note.contains("the unit begins again"));
+        assert_eq!(begins_again, !stops);
+    }
+    // A unit that goes on says nothing of the kind.
+    let search = search();
+    assert!(matches!(run_unit(&search, &store, &stopping(), USUAL).unwrap(), Outcome::Stopped(_)));
+    let notes = Arc::new(Notes::default());
+    run_unit(&search, &store, &Context::new(built_in_assets(), notes.clone()), USUAL).unwrap();
+    assert!(!notes.0.lock().unwrap().iter().any(|note| note.contains("begins again")));
+}
+
 /// A process is killed, and the disk has lost its last writes: the unit begins again. What a process has ended itself is whole, and never removed.
 #[test]
 fn a_damaged_checkpoint_of_a_killed_process_is_no_end() {

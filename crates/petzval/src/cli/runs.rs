@@ -75,7 +75,10 @@ fn in_words(runs: &Runs, args: &Args) -> String {
         table.row([name, state, steps(row), time(row.seconds), scores(row), differs(row)]);
     }
     for unit in &runs.units {
-        let name = format!("{}: {}", name(&unit.store, args), plain::line(&unit.name));
+        // A store that cannot be read has no units.
+        let of_unit =
+            if unit.name.is_empty() { String::new() } else { format!(": {}", plain::line(&unit.name)) };
+        let name = name(&unit.store, args) + &of_unit;
         if let Some(reason) = &unit.reason {
             reasons += &format!("{name}: {}\n", plain::message(reason));
         }
@@ -119,7 +122,9 @@ fn steps(row: &RunRow) -> String {
 
 /// Seconds as hours and minutes.
 pub(super) fn time(seconds: f64) -> String {
-    let whole = seconds.max(0.0).round() as u64;
+    // The sum of no steps is -0.
+    let seconds = if seconds > 0.0 { seconds } else { 0.0 };
+    let whole = seconds.round() as u64;
     let (hours, minutes) = (whole / 3600, whole / 60 % 60);
     if hours > 0 {
         format!("{hours} h {minutes:02} min")
@@ -145,5 +150,19 @@ fn differs(row: &RunRow) -> String {
     match row.differs.len().saturating_sub(NAMED) {
         0 => named.join(" "),
         more => format!("{} and {more} more", named.join(" ")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::time;
+
+    #[test]
+    fn times_are_not_below_zero() {
+        for (seconds, text) in
+            [(-0.0, "0.0 s"), (-3.0, "0.0 s"), (6.14, "6.1 s"), (59.96, "1 min 00 s"), (3725.0, "1 h 02 min")]
+        {
+            assert_eq!(time(seconds), text);
+        }
     }
 }

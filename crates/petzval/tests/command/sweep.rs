@@ -60,6 +60,11 @@ fn what_is_wrong_is_refused_with_its_place_and_nothing_is_written() {
             &["s.toml:2:7:", "an experiment is named as well"],
         ),
         ("[grid]\npsf.grid = [64]\n", &["neither an experiment nor a job"]),
+        ("experiment = \"tiny.toml\"\nseeds = []\n", &["s.toml:2:9: `seeds = []`: the list is empty"]),
+        (
+            "experiment = \"tiny.toml\"\ndevice = \"cudaa\"\n",
+            &["s.toml:2:10: `device = \"cudaa\"`: there is no such device", "cpu, wgpu, cuda"],
+        ),
         ("job = \"lens-shw\"\n", &["s.toml:1:7:", "there is no job `lens-shw`", "did you mean `lens-show`?"]),
         (
             "job = \"lens-show\"\n[grid]\nlenz = [\"cooke-triplet-nominal\"]\n[request]\nlens = \"cooke-triplet-nominal\"\n",
@@ -94,6 +99,9 @@ fn what_is_wrong_is_refused_with_its_place_and_nothing_is_written() {
     std::fs::create_dir(folder.path().join("other")).unwrap();
     write(folder.path(), "other/store.json", "{\"format\": 1, \"program\": \"0.0.1\"}");
     run_fails(folder.path(), &["sweep", "s.toml", "--store", "other"], 2, &["store is of Petzval 0.0.1"]);
+    let listed = run_ok(folder.path(), &["runs", "other"]).stdout;
+    assert!(listed.contains("damaged") && listed.contains("\nother: "), "{listed}");
+    assert!(listed.contains("store is of Petzval 0.0.1") && !listed.contains(": :"), "{listed}");
 }
 
 #[test]
@@ -162,6 +170,32 @@ fn a_sweep_of_a_job_is_run_here_gathered_and_a_failed_unit_run_again() {
             || html.contains("--retry 'field=400.0'"),
         "{html}"
     );
+
+    // Two sweeps in one store: the file of units is that of the last one.
+    for (file, held) in [("t.toml", Some("held the sweep \"s\" with 2 units")), ("t.toml", None)] {
+        let kept = run_ok(folder.path(), &["sweep", file, "--store", "sweeps/s"]);
+        assert_eq!(kept.says("held the sweep"), held.is_some(), "{}", kept.stderr);
+        assert!(
+            held.is_none_or(|held| kept.says(held) && kept.says("run units of \"t\"")),
+            "{}",
+            kept.stderr
+        );
+    }
+    let again = run_ok(folder.path(), &["sweep", "s.toml", "--submit", "here"]);
+    assert!(again.says("held the sweep \"t\"") && again.stdout.starts_with("2 done\n"), "{again:?}");
+
+    // A task that begins after a lens was edited would make a result that the sweep does not know.
+    write(folder.path(), "single.toml", &SINGLE.replacen("radius_mm = 50.0", "radius_mm = 51.0", 1));
+    let units = ["unit", "run", "sweeps/s/units.jsonl", "--store", "sweeps/s"];
+    run_fails(folder.path(), &units, 2, &["unit \"lens=single\"", "have changed since", "single.toml"]);
+    let anew = run_ok(folder.path(), &["sweep", "s.toml", "--submit", "here"]);
+    assert!(anew.stdout.contains("2 done\n"), "{anew:?}");
+    assert!(run_ok(folder.path(), &units).stdout.contains("0 done, 2 done before"));
+
+    // Tables that cannot be written there can be written elsewhere.
+    std::fs::remove_file(folder.path().join("sweeps/t/table.csv")).unwrap();
+    std::fs::create_dir(folder.path().join("sweeps/t/table.csv")).unwrap();
+    run_fails(folder.path(), &["sweep", "gather", "sweeps/t"], 2, &["table.csv: ", "with --out"]);
 }
 
 #[test]

@@ -13,7 +13,7 @@ use crate::units::sweep::{
 
 use super::super::code::Code;
 use super::super::failure::Failure;
-use super::super::plain::shown;
+use super::super::plain::{self, shown};
 use super::super::signals;
 use super::super::terminal::Terminal;
 use super::here;
@@ -91,11 +91,22 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<Code, Failure> {
     for name in &args.retry {
         kept.named(name)?;
     }
+    let before = KeptSweep::read(&root).ok().filter(|before| before.title != kept.title);
     let store = kept.keep(&units, &source, &root)?;
     let submission = submission(args, &kept, store.root())?;
     keep_scripts(&submission, store.root())?;
     drop(context);
     noteln!("{} in {}{}", counted(plan.units.len(), "unit"), shown(&root), merged(&plan));
+    if let Some(before) = before {
+        // Tasks read the file of units when they start.
+        noteln!(
+            "warning: the store held the sweep \"{}\" with {} until now. Its results stay; its tasks that are still queued run units of \"{}\". \
+             Give each sweep a store of its own with --store",
+            plain::message(&before.title),
+            counted(before.units.len(), "unit"),
+            plain::message(&kept.title)
+        );
+    }
     if !args.retry.is_empty() {
         return here::run(&kept, &root, &here::Options { jobs: 1, again: args.retry.clone() }, &stop);
     }

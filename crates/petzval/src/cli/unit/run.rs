@@ -159,7 +159,10 @@ fn in_words(units: usize, summary: &Summary) -> String {
         text += &format!("\nrun failed units again with --retry, or one with --retry --name {}", failed.unit);
     }
     if let Some(stopped) = stopped {
-        text += &format!("\n{}; the same command goes on", stopped.message);
+        text += &format!(
+            "\n{}; the same command goes on, from a checkpoint where the job keeps one",
+            stopped.message
+        );
     }
     text
 }
