@@ -57,10 +57,12 @@ fn an_afocal_lens_is_called_afocal_everywhere() {
         &["lens", "show", &file, "--focus", "paraxial"],
         &["lens", "show", &file, "--focus", "best"],
         &["lens", "tolerance", &file, "--trials", "0"],
+        &["lens", "optimize", &file, "--vary", "air", "--out", "optimised"],
         &["psf", &file, "--out", "psf"],
     ] {
         run_fails(folder.path(), args, 2, &["the lens is afocal in the y-z plane"]);
     }
+    assert!(!folder.path().join("optimised").exists());
 }
 
 #[test]
