@@ -7,11 +7,11 @@ use serde::Serialize;
 use super::lens_at_field::{LensAtField, pupil};
 use super::{AnalysisError, AnalysisOptions};
 use crate::lens::Lens;
-use crate::paraxial::rectilinear_tangent;
-use crate::pupil::{aim_one, chief_ray};
+use crate::paraxial::{first_order, rectilinear_tangent};
+use crate::pupil::{aim_one, chief_ray, launch_radius_mm};
 use crate::trace::{Ray, Sequence, launch, trace_ray};
 
-/// Distance on the launch plane of the two rays whose crossing is a focus, as a share of the entrance pupil. It is so small that
+/// Distance on the launch plane of the two rays whose crossing is a focus, as a share of the width of the beam there. It is so small that
 /// aberrations, which grow with its square, do not count, and so large that eight digits are kept.
 const CLOSE: f64 = 1e-4;
 
@@ -118,9 +118,9 @@ fn height_per_tangent(sequence: &Sequence, full_field_rad: f64) -> Option<f64> {
 
 /// Crossings of the chief ray with nearby rays, across the plane of the fields and in it: z from the image plane, mm.
 fn foci(sequence: &Sequence, field_rad: f64) -> Option<[f64; 2]> {
-    let chief =
-        aim_one(sequence, field_rad, crate::paraxial::first_order(sequence).stop_radius_mm, [0.0; 2])?;
-    let close = CLOSE * sequence.entrance_pupil_mm;
+    let order = first_order(sequence);
+    let chief = aim_one(sequence, field_rad, order.stop_radius_mm, [0.0; 2])?;
+    let close = CLOSE * 2.0 * launch_radius_mm(sequence, &order);
     let image = |at: [f64; 2]| trace_ray(sequence, launch(sequence, field_rad, at).ray).image;
     let crossing = |axis: usize| -> Option<f64> {
         let mut ends = [chief; 2];

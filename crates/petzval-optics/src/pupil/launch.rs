@@ -60,15 +60,18 @@ pub(super) fn projections<'a>(
     })
 }
 
-/// Area, over pi, in which the paraxial beam of the axis crosses its launch plane, mm^2: that of the
-/// entrance pupil or, from a near object, its shadow on that plane.
-pub(super) fn launch_area(sequence: &Sequence, order: &FirstOrder) -> f64 {
+/// Radius, mm, with which the paraxial beam of the axis crosses its launch plane: that of the entrance pupil or, from a near object, of its
+/// shadow on that plane. A pupil far from the lens is far larger than its shadow.
+pub(crate) fn launch_radius_mm(sequence: &Sequence, order: &FirstOrder) -> f64 {
     let radius = 0.5 * sequence.entrance_pupil_mm;
     match sequence.object {
-        ObjectDistance::Infinity => radius * radius,
-        ObjectDistance::Finite(distance) => {
-            let shadow = radius * distance / (distance + order.entrance_pupil_at_mm);
-            shadow * shadow
-        }
+        ObjectDistance::Infinity => radius,
+        ObjectDistance::Finite(distance) => radius * distance / (distance + order.entrance_pupil_at_mm),
     }
+}
+
+/// Area, over pi, in which the paraxial beam of the axis crosses its launch plane, mm^2.
+pub(super) fn launch_area(sequence: &Sequence, order: &FirstOrder) -> f64 {
+    let radius = launch_radius_mm(sequence, order);
+    radius * radius
 }
