@@ -247,6 +247,12 @@ fn computed(request: &Request, lens: &Lens, plan: &PsfPlan, context: &Context) -
         DesignError::NoLight { field_deg } => {
             JobError::input(error.to_string(), beyond(field_deg).unwrap_or_else(|| of_grid.clone()))
         }
+        // Here the corner is an option, and the hint of the error is for sensors.
+        DesignError::OutsideTheImage { .. } => {
+            let said = error.to_string();
+            let (reason, of_sensor) = said.split_once("; hint: ").unwrap_or((&said, ""));
+            JobError::input(reason, beyond(f64::INFINITY).unwrap_or_else(|| of_sensor.to_owned()))
+        }
         other => other.into(),
     };
     let (plan, error) = plan.converged(lens, request.pupil_error).map_err(no_light)?;

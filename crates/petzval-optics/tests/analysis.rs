@@ -591,7 +591,8 @@ fn nothing_is_resolved_beyond_the_cutoff() {
 fn foci_are_those_of_close_rays_however_far_away_the_entrance_pupil_is() {
     // A lens in front of an object at 150 mm, with the stop behind it near its focus: chief rays are nearly parallel to the axis, and the entrance
     // pupil is up to a hundred kilometres away, and larger than the lens by as much.
-    let glass = Arc::new(Glass::new("G", Dispersion::Constant(1.5)));
+    // Of another colour it lies elsewhere.
+    let glass = Arc::new(Glass::new("G", Dispersion::NdVd { nd: 1.5, vd: 60.0 }));
     let surface = |curvature: f64, thickness_mm: f64, glass: &Arc<Glass>| Surface {
         shape: SurfaceShape { curvature, ..SurfaceShape::PLANE },
         thickness_mm,
@@ -606,6 +607,7 @@ fn foci_are_those_of_close_rays_however_far_away_the_entrance_pupil_is() {
             stop: 2,
             object: ObjectDistance::Finite(150.0),
             fields_deg: vec![0.0, 1.0],
+            wavelengths_um: vec![0.5, 0.6],
             ..perfect(8.0)
         };
         let focus_mm = first_order(&lens.at_wavelength(0.5)).bfl_mm;

@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::lens_at_field::{LensAtField, pupil};
 use super::{AnalysisError, AnalysisOptions};
 use crate::lens::Lens;
-use crate::paraxial::{first_order, rectilinear_tangent};
+use crate::paraxial::rectilinear_tangent;
 use crate::pupil::{aim_one, chief_ray, launch_radius_mm};
 use crate::trace::{Ray, Sequence, launch, trace_ray};
 
@@ -64,7 +64,7 @@ pub fn field_curves(lens: &Lens, options: &AnalysisOptions) -> Result<FieldCurve
         for colour in &field.colours {
             let lost = || AnalysisError::NoChiefRay { field_deg: *deg, wavelength_um: colour.wavelength_um };
             result.height_mm.push(chief_ray(colour, field.field_rad).ok_or_else(lost)?.y_mm);
-            result.foci_mm.push(foci(colour, field.field_rad).ok_or_else(lost)?);
+            result.foci_mm.push(foci(colour, field.field_rad, field.stop_radius_mm).ok_or_else(lost)?);
         }
         Ok(result)
     };
@@ -117,10 +117,9 @@ fn height_per_tangent(sequence: &Sequence, full_field_rad: f64) -> Option<f64> {
 }
 
 /// Crossings of the chief ray with nearby rays, across the plane of the fields and in it: z from the image plane, mm.
-fn foci(sequence: &Sequence, field_rad: f64) -> Option<[f64; 2]> {
-    let order = first_order(sequence);
-    let chief = aim_one(sequence, field_rad, order.stop_radius_mm, [0.0; 2])?;
-    let close = CLOSE * 2.0 * launch_radius_mm(sequence, &order);
+fn foci(sequence: &Sequence, field_rad: f64, stop_radius_mm: f64) -> Option<[f64; 2]> {
+    let chief = aim_one(sequence, field_rad, stop_radius_mm, [0.0; 2])?;
+    let close = CLOSE * 2.0 * launch_radius_mm(sequence, stop_radius_mm);
     let image = |at: [f64; 2]| trace_ray(sequence, launch(sequence, field_rad, at).ray).image;
     let crossing = |axis: usize| -> Option<f64> {
         let mut ends = [chief; 2];

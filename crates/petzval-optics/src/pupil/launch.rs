@@ -1,7 +1,7 @@
 //! Where a beam starts: launch points by first-order optics, and the light that a launch area gathers.
 
 use crate::lens::ObjectDistance;
-use crate::paraxial::FirstOrder;
+use crate::paraxial::{FirstOrder, paraxial_ray};
 use crate::trace::{AimedRays, Launch, Sequence, launch, starts_across};
 
 /// Least cosine of a field in the law of rectilinear images: that of 89 degrees.
@@ -60,18 +60,27 @@ pub(super) fn projections<'a>(
     })
 }
 
-/// Radius, mm, with which the paraxial beam of the axis crosses its launch plane: that of the entrance pupil or, from a near object, of its
-/// shadow on that plane. A pupil far from the lens is far larger than its shadow.
-pub(crate) fn launch_radius_mm(sequence: &Sequence, order: &FirstOrder) -> f64 {
-    let radius = 0.5 * sequence.entrance_pupil_mm;
+/// Radius, mm, with which the paraxial beam of the axis that fills a stop crosses its launch plane: that of the entrance pupil or, from a near
+/// object, of the cone to the rim of the stop. It is finite where the entrance pupil of a wavelength lies at infinity or is as large as that.
+pub(crate) fn launch_radius_mm(sequence: &Sequence, stop_radius_mm: f64) -> f64 {
     match sequence.object {
-        ObjectDistance::Infinity => radius,
-        ObjectDistance::Finite(distance) => radius * distance / (distance + order.entrance_pupil_at_mm),
+        ObjectDistance::Infinity => 0.5 * sequence.entrance_pupil_mm,
+        ObjectDistance::Finite(distance) => {
+            let height_at_stop = paraxial_ray(sequence, distance, 1.0).y[sequence.stop];
+            (stop_radius_mm * distance / height_at_stop).abs()
+        }
     }
 }
 
-/// Area, over pi, in which the paraxial beam of the axis crosses its launch plane, mm^2.
+/// Area, over pi, in which the paraxial beam of the axis crosses its launch plane, mm^2: that of the
+/// entrance pupil or, from a near object, its shadow on that plane.
 pub(super) fn launch_area(sequence: &Sequence, order: &FirstOrder) -> f64 {
-    let radius = launch_radius_mm(sequence, order);
-    radius * radius
+    let radius = 0.5 * sequence.entrance_pupil_mm;
+    match sequence.object {
+        ObjectDistance::Infinity => radius * radius,
+        ObjectDistance::Finite(distance) => {
+            let shadow = radius * distance / (distance + order.entrance_pupil_at_mm);
+            shadow * shadow
+        }
+    }
 }
