@@ -5,6 +5,7 @@ use std::path::Path;
 
 use petzval_files::{Effect, Import, parse_catalog, parse_seq, parse_zmx};
 use petzval_optics::glass::Catalog;
+use petzval_optics::lens::Lens;
 use petzval_optics::merit::{Merit, SpotResiduals};
 use petzval_optics::paraxial::first_order;
 use petzval_optics::pupil::aim_at_pupil;
@@ -261,6 +262,25 @@ fn a_telecentric_object_is_seen_by_parallel_chief_rays() {
             "{seen:?}"
         );
     }
+}
+
+/// A file with a solve has the stop at the focus to the last bit, where the entrance pupil is at infinity.
+#[test]
+fn a_stop_exactly_at_the_focus_is_as_telecentric_as_one_beside_it() {
+    let read = |stop_mm: f64| parse_zmx(&telecentric(stop_mm), &catalog()).unwrap();
+    let order = |lens: &Lens| first_order(&lens.at_wavelength(lens.reference_um));
+    let focus_mm = 84.3 + order(&read(84.3).file.lens).bfl_mm;
+    assert!((focus_mm - 84.368).abs() < 1e-3, "{focus_mm}");
+    let (exact, beside) = (read(focus_mm), read(focus_mm + 1e-3));
+    let said =
+        |import: &Import| import.losses.iter().any(|loss| loss.message.contains("exactly at the focus"));
+    assert!(said(&exact) && !said(&beside), "{:?}", exact.losses);
+    let (lens, other) = (&exact.file.lens, &beside.file.lens);
+    assert!(order(lens).entrance_pupil_at_mm.abs() > 1e6 && lens.entrance_pupil_mm.is_finite());
+    assert!((order(lens).stop_radius_mm / order(other).stop_radius_mm - 1.0).abs() < 1e-4);
+    assert!((lens.total_track_mm() - other.total_track_mm()).abs() < 1e-9);
+    let spot_um = |lens: &Lens| SpotResiduals::new(lens).value(lens).unwrap();
+    assert!((spot_um(lens) / spot_um(other) - 1.0).abs() < 1e-3, "{} {}", spot_um(lens), spot_um(other));
 }
 
 /// Indices as the sources print them; infrared materials have none for visible light.

@@ -7,7 +7,7 @@ use petzval_design::error::DesignError;
 use petzval_design::lens::psf_plan::PsfPlan;
 use petzval_files::FloatType;
 use petzval_files::psf_file::{AXES_FILE, ILLUMINATION_FILE, PsfFile, VALUES_FILE, write_psfs};
-use petzval_optics::lens::Lens;
+use petzval_optics::lens::{Lens, ObjectDistance};
 use petzval_optics::paraxial::first_order;
 use petzval_optics::psf::{FieldPsf, PsfOptions};
 use petzval_optics::pupil::{Quadrature, chief_ray};
@@ -176,7 +176,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 /// The lens and the plan of its PSFs, once every setting is known to be possible.
 fn prepared(request: &Request, context: &Context) -> Result<(Lens, PsfPlan), JobError> {
     let lens = request.lens.read(&context.assets)?.lens;
-    if !first_order(&lens.at_wavelength(lens.reference_um)).efl_mm.is_finite() {
+    // A near object has an image behind an afocal lens, too: that of a relay.
+    let is_far = lens.object == ObjectDistance::Infinity;
+    if is_far && !first_order(&lens.at_wavelength(lens.reference_um)).efl_mm.is_finite() {
         return Err(JobError::input(
             format!(
                 "{}: the lens is afocal in the y-z plane, and its fields have no image radius",
@@ -246,6 +248,12 @@ fn computed(request: &Request, lens: &Lens, plan: &PsfPlan, context: &Context) -
     let no_light = |error: DesignError| match error {
         DesignError::NoLight { field_deg } => {
             JobError::input(error.to_string(), beyond(field_deg).unwrap_or_else(|| of_grid.clone()))
+        }
+        // Here the corner is an option, and the hint of the error is for sensors.
+        DesignError::OutsideTheImage { .. } => {
+            let said = error.to_string();
+            let (reason, of_sensor) = said.split_once("; hint: ").unwrap_or((&said, ""));
+            JobError::input(reason, beyond(f64::INFINITY).unwrap_or_else(|| of_sensor.to_owned()))
         }
         other => other.into(),
     };

@@ -6,7 +6,7 @@ mod rim;
 
 use std::fmt;
 
-pub(crate) use clear_radii::direction_of_light;
+use clear_radii::direction_of_light;
 pub use clear_radii::{ClearRadii, SemiDiameters};
 pub use light::passing_share;
 use rim::{Rim, reach, thinnest};

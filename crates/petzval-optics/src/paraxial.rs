@@ -260,6 +260,17 @@ pub fn pull_back_entrance_pupil(sequence: &Sequence, bar: f64, gradient: &mut Le
     pull_back_ray(sequence, &parallel, at_stop(-bar * at / a), gradient);
 }
 
+/// Adds the gradient of a loss that depends on the height at the stop of the ray that leaves the foot of a near object with the slope 1, `bar` per mm.
+pub(crate) fn pull_back_height_at_stop(
+    sequence: &Sequence,
+    distance_mm: f64,
+    bar: f64,
+    gradient: &mut LensGradient,
+) {
+    let ray = paraxial_ray(sequence, distance_mm, 1.0);
+    pull_back_ray(sequence, &ray, RayCotangent { stop: bar, ..Default::default() }, gradient);
+}
+
 /// Tangent of the angle between the axis and the paraxial marginal ray of a near object at D: half the entrance pupil over `D + z`, with the pupil
 /// at z; `None` for an object at infinity.
 pub fn marginal_tangent(sequence: &Sequence) -> Option<f64> {

@@ -44,9 +44,11 @@ fn with_curvature(
 }
 
 /// The lens with the entrance pupil that the marginal ray of a near object needs for the tangent of its angle; unchanged for an object at infinity.
+///
+/// The tangent's sign does not count: it changes where the pupil goes through infinity, as that of a telecentric lens may, and the cone stays.
 pub fn with_marginal_tangent(lens: &Lens, tangent: f64) -> Lens {
     let found = marginal_tangent(&lens.at_wavelength(lens.reference_um));
-    let factor = found.map_or(1.0, |found| tangent / found);
+    let factor = found.map_or(1.0, |found| (tangent / found).abs());
     Lens { entrance_pupil_mm: factor * lens.entrance_pupil_mm, ..lens.clone() }
 }
 

@@ -12,6 +12,7 @@ mod offset;
 mod place;
 mod power;
 mod record;
+mod telecentric;
 
 pub(super) use aperture::{AS_WIDE, Aperture, rounded};
 pub use clear::with_open_surfaces;
@@ -122,6 +123,7 @@ impl Draft {
         if self.at_paraxial_focus {
             lens = petzval_optics::solve::with_paraxial_focus(&lens, 0.0);
         }
+        lens = telecentric::off_the_focus(lens, &drafted, &mut losses);
         lens.entrance_pupil_mm = aperture::entrance_pupil_mm(&lens, &self.aperture, drafted[stop].clear)?;
         let (mut lens, drafted) = offset::with_planes(lens, drafted, &self.fields, &mut losses);
         lens.entrance_pupil_mm = aperture::within_stop(&lens, &drafted[lens.stop], &mut losses);

@@ -15,6 +15,9 @@ use petzval_optics::lens::{Action, Surface, SurfaceShape};
 /// Highest index of a parameter or an extra value.
 const MOST_PARAMETERS: usize = 300;
 
+/// State of a semi-diameter that the user set.
+const FIXED: f64 = 1.0;
+
 /// Codes of a value's state without a solve: fixed and variable.
 const FREE_STATES: [f64; 2] = [0.0, 1.0];
 
@@ -276,9 +279,18 @@ impl<'a> RawSurface<'a> {
                 edge if edge > 0.0 => Ok(Clear::Edge(edge)),
                 _ => Err(line.error("the aperture must be positive")),
             },
-            None if self.floats && printed > 0.0 => Ok(Clear::Beam(printed)),
+            None if self.floats && printed > 0.0 => {
+                let kind = if self.has_fixed_semi_diameter()? { Clear::Edge } else { Clear::Beam };
+                Ok(kind(printed))
+            }
             None => Ok(Clear::Open(printed)),
         }
+    }
+
+    /// Whether the user set the semi-diameter, the second value of `DIAM`. Otherwise the program fits it to its rays.
+    fn has_fixed_semi_diameter(&self) -> Result<bool, FileError> {
+        let state = self.semi_diameter.as_ref().map(|line| line.number(1)).transpose()?.flatten();
+        Ok(state == Some(FIXED))
     }
 
     /// The aperture, if it is off the vertex.

@@ -51,8 +51,11 @@ fn a_clear_aperture_of_the_stop_that_cuts_the_beam_narrows_the_entrance_pupil() 
     for record in ["  CLAP 0 6 0", "  CLAP 0 5 0", "  CLAP 0 4.9998 0", "  FLAP 0 6 0"] {
         assert_eq!(pupil(&zmx(&changed(ZMX, "  CLAP 0 6 0", record))), (10.0, String::new()), "{record}");
     }
-    let floating = changed(&changed(ZMX, "  CLAP 0 6 0", "  FLAP 0 6 0"), "DIAM 6 1", "DIAM 4.9 1");
-    assert_eq!(zmx(&floating).file.lens.entrance_pupil_mm, 10.0);
+    // A floating aperture has the semi-diameter of the surface, which the program fits to its rays unless the user sets it.
+    let floating = |diam: &str| changed(&changed(ZMX, "  CLAP 0 6 0", "  FLAP 0 6 0"), "DIAM 6 1", diam);
+    assert_eq!(pupil(&zmx(&floating("DIAM 4.9 0"))), (10.0, String::new()));
+    let (found, said) = pupil(&zmx(&floating("DIAM 4.9 1")));
+    assert!((found - 9.8).abs() < 1e-12 && said.contains("narrowed from 10 to 9.8 mm"), "{found} {said}");
     // Behind a lens the beam at the stop is narrower than the pupil. The stop is 40 mm behind a thin lens of 100 mm: 6 mm of 10.
     let behind = changed(
         ZMX,

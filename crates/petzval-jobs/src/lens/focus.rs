@@ -179,7 +179,7 @@ fn is_virtual(lens: &Lens) -> bool {
 }
 
 /// Why a lens has no entrance pupil or no image at a finite distance, from which analyses and tolerances start.
-fn no_image(lens: &Lens) -> Option<&'static str> {
+pub(super) fn no_image(lens: &Lens) -> Option<&'static str> {
     let order = first_order(&lens.at_wavelength(lens.reference_um));
     if order.stop_radius_mm == 0.0 {
         return Some("the lens is telecentric on the side of its object: its entrance pupil is at infinity");

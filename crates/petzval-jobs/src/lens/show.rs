@@ -360,9 +360,11 @@ fn warnings(lens: &Lens, order: &FirstOrder, spots: &[Spots]) -> Vec<String> {
     }
     let reference = lens.at_wavelength(lens.reference_um);
     for (field_deg, spots) in lens.fields_deg.iter().zip(spots) {
+        // A field that another program states as a height has all digits of an angle.
+        let shown_deg = (field_deg * 1e4).round() / 1e4;
         if !spots.real_stop.is_converged {
             found.push(format!(
-                "at {field_deg} degrees spot and illumination are uncertain by {:.1} %, on {} pupil cells a side",
+                "at {shown_deg} degrees spot and illumination are uncertain by {:.1} %, on {} pupil cells a side",
                 100.0 * spots.real_stop.error, spots.real_stop.cells
             ));
         }
@@ -371,7 +373,7 @@ fn warnings(lens: &Lens, order: &FirstOrder, spots: &[Spots]) -> Vec<String> {
         if lost > 0 {
             let share = 100.0 * lost as f64 / beam.fate.len() as f64;
             found.push(format!(
-                "at {field_deg} degrees {share:.1} % of the rays through the stop miss a surface or are totally \
+                "at {shown_deg} degrees {share:.1} % of the rays through the stop miss a surface or are totally \
                  reflected; spots and illumination are those of the rest"
             ));
         }

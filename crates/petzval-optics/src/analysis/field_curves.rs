@@ -8,10 +8,10 @@ use super::lens_at_field::{LensAtField, pupil};
 use super::{AnalysisError, AnalysisOptions};
 use crate::lens::Lens;
 use crate::paraxial::rectilinear_tangent;
-use crate::pupil::{aim_one, chief_ray};
+use crate::pupil::{aim_one, chief_ray, launch_radius_mm};
 use crate::trace::{Ray, Sequence, launch, trace_ray};
 
-/// Distance on the launch plane of the two rays whose crossing is a focus, as a share of the entrance pupil. It is so small that
+/// Distance on the launch plane of the two rays whose crossing is a focus, as a share of the width of the beam there. It is so small that
 /// aberrations, which grow with its square, do not count, and so large that eight digits are kept.
 const CLOSE: f64 = 1e-4;
 
@@ -64,7 +64,7 @@ pub fn field_curves(lens: &Lens, options: &AnalysisOptions) -> Result<FieldCurve
         for colour in &field.colours {
             let lost = || AnalysisError::NoChiefRay { field_deg: *deg, wavelength_um: colour.wavelength_um };
             result.height_mm.push(chief_ray(colour, field.field_rad).ok_or_else(lost)?.y_mm);
-            result.foci_mm.push(foci(colour, field.field_rad).ok_or_else(lost)?);
+            result.foci_mm.push(foci(colour, field.field_rad, field.stop_radius_mm).ok_or_else(lost)?);
         }
         Ok(result)
     };
@@ -117,10 +117,9 @@ fn height_per_tangent(sequence: &Sequence, full_field_rad: f64) -> Option<f64> {
 }
 
 /// Crossings of the chief ray with nearby rays, across the plane of the fields and in it: z from the image plane, mm.
-fn foci(sequence: &Sequence, field_rad: f64) -> Option<[f64; 2]> {
-    let chief =
-        aim_one(sequence, field_rad, crate::paraxial::first_order(sequence).stop_radius_mm, [0.0; 2])?;
-    let close = CLOSE * sequence.entrance_pupil_mm;
+fn foci(sequence: &Sequence, field_rad: f64, stop_radius_mm: f64) -> Option<[f64; 2]> {
+    let chief = aim_one(sequence, field_rad, stop_radius_mm, [0.0; 2])?;
+    let close = CLOSE * 2.0 * launch_radius_mm(sequence, stop_radius_mm);
     let image = |at: [f64; 2]| trace_ray(sequence, launch(sequence, field_rad, at).ray).image;
     let crossing = |axis: usize| -> Option<f64> {
         let mut ends = [chief; 2];

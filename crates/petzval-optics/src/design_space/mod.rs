@@ -114,7 +114,7 @@ pub struct Solves {
     /// A curvature holds the magnification of a near object. Only one of this and `efl` can be held.
     pub magnification: Option<MagnificationSolve>,
     /// The diameter of the entrance pupil holds the tangent of the angle between the axis and the paraxial marginal ray of a near object, and with it the
-    /// numerical aperture: `EPD = 2 tan (D + z)`, with the object at D and the pupil at z.
+    /// numerical aperture: `EPD = 2 |tan (D + z)|`, with the object at D and the pupil at z.
     pub marginal_tangent: Option<f64>,
 }
 

@@ -7,7 +7,7 @@ use crate::gradient::LensGradient;
 use crate::lens::Lens;
 use crate::number::Number;
 use crate::paraxial::{
-    FirstOrderCotangent, first_order, pull_back_entrance_pupil, pull_back_first_order,
+    FirstOrderCotangent, first_order, marginal_tangent, pull_back_entrance_pupil, pull_back_first_order,
     pull_back_image_distance, pull_back_image_height,
 };
 use crate::solve::{with_efl, with_length, with_magnification, with_marginal_tangent, with_paraxial_focus};
@@ -285,7 +285,7 @@ impl DesignSpace {
         }
         // The entrance pupil follows its distance from a near object.
         let mut pupil_slopes = vec![0.0; coordinates];
-        if let Some(tangent) = self.solves.marginal_tangent {
+        if let Some(tangent) = self.held_tangent(&sequence) {
             let pupil = by(&|g| pull_back_entrance_pupil(&sequence, 2.0 * tangent, g));
             for (c, slope) in pupil_slopes.iter_mut().enumerate() {
                 *slope = (0..self.numbers.len()).map(|n| pupil[n] * slopes[(n, c)]).sum();
@@ -302,6 +302,11 @@ impl DesignSpace {
         Ok(Mapped { lens, slopes, pupil_slopes })
     }
 
+    /// The tangent of the marginal ray that is held, with the sign that it has at a lens of this space: the pupil may stand on either side of the object.
+    fn held_tangent(&self, sequence: &Sequence) -> Option<f64> {
+        Some(self.solves.marginal_tangent?.abs().copysign(marginal_tangent(sequence)?))
+    }
+
     /// Derivatives by the coordinates, from those by the numbers of `lens`, a lens of this space: the transpose of the slopes of
     /// [`DesignSpace::map`], by one backward pass through the solves.
     pub fn pull_back(&self, lens: &Lens, gradient: &LensGradient) -> Vec<f64> {
@@ -309,7 +314,7 @@ impl DesignSpace {
         let mut gradient = gradient.clone();
         let last = lens.surfaces.len() - 1;
         // The entrance pupil follows its distance from a near object.
-        if let Some(tangent) = self.solves.marginal_tangent {
+        if let Some(tangent) = self.held_tangent(&sequence) {
             let by_pupil = std::mem::take(&mut gradient.entrance_pupil);
             pull_back_entrance_pupil(&sequence, 2.0 * tangent * by_pupil, &mut gradient);
         }

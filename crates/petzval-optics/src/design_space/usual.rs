@@ -26,10 +26,10 @@ pub(super) fn strongest(lens: &Lens) -> Option<f64> {
 }
 
 /// Gaps of air, or thicknesses of glass, but the last, from one share of their length to another, at least 0.1 mm wide. A gap against the light starts at nothing instead,
-/// and a stop at the rim of a surface stays there.
+/// and a stop at the rim of a surface, or a plane without effect that stands behind what follows it, stays there.
 pub(super) fn gaps(lens: &Lens, shares: [f64; 2], of_air: bool) -> impl Iterator<Item = Variable> + '_ {
-    let is_one =
-        move |i: &usize| lens.surfaces[*i].glass.is_air() == of_air && !lens.is_beside_stop_at_rim(*i);
+    let stays = move |i: usize| lens.is_beside_stop_at_rim(i) || lens.steps_back_at_idle_plane(i);
+    let is_one = move |i: &usize| lens.surfaces[*i].glass.is_air() == of_air && !stays(*i);
     (0..lens.surfaces.len() - 1).filter(is_one).map(move |surface| {
         let light = if lens.light_goes_forwards(surface) { 1.0 } else { -1.0 };
         let gap = light * lens.surfaces[surface].thickness_mm;

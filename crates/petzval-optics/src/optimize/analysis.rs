@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::problem::{Apertures, Goal, Problem};
-use crate::constraint::{ClearRadii, Constraint, SemiDiameters, direction_of_light};
+use crate::constraint::{ClearRadii, Constraint, SemiDiameters};
 use crate::design_space::{DesignSpace, DesignSpaceError, Mapped};
 use crate::lens::Lens;
 use crate::merit::{Beams, Landings, Lost, MOUNT_MM, Reach};
@@ -152,7 +152,7 @@ pub(super) fn figures(problem: &Problem, lens: Lens, landings: Landings) -> Opti
 
 /// The first surface behind which the thickness goes against the light.
 fn backwards(lens: &Lens) -> Option<usize> {
-    (0..lens.surfaces.len()).find(|i| direction_of_light(lens, *i) * lens.surfaces[*i].thickness_mm < 0.0)
+    (0..lens.surfaces.len()).find(|i| lens.goes_against_the_light(*i))
 }
 
 /// The rays of a lens; `None` if one of them is lost.

@@ -108,10 +108,12 @@ impl Limits {
 }
 
 /// True if a gap of air needs no least width: the stop stands at the rim of a surface, or the lens itself has no gap there beside a dummy
-/// plane. Such a plane divides nothing: a stop on a vertex, or a coordinate break.
+/// plane, or steps back to one. Such a plane divides nothing: a stop on a vertex, a coordinate break, or a plane to measure from.
 fn has_open_gap(lens: &Lens, surface: usize) -> bool {
     let is_closed = lens.surfaces[surface].thickness_mm == 0.0;
-    lens.is_beside_stop_at_rim(surface) || is_closed && (lens.is_dummy(surface) || lens.is_dummy(surface + 1))
+    lens.is_beside_stop_at_rim(surface)
+        || lens.steps_back_at_idle_plane(surface)
+        || is_closed && (lens.is_dummy(surface) || lens.is_dummy(surface + 1))
 }
 
 /// The clear radii at which constraints are measured.

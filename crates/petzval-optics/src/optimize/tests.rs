@@ -7,9 +7,9 @@ use nalgebra::DMatrix;
 use super::analysis::{analyse, linearise};
 use super::*;
 use crate::constraint::Constraint;
-use crate::design_space::{DesignSpaceError, EflSolve, Focus, Pickup, Solves, Variable};
+use crate::design_space::{DesignSpaceError, EflSolve, Focus, Pickup, Solves, Variable, wide_variables};
 use crate::gradient::LensGradient;
-use crate::lens::{Departure, Lens, Placement};
+use crate::lens::{Departure, Lens, Placement, Surface};
 use crate::merit::{Better, Merit, Mtf, Seen, SpotResiduals, lifted_normal_equations};
 use crate::number::Number;
 use crate::paraxial::first_order;
@@ -459,6 +459,51 @@ fn bounds_and_limits_are_kept() {
     let vertices = lens.total_track_mm() - lens.image_distance_mm();
     assert!((vertices - 22.1).abs() < 1e-12);
     assert_eq!(lens.surfaces[3].shape.curvature, -lens.surfaces[2].shape.curvature);
+}
+
+/// A lens whose front stop stands at the rim of its first surface is usual for telephones.
+#[test]
+fn a_plane_without_effect_that_stands_behind_the_next_vertex_does_not_stop_a_descent() {
+    let with_stop = |behind_mm: f64| {
+        let mut base = nominal_triplet();
+        // The stop, and no other surface, moves along the axis.
+        base.surfaces[3].thickness_mm += base.surfaces[4].thickness_mm + behind_mm;
+        base.surfaces[4].thickness_mm = -behind_mm;
+        let limits = Limits { element_edge_mm: Some(0.5), air_gap_mm: Some(0.1), ..Limits::default() };
+        Problem { merit: SpotResiduals::new(&base), base, limits, ..problem() }
+    };
+    let descent = |problem: &Problem, iterations: usize| {
+        let options = LevenbergOptions { iterations, ..LevenbergOptions::default() };
+        descend(problem, &options, &mut |_, _, _| true)
+    };
+    let at_rim = with_stop(0.2);
+    assert_eq!(at_rim.base.stop_at_rim(), Some(4));
+    // The stop is no variable, and nothing demands a gap from it to the surface through which it stands.
+    let of_gap = |p: &Problem| {
+        p.constraints().iter().filter(|c| matches!(c, Constraint::Air { surface: 4, .. })).count()
+    };
+    assert_eq!((of_gap(&at_rim), of_gap(&with_stop(-0.5))), (0, 1));
+    let (start, found) = (descent(&at_rim, 0).unwrap().best, descent(&at_rim, 10).unwrap().best);
+    assert!(found.merit < 0.9 * start.merit, "{} from {}", found.merit, start.merit);
+    assert_eq!(found.lens.surfaces[4].thickness_mm, -0.2);
+    // A plane that is not the stop may stand there as well.
+    let mut other = with_stop(0.2);
+    other
+        .base
+        .surfaces
+        .insert(0, Surface { thickness_mm: -1.0, semi_diameter_mm: 8.0, ..Default::default() });
+    other.base.stop = 5;
+    let gaps = wide_variables(&other.base).unwrap();
+    assert!(
+        gaps.iter().all(|v| v.number != Number::Thickness || ![0, 4, 5].contains(&v.surface)),
+        "{gaps:?}"
+    );
+    let (variables, solves) = (Vec::new(), Solves::default());
+    assert!(descent(&Problem { variables, solves, ..other }, 0).is_ok());
+    // Surfaces with an effect stay in the order of the light.
+    let mut crossed = with_stop(0.2);
+    crossed.base.surfaces[4].thickness_mm = -6.0;
+    assert_eq!(descent(&crossed, 0).unwrap_err(), DesignSpaceError::AgainstTheLight { surface: 4 });
 }
 
 #[test]

@@ -3,13 +3,12 @@
 
 use super::aim::aim_at_pupil;
 use super::basis::PupilBasis;
-use super::launch::{launch_area, projections};
+use super::launch::{launch_area, projections, pull_back_log_launch_area};
 use super::polynomial::{PupilPolynomial, Sides, Symmetry};
 use super::quadrature::Quadrature;
 use super::samples::{PupilSamples, optical_paths};
 use crate::gradient::LensGradient;
-use crate::lens::ObjectDistance;
-use crate::paraxial::{first_order, pull_back_entrance_pupil};
+use crate::paraxial::first_order;
 use crate::trace::{AimedRays, Fate, RayBundle, Reaim, Seeds, Sequence, pull_back, trace};
 
 /// Degree of the polynomials through launch points; high, because this is the reference.
@@ -64,7 +63,6 @@ impl BeamCotangent {
 ///
 /// `stop_radius_mm` is that of the reference wavelength: the stop has one size for all wavelengths.
 pub fn trace_beam(sequence: &Sequence, field_rad: f64, stop_radius_mm: f64, quadrature: &Quadrature) -> Beam {
-    let order = first_order(sequence);
     let (points, shares) = quadrature.on(Sides::of(sequence));
     let nodes = points.len();
     // Aim at the nodes of the stop, and trace to the image.
@@ -75,7 +73,7 @@ pub fn trace_beam(sequence: &Sequence, field_rad: f64, stop_radius_mm: f64, quad
     let transmission: Vec<f64> = (0..nodes).map(|i| rays.transmission(i)).collect();
 
     // Weight each ray by its light: its area of the launch plane divided by that of the paraxial beam.
-    let pupil_area = launch_area(sequence, &order);
+    let pupil_area = launch_area(sequence, stop_radius_mm);
     let stop_area = stop_radius_mm * stop_radius_mm;
     // Take the absolute value of the Jacobian: if only one section of the beam has crossed the axis, the map from launch to
     // stop is mirrored.
@@ -157,14 +155,9 @@ impl Beam {
     ) -> f64 {
         // The weights are relative to the paraxial beam: differentiate its area.
         let nodes = self.nodes.len();
-        let order = first_order(sequence);
-        let pupil_area = launch_area(sequence, &order);
+        let pupil_area = launch_area(sequence, self.stop_radius_mm);
         let light: f64 = cotangent.weight.iter().zip(&self.weight).map(|(bar, w)| bar * w).sum();
-        gradient.entrance_pupil -= 2.0 * light / sequence.entrance_pupil_mm;
-        if let ObjectDistance::Finite(distance) = sequence.object {
-            let by_position = 2.0 * light / (distance + order.entrance_pupil_at_mm);
-            pull_back_entrance_pupil(sequence, by_position, gradient);
-        }
+        let by_area = pull_back_log_launch_area(sequence, -light, gradient);
         // Split the cotangent of each weight into those of the Jacobian, the projection and the transmission. A ray without
         // weight has no cotangent of its position, but its launch point still enters the fit of the Jacobian.
         let projections: Vec<(f64, [f64; 2])> =
@@ -191,7 +184,7 @@ impl Beam {
         let launch_bar = launch_bar.each_ref().map(Vec::as_slice);
         let reaim = Reaim { aimed: &self.aimed, launch_bar };
         let by_rays = pull_back(sequence, &self.aimed.bundle(sequence), &seeds, Some(&reaim), gradient);
-        (by_rays + self.pull_back_jacobian(sequence, &jacobian_bar, gradient)) / self.stop_radius_mm
+        (by_rays + self.pull_back_jacobian(sequence, &jacobian_bar, gradient) + by_area) / self.stop_radius_mm
     }
 
     /// Pulls back cotangents of the Jacobians of launch by pupil coordinates, one per node; returns the derivative by

@@ -1,7 +1,8 @@
 //! Where a beam starts: launch points by first-order optics, and the light that a launch area gathers.
 
+use crate::gradient::LensGradient;
 use crate::lens::ObjectDistance;
-use crate::paraxial::FirstOrder;
+use crate::paraxial::{FirstOrder, paraxial_ray, pull_back_height_at_stop};
 use crate::trace::{AimedRays, Launch, Sequence, launch, starts_across};
 
 /// Least cosine of a field in the law of rectilinear images: that of 89 degrees.
@@ -60,15 +61,40 @@ pub(super) fn projections<'a>(
     })
 }
 
-/// Area, over pi, in which the paraxial beam of the axis crosses its launch plane, mm^2: that of the
-/// entrance pupil or, from a near object, its shadow on that plane.
-pub(super) fn launch_area(sequence: &Sequence, order: &FirstOrder) -> f64 {
-    let radius = 0.5 * sequence.entrance_pupil_mm;
+/// Radius, mm, with which the paraxial beam of the axis crosses its launch plane: that of the entrance pupil or, from a near object, of the cone to
+/// the rim of the stop. It is finite where the entrance pupil of a wavelength lies at infinity, and is as large as that.
+pub(crate) fn launch_radius_mm(sequence: &Sequence, stop_radius_mm: f64) -> f64 {
     match sequence.object {
-        ObjectDistance::Infinity => radius * radius,
+        ObjectDistance::Infinity => 0.5 * sequence.entrance_pupil_mm,
         ObjectDistance::Finite(distance) => {
-            let shadow = radius * distance / (distance + order.entrance_pupil_at_mm);
-            shadow * shadow
+            (stop_radius_mm * distance / height_at_stop_mm(sequence, distance)).abs()
+        }
+    }
+}
+
+/// Height at the stop of the paraxial ray that leaves the foot of a near object with the slope 1, mm.
+fn height_at_stop_mm(sequence: &Sequence, distance_mm: f64) -> f64 {
+    paraxial_ray(sequence, distance_mm, 1.0).y[sequence.stop]
+}
+
+/// Area, over pi, in which the paraxial beam of the axis crosses its launch plane, mm^2. The light of rays is relative to it.
+pub(super) fn launch_area(sequence: &Sequence, stop_radius_mm: f64) -> f64 {
+    let radius = launch_radius_mm(sequence, stop_radius_mm);
+    radius * radius
+}
+
+/// Adds the gradient of a loss that depends on the logarithm of [`launch_area`], by which its derivative is `bar`. Returns its derivative by the
+/// logarithm of the stop radius.
+pub(super) fn pull_back_log_launch_area(sequence: &Sequence, bar: f64, gradient: &mut LensGradient) -> f64 {
+    match sequence.object {
+        ObjectDistance::Infinity => {
+            gradient.entrance_pupil += 2.0 * bar / sequence.entrance_pupil_mm;
+            0.0
+        }
+        ObjectDistance::Finite(distance) => {
+            let by_height = -2.0 * bar / height_at_stop_mm(sequence, distance);
+            pull_back_height_at_stop(sequence, distance, by_height, gradient);
+            2.0 * bar
         }
     }
 }

@@ -11,7 +11,6 @@ use super::polynomial::{PupilPolynomial, Symmetry};
 use super::samples::{PupilSamples, SamplesCotangent};
 use crate::gradient::LensGradient;
 use crate::number::Number;
-use crate::paraxial::first_order;
 use crate::trace::{SOFT_EDGE_MM, Sequence, SquaredHeights};
 
 /// A quantity over the pupil at a clear aperture: the squared height of rays there.
@@ -108,7 +107,7 @@ impl PupilMap {
         let [x, y] = traced.rays.image_xy();
         let (fit_x, fit_y) = (at_checks(&self.image[0]), at_checks(&self.image[1]));
         let fit_light = at_checks(&self.light);
-        let area = launch_area(sequence, &first_order(sequence));
+        let area = launch_area(sequence, radius);
         // Reject fits that are not finite: `max` below would ignore NaN.
         if !fit_x.iter().chain(&fit_y).chain(&fit_light).all(|v| v.is_finite()) {
             return None;

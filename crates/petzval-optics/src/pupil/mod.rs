@@ -19,6 +19,7 @@ pub(crate) use basis::{PupilBasis, check_points};
 pub use beam::{Beam, BeamCotangent, ChiefRay, chief_ray, field_imaged_at, pull_back_chief, trace_beam};
 pub(crate) use dense::{DenseCotangent, DenseMap, Points, PointsCotangent, PupilRows};
 pub use image_area::ImageArea;
+pub(crate) use launch::launch_radius_mm;
 pub use launch::paraxial_launch;
 pub(crate) use map::PupilMap;
 pub(crate) use polynomial::{PupilPolynomial, Sides, Symmetry};

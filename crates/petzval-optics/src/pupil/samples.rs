@@ -2,11 +2,10 @@
 
 use super::aim::aim_at_pupil;
 use super::basis::{PupilBasis, check_points};
-use super::launch::{launch_area, projections};
+use super::launch::{launch_area, projections, pull_back_log_launch_area};
 use super::polynomial::{Sides, Symmetry};
 use crate::gradient::LensGradient;
 use crate::lens::ObjectDistance;
-use crate::paraxial::{first_order, pull_back_entrance_pupil};
 use crate::trace::{
     AimedRays, Ray, RayBundle, Reaim, SOFT_EDGE_MM, Seeds, Sequence, SquaredHeights, launch, pull_back,
     trace_with_heights,
@@ -105,7 +104,6 @@ impl PupilSamples {
         basis: &'static PupilBasis,
         like: Option<&Self>,
     ) -> Option<Self> {
-        let order = first_order(sequence);
         let sides = Sides::of(sequence);
         let points = sides.points(&basis.samples);
         let count = points.len();
@@ -129,7 +127,7 @@ impl PupilSamples {
         let mut samples =
             Self { basis, sides, x, y, light, heights, rays: traced.rays, aimed, field_rad, stop_radius_mm };
         // Compute the light by the Jacobian of polynomials through the launch points, so that it agrees with its gradient.
-        let area = launch_area(sequence, &order);
+        let area = launch_area(sequence, stop_radius_mm);
         let [[xx, xy], [yx, yy]] = samples.launch_slopes();
         samples.light = projections(sequence, field_rad, &samples.aimed, count)
             .enumerate()
@@ -193,7 +191,7 @@ impl PupilSamples {
         samples_bar: &SamplesCotangent,
         gradient: &mut LensGradient,
     ) -> f64 {
-        let mut launch_bar = self.pull_back_light(sequence, &samples_bar.light, gradient);
+        let (mut launch_bar, by_area) = self.pull_back_light(sequence, &samples_bar.light, gradient);
         if let Some(wave) = &samples_bar.seeds.wave {
             // The path in front of the launch plane grows with the launch point along the launch direction.
             for i in 0..self.x.len() {
@@ -205,25 +203,21 @@ impl PupilSamples {
         }
         let launch_bar = launch_bar.each_ref().map(Vec::as_slice);
         let reaim = Reaim { aimed: &self.aimed, launch_bar };
-        pull_back(sequence, &self.aimed.bundle(sequence), &samples_bar.seeds, Some(&reaim), gradient)
-            / self.stop_radius_mm
+        let by_rays =
+            pull_back(sequence, &self.aimed.bundle(sequence), &samples_bar.seeds, Some(&reaim), gradient);
+        (by_rays + by_area) / self.stop_radius_mm
     }
 
-    /// Pulls cotangents of the light back to the launch points.
+    /// Pulls cotangents of the light back to the launch points, and to the logarithm of the stop radius.
     fn pull_back_light(
         &self,
         sequence: &Sequence,
         light_bar: &[f64],
         gradient: &mut LensGradient,
-    ) -> [Vec<f64>; 2] {
-        let order = first_order(sequence);
-        let area = launch_area(sequence, &order);
+    ) -> ([Vec<f64>; 2], f64) {
+        let area = launch_area(sequence, self.stop_radius_mm);
         let total: f64 = light_bar.iter().zip(&self.light).map(|(bar, l)| bar * l).sum();
-        gradient.entrance_pupil -= 2.0 * total / sequence.entrance_pupil_mm;
-        if let ObjectDistance::Finite(distance) = sequence.object {
-            let by_position = 2.0 * total / (distance + order.entrance_pupil_at_mm);
-            pull_back_entrance_pupil(sequence, by_position, gradient);
-        }
+        let by_area = pull_back_log_launch_area(sequence, -total, gradient);
         let count = self.x.len();
         let mut launch_bar = [0, 1].map(|_| vec![0.0; RayBundle::padded(count)]);
         let [[xx, xy], [yx, yy]] = self.launch_slopes();
@@ -246,6 +240,6 @@ impl PupilSamples {
         };
         pull(Symmetry::Odd, &times(&yy, 1.0), &times(&yx, -1.0), &mut launch_bar[0]);
         pull(Symmetry::Even, &times(&xy, -1.0), &times(&xx, 1.0), &mut launch_bar[1]);
-        launch_bar
+        (launch_bar, by_area)
     }
 }

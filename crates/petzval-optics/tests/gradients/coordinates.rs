@@ -111,25 +111,29 @@ fn free_coordinates_of_a_near_object() {
     let near = Lens { object: ObjectDistance::Finite(120.0), ..nominal_triplet() };
     let lens = with_paraxial_focus(&near, 0.0);
     let variable = |surface, number, min, max| Variable { surface, number, min, max };
-    let solves = Solves {
-        magnification: Some(MagnificationSolve { surface: 6, magnification: -0.25, radius_mm: None }),
-        marginal_tangent: Some(0.02),
-        ..Solves::default()
-    };
-    let variables = vec![
-        variable(0, Number::Curvature, 9.85, 14.98),
-        variable(1, Number::Thickness, 4.58, 10.11),
-        variable(5, Number::Curvature, 12.0, 20.0),
-    ];
-    let space = DesignSpace::new(lens, variables, Vec::new(), solves, Focus::Paraxial { range_mm: 0.5 })
-        .and_then(SmoothSpace::new)
-        .unwrap();
-    let at = space.lens_at(space.start()).unwrap();
-    let order = first_order(&at.at_wavelength(at.reference_um));
-    assert!((first_order_table(&at).magnification.unwrap() + 0.25).abs() < 1e-12);
-    let tangent = 0.5 * at.entrance_pupil_mm / (120.0 + order.entrance_pupil_at_mm);
-    assert!((tangent / 0.02 - 1.0).abs() < 1e-12);
-    assert_eq!(check_coordinates(&space), 4);
+    // A negative tangent is that of a lens whose pupil stood behind the object when it was taken, and has gone through infinity since.
+    for held in [0.02, -0.02] {
+        let solves = Solves {
+            magnification: Some(MagnificationSolve { surface: 6, magnification: -0.25, radius_mm: None }),
+            marginal_tangent: Some(held),
+            ..Solves::default()
+        };
+        let variables = vec![
+            variable(0, Number::Curvature, 9.85, 14.98),
+            variable(1, Number::Thickness, 4.58, 10.11),
+            variable(5, Number::Curvature, 12.0, 20.0),
+        ];
+        let focus = Focus::Paraxial { range_mm: 0.5 };
+        let space = DesignSpace::new(lens.clone(), variables, Vec::new(), solves, focus)
+            .and_then(SmoothSpace::new)
+            .unwrap();
+        let at = space.lens_at(space.start()).unwrap();
+        let order = first_order(&at.at_wavelength(at.reference_um));
+        assert!((first_order_table(&at).magnification.unwrap() + 0.25).abs() < 1e-12);
+        let tangent = 0.5 * at.entrance_pupil_mm / (120.0 + order.entrance_pupil_at_mm);
+        assert!((tangent / 0.02 - 1.0).abs() < 1e-12, "{held}: {tangent}");
+        assert_eq!(check_coordinates(&space), 4);
+    }
 }
 
 /// Decentres and tilts are coordinates as any other number.

@@ -92,7 +92,7 @@ fn wrong_requests_for_psfs_are_refused_and_nothing_is_written() {
         ("--pitch-um", "0", ["--pitch-um 0: must lie between 1e-6 and 1000 um", "a length"]),
         ("--pitch-um", "nan", ["--pitch-um NaN: must lie between", "um"]),
         ("--pupil-cells", "33", ["--pupil-cells", "even"]),
-        ("--corner-mm", "100", ["no chief ray lands 16.667 mm from the axis", "smaller sensor"]),
+        ("--corner-mm", "100", ["no chief ray lands 16.667 mm from the axis", "try a smaller --corner-mm"]),
     ] {
         let value = format!("{option}={value}");
         run_fails(folder.path(), &["psf", LENS, "--out", "psf", &value], 2, &needles);

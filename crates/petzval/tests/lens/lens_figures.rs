@@ -57,10 +57,35 @@ fn an_afocal_lens_is_called_afocal_everywhere() {
         &["lens", "show", &file, "--focus", "paraxial"],
         &["lens", "show", &file, "--focus", "best"],
         &["lens", "tolerance", &file, "--trials", "0"],
+        &["lens", "optimize", &file, "--vary", "air", "--out", "optimised"],
         &["psf", &file, "--out", "psf"],
     ] {
         run_fails(folder.path(), args, 2, &["the lens is afocal in the y-z plane"]);
     }
+    assert!(!folder.path().join("optimised").exists());
+}
+
+#[test]
+fn a_relay_without_a_focal_length_has_psfs_of_a_near_object() {
+    let folder = tempfile::tempdir().unwrap();
+    let head = pupil(10.0) + "[object]\ndistance_mm = 200.0\n";
+    let surfaces = "[[surface]]\nstop = true\nradius_mm = inf\nthin_lens = { focal_length_mm = 200.0 }\nthickness_mm = 240.0\nsemi_diameter_mm = 10.0\n\
+        [[surface]]\nradius_mm = inf\nthin_lens = { focal_length_mm = 40.0 }\nthickness_mm = 40.0\nsemi_diameter_mm = 10.0\n";
+    let file = lens(folder.path(), "relay", &head, surfaces);
+    let (json, _) = shown(folder.path(), &file);
+    assert!(
+        json["efl_mm"].is_null() && (json["magnification"].as_f64().unwrap() + 0.2).abs() < 1e-9,
+        "{json}"
+    );
+    run_ok(
+        folder.path(),
+        &["psf", &file, "--out", "psf", "--corner-mm", "0.2", "--fields", "2", "--grid", "32"],
+    );
+    let axes: Value =
+        serde_json::from_str(&std::fs::read_to_string(folder.path().join("psf/psf.json")).unwrap()).unwrap();
+    // The field at 1 mm of the object, as seen from the first vertex.
+    let field_deg = axes["field_deg"][1].as_f64().unwrap().abs();
+    assert!((field_deg - (1.0_f64 / 200.0).atan().to_degrees()).abs() < 1e-4, "{field_deg}");
 }
 
 #[test]

@@ -470,3 +470,32 @@ fn an_interrupted_optimisation_resumes_to_the_same_bits_with_what_it_began_with(
         }
     }
 }
+
+/// The stop of a telephone's lens stands behind the front vertex, at the rim of the first surface.
+#[test]
+fn a_stop_behind_the_front_vertex_stays_there() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "name = \"front stop\"\nunits = \"mm\"\n[aperture]\nentrance_pupil_diameter_mm = 4.0\n\
+        [wavelengths]\num = [0.55]\nreference_um = 0.55\n[fields]\nangle_deg = [0.0, 10.0]\n\
+        [[surface]]\nstop = true\nradius_mm = inf\nthickness_mm = -0.2\n\
+        [[surface]]\nradius_mm = 10.0\nthickness_mm = 3.0\nglass = \"N-BK7\"\n\
+        [[surface]]\nradius_mm = -60.0\nthickness_mm = 15.0\n";
+    std::fs::write(folder.path().join("front.toml"), text).unwrap();
+    let args = [
+        "lens",
+        "optimize",
+        "front.toml",
+        "--vary",
+        "curvature,air",
+        "--iterations",
+        "5",
+        "--out",
+        "run",
+        "--json",
+    ];
+    let found = run_ok(folder.path(), &args).json();
+    let spot_um = |which: &str| found[which]["mean_rms_spot_um"].as_f64().unwrap();
+    assert!(spot_um("best") < 0.98 * spot_um("start"), "{found}");
+    let best = run_ok(folder.path(), &["lens", "show", "run/best.toml", "--json"]).json();
+    assert_eq!(best["surfaces"][0]["thickness_mm"], -0.2);
+}

@@ -239,3 +239,16 @@ fn wrong_requests_for_a_ray_are_refused() {
         run_fails(folder.path(), &ray, 2, &needles);
     }
 }
+
+#[test]
+fn fields_by_image_heights_are_named_with_few_digits() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "LEN NEW\nRDM\nFNO 2.4\nDIM I\nWL 587.56\nYIM 0 0.08\nSO 0 1e13\nS 0 0\nSTO\nS 0.06 0.025 544000.560000\nASP\nK -0.3\n\
+        A 200; B -1e6\nS -0.5 0.05\nS -0.2 0.02 1.651:21.5\nS 0.5 0.05\nSI 0 0\nGO\n";
+    std::fs::write(folder.path().join("steep.seq"), text).unwrap();
+    let shown = run_ok(folder.path(), &["lens", "show", "steep.seq"]).stdout;
+    assert!(
+        shown.contains("warning: at 34.2902 degrees") && shown.contains("of the rays through the stop miss"),
+        "{shown}"
+    );
+}

@@ -1,5 +1,7 @@
 //! Figures of a lens that an optimisation reports.
 
+use std::collections::BTreeSet;
+
 use petzval_optics::analysis::first_order_table;
 use petzval_optics::optimize::{Analysis, Goal as MeritGoal, Problem};
 use petzval_optics::paraxial::{first_order, image_height_per_tangent, rectilinear_tangent};
@@ -103,8 +105,9 @@ impl Figures {
         };
         rows.extend(self.operands.iter().map(|o| (named(o), Some(o.value), unit(&o.unit))));
         rows.push(("mean RMS spot".to_owned(), Some(self.mean_rms_spot_um), "um"));
+        let digits = digits_apart(fields_deg);
         for (field, rms) in fields_deg.iter().zip(&self.rms_spot_um) {
-            rows.push((format!("RMS spot at {field:.1} deg"), Some(*rms), "um"));
+            rows.push((format!("RMS spot at {field:.digits$} deg"), Some(*rms), "um"));
         }
         rows.push(("focal length".to_owned(), self.focal_length_mm, "mm"));
         rows.push(("back focal length".to_owned(), self.back_focal_length_mm, "mm"));
@@ -156,5 +159,28 @@ impl Figures {
             distortion_percent: distortion.map(|share| 100.0 * share).and_then(finite),
             violations_mm: analysis.violations.iter().map(|(what, mm)| (what.to_string(), *mm)).collect(),
         }
+    }
+}
+
+/// Digits behind the point, from one to four, with which no two fields look the same: telescopes see hundredths of a degree.
+fn digits_apart(fields_deg: &[f64]) -> usize {
+    let are_apart = |digits: &usize| {
+        let digits = *digits;
+        let shown: BTreeSet<String> = fields_deg.iter().map(|deg| format!("{deg:.digits$}")).collect();
+        shown.len() == fields_deg.len()
+    };
+    (1..=4).find(are_apart).unwrap_or(1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::digits_apart;
+
+    #[test]
+    fn fields_look_different() {
+        assert_eq!(digits_apart(&[0.0, 14.245_905, 19.567_665]), 1);
+        assert_eq!(digits_apart(&[0.0, 0.05, 0.1]), 2);
+        assert_eq!(digits_apart(&[0.0, 0.004]), 3);
+        assert_eq!(digits_apart(&[5.0, 5.0]), 1);
     }
 }

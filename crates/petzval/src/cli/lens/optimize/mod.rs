@@ -176,7 +176,7 @@ fn print(response: &Response) {
     }
     outln!(
         "RMS spots: all wavelengths together, through the real stop, on the image plane where they and the limits are best met; the \
-         mean is that of the fields; distortion is against the focal length times the tangent of the field"
+         mean is that of the fields; distortion is against the image of the paraxial focal length or, of a near object, of the paraxial magnification"
     );
     for missed in found.start.iter().flat_map(Figures::missed) {
         outln!("not met at the start: {missed}");
