@@ -246,6 +246,23 @@ fn what_was_changed_in_a_finished_run_is_named_and_not_believed() {
     }
     run_ok(folder.path(), &["apply", "copy", &photo, "--camera", "end-to-end"]);
 
+    // Another sensor makes other pictures.
+    changed("inputs/sensor.toml", &|path| {
+        let noisy = |line: &str| {
+            let kept = if line.starts_with("read_noise_e = ") { "read_noise_e = 40.0" } else { line };
+            format!("{kept}\n")
+        };
+        let text = read(path);
+        let changed: String = text.lines().map(noisy).collect();
+        assert_ne!(changed, text);
+        std::fs::write(path, changed).unwrap();
+    });
+    let needles = ["inputs are not those that this run began with: the sensor", "--accept-changed inputs"];
+    run_fails(folder.path(), &["apply", "copy", &photo, "--out", "noisy"], 2, &needles);
+    let accepted = ["apply", "copy", &photo, "--camera", "nominal", "--out", "noisy"];
+    let said = run_ok(folder.path(), &[&accepted[..], &["--accept-changed", "inputs"]].concat());
+    assert!(said.says("copy: inputs is not as the run wrote it; accepted"), "{}", said.stderr);
+
     // A run of an earlier version has no digests: it is read with one warning.
     changed("metrics.json", &edit);
     let copy = folder.path().join("copy");
